@@ -1,0 +1,300 @@
+"""Command line: parse, call, print.
+
+Data on stdout, progress and messages on stderr; exit 0 done, 1 the run failed, 2 bad input, 130 interrupted.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import signal
+import sys
+import threading
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, NoReturn
+
+import typer
+
+from feeder_sim.errors import FeederSimError, InputError
+
+if TYPE_CHECKING:
+    from feeder_sim.plate.mode_file import ModeFile
+    from feeder_sim.scenario import Scenario
+
+INTERRUPTED = 130
+
+app = typer.Typer(
+    add_completion=False,
+    no_args_is_help=True,
+    rich_markup_mode=None,
+    pretty_exceptions_enable=False,
+    help="Simulate rigid parts on vibrating plates.",
+)
+
+ScenarioFile = Annotated[Path, typer.Argument(help="Scenario file (TOML).", show_default=False)]
+AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout.")]
+EngineName = Annotated[str | None, typer.Option("--engine", help="Engine instead of the scenario's.")]
+Seeds = Annotated[int | None, typer.Option("--seeds", min=1, help="Number of seeds instead of the scenario's.")]
+Seed = Annotated[int | None, typer.Option("--seed", min=0, help="Root of the random numbers.")]
+
+
+@app.command()
+def run(
+    scenario_file: ScenarioFile,
+    engine: EngineName = None,
+    seeds: Seeds = None,
+    seed: Seed = None,
+    out: Annotated[Path | None, typer.Option("--out", help="Folder for the run [runs/NAME-001, -002, ...].")] = None,
+    as_json: AsJson = False,
+    dry_run: Annotated[bool, typer.Option("--dry-run", help="Say what would be done, as `check` does.")] = False,
+) -> None:
+    """Simulate a scenario and record it."""
+    scenario = _scenario(scenario_file, engine, seeds, seed)
+    with _naming(scenario_file):
+        if dry_run:
+            _print_plan(scenario, as_json)
+            return
+        from feeder_sim.run_folder import fresh_folder, record_run
+
+        folder = out or fresh_folder(scenario_file.stem)
+        with _stop_on_signal() as stop, _progress(scenario.title or scenario_file.stem) as progress:
+            result = record_run(scenario, folder, progress=progress, stop=stop)
+    _print_summary(result.summary(), folder, as_json)
+    for failure in result.failures:
+        print(f"feeder-sim: {failure}", file=sys.stderr)
+    if result.interrupted:
+        print(f"feeder-sim: interrupted; what was computed is in {folder}", file=sys.stderr)
+        raise typer.Exit(INTERRUPTED)
+    if result.failures:
+        raise typer.Exit(1)
+
+
+@app.command()
+def check(
+    scenario_file: ScenarioFile,
+    engine: EngineName = None,
+    seeds: Seeds = None,
+    as_json: AsJson = False,
+    mjcf: Annotated[Path | None, typer.Option("--mjcf", help="Also write the scene as MJCF.")] = None,
+) -> None:
+    """Validate a scenario; print the resolved scene, its cost and file size."""
+    scenario = _scenario(scenario_file, engine, seeds, None)
+    with _naming(scenario_file):
+        if mjcf is not None:
+            from feeder_sim.run_folder import mjcf_text
+            from feeder_sim.scene import build_scene
+
+            text = mjcf_text(build_scene(scenario))
+            _writable(mjcf).write_text(text, encoding="utf-8")
+        _print_plan(scenario, as_json)
+
+
+@app.command()
+def modes(
+    source: Annotated[Path, typer.Argument(help="Plate file (.toml), or mode file (.h5).", show_default=False)],
+    out: Annotated[Path | None, typer.Option("--out", help="Write the modes to this HDF5 file.")] = None,
+    picture: Annotated[Path | None, typer.Option("--picture", help="Draw the mode of --mode to this file.")] = None,
+    mode: Annotated[int, typer.Option("--mode", min=1, help="Mode number for --picture.")] = 1,
+    force: Annotated[bool, typer.Option("--force", help="Replace an existing --out file.")] = False,
+    as_json: AsJson = False,
+) -> None:
+    """Compute or read plate modes; list, store and draw them."""
+    held = _modes_of(source)
+    if out is not None:
+        if out.exists() and not force:
+            raise InputError("exists already, allowed is a new file (or --force)", file=out, key="--out")
+        from feeder_sim.plate.mode_file import write_mode_file
+
+        write_mode_file(_writable(out), held.modes, held.resonances)
+    if picture is not None:
+        if mode > len(held.modes):
+            raise InputError(f"is {mode}, allowed is 1 to {len(held.modes)}", file=source, key="--mode")
+        from feeder_sim.pictures import draw_mode
+
+        try:
+            draw_mode(held.modes, mode - 1, _writable(picture))
+        except ValueError as error:
+            raise InputError(str(error), file=picture, key="--picture") from error
+    _print_modes(held, as_json)
+
+
+@app.command("list")
+def list_(
+    folder: Annotated[Path, typer.Argument(help="Folder with scenarios/ and models/.")] = Path(),
+    as_json: AsJson = False,
+) -> None:
+    """List scenarios, mode files, engines, part shapes and materials."""
+    from feeder_sim.catalogue import catalogue
+
+    found = catalogue(folder)
+    if as_json:
+        print(json.dumps(found))
+        return
+    for kind, entries in found.items():
+        print(f"{kind}:")
+        for name, text in entries.items():
+            print(f"  {name:<32} {text}")
+
+
+@app.command()
+def replay(
+    folder: Annotated[Path, typer.Argument(help="Run folder, or its trajectory.h5.", show_default=False)],
+    screenshot: Annotated[Path | None, typer.Option("--screenshot", help="Write a picture; needs no screen.")] = None,
+    at: Annotated[float | None, typer.Option("--at", help="Time shown in the screenshot [s].")] = None,
+    seed: Annotated[int, typer.Option("--seed", min=0, help="Index of the seed shown in 3D.")] = 0,
+    rebuild: Annotated[bool, typer.Option("--rebuild", help="Build the .rrd again from the trajectory.")] = False,
+) -> None:
+    """Open a recorded run in the rerun viewer, or take a screenshot of it."""
+    from feeder_sim.viewer import open_viewer, replay_file, take_screenshot
+
+    recording = replay_file(folder, seed=seed, rebuild=rebuild or seed > 0, at=at)
+    if screenshot is not None:
+        take_screenshot(recording, _writable(screenshot))
+    else:
+        open_viewer(recording)
+
+
+def main() -> NoReturn:
+    """Entry point: every error a user can act on becomes one line on stderr and an exit code."""
+    try:
+        app()
+    except FeederSimError as error:
+        print(f"feeder-sim: {error}", file=sys.stderr)
+        sys.exit(error.exit_code)
+    sys.exit(0)
+
+
+def _scenario(path: Path, engine: str | None, seeds: int | None, seed: int | None) -> Scenario:
+    """Load a scenario and apply the command line to its [run] table."""
+    from feeder_sim.scenario import load_scenario, with_run
+
+    scenario = load_scenario(path)
+    options = {"engine": engine, "seeds": seeds, "seed": seed}
+    return with_run(scenario, **{name: value for name, value in options.items() if value is not None})
+
+
+def _modes_of(source: Path) -> ModeFile:
+    if source.suffix == ".toml":
+        from feeder_sim.plate.plate_file import compute_modes
+        from feeder_sim.scenario import load_plate_file
+
+        with _naming(source):
+            return compute_modes(load_plate_file(source))
+    from feeder_sim.plate.mode_file import read_mode_file
+
+    return read_mode_file(source)
+
+
+def _print_plan(scenario: Scenario, as_json: bool) -> None:
+    from feeder_sim.plan import plan_run
+    from feeder_sim.scene import build_scene
+
+    plan = plan_run(build_scene(scenario))
+    print(json.dumps(plan) if as_json else _as_lines(plan))
+
+
+def _print_summary(summary: dict[str, Any], folder: Path, as_json: bool) -> None:
+    if as_json:
+        print(json.dumps(summary | {"folder": str(folder)}))
+        return
+    speed = summary["transport_speed_mm_s"]
+    print(summary["title"] or folder.name)
+    if speed["n"]:
+        interval = f" +- {speed['se']:.3f} (SE), SD {speed['sd']:.3f}" if speed["n"] > 1 else ""
+        print(f"  transport speed  {speed['mean']:.3f} mm/s{interval}, n = {speed['n']}")
+    drift = [summary[f"drift_velocity_{axis}_mm_s"] for axis in "xy"]
+    if drift[0]["n"]:
+        print(f"  mean drift       x {drift[0]['mean']:.3f}, y {drift[1]['mean']:.3f} mm/s")
+        print(f"  highest rise     {summary['highest_rise_mm']['mean']:.3f} mm")
+    factor = summary["real_time_factor"] or 0.0
+    print(f"  simulated        {summary['simulated_s']:.1f} s in {summary['wall_s']:.1f} s ({factor:.2f} x real time)")
+    print(f"  recorded in      {folder}")
+
+
+def _print_modes(held: ModeFile, as_json: bool) -> None:
+    measured = {r.mode: r for r in held.resonances}
+    rows = []
+    for i, (frequency, parity) in enumerate(zip(held.modes.natural_frequency, held.modes.parity, strict=True)):
+        resonance = measured.get(i)
+        rows.append(
+            {
+                "mode": i + 1,
+                "natural_frequency_hz": float(frequency),
+                "symmetry": "".join(["even", "odd"][p][0] for p in parity),
+                "measured_hz": resonance.frequency if resonance else None,
+                "deviation_percent": 100.0 * (frequency / resonance.frequency - 1.0) if resonance else None,
+            }
+        )
+    if as_json:
+        print(json.dumps(rows))
+        return
+    print("mode  computed (Hz)  symmetry x,y  measured (Hz)  deviation (%)")
+    for row in rows:
+        line = f"{row['mode']:>4}  {row['natural_frequency_hz']:>13.1f}  {','.join(str(row['symmetry'])):>12}"
+        if row["measured_hz"] is not None:
+            line += f"  {row['measured_hz']:>13.1f}  {row['deviation_percent']:>+13.2f}"
+        print(line)
+
+
+def _as_lines(plan: dict[str, Any], indent: str = "") -> str:
+    """Nested values as indented 'key: value' lines."""
+    lines = []
+    for key, value in plan.items():
+        if isinstance(value, list) and value and isinstance(value[0], dict):
+            for i, entry in enumerate(value):
+                lines += [f"{indent}{key}[{i}]:", _as_lines(entry, indent + "  ")]
+        else:
+            lines.append(f"{indent}{key}: {_rounded(value)}")
+    return "\n".join(lines)
+
+
+def _rounded(value: Any) -> str:
+    if isinstance(value, float):
+        return f"{value:.4g}"
+    if isinstance(value, list):
+        return ", ".join(_rounded(entry) for entry in value)
+    return str(value)
+
+
+def _writable(path: Path) -> Path:
+    """Refuse a target whose folder does not exist, before any work is done for it."""
+    if not path.parent.is_dir():
+        raise InputError(f"there is no folder {path.parent}", file=path)
+    return path
+
+
+@contextlib.contextmanager
+def _naming(file: Path) -> Iterator[None]:
+    """Put the file's name in front of errors that were raised below the level where files have names."""
+    try:
+        yield
+    except InputError as error:
+        if error.file is not None:
+            raise
+        raise InputError(error.problem, file=file, key=error.key) from error
+
+
+@contextlib.contextmanager
+def _stop_on_signal() -> Iterator[threading.Event]:
+    """Ctrl-C or a polite kill ends the run after the blocks under way, with everything recorded kept."""
+    stop = threading.Event()
+    previous = {s: signal.signal(s, lambda *_: stop.set()) for s in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        yield stop
+    finally:
+        for s, handler in previous.items():
+            signal.signal(s, handler)
+
+
+@contextlib.contextmanager
+def _progress(title: str) -> Iterator[Callable[[float], None]]:
+    """Progress bar with the time left, on stderr and only on a terminal."""
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
+
+    console = Console(stderr=True)
+    columns = (TextColumn("{task.description}"), BarColumn(), TaskProgressColumn(), TimeRemainingColumn())
+    with Progress(*columns, console=console, disable=not console.is_terminal, transient=True) as bars:
+        task = bars.add_task(title, total=1.0)
+        yield lambda fraction: bars.update(task, completed=fraction)

@@ -1,0 +1,181 @@
+"""Engine `mujoco`: MuJoCo's own time stepping over tangent patches that a compiled loop puts on the moving surface.
+
+At each step from t to t + dt the patch of a part at (x, y) gets
+
+    position  tangent plane of the surface at t:   z(x, y) = w q(t),  tilt -beta q(t)
+    velocity  mean over the step at that point:    (q(t + dt) - q(t)) / dt  times the same shapes
+
+so that a part resting on the surface follows it without drift, and the horizontal velocity -h/2 beta q' is there.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import NamedTuple
+
+import llvmlite.binding
+import mujoco
+import numpy as np
+from numba import njit, types
+from numpy.typing import NDArray
+
+from feeder_sim.plate.kernels import modal_coordinates, surface_modes
+from feeder_sim.plate.surface import Surface
+from feeder_sim.scene import Scene, build_mjcf, start_poses
+from feeder_sim.trajectory import Frames
+
+
+def _load_mujoco_symbols() -> None:
+    """Make the C functions of the installed MuJoCo visible to compiled code by name."""
+    folder = Path(mujoco.__file__).parent
+    library = next(p for p in sorted(folder.iterdir()) if p.name.startswith(("libmujoco", "mujoco.dll")))
+    llvmlite.binding.load_library_permanently(str(library))
+
+
+_load_mujoco_symbols()
+_mj_step = types.ExternalFunction("mj_step", types.void(types.voidptr, types.voidptr))
+
+
+class SurfaceArrays(NamedTuple):
+    """`Surface` as compiled code takes it."""
+
+    grid_x: NDArray[np.float64]
+    grid_y: NDArray[np.float64]
+    table: NDArray[np.float64]
+    term_shape: NDArray[np.int64]
+    term_start: NDArray[np.float64]
+    term_stop: NDArray[np.float64]
+    coefficient: NDArray[np.complex128]
+    rate: NDArray[np.complex128]
+
+
+class Addresses(NamedTuple):
+    """Where things are in MuJoCo: pointers, state vectors, and the first index of each part's joints in them."""
+
+    model: int
+    data: int
+    qpos: NDArray[np.float64]
+    qvel: NDArray[np.float64]
+    part_qpos: NDArray[np.int64]
+    part_qvel: NDArray[np.int64]
+    patch_qpos: NDArray[np.int64]
+    patch_qvel: NDArray[np.int64]
+
+
+@njit(cache=True, nogil=True)
+def _place_patches(at, surface, q, rate, in_plane, weight_x, weight_y, modes):
+    """Put every patch on the tangent plane under its part; rate is dq/dt, in_plane 1 or 0."""
+    for part in range(at.part_qpos.shape[0]):
+        x, y = at.qpos[at.part_qpos[part]], at.qpos[at.part_qpos[part] + 1]
+        surface_modes(x, y, surface.grid_x, surface.grid_y, surface.table, weight_x, weight_y, modes)
+        w = bx = by = w_rate = bx_rate = by_rate = 0.0
+        for s in range(q.shape[0]):
+            w += modes[s, 0] * q[s]
+            bx += modes[s, 1] * q[s]
+            by += modes[s, 2] * q[s]
+            w_rate += modes[s, 0] * rate[s]
+            bx_rate += modes[s, 1] * rate[s] * in_plane
+            by_rate += modes[s, 2] * rate[s] * in_plane
+        position, velocity = at.patch_qpos[part], at.patch_qvel[part]
+        # Hinges through the plate's centre: tilt (by, -bx), and the lift that makes the plane pass through z(x, y).
+        at.qpos[position] = w - bx * x - by * y
+        at.qpos[position + 1] = by
+        at.qpos[position + 2] = -bx
+        at.qvel[velocity] = w_rate - bx_rate * x - by_rate * y
+        at.qvel[velocity + 1] = by_rate
+        at.qvel[velocity + 2] = -bx_rate
+
+
+@njit(cache=True, nogil=True)
+def _advance(at, surface, timestep, first_step, steps_per_frame, in_plane, qpos_out, qvel_out):
+    """Step the scene; after every `steps_per_frame` steps copy the state into a row of qpos_out and qvel_out."""
+    n_shapes = surface.table.shape[0]
+    q, q_next, rate = np.zeros(n_shapes), np.zeros(n_shapes), np.zeros(n_shapes)
+    weight_x, weight_y, modes = np.zeros(4), np.zeros(4), np.zeros((n_shapes, 3))
+    drive = (surface.term_shape, surface.term_start, surface.term_stop, surface.coefficient, surface.rate)
+    step = first_step
+    modal_coordinates(step * timestep, *drive, q_next)
+    for frame in range(qpos_out.shape[0]):
+        for _ in range(steps_per_frame):
+            step += 1
+            q[:] = q_next
+            modal_coordinates(step * timestep, *drive, q_next)
+            rate[:] = (q_next - q) / timestep
+            _place_patches(at, surface, q, rate, in_plane, weight_x, weight_y, modes)
+            _mj_step(at.model, at.data)
+        qpos_out[frame] = at.qpos
+        qvel_out[frame] = at.qvel
+    return step
+
+
+class MujocoEngine:
+    """MuJoCo behind the engine protocol.
+
+    Attributes:
+        model, data: MuJoCo's own, for inspection.
+    """
+
+    name = "mujoco"
+
+    def __init__(self, scene: Scene, rng: np.random.Generator) -> None:
+        self.model = build_mjcf(scene).compile()
+        self.data = mujoco.MjData(self.model)
+        self._scene = scene
+        self._step = 0
+        parts = [self.model.joint(part.name) for part in scene.parts]
+        patches = [self.model.joint(f"lift_{part.name}") for part in scene.parts]
+        self._part_qpos = np.array([joint.qposadr[0] for joint in parts])
+        self._part_qvel = np.array([joint.dofadr[0] for joint in parts])
+        self._at = Addresses(
+            model=self.model._address,
+            data=self.data._address,
+            qpos=self.data.qpos,
+            qvel=self.data.qvel,
+            part_qpos=self._part_qpos,
+            part_qvel=self._part_qvel,
+            patch_qpos=np.array([joint.qposadr[0] for joint in patches]),
+            patch_qvel=np.array([joint.dofadr[0] for joint in patches]),
+        )
+        self._surface = _surface_arrays(scene.surface)
+        for start, pose in zip(self._part_qpos, start_poses(scene, rng), strict=True):
+            self.data.qpos[start : start + 3] = pose.position
+            self.data.qpos[start + 3 : start + 7] = pose.quaternion
+
+    def current(self) -> Frames:
+        return self._frames(self.data.qpos[None].copy(), self.data.qvel[None].copy(), self._step)
+
+    def advance(self, n_frames: int) -> Frames:
+        scene = self._scene
+        qpos, qvel = np.empty((n_frames, self.model.nq)), np.empty((n_frames, self.model.nv))
+        first = self._step
+        in_plane = 1.0 if scene.scenario.run.in_plane_velocity else 0.0
+        self._step = _advance(
+            self._at, self._surface, scene.timestep, first, scene.steps_per_frame, in_plane, qpos, qvel
+        )
+        return self._frames(qpos, qvel, first + scene.steps_per_frame)
+
+    def _frames(self, qpos: NDArray[np.float64], qvel: NDArray[np.float64], first_step: int) -> Frames:
+        """Cut the parts out of MuJoCo's state vectors; rotate the body-frame angular velocity to the world."""
+        from scipy.spatial.transform import Rotation
+
+        columns, speeds = self._part_qpos[:, None] + np.arange(7), self._part_qvel[:, None] + np.arange(6)
+        pose, motion = qpos[:, columns], qvel[:, speeds]
+        quaternion, spin = pose[..., 3:], motion[..., 3:]
+        valid = np.isfinite(quaternion).all(axis=-1) & (np.abs(quaternion).max(axis=-1) > 0)
+        upright = np.where(valid[..., None], quaternion, [1.0, 0.0, 0.0, 0.0])
+        turned = Rotation.from_quat(upright.reshape(-1, 4), scalar_first=True).apply(spin.reshape(-1, 3))
+        steps = first_step + self._scene.steps_per_frame * np.arange(len(qpos))
+        return Frames(
+            time=np.asarray(steps * self._scene.timestep, float),
+            position=pose[..., :3],
+            quaternion=quaternion,
+            velocity=motion[..., :3],
+            angular_velocity=turned.reshape(spin.shape),
+        )
+
+
+def _surface_arrays(surface: Surface) -> SurfaceArrays:
+    terms = surface.terms
+    return SurfaceArrays(
+        surface.x, surface.y, surface.table, terms.shape, terms.start, terms.stop, terms.coefficient, terms.rate
+    )

@@ -1,0 +1,83 @@
+"""What a run will do and cost, before it is started."""
+
+from __future__ import annotations
+
+import math
+import os
+import time
+from typing import Any
+
+import numpy as np
+
+from feeder_sim.engines import engine_class
+from feeder_sim.measures import check_stop_rule, transport_cell
+from feeder_sim.scene import GRAVITY, Scene
+
+TRIAL_STEPS = 20_000
+BYTES_PER_FRAME_AND_PART = 68  # recorded, compressed
+BYTES_REPLAY = 40  # per frame, part and seed in the .rrd
+
+
+def plan_run(scene: Scene) -> dict[str, Any]:
+    """Describe the resolved scene, its step count, and the time and file size to expect; runs a short trial.
+
+    Raises:
+        InputError: the start does not suit the stop rule.
+    """
+    cell = transport_cell(scene)
+    check_stop_rule(scene, cell)
+    run, surface = scene.scenario.run, scene.surface
+    frames = scene.n_frames * len(scene.parts) * run.seeds
+    cost = _trial_cost(scene)
+    return {
+        "title": scene.scenario.title,
+        "engine": run.engine,
+        "plate_mm": [round(1e3 * d, 3) for d in (surface.length, surface.width, surface.thickness)],
+        "drives": [
+            {
+                "mode": mode.label,
+                "frequency_hz": mode.drive.drive_frequency,
+                "antinode_amplitude_um": 1e6 * mode.drive.amplitude,
+                "peak_acceleration_g": _throw_number(mode.drive.drive_frequency, mode.drive.amplitude),
+                "ring_up_s": _ring_up(mode.drive.damping_ratio, mode.drive.natural_frequency),
+            }
+            for mode in scene.driven
+        ],
+        "antinode_to_node_mm": 1e3 * cell.reach if cell else None,
+        "parts": [
+            {
+                "name": part.name,
+                "shape": spec.shape,
+                "mass_g": 1e3 * part.mass,
+                "inertia_g_mm2": [1e9 * moment for moment in part.inertia],
+                "corners": len(part.corners),
+            }
+            for spec, part in zip(scene.scenario.part, scene.parts, strict=True)
+        ],
+        "timestep_us": 1e6 * scene.timestep,
+        "steps_per_seed": scene.n_steps,
+        "seeds": run.seeds,
+        "frames_per_seed": scene.n_frames,
+        "estimated_wall_s": cost * scene.n_steps * math.ceil(run.seeds / (os.cpu_count() or 1)),
+        "estimated_file_size_mb": 1e-6 * frames * (BYTES_PER_FRAME_AND_PART + BYTES_REPLAY),
+        "estimates_are_upper_bounds": run.stop != "time",
+    }
+
+
+def _trial_cost(scene: Scene) -> float:
+    """Wall time per step [s] of one part-seed on one core, after compilation."""
+    engine = engine_class(scene.scenario.run.engine)(scene, np.random.default_rng(0))
+    engine.advance(1)
+    frames = max(1, TRIAL_STEPS // scene.steps_per_frame)
+    started = time.perf_counter()
+    engine.advance(frames)
+    return (time.perf_counter() - started) / (frames * scene.steps_per_frame)
+
+
+def _throw_number(frequency: float, amplitude: float) -> float:
+    return amplitude * (2.0 * math.pi * frequency) ** 2 / GRAVITY
+
+
+def _ring_up(damping_ratio: float | None, frequency: float) -> float:
+    """Time constant 1/(zeta omega_n) of the envelope [s]; 0 without ring-up."""
+    return 0.0 if damping_ratio is None else 1.0 / (damping_ratio * 2.0 * math.pi * frequency)

@@ -1,0 +1,115 @@
+"""Modal coordinates in time: each driven mode is a damped oscillator started from rest and let go at the end.
+
+    q'' + 2 zeta w_n q' + w_n^2 q = 2 zeta w_n^2 A cos(w (t - t_on) + phase),    t_on <= t < t_off
+
+The force is scaled so that at resonance (w = w_n) q -> A sin(w (t - t_on) + phase), with the envelope
+A (1 - exp(-zeta w t)) of the ring-up; after t_off the motion decays as exp(-zeta w_n t). Off resonance the same
+equation gives the smaller amplitude, the phase lag and the beating start. The solution is a sum of terms
+Re[c exp(s (t - t_start))], each over its own interval, and that list is what the engines step through.
+"""
+
+from __future__ import annotations
+
+import cmath
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+# A free decay is dropped when it has fallen to exp(-DECAY_LENGTH) of its start, below round-off.
+DECAY_LENGTH = 40.0
+
+
+@dataclass(frozen=True)
+class ModalDrive:
+    """One mode driven by one harmonic force.
+
+    Attributes:
+        shape: index of the mode shape on the surface.
+        drive_frequency, natural_frequency: [Hz].
+        amplitude: A [m], the modal coordinate reached at resonance.
+        phase: [rad].
+        damping_ratio: zeta; None switches ring-up and ring-down off (the motion starts and stops at once).
+        start, stop: [s]; `stop` may be infinite.
+    """
+
+    shape: int
+    drive_frequency: float
+    natural_frequency: float
+    amplitude: float
+    phase: float = 0.0
+    damping_ratio: float | None = None
+    start: float = 0.0
+    stop: float = math.inf
+
+
+@dataclass(frozen=True)
+class ModalTerms:
+    """q_shape(t) = sum of Re[coefficient exp(rate (t - start))] over the terms with start <= t < stop.
+
+    Attributes (one entry per term):
+        shape: int64, index of the mode shape.
+        start, stop: [s].
+        coefficient: complex, [m].
+        rate: complex, [1/s].
+    """
+
+    shape: NDArray[np.int64]
+    start: NDArray[np.float64]
+    stop: NDArray[np.float64]
+    coefficient: NDArray[np.complex128]
+    rate: NDArray[np.complex128]
+
+    def phasor(self, t: ArrayLike, n_shapes: int) -> NDArray[np.complex128]:
+        """Complex modal coordinates [m] at times t (n,): real part q, modulus the envelope; shape (n, n_shapes)."""
+        t = np.atleast_1d(np.asarray(t, float))[:, None]
+        active = (t >= self.start) & (t < self.stop)
+        age = np.where(active, t - self.start, 0.0)
+        values = np.where(active, self.coefficient * np.exp(self.rate * age), 0.0)
+        q = np.zeros((len(t), n_shapes), complex)
+        for shape in range(n_shapes):
+            q[:, shape] = values[:, self.shape == shape].sum(axis=1)
+        return q
+
+
+def modal_terms(drives: Iterable[ModalDrive]) -> ModalTerms:
+    """Solve the oscillator of every drive; drives of one mode superpose."""
+    terms = [term for drive in drives for term in _terms_of(drive)]
+    return ModalTerms(
+        shape=np.array([term[0] for term in terms], np.int64),
+        start=np.array([term[1] for term in terms], float),
+        stop=np.array([term[2] for term in terms], float),
+        coefficient=np.array([term[3] for term in terms], complex),
+        rate=np.array([term[4] for term in terms], complex),
+    )
+
+
+def _terms_of(drive: ModalDrive) -> list[tuple[int, float, float, complex, complex]]:
+    """Forced motion and start-up transient until `stop`, free decay after it."""
+    omega, omega_n = 2.0 * math.pi * drive.drive_frequency, 2.0 * math.pi * drive.natural_frequency
+    zeta = drive.damping_ratio
+    if zeta is None:
+        steady = -1j * drive.amplitude * cmath.exp(1j * drive.phase)
+        return [(drive.shape, drive.start, drive.stop, steady, 1j * omega)]
+    force = 2.0 * zeta * omega_n**2 * drive.amplitude * cmath.exp(1j * drive.phase)
+    steady = force / (omega_n**2 - omega**2 + 2j * zeta * omega_n * omega)
+    free = complex(-zeta * omega_n, omega_n * math.sqrt(1.0 - zeta**2))
+    transient = _free_motion(-steady.real, -(1j * omega * steady).real, free)
+    decay_time = DECAY_LENGTH / (zeta * omega_n)
+    terms = [
+        (drive.shape, drive.start, drive.stop, steady, 1j * omega),
+        (drive.shape, drive.start, min(drive.stop, drive.start + decay_time), transient, free),
+    ]
+    if math.isfinite(drive.stop):
+        duration = drive.stop - drive.start
+        moving, fading = steady * cmath.exp(1j * omega * duration), transient * cmath.exp(free * duration)
+        q, velocity = (moving + fading).real, (1j * omega * moving + free * fading).real
+        terms.append((drive.shape, drive.stop, drive.stop + decay_time, _free_motion(q, velocity, free), free))
+    return terms
+
+
+def _free_motion(q: float, velocity: float, rate: complex) -> complex:
+    """Return c with Re[c] = q and Re[rate c] = velocity."""
+    return complex(q, (rate.real * q - velocity) / rate.imag)

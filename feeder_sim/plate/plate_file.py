@@ -1,0 +1,52 @@
+"""Plate file -> modes with the measured resonances attached: what a mode file is made of."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from feeder_sim.errors import InputError
+from feeder_sim.plate.mode_file import ModeFile, Resonance
+from feeder_sim.plate.modes import PlateModes, RectangularPlate, plate_modes
+from feeder_sim.scenario import MeasuredResonance, PlateFile, resolve_material
+
+RESONANCE_MATCH = 0.02  # a measured resonance belongs to the computed mode this near, relative
+
+
+def compute_modes(file: PlateFile) -> ModeFile:
+    """Compute the modes a plate file asks for.
+
+    Raises:
+        InputError: no mode below the highest frequency, or a resonance that no computed mode comes near.
+    """
+    body = file.plate
+    plate = RectangularPlate(
+        body.length_mm * 1e-3, body.width_mm * 1e-3, body.thickness_mm * 1e-3, resolve_material(body.material)
+    )
+    modes = plate_modes(plate, highest_frequency=body.highest_frequency_hz)
+    if not len(modes):
+        raise InputError(
+            f"is {body.highest_frequency_hz:g}, below the first mode of the plate", key="plate.highest_frequency_hz"
+        )
+    return ModeFile(modes, tuple(_matched(measured, i, modes) for i, measured in enumerate(file.resonance)))
+
+
+def _matched(measured: MeasuredResonance, i: int, modes: PlateModes) -> Resonance:
+    index = int(np.argmin(np.abs(modes.natural_frequency - measured.frequency_hz)))
+    nearest = modes.natural_frequency[index]
+    if abs(nearest / measured.frequency_hz - 1.0) > RESONANCE_MATCH:
+        raise InputError(
+            f"is {measured.frequency_hz:g}, allowed is within {RESONANCE_MATCH:.0%} of a computed mode; the nearest is "
+            f"{nearest:.1f}",
+            key=f"resonance[{i}].frequency_hz",
+        )
+    gain = measured.amplitude_um_per_vpp
+    x, y = measured.driven_point_mm
+    return Resonance(
+        mode=index,
+        frequency=measured.frequency_hz,
+        damping_ratio=math.nan if measured.damping_ratio is None else measured.damping_ratio,
+        gain=math.nan if gain is None else gain * 1e-6,
+        driven_point=(x * 1e-3, y * 1e-3),
+    )

@@ -1,0 +1,95 @@
+"""What a mode shape is to the rest of the package, and the two that need no eigenproblem: strip and piston.
+
+A straight-crested standing wave w = cos(k x) in a Mindlin plate has beta_x = -B sin(k x) with
+
+    (S k^2 - rho h omega^2) (D k^2 + S - rho h^3/12 omega^2) = S^2 k^2,    B = k - rho h omega^2 / (S k)
+
+(Mindlin 1951, the lower branch of the dispersion relation); B -> k for a thin plate.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from feeder_sim.plate.modes import PlateModes, RectangularPlate
+
+
+class ModeShape(Protocol):
+    """Deflection and rotations of the plate's mid-plane per unit modal coordinate."""
+
+    def evaluate_grid(self, x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return (w [1], beta_x [1/m], beta_y [1/m]) on the product grid of x (nx,), y (ny,): shape (3, nx, ny)."""
+        ...
+
+
+@dataclass(frozen=True)
+class RitzShape:
+    """One mode of a free rectangular plate.
+
+    Attributes:
+        modes: the plate's modes.
+        index: 0-based.
+    """
+
+    modes: PlateModes
+    index: int
+
+    def evaluate_grid(self, x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.float64]:
+        return self.modes.evaluate_grid(self.index, x, y)
+
+
+@dataclass(frozen=True)
+class StandingWave:
+    """w = cos(k x): antinode at x = 0, nodes at odd multiples of a quarter wavelength.
+
+    Attributes:
+        wavenumber: k [1/m].
+        rotation: B [1/m], amplitude of beta_x per unit deflection.
+    """
+
+    wavenumber: float
+    rotation: float
+
+    @property
+    def wavelength(self) -> float:
+        """[m]."""
+        return 2.0 * math.pi / self.wavenumber
+
+    def evaluate_grid(self, x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.float64]:
+        values = np.zeros((3, len(x), len(y)))
+        values[0] = np.cos(self.wavenumber * x)[:, None]
+        values[1] = -self.rotation * np.sin(self.wavenumber * x)[:, None]
+        return values
+
+
+@dataclass(frozen=True)
+class Piston:
+    """w = 1: the plate moves as one rigid body. Nothing drifts on it, which is what it is for."""
+
+    def evaluate_grid(self, x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.float64]:
+        values = np.zeros((3, len(x), len(y)))
+        values[0] = 1.0
+        return values
+
+
+def standing_wave(plate: RectangularPlate, frequency: float) -> StandingWave:
+    """Return the standing bending wave of an infinite plate at a frequency [Hz]; only the thickness of `plate` counts.
+
+    Raises:
+        ValueError: the frequency lies above the thickness-shear cut-off sqrt(S / (rho h^3/12)) / 2 pi.
+    """
+    d, s, m, j = plate.bending_stiffness, plate.shear_stiffness, plate.mass_per_area, plate.rotary_inertia
+    squared_omega = (2.0 * math.pi * frequency) ** 2
+    cut_off = math.sqrt(s / j) / (2.0 * math.pi)
+    if frequency >= cut_off:
+        raise ValueError(f"bending waves of this plate exist below {cut_off:.0f} Hz only")
+    a = s * d
+    b = -squared_omega * (s * j + m * d)
+    c = -m * squared_omega * (s - j * squared_omega)
+    k = math.sqrt((-b + math.sqrt(b * b - 4.0 * a * c)) / (2.0 * a))
+    return StandingWave(wavenumber=k, rotation=k - m * squared_omega / (s * k))

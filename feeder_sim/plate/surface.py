@@ -1,0 +1,115 @@
+"""The moving top surface: mode shapes on a grid, modal coordinates in time, both ready for compiled code.
+
+With deflection w, rotations beta and modal coordinates q, a point of the top surface (half thickness h/2 above the
+mid-plane) moves by
+
+    u = sum_j (-h/2 beta_x, -h/2 beta_y, w)_j q_j(t),    velocity the same with q_j'.
+
+The horizontal part is what carries parts from antinode to node. Shapes are tabulated and interpolated with cubic
+Lagrange polynomials: at 80 grid points per wavelength the error is below 1e-6 of the antinode amplitude.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from feeder_sim.plate.drive import ModalTerms
+from feeder_sim.plate.shapes import ModeShape
+
+POINTS_PER_WAVELENGTH = 80
+
+
+@dataclass(frozen=True)
+class Surface:
+    """Top surface of a plate in motion, centred on the origin.
+
+    Attributes:
+        length, width, thickness: [m]; x runs along the length.
+        x, y: uniform grids [m], shapes (nx,) and (ny,).
+        table: (w [1], beta_x [1/m], beta_y [1/m]) of each shape, shape (n_shapes, nx, ny, 3).
+        terms: the modal coordinates in time.
+    """
+
+    length: float
+    width: float
+    thickness: float
+    x: NDArray[np.float64]
+    y: NDArray[np.float64]
+    table: NDArray[np.float64]
+    terms: ModalTerms
+
+    @property
+    def n_shapes(self) -> int:
+        return len(self.table)
+
+    def displacement(self, points: NDArray[np.float64], t: float) -> NDArray[np.float64]:
+        """Displacement [m] of surface points (n, 2) [m] at time t [s], shape (n, 3)."""
+        return self._moved(points, self.terms.phasor(t, self.n_shapes)[0].real)
+
+    def velocity(self, points: NDArray[np.float64], t: float) -> NDArray[np.float64]:
+        """Velocity [m/s] of surface points (n, 2) [m] at time t [s], shape (n, 3)."""
+        terms = self.terms
+        rates = ModalTerms(terms.shape, terms.start, terms.stop, terms.coefficient * terms.rate, terms.rate)
+        return self._moved(points, rates.phasor(t, self.n_shapes)[0].real)
+
+    def deflection(self, shape: int, points: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Deflection w [1] of one mode shape at points (n, 2) [m], shape (n,)."""
+        return self._interpolate(points)[shape, :, 0]
+
+    def _moved(self, points: NDArray[np.float64], q: NDArray[np.float64]) -> NDArray[np.float64]:
+        w, bx, by = np.moveaxis(np.einsum("spc,s->pc", self._interpolate(points), q), -1, 0)
+        half = 0.5 * self.thickness
+        return np.stack([-half * bx, -half * by, w], axis=1)
+
+    def _interpolate(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Interpolated table at points (n, 2): shape (n_shapes, n, 3)."""
+        ix, weight_x = lagrange_weights(points[:, 0], self.x)
+        iy, weight_y = lagrange_weights(points[:, 1], self.y)
+        steps = np.arange(4)
+        patch = self.table[:, (ix[:, None] + steps)[:, :, None], (iy[:, None] + steps)[:, None, :]]
+        return np.einsum("spabc,pa,pb->spc", patch, weight_x, weight_y)
+
+
+def tabulate(
+    shapes: Sequence[ModeShape],
+    terms: ModalTerms,
+    *,
+    length: float,
+    width: float,
+    thickness: float,
+    wavelength: float = math.inf,
+    uniform_y: bool = False,
+) -> Surface:
+    """Sample mode shapes on a grid fine enough for the shortest wavelength [m].
+
+    Args:
+        shapes: one per modal coordinate of `terms`.
+        terms: the modal coordinates.
+        length: of the plate, along x [m].
+        width: of the plate, along y [m].
+        thickness: of the plate [m].
+        wavelength: the shortest bending wavelength among the shapes [m].
+        uniform_y: the shapes do not depend on y, so that four grid lines in y are enough.
+    """
+    spacing = wavelength / POINTS_PER_WAVELENGTH
+    x = np.linspace(-0.5 * length, 0.5 * length, max(4, 1 + math.ceil(length / spacing)))
+    y = np.linspace(-0.5 * width, 0.5 * width, 4 if uniform_y else max(4, 1 + math.ceil(width / spacing)))
+    table = np.stack([np.moveaxis(shape.evaluate_grid(x, y), 0, -1) for shape in shapes])
+    return Surface(length, width, thickness, x, y, np.ascontiguousarray(table), terms)
+
+
+def lagrange_weights(
+    position: NDArray[np.float64], grid: NDArray[np.float64]
+) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    """First of four grid points and their cubic Lagrange weights (n, 4); positions off the grid are clamped to it."""
+    spacing = grid[1] - grid[0]
+    u = np.clip((position - grid[0]) / spacing, 0.0, len(grid) - 1.0)
+    first = np.clip(u.astype(np.int64) - 1, 0, len(grid) - 4)
+    s = u - first
+    a, b, c, d = s, s - 1.0, s - 2.0, s - 3.0
+    return first, np.stack([-b * c * d / 6.0, a * c * d / 2.0, -a * b * d / 2.0, a * b * c / 6.0], axis=1)

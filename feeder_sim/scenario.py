@@ -1,0 +1,441 @@
+"""Scenario files: TOML -> frozen, validated values. Keys carry their units; nothing here computes anything.
+
+A scenario is a plate, the drives that excite it, the part on it, contact parameters and how to run:
+
+    Scenario(plate=Strip(thickness_mm=3), drive=[Drive(frequency_hz=4750, amplitude_um=1)], part=[HexNut(size="M2.5")])
+"""
+
+from __future__ import annotations
+
+import tomllib
+from pathlib import Path
+from typing import Annotated, Any, Literal, Self, TypeVar, get_args, get_origin
+
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, model_validator
+
+from feeder_sim.errors import InputError, nearest
+from feeder_sim.materials import MATERIALS, Material
+
+Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+NonNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
+Finite = Annotated[float, Field(allow_inf_nan=False)]
+PointMm = tuple[Finite, Finite]
+
+# Below this the plate moves by a large part of its amplitude within one step (README, design notes).
+MIN_STEPS_PER_PERIOD = 20
+# A compliant contact (solref = "T zeta") shorter than this many steps is unstable.
+MIN_STEPS_PER_TIME_CONSTANT = 5.0
+
+
+def _as_range(value: Any) -> Any:
+    return (value, value) if isinstance(value, int | float) and not isinstance(value, bool) else value
+
+
+class _Range(BeforeValidator):
+    """A number, or [low, high] from which each seed draws uniformly."""
+
+
+Range = Annotated[tuple[Finite, Finite], _Range(_as_range)]
+NonNegativeRange = Annotated[tuple[NonNegative, NonNegative], _Range(_as_range)]
+
+
+class _Table(BaseModel):
+    """A TOML table: unknown keys are refused, values are frozen."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    @model_validator(mode="after")
+    def _ranges_ascend(self) -> Self:
+        for name, field in type(self).model_fields.items():
+            if any(isinstance(m, _Range) for m in field.metadata):
+                low, high = getattr(self, name)
+                if low > high:
+                    raise ValueError(f"{name} is [{low}, {high}], allowed is [low, high] with low <= high")
+        return self
+
+
+T = TypeVar("T", bound=_Table)
+
+
+class CustomMaterial(_Table):
+    """A material that is not in the list."""
+
+    density_kg_m3: Positive
+    youngs_modulus_gpa: Positive
+    poisson_ratio: Annotated[float, Field(ge=0, lt=0.5)]
+
+
+def _known_material(value: Any) -> Any:
+    if isinstance(value, str) and value not in MATERIALS:
+        names = ", ".join(sorted(MATERIALS))
+        raise ValueError(f"allowed is one of {names}, or a table of density_kg_m3, youngs_modulus_gpa, poisson_ratio")
+    return value
+
+
+MaterialChoice = Annotated[str | CustomMaterial, BeforeValidator(_known_material)]
+
+
+def resolve_material(choice: MaterialChoice) -> Material:
+    """Look a material up by name, or convert a custom one to SI."""
+    if isinstance(choice, str):
+        return MATERIALS[choice]
+    return Material(choice.density_kg_m3, choice.youngs_modulus_gpa * 1e9, choice.poisson_ratio)
+
+
+class Strip(_Table):
+    """One-dimensional standing wave along x with the bending wavelength of the drive; antinode at x = 0."""
+
+    kind: Literal["strip"] = "strip"
+    thickness_mm: Positive
+    length_mm: Positive | None = None
+    width_mm: Positive = 60.0
+    material: MaterialChoice = "aluminium"
+
+
+class Rectangle(_Table):
+    """A free rectangular plate: from a mode file, or computed from its dimensions."""
+
+    kind: Literal["rectangle"]
+    mode_file: Path | None = None
+    length_mm: Positive | None = None
+    width_mm: Positive | None = None
+    thickness_mm: Positive | None = None
+    material: MaterialChoice = "aluminium"
+
+    @model_validator(mode="after")
+    def _file_or_dimensions(self) -> Self:
+        dimensions = {"length_mm": self.length_mm, "width_mm": self.width_mm, "thickness_mm": self.thickness_mm}
+        if self.mode_file is None:
+            missing = [name for name, value in dimensions.items() if value is None]
+            if missing:
+                raise ValueError(f"{missing[0]} is missing, allowed is a number above 0 (or give mode_file)")
+        elif any(value is not None for value in dimensions.values()) or "material" in self.model_fields_set:
+            raise ValueError("mode_file already holds dimensions and material, give one or the other")
+        return self
+
+
+class PistonPlate(_Table):
+    """A plate that moves up and down as one rigid body."""
+
+    kind: Literal["piston"]
+    thickness_mm: Positive = 3.0
+    length_mm: Positive = 180.0
+    width_mm: Positive = 180.0
+
+
+Plate = Annotated[Strip | Rectangle | PistonPlate, Field(discriminator="kind")]
+
+
+class Drive(_Table):
+    """One mode driven at one frequency; see feeder_sim.plate.drive for the response in time.
+
+    The amplitude is the one reached at resonance, at `at_mm` or else at the antinode. A drive is at resonance unless
+    `natural_frequency_hz` says otherwise. `voltage_vpp` uses the gain measured on the plate (mode file).
+    """
+
+    frequency_hz: Positive
+    amplitude_um: NonNegative | None = None
+    voltage_vpp: NonNegative | None = None
+    at_mm: PointMm | None = None
+    mode: Annotated[int, Field(ge=1)] | None = None
+    natural_frequency_hz: Positive | None = None
+    damping_ratio: Annotated[float, Field(gt=0, lt=1)] | None = None
+    ring_up: bool = True
+    phase_deg: Finite = 0.0
+    start_s: NonNegative = 0.0
+    duration_s: Positive | None = None
+
+    @model_validator(mode="after")
+    def _one_level(self) -> Self:
+        if (self.amplitude_um is None) == (self.voltage_vpp is None):
+            raise ValueError("exactly one of amplitude_um and voltage_vpp is needed")
+        if self.voltage_vpp is not None and self.at_mm is not None:
+            raise ValueError("at_mm belongs to amplitude_um; a voltage acts at the measured driven point")
+        return self
+
+
+class Start(_Table):
+    """Where a part is released: ranges are drawn per seed; the drop height is that of its lowest point."""
+
+    position_mm: PointMm = (0.0, 0.0)
+    drop_height_mm: NonNegativeRange = (0.2, 0.5)
+    yaw_deg: Range = (0.0, 360.0)
+    tilt_deg: Range = (0.0, 3.0)
+
+
+class _Part(_Table):
+    material: MaterialChoice = "steel"
+    start: Start = Start()
+
+
+class HexNut(_Part):
+    """Hexagon nut, by metric size (ISO 4032) or by dimensions."""
+
+    shape: Literal["hex_nut"] = "hex_nut"
+    size: Literal["M2", "M2.5", "M3", "M4", "M5"] | None = None
+    across_flats_mm: Positive | None = None
+    height_mm: Positive | None = None
+    bore_mm: NonNegative | None = None
+
+    @model_validator(mode="after")
+    def _size_or_dimensions(self) -> Self:
+        given = [d is not None for d in (self.across_flats_mm, self.height_mm, self.bore_mm)]
+        if any(given) if self.size is not None else not all(given):
+            raise ValueError("give either size or all of across_flats_mm, height_mm, bore_mm")
+        if self.bore_mm is not None and self.across_flats_mm is not None and self.bore_mm >= self.across_flats_mm:
+            raise ValueError(f"bore_mm is {self.bore_mm}, allowed is less than across_flats_mm")
+        return self
+
+
+class Ball(_Part):
+    """Solid sphere."""
+
+    shape: Literal["ball"]
+    diameter_mm: Positive
+
+
+class Cylinder(_Part):
+    """Solid circular cylinder, axis upright at the start."""
+
+    shape: Literal["cylinder"]
+    diameter_mm: Positive
+    height_mm: Positive
+
+
+class MeshPart(_Part):
+    """A closed triangle mesh; contact is with its convex hull, mass and inertia are those of the solid."""
+
+    shape: Literal["mesh"]
+    file: Path
+    file_unit_mm: Positive = 1.0
+
+
+PartSpec = Annotated[HexNut | Ball | Cylinder | MeshPart, Field(discriminator="shape")]
+
+
+class Contact(_Table):
+    """Contact between part and plate.
+
+    `model = "restitution"` reverses the normal velocity within one step (Newton); "compliant" is MuJoCo's
+    spring-damper contact with a time constant, and has no coefficient of restitution.
+    """
+
+    model: Literal["restitution", "compliant"] = "restitution"
+    restitution: Annotated[float, Field(ge=0, le=1)] = 0.2
+    friction: NonNegative = 0.3
+    time_constant_us: Positive | None = None
+    damping_ratio: Positive = 1.0
+
+    @model_validator(mode="after")
+    def _time_constant(self) -> Self:
+        if (self.model == "compliant") != (self.time_constant_us is not None):
+            raise ValueError('time_constant_us belongs to model = "compliant", which needs it')
+        return self
+
+
+class Run(_Table):
+    """How long, how often, how fine."""
+
+    engine: Literal["mujoco"] = "mujoco"
+    duration_s: Positive
+    stop: Literal["time", "passage"] = "time"
+    seeds: Annotated[int, Field(ge=1, le=100_000)] = 12
+    seed: Annotated[int, Field(ge=0)] = 0
+    steps_per_period: Annotated[int, Field(ge=MIN_STEPS_PER_PERIOD, le=10_000)] = 40
+    frames_per_second: Annotated[float, Field(gt=0, le=1e6)] = 500.0
+    in_plane_velocity: bool = True
+
+
+class Scenario(_Table):
+    """One experiment on one plate."""
+
+    title: str = ""
+    plate: Plate
+    drive: Annotated[tuple[Drive, ...], Field(min_length=1)]
+    part: Annotated[tuple[PartSpec, ...], Field(min_length=1, max_length=1)]
+    contact: Contact = Contact()
+    run: Run
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Self:
+        if self.contact.time_constant_us is not None:
+            shortest = min(1.0 / drive.frequency_hz for drive in self.drive)
+            step = 1e6 * shortest / self.run.steps_per_period
+            least = MIN_STEPS_PER_TIME_CONSTANT * step
+            if self.contact.time_constant_us < least:
+                needed = int(-(-MIN_STEPS_PER_TIME_CONSTANT * 1e6 * shortest // self.contact.time_constant_us))
+                raise ValueError(
+                    f"run.steps_per_period is {self.run.steps_per_period}, allowed is at least {needed} for "
+                    f"contact.time_constant_us = {self.contact.time_constant_us:g}"
+                )
+        return self
+
+
+class PlateBody(_Table):
+    """Dimensions and material of a rectangular plate, and how far its modes are wanted."""
+
+    length_mm: Positive
+    width_mm: Positive
+    thickness_mm: Positive
+    material: MaterialChoice = "aluminium"
+    highest_frequency_hz: Positive
+
+
+class MeasuredResonance(_Table):
+    """A resonance measured on the plate; the amplitude is that at `driven_point_mm`, per volt peak to peak."""
+
+    frequency_hz: Positive
+    damping_ratio: Annotated[float, Field(gt=0, lt=1)] | None = None
+    amplitude_um_per_vpp: Positive | None = None
+    driven_point_mm: PointMm = (0.0, 0.0)
+
+
+class PlateFile(_Table):
+    """A plate as `feeder-sim modes` reads it."""
+
+    plate: PlateBody
+    resonance: tuple[MeasuredResonance, ...] = ()
+
+
+def load_scenario(path: str | Path) -> Scenario:
+    """Read and check a scenario file; paths in it are relative to the file.
+
+    Raises:
+        InputError: unreadable file, TOML syntax, or any key or value that is not allowed.
+    """
+    path = Path(path)
+    return parse_scenario(_read_text(path), file=path)
+
+
+def parse_scenario(text: str, *, file: Path) -> Scenario:
+    """Check the text of a scenario; `file` names it in messages and anchors relative paths."""
+    return _anchor_paths(_parse(text, Scenario, file), file.resolve().parent)
+
+
+def with_run(scenario: Scenario, **changes: Any) -> Scenario:
+    """The scenario with some values of its [run] table replaced, checked like the rest.
+
+    Raises:
+        InputError: a value that is not allowed.
+    """
+    run = scenario.run.model_dump() | changes
+    try:
+        return scenario.model_copy(update={"run": Run.model_validate(run)})
+    except ValidationError as error:
+        raise _first_error(error, Run, Path("--run")) from None
+
+
+def load_plate_file(path: Path) -> PlateFile:
+    """Read and check a plate file; errors as for `load_scenario`."""
+    return _parse(_read_text(path), PlateFile, path)
+
+
+def _read_text(path: Path) -> str:
+    try:
+        return path.read_text(encoding="utf-8")
+    except FileNotFoundError as error:
+        raise InputError("no such file", file=path) from error
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputError(f"cannot be read as text: {error}", file=path) from error
+
+
+def _parse(text: str, table: type[T], file: Path) -> T:
+    try:
+        raw = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise InputError(f"not valid TOML: {error}", file=file) from error
+    try:
+        return table.model_validate(raw)
+    except ValidationError as error:
+        raise _first_error(error, table, file) from None
+
+
+def _anchor_paths(scenario: Scenario, folder: Path) -> Scenario:
+    """Make the file names in a scenario absolute."""
+    plate, parts = scenario.plate, list(scenario.part)
+    if isinstance(plate, Rectangle) and plate.mode_file is not None:
+        plate = plate.model_copy(update={"mode_file": folder / plate.mode_file})
+    for i, part in enumerate(parts):
+        if isinstance(part, MeshPart):
+            parts[i] = part.model_copy(update={"file": folder / part.file})
+    return scenario.model_copy(update={"plate": plate, "part": tuple(parts)})
+
+
+def _first_error(error: ValidationError, root: type[BaseModel], file: Path) -> InputError:
+    """One line for the first thing wrong, and how many more there are."""
+    details = error.errors(include_url=False)
+    # A misspelt key also shows up as a missing one; the misspelling is the cause.
+    first = min(details, key=lambda d: d["type"] != "extra_forbidden")
+    loc = first["loc"]
+    table, key = _locate(root, loc)
+    name = str(loc[-1]) if loc else ""
+    if first["type"] == "extra_forbidden":
+        allowed = list(table.model_fields) if table else []
+        problem = f"unknown key{nearest(name, allowed)}; allowed are {', '.join(allowed)}"
+    elif first["type"] == "missing":
+        problem = f"is missing, allowed is {_allowed(table, name)}"
+    elif first["type"] == "value_error":
+        problem = first["msg"].removeprefix("Value error, ")
+        if not isinstance(first["input"], dict):
+            problem = f"is {first['input']!r}, {problem}"
+    elif first["type"].startswith("union_tag"):
+        context = first.get("ctx", {})
+        key = f"{key}.{context['discriminator'].strip(chr(39))}" if "discriminator" in context else key
+        problem = f"is {context.get('tag', 'missing')}, allowed is {context.get('expected_tags', 'one kind')}"
+    else:
+        problem = f"is {first['input']!r}, {_lower(first['msg'])}"
+    more = f" (and {len(details) - 1} more)" if len(details) > 1 else ""
+    return InputError(problem + more, file=file, key=key or None)
+
+
+def _lower(message: str) -> str:
+    return message.replace("Input should be", "allowed is").replace("Tuple should have", "allowed is a tuple with")
+
+
+def _allowed(table: type[BaseModel] | None, name: str) -> str:
+    """Describe a field in words from its type and limits."""
+    if table is None or name not in table.model_fields:
+        return "a value"
+    field = table.model_fields[name]
+    if any(getattr(m, "gt", None) == 0 for m in field.metadata):
+        return "a number above 0"
+    return "a table" if name in Scenario.model_fields else "a value"
+
+
+def _locate(root: type[BaseModel], loc: tuple[int | str, ...]) -> tuple[type[BaseModel] | None, str]:
+    """Follow a pydantic location: the table that holds its last key, and the dotted key without union tags."""
+    table: type[BaseModel] | None = root
+    key, variants = "", _Variants()
+    for depth, element in enumerate(loc):
+        if isinstance(element, int):
+            key += f"[{element}]"
+        elif variants and element in variants:
+            table, variants = variants[element], _Variants()
+        else:
+            key += f".{element}" if key else element
+            if depth < len(loc) - 1 and table is not None and element in table.model_fields:
+                variants = _variants(table.model_fields[element].annotation, table.model_fields[element].metadata)
+                table = variants.only
+    return table, key
+
+
+class _Variants(dict[Any, type[BaseModel]]):
+    """Tables a field may hold, by union tag."""
+
+    only: type[BaseModel] | None = None
+
+
+def _variants(annotation: Any, metadata: list[Any]) -> _Variants:
+    found = _Variants()
+    stack = [annotation]
+    while stack:
+        item = stack.pop()
+        if isinstance(item, type) and issubclass(item, BaseModel):
+            found.only = item
+            found[item.__name__] = item
+            for tag in ("kind", "shape"):
+                if tag in item.model_fields:
+                    found[get_args(item.model_fields[tag].annotation)[0]] = item
+        elif get_origin(item) is not None:
+            stack += list(get_args(item))
+    return found

@@ -1,0 +1,292 @@
+"""Recorded motion: arrays in memory, and the HDF5 file that is the record of truth of a run.
+
+Layout, schema version 1 (SI units, in the `unit` attribute of every dataset):
+
+    /                     schema, schema_version, creator, engine, seed, scenario (resolved TOML), libraries (JSON)
+    /plate                length, width, thickness (attributes)
+    /plate/x, y           (nx,), (ny,)        grid of the shapes below
+    /plate/mode_shape     (n_shapes, nx, ny)  deflection per unit modal coordinate
+    /plate/nodal_point    (k, 2)              points of the nodal lines of the first shape, line after line
+    /plate/nodal_line     (k,)                number of the line each point belongs to
+    /plate/antinode       (2,)                antinode the part starts from; NaN without nodal lines
+    /drive/time, amplitude   (m,), (m, n_shapes)  envelope of each modal coordinate
+    /parts/NAME/vertices, faces
+    /seeds/NNN/time, position, quaternion, velocity, angular_velocity, status
+
+Quaternions have w first; velocities are in world axes. The file is written in HDF5's single-writer mode and flushed
+after every block: a killed run leaves everything up to its last block readable.
+"""
+
+from __future__ import annotations
+
+import json
+import threading
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+from enum import IntEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from feeder_sim import __version__
+from feeder_sim.errors import InputError
+
+if TYPE_CHECKING:
+    import h5py
+
+SCHEMA = "feeder_sim/trajectory"
+SCHEMA_VERSION = 1
+BLOCK_FRAMES = 100  # frames per block and per HDF5 chunk: whole blocks compress once and waste nothing
+
+
+class Status(IntEnum):
+    """How the recording of one seed ended."""
+
+    UNFINISHED = 0
+    DONE = 1
+    DIVERGED = 2
+
+
+@dataclass(frozen=True)
+class Frames:
+    """States of all parts at recorded times, in SI units and world axes.
+
+    Attributes:
+        time: [s], shape (n,).
+        position: of the centres of mass [m], shape (n, parts, 3).
+        quaternion: w first, shape (n, parts, 4).
+        velocity: [m/s], shape (n, parts, 3).
+        angular_velocity: [rad/s], shape (n, parts, 3).
+    """
+
+    time: NDArray[np.float64]
+    position: NDArray[np.float64]
+    quaternion: NDArray[np.float64]
+    velocity: NDArray[np.float64]
+    angular_velocity: NDArray[np.float64]
+
+    def __len__(self) -> int:
+        return len(self.time)
+
+    def __getitem__(self, rows: slice) -> Frames:
+        return Frames(*(getattr(self, field.name)[rows] for field in fields(self)))
+
+    @staticmethod
+    def joined(blocks: Sequence[Frames]) -> Frames:
+        """Concatenate blocks in time."""
+        return Frames(*(np.concatenate([getattr(b, field.name) for b in blocks]) for field in fields(Frames)))
+
+
+# name: (unit, stored type, shape per part); single precision is ample for what no measure differentiates.
+FRAME_FIELDS: dict[str, tuple[str, str, tuple[int, ...]]] = {
+    "time": ("s", "f8", ()),
+    "position": ("m", "f8", (3,)),
+    "quaternion": ("1", "f4", (4,)),
+    "velocity": ("m/s", "f4", (3,)),
+    "angular_velocity": ("rad/s", "f4", (3,)),
+}
+
+
+@dataclass(frozen=True)
+class PlateRecord:
+    """What a recording holds about the plate; see the module's layout for shapes."""
+
+    length: float
+    width: float
+    thickness: float
+    x: NDArray[np.float64]
+    y: NDArray[np.float64]
+    mode_shape: NDArray[np.float64]
+    nodal_lines: tuple[NDArray[np.float64], ...]
+    antinode: NDArray[np.float64]
+    drive_time: NDArray[np.float64]
+    drive_amplitude: NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class PartRecord:
+    """What a recording holds about a part: its drawn mesh [m]."""
+
+    name: str
+    vertices: NDArray[np.float64]
+    faces: NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class Recording:
+    """A trajectory file in memory."""
+
+    path: Path
+    engine: str
+    scenario_text: str
+    plate: PlateRecord
+    parts: tuple[PartRecord, ...]
+    seeds: tuple[Frames, ...]
+    status: tuple[Status, ...]
+
+
+class TrajectoryWriter:
+    """Writes one run; `append` may be called from several threads."""
+
+    def __init__(
+        self,
+        path: Path,
+        *,
+        engine: str,
+        seed: int,
+        n_seeds: int,
+        scenario_text: str,
+        libraries: dict[str, str],
+        plate: PlateRecord,
+        parts: Sequence[PartRecord],
+    ) -> None:
+        import h5py
+
+        self._lock = threading.Lock()
+        self._file = h5py.File(path, "w-", libver="latest")
+        self._file.attrs.update(
+            schema=SCHEMA,
+            schema_version=SCHEMA_VERSION,
+            creator=f"feeder_sim {__version__}",
+            engine=engine,
+            seed=seed,
+            scenario=scenario_text,
+            libraries=json.dumps(libraries),
+        )
+        _write_plate(self._file, plate)
+        for part in parts:
+            _write(self._file, f"parts/{part.name}/vertices", part.vertices, "m")
+            _write(self._file, f"parts/{part.name}/faces", part.faces, "1")
+        for index in range(n_seeds):
+            self._create_seed(index, len(parts))
+        self._file.swmr_mode = True  # from here on nothing is created, only appended
+
+    def append(self, seed_index: int, frames: Frames) -> None:
+        """Append a block of one seed and put it on disk."""
+        with self._lock:
+            group = self._file[_seed_name(seed_index)]
+            for name in FRAME_FIELDS:
+                dataset, values = group[name], getattr(frames, name)
+                start = dataset.shape[0]
+                dataset.resize(start + len(values), axis=0)
+                dataset[start:] = values
+                dataset.flush()
+
+    def finish(self, seed_index: int, status: Status) -> None:
+        """Note how a seed ended."""
+        with self._lock:
+            dataset = self._file[f"{_seed_name(seed_index)}/status"]
+            dataset[0] = int(status)
+            dataset.flush()
+
+    def close(self) -> None:
+        with self._lock:
+            self._file.close()
+
+    def _create_seed(self, index: int, n_parts: int) -> None:
+        for name, (unit, dtype, shape) in FRAME_FIELDS.items():
+            tail = (n_parts, *shape) if shape else ()
+            dataset = self._file.create_dataset(
+                f"{_seed_name(index)}/{name}",
+                shape=(0, *tail),
+                maxshape=(None, *tail),
+                chunks=(BLOCK_FRAMES, *tail),
+                dtype=dtype,
+                compression="gzip",
+                shuffle=True,
+            )
+            dataset.attrs["unit"] = unit
+        _write(self._file, f"{_seed_name(index)}/status", np.array([int(Status.UNFINISHED)]), "1")
+
+
+def read_recording(path: Path) -> Recording:
+    """Read a trajectory file, also one whose writer was killed.
+
+    Raises:
+        InputError: missing, truncated, not HDF5, not a trajectory, another schema version.
+    """
+    if not path.is_file():
+        raise InputError("no such trajectory file", file=path)
+    try:
+        with _open(path) as file:
+            found, version = file.attrs.get("schema"), file.attrs.get("schema_version")
+            if found != SCHEMA:
+                raise InputError(f"is {found!r}, allowed is a trajectory ({SCHEMA!r})", file=path, key="schema")
+            if version != SCHEMA_VERSION:
+                raise InputError(f"is {version!r}, allowed is {SCHEMA_VERSION}", file=path, key="schema_version")
+            groups = [file[f"seeds/{name}"] for name in sorted(file["seeds"])]
+            return Recording(
+                path=path,
+                engine=str(file.attrs["engine"]),
+                scenario_text=str(file.attrs["scenario"]),
+                plate=_read_plate(file),
+                parts=tuple(_read_part(name, group) for name, group in sorted(file["parts"].items())),
+                seeds=tuple(_read_frames(group) for group in groups),
+                status=tuple(Status(int(group["status"][0])) for group in groups),
+            )
+    except (OSError, RuntimeError, KeyError, TypeError, ValueError) as error:
+        raise InputError("not a readable trajectory file (truncated or of another format)", file=path) from error
+
+
+def _open(path: Path) -> h5py.File:
+    """Open for reading; a file whose writer was killed is still marked as being written."""
+    import h5py
+
+    try:
+        return h5py.File(path, "r")
+    except OSError:
+        return h5py.File(path, "r", swmr=True, libver="latest")
+
+
+def _read_frames(group: Any) -> Frames:
+    """Read one seed; a writer killed between two datasets leaves some longer than others."""
+    n = min(group[name].shape[0] for name in FRAME_FIELDS)
+    return Frames(*(group[name][:n].astype(float) for name in FRAME_FIELDS))
+
+
+def _read_part(name: str, group: Any) -> PartRecord:
+    return PartRecord(name, group["vertices"][()], group["faces"][()])
+
+
+def _write_plate(file: h5py.File, plate: PlateRecord) -> None:
+    group = file.create_group("plate")
+    group.attrs.update(length=plate.length, width=plate.width, thickness=plate.thickness, unit="m")
+    lines = plate.nodal_lines
+    points = np.concatenate(lines) if lines else np.zeros((0, 2))
+    numbers = np.concatenate([np.full(len(line), i) for i, line in enumerate(lines)]) if lines else np.zeros(0)
+    _write(file, "plate/x", plate.x, "m")
+    _write(file, "plate/y", plate.y, "m")
+    _write(file, "plate/mode_shape", plate.mode_shape, "1")
+    _write(file, "plate/nodal_point", points, "m")
+    _write(file, "plate/nodal_line", numbers.astype(np.int64), "1")
+    _write(file, "plate/antinode", plate.antinode, "m")
+    _write(file, "drive/time", plate.drive_time, "s")
+    _write(file, "drive/amplitude", plate.drive_amplitude, "m")
+
+
+def _read_plate(file: h5py.File) -> PlateRecord:
+    group = file["plate"]
+    points, numbers = group["nodal_point"][()], group["nodal_line"][()]
+    return PlateRecord(
+        length=float(group.attrs["length"]),
+        width=float(group.attrs["width"]),
+        thickness=float(group.attrs["thickness"]),
+        x=group["x"][()],
+        y=group["y"][()],
+        mode_shape=group["mode_shape"][()],
+        nodal_lines=tuple(points[numbers == i] for i in np.unique(numbers)),
+        antinode=group["antinode"][()],
+        drive_time=file["drive/time"][()],
+        drive_amplitude=file["drive/amplitude"][()],
+    )
+
+
+def _seed_name(index: int) -> str:
+    return f"seeds/{index:03d}"
+
+
+def _write(file: h5py.File, name: str, values: NDArray[Any], unit: str) -> None:
+    compression = {"compression": "gzip", "shuffle": True} if values.size > 1000 else {}
+    file.create_dataset(name, data=values, **compression).attrs["unit"] = unit
