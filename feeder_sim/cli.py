@@ -141,16 +141,16 @@ def list_(
 def replay(
     folder: Annotated[Path, typer.Argument(help="Run folder, or its trajectory.h5.", show_default=False)],
     screenshot: Annotated[Path | None, typer.Option("--screenshot", help="Write a picture; needs no screen.")] = None,
-    at: Annotated[float | None, typer.Option("--at", help="Time shown in the screenshot [s].")] = None,
+    at: Annotated[float, typer.Option("--at", min=0.0, help="Time shown in the screenshot [s].")] = 1.0,
     seed: Annotated[int, typer.Option("--seed", min=0, help="Index of the seed shown in 3D.")] = 0,
     rebuild: Annotated[bool, typer.Option("--rebuild", help="Build the .rrd again from the trajectory.")] = False,
 ) -> None:
     """Open a recorded run in the rerun viewer, or take a screenshot of it."""
     from feeder_sim.viewer import open_viewer, replay_file, take_screenshot
 
-    recording = replay_file(folder, seed=seed, rebuild=rebuild or seed > 0, at=at)
+    recording = replay_file(folder, seed=seed, rebuild=rebuild)
     if screenshot is not None:
-        take_screenshot(recording, _writable(screenshot))
+        take_screenshot(recording, _writable(screenshot), at=at)
     else:
         open_viewer(recording)
 

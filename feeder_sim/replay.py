@@ -7,7 +7,6 @@ kHz would only alias with the frame rate.
 
 from __future__ import annotations
 
-import dataclasses
 from pathlib import Path
 from typing import Any
 
@@ -25,14 +24,13 @@ NUT, PATH, NODE = (214, 140, 30), (30, 110, 60), (20, 20, 20)
 COLOUR_STEP = 0.04  # the plate is recoloured when an envelope has moved by this fraction of its maximum
 
 
-def build_replay(trajectory: Path, replay: Path, *, shown_seed: int = 0, until: float | None = None) -> None:
+def build_replay(trajectory: Path, replay: Path, *, shown_seed: int = 0) -> None:
     """Build an .rrd from a trajectory file; also works on the file of a run that was killed.
 
     Args:
         trajectory: HDF5 file of a run.
         replay: file to write, replaced when it exists.
         shown_seed: index of the seed shown in 3D; the plots show all of them.
-        until: show what was recorded up to this time [s] and open at its end, instead of playing from the start.
 
     Raises:
         InputError: the trajectory cannot be read.
@@ -40,15 +38,12 @@ def build_replay(trajectory: Path, replay: Path, *, shown_seed: int = 0, until: 
     import rerun as rr
 
     recording = read_recording(trajectory)
-    if until is not None:
-        cut = tuple(frames[slice(int(np.searchsorted(frames.time, until, side="right")))] for frames in recording.seeds)
-        recording = dataclasses.replace(recording, seeds=cut)
     if not 0 <= shown_seed < len(recording.seeds):
         raise InputError(f"is {shown_seed}, allowed is 0 to {len(recording.seeds) - 1}", file=trajectory, key="--seed")
     if not len(recording.seeds[shown_seed]):
-        raise InputError(f"seed {shown_seed} has no frames in that time", file=trajectory)
+        raise InputError(f"seed {shown_seed} has no frames yet", file=trajectory)
     stream = rr.RecordingStream("feeder_sim", recording_id=f"{trajectory.parent.name}-{shown_seed}")
-    stream.save(replay, default_blueprint=_blueprint(recording, playing=until is None))
+    stream.save(replay, default_blueprint=_blueprint(recording))
     try:
         _log_plate(stream, recording.plate, max(frames.time[-1] for frames in recording.seeds if len(frames)))
         _log_parts(stream, recording, recording.seeds[shown_seed])
@@ -131,7 +126,7 @@ def _log_plots(stream: Any, recording: Recording, shown_seed: int) -> None:
             stream.send_columns(f"plots/{plot}/{name}", indexes=[time], columns=rr.Scalars.columns(scalars=values))
 
 
-def _blueprint(recording: Recording, *, playing: bool) -> Any:
+def _blueprint(recording: Recording) -> Any:
     """Open ready to watch: the 3D scene on the left, the plots on the right, playing along sim_time."""
     import rerun.blueprint as rrb
 
@@ -151,14 +146,12 @@ def _blueprint(recording: Recording, *, playing: bool) -> Any:
         background=[245, 245, 247],
     )
     height = float(np.ptp(recording.seeds[0].position[:, 0, 2])) * MM
-    plots = [_plot("height_mm", "Height above rest (mm)", height)]
+    plots = [_plot("height_mm", "Height above rest (mm), shown seed", height)]
     if plate.nodal_lines:
-        plots.insert(0, _plot("distance_mm", "Distance to nodal line (mm)", cell[0]))
+        plots.insert(0, _plot("distance_mm", "Distance to nodal line (mm): shown seed orange, others grey", cell[0]))
     return rrb.Blueprint(
         rrb.Horizontal(scene, rrb.Vertical(*plots), column_shares=[3, 2]),
-        rrb.TimePanel(
-            state="collapsed", timeline=TIMELINE, play_state="playing" if playing else "following", loop_mode="all"
-        ),
+        rrb.TimePanel(state="collapsed", timeline=TIMELINE, play_state="playing", loop_mode="all"),
         rrb.BlueprintPanel(state="hidden"),
         rrb.SelectionPanel(state="hidden"),
     )
@@ -169,7 +162,8 @@ def _plot(name: str, title: str, largest: float) -> Any:
     import rerun.blueprint as rrb
 
     axis = rrb.ScalarAxis(range=(0.0, 1.05 * max(largest, 1e-6)))
-    return rrb.TimeSeriesView(origin=f"/plots/{name}", name=title, axis_y=axis)
+    legend = rrb.PlotLegend(visible=False)  # one orange line and a bundle of grey ones need none
+    return rrb.TimeSeriesView(origin=f"/plots/{name}", name=title, axis_y=axis, plot_legend=legend)
 
 
 def _grid_triangles(nx: int, ny: int) -> NDArray[np.int64]:

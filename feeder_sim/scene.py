@@ -175,7 +175,8 @@ def build_mjcf(scene: Scene) -> Any:
         patch_trace += _add_patch(spec, scene.surface, part)
         part_trace += 3.0 * part.mass + part.inertia.sum()
     for part in scene.parts:
-        _add_part(spec, scene, part)
+        _add_part(spec, part)
+        _pair_with_patch(spec, scene, part)
     option.tolerance = SOLVER_TOLERANCE * part_trace / (part_trace + patch_trace)
     return spec
 
@@ -218,8 +219,18 @@ def _set_inertia(body: Any, mass: float, inertia: Any) -> None:
     body.ipos, body.iquat = [0.0, 0.0, 0.0], [1.0, 0.0, 0.0, 0.0]
 
 
-def _add_part(spec: Any, scene: Scene, part: RigidPart) -> None:
-    """Add one free part: drawn mesh, and a sphere at each corner paired with the part's own patch."""
+def build_part_mjcf(part: RigidPart) -> Any:
+    """Build the MjSpec of a part alone, for use in scenes of one's own: body, drawn mesh and contact corners."""
+    import mujoco
+
+    spec = mujoco.MjSpec()
+    spec.modelname = part.name
+    _add_part(spec, part)
+    return spec
+
+
+def _add_part(spec: Any, part: RigidPart) -> None:
+    """Add one free part: drawn mesh, and a small sphere at each corner that collides only where a pair says so."""
     import mujoco
 
     lift = -part.corners[:, 2].min() + part.corner_radius
@@ -238,10 +249,19 @@ def _add_part(spec: Any, scene: Scene, part: RigidPart) -> None:
         group=1,
         rgba=[0.85, 0.60, 0.20, 1.0],
     )
-    parameters = contact_parameters(scene.scenario.contact, scene.timestep)
+    size = [part.corner_radius or CORNER_RADIUS, 0.0, 0.0]
+    sphere = mujoco.mjtGeom.mjGEOM_SPHERE
     for i, corner in enumerate(part.corners):
-        name = f"{part.name}_corner_{i}"
-        radius = part.corner_radius or CORNER_RADIUS
-        sphere = mujoco.mjtGeom.mjGEOM_SPHERE
-        body.add_geom(name=name, type=sphere, size=[radius, 0, 0], pos=corner, contype=0, conaffinity=0, group=3)
+        body.add_geom(name=_corner_name(part, i), type=sphere, size=size, pos=corner, contype=0, conaffinity=0, group=3)
+
+
+def _pair_with_patch(spec: Any, scene: Scene, part: RigidPart) -> None:
+    """Let every corner of a part meet the part's own patch, and nothing else."""
+    parameters = contact_parameters(scene.scenario.contact, scene.timestep)
+    for i in range(len(part.corners)):
+        name = _corner_name(part, i)
         spec.add_pair(name=name, geomname1=f"plate_{part.name}", geomname2=name, condim=3, **parameters)
+
+
+def _corner_name(part: RigidPart, i: int) -> str:
+    return f"{part.name}_corner_{i}"

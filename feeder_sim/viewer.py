@@ -4,21 +4,23 @@ from __future__ import annotations
 
 import os
 import shutil
+import socket
 import subprocess
 import sys
 import tempfile
+import time
 from pathlib import Path
 
 from feeder_sim.errors import FeederSimError, InputError
-from feeder_sim.replay import build_replay
+from feeder_sim.replay import TIMELINE, build_replay
 from feeder_sim.run_folder import REPLAY, TRAJECTORY
 
-WINDOW = "1600x900"
-SCREENSHOT_TIMEOUT_S = 120
+LOADING_TIMEOUT_S = 60.0
+SETTLING_S = 6.0  # the viewer's start-up messages fade and its views finish drawing
 
 
-def replay_file(run: Path, *, seed: int = 0, rebuild: bool = False, at: float | None = None) -> Path:
-    """The .rrd of a run, built from its trajectory file when it is missing, stale or another view is wanted.
+def replay_file(run: Path, *, seed: int = 0, rebuild: bool = False) -> Path:
+    """The .rrd of a run, built from its trajectory file when it is missing or another seed is wanted.
 
     Raises:
         InputError: there is no such run, or its trajectory cannot be read.
@@ -26,11 +28,9 @@ def replay_file(run: Path, *, seed: int = 0, rebuild: bool = False, at: float | 
     trajectory = run if run.suffix == ".h5" else run / TRAJECTORY
     if not trajectory.is_file():
         raise InputError(f"no run here, allowed is a folder that holds {TRAJECTORY}", file=run)
-    replay = trajectory.with_name(REPLAY)
-    if at is not None:  # a picture of one moment: leave the recorded replay as it is
-        replay = Path(tempfile.mkdtemp(prefix="feeder_sim-")) / REPLAY
-    if rebuild or at is not None or not replay.is_file():
-        build_replay(trajectory, replay, shown_seed=seed, until=at)
+    replay = trajectory.with_name(REPLAY if seed == 0 else f"replay_seed_{seed:03d}.rrd")
+    if rebuild or not replay.is_file():
+        build_replay(trajectory, replay, shown_seed=seed)
     return replay
 
 
@@ -39,24 +39,38 @@ def open_viewer(replay: Path) -> None:
     subprocess.Popen([_rerun(), str(replay)], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
 
 
-def take_screenshot(replay: Path, picture: Path) -> None:
-    """Render the opened replay without a screen.
+def take_screenshot(replay: Path, picture: Path, *, at: float) -> None:
+    """Render the opened replay at a time [s], without a screen.
 
     Raises:
-        FeederSimError: the viewer found no graphics driver, not even a software one.
+        FeederSimError: the viewer did not start (it finds no graphics driver, not even a software one) or draw.
     """
-    command = [_rerun(), str(replay), "--headless", "--new", "--window-size", WINDOW, "--screenshot-to", str(picture)]
-    picture.unlink(missing_ok=True)
-    environment = {"XDG_RUNTIME_DIR": tempfile.gettempdir(), **os.environ}
-    try:
-        subprocess.run(command, env=environment, capture_output=True, timeout=SCREENSHOT_TIMEOUT_S, check=False)
-    except subprocess.TimeoutExpired as error:
-        raise FeederSimError(f"the viewer took more than {SCREENSHOT_TIMEOUT_S} s for a screenshot") from error
-    if not picture.is_file():
-        raise FeederSimError(
-            f"{picture}: the viewer wrote no picture; without a GPU it needs a software driver "
-            "(Debian: mesa-vulkan-drivers libvulkan1)"
-        )
+    with tempfile.TemporaryDirectory() as runtime_folder:
+        os.environ.setdefault("XDG_RUNTIME_DIR", runtime_folder)
+        os.environ.setdefault("RUST_LOG", "error")  # the viewer talks a lot on stderr
+        try:
+            _draw(replay.resolve(), picture.resolve(), at)
+        except (RuntimeError, ConnectionError, TimeoutError, ValueError) as error:
+            raise FeederSimError(
+                f"{picture}: the rerun viewer wrote no picture; without a GPU it needs a software driver "
+                f"(Debian: mesa-vulkan-drivers libvulkan1): {str(error).splitlines()[0]}"
+            ) from error
+
+
+def _draw(replay: Path, picture: Path, at: float) -> None:
+    from rerun.experimental import ViewerClient
+
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        port = probe.getsockname()[1]
+    with ViewerClient.spawn(headless=True, port=port, hide_welcome_screen=True, executable_path=_rerun()) as viewer:
+        viewer.open(str(replay))
+        deadline = time.monotonic() + LOADING_TIMEOUT_S
+        while viewer.get_state().loading and time.monotonic() < deadline:
+            time.sleep(0.2)
+        viewer.set_time(TIMELINE, duration=at, play_state="paused")
+        time.sleep(SETTLING_S)
+        viewer.save_screenshot(str(picture))
 
 
 def _rerun() -> str:

@@ -32,6 +32,14 @@ def _load_mujoco_symbols() -> None:
     llvmlite.binding.load_library_permanently(str(library))
 
 
+def _silence_mujoco() -> None:
+    """Diverged states are reported by the simulation's guard, not by a MUJOCO_LOG.TXT wherever the user happens to be."""
+    config = mujoco.MjLogConfig.get()
+    config.logto_file = config.logto_console = False
+    mujoco.MjLogConfig.set(config)
+
+
+_silence_mujoco()
 _load_mujoco_symbols()
 _mj_step = types.ExternalFunction("mj_step", types.void(types.voidptr, types.voidptr))
 
@@ -105,6 +113,11 @@ def _advance(at, surface, timestep, first_step, steps_per_frame, in_plane, qpos_
             _mj_step(at.model, at.data)
         qpos_out[frame] = at.qpos
         qvel_out[frame] = at.qvel
+        if not np.isfinite(at.qpos.sum()):
+            # MuJoCo's solver is slow on NaN and nothing comes after it.
+            qpos_out[frame:] = np.nan
+            qvel_out[frame:] = np.nan
+            break
     return step
 
 

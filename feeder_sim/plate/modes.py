@@ -164,7 +164,9 @@ def _solve_parity_class(
     x_w, y_w = (odd if p else even for p in parity)
     x_b, y_b = (even if p else odd for p in parity)  # beta_x ~ w,x swaps the parity in x, beta_y in y
     fields = ((x_w, y_w), (x_b, y_w), (x_w, y_b))
-    stiffness, mass = _ritz_matrices(plate, fields, terms)
+    # Under the constraint beta = grad w the shear energy is zero; leaving it out keeps its round-off out, too.
+    shear_stiffness = plate.shear_stiffness if theory == "mindlin" else 0.0
+    stiffness, mass = _ritz_matrices(plate, shear_stiffness, fields, terms)
     basis = np.eye(len(mass)) if theory == "mindlin" else _thin_plate_basis(plate, fields, terms)
     squared, vectors = eigh(basis.T @ stiffness @ basis, basis.T @ (mass[:, None] * basis))
     rigid = _rigid_count(parity)
@@ -193,16 +195,16 @@ def _rigid_count(parity: tuple[int, int]) -> int:
 
 
 def _ritz_matrices(
-    plate: RectangularPlate, fields: Fields, terms: int
+    plate: RectangularPlate, shear_stiffness: float, fields: Fields, terms: int
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Assemble stiffness (n, n) and the diagonal mass (n,), both per unit (length/2)(width/2)."""
-    d, s, nu = plate.bending_stiffness, plate.shear_stiffness, plate.material.poisson_ratio
+    d, s, nu = plate.bending_stiffness, shear_stiffness, plate.material.poisson_ratio
     gram, value_slope, slope_slope = _legendre_integrals(terms)
     lx, ly = 2.0 / plate.length, 2.0 / plate.width
 
     def integral(a: int, b: int, x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.float64]:
         (ax, ay), (bx, by) = fields[a], fields[b]
-        return np.kron(x[np.ix_(ax, bx)], y[np.ix_(ay, by)])
+        return np.asarray(np.kron(x[np.ix_(ax, bx)], y[np.ix_(ay, by)]), dtype=np.float64)
 
     g, c, k = gram, value_slope, slope_slope  # int PP, int P P', int P' P'
     ww = s * (lx**2 * integral(0, 0, k, g) + ly**2 * integral(0, 0, g, k))
@@ -223,10 +225,9 @@ def _legendre_integrals(terms: int) -> tuple[NDArray[np.float64], NDArray[np.flo
     nodes, weights = legendre.leggauss(terms + 1)
     value = _orthonormal_legendre(nodes, terms)
     scale = np.sqrt(np.arange(terms) + 0.5)
-    slopes = [legendre.legval(nodes, legendre.legder(row)) for row in np.diag(scale)]
-    slope: NDArray[np.float64] = np.stack(slopes, axis=1)
-    weighted = weights[:, None] * slope
-    return np.eye(terms), np.asarray(value.T @ weighted, float), np.asarray(slope.T @ weighted, float)
+    slope = np.stack([legendre.legval(nodes, legendre.legder(row)) for row in np.diag(scale)], axis=1)
+    weighted: NDArray[np.float64] = weights[:, None] * slope
+    return np.eye(terms, dtype=np.float64), value.T @ weighted, slope.T @ weighted
 
 
 def _orthonormal_legendre(xi: NDArray[np.float64], terms: int) -> NDArray[np.float64]:

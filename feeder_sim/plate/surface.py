@@ -6,7 +6,7 @@ mid-plane) moves by
     u = sum_j (-h/2 beta_x, -h/2 beta_y, w)_j q_j(t),    velocity the same with q_j'.
 
 The horizontal part is what carries parts from antinode to node. Shapes are tabulated and interpolated with cubic
-Lagrange polynomials: at 80 grid points per wavelength the error is below 1e-6 of the antinode amplitude.
+Lagrange polynomials: at 80 grid points per wavelength the deflection is right to 1e-6 of the antinode amplitude.
 """
 
 from __future__ import annotations

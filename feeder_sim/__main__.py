@@ -1,0 +1,5 @@
+"""`python -m feeder_sim`."""
+
+from feeder_sim.cli import main
+
+main()

@@ -1,0 +1,174 @@
+"""Whatever stands in a file, the readers give a value or one `InputError`, never anything else."""
+
+from __future__ import annotations
+
+import shutil
+import tempfile
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+import pytest
+import tomli_w
+from conftest import REPOSITORY
+from hypothesis import HealthCheck, assume, given, settings
+from hypothesis import strategies as st
+
+from feeder_sim.errors import InputError
+from feeder_sim.materials import Material
+from feeder_sim.plate.mode_file import Resonance, read_mode_file, write_mode_file
+from feeder_sim.plate.modes import PlateModes, RectangularPlate, plate_modes
+from feeder_sim.run_folder import scenario_toml
+from feeder_sim.scenario import Scenario, parse_scenario
+
+FILE = Path("scenario.toml")
+GOOD: dict[str, Any] = {
+    "plate": {"kind": "strip", "thickness_mm": 3.0},
+    "drive": [{"frequency_hz": 4750.0, "amplitude_um": 1.0}],
+    "part": [{"shape": "hex_nut", "size": "M2.5", "start": {"position_mm": [1.0, 0.0]}}],
+    "contact": {"restitution": 0.2},
+    "run": {"duration_s": 1.0},
+}
+SCALARS = st.one_of(
+    st.none().map(lambda _: "text"),
+    st.booleans(),
+    st.integers(-(10**6), 10**6),
+    st.floats(allow_nan=True, allow_infinity=True),
+    st.text(st.characters(blacklist_categories=("Cs", "Cc")), max_size=8),
+)
+VALUES = st.one_of(
+    SCALARS, st.lists(SCALARS, max_size=3), st.dictionaries(st.text("abc_", min_size=1), SCALARS, max_size=2)
+)
+
+
+def tables(value: Any) -> list[dict[str, Any]]:
+    """Every table in a document, outermost first."""
+    if isinstance(value, list):
+        return [table for entry in value for table in tables(entry)]
+    if isinstance(value, dict):
+        return [value, *(table for entry in value.values() for table in tables(entry))]
+    return []
+
+
+@given(data=st.data())
+@settings(max_examples=300, deadline=None)
+def test_scenario_reader_accepts_or_says_what_is_wrong(data: st.DataObject) -> None:
+    import copy
+
+    document = copy.deepcopy(GOOD)
+    for _ in range(data.draw(st.integers(1, 3))):
+        table = data.draw(st.sampled_from(tables(document)))
+        key = data.draw(
+            st.one_of(st.sampled_from(sorted(table) or ["x"]), st.text("abcdefgh_", min_size=1, max_size=12))
+        )
+        if data.draw(st.booleans()):
+            table[key] = data.draw(VALUES)
+        else:
+            table.pop(key, None)
+    text = tomli_w.dumps(document)
+    try:
+        scenario = parse_scenario(text, file=FILE)
+    except InputError as error:
+        assert str(error).startswith("scenario.toml: ")
+        assert "\n" not in str(error)
+    else:
+        assert parse_scenario(scenario_toml(scenario), file=FILE) == scenario
+
+
+@given(text=st.text(max_size=200))
+def test_scenario_reader_survives_any_text(text: str) -> None:
+    with pytest.raises(InputError):
+        parse_scenario(text, file=FILE)
+
+
+@given(
+    thickness=st.floats(0.1, 20.0),
+    amplitude=st.floats(0.0, 1e4),
+    start=st.tuples(st.floats(-50, 50), st.floats(-50, 50)),
+    restitution=st.floats(0, 1),
+)
+def test_valid_scenarios_survive_being_written_and_read(
+    thickness: float, amplitude: float, start: tuple[float, float], restitution: float
+) -> None:
+    scenario = Scenario.model_validate(
+        GOOD
+        | {
+            "plate": {"kind": "strip", "thickness_mm": thickness},
+            "drive": [{"frequency_hz": 100.0, "amplitude_um": amplitude}],
+            "part": [{"shape": "ball", "diameter_mm": 3.0, "start": {"position_mm": start}}],
+            "contact": {"restitution": restitution},
+        }
+    )
+    assert parse_scenario(scenario_toml(scenario), file=FILE) == scenario
+
+
+@pytest.fixture(scope="module")
+def small_modes() -> PlateModes:
+    plate = RectangularPlate(0.1, 0.08, 0.002, Material(2770.0, 71e9, 0.33))
+    return plate_modes(plate, highest_frequency=3000.0, terms_per_axis=8)
+
+
+def test_mode_file_returns_what_was_written(small_modes: PlateModes, tmp_path: Path) -> None:
+    resonance = Resonance(1, 1500.0, 0.002, 2e-7, (0.01, 0.0))
+    write_mode_file(tmp_path / "m.h5", small_modes, [resonance])
+    read = read_mode_file(tmp_path / "m.h5")
+    assert read.resonances == (resonance,)
+    assert read.modes.plate == small_modes.plate
+    assert np.array_equal(read.modes.coefficients, small_modes.coefficients)
+    with h5py.File(tmp_path / "m.h5") as file:
+        assert file["modes/natural_frequency"].attrs["unit"] == "Hz"
+        assert {"normalisation", "sign_convention", "creator", "method"} <= set(file.attrs)
+
+
+@given(data=st.data())
+@settings(max_examples=150, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+def test_damaged_mode_file_is_refused_or_read_unchanged(data: st.DataObject) -> None:
+    """Cut the file anywhere, or overwrite a stretch of it."""
+    good = REPOSITORY / "models/plate_180/modes.h5"
+    content = bytearray(good.read_bytes())
+    if data.draw(st.booleans()):
+        content = content[: data.draw(st.integers(0, len(content) - 1))]
+    else:
+        # Most of the file is compressed coefficients; damage the structure at least as often.
+        start = data.draw(st.one_of(st.integers(0, 4000), st.integers(0, len(content) - 64)))
+        content[start : start + 16] = data.draw(st.binary(min_size=16, max_size=16))
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "damaged.h5"
+        path.write_bytes(bytes(content))
+        try:
+            held = read_mode_file(path)
+        except InputError as error:
+            assert str(path) in str(error) and "\n" not in str(error)
+        else:
+            assert np.isfinite(held.modes.coefficients).all()
+            assert (held.modes.natural_frequency > 0).all()
+
+
+@given(
+    name=st.sampled_from(["modes/natural_frequency", "modes/coefficients", "modes/parity", "resonances/mode"]),
+    value=st.sampled_from([np.nan, -1.0, np.inf]),
+    drop=st.booleans(),
+)
+@settings(max_examples=40, deadline=None)
+def test_inconsistent_mode_file_is_refused(name: str, value: float, drop: bool) -> None:
+    assume(drop or name != "modes/parity")
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "m.h5"
+        shutil.copy(REPOSITORY / "models/plate_180/modes.h5", path)
+        with h5py.File(path, "r+") as file:
+            whole = file[name][()]
+            del file[name]
+            if drop:
+                file[name] = whole[:-1]
+            elif np.issubdtype(whole.dtype, np.integer):
+                whole[0] = -5
+                file[name] = whole
+            else:
+                whole.flat[0] = value
+                file[name] = whole
+        if name == "modes/coefficients" and not drop and value == -1.0:
+            assert len(read_mode_file(path).modes) == 59  # any finite coefficient is a coefficient
+            return
+        with pytest.raises(InputError, match=r"m\.h5"):
+            read_mode_file(path)

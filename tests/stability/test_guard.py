@@ -1,0 +1,83 @@
+"""A run that leaves the range of valid states stops with time, part and cause, and keeps what it computed."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from conftest import piston_scenario, strip_scenario
+
+from feeder_sim.engines import mujoco as engine_module
+from feeder_sim.scenario import Start
+from feeder_sim.simulation import simulate
+from feeder_sim.trajectory import Status, read_recording
+
+TUNNELLING = """
+[plate]
+kind = "piston"
+[[drive]]
+frequency_hz = 50.0
+amplitude_um = 1.0
+[[part]]
+shape = "hex_nut"
+size = "M2.5"
+[part.start]
+drop_height_mm = 20000.0      # arrives at 20 m/s: 10 mm per step of 0.5 ms, through a plate of 3 mm
+tilt_deg = 0.0
+[run]
+duration_s = 5.0
+seeds = 2
+"""
+
+
+def test_tunnelling_part_stops_the_run_and_keeps_its_frames(tmp_path: Path) -> None:
+    scenario, folder = tmp_path / "fast.toml", tmp_path / "run"
+    scenario.write_text(TUNNELLING)
+    command = [sys.executable, "-m", "feeder_sim", "run", str(scenario), "--out", str(folder), "--json"]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=300, check=False)
+    assert done.returncode == 1
+    assert "Traceback" not in done.stderr
+    lines = done.stderr.splitlines()
+    assert len(lines) == 2 and all("part_0 at 2.0" in line and "below the plate" in line for line in lines)
+    recording = read_recording(folder / "trajectory.h5")
+    assert recording.status == (Status.DIVERGED, Status.DIVERGED)
+    for frames in recording.seeds:
+        assert frames.time[-1] == pytest.approx(np.sqrt(2 * 20 / 9.81), abs=0.01)
+        assert (frames.position[:, 0, 2] > 0).all()
+
+
+def test_slow_part_on_the_same_plate_does_not_tunnel() -> None:
+    scenario = piston_scenario(
+        frequency_hz=50.0,
+        amplitude_um=1.0,
+        start=Start(drop_height_mm=(20.0, 20.0), tilt_deg=(0.0, 0.0)),
+        duration_s=0.5,
+    )
+    assert simulate(scenario).seeds[0].status == Status.DONE
+
+
+def test_non_finite_state_is_noticed_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    original = engine_module.MujocoEngine.advance
+
+    def poisoned(self: engine_module.MujocoEngine, n_frames: int) -> object:
+        if self.data.time > 0.3:
+            self.data.qvel[3] = np.nan
+        return original(self, n_frames)
+
+    monkeypatch.setattr(engine_module.MujocoEngine, "advance", poisoned)
+    result = simulate(strip_scenario(duration_s=2.0))
+    assert result.seeds[0].status == Status.DIVERGED
+    (failure,) = result.failures
+    assert "not finite" in failure.cause and failure.part == "part_0"
+    assert 0.3 < failure.time_s < 0.7
+    assert np.isfinite(result.trajectories[0].position).all()
+    assert result.trajectories[0].time[-1] < failure.time_s
+
+
+@pytest.mark.parametrize("amplitude_um", [0.1, 1.0, 10.0, 90.0])
+def test_strong_drives_stay_within_what_the_plate_can_give(amplitude_um: float) -> None:
+    scenario = piston_scenario(frequency_hz=2797.0, amplitude_um=amplitude_um, duration_s=0.5, seeds=4)
+    assert [seed.status for seed in simulate(scenario).seeds] == [Status.DONE] * 4

@@ -1,0 +1,159 @@
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from conftest import REPOSITORY
+
+SHORT = """
+title = "short"
+[plate]
+kind = "strip"
+thickness_mm = 3.0
+[[drive]]
+frequency_hz = 4750.0
+amplitude_um = 1.0
+[[part]]
+shape = "hex_nut"
+size = "M2.5"
+[run]
+duration_s = 0.1
+seeds = 2
+"""
+
+
+def feeder_sim(*arguments: object, cwd: Path | None = None) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-m", "feeder_sim", *map(str, arguments)]
+    return subprocess.run(command, capture_output=True, text=True, cwd=cwd, timeout=300, check=False)
+
+
+@pytest.fixture
+def scenario(tmp_path: Path) -> Path:
+    path = tmp_path / "short.toml"
+    path.write_text(SHORT)
+    return path
+
+
+def test_run_prints_one_json_object_and_fills_the_folder(scenario: Path, tmp_path: Path) -> None:
+    done = feeder_sim("run", scenario, "--json", "--out", tmp_path / "run")
+    assert done.returncode == 0, done.stderr
+    assert done.stderr == ""
+    summary = json.loads(done.stdout)
+    assert set(summary["transport_speed_mm_s"]) == {"mean", "sd", "se", "n"}
+    assert summary["engine"] == "mujoco"
+    assert summary["simulated_s"] == pytest.approx(0.2, rel=0.03)
+    assert summary["real_time_factor"] == pytest.approx(summary["simulated_s"] / summary["wall_s"])
+    assert {p.name for p in (tmp_path / "run").iterdir()} == {
+        "trajectory.h5",
+        "replay.rrd",
+        "summary.json",
+        "scenario.toml",
+        "scene.xml",
+    }
+
+
+def test_resolved_scenario_runs_again_to_the_same_bits(scenario: Path, tmp_path: Path) -> None:
+    assert feeder_sim("run", scenario, "--seed", 5, "--out", tmp_path / "a").returncode == 0
+    assert feeder_sim("run", tmp_path / "a/scenario.toml", "--out", tmp_path / "b").returncode == 0
+    from feeder_sim import read_recording
+
+    first, second = (read_recording(tmp_path / name / "trajectory.h5").seeds[1] for name in "ab")
+    assert first.position.tobytes() == second.position.tobytes()
+
+
+def test_run_without_a_folder_takes_the_next_free_one(scenario: Path, tmp_path: Path) -> None:
+    for _ in range(2):
+        assert feeder_sim("run", scenario, "--seeds", 1, cwd=tmp_path).returncode == 0
+    assert sorted(p.name for p in (tmp_path / "runs").iterdir()) == ["short-001", "short-002"]
+
+
+def test_folder_that_holds_a_run_is_left_alone(scenario: Path, tmp_path: Path) -> None:
+    folder = tmp_path / "run"
+    feeder_sim("run", scenario, "--out", folder)
+    before = {p: p.stat().st_mtime_ns for p in folder.iterdir()}
+    again = feeder_sim("run", scenario, "--out", folder)
+    assert again.returncode == 2
+    assert "already holds a run" in one_line(again) and str(folder) in again.stderr
+    assert {p: p.stat().st_mtime_ns for p in folder.iterdir()} == before
+
+
+def test_dry_run_and_check_describe_and_write_nothing(scenario: Path, tmp_path: Path) -> None:
+    dry = feeder_sim("run", scenario, "--dry-run", "--json", cwd=tmp_path)
+    checked = feeder_sim("check", scenario, "--json", cwd=tmp_path)
+    plan = json.loads(checked.stdout)
+    assert json.loads(dry.stdout).keys() == plan.keys()
+    assert plan["steps_per_seed"] == pytest.approx(0.1 * 4750 * 40, rel=0.03)
+    assert plan["parts"][0]["mass_g"] == pytest.approx(0.263, rel=2e-3)
+    assert plan["estimated_wall_s"] > 0 and plan["estimated_file_size_mb"] > 0
+    assert [p.name for p in tmp_path.iterdir()] == ["short.toml"]
+    assert "antinode_to_node_mm: 19.49" in feeder_sim("check", scenario).stdout
+
+
+def test_estimated_file_size_is_about_right(scenario: Path, tmp_path: Path) -> None:
+    scenario.write_text(SHORT.replace("duration_s = 0.1", "duration_s = 6.0"))
+    plan = json.loads(feeder_sim("check", scenario, "--json").stdout)
+    feeder_sim("run", scenario, "--out", tmp_path / "run")
+    size = sum(p.stat().st_size for p in (tmp_path / "run").iterdir()) * 1e-6
+    assert 0.5 < plan["estimated_file_size_mb"] / size < 2.0
+
+
+def test_check_writes_the_scene_as_mjcf(scenario: Path, tmp_path: Path) -> None:
+    import mujoco
+
+    assert feeder_sim("check", scenario, "--mjcf", tmp_path / "scene.xml").returncode == 0
+    assert mujoco.MjModel.from_xml_path(str(tmp_path / "scene.xml")).nv == 9
+
+
+def test_modes_are_computed_listed_stored_and_drawn(tmp_path: Path) -> None:
+    plate = REPOSITORY / "models/plate_180/plate.toml"
+    made = feeder_sim("modes", plate, "--out", tmp_path / "m.h5", "--picture", tmp_path / "m.png", "--mode", 13)
+    assert made.returncode == 0, made.stderr
+    listed = feeder_sim("modes", tmp_path / "m.h5")
+    assert listed.stdout == made.stdout
+    assert "2639.2" in listed.stdout and "2646.0" in listed.stdout
+    assert (tmp_path / "m.png").read_bytes().startswith(b"\x89PNG")
+    refused = feeder_sim("modes", plate, "--out", tmp_path / "m.h5")
+    assert refused.returncode == 2 and "exists already" in one_line(refused)
+    too_high = feeder_sim("modes", tmp_path / "m.h5", "--picture", tmp_path / "n.png", "--mode", 99)
+    assert too_high.returncode == 2 and "allowed is 1 to 59" in one_line(too_high)
+
+
+def test_list_names_what_there_is() -> None:
+    listed = feeder_sim("list", cwd=REPOSITORY)
+    for expected in ("scenarios/drift_4750hz.toml", "models/plate_180/modes.h5", "mujoco", "M2.5", "aluminium"):
+        assert expected in listed.stdout
+
+
+def test_replay_of_nothing_is_refused(tmp_path: Path) -> None:
+    missing = feeder_sim("replay", tmp_path / "nothing")
+    assert missing.returncode == 2 and "no run here" in one_line(missing)
+
+
+def test_python_does_what_the_command_does(scenario: Path, tmp_path: Path) -> None:
+    import feeder_sim as package
+
+    loaded = package.load_scenario(scenario)
+    result = package.simulate(loaded)
+    summary = json.loads(feeder_sim("run", scenario, "--json", "--out", tmp_path / "run").stdout)
+    assert result.measures()["drift_velocity_x_mm_s"] == summary["drift_velocity_x_mm_s"]
+    assert result.trajectories[0].position.shape == (result.scene.n_frames, 1, 3)
+
+
+def test_help_does_not_load_the_heavy_libraries() -> None:
+    code = (
+        "import sys, typer.testing; from feeder_sim.cli import app;"
+        "typer.testing.CliRunner().invoke(app, ['--help']);"
+        "print([m for m in ('numba', 'mujoco', 'rerun', 'trimesh', 'scipy', 'pydantic', 'h5py') if m in sys.modules])"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"
+
+
+def one_line(done: subprocess.CompletedProcess[str]) -> str:
+    """The message of a refused command: exactly one line, no traceback."""
+    assert done.stdout == ""
+    assert done.stderr.count("\n") == 1 and "Traceback" not in done.stderr, done.stderr
+    return done.stderr

@@ -1,0 +1,54 @@
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from conftest import piston_scenario, strip_scenario
+
+from feeder_sim.errors import InputError
+from feeder_sim.measures import Statistic, drift_velocity, first_passage, transport_cell, transport_speed
+from feeder_sim.scene import build_scene
+from feeder_sim.simulation import simulate
+from feeder_sim.trajectory import Frames
+
+
+def moving(x: np.ndarray, time: np.ndarray) -> Frames:
+    position = np.zeros((len(time), 1, 3))
+    position[:, 0, 0] = x
+    return Frames(time, position, np.tile([1.0, 0, 0, 0], (len(time), 1, 1)), position * 0, position * 0)
+
+
+def test_uniform_motion_gives_its_own_speed() -> None:
+    cell = transport_cell(build_scene(strip_scenario()))
+    assert cell is not None
+    time = np.linspace(0.0, 20.0, 5000)
+    assert transport_speed(moving(1e-3 * time, time), cell) == pytest.approx(1e-3, rel=1e-6)
+    assert drift_velocity(moving(1e-3 * time, time)) == pytest.approx([1e-3, 0.0])
+
+
+def test_first_passage_counts_when_the_part_turns_back() -> None:
+    time, way = np.array([0.0, 1.0, 2.0, 3.0, 4.0]), np.array([1.0, 0.7, 0.9, 0.5, 0.1])
+    assert first_passage(time, way, 0.8) == pytest.approx(2 / 3)
+    assert first_passage(time, way, 0.2) == pytest.approx(3.75)
+
+
+def test_a_part_that_never_arrives_has_no_speed() -> None:
+    cell = transport_cell(build_scene(strip_scenario()))
+    assert cell is not None
+    time = np.linspace(0.0, 5.0, 100)
+    assert math.isnan(transport_speed(moving(1e-3 * time, time), cell))
+
+
+def test_statistic_of_finite_values_only() -> None:
+    found = Statistic.of([1.0, 2.0, math.nan, 3.0])
+    assert (found.mean, found.sd, found.n) == (2.0, 1.0, 3)
+    assert found.se == pytest.approx(1 / math.sqrt(3))
+    assert Statistic.of([]).as_dict() == {"mean": None, "sd": None, "se": None, "n": 0}
+
+
+def test_passage_rule_needs_a_node_and_a_start_before_the_line() -> None:
+    with pytest.raises(InputError, match=r"run\.stop"):
+        simulate(piston_scenario(stop="passage"))
+    with pytest.raises(InputError, match=r"start\.position_mm"):
+        simulate(strip_scenario(x_mm=8.0, stop="passage"))

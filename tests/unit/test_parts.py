@@ -1,0 +1,81 @@
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+
+from feeder_sim.errors import InputError
+from feeder_sim.parts import ISO_4032, MAX_CORNERS, build_part
+from feeder_sim.scenario import Ball, Cylinder, HexNut, MeshPart
+
+
+def test_nut_of_the_source_weighs_what_it_should() -> None:
+    assert build_part(HexNut(size="M2.5")).mass == pytest.approx(0.263e-3, rel=2e-3)
+
+
+@pytest.mark.parametrize("size", sorted(ISO_4032))
+def test_nut_formulas_agree_with_its_mesh(size: str) -> None:
+    part = build_part(HexNut.model_validate({"size": size}))
+    mesh = trimesh.Trimesh(part.vertices, part.faces, process=False)
+    assert mesh.is_watertight
+    mesh.density = 7850.0
+    # The drawn bore is a polygon of 48 sides, 0.3 % smaller than the round one.
+    assert mesh.mass == pytest.approx(part.mass, rel=3e-3)
+    assert np.diag(mesh.moment_inertia) == pytest.approx(part.inertia, rel=3e-3)
+    assert mesh.center_mass == pytest.approx(np.zeros(3), abs=1e-9)
+    across, height, _ = ISO_4032[size]
+    assert np.ptp(part.corners, axis=0) == pytest.approx(np.array([across * 2 / 3**0.5, across, height]) * 1e-3)
+
+
+def test_a_nut_by_dimensions_equals_the_nut_by_size() -> None:
+    by_size = build_part(HexNut(size="M2.5"))
+    by_dimensions = build_part(HexNut(across_flats_mm=5.0, height_mm=2.0, bore_mm=2.5))
+    assert by_dimensions.mass == by_size.mass
+
+
+def test_ball_and_cylinder() -> None:
+    ball = build_part(Ball(shape="ball", diameter_mm=3.0))
+    assert ball.mass == pytest.approx(7850 * np.pi / 6 * 0.003**3)
+    assert ball.corner_radius == pytest.approx(0.0015)
+    rod = build_part(Cylinder(shape="cylinder", diameter_mm=4.0, height_mm=6.0))
+    mesh = trimesh.creation.cylinder(radius=0.002, height=0.006, sections=400)
+    mesh.density = 7850.0
+    assert rod.mass == pytest.approx(mesh.mass, rel=1e-3)
+    assert rod.inertia == pytest.approx(np.diag(mesh.moment_inertia), rel=1e-3)
+
+
+def test_mesh_file_keeps_mass_and_finds_principal_axes(tmp_path: Path) -> None:
+    turned = trimesh.creation.box(extents=[2.0, 3.0, 5.0])
+    turned.apply_transform(trimesh.transformations.rotation_matrix(0.7, [1, 2, 3], [4, 5, 6]))
+    turned.export(tmp_path / "box.stl")
+    part = build_part(MeshPart(shape="mesh", file=tmp_path / "box.stl"))
+    mass = 7850 * 30e-9
+    expected = mass / 12 * np.array([4 + 9, 4 + 25, 9 + 25]) * 1e-6
+    assert part.mass == pytest.approx(mass, rel=1e-5)
+    assert part.inertia == pytest.approx(expected, rel=1e-5)
+    assert np.sort(np.ptp(part.corners, axis=0)) == pytest.approx([2e-3, 3e-3, 5e-3], rel=1e-5)
+
+
+def test_hull_of_a_fine_mesh_is_thinned_evenly(tmp_path: Path) -> None:
+    sphere = trimesh.creation.icosphere(subdivisions=4, radius=1.0)
+    sphere.export(tmp_path / "sphere.stl")
+    part = build_part(MeshPart(shape="mesh", file=tmp_path / "sphere.stl"))
+    assert len(part.corners) == MAX_CORNERS
+    directions = part.corners / np.linalg.norm(part.corners, axis=1, keepdims=True)
+    gap = np.arccos(np.clip((np.asarray(sphere.vertices) @ directions.T).max(axis=1), -1, 1)).max()
+    assert gap < np.radians(25)
+
+
+def test_open_mesh_is_refused(tmp_path: Path) -> None:
+    box = trimesh.creation.box()
+    trimesh.Trimesh(box.vertices, box.faces[:-1]).export(tmp_path / "open.stl")
+    with pytest.raises(InputError, match=r"open\.stl: part\.file: is an open mesh"):
+        build_part(MeshPart(shape="mesh", file=tmp_path / "open.stl"))
+
+
+def test_file_that_is_no_mesh_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "part.stl").write_text("not a mesh")
+    with pytest.raises(InputError, match=r"part\.stl"):
+        build_part(MeshPart(shape="mesh", file=tmp_path / "part.stl"))

@@ -1,0 +1,90 @@
+from __future__ import annotations
+
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+from conftest import piston_scenario, strip_scenario
+
+from feeder_sim.engines.mujoco import MujocoEngine
+from feeder_sim.run_folder import mjcf_text
+from feeder_sim.scenario import Start, load_scenario
+from feeder_sim.scene import build_mjcf, build_scene, start_poses
+
+
+def test_compiled_bodies_carry_the_parts_inertia_at_their_origin() -> None:
+    scene = build_scene(strip_scenario())
+    model = build_mjcf(scene).compile()
+    nut = model.body("part_0")
+    assert nut.mass[0] == pytest.approx(scene.parts[0].mass)
+    assert nut.inertia == pytest.approx(scene.parts[0].inertia)
+    # Left unset, MuJoCo would put the centre of mass at the body's own position.
+    assert model.body_ipos == pytest.approx(0.0)
+
+
+def test_solver_tolerance_does_not_depend_on_the_patch_mass() -> None:
+    model = build_mjcf(build_scene(strip_scenario())).compile()
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    dense = np.zeros((model.nv, model.nv))
+    mujoco.mj_fullM(model, data, dense)
+    part = np.diag(dense)[3:].sum()
+    assert model.opt.tolerance * np.trace(dense) / part == pytest.approx(1e-8, rel=0.01)
+
+
+@pytest.mark.parametrize("name", ["drift_4750hz", "drift_2797hz_plate"])
+def test_written_mjcf_compiles_and_steps(repository: Path, name: str) -> None:
+    text = mjcf_text(build_scene(load_scenario(repository / f"scenarios/{name}.toml")))
+    model = mujoco.MjModel.from_xml_string(text)
+    data = mujoco.MjData(model)
+    mujoco.mj_step(model, data, nstep=2000)
+    assert np.isfinite(data.qpos).all()
+    assert data.body("part_0").xpos[2] == pytest.approx(1e-3, abs=1e-4)  # it rests on the plate
+
+
+def test_every_model_in_the_repository_loads_and_steps(repository: Path) -> None:
+    files = sorted(repository.glob("models/*/*.xml"))
+    assert files
+    for file in files:
+        model = mujoco.MjModel.from_xml_path(str(file))
+        data = mujoco.MjData(model)
+        mujoco.mj_step(model, data, nstep=200)
+        assert np.isfinite(data.qpos).all(), file
+
+
+def test_starts_are_drawn_within_their_ranges_and_differ_between_seeds() -> None:
+    start = Start(position_mm=(1.0, -2.0), drop_height_mm=(0.3, 0.4), tilt_deg=(2.0, 5.0))
+    scene = build_scene(piston_scenario(start=start))
+    poses = [start_poses(scene, np.random.default_rng(seed))[0] for seed in range(20)]
+    corners = scene.parts[0].corners
+    lowest = []
+    for pose in poses:
+        matrix = np.zeros(9)
+        mujoco.mju_quat2Mat(matrix, pose.quaternion)
+        rotation = matrix.reshape(3, 3)
+        lowest.append((corners @ rotation.T + pose.position)[:, 2].min())
+        assert 2.0 <= np.degrees(np.arccos(rotation[2, 2])) <= 5.0
+        assert pose.position[:2] == pytest.approx([1e-3, -2e-3])
+    assert 0.3e-3 <= min(lowest) < max(lowest) <= 0.4e-3
+
+
+def test_patch_follows_the_surface_under_the_part() -> None:
+    """After a step the patch's plane passes through the surface point below the part."""
+    scene = build_scene(strip_scenario(x_mm=8.0))
+    engine = MujocoEngine(scene, np.random.default_rng(0))
+    engine.advance(20)
+    t_placed = engine.data.time - scene.timestep
+    point = engine.data.body("part_0").xpos[:2].copy()
+    lift = engine.data.qpos[0] - scene.timestep * engine.data.qvel[0]
+    tilt = engine.data.qpos[1:3] - scene.timestep * engine.data.qvel[1:3]
+    height = lift + tilt[0] * point[1] - tilt[1] * point[0]
+    expected = scene.surface.displacement(point[None], t_placed)[0]
+    assert height == pytest.approx(expected[2], abs=1e-9)
+    half = 0.5 * scene.surface.thickness
+    assert half * tilt[1] == pytest.approx(expected[0], abs=1e-10)
+
+
+def test_models_are_what_their_script_makes(repository: Path) -> None:
+    scene = build_scene(load_scenario(repository / "scenarios/drift_4750hz.toml"))
+    assert (repository / "models/strip_3mm/scene.xml").read_text() == mjcf_text(scene)

@@ -1,0 +1,63 @@
+"""Imports point one way: a module may only import those listed before it."""
+
+from __future__ import annotations
+
+import ast
+from pathlib import Path
+
+ORDER = [
+    "errors",
+    "materials",
+    "scenario",
+    "plate.modes",
+    "plate.shapes",
+    "plate.drive",
+    "plate.surface",
+    "plate.kernels",
+    "plate.nodal_lines",
+    "plate.mode_file",
+    "plate.plate_file",
+    "plate.assembly",
+    "parts",
+    "scene",
+    "trajectory",
+    "engines",
+    "engines.mujoco",
+    "measures",
+    "simulation",
+    "plan",
+    "replay",
+    "run_folder",
+    "viewer",
+    "pictures",
+    "catalogue",
+    "cli",
+]
+
+
+def imported(path: Path) -> set[str]:
+    """Modules of the package that a file imports, wherever in the file."""
+    found = set()
+    for node in ast.walk(ast.parse(path.read_text())):
+        if isinstance(node, ast.ImportFrom) and node.module and node.module.startswith("feeder_sim."):
+            found.add(node.module.removeprefix("feeder_sim."))
+    return found
+
+
+def test_imports_point_one_way(repository: Path) -> None:
+    package = repository / "feeder_sim"
+    names = {}
+    for path in package.rglob("*.py"):
+        name = ".".join(path.relative_to(package).with_suffix("").parts).removesuffix(".__init__")
+        if name not in ("__init__", "plate"):
+            names[name] = path
+    assert set(names) == set(ORDER)
+    # The engine table names its engines, late, which is what a table is for.
+    allowed_up = {("engines", "engines.mujoco")}
+    wrong = [
+        (name, other)
+        for name, path in names.items()
+        for other in imported(path)
+        if ORDER.index(other) >= ORDER.index(name) and (name, other) not in allowed_up
+    ]
+    assert wrong == []
