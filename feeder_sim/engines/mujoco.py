@@ -33,10 +33,10 @@ def _load_mujoco_symbols() -> None:
 
 
 def _silence_mujoco() -> None:
-    """Diverged states are reported by the simulation's guard, not by a MUJOCO_LOG.TXT wherever the user happens to be."""
+    """The simulation's guard reports diverged states, not a MUJOCO_LOG.TXT wherever the user happens to be."""
     config = mujoco.MjLogConfig.get()
     config.logto_file = config.logto_console = False
-    mujoco.MjLogConfig.set(config)
+    config.set()
 
 
 _silence_mujoco()

@@ -16,6 +16,8 @@ thickness. Strips of elements that wide resolve it; without them the frequencies
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -39,23 +41,23 @@ HIGHEST_FREQUENCY = 6000.0  # Hz, above every mode that is compared
 
 
 @BilinearForm
-def kirchhoff_stiffness(w, v, _):
+def kirchhoff_stiffness(w: Any, v: Any, _: Any) -> Any:
     return D * ((1.0 - NU) * ddot(dd(w), dd(v)) + NU * trace(dd(w)) * trace(dd(v)))
 
 
 @BilinearForm
-def kirchhoff_mass(w, v, _):
+def kirchhoff_mass(w: Any, v: Any, _: Any) -> Any:
     return RHO * H * w * v + RHO * H**3 / 12.0 * dot(grad(w), grad(v))
 
 
 @BilinearForm
-def mindlin_stiffness(w, b, v, c, _):
+def mindlin_stiffness(w: Any, b: Any, v: Any, c: Any, _: Any) -> Any:
     bending = D * ((1.0 - NU) * ddot(sym_grad(b), sym_grad(c)) + NU * div(b) * div(c))
     return bending + S * dot(grad(w) - b, grad(v) - c)
 
 
 @BilinearForm
-def mindlin_mass(w, b, v, c, _):
+def mindlin_mass(w: Any, b: Any, v: Any, c: Any, _: Any) -> Any:
     return RHO * H * w * v + RHO * H**3 / 12.0 * dot(b, c)
 
 
