@@ -7,19 +7,24 @@ A scenario is a plate, the drives that excite it, the part on it, contact parame
 
 from __future__ import annotations
 
-import tomllib
 from pathlib import Path
-from typing import Annotated, Any, Literal, Self, TypeVar, get_args, get_origin
+from typing import Annotated, Any, Literal, Self
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, model_validator
+from pydantic import BeforeValidator, Field, model_validator
 
-from feeder_sim.errors import InputError, nearest
 from feeder_sim.materials import MATERIALS, Material
-
-Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
-NonNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
-Finite = Annotated[float, Field(allow_inf_nan=False)]
-PointMm = tuple[Finite, Finite]
+from feeder_sim.tables import (
+    Finite,
+    NonNegative,
+    NonNegativeRange,
+    PointMm,
+    Positive,
+    Range,
+    Table,
+    parse,
+    read_text,
+    validated,
+)
 
 # Below this the plate moves by a large part of its amplitude within one step (README, design notes).
 MIN_STEPS_PER_PERIOD = 20
@@ -27,37 +32,7 @@ MIN_STEPS_PER_PERIOD = 20
 MIN_STEPS_PER_TIME_CONSTANT = 5.0
 
 
-def _as_range(value: Any) -> Any:
-    return (value, value) if isinstance(value, int | float) and not isinstance(value, bool) else value
-
-
-class _Range(BeforeValidator):
-    """A number, or [low, high] from which each seed draws uniformly."""
-
-
-Range = Annotated[tuple[Finite, Finite], _Range(_as_range)]
-NonNegativeRange = Annotated[tuple[NonNegative, NonNegative], _Range(_as_range)]
-
-
-class _Table(BaseModel):
-    """A TOML table: unknown keys are refused, values are frozen."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-    @model_validator(mode="after")
-    def _ranges_ascend(self) -> Self:
-        for name, field in type(self).model_fields.items():
-            if any(isinstance(m, _Range) for m in field.metadata):
-                low, high = getattr(self, name)
-                if low > high:
-                    raise ValueError(f"{name} is [{low}, {high}], allowed is [low, high] with low <= high")
-        return self
-
-
-T = TypeVar("T", bound=_Table)
-
-
-class CustomMaterial(_Table):
+class CustomMaterial(Table):
     """A material that is not in the list."""
 
     density_kg_m3: Positive
@@ -82,7 +57,7 @@ def resolve_material(choice: MaterialChoice) -> Material:
     return Material(choice.density_kg_m3, choice.youngs_modulus_gpa * 1e9, choice.poisson_ratio)
 
 
-class Strip(_Table):
+class Strip(Table):
     """One-dimensional standing wave along x with the bending wavelength of the drive; antinode at x = 0."""
 
     kind: Literal["strip"] = "strip"
@@ -92,7 +67,7 @@ class Strip(_Table):
     material: MaterialChoice = "aluminium"
 
 
-class Rectangle(_Table):
+class Rectangle(Table):
     """A free rectangular plate: from a mode file, or computed from its dimensions."""
 
     kind: Literal["rectangle"]
@@ -114,7 +89,7 @@ class Rectangle(_Table):
         return self
 
 
-class PistonPlate(_Table):
+class PistonPlate(Table):
     """A plate that moves up and down as one rigid body."""
 
     kind: Literal["piston"]
@@ -126,10 +101,11 @@ class PistonPlate(_Table):
 Plate = Annotated[Strip | Rectangle | PistonPlate, Field(discriminator="kind")]
 
 
-class Drive(_Table):
+class Drive(Table):
     """One mode driven at one frequency; see feeder_sim.plate.drive for the response in time.
 
-    The amplitude is the one reached at resonance, at `at_mm` or else at the antinode. A drive is at resonance unless
+    The amplitude is the one reached at resonance, at `at_mm` or else at the highest antinode of the mode (of a free
+    rectangular plate usually a corner). A drive is at resonance unless
     `natural_frequency_hz` says otherwise. `voltage_vpp` uses the gain measured on the plate (mode file).
     """
 
@@ -154,7 +130,7 @@ class Drive(_Table):
         return self
 
 
-class Start(_Table):
+class Start(Table):
     """Where a part is released: ranges are drawn per seed; the drop height is that of its lowest point."""
 
     position_mm: PointMm = (0.0, 0.0)
@@ -163,7 +139,7 @@ class Start(_Table):
     tilt_deg: Range = (0.0, 3.0)
 
 
-class _Part(_Table):
+class _Part(Table):
     material: MaterialChoice = "steel"
     start: Start = Start()
 
@@ -213,7 +189,7 @@ class MeshPart(_Part):
 PartSpec = Annotated[HexNut | Ball | Cylinder | MeshPart, Field(discriminator="shape")]
 
 
-class Contact(_Table):
+class Contact(Table):
     """Contact between part and plate.
 
     `model = "restitution"` reverses the normal velocity within one step (Newton); "compliant" is MuJoCo's
@@ -233,7 +209,7 @@ class Contact(_Table):
         return self
 
 
-class Run(_Table):
+class Run(Table):
     """How long, how often, how fine."""
 
     engine: Literal["mujoco"] = "mujoco"
@@ -246,7 +222,7 @@ class Run(_Table):
     in_plane_velocity: bool = True
 
 
-class Scenario(_Table):
+class Scenario(Table):
     """One experiment on one plate."""
 
     title: str = ""
@@ -271,7 +247,7 @@ class Scenario(_Table):
         return self
 
 
-class PlateBody(_Table):
+class PlateBody(Table):
     """Dimensions and material of a rectangular plate, and how far its modes are wanted."""
 
     length_mm: Positive
@@ -281,7 +257,7 @@ class PlateBody(_Table):
     highest_frequency_hz: Positive
 
 
-class MeasuredResonance(_Table):
+class MeasuredResonance(Table):
     """A resonance measured on the plate; the amplitude is that at `driven_point_mm`, per volt peak to peak."""
 
     frequency_hz: Positive
@@ -290,7 +266,7 @@ class MeasuredResonance(_Table):
     driven_point_mm: PointMm = (0.0, 0.0)
 
 
-class PlateFile(_Table):
+class PlateFile(Table):
     """A plate as `feeder-sim modes` reads it."""
 
     plate: PlateBody
@@ -304,12 +280,12 @@ def load_scenario(path: str | Path) -> Scenario:
         InputError: unreadable file, TOML syntax, or any key or value that is not allowed.
     """
     path = Path(path)
-    return parse_scenario(_read_text(path), file=path)
+    return parse_scenario(read_text(path), file=path)
 
 
 def parse_scenario(text: str, *, file: Path) -> Scenario:
     """Check the text of a scenario; `file` names it in messages and anchors relative paths."""
-    return _anchor_paths(_parse(text, Scenario, file), file.resolve().parent)
+    return _anchor_paths(parse(text, Scenario, file), file.resolve().parent)
 
 
 def with_run(scenario: Scenario, **changes: Any) -> Scenario:
@@ -318,36 +294,13 @@ def with_run(scenario: Scenario, **changes: Any) -> Scenario:
     Raises:
         InputError: a value that is not allowed.
     """
-    run = scenario.run.model_dump() | changes
-    try:
-        return scenario.model_copy(update={"run": Run.model_validate(run)})
-    except ValidationError as error:
-        raise _first_error(error, Run, Path("--run")) from None
+    run = validated(scenario.run.model_dump() | changes, Run, Path("run"))
+    return scenario.model_copy(update={"run": run})
 
 
 def load_plate_file(path: Path) -> PlateFile:
     """Read and check a plate file; errors as for `load_scenario`."""
-    return _parse(_read_text(path), PlateFile, path)
-
-
-def _read_text(path: Path) -> str:
-    try:
-        return path.read_text(encoding="utf-8")
-    except FileNotFoundError as error:
-        raise InputError("no such file", file=path) from error
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(f"cannot be read as text: {error}", file=path) from error
-
-
-def _parse(text: str, table: type[T], file: Path) -> T:
-    try:
-        raw = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        raise InputError(f"not valid TOML: {error}", file=file) from error
-    try:
-        return table.model_validate(raw)
-    except ValidationError as error:
-        raise _first_error(error, table, file) from None
+    return parse(read_text(path), PlateFile, path)
 
 
 def _anchor_paths(scenario: Scenario, folder: Path) -> Scenario:
@@ -359,83 +312,3 @@ def _anchor_paths(scenario: Scenario, folder: Path) -> Scenario:
         if isinstance(part, MeshPart):
             parts[i] = part.model_copy(update={"file": folder / part.file})
     return scenario.model_copy(update={"plate": plate, "part": tuple(parts)})
-
-
-def _first_error(error: ValidationError, root: type[BaseModel], file: Path) -> InputError:
-    """One line for the first thing wrong, and how many more there are."""
-    details = error.errors(include_url=False)
-    # A misspelt key also shows up as a missing one; the misspelling is the cause.
-    first = min(details, key=lambda d: d["type"] != "extra_forbidden")
-    loc = first["loc"]
-    table, key = _locate(root, loc)
-    name = str(loc[-1]) if loc else ""
-    if first["type"] == "extra_forbidden":
-        allowed = list(table.model_fields) if table else []
-        problem = f"unknown key{nearest(name, allowed)}; allowed are {', '.join(allowed)}"
-    elif first["type"] == "missing":
-        problem = f"is missing, allowed is {_allowed(table, name)}"
-    elif first["type"] == "value_error":
-        problem = first["msg"].removeprefix("Value error, ")
-        if not isinstance(first["input"], dict):
-            problem = f"is {first['input']!r}, {problem}"
-    elif first["type"].startswith("union_tag"):
-        context = first.get("ctx", {})
-        key = f"{key}.{context['discriminator'].strip(chr(39))}" if "discriminator" in context else key
-        problem = f"is {context.get('tag', 'missing')}, allowed is {context.get('expected_tags', 'one kind')}"
-    else:
-        problem = f"is {first['input']!r}, {_lower(first['msg'])}"
-    more = f" (and {len(details) - 1} more)" if len(details) > 1 else ""
-    return InputError(problem + more, file=file, key=key or None)
-
-
-def _lower(message: str) -> str:
-    return message.replace("Input should be", "allowed is").replace("Tuple should have", "allowed is a tuple with")
-
-
-def _allowed(table: type[BaseModel] | None, name: str) -> str:
-    """Describe a field in words from its type and limits."""
-    if table is None or name not in table.model_fields:
-        return "a value"
-    field = table.model_fields[name]
-    if any(getattr(m, "gt", None) == 0 for m in field.metadata):
-        return "a number above 0"
-    return "a table" if name in Scenario.model_fields else "a value"
-
-
-def _locate(root: type[BaseModel], loc: tuple[int | str, ...]) -> tuple[type[BaseModel] | None, str]:
-    """Follow a pydantic location: the table that holds its last key, and the dotted key without union tags."""
-    table: type[BaseModel] | None = root
-    key, variants = "", _Variants()
-    for depth, element in enumerate(loc):
-        if isinstance(element, int):
-            key += f"[{element}]"
-        elif variants and element in variants:
-            table, variants = variants[element], _Variants()
-        else:
-            key += f".{element}" if key else element
-            if depth < len(loc) - 1 and table is not None and element in table.model_fields:
-                variants = _variants(table.model_fields[element].annotation, table.model_fields[element].metadata)
-                table = variants.only
-    return table, key
-
-
-class _Variants(dict[Any, type[BaseModel]]):
-    """Tables a field may hold, by union tag."""
-
-    only: type[BaseModel] | None = None
-
-
-def _variants(annotation: Any, metadata: list[Any]) -> _Variants:
-    found = _Variants()
-    stack = [annotation]
-    while stack:
-        item = stack.pop()
-        if isinstance(item, type) and issubclass(item, BaseModel):
-            found.only = item
-            found[item.__name__] = item
-            for tag in ("kind", "shape"):
-                if tag in item.model_fields:
-                    found[get_args(item.model_fields[tag].annotation)[0]] = item
-        elif get_origin(item) is not None:
-            stack += list(get_args(item))
-    return found

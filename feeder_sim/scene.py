@@ -185,8 +185,8 @@ def _draw_surroundings(spec: Any, surface: Surface) -> None:
     """Camera and light; collides with nothing."""
     extent = max(surface.length, surface.width)
     spec.stat.extent, spec.stat.center = 0.6 * extent, [0.0, 0.0, 0.0]
-    spec.visual.headlight.ambient = [0.4, 0.4, 0.4]
-    spec.worldbody.add_light(pos=[0.0, -extent, 2.0 * extent], dir=[0.0, 0.4, -1.0])
+    spec.visual.headlight.ambient = spec.visual.headlight.diffuse = [0.3, 0.3, 0.3]
+    spec.worldbody.add_light(pos=[0.0, -extent, 2.0 * extent], dir=[0.0, 0.4, -1.0], diffuse=[0.4, 0.4, 0.4])
 
 
 def _add_patch(spec: Any, surface: Surface, part: RigidPart) -> float:

@@ -8,6 +8,7 @@ from pathlib import Path
 ORDER = [
     "errors",
     "materials",
+    "tables",
     "scenario",
     "plate.modes",
     "plate.shapes",
@@ -32,6 +33,7 @@ ORDER = [
     "pictures",
     "catalogue",
     "cli",
+    "__main__",
 ]
 
 

@@ -53,6 +53,8 @@ def test_drift_is_carried_by_the_in_plane_velocity() -> None:
         mid_path_speed(simulate(strip_scenario(x_mm=x_mm, duration_s=6.0, seeds=8, in_plane_velocity=in_plane)))
         for in_plane in (True, False)
     )
+    print(f"mid-path speed {with_it.mean:.2f} +- {with_it.se:.2f} mm/s, ", end="")
+    print(f"without in-plane velocity {without.mean:.2f} +- {without.se:.2f} mm/s")
     difference_se = np.hypot(without.se, 0.5 * with_it.se)
     assert without.mean + 2 * difference_se < 0.5 * with_it.mean
 

@@ -1,0 +1,169 @@
+"""TOML text -> validated, frozen tables, or one line that says what is wrong.
+
+`Table` is the base of every table a user writes; pydantic checks it, and `parse` turns its first complaint into a line
+that names the file, the dotted key, the value and what is allowed.
+"""
+
+from __future__ import annotations
+
+import tomllib
+from pathlib import Path
+from typing import Annotated, Any, Self, TypeVar, get_args, get_origin
+
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, model_validator
+
+from feeder_sim.errors import InputError, nearest
+
+Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+NonNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
+Finite = Annotated[float, Field(allow_inf_nan=False)]
+PointMm = tuple[Finite, Finite]
+
+
+def _as_range(value: Any) -> Any:
+    return (value, value) if isinstance(value, int | float) and not isinstance(value, bool) else value
+
+
+class _Range(BeforeValidator):
+    """A number, or [low, high] from which each seed draws uniformly."""
+
+
+Range = Annotated[tuple[Finite, Finite], _Range(_as_range)]
+NonNegativeRange = Annotated[tuple[NonNegative, NonNegative], _Range(_as_range)]
+
+
+class Table(BaseModel):
+    """A TOML table: unknown keys are refused, values are frozen."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    @model_validator(mode="after")
+    def _ranges_ascend(self) -> Self:
+        for name, field in type(self).model_fields.items():
+            if any(isinstance(m, _Range) for m in field.metadata):
+                low, high = getattr(self, name)
+                if low > high:
+                    raise ValueError(f"{name} is [{low}, {high}], allowed is [low, high] with low <= high")
+        return self
+
+
+T = TypeVar("T", bound=Table)
+
+
+def read_text(path: Path) -> str:
+    """Read a text file.
+
+    Raises:
+        InputError: missing or unreadable.
+    """
+    try:
+        return path.read_text(encoding="utf-8")
+    except FileNotFoundError as error:
+        raise InputError("no such file", file=path) from error
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputError(f"cannot be read as text: {error}", file=path) from error
+
+
+def parse(text: str, table: type[T], file: Path) -> T:
+    """Parse and check a TOML document.
+
+    Raises:
+        InputError: TOML syntax, or any key or value that is not allowed.
+    """
+    try:
+        raw = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise InputError(f"not valid TOML: {error}", file=file) from error
+    return validated(raw, table, file)
+
+
+def validated(raw: dict[str, Any], table: type[T], file: Path) -> T:
+    """Check a document that is already parsed; `file` names it in the message.
+
+    Raises:
+        InputError: any key or value that is not allowed.
+    """
+    try:
+        return table.model_validate(raw)
+    except ValidationError as error:
+        raise _first_error(error, table, file) from None
+
+
+def _first_error(error: ValidationError, root: type[BaseModel], file: Path) -> InputError:
+    """One line for the first thing wrong, and how many more there are."""
+    details = error.errors(include_url=False)
+    # A misspelt key also shows up as a missing one; the misspelling is the cause.
+    first = min(details, key=lambda d: d["type"] != "extra_forbidden")
+    loc = first["loc"]
+    table, key = _locate(root, loc)
+    name = str(loc[-1]) if loc else ""
+    if first["type"] == "extra_forbidden":
+        allowed = list(table.model_fields) if table else []
+        problem = f"unknown key{nearest(name, allowed)}; allowed are {', '.join(allowed)}"
+    elif first["type"] == "missing":
+        problem = f"is missing, allowed is {_allowed(table, name)}"
+    elif first["type"] == "value_error":
+        problem = first["msg"].removeprefix("Value error, ")
+        if not isinstance(first["input"], dict):
+            problem = f"is {first['input']!r}, {problem}"
+    elif first["type"].startswith("union_tag"):
+        context = first.get("ctx", {})
+        key = f"{key}.{context['discriminator'].strip(chr(39))}" if "discriminator" in context else key
+        problem = f"is {context.get('tag', 'missing')}, allowed is {context.get('expected_tags', 'one kind')}"
+    else:
+        problem = f"is {first['input']!r}, {_lower(first['msg'])}"
+    more = f" (and {len(details) - 1} more)" if len(details) > 1 else ""
+    return InputError(problem + more, file=file, key=key or None)
+
+
+def _lower(message: str) -> str:
+    return message.replace("Input should be", "allowed is").replace("Tuple should have", "allowed is a tuple with")
+
+
+def _allowed(table: type[BaseModel] | None, name: str) -> str:
+    """Describe a field in words from its type and limits."""
+    if table is None or name not in table.model_fields:
+        return "a value"
+    field = table.model_fields[name]
+    if any(getattr(m, "gt", None) == 0 for m in field.metadata):
+        return "a number above 0"
+    return "a table" if _variants(field.annotation) else "a value"
+
+
+def _locate(root: type[BaseModel], loc: tuple[int | str, ...]) -> tuple[type[BaseModel] | None, str]:
+    """Follow a pydantic location: the table that holds its last key, and the dotted key without union tags."""
+    table: type[BaseModel] | None = root
+    key, variants = "", _Variants()
+    for depth, element in enumerate(loc):
+        if isinstance(element, int):
+            key += f"[{element}]"
+        elif variants and element in variants:
+            table, variants = variants[element], _Variants()
+        else:
+            key += f".{element}" if key else element
+            if depth < len(loc) - 1 and table is not None and element in table.model_fields:
+                variants = _variants(table.model_fields[element].annotation)
+                table = variants.only
+    return table, key
+
+
+class _Variants(dict[Any, type[BaseModel]]):
+    """Tables a field may hold, by union tag."""
+
+    only: type[BaseModel] | None = None
+
+
+def _variants(annotation: Any) -> _Variants:
+    found = _Variants()
+    stack = [annotation]
+    while stack:
+        item = stack.pop()
+        if isinstance(item, type) and issubclass(item, BaseModel):
+            found.only = item
+            found[item.__name__] = item
+            for tag in ("kind", "shape"):
+                if tag in item.model_fields:
+                    found[get_args(item.model_fields[tag].annotation)[0]] = item
+        elif get_origin(item) is not None:
+            stack += list(get_args(item))
+    return found
