@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import get_args
 
 from feeder_sim.errors import FeederSimError
 from feeder_sim.materials import MATERIALS
 from feeder_sim.parts import ISO_4032
 from feeder_sim.plate.mode_file import read_mode_file
-from feeder_sim.scenario import Run, load_scenario
+from feeder_sim.scenario import load_scenario
+
+ENGINES = {
+    "impulse": "rigid contact by impulses, flight in closed form",
+    "mujoco": "rigid-body contact by MuJoCo's own solver",
+}
 
 
 def catalogue(folder: Path) -> dict[str, dict[str, str]]:
@@ -17,7 +21,7 @@ def catalogue(folder: Path) -> dict[str, dict[str, str]]:
     return {
         "scenarios": {str(p.relative_to(folder)): _title(p) for p in sorted(folder.glob("scenarios/*.toml"))},
         "mode files": {str(p.relative_to(folder)): _modes(p) for p in sorted(folder.glob("models/*/*.h5"))},
-        "engines": dict.fromkeys(get_args(Run.model_fields["engine"].annotation), "rigid-body contact by MuJoCo"),
+        "engines": ENGINES,
         "parts": {
             "hex_nut": "sizes " + ", ".join(ISO_4032) + ", or by dimensions",
             "ball": "diameter_mm",

@@ -52,11 +52,13 @@ def run(
     """Simulate a scenario and record it."""
     scenario = _scenario(scenario_file, engine, seeds, seed)
     with _naming(scenario_file):
+        from feeder_sim.run_folder import check_free, fresh_folder, record_run
+
+        if out is not None:
+            check_free(out)
         if dry_run:
             _print_plan(scenario, as_json)
             return
-        from feeder_sim.run_folder import fresh_folder, record_run
-
         folder = out or fresh_folder(scenario_file.stem)
         with _stop_on_signal() as stop, _progress(scenario.title or scenario_file.stem) as progress:
             result = record_run(scenario, folder, progress=progress, stop=stop)
@@ -102,11 +104,9 @@ def modes(
     """Compute or read plate modes; list, store and draw them."""
     held = _modes_of(source)
     if out is not None:
-        if out.exists() and not force:
-            raise InputError("exists already, allowed is a new file (or --force)", file=out, key="--out")
         from feeder_sim.plate.mode_file import write_mode_file
 
-        write_mode_file(_writable(out), held.modes, held.resonances)
+        write_mode_file(_writable(out, force=force), held.modes, held.resonances)
     if picture is not None:
         if mode > len(held.modes):
             raise InputError(f"is {mode}, allowed is 1 to {len(held.modes)}", file=source, key="--mode")
@@ -142,13 +142,13 @@ def replay(
     folder: Annotated[Path, typer.Argument(help="Run folder, or its trajectory.h5.", show_default=False)],
     screenshot: Annotated[Path | None, typer.Option("--screenshot", help="Write a picture; needs no screen.")] = None,
     at: Annotated[float, typer.Option("--at", min=0.0, help="Time shown in the screenshot [s].")] = 1.0,
-    seed: Annotated[int, typer.Option("--seed", min=0, help="Index of the seed shown in 3D.")] = 0,
+    show_seed: Annotated[int, typer.Option("--show-seed", min=0, help="Index of the seed shown in 3D.")] = 0,
     rebuild: Annotated[bool, typer.Option("--rebuild", help="Build the .rrd again from the trajectory.")] = False,
 ) -> None:
     """Open a recorded run in the rerun viewer, or take a screenshot of it."""
     from feeder_sim.viewer import open_viewer, replay_file, take_screenshot
 
-    recording = replay_file(folder, seed=seed, rebuild=rebuild)
+    recording = replay_file(folder, seed=show_seed, rebuild=rebuild)
     if screenshot is not None:
         take_screenshot(recording, _writable(screenshot), at=at)
     else:
@@ -162,6 +162,11 @@ def main() -> NoReturn:
     except FeederSimError as error:
         print(f"feeder-sim: {error}", file=sys.stderr)
         sys.exit(error.exit_code)
+    except OSError as error:  # a file or folder that cannot be read, made or written
+        print(f"feeder-sim: {error.filename or 'file'}: {error.strerror or error}", file=sys.stderr)
+        sys.exit(InputError.exit_code)
+    except KeyboardInterrupt:
+        sys.exit(INTERRUPTED)
     sys.exit(0)
 
 
@@ -171,7 +176,7 @@ def _scenario(path: Path, engine: str | None, seeds: int | None, seed: int | Non
 
     scenario = load_scenario(path)
     options = {"engine": engine, "seeds": seeds, "seed": seed}
-    return with_run(scenario, **{name: value for name, value in options.items() if value is not None})
+    return with_run(scenario, file=path, **{name: value for name, value in options.items() if value is not None})
 
 
 def _modes_of(source: Path) -> ModeFile:
@@ -202,11 +207,13 @@ def _print_summary(summary: dict[str, Any], folder: Path, as_json: bool) -> None
     print(summary["title"] or folder.name)
     if speed["n"]:
         interval = f" +- {speed['se']:.3f} (SE), SD {speed['sd']:.3f}" if speed["n"] > 1 else ""
-        print(f"  transport speed  {speed['mean']:.3f} mm/s{interval}, n = {speed['n']}")
+        print(f"  transport speed  {speed['mean']:.3f} mm/s{interval}, n = {speed['n']} of {summary['seeds']} seeds")
     drift = [summary[f"drift_velocity_{axis}_mm_s"] for axis in "xy"]
     if drift[0]["n"]:
         print(f"  mean drift       x {drift[0]['mean']:.3f}, y {drift[1]['mean']:.3f} mm/s")
         print(f"  highest rise     {summary['highest_rise_mm']['mean']:.3f} mm")
+    if summary["left_plate"]:
+        print(f"  left the plate   {summary['left_plate']} of {summary['seeds']}")
     factor = summary["real_time_factor"] or 0.0
     print(f"  simulated        {summary['simulated_s']:.1f} s in {summary['wall_s']:.1f} s ({factor:.2f} x real time)")
     print(f"  recorded in      {folder}")
@@ -257,10 +264,12 @@ def _rounded(value: Any) -> str:
     return str(value)
 
 
-def _writable(path: Path) -> Path:
-    """Refuse a target whose folder does not exist, before any work is done for it."""
-    if not path.parent.is_dir():
-        raise InputError(f"there is no folder {path.parent}", file=path)
+def _writable(path: Path, *, force: bool = False) -> Path:
+    """Refuse a target that exists or whose folder does not, before any work is done for it."""
+    if path.exists() and not force:
+        raise InputError("exists already, allowed is a new file", file=path)
+    if not path.parent.is_dir() or path.is_dir():
+        raise InputError("allowed is a file in a folder that exists", file=path)
     return path
 
 
@@ -279,12 +288,20 @@ def _naming(file: Path) -> Iterator[None]:
 def _stop_on_signal() -> Iterator[threading.Event]:
     """Ctrl-C or a polite kill ends the run after the blocks under way, with everything recorded kept."""
     stop = threading.Event()
-    previous = {s: signal.signal(s, lambda *_: stop.set()) for s in (signal.SIGINT, signal.SIGTERM)}
+
+    def restore() -> None:
+        for s, handler in previous.items():
+            signal.signal(s, handler)
+
+    def ask(*_: object) -> None:
+        stop.set()
+        restore()  # the second signal does what it always does
+
+    previous = {s: signal.signal(s, ask) for s in (signal.SIGINT, signal.SIGTERM)}
     try:
         yield stop
     finally:
-        for s, handler in previous.items():
-            signal.signal(s, handler)
+        restore()
 
 
 @contextlib.contextmanager
@@ -294,7 +311,7 @@ def _progress(title: str) -> Iterator[Callable[[float], None]]:
     from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
 
     console = Console(stderr=True)
-    columns = (TextColumn("{task.description}"), BarColumn(), TaskProgressColumn(), TimeRemainingColumn())
+    columns = (TextColumn("{task.description}", markup=False), BarColumn(), TaskProgressColumn(), TimeRemainingColumn())
     with Progress(*columns, console=console, disable=not console.is_terminal, transient=True) as bars:
         task = bars.add_task(title, total=1.0)
         yield lambda fraction: bars.update(task, completed=fraction)

@@ -21,7 +21,8 @@ class InputError(FeederSimError):
     def __init__(self, problem: str, *, file: str | Path | None = None, key: str | None = None) -> None:
         self.problem, self.file, self.key = problem, file, key
         where = ": ".join(str(part) for part in (file, key) if part is not None)
-        super().__init__(f"{where}: {problem}" if where else problem)
+        line = f"{where}: {problem}" if where else problem
+        super().__init__(" ".join(line.split()))  # whatever a file or a library puts into it, it stays one line
 
 
 class SimulationDiverged(FeederSimError):

@@ -19,6 +19,7 @@ from feeder_sim.scene import Scene
 from feeder_sim.trajectory import Frames
 
 PASSAGE_FROM, PASSAGE_TO = 0.8, 0.2
+LEAST_ANTINODE = 0.05  # of the mode's largest deflection: less than this is a nodal line or a crossing of two
 
 
 @dataclass(frozen=True)
@@ -65,12 +66,17 @@ class Cell:
 
 
 def transport_cell(scene: Scene) -> Cell | None:
-    """Find the cell that the first part of a scene starts in; None when the first mode has no nodal lines."""
+    """Find the cell that the first part of a scene starts in; None when it starts in none.
+
+    That is when the first mode has no nodal lines, or the part starts on one.
+    """
     lines = nodal_lines(scene.surface)
     if not lines.lines:
         return None
     x, y = scene.scenario.part[0].start.position_mm
     antinode = antinode_near(scene.surface, 0, (x * 1e-3, y * 1e-3))
+    if abs(scene.surface.deflection(0, antinode[None])[0]) < LEAST_ANTINODE:
+        return None
     return Cell(antinode, float(lines.distance(antinode[None])[0]), lines)
 
 
@@ -83,7 +89,10 @@ def check_stop_rule(scene: Scene, cell: Cell | None) -> None:
     if scene.scenario.run.stop != "passage":
         return
     if cell is None:
-        raise InputError('is "passage", allowed is "time" on a plate without nodal lines', key="run.stop")
+        raise InputError(
+            'is "passage", allowed is "time" where the plate has no nodal lines or the part starts on one',
+            key="run.stop",
+        )
     x, y = scene.scenario.part[0].start.position_mm
     way = float(cell.lines.distance(np.array([[x, y]]) * 1e-3)[0]) / cell.reach
     if way <= PASSAGE_FROM:
@@ -139,6 +148,7 @@ def ensemble_measures(seeds: Sequence[Frames], cell: Cell | None) -> dict[str, o
         "transport_speed_mm_s": Statistic.of(speeds).as_dict(),
         "drift_velocity_x_mm_s": Statistic.of(v[0] for v in drift).as_dict(),
         "drift_velocity_y_mm_s": Statistic.of(v[1] for v in drift).as_dict(),
+        "arrived": sum(math.isfinite(speed) for speed in speeds),
         "highest_rise_mm": Statistic.of(highest_rise(frames) * 1e3 for frames in seeds).as_dict(),
         "antinode_to_node_mm": cell.reach * 1e3 if cell else None,
     }

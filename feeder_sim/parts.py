@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from feeder_sim.errors import InputError
 from feeder_sim.scenario import Ball, Cylinder, HexNut, MeshPart, PartSpec, resolve_material
 
+MESH_SUFFIXES = (".stl", ".obj", ".ply", ".off")
 # size: (across flats, height, bore) [mm]
 ISO_4032 = {
     "M2": (4.0, 1.6, 2.0),
@@ -23,6 +24,7 @@ ISO_4032 = {
     "M4": (7.0, 3.2, 4.0),
     "M5": (8.0, 4.7, 5.0),
 }
+LEAST_INERTIA = 1e-15  # [kg], [kg m^2]: what MuJoCo takes for zero; a steel ball of 0.3 mm has just more
 RIM_CORNERS = 32  # a cylinder touches at this many corners per rim: 0.5 % of the radius inside the true rim, at most
 MAX_CORNERS = 64  # hull vertices beyond this many add cost and no contact
 
@@ -58,9 +60,19 @@ def build_part(spec: PartSpec, *, name: str = "part") -> RigidPart:
     """Turn a part of the scenario into a rigid body.
 
     Raises:
-        InputError: a mesh file that is missing, unreadable, not closed or without volume.
+        InputError: a mesh file that is missing, unreadable, not closed or without volume; a part too small.
     """
-    density = resolve_material(spec.material).density
+    part = _shaped(spec, resolve_material(spec.material).density, name)
+    if min(part.mass, part.inertia.min()) < LEAST_INERTIA:
+        raise InputError(
+            f"has a mass of {part.mass:.3g} kg and a moment of inertia of {part.inertia.min():.3g} kg m2, allowed is "
+            f"at least {LEAST_INERTIA:g} each (MuJoCo's limit)",
+            key="part",
+        )
+    return part
+
+
+def _shaped(spec: PartSpec, density: float, name: str) -> RigidPart:
     if isinstance(spec, HexNut):
         return hex_nut(spec, density, name)
     if isinstance(spec, Ball):
@@ -123,6 +135,10 @@ def mesh_part(spec: MeshPart, density: float, name: str) -> RigidPart:
     """Any closed mesh: mass properties of the solid, corners of its convex hull."""
     import trimesh
 
+    if spec.file.suffix.lower() not in MESH_SUFFIXES:
+        raise InputError(
+            f"is {spec.file.suffix!r}, allowed is {', '.join(MESH_SUFFIXES)}", file=spec.file, key="part.file"
+        )
     if not spec.file.is_file():
         raise InputError("no such mesh file", file=spec.file, key="part.file")
     try:

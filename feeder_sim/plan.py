@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import os
 import time
 from typing import Any
 
@@ -11,11 +10,15 @@ import numpy as np
 
 from feeder_sim.engines import engine_class
 from feeder_sim.measures import check_stop_rule, transport_cell
+from feeder_sim.run_folder import DISPLAY_POINTS
 from feeder_sim.scene import GRAVITY, Scene
+from feeder_sim.simulation import available_cores
 
 TRIAL_STEPS = 20_000
 BYTES_PER_FRAME_AND_PART = 68  # recorded, compressed
 BYTES_REPLAY = 40  # per frame, part and seed in the .rrd
+BYTES_FIXED = 150_000  # empty files, blueprint, meshes
+BYTES_PER_SURFACE_POINT = 60  # shape, mesh and colours of the plate, in both files
 
 
 def plan_run(scene: Scene) -> dict[str, Any]:
@@ -29,6 +32,9 @@ def plan_run(scene: Scene) -> dict[str, Any]:
     run, surface = scene.scenario.run, scene.surface
     frames = scene.n_frames * len(scene.parts) * run.seeds
     cost = _trial_cost(scene)
+    points = min(len(surface.x), DISPLAY_POINTS) * min(len(surface.y), DISPLAY_POINTS)
+    file_size = frames * (BYTES_PER_FRAME_AND_PART + BYTES_REPLAY)
+    file_size += points * surface.n_shapes * BYTES_PER_SURFACE_POINT + BYTES_FIXED
     return {
         "title": scene.scenario.title,
         "engine": run.engine,
@@ -58,8 +64,8 @@ def plan_run(scene: Scene) -> dict[str, Any]:
         "steps_per_seed": scene.n_steps,
         "seeds": run.seeds,
         "frames_per_seed": scene.n_frames,
-        "estimated_wall_s": cost * scene.n_steps * math.ceil(run.seeds / (os.cpu_count() or 1)),
-        "estimated_file_size_mb": 1e-6 * frames * (BYTES_PER_FRAME_AND_PART + BYTES_REPLAY),
+        "estimated_wall_s": cost * scene.n_steps * math.ceil(run.seeds / available_cores()),
+        "estimated_file_size_mb": 1e-6 * file_size,
         "estimates_are_upper_bounds": run.stop != "time",
     }
 

@@ -42,8 +42,9 @@ def build_replay(trajectory: Path, replay: Path, *, shown_seed: int = 0) -> None
         raise InputError(f"is {shown_seed}, allowed is 0 to {len(recording.seeds) - 1}", file=trajectory, key="--seed")
     if not len(recording.seeds[shown_seed]):
         raise InputError(f"seed {shown_seed} has no frames yet", file=trajectory)
+    partial = replay.with_name(replay.name + ".partial")  # an interrupted build must not look like a replay
     stream = rr.RecordingStream("feeder_sim", recording_id=f"{trajectory.parent.name}-{shown_seed}")
-    stream.save(replay, default_blueprint=_blueprint(recording))
+    stream.save(partial, default_blueprint=_blueprint(recording, shown_seed))
     try:
         _log_plate(stream, recording.plate, max(frames.time[-1] for frames in recording.seeds if len(frames)))
         _log_parts(stream, recording, recording.seeds[shown_seed])
@@ -51,6 +52,7 @@ def build_replay(trajectory: Path, replay: Path, *, shown_seed: int = 0) -> None
     finally:
         stream.flush()
         stream.disconnect()
+    partial.replace(replay)
 
 
 def _log_plate(stream: Any, plate: PlateRecord, last: float) -> None:
@@ -126,7 +128,7 @@ def _log_plots(stream: Any, recording: Recording, shown_seed: int) -> None:
             stream.send_columns(f"plots/{plot}/{name}", indexes=[time], columns=rr.Scalars.columns(scalars=values))
 
 
-def _blueprint(recording: Recording) -> Any:
+def _blueprint(recording: Recording, shown_seed: int) -> Any:
     """Open ready to watch: the 3D scene on the left, the plots on the right, playing along sim_time."""
     import rerun.blueprint as rrb
 
@@ -145,7 +147,7 @@ def _blueprint(recording: Recording) -> Any:
         line_grid=False,
         background=[245, 245, 247],
     )
-    height = float(np.ptp(recording.seeds[0].position[:, 0, 2])) * MM
+    height = float(np.ptp(recording.seeds[shown_seed].position[:, 0, 2])) * MM
     plots = [_plot("height_mm", "Height above rest (mm), shown seed", height)]
     if plate.nodal_lines:
         plots.insert(0, _plot("distance_mm", "Distance to nodal line (mm): shown seed orange, others grey", cell[0]))

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import importlib.metadata
+import itertools
 import json
 import threading
 from collections.abc import Callable
@@ -56,6 +58,7 @@ def record_run(
     cell = transport_cell(scene)
     check_stop_rule(scene, cell)
     folder.mkdir(parents=True, exist_ok=True)
+    check_free(folder)
     (folder / RESOLVED).write_text(scenario_toml(scenario), encoding="utf-8")
     (folder / MJCF).write_text(mjcf_text(scene), encoding="utf-8")
     writer = TrajectoryWriter(
@@ -74,7 +77,7 @@ def record_run(
         writer.close()
     summary = result.summary() | {"version": __version__, "libraries": library_versions()}
     (folder / SUMMARY).write_text(json.dumps(summary, indent=2) + "\n", encoding="utf-8")
-    if replay:
+    if replay and len(result.seeds[0].frames):
         from feeder_sim.replay import build_replay
 
         build_replay(folder / TRAJECTORY, folder / REPLAY)
@@ -91,15 +94,18 @@ def check_free(folder: Path) -> None:
         raise InputError("is not a folder", file=folder, key="--out")
     held = [name for name in (TRAJECTORY, REPLAY, SUMMARY, RESOLVED, MJCF) if (folder / name).exists()]
     if held:
-        raise InputError(f"already holds a run ({held[0]}), allowed is a new or empty folder", file=folder, key="--out")
+        raise InputError(f"already holds a run ({held[0]}), allowed is a folder without one", file=folder, key="--out")
 
 
 def fresh_folder(stem: str, base: Path = Path("runs")) -> Path:
-    """First of runs/STEM-001, runs/STEM-002, ... that does not exist."""
-    number = 1
-    while (base / f"{stem}-{number:03d}").exists():
-        number += 1
-    return base / f"{stem}-{number:03d}"
+    """Make and return the first of runs/STEM-001, runs/STEM-002, ... that does not exist."""
+    base.mkdir(parents=True, exist_ok=True)
+    for number in itertools.count(1):
+        folder = base / f"{stem}-{number:03d}"
+        with contextlib.suppress(FileExistsError):  # of a run that was started at the same moment
+            folder.mkdir()
+            return folder
+    raise AssertionError("unreachable")
 
 
 def scenario_toml(scenario: Scenario) -> str:

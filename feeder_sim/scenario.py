@@ -10,16 +10,19 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import BeforeValidator, Field, model_validator
+from pydantic import AfterValidator, Discriminator, Field, Tag, model_validator
 
 from feeder_sim.materials import MATERIALS, Material
 from feeder_sim.tables import (
-    Finite,
+    AngleDeg,
+    AngleRange,
+    DropHeightRange,
+    Flag,
+    FrequencyHz,
+    LengthMm,
     NonNegative,
-    NonNegativeRange,
     PointMm,
     Positive,
-    Range,
     Table,
     parse,
     read_text,
@@ -35,19 +38,22 @@ MIN_STEPS_PER_TIME_CONSTANT = 5.0
 class CustomMaterial(Table):
     """A material that is not in the list."""
 
-    density_kg_m3: Positive
-    youngs_modulus_gpa: Positive
-    poisson_ratio: Annotated[float, Field(ge=0, lt=0.5)]
+    density_kg_m3: Annotated[float, Field(ge=1, le=1e5, strict=True)]
+    youngs_modulus_gpa: Annotated[float, Field(ge=1e-4, le=1e4, strict=True)]
+    poisson_ratio: Annotated[float, Field(ge=0, lt=0.5, strict=True)]
 
 
-def _known_material(value: Any) -> Any:
-    if isinstance(value, str) and value not in MATERIALS:
+def _known_material(value: str) -> str:
+    if value not in MATERIALS:
         names = ", ".join(sorted(MATERIALS))
         raise ValueError(f"allowed is one of {names}, or a table of density_kg_m3, youngs_modulus_gpa, poisson_ratio")
     return value
 
 
-MaterialChoice = Annotated[str | CustomMaterial, BeforeValidator(_known_material)]
+MaterialChoice = Annotated[
+    Annotated[str, AfterValidator(_known_material), Tag("name")] | Annotated[CustomMaterial, Tag("table")],
+    Discriminator(lambda value: "name" if isinstance(value, str) else "table"),
+]
 
 
 def resolve_material(choice: MaterialChoice) -> Material:
@@ -61,9 +67,9 @@ class Strip(Table):
     """One-dimensional standing wave along x with the bending wavelength of the drive; antinode at x = 0."""
 
     kind: Literal["strip"] = "strip"
-    thickness_mm: Positive
-    length_mm: Positive | None = None
-    width_mm: Positive = 60.0
+    thickness_mm: LengthMm
+    length_mm: LengthMm | None = None
+    width_mm: LengthMm = 60.0
     material: MaterialChoice = "aluminium"
 
 
@@ -72,10 +78,10 @@ class Rectangle(Table):
 
     kind: Literal["rectangle"]
     mode_file: Path | None = None
-    length_mm: Positive | None = None
-    width_mm: Positive | None = None
-    thickness_mm: Positive | None = None
-    material: MaterialChoice = "aluminium"
+    length_mm: LengthMm | None = None
+    width_mm: LengthMm | None = None
+    thickness_mm: LengthMm | None = None
+    material: MaterialChoice | None = None
 
     @model_validator(mode="after")
     def _file_or_dimensions(self) -> Self:
@@ -84,7 +90,7 @@ class Rectangle(Table):
             missing = [name for name, value in dimensions.items() if value is None]
             if missing:
                 raise ValueError(f"{missing[0]} is missing, allowed is a number above 0 (or give mode_file)")
-        elif any(value is not None for value in dimensions.values()) or "material" in self.model_fields_set:
+        elif any(value is not None for value in (*dimensions.values(), self.material)):
             raise ValueError("mode_file already holds dimensions and material, give one or the other")
         return self
 
@@ -93,9 +99,9 @@ class PistonPlate(Table):
     """A plate that moves up and down as one rigid body."""
 
     kind: Literal["piston"]
-    thickness_mm: Positive = 3.0
-    length_mm: Positive = 180.0
-    width_mm: Positive = 180.0
+    thickness_mm: LengthMm = 3.0
+    length_mm: LengthMm = 180.0
+    width_mm: LengthMm = 180.0
 
 
 Plate = Annotated[Strip | Rectangle | PistonPlate, Field(discriminator="kind")]
@@ -109,15 +115,15 @@ class Drive(Table):
     `natural_frequency_hz` says otherwise. `voltage_vpp` uses the gain measured on the plate (mode file).
     """
 
-    frequency_hz: Positive
+    frequency_hz: FrequencyHz
     amplitude_um: NonNegative | None = None
     voltage_vpp: NonNegative | None = None
     at_mm: PointMm | None = None
-    mode: Annotated[int, Field(ge=1)] | None = None
-    natural_frequency_hz: Positive | None = None
-    damping_ratio: Annotated[float, Field(gt=0, lt=1)] | None = None
-    ring_up: bool = True
-    phase_deg: Finite = 0.0
+    mode: Annotated[int, Field(ge=1, strict=True)] | None = None
+    natural_frequency_hz: FrequencyHz | None = None
+    damping_ratio: Annotated[float, Field(ge=1e-6, lt=1, strict=True)] | None = None
+    ring_up: Flag = True
+    phase_deg: AngleDeg = 0.0
     start_s: NonNegative = 0.0
     duration_s: Positive | None = None
 
@@ -134,9 +140,9 @@ class Start(Table):
     """Where a part is released: ranges are drawn per seed; the drop height is that of its lowest point."""
 
     position_mm: PointMm = (0.0, 0.0)
-    drop_height_mm: NonNegativeRange = (0.2, 0.5)
-    yaw_deg: Range = (0.0, 360.0)
-    tilt_deg: Range = (0.0, 3.0)
+    drop_height_mm: DropHeightRange = (0.2, 0.5)
+    yaw_deg: AngleRange = (0.0, 360.0)
+    tilt_deg: AngleRange = (0.0, 3.0)
 
 
 class _Part(Table):
@@ -149,9 +155,9 @@ class HexNut(_Part):
 
     shape: Literal["hex_nut"] = "hex_nut"
     size: Literal["M2", "M2.5", "M3", "M4", "M5"] | None = None
-    across_flats_mm: Positive | None = None
-    height_mm: Positive | None = None
-    bore_mm: NonNegative | None = None
+    across_flats_mm: LengthMm | None = None
+    height_mm: LengthMm | None = None
+    bore_mm: Annotated[float, Field(ge=0, le=1e5, strict=True)] | None = None
 
     @model_validator(mode="after")
     def _size_or_dimensions(self) -> Self:
@@ -167,15 +173,15 @@ class Ball(_Part):
     """Solid sphere."""
 
     shape: Literal["ball"]
-    diameter_mm: Positive
+    diameter_mm: LengthMm
 
 
 class Cylinder(_Part):
     """Solid circular cylinder, axis upright at the start."""
 
     shape: Literal["cylinder"]
-    diameter_mm: Positive
-    height_mm: Positive
+    diameter_mm: LengthMm
+    height_mm: LengthMm
 
 
 class MeshPart(_Part):
@@ -183,7 +189,7 @@ class MeshPart(_Part):
 
     shape: Literal["mesh"]
     file: Path
-    file_unit_mm: Positive = 1.0
+    file_unit_mm: Annotated[float, Field(ge=1e-6, le=1e6, strict=True)] = 1.0
 
 
 PartSpec = Annotated[HexNut | Ball | Cylinder | MeshPart, Field(discriminator="shape")]
@@ -197,7 +203,7 @@ class Contact(Table):
     """
 
     model: Literal["restitution", "compliant"] = "restitution"
-    restitution: Annotated[float, Field(ge=0, le=1)] = 0.2
+    restitution: Annotated[float, Field(ge=0, le=1, strict=True)] = 0.2
     friction: NonNegative = 0.3
     time_constant_us: Positive | None = None
     damping_ratio: Positive = 1.0
@@ -212,14 +218,14 @@ class Contact(Table):
 class Run(Table):
     """How long, how often, how fine."""
 
-    engine: Literal["mujoco"] = "mujoco"
-    duration_s: Positive
+    engine: Literal["mujoco", "impulse"] = "mujoco"
+    duration_s: Annotated[float, Field(gt=0, le=1e5, strict=True)]
     stop: Literal["time", "passage"] = "time"
-    seeds: Annotated[int, Field(ge=1, le=100_000)] = 12
-    seed: Annotated[int, Field(ge=0)] = 0
-    steps_per_period: Annotated[int, Field(ge=MIN_STEPS_PER_PERIOD, le=10_000)] = 40
-    frames_per_second: Annotated[float, Field(gt=0, le=1e6)] = 500.0
-    in_plane_velocity: bool = True
+    seeds: Annotated[int, Field(ge=1, le=10_000, strict=True)] = 12
+    seed: Annotated[int, Field(ge=0, lt=2**63, strict=True)] = 0
+    steps_per_period: Annotated[int, Field(ge=MIN_STEPS_PER_PERIOD, le=10_000, strict=True)] = 40
+    frames_per_second: Annotated[float, Field(ge=1, le=1e6, strict=True)] = 500.0
+    in_plane_velocity: Flag = True
 
 
 class Scenario(Table):
@@ -232,10 +238,15 @@ class Scenario(Table):
     contact: Contact = Contact()
     run: Run
 
+    @property
+    def highest_frequency_hz(self) -> float:
+        """The fastest motion of the plate: forced at the drive frequency, ringing at the natural one."""
+        return max(max(d.frequency_hz, d.natural_frequency_hz or 0.0) for d in self.drive)
+
     @model_validator(mode="after")
     def _consistent(self) -> Self:
         if self.contact.time_constant_us is not None:
-            shortest = min(1.0 / drive.frequency_hz for drive in self.drive)
+            shortest = 1.0 / self.highest_frequency_hz
             step = 1e6 * shortest / self.run.steps_per_period
             least = MIN_STEPS_PER_TIME_CONSTANT * step
             if self.contact.time_constant_us < least:
@@ -250,18 +261,18 @@ class Scenario(Table):
 class PlateBody(Table):
     """Dimensions and material of a rectangular plate, and how far its modes are wanted."""
 
-    length_mm: Positive
-    width_mm: Positive
-    thickness_mm: Positive
+    length_mm: LengthMm
+    width_mm: LengthMm
+    thickness_mm: LengthMm
     material: MaterialChoice = "aluminium"
-    highest_frequency_hz: Positive
+    highest_frequency_hz: FrequencyHz
 
 
 class MeasuredResonance(Table):
     """A resonance measured on the plate; the amplitude is that at `driven_point_mm`, per volt peak to peak."""
 
-    frequency_hz: Positive
-    damping_ratio: Annotated[float, Field(gt=0, lt=1)] | None = None
+    frequency_hz: FrequencyHz
+    damping_ratio: Annotated[float, Field(ge=1e-6, lt=1, strict=True)] | None = None
     amplitude_um_per_vpp: Positive | None = None
     driven_point_mm: PointMm = (0.0, 0.0)
 
@@ -288,14 +299,13 @@ def parse_scenario(text: str, *, file: Path) -> Scenario:
     return _anchor_paths(parse(text, Scenario, file), file.resolve().parent)
 
 
-def with_run(scenario: Scenario, **changes: Any) -> Scenario:
-    """The scenario with some values of its [run] table replaced, checked like the rest.
+def with_run(scenario: Scenario, *, file: Path = Path("scenario"), **changes: Any) -> Scenario:
+    """The scenario with some values of its [run] table replaced, checked like the rest; `file` names it in messages.
 
     Raises:
         InputError: a value that is not allowed.
     """
-    run = validated(scenario.run.model_dump() | changes, Run, Path("run"))
-    return scenario.model_copy(update={"run": run})
+    return validated(scenario.model_dump() | {"run": scenario.run.model_dump() | changes}, Scenario, file)
 
 
 def load_plate_file(path: Path) -> PlateFile:

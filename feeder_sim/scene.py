@@ -96,10 +96,14 @@ def build_scene(scenario: Scenario) -> Scene:
     for i, spec in enumerate(scenario.part):
         _check_on_plate(spec.start, plate.surface, f"part[{i}].start.position_mm")
     run = scenario.run
-    highest = max(drive.frequency_hz for drive in scenario.drive)
-    timestep = 1.0 / (highest * run.steps_per_period)
+    timestep = 1.0 / (scenario.highest_frequency_hz * run.steps_per_period)
     steps_per_frame = max(1, round(1.0 / (run.frames_per_second * timestep)))
-    return Scene(scenario, plate.surface, plate.driven, parts, timestep, steps_per_frame)
+    scene = Scene(scenario, plate.surface, plate.driven, parts, timestep, steps_per_frame)
+    if scene.n_frames < 2:
+        raise InputError(
+            f"is {run.duration_s:g}, allowed is at least one frame, {scene.frame_interval:g} s", key="run.duration_s"
+        )
+    return scene
 
 
 def _check_on_plate(start: Start, surface: Surface, key: str) -> None:
@@ -172,7 +176,7 @@ def build_mjcf(scene: Scene) -> Any:
     _draw_surroundings(spec, scene.surface)
     part_trace = patch_trace = 0.0
     for part in scene.parts:
-        patch_trace += _add_patch(spec, scene.surface, part)
+        patch_trace += _add_patch(spec, scene, part)
         part_trace += 3.0 * part.mass + part.inertia.sum()
     for part in scene.parts:
         _add_part(spec, part)
@@ -189,14 +193,19 @@ def _draw_surroundings(spec: Any, surface: Surface) -> None:
     spec.worldbody.add_light(pos=[0.0, -extent, 2.0 * extent], dir=[0.0, 0.4, -1.0], diffuse=[0.4, 0.4, 0.4])
 
 
-def _add_patch(spec: Any, surface: Surface, part: RigidPart) -> float:
-    """Add the tangent patch of one part; returns the trace of its inertia matrix."""
+def _add_patch(spec: Any, scene: Scene, part: RigidPart) -> float:
+    """Add the tangent patch of one part; returns the trace of its inertia matrix.
+
+    Without in-plane velocity the hinges lie in the top surface, which then tilts as before but does not slide.
+    """
     import mujoco
 
+    surface = scene.surface
+    top = 0.5 * surface.thickness if scene.scenario.run.in_plane_velocity else 0.0  # above the hinges
     mass = PATCH_MASS_RATIO * part.mass
     moment = mass * (0.5 * max(surface.length, surface.width)) ** 2
     # Its acceleration within a step must be zero: its motion is prescribed, gravity included.
-    body = spec.worldbody.add_body(name=f"plate_{part.name}", pos=[0.0, 0.0, -0.5 * surface.thickness], gravcomp=1.0)
+    body = spec.worldbody.add_body(name=f"plate_{part.name}", pos=[0.0, 0.0, -top], gravcomp=1.0)
     _set_inertia(body, mass, [moment, moment, moment])
     slide, hinge = mujoco.mjtJoint.mjJNT_SLIDE, mujoco.mjtJoint.mjJNT_HINGE
     body.add_joint(name=f"lift_{part.name}", type=slide, axis=[0, 0, 1])
@@ -206,6 +215,7 @@ def _add_patch(spec: Any, surface: Surface, part: RigidPart) -> float:
         name=f"plate_{part.name}",
         type=mujoco.mjtGeom.mjGEOM_BOX,
         size=[0.5 * surface.length, 0.5 * surface.width, 0.5 * surface.thickness],
+        pos=[0.0, 0.0, top - 0.5 * surface.thickness],
         contype=0,
         conaffinity=0,
         rgba=[0.75, 0.77, 0.80, 1.0],

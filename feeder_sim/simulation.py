@@ -19,6 +19,8 @@ from feeder_sim.scenario import Scenario
 from feeder_sim.scene import GRAVITY, Scene, build_scene
 from feeder_sim.trajectory import BLOCK_FRAMES, Frames, Status
 
+BLOCK_STEPS = 500_000  # solver steps between two looks at the guard, the stop rule and the stop event, at most
+
 
 class Recorder(Protocol):
     """Where blocks of frames go while a run is under way; called from several threads."""
@@ -74,7 +76,7 @@ class Result:
         return any(seed.status == Status.UNFINISHED for seed in self.seeds)
 
     def measures(self) -> dict[str, Any]:
-        """Ensemble measures over the seeds that ended well; units in the names."""
+        """Ensemble measures over the seeds that ran to their end; units in the names."""
         return ensemble_measures([s.frames for s in self.seeds if s.status == Status.DONE], self.cell)
 
     def summary(self) -> dict[str, Any]:
@@ -92,6 +94,7 @@ class Result:
             "real_time_factor": simulated / self.wall_s if self.wall_s > 0 else None,
             "wall_s_per_simulated_s_one_core": sum(s.wall_s for s in self.seeds) / simulated if simulated else None,
             "timestep_s": self.scene.timestep,
+            "left_plate": sum(seed.status == Status.LEFT_PLATE for seed in self.seeds),
             "interrupted": self.interrupted,
             "failures": [str(failure) for failure in self.failures],
         }
@@ -120,6 +123,11 @@ def simulate(
     return simulate_scene(build_scene(scenario), recorder=recorder, progress=progress, stop=stop, workers=workers)
 
 
+def available_cores() -> int:
+    """Cores this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
 def simulate_scene(
     scene: Scene,
     *,
@@ -135,17 +143,19 @@ def simulate_scene(
     stop = stop or threading.Event()
     generators = [np.random.default_rng(s) for s in np.random.SeedSequence(run.seed).spawn(run.seeds)]
     done = np.zeros(run.seeds)
-    engine_class(run.engine)  # import (and compile) once, before the threads need it
+    engine_class(run.engine)  # imported once, before the threads need it
     started = time.perf_counter()
 
     def one(index: int) -> SeedResult:
         return _run_seed(scene, index, generators[index], cell, recorder, done, stop)
 
-    with ThreadPoolExecutor(workers or os.cpu_count()) as pool:
+    with ThreadPoolExecutor(workers or available_cores()) as pool:
         pending = set(futures := [pool.submit(one, index) for index in range(run.seeds)])
         try:
             while pending:
-                _, pending = wait(pending, timeout=0.2, return_when=FIRST_COMPLETED)
+                finished, pending = wait(pending, timeout=0.2, return_when=FIRST_COMPLETED)
+                for future in finished:
+                    future.result()  # an error ends the whole ensemble at once
                 if progress:
                     progress(float(done.mean()))
         except BaseException:
@@ -169,20 +179,26 @@ def _run_seed(
     engine: Engine = engine_class(scene.scenario.run.engine)(scene, rng)
     first = engine.current()
     guard = Guard(scene, first)
+    longest = min(BLOCK_FRAMES, max(2, BLOCK_STEPS // scene.steps_per_frame))
     blocks: list[Frames] = []
     status, failure, n_done = Status.UNFINISHED, None, 0
     while status == Status.UNFINISHED and not stop.is_set():
         # Between two blocks there is a look at the guard, the stop rule and the stop event.
-        size = min(BLOCK_FRAMES, scene.n_frames - n_done)
+        size = min(longest, scene.n_frames - n_done)
         block = engine.advance(size) if n_done else Frames.joined([first, engine.advance(size - 1)])
         valid, failure = guard.check(block, index)
+        gone = guard.left_plate(block[slice(valid)])
+        if gone.any():
+            valid = int(np.argmax(gone)) + 1
         block = block[slice(valid)]
         if recorder and valid:
             recorder.append(index, block)
         blocks.append(block)
         n_done += valid
         done[index] = n_done / scene.n_frames
-        if failure:
+        if gone.any():
+            status, failure = Status.LEFT_PLATE, None
+        elif failure:
             status = Status.DIVERGED
         elif n_done >= scene.n_frames or _passed(scene, cell, block):
             status = Status.DONE
@@ -193,40 +209,51 @@ def _run_seed(
 
 
 class Guard:
-    """Notices states that no part on a vibrating plate can be in."""
+    """Notices states that no part over a vibrating plate can be in, and parts that have fallen off it."""
 
     # A part gains at most a few plate velocities per impact, and impacts take energy out; 20 is far above any hop seen.
     SPEED_FACTOR = 20.0
 
     def __init__(self, scene: Scene, first: Frames) -> None:
         self._scene = scene
-        plate_speed = sum(2 * np.pi * m.drive.drive_frequency * m.drive.amplitude for m in scene.driven)
+        drives = [mode.drive for mode in scene.driven]
+        plate_speed = sum(2 * np.pi * max(d.drive_frequency, d.natural_frequency) * d.amplitude for d in drives)
         height = float(np.abs(first.position[..., 2]).max())
         self._speed = self.SPEED_FACTOR * plate_speed + 2.0 * np.sqrt(2.0 * GRAVITY * height) + 0.1
-        self._depth = [0.5 * float(np.ptp(part.corners[:, 2])) + part.corner_radius for part in scene.parts]
+        self._crest = sum(drive.amplitude for drive in drives)
 
     def check(self, frames: Frames, seed_index: int) -> tuple[int, SimulationDiverged | None]:
         """Return how many leading frames are valid, and what is wrong with the next one."""
-        for part, body in enumerate(self._scene.parts):
-            for cause, bad in self._violations(frames, part):
-                if bad.any():
-                    row = int(np.argmax(bad))
-                    time_s = float(frames.time[row])
-                    return row, SimulationDiverged(cause=cause, time_s=time_s, part=body.name, seed=seed_index)
-        return len(frames), None
+        found = [
+            (int(np.argmax(bad)), cause, body.name)
+            for part, body in enumerate(self._scene.parts)
+            for cause, bad in self._violations(frames, part).items()
+            if bad.any()
+        ]
+        if not found:
+            return len(frames), None
+        row, cause, name = min(found)
+        return row, SimulationDiverged(cause=cause, time_s=float(frames.time[row]), part=name, seed=seed_index)
 
-    def _violations(self, frames: Frames, part: int) -> list[tuple[str, np.ndarray]]:
+    def left_plate(self, frames: Frames) -> np.ndarray:
+        """Frames in which the first part is off the plate and below it, shape (n,)."""
+        position = frames.position[:, 0]
+        return ~self._over(position) & (position[:, 2] < 0.0)
+
+    def _over(self, position: np.ndarray) -> np.ndarray:
+        half = 0.5 * np.array([self._scene.surface.length, self._scene.surface.width])
+        return np.asarray((np.abs(position[:, :2]) < half).all(axis=1))
+
+    def _violations(self, frames: Frames, part: int) -> dict[str, np.ndarray]:
         position, velocity = frames.position[:, part], frames.velocity[:, part]
-        surface = self._scene.surface
-        over = (np.abs(position[:, 0]) < 0.5 * surface.length) & (np.abs(position[:, 1]) < 0.5 * surface.width)
-        amplitude = sum(abs(m.drive.amplitude) for m in self._scene.driven)
         speed = np.linalg.norm(velocity, axis=1)
         finite = np.isfinite(position).all(axis=1) & np.isfinite(speed)
-        return [
-            ("its state is not finite", ~finite),
-            (f"its speed exceeds {self._speed:.3g} m/s, more than this plate can give", finite & (speed > self._speed)),
-            ("its centre lies below the plate's surface", finite & over & (position[:, 2] < -amplitude)),
-        ]
+        over = finite & self._over(position)
+        return {
+            "its state is not finite": ~finite,
+            f"its speed exceeds {self._speed:.3g} m/s, more than this plate can give": over & (speed > self._speed),
+            "its centre lies below the plate's surface": over & (position[:, 2] < -self._crest),
+        }
 
 
 def _passed(scene: Scene, cell: Cell | None, block: Frames) -> bool:

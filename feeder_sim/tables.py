@@ -14,10 +14,15 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationEr
 
 from feeder_sim.errors import InputError, nearest
 
-Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
-NonNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
-Finite = Annotated[float, Field(allow_inf_nan=False)]
-PointMm = tuple[Finite, Finite]
+# Wide enough for any plate and part, narrow enough that no formula over- or underflows.
+Positive = Annotated[float, Field(gt=0, le=1e9, allow_inf_nan=False, strict=True)]
+NonNegative = Annotated[float, Field(ge=0, le=1e9, allow_inf_nan=False, strict=True)]
+LengthMm = Annotated[float, Field(ge=1e-3, le=1e5, allow_inf_nan=False, strict=True)]
+FrequencyHz = Annotated[float, Field(ge=0.1, le=1e7, allow_inf_nan=False, strict=True)]
+AngleDeg = Annotated[float, Field(ge=-360, le=360, allow_inf_nan=False, strict=True)]
+CoordinateMm = Annotated[float, Field(ge=-1e5, le=1e5, allow_inf_nan=False, strict=True)]
+PointMm = tuple[CoordinateMm, CoordinateMm]
+Flag = Annotated[bool, Field(strict=True)]
 
 
 def _as_range(value: Any) -> Any:
@@ -28,8 +33,9 @@ class _Range(BeforeValidator):
     """A number, or [low, high] from which each seed draws uniformly."""
 
 
-Range = Annotated[tuple[Finite, Finite], _Range(_as_range)]
-NonNegativeRange = Annotated[tuple[NonNegative, NonNegative], _Range(_as_range)]
+DropHeightMm = Annotated[float, Field(ge=0, le=1e5, allow_inf_nan=False, strict=True)]
+AngleRange = Annotated[tuple[AngleDeg, AngleDeg], _Range(_as_range)]
+DropHeightRange = Annotated[tuple[DropHeightMm, DropHeightMm], _Range(_as_range)]
 
 
 class Table(BaseModel):
@@ -72,7 +78,7 @@ def parse(text: str, table: type[T], file: Path) -> T:
     """
     try:
         raw = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
+    except (ValueError, RecursionError) as error:  # TOMLDecodeError, absurd integers, absurd nesting
         raise InputError(f"not valid TOML: {error}", file=file) from error
     return validated(raw, table, file)
 
@@ -92,6 +98,8 @@ def validated(raw: dict[str, Any], table: type[T], file: Path) -> T:
 def _first_error(error: ValidationError, root: type[BaseModel], file: Path) -> InputError:
     """One line for the first thing wrong, and how many more there are."""
     details = error.errors(include_url=False)
+    # An error inside a list makes pydantic call the list too short as well: only the innermost counts.
+    details = [d for d in details if not any(_inside(other["loc"], d["loc"]) for other in details)]
     # A misspelt key also shows up as a missing one; the misspelling is the cause.
     first = min(details, key=lambda d: d["type"] != "extra_forbidden")
     loc = first["loc"]
@@ -116,8 +124,22 @@ def _first_error(error: ValidationError, root: type[BaseModel], file: Path) -> I
     return InputError(problem + more, file=file, key=key or None)
 
 
+def _inside(inner: tuple[int | str, ...], outer: tuple[int | str, ...]) -> bool:
+    return len(inner) > len(outer) and inner[: len(outer)] == outer
+
+
 def _lower(message: str) -> str:
-    return message.replace("Input should be", "allowed is").replace("Tuple should have", "allowed is a tuple with")
+    for words, plainly in _PLAIN_WORDS.items():
+        message = message.replace(words, plainly)
+    return message
+
+
+_PLAIN_WORDS = {
+    "Input should be a valid tuple": "allowed is a list (a table that may repeat is written [[...]])",
+    "Input should be a valid dictionary or object to extract fields from": "allowed is a table",
+    "Input should be": "allowed is",
+    "Tuple should have": "allowed is a list with",
+}
 
 
 def _allowed(table: type[BaseModel] | None, name: str) -> str:
@@ -125,6 +147,9 @@ def _allowed(table: type[BaseModel] | None, name: str) -> str:
     if table is None or name not in table.model_fields:
         return "a value"
     field = table.model_fields[name]
+    least = next((m.ge for m in field.metadata if getattr(m, "ge", None) is not None), None)
+    if least is not None:
+        return f"a number of at least {least:g}"
     if any(getattr(m, "gt", None) == 0 for m in field.metadata):
         return "a number above 0"
     return "a table" if _variants(field.annotation) else "a value"
@@ -137,8 +162,8 @@ def _locate(root: type[BaseModel], loc: tuple[int | str, ...]) -> tuple[type[Bas
     for depth, element in enumerate(loc):
         if isinstance(element, int):
             key += f"[{element}]"
-        elif variants and element in variants:
-            table, variants = variants[element], _Variants()
+        elif variants and element in (*variants, "name"):
+            table, variants = variants.get(element), _Variants()
         else:
             key += f".{element}" if key else element
             if depth < len(loc) - 1 and table is not None and element in table.model_fields:
@@ -161,6 +186,7 @@ def _variants(annotation: Any) -> _Variants:
         if isinstance(item, type) and issubclass(item, BaseModel):
             found.only = item
             found[item.__name__] = item
+            found["table"] = item  # the tag of a choice between a name and a table
             for tag in ("kind", "shape"):
                 if tag in item.model_fields:
                     found[get_args(item.model_fields[tag].annotation)[0]] = item

@@ -31,7 +31,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from feeder_sim import __version__
-from feeder_sim.errors import InputError
+from feeder_sim.errors import FeederSimError, InputError
 
 if TYPE_CHECKING:
     import h5py
@@ -47,6 +47,7 @@ class Status(IntEnum):
     UNFINISHED = 0
     DONE = 1
     DIVERGED = 2
+    LEFT_PLATE = 3
 
 
 @dataclass(frozen=True)
@@ -145,6 +146,7 @@ class TrajectoryWriter:
         import h5py
 
         self._lock = threading.Lock()
+        self._path = path
         self._file = h5py.File(path, "w-", libver="latest")
         self._file.attrs.update(
             schema=SCHEMA,
@@ -164,7 +166,17 @@ class TrajectoryWriter:
         self._file.swmr_mode = True  # from here on nothing is created, only appended
 
     def append(self, seed_index: int, frames: Frames) -> None:
-        """Append a block of one seed and put it on disk."""
+        """Append a block of one seed and put it on disk.
+
+        Raises:
+            FeederSimError: it cannot be written, as when the disk is full.
+        """
+        try:
+            self._append(seed_index, frames)
+        except (OSError, RuntimeError) as error:
+            raise FeederSimError(f"{self._path}: cannot be written (disk full?): {error}") from error
+
+    def _append(self, seed_index: int, frames: Frames) -> None:
         with self._lock:
             group = self._file[_seed_name(seed_index)]
             for name in FRAME_FIELDS:
@@ -216,7 +228,7 @@ def read_recording(path: Path) -> Recording:
                 raise InputError(f"is {found!r}, allowed is a trajectory ({SCHEMA!r})", file=path, key="schema")
             if version != SCHEMA_VERSION:
                 raise InputError(f"is {version!r}, allowed is {SCHEMA_VERSION}", file=path, key="schema_version")
-            groups = [file[f"seeds/{name}"] for name in sorted(file["seeds"])]
+            groups = [file[f"seeds/{name}"] for name in sorted(file["seeds"], key=int)]
             return Recording(
                 path=path,
                 engine=str(file.attrs["engine"]),

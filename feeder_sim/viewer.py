@@ -16,6 +16,7 @@ from feeder_sim.replay import TIMELINE, build_replay
 from feeder_sim.run_folder import REPLAY, TRAJECTORY
 
 LOADING_TIMEOUT_S = 60.0
+STARTING_S = 2.0
 SETTLING_S = 6.0  # the viewer's start-up messages fade and its views finish drawing
 
 
@@ -35,8 +36,18 @@ def replay_file(run: Path, *, seed: int = 0, rebuild: bool = False) -> Path:
 
 
 def open_viewer(replay: Path) -> None:
-    """Open the viewer and return at once."""
-    subprocess.Popen([_rerun(), str(replay)], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    """Open the viewer and return once it stands.
+
+    Raises:
+        FeederSimError: it did not start, as on a machine without a screen.
+    """
+    viewer = subprocess.Popen([_rerun(), str(replay)], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    try:
+        code = viewer.wait(timeout=STARTING_S)
+    except subprocess.TimeoutExpired:
+        return
+    if code:
+        raise FeederSimError(f"{replay}: the rerun viewer did not open (no screen? --screenshot needs none)")
 
 
 def take_screenshot(replay: Path, picture: Path, *, at: float) -> None:

@@ -35,4 +35,8 @@ def engine_class(name: str) -> type[Engine]:
         from feeder_sim.engines.mujoco import MujocoEngine
 
         return MujocoEngine
+    if name == "impulse":
+        from feeder_sim.engines.impulse import ImpulseEngine
+
+        return ImpulseEngine
     raise KeyError(name)

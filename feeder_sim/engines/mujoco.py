@@ -5,7 +5,7 @@ At each step from t to t + dt the patch of a part at (x, y) gets
     position  tangent plane of the surface at t:   z(x, y) = w q(t),  tilt -beta q(t)
     velocity  mean over the step at that point:    (q(t + dt) - q(t)) / dt  times the same shapes
 
-so that a part resting on the surface follows it without drift, and the horizontal velocity -h/2 beta q' is there.
+so that a part resting on the surface follows it without drift; the hinges make the horizontal velocity -h/2 beta q'.
 """
 
 from __future__ import annotations
@@ -19,14 +19,19 @@ import numpy as np
 from numba import njit, types
 from numpy.typing import NDArray
 
-from feeder_sim.plate.kernels import modal_coordinates, surface_modes
-from feeder_sim.plate.surface import Surface
+from feeder_sim.engines.surface_arrays import surface_arrays
+from feeder_sim.errors import FeederSimError
+from feeder_sim.plate.kernels import modal_motion, surface_modes
 from feeder_sim.scene import Scene, build_mjcf, start_poses
 from feeder_sim.trajectory import Frames
 
+LEAST_VERSION = (4, 0, 1)
+
 
 def _load_mujoco_symbols() -> None:
-    """Make the C functions of the installed MuJoCo visible to compiled code by name."""
+    """Check the version and make the C functions of the installed MuJoCo visible to compiled code by name."""
+    if tuple(int(n) for n in mujoco.__version__.split(".")[:3]) < LEAST_VERSION:
+        raise FeederSimError(f"MuJoCo {mujoco.__version__} solves sparse contacts wrongly; mujoco-core 4.0.1 is needed")
     folder = Path(mujoco.__file__).parent
     library = next(p for p in sorted(folder.iterdir()) if p.name.startswith(("libmujoco", "mujoco.dll")))
     llvmlite.binding.load_library_permanently(str(library))
@@ -44,19 +49,6 @@ _load_mujoco_symbols()
 _mj_step = types.ExternalFunction("mj_step", types.void(types.voidptr, types.voidptr))
 
 
-class SurfaceArrays(NamedTuple):
-    """`Surface` as compiled code takes it."""
-
-    grid_x: NDArray[np.float64]
-    grid_y: NDArray[np.float64]
-    table: NDArray[np.float64]
-    term_shape: NDArray[np.int64]
-    term_start: NDArray[np.float64]
-    term_stop: NDArray[np.float64]
-    coefficient: NDArray[np.complex128]
-    rate: NDArray[np.complex128]
-
-
 class Addresses(NamedTuple):
     """Where things are in MuJoCo: pointers, state vectors, and the first index of each part's joints in them."""
 
@@ -71,8 +63,8 @@ class Addresses(NamedTuple):
 
 
 @njit(cache=True, nogil=True)
-def _place_patches(at, surface, q, rate, in_plane, weight_x, weight_y, modes):
-    """Put every patch on the tangent plane under its part; rate is dq/dt, in_plane 1 or 0."""
+def _place_patches(at, surface, q, rate, weight_x, weight_y, modes):
+    """Put every patch on the tangent plane under its part; rate is dq/dt."""
     for part in range(at.part_qpos.shape[0]):
         x, y = at.qpos[at.part_qpos[part]], at.qpos[at.part_qpos[part] + 1]
         surface_modes(x, y, surface.grid_x, surface.grid_y, surface.table, weight_x, weight_y, modes)
@@ -82,8 +74,8 @@ def _place_patches(at, surface, q, rate, in_plane, weight_x, weight_y, modes):
             bx += modes[s, 1] * q[s]
             by += modes[s, 2] * q[s]
             w_rate += modes[s, 0] * rate[s]
-            bx_rate += modes[s, 1] * rate[s] * in_plane
-            by_rate += modes[s, 2] * rate[s] * in_plane
+            bx_rate += modes[s, 1] * rate[s]
+            by_rate += modes[s, 2] * rate[s]
         position, velocity = at.patch_qpos[part], at.patch_qvel[part]
         # Hinges through the plate's centre: tilt (by, -bx), and the lift that makes the plane pass through z(x, y).
         at.qpos[position] = w - bx * x - by * y
@@ -95,21 +87,21 @@ def _place_patches(at, surface, q, rate, in_plane, weight_x, weight_y, modes):
 
 
 @njit(cache=True, nogil=True)
-def _advance(at, surface, timestep, first_step, steps_per_frame, in_plane, qpos_out, qvel_out):
+def _advance(at, surface, timestep, first_step, steps_per_frame, qpos_out, qvel_out):
     """Step the scene; after every `steps_per_frame` steps copy the state into a row of qpos_out and qvel_out."""
     n_shapes = surface.table.shape[0]
-    q, q_next, rate = np.zeros(n_shapes), np.zeros(n_shapes), np.zeros(n_shapes)
+    q, q_next, rate, unused = np.zeros(n_shapes), np.zeros(n_shapes), np.zeros(n_shapes), np.zeros(n_shapes)
     weight_x, weight_y, modes = np.zeros(4), np.zeros(4), np.zeros((n_shapes, 3))
     drive = (surface.term_shape, surface.term_start, surface.term_stop, surface.coefficient, surface.rate)
     step = first_step
-    modal_coordinates(step * timestep, *drive, q_next)
+    modal_motion(step * timestep, *drive, q_next, unused)
     for frame in range(qpos_out.shape[0]):
         for _ in range(steps_per_frame):
             step += 1
             q[:] = q_next
-            modal_coordinates(step * timestep, *drive, q_next)
+            modal_motion(step * timestep, *drive, q_next, unused)
             rate[:] = (q_next - q) / timestep
-            _place_patches(at, surface, q, rate, in_plane, weight_x, weight_y, modes)
+            _place_patches(at, surface, q, rate, weight_x, weight_y, modes)
             _mj_step(at.model, at.data)
         qpos_out[frame] = at.qpos
         qvel_out[frame] = at.qvel
@@ -149,7 +141,7 @@ class MujocoEngine:
             patch_qpos=np.array([joint.qposadr[0] for joint in patches]),
             patch_qvel=np.array([joint.dofadr[0] for joint in patches]),
         )
-        self._surface = _surface_arrays(scene.surface)
+        self._surface = surface_arrays(scene.surface, in_plane=scene.scenario.run.in_plane_velocity)
         for start, pose in zip(self._part_qpos, start_poses(scene, rng), strict=True):
             self.data.qpos[start : start + 3] = pose.position
             self.data.qpos[start + 3 : start + 7] = pose.quaternion
@@ -161,10 +153,7 @@ class MujocoEngine:
         scene = self._scene
         qpos, qvel = np.empty((n_frames, self.model.nq)), np.empty((n_frames, self.model.nv))
         first = self._step
-        in_plane = 1.0 if scene.scenario.run.in_plane_velocity else 0.0
-        self._step = _advance(
-            self._at, self._surface, scene.timestep, first, scene.steps_per_frame, in_plane, qpos, qvel
-        )
+        self._step = _advance(self._at, self._surface, scene.timestep, first, scene.steps_per_frame, qpos, qvel)
         return self._frames(qpos, qvel, first + scene.steps_per_frame)
 
     def _frames(self, qpos: NDArray[np.float64], qvel: NDArray[np.float64], first_step: int) -> Frames:
@@ -185,10 +174,3 @@ class MujocoEngine:
             velocity=motion[..., :3],
             angular_velocity=turned.reshape(spin.shape),
         )
-
-
-def _surface_arrays(surface: Surface) -> SurfaceArrays:
-    terms = surface.terms
-    return SurfaceArrays(
-        surface.x, surface.y, surface.table, terms.shape, terms.start, terms.stop, terms.coefficient, terms.rate
-    )

@@ -19,6 +19,9 @@ from feeder_sim.scenario import Drive, PistonPlate, Rectangle, Scenario, Strip, 
 DEFAULT_DAMPING_RATIO = 0.002
 # A drive excites the mode nearest in frequency; farther off than this the plate has no such resonance.
 MODE_MATCH = 0.02
+SEARCH_FACTOR = 1.1  # modes of a plate given by its dimensions are computed this far beyond the highest drive
+# Largest amplitude over plate thickness: linear plate theory ends well below it.
+LARGEST_DEFLECTION = 1.0
 STRIP_WAVELENGTHS = 1.5
 
 
@@ -99,11 +102,13 @@ def _modes_for(plate: Rectangle, drives: tuple[Drive, ...]) -> ModeFile:
         return read_mode_file(plate.mode_file)
     if plate.length_mm is None or plate.width_mm is None or plate.thickness_mm is None:
         raise InputError("length_mm, width_mm and thickness_mm are needed without mode_file", key="plate")
-    body = RectangularPlate(
-        plate.length_mm * 1e-3, plate.width_mm * 1e-3, plate.thickness_mm * 1e-3, resolve_material(plate.material)
-    )
-    highest = max(drive.frequency_hz for drive in drives) * (1.0 + 2.0 * MODE_MATCH)
-    modes = plate_modes(body, highest_frequency=highest)
+    material = resolve_material(plate.material or "aluminium")
+    body = RectangularPlate(plate.length_mm * 1e-3, plate.width_mm * 1e-3, plate.thickness_mm * 1e-3, material)
+    wanted = max(drive.natural_frequency_hz or drive.frequency_hz for drive in drives)
+    try:
+        modes = plate_modes(body, highest_frequency=wanted * SEARCH_FACTOR)
+    except ValueError as error:
+        raise InputError(f"is {wanted:g}, {error}", key="drive.frequency_hz") from error
     if not len(modes):
         raise InputError(f"is {drives[0].frequency_hz}, below the first mode of the plate", key="drive[0].frequency_hz")
     return ModeFile(modes)
@@ -127,7 +132,8 @@ def _driven_mode(drive: Drive, i: int, held: ModeFile) -> DrivenMode:
         level = _um(drive.amplitude_um)
         point = None if drive.at_mm is None else (drive.at_mm[0] * 1e-3, drive.at_mm[1] * 1e-3)
     if point is not None:
-        level /= _deflection_at(modes, index, point, f"drive[{i}]")
+        name = "at_mm" if drive.voltage_vpp is None else "voltage_vpp"
+        level /= _deflection_at(modes, index, point, f"drive[{i}].{name}")
     damping = measured.damping_ratio if measured is not None and math.isfinite(measured.damping_ratio) else None
     label = f"mode {index + 1}, {modes.natural_frequency[index]:.1f} Hz computed"
     return DrivenMode(label, RitzShape(modes, index), _modal_drive(drive, i, level, damping))
@@ -138,6 +144,13 @@ def _choose_mode(drive: Drive, i: int, modes: PlateModes) -> int:
     if drive.mode is not None:
         if drive.mode > len(modes):
             raise InputError(f"is {drive.mode}, allowed is 1 to {len(modes)}", key=f"drive[{i}].mode")
+        computed = frequencies[drive.mode - 1]
+        if drive.natural_frequency_hz is None and abs(computed / drive.frequency_hz - 1.0) > MODE_MATCH:
+            raise InputError(
+                f"is {drive.frequency_hz:g}, but mode {drive.mode} lies at {computed:.1f} Hz; allowed is within "
+                f"{MODE_MATCH:.0%} of it, or a natural_frequency_hz to drive it off resonance",
+                key=f"drive[{i}].frequency_hz",
+            )
         return drive.mode - 1
     target = drive.natural_frequency_hz or drive.frequency_hz
     name = "natural_frequency_hz" if drive.natural_frequency_hz else "frequency_hz"
@@ -157,15 +170,15 @@ def _choose_mode(drive: Drive, i: int, modes: PlateModes) -> int:
 
 
 def _deflection_at(modes: PlateModes, index: int, point: tuple[float, float], key: str) -> float:
-    """|w| of a mode at a point [m] that has to lie on the plate and off the nodal lines."""
+    """|w| of a mode at a point [m] that has to lie on the plate and off the nodal lines; `key` names it in messages."""
     x, y = point
     if abs(x) > 0.5 * modes.plate.length or abs(y) > 0.5 * modes.plate.width:
-        raise InputError(f"({x * 1e3:g}, {y * 1e3:g}) mm lies outside the plate", key=f"{key}.at_mm")
+        raise InputError(f"({x * 1e3:g}, {y * 1e3:g}) mm lies outside the plate", key=key)
     w = abs(float(modes.evaluate(index, x, y)[0]))
     if w < 0.01:
         raise InputError(
             f"({x * 1e3:g}, {y * 1e3:g}) mm lies on a nodal line of mode {index + 1}, where no amplitude can be set",
-            key=f"{key}.at_mm",
+            key=key,
         )
     return w
 
@@ -193,6 +206,13 @@ def _tabulated(
     *,
     uniform_y: bool = False,
 ) -> DrivenPlate:
+    for i, mode in enumerate(driven):
+        if mode.drive.amplitude > LARGEST_DEFLECTION * thickness:
+            raise InputError(
+                f"asks for {1e6 * mode.drive.amplitude:g} um at the antinode, allowed is up to the plate's thickness, "
+                f"{1e6 * thickness:g} um",
+                key=f"drive[{i}]",
+            )
     surface = tabulate(
         [mode.shape for mode in driven],
         modal_terms(mode.drive for mode in driven),

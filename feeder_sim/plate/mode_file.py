@@ -2,7 +2,7 @@
 
 Layout, schema version 1 (SI units, named in the `unit` attribute of every dataset):
 
-    /            schema, schema_version, creator, method, normalisation, sign_convention
+    /            schema, schema_version, creator, libraries, method, normalisation, sign_convention
     /plate       length, width, thickness, density, youngs_modulus, poisson_ratio   (attributes)
     /modes       natural_frequency (n,)  coefficients (n, 3, terms, terms)  parity (n, 2)
     /resonances  mode (m,)  frequency (m,)  damping_ratio (m,)  gain (m,)  driven_point (m, 2)   measured; may be empty
@@ -68,6 +68,7 @@ def write_mode_file(path: Path, modes: PlateModes, resonances: Sequence[Resonanc
             schema=SCHEMA,
             schema_version=SCHEMA_VERSION,
             creator=f"feeder_sim {__version__}",
+            libraries=f"numpy {np.__version__}, h5py {h5py.__version__}",
             method="Mindlin plate, Ritz with orthonormal Legendre products, shear factor 5/6",
             normalisation="max |w| = 1 over the plate",
             sign_convention="w > 0 at (+length/2, +width/2); a top surface point moves by (-h/2 bx, -h/2 by, w) q",
@@ -107,65 +108,90 @@ def read_mode_file(path: Path) -> ModeFile:
     try:
         with h5py.File(path, "r") as file:
             return _checked(file, path)
-    except (OSError, RuntimeError) as error:
+    except (OSError, RuntimeError, KeyError, ValueError, TypeError, AttributeError) as error:
         raise InputError("not a readable HDF5 file (truncated or of another format)", file=path) from error
 
 
 def _checked(file: h5py.File, path: Path) -> ModeFile:
-    found = file.attrs.get("schema")
-    if found != SCHEMA:
+    found, version = file.attrs.get("schema"), file.attrs.get("schema_version")
+    if not isinstance(found, str) or found != SCHEMA:
         raise InputError(f"is {found!r}, allowed is a mode file ({SCHEMA!r})", file=path, key="schema")
-    version = file.attrs.get("schema_version")
-    if version != SCHEMA_VERSION:
+    if not np.isscalar(version) or version != SCHEMA_VERSION:
         raise InputError(f"is {version!r}, allowed is {SCHEMA_VERSION}", file=path, key="schema_version")
-    try:
-        values: dict[str, Any] = {name: float(file["plate"].attrs[name]) for name in _PLATE_KEYS}
-        modes = {name: file[f"modes/{name}"][()] for name in ("natural_frequency", "coefficients", "parity")}
-        measured = {name: file[f"resonances/{name}"][()] for name in _RESONANCE_KEYS}
-    except (KeyError, TypeError, ValueError, AttributeError) as error:
-        raise InputError(f"a mode file of schema version 1 lacks this: {error}", file=path) from error
+    values = {name: _number(file, name, path) for name in _PLATE_KEYS}
     material = Material(values["density"], values["youngs_modulus"], values["poisson_ratio"])
     plate = RectangularPlate(values["length"], values["width"], values["thickness"], material)
-    result = PlateModes(plate, modes["natural_frequency"], modes["coefficients"], modes["parity"])
-    _check_plate(values, path)
-    _check_modes(result, path)
-    n = len(measured["mode"])
-    if any(len(measured[name]) != n for name in _RESONANCE_KEYS) or not _indices_valid(measured["mode"], len(result)):
-        raise InputError("is inconsistent with the modes", file=path, key="resonances")
-    rows = zip(*(measured[name] for name in _RESONANCE_KEYS), strict=True)
-    return ModeFile(
-        result,
-        tuple(Resonance(int(m), float(f), float(z), float(g), (float(p[0]), float(p[1]))) for m, f, z, g, p in rows),
-    )
+    data = {name: _array(file, name, path) for name in _DATASETS}
+    n, m = len(data["modes/natural_frequency"]), len(data["resonances/mode"])
+    coefficients = data["modes/coefficients"]
+    terms = coefficients.shape[-1]
+    shapes = {
+        "modes/coefficients": (n, 3, terms, terms),
+        "modes/parity": (n, 2),
+        "resonances/driven_point": (m, 2),
+        **{f"resonances/{name}": (m,) for name in ("frequency", "damping_ratio", "gain")},
+    }
+    for name, shape in shapes.items():
+        if data[name].shape != shape:
+            raise InputError(f"has shape {data[name].shape}, allowed is {shape}", file=path, key=name)
+    frequency = data["modes/natural_frequency"]
+    if n == 0 or (np.diff(frequency) < -1e-3 * frequency[:-1]).any():
+        raise InputError("must hold modes in ascending order", file=path, key="modes/natural_frequency")
+    if not np.abs(coefficients[:, 0]).reshape(n, -1).max(axis=1, initial=0.0).all():
+        raise InputError("holds a mode without deflection", file=path, key="modes/coefficients")
+    if (data["resonances/mode"] >= n).any():
+        raise InputError(f"names a mode that is not there, allowed is below {n}", file=path, key="resonances/mode")
+    modes = PlateModes(plate, frequency, coefficients, data["modes/parity"].astype(np.int64))
+    columns = [
+        data[f"resonances/{name}"].tolist() for name in ("mode", "frequency", "damping_ratio", "gain", "driven_point")
+    ]
+    rows = zip(*columns, strict=True)
+    return ModeFile(modes, tuple(Resonance(mode, f, z, g, (p[0], p[1])) for mode, f, z, g, p in rows))
 
 
 _PLATE_KEYS = ("length", "width", "thickness", "density", "youngs_modulus", "poisson_ratio")
-_RESONANCE_KEYS = ("mode", "frequency", "damping_ratio", "gain", "driven_point")
+# name: (kinds of number, dimensions, least, largest, whether NaN may stand for "unknown")
+_DATASETS: dict[str, tuple[str, int, float, float, bool]] = {
+    "modes/natural_frequency": ("f", 1, 1e-9, 1e12, False),
+    "modes/coefficients": ("f", 4, -1e12, 1e12, False),
+    "modes/parity": ("iu", 2, 0, 1, False),
+    "resonances/mode": ("iu", 1, 0, 1e9, False),
+    "resonances/frequency": ("f", 1, 1e-9, 1e12, False),
+    "resonances/damping_ratio": ("f", 1, 1e-9, 1.0, True),
+    "resonances/gain": ("f", 1, 0.0, 1.0, True),
+    "resonances/driven_point": ("f", 2, -1e3, 1e3, False),
+}
 
 
-def _check_plate(values: dict[str, float], path: Path) -> None:
-    for name, value in values.items():
-        if not (np.isfinite(value) and value > 0.0):
-            raise InputError(f"is {value}, allowed is a number above 0", file=path, key=f"plate.{name}")
+def _number(file: h5py.File, name: str, path: Path) -> float:
+    """An attribute of /plate: a finite number above zero (Poisson's ratio: 0 to 0.5)."""
+    value = file["plate"].attrs.get(name) if "plate" in file else None
+    largest = 0.5 if name == "poisson_ratio" else 1e15
+    if not np.isscalar(value) or not np.issubdtype(type(value), np.number) or not 0.0 <= float(value) <= largest:
+        raise InputError(f"is {value!r}, allowed is a number up to {largest:g}", file=path, key=f"plate.{name}")
+    if value == 0.0 and name != "poisson_ratio":
+        raise InputError("is 0, allowed is a number above 0", file=path, key=f"plate.{name}")
+    return float(value)
 
 
-def _check_modes(modes: PlateModes, path: Path) -> None:
-    n, f, c = len(modes.natural_frequency), modes.natural_frequency, modes.coefficients
-    if f.ndim != 1 or n == 0 or not np.isfinite(f).all() or (f <= 0).any() or (np.diff(f) < -1e-3 * f[:-1]).any():
-        raise InputError("must be positive, finite and ascending", file=path, key="modes/natural_frequency")
-    if c.shape[:2] != (n, 3) or c.ndim != 4 or c.shape[2] != c.shape[3] or not np.isfinite(c).all():
-        raise InputError(
-            f"has shape {c.shape}, allowed is ({n}, 3, terms, terms), finite", file=path, key="modes/coefficients"
-        )
-    if modes.parity.shape != (n, 2):
-        raise InputError(f"has shape {modes.parity.shape}, allowed is ({n}, 2)", file=path, key="modes/parity")
-
-
-def _indices_valid(index: NDArray[np.int64], n: int) -> bool:
-    return bool(((index >= 0) & (index < n)).all())
+def _array(file: h5py.File, name: str, path: Path) -> NDArray[Any]:
+    """A dataset of the kind, dimensions and range of `_DATASETS`."""
+    kinds, dimensions, least, largest, unknown = _DATASETS[name]
+    try:
+        values = np.asarray(file[name][()])
+    except (KeyError, TypeError, AttributeError) as error:
+        raise InputError("is missing or unreadable, every mode file has it", file=path, key=name) from error
+    if values.dtype.kind not in kinds or values.ndim != dimensions:
+        allowed = f"{dimensions}-dimensional array of {'whole ' if 'i' in kinds else ''}numbers"
+        raise InputError(f"is a {values.ndim}-dimensional {values.dtype}, allowed is a {allowed}", file=path, key=name)
+    valid = (values >= least) & (values <= largest)
+    if not (valid | np.isnan(values) if unknown else valid).all():
+        raise InputError(f"holds a number outside {least:g} to {largest:g}", file=path, key=name)
+    return values
 
 
 def _write(file: h5py.File, name: str, values: NDArray[Any], unit: str) -> None:
     compression = {"compression": "gzip", "shuffle": True} if values.size > 1000 else {}
-    dataset = file.create_dataset(name, data=values, **compression)
+    checksum = {"fletcher32": True} if values.size else {}
+    dataset = file.create_dataset(name, data=values, **compression, **checksum)
     dataset.attrs["unit"] = unit

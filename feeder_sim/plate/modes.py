@@ -25,6 +25,8 @@ from feeder_sim.materials import Material
 
 SHEAR_FACTOR = 5.0 / 6.0
 TERMS_PER_AXIS = 24
+CUT = 4
+CONVERGED = 5e-3
 Theory = Literal["mindlin", "kirchhoff"]
 Fields = tuple[tuple[NDArray[np.int64], NDArray[np.int64]], ...]  # orders in x and y of w, beta_x, beta_y
 
@@ -137,11 +139,20 @@ def plate_modes(
 
     Returns:
         The modes, none if the lowest lies above `highest_frequency`.
+
+    Raises:
+        ValueError: some of the modes asked for are not resolved: they move by more than `CONVERGED` when the series is
+            cut by `CUT` terms, as happens for many half waves along a slender plate.
     """
     found = []
     for parity in ((0, 0), (0, 1), (1, 0), (1, 1)):
         frequencies, coefficients = _solve_parity_class(plate, parity, theory, terms_per_axis)
+        coarse, _ = _solve_parity_class(plate, parity, theory, terms_per_axis - CUT)
         keep = frequencies <= highest_frequency
+        moved = coarse[: len(frequencies)] / frequencies[: len(coarse)] - 1.0 > CONVERGED
+        if (keep[: len(moved)] & moved).any() or keep.sum() > len(moved):
+            resolved = frequencies[int(np.argmax(moved))] if moved.any() else frequencies[len(moved) - 1]
+            raise ValueError(f"modes above {resolved:.0f} Hz are not resolved by {terms_per_axis} terms per axis")
         found += [(f, c, parity) for f, c in zip(frequencies[keep], coefficients[keep], strict=True)]
     # Degenerate partners agree to round-off: order them by parity so that the numbering is reproducible.
     found.sort(key=lambda mode: (float(f"{mode[0]:.6g}"), mode[2]))

@@ -24,7 +24,10 @@ def compute_modes(file: PlateFile) -> ModeFile:
     plate = RectangularPlate(
         body.length_mm * 1e-3, body.width_mm * 1e-3, body.thickness_mm * 1e-3, resolve_material(body.material)
     )
-    modes = plate_modes(plate, highest_frequency=body.highest_frequency_hz)
+    try:
+        modes = plate_modes(plate, highest_frequency=body.highest_frequency_hz)
+    except ValueError as error:
+        raise InputError(f"is {body.highest_frequency_hz:g}, {error}", key="plate.highest_frequency_hz") from error
     if not len(modes):
         raise InputError(
             f"is {body.highest_frequency_hz:g}, below the first mode of the plate", key="plate.highest_frequency_hz"

@@ -18,10 +18,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from feeder_sim.errors import InputError
 from feeder_sim.plate.drive import ModalTerms
 from feeder_sim.plate.shapes import ModeShape
 
 POINTS_PER_WAVELENGTH = 80
+MAX_GRID_POINTS = 20_000_000  # half a gigabyte
 
 
 @dataclass(frozen=True)
@@ -95,8 +97,17 @@ def tabulate(
         thickness: of the plate [m].
         wavelength: the shortest bending wavelength among the shapes [m].
         uniform_y: the shapes do not depend on y, so that four grid lines in y are enough.
+
+    Raises:
+        InputError: the plate is too large for its wavelength to be tabulated.
     """
     spacing = wavelength / POINTS_PER_WAVELENGTH
+    if len(shapes) * (length / spacing + 4.0) * (4.0 if uniform_y else width / spacing + 4.0) > MAX_GRID_POINTS:
+        raise InputError(
+            f"of {1e3 * length:g} x {1e3 * width:g} mm is too large for waves of {1e3 * wavelength:g} mm, allowed are "
+            f"{MAX_GRID_POINTS} grid points at {POINTS_PER_WAVELENGTH} per wavelength",
+            key="plate",
+        )
     x = np.linspace(-0.5 * length, 0.5 * length, max(4, 1 + math.ceil(length / spacing)))
     y = np.linspace(-0.5 * width, 0.5 * width, 4 if uniform_y else max(4, 1 + math.ceil(width / spacing)))
     table = np.stack([np.moveaxis(shape.evaluate_grid(x, y), 0, -1) for shape in shapes])

@@ -34,9 +34,9 @@ CASES = {
         STRIP,
         "thickness_mm = 3.0",
         "thickness_mm = -3.0",
-        ["plate.thickness_mm", "-3.0", "greater than 0"],
+        ["plate.thickness_mm", "-3.0", "greater than or equal to 0.001"],
     ),
-    "missing thickness": (STRIP, "thickness_mm = 3.0", "", ["plate.thickness_mm", "missing", "above 0"]),
+    "missing thickness": (STRIP, "thickness_mm = 3.0", "", ["plate.thickness_mm", "missing", "at least 0.001"]),
     "missing thickness of a rectangle": (
         STRIP,
         'kind = "strip"\nthickness_mm = 3.0',
@@ -132,10 +132,48 @@ CASES = {
         '[part.start]\nposition_mm = [10, 0]\n[run]\nduration_s = 1.0\nstop = "passage"',
         ["part[0].start.position_mm", "0.49 of the way", "above 0.8"],
     ),
+    "amplitude beyond linear theory": (
+        STRIP,
+        "amplitude_um = 1.0",
+        "amplitude_um = 5000.0",
+        ["drive[0]", "5000 um", "3000 um"],
+    ),
+    "mode and frequency apart": (
+        PLATE.replace("2797.0", "12000.0"),
+        "amplitude_um = 1.0",
+        "amplitude_um = 1.0\nmode = 1",
+        ["drive[0].frequency_hz", "12000", "298.9", "natural_frequency_hz"],
+    ),
+    "unresolved modes": (
+        STRIP,
+        'kind = "strip"\nthickness_mm = 3.0',
+        'kind = "rectangle"\nlength_mm = 1000.0\nwidth_mm = 50.0\nthickness_mm = 3.0',
+        ["frequency_hz", "4750", "not resolved"],
+    ),
+    "flag as number": (STRIP, "amplitude_um = 1.0", "amplitude_um = true", ["drive[0].amplitude_um", "True", "number"]),
+    "custom material misspelt": (
+        STRIP,
+        "thickness_mm = 3.0",
+        "thickness_mm = 3.0\nmaterial = {density = 1.0}",
+        ["plate.material.density", "did you mean 'density_kg_m3'"],
+    ),
+    "one drive not a list": (STRIP, "[[drive]]", "[drive]", ["drive", "[[...]]"]),
+    "microscopic part": (
+        STRIP,
+        'shape = "hex_nut"\nsize = "M2.5"',
+        'shape = "ball"\ndiameter_mm = 0.02',
+        ["part", "moment of inertia", "1e-15"],
+    ),
+    "shorter than a frame": (STRIP, "duration_s = 1.0", "duration_s = 1e-6", ["run.duration_s", "1e-06", "one frame"]),
     "two parts": (STRIP, "[run]", '[[part]]\nshape = "hex_nut"\nsize = "M3"\n[run]', ["part", "at most 1"]),
     "not TOML": (STRIP, "[plate]", "[plate", ["not valid TOML", "line"]),
     "unknown engine": (STRIP, "[run]", '[run]\nengine = "bullet"', ["run.engine", "'bullet'", "'mujoco'"]),
-    "infinite duration": (STRIP, "duration_s = 1.0", "duration_s = inf", ["run.duration_s", "inf", "finite"]),
+    "infinite duration": (
+        STRIP,
+        "duration_s = 1.0",
+        "duration_s = inf",
+        ["run.duration_s", "inf", "less than or equal to 100000"],
+    ),
 }
 
 

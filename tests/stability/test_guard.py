@@ -11,9 +11,10 @@ import pytest
 from conftest import piston_scenario, strip_scenario
 
 from feeder_sim.engines import mujoco as engine_module
-from feeder_sim.scenario import Start
-from feeder_sim.simulation import simulate
-from feeder_sim.trajectory import Status, read_recording
+from feeder_sim.scenario import Contact, Start
+from feeder_sim.scene import build_scene
+from feeder_sim.simulation import Guard, simulate
+from feeder_sim.trajectory import Frames, Status, read_recording
 
 TUNNELLING = """
 [plate]
@@ -75,6 +76,36 @@ def test_non_finite_state_is_noticed_at_once(monkeypatch: pytest.MonkeyPatch) ->
     assert 0.3 < failure.time_s < 0.7
     assert np.isfinite(result.trajectories[0].position).all()
     assert result.trajectories[0].time[-1] < failure.time_s
+
+
+def test_part_that_falls_off_the_plate_is_counted_and_no_failure() -> None:
+    result = simulate(piston_scenario(amplitude_um=0.0, start=Start(position_mm=(89.9, 0.0)), duration_s=1.0))
+    assert result.failures == []
+    assert result.seeds[0].status == Status.LEFT_PLATE
+    assert result.summary()["left_plate"] == 1
+    last = result.trajectories[0].position[-1, 0]
+    assert last[2] < 0 and last[0] > 0.09
+
+
+def test_earliest_violation_is_the_one_reported() -> None:
+    scene = build_scene(strip_scenario())
+    time = np.arange(100) * 0.002
+    position = np.tile([0.0, 0.0, 1e-3], (100, 1, 1))
+    velocity = np.zeros((100, 1, 3))
+    velocity[5:, 0, 2], position[50:] = 50.0, np.nan
+    frames = Frames(time, position, np.tile([1.0, 0, 0, 0], (100, 1, 1)), velocity, velocity * 0)
+    valid, failure = Guard(scene, frames[slice(1)]).check(frames, 0)
+    assert failure is not None
+    assert valid == 5 and "speed" in failure.cause and failure.time_s == pytest.approx(0.01)
+
+
+def test_compliant_contact_of_five_steps_is_stable_and_hops_like_the_others() -> None:
+    step_us = 1e6 / (4750 * 40)
+    compliant = Contact(model="compliant", time_constant_us=5.0 * step_us)
+    scenario = strip_scenario(duration_s=1.0, seeds=2).model_copy(update={"contact": compliant})
+    result = simulate(scenario)
+    assert [seed.status for seed in result.seeds] == [Status.DONE] * 2
+    assert all(frames.position[100:, 0, 2].max() < 2e-3 for frames in result.trajectories)
 
 
 @pytest.mark.parametrize("amplitude_um", [0.1, 1.0, 10.0, 90.0])

@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 from conftest import REPOSITORY
 
+MODE_FILE = REPOSITORY / "models/plate_180/modes.h5"
 SHORT = """
 title = "short"
 [plate]
@@ -92,8 +93,9 @@ def test_dry_run_and_check_describe_and_write_nothing(scenario: Path, tmp_path: 
     assert "antinode_to_node_mm: 19.49" in feeder_sim("check", scenario).stdout
 
 
-def test_estimated_file_size_is_about_right(scenario: Path, tmp_path: Path) -> None:
-    scenario.write_text(SHORT.replace("duration_s = 0.1", "duration_s = 6.0"))
+@pytest.mark.parametrize("duration_s", [0.1, 6.0])
+def test_estimated_file_size_is_about_right(duration_s: float, scenario: Path, tmp_path: Path) -> None:
+    scenario.write_text(SHORT.replace("duration_s = 0.1", f"duration_s = {duration_s}"))
     plan = json.loads(feeder_sim("check", scenario, "--json").stdout)
     feeder_sim("run", scenario, "--out", tmp_path / "run")
     size = sum(p.stat().st_size for p in (tmp_path / "run").iterdir()) * 1e-6
@@ -150,6 +152,21 @@ def test_help_does_not_load_the_heavy_libraries() -> None:
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"
+
+
+def test_existing_files_are_left_alone(scenario: Path, tmp_path: Path) -> None:
+    kept = scenario.read_text()
+    for command in (["check", scenario, "--mjcf", scenario], ["modes", MODE_FILE, "--picture", scenario]):
+        refused = feeder_sim(*command)
+        assert refused.returncode == 2 and "exists already" in one_line(refused)
+    assert scenario.read_text() == kept
+
+
+@pytest.mark.parametrize("target", ["short.toml/sub", "x" * 300])
+def test_folder_that_cannot_be_made_is_one_line(target: str, scenario: Path, tmp_path: Path) -> None:
+    refused = feeder_sim("run", scenario, "--out", tmp_path / target)
+    assert refused.returncode == 2
+    one_line(refused)
 
 
 def one_line(done: subprocess.CompletedProcess[str]) -> str:

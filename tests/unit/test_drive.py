@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from feeder_sim.plate.drive import ModalDrive, modal_terms
-from feeder_sim.plate.kernels import modal_coordinates
+from feeder_sim.plate.drive import ModalDrive, ModalTerms, modal_terms
+from feeder_sim.plate.kernels import modal_motion
 
 
 def oscillator(drive: ModalDrive, times: np.ndarray) -> np.ndarray:
@@ -55,14 +55,16 @@ def test_without_ring_up_the_motion_is_a_sine_at_once() -> None:
     assert terms.phasor(t, 1)[:, 0].real == pytest.approx([0.0, 2.0, -2.0, 0.0], abs=1e-9)
 
 
-def test_compiled_coordinates_equal_the_numpy_ones() -> None:
+def test_compiled_motion_equals_the_numpy_one() -> None:
     drives = [
         ModalDrive(0, 400.0, 400.0, 1.0, damping_ratio=0.01, stop=0.02),
         ModalDrive(1, 410.0, 400.0, 0.5, phase=1.0, damping_ratio=0.02, start=0.01),
         ModalDrive(0, 400.0, 400.0, 0.3, start=0.015),
     ]
     terms = modal_terms(drives)
-    q = np.zeros(2)
+    rates = ModalTerms(terms.shape, terms.start, terms.stop, terms.coefficient * terms.rate, terms.rate)
+    q, velocity = np.zeros(2), np.zeros(2)
     for t in np.linspace(0.0, 0.05, 37):
-        modal_coordinates(t, terms.shape, terms.start, terms.stop, terms.coefficient, terms.rate, q)
+        modal_motion(t, terms.shape, terms.start, terms.stop, terms.coefficient, terms.rate, q, velocity)
         assert q == pytest.approx(terms.phasor(t, 2)[0].real, abs=1e-12)
+        assert velocity == pytest.approx(rates.phasor(t, 2)[0].real, abs=1e-9)

@@ -8,8 +8,9 @@ import pytest
 from conftest import piston_scenario, strip_scenario
 
 from feeder_sim.engines.mujoco import MujocoEngine
-from feeder_sim.run_folder import mjcf_text
-from feeder_sim.scenario import Start, load_scenario
+from feeder_sim.measures import transport_cell
+from feeder_sim.run_folder import mjcf_text, scenario_toml
+from feeder_sim.scenario import Drive, HexNut, Start, load_scenario, parse_scenario
 from feeder_sim.scene import build_mjcf, build_scene, start_poses
 
 
@@ -85,6 +86,34 @@ def test_patch_follows_the_surface_under_the_part() -> None:
     assert half * tilt[1] == pytest.approx(expected[0], abs=1e-10)
 
 
-def test_models_are_what_their_script_makes(repository: Path) -> None:
-    scene = build_scene(load_scenario(repository / "scenarios/drift_4750hz.toml"))
-    assert (repository / "models/strip_3mm/scene.xml").read_text() == mjcf_text(scene)
+@pytest.mark.parametrize(("folder", "scenario"), [("strip_3mm", "drift_4750hz"), ("plate_180", "drift_2797hz_plate")])
+def test_models_are_what_their_script_makes(repository: Path, folder: str, scenario: str) -> None:
+    scene = build_scene(load_scenario(repository / f"scenarios/{scenario}.toml"))
+    assert (repository / f"models/{folder}/scene.xml").read_text() == mjcf_text(scene)
+
+
+def test_every_scenario_can_be_written_out_and_read_again(repository: Path, tmp_path: Path) -> None:
+    for path in sorted(repository.glob("scenarios/*.toml")):
+        scenario = load_scenario(path)
+        assert parse_scenario(scenario_toml(scenario), file=tmp_path / "scenario.toml") == scenario
+
+
+def test_step_resolves_the_ringing_at_the_natural_frequency_too() -> None:
+    drive = Drive(frequency_hz=100.0, natural_frequency_hz=4000.0, amplitude_um=1.0)
+    scene = build_scene(strip_scenario().model_copy(update={"drive": (drive,)}))
+    assert scene.timestep == pytest.approx(1 / (4000 * 40))
+
+
+def test_a_part_on_a_nodal_crossing_belongs_to_no_cell(repository: Path) -> None:
+    scenario = load_scenario(repository / "scenarios/drift_2797hz_plate.toml")
+    crossing = scenario.model_copy(
+        update={
+            "drive": (Drive(frequency_hz=2646.0, amplitude_um=1.0),),
+            "part": (HexNut(size="M2.5", start=Start(position_mm=(0.0, 0.0))),),
+        }
+    )
+    assert transport_cell(build_scene(crossing)) is None
+    beside = crossing.model_copy(update={"part": (HexNut(size="M2.5", start=Start(position_mm=(30.0, 0.0))),)})
+    cell = transport_cell(build_scene(beside))
+    assert cell is not None
+    assert cell.antinode == pytest.approx([0.0523, 0.0], abs=1e-3)

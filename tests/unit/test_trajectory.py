@@ -69,7 +69,7 @@ def test_stopped_run_leaves_a_readable_file(tmp_path: Path, repository: Path, se
     folder = tmp_path / "run"
     scenario = repository / "scenarios/drift_4750hz.toml"
     command = [sys.executable, "-m", "feeder_sim", "run", str(scenario), "--seeds", "2", "--out", str(folder)]
-    process = subprocess.Popen(command, env=os.environ, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE)
+    process = subprocess.Popen(command, env=os.environ, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
     try:
         deadline = time.monotonic() + 120
         while time.monotonic() < deadline and not _blocks_written(folder / TRAJECTORY):

@@ -1,0 +1,252 @@
+"""Simultaneous impacts of one rigid body on a surface: Newton restitution, Coulomb friction, no stiffness.
+
+At every touching corner i with surface normal n, relative velocity u before and u' after the impact and impulse p,
+
+    u'.n >= -e u.n,   p.n >= 0,   complementary             (Newton restitution, simultaneous corners)
+    |p_t| <= mu p.n,  p_t opposite to u'_t where it slips   (Coulomb's exact cone)
+
+solved by projected Gauss-Seidel over the corners (Moreau, in: Nonsmooth Mechanics, 1988; Jean, CMAME 177 (1999) 235).
+A single corner, by far the most frequent case, is solved directly: it sticks, or it slips in a direction found by the
+secant method.
+Newton's law with friction can create energy (Kane and Levinson 1985); where the work sum p.(u + u')/2 would be
+positive, the restitution of that impact is lowered until it is not. With e = 0 the work is never positive.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+
+MAX_SWEEPS = 400
+TOLERANCE = 1e-9  # change of relative velocity per sweep, over the approach velocity
+HALVINGS = 12  # of the restitution, until an impact creates no energy
+MAX_SECANTS = 30
+ANGLE_TOLERANCE = 1e-10  # of the slip direction [rad]
+
+
+@njit(cache=True, nogil=True)
+def resolve_impact(velocity, momentum, inverse_mass, inverse_inertia, arm, normal, surface_velocity, n, e, mu):
+    """Change velocity and angular momentum (3,) in place for impacts at the first n corners.
+
+    inverse_inertia (3, 3) is in world axes; arm (corners, 3) goes from the centre of mass to the contact points [m];
+    normal and surface_velocity have shape (corners, 3); e and mu are restitution and friction.
+    """
+    before = np.empty((n, 3))
+    spin = np.empty(3)
+    for k in range(3):
+        spin[k] = _dot(inverse_inertia[k], momentum)
+    for i in range(n):
+        relative_velocity(velocity, spin, arm[i], surface_velocity[i], before[i])
+    impulse, v, w = np.zeros((n, 3)), velocity.copy(), spin.copy()
+    _solve(v, w, inverse_mass, inverse_inertia, arm, normal, surface_velocity, before, impulse, e, mu)
+    trial = e
+    for _ in range(HALVINGS):
+        if trial == 0.0 or _work(v, w, arm, surface_velocity, before, impulse) <= 0.0:
+            break
+        trial = 0.5 * trial if trial > 0.02 * e else 0.0
+        v[:], w[:] = velocity, spin
+        impulse[:] = 0.0
+        _solve(v, w, inverse_mass, inverse_inertia, arm, normal, surface_velocity, before, impulse, trial, mu)
+    velocity[:] = v
+    for i in range(n):
+        momentum[0] += arm[i, 1] * impulse[i, 2] - arm[i, 2] * impulse[i, 1]
+        momentum[1] += arm[i, 2] * impulse[i, 0] - arm[i, 0] * impulse[i, 2]
+        momentum[2] += arm[i, 0] * impulse[i, 1] - arm[i, 1] * impulse[i, 0]
+
+
+@njit(cache=True, nogil=True)
+def relative_velocity(v, w, arm, surface_velocity, out):
+    """Velocity of a body point relative to the surface: v + w x arm - surface_velocity."""
+    out[0] = v[0] + w[1] * arm[2] - w[2] * arm[1] - surface_velocity[0]
+    out[1] = v[1] + w[2] * arm[0] - w[0] * arm[2] - surface_velocity[1]
+    out[2] = v[2] + w[0] * arm[1] - w[1] * arm[0] - surface_velocity[2]
+
+
+@njit(cache=True, nogil=True)
+def _solve(v, w, inverse_mass, inverse_inertia, arm, normal, surface_velocity, before, impulse, e, mu):
+    """Sweep over the corners until the velocities stop changing; v, w, impulse are updated in place."""
+    n = before.shape[0]
+    if n == 1:
+        target = -e * _dot(normal[0], before[0])
+        if _solve_single(inverse_mass, inverse_inertia, arm[0], normal[0], before[0], impulse[0], target, mu):
+            _apply(v, w, inverse_mass, inverse_inertia, arm[0], impulse[0])
+            return
+    step_normal, step_tangent, targets = np.empty(n), np.empty(n), np.empty(n)
+    scale = 0.0
+    for i in range(n):
+        along = _dot(normal[i], before[i])
+        targets[i] = -e * along
+        scale = max(scale, abs(along))
+        step_normal[i], step_tangent[i] = _steps(inverse_mass, inverse_inertia, arm[i], normal[i])
+    u, change = np.empty(3), np.empty(3)
+    for _ in range(MAX_SWEEPS):
+        largest = 0.0
+        for i in range(n):
+            relative_velocity(v, w, arm[i], surface_velocity[i], u)
+            _project(u, normal[i], impulse[i], step_normal[i], step_tangent[i], targets[i], mu, change)
+            largest = max(largest, _dot(change, change) * (1.0 / step_normal[i]) ** 2)
+            _apply(v, w, inverse_mass, inverse_inertia, arm[i], change)
+        if largest < (TOLERANCE * scale) ** 2:
+            break
+
+
+@njit(cache=True, nogil=True)
+def _solve_single(inverse_mass, inverse_inertia, arm, normal, before, impulse, target, mu):
+    """Impulse of a single corner; False, with the impulse untouched, where the direct solution does not apply.
+
+    Works in a frame (a, b, normal); k is the inverse effective mass there: after = before + k impulse.
+    """
+    frame, k, u = np.empty((3, 3)), np.empty((3, 3)), np.empty(3)
+    _contact_frame(normal, frame)
+    moment, turned = np.empty((3, 3)), np.empty(3)
+    for i in range(3):
+        for j in range(3):
+            moment[i, j] = arm[(j + 1) % 3] * frame[i, (j + 2) % 3] - arm[(j + 2) % 3] * frame[i, (j + 1) % 3]
+        u[i] = _dot(frame[i], before)
+    for i in range(3):
+        for j in range(3):
+            turned[j] = _dot(inverse_inertia[j], moment[i])
+        for j in range(3):
+            k[i, j] = _dot(moment[j], turned)
+        k[i, i] += inverse_mass
+    p = np.empty(3)
+    if not _stick(k, u, target, mu, p) and not _slip(k, u, target, mu, p):
+        return False
+    for j in range(3):
+        impulse[j] = p[0] * frame[0, j] + p[1] * frame[1, j] + p[2] * frame[2, j]
+    return True
+
+
+@njit(cache=True, nogil=True)
+def _stick(k, u, target, mu, p):
+    """Impulse that ends all slip; True if it lies in the friction cone."""
+    r0, r1, r2 = -u[0], -u[1], target - u[2]
+    c00 = k[1, 1] * k[2, 2] - k[1, 2] * k[2, 1]
+    c01 = k[1, 2] * k[2, 0] - k[1, 0] * k[2, 2]
+    c02 = k[1, 0] * k[2, 1] - k[1, 1] * k[2, 0]
+    determinant = k[0, 0] * c00 + k[0, 1] * c01 + k[0, 2] * c02
+    c11, c22 = k[0, 0] * k[2, 2] - k[0, 2] * k[2, 0], k[0, 0] * k[1, 1] - k[0, 1] * k[1, 0]
+    c12 = k[0, 1] * k[2, 0] - k[0, 0] * k[2, 1]
+    p[0] = (c00 * r0 + c01 * r1 + c02 * r2) / determinant
+    p[1] = (c01 * r0 + c11 * r1 + c12 * r2) / determinant
+    p[2] = (c02 * r0 + c12 * r1 + c22 * r2) / determinant
+    return p[2] >= 0.0 and p[0] * p[0] + p[1] * p[1] <= (mu * p[2]) ** 2
+
+
+@njit(cache=True, nogil=True)
+def _slip(k, u, target, mu, p):
+    """Impulse on the cone's edge, opposite to the slip it leaves; True if the secant method finds it."""
+    angle = math.atan2(u[1], u[0])
+    error = _slip_error(k, u, target, mu, angle, p)
+    previous, previous_error = angle, error
+    angle += error
+    for _ in range(MAX_SECANTS):
+        error = _slip_error(k, u, target, mu, angle, p)
+        if math.isnan(error):
+            return False
+        if abs(error) < ANGLE_TOLERANCE:
+            return True
+        slope = (error - previous_error) / (angle - previous) if angle != previous else -1.0
+        previous, previous_error = angle, error
+        step = -error / slope if slope < -0.1 else error
+        angle += min(max(step, -1.0), 1.0)
+    return False
+
+
+@njit(cache=True, nogil=True)
+def _slip_error(k, u, target, mu, angle, p):
+    """Angle from the assumed slip direction to the one that results [rad]; NaN if the corner would not be pressed."""
+    dx, dy = math.cos(angle), math.sin(angle)
+    stiffness = k[2, 2] - mu * (k[2, 0] * dx + k[2, 1] * dy)
+    if stiffness <= 0.0:
+        return math.nan
+    p[2] = (target - u[2]) / stiffness
+    p[0], p[1] = -mu * p[2] * dx, -mu * p[2] * dy
+    x = u[0] + k[0, 0] * p[0] + k[0, 1] * p[1] + k[0, 2] * p[2]
+    y = u[1] + k[1, 0] * p[0] + k[1, 1] * p[1] + k[1, 2] * p[2]
+    return math.atan2(dx * y - dy * x, dx * x + dy * y)
+
+
+@njit(cache=True, nogil=True)
+def _contact_frame(normal, frame):
+    """Orthonormal rows: two tangents and the normal, which points upwards."""
+    size = math.sqrt(normal[0] * normal[0] + normal[2] * normal[2])
+    frame[0, 0], frame[0, 1], frame[0, 2] = normal[2] / size, 0.0, -normal[0] / size
+    for j in range(3):
+        frame[2, j] = normal[j]
+        a, b = (j + 1) % 3, (j + 2) % 3
+        frame[1, j] = normal[a] * frame[0, b] - normal[b] * frame[0, a]
+
+
+@njit(cache=True, nogil=True)
+def _project(u, normal, impulse, step_normal, step_tangent, target, mu, change):
+    """One Gauss-Seidel step of one corner: unconstrained change of its impulse, projected onto the Coulomb cone."""
+    along, pressed = _dot(normal, u), _dot(normal, impulse)
+    normal_new = max(0.0, pressed - step_normal * (along - target))
+    # Tangential parts follow by taking the normal ones out.
+    tangent = np.empty(3)
+    size = 0.0
+    for k in range(3):
+        slip = u[k] - along * normal[k]
+        tangent[k] = impulse[k] - pressed * normal[k] - step_tangent * slip
+        size += tangent[k] ** 2
+    limit, size = mu * normal_new, math.sqrt(size)
+    shrink = limit / size if size > limit else 1.0
+    for k in range(3):
+        change[k] = normal_new * normal[k] + shrink * tangent[k] - impulse[k]
+        impulse[k] += change[k]
+
+
+@njit(cache=True, nogil=True)
+def _steps(inverse_mass, inverse_inertia, arm, normal):
+    """Effective mass along the normal, and a tangential one small enough for the projection to converge.
+
+    K = 1/m - [arm] I^-1 [arm] is the inverse effective mass; what its trace leaves beside the normal bounds the rest.
+    """
+    trace = 3.0 * inverse_mass
+    moment, torque = np.empty(3), np.empty(3)
+    for k in range(3):
+        moment[k] = 0.0
+        moment[(k + 1) % 3], moment[(k + 2) % 3] = arm[(k + 2) % 3], -arm[(k + 1) % 3]  # arm x e_k
+        trace += _quadratic(inverse_inertia, moment)
+        torque[k] = arm[(k + 1) % 3] * normal[(k + 2) % 3] - arm[(k + 2) % 3] * normal[(k + 1) % 3]
+    along = inverse_mass + _quadratic(inverse_inertia, torque)
+    return 1.0 / along, 1.0 / (trace - along)
+
+
+@njit(cache=True, nogil=True)
+def _quadratic(matrix, vector):
+    """Vector . matrix vector."""
+    total = 0.0
+    for i in range(3):
+        total += vector[i] * _dot(matrix[i], vector)
+    return total
+
+
+@njit(cache=True, nogil=True)
+def _apply(v, w, inverse_mass, inverse_inertia, arm, impulse):
+    """Change linear and angular velocity by an impulse at the end of an arm."""
+    moment = np.empty(3)
+    for k in range(3):
+        v[k] += inverse_mass * impulse[k]
+        moment[k] = arm[(k + 1) % 3] * impulse[(k + 2) % 3] - arm[(k + 2) % 3] * impulse[(k + 1) % 3]
+    for k in range(3):
+        w[k] += _dot(inverse_inertia[k], moment)
+
+
+@njit(cache=True, nogil=True)
+def _work(v, w, arm, surface_velocity, before, impulse):
+    """Work of all impulses, in the frame of the surface: the energy the impact creates."""
+    total, after = 0.0, np.empty(3)
+    for i in range(before.shape[0]):
+        relative_velocity(v, w, arm[i], surface_velocity[i], after)
+        for k in range(3):
+            total += 0.5 * impulse[i, k] * (before[i, k] + after[k])
+    return total
+
+
+@njit(cache=True, nogil=True)
+def _dot(a, b):
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]

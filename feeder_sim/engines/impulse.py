@@ -1,0 +1,330 @@
+"""Engine `impulse`: rigid contact by impulses; a part flies in closed form and leaps to the earliest possible contact.
+
+One pass of the loop:
+
+    proximity   height of every corner above the surface, and how fast it approaches
+    impact      corners that touch and approach get impulses, together (impact.py)
+    leap        the longest flight during which no corner can touch: with gap g, approach speed -u and a bound a on the
+                relative acceleration, no contact before t = (u + sqrt(u^2 + 2 a g)) / a; never shorter than the step
+    flight      parabola and torque-free rotation over that time (free_flight.py)
+
+(Conservative advancement: Mirtich, PhD thesis, Berkeley 1996.) The step is what ends the infinite rattling of a part at
+rest: corners may enter the surface by what they cover in one step, as in any time-stepping scheme.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from feeder_sim.engines.free_flight import rotate_freely, symmetry_axis
+from feeder_sim.engines.impact import resolve_impact
+from feeder_sim.engines.surface_arrays import surface_arrays
+from feeder_sim.plate.kernels import modal_motion, surface_modes, surface_normal
+from feeder_sim.scene import GRAVITY, Scene, build_mjcf, start_poses
+from feeder_sim.trajectory import Frames
+
+TOUCH = 1e-9  # [m]; corners this close count as touching, so that a flat landing is one impact and not six
+
+
+class Body(NamedTuple):
+    """The part: mass [kg], principal inertia (3,), symmetry axis, corners (n, 3) [m] with a radius, contact."""
+
+    mass: float
+    inertia: NDArray[np.float64]
+    axis: int
+    corners: NDArray[np.float64]
+    radius: float
+    reach: float
+    restitution: float
+    friction: float
+
+
+class Motion(NamedTuple):
+    """State of the part in world axes: position, velocity, attitude (columns: body axes), angular momentum."""
+
+    position: NDArray[np.float64]
+    velocity: NDArray[np.float64]
+    attitude: NDArray[np.float64]
+    momentum: NDArray[np.float64]
+
+
+class Bounds(NamedTuple):
+    """What the surface can do at most: height [m], and per mode shape the acceleration at its antinode [m/s^2]."""
+
+    crest: float
+    acceleration: NDArray[np.float64]
+
+
+class Scratch(NamedTuple):
+    """Per corner: arm (n, 3), height over the surface, its rate, acceleration bound; then contacts and modal values."""
+
+    arm: NDArray[np.float64]
+    gap: NDArray[np.float64]
+    rate: NDArray[np.float64]
+    acceleration: NDArray[np.float64]
+    contact_arm: NDArray[np.float64]
+    normal: NDArray[np.float64]
+    surface_velocity: NDArray[np.float64]
+    q: NDArray[np.float64]
+    q_rate: NDArray[np.float64]
+    modes: NDArray[np.float64]
+    weight_x: NDArray[np.float64]
+    weight_y: NDArray[np.float64]
+
+
+@njit(cache=True, nogil=True)
+def _fly(motion, body, duration):
+    """Free flight over a duration [s], in place."""
+    for k in range(3):
+        motion.position[k] += motion.velocity[k] * duration
+    motion.position[2] -= 0.5 * GRAVITY * duration * duration
+    motion.velocity[2] -= GRAVITY * duration
+    rotate_freely(motion.attitude, motion.momentum, body.inertia, body.axis, duration)
+
+
+@njit(cache=True, nogil=True)
+def _angular_velocity(motion, inertia):
+    """World angular velocity (3,) [rad/s] from angular momentum."""
+    spin = np.zeros(3)
+    for axis in range(3):
+        along = 0.0
+        for k in range(3):
+            along += motion.attitude[k, axis] * motion.momentum[k]
+        for k in range(3):
+            spin[k] += motion.attitude[k, axis] * along / inertia[axis]
+    return spin
+
+
+@njit(cache=True, nogil=True)
+def _proximity(motion, body, surface, bounds, t, work):
+    """Fill gap, rate and acceleration of every corner; returns the number that touch and approach.
+
+    Above the crest the gap is to the crest and the surface counts as still; below it, to the surface itself. A corner
+    beyond the edge of the plate has nothing under it.
+    """
+    spin = _angular_velocity(motion, body.inertia)
+    # |dw/dt| <= |w| |L| / I_min for a torque-free body, so a corner accelerates by at most 2 reach (L / I_min)^2.
+    least = min(body.inertia[0], body.inertia[1], body.inertia[2])
+    squared = motion.momentum[0] ** 2 + motion.momentum[1] ** 2 + motion.momentum[2] ** 2
+    own = GRAVITY + 2.0 * body.reach * squared / (least * least)
+    touching, moved = 0, False
+    for i in range(body.corners.shape[0]):
+        for k in range(3):
+            work.arm[i, k] = (
+                motion.attitude[k, 0] * body.corners[i, 0]
+                + motion.attitude[k, 1] * body.corners[i, 1]
+                + motion.attitude[k, 2] * body.corners[i, 2]
+            )
+        height = motion.position[2] + work.arm[i, 2] - body.radius
+        work.rate[i] = motion.velocity[2] + spin[0] * work.arm[i, 1] - spin[1] * work.arm[i, 0]
+        work.gap[i], work.acceleration[i] = height - bounds.crest, own
+        if work.gap[i] > 0.0:
+            continue
+        if not moved:
+            _move_surface(surface, t, work)
+            moved = True
+        _measure_gap(motion, surface, bounds, height, own, i, work)
+        if work.gap[i] <= TOUCH and work.rate[i] < 0.0:
+            touching += 1
+    return touching
+
+
+@njit(cache=True, nogil=True)
+def _move_surface(surface, t, work):
+    """Modal coordinates and their rates at time t."""
+    modal_motion(
+        t,
+        surface.term_shape,
+        surface.term_start,
+        surface.term_stop,
+        surface.coefficient,
+        surface.rate,
+        work.q,
+        work.q_rate,
+    )
+
+
+@njit(cache=True, nogil=True)
+def _measure_gap(motion, surface, bounds, height, own, i, work):
+    """Gap of one corner to the surface under it, relative rate, and the bound on their relative acceleration."""
+    x, y = motion.position[0] + work.arm[i, 0], motion.position[1] + work.arm[i, 1]
+    if abs(x) > surface.grid_x[-1] or abs(y) > surface.grid_y[-1]:
+        work.gap[i] = np.inf
+        return
+    _modes_at(surface, x, y, work)
+    work.gap[i] = height
+    for s in range(work.q.shape[0]):
+        work.gap[i] -= work.modes[s, 0] * work.q[s]
+        work.rate[i] -= work.modes[s, 0] * work.q_rate[s]
+        work.acceleration[i] += abs(work.modes[s, 0]) * bounds.acceleration[s]
+
+
+@njit(cache=True, nogil=True)
+def _modes_at(surface, x, y, work):
+    surface_modes(x, y, surface.grid_x, surface.grid_y, surface.table, work.weight_x, work.weight_y, work.modes)
+
+
+@njit(cache=True, nogil=True)
+def _impact(motion, body, surface, work):
+    """Give impulses to all corners that touch and approach."""
+    n = 0
+    for i in range(body.corners.shape[0]):
+        if work.gap[i] > TOUCH or work.rate[i] >= 0.0:
+            continue
+        x, y = motion.position[0] + work.arm[i, 0], motion.position[1] + work.arm[i, 1]
+        _modes_at(surface, x, y, work)
+        work.surface_velocity[n] = 0.0
+        for s in range(work.q.shape[0]):
+            for k in range(2):
+                slide = surface.half_thickness * work.modes[s, 1 + k] * work.q_rate[s] * surface.in_plane
+                work.surface_velocity[n, k] -= slide
+            work.surface_velocity[n, 2] += work.modes[s, 0] * work.q_rate[s]
+        surface_normal(
+            x, y, surface.grid_x, surface.grid_y, surface.table, work.q, work.weight_x, work.weight_y, work.normal[n]
+        )
+        for k in range(3):
+            work.contact_arm[n, k] = work.arm[i, k] - body.radius * work.normal[n, k]
+        n += 1
+    inverse_inertia = np.empty((3, 3))
+    for i in range(3):
+        for j in range(3):
+            inverse_inertia[i, j] = 0.0
+            for k in range(3):
+                inverse_inertia[i, j] += motion.attitude[i, k] * motion.attitude[j, k] / body.inertia[k]
+    resolve_impact(
+        motion.velocity,
+        motion.momentum,
+        1.0 / body.mass,
+        inverse_inertia,
+        work.contact_arm,
+        work.normal,
+        work.surface_velocity,
+        n,
+        body.restitution,
+        body.friction,
+    )
+
+
+@njit(cache=True, nogil=True)
+def _leap(work, step):
+    """Longest flight [s] during which no corner can touch, at least one step."""
+    shortest = np.inf
+    for i in range(work.gap.shape[0]):
+        gap, rate, a = max(work.gap[i], 0.0), work.rate[i], work.acceleration[i]
+        if gap < np.inf:
+            shortest = min(shortest, (rate + math.sqrt(rate * rate + 2.0 * a * gap)) / a)
+    return max(shortest, step)
+
+
+@njit(cache=True, nogil=True)
+def _advance(motion, body, surface, bounds, work, step, frame_interval, first_frame, out):
+    """Advance frame by frame; after each, write position, velocity, attitude, momentum into a row of out (n, 18)."""
+    for row in range(out.shape[0]):
+        t, end = (first_frame + row) * frame_interval, (first_frame + row + 1) * frame_interval
+        while t < end:
+            if _proximity(motion, body, surface, bounds, t, work) > 0:
+                _impact(motion, body, surface, work)
+                _proximity(motion, body, surface, bounds, t, work)
+            leap = _leap(work, step)
+            if t + leap >= end:
+                _fly(motion, body, end - t)
+                break
+            _fly(motion, body, leap)
+            t += leap
+        out[row, 0:3], out[row, 3:6] = motion.position, motion.velocity
+        out[row, 6:15], out[row, 15:18] = motion.attitude.copy().ravel(), motion.momentum
+
+
+class ImpulseEngine:
+    """Rigid impulses behind the engine protocol; geometry, mass and contact constants from the compiled MJCF."""
+
+    name = "impulse"
+
+    def __init__(self, scene: Scene, rng: np.random.Generator) -> None:
+        from scipy.spatial.transform import Rotation
+
+        self._scene = scene
+        self._body = _body(scene)
+        self._surface = surface_arrays(scene.surface, in_plane=scene.scenario.run.in_plane_velocity)
+        self._bounds = _bounds(scene)
+        self._scratch = _scratch(len(self._body.corners), scene.surface.n_shapes)
+        (pose,) = start_poses(scene, rng)
+        attitude = np.ascontiguousarray(Rotation.from_quat(pose.quaternion, scalar_first=True).as_matrix())
+        self._motion = Motion(pose.position.copy(), np.zeros(3), attitude, np.zeros(3))
+        self._frame = 0
+
+    def current(self) -> Frames:
+        m = self._motion
+        return self._frames(np.concatenate([m.position, m.velocity, m.attitude.ravel(), m.momentum])[None], self._frame)
+
+    def advance(self, n_frames: int) -> Frames:
+        out = np.empty((n_frames, 18))
+        interval = self._scene.frame_interval
+        arguments = (self._motion, self._body, self._surface, self._bounds, self._scratch)
+        _advance(*arguments, self._scene.timestep, interval, self._frame, out)
+        self._frame += n_frames
+        return self._frames(out, self._frame - n_frames + 1)
+
+    def _frames(self, rows: NDArray[np.float64], first: int) -> Frames:
+        from scipy.spatial.transform import Rotation
+
+        n = len(rows)
+        attitude = rows[:, 6:15].reshape(n, 3, 3)
+        body_momentum = np.einsum("nij,ni->nj", attitude, rows[:, 15:18])
+        spin = np.einsum("nij,nj->ni", attitude, body_momentum / self._body.inertia)
+        finite = np.isfinite(attitude).all(axis=(1, 2))
+        turned = Rotation.from_matrix(np.where(finite[:, None, None], attitude, np.eye(3)))
+        return Frames(
+            time=(first + np.arange(n)) * self._scene.frame_interval,
+            position=rows[:, None, 0:3],
+            quaternion=np.asarray(turned.as_quat(scalar_first=True))[:, None],
+            velocity=rows[:, None, 3:6],
+            angular_velocity=spin[:, None],
+        )
+
+
+def _body(scene: Scene) -> Body:
+    """Read the part back from the compiled scene, so that both engines simulate the same thing."""
+    model = build_mjcf(scene).compile()
+    name = scene.parts[0].name
+    part = model.body(name)
+    geoms = model.pair_geom2
+    corners = np.ascontiguousarray(model.geom_pos[geoms])
+    radius = float(model.geom_size[geoms[0], 0])
+    inertia = np.array(part.inertia, float)
+    return Body(
+        mass=float(part.mass[0]),
+        inertia=inertia,
+        axis=symmetry_axis(inertia),
+        corners=corners,
+        radius=radius,
+        reach=float(np.linalg.norm(corners, axis=1).max()),
+        restitution=scene.scenario.contact.restitution,
+        friction=float(model.pair_friction[0, 0]),
+    )
+
+
+def _bounds(scene: Scene) -> Bounds:
+    """Largest envelope of every modal coordinate over the run, sampled well below the ring-up time, plus 1 %."""
+    surface, duration = scene.surface, scene.scenario.run.duration_s
+    terms = surface.terms
+    fade = np.abs(terms.rate.real).max(initial=0.0)
+    n = int(min(200_000, 1000 + 20 * duration * fade))
+    edges = np.concatenate([terms.start, terms.stop[np.isfinite(terms.stop)]])
+    times = np.unique(np.concatenate([np.linspace(0.0, duration, n), edges]))
+    envelope = 1.01 * np.abs(terms.phasor(times, surface.n_shapes)).max(axis=0)
+    antinode = np.abs(surface.table[..., 0]).max(axis=(1, 2))
+    squared = np.array([(terms.rate.imag[terms.shape == j] ** 2).max() for j in range(surface.n_shapes)])
+    return Bounds(crest=float(envelope @ antinode), acceleration=envelope * squared)
+
+
+def _scratch(n_corners: int, n_shapes: int) -> Scratch:
+    per_corner = [np.zeros((n_corners, 3)), *(np.zeros(n_corners) for _ in range(3))]
+    contacts = [np.zeros((n_corners, 3)) for _ in range(3)]
+    modal = [np.zeros(n_shapes), np.zeros(n_shapes), np.zeros((n_shapes, 3)), np.zeros(4), np.zeros(4)]
+    return Scratch(*per_corner, *contacts, *modal)
