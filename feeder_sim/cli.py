@@ -61,7 +61,7 @@ def run(
             return
         folder = out or fresh_folder(scenario_file.stem)
         with _stop_on_signal() as stop, _progress(scenario.title or scenario_file.stem) as progress:
-            result = record_run(scenario, folder, progress=progress, stop=stop)
+            result = record_run(scenario, folder, progress=progress, stop=stop, notify=_notify)
     _print_summary(result.summary(), folder, as_json)
     for failure in result.failures:
         print(f"feeder-sim: {failure}", file=sys.stderr)
@@ -302,6 +302,12 @@ def _stop_on_signal() -> Iterator[threading.Event]:
         yield stop
     finally:
         restore()
+
+
+def _notify(line: str) -> None:
+    """Notes go to a person at a terminal, not into logs."""
+    if sys.stderr.isatty():
+        print(f"feeder-sim: {line}", file=sys.stderr)
 
 
 @contextlib.contextmanager

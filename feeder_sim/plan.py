@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from feeder_sim.engines import engine_class
+from feeder_sim.engines import choose_engine, engine_class
 from feeder_sim.measures import check_stop_rule, transport_cell
 from feeder_sim.run_folder import DISPLAY_POINTS
 from feeder_sim.scene import GRAVITY, Scene
@@ -29,7 +29,7 @@ def plan_run(scene: Scene) -> dict[str, Any]:
     """
     cell = transport_cell(scene)
     check_stop_rule(scene, cell)
-    run, surface = scene.scenario.run, scene.surface
+    run, surface, engine = scene.scenario.run, scene.surface, choose_engine(scene.scenario)
     frames = scene.n_frames * len(scene.parts) * run.seeds
     cost = _trial_cost(scene)
     points = min(len(surface.x), DISPLAY_POINTS) * min(len(surface.y), DISPLAY_POINTS)
@@ -37,7 +37,8 @@ def plan_run(scene: Scene) -> dict[str, Any]:
     file_size += points * surface.n_shapes * BYTES_PER_SURFACE_POINT + BYTES_FIXED
     return {
         "title": scene.scenario.title,
-        "engine": run.engine,
+        "engine": engine.name,
+        "engine_because": engine.reason,
         "plate_mm": [round(1e3 * d, 3) for d in (surface.length, surface.width, surface.thickness)],
         "drives": [
             {
@@ -72,9 +73,9 @@ def plan_run(scene: Scene) -> dict[str, Any]:
 
 def _trial_cost(scene: Scene) -> float:
     """Wall time per step [s] of one part-seed on one core, after compilation."""
-    engine = engine_class(scene.scenario.run.engine)(scene, np.random.default_rng(0))
+    engine = engine_class(choose_engine(scene.scenario).name)(scene, np.random.default_rng(0))
     engine.advance(1)
-    frames = max(1, TRIAL_STEPS // scene.steps_per_frame)
+    frames = min(scene.n_frames, max(1, TRIAL_STEPS // scene.steps_per_frame))
     started = time.perf_counter()
     engine.advance(frames)
     return (time.perf_counter() - started) / (frames * scene.steps_per_frame)

@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from feeder_sim import __version__
+from feeder_sim.engines import choose_engine
 from feeder_sim.errors import InputError
 from feeder_sim.measures import Cell, check_stop_rule, transport_cell
 from feeder_sim.scenario import Scenario
@@ -39,6 +40,7 @@ def record_run(
     progress: Callable[[float], None] | None = None,
     stop: threading.Event | None = None,
     replay: bool = True,
+    notify: Callable[[str], None] | None = None,
 ) -> Result:
     """Simulate a scenario and write everything about it into `folder`.
 
@@ -47,6 +49,7 @@ def record_run(
         folder: made if missing; it must not hold a run already.
         progress: as for `simulate`.
         stop: as for `simulate`.
+        notify: as for `simulate`.
         replay: also build the .rrd from the finished trajectory file.
 
     Raises:
@@ -57,13 +60,14 @@ def record_run(
     scene = build_scene(scenario)
     cell = transport_cell(scene)
     check_stop_rule(scene, cell)
+    engine = choose_engine(scenario)
     folder.mkdir(parents=True, exist_ok=True)
     check_free(folder)
     (folder / RESOLVED).write_text(scenario_toml(scenario), encoding="utf-8")
     (folder / MJCF).write_text(mjcf_text(scene), encoding="utf-8")
     writer = TrajectoryWriter(
         folder / TRAJECTORY,
-        engine=scenario.run.engine,
+        engine=engine.name,
         seed=scenario.run.seed,
         n_seeds=scenario.run.seeds,
         scenario_text=scenario_toml(scenario),
@@ -72,7 +76,7 @@ def record_run(
         parts=[PartRecord(part.name, part.vertices, part.faces) for part in scene.parts],
     )
     try:
-        result = simulate_scene(scene, recorder=writer, progress=progress, stop=stop)
+        result = simulate_scene(scene, recorder=writer, progress=progress, stop=stop, notify=notify)
     finally:
         writer.close()
     summary = result.summary() | {"version": __version__, "libraries": library_versions()}

@@ -218,7 +218,7 @@ class Contact(Table):
 class Run(Table):
     """How long, how often, how fine."""
 
-    engine: Literal["mujoco", "impulse"] = "mujoco"
+    engine: Literal["auto", "impulse", "mujoco"] = "auto"
     duration_s: Annotated[float, Field(gt=0, le=1e5, strict=True)]
     stop: Literal["time", "passage"] = "time"
     seeds: Annotated[int, Field(ge=1, le=10_000, strict=True)] = 12

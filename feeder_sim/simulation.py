@@ -12,13 +12,15 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from feeder_sim.engines import Engine, engine_class
+from feeder_sim.engines import Engine, choose_engine, engine_class
 from feeder_sim.errors import SimulationDiverged
 from feeder_sim.measures import PASSAGE_TO, Cell, check_stop_rule, ensemble_measures, transport_cell
 from feeder_sim.scenario import Scenario
 from feeder_sim.scene import GRAVITY, Scene, build_scene
 from feeder_sim.trajectory import BLOCK_FRAMES, Frames, Status
 
+COMPILING_S = 1.5
+COMPILING = "compiling the engine, some 20 s; the result is kept for the next time"
 BLOCK_STEPS = 500_000  # solver steps between two looks at the guard, the stop rule and the stop event, at most
 
 
@@ -85,7 +87,7 @@ class Result:
         simulated = sum(float(seed.frames.time[-1]) for seed in self.seeds if len(seed.frames))
         return {
             "title": scenario.title,
-            "engine": scenario.run.engine,
+            "engine": choose_engine(scenario).name,
             "seed": scenario.run.seed,
             "seeds": scenario.run.seeds,
             **self.measures(),
@@ -107,6 +109,7 @@ def simulate(
     progress: Callable[[float], None] | None = None,
     stop: threading.Event | None = None,
     workers: int | None = None,
+    notify: Callable[[str], None] | None = None,
 ) -> Result:
     """Run every seed of a scenario; the result does not depend on the number of workers.
 
@@ -116,11 +119,13 @@ def simulate(
         progress: called with the fraction done, from this thread, a few times a second.
         stop: set it to end the run after the blocks under way.
         workers: threads; the engines' inner loops run outside Python, so threads use all cores. Default: all cores.
+        notify: takes a line for the user, such as that the engine is being compiled.
 
     Raises:
         InputError: the scenario cannot be built, or its start does not suit its stop rule.
     """
-    return simulate_scene(build_scene(scenario), recorder=recorder, progress=progress, stop=stop, workers=workers)
+    scene = build_scene(scenario)
+    return simulate_scene(scene, recorder=recorder, progress=progress, stop=stop, workers=workers, notify=notify)
 
 
 def available_cores() -> int:
@@ -135,6 +140,7 @@ def simulate_scene(
     progress: Callable[[float], None] | None = None,
     stop: threading.Event | None = None,
     workers: int | None = None,
+    notify: Callable[[str], None] | None = None,
 ) -> Result:
     """Run every seed of a scene that is already built; arguments as for `simulate`."""
     run = scene.scenario.run
@@ -143,7 +149,7 @@ def simulate_scene(
     stop = stop or threading.Event()
     generators = [np.random.default_rng(s) for s in np.random.SeedSequence(run.seed).spawn(run.seeds)]
     done = np.zeros(run.seeds)
-    engine_class(run.engine)  # imported once, before the threads need it
+    _warm_up(scene, notify)
     started = time.perf_counter()
 
     def one(index: int) -> SeedResult:
@@ -165,6 +171,16 @@ def simulate_scene(
     return Result(scene, results, time.perf_counter() - started, cell)
 
 
+def _warm_up(scene: Scene, notify: Callable[[str], None] | None) -> None:
+    """Import and compile the engine before the threads need it; say so when that takes long."""
+    note = threading.Timer(COMPILING_S, lambda: notify and notify(COMPILING))
+    note.start()
+    try:
+        engine_class(choose_engine(scene.scenario).name)(scene, np.random.default_rng(0)).advance(1)
+    finally:
+        note.cancel()
+
+
 def _run_seed(
     scene: Scene,
     index: int,
@@ -176,7 +192,7 @@ def _run_seed(
 ) -> SeedResult:
     """Advance one seed block by block until its time is up, its stop rule holds, or it diverges."""
     started = time.perf_counter()
-    engine: Engine = engine_class(scene.scenario.run.engine)(scene, rng)
+    engine: Engine = engine_class(choose_engine(scene.scenario).name)(scene, rng)
     first = engine.current()
     guard = Guard(scene, first)
     longest = min(BLOCK_FRAMES, max(2, BLOCK_STEPS // scene.steps_per_frame))

@@ -37,7 +37,7 @@ def symmetry_axis(inertia: np.ndarray) -> int:
     return -1
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def turn(axis, angle, vector, out):
     """Rotate a vector (3,) about a unit axis (3,) by an angle [rad] (Rodrigues)."""
     c, s = math.cos(angle), math.sin(angle)
@@ -48,7 +48,7 @@ def turn(axis, angle, vector, out):
     out[0], out[1], out[2] = x, y, z
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def rotate_freely(attitude, momentum, inertia, axis, duration):
     """Advance the attitude (3, 3) in place over a duration [s] at constant angular momentum (3,) [kg m^2/s]."""
     size = math.sqrt(momentum[0] ** 2 + momentum[1] ** 2 + momentum[2] ** 2)
@@ -60,7 +60,7 @@ def rotate_freely(attitude, momentum, inertia, axis, duration):
         _rotate_general(attitude, momentum, size, inertia, duration)
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def _rotate_symmetric(attitude, momentum, size, inertia, axis, duration):
     a, b = (axis + 1) % 3, (axis + 2) % 3
     transverse = 0.5 * (inertia[a] + inertia[b])
@@ -82,7 +82,7 @@ def _rotate_symmetric(attitude, momentum, size, inertia, axis, duration):
         attitude[2, column] = c * r + s * (x * q - y * p) + along * z
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def _rotate_general(attitude, momentum, size, inertia, duration):
     """Landau-Lifshitz solution; axes sorted so that axis 3 is the one the body momentum circles around."""
     order = np.argsort(inertia)
@@ -116,11 +116,11 @@ def _rotate_general(attitude, momentum, size, inertia, duration):
     sn, cn, dn = jacobi(start + rate * duration, modulus)
     after = np.empty(3)
     after[order[0]], after[order[1]], after[order[2]] = i1 * a1 * cn, handed * i2 * sense * a2 * sn, i3 * side * a3 * dn
-    after *= size / math.sqrt((after**2).sum())
-    _align(attitude, momentum / size, body / size, after / size, order[2], precession)
+    before, after = body / math.sqrt((body**2).sum()), after / math.sqrt((after**2).sum())
+    _align(attitude, momentum / size, before, after, order[2], precession)
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def _align(attitude, direction, before, after, polar, precession):
     """Turn the body so that its momentum direction goes from `before` to `after` (body axes) and precesses by an angle.
 
@@ -128,12 +128,12 @@ def _align(attitude, direction, before, after, polar, precession):
     """
     first, second = _momentum_frame(before, polar), _momentum_frame(after, polar)
     space = attitude @ first  # columns: across, sideways, along L, in space
-    for column in range(2):
-        turn(direction, precession, space[:, column], space[:, column])
+    turn(direction, precession, space[:, 0], space[:, 0])
+    _complete(direction, space[:, 0], space)
     attitude[:, :] = space @ second.T
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def _momentum_frame(direction, polar):
     """Orthonormal columns in body axes: polar axis made perpendicular to `direction`, cross product, `direction`."""
     frame = np.empty((3, 3))
@@ -144,16 +144,33 @@ def _momentum_frame(direction, polar):
         across[:] = 0.0
         across[(polar + 1) % 3] = 1.0
         norm = 1.0
-    across /= norm
-    frame[:, 0] = across
-    frame[0, 1] = direction[1] * across[2] - direction[2] * across[1]
-    frame[1, 1] = direction[2] * across[0] - direction[0] * across[2]
-    frame[2, 1] = direction[0] * across[1] - direction[1] * across[0]
-    frame[:, 2] = direction
+    _complete(direction, across / norm, frame)
     return frame
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
+def _complete(direction, across, frame):
+    """Orthonormal columns from a unit vector, which becomes the third, and one nearly perpendicular to it."""
+    along = across[0] * direction[0] + across[1] * direction[1] + across[2] * direction[2]
+    for k in range(3):
+        frame[k, 2] = direction[k]
+        frame[k, 0] = across[k] - along * direction[k]
+    size = math.sqrt(frame[0, 0] ** 2 + frame[1, 0] ** 2 + frame[2, 0] ** 2)
+    for k in range(3):
+        frame[k, 0] /= size
+    for k in range(3):
+        a, b = (k + 1) % 3, (k + 2) % 3
+        frame[k, 1] = frame[a, 2] * frame[b, 0] - frame[b, 2] * frame[a, 0]
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def orthonormalise(attitude):
+    """Take the round-off of many flights out of a rotation matrix (3, 3), in place."""
+    size = math.sqrt(attitude[0, 2] ** 2 + attitude[1, 2] ** 2 + attitude[2, 2] ** 2)
+    _complete(attitude[:, 2] / size, attitude[:, 0].copy(), attitude)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
 def jacobi(u, m):
     """Jacobi elliptic sn, cn, dn of argument u and parameter m = k^2 in [0, 1] (Abramowitz and Stegun 16.4, AGM)."""
     if m < 1e-16:
@@ -176,7 +193,7 @@ def jacobi(u, m):
     return sn, math.cos(phi), math.sqrt(1.0 - m * sn * sn)
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def elliptic_f(phi, m):
     """Incomplete elliptic integral of the first kind for |phi| <= pi, through Carlson's R_F."""
     turns = math.floor(phi / math.pi + 0.5)
@@ -188,7 +205,7 @@ def elliptic_f(phi, m):
     return value
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def _carlson_rf(x, y, z):
     """Carlson's symmetric integral R_F by duplication (Carlson, Numer. Algorithms 10 (1995) 13)."""
     for _ in range(60):

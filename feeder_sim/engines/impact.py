@@ -26,7 +26,7 @@ MAX_SECANTS = 30
 ANGLE_TOLERANCE = 1e-10  # of the slip direction [rad]
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def resolve_impact(velocity, momentum, inverse_mass, inverse_inertia, arm, normal, surface_velocity, n, e, mu):
     """Change velocity and angular momentum (3,) in place for impacts at the first n corners.
 
@@ -56,7 +56,7 @@ def resolve_impact(velocity, momentum, inverse_mass, inverse_inertia, arm, norma
         momentum[2] += arm[i, 0] * impulse[i, 1] - arm[i, 1] * impulse[i, 0]
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def relative_velocity(v, w, arm, surface_velocity, out):
     """Velocity of a body point relative to the surface: v + w x arm - surface_velocity."""
     out[0] = v[0] + w[1] * arm[2] - w[2] * arm[1] - surface_velocity[0]
@@ -64,7 +64,7 @@ def relative_velocity(v, w, arm, surface_velocity, out):
     out[2] = v[2] + w[0] * arm[1] - w[1] * arm[0] - surface_velocity[2]
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def _solve(v, w, inverse_mass, inverse_inertia, arm, normal, surface_velocity, before, impulse, e, mu):
     """Sweep over the corners until the velocities stop changing; v, w, impulse are updated in place."""
     n = before.shape[0]
@@ -92,7 +92,7 @@ def _solve(v, w, inverse_mass, inverse_inertia, arm, normal, surface_velocity, b
             break
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def _solve_single(inverse_mass, inverse_inertia, arm, normal, before, impulse, target, mu):
     """Impulse of a single corner; False, with the impulse untouched, where the direct solution does not apply.
 
@@ -119,7 +119,7 @@ def _solve_single(inverse_mass, inverse_inertia, arm, normal, before, impulse, t
     return True
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def _stick(k, u, target, mu, p):
     """Impulse that ends all slip; True if it lies in the friction cone."""
     r0, r1, r2 = -u[0], -u[1], target - u[2]
@@ -135,7 +135,7 @@ def _stick(k, u, target, mu, p):
     return p[2] >= 0.0 and p[0] * p[0] + p[1] * p[1] <= (mu * p[2]) ** 2
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def _slip(k, u, target, mu, p):
     """Impulse on the cone's edge, opposite to the slip it leaves; True if the secant method finds it."""
     angle = math.atan2(u[1], u[0])
@@ -155,7 +155,7 @@ def _slip(k, u, target, mu, p):
     return False
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def _slip_error(k, u, target, mu, angle, p):
     """Angle from the assumed slip direction to the one that results [rad]; NaN if the corner would not be pressed."""
     dx, dy = math.cos(angle), math.sin(angle)
@@ -169,7 +169,7 @@ def _slip_error(k, u, target, mu, angle, p):
     return math.atan2(dx * y - dy * x, dx * x + dy * y)
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def _contact_frame(normal, frame):
     """Orthonormal rows: two tangents and the normal, which points upwards."""
     size = math.sqrt(normal[0] * normal[0] + normal[2] * normal[2])
@@ -180,7 +180,7 @@ def _contact_frame(normal, frame):
         frame[1, j] = normal[a] * frame[0, b] - normal[b] * frame[0, a]
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def _project(u, normal, impulse, step_normal, step_tangent, target, mu, change):
     """One Gauss-Seidel step of one corner: unconstrained change of its impulse, projected onto the Coulomb cone."""
     along, pressed = _dot(normal, u), _dot(normal, impulse)
@@ -199,7 +199,7 @@ def _project(u, normal, impulse, step_normal, step_tangent, target, mu, change):
         impulse[k] += change[k]
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def _steps(inverse_mass, inverse_inertia, arm, normal):
     """Effective mass along the normal, and a tangential one small enough for the projection to converge.
 
@@ -216,7 +216,7 @@ def _steps(inverse_mass, inverse_inertia, arm, normal):
     return 1.0 / along, 1.0 / (trace - along)
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def _quadratic(matrix, vector):
     """Vector . matrix vector."""
     total = 0.0
@@ -225,7 +225,7 @@ def _quadratic(matrix, vector):
     return total
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def _apply(v, w, inverse_mass, inverse_inertia, arm, impulse):
     """Change linear and angular velocity by an impulse at the end of an arm."""
     moment = np.empty(3)
@@ -236,7 +236,7 @@ def _apply(v, w, inverse_mass, inverse_inertia, arm, impulse):
         w[k] += _dot(inverse_inertia[k], moment)
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def _work(v, w, arm, surface_velocity, before, impulse):
     """Work of all impulses, in the frame of the surface: the energy the impact creates."""
     total, after = 0.0, np.empty(3)
@@ -247,6 +247,6 @@ def _work(v, w, arm, surface_velocity, before, impulse):
     return total
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def _dot(a, b):
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]

@@ -9,7 +9,7 @@ One pass of the loop:
     flight      parabola and torque-free rotation over that time (free_flight.py)
 
 (Conservative advancement: Mirtich, PhD thesis, Berkeley 1996.) The step is what ends the infinite rattling of a part at
-rest: corners may enter the surface by what they cover in one step, as in any time-stepping scheme.
+rest: corners may enter the surface by what they cover in one step, and are put back on it at the impact.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from feeder_sim.engines.free_flight import rotate_freely, symmetry_axis
+from feeder_sim.engines.free_flight import orthonormalise, rotate_freely, symmetry_axis
 from feeder_sim.engines.impact import resolve_impact
 from feeder_sim.engines.surface_arrays import surface_arrays
 from feeder_sim.plate.kernels import modal_motion, surface_modes, surface_normal
@@ -61,13 +61,16 @@ class Bounds(NamedTuple):
 
 
 class Scratch(NamedTuple):
-    """Per corner: arm (n, 3), height over the surface, its rate, acceleration bound; then contacts and modal values."""
+    """Per corner: height over what it can touch, approach rate, what the surface adds to rate and acceleration bound.
 
-    arm: NDArray[np.float64]
+    Then the contacts of an impact (n, 3), the modal values, and interpolation weights.
+    """
+
     gap: NDArray[np.float64]
     rate: NDArray[np.float64]
-    acceleration: NDArray[np.float64]
-    contact_arm: NDArray[np.float64]
+    surface_rate: NDArray[np.float64]
+    surface_acceleration: NDArray[np.float64]
+    arm: NDArray[np.float64]
     normal: NDArray[np.float64]
     surface_velocity: NDArray[np.float64]
     q: NDArray[np.float64]
@@ -77,7 +80,7 @@ class Scratch(NamedTuple):
     weight_y: NDArray[np.float64]
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def _fly(motion, body, duration):
     """Free flight over a duration [s], in place."""
     for k in range(3):
@@ -87,54 +90,53 @@ def _fly(motion, body, duration):
     rotate_freely(motion.attitude, motion.momentum, body.inertia, body.axis, duration)
 
 
-@njit(cache=True, nogil=True)
-def _angular_velocity(motion, inertia):
-    """World angular velocity (3,) [rad/s] from angular momentum."""
-    spin = np.zeros(3)
-    for axis in range(3):
-        along = 0.0
-        for k in range(3):
-            along += motion.attitude[k, axis] * motion.momentum[k]
-        for k in range(3):
-            spin[k] += motion.attitude[k, axis] * along / inertia[axis]
-    return spin
-
-
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def _proximity(motion, body, surface, bounds, t, work):
-    """Fill gap, rate and acceleration of every corner; returns the number that touch and approach.
+    """Fill gap and surface part of every corner.
 
     Above the crest the gap is to the crest and the surface counts as still; below it, to the surface itself. A corner
     beyond the edge of the plate has nothing under it.
     """
-    spin = _angular_velocity(motion, body.inertia)
-    # |dw/dt| <= |w| |L| / I_min for a torque-free body, so a corner accelerates by at most 2 reach (L / I_min)^2.
-    least = min(body.inertia[0], body.inertia[1], body.inertia[2])
-    squared = motion.momentum[0] ** 2 + motion.momentum[1] ** 2 + motion.momentum[2] ** 2
-    own = GRAVITY + 2.0 * body.reach * squared / (least * least)
-    touching, moved = 0, False
+    moved = False
     for i in range(body.corners.shape[0]):
-        for k in range(3):
-            work.arm[i, k] = (
-                motion.attitude[k, 0] * body.corners[i, 0]
-                + motion.attitude[k, 1] * body.corners[i, 1]
-                + motion.attitude[k, 2] * body.corners[i, 2]
-            )
-        height = motion.position[2] + work.arm[i, 2] - body.radius
-        work.rate[i] = motion.velocity[2] + spin[0] * work.arm[i, 1] - spin[1] * work.arm[i, 0]
-        work.gap[i], work.acceleration[i] = height - bounds.crest, own
-        if work.gap[i] > 0.0:
+        height = motion.position[2] - body.radius
+        for axis in range(3):
+            height += motion.attitude[2, axis] * body.corners[i, axis]
+        work.gap[i] = height - bounds.crest
+        work.surface_rate[i] = work.surface_acceleration[i] = 0.0
+        if work.gap[i] > 2.0 * TOUCH:  # a gap to the crest must never pass for a touch
             continue
         if not moved:
             _move_surface(surface, t, work)
             moved = True
-        _measure_gap(motion, surface, bounds, height, own, i, work)
+        _measure_gap(motion, body, surface, bounds, height, i, work)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _approach(motion, body, work):
+    """Fill the vertical rate of every corner relative to the surface; returns how many touch and approach."""
+    # (w x r)_z = r . (z x w), taken in body axes once instead of for every corner.
+    wx = wy = 0.0
+    for axis in range(3):
+        along = 0.0
+        for k in range(3):
+            along += motion.attitude[k, axis] * motion.momentum[k]
+        along /= body.inertia[axis]
+        wx += motion.attitude[0, axis] * along
+        wy += motion.attitude[1, axis] * along
+    x = wx * motion.attitude[1, 0] - wy * motion.attitude[0, 0]
+    y = wx * motion.attitude[1, 1] - wy * motion.attitude[0, 1]
+    z = wx * motion.attitude[1, 2] - wy * motion.attitude[0, 2]
+    touching = 0
+    for i in range(body.corners.shape[0]):
+        turning = x * body.corners[i, 0] + y * body.corners[i, 1] + z * body.corners[i, 2]
+        work.rate[i] = motion.velocity[2] + turning - work.surface_rate[i]
         if work.gap[i] <= TOUCH and work.rate[i] < 0.0:
             touching += 1
     return touching
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def _move_surface(surface, t, work):
     """Modal coordinates and their rates at time t."""
     modal_motion(
@@ -149,10 +151,19 @@ def _move_surface(surface, t, work):
     )
 
 
-@njit(cache=True, nogil=True)
-def _measure_gap(motion, surface, bounds, height, own, i, work):
-    """Gap of one corner to the surface under it, relative rate, and the bound on their relative acceleration."""
-    x, y = motion.position[0] + work.arm[i, 0], motion.position[1] + work.arm[i, 1]
+@njit(cache=True, nogil=True, error_model="numpy")
+def _point(motion, body, i, k):
+    """Coordinate k of corner i in space [m]."""
+    value = motion.position[k]
+    for axis in range(3):
+        value += motion.attitude[k, axis] * body.corners[i, axis]
+    return value
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _measure_gap(motion, body, surface, bounds, height, i, work):
+    """Gap of one corner to the surface under it, the surface's rate, and a bound on its acceleration."""
+    x, y = _point(motion, body, i, 0), _point(motion, body, i, 1)
     if abs(x) > surface.grid_x[-1] or abs(y) > surface.grid_y[-1]:
         work.gap[i] = np.inf
         return
@@ -160,23 +171,27 @@ def _measure_gap(motion, surface, bounds, height, own, i, work):
     work.gap[i] = height
     for s in range(work.q.shape[0]):
         work.gap[i] -= work.modes[s, 0] * work.q[s]
-        work.rate[i] -= work.modes[s, 0] * work.q_rate[s]
-        work.acceleration[i] += abs(work.modes[s, 0]) * bounds.acceleration[s]
+        work.surface_rate[i] += work.modes[s, 0] * work.q_rate[s]
+        work.surface_acceleration[i] += abs(work.modes[s, 0]) * bounds.acceleration[s]
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def _modes_at(surface, x, y, work):
     surface_modes(x, y, surface.grid_x, surface.grid_y, surface.table, work.weight_x, work.weight_y, work.modes)
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def _impact(motion, body, surface, work):
-    """Give impulses to all corners that touch and approach."""
-    n = 0
+    """Put the deepest corner back on the surface and give impulses to all corners that touch and approach.
+
+    What a corner covered inside the surface within one step would otherwise add up, and a resting part would sink.
+    """
+    n, depth = 0, 0.0
     for i in range(body.corners.shape[0]):
         if work.gap[i] > TOUCH or work.rate[i] >= 0.0:
             continue
-        x, y = motion.position[0] + work.arm[i, 0], motion.position[1] + work.arm[i, 1]
+        depth = max(depth, -work.gap[i])
+        x, y = _point(motion, body, i, 0), _point(motion, body, i, 1)
         _modes_at(surface, x, y, work)
         work.surface_velocity[n] = 0.0
         for s in range(work.q.shape[0]):
@@ -188,8 +203,11 @@ def _impact(motion, body, surface, work):
             x, y, surface.grid_x, surface.grid_y, surface.table, work.q, work.weight_x, work.weight_y, work.normal[n]
         )
         for k in range(3):
-            work.contact_arm[n, k] = work.arm[i, k] - body.radius * work.normal[n, k]
+            work.arm[n, k] = _point(motion, body, i, k) - motion.position[k] - body.radius * work.normal[n, k]
         n += 1
+    motion.position[2] += depth
+    for i in range(body.corners.shape[0]):
+        work.gap[i] += depth
     inverse_inertia = np.empty((3, 3))
     for i in range(3):
         for j in range(3):
@@ -201,7 +219,7 @@ def _impact(motion, body, surface, work):
         motion.momentum,
         1.0 / body.mass,
         inverse_inertia,
-        work.contact_arm,
+        work.arm,
         work.normal,
         work.surface_velocity,
         n,
@@ -210,32 +228,38 @@ def _impact(motion, body, surface, work):
     )
 
 
-@njit(cache=True, nogil=True)
-def _leap(work, step):
+@njit(cache=True, nogil=True, error_model="numpy")
+def _leap(motion, body, work, step):
     """Longest flight [s] during which no corner can touch, at least one step."""
+    # |dw/dt| <= |w| |L| / I_min for a torque-free body, so a corner accelerates by at most 2 reach (L / I_min)^2.
+    least = min(body.inertia[0], body.inertia[1], body.inertia[2])
+    squared = motion.momentum[0] ** 2 + motion.momentum[1] ** 2 + motion.momentum[2] ** 2
+    own = GRAVITY + 2.0 * body.reach * squared / (least * least)
     shortest = np.inf
     for i in range(work.gap.shape[0]):
-        gap, rate, a = max(work.gap[i], 0.0), work.rate[i], work.acceleration[i]
+        gap, rate, a = max(work.gap[i], 0.0), work.rate[i], own + work.surface_acceleration[i]
         if gap < np.inf:
             shortest = min(shortest, (rate + math.sqrt(rate * rate + 2.0 * a * gap)) / a)
     return max(shortest, step)
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def _advance(motion, body, surface, bounds, work, step, frame_interval, first_frame, out):
     """Advance frame by frame; after each, write position, velocity, attitude, momentum into a row of out (n, 18)."""
     for row in range(out.shape[0]):
         t, end = (first_frame + row) * frame_interval, (first_frame + row + 1) * frame_interval
         while t < end:
-            if _proximity(motion, body, surface, bounds, t, work) > 0:
+            _proximity(motion, body, surface, bounds, t, work)
+            if _approach(motion, body, work) > 0:
                 _impact(motion, body, surface, work)
-                _proximity(motion, body, surface, bounds, t, work)
-            leap = _leap(work, step)
+                _approach(motion, body, work)
+            leap = _leap(motion, body, work, step)
             if t + leap >= end:
                 _fly(motion, body, end - t)
                 break
             _fly(motion, body, leap)
             t += leap
+        orthonormalise(motion.attitude)
         out[row, 0:3], out[row, 3:6] = motion.position, motion.velocity
         out[row, 6:15], out[row, 15:18] = motion.attitude.copy().ravel(), motion.momentum
 
@@ -277,10 +301,10 @@ class ImpulseEngine:
         attitude = rows[:, 6:15].reshape(n, 3, 3)
         body_momentum = np.einsum("nij,ni->nj", attitude, rows[:, 15:18])
         spin = np.einsum("nij,nj->ni", attitude, body_momentum / self._body.inertia)
-        finite = np.isfinite(attitude).all(axis=(1, 2))
+        finite = np.asarray(np.isfinite(attitude).all(axis=(1, 2)))
         turned = Rotation.from_matrix(np.where(finite[:, None, None], attitude, np.eye(3)))
         return Frames(
-            time=(first + np.arange(n)) * self._scene.frame_interval,
+            time=np.asarray((first + np.arange(n)) * self._scene.frame_interval, float),
             position=rows[:, None, 0:3],
             quaternion=np.asarray(turned.as_quat(scalar_first=True))[:, None],
             velocity=rows[:, None, 3:6],
@@ -324,7 +348,7 @@ def _bounds(scene: Scene) -> Bounds:
 
 
 def _scratch(n_corners: int, n_shapes: int) -> Scratch:
-    per_corner = [np.zeros((n_corners, 3)), *(np.zeros(n_corners) for _ in range(3))]
+    per_corner = [np.zeros(n_corners) for _ in range(4)]
     contacts = [np.zeros((n_corners, 3)) for _ in range(3)]
     modal = [np.zeros(n_shapes), np.zeros(n_shapes), np.zeros((n_shapes, 3)), np.zeros(4), np.zeros(4)]
     return Scratch(*per_corner, *contacts, *modal)

@@ -7,7 +7,7 @@ import math
 from numba import njit
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def modal_motion(t, term_shape, term_start, term_stop, coefficient, rate, q, velocity):
     """Write q_j(t) [m] and dq_j/dt [m/s] of every mode shape into q and velocity (n_shapes,)."""
     q[:] = 0.0
@@ -24,7 +24,7 @@ def modal_motion(t, term_shape, term_start, term_stop, coefficient, rate, q, vel
             velocity[term_shape[k]] += rate[k].real * real - rate[k].imag * imaginary
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def grid_cell(position, origin, spacing, n, weight):
     """Write the four cubic Lagrange weights into weight (4,) and return the first grid index; clamped to the grid."""
     u = min(max((position - origin) / spacing, 0.0), n - 1.0)
@@ -38,7 +38,7 @@ def grid_cell(position, origin, spacing, n, weight):
     return first
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def surface_modes(x, y, grid_x, grid_y, table, weight_x, weight_y, modes):
     """Interpolate (w, beta_x, beta_y) of every mode shape at (x, y) into modes (n_shapes, 3); weights are scratch."""
     first_x = grid_cell(x, grid_x[0], grid_x[1] - grid_x[0], grid_x.shape[0], weight_x)
@@ -52,7 +52,7 @@ def surface_modes(x, y, grid_x, grid_y, table, weight_x, weight_y, modes):
                     modes[shape, component] += weight * table[shape, first_x + i, first_y + j, component]
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def grid_slope(position, origin, spacing, n, weight):
     """Derivatives [1/m] of the weights of `grid_cell`, into weight (4,); returns the first grid index."""
     u = min(max((position - origin) / spacing, 0.0), n - 1.0)
@@ -66,7 +66,7 @@ def grid_slope(position, origin, spacing, n, weight):
     return first
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def surface_normal(x, y, grid_x, grid_y, table, q, weight_x, weight_y, normal):
     """Write the unit normal of the deflected surface at (x, y) into normal (3,); weights are scratch."""
     first_x = grid_slope(x, grid_x[0], grid_x[1] - grid_x[0], grid_x.shape[0], weight_x)
@@ -79,7 +79,7 @@ def surface_normal(x, y, grid_x, grid_y, table, q, weight_x, weight_y, normal):
     normal[0], normal[1], normal[2] = -slope_x / size, -slope_y / size, 1.0 / size
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def _combined(table, q, first_x, first_y, weight_x, weight_y):
     """Weighted deflection of all mode shapes over one 4 x 4 patch of the grid."""
     total = 0.0

@@ -165,9 +165,9 @@ _DATASETS: dict[str, tuple[str, int, float, float, bool]] = {
 
 def _number(file: h5py.File, name: str, path: Path) -> float:
     """An attribute of /plate: a finite number above zero (Poisson's ratio: 0 to 0.5)."""
-    value = file["plate"].attrs.get(name) if "plate" in file else None
+    value: Any = file["plate"].attrs.get(name) if "plate" in file else None
     largest = 0.5 if name == "poisson_ratio" else 1e15
-    if not np.isscalar(value) or not np.issubdtype(type(value), np.number) or not 0.0 <= float(value) <= largest:
+    if not isinstance(value, float | int | np.number) or not 0.0 <= float(value) <= largest:
         raise InputError(f"is {value!r}, allowed is a number up to {largest:g}", file=path, key=f"plate.{name}")
     if value == 0.0 and name != "poisson_ratio":
         raise InputError("is 0, allowed is a number above 0", file=path, key=f"plate.{name}")

@@ -168,6 +168,12 @@ CASES = {
     "two parts": (STRIP, "[run]", '[[part]]\nshape = "hex_nut"\nsize = "M3"\n[run]', ["part", "at most 1"]),
     "not TOML": (STRIP, "[plate]", "[plate", ["not valid TOML", "line"]),
     "unknown engine": (STRIP, "[run]", '[run]\nengine = "bullet"', ["run.engine", "'bullet'", "'mujoco'"]),
+    "impulses with a compliant contact": (
+        STRIP,
+        "[run]",
+        '[contact]\nmodel = "compliant"\ntime_constant_us = 100\n[run]\nengine = "impulse"',
+        ["run.engine", "impulse", "mujoco"],
+    ),
     "infinite duration": (
         STRIP,
         "duration_s = 1.0",

@@ -29,6 +29,7 @@ size = "M2.5"
 drop_height_mm = 20000.0      # arrives at 20 m/s: 10 mm per step of 0.5 ms, through a plate of 3 mm
 tilt_deg = 0.0
 [run]
+engine = "mujoco"
 duration_s = 5.0
 seeds = 2
 """
@@ -69,7 +70,7 @@ def test_non_finite_state_is_noticed_at_once(monkeypatch: pytest.MonkeyPatch) ->
         return original(self, n_frames)
 
     monkeypatch.setattr(engine_module.MujocoEngine, "advance", poisoned)
-    result = simulate(strip_scenario(duration_s=2.0))
+    result = simulate(strip_scenario(duration_s=2.0, engine="mujoco"))
     assert result.seeds[0].status == Status.DIVERGED
     (failure,) = result.failures
     assert "not finite" in failure.cause and failure.part == "part_0"
@@ -89,7 +90,7 @@ def test_part_that_falls_off_the_plate_is_counted_and_no_failure() -> None:
 
 def test_earliest_violation_is_the_one_reported() -> None:
     scene = build_scene(strip_scenario())
-    time = np.arange(100) * 0.002
+    time = 0.002 * np.arange(100.0)
     position = np.tile([0.0, 0.0, 1e-3], (100, 1, 1))
     velocity = np.zeros((100, 1, 3))
     velocity[5:, 0, 2], position[50:] = 50.0, np.nan

@@ -44,7 +44,7 @@ def test_run_prints_one_json_object_and_fills_the_folder(scenario: Path, tmp_pat
     assert done.stderr == ""
     summary = json.loads(done.stdout)
     assert set(summary["transport_speed_mm_s"]) == {"mean", "sd", "se", "n"}
-    assert summary["engine"] == "mujoco"
+    assert summary["engine"] == "impulse"
     assert summary["simulated_s"] == pytest.approx(0.2, rel=0.03)
     assert summary["real_time_factor"] == pytest.approx(summary["simulated_s"] / summary["wall_s"])
     assert {p.name for p in (tmp_path / "run").iterdir()} == {

@@ -46,22 +46,26 @@ def mid_path_speed(result: Result) -> Statistic:
     return Statistic.of(speeds)
 
 
-def test_drift_is_carried_by_the_in_plane_velocity() -> None:
+@pytest.mark.parametrize("engine", ["impulse", "mujoco"])
+def test_drift_is_carried_by_the_in_plane_velocity(engine: str) -> None:
     """Without it the mid-path speed at 4750 Hz falls to less than half."""
     x_mm = 0.38 * 19.49  # just before 0.6 of the way
     with_it, without = (
-        mid_path_speed(simulate(strip_scenario(x_mm=x_mm, duration_s=6.0, seeds=8, in_plane_velocity=in_plane)))
+        mid_path_speed(
+            simulate(strip_scenario(x_mm=x_mm, duration_s=6.0, seeds=8, in_plane_velocity=in_plane, engine=engine))
+        )
         for in_plane in (True, False)
     )
-    print(f"mid-path speed {with_it.mean:.2f} +- {with_it.se:.2f} mm/s, ", end="")
+    print(f"{engine}: mid-path speed {with_it.mean:.2f} +- {with_it.se:.2f} mm/s, ", end="")
     print(f"without in-plane velocity {without.mean:.2f} +- {without.se:.2f} mm/s")
     difference_se = np.hypot(without.se, 0.5 * with_it.se)
     assert without.mean + 2 * difference_se < 0.5 * with_it.mean
 
 
+@pytest.mark.parametrize("engine", ["impulse", "mujoco"])
 @pytest.mark.parametrize("amplitude_um", [0.25, 1.0])
-def test_nothing_drifts_on_a_piston_plate(amplitude_um: float) -> None:
-    result = simulate(piston_scenario(amplitude_um=amplitude_um, duration_s=10.0, seeds=12))
+def test_nothing_drifts_on_a_piston_plate(amplitude_um: float, engine: str) -> None:
+    result = simulate(piston_scenario(amplitude_um=amplitude_um, duration_s=10.0, seeds=12, engine=engine))
     velocities = np.array([drift_velocity(frames) * 1e3 for frames in result.trajectories])
     for axis in (0, 1):
         drift = Statistic.of(velocities[:, axis])

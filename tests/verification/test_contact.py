@@ -15,8 +15,9 @@ from feeder_sim.trajectory import Frames
 FLAT = Start(drop_height_mm=(1.0, 1.0), tilt_deg=(0.0, 0.0), yaw_deg=(17.0, 17.0))
 
 
-def dropped(part: object, restitution: float, duration_s: float = 0.03) -> Frames:
+def dropped(engine: str, part: object, restitution: float, duration_s: float = 0.03) -> Frames:
     scenario = piston_scenario(
+        engine=engine,
         part=part,
         frequency_hz=1000.0,
         contact=Contact(restitution=restitution),
@@ -34,10 +35,14 @@ PARTS = {
 }
 
 
+ENGINES = ["impulse", "mujoco"]
+
+
+@pytest.mark.parametrize("engine", ENGINES)
 @pytest.mark.parametrize("name", PARTS)
 @pytest.mark.parametrize("restitution", [0.2, 0.6])
-def test_flat_drop_rebounds_with_e_and_without_spin(name: str, restitution: float) -> None:
-    frames = dropped(PARTS[name], restitution)
+def test_flat_drop_rebounds_with_e_and_without_spin(engine: str, name: str, restitution: float) -> None:
+    frames = dropped(engine, PARTS[name], restitution)
     impact = np.sqrt(2 * GRAVITY * 1e-3)
     upward = frames.velocity[:, 0, 2].max()
     assert upward == pytest.approx(restitution * impact, rel=4e-3)
@@ -65,13 +70,15 @@ def test_sliding_part_stops_after_v_over_mu_g() -> None:
     assert 1e-3 * moving.sum() == pytest.approx(speed / (mu * GRAVITY), rel=0.05)
 
 
-def test_part_rests_where_it_was_put() -> None:
+@pytest.mark.parametrize("engine", ENGINES)
+def test_part_rests_where_it_was_put(engine: str) -> None:
     resting = Start(drop_height_mm=(0.0, 0.0), tilt_deg=(0.0, 0.0))
-    frames = simulate(piston_scenario(start=resting, duration_s=0.2)).trajectories[0]
+    frames = simulate(piston_scenario(start=resting, duration_s=0.2, engine=engine)).trajectories[0]
     assert np.abs(frames.position[-1] - frames.position[0]).max() < 2e-6
 
 
-def test_part_that_rests_on_a_slowly_moving_plate_follows_it() -> None:
+@pytest.mark.parametrize("engine", ENGINES)
+def test_part_that_rests_on_a_slowly_moving_plate_follows_it(engine: str) -> None:
     """Below 1 g of peak acceleration the nut stays on the plate."""
     resting = Start(drop_height_mm=(0.0, 0.0), tilt_deg=(0.0, 0.0))
     scenario = piston_scenario(
@@ -81,6 +88,7 @@ def test_part_that_rests_on_a_slowly_moving_plate_follows_it() -> None:
         contact=Contact(restitution=0.0),
         duration_s=0.5,
         steps_per_period=1000,
+        engine=engine,
     )
     scene = build_scene(scenario)
     frames = simulate(scenario).trajectories[0]
