@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import contextlib
 import json
+import os
 import signal
 import sys
 import threading
@@ -16,7 +17,7 @@ from typing import TYPE_CHECKING, Annotated, Any, NoReturn
 
 import typer
 
-from feeder_sim.errors import FeederSimError, InputError
+from feeder_sim.errors import FeederSimError, InputError, RecordingFailed
 
 if TYPE_CHECKING:
     from feeder_sim.plate.mode_file import ModeFile
@@ -160,7 +161,9 @@ def main() -> NoReturn:
     try:
         app()
     except FeederSimError as error:
-        print(f"feeder-sim: {error}", file=sys.stderr)
+        print(f"feeder-sim: {error}", file=sys.stderr, flush=True)
+        if isinstance(error, RecordingFailed):
+            os._exit(error.exit_code)  # HDF5 would crash in its own clean-up of the file it could not write
         sys.exit(error.exit_code)
     except OSError as error:  # a file or folder that cannot be read, made or written
         print(f"feeder-sim: {error.filename or 'file'}: {error.strerror or error}", file=sys.stderr)

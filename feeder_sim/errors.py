@@ -8,9 +8,15 @@ from pathlib import Path
 
 
 class FeederSimError(Exception):
-    """Base of every error the package raises on purpose; `exit_code` is what the command line returns."""
+    """Base of every error the package raises on purpose; `exit_code` is what the command line returns.
+
+    Whatever a file or a library puts into the message, it stays one line.
+    """
 
     exit_code = 1
+
+    def __init__(self, message: str) -> None:
+        super().__init__(" ".join(message.split()))
 
 
 class InputError(FeederSimError):
@@ -21,8 +27,7 @@ class InputError(FeederSimError):
     def __init__(self, problem: str, *, file: str | Path | None = None, key: str | None = None) -> None:
         self.problem, self.file, self.key = problem, file, key
         where = ": ".join(str(part) for part in (file, key) if part is not None)
-        line = f"{where}: {problem}" if where else problem
-        super().__init__(" ".join(line.split()))  # whatever a file or a library puts into it, it stays one line
+        super().__init__(f"{where}: {problem}" if where else problem)
 
 
 class SimulationDiverged(FeederSimError):
@@ -31,6 +36,10 @@ class SimulationDiverged(FeederSimError):
     def __init__(self, *, cause: str, time_s: float, part: str, seed: int) -> None:
         self.cause, self.time_s, self.part, self.seed = cause, time_s, part, seed
         super().__init__(f"seed {seed}: {part} at {time_s:.6f} s: {cause}; frames up to that time are kept")
+
+
+class RecordingFailed(FeederSimError):
+    """The trajectory file cannot be written any further; its blocks so far are on disk."""
 
 
 def nearest(name: str, allowed: Iterable[str]) -> str:

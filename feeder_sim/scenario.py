@@ -216,7 +216,11 @@ class Contact(Table):
 
 
 class Run(Table):
-    """How long, how often, how fine."""
+    """How long, how often, how fine, and with which simplifications.
+
+    `in_plane_velocity = false` holds the horizontal motion of the surface still; `tangent_surface = true` makes the
+    impulse engine take the surface under a part for a plane, as the MuJoCo engine always does.
+    """
 
     engine: Literal["auto", "impulse", "mujoco"] = "auto"
     duration_s: Annotated[float, Field(gt=0, le=1e5, strict=True)]
@@ -226,6 +230,7 @@ class Run(Table):
     steps_per_period: Annotated[int, Field(ge=MIN_STEPS_PER_PERIOD, le=10_000, strict=True)] = 40
     frames_per_second: Annotated[float, Field(ge=1, le=1e6, strict=True)] = 500.0
     in_plane_velocity: Flag = True
+    tangent_surface: Flag = False
 
 
 class Scenario(Table):

@@ -31,7 +31,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from feeder_sim import __version__
-from feeder_sim.errors import FeederSimError, InputError
+from feeder_sim.errors import InputError, RecordingFailed
 
 if TYPE_CHECKING:
     import h5py
@@ -146,7 +146,7 @@ class TrajectoryWriter:
         import h5py
 
         self._lock = threading.Lock()
-        self._path = path
+        self._path, self._failed = path, False
         self._file = h5py.File(path, "w-", libver="latest")
         self._file.attrs.update(
             schema=SCHEMA,
@@ -169,33 +169,39 @@ class TrajectoryWriter:
         """Append a block of one seed and put it on disk.
 
         Raises:
-            FeederSimError: it cannot be written, as when the disk is full.
+            RecordingFailed: it cannot be written, as when the disk is full.
         """
-        try:
-            self._append(seed_index, frames)
-        except (OSError, RuntimeError) as error:
-            raise FeederSimError(f"{self._path}: cannot be written (disk full?): {error}") from error
+        with self._lock:
+            if self._failed:
+                raise RecordingFailed(f"{self._path}: writing has failed before")
+            try:
+                self._append(seed_index, frames)
+            except (OSError, RuntimeError) as error:
+                self._failed = True
+                raise RecordingFailed(f"{self._path}: cannot be written, is the disk full? ({error})") from error
 
     def _append(self, seed_index: int, frames: Frames) -> None:
-        with self._lock:
-            group = self._file[_seed_name(seed_index)]
-            for name in FRAME_FIELDS:
-                dataset, values = group[name], getattr(frames, name)
-                start = dataset.shape[0]
-                dataset.resize(start + len(values), axis=0)
-                dataset[start:] = values
-                dataset.flush()
+        group = self._file[_seed_name(seed_index)]
+        for name in FRAME_FIELDS:
+            dataset, values = group[name], getattr(frames, name)
+            start = dataset.shape[0]
+            dataset.resize(start + len(values), axis=0)
+            dataset[start:] = values
+            dataset.flush()
 
     def finish(self, seed_index: int, status: Status) -> None:
         """Note how a seed ended."""
         with self._lock:
+            if self._failed:
+                return
             dataset = self._file[f"{_seed_name(seed_index)}/status"]
             dataset[0] = int(status)
             dataset.flush()
 
     def close(self) -> None:
         with self._lock:
-            self._file.close()
+            if not self._failed:  # HDF5 crashes when it closes what it could not write
+                self._file.close()
 
     def _create_seed(self, index: int, n_parts: int) -> None:
         for name, (unit, dtype, shape) in FRAME_FIELDS.items():

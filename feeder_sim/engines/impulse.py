@@ -167,7 +167,7 @@ def _measure_gap(motion, body, surface, bounds, height, i, work):
     if abs(x) > surface.grid_x[-1] or abs(y) > surface.grid_y[-1]:
         work.gap[i] = np.inf
         return
-    _modes_at(surface, x, y, work)
+    _modes_at(motion, surface, x, y, work)
     work.gap[i] = height
     for s in range(work.q.shape[0]):
         work.gap[i] -= work.modes[s, 0] * work.q[s]
@@ -176,8 +176,15 @@ def _measure_gap(motion, body, surface, bounds, height, i, work):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _modes_at(surface, x, y, work):
-    surface_modes(x, y, surface.grid_x, surface.grid_y, surface.table, work.weight_x, work.weight_y, work.modes)
+def _modes_at(motion, surface, x, y, work):
+    """Mode shapes at a point; on a tangent surface, those under the centre, continued along their slopes."""
+    if not surface.tangent:
+        surface_modes(x, y, surface.grid_x, surface.grid_y, surface.table, work.weight_x, work.weight_y, work.modes)
+        return
+    cx, cy = motion.position[0], motion.position[1]
+    surface_modes(cx, cy, surface.grid_x, surface.grid_y, surface.table, work.weight_x, work.weight_y, work.modes)
+    for s in range(work.modes.shape[0]):
+        work.modes[s, 0] += work.modes[s, 1] * (x - cx) + work.modes[s, 2] * (y - cy)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -192,13 +199,15 @@ def _impact(motion, body, surface, work):
             continue
         depth = max(depth, -work.gap[i])
         x, y = _point(motion, body, i, 0), _point(motion, body, i, 1)
-        _modes_at(surface, x, y, work)
+        _modes_at(motion, surface, x, y, work)
         work.surface_velocity[n] = 0.0
         for s in range(work.q.shape[0]):
             for k in range(2):
                 slide = surface.half_thickness * work.modes[s, 1 + k] * work.q_rate[s] * surface.in_plane
                 work.surface_velocity[n, k] -= slide
             work.surface_velocity[n, 2] += work.modes[s, 0] * work.q_rate[s]
+        if surface.tangent:
+            x, y = motion.position[0], motion.position[1]
         surface_normal(
             x, y, surface.grid_x, surface.grid_y, surface.table, work.q, work.weight_x, work.weight_y, work.normal[n]
         )
@@ -274,7 +283,7 @@ class ImpulseEngine:
 
         self._scene = scene
         self._body = _body(scene)
-        self._surface = surface_arrays(scene.surface, in_plane=scene.scenario.run.in_plane_velocity)
+        self._surface = surface_arrays(scene.surface, scene.scenario.run)
         self._bounds = _bounds(scene)
         self._scratch = _scratch(len(self._body.corners), scene.surface.n_shapes)
         (pose,) = start_poses(scene, rng)

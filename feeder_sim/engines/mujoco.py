@@ -141,7 +141,7 @@ class MujocoEngine:
             patch_qpos=np.array([joint.qposadr[0] for joint in patches]),
             patch_qvel=np.array([joint.dofadr[0] for joint in patches]),
         )
-        self._surface = surface_arrays(scene.surface, in_plane=scene.scenario.run.in_plane_velocity)
+        self._surface = surface_arrays(scene.surface, scene.scenario.run)
         for start, pose in zip(self._part_qpos, start_poses(scene, rng), strict=True):
             self.data.qpos[start : start + 3] = pose.position
             self.data.qpos[start + 3 : start + 7] = pose.quaternion

@@ -8,10 +8,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from feeder_sim.plate.surface import Surface
+from feeder_sim.scenario import Run
 
 
 class SurfaceArrays(NamedTuple):
-    """Grid, table and terms of a `Surface`, half the thickness, and whether it moves in its plane (1 or 0)."""
+    """Grid, table and terms of a `Surface`, half the thickness, and the switches of the scenario.
+
+    in_plane: 1 when the surface moves in its plane, else 0; tangent: take it for a plane under the part.
+    """
 
     grid_x: NDArray[np.float64]
     grid_y: NDArray[np.float64]
@@ -23,10 +27,11 @@ class SurfaceArrays(NamedTuple):
     rate: NDArray[np.complex128]
     half_thickness: float
     in_plane: float
+    tangent: bool
 
 
-def surface_arrays(surface: Surface, *, in_plane: bool) -> SurfaceArrays:
-    """Collect the arrays of a surface."""
+def surface_arrays(surface: Surface, run: Run) -> SurfaceArrays:
+    """Collect the arrays of a surface and the switches of a run."""
     terms = surface.terms
     return SurfaceArrays(
         surface.x,
@@ -38,5 +43,6 @@ def surface_arrays(surface: Surface, *, in_plane: bool) -> SurfaceArrays:
         terms.coefficient,
         terms.rate,
         0.5 * surface.thickness,
-        1.0 if in_plane else 0.0,
+        1.0 if run.in_plane_velocity else 0.0,
+        run.tangent_surface,
     )

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import os
+import resource
 import signal
 import subprocess
 import sys
@@ -85,6 +86,19 @@ def test_stopped_run_leaves_a_readable_file(tmp_path: Path, repository: Path, se
     if sent == signal.SIGINT:
         assert code == 130
         assert (folder / "summary.json").is_file()
+
+
+def test_full_disk_ends_the_run_with_one_line(tmp_path: Path, repository: Path) -> None:
+    scenario = repository / "scenarios/drift_4750hz.toml"
+    command = [sys.executable, "-m", "feeder_sim", "run", str(scenario), "--seeds", "4", "--out", str(tmp_path / "run")]
+
+    def small_files() -> None:
+        signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+        resource.setrlimit(resource.RLIMIT_FSIZE, (150_000, 150_000))
+
+    done = subprocess.run(command, preexec_fn=small_files, capture_output=True, text=True, timeout=200, check=False)
+    assert done.returncode == 1
+    assert done.stderr.count("\n") == 1 and "disk full" in done.stderr, done.stderr
 
 
 def _blocks_written(path: Path) -> bool:
