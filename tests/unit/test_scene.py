@@ -7,10 +7,12 @@ import numpy as np
 import pytest
 from conftest import piston_scenario, strip_scenario
 
+from feeder_sim.engines import choose_engine, engine_class
+from feeder_sim.engines.impulse import ImpulseEngine
 from feeder_sim.engines.mujoco import MujocoEngine
 from feeder_sim.measures import transport_cell
 from feeder_sim.run_folder import mjcf_text, scenario_toml
-from feeder_sim.scenario import Drive, HexNut, Start, load_scenario, parse_scenario
+from feeder_sim.scenario import Contact, Drive, HexNut, Start, load_scenario, parse_scenario
 from feeder_sim.scene import build_mjcf, build_scene, start_poses
 
 
@@ -117,3 +119,28 @@ def test_a_part_on_a_nodal_crossing_belongs_to_no_cell(repository: Path) -> None
     cell = transport_cell(build_scene(beside))
     assert cell is not None
     assert cell.antinode == pytest.approx([0.0523, 0.0], abs=1e-3)
+
+
+def test_engine_is_chosen_by_what_the_scene_needs() -> None:
+    rigid = strip_scenario()
+    compliant = rigid.model_copy(update={"contact": Contact(model="compliant", time_constant_us=50.0)})
+    assert choose_engine(rigid).name == "impulse"
+    assert choose_engine(compliant).name == "mujoco"
+    assert choose_engine(strip_scenario(engine="mujoco")) == ("mujoco", "asked for")
+
+
+def test_both_engines_start_alike() -> None:
+    scene = build_scene(strip_scenario())
+    one, other = (engine_class(name)(scene, np.random.default_rng(3)).current() for name in ("impulse", "mujoco"))
+    assert one.position == pytest.approx(other.position)
+    assert np.abs(np.abs((one.quaternion * other.quaternion).sum(axis=-1)) - 1).max() < 1e-12
+
+
+def test_impulse_engine_reads_the_part_back_from_the_compiled_scene() -> None:
+    scene = build_scene(strip_scenario())
+    body = ImpulseEngine(scene, np.random.default_rng(0))._body
+    part = scene.parts[0]
+    assert body.mass == pytest.approx(part.mass)
+    assert body.inertia == pytest.approx(part.inertia)
+    assert body.corners == pytest.approx(part.corners)
+    assert (body.restitution, body.friction, body.axis) == (0.2, 0.3, 2)

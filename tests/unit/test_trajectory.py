@@ -53,8 +53,9 @@ def test_frames_lie_on_the_solver_steps(tmp_path: Path) -> None:
     assert time[-1] == pytest.approx(0.3, abs=result.scene.frame_interval)
 
 
-def test_same_seed_gives_the_same_bits_whatever_the_workers() -> None:
-    scenario = strip_scenario(seeds=3, duration_s=0.4)
+@pytest.mark.parametrize("engine", ["impulse", "mujoco"])
+def test_same_seed_gives_the_same_bits_whatever_the_workers(engine: str) -> None:
+    scenario = strip_scenario(seeds=3, duration_s=0.4, engine=engine)
     one, two = (simulate(scenario, workers=n).trajectories for n in (1, 3))
     assert all(same(a, b) for a, b in zip(one, two, strict=True))
     assert not same(one[0], one[1])
