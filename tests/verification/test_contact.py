@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
+import trimesh
 from conftest import piston_scenario
 
 from feeder_sim.engines.mujoco import MujocoEngine
-from feeder_sim.scenario import Ball, Contact, Cylinder, HexNut, Start
+from feeder_sim.scenario import Ball, Contact, Cylinder, HexNut, MeshPart, Start
 from feeder_sim.scene import GRAVITY, build_scene
 from feeder_sim.simulation import simulate
 from feeder_sim.trajectory import Frames
@@ -95,3 +98,22 @@ def test_part_that_rests_on_a_slowly_moving_plate_follows_it(engine: str) -> Non
     plate = scene.surface.terms.phasor(frames.time, 1)[:, 0].real
     height = frames.position[:, 0, 2] - frames.position[0, 0, 2]
     assert np.abs(height - plate).max() < 2e-6
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_any_hull_tumbles_to_rest_on_one_of_its_faces(engine: str, tmp_path: Path) -> None:
+    """A brick, no symmetry axis, dropped on an edge."""
+    trimesh.creation.box(extents=[2.0, 3.0, 5.0]).export(tmp_path / "brick.stl")
+    start = Start(drop_height_mm=(2.0, 2.0), tilt_deg=(20.0, 60.0))
+    scenario = piston_scenario(
+        part=MeshPart(shape="mesh", file=tmp_path / "brick.stl", start=start),
+        frequency_hz=1000.0,
+        duration_s=1.0,
+        seeds=3,
+        engine=engine,
+    )
+    for frames in simulate(scenario).trajectories:
+        height = 1e3 * frames.position[-1, 0, 2]
+        assert min(abs(height - h) for h in (1.0, 1.5, 2.5)) < 0.01
+        assert np.abs(frames.velocity[-1]).max() < 2e-3
+        assert np.abs(frames.angular_velocity[-1]).max() < 1.0
