@@ -1,4 +1,4 @@
-"""Speed and memory of one nut at 4750 Hz with 40 steps per period, one core, against the limits of the project.
+"""Speed and memory of one nut at 4750 Hz with 40 steps per period in MuJoCo, one core, against the project's limits.
 
     python benchmarks/speed.py
 
@@ -27,8 +27,8 @@ LIMITS = {"wall time per simulated second (s)": 1.0, "feeder-sim --help (s)": 0.
 
 
 def step_cost() -> float:
-    """Wall time per simulated second on one core."""
-    scenario = with_run(load_scenario(SCENARIO), duration_s=2.0, stop="time", seeds=1)
+    """Wall time per simulated second of the MuJoCo engine on one core."""
+    scenario = with_run(load_scenario(SCENARIO), engine="mujoco", duration_s=2.0, stop="time", seeds=1)
     simulate(scenario)  # compiled and cached
     return statistics.median(
         simulate(scenario, workers=1).summary()["wall_s_per_simulated_s_one_core"] for _ in range(REPEATS)
@@ -51,7 +51,8 @@ def peak_memory() -> float:
     """Largest resident size [MB] of a run of 20 simulated seconds with its recording and replay."""
     with tempfile.TemporaryDirectory() as folder:
         scenario = Path(folder) / "long.toml"
-        scenario.write_text(scenario_toml(with_run(load_scenario(SCENARIO), duration_s=20.0, stop="time", seeds=1)))
+        long = with_run(load_scenario(SCENARIO), engine="mujoco", duration_s=20.0, stop="time", seeds=1)
+        scenario.write_text(scenario_toml(long))
         command = [sys.executable, "-m", "feeder_sim", "run", str(scenario), "--out", f"{folder}/run", "--json"]
         done = subprocess.run(command, check=True, capture_output=True, text=True)
         assert json.loads(done.stdout)["simulated_s"] > 19.9
