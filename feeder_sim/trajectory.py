@@ -146,7 +146,8 @@ class TrajectoryWriter:
         import h5py
 
         self._lock = threading.Lock()
-        self._path, self._failed = path, False
+        self._path = path
+        self._failed: RecordingFailed | None = None
         self._file = h5py.File(path, "w-", libver="latest")
         self._file.attrs.update(
             schema=SCHEMA,
@@ -172,13 +173,13 @@ class TrajectoryWriter:
             RecordingFailed: it cannot be written, as when the disk is full.
         """
         with self._lock:
-            if self._failed:
-                raise RecordingFailed(f"{self._path}: writing has failed before")
+            if self._failed:  # the cause, whichever seed is heard first
+                raise self._failed
             try:
                 self._append(seed_index, frames)
             except (OSError, RuntimeError) as error:
-                self._failed = True
-                raise RecordingFailed(f"{self._path}: cannot be written, is the disk full? ({error})") from error
+                self._failed = RecordingFailed(f"{self._path}: cannot be written, is the disk full? ({error})")
+                raise self._failed from error
 
     def _append(self, seed_index: int, frames: Frames) -> None:
         group = self._file[_seed_name(seed_index)]
