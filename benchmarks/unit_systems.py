@@ -19,11 +19,12 @@ import numpy as np
 import typer
 
 import feeder_sim.engines.mujoco as engine_module
-import feeder_sim.scene as scene_module
+import feeder_sim.mjcf as mjcf_module
 from feeder_sim.measures import PASSAGE_TO, Cell, Statistic, transport_cell, transport_speed
+from feeder_sim.mjcf import build_mjcf
 from feeder_sim.plate.drive import ModalTerms
 from feeder_sim.scenario import load_scenario
-from feeder_sim.scene import Scene, build_mjcf, build_scene, start_poses
+from feeder_sim.scene import GRAVITY, Scene, build_scene, start_poses
 from feeder_sim.trajectory import BLOCK_FRAMES, Frames
 
 SCENARIO = Path(__file__).parents[1] / "scenarios/drift_4750hz.toml"
@@ -88,11 +89,11 @@ def main(seeds: Annotated[int, typer.Option()] = 24) -> None:
                 return built
 
             length, _, time = units
-            gravity = scene_module.GRAVITY * length / time**2
+            gravity = GRAVITY * length / time**2
             with (
                 mock.patch.object(engine_module, "build_mjcf", spec),
-                mock.patch.object(scene_module, "GRAVITY", gravity),
-                mock.patch.object(scene_module, "CORNER_RADIUS", scene_module.CORNER_RADIUS * length),
+                mock.patch.object(mjcf_module, "GRAVITY", gravity),
+                mock.patch.object(mjcf_module, "CORNER_RADIUS", mjcf_module.CORNER_RADIUS * length),
                 ThreadPoolExecutor() as pool,
             ):
                 roots = np.random.SeedSequence(0).spawn(seeds)

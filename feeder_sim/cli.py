@@ -212,14 +212,25 @@ def _print_summary(summary: dict[str, Any], folder: Path, as_json: bool) -> None
         interval = f" +- {speed['se']:.3f} (SE), SD {speed['sd']:.3f}" if speed["n"] > 1 else ""
         print(f"  transport speed  {speed['mean']:.3f} mm/s{interval}, n = {speed['n']} of {summary['seeds']} seeds")
     drift = [summary[f"drift_velocity_{axis}_mm_s"] for axis in "xy"]
-    if drift[0]["n"]:
+    if drift[0]["n"] and "motion" not in summary:
         print(f"  mean drift       x {drift[0]['mean']:.3f}, y {drift[1]['mean']:.3f} mm/s")
         print(f"  highest rise     {summary['highest_rise_mm']['mean']:.3f} mm")
+    if "motion" in summary:
+        _print_bounces(summary)
     if summary["left_plate"]:
         print(f"  left the plate   {summary['left_plate']} of {summary['seeds']}")
     factor = summary["real_time_factor"] or 0.0
     print(f"  simulated        {summary['simulated_s']:.1f} s in {summary['wall_s']:.1f} s ({factor:.2f} x real time)")
     print(f"  recorded in      {folder}")
+
+
+def _print_bounces(summary: dict[str, Any]) -> None:
+    units = {"bounce interval": ("bounce_interval_ms", "ms"), "flight height": ("flight_height_mm", "mm")}
+    for label, (name, unit) in (units | {"impact speed": ("impact_speed_mm_s", "mm/s")}).items():
+        found = summary[name]
+        if found["n"] > 1:
+            print(f"  {label:<16} {found['mean']:.4g} {unit} +- {found['se']:.2g} (SE), n = {found['n']}")
+    print("  motion           " + ", ".join(f"{name} ({n} seeds)" for name, n in summary["motion"].items()))
 
 
 def _print_modes(held: ModeFile, as_json: bool) -> None:

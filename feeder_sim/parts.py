@@ -55,6 +55,13 @@ class RigidPart:
         """Largest distance of a surface point from the centre of mass [m]."""
         return float(np.linalg.norm(self.corners, axis=1).max() + self.corner_radius)
 
+    def lowest(self, quaternion: NDArray[np.float64]) -> float:
+        """Height of the lowest point relative to the centre of mass [m] at an attitude (w first)."""
+        from scipy.spatial.transform import Rotation
+
+        turned = Rotation.from_quat(quaternion, scalar_first=True).apply(self.corners)
+        return float(turned[:, 2].min() - self.corner_radius)
+
 
 def build_part(spec: PartSpec, *, name: str = "part") -> RigidPart:
     """Turn a part of the scenario into a rigid body.

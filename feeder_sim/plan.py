@@ -73,7 +73,7 @@ def plan_run(scene: Scene) -> dict[str, Any]:
 
 def _trial_cost(scene: Scene) -> float:
     """Wall time per step [s] of one part-seed on one core, after compilation."""
-    engine = engine_class(choose_engine(scene.scenario).name)(scene, np.random.default_rng(0))
+    engine = engine_class(scene.scenario)(scene, np.random.default_rng(0))
     engine.advance(1)
     frames = min(scene.n_frames, max(1, TRIAL_STEPS // scene.steps_per_frame))
     started = time.perf_counter()

@@ -16,8 +16,9 @@ from feeder_sim import __version__
 from feeder_sim.engines import choose_engine
 from feeder_sim.errors import InputError
 from feeder_sim.measures import Cell, check_stop_rule, transport_cell
+from feeder_sim.mjcf import build_mjcf
 from feeder_sim.scenario import Scenario
-from feeder_sim.scene import Scene, build_mjcf, build_scene
+from feeder_sim.scene import Scene, build_scene
 from feeder_sim.simulation import Result, simulate_scene
 from feeder_sim.trajectory import PartRecord, PlateRecord, TrajectoryWriter
 

@@ -7,6 +7,7 @@ A scenario is a plate, the drives that excite it, the part on it, contact parame
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
@@ -33,6 +34,9 @@ from feeder_sim.tables import (
 MIN_STEPS_PER_PERIOD = 20
 # A compliant contact (solref = "T zeta") shorter than this many steps is unstable.
 MIN_STEPS_PER_TIME_CONSTANT = 5.0
+
+# From the vertical; a guide is meant to stand on the plate.
+GuideTiltDeg = Annotated[float, Field(ge=0, le=60, strict=True)]
 
 
 class CustomMaterial(Table):
@@ -137,17 +141,43 @@ class Drive(Table):
 
 
 class Start(Table):
-    """Where a part is released: ranges are drawn per seed; the drop height is that of its lowest point."""
+    """Where a part is released: ranges are drawn per seed; the drop height is that of its lowest point.
+
+    `position_mm` of a part in a guide is where the guide's axis meets the plate. Without `tilt_deg` a free part starts
+    0 to 3 degrees off the vertical, a guided one along the axis of its guide.
+    """
 
     position_mm: PointMm = (0.0, 0.0)
     drop_height_mm: DropHeightRange = (0.2, 0.5)
     yaw_deg: AngleRange = (0.0, 360.0)
-    tilt_deg: AngleRange = (0.0, 3.0)
+    tilt_deg: AngleRange | None = None
+
+
+class Slide(Table):
+    """A guide without play: the part moves along its axis and does not turn; friction is with the part's own weight."""
+
+    kind: Literal["slide"]
+    tilt_deg: GuideTiltDeg = 0.0
+    friction: NonNegative = 0.0
+
+
+class Tube(Table):
+    """A round guide with play: the part moves freely in it and meets its wall; restitution of steel on acrylic."""
+
+    kind: Literal["tube"]
+    inner_diameter_mm: LengthMm
+    tilt_deg: GuideTiltDeg = 0.0
+    restitution: Annotated[float, Field(ge=0, le=1, strict=True)] = 0.4
+    friction: NonNegative = 0.0
+
+
+Guide = Annotated[Slide | Tube, Field(discriminator="kind")]
 
 
 class _Part(Table):
     material: MaterialChoice = "steel"
     start: Start = Start()
+    guide: Guide | None = None
 
 
 class HexNut(_Part):
@@ -244,12 +274,33 @@ class Scenario(Table):
     run: Run
 
     @property
+    def guide(self) -> Slide | Tube | None:
+        """The guide of the one part."""
+        return self.part[0].guide
+
+    @property
     def highest_frequency_hz(self) -> float:
         """The fastest motion of the plate: forced at the drive frequency, ringing at the natural one."""
         return max(max(d.frequency_hz, d.natural_frequency_hz or 0.0) for d in self.drive)
 
     @model_validator(mode="after")
-    def _consistent(self) -> Self:
+    def _guide_stands_on_a_piston(self) -> Self:
+        for i, part in enumerate(self.part):
+            if part.guide is None:
+                continue
+            if self.plate.kind != "piston":
+                raise ValueError(f'plate.kind is "{self.plate.kind}", allowed is "piston" with part[{i}].guide')
+            tilt = math.radians(part.guide.tilt_deg)
+            if math.cos(tilt) <= part.guide.friction * math.sin(tilt):
+                most = 1.0 / math.tan(tilt)
+                raise ValueError(
+                    f"part[{i}].guide.friction is {part.guide.friction:g}, allowed is below {most:.3g} at tilt_deg = "
+                    f"{part.guide.tilt_deg:g}: the part would never come down"
+                )
+        return self
+
+    @model_validator(mode="after")
+    def _time_constant_spans_steps(self) -> Self:
         if self.contact.time_constant_us is not None:
             shortest = 1.0 / self.highest_frequency_hz
             step = 1e6 * shortest / self.run.steps_per_period

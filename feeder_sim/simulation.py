@@ -12,12 +12,14 @@ from typing import Any, Protocol
 
 import numpy as np
 
+from feeder_sim.bounces import bounce_measures
 from feeder_sim.engines import Engine, choose_engine, engine_class
 from feeder_sim.errors import SimulationDiverged
+from feeder_sim.impacts import Impacts
 from feeder_sim.measures import PASSAGE_TO, Cell, check_stop_rule, ensemble_measures, transport_cell
 from feeder_sim.scenario import Scenario
 from feeder_sim.scene import GRAVITY, Scene, build_scene
-from feeder_sim.trajectory import BLOCK_FRAMES, Frames, Status
+from feeder_sim.trajectory import Frames, Status
 
 COMPILING_S = 1.5
 COMPILING = "compiling the engine, some 20 s; the result is kept for the next time"
@@ -27,7 +29,7 @@ BLOCK_STEPS = 500_000  # solver steps between two looks at the guard, the stop r
 class Recorder(Protocol):
     """Where blocks of frames go while a run is under way; called from several threads."""
 
-    def append(self, seed_index: int, frames: Frames) -> None: ...
+    def append(self, seed_index: int, frames: Frames, impacts: Impacts) -> None: ...
 
     def finish(self, seed_index: int, status: Status) -> None: ...
 
@@ -38,12 +40,14 @@ class SeedResult:
 
     Attributes:
         frames: everything recorded.
+        impacts: contacts of a guided part with the plate.
         status: how it ended; UNFINISHED when it was interrupted.
         wall_s: wall time spent in its loop [s].
         failure: why it diverged, None otherwise.
     """
 
     frames: Frames
+    impacts: Impacts
     status: Status
     wall_s: float
     failure: SimulationDiverged | None = None
@@ -79,7 +83,9 @@ class Result:
 
     def measures(self) -> dict[str, Any]:
         """Ensemble measures over the seeds that ran to their end; units in the names."""
-        return ensemble_measures([s.frames for s in self.seeds if s.status == Status.DONE], self.cell)
+        ended = [s for s in self.seeds if s.status == Status.DONE]
+        found = ensemble_measures([s.frames for s in ended], self.cell)
+        return found | bounce_measures(self.scene, [s.impacts for s in ended])
 
     def summary(self) -> dict[str, Any]:
         """Measures, cost and provenance as one JSON-ready dictionary."""
@@ -176,7 +182,7 @@ def _warm_up(scene: Scene, notify: Callable[[str], None] | None) -> None:
     note = threading.Timer(COMPILING_S, lambda: notify and notify(COMPILING))
     note.start()
     try:
-        engine_class(choose_engine(scene.scenario).name)(scene, np.random.default_rng(0)).advance(1)
+        engine_class(scene.scenario)(scene, np.random.default_rng(0)).advance(1)
     finally:
         note.cancel()
 
@@ -192,11 +198,12 @@ def _run_seed(
 ) -> SeedResult:
     """Advance one seed block by block until its time is up, its stop rule holds, or it diverges."""
     started = time.perf_counter()
-    engine: Engine = engine_class(choose_engine(scene.scenario).name)(scene, rng)
+    engine: Engine = engine_class(scene.scenario)(scene, rng)
     first = engine.current()
     guard = Guard(scene, first)
-    longest = min(BLOCK_FRAMES, max(2, BLOCK_STEPS // scene.steps_per_frame))
+    longest = min(engine.frames_per_block, max(2, BLOCK_STEPS // scene.steps_per_frame))
     blocks: list[Frames] = []
+    impacts: list[Impacts] = []
     status, failure, n_done = Status.UNFINISHED, None, 0
     while status == Status.UNFINISHED and not stop.is_set():
         # Between two blocks there is a look at the guard, the stop rule and the stop event.
@@ -207,9 +214,6 @@ def _run_seed(
         if gone.any():
             valid = int(np.argmax(gone)) + 1
         block = block[slice(valid)]
-        if recorder and valid:
-            recorder.append(index, block)
-        blocks.append(block)
         n_done += valid
         done[index] = n_done / scene.n_frames
         if gone.any():
@@ -218,10 +222,16 @@ def _run_seed(
             status = Status.DIVERGED
         elif n_done >= scene.n_frames or _passed(scene, cell, block):
             status = Status.DONE
+        hits = engine.take_impacts(end=status != Status.UNFINISHED)
+        if recorder and valid:
+            recorder.append(index, block, hits)
+        blocks.append(block)
+        impacts.append(hits)
     done[index] = 1.0
     if recorder:
         recorder.finish(index, status)
-    return SeedResult(Frames.joined(blocks or [first[slice(0)]]), status, time.perf_counter() - started, failure)
+    frames, wall = Frames.joined(blocks or [first[slice(0)]]), time.perf_counter() - started
+    return SeedResult(frames, Impacts.joined(impacts or [Impacts.none()]), status, wall, failure)
 
 
 class Guard:

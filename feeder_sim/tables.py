@@ -8,9 +8,9 @@ from __future__ import annotations
 
 import tomllib
 from pathlib import Path
-from typing import Annotated, Any, Self, TypeVar, get_args, get_origin
+from typing import Annotated, Any, TypeVar, get_args, get_origin
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, model_validator
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
 
 from feeder_sim.errors import InputError, nearest
 
@@ -29,28 +29,23 @@ def _as_range(value: Any) -> Any:
     return (value, value) if isinstance(value, int | float) and not isinstance(value, bool) else value
 
 
-class _Range(BeforeValidator):
-    """A number, or [low, high] from which each seed draws uniformly."""
+def _ascending(value: tuple[float, float]) -> tuple[float, float]:
+    if value[0] > value[1]:
+        raise ValueError("allowed is [low, high] with low <= high")
+    return value
 
 
+# A number, or [low, high] from which each seed draws uniformly.
+_RANGE = (BeforeValidator(_as_range), AfterValidator(_ascending))
 DropHeightMm = Annotated[float, Field(ge=0, le=1e5, allow_inf_nan=False, strict=True)]
-AngleRange = Annotated[tuple[AngleDeg, AngleDeg], _Range(_as_range)]
-DropHeightRange = Annotated[tuple[DropHeightMm, DropHeightMm], _Range(_as_range)]
+AngleRange = Annotated[tuple[AngleDeg, AngleDeg], *_RANGE]
+DropHeightRange = Annotated[tuple[DropHeightMm, DropHeightMm], *_RANGE]
 
 
 class Table(BaseModel):
     """A TOML table: unknown keys are refused, values are frozen."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
-
-    @model_validator(mode="after")
-    def _ranges_ascend(self) -> Self:
-        for name, field in type(self).model_fields.items():
-            if any(isinstance(m, _Range) for m in field.metadata):
-                low, high = getattr(self, name)
-                if low > high:
-                    raise ValueError(f"{name} is [{low}, {high}], allowed is [low, high] with low <= high")
-        return self
 
 
 T = TypeVar("T", bound=Table)

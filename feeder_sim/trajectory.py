@@ -12,6 +12,7 @@ Layout, schema version 1 (SI units, in the `unit` attribute of every dataset):
     /drive/time, amplitude   (m,), (m, n_shapes)  envelope of each modal coordinate
     /parts/NAME/vertices, faces
     /seeds/NNN/time, position, quaternion, velocity, angular_velocity, status
+    /seeds/NNN/impacts/time, until, approach_speed, departure_velocity   of a part in a guide; see feeder_sim.impacts
 
 Quaternions have w first; velocities are in world axes. The file is written in HDF5's single-writer mode and flushed
 after every block: a killed run leaves everything up to its last block readable.
@@ -32,6 +33,7 @@ from numpy.typing import NDArray
 
 from feeder_sim import __version__
 from feeder_sim.errors import InputError, RecordingFailed
+from feeder_sim.impacts import Impacts
 
 if TYPE_CHECKING:
     import h5py
@@ -90,6 +92,10 @@ FRAME_FIELDS: dict[str, tuple[str, str, tuple[int, ...]]] = {
 }
 
 
+IMPACT_FIELDS = {"time": "s", "until": "s", "approach_speed": "m/s", "departure_velocity": "m/s"}
+IMPACT_CHUNK = 256
+
+
 @dataclass(frozen=True)
 class PlateRecord:
     """What a recording holds about the plate; see the module's layout for shapes."""
@@ -125,6 +131,7 @@ class Recording:
     plate: PlateRecord
     parts: tuple[PartRecord, ...]
     seeds: tuple[Frames, ...]
+    impacts: tuple[Impacts, ...]
     status: tuple[Status, ...]
 
 
@@ -166,7 +173,7 @@ class TrajectoryWriter:
             self._create_seed(index, len(parts))
         self._file.swmr_mode = True  # from here on nothing is created, only appended
 
-    def append(self, seed_index: int, frames: Frames) -> None:
+    def append(self, seed_index: int, frames: Frames, impacts: Impacts) -> None:
         """Append a block of one seed and put it on disk.
 
         Raises:
@@ -176,19 +183,17 @@ class TrajectoryWriter:
             if self._failed:  # the cause, whichever seed is heard first
                 raise self._failed
             try:
-                self._append(seed_index, frames)
+                self._append(seed_index, frames, impacts)
             except (OSError, RuntimeError) as error:
                 self._failed = RecordingFailed(f"{self._path}: cannot be written, is the disk full? ({error})")
                 raise self._failed from error
 
-    def _append(self, seed_index: int, frames: Frames) -> None:
+    def _append(self, seed_index: int, frames: Frames, impacts: Impacts) -> None:
         group = self._file[_seed_name(seed_index)]
         for name in FRAME_FIELDS:
-            dataset, values = group[name], getattr(frames, name)
-            start = dataset.shape[0]
-            dataset.resize(start + len(values), axis=0)
-            dataset[start:] = values
-            dataset.flush()
+            _extend(group[name], getattr(frames, name))
+        for name in IMPACT_FIELDS if len(impacts) else ():
+            _extend(group[f"impacts/{name}"], getattr(impacts, name))
 
     def finish(self, seed_index: int, status: Status) -> None:
         """Note how a seed ended."""
@@ -217,6 +222,12 @@ class TrajectoryWriter:
                 shuffle=True,
             )
             dataset.attrs["unit"] = unit
+        for name, unit in IMPACT_FIELDS.items():
+            name = f"{_seed_name(index)}/impacts/{name}"
+            dataset = self._file.create_dataset(
+                name, (0,), maxshape=(None,), chunks=(IMPACT_CHUNK,), dtype="f8", compression="gzip", shuffle=True
+            )
+            dataset.attrs["unit"] = unit
         _write(self._file, f"{_seed_name(index)}/status", np.array([int(Status.UNFINISHED)]), "1")
 
 
@@ -243,6 +254,7 @@ def read_recording(path: Path) -> Recording:
                 plate=_read_plate(file),
                 parts=tuple(_read_part(name, group) for name, group in sorted(file["parts"].items())),
                 seeds=tuple(_read_frames(group) for group in groups),
+                impacts=tuple(_read_impacts(group) for group in groups),
                 status=tuple(Status(int(group["status"][0])) for group in groups),
             )
     except (OSError, RuntimeError, KeyError, TypeError, ValueError) as error:
@@ -263,6 +275,20 @@ def _read_frames(group: Any) -> Frames:
     """Read one seed; a writer killed between two datasets leaves some longer than others."""
     n = min(group[name].shape[0] for name in FRAME_FIELDS)
     return Frames(*(group[name][:n].astype(float) for name in FRAME_FIELDS))
+
+
+def _read_impacts(group: Any) -> Impacts:
+    """Read the impacts of one seed, cut like its frames."""
+    n = min(group[f"impacts/{name}"].shape[0] for name in IMPACT_FIELDS)
+    return Impacts(*(group[f"impacts/{name}"][:n] for name in IMPACT_FIELDS))
+
+
+def _extend(dataset: Any, values: NDArray[Any]) -> None:
+    """Append to a dataset and put it on disk."""
+    start = dataset.shape[0]
+    dataset.resize(start + len(values), axis=0)
+    dataset[start:] = values
+    dataset.flush()
 
 
 def _read_part(name: str, group: Any) -> PartRecord:

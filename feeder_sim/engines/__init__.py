@@ -9,15 +9,22 @@ import numpy as np
 from feeder_sim.errors import InputError
 
 if TYPE_CHECKING:
+    from feeder_sim.impacts import Impacts
     from feeder_sim.scenario import Scenario
     from feeder_sim.scene import Scene
     from feeder_sim.trajectory import Frames
 
 
 class Engine(Protocol):
-    """One running copy of a scene; owns its state and nothing else."""
+    """One running copy of a scene; owns its state and nothing else.
+
+    Attributes:
+        name: what the user calls it.
+        frames_per_block: frames to ask for at once, so that little time is lost between blocks.
+    """
 
     name: str
+    frames_per_block: int
 
     def __init__(self, scene: Scene, rng: np.random.Generator) -> None:
         """Start at t = 0 with poses drawn from `rng`."""
@@ -29,6 +36,10 @@ class Engine(Protocol):
 
     def advance(self, n_frames: int) -> Frames:
         """Step on and return the next `n_frames` frames."""
+        ...
+
+    def take_impacts(self, *, end: bool) -> Impacts:
+        """Contacts of a guided part with the plate since the last call; at the `end` also the one under way."""
         ...
 
 
@@ -55,17 +66,25 @@ def choose_engine(scenario: Scenario) -> Choice:
         return Choice(asked, "asked for")
     if compliant:
         return Choice("mujoco", "a compliant contact needs its spring-dampers")
+    if _slides(scenario):
+        return Choice("impulse", "one degree of freedom, whose impacts it finds exactly")
     return Choice("impulse", "rigid contact of one part, which it covers and is the fastest at")
 
 
-def engine_class(name: str) -> type[Engine]:
-    """Look an engine up by name, importing it only now."""
-    if name == "mujoco":
+def engine_class(scenario: Scenario) -> type[Engine]:
+    """Look the engine of a scenario up, importing it only now; errors as for `choose_engine`."""
+    if choose_engine(scenario).name == "mujoco":
         from feeder_sim.engines.mujoco import MujocoEngine
 
         return MujocoEngine
-    if name == "impulse":
-        from feeder_sim.engines.impulse import ImpulseEngine
+    if _slides(scenario):
+        from feeder_sim.engines.slide import SlideEngine
 
-        return ImpulseEngine
-    raise KeyError(name)
+        return SlideEngine
+    from feeder_sim.engines.impulse import ImpulseEngine
+
+    return ImpulseEngine
+
+
+def _slides(scenario: Scenario) -> bool:
+    return scenario.guide is not None and scenario.guide.kind == "slide"

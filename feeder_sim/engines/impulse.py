@@ -24,9 +24,11 @@ from numpy.typing import NDArray
 from feeder_sim.engines.free_flight import orthonormalise, rotate_freely, symmetry_axis
 from feeder_sim.engines.impact import resolve_impact
 from feeder_sim.engines.surface_arrays import surface_arrays
+from feeder_sim.impacts import Impacts
+from feeder_sim.mjcf import build_mjcf
 from feeder_sim.plate.kernels import modal_motion, surface_modes, surface_normal
-from feeder_sim.scene import GRAVITY, Scene, build_mjcf, start_poses
-from feeder_sim.trajectory import Frames
+from feeder_sim.scene import GRAVITY, Scene, start_poses
+from feeder_sim.trajectory import BLOCK_FRAMES, Frames
 
 BEAT = 1e-4  # relative; damping alone shifts the frequency of the transient by a hundredth of this
 TOUCH = 1e-9  # [m]; corners this close count as touching, so that a flat landing is one impact and not six
@@ -278,6 +280,7 @@ class ImpulseEngine:
     """Rigid impulses behind the engine protocol; geometry, mass and contact constants from the compiled MJCF."""
 
     name = "impulse"
+    frames_per_block = BLOCK_FRAMES
 
     def __init__(self, scene: Scene, rng: np.random.Generator) -> None:
         from scipy.spatial.transform import Rotation
@@ -303,6 +306,9 @@ class ImpulseEngine:
         _advance(*arguments, self._scene.timestep, interval, self._frame, out)
         self._frame += n_frames
         return self._frames(out, self._frame - n_frames + 1)
+
+    def take_impacts(self, *, end: bool) -> Impacts:
+        return Impacts.none()
 
     def _frames(self, rows: NDArray[np.float64], first: int) -> Frames:
         from scipy.spatial.transform import Rotation

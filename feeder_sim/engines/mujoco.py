@@ -19,11 +19,14 @@ import numpy as np
 from numba import njit, types
 from numpy.typing import NDArray
 
+from feeder_sim.engines.impact_log import begin_contact, end_contact, in_contact, new_log, room_for, take_impacts
 from feeder_sim.engines.surface_arrays import surface_arrays
 from feeder_sim.errors import FeederSimError
+from feeder_sim.impacts import Impacts
+from feeder_sim.mjcf import build_mjcf
 from feeder_sim.plate.kernels import modal_motion, surface_modes
-from feeder_sim.scene import Scene, build_mjcf, start_poses
-from feeder_sim.trajectory import Frames
+from feeder_sim.scene import Scene, start_poses
+from feeder_sim.trajectory import BLOCK_FRAMES, Frames
 
 LEAST_VERSION = (4, 0, 1)
 
@@ -50,7 +53,11 @@ _mj_step = types.ExternalFunction("mj_step", types.void(types.voidptr, types.voi
 
 
 class Addresses(NamedTuple):
-    """Where things are in MuJoCo: pointers, state vectors, and the first index of each part's joints in them."""
+    """Where things are in MuJoCo: pointers, state vectors, and the first index of each part's joints in them.
+
+    guided: the part is in a guide over a piston; vertical: index (after its first) and factor that make its vertical
+    velocity of qvel; touch: the force between part and plate.
+    """
 
     model: int
     data: int
@@ -60,6 +67,10 @@ class Addresses(NamedTuple):
     part_qvel: NDArray[np.int64]
     patch_qpos: NDArray[np.int64]
     patch_qvel: NDArray[np.int64]
+    guided: bool
+    vertical: int
+    factor: float
+    touch: NDArray[np.float64]
 
 
 @njit(cache=True, nogil=True)
@@ -87,7 +98,29 @@ def _place_patches(at, surface, q, rate, weight_x, weight_y, modes):
 
 
 @njit(cache=True, nogil=True)
-def _advance(at, surface, timestep, first_step, steps_per_frame, qpos_out, qvel_out):
+def _place_piston(at, surface, q, rate):
+    """Put the plate under a guided part at its height; a piston is the same everywhere."""
+    at.qpos[at.patch_qpos[0]] = at.qvel[at.patch_qvel[0]] = 0.0
+    for s in range(q.shape[0]):
+        at.qpos[at.patch_qpos[0]] += surface.table[s, 0, 0, 0] * q[s]
+        at.qvel[at.patch_qvel[0]] += surface.table[s, 0, 0, 0] * rate[s]
+
+
+@njit(cache=True, nogil=True)
+def _step_guided(at, log, t):
+    """Step a scene with a guided part, and note its contacts with the plate."""
+    before = at.factor * at.qvel[at.part_qvel[0] + at.vertical]
+    plate = at.qvel[at.patch_qvel[0]]
+    _mj_step(at.model, at.data)
+    if at.touch[0] > 0.0:
+        if not in_contact(log):
+            begin_contact(log, t, max(plate - before, 0.0))
+    elif in_contact(log):
+        end_contact(log, t, before)
+
+
+@njit(cache=True, nogil=True)
+def _advance(at, surface, log, timestep, first_step, steps_per_frame, qpos_out, qvel_out):
     """Step the scene; after every `steps_per_frame` steps copy the state into a row of qpos_out and qvel_out."""
     n_shapes = surface.table.shape[0]
     q, q_next, rate, unused = np.zeros(n_shapes), np.zeros(n_shapes), np.zeros(n_shapes), np.zeros(n_shapes)
@@ -101,8 +134,12 @@ def _advance(at, surface, timestep, first_step, steps_per_frame, qpos_out, qvel_
             q[:] = q_next
             modal_motion(step * timestep, *drive, q_next, unused)
             rate[:] = (q_next - q) / timestep
-            _place_patches(at, surface, q, rate, weight_x, weight_y, modes)
-            _mj_step(at.model, at.data)
+            if at.guided:
+                _place_piston(at, surface, q, rate)
+                _step_guided(at, log, (step - 1) * timestep)
+            else:
+                _place_patches(at, surface, q, rate, weight_x, weight_y, modes)
+                _mj_step(at.model, at.data)
         qpos_out[frame] = at.qpos
         qvel_out[frame] = at.qvel
         if not np.isfinite(at.qpos.sum()):
@@ -121,6 +158,7 @@ class MujocoEngine:
     """
 
     name = "mujoco"
+    frames_per_block = BLOCK_FRAMES
 
     def __init__(self, scene: Scene, rng: np.random.Generator) -> None:
         self.model = build_mjcf(scene).compile()
@@ -128,6 +166,8 @@ class MujocoEngine:
         self._scene = scene
         self._step = 0
         parts = [self.model.joint(part.name) for part in scene.parts]
+        (guide,) = scene.guides
+        self._slide = guide if guide and guide.slides else None
         patches = [self.model.joint(f"lift_{part.name}") for part in scene.parts]
         self._part_qpos = np.array([joint.qposadr[0] for joint in parts])
         self._part_qvel = np.array([joint.dofadr[0] for joint in parts])
@@ -140,11 +180,20 @@ class MujocoEngine:
             part_qvel=self._part_qvel,
             patch_qpos=np.array([joint.qposadr[0] for joint in patches]),
             patch_qvel=np.array([joint.dofadr[0] for joint in patches]),
+            guided=guide is not None,
+            vertical=0 if self._slide else 2,
+            factor=float(self._slide.axis[2]) if self._slide else 1.0,
+            touch=self.data.sensordata,
         )
         self._surface = surface_arrays(scene.surface, scene.scenario.run)
-        for start, pose in zip(self._part_qpos, start_poses(scene, rng), strict=True):
-            self.data.qpos[start : start + 3] = pose.position
-            self.data.qpos[start + 3 : start + 7] = pose.quaternion
+        self._log = new_log(1)
+        self._poses = start_poses(scene, rng)
+        for start, pose, part in zip(self._part_qpos, self._poses, scene.parts, strict=True):
+            if self._slide:
+                self.data.qpos[start] = (pose.position - self.model.body(part.name).pos) @ self._slide.axis
+            else:
+                self.data.qpos[start : start + 3] = pose.position
+                self.data.qpos[start + 3 : start + 7] = pose.quaternion
 
     def current(self) -> Frames:
         return self._frames(self.data.qpos[None].copy(), self.data.qvel[None].copy(), self._step)
@@ -152,25 +201,49 @@ class MujocoEngine:
     def advance(self, n_frames: int) -> Frames:
         scene = self._scene
         qpos, qvel = np.empty((n_frames, self.model.nq)), np.empty((n_frames, self.model.nv))
+        if self._at.guided:  # a contact takes a step, and the flight after it another one
+            self._log = room_for(self._log, n_frames * scene.steps_per_frame // 2 + 1)
         first = self._step
-        self._step = _advance(self._at, self._surface, scene.timestep, first, scene.steps_per_frame, qpos, qvel)
+        arguments = (self._at, self._surface, self._log, scene.timestep, first, scene.steps_per_frame)
+        self._step = _advance(*arguments, qpos, qvel)
         return self._frames(qpos, qvel, first + scene.steps_per_frame)
+
+    def take_impacts(self, *, end: bool) -> Impacts:
+        return take_impacts(self._log, end=end)
 
     def _frames(self, qpos: NDArray[np.float64], qvel: NDArray[np.float64], first_step: int) -> Frames:
         """Cut the parts out of MuJoCo's state vectors; rotate the body-frame angular velocity to the world."""
         from scipy.spatial.transform import Rotation
 
+        if self._slide:
+            return self._sliding(qpos, qvel, first_step)
         columns, speeds = self._part_qpos[:, None] + np.arange(7), self._part_qvel[:, None] + np.arange(6)
         pose, motion = qpos[:, columns], qvel[:, speeds]
         quaternion, spin = pose[..., 3:], motion[..., 3:]
         valid = np.isfinite(quaternion).all(axis=-1) & (np.abs(quaternion).max(axis=-1) > 0)
         upright = np.where(valid[..., None], quaternion, [1.0, 0.0, 0.0, 0.0])
         turned = Rotation.from_quat(upright.reshape(-1, 4), scalar_first=True).apply(spin.reshape(-1, 3))
-        steps = first_step + self._scene.steps_per_frame * np.arange(len(qpos))
         return Frames(
-            time=np.asarray(steps * self._scene.timestep, float),
+            time=self._times(len(qpos), first_step),
             position=pose[..., :3],
             quaternion=quaternion,
             velocity=motion[..., :3],
             angular_velocity=turned.reshape(spin.shape),
         )
+
+    def _sliding(self, qpos: NDArray[np.float64], qvel: NDArray[np.float64], first_step: int) -> Frames:
+        """Frames of a part on a slide: one coordinate along its axis."""
+        assert self._slide is not None
+        n, axis = len(qpos), self._slide.axis
+        rest = self.model.body(self._scene.parts[0].name).pos
+        return Frames(
+            time=self._times(n, first_step),
+            position=(rest + qpos[:, self._part_qpos] * axis)[:, None],
+            quaternion=np.tile(self._poses[0].quaternion, (n, 1, 1)),
+            velocity=(qvel[:, self._part_qvel] * axis)[:, None],
+            angular_velocity=np.zeros((n, 1, 3)),
+        )
+
+    def _times(self, n: int, first_step: int) -> NDArray[np.float64]:
+        steps = first_step + self._scene.steps_per_frame * np.arange(n)
+        return np.asarray(steps * self._scene.timestep, float)

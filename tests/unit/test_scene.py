@@ -7,13 +7,14 @@ import numpy as np
 import pytest
 from conftest import piston_scenario, strip_scenario
 
-from feeder_sim.engines import choose_engine, engine_class
+from feeder_sim.engines import choose_engine
 from feeder_sim.engines.impulse import ImpulseEngine
 from feeder_sim.engines.mujoco import MujocoEngine
 from feeder_sim.measures import transport_cell
+from feeder_sim.mjcf import build_mjcf
 from feeder_sim.run_folder import mjcf_text, scenario_toml
 from feeder_sim.scenario import Contact, Drive, HexNut, Start, load_scenario, parse_scenario
-from feeder_sim.scene import build_mjcf, build_scene, start_poses
+from feeder_sim.scene import build_scene, start_poses
 
 
 def test_compiled_bodies_carry_the_parts_inertia_at_their_origin() -> None:
@@ -131,7 +132,7 @@ def test_engine_is_chosen_by_what_the_scene_needs() -> None:
 
 def test_both_engines_start_alike() -> None:
     scene = build_scene(strip_scenario())
-    one, other = (engine_class(name)(scene, np.random.default_rng(3)).current() for name in ("impulse", "mujoco"))
+    one, other = (engine(scene, np.random.default_rng(3)).current() for engine in (ImpulseEngine, MujocoEngine))
     assert one.position == pytest.approx(other.position)
     assert np.abs(np.abs((one.quaternion * other.quaternion).sum(axis=-1)) - 1).max() < 1e-12
 

@@ -1,0 +1,155 @@
+"""Measures of a part that bounces in a guide, from its contacts with the plate; and the theory of the bouncing ball.
+
+*Bounce interval*: time in the air between two contacts. It counts when it is as long as a plate period (1 % shorter at
+most), which leaves out the chatter before a part sticks. *Flight height*: departure velocity squared over twice the
+deceleration on the way up, above the point of departure. *Impact speed*: relative to the plate, at the end of a flight
+that counts. Contacts before the plate has rung up do not count.
+
+*Period*: number of impacts after which the motion repeats.
+
+Period-one motion on a plate A sin(omega t), one impact per period, exists and is stable for
+
+    pi (1 - e) / (1 + e)  <  A omega^2 / g  <  sqrt(4 (1 + e^2)^2 / (1 + e)^4 + pi^2 (1 - e)^2 / (1 + e)^2)
+
+where an eigenvalue of the impact map, linearised about that motion, passes -1 and period two takes over (compare
+Barroso, Carneiro and Macau, Phys. Rev. E 79 (2009) 026206). Far above, with every landing at a phase of its own, the
+mean interval is near 4 pi f A (1 + e) / g.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from feeder_sim.engines import choose_engine
+from feeder_sim.impacts import Impacts
+from feeder_sim.measures import Statistic
+from feeder_sim.scenario import Scenario
+from feeder_sim.scene import GRAVITY, Scene
+
+LEAST_INTERVAL = 0.99  # of a plate period
+STICKING = 0.1  # of a plate period: a contact longer than this is no impact
+PERIODS = (1, 2, 3, 4, 5, 6, 7, 8, 10, 12, 16)
+LAST_IMPACTS = 4 * PERIODS[-1]  # a period is judged by this many
+BATCHES = 20
+EXACT, STEPS_OFF = 1e-6, 2.0
+
+
+def period_one_threshold(restitution: float) -> float:
+    """A omega^2 / g at which period-one motion begins."""
+    return math.pi * (1.0 - restitution) / (1.0 + restitution)
+
+
+def period_two_threshold(restitution: float) -> float:
+    """A omega^2 / g at which period two takes over."""
+    e = restitution
+    return math.hypot(2.0 * (1.0 + e * e) / (1.0 + e) ** 2, math.pi * (1.0 - e) / (1.0 + e))
+
+
+def expected_interval(frequency: float, amplitude: float, restitution: float, gravity: float) -> float:
+    """Mean bounce interval [s] far above the thresholds, 4 pi f A (1 + e) / g."""
+    return 4.0 * math.pi * frequency * amplitude * (1.0 + restitution) / gravity
+
+
+@dataclass(frozen=True)
+class Flights:
+    """Flights between two contacts.
+
+    Attributes:
+        interval: time in the air [s], shape (n,).
+        height: above the point of departure [m], shape (n,).
+        impact_speed: relative to the plate [m/s], shape (n,).
+    """
+
+    interval: NDArray[np.float64]
+    height: NDArray[np.float64]
+    impact_speed: NDArray[np.float64]
+
+
+def flights(impacts: Impacts, plate_period: float, deceleration: float, *, after: float = 0.0) -> Flights:
+    """The flights that count, of one seed.
+
+    Args:
+        impacts: contacts of the part.
+        plate_period: [s].
+        deceleration: of the part on its way up [m/s^2].
+        after: contacts before this time [s] are left out.
+    """
+    kept = impacts[impacts.time >= after]
+    interval = kept.time[1:] - kept.until[:-1]
+    counts = interval >= LEAST_INTERVAL * plate_period
+    height = kept.departure_velocity[:-1] ** 2 / (2.0 * deceleration)
+    return Flights(interval[counts], height[counts], kept.approach_speed[1:][counts])
+
+
+def motion(impacts: Impacts, plate_period: float, tolerance: float) -> str:
+    """Name the motion that one seed has settled to: its period in impacts, or what it does instead.
+
+    Args:
+        impacts: contacts of the part; the last ones are looked at.
+        plate_period: [s].
+        tolerance: relative difference of impact speeds that counts as none.
+
+    Returns:
+        "1", "2", ... "16", "chaotic", "sticking" (with phases of rest on the plate), "resting" (for good), or
+        "undecided" after too few impacts.
+    """
+    if len(impacts) and not np.isfinite(impacts.until[-1]) and np.isfinite(impacts.time[-1]):
+        ridden = impacts.until[:-1] - impacts.time[:-1]
+        if len(impacts) < 2 or not (ridden > STICKING * plate_period).any():
+            return "resting"
+    last = impacts[slice(-LAST_IMPACTS - 1, -1)]
+    if len(last) < LAST_IMPACTS:
+        return "undecided"
+    if (last.until - last.time > STICKING * plate_period).any():
+        return "sticking"
+    speed = last.approach_speed
+    for period in PERIODS:
+        if np.abs(speed[period:] - speed[:-period]).max() <= tolerance * speed.max():
+            return str(period)
+    return "chaotic"
+
+
+def batched(seeds: Sequence[NDArray[np.float64]]) -> Statistic:
+    """Statistic over successive values, whose standard error is that of batch means: neighbours may be correlated."""
+    values = np.concatenate([*seeds, np.empty(0)])
+    plain = Statistic.of(values)
+    if plain.n < 2 * BATCHES:
+        return plain
+    means = [float(batch.mean()) for batch in np.array_split(values, BATCHES)]
+    return Statistic(plain.mean, plain.sd, Statistic.of(means).se, plain.n)
+
+
+def bounce_measures(scene: Scene, seeds: Sequence[Impacts]) -> dict[str, object]:
+    """The measures of a run by name, units in the name; none without a guide."""
+    (guide,) = scene.guides
+    if guide is None:
+        return {}
+    plate_period = 1.0 / scene.scenario.drive[0].frequency_hz
+    deceleration = guide.deceleration(GRAVITY)[0] if guide.slides else GRAVITY
+    after = settling_time(scene)
+    found = [flights(impacts, plate_period, deceleration, after=after) for impacts in seeds]
+    tolerance = impact_tolerance(scene.scenario)
+    return {
+        "bounce_interval_ms": batched([1e3 * f.interval for f in found]).as_dict(),
+        "flight_height_mm": batched([1e3 * f.height for f in found]).as_dict(),
+        "impact_speed_mm_s": batched([1e3 * f.impact_speed for f in found]).as_dict(),
+        "motion": dict(Counter(motion(impacts, plate_period, tolerance) for impacts in seeds)),
+    }
+
+
+def settling_time(scene: Scene) -> float:
+    """When the plate has rung up to within 1 % [s]."""
+    drives = [mode.drive for mode in scene.driven]
+    times = [5.0 / (2.0 * math.pi * d.damping_ratio * d.natural_frequency) if d.damping_ratio else 0.0 for d in drives]
+    return max(drive.start + time for drive, time in zip(drives, times, strict=True))
+
+
+def impact_tolerance(scenario: Scenario) -> float:
+    """Relative difference of impact speeds that an engine cannot tell from none: MuJoCo meets the plate at a step."""
+    return EXACT if choose_engine(scenario).name == "impulse" else STEPS_OFF / scenario.run.steps_per_period

@@ -1,0 +1,296 @@
+"""One degree of freedom: a part on a slide over a plate that moves up and down, with every event found exactly.
+
+With the part's lowest point at height z, the plate's surface at p(t) (a sum of exponentials, so all its derivatives are
+at hand) and the part's deceleration g, three things can end a phase of the motion; each is the first root of a smooth
+function f whose second derivative is bounded by B:
+
+    flight    gap = z - p = 0              B = g + max |p''|
+    sticking  h = p'' + g = 0: lift-off    B = max |p''''|
+    sticking  p' = 0: friction turns       B = max |p'''|
+
+From f > 0 with slope f' the first root lies no earlier than (f' + sqrt(f'^2 + 2 B f)) / B. Leaping by that again and
+again never misses a root, and converges to it quadratically. An impact reverses the relative velocity, w -> -e w. While
+the plate pushes (h > 0) impacts chatter: the rest of the geometric series lasts 2 w / (h (1 - e)), and is summed once
+it is too short for h to change; the part then sticks until lift-off.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from feeder_sim.engines.impact_log import begin_contact, end_contact, is_full, log_impact, new_log, take_impacts
+from feeder_sim.impacts import Impacts
+from feeder_sim.scene import GRAVITY, Scene, start_poses
+from feeder_sim.trajectory import BLOCK_FRAMES, Frames
+
+TIME_TOLERANCE = 1e-14  # [s], or the spacing of floating-point numbers at that time
+LONGEST_CHATTER = 1e-8  # [s] of a chatter that is summed; shorter where h changes (CHATTER_ERROR)
+CHATTER_ERROR = 1e-13  # [s]
+CREST_MARGIN = 1e-12  # [m]
+TINY = 1e-300
+NUDGE = 1e-6  # [rad] of the plate's motion: gets past a threshold that is only touched
+NEAR = 0.3  # [rad] of the plate's motion
+LOG_ROWS = 20_000
+# Places in the state vector.
+T, Z, V, STUCK, SIGN = range(5)
+
+
+class Plate(NamedTuple):
+    """p(t) = sum of Re[coefficient exp(rate (t - start))], and bounds of it.
+
+    switch: times at which terms begin or end (m,), the last one infinite. bound: of |p|, |p'|, ... |p''''| (5,).
+    """
+
+    start: NDArray[np.float64]
+    stop: NDArray[np.float64]
+    coefficient: NDArray[np.complex128]
+    rate: NDArray[np.complex128]
+    switch: NDArray[np.float64]
+    bound: NDArray[np.float64]
+
+
+class Law(NamedTuple):
+    """Deceleration on the way up and down [m/s^2], and restitution."""
+
+    up: float
+    down: float
+    restitution: float
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _plate_motion(t, plate, p):
+    """Write p and its first three derivatives into p (4,)."""
+    p[:] = 0.0
+    for k in range(plate.start.shape[0]):
+        if plate.start[k] <= t < plate.stop[k]:
+            age, rate = t - plate.start[k], plate.rate[k]
+            fade = math.exp(rate.real * age) if rate.real != 0.0 else 1.0
+            value = plate.coefficient[k] * complex(math.cos(rate.imag * age), math.sin(rate.imag * age)) * fade
+            for derivative in range(4):
+                p[derivative] += value.real
+                value *= rate
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _leap(f, slope, bound):
+    """Earliest time [s] at which a function with value f >= 0, this slope and |f''| <= bound can reach zero."""
+    root = math.sqrt(slope * slope + 2.0 * bound * max(f, 0.0))
+    return (slope + root) / bound if slope > 0.0 else 2.0 * max(f, 0.0) / max(root - slope, TINY)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _near_leap(gap, rate, h, jerk):
+    """Like `_leap` for a gap whose second derivative is -h now and changes by at most `jerk` per second.
+
+    With slowly changing h this is far longer. The leap under the bound h + jerk tau falls with tau, so that repeating
+    it from a tau beyond the root gives in turn leaps that are safe and leaps that are not.
+    """
+    beyond = math.sqrt(12.0 * max(rate, 0.0) / jerk) + (12.0 * max(gap, 0.0) / jerk) ** (1.0 / 3.0)
+    for _ in range(3):
+        beyond = _leap(gap, rate, max(h, 0.0) + jerk * beyond + TINY)
+    return beyond
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _tolerance(t):
+    return max(TIME_TOLERANCE, 4.5e-16 * t)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _move(state, g, duration):
+    state[Z] += (state[V] - 0.5 * g * duration) * duration
+    state[V] -= g * duration
+    state[T] += duration
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _fly(state, plate, law, limit, p):
+    """Fly until the part meets the plate (returns True) or `limit` is reached."""
+    while True:
+        rising = state[V] > 0.0
+        g = law.up if rising else law.down
+        rest = limit - state[T]
+        at_apex = rising and law.up != law.down and state[V] / g < rest
+        if at_apex:  # the friction of the guide turns there
+            rest = state[V] / g
+        over_crest = state[Z] - plate.bound[0]
+        if over_crest > CREST_MARGIN:
+            leap = _leap(over_crest, state[V], g)
+        else:
+            _plate_motion(state[T], plate, p)
+            gap, rate, h = state[Z] - p[0], state[V] - p[1], p[2] + g
+            leap = _leap(gap, rate, g + plate.bound[2])
+            if plate.bound[3] * leap < NEAR * plate.bound[2]:
+                leap = max(leap, _near_leap(gap, rate, h, plate.bound[3]))
+            if rate >= 0.0 and h < 0.0:  # the plate falls away: the gap grows until h has come back to zero at least
+                leap = max(leap, _leap(-h, -p[3], plate.bound[4]))
+            if leap <= _tolerance(state[T]):
+                return True
+        if leap >= rest:
+            _move(state, g, rest)
+            if not at_apex:
+                state[T] = limit
+                return False
+            state[V] = 0.0
+        else:
+            _move(state, g, leap)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _strike(state, plate, law, log, p):
+    """One impact; when the chatter that follows is short, sum it and stick."""
+    t = state[T]
+    _plate_motion(t, plate, p)
+    approach = max(p[1] - state[V], 0.0)
+    departure = law.restitution * approach
+    state[Z], state[V] = p[0], p[1] + departure
+    log_impact(log, t, t, approach, state[V])
+    h = p[2] + (law.up if p[1] > 0.0 else law.down)
+    if h <= 0.0 and approach == 0.0:
+        _move(state, law.up if p[1] > 0.0 else law.down, _nudge(plate))
+    if h <= 0.0 or (law.restitution == 1.0 and departure > 0.0):
+        return
+    chatter = 2.0 * departure / (h * (1.0 - law.restitution)) if departure > 0.0 else 0.0
+    if chatter < LONGEST_CHATTER and chatter * chatter * plate.bound[3] < CHATTER_ERROR * h:
+        state[T] = t + chatter
+        _plate_motion(state[T], plate, p)
+        state[Z], state[V], state[STUCK] = p[0], p[1], 1.0
+        state[SIGN] = 1.0 if p[1] > 0.0 or (p[1] == 0.0 and p[2] > 0.0) else -1.0
+        begin_contact(log, state[T], 0.0)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _nudge(plate):
+    """A time [s] in which the plate hardly moves."""
+    return NUDGE * math.sqrt(plate.bound[2] / plate.bound[4])
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _until_turn(state, plate, p):
+    """Earliest time [s] at which the riding part can turn round; turns the friction if it does so now."""
+    if plate.bound[3] == 0.0:
+        return np.inf
+    leap = _leap(state[SIGN] * p[1], state[SIGN] * p[2], plate.bound[3])
+    if leap > _tolerance(state[T]):
+        return leap
+    state[SIGN] = -state[SIGN]
+    return max(_leap(state[SIGN] * p[1], state[SIGN] * p[2], plate.bound[3]), _nudge(plate))
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _ride(state, plate, law, limit, log, p):
+    """Stick to the plate until it falls away from under the part (then the part flies) or `limit` is reached."""
+    while True:
+        _plate_motion(state[T], plate, p)
+        state[Z], state[V] = p[0], p[1]
+        rest = limit - state[T]
+        to_turn = _until_turn(state, plate, p) if law.up != law.down else np.inf
+        g = law.up if state[SIGN] > 0.0 else law.down
+        h = p[2] + g
+        to_lift = _leap(h, p[3], plate.bound[4]) if plate.bound[4] > 0.0 else np.inf
+        if h <= 0.0 or to_lift <= _tolerance(state[T]):
+            free = _leap(-h, -p[3], plate.bound[4])
+            if free > 0.0 and rest > 10.0 * _tolerance(state[T]):
+                end_contact(log, state[T], p[1])
+                state[STUCK] = 0.0
+                _move(state, g, min(free, rest))
+                return
+            to_lift = _nudge(plate)  # the threshold is only touched
+        leap = min(to_lift, to_turn)
+        if leap >= rest:
+            state[T] = limit
+            _plate_motion(limit, plate, p)
+            state[Z], state[V] = p[0], p[1]
+            return
+        state[T] += leap
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _advance(state, plate, law, log, interval, first_frame, out):
+    """Write (z, v) at each frame into a row of out (n, 2); returns the rows done, fewer when the log is full."""
+    p = np.empty(4)
+    for row in range(out.shape[0]):
+        end = (first_frame + row) * interval
+        while state[T] < end:
+            if is_full(log):
+                return row
+            limit = end
+            for time in plate.switch:
+                if time > state[T]:
+                    limit = min(limit, time)
+                    break
+            if state[STUCK] > 0.0:
+                _ride(state, plate, law, limit, log, p)
+            elif _fly(state, plate, law, limit, p):
+                _strike(state, plate, law, log, p)
+        out[row, 0], out[row, 1] = state[Z], state[V]
+    return out.shape[0]
+
+
+class SlideEngine:
+    """A part on a slide behind the engine protocol; part of the engine `impulse`.
+
+    Neither mass nor shape matter: the plate is driven, and the part does not turn.
+    """
+
+    name = "impulse"
+    frames_per_block = 20 * BLOCK_FRAMES
+
+    def __init__(self, scene: Scene, rng: np.random.Generator) -> None:
+        (pose,) = start_poses(scene, rng)
+        guide = scene.guides[0]
+        assert guide is not None
+        self._scene, self._pose, self._axis = scene, pose, guide.axis
+        up, down = guide.deceleration(GRAVITY)
+        self._law = Law(up, down, scene.scenario.contact.restitution)
+        self._plate = _plate(scene)
+        self._lowest = scene.parts[0].lowest(pose.quaternion)  # below the centre
+        self._state = np.array([0.0, pose.position[2] + self._lowest, 0.0, 0.0, 1.0])
+        self._log = new_log(LOG_ROWS)
+        self._impacts: list[Impacts] = []
+        self._frame = 0
+
+    def current(self) -> Frames:
+        return self._frames(self._state[None, [Z, V]], self._frame)
+
+    def advance(self, n_frames: int) -> Frames:
+        out = np.empty((n_frames, 2))
+        interval, done = self._scene.frame_interval, 0
+        while done < n_frames:
+            arguments = (self._state, self._plate, self._law, self._log, interval, self._frame + done)
+            done += _advance(*arguments, out[done:])
+            if done < n_frames:
+                self._impacts.append(take_impacts(self._log, end=False))
+        self._frame += n_frames
+        return self._frames(out, self._frame - n_frames + 1)
+
+    def take_impacts(self, *, end: bool) -> Impacts:
+        taken = Impacts.joined([*self._impacts, take_impacts(self._log, end=end)])
+        self._impacts = []
+        return taken
+
+    def _frames(self, rows: NDArray[np.float64], first: int) -> Frames:
+        """Heights and vertical velocities (n, 2) as motion along the axis of the guide."""
+        n, along = len(rows), self._axis / self._axis[2]
+        start = self._pose.position + along * (rows[:, :1] - self._lowest - self._pose.position[2])
+        return Frames(
+            time=np.asarray((first + np.arange(n)) * self._scene.frame_interval, float),
+            position=start[:, None],
+            quaternion=np.tile(self._pose.quaternion, (n, 1, 1)),
+            velocity=(along * rows[:, 1:])[:, None],
+            angular_velocity=np.zeros((n, 1, 3)),
+        )
+
+
+def _plate(scene: Scene) -> Plate:
+    """The plate's motion under the part; on a piston the same everywhere."""
+    terms = scene.surface.terms
+    size, rate = np.abs(terms.coefficient), np.abs(terms.rate)
+    switch = np.unique(np.concatenate([terms.start, terms.stop, [np.inf]]))
+    bound = np.array([(size * rate**k).sum() for k in range(5)])
+    return Plate(terms.start, terms.stop, terms.coefficient, terms.rate, switch, bound)

@@ -1,0 +1,217 @@
+"""Scene -> MJCF.
+
+MuJoCo has no deformable kinematic surface, so each part meets a *tangent patch* of its own: a plate-sized box on a
+vertical slide and two hinges in the plate's mid-plane, massive enough not to feel the part, placed at every step on
+the tangent plane of the surface under the part's centre and given the surface's velocity there. The hinges at
+mid-plane make the horizontal surface velocity -h/2 beta' by themselves. Under a part in a guide the plate is a piston,
+whose patch needs the slide alone.
+
+Contact set: one small sphere at each corner of the part against its patch, as explicit pairs. (MuJoCo's own prism-box
+contact keeps four of six corners and makes a flat drop spin.) Restitution: `solref = "0 -(1+e)/dt"` reverses the
+normal velocity within one step, `solreffriction = "0 -1/dt"` keeps the restitution out of the tangential direction.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from feeder_sim.guide import Guide
+from feeder_sim.parts import RigidPart
+from feeder_sim.plate.surface import Surface
+from feeder_sim.scenario import Contact
+from feeder_sim.scene import GRAVITY, Scene
+
+PATCH_MASS_RATIO = 1e6  # patch over part: the part moves its patch by a millionth of its own motion
+CORNER_RADIUS = 1e-6  # [m]; the part rides this much higher everywhere, its shape is unchanged
+IMPEDANCE = 0.9999  # MuJoCo's largest: contacts as hard as the solver allows
+# MuJoCo stops its solver by a cost scaled with the trace of the inertia matrix, which the heavy patches inflate.
+# Scaled back to the part, this is MuJoCo's own default; with the raw default the drift comes out 20 % too fast or
+# not, depending on the unit system (README, design notes).
+SOLVER_TOLERANCE = 1e-8
+TUBE_PLANES = 32  # around a tube: its radius is right to half a percent
+TUBE_HEIGHT = 0.02  # [m]; drawn to twice that, in contact everywhere
+
+
+def contact_parameters(contact: Contact, timestep: float) -> dict[str, list[float]]:
+    """MuJoCo's pair attributes for a contact model at a timestep [s]."""
+    friction = [contact.friction, contact.friction, 0.0, 0.0, 0.0]
+    if contact.time_constant_us is not None:
+        solref, solreffriction = [contact.time_constant_us * 1e-6, contact.damping_ratio], [0.0, 0.0]
+    else:
+        solref, solreffriction = [0.0, -(1.0 + contact.restitution) / timestep], [0.0, -1.0 / timestep]
+    return {
+        "friction": friction,
+        "solref": solref,
+        "solreffriction": solreffriction,
+        "solimp": [IMPEDANCE, IMPEDANCE, 1e-3, 0.5, 2.0],
+    }
+
+
+def build_mjcf(scene: Scene) -> Any:
+    """Build the MjSpec of a scene: patches first, then parts in order, each with a free joint.
+
+    Returns:
+        mujoco.MjSpec. Compile it from memory; its `to_xml()` rounds to six digits and is the readable copy.
+    """
+    import mujoco
+
+    spec = mujoco.MjSpec()
+    spec.modelname = scene.scenario.title or "feeder_sim"
+    option = spec.option
+    option.timestep = scene.timestep
+    option.gravity = [0.0, 0.0, -GRAVITY]
+    option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
+    option.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)  # divergence is for the guard to see
+    _draw_surroundings(spec, scene.surface)
+    part_trace = patch_trace = 0.0
+    for part, guide in zip(scene.parts, scene.guides, strict=True):
+        patch_trace += _add_patch(spec, scene, part, guide)
+        part_trace += part.mass if guide and guide.slides else 3.0 * part.mass + part.inertia.sum()
+    for part, guide in zip(scene.parts, scene.guides, strict=True):
+        _add_part(spec, part, guide)
+        _pair_with_patch(spec, scene, part, guide)
+        if guide and not guide.slides:
+            _add_tube(spec, scene, part, guide)
+    option.tolerance = SOLVER_TOLERANCE * part_trace / (part_trace + patch_trace)
+    return spec
+
+
+def _draw_surroundings(spec: Any, surface: Surface) -> None:
+    """Camera and light; collides with nothing."""
+    extent = max(surface.length, surface.width)
+    spec.stat.extent, spec.stat.center = 0.6 * extent, [0.0, 0.0, 0.0]
+    spec.visual.headlight.ambient = spec.visual.headlight.diffuse = [0.3, 0.3, 0.3]
+    spec.worldbody.add_light(pos=[0.0, -extent, 2.0 * extent], dir=[0.0, 0.4, -1.0], diffuse=[0.4, 0.4, 0.4])
+
+
+def _add_patch(spec: Any, scene: Scene, part: RigidPart, guide: Guide | None) -> float:
+    """Add the tangent patch of one part; returns the trace of its inertia matrix.
+
+    Without in-plane velocity the hinges lie in the top surface, which then tilts as before but does not slide. Under a
+    part in a guide the patch has no hinges, and a sensor of the force between both.
+    """
+    import mujoco
+
+    surface = scene.surface
+    top = 0.5 * surface.thickness if scene.scenario.run.in_plane_velocity else 0.0  # above the hinges
+    mass = PATCH_MASS_RATIO * part.mass
+    moment = mass * (0.5 * max(surface.length, surface.width)) ** 2
+    # Its acceleration within a step must be zero: its motion is prescribed, gravity included.
+    body = spec.worldbody.add_body(name=f"plate_{part.name}", pos=[0.0, 0.0, -top], gravcomp=1.0)
+    _set_inertia(body, mass, [moment, moment, moment])
+    slide, hinge = mujoco.mjtJoint.mjJNT_SLIDE, mujoco.mjtJoint.mjJNT_HINGE
+    body.add_joint(name=f"lift_{part.name}", type=slide, axis=[0, 0, 1])
+    if not guide:
+        body.add_joint(name=f"tilt_x_{part.name}", type=hinge, axis=[1, 0, 0])
+        body.add_joint(name=f"tilt_y_{part.name}", type=hinge, axis=[0, 1, 0])
+    half = 0.5 * np.array([surface.length, surface.width, surface.thickness])
+    box, centre = mujoco.mjtGeom.mjGEOM_BOX, [0.0, 0.0, top - half[2]]
+    name, colour = f"plate_{part.name}", [0.75, 0.77, 0.80, 1.0]
+    body.add_geom(name=name, type=box, size=half, pos=centre, contype=0, conaffinity=0, rgba=colour)
+    if guide:
+        # MuJoCo's touch sensor adds up the contacts of the body within the site: all of them.
+        body.add_site(name=name, type=box, size=2.0 * half, pos=centre, rgba=[0.0, 0.0, 0.0, 0.0])
+        sensor, site = mujoco.mjtSensor.mjSENS_TOUCH, mujoco.mjtObj.mjOBJ_SITE
+        spec.add_sensor(name=f"touch_{part.name}", type=sensor, objtype=site, objname=name)
+        return mass
+    return mass + 2.0 * moment
+
+
+def _set_inertia(body: Any, mass: float, inertia: Any) -> None:
+    # An MjsBody whose ipos is left alone gets its centre of mass at the body's own `pos`, not at its origin.
+    body.explicitinertial, body.mass, body.inertia = True, mass, inertia
+    body.ipos, body.iquat = [0.0, 0.0, 0.0], [1.0, 0.0, 0.0, 0.0]
+
+
+def build_part_mjcf(part: RigidPart) -> Any:
+    """Build the MjSpec of a part alone, for use in scenes of one's own: body, drawn mesh and contact corners."""
+    import mujoco
+
+    spec = mujoco.MjSpec()
+    spec.modelname = part.name
+    _add_part(spec, part)
+    return spec
+
+
+def _add_part(spec: Any, part: RigidPart, guide: Guide | None = None) -> None:
+    """Add one part: drawn mesh, and a small sphere at each corner that collides only where a pair says so.
+
+    It has a free joint, or on a slide one slide joint with the friction of its own weight.
+    """
+    import mujoco
+
+    lift = -part.corners[:, 2].min() + part.corner_radius
+    body = spec.worldbody.add_body(name=part.name, pos=[0.0, 0.0, lift])
+    _set_inertia(body, part.mass, part.inertia)
+    if guide and guide.slides:
+        body.pos = [*guide.foot, 0.0] + lift / guide.axis[2] * guide.axis
+        body.quat = _leaning(guide)
+        friction = guide.friction * part.mass * GRAVITY * guide.axis[0]
+        slide = mujoco.mjtJoint.mjJNT_SLIDE  # its axis is in the body's frame, which leans with the guide
+        body.add_joint(name=part.name, type=slide, axis=[0.0, 0.0, 1.0], frictionloss=friction)
+    else:
+        body.add_freejoint(name=part.name)
+    mesh = spec.add_mesh(name=part.name)
+    mesh.uservert, mesh.userface = part.vertices.ravel(), part.faces.ravel()
+    mesh.inertia = mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL
+    body.add_geom(
+        name=f"{part.name}_drawn",
+        type=mujoco.mjtGeom.mjGEOM_MESH,
+        meshname=part.name,
+        contype=0,
+        conaffinity=0,
+        group=1,
+        rgba=[0.85, 0.60, 0.20, 1.0],
+    )
+    size = [part.corner_radius or CORNER_RADIUS, 0.0, 0.0]
+    sphere = mujoco.mjtGeom.mjGEOM_SPHERE
+    for i, corner in enumerate(part.corners):
+        body.add_geom(name=_corner_name(part, i), type=sphere, size=size, pos=corner, contype=0, conaffinity=0, group=3)
+
+
+def _pair_with_patch(spec: Any, scene: Scene, part: RigidPart, guide: Guide | None) -> None:
+    """Let every corner of a part meet the part's own patch, and nothing else; on a slide without friction."""
+    condim = 1 if guide and guide.slides else 3
+    parameters = contact_parameters(scene.scenario.contact, scene.timestep)
+    for i in range(len(part.corners)):
+        name = _corner_name(part, i)
+        spec.add_pair(name=name, geomname1=f"plate_{part.name}", geomname2=name, condim=condim, **parameters)
+
+
+def _add_tube(spec: Any, scene: Scene, part: RigidPart, guide: Guide) -> None:
+    """Add the wall of a tube as a ring of planes, which the part's hull meets (a ball: its sphere)."""
+    import mujoco
+
+    assert guide.radius is not None and guide.restitution is not None
+    wall = Contact(restitution=guide.restitution, friction=guide.friction)
+    parameters = contact_parameters(wall, scene.timestep)
+    half = [guide.radius * math.tan(math.pi / TUBE_PLANES), TUBE_HEIGHT, 0.01]
+    frame = spec.worldbody.add_body(name=f"tube_{part.name}", pos=[*guide.foot, 0.0], quat=_leaning(guide))
+    touching = _corner_name(part, 0) if part.corner_radius else f"{part.name}_drawn"
+    for i in range(TUBE_PLANES):
+        angle = 2.0 * math.pi * i / TUBE_PLANES
+        outwards = np.array([math.cos(angle), math.sin(angle), 0.0])
+        name = f"tube_{part.name}_{i}"
+        frame.add_geom(
+            name=name,
+            type=mujoco.mjtGeom.mjGEOM_PLANE,
+            size=half,
+            pos=guide.radius * outwards + [0.0, 0.0, TUBE_HEIGHT],
+            zaxis=-outwards,
+            contype=0,
+            conaffinity=0,
+            rgba=[0.6, 0.8, 0.9, 0.15],
+        )
+        spec.add_pair(name=name, geomname1=name, geomname2=touching, condim=3, **parameters)
+
+
+def _leaning(guide: Guide) -> list[float]:
+    """Quaternion that turns the vertical into the guide's axis."""
+    return [math.cos(0.5 * guide.tilt), 0.0, math.sin(0.5 * guide.tilt), 0.0]
+
+
+def _corner_name(part: RigidPart, i: int) -> str:
+    return f"{part.name}_corner_{i}"
