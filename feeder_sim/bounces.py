@@ -33,11 +33,12 @@ from feeder_sim.scenario import Scenario
 from feeder_sim.scene import GRAVITY, Scene
 
 LEAST_INTERVAL = 0.99  # of a plate period
-STICKING = 0.1  # of a plate period: a contact longer than this is no impact
+LEAST_FLIGHT = 0.25  # of a plate period: shorter flights are chatter
+REST = 2.0  # plate periods in one contact: for good, where the plate has not changed
 PERIODS = (1, 2, 3, 4, 5, 6, 7, 8, 10, 12, 16)
 LAST_IMPACTS = 4 * PERIODS[-1]  # a period is judged by this many
 BATCHES = 20
-EXACT, STEPS_OFF = 1e-6, 2.0
+EXACT, STEPS_OFF = 1e-4, 4.0
 
 
 def period_one_threshold(restitution: float) -> float:
@@ -87,26 +88,26 @@ def flights(impacts: Impacts, plate_period: float, deceleration: float, *, after
     return Flights(interval[counts], height[counts], kept.approach_speed[1:][counts])
 
 
-def motion(impacts: Impacts, plate_period: float, tolerance: float) -> str:
+def motion(impacts: Impacts, plate_period: float, tolerance: float, *, end: float) -> str:
     """Name the motion that one seed has settled to: its period in impacts, or what it does instead.
 
     Args:
         impacts: contacts of the part; the last ones are looked at.
         plate_period: [s].
-        tolerance: relative difference of impact speeds that counts as none.
+        tolerance: relative difference of impact speeds, and contact time in plate periods, that count as none.
+        end: when the record ends [s].
 
     Returns:
-        "1", "2", ... "16", "chaotic", "sticking" (with phases of rest on the plate), "resting" (for good), or
-        "undecided" after too few impacts.
+        "1", "2", ... "16"; "sticking": at least half of the flights end in rest on the plate; "chaotic"; "resting" for
+        good; or "undecided" after too few impacts.
     """
-    if len(impacts) and not np.isfinite(impacts.until[-1]) and np.isfinite(impacts.time[-1]):
-        ridden = impacts.until[:-1] - impacts.time[:-1]
-        if len(impacts) < 2 or not (ridden > STICKING * plate_period).any():
-            return "resting"
-    last = impacts[slice(-LAST_IMPACTS - 1, -1)]
+    if len(impacts) and np.isinf(impacts.until[-1]) and impacts.time[-1] < end - REST * plate_period:
+        return "resting"
+    last = impacts[slice(-LAST_IMPACTS - 1, -1)]  # the very last may not be over
     if len(last) < LAST_IMPACTS:
         return "undecided"
-    if (last.until - last.time > STICKING * plate_period).any():
+    stuck = np.count_nonzero(last.until - last.time > tolerance * plate_period)
+    if 2 * stuck >= np.count_nonzero(last.time[1:] - last.until[:-1] > LEAST_FLIGHT * plate_period):
         return "sticking"
     speed = last.approach_speed
     for period in PERIODS:
@@ -125,8 +126,8 @@ def batched(seeds: Sequence[NDArray[np.float64]]) -> Statistic:
     return Statistic(plain.mean, plain.sd, Statistic.of(means).se, plain.n)
 
 
-def bounce_measures(scene: Scene, seeds: Sequence[Impacts]) -> dict[str, object]:
-    """The measures of a run by name, units in the name; none without a guide."""
+def bounce_measures(scene: Scene, seeds: Sequence[Impacts], ends: Sequence[float]) -> dict[str, object]:
+    """The measures of a run by name, units in the name; none without a guide. `ends`: when each seed ended [s]."""
     (guide,) = scene.guides
     if guide is None:
         return {}
@@ -135,11 +136,12 @@ def bounce_measures(scene: Scene, seeds: Sequence[Impacts]) -> dict[str, object]
     after = settling_time(scene)
     found = [flights(impacts, plate_period, deceleration, after=after) for impacts in seeds]
     tolerance = impact_tolerance(scene.scenario)
+    motions = Counter(motion(i, plate_period, tolerance, end=end) for i, end in zip(seeds, ends, strict=True))
     return {
         "bounce_interval_ms": batched([1e3 * f.interval for f in found]).as_dict(),
         "flight_height_mm": batched([1e3 * f.height for f in found]).as_dict(),
         "impact_speed_mm_s": batched([1e3 * f.impact_speed for f in found]).as_dict(),
-        "motion": dict(Counter(motion(impacts, plate_period, tolerance) for impacts in seeds)),
+        "motion": dict(motions),
     }
 
 

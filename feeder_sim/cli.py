@@ -20,6 +20,7 @@ import typer
 from feeder_sim.errors import FeederSimError, InputError, RecordingFailed
 
 if TYPE_CHECKING:
+    from feeder_sim.bifurcation import Diagram
     from feeder_sim.plate.mode_file import ModeFile
     from feeder_sim.scenario import Scenario
 
@@ -113,11 +114,44 @@ def modes(
             raise InputError(f"is {mode}, allowed is 1 to {len(held.modes)}", file=source, key="--mode")
         from feeder_sim.pictures import draw_mode
 
-        try:
-            draw_mode(held.modes, mode - 1, _writable(picture))
-        except ValueError as error:
-            raise InputError(str(error), file=picture, key="--picture") from error
+        _drawn(draw_mode, held.modes, mode - 1, _writable(picture))
     _print_modes(held, as_json)
+
+
+@app.command()
+def bifurcation(
+    scenario_file: ScenarioFile,
+    low: Annotated[float, typer.Option("--from", help="Smallest amplitude [um].", show_default=False)],
+    high: Annotated[float, typer.Option("--to", help="Largest amplitude [um].", show_default=False)],
+    points: Annotated[int, typer.Option("--points", min=2, max=100_000, help="Amplitudes in the sweep.")] = 211,
+    settle: Annotated[int | None, typer.Option("--settle", min=1, help="Plate periods to settle [4000].")] = None,
+    picture: Annotated[Path | None, typer.Option("--picture", help="Draw the diagram to this file.")] = None,
+    data: Annotated[Path | None, typer.Option("--data", help="Write the impact speeds to this CSV file.")] = None,
+    engine: EngineName = None,
+    seeds: Seeds = None,
+    as_json: AsJson = False,
+) -> None:
+    """Sweep the plate's amplitude under a bouncing part; find where period one, two, four, ... begin."""
+    scenario = _scenario(scenario_file, engine, seeds, None)
+    if not 0.0 < low < high <= 1e6:
+        raise InputError(f"are {low:g} and {high:g}, allowed is 0 < --from < --to <= 1e6", key="--from, --to")
+    for file in (picture, data):
+        if file is not None:
+            _writable(file)
+    with _naming(scenario_file), _progress(scenario.title or scenario_file.stem) as progress:
+        import numpy as np
+
+        from feeder_sim.bifurcation import SETTLE, sweep_amplitude, write_sweep
+
+        amplitudes = np.linspace(low, high, points) * 1e-6
+        diagram = sweep_amplitude(scenario, amplitudes.tolist(), settle=settle or SETTLE, progress=progress)
+    if picture is not None:
+        from feeder_sim.pictures import draw_bifurcation
+
+        _drawn(draw_bifurcation, diagram, picture)
+    if data is not None:
+        write_sweep(diagram, data)
+    _print_boundaries(diagram, as_json)
 
 
 @app.command("list")
@@ -231,6 +265,42 @@ def _print_bounces(summary: dict[str, Any]) -> None:
         if found["n"] > 1:
             print(f"  {label:<16} {found['mean']:.4g} {unit} +- {found['se']:.2g} (SE), n = {found['n']}")
     print("  motion           " + ", ".join(f"{name} ({n} seeds)" for name, n in summary["motion"].items()))
+
+
+def _print_boundaries(diagram: Diagram, as_json: bool) -> None:
+    rows = [
+        {
+            "period": int(b.motion),
+            "from_um": 1e6 * b.amplitude,
+            "bracket_um": 1e6 * b.uncertainty,
+            "exact_um": None if b.theory is None else 1e6 * b.theory,
+            "deviation_percent": None if b.theory is None else 100.0 * (b.amplitude / b.theory - 1.0),
+        }
+        for b in diagram.boundaries
+    ]
+    ratios = diagram.feigenbaum_ratios()
+    if as_json:
+        print(json.dumps({"boundaries": rows, "feigenbaum_ratios": ratios}))
+        return
+    print("period  from (um)  exact (um)  deviation (%)")
+    for row in rows:
+        line = f"{row['period']:>6}  {row['from_um']:>9.5g}"
+        print(
+            line
+            + ("" if row["exact_um"] is None else f"  {row['exact_um']:>10.5g}  {row['deviation_percent']:>+13.3f}")
+        )
+    if not rows:
+        print("no boundary within the sweep")
+    if ratios:
+        print(f"ratios of successive doublings: {', '.join(f'{r:.3f}' for r in ratios)} (Feigenbaum: 4.669)")
+
+
+def _drawn(draw: Callable[..., None], *arguments: Any) -> None:
+    """Draw to the file that is the last argument."""
+    try:
+        draw(*arguments)
+    except ValueError as error:  # matplotlib on a file type it does not know
+        raise InputError(str(error), file=arguments[-1], key="--picture") from error
 
 
 def _print_modes(held: ModeFile, as_json: bool) -> None:

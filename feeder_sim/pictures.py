@@ -1,25 +1,28 @@
-"""Pictures of mode shapes."""
+"""Pictures: mode shapes, bifurcation diagrams, velocity records."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
+from feeder_sim.bifurcation import Boundary, Diagram
 from feeder_sim.plate.modes import PlateModes
+from feeder_sim.scene import GRAVITY
 
-MM = 1e3
+MM, UM = 1e3, 1e6
+LABEL_WIDTH = 0.02  # of the axis
 
 
 def draw_mode(modes: PlateModes, index: int, path: Path) -> None:
     """Draw the deflection of one mode (0-based index) with its nodal lines; the file type follows the suffix."""
-    from matplotlib.figure import Figure
-
     plate = modes.plate
     x = np.linspace(-0.5, 0.5, 241) * plate.length
     y = np.linspace(-0.5, 0.5, 241) * plate.width
     w = modes.evaluate_grid(index, x, y)[0]
-    figure = Figure(figsize=(5.6, 4.8), layout="constrained")
+    figure = _figure(5.6, 4.8)
     axes = figure.add_subplot()
     levels = np.linspace(-1.0, 1.0, 41)
     filled = axes.contourf(x * MM, y * MM, w.T, levels=levels, cmap="RdBu_r", extend="both")
@@ -32,3 +35,59 @@ def draw_mode(modes: PlateModes, index: int, path: Path) -> None:
         title=f"Mode {index + 1}: {modes.natural_frequency[index]:.1f} Hz, nodal lines in black",
     )
     figure.savefig(path, dpi=150)
+
+
+def draw_bifurcation(diagram: Diagram, path: Path) -> None:
+    """Draw impact speeds over amplitude, with the boundaries found and the exact ones."""
+    figure = _figure(9.0, 5.2)
+    axes = figure.add_subplot()
+    for at in diagram.sweep:
+        speeds = np.concatenate(at.impact_speed)
+        axes.scatter(np.full(len(speeds), at.amplitude * UM), speeds * MM, s=0.6, color="black", linewidths=0.0)
+    drive = diagram.scenario.drive[0]
+    throw_number = (2.0 * np.pi * drive.frequency_hz) ** 2 / GRAVITY / UM
+    axes.secondary_xaxis("top", functions=(lambda a: a * throw_number, lambda k: k / throw_number)).set_xlabel(
+        "throw number $A\\omega^2/g$"
+    )
+    axes.set(
+        xlabel="amplitude of the plate (um)",
+        ylabel="impact speed relative to the plate (mm/s)",
+        xlim=(diagram.sweep[0].amplitude * UM, diagram.sweep[-1].amplitude * UM),
+        ylim=(0.0, None),
+    )
+    _draw_boundaries(axes, diagram.boundaries)
+    axes.set_title(f"{diagram.scenario.title or 'Bouncing part'}, restitution {diagram.scenario.contact.restitution:g}")
+    figure.savefig(path, dpi=150)
+
+
+def _draw_boundaries(axes: Any, boundaries: Sequence[Boundary]) -> None:
+    low, high = axes.get_xlim()
+    right = low
+    for boundary in boundaries:
+        crowded = boundary.amplitude * UM - right < LABEL_WIDTH * (high - low)
+        right = boundary.amplitude * UM
+        if boundary.theory is not None:
+            axes.axvline(boundary.theory * UM, color="tab:red", linewidth=3.0, alpha=0.35)
+        axes.axvline(boundary.amplitude * UM, color="tab:blue", linewidth=0.8, linestyle="--")
+        axes.annotate(
+            f"period {boundary.motion}",
+            (boundary.amplitude * UM, 1.0),
+            xycoords=("data", "axes fraction"),
+            xytext=(-2, -60 if crowded else -4),
+            textcoords="offset points",
+            rotation=90,
+            ha="right",
+            va="top",
+            color="tab:blue",
+            fontsize=8,
+        )
+    axes.plot([], [], color="tab:red", linewidth=3.0, alpha=0.35, label="exact boundary")
+    axes.plot([], [], color="tab:blue", linewidth=0.8, linestyle="--", label="found by bisection")
+    axes.legend(loc="center left", fontsize=8)
+
+
+def _figure(width: float, height: float) -> Any:
+    """An empty figure of a size in inches; matplotlib is imported only where something is drawn."""
+    from matplotlib.figure import Figure
+
+    return Figure(figsize=(width, height), layout="constrained")

@@ -85,7 +85,9 @@ class Result:
         """Ensemble measures over the seeds that ran to their end; units in the names."""
         ended = [s for s in self.seeds if s.status == Status.DONE]
         found = ensemble_measures([s.frames for s in ended], self.cell)
-        return found | bounce_measures(self.scene, [s.impacts for s in ended])
+        return found | bounce_measures(
+            self.scene, [s.impacts for s in ended], [float(s.frames.time[-1]) for s in ended]
+        )
 
     def summary(self) -> dict[str, Any]:
         """Measures, cost and provenance as one JSON-ready dictionary."""

@@ -212,10 +212,10 @@ def _ride(state, plate, law, limit, log, p):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _advance(state, plate, law, log, interval, first_frame, out):
-    """Write (z, v) at each frame into a row of out (n, 2); returns the rows done, fewer when the log is full."""
+    """Advance frame by frame, writing (z, v) into a row of out (n, 2); returns the rows done, fewer with a full log."""
     p = np.empty(4)
     for row in range(out.shape[0]):
-        end = (first_frame + row) * interval
+        end = (first_frame + row + 1) * interval
         while state[T] < end:
             if is_full(log):
                 return row

@@ -36,6 +36,7 @@ ORDER = [
     "measures",
     "bounces",
     "simulation",
+    "bifurcation",
     "replay",
     "run_folder",
     "plan",
