@@ -128,13 +128,9 @@ def batched(seeds: Sequence[NDArray[np.float64]]) -> Statistic:
 
 def bounce_measures(scene: Scene, seeds: Sequence[Impacts], ends: Sequence[float]) -> dict[str, object]:
     """The measures of a run by name, units in the name; none without a guide. `ends`: when each seed ended [s]."""
-    (guide,) = scene.guides
-    if guide is None:
+    if scene.guides[0] is None:
         return {}
-    plate_period = 1.0 / scene.scenario.drive[0].frequency_hz
-    deceleration = guide.deceleration(GRAVITY)[0] if guide.slides else GRAVITY
-    after = settling_time(scene)
-    found = [flights(impacts, plate_period, deceleration, after=after) for impacts in seeds]
+    found, plate_period = seed_flights(scene, seeds), _plate_period(scene)
     tolerance = impact_tolerance(scene.scenario)
     motions = Counter(motion(i, plate_period, tolerance, end=end) for i, end in zip(seeds, ends, strict=True))
     return {
@@ -143,6 +139,17 @@ def bounce_measures(scene: Scene, seeds: Sequence[Impacts], ends: Sequence[float
         "impact_speed_mm_s": batched([1e3 * f.impact_speed for f in found]).as_dict(),
         "motion": dict(motions),
     }
+
+
+def seed_flights(scene: Scene, seeds: Sequence[Impacts]) -> list[Flights]:
+    """The flights that count of every seed of a scene with a guide."""
+    guide, after = scene.guides[0], settling_time(scene)
+    deceleration = guide.deceleration(GRAVITY)[0] if guide and guide.slides else GRAVITY
+    return [flights(impacts, _plate_period(scene), deceleration, after=after) for impacts in seeds]
+
+
+def _plate_period(scene: Scene) -> float:
+    return 1.0 / scene.scenario.drive[0].frequency_hz
 
 
 def settling_time(scene: Scene) -> float:

@@ -114,7 +114,8 @@ def modes(
             raise InputError(f"is {mode}, allowed is 1 to {len(held.modes)}", file=source, key="--mode")
         from feeder_sim.pictures import draw_mode
 
-        _drawn(draw_mode, held.modes, mode - 1, _writable(picture))
+        with _drawing_to(_writable(picture)):
+            draw_mode(held.modes, mode - 1, picture)
     _print_modes(held, as_json)
 
 
@@ -148,7 +149,8 @@ def bifurcation(
     if picture is not None:
         from feeder_sim.pictures import draw_bifurcation
 
-        _drawn(draw_bifurcation, diagram, picture)
+        with _drawing_to(picture):
+            draw_bifurcation(diagram, picture)
     if data is not None:
         write_sweep(diagram, data)
     _print_boundaries(diagram, as_json)
@@ -188,6 +190,24 @@ def replay(
         take_screenshot(recording, _writable(screenshot), at=at)
     else:
         open_viewer(recording)
+
+
+@app.command()
+def vibrometer(
+    folder: Annotated[Path, typer.Argument(help="Run folder, or its trajectory.h5.", show_default=False)],
+    picture: Annotated[Path, typer.Option("--picture", help="File to draw to.", show_default=False)],
+    start: Annotated[float, typer.Option("--from", min=0.0, help="Begin of the record [s].")] = 0.0,
+    stop: Annotated[float, typer.Option("--to", min=0.0, help="End of the record [s].")] = 1.0,
+    show_seed: Annotated[int, typer.Option("--show-seed", min=0, help="Index of the seed shown.")] = 0,
+) -> None:
+    """Draw the velocity of a guided part over time, as a laser vibrometer records it, and its bounce intervals."""
+    from feeder_sim.pictures import draw_velocity
+    from feeder_sim.run_folder import recording_of
+
+    recording = recording_of(folder)
+    _writable(picture)
+    with _drawing_to(picture):
+        draw_velocity(recording, picture, seed=show_seed, start=start, stop=stop)
 
 
 def main() -> NoReturn:
@@ -295,12 +315,12 @@ def _print_boundaries(diagram: Diagram, as_json: bool) -> None:
         print(f"ratios of successive doublings: {', '.join(f'{r:.3f}' for r in ratios)} (Feigenbaum: 4.669)")
 
 
-def _drawn(draw: Callable[..., None], *arguments: Any) -> None:
-    """Draw to the file that is the last argument."""
+@contextlib.contextmanager
+def _drawing_to(picture: Path) -> Iterator[None]:
     try:
-        draw(*arguments)
+        yield
     except ValueError as error:  # matplotlib on a file type it does not know
-        raise InputError(str(error), file=arguments[-1], key="--picture") from error
+        raise InputError(str(error), file=picture, key="--picture") from error
 
 
 def _print_modes(held: ModeFile, as_json: bool) -> None:

@@ -9,8 +9,12 @@ from typing import Any
 import numpy as np
 
 from feeder_sim.bifurcation import Boundary, Diagram
+from feeder_sim.bounces import seed_flights
+from feeder_sim.errors import InputError
 from feeder_sim.plate.modes import PlateModes
-from feeder_sim.scene import GRAVITY
+from feeder_sim.scenario import parse_scenario
+from feeder_sim.scene import GRAVITY, build_scene
+from feeder_sim.trajectory import Recording
 
 MM, UM = 1e3, 1e6
 LABEL_WIDTH = 0.02  # of the axis
@@ -57,6 +61,40 @@ def draw_bifurcation(diagram: Diagram, path: Path) -> None:
     )
     _draw_boundaries(axes, diagram.boundaries)
     axes.set_title(f"{diagram.scenario.title or 'Bouncing part'}, restitution {diagram.scenario.contact.restitution:g}")
+    figure.savefig(path, dpi=150)
+
+
+def draw_velocity(recording: Recording, path: Path, *, seed: int, start: float, stop: float) -> None:
+    """Draw the vertical velocity of a guided part from `start` to `stop` [s], as a vibrometer above it records it.
+
+    Beside it, the bounce intervals of all seeds.
+
+    Raises:
+        InputError: no such seed, no frames in that time, or no impacts were recorded.
+    """
+    if not any(len(impacts) for impacts in recording.impacts):
+        raise InputError("holds no impacts, allowed is a run of a part in a guide", file=recording.path)
+    if not 0 <= seed < len(recording.seeds):
+        raise InputError(f"is {seed}, allowed is 0 to {len(recording.seeds) - 1}", file=recording.path, key="seed")
+    frames = recording.seeds[seed]
+    shown = (frames.time >= start) & (frames.time <= stop)
+    if not shown.any():
+        raise InputError(f"no frames between {start:g} and {stop:g} s", file=recording.path)
+    scenario = parse_scenario(recording.scenario_text, file=recording.path)
+    scene = build_scene(scenario)
+    figure = _figure(10.0, 3.8)
+    left, right = figure.subplots(1, 2, width_ratios=[3, 1])
+    left.plot(frames.time[shown], frames.velocity[shown, 0, 2] * MM, linewidth=0.8, color="tab:orange")
+    envelope = recording.plate.drive_amplitude.sum(axis=1) * 2.0 * np.pi * scenario.drive[0].frequency_hz * MM
+    fill = {"alpha": 0.3, "color": "tab:blue", "linewidth": 0.0, "label": "plate"}
+    left.fill_between(recording.plate.drive_time, -envelope, envelope, **fill)
+    left.set(xlabel="time (s)", ylabel="vertical velocity (mm/s)", xlim=(start, min(stop, frames.time[-1])))
+    left.legend(loc="lower left", fontsize=8)
+    intervals = seed_flights(scene, recording.impacts)
+    pooled = np.concatenate([f.interval for f in intervals]) * MM
+    right.hist(pooled, bins=40, color="tab:orange")
+    right.set(xlabel="bounce interval (ms)", ylabel=f"number of {len(pooled)}, all seeds")
+    left.set_title(scenario.title or recording.path.parent.name, fontsize=10)
     figure.savefig(path, dpi=150)
 
 

@@ -20,7 +20,7 @@ from feeder_sim.mjcf import build_mjcf
 from feeder_sim.scenario import Scenario
 from feeder_sim.scene import Scene, build_scene
 from feeder_sim.simulation import Result, simulate_scene
-from feeder_sim.trajectory import PartRecord, PlateRecord, TrajectoryWriter
+from feeder_sim.trajectory import PartRecord, PlateRecord, Recording, TrajectoryWriter, read_recording
 
 TRAJECTORY, REPLAY, SUMMARY, RESOLVED, MJCF = (
     "trajectory.h5",
@@ -111,6 +111,18 @@ def fresh_folder(stem: str, base: Path = Path("runs")) -> Path:
             folder.mkdir()
             return folder
     raise AssertionError("unreachable")
+
+
+def recording_of(run: Path) -> Recording:
+    """Read the trajectory of a run folder, or a trajectory file itself.
+
+    Raises:
+        InputError: there is none, or it cannot be read.
+    """
+    trajectory = run if run.suffix == ".h5" else run / TRAJECTORY
+    if not trajectory.is_file():
+        raise InputError(f"no run here, allowed is a folder that holds {TRAJECTORY}", file=run)
+    return read_recording(trajectory)
 
 
 def scenario_toml(scenario: Scenario) -> str:

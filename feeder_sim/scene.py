@@ -13,9 +13,10 @@ from feeder_sim.guide import Guide, build_guide
 from feeder_sim.parts import RigidPart, build_part
 from feeder_sim.plate.assembly import DrivenMode, assemble_plate
 from feeder_sim.plate.surface import Surface
-from feeder_sim.scenario import Scenario, Start
+from feeder_sim.scenario import PartSpec, Scenario, Start, Tube
 
 GRAVITY = 9.81  # [m/s^2]
+ROUND_OFF = 1e-9
 FREE_TILT, UPRIGHT = (0.0, 3.0), (0.0, 0.0)  # [deg] at the start, where the scenario does not say
 
 
@@ -83,6 +84,8 @@ def build_scene(scenario: Scenario) -> Scene:
     run = scenario.run
     timestep = 1.0 / (scenario.highest_frequency_hz * run.steps_per_period)
     steps_per_frame = max(1, round(1.0 / (run.frames_per_second * timestep)))
+    for i, (spec, part) in enumerate(zip(scenario.part, parts, strict=True)):
+        _check_in_tube(spec, part, i)
     guides = tuple(build_guide(spec.guide, spec.start.position_mm) if spec.guide else None for spec in scenario.part)
     scene = Scene(scenario, plate.surface, plate.driven, parts, guides, timestep, steps_per_frame)
     if scene.n_frames < 2:
@@ -97,6 +100,20 @@ def _check_on_plate(start: Start, surface: Surface, key: str) -> None:
     half = (0.5e3 * surface.length, 0.5e3 * surface.width)
     if abs(x) > half[0] or abs(y) > half[1]:
         raise InputError(f"is [{x:g}, {y:g}], allowed is +-{half[0]:.1f}, +-{half[1]:.1f} (on the plate)", key=key)
+
+
+def _check_in_tube(spec: PartSpec, part: RigidPart, i: int) -> None:
+    """Refuse a part that starts in the wall of its tube, or would if it were tilted another way."""
+    if not isinstance(spec.guide, Tube):
+        return
+    tilt = math.radians(max(abs(angle) for angle in spec.start.tilt_deg or UPRIGHT))
+    reach = np.hypot(*part.corners[:, :2].T) * math.cos(tilt) + np.abs(part.corners[:, 2]) * math.sin(tilt)
+    needed = 2e3 * float(reach.max() + part.corner_radius)
+    if needed > spec.guide.inner_diameter_mm * (1.0 + ROUND_OFF):
+        raise InputError(
+            f"is {spec.guide.inner_diameter_mm:g}, allowed is at least {needed:.4g}, which the part takes at its start",
+            key=f"part[{i}].guide.inner_diameter_mm",
+        )
 
 
 def start_poses(scene: Scene, rng: np.random.Generator) -> list[Pose]:

@@ -31,7 +31,7 @@ def resolve_impact(velocity, momentum, inverse_mass, inverse_inertia, arm, norma
     """Change velocity and angular momentum (3,) in place for impacts at the first n corners.
 
     inverse_inertia (3, 3) is in world axes; arm (corners, 3) goes from the centre of mass to the contact points [m];
-    normal and surface_velocity have shape (corners, 3); e and mu are restitution and friction.
+    normal and surface_velocity have shape (corners, 3); e and mu, restitution and friction, (corners,).
     """
     before = np.empty((n, 3))
     spin = np.empty(3)
@@ -40,15 +40,15 @@ def resolve_impact(velocity, momentum, inverse_mass, inverse_inertia, arm, norma
     for i in range(n):
         relative_velocity(velocity, spin, arm[i], surface_velocity[i], before[i])
     impulse, v, w = np.zeros((n, 3)), velocity.copy(), spin.copy()
-    _solve(v, w, inverse_mass, inverse_inertia, arm, normal, surface_velocity, before, impulse, e, mu)
-    trial = e
+    _solve(v, w, inverse_mass, inverse_inertia, arm, normal, surface_velocity, before, impulse, 1.0, e, mu)
+    share = 1.0  # of the restitution
     for _ in range(HALVINGS):
-        if trial == 0.0 or _work(v, w, arm, surface_velocity, before, impulse) <= 0.0:
+        if share == 0.0 or _work(v, w, arm, surface_velocity, before, impulse) <= 0.0:
             break
-        trial = 0.5 * trial if trial > 0.02 * e else 0.0
+        share = 0.5 * share if share > 0.02 else 0.0
         v[:], w[:] = velocity, spin
         impulse[:] = 0.0
-        _solve(v, w, inverse_mass, inverse_inertia, arm, normal, surface_velocity, before, impulse, trial, mu)
+        _solve(v, w, inverse_mass, inverse_inertia, arm, normal, surface_velocity, before, impulse, share, e, mu)
     velocity[:] = v
     for i in range(n):
         momentum[0] += arm[i, 1] * impulse[i, 2] - arm[i, 2] * impulse[i, 1]
@@ -65,19 +65,19 @@ def relative_velocity(v, w, arm, surface_velocity, out):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _solve(v, w, inverse_mass, inverse_inertia, arm, normal, surface_velocity, before, impulse, e, mu):
+def _solve(v, w, inverse_mass, inverse_inertia, arm, normal, surface_velocity, before, impulse, share, e, mu):
     """Sweep over the corners until the velocities stop changing; v, w, impulse are updated in place."""
     n = before.shape[0]
     if n == 1:
-        target = -e * _dot(normal[0], before[0])
-        if _solve_single(inverse_mass, inverse_inertia, arm[0], normal[0], before[0], impulse[0], target, mu):
+        target = -share * e[0] * _dot(normal[0], before[0])
+        if _solve_single(inverse_mass, inverse_inertia, arm[0], normal[0], before[0], impulse[0], target, mu[0]):
             _apply(v, w, inverse_mass, inverse_inertia, arm[0], impulse[0])
             return
     step_normal, step_tangent, targets = np.empty(n), np.empty(n), np.empty(n)
     scale = 0.0
     for i in range(n):
         along = _dot(normal[i], before[i])
-        targets[i] = -e * along
+        targets[i] = -share * e[i] * along
         scale = max(scale, abs(along))
         step_normal[i], step_tangent[i] = _steps(inverse_mass, inverse_inertia, arm[i], normal[i])
     u, change = np.empty(3), np.empty(3)
@@ -85,7 +85,7 @@ def _solve(v, w, inverse_mass, inverse_inertia, arm, normal, surface_velocity, b
         largest = 0.0
         for i in range(n):
             relative_velocity(v, w, arm[i], surface_velocity[i], u)
-            _project(u, normal[i], impulse[i], step_normal[i], step_tangent[i], targets[i], mu, change)
+            _project(u, normal[i], impulse[i], step_normal[i], step_tangent[i], targets[i], mu[i], change)
             largest = max(largest, _dot(change, change) * (1.0 / step_normal[i]) ** 2)
             _apply(v, w, inverse_mass, inverse_inertia, arm[i], change)
         if largest < (TOLERANCE * scale) ** 2:
@@ -171,9 +171,13 @@ def _slip_error(k, u, target, mu, angle, p):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _contact_frame(normal, frame):
-    """Orthonormal rows: two tangents and the normal, which points upwards."""
+    """Orthonormal rows: two tangents and the normal."""
     size = math.sqrt(normal[0] * normal[0] + normal[2] * normal[2])
-    frame[0, 0], frame[0, 1], frame[0, 2] = normal[2] / size, 0.0, -normal[0] / size
+    if size > 0.1:
+        frame[0, 0], frame[0, 1], frame[0, 2] = normal[2] / size, 0.0, -normal[0] / size
+    else:
+        size = math.sqrt(normal[0] * normal[0] + normal[1] * normal[1])
+        frame[0, 0], frame[0, 1], frame[0, 2] = -normal[1] / size, normal[0] / size, 0.0
     for j in range(3):
         frame[2, j] = normal[j]
         a, b = (j + 1) % 3, (j + 2) % 3

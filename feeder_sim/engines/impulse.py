@@ -15,72 +15,24 @@ rest: corners may enter the surface by what they cover in one step, and are put 
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from feeder_sim.engines.free_flight import orthonormalise, rotate_freely, symmetry_axis
+from feeder_sim.engines.free_flight import orthonormalise, rotate_freely
 from feeder_sim.engines.impact import resolve_impact
+from feeder_sim.engines.impact_log import begin_contact, end_contact, in_contact, new_log, room_for, take_impacts
+from feeder_sim.engines.impulse_state import Motion, bound_surface, new_scratch, point, read_body, read_wall
 from feeder_sim.engines.surface_arrays import surface_arrays
+from feeder_sim.engines.tube import approach_wall, gather_wall, leap_to_wall
 from feeder_sim.impacts import Impacts
-from feeder_sim.mjcf import build_mjcf
 from feeder_sim.plate.kernels import modal_motion, surface_modes, surface_normal
 from feeder_sim.scene import GRAVITY, Scene, start_poses
 from feeder_sim.trajectory import BLOCK_FRAMES, Frames
 
-BEAT = 1e-4  # relative; damping alone shifts the frequency of the transient by a hundredth of this
 TOUCH = 1e-9  # [m]; corners this close count as touching, so that a flat landing is one impact and not six
-
-
-class Body(NamedTuple):
-    """The part: mass [kg], principal inertia (3,), symmetry axis, corners (n, 3) [m] with a radius, contact."""
-
-    mass: float
-    inertia: NDArray[np.float64]
-    axis: int
-    corners: NDArray[np.float64]
-    radius: float
-    reach: float
-    restitution: float
-    friction: float
-
-
-class Motion(NamedTuple):
-    """State of the part in world axes: position, velocity, attitude (columns: body axes), angular momentum."""
-
-    position: NDArray[np.float64]
-    velocity: NDArray[np.float64]
-    attitude: NDArray[np.float64]
-    momentum: NDArray[np.float64]
-
-
-class Bounds(NamedTuple):
-    """What the surface can do at most: height [m], and per mode shape the acceleration at its antinode [m/s^2]."""
-
-    crest: float
-    acceleration: NDArray[np.float64]
-
-
-class Scratch(NamedTuple):
-    """Per corner: height over what it can touch, approach rate, what the surface adds to rate and acceleration bound.
-
-    Then the contacts of an impact (n, 3), the modal values, and interpolation weights.
-    """
-
-    gap: NDArray[np.float64]
-    rate: NDArray[np.float64]
-    surface_rate: NDArray[np.float64]
-    surface_acceleration: NDArray[np.float64]
-    arm: NDArray[np.float64]
-    normal: NDArray[np.float64]
-    surface_velocity: NDArray[np.float64]
-    q: NDArray[np.float64]
-    q_rate: NDArray[np.float64]
-    modes: NDArray[np.float64]
-    weight_x: NDArray[np.float64]
-    weight_y: NDArray[np.float64]
+SAME_CONTACT = 1.5  # steps between two impacts that count as one contact
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -155,18 +107,9 @@ def _move_surface(surface, t, work):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _point(motion, body, i, k):
-    """Coordinate k of corner i in space [m]."""
-    value = motion.position[k]
-    for axis in range(3):
-        value += motion.attitude[k, axis] * body.corners[i, axis]
-    return value
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
 def _measure_gap(motion, body, surface, bounds, height, i, work):
     """Gap of one corner to the surface under it, the surface's rate, and a bound on its acceleration."""
-    x, y = _point(motion, body, i, 0), _point(motion, body, i, 1)
+    x, y = point(motion, body, i, 0), point(motion, body, i, 1)
     if abs(x) > surface.grid_x[-1] or abs(y) > surface.grid_y[-1]:
         work.gap[i] = np.inf
         return
@@ -191,17 +134,14 @@ def _modes_at(motion, surface, x, y, work):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _impact(motion, body, surface, work):
-    """Put the deepest corner back on the surface and give impulses to all corners that touch and approach.
-
-    What a corner covered inside the surface within one step would otherwise add up, and a resting part would sink.
-    """
+def _gather_plate(motion, body, surface, work):
+    """Collect the corners that touch the plate and approach it; returns their number and the deepest penetration."""
     n, depth = 0, 0.0
     for i in range(body.corners.shape[0]):
         if work.gap[i] > TOUCH or work.rate[i] >= 0.0:
             continue
         depth = max(depth, -work.gap[i])
-        x, y = _point(motion, body, i, 0), _point(motion, body, i, 1)
+        x, y = point(motion, body, i, 0), point(motion, body, i, 1)
         _modes_at(motion, surface, x, y, work)
         work.surface_velocity[n] = 0.0
         for s in range(work.q.shape[0]):
@@ -215,8 +155,21 @@ def _impact(motion, body, surface, work):
             x, y, surface.grid_x, surface.grid_y, surface.table, work.q, work.weight_x, work.weight_y, work.normal[n]
         )
         for k in range(3):
-            work.arm[n, k] = _point(motion, body, i, k) - motion.position[k] - body.radius * work.normal[n, k]
+            work.arm[n, k] = point(motion, body, i, k) - motion.position[k] - body.radius * work.normal[n, k]
+        work.restitution[n], work.friction[n] = body.restitution, body.friction
         n += 1
+    return n, depth
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _impact(motion, body, wall, surface, work):
+    """Put the deepest corner back on the surface and give impulses to all corners that touch and approach.
+
+    What a corner covered inside the surface within one step would otherwise add up, and a resting part would sink.
+    """
+    n, depth = _gather_plate(motion, body, surface, work)
+    if wall.radius < np.inf:
+        n = gather_wall(motion, body, wall, TOUCH, n, work)
     motion.position[2] += depth
     for i in range(body.corners.shape[0]):
         work.gap[i] += depth
@@ -235,8 +188,8 @@ def _impact(motion, body, surface, work):
         work.normal,
         work.surface_velocity,
         n,
-        body.restitution,
-        body.friction,
+        work.restitution,
+        work.friction,
     )
 
 
@@ -256,16 +209,50 @@ def _leap(motion, body, work, step):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _advance(motion, body, surface, bounds, work, step, frame_interval, first_frame, out):
+def _contacts(motion, body, wall, work):
+    """Fill the approach rates of all corners; returns how many touch plate and wall, and approach them."""
+    on_plate, on_wall = _approach(motion, body, work), 0
+    if wall.radius < np.inf:
+        on_wall = approach_wall(motion, body, wall, TOUCH, work)
+    return on_plate, on_wall
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _note_contact(motion, work, log, last, t, step):
+    """Note an impact on the plate of a part in a guide; what follows within a step is the same contact.
+
+    last: end of the contact under way, and the part's vertical velocity then.
+    """
+    if in_contact(log) and t - last[0] > SAME_CONTACT * step:
+        end_contact(log, last[0], last[1])
+    if not in_contact(log):
+        plate = 0.0
+        for i in range(work.gap.shape[0]):
+            if work.gap[i] <= TOUCH:
+                plate = work.surface_rate[i]
+        begin_contact(log, t, max(plate - motion.velocity[2], 0.0))
+    last[0] = t
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _advance(motion, body, wall, surface, bounds, work, log, last, step, frame_interval, first_frame, out):
     """Advance frame by frame; after each, write position, velocity, attitude, momentum into a row of out (n, 18)."""
+    guided = wall.radius < np.inf
     for row in range(out.shape[0]):
         t, end = (first_frame + row) * frame_interval, (first_frame + row + 1) * frame_interval
         while t < end:
             _proximity(motion, body, surface, bounds, t, work)
-            if _approach(motion, body, work) > 0:
-                _impact(motion, body, surface, work)
-                _approach(motion, body, work)
+            on_plate, on_wall = _contacts(motion, body, wall, work)
+            if on_plate + on_wall > 0:
+                if guided and on_plate > 0:
+                    _note_contact(motion, work, log, last, t, step)
+                _impact(motion, body, wall, surface, work)
+                if on_plate > 0:
+                    last[1] = motion.velocity[2]
+                _contacts(motion, body, wall, work)
             leap = _leap(motion, body, work, step)
+            if guided:
+                leap = max(step, min(leap, leap_to_wall(motion, body, wall, work)))
             if t + leap >= end:
                 _fly(motion, body, end - t)
                 break
@@ -286,10 +273,12 @@ class ImpulseEngine:
         from scipy.spatial.transform import Rotation
 
         self._scene = scene
-        self._body = _body(scene)
+        self._body = read_body(scene)
+        self._wall = read_wall(scene.guides[0])
+        self._log, self._last_contact = new_log(1), np.zeros(2)
         self._surface = surface_arrays(scene.surface, scene.scenario.run)
-        self._bounds = _bounds(scene)
-        self._scratch = _scratch(len(self._body.corners), scene.surface.n_shapes)
+        self._bounds = bound_surface(scene)
+        self._scratch = new_scratch(len(self._body.corners), scene.surface.n_shapes)
         (pose,) = start_poses(scene, rng)
         attitude = np.ascontiguousarray(Rotation.from_quat(pose.quaternion, scalar_first=True).as_matrix())
         self._motion = Motion(pose.position.copy(), np.zeros(3), attitude, np.zeros(3))
@@ -302,13 +291,22 @@ class ImpulseEngine:
     def advance(self, n_frames: int) -> Frames:
         out = np.empty((n_frames, 18))
         interval = self._scene.frame_interval
-        arguments = (self._motion, self._body, self._surface, self._bounds, self._scratch)
-        _advance(*arguments, self._scene.timestep, interval, self._frame, out)
+        if np.isfinite(self._wall.radius):  # each contact takes a step at least
+            self._log = room_for(self._log, n_frames * (self._scene.steps_per_frame + 1) + 1)
+        arguments = (self._motion, self._body, self._wall, self._surface, self._bounds, self._scratch)
+        times = (self._scene.timestep, interval, self._frame)
+        _advance(*arguments, self._log, self._last_contact, *times, out)
         self._frame += n_frames
         return self._frames(out, self._frame - n_frames + 1)
 
     def take_impacts(self, *, end: bool) -> Impacts:
-        return Impacts.none()
+        last, velocity = self._last_contact
+        if (
+            in_contact(self._log)
+            and self._frame * self._scene.frame_interval - last > SAME_CONTACT * self._scene.timestep
+        ):
+            end_contact(self._log, last, velocity)
+        return take_impacts(self._log, end=end)
 
     def _frames(self, rows: NDArray[np.float64], first: int) -> Frames:
         from scipy.spatial.transform import Rotation
@@ -326,53 +324,3 @@ class ImpulseEngine:
             velocity=rows[:, None, 3:6],
             angular_velocity=spin[:, None],
         )
-
-
-def _body(scene: Scene) -> Body:
-    """Read the part back from the compiled scene, so that both engines simulate the same thing."""
-    model = build_mjcf(scene).compile()
-    name = scene.parts[0].name
-    part = model.body(name)
-    geoms = model.pair_geom2
-    corners = np.ascontiguousarray(model.geom_pos[geoms])
-    radius = float(model.geom_size[geoms[0], 0])
-    inertia = np.array(part.inertia, float)
-    return Body(
-        mass=float(part.mass[0]),
-        inertia=inertia,
-        axis=symmetry_axis(inertia),
-        corners=corners,
-        radius=radius,
-        reach=float(np.linalg.norm(corners, axis=1).max()),
-        restitution=scene.scenario.contact.restitution,
-        friction=float(model.pair_friction[0, 0]),
-    )
-
-
-def _bounds(scene: Scene) -> Bounds:
-    """Largest envelope of every modal coordinate over the run, sampled well below the ring-up time, plus 1 %.
-
-    Where terms of different frequencies beat, sampling could miss the peak: there the moduli are added up.
-    """
-    surface, duration = scene.surface, scene.scenario.run.duration_s
-    terms = surface.terms
-    fade = np.abs(terms.rate.real).max(initial=0.0)
-    n = int(min(200_000, 1000 + 20 * duration * fade))
-    edges = np.concatenate([terms.start, terms.stop[np.isfinite(terms.stop)]])
-    times = np.unique(np.concatenate([np.linspace(0.0, duration, n), edges]))
-    envelope = 1.01 * np.abs(terms.phasor(times, surface.n_shapes)).max(axis=0)
-    for shape in range(surface.n_shapes):
-        of_shape = terms.shape == shape
-        frequencies = np.abs(terms.rate.imag[of_shape])
-        if np.ptp(frequencies) > BEAT * frequencies.max():
-            envelope[shape] = np.abs(terms.coefficient[of_shape]).sum()
-    antinode = np.abs(surface.table[..., 0]).max(axis=(1, 2))
-    squared = np.array([(terms.rate.imag[terms.shape == j] ** 2).max() for j in range(surface.n_shapes)])
-    return Bounds(crest=float(envelope @ antinode), acceleration=envelope * squared)
-
-
-def _scratch(n_corners: int, n_shapes: int) -> Scratch:
-    per_corner = [np.zeros(n_corners) for _ in range(4)]
-    contacts = [np.zeros((n_corners, 3)) for _ in range(3)]
-    modal = [np.zeros(n_shapes), np.zeros(n_shapes), np.zeros((n_shapes, 3)), np.zeros(4), np.zeros(4)]
-    return Scratch(*per_corner, *contacts, *modal)

@@ -30,6 +30,8 @@ ORDER = [
     "engines.impact_log",
     "engines.free_flight",
     "engines.impact",
+    "engines.impulse_state",
+    "engines.tube",
     "engines.mujoco",
     "engines.impulse",
     "engines.slide",

@@ -30,7 +30,8 @@ class State:
         arm, still = np.ascontiguousarray(self.arm[corners]), np.zeros((len(corners), 3))
         before = self.at(corners)
         n, inverse_mass = len(corners), 1 / self.part.mass
-        resolve_impact(self.velocity, self.momentum, inverse_mass, self.inverse_inertia, arm, normal, still, n, e, mu)
+        law = np.full(n, e), np.full(n, mu)
+        resolve_impact(self.velocity, self.momentum, inverse_mass, self.inverse_inertia, arm, normal, still, n, *law)
         return np.stack([before, self.at(corners)])
 
     def at(self, corners: np.ndarray) -> np.ndarray:

@@ -1,0 +1,93 @@
+"""A part in a round tube: gap, approach and impacts of its corners at the wall, for the impulse engine.
+
+A corner at distance rho from the axis has the gap R - rho (a ball: less its radius). The gap closes no faster than with
+the corner's own acceleration plus v^2 / rho, which the curved wall adds for a speed v across the axis.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+
+from feeder_sim.engines.impulse_state import point, spin_of
+from feeder_sim.scene import GRAVITY
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _from_axis(motion, body, wall, i, across):
+    """Write the vector from the axis to corner i into across (3,); returns its length rho."""
+    along = 0.0
+    for k in range(3):
+        across[k] = point(motion, body, i, k) - wall.foot[k]
+        along += across[k] * wall.axis[k]
+    squared = 0.0
+    for k in range(3):
+        across[k] -= along * wall.axis[k]
+        squared += across[k] * across[k]
+    return math.sqrt(squared)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def approach_wall(motion, body, wall, touch, work):
+    """Fill gap and rate of every corner at the wall; returns how many touch (gap up to `touch` [m]) and approach."""
+    across, spin, arm = np.empty(3), np.empty(3), np.empty(3)
+    spin_of(motion, body, spin)
+    touching = 0
+    for i in range(body.corners.shape[0]):
+        rho = _from_axis(motion, body, wall, i, across)
+        work.wall_gap[i] = wall.radius - rho - body.radius
+        for k in range(3):
+            arm[k] = point(motion, body, i, k) - motion.position[k]
+        outwards = 0.0
+        for k in range(3):
+            a, b = (k + 1) % 3, (k + 2) % 3
+            outwards += (motion.velocity[k] + spin[a] * arm[b] - spin[b] * arm[a]) * across[k]
+        work.wall_rate[i] = -outwards / rho if rho > 0.0 else 0.0
+        if work.wall_gap[i] <= touch and work.wall_rate[i] < 0.0:
+            touching += 1
+    return touching
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def gather_wall(motion, body, wall, touch, n, work):
+    """Append the corners that touch the wall and approach it to the n contacts there are; put the part back inside."""
+    across, back = np.empty(3), np.zeros(3)
+    deepest = 0.0
+    for i in range(body.corners.shape[0]):
+        if work.wall_gap[i] > touch or work.wall_rate[i] >= 0.0:
+            continue
+        rho = _from_axis(motion, body, wall, i, across)
+        for k in range(3):
+            work.normal[n, k] = -across[k] / rho
+            work.arm[n, k] = point(motion, body, i, k) - motion.position[k] - body.radius * work.normal[n, k]
+        if -work.wall_gap[i] > deepest:
+            deepest = -work.wall_gap[i]
+            back[:] = deepest * work.normal[n]
+        work.surface_velocity[n] = 0.0
+        work.restitution[n], work.friction[n] = wall.restitution, wall.friction
+        n += 1
+    motion.position[:] += back
+    return n
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def leap_to_wall(motion, body, wall, work):
+    """Longest flight [s] during which no corner can touch the wall."""
+    least = min(body.inertia[0], body.inertia[1], body.inertia[2])
+    squared = (motion.momentum[0] ** 2 + motion.momentum[1] ** 2 + motion.momentum[2] ** 2) / (least * least)
+    along, speed = 0.0, 0.0
+    for k in range(3):
+        along += motion.velocity[k] * wall.axis[k]
+    for k in range(3):
+        speed += (motion.velocity[k] - along * wall.axis[k]) ** 2
+    speed = math.sqrt(speed) + body.reach * math.sqrt(squared)
+    # What gravity can add on the way from wall to wall, at most.
+    fastest = speed * speed + 4.0 * GRAVITY * wall.radius
+    a = GRAVITY + 2.0 * body.reach * squared + fastest / wall.radius
+    shortest = np.inf
+    for i in range(body.corners.shape[0]):
+        gap, rate = max(work.wall_gap[i], 0.0), work.wall_rate[i]
+        shortest = min(shortest, (rate + math.sqrt(rate * rate + 2.0 * a * gap)) / a)
+    return shortest
