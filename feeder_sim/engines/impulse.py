@@ -23,7 +23,23 @@ from numpy.typing import NDArray
 from feeder_sim.engines.free_flight import orthonormalise, rotate_freely
 from feeder_sim.engines.impact import resolve_impact
 from feeder_sim.engines.impact_log import begin_contact, end_contact, in_contact, new_log, room_for, take_impacts
-from feeder_sim.engines.impulse_state import Motion, bound_surface, new_scratch, point, read_body, read_wall
+from feeder_sim.engines.impulse_state import (
+    ARM,
+    FRICTION,
+    GAP,
+    NORMAL,
+    RATE,
+    RESTITUTION,
+    SURFACE_ACCELERATION,
+    SURFACE_RATE,
+    VELOCITY,
+    Motion,
+    bound_surface,
+    new_scratch,
+    point,
+    read_body,
+    read_wall,
+)
 from feeder_sim.engines.surface_arrays import surface_arrays
 from feeder_sim.engines.tube import approach_wall, gather_wall, leap_to_wall
 from feeder_sim.impacts import Impacts
@@ -57,9 +73,9 @@ def _proximity(motion, body, surface, bounds, t, work):
         height = motion.position[2] - body.radius
         for axis in range(3):
             height += motion.attitude[2, axis] * body.corners[i, axis]
-        work.gap[i] = height - bounds.crest
-        work.surface_rate[i] = work.surface_acceleration[i] = 0.0
-        if work.gap[i] > 2.0 * TOUCH:  # a gap to the crest must never pass for a touch
+        work.corner[i, GAP] = height - bounds.crest
+        work.corner[i, SURFACE_RATE] = work.corner[i, SURFACE_ACCELERATION] = 0.0
+        if work.corner[i, GAP] > 2.0 * TOUCH:  # a gap to the crest must never pass for a touch
             continue
         if not moved:
             _move_surface(surface, t, work)
@@ -85,8 +101,8 @@ def _approach(motion, body, work):
     touching = 0
     for i in range(body.corners.shape[0]):
         turning = x * body.corners[i, 0] + y * body.corners[i, 1] + z * body.corners[i, 2]
-        work.rate[i] = motion.velocity[2] + turning - work.surface_rate[i]
-        if work.gap[i] <= TOUCH and work.rate[i] < 0.0:
+        work.corner[i, RATE] = motion.velocity[2] + turning - work.corner[i, SURFACE_RATE]
+        if work.corner[i, GAP] <= TOUCH and work.corner[i, RATE] < 0.0:
             touching += 1
     return touching
 
@@ -101,8 +117,8 @@ def _move_surface(surface, t, work):
         surface.term_stop,
         surface.coefficient,
         surface.rate,
-        work.q,
-        work.q_rate,
+        work.modal[0],
+        work.modal[1],
     )
 
 
@@ -111,24 +127,24 @@ def _measure_gap(motion, body, surface, bounds, height, i, work):
     """Gap of one corner to the surface under it, the surface's rate, and a bound on its acceleration."""
     x, y = point(motion, body, i, 0), point(motion, body, i, 1)
     if abs(x) > surface.grid_x[-1] or abs(y) > surface.grid_y[-1]:
-        work.gap[i] = np.inf
+        work.corner[i, GAP] = np.inf
         return
     _modes_at(motion, surface, x, y, work)
-    work.gap[i] = height
-    for s in range(work.q.shape[0]):
-        work.gap[i] -= work.modes[s, 0] * work.q[s]
-        work.surface_rate[i] += work.modes[s, 0] * work.q_rate[s]
-        work.surface_acceleration[i] += abs(work.modes[s, 0]) * bounds.acceleration[s]
+    work.corner[i, GAP] = height
+    for s in range(work.modal.shape[1]):
+        work.corner[i, GAP] -= work.modes[s, 0] * work.modal[0, s]
+        work.corner[i, SURFACE_RATE] += work.modes[s, 0] * work.modal[1, s]
+        work.corner[i, SURFACE_ACCELERATION] += abs(work.modes[s, 0]) * bounds.acceleration[s]
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _modes_at(motion, surface, x, y, work):
     """Mode shapes at a point; on a tangent surface, those under the centre, continued along their slopes."""
     if not surface.tangent:
-        surface_modes(x, y, surface.grid_x, surface.grid_y, surface.table, work.weight_x, work.weight_y, work.modes)
+        surface_modes(x, y, surface.grid_x, surface.grid_y, surface.table, work.weight[0], work.weight[1], work.modes)
         return
     cx, cy = motion.position[0], motion.position[1]
-    surface_modes(cx, cy, surface.grid_x, surface.grid_y, surface.table, work.weight_x, work.weight_y, work.modes)
+    surface_modes(cx, cy, surface.grid_x, surface.grid_y, surface.table, work.weight[0], work.weight[1], work.modes)
     for s in range(work.modes.shape[0]):
         work.modes[s, 0] += work.modes[s, 1] * (x - cx) + work.modes[s, 2] * (y - cy)
 
@@ -138,25 +154,35 @@ def _gather_plate(motion, body, surface, work):
     """Collect the corners that touch the plate and approach it; returns their number and the deepest penetration."""
     n, depth = 0, 0.0
     for i in range(body.corners.shape[0]):
-        if work.gap[i] > TOUCH or work.rate[i] >= 0.0:
+        if work.corner[i, GAP] > TOUCH or work.corner[i, RATE] >= 0.0:
             continue
-        depth = max(depth, -work.gap[i])
+        depth = max(depth, -work.corner[i, GAP])
         x, y = point(motion, body, i, 0), point(motion, body, i, 1)
         _modes_at(motion, surface, x, y, work)
-        work.surface_velocity[n] = 0.0
-        for s in range(work.q.shape[0]):
+        work.contact[VELOCITY, n] = 0.0
+        for s in range(work.modal.shape[1]):
             for k in range(2):
-                slide = surface.half_thickness * work.modes[s, 1 + k] * work.q_rate[s] * surface.in_plane
-                work.surface_velocity[n, k] -= slide
-            work.surface_velocity[n, 2] += work.modes[s, 0] * work.q_rate[s]
+                slide = surface.half_thickness * work.modes[s, 1 + k] * work.modal[1, s] * surface.in_plane
+                work.contact[VELOCITY, n, k] -= slide
+            work.contact[VELOCITY, n, 2] += work.modes[s, 0] * work.modal[1, s]
         if surface.tangent:
             x, y = motion.position[0], motion.position[1]
         surface_normal(
-            x, y, surface.grid_x, surface.grid_y, surface.table, work.q, work.weight_x, work.weight_y, work.normal[n]
+            x,
+            y,
+            surface.grid_x,
+            surface.grid_y,
+            surface.table,
+            work.modal[0],
+            work.weight[0],
+            work.weight[1],
+            work.contact[NORMAL, n],
         )
         for k in range(3):
-            work.arm[n, k] = point(motion, body, i, k) - motion.position[k] - body.radius * work.normal[n, k]
-        work.restitution[n], work.friction[n] = body.restitution, body.friction
+            work.contact[ARM, n, k] = (
+                point(motion, body, i, k) - motion.position[k] - body.radius * work.contact[NORMAL, n, k]
+            )
+        work.law[RESTITUTION, n], work.law[FRICTION, n] = body.restitution, body.friction
         n += 1
     return n, depth
 
@@ -172,7 +198,7 @@ def _impact(motion, body, wall, surface, work):
         n = gather_wall(motion, body, wall, TOUCH, n, work)
     motion.position[2] += depth
     for i in range(body.corners.shape[0]):
-        work.gap[i] += depth
+        work.corner[i, GAP] += depth
     inverse_inertia = np.empty((3, 3))
     for i in range(3):
         for j in range(3):
@@ -184,12 +210,12 @@ def _impact(motion, body, wall, surface, work):
         motion.momentum,
         1.0 / body.mass,
         inverse_inertia,
-        work.arm,
-        work.normal,
-        work.surface_velocity,
+        work.contact[ARM],
+        work.contact[NORMAL],
+        work.contact[VELOCITY],
         n,
-        work.restitution,
-        work.friction,
+        work.law[RESTITUTION],
+        work.law[FRICTION],
     )
 
 
@@ -201,20 +227,11 @@ def _leap(motion, body, work, step):
     squared = motion.momentum[0] ** 2 + motion.momentum[1] ** 2 + motion.momentum[2] ** 2
     own = GRAVITY + 2.0 * body.reach * squared / (least * least)
     shortest = np.inf
-    for i in range(work.gap.shape[0]):
-        gap, rate, a = max(work.gap[i], 0.0), work.rate[i], own + work.surface_acceleration[i]
+    for i in range(work.corner.shape[0]):
+        gap, rate, a = max(work.corner[i, GAP], 0.0), work.corner[i, RATE], own + work.corner[i, SURFACE_ACCELERATION]
         if gap < np.inf:
             shortest = min(shortest, (rate + math.sqrt(rate * rate + 2.0 * a * gap)) / a)
     return max(shortest, step)
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def _contacts(motion, body, wall, work):
-    """Fill the approach rates of all corners; returns how many touch plate and wall, and approach them."""
-    on_plate, on_wall = _approach(motion, body, work), 0
-    if wall.radius < np.inf:
-        on_wall = approach_wall(motion, body, wall, TOUCH, work)
-    return on_plate, on_wall
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -227,9 +244,9 @@ def _note_contact(motion, work, log, last, t, step):
         end_contact(log, last[0], last[1])
     if not in_contact(log):
         plate = 0.0
-        for i in range(work.gap.shape[0]):
-            if work.gap[i] <= TOUCH:
-                plate = work.surface_rate[i]
+        for i in range(work.corner.shape[0]):
+            if work.corner[i, GAP] <= TOUCH:
+                plate = work.corner[i, SURFACE_RATE]
         begin_contact(log, t, max(plate - motion.velocity[2], 0.0))
     last[0] = t
 
@@ -242,14 +259,17 @@ def _advance(motion, body, wall, surface, bounds, work, log, last, step, frame_i
         t, end = (first_frame + row) * frame_interval, (first_frame + row + 1) * frame_interval
         while t < end:
             _proximity(motion, body, surface, bounds, t, work)
-            on_plate, on_wall = _contacts(motion, body, wall, work)
+            on_plate = _approach(motion, body, work)
+            on_wall = approach_wall(motion, body, wall, TOUCH, work) if guided else 0
             if on_plate + on_wall > 0:
                 if guided and on_plate > 0:
                     _note_contact(motion, work, log, last, t, step)
                 _impact(motion, body, wall, surface, work)
                 if on_plate > 0:
                     last[1] = motion.velocity[2]
-                _contacts(motion, body, wall, work)
+                _approach(motion, body, work)
+                if guided:
+                    approach_wall(motion, body, wall, TOUCH, work)
             leap = _leap(motion, body, work, step)
             if guided:
                 leap = max(step, min(leap, leap_to_wall(motion, body, wall, work)))

@@ -13,6 +13,9 @@ from feeder_sim.guide import Guide
 from feeder_sim.mjcf import build_mjcf
 from feeder_sim.scene import Scene
 
+GAP, RATE, SURFACE_RATE, SURFACE_ACCELERATION, WALL_GAP, WALL_RATE = range(6)  # columns of Scratch.corner
+ARM, NORMAL, VELOCITY = range(3)  # of Scratch.contact
+RESTITUTION, FRICTION = range(2)  # of Scratch.law
 BEAT = 1e-4  # relative; damping alone shifts the frequency of the transient by a hundredth of this
 
 
@@ -56,28 +59,20 @@ class Bounds(NamedTuple):
 
 
 class Scratch(NamedTuple):
-    """Per corner: height over what it can touch, approach rate, what the surface adds to rate and acceleration bound.
+    """Few arrays, since every one of them makes each call of a compiled function dearer.
 
-    Then gap and rate to the wall, the contacts of an impact (2 n, 3) with their restitution and friction, the modal
-    values, and interpolation weights.
+    corner: (n, 6), columns GAP over what it can touch, RATE of approach, what the surface adds to rate and acceleration
+    bound, WALL_GAP, WALL_RATE. contact: (3, 2 n, 3), ARM, NORMAL and surface VELOCITY of each contact of an impact.
+    law: (2, 2 n), RESTITUTION and FRICTION of each. modal: (2, n_shapes), q and dq/dt. modes: (n_shapes, 3). weight:
+    (2, 4) of the interpolation in x and y.
     """
 
-    gap: NDArray[np.float64]
-    rate: NDArray[np.float64]
-    surface_rate: NDArray[np.float64]
-    surface_acceleration: NDArray[np.float64]
-    wall_gap: NDArray[np.float64]
-    wall_rate: NDArray[np.float64]
-    restitution: NDArray[np.float64]
-    friction: NDArray[np.float64]
-    arm: NDArray[np.float64]
-    normal: NDArray[np.float64]
-    surface_velocity: NDArray[np.float64]
-    q: NDArray[np.float64]
-    q_rate: NDArray[np.float64]
+    corner: NDArray[np.float64]
+    contact: NDArray[np.float64]
+    law: NDArray[np.float64]
+    modal: NDArray[np.float64]
     modes: NDArray[np.float64]
-    weight_x: NDArray[np.float64]
-    weight_y: NDArray[np.float64]
+    weight: NDArray[np.float64]
 
 
 def read_body(scene: Scene) -> Body:
@@ -132,10 +127,10 @@ def bound_surface(scene: Scene) -> Bounds:
 
 
 def new_scratch(n_corners: int, n_shapes: int) -> Scratch:
-    per_corner = [np.zeros(n_corners) for _ in range(6)]
-    contacts = [np.zeros(2 * n_corners), np.zeros(2 * n_corners), *(np.zeros((2 * n_corners, 3)) for _ in range(3))]
-    modal = [np.zeros(n_shapes), np.zeros(n_shapes), np.zeros((n_shapes, 3)), np.zeros(4), np.zeros(4)]
-    return Scratch(*per_corner, *contacts, *modal)
+    """Room for a part with that many corners: each can touch plate and wall."""
+    n = 2 * n_corners
+    sizes = ((n_corners, 6), (3, n, 3), (2, n), (2, n_shapes), (n_shapes, 3), (2, 4))
+    return Scratch(*(np.zeros(size) for size in sizes))
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

@@ -11,7 +11,17 @@ import math
 import numpy as np
 from numba import njit
 
-from feeder_sim.engines.impulse_state import point, spin_of
+from feeder_sim.engines.impulse_state import (
+    ARM,
+    FRICTION,
+    NORMAL,
+    RESTITUTION,
+    VELOCITY,
+    WALL_GAP,
+    WALL_RATE,
+    point,
+    spin_of,
+)
 from feeder_sim.scene import GRAVITY
 
 
@@ -37,15 +47,15 @@ def approach_wall(motion, body, wall, touch, work):
     touching = 0
     for i in range(body.corners.shape[0]):
         rho = _from_axis(motion, body, wall, i, across)
-        work.wall_gap[i] = wall.radius - rho - body.radius
+        work.corner[i, WALL_GAP] = wall.radius - rho - body.radius
         for k in range(3):
             arm[k] = point(motion, body, i, k) - motion.position[k]
         outwards = 0.0
         for k in range(3):
             a, b = (k + 1) % 3, (k + 2) % 3
             outwards += (motion.velocity[k] + spin[a] * arm[b] - spin[b] * arm[a]) * across[k]
-        work.wall_rate[i] = -outwards / rho if rho > 0.0 else 0.0
-        if work.wall_gap[i] <= touch and work.wall_rate[i] < 0.0:
+        work.corner[i, WALL_RATE] = -outwards / rho if rho > 0.0 else 0.0
+        if work.corner[i, WALL_GAP] <= touch and work.corner[i, WALL_RATE] < 0.0:
             touching += 1
     return touching
 
@@ -56,17 +66,19 @@ def gather_wall(motion, body, wall, touch, n, work):
     across, back = np.empty(3), np.zeros(3)
     deepest = 0.0
     for i in range(body.corners.shape[0]):
-        if work.wall_gap[i] > touch or work.wall_rate[i] >= 0.0:
+        if work.corner[i, WALL_GAP] > touch or work.corner[i, WALL_RATE] >= 0.0:
             continue
         rho = _from_axis(motion, body, wall, i, across)
         for k in range(3):
-            work.normal[n, k] = -across[k] / rho
-            work.arm[n, k] = point(motion, body, i, k) - motion.position[k] - body.radius * work.normal[n, k]
-        if -work.wall_gap[i] > deepest:
-            deepest = -work.wall_gap[i]
-            back[:] = deepest * work.normal[n]
-        work.surface_velocity[n] = 0.0
-        work.restitution[n], work.friction[n] = wall.restitution, wall.friction
+            work.contact[NORMAL, n, k] = -across[k] / rho
+            work.contact[ARM, n, k] = (
+                point(motion, body, i, k) - motion.position[k] - body.radius * work.contact[NORMAL, n, k]
+            )
+        if -work.corner[i, WALL_GAP] > deepest:
+            deepest = -work.corner[i, WALL_GAP]
+            back[:] = deepest * work.contact[NORMAL, n]
+        work.contact[VELOCITY, n] = 0.0
+        work.law[RESTITUTION, n], work.law[FRICTION, n] = wall.restitution, wall.friction
         n += 1
     motion.position[:] += back
     return n
@@ -88,6 +100,6 @@ def leap_to_wall(motion, body, wall, work):
     a = GRAVITY + 2.0 * body.reach * squared + fastest / wall.radius
     shortest = np.inf
     for i in range(body.corners.shape[0]):
-        gap, rate = max(work.wall_gap[i], 0.0), work.wall_rate[i]
+        gap, rate = max(work.corner[i, WALL_GAP], 0.0), work.corner[i, WALL_RATE]
         shortest = min(shortest, (rate + math.sqrt(rate * rate + 2.0 * a * gap)) / a)
     return shortest
