@@ -14,13 +14,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from feeder_sim.errors import InputError
+from feeder_sim.guide import Guide, build_guide
 from feeder_sim.plate.nodal_lines import NodalLines
+from feeder_sim.scenario import parse_scenario
 from feeder_sim.trajectory import Frames, PlateRecord, Recording, read_recording
 
 TIMELINE = "sim_time"
 MM = 1e3
 PLATE_GREY, LINE_GREY = (190, 190, 195), (150, 150, 150)
 NUT, PATH, NODE = (214, 140, 30), (30, 110, 60), (20, 20, 20)
+GLASS = (110, 160, 190)
+GUIDE_HEIGHT = 18.0  # [mm], as drawn
+WINDOW_S = 1.0  # of the plots of a guided part, whose hops are many
 COLOUR_STEP = 0.04  # the plate is recoloured when an envelope has moved by this fraction of its maximum
 
 
@@ -47,6 +52,7 @@ def build_replay(trajectory: Path, replay: Path, *, shown_seed: int = 0) -> None
     stream.save(partial, default_blueprint=_blueprint(recording, shown_seed))
     try:
         _log_plate(stream, recording.plate, max(frames.time[-1] for frames in recording.seeds if len(frames)))
+        _log_guide(stream, _guide(recording))
         _log_parts(stream, recording, recording.seeds[shown_seed])
         _log_plots(stream, recording, shown_seed)
     finally:
@@ -104,12 +110,39 @@ def _log_parts(stream: Any, recording: Recording, frames: Frames) -> None:
         stream.log(f"paths/{part.name}", path, static=True)
 
 
+def _guide(recording: Recording) -> Guide | None:
+    """The guide of the recorded part."""
+    part = parse_scenario(recording.scenario_text, file=recording.path).part[0]
+    return build_guide(part.guide, part.start.position_mm) if part.guide else None
+
+
+def _log_guide(stream: Any, guide: Guide | None) -> None:
+    """The axis of a slide, or the rings of a tube and its outline."""
+    import rerun as rr
+
+    if guide is None:
+        return
+    foot, up = np.array([*guide.foot, 0.0]) * MM, guide.axis
+    lines = [np.array([foot, foot + GUIDE_HEIGHT * up])]
+    if guide.radius is not None:
+        angle = np.linspace(0.0, 2.0 * np.pi, 49)
+        across = np.cross([0.0, 1.0, 0.0], up)
+        ring = guide.radius * MM * (np.cos(angle)[:, None] * across + np.sin(angle)[:, None] * [0.0, 1.0, 0.0])
+        lines = [foot + ring + height * up for height in np.linspace(0.0, GUIDE_HEIGHT, 9)]
+        lines += [np.array([foot + side, foot + side + GUIDE_HEIGHT * up]) for side in ring[::12]]
+    stream.log("guide", rr.LineStrips3D(lines, colors=[GLASS], radii=[0.03]), static=True)
+
+
 def _log_plots(stream: Any, recording: Recording, shown_seed: int) -> None:
-    """Distance to the nearest nodal line and height of the first part over time: the shown seed, then all others."""
+    """Of the first part over time: distance to the nearest nodal line, the shown seed and all others; height of the
+    shown one, and its vertical velocity in a guide.
+    """
     import rerun as rr
 
     lines = NodalLines(recording.plate.nodal_lines)
     rest = float(recording.seeds[shown_seed].position[:, 0, 2].min())
+    guided = _guide(recording) is not None
+    hops = rr.components.AggregationPolicy.Off if guided else rr.components.AggregationPolicy.Max
     for seed, frames in enumerate(recording.seeds):
         shown = seed == shown_seed
         name = "shown" if shown else f"others/seed_{seed:03d}"
@@ -117,10 +150,12 @@ def _log_plots(stream: Any, recording: Recording, shown_seed: int) -> None:
             colors=[NUT if shown else (*LINE_GREY, 140)],
             widths=[2.0 if shown else 1.0],
             names=[f"seed {seed}"],
-            aggregation_policy="Max",  # a plot narrower than the record must not average the hops away
+            aggregation_policy=hops,  # a plot narrower than the record must not average the hops away
         )
         time = rr.TimeColumn(TIMELINE, duration=frames.time)
         columns = {"height_mm": (frames.position[:, 0, 2] - rest) * MM} if shown else {}
+        if shown and guided:
+            columns["velocity_mm_s"] = frames.velocity[:, 0, 2] * MM
         if lines.lines:
             columns["distance_mm"] = lines.distance(frames.position[:, 0, :2]) * MM
         for plot, values in columns.items():
@@ -132,16 +167,18 @@ def _blueprint(recording: Recording, shown_seed: int) -> Any:
     """Open ready to watch: the 3D scene on the left, the plots on the right, playing along sim_time."""
     import rerun.blueprint as rrb
 
-    plate = recording.plate
+    plate, guide = recording.plate, _guide(recording)
     antinode = plate.antinode * MM if np.isfinite(plate.antinode).all() else np.zeros(2)
     cell = [NodalLines(plate.nodal_lines).distance(plate.antinode[None])[0] * MM] if plate.nodal_lines else [30.0]
     target, far = [float(antinode[0]) + 0.5 * cell[0], float(antinode[1]), 0.0], 2.0 * cell[0]
+    if guide is not None:
+        target, far = [*(c * MM for c in guide.foot), 0.4 * GUIDE_HEIGHT], 1.6 * GUIDE_HEIGHT
     eye = rrb.EyeControls3D(
-        position=[target[0], target[1] - far, 1.2 * far], look_target=target, eye_up=[0.0, 0.0, 1.0]
+        position=[target[0], target[1] - far, (0.5 if guide else 1.2) * far], look_target=target, eye_up=[0.0, 0.0, 1.0]
     )
     scene = rrb.Spatial3DView(
         origin="/",
-        contents=["+ /plate/**", "+ /parts/**", "+ /paths/**"],
+        contents=["+ /plate/**", "+ /guide/**", "+ /parts/**", "+ /paths/**"],
         name="Scene (mm), colour = displacement amplitude",
         eye_controls=eye,
         line_grid=False,
@@ -149,6 +186,12 @@ def _blueprint(recording: Recording, shown_seed: int) -> Any:
     )
     height = float(np.ptp(recording.seeds[shown_seed].position[:, 0, 2])) * MM
     plots = [_plot("height_mm", "Height above rest (mm), shown seed", height)]
+    if guide is not None:
+        fastest = float(np.abs(recording.seeds[shown_seed].velocity[:, 0, 2]).max()) * MM
+        plots = [
+            _plot("velocity_mm_s", "Vertical velocity (mm/s), shown seed", fastest, lowest=-fastest, window=WINDOW_S),
+            _plot("height_mm", "Height above rest (mm), shown seed", height, window=WINDOW_S),
+        ]
     if plate.nodal_lines:
         plots.insert(0, _plot("distance_mm", "Distance to nodal line (mm): shown seed orange, others grey", cell[0]))
     return rrb.Blueprint(
@@ -159,13 +202,18 @@ def _blueprint(recording: Recording, shown_seed: int) -> Any:
     )
 
 
-def _plot(name: str, title: str, largest: float) -> Any:
-    """A time series view from zero to a little above the largest value."""
+def _plot(name: str, title: str, largest: float, *, lowest: float = 0.0, window: float | None = None) -> Any:
+    """A time series view from the lowest to a little above the largest value, or of `window` [s] around now."""
+    import rerun as rr
     import rerun.blueprint as rrb
 
-    axis = rrb.ScalarAxis(range=(0.0, 1.05 * max(largest, 1e-6)))
+    axis = rrb.ScalarAxis(range=(1.05 * lowest, 1.05 * max(largest, 1e-6)))
     legend = rrb.PlotLegend(visible=False)  # one orange line and a bundle of grey ones need none
-    return rrb.TimeSeriesView(origin=f"/plots/{name}", name=title, axis_y=axis, plot_legend=legend)
+    around = None
+    if window:
+        sides = [rr.TimeRangeBoundary.cursor_relative(seconds=side * window / 2.0) for side in (-1.0, 1.0)]
+        around = rrb.TimeAxis(view_range=rr.TimeRange(*sides))
+    return rrb.TimeSeriesView(origin=f"/plots/{name}", name=title, axis_x=around, axis_y=axis, plot_legend=legend)
 
 
 def _grid_triangles(nx: int, ny: int) -> NDArray[np.int64]:
