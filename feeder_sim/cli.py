@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from feeder_sim.scenario import Scenario
 
 INTERRUPTED = 130
+PICTURES = (".png", ".svg", ".pdf", ".jpg")
 
 app = typer.Typer(
     add_completion=False,
@@ -114,8 +115,7 @@ def modes(
             raise InputError(f"is {mode}, allowed is 1 to {len(held.modes)}", file=source, key="--mode")
         from feeder_sim.pictures import draw_mode
 
-        with _drawing_to(_writable(picture)):
-            draw_mode(held.modes, mode - 1, picture)
+        draw_mode(held.modes, mode - 1, _new_picture(picture))
     _print_modes(held, as_json)
 
 
@@ -136,9 +136,10 @@ def bifurcation(
     scenario = _scenario(scenario_file, engine, seeds, None)
     if not 0.0 < low < high <= 1e6:
         raise InputError(f"are {low:g} and {high:g}, allowed is 0 < --from < --to <= 1e6", key="--from, --to")
-    for file in (picture, data):
-        if file is not None:
-            _writable(file)
+    if picture is not None:
+        _new_picture(picture)
+    if data is not None:
+        _writable(data)
     with _naming(scenario_file), _progress(scenario.title or scenario_file.stem) as progress:
         import numpy as np
 
@@ -149,8 +150,7 @@ def bifurcation(
     if picture is not None:
         from feeder_sim.pictures import draw_bifurcation
 
-        with _drawing_to(picture):
-            draw_bifurcation(diagram, picture)
+        draw_bifurcation(diagram, picture)
     if data is not None:
         write_sweep(diagram, data)
     _print_boundaries(diagram, as_json)
@@ -204,10 +204,8 @@ def vibrometer(
     from feeder_sim.pictures import draw_velocity
     from feeder_sim.run_folder import recording_of
 
-    recording = recording_of(folder)
-    _writable(picture)
-    with _drawing_to(picture):
-        draw_velocity(recording, picture, seed=show_seed, start=start, stop=stop)
+    _new_picture(picture)
+    draw_velocity(recording_of(folder), picture, seed=show_seed, start=start, stop=stop)
 
 
 def main() -> NoReturn:
@@ -315,12 +313,11 @@ def _print_boundaries(diagram: Diagram, as_json: bool) -> None:
         print(f"ratios of successive doublings: {', '.join(f'{r:.3f}' for r in ratios)} (Feigenbaum: 4.669)")
 
 
-@contextlib.contextmanager
-def _drawing_to(picture: Path) -> Iterator[None]:
-    try:
-        yield
-    except ValueError as error:  # matplotlib on a file type it does not know
-        raise InputError(str(error), file=picture, key="--picture") from error
+def _new_picture(path: Path) -> Path:
+    """Refuse what cannot be drawn to, before any work is done for it."""
+    if path.suffix.lower() not in PICTURES:
+        raise InputError(f"is {path.suffix!r}, allowed is {', '.join(PICTURES)}", file=path, key="--picture")
+    return _writable(path)
 
 
 def _print_modes(held: ModeFile, as_json: bool) -> None:

@@ -26,7 +26,7 @@ from feeder_sim.scene import GRAVITY, Scene
 
 PATCH_MASS_RATIO = 1e6  # patch over part: the part moves its patch by a millionth of its own motion
 CORNER_RADIUS = 1e-6  # [m]; the part rides this much higher everywhere, its shape is unchanged
-IMPEDANCE = 0.9999  # MuJoCo's largest: contacts as hard as the solver allows
+HARD = [0.9999, 0.9999, 1e-3, 0.5, 2.0]  # solimp with MuJoCo's largest impedance: as hard as the solver allows
 # MuJoCo stops its solver by a cost scaled with the trace of the inertia matrix, which the heavy patches inflate.
 # Scaled back to the part, this is MuJoCo's own default; with the raw default the drift comes out 20 % too fast or
 # not, depending on the unit system (README, design notes).
@@ -46,7 +46,7 @@ def contact_parameters(contact: Contact, timestep: float) -> dict[str, list[floa
         "friction": friction,
         "solref": solref,
         "solreffriction": solreffriction,
-        "solimp": [IMPEDANCE, IMPEDANCE, 1e-3, 0.5, 2.0],
+        "solimp": HARD,
     }
 
 
@@ -71,7 +71,7 @@ def build_mjcf(scene: Scene) -> Any:
         patch_trace += _add_patch(spec, scene, part, guide)
         part_trace += part.mass if guide and guide.slides else 3.0 * part.mass + part.inertia.sum()
     for part, guide in zip(scene.parts, scene.guides, strict=True):
-        _add_part(spec, part, guide)
+        _add_part(spec, part, guide, scene.timestep)
         _pair_with_patch(spec, scene, part, guide)
         if guide and not guide.slides:
             _add_tube(spec, scene, part, guide)
@@ -136,10 +136,11 @@ def build_part_mjcf(part: RigidPart) -> Any:
     return spec
 
 
-def _add_part(spec: Any, part: RigidPart, guide: Guide | None = None) -> None:
+def _add_part(spec: Any, part: RigidPart, guide: Guide | None = None, timestep: float = math.inf) -> None:
     """Add one part: drawn mesh, and a small sphere at each corner that collides only where a pair says so.
 
-    It has a free joint, or on a slide one slide joint with the friction of its own weight.
+    It has a free joint, or on a slide one slide joint with the friction of its own weight, which turns within one
+    timestep [s] (MuJoCo's own default would take 20 ms).
     """
     import mujoco
 
@@ -151,7 +152,8 @@ def _add_part(spec: Any, part: RigidPart, guide: Guide | None = None) -> None:
         body.quat = _leaning(guide)
         friction = guide.friction * part.mass * GRAVITY * guide.axis[0]
         slide = mujoco.mjtJoint.mjJNT_SLIDE  # its axis is in the body's frame, which leans with the guide
-        body.add_joint(name=part.name, type=slide, axis=[0.0, 0.0, 1.0], frictionloss=friction)
+        joint = body.add_joint(name=part.name, type=slide, axis=[0.0, 0.0, 1.0], frictionloss=friction)
+        joint.solref_friction, joint.solimp_friction = [0.0, -1.0 / timestep], HARD
     else:
         body.add_freejoint(name=part.name)
     mesh = spec.add_mesh(name=part.name)

@@ -62,6 +62,13 @@ def choose_engine(scenario: Scenario) -> Choice:
             'is "impulse", allowed is "mujoco" with contact.model = "compliant": impulses have no stiffness',
             key="run.engine",
         )
+    guide = scenario.guide
+    if guide is not None and guide.kind == "tube" and guide.friction > 0.0 and (asked == "mujoco" or compliant):
+        raise InputError(
+            f"is {guide.friction:g}, allowed is 0 in MuJoCo: a part that slides along the wall gains speed away from "
+            "it in MuJoCo's convex friction cone",
+            key="part[0].guide.friction",
+        )
     if asked != "auto":
         return Choice(asked, "asked for")
     if compliant:
@@ -87,4 +94,5 @@ def engine_class(scenario: Scenario) -> type[Engine]:
 
 
 def _slides(scenario: Scenario) -> bool:
-    return scenario.guide is not None and scenario.guide.kind == "slide"
+    guide = scenario.guide
+    return guide is not None and guide.kind == "slide"

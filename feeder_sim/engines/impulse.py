@@ -41,7 +41,7 @@ from feeder_sim.engines.impulse_state import (
     read_wall,
 )
 from feeder_sim.engines.surface_arrays import surface_arrays
-from feeder_sim.engines.tube import approach_wall, gather_wall, leap_to_wall
+from feeder_sim.engines.tube import approach_wall, gather_wall, leap_to_wall, meeting_time
 from feeder_sim.impacts import Impacts
 from feeder_sim.plate.kernels import modal_motion, surface_modes, surface_normal
 from feeder_sim.scene import GRAVITY, Scene, start_poses
@@ -220,8 +220,8 @@ def _impact(motion, body, wall, surface, work):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _leap(motion, body, work, step):
-    """Longest flight [s] during which no corner can touch, at least one step."""
+def _leap(motion, body, work):
+    """Longest flight [s] during which no corner can touch."""
     # |dw/dt| <= |w| |L| / I_min for a torque-free body, so a corner accelerates by at most 2 reach (L / I_min)^2.
     least = min(body.inertia[0], body.inertia[1], body.inertia[2])
     squared = motion.momentum[0] ** 2 + motion.momentum[1] ** 2 + motion.momentum[2] ** 2
@@ -231,7 +231,7 @@ def _leap(motion, body, work, step):
         gap, rate, a = max(work.corner[i, GAP], 0.0), work.corner[i, RATE], own + work.corner[i, SURFACE_ACCELERATION]
         if gap < np.inf:
             shortest = min(shortest, (rate + math.sqrt(rate * rate + 2.0 * a * gap)) / a)
-    return max(shortest, step)
+    return shortest
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -270,9 +270,11 @@ def _advance(motion, body, wall, surface, bounds, work, log, last, step, frame_i
                 _approach(motion, body, work)
                 if guided:
                     approach_wall(motion, body, wall, TOUCH, work)
-            leap = _leap(motion, body, work, step)
+            leap = _leap(motion, body, work)
             if guided:
-                leap = max(step, min(leap, leap_to_wall(motion, body, wall, work)))
+                leap = max(min(leap, leap_to_wall(motion, body, wall, work)), meeting_time(work, step))
+            else:
+                leap = max(leap, step)
             if t + leap >= end:
                 _fly(motion, body, end - t)
                 break

@@ -35,6 +35,7 @@ CREST_MARGIN = 1e-12  # [m]
 TINY = 1e-300
 NUDGE = 1e-6  # [rad] of the plate's motion: gets past a threshold that is only touched
 NEAR = 0.3  # [rad] of the plate's motion
+SLOW = 1e-11  # [m/s]; an impact as slow as this is a touch
 LOG_ROWS = 20_000
 # Places in the state vector.
 T, Z, V, STUCK, SIGN = range(5)
@@ -151,7 +152,7 @@ def _strike(state, plate, law, log, p):
     state[Z], state[V] = p[0], p[1] + departure
     log_impact(log, t, t, approach, state[V])
     h = p[2] + (law.up if p[1] > 0.0 else law.down)
-    if h <= 0.0 and approach == 0.0:
+    if h <= 0.0 and approach < SLOW:  # the plate falls away: nothing can meet within the time that gets past this
         _move(state, law.up if p[1] > 0.0 else law.down, _nudge(plate))
     if h <= 0.0 or (law.restitution == 1.0 and departure > 0.0):
         return
@@ -198,6 +199,8 @@ def _ride(state, plate, law, limit, log, p):
             if free > 0.0 and rest > 10.0 * _tolerance(state[T]):
                 end_contact(log, state[T], p[1])
                 state[STUCK] = 0.0
+                if law.up != law.down and p[1] > 0.0:
+                    free = min(free, p[1] / g)  # up to the apex, where friction turns
                 _move(state, g, min(free, rest))
                 return
             to_lift = _nudge(plate)  # the threshold is only touched

@@ -28,6 +28,23 @@ PLATE = STRIP.replace('kind = "strip"\nthickness_mm = 3.0', f'kind = "rectangle"
     "4750.0", "2797.0"
 )
 
+GUIDED = """
+[plate]
+kind = "piston"
+[[drive]]
+frequency_hz = 50.0
+amplitude_um = 220.0
+[[part]]
+shape = "cylinder"
+diameter_mm = 4.5
+height_mm = 6.0
+[part.guide]
+kind = "tube"
+inner_diameter_mm = 4.6
+[run]
+duration_s = 1.0
+"""
+
 # name: (scenario, text to replace, replacement, what the line must contain)
 CASES = {
     "negative thickness": (
@@ -174,6 +191,39 @@ CASES = {
         '[contact]\nmodel = "compliant"\ntime_constant_us = 100\n[run]\nengine = "impulse"',
         ["run.engine", "impulse", "mujoco"],
     ),
+    "guide over a flexible plate": (
+        GUIDED,
+        'kind = "piston"',
+        'kind = "strip"\nthickness_mm = 3.0',
+        ["plate.kind", '"strip"', 'allowed is "piston" with part[0].guide'],
+    ),
+    "unknown guide": (GUIDED, '"tube"', '"rail"', ["part[0].guide.kind", "rail", "'slide', 'tube'"]),
+    "part wider than its tube": (GUIDED, "4.6", "4.4", ["part[0].guide.inner_diameter_mm", "4.4", "at least 4.5"]),
+    "part tilted into its tube": (
+        GUIDED,
+        "[part.guide]",
+        "[part.start]\ntilt_deg = 3.0\n[part.guide]",
+        ["part[0].guide.inner_diameter_mm", "4.6", "at least 4.8"],
+    ),
+    "guide that never lets go": (
+        GUIDED,
+        "4.6",
+        "4.6\ntilt_deg = 45\nfriction = 1.5",
+        ["part[0].guide.friction", "1.5", "below 1 at tilt_deg = 45"],
+    ),
+    "guide on its side": (GUIDED, "4.6", "4.6\ntilt_deg = 80", ["part[0].guide.tilt_deg", "80", "equal to 60"]),
+    "diameter of a slide": (
+        GUIDED,
+        '"tube"',
+        '"slide"',
+        ["part[0].guide.inner_diameter_mm", "unknown key", "tilt_deg, friction"],
+    ),
+    "friction in MuJoCo's tube": (
+        GUIDED,
+        "4.6\n[run]",
+        '4.6\nfriction = 0.2\n[run]\nengine = "mujoco"',
+        ["part[0].guide.friction", "0.2", "allowed is 0 in MuJoCo"],
+    ),
     "infinite duration": (
         STRIP,
         "duration_s = 1.0",
@@ -249,3 +299,42 @@ def test_bad_plate_file(tmp_path: Path) -> None:
     check_refused(feeder_sim("modes", plate), str(plate), "plate.thickness_mm", "missing")
     plate.write_text(plate.read_text() + "thickness_mm = 3\n[[resonance]]\nfrequency_hz = 700\n")
     check_refused(feeder_sim("modes", plate), str(plate), "resonance[0].frequency_hz", "700", "776.2")
+
+
+def test_bifurcation_of_something_else(tmp_path: Path) -> None:
+    sweep = ("--from", 1, "--to", 2)
+    drift = REPOSITORY / "scenarios/drift_4750hz.toml"
+    check_refused(feeder_sim("bifurcation", drift, *sweep), str(drift), "part[0].guide", 'kind = "slide"')
+    ball = tmp_path / "ball.toml"
+    ball.write_text((REPOSITORY / "scenarios/ball_50hz.toml").read_text() + DRIVE)
+    check_refused(feeder_sim("bifurcation", ball, *sweep), str(ball), "drive", "2 entries", "allowed is one")
+
+
+DRIVE = """
+[[drive]]
+frequency_hz = 60.0
+amplitude_um = 10.0
+"""
+
+
+def test_bifurcation_with_bad_options_does_no_work(tmp_path: Path) -> None:
+    ball = REPOSITORY / "scenarios/ball_50hz.toml"
+    check_refused(feeder_sim("bifurcation", ball, "--from", 3, "--to", 2), "--from", "3 and 2", "--from < --to")
+    check_refused(feeder_sim("bifurcation", ball, "--from", "nan", "--to", 2), "--from", "nan")
+    sweep = ("--from", 200, "--to", 300)
+    unknown = feeder_sim("bifurcation", ball, *sweep, "--picture", tmp_path / "d.xyz")
+    check_refused(unknown, "--picture", "'.xyz'", ".png")
+    kept = tmp_path / "kept.csv"
+    kept.write_text("mine")
+    check_refused(feeder_sim("bifurcation", ball, *sweep, "--data", kept), str(kept), "exists already")
+    assert kept.read_text() == "mine"
+
+
+def test_vibrometer_of_something_else(tmp_path: Path) -> None:
+    picture = tmp_path / "v.png"
+    check_refused(feeder_sim("vibrometer", tmp_path, "--picture", picture), str(tmp_path), "no run here")
+    scenario = tmp_path / "free.toml"
+    scenario.write_text(STRIP.replace("duration_s = 1.0", "duration_s = 0.02\nseeds = 1"))
+    assert feeder_sim("run", scenario, "--out", tmp_path / "run").returncode == 0
+    check_refused(feeder_sim("vibrometer", tmp_path / "run", "--picture", picture), "no impacts", "part in a guide")
+    assert not picture.exists()

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import csv
 import json
 import subprocess
 import sys
@@ -174,3 +175,53 @@ def one_line(done: subprocess.CompletedProcess[str]) -> str:
     assert done.stdout == ""
     assert done.stderr.count("\n") == 1 and "Traceback" not in done.stderr, done.stderr
     return done.stderr
+
+
+GUIDED = """
+[plate]
+kind = "piston"
+[[drive]]
+frequency_hz = 50.0
+amplitude_um = 240.0
+ring_up = false
+[[part]]
+shape = "ball"
+diameter_mm = 3.0
+[part.guide]
+kind = "slide"
+[part.start]
+drop_height_mm = [1.4, 2.0]
+[run]
+duration_s = 8.0
+seeds = 4
+"""
+
+
+def test_bifurcation_prints_draws_and_writes_what_it_finds(tmp_path: Path) -> None:
+    scenario = tmp_path / "ball.toml"
+    scenario.write_text(GUIDED)
+    files = ("--picture", tmp_path / "d.svg", "--data", tmp_path / "d.csv")
+    options = ("--from", 249, "--to", 257, "--points", 5, "--settle", 1500)
+    done = feeder_sim("bifurcation", scenario, *options, *files, "--json")
+    (row,) = json.loads(done.stdout)["boundaries"]
+    assert row["period"] == 2 and abs(row["deviation_percent"]) < 0.1
+    assert row["exact_um"] == pytest.approx(252.88, abs=0.01)
+    assert "<svg" in (tmp_path / "d.svg").read_text()
+    rows = list(csv.DictReader((tmp_path / "d.csv").read_text().splitlines()))
+    assert {r["motion"] for r in rows if r["amplitude_um"] == "249"} == {"1"}
+    assert {r["motion"] for r in rows if r["amplitude_um"] == "257"} == {"2"}
+    assert len({r["impact_speed_mm_s"][:6] for r in rows if r["amplitude_um"] == "257"}) == 2
+    # One impact per period: w = g T / (1 + e).
+    assert float(rows[0]["impact_speed_mm_s"]) == pytest.approx(9810 * 0.02 / 1.2, rel=1e-4)
+
+
+def test_run_of_a_guided_part_reports_its_bounces_and_can_be_drawn(tmp_path: Path) -> None:
+    scenario = tmp_path / "ball.toml"
+    scenario.write_text(GUIDED)
+    done = feeder_sim("run", scenario, "--out", tmp_path / "run")
+    assert "bounce interval  20" in done.stdout
+    assert "motion           1 (4 seeds)" in done.stdout
+    assert "drift" not in done.stdout
+    drawn = feeder_sim("vibrometer", tmp_path / "run", "--picture", tmp_path / "v.png", "--to", 0.5)
+    assert drawn.returncode == 0, drawn.stderr
+    assert (tmp_path / "v.png").read_bytes().startswith(b"\x89PNG")

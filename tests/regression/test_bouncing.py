@@ -1,0 +1,95 @@
+"""Bouncing ball and guided cylinder: boundaries of periodic motion, mean intervals, as they stand in the scenarios."""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import Any
+
+import numpy as np
+import pytest
+from conftest import REPOSITORY
+
+from feeder_sim.bifurcation import bisect, sweep_amplitude, theoretical_boundaries
+from feeder_sim.bounces import expected_interval
+from feeder_sim.scenario import Scenario, load_scenario, with_run
+from feeder_sim.scene import GRAVITY
+from feeder_sim.simulation import simulate
+
+
+def scenario(
+    name: str, *, amplitude_um: float | None = None, frequency_hz: float | None = None, **run: Any
+) -> Scenario:
+    """A scenario as it stands, but for the arguments."""
+    found = load_scenario(REPOSITORY / f"scenarios/{name}.toml")
+    changes = {"amplitude_um": amplitude_um, "frequency_hz": frequency_hz}
+    drive = found.drive[0].model_copy(update={key: value for key, value in changes.items() if value is not None})
+    return with_run(found.model_copy(update={"drive": (drive,)}), **run)
+
+
+def boundaries(found: Scenario, settle: int) -> dict[str, float]:
+    """Where period one begins and ends, bisected from brackets 4 % wide to each side of the theory, over the theory."""
+    ratios = {}
+    for name, theory in theoretical_boundaries(found).items():
+        low, high = 0.96 * theory, 1.04 * theory
+        ratios[name] = bisect(found, low, high, "1", begins=name == "1", settle=settle)[0] / theory
+    return ratios
+
+
+@pytest.mark.parametrize("name", ["ball_50hz", "ball_500hz"])
+def test_exact_method_finds_the_boundaries_of_periodic_motion(name: str) -> None:
+    found = boundaries(scenario(name), settle=4000)
+    assert found["1"] == pytest.approx(1.0, abs=1e-5)
+    assert found["2"] == pytest.approx(1.0, abs=1e-3)
+
+
+@pytest.mark.parametrize("name", ["ball_50hz", "ball_500hz"])
+def test_mujoco_finds_the_boundaries_of_periodic_motion(name: str) -> None:
+    found = boundaries(scenario(name, engine="mujoco", steps_per_period=200, seeds=4), settle=300)
+    assert found["1"] == pytest.approx(1.0, abs=0.02)
+    assert found["2"] == pytest.approx(1.0, abs=0.02)
+
+
+def test_sweep_shows_the_cascade_and_its_scaling() -> None:
+    diagram = sweep_amplitude(scenario("ball_50hz", seeds=2), np.linspace(250e-6, 280e-6, 31).tolist(), settle=3000)
+    assert [b.motion for b in diagram.boundaries] == ["2", "4", "8", "16"]
+    first, second = diagram.feigenbaum_ratios()
+    assert first == pytest.approx(4.32, abs=0.05)
+    assert second == pytest.approx(4.669, abs=0.15)  # Feigenbaum's constant, in the limit
+    assert "chaotic" in diagram.sweep[-1].motions
+
+
+@cache
+def mean_interval(frequency: float, amplitude: float) -> float:
+    """Mean over amplitudes within 3 % [ms]: at one amplitude it depends on which phases of rest recur."""
+    each = expected_interval(frequency, 1e-6 * amplitude, 0.2, GRAVITY)
+    means = []
+    for factor in np.linspace(0.97, 1.03, 15):
+        here = {"frequency_hz": frequency, "amplitude_um": float(factor * amplitude)}
+        found = simulate(scenario("ball_558hz", **here, duration_s=1.0 + 50 * each, seeds=4)).measures()
+        means.append(found["bounce_interval_ms"]["mean"])
+    return float(np.mean(means))
+
+
+# Pinned to benchmarks/bounce_intervals.py; the standard error of each is about 2 %.
+@pytest.mark.parametrize(
+    ("frequency", "amplitude", "expected"),
+    [(558.0, 90.0, 68.3), (558.0, 18.0, 13.9), (2797.0, 12.0, 46.3), (6199.0, 4.62, 38.1), (6199.0, 1.54, 13.1)],
+)
+def test_mean_bounce_interval(frequency: float, amplitude: float, expected: float) -> None:
+    assert mean_interval(frequency, amplitude) == pytest.approx(expected, rel=0.08)
+
+
+def test_mean_intervals_lie_below_the_estimate_without_rest() -> None:
+    rows = [(558.0, 90.0), (558.0, 18.0), (2797.0, 12.0), (6199.0, 4.62), (6199.0, 1.54)]
+    ratios = [mean_interval(f, a) / (1e3 * expected_interval(f, 1e-6 * a, 0.2, GRAVITY)) for f, a in rows]
+    assert np.mean(ratios) == pytest.approx(0.885, abs=0.03)
+
+
+@pytest.mark.parametrize(("tilt", "expected"), [(0.0, 71.5), (2.0, 55.0)])
+def test_guided_cylinder(tilt: float, expected: float) -> None:
+    found = scenario("cylinder_558hz", duration_s=5.0, frames_per_second=100.0)
+    assert found.guide is not None
+    part = found.part[0].model_copy(update={"guide": found.guide.model_copy(update={"tilt_deg": tilt})})
+    interval = simulate(found.model_copy(update={"part": (part,)})).measures()["bounce_interval_ms"]
+    assert interval["n"] > 200
+    assert interval["mean"] == pytest.approx(expected, rel=0.1)
