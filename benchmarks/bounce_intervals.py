@@ -52,23 +52,29 @@ def row(frequency: float, amplitude: float, intervals: int, **run: Any) -> Scena
     return with_run(base.model_copy(update={"drive": (drive,)}), duration_s=duration, seeds=SEEDS, **run)
 
 
-def rested(impacts: Impacts, period: float, tolerance: float) -> float:
-    """Share of the flights longer than a plate period [s] that begin at the end of a phase of rest."""
-    flies = impacts.time[1:] - impacts.until[:-1] >= period
-    return float((impacts.until - impacts.time > tolerance * period)[:-1][flies].mean())
+def rested(result: Result) -> float:
+    """Share of the flights longer than a plate period that begin at the end of a phase of rest."""
+    scenario = result.scene.scenario
+    period = 1.0 / scenario.drive[0].frequency_hz
+    least = impact_tolerance(scenario) * period
+
+    def share(impacts: Impacts) -> float:
+        flies = impacts.time[1:] - impacts.until[:-1] >= period
+        return float((impacts.until - impacts.time > least)[:-1][flies].mean())
+
+    return float(np.mean([share(seed.impacts) for seed in result.seeds]))
 
 
 def around(frequency: float, amplitude: float, estimate: float, intervals: int, **run: Any) -> list[float]:
     """Mean interval [ms], its deviation between amplitudes, mean of the long ones, and the rested share."""
     means, longs, rests = [], [], []
     for factor in NEARBY:
-        result: Result = simulate(row(frequency, float(amplitude * factor), intervals, **run))
+        result = simulate(row(frequency, float(amplitude * factor), intervals, **run))
         period, after = 1.0 / frequency, settling_time(result.scene)
         hops = np.concatenate([flights(s.impacts, period, GRAVITY, after=after).interval for s in result.seeds])
         means.append(1e3 * hops.mean())
         longs.append(1e3 * hops[hops > LONG * estimate].mean())
-        tolerance = impact_tolerance(result.scene.scenario)
-        rests.append(np.mean([rested(s.impacts, period, tolerance) for s in result.seeds]))
+        rests.append(rested(result))
     return [float(np.mean(means)), float(np.std(means)), float(np.mean(longs)), float(np.mean(rests))]
 
 
@@ -78,21 +84,24 @@ def main(
     intervals: Annotated[int, typer.Option()] = 2000,
 ) -> None:
     print(
-        "   f (Hz)  A (um)   at (ms)                  around (ms)  long   source  estimate  rested  height (mm)  source"
+        "   f (Hz)  A (um)   at (ms)                  around (ms)  long   source  estimate"
+        "  rested at, around  height (mm)  source"
     )
     run: dict[str, Any] = {"engine": engine, "steps_per_period": steps_per_period}
     ratios = []
     for frequency, amplitude, source, source_height in ROWS:
         scenario = row(frequency, amplitude, intervals, **run)
-        found = simulate(scenario).measures()
+        result = simulate(scenario)
+        found = result.measures()
         interval, height = found["bounce_interval_ms"], found["flight_height_mm"]
         estimate = expected_interval(frequency, 1e-6 * amplitude, scenario.contact.restitution, GRAVITY)
         mean, spread, long, rest = around(frequency, amplitude, estimate, intervals // 10, **run)
         ratios.append([mean / (1e3 * estimate), mean / source, long / source])
         print(
             f"{frequency:9.0f}  {amplitude:6.2f}  {interval['mean']:6.2f} +- {interval['se']:.2f} (n = {interval['n']})"
-            f"  {mean:6.2f} +- {spread:4.2f}  {long:5.1f}  {source:6.1f}  {1e3 * estimate:8.2f}  {rest:6.0%}"
-            f"  {height['mean']:11.3f}  {source_height:6.2f}",
+            f"  {mean:6.2f} +- {spread:4.2f}  {long:5.1f}  {source:6.1f}  {1e3 * estimate:8.2f}"
+            f"  {rested(result):6.0%} {rest:6.0%}"
+            f"         {height['mean']:11.3f}  {source_height:6.2f}",
             flush=True,
         )
     over_estimate, over_source, long_over_source = np.mean(ratios, axis=0)

@@ -11,7 +11,7 @@ from feeder_sim.plate.mode_file import read_mode_file
 from feeder_sim.scenario import load_scenario
 
 ENGINES = {
-    "impulse": "rigid contact by impulses, flight in closed form",
+    "impulse": "rigid contact by impulses, flight in closed form; exact on a slide",
     "mujoco": "rigid-body contact by MuJoCo's own solver",
 }
 

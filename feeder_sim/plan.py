@@ -55,6 +55,7 @@ def plan_run(scene: Scene) -> dict[str, Any]:
             {
                 "name": part.name,
                 "shape": spec.shape,
+                "guide": spec.guide.kind if spec.guide else None,
                 "mass_g": 1e3 * part.mass,
                 "inertia_g_mm2": [1e9 * moment for moment in part.inertia],
                 "corners": len(part.corners),

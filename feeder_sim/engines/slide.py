@@ -199,8 +199,10 @@ def _ride(state, plate, law, limit, log, p):
             if free > 0.0 and rest > 10.0 * _tolerance(state[T]):
                 end_contact(log, state[T], p[1])
                 state[STUCK] = 0.0
-                if law.up != law.down and p[1] > 0.0:
+                if law.up != law.down and state[SIGN] > 0.0:
                     free = min(free, p[1] / g)  # up to the apex, where friction turns
+                elif law.up != law.down:
+                    state[V] = min(state[V], 0.0)  # at the crest, round-off must not send it up again
                 _move(state, g, min(free, rest))
                 return
             to_lift = _nudge(plate)  # the threshold is only touched
