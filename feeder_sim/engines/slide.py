@@ -35,9 +35,11 @@ CREST_MARGIN = 1e-12  # [m]
 TINY = 1e-300
 NUDGE = 1e-6  # [rad] of the plate's motion: gets past a threshold that is only touched
 NEAR = 0.3  # [rad] of the plate's motion
+ROUND_OFF = 1e-15
+JUMP = 1e-9  # of the largest velocity or height of the plate
 SLOW = 1e-11  # [m/s]; an impact as slow as this is a touch
 LOG_ROWS = 20_000
-# Places in the state vector.
+# Places in the state vector; SIGN: which way a riding part moves, 0 where it does not matter.
 T, Z, V, STUCK, SIGN = range(5)
 
 
@@ -157,12 +159,21 @@ def _strike(state, plate, law, log, p):
     if h <= 0.0 or (law.restitution == 1.0 and departure > 0.0):
         return
     chatter = 2.0 * departure / (h * (1.0 - law.restitution)) if departure > 0.0 else 0.0
-    if chatter < LONGEST_CHATTER and chatter * chatter * plate.bound[3] < CHATTER_ERROR * h:
-        state[T] = t + chatter
+    steady = chatter * chatter * plate.bound[3] < CHATTER_ERROR * h
+    if (chatter < LONGEST_CHATTER and steady) or _lost_in_round_off(departure, h, t, plate):
+        state[T] = t + (chatter if steady else 0.0)
         _plate_motion(state[T], plate, p)
-        state[Z], state[V], state[STUCK] = p[0], p[1], 1.0
-        state[SIGN] = 1.0 if p[1] > 0.0 or (p[1] == 0.0 and p[2] > 0.0) else -1.0
+        state[Z], state[V], state[STUCK], state[SIGN] = p[0], p[1], 1.0, 0.0
         begin_contact(log, state[T], 0.0)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _lost_in_round_off(departure, h, t, plate):
+    """True for a hop no higher than what round-off in the plate's phase moves the plate by."""
+    hop = departure * departure / h
+    if plate.bound[3] > 0.0:
+        hop = min(hop, departure * math.sqrt(6.0 * departure / plate.bound[3]))
+    return hop < ROUND_OFF * (plate.bound[1] * t + plate.bound[0])
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -184,35 +195,59 @@ def _until_turn(state, plate, p):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
+def _until_lift_off(state, plate, law, p):
+    """Deceleration that holds for the riding part [m/s^2], and earliest possible times of lift-off and turn [s].
+
+    Which way the part moves matters only where it could lift off on the way down.
+    """
+    held = p[2] + law.down
+    to_lift = _leap(held, p[3], plate.bound[4]) if plate.bound[4] > 0.0 else np.inf
+    if law.up == law.down or (held > 0.0 and to_lift > _tolerance(state[T])):
+        state[SIGN] = 0.0
+        return law.down, to_lift, np.inf
+    if state[SIGN] == 0.0:
+        state[SIGN] = 1.0 if p[1] > 0.0 else -1.0
+    to_turn = _until_turn(state, plate, p)
+    g = law.up if state[SIGN] > 0.0 else law.down
+    return g, _leap(p[2] + g, p[3], plate.bound[4]), to_turn
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
 def _ride(state, plate, law, limit, log, p):
     """Stick to the plate until it falls away from under the part (then the part flies) or `limit` is reached."""
     while True:
         _plate_motion(state[T], plate, p)
         state[Z], state[V] = p[0], p[1]
         rest = limit - state[T]
-        to_turn = _until_turn(state, plate, p) if law.up != law.down else np.inf
-        g = law.up if state[SIGN] > 0.0 else law.down
+        g, to_lift, to_turn = _until_lift_off(state, plate, law, p)
         h = p[2] + g
-        to_lift = _leap(h, p[3], plate.bound[4]) if plate.bound[4] > 0.0 else np.inf
         if h <= 0.0 or to_lift <= _tolerance(state[T]):
             free = _leap(-h, -p[3], plate.bound[4])
             if free > 0.0 and rest > 10.0 * _tolerance(state[T]):
                 end_contact(log, state[T], p[1])
                 state[STUCK] = 0.0
-                if law.up != law.down and state[SIGN] > 0.0:
+                if state[SIGN] > 0.0:
                     free = min(free, p[1] / g)  # up to the apex, where friction turns
-                elif law.up != law.down:
+                elif state[SIGN] < 0.0:
                     state[V] = min(state[V], 0.0)  # at the crest, round-off must not send it up again
                 _move(state, g, min(free, rest))
                 return
             to_lift = _nudge(plate)  # the threshold is only touched
         leap = min(to_lift, to_turn)
         if leap >= rest:
-            state[T] = limit
-            _plate_motion(limit, plate, p)
-            state[Z], state[V] = p[0], p[1]
+            _plate_motion(limit - _tolerance(limit), plate, p)  # before what may switch there
+            state[T], state[Z], state[V] = limit, p[0], p[1]
             return
         state[T] += leap
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _let_go(state, plate, log, p):
+    """Let a riding part go where a switch makes the plate jump; it flies, or the plate hits it."""
+    _plate_motion(state[T], plate, p)
+    if abs(p[1] - state[V]) > JUMP * plate.bound[1] or abs(p[0] - state[Z]) > JUMP * plate.bound[0]:
+        end_contact(log, state[T], state[V])
+        state[Z], state[STUCK] = max(state[Z], p[0]), 0.0
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -224,13 +259,12 @@ def _advance(state, plate, law, log, interval, first_frame, out):
         while state[T] < end:
             if is_full(log):
                 return row
-            limit = end
-            for time in plate.switch:
-                if time > state[T]:
-                    limit = min(limit, time)
-                    break
+            switch = plate.switch[np.searchsorted(plate.switch, state[T], side="right")]
+            limit = min(end, switch)
             if state[STUCK] > 0.0:
                 _ride(state, plate, law, limit, log, p)
+                if state[STUCK] > 0.0 and state[T] == switch:
+                    _let_go(state, plate, log, p)
             elif _fly(state, plate, law, limit, p):
                 _strike(state, plate, law, log, p)
         out[row, 0], out[row, 1] = state[Z], state[V]
@@ -255,7 +289,7 @@ class SlideEngine:
         self._law = Law(up, down, scene.scenario.contact.restitution)
         self._plate = _plate(scene)
         self._lowest = scene.parts[0].lowest(pose.quaternion)  # below the centre
-        self._state = np.array([0.0, pose.position[2] + self._lowest, 0.0, 0.0, 1.0])
+        self._state = np.array([0.0, pose.position[2] + self._lowest, 0.0, 0.0, 0.0])
         self._log = new_log(LOG_ROWS)
         self._impacts: list[Impacts] = []
         self._frame = 0

@@ -45,6 +45,7 @@ ORDER = [
     "viewer",
     "pictures",
     "catalogue",
+    "report",
     "cli",
     "__main__",
 ]

@@ -3,148 +3,31 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from numpy.typing import NDArray
-from scipy.optimize import brentq
+from slide_theory import (
+    AT_REST,
+    FRICTION,
+    TILT,
+    Sine,
+    arc,
+    impacts_by_brute_force,
+    lasting,
+    lowest_point,
+    next_impact,
+    ran,
+    slide_scenario,
+    with_throw_number,
+)
 
 from feeder_sim.bounces import motion, period_one_threshold, period_two_threshold
-from feeder_sim.impacts import Impacts
-from feeder_sim.scenario import Ball, Contact, Drive, PistonPlate, Run, Scenario, Slide, Start
+from feeder_sim.scenario import Drive
 from feeder_sim.scene import GRAVITY
-from feeder_sim.simulation import Result, SeedResult, simulate
-
-RADIUS = 1.5e-3
-TILT, FRICTION = 30.0, 0.3  # of the tilted guides
-
-
-@dataclass(frozen=True)
-class Sine:
-    """The plate's motion A sin(2 pi f t)."""
-
-    frequency: float
-    amplitude: float
-
-    @property
-    def period(self) -> float:
-        return 1.0 / self.frequency
-
-    @property
-    def omega(self) -> float:
-        return 2.0 * math.pi * self.frequency
-
-    def height(self, t: Any) -> Any:
-        return self.amplitude * np.sin(self.omega * t)
-
-    def velocity(self, t: Any) -> Any:
-        return self.amplitude * self.omega * np.cos(self.omega * t)
-
-    def acceleration(self, t: Any) -> Any:
-        return -self.amplitude * self.omega**2 * np.sin(self.omega * t)
-
-    def drive(self, **options: Any) -> Drive:
-        return Drive(frequency_hz=self.frequency, amplitude_um=1e6 * self.amplitude, ring_up=False, **options)
-
-
-AT_REST = Sine(50.0, 0.0)
-
-
-@dataclass(frozen=True)
-class Arc:
-    """Heights of a part that decelerates by `up` while it rises and by `down` while it falls."""
-
-    up: float
-    down: float
-
-    def height(self, velocity: float, age: Any) -> Any:
-        """Above the point of departure, `age` after it."""
-        apex = max(velocity, 0.0) / self.up
-        early, late = np.minimum(age, apex), np.maximum(age - apex, 0.0)
-        return (velocity - 0.5 * self.up * early) * early + (min(velocity, 0.0) - 0.5 * self.down * late) * late
-
-    def velocity(self, velocity: float, age: Any) -> Any:
-        apex = max(velocity, 0.0) / self.up
-        return velocity - self.up * np.minimum(age, apex) - self.down * np.maximum(age - apex, 0.0)
-
-
-def arc(tilt_deg: float = 0.0, friction: float = 0.0) -> Arc:
-    theta = math.radians(tilt_deg)
-    along = GRAVITY * math.cos(theta)
-    return Arc(
-        along * (math.cos(theta) + friction * math.sin(theta)), along * (math.cos(theta) - friction * math.sin(theta))
-    )
-
-
-def with_throw_number(frequency: float, throw_number: float, deceleration: float = GRAVITY) -> Sine:
-    return Sine(frequency, throw_number * deceleration / (2.0 * math.pi * frequency) ** 2)
-
-
-def slide_scenario(
-    *drives: Drive | Sine,
-    drop_mm: float | tuple[float, float] = 1.0,
-    e: float = 0.2,
-    tilt_deg: float = 0.0,
-    friction: float = 0.0,
-    **run: Any,
-) -> Scenario:
-    """A ball on a slide; with 1000 steps per period frames can lie close."""
-    guide = Slide(kind="slide", tilt_deg=tilt_deg, friction=friction)
-    start = Start(drop_height_mm=drop_mm if isinstance(drop_mm, tuple) else (drop_mm, drop_mm))
-    return Scenario(
-        plate=PistonPlate(kind="piston"),
-        drive=tuple(drive.drive() if isinstance(drive, Sine) else drive for drive in drives),
-        part=(Ball(shape="ball", diameter_mm=2e3 * RADIUS, guide=guide, start=start),),
-        contact=Contact(restitution=e),
-        run=Run(**({"duration_s": 0.5, "seeds": 1, "steps_per_period": 1000} | run)),
-    )
-
-
-def ran(*drives: Drive | Sine, **options: Any) -> SeedResult:
-    return simulate(slide_scenario(*drives, **options)).seeds[0]
-
-
-def lowest_point(seed: SeedResult) -> NDArray[np.float64]:
-    return seed.frames.position[:, 0, 2] - RADIUS
-
-
-def lasting(impacts: Impacts) -> Impacts:
-    """Contacts in which the part rode on the plate and lifted off again."""
-    return impacts[(impacts.until > impacts.time) & np.isfinite(impacts.until)]
-
-
-def next_impact(plate: Sine, flight: Arc, t: float, height: float, velocity: float) -> float:
-    """When a part that flies from there at t meets the plate: dense samples of the gap, then bisection.
-
-    A flight shorter than the first sample, 1e-4 of a period, is not seen.
-    """
-
-    def gap(age: Any) -> Any:
-        return height + flight.height(velocity, age) - plate.height(t + age)
-
-    step = plate.period / 1000.0
-    ages: NDArray[np.float64] = np.geomspace(0.1 * step, step, 30)
-    for _ in range(1000):
-        below = np.flatnonzero(gap(ages) <= 0.0)
-        if len(below):
-            i = int(below[0])
-            return t + float(brentq(gap, ages[max(i - 1, 0)], ages[i], xtol=1e-17, rtol=1e-15))
-        ages = ages[-1] + step * np.arange(20_001.0)
-    raise AssertionError("it never comes down")
-
-
-def impacts_by_brute_force(plate: Sine, e: float, drop: float, n: int) -> NDArray[np.float64]:
-    times, t, height, velocity = [], 0.0, drop, 0.0
-    for _ in range(n):
-        landing = next_impact(plate, arc(), t, height, velocity)
-        approach = plate.velocity(landing) - arc().velocity(velocity, landing - t)
-        t, height, velocity = landing, plate.height(landing), plate.velocity(landing) + e * approach
-        times.append(t)
-    return np.array(times)
+from feeder_sim.simulation import Result, simulate
 
 
 @pytest.mark.parametrize("e", [0.2, 0.5, 0.9])
@@ -479,3 +362,30 @@ def test_mujoco_bounces_as_long_as_the_exact_method() -> None:
     exact = mean_interval("impulse", duration_s=20.0, frames_per_second=50.0)
     stepped = mean_interval("mujoco", duration_s=1.5, seeds=2, steps_per_period=160)
     assert stepped == pytest.approx(exact, rel=0.05)
+
+
+def test_a_part_rests_on_a_still_plate_at_no_cost_whichever_way_friction_would_turn() -> None:
+    drive = Sine(558.0, 2e-6).drive(start_s=0.5)
+    seed = ran(drive, tilt_deg=10.0, friction=0.2, drop_mm=0.05, duration_s=0.6)
+    assert (seed.impacts.time < 0.5).sum() < 30 and seed.impacts.time[-1] > 0.5
+
+
+@pytest.mark.parametrize(("frequency", "amplitude", "drop_mm"), [(11.18, 2e-3, 9.52), (558.0, 1e-6, 0.05)])
+def test_chatter_ends_where_hops_are_lost_in_round_off(frequency: float, amplitude: float, drop_mm: float) -> None:
+    impacts = ran(Sine(frequency, amplitude), e=0.9, drop_mm=drop_mm, duration_s=1.0).impacts
+    assert 100 < len(impacts) < 20_000
+
+
+def test_a_riding_part_is_thrown_by_a_plate_that_stops_at_once() -> None:
+    plate = Sine(50.0, 80e-6)
+    seed = ran(plate.drive(duration_s=0.1), drop_mm=0.05, duration_s=0.15, frames_per_second=20_000.0)
+    height = lowest_point(seed)[seed.frames.time > 0.1].max()
+    assert height == pytest.approx((2.0 * math.pi * 50.0 * 80e-6) ** 2 / (2.0 * GRAVITY), rel=1e-3)
+
+
+def test_a_plate_that_starts_at_once_kicks_the_part_that_rests_on_it() -> None:
+    plate = Sine(50.0, 80e-6)
+    impacts = ran(plate.drive(start_s=0.1), drop_mm=0.05, e=0.2, duration_s=0.15).impacts
+    kick = impacts[np.abs(impacts.time - 0.1) < 1e-9]
+    assert kick.approach_speed == pytest.approx([2.0 * math.pi * 50.0 * 80e-6])
+    assert kick.departure_velocity == pytest.approx(1.2 * kick.approach_speed)
