@@ -141,7 +141,7 @@ class Drive(Table):
 
 
 class Start(Table):
-    """Where a part is released: ranges are drawn per seed; the drop height is that of its lowest point.
+    """Where a part is released: ranges are drawn per seed; its lowest point is the drop height above the resting plate.
 
     `position_mm` of a part in a guide is where the guide's axis meets the plate. Without `tilt_deg` a free part starts
     0 to 3 degrees off the vertical, a guided one along the axis of its guide.

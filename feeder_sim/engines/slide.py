@@ -34,7 +34,7 @@ CHATTER_ERROR = 1e-13  # [s]
 CREST_MARGIN = 1e-12  # [m]
 TINY = 1e-300
 NUDGE = 1e-6  # [rad] of the plate's motion: gets past a threshold that is only touched
-NEAR = 0.3  # [rad] of the plate's motion
+NEAR = 0.3  # [rad] of the plate's motion: for shorter leaps the bound on its jerk is worth using
 ROUND_OFF = 1e-15
 JUMP = 1e-9  # of the largest velocity or height of the plate
 SLOW = 1e-11  # [m/s]; an impact as slow as this is a touch
@@ -101,6 +101,7 @@ def _near_leap(gap, rate, h, jerk):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _tolerance(t):
+    """What counts as no time at all [s]."""
     return max(TIME_TOLERANCE, 4.5e-16 * t)
 
 
