@@ -6,7 +6,7 @@ at        mean over at least that many intervals at the row's amplitude, with th
 around    mean and standard deviation over amplitudes within 3 % of it: which share of the flights starts from a ball
           that had come to rest (`rested`) depends on the amplitude in detail, and with it the mean
 long      of these, without hops shorter than half the estimate
-source    D. Shi, EPFL thesis TH7124 (2016): one run of 2.5 s each, that is 15 to 150 intervals
+source    D. Shi, EPFL thesis TH7124 (2016): one run of 2.5 s each
 estimate  4 pi f A (1 + e) / g, for landings at phases that know nothing of each other and no rest
 """
 

@@ -1,6 +1,6 @@
 """What the guide of the cylinder at 558 Hz does to its bounces: from one degree of freedom to a leaning tube that rubs.
 
-    python benchmarks/guided_cylinder.py [--engine mujoco --seeds 4]
+    python benchmarks/guided_cylinder.py [--seeds 8] [--duration 20]
 
 Each row changes the guide of scenarios/cylinder_558hz.toml only. The last column is wall time per simulated second over
 that of the slide, on one core, in the same run.
@@ -43,12 +43,11 @@ def variant(base: Scenario, amplitude_um: float, guide: dict[str, Any], **run: A
 
 
 def main(
-    engine: Annotated[str, typer.Option()] = "auto",
     seeds: Annotated[int, typer.Option()] = 8,
     duration: Annotated[float, typer.Option(help="[s]")] = 20.0,
 ) -> None:
     base = load_scenario(SCENARIO)
-    run = {"engine": engine, "seeds": seeds, "duration_s": duration, "frames_per_second": 100.0}
+    run = {"seeds": seeds, "duration_s": duration, "frames_per_second": 100.0}
     for amplitude in AMPLITUDES_UM:
         print(f"558 Hz, {amplitude:g} um              interval (ms)         flight height (mm)  wall time over slide")
         slide = None

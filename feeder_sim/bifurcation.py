@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from feeder_sim.bounces import LAST_IMPACTS, impact_tolerance, motion, period_one_threshold, period_two_threshold
 from feeder_sim.errors import InputError
 from feeder_sim.scenario import PistonPlate, Scenario, Slide, with_run
-from feeder_sim.scene import GRAVITY
+from feeder_sim.scene import GRAVITY, build_scene
 from feeder_sim.simulation import simulate
 
 CASCADE = ("1", "2", "4", "8", "16")
@@ -93,6 +93,7 @@ def sweep_amplitude(
         InputError: the scenario is not of that kind.
     """
     check_scenario(scenario)
+    build_scene(_driven(scenario, max(amplitudes)))  # too large an amplitude is refused before any work is done
     sweep = []
     for amplitude in amplitudes:
         sweep.append(settled(scenario, amplitude, settle=settle))
@@ -111,16 +112,23 @@ def check_scenario(scenario: Scenario) -> None:
         raise InputError('allowed is kind = "slide" over a piston', key="part[0].guide")
     if len(scenario.drive) != 1:
         raise InputError(f"has {len(scenario.drive)} entries, allowed is one", key="drive")
+    for name in ("natural_frequency_hz", "duration_s"):
+        if getattr(scenario.drive[0], name) is not None:
+            raise InputError("is given, allowed is a steady drive at resonance", key=f"drive[0].{name}")
+
+
+def _driven(scenario: Scenario, amplitude: float) -> Scenario:
+    """The scenario at another amplitude [m], reached at once."""
+    driven = {"amplitude_um": 1e6 * amplitude, "ring_up": False, "start_s": 0.0}
+    return scenario.model_copy(update={"drive": (scenario.drive[0].model_copy(update=driven),)})
 
 
 def settled(scenario: Scenario, amplitude: float, *, settle: int) -> Settled:
     """Run every seed at one amplitude [m] and look at its last impacts."""
-    (drive,) = scenario.drive
-    plate_period = 1.0 / drive.frequency_hz
+    plate_period = 1.0 / scenario.drive[0].frequency_hz
     duration = (settle + 2 * LAST_IMPACTS) * plate_period
-    driven = drive.model_copy(update={"amplitude_um": 1e6 * amplitude, "ring_up": False})
     here = with_run(
-        scenario.model_copy(update={"drive": (driven,)}),
+        _driven(scenario, amplitude),
         duration_s=duration,
         frames_per_second=min(max(1.0, RECORDED_FRAMES / duration), 1e6),
     )
@@ -134,9 +142,9 @@ def settled(scenario: Scenario, amplitude: float, *, settle: int) -> Settled:
 
 
 def theoretical_boundaries(scenario: Scenario) -> dict[str, float]:
-    """Amplitudes [m] of period one and two; none for a tilted guide, for which the formula does not hold."""
+    """Amplitudes [m] of period one and two; none where the formula does not hold: tilted guide, compliant contact."""
     assert isinstance(scenario.guide, Slide)
-    if scenario.guide.tilt_deg:
+    if scenario.guide.tilt_deg or scenario.contact.model != "restitution":
         return {}
     e = scenario.contact.restitution
     per_throw_number = GRAVITY / (2.0 * np.pi * scenario.drive[0].frequency_hz) ** 2
@@ -153,8 +161,8 @@ def _boundaries(scenario: Scenario, sweep: Sequence[Settled], settle: int) -> It
         begins = gained == watched
         reached = (i for i in range(at, len(sweep)) if (watched in shown[i]) == begins)
         at = next(reached, len(sweep))
-        if at == len(sweep):
-            return
+        if at == len(sweep) or (not begins and watched not in shown[at - 1]):
+            return  # the sweep ends, or is too coarse to show the motion between two boundaries
         if at > 0:
             low, high = sweep[at - 1].amplitude, sweep[at].amplitude
             found = bisect(scenario, low, high, watched, begins=begins, settle=settle)

@@ -38,7 +38,7 @@ REST = 2.0  # plate periods in one contact: for good, where the plate has not ch
 PERIODS = (1, 2, 3, 4, 5, 6, 7, 8, 10, 12, 16)
 LAST_IMPACTS = 4 * PERIODS[-1]  # a period is judged by this many
 BATCHES = 20
-EXACT, STEPS_OFF = 1e-4, 4.0
+EXACT, STEPS_OFF = 1e-4, 4.0  # relative difference of impact speeds that is none: exact method; times 1/steps
 
 
 def period_one_threshold(restitution: float) -> float:

@@ -125,7 +125,9 @@ def bifurcation(
     low: Annotated[float, typer.Option("--from", help="Smallest amplitude [um].", show_default=False)],
     high: Annotated[float, typer.Option("--to", help="Largest amplitude [um].", show_default=False)],
     points: Annotated[int, typer.Option("--points", min=2, max=100_000, help="Amplitudes in the sweep.")] = 211,
-    settle: Annotated[int | None, typer.Option("--settle", min=1, help="Plate periods to settle [4000].")] = None,
+    settle: Annotated[
+        int | None, typer.Option("--settle", min=1, max=1_000_000, help="Plate periods to settle [4000].")
+    ] = None,
     picture: Annotated[Path | None, typer.Option("--picture", help="Draw the diagram to this file.")] = None,
     data: Annotated[Path | None, typer.Option("--data", help="Write the impact speeds to this CSV file.")] = None,
     engine: EngineName = None,
@@ -140,6 +142,8 @@ def bifurcation(
         _new_picture(picture)
     if data is not None:
         _writable(data)
+        if picture == data:
+            raise InputError("is the same file as --picture, allowed is another one", file=data, key="--data")
     with _naming(scenario_file), _progress(scenario.title or scenario_file.stem) as progress:
         import numpy as np
 
@@ -204,6 +208,8 @@ def vibrometer(
     from feeder_sim.pictures import draw_velocity
     from feeder_sim.run_folder import recording_of
 
+    if not start < stop:
+        raise InputError(f"are {start:g} and {stop:g}, allowed is --from < --to", key="--from, --to")
     _new_picture(picture)
     draw_velocity(recording_of(folder), picture, seed=show_seed, start=start, stop=stop)
 

@@ -75,7 +75,9 @@ def draw_velocity(recording: Recording, path: Path, *, seed: int, start: float, 
     if not any(len(impacts) for impacts in recording.impacts):
         raise InputError("holds no impacts, allowed is a run of a part in a guide", file=recording.path)
     if not 0 <= seed < len(recording.seeds):
-        raise InputError(f"is {seed}, allowed is 0 to {len(recording.seeds) - 1}", file=recording.path, key="seed")
+        raise InputError(
+            f"is {seed}, allowed is 0 to {len(recording.seeds) - 1}", file=recording.path, key="--show-seed"
+        )
     frames = recording.seeds[seed]
     shown = (frames.time >= start) & (frames.time <= stop)
     if not shown.any():
@@ -85,11 +87,12 @@ def draw_velocity(recording: Recording, path: Path, *, seed: int, start: float, 
     figure = _figure(10.0, 3.8)
     left, right = figure.subplots(1, 2, width_ratios=[3, 1])
     left.plot(frames.time[shown], frames.velocity[shown, 0, 2] * MM, linewidth=0.8, color="tab:orange")
-    envelope = recording.plate.drive_amplitude.sum(axis=1) * 2.0 * np.pi * scenario.drive[0].frequency_hz * MM
-    fill = {"alpha": 0.3, "color": "tab:blue", "linewidth": 0.0, "label": "plate"}
-    left.fill_between(recording.plate.drive_time, -envelope, envelope, **fill)
+    if len(scenario.drive) == 1:
+        envelope = recording.plate.drive_amplitude[:, 0] * 2.0 * np.pi * scenario.drive[0].frequency_hz * MM
+        fill = {"alpha": 0.3, "color": "tab:blue", "linewidth": 0.0, "label": "plate"}
+        left.fill_between(recording.plate.drive_time, -envelope, envelope, **fill)
+        left.legend(loc="lower left", fontsize=8)
     left.set(xlabel="time (s)", ylabel="vertical velocity (mm/s)", xlim=(start, min(stop, frames.time[-1])))
-    left.legend(loc="lower left", fontsize=8)
     intervals = seed_flights(scene, recording.impacts)
     pooled = np.concatenate([f.interval for f in intervals]) * MM
     right.hist(pooled, bins=40, color="tab:orange")

@@ -44,7 +44,9 @@ def build_replay(trajectory: Path, replay: Path, *, shown_seed: int = 0) -> None
 
     recording = read_recording(trajectory)
     if not 0 <= shown_seed < len(recording.seeds):
-        raise InputError(f"is {shown_seed}, allowed is 0 to {len(recording.seeds) - 1}", file=trajectory, key="--seed")
+        raise InputError(
+            f"is {shown_seed}, allowed is 0 to {len(recording.seeds) - 1}", file=trajectory, key="--show-seed"
+        )
     if not len(recording.seeds[shown_seed]):
         raise InputError(f"seed {shown_seed} has no frames yet", file=trajectory)
     partial = replay.with_name(replay.name + ".partial")  # an interrupted build must not look like a replay

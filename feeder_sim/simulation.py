@@ -225,6 +225,8 @@ def _run_seed(
         elif n_done >= scene.n_frames or _passed(scene, cell, block):
             status = Status.DONE
         hits = engine.take_impacts(end=status != Status.UNFINISHED)
+        if valid < size:
+            hits = hits[hits.time <= (block.time[-1] if valid else 0.0)]
         if recorder and valid:
             recorder.append(index, block, hits)
         blocks.append(block)

@@ -278,7 +278,9 @@ def _read_frames(group: Any) -> Frames:
 
 
 def _read_impacts(group: Any) -> Impacts:
-    """Read the impacts of one seed, cut like its frames."""
+    """Read the impacts of one seed, cut like its frames; recordings of before there were any have none."""
+    if "impacts" not in group:
+        return Impacts.none()
     n = min(group[f"impacts/{name}"].shape[0] for name in IMPACT_FIELDS)
     return Impacts(*(group[f"impacts/{name}"][:n] for name in IMPACT_FIELDS))
 

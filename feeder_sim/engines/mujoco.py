@@ -190,10 +190,20 @@ class MujocoEngine:
         self._poses = start_poses(scene, rng)
         for start, pose, part in zip(self._part_qpos, self._poses, scene.parts, strict=True):
             if self._slide:
+                self._turn_on_slide(part.name, pose.quaternion)
                 self.data.qpos[start] = (pose.position - self.model.body(part.name).pos) @ self._slide.axis
             else:
                 self.data.qpos[start : start + 3] = pose.position
                 self.data.qpos[start + 3 : start + 7] = pose.quaternion
+
+    def _turn_on_slide(self, name: str, quaternion: NDArray[np.float64]) -> None:
+        """Give the part on the slide its attitude for good; the joint's axis is in the part's own frame."""
+        from scipy.spatial.transform import Rotation
+
+        assert self._slide is not None
+        turned = Rotation.from_quat(quaternion, scalar_first=True)
+        self.model.body(name).quat[:] = quaternion
+        self.model.joint(name).axis[:] = turned.inv().apply(self._slide.axis)
 
     def current(self) -> Frames:
         return self._frames(self.data.qpos[None].copy(), self.data.qvel[None].copy(), self._step)

@@ -322,6 +322,10 @@ def test_bifurcation_with_bad_options_does_no_work(tmp_path: Path) -> None:
     check_refused(feeder_sim("bifurcation", ball, "--from", 3, "--to", 2), "--from", "3 and 2", "--from < --to")
     check_refused(feeder_sim("bifurcation", ball, "--from", "nan", "--to", 2), "--from", "nan")
     sweep = ("--from", 200, "--to", 300)
+    thick = feeder_sim("bifurcation", ball, "--from", 200, "--to", 5000)
+    check_refused(thick, str(ball), "drive[0]", "5000 um", "plate's thickness")
+    both = feeder_sim("bifurcation", ball, *sweep, "--picture", tmp_path / "d.png", "--data", tmp_path / "d.png")
+    check_refused(both, "--data", "same file as --picture")
     unknown = feeder_sim("bifurcation", ball, *sweep, "--picture", tmp_path / "d.xyz")
     check_refused(unknown, "--picture", "'.xyz'", ".png")
     kept = tmp_path / "kept.csv"
@@ -332,6 +336,8 @@ def test_bifurcation_with_bad_options_does_no_work(tmp_path: Path) -> None:
 
 def test_vibrometer_of_something_else(tmp_path: Path) -> None:
     picture = tmp_path / "v.png"
+    reverse = feeder_sim("vibrometer", tmp_path, "--picture", picture, "--from", 2, "--to", 1)
+    check_refused(reverse, "2 and 1", "--from < --to")
     check_refused(feeder_sim("vibrometer", tmp_path, "--picture", picture), str(tmp_path), "no run here")
     scenario = tmp_path / "free.toml"
     scenario.write_text(STRIP.replace("duration_s = 1.0", "duration_s = 0.02\nseeds = 1"))

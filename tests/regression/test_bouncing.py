@@ -93,3 +93,16 @@ def test_guided_cylinder(tilt: float, expected: float) -> None:
     interval = simulate(found.model_copy(update={"part": (part,)})).measures()["bounce_interval_ms"]
     assert interval["n"] > 200
     assert interval["mean"] == pytest.approx(expected, rel=0.1)
+
+
+def test_a_sweep_too_coarse_for_the_cascade_makes_no_boundaries_up() -> None:
+    diagram = sweep_amplitude(scenario("ball_50hz", seeds=6), [215e-6, 345e-6], settle=600)
+    assert [b.motion for b in diagram.boundaries] == ["2"]
+    assert diagram.feigenbaum_ratios() == []
+
+
+def test_boundaries_are_compared_with_theory_only_where_it_holds() -> None:
+    found = scenario("ball_50hz")
+    compliant = found.contact.model_copy(update={"model": "compliant", "time_constant_us": 5000.0})
+    assert set(theoretical_boundaries(found)) == {"1", "2"}
+    assert theoretical_boundaries(found.model_copy(update={"contact": compliant})) == {}

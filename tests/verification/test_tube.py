@@ -133,3 +133,16 @@ def test_energy_falls_to_rest_in_a_leaning_tube() -> None:
         # Corners that ended a step inside a wall are put back, which lifts the part by less than a micrometre.
         assert np.diff(energy).max() < mass * GRAVITY * 2e-6
         assert np.linalg.norm(f.velocity[-1, 0]) < 5e-3
+
+
+def test_both_engines_keep_the_attitude_a_part_has_on_its_slide() -> None:
+    start = Start(drop_height_mm=(1.0, 1.0), tilt_deg=(30.0, 30.0))
+    found = []
+    for engine in ("impulse", "mujoco"):
+        guide = Slide(kind="slide", tilt_deg=20.0)
+        part = Cylinder(**CYLINDER, guide=guide, start=start)  # type: ignore[arg-type]
+        found.append(simulate(scene(part, engine=engine, steps_per_period=400)).seeds[0])
+    one, other = found
+    assert other.frames.position[0] == pytest.approx(one.frames.position[0])
+    assert other.impacts.time[0] == pytest.approx(one.impacts.time[0], abs=2.0 / (558.0 * 400.0))
+    assert other.frames.position[-1] == pytest.approx(one.frames.position[-1], abs=2e-6)
