@@ -262,9 +262,10 @@ def _print_plan(scenario: Scenario, as_json: bool) -> None:
 
 def _new_picture(path: Path) -> Path:
     """Refuse what cannot be drawn to, before any work is done for it."""
+    _writable(path)
     if path.suffix.lower() not in PICTURES:
         raise InputError(f"is {path.suffix!r}, allowed is {', '.join(PICTURES)}", file=path, key="--picture")
-    return _writable(path)
+    return path
 
 
 def _writable(path: Path, *, force: bool = False) -> Path:
