@@ -1,9 +1,9 @@
-"""Scenario -> scene: the moving surface, the parts, where they start, and the time step; in SI units."""
+"""The scene: plate, parts and contact of a scenario in SI units; the one place units change."""
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +13,8 @@ from feeder_sim.guide import Guide, build_guide
 from feeder_sim.parts import RigidPart, build_part
 from feeder_sim.plate.assembly import DrivenMode, assemble_plate
 from feeder_sim.plate.surface import Surface
-from feeder_sim.scenario import PartSpec, Scenario, Start, Tube
+from feeder_sim.scenario import Heap, PartSpec, Scattered, Scenario, Start, Tube
+from feeder_sim.timetable import Timetable, timetable
 
 GRAVITY = 9.81  # [m/s^2]
 ROUND_OFF = 1e-9
@@ -27,8 +28,11 @@ class Scene:
     Attributes:
         scenario: what it was made from.
         surface: the moving surface.
-        driven: the driven modes, one per drive.
-        parts: the rigid parts.
+        driven: the driven modes, one per excitation of the scenario.
+        times: what happens when.
+        kinds: the rigid parts that differ, one per part table of the scenario.
+        kind_of: index into `kinds` of every part, shape (parts,).
+        parts: all rigid parts, in order of their tables.
         guides: the guide of each part, None for a free one.
         timestep: [s].
         steps_per_frame: solver steps between two recorded frames.
@@ -37,6 +41,9 @@ class Scene:
     scenario: Scenario
     surface: Surface
     driven: tuple[DrivenMode, ...]
+    times: Timetable
+    kinds: tuple[RigidPart, ...]
+    kind_of: NDArray[np.int64]
     parts: tuple[RigidPart, ...]
     guides: tuple[Guide | None, ...]
     timestep: float
@@ -50,7 +57,12 @@ class Scene:
     @property
     def n_frames(self) -> int:
         """Recorded frames of a full-length run, the first at t = 0."""
-        return 1 + math.floor(self.scenario.run.duration_s / self.frame_interval + 1e-9)
+        return 1 + math.floor(self.times.duration / self.frame_interval + 1e-9)
+
+    @property
+    def rim(self) -> bool:
+        """Whether a wall stands around the plate."""
+        return bool(getattr(self.scenario.plate, "rim", False))
 
     @property
     def n_steps(self) -> int:
@@ -78,28 +90,53 @@ def build_scene(scenario: Scenario) -> Scene:
         InputError: the plate, a drive, a part or a start cannot be had.
     """
     plate = assemble_plate(scenario)
-    parts = tuple(build_part(spec, name=f"part_{i}") for i, spec in enumerate(scenario.part))
-    for i, spec in enumerate(scenario.part):
-        _check_on_plate(spec.start, plate.surface, f"part[{i}].start.position_mm")
-    run = scenario.run
+    kinds = tuple(build_part(spec, name=f"part_{i}") for i, spec in enumerate(scenario.part))
+    for i, (spec, kind) in enumerate(zip(scenario.part, kinds, strict=True)):
+        _check_on_plate(spec, kind, plate.surface, f"part[{i}].start")
+        _check_in_tube(spec, kind, i)
+    run, times = scenario.run, timetable(scenario)
     timestep = 1.0 / (scenario.highest_frequency_hz * run.steps_per_period)
-    steps_per_frame = max(1, round(1.0 / (run.frames_per_second * timestep)))
-    for i, (spec, part) in enumerate(zip(scenario.part, parts, strict=True)):
-        _check_in_tube(spec, part, i)
-    guides = tuple(build_guide(spec.guide, spec.start.position_mm) if spec.guide else None for spec in scenario.part)
-    scene = Scene(scenario, plate.surface, plate.driven, parts, guides, timestep, steps_per_frame)
+    kind_of = np.repeat(np.arange(len(kinds)), [spec.count for spec in scenario.part])
+    digits = len(str(len(kind_of) - 1))
+    guided = [build_guide(s.guide, s.start.position_mm) if s.guide and s.start.kind == "point" else None for s in scenario.part]
+    scene = Scene(
+        scenario=scenario,
+        surface=plate.surface,
+        driven=plate.driven,
+        times=times,
+        kinds=kinds,
+        kind_of=kind_of,
+        parts=tuple(replace(kinds[kind], name=f"part_{i:0{digits}d}") for i, kind in enumerate(kind_of)),
+        guides=tuple(guided[kind] for kind in kind_of),
+        timestep=timestep,
+        steps_per_frame=max(1, round(1.0 / (run.frames_per_second * timestep))),
+    )
     if scene.n_frames < 2:
         raise InputError(
-            f"is {run.duration_s:g}, allowed is at least one frame, {scene.frame_interval:g} s", key="run.duration_s"
+            f"is {times.duration:g}, allowed is at least one frame, {scene.frame_interval:g} s", key="run.duration_s"
         )
     return scene
 
 
-def _check_on_plate(start: Start, surface: Surface, key: str) -> None:
-    x, y = start.position_mm
-    half = (0.5e3 * surface.length, 0.5e3 * surface.width)
+def _check_on_plate(spec: PartSpec, kind: RigidPart, surface: Surface, key: str) -> None:
+    """Refuse starts beside the plate."""
+    start, half = spec.start, (0.5e3 * surface.length, 0.5e3 * surface.width)
+    x, y = start.position_mm if isinstance(start, Start) else start.centre_mm
+    name = "position_mm" if isinstance(start, Start) else "centre_mm"
     if abs(x) > half[0] or abs(y) > half[1]:
-        raise InputError(f"is [{x:g}, {y:g}], allowed is +-{half[0]:.1f}, +-{half[1]:.1f} (on the plate)", key=key)
+        message = f"is [{x:g}, {y:g}], allowed is +-{half[0]:.1f}, +-{half[1]:.1f} (on the plate)"
+        raise InputError(message, key=f"{key}.{name}")
+    size = (0.0, 0.0)
+    if isinstance(start, Heap):
+        size, name = (start.diameter_mm, start.diameter_mm), "diameter_mm"
+    elif isinstance(start, Scattered) and start.size_mm is not None:
+        size, name = start.size_mm, "size_mm"
+    if abs(x) + 0.5 * size[0] > half[0] or abs(y) + 0.5 * size[1] > half[1]:
+        raise InputError(f"is {_plain(size)}, allowed is what lies on the plate around its centre", key=f"{key}.{name}")
+
+
+def _plain(size: tuple[float, float]) -> str:
+    return f"{size[0]:g}" if size[0] == size[1] else f"[{size[0]:g}, {size[1]:g}]"
 
 
 def _check_in_tube(spec: PartSpec, part: RigidPart, i: int) -> None:
@@ -114,30 +151,3 @@ def _check_in_tube(spec: PartSpec, part: RigidPart, i: int) -> None:
             f"is {spec.guide.inner_diameter_mm:g}, allowed is at least {needed:.4g}, which the part takes at its start",
             key=f"part[{i}].guide.inner_diameter_mm",
         )
-
-
-def start_poses(scene: Scene, rng: np.random.Generator) -> list[Pose]:
-    """Draw the start of every part: tilt about a random horizontal axis after a yaw, lowest point at drop height.
-
-    A part in a guide starts on the guide's axis, turned with it.
-    """
-    from scipy.spatial.transform import Rotation
-
-    poses = []
-    for spec, part, guide in zip(scene.scenario.part, scene.parts, scene.guides, strict=True):
-        start = spec.start
-        yaw = np.radians(rng.uniform(*start.yaw_deg))
-        tilt = np.radians(rng.uniform(*(start.tilt_deg or (UPRIGHT if guide else FREE_TILT))))
-        direction = rng.uniform(0.0, 2.0 * np.pi)
-        drop = 1e-3 * rng.uniform(*start.drop_height_mm)
-        lean = tilt * np.array([np.cos(direction), np.sin(direction), 0.0])
-        turned = Rotation.from_rotvec(lean) * Rotation.from_rotvec([0.0, 0.0, yaw])
-        if guide:
-            turned = Rotation.from_rotvec([0.0, guide.tilt, 0.0]) * turned
-        quaternion = np.asarray(turned.as_quat(scalar_first=True))
-        height = drop - part.lowest(quaternion)
-        position = np.array([*(1e-3 * c for c in start.position_mm), height])
-        if guide:
-            position[:2] += guide.axis[:2] / guide.axis[2] * height
-        poses.append(Pose(position, quaternion))
-    return poses

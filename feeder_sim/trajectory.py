@@ -62,6 +62,7 @@ class Frames:
         quaternion: w first, shape (n, parts, 4).
         velocity: [m/s], shape (n, parts, 3).
         angular_velocity: [rad/s], shape (n, parts, 3).
+        present: False once a part has been taken out of the scene, shape (n, parts).
     """
 
     time: NDArray[np.float64]
@@ -69,6 +70,7 @@ class Frames:
     quaternion: NDArray[np.float64]
     velocity: NDArray[np.float64]
     angular_velocity: NDArray[np.float64]
+    present: NDArray[np.bool_]
 
     def __len__(self) -> int:
         return len(self.time)
@@ -89,6 +91,7 @@ FRAME_FIELDS: dict[str, tuple[str, str, tuple[int, ...]]] = {
     "quaternion": ("1", "f4", (4,)),
     "velocity": ("m/s", "f4", (3,)),
     "angular_velocity": ("rad/s", "f4", (3,)),
+    "present": ("1", "?", ()),
 }
 
 

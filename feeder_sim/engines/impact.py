@@ -98,24 +98,91 @@ def _solve_single(inverse_mass, inverse_inertia, arm, normal, before, impulse, t
 
     Works in a frame (a, b, normal); k is the inverse effective mass there: after = before + k impulse.
     """
-    frame, k, u = np.empty((3, 3)), np.empty((3, 3)), np.empty(3)
+    frame, k, u = np.empty((3, 3)), np.zeros((3, 3)), np.empty(3)
     _contact_frame(normal, frame)
-    moment, turned = np.empty((3, 3)), np.empty(3)
+    _add_mobility(inverse_mass, inverse_inertia, arm, frame, k)
     for i in range(3):
-        for j in range(3):
-            moment[i, j] = arm[(j + 1) % 3] * frame[i, (j + 2) % 3] - arm[(j + 2) % 3] * frame[i, (j + 1) % 3]
         u[i] = _dot(frame[i], before)
-    for i in range(3):
-        for j in range(3):
-            turned[j] = _dot(inverse_inertia[j], moment[i])
-        for j in range(3):
-            k[i, j] = _dot(moment[j], turned)
-        k[i, i] += inverse_mass
     p = np.empty(3)
     if not _stick(k, u, target, mu, p) and not _slip(k, u, target, mu, p):
         return False
     for j in range(3):
         impulse[j] = p[0] * frame[0, j] + p[1] * frame[1, j] + p[2] * frame[2, j]
+    return True
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _add_mobility(inverse_mass, inverse_inertia, arm, frame, k):
+    """Add 1/m - [arm] I^-1 [arm], in the contact frame, to the inverse effective mass k (3, 3)."""
+    moment, turned = np.empty((3, 3)), np.empty(3)
+    for i in range(3):
+        for j in range(3):
+            moment[i, j] = arm[(j + 1) % 3] * frame[i, (j + 2) % 3] - arm[(j + 2) % 3] * frame[i, (j + 1) % 3]
+    for i in range(3):
+        for j in range(3):
+            turned[j] = _dot(inverse_inertia[j], moment[i])
+        for j in range(3):
+            k[i, j] += _dot(moment[j], turned)
+        k[i, i] += inverse_mass
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def resolve_single(
+    velocity_a,
+    momentum_a,
+    inverse_mass_a,
+    inverse_inertia_a,
+    velocity_b,
+    momentum_b,
+    inverse_mass_b,
+    inverse_inertia_b,
+    arms,
+    normal,
+    e,
+    mu,
+):
+    """Impact of two free bodies at one point; changes velocities and angular momenta (3,) in place.
+
+    inverse_inertia_a, _b (3, 3) are in world axes; arms (2, 3) go from either centre of mass to the contact point [m];
+    normal (3,) points from a to b. Same laws as `resolve_impact`. Returns False, with nothing changed, where the bodies
+    do not approach each other.
+    """
+    frame, k, u, before = np.empty((3, 3)), np.zeros((3, 3)), np.empty(3), np.empty(3)
+    spin_a, spin_b, moving = np.empty(3), np.empty(3), np.empty(3)
+    for i in range(3):
+        spin_a[i], spin_b[i] = _dot(inverse_inertia_a[i], momentum_a), _dot(inverse_inertia_b[i], momentum_b)
+    relative_velocity(velocity_a, spin_a, arms[0], np.zeros(3), moving)
+    relative_velocity(velocity_b, spin_b, arms[1], moving, before)
+    approach = _dot(normal, before)
+    if approach >= 0.0:
+        return False
+    _contact_frame(normal, frame)
+    _add_mobility(inverse_mass_a, inverse_inertia_a, arms[0], frame, k)
+    _add_mobility(inverse_mass_b, inverse_inertia_b, arms[1], frame, k)
+    for i in range(3):
+        u[i] = _dot(frame[i], before)
+    p, share = np.empty(3), 1.0
+    for _ in range(HALVINGS):
+        target = -share * e * approach
+        if not _stick(k, u, target, mu, p) and not _slip(k, u, target, mu, p):
+            p[0] = p[1] = 0.0
+            p[2] = (target - u[2]) / k[2, 2]
+        work = 0.0  # sum of p . (u + u') / 2, with u' = u + k p
+        for i in range(3):
+            work += p[i] * (u[i] + 0.5 * _dot(k[i], p))
+        if work <= 0.0 or share == 0.0:
+            break
+        share = 0.5 * share if share > 0.02 else 0.0
+    for i in range(3):
+        push = p[0] * frame[0, i] + p[1] * frame[1, i] + p[2] * frame[2, i]
+        moving[i] = push
+        velocity_a[i] -= inverse_mass_a * push
+        velocity_b[i] += inverse_mass_b * push
+    for i in range(3):
+        j, n = (i + 1) % 3, (i + 2) % 3
+        momentum_a[i] -= arms[0, j] * moving[n] - arms[0, n] * moving[j]
+        if inverse_mass_b > 0.0:
+            momentum_b[i] += arms[1, j] * moving[n] - arms[1, n] * moving[j]
     return True
 
 

@@ -1,325 +1,255 @@
-"""Engine `impulse`: rigid contact by impulses; a part flies in closed form and leaps to the earliest possible contact.
+"""Engine `impulse`: rigid contact by impulses; parts fly in closed form and leap to the earliest possible contact.
 
-One pass of the loop:
+Time is cut into windows. In each window
 
-    proximity   height of every corner above the surface, and how fast it approaches
-    impact      corners that touch and approach get impulses, together (impact.py)
-    leap        the longest flight during which no corner can touch: with gap g, approach speed -u and a bound a on the
-                relative acceleration, no contact before t = (u + sqrt(u^2 + 2 a g)) / a; never shorter than the step
-    flight      parabola and torque-free rotation over that time (free_flight.py)
+    window      which terms of the plate's motion act, and bounds on what it can do (window.py)
+    pairs       which parts can meet at all, from a grid; the islands that such pairs make (neighbours.py)
+    islands     each advances by itself, event by event (island.py): looks at parts over the plate (plate_contact.py)
+                and at pairs (pair_contact.py), impacts (impact.py), flights between them (free_flight.py)
 
 (Conservative advancement: Mirtich, PhD thesis, Berkeley 1996.) The step is what ends the infinite rattling of a part at
-rest: corners may enter the surface by what they cover in one step, and are put back on it at the impact.
+rest: corners may enter the surface by what they cover in one step, and are put back on it at the impact. Islands are
+shared out over threads, which changes nothing in the result.
 """
 
 from __future__ import annotations
 
 import math
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from feeder_sim.engines.free_flight import orthonormalise, rotate_freely
-from feeder_sim.engines.impact import resolve_impact
+from feeder_sim.engines.free_flight import orthonormalise
+from feeder_sim.engines.hulls import HullLibrary
 from feeder_sim.engines.impact_log import begin_contact, end_contact, in_contact, new_log, room_for, take_impacts
 from feeder_sim.engines.impulse_state import (
-    ARM,
-    FRICTION,
     GAP,
-    NORMAL,
-    RATE,
-    RESTITUTION,
-    SURFACE_ACCELERATION,
     SURFACE_RATE,
-    VELOCITY,
-    Motion,
-    bound_surface,
+    Parts,
+    body_of,
+    fly_to,
+    motion_of,
     new_scratch,
-    point,
-    read_body,
+    read_kinds,
     read_wall,
+    rim_walls,
 )
+from feeder_sim.engines.island import advance_island
+from feeder_sim.engines.neighbours import find_islands, find_pairs
+from feeder_sim.engines.pair_contact import Pairs
+from feeder_sim.engines.plate_contact import TOUCH, meet_plate
 from feeder_sim.engines.surface_arrays import surface_arrays
-from feeder_sim.engines.tube import approach_wall, gather_wall, leap_to_wall, meeting_time
+from feeder_sim.engines.window import acting_terms, bound_window
 from feeder_sim.impacts import Impacts
-from feeder_sim.plate.kernels import modal_motion, surface_modes, surface_normal
-from feeder_sim.scene import GRAVITY, Scene, start_poses
+from feeder_sim.scene import GRAVITY, Scene
+from feeder_sim.start import start_poses
 from feeder_sim.trajectory import BLOCK_FRAMES, Frames
 
-TOUCH = 1e-9  # [m]; corners this close count as touching, so that a flat landing is one impact and not six
 SAME_CONTACT = 1.5  # steps between two impacts that count as one contact
+WINDOW = 5e-4  # [s], at most, where parts can meet: shorter ones find the pairs too often, longer ones find too many
+ROW = 18  # numbers per part and frame: position, velocity, attitude, momentum
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _fly(motion, body, duration):
-    """Free flight over a duration [s], in place."""
-    for k in range(3):
-        motion.position[k] += motion.velocity[k] * duration
-    motion.position[2] -= 0.5 * GRAVITY * duration * duration
-    motion.velocity[2] -= GRAVITY * duration
-    rotate_freely(motion.attitude, motion.momentum, body.inertia, body.axis, duration)
+def _no_pairs():
+    return Pairs(np.empty(0, np.int64), np.empty(0, np.int64), np.empty((0, 3)))
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _proximity(motion, body, surface, bounds, t, work):
-    """Fill gap and surface part of every corner.
-
-    Above the crest the gap is to the crest and the surface counts as still; below it, to the surface itself. A corner
-    beyond the edge of the plate has nothing under it.
-    """
-    moved = False
-    for i in range(body.corners.shape[0]):
-        height = motion.position[2] - body.radius
-        for axis in range(3):
-            height += motion.attitude[2, axis] * body.corners[i, axis]
-        work.corner[i, GAP] = height - bounds.crest
-        work.corner[i, SURFACE_RATE] = work.corner[i, SURFACE_ACCELERATION] = 0.0
-        if work.corner[i, GAP] > 2.0 * TOUCH:  # a gap to the crest must never pass for a touch
-            continue
-        if not moved:
-            _move_surface(surface, t, work)
-            moved = True
-        _measure_gap(motion, body, surface, bounds, height, i, work)
+def _range(parts, n_free, bounds, e, duration):
+    """How far any part can come within a window [m]: the plate adds (1 + e) times its own speed to the fastest."""
+    fastest = 0.0
+    for i in range(n_free):
+        if parts.there[i]:
+            v = parts.velocity[i]
+            fastest = max(fastest, v[0] * v[0] + v[1] * v[1] + v[2] * v[2])
+    return (math.sqrt(fastest) + (1.0 + e) * bounds.speed + GRAVITY * duration) * duration
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _approach(motion, body, work):
-    """Fill the vertical rate of every corner relative to the surface; returns how many touch and approach."""
-    # (w x r)_z = r . (z x w), taken in body axes once instead of for every corner.
-    wx = wy = 0.0
-    for axis in range(3):
-        along = 0.0
-        for k in range(3):
-            along += motion.attitude[k, axis] * motion.momentum[k]
-        along /= body.inertia[axis]
-        wx += motion.attitude[0, axis] * along
-        wy += motion.attitude[1, axis] * along
-    x = wx * motion.attitude[1, 0] - wy * motion.attitude[0, 0]
-    y = wx * motion.attitude[1, 1] - wy * motion.attitude[0, 1]
-    z = wx * motion.attitude[1, 2] - wy * motion.attitude[0, 2]
-    touching = 0
-    for i in range(body.corners.shape[0]):
-        turning = x * body.corners[i, 0] + y * body.corners[i, 1] + z * body.corners[i, 2]
-        work.corner[i, RATE] = motion.velocity[2] + turning - work.corner[i, SURFACE_RATE]
-        if work.corner[i, GAP] <= TOUCH and work.corner[i, RATE] < 0.0:
-            touching += 1
-    return touching
+def _open_window(parts, n_free, kinds, surface, antinode, pairs, start, end, step):
+    """Everything that is the same for all islands of a window."""
+    acting = acting_terms(surface, start, end)
+    bounds = bound_window(acting, antinode, start, end, step)
+    half_x, half_y = surface.grid_x[-1], surface.grid_y[-1]
+    reach = _range(parts, n_free, bounds, kinds.law[0, 0], end - start)
+    pairs = find_pairs(parts, kinds, n_free, half_x, half_y, reach, pairs)
+    return acting, bounds, pairs, find_islands(parts, n_free, pairs)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _move_surface(surface, t, work):
-    """Modal coordinates and their rates at time t."""
-    modal_motion(
-        t,
-        surface.term_shape,
-        surface.term_start,
-        surface.term_stop,
-        surface.coefficient,
-        surface.rate,
-        work.modal[0],
-        work.modal[1],
-    )
+def _advance_some(chosen, islands, pairs, parts, kinds, wall, acting, bounds, hulls, start, end, work):
+    for island in chosen:
+        advance_island(island, islands, pairs, parts, kinds, wall, acting, bounds, hulls, start, end, work)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _measure_gap(motion, body, surface, bounds, height, i, work):
-    """Gap of one corner to the surface under it, the surface's rate, and a bound on its acceleration."""
-    x, y = point(motion, body, i, 0), point(motion, body, i, 1)
-    if abs(x) > surface.grid_x[-1] or abs(y) > surface.grid_y[-1]:
-        work.corner[i, GAP] = np.inf
-        return
-    _modes_at(motion, surface, x, y, work)
-    work.corner[i, GAP] = height
-    for s in range(work.modal.shape[1]):
-        work.corner[i, GAP] -= work.modes[s, 0] * work.modal[0, s]
-        work.corner[i, SURFACE_RATE] += work.modes[s, 0] * work.modal[1, s]
-        work.corner[i, SURFACE_ACCELERATION] += abs(work.modes[s, 0]) * bounds.acceleration[s]
+def _close_frame(parts, n_free, row):
+    for i in range(n_free):
+        if parts.there[i]:
+            orthonormalise(parts.attitude[i])
+        row[i, 0:3], row[i, 3:6] = parts.position[i], parts.velocity[i]
+        row[i, 6:15], row[i, 15:18] = parts.attitude[i].copy().ravel(), parts.momentum[i]
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _modes_at(motion, surface, x, y, work):
-    """Mode shapes at a point; on a tangent surface, those under the centre, continued along their slopes."""
-    if not surface.tangent:
-        surface_modes(x, y, surface.grid_x, surface.grid_y, surface.table, work.weight[0], work.weight[1], work.modes)
-        return
-    cx, cy = motion.position[0], motion.position[1]
-    surface_modes(cx, cy, surface.grid_x, surface.grid_y, surface.table, work.weight[0], work.weight[1], work.modes)
-    for s in range(work.modes.shape[0]):
-        work.modes[s, 0] += work.modes[s, 1] * (x - cx) + work.modes[s, 2] * (y - cy)
+def _advance(parts, n_free, kinds, wall, surface, antinode, hulls, work, step, interval, n_windows, first_frame, out):
+    """Advance frame by frame on one thread; after each, write the state into a row of out (frames, parts, ROW)."""
+    for row in range(out.shape[0]):
+        pairs = _no_pairs()
+        for window in range(n_windows):
+            start = (first_frame + row + window / n_windows) * interval
+            end = (first_frame + row + (window + 1) / n_windows) * interval
+            opened = _open_window(parts, n_free, kinds, surface, antinode, pairs, start, end, step)
+            acting, bounds, pairs, islands = opened
+            chosen = np.arange(islands.first_part.shape[0] - 1)
+            _advance_some(chosen, islands, pairs, parts, kinds, wall, acting, bounds, hulls, start, end, work)
+        _close_frame(parts, n_free, out[row])
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _gather_plate(motion, body, surface, work):
-    """Collect the corners that touch the plate and approach it; returns their number and the deepest penetration."""
-    n, depth = 0, 0.0
-    for i in range(body.corners.shape[0]):
-        if work.corner[i, GAP] > TOUCH or work.corner[i, RATE] >= 0.0:
-            continue
-        depth = max(depth, -work.corner[i, GAP])
-        x, y = point(motion, body, i, 0), point(motion, body, i, 1)
-        _modes_at(motion, surface, x, y, work)
-        work.contact[VELOCITY, n] = 0.0
-        for s in range(work.modal.shape[1]):
-            for k in range(2):
-                slide = surface.half_thickness * work.modes[s, 1 + k] * work.modal[1, s] * surface.in_plane
-                work.contact[VELOCITY, n, k] -= slide
-            work.contact[VELOCITY, n, 2] += work.modes[s, 0] * work.modal[1, s]
-        if surface.tangent:
-            x, y = motion.position[0], motion.position[1]
-        surface_normal(
-            x,
-            y,
-            surface.grid_x,
-            surface.grid_y,
-            surface.table,
-            work.modal[0],
-            work.weight[0],
-            work.weight[1],
-            work.contact[NORMAL, n],
-        )
-        for k in range(3):
-            work.contact[ARM, n, k] = (
-                point(motion, body, i, k) - motion.position[k] - body.radius * work.contact[NORMAL, n, k]
-            )
-        work.law[RESTITUTION, n], work.law[FRICTION, n] = body.restitution, body.friction
-        n += 1
-    return n, depth
+def _share_out(islands, n_threads):
+    """Islands for every thread, the largest first to the one that has the fewest parts; (threads,) lists of indices."""
+    count = islands.first_part.shape[0] - 1
+    size = (islands.first_part[1:] - islands.first_part[:-1]) + 2 * (islands.first_pair[1:] - islands.first_pair[:-1])
+    order = np.argsort(-size, kind="mergesort")
+    load, owner = np.zeros(n_threads, np.int64), np.empty(count, np.int64)
+    for island in order:
+        owner[island] = np.argmin(load)
+        load[owner[island]] += size[island]
+    return owner
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _impact(motion, body, wall, surface, work):
-    """Put the deepest corner back on the surface and give impulses to all corners that touch and approach.
-
-    What a corner covered inside the surface within one step would otherwise add up, and a resting part would sink.
-    """
-    n, depth = _gather_plate(motion, body, surface, work)
-    if wall.radius < np.inf:
-        n = gather_wall(motion, body, wall, TOUCH, n, work)
-    motion.position[2] += depth
-    for i in range(body.corners.shape[0]):
-        work.corner[i, GAP] += depth
-    inverse_inertia = np.empty((3, 3))
-    for i in range(3):
-        for j in range(3):
-            inverse_inertia[i, j] = 0.0
-            for k in range(3):
-                inverse_inertia[i, j] += motion.attitude[i, k] * motion.attitude[j, k] / body.inertia[k]
-    resolve_impact(
-        motion.velocity,
-        motion.momentum,
-        1.0 / body.mass,
-        inverse_inertia,
-        work.contact[ARM],
-        work.contact[NORMAL],
-        work.contact[VELOCITY],
-        n,
-        work.law[RESTITUTION],
-        work.law[FRICTION],
-    )
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def _leap(motion, body, work):
-    """Longest flight [s] during which no corner can touch."""
-    # |dw/dt| <= |w| |L| / I_min for a torque-free body, so a corner accelerates by at most 2 reach (L / I_min)^2.
-    least = min(body.inertia[0], body.inertia[1], body.inertia[2])
-    squared = motion.momentum[0] ** 2 + motion.momentum[1] ** 2 + motion.momentum[2] ** 2
-    own = GRAVITY + 2.0 * body.reach * squared / (least * least)
-    shortest = np.inf
-    for i in range(work.corner.shape[0]):
-        gap, rate, a = max(work.corner[i, GAP], 0.0), work.corner[i, RATE], own + work.corner[i, SURFACE_ACCELERATION]
-        if gap < np.inf:
-            shortest = min(shortest, (rate + math.sqrt(rate * rate + 2.0 * a * gap)) / a)
-    return shortest
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def _note_contact(motion, work, log, last, t, step):
+def _note_contact(motion, before, work, n_corners, log, last, t, step):
     """Note an impact on the plate of a part in a guide; what follows within a step is the same contact.
 
-    last: end of the contact under way, and the part's vertical velocity then.
+    before: its vertical velocity before it. last: end of the contact under way, and the part's vertical velocity then.
     """
     if in_contact(log) and t - last[0] > SAME_CONTACT * step:
         end_contact(log, last[0], last[1])
     if not in_contact(log):
         plate = 0.0
-        for i in range(work.corner.shape[0]):
+        for i in range(n_corners):
             if work.corner[i, GAP] <= TOUCH:
                 plate = work.corner[i, SURFACE_RATE]
-        begin_contact(log, t, max(plate - motion.velocity[2], 0.0))
-    last[0] = t
+        begin_contact(log, t, max(plate - before, 0.0))
+    last[0], last[1] = t, motion.velocity[2]
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _advance(motion, body, wall, surface, bounds, work, log, last, step, frame_interval, first_frame, out):
-    """Advance frame by frame; after each, write position, velocity, attitude, momentum into a row of out (n, 18)."""
-    guided = wall.radius < np.inf
+def _advance_guided(parts, kinds, wall, surface, antinode, log, last, work, step, interval, first_frame, out):
+    """Advance the one part of a scene in its tube; arguments as for `_advance`."""
+    motion, body = motion_of(parts, 0), body_of(kinds, 0)
     for row in range(out.shape[0]):
-        t, end = (first_frame + row) * frame_interval, (first_frame + row + 1) * frame_interval
+        t, end = (first_frame + row) * interval, (first_frame + row + 1) * interval
+        acting = acting_terms(surface, t, end)
+        bounds = bound_window(acting, antinode, t, end, step)._replace(step=step)
         while t < end:
-            _proximity(motion, body, surface, bounds, t, work)
-            on_plate = _approach(motion, body, work)
-            on_wall = approach_wall(motion, body, wall, TOUCH, work) if guided else 0
-            if on_plate + on_wall > 0:
-                if guided and on_plate > 0:
-                    _note_contact(motion, work, log, last, t, step)
-                _impact(motion, body, wall, surface, work)
-                if on_plate > 0:
-                    last[1] = motion.velocity[2]
-                _approach(motion, body, work)
-                if guided:
-                    approach_wall(motion, body, wall, TOUCH, work)
-            leap = _leap(motion, body, work)
-            if guided:
-                leap = max(min(leap, leap_to_wall(motion, body, wall, work)), meeting_time(work, step))
-            else:
-                leap = max(leap, step)
-            if t + leap >= end:
-                _fly(motion, body, end - t)
-                break
-            _fly(motion, body, leap)
+            fly_to(parts, kinds, 0, t)
+            before = motion.velocity[2]
+            leap, hit = meet_plate(motion, body, kinds, 0, wall, acting, bounds, t, work)
+            if hit:
+                _note_contact(motion, before, work, body.corners.shape[0], log, last, t, step)
             t += leap
-        orthonormalise(motion.attitude)
-        out[row, 0:3], out[row, 3:6] = motion.position, motion.velocity
-        out[row, 6:15], out[row, 15:18] = motion.attitude.copy().ravel(), motion.momentum
+        fly_to(parts, kinds, 0, end)
+        _close_frame(parts, 1, out[row])
 
 
 class ImpulseEngine:
-    """Rigid impulses behind the engine protocol; geometry, mass and contact constants from the compiled MJCF."""
+    """Rigid impulses behind the engine protocol."""
 
     name = "impulse"
     frames_per_block = BLOCK_FRAMES
 
-    def __init__(self, scene: Scene, rng: np.random.Generator) -> None:
-        from scipy.spatial.transform import Rotation
-
+    def __init__(self, scene: Scene, rng: np.random.Generator, *, threads: int = 1) -> None:
         self._scene = scene
-        self._body = read_body(scene)
+        self._kinds = kinds = read_kinds(scene)
+        self._n = len(scene.parts)
         self._wall = read_wall(scene.guides[0])
         self._log, self._last_contact = new_log(1), np.zeros(2)
         self._surface = surface_arrays(scene.surface, scene.scenario.run)
-        self._bounds = bound_surface(scene)
-        self._scratch = new_scratch(len(self._body.corners), scene.surface.n_shapes)
-        (pose,) = start_poses(scene, rng)
-        attitude = np.ascontiguousarray(Rotation.from_quat(pose.quaternion, scalar_first=True).as_matrix())
-        self._motion = Motion(pose.position.copy(), np.zeros(3), attitude, np.zeros(3))
+        self._antinode = np.abs(scene.surface.table[..., 0]).max(axis=(1, 2))
+        self._threads = max(1, threads)
+        corners = np.split(kinds.corners, kinds.first_corner[1:-1])
+        self._libraries = [HullLibrary(corners, list(kinds.radius)) for _ in range(self._threads)]
+        self._hulls = [library.hulls() for library in self._libraries]
+        self._scratch = [new_scratch(kinds, scene.surface.n_shapes) for _ in range(self._threads)]
+        self._pool = ThreadPoolExecutor(self._threads) if self._threads > 1 else None
+        self._n_windows = 1 if self._n == 1 and not scene.rim else math.ceil(scene.frame_interval / WINDOW - 1e-9)
+        self._parts = self._start(rng)
         self._frame = 0
 
+    def _start(self, rng: np.random.Generator) -> Parts:
+        """Parts at rest in their poses, then the walls of a rim."""
+        from scipy.spatial.transform import Rotation
+
+        poses = start_poses(self._scene, rng)
+        centres, attitudes = rim_walls(self._scene)
+        n = len(poses) + len(centres)
+        turned = Rotation.from_quat([pose.quaternion for pose in poses], scalar_first=True).as_matrix()
+        return Parts(
+            position=np.concatenate([[pose.position for pose in poses], centres]),
+            velocity=np.zeros((n, 3)),
+            attitude=np.ascontiguousarray(np.concatenate([turned, attitudes])),
+            momentum=np.zeros((n, 3)),
+            clock=np.zeros(n),
+            kind=np.concatenate([self._scene.kind_of, np.full(len(centres), len(self._scene.kinds))]),
+            there=np.ones(n, np.int8),
+        )
+
     def current(self) -> Frames:
-        m = self._motion
-        return self._frames(np.concatenate([m.position, m.velocity, m.attitude.ravel(), m.momentum])[None], self._frame)
+        out = np.empty((1, self._n, ROW))
+        _close_frame(self._parts, self._n, out[0])
+        return self._frames(out, self._frame)
 
     def advance(self, n_frames: int) -> Frames:
-        out = np.empty((n_frames, 18))
-        interval = self._scene.frame_interval
-        if np.isfinite(self._wall.radius):  # each contact takes a step at least
-            self._log = room_for(self._log, n_frames * (self._scene.steps_per_frame + 1) + 1)
-        arguments = (self._motion, self._body, self._wall, self._surface, self._bounds, self._scratch)
-        times = (self._scene.timestep, interval, self._frame)
-        _advance(*arguments, self._log, self._last_contact, *times, out)
+        out = np.empty((n_frames, self._n, ROW))
+        scene, interval = self._scene, self._scene.frame_interval
+        plate = (self._surface, self._antinode)
+        times = (scene.timestep, interval)
+        if np.isfinite(self._wall.radius):
+            # Each contact takes a step at least.
+            self._log = room_for(self._log, n_frames * (scene.steps_per_frame + 1) + 1)
+            log = (self._log, self._last_contact)
+            _advance_guided(
+                self._parts, self._kinds, self._wall, *plate, *log, self._scratch[0], *times, self._frame, out
+            )
+        elif self._pool is None:
+            own = (self._hulls[0], self._scratch[0])
+            _advance(
+                self._parts, self._n, self._kinds, self._wall, *plate, *own, *times, self._n_windows, self._frame, out
+            )
+        else:
+            for row in range(n_frames):
+                self._advance_frame(self._frame + row)
+                _close_frame(self._parts, self._n, out[row])
         self._frame += n_frames
         return self._frames(out, self._frame - n_frames + 1)
+
+    def _advance_frame(self, frame: int) -> None:
+        """Advance to the next frame on several threads; the same as `_advance` does on one."""
+        assert self._pool is not None
+        pairs, interval, n = _no_pairs(), self._scene.frame_interval, self._n_windows
+        for window in range(n):
+            start, end = (frame + window / n) * interval, (frame + (window + 1) / n) * interval
+            plate = (self._kinds, self._surface, self._antinode)
+            acting, bounds, pairs, islands = _open_window(
+                self._parts, self._n, *plate, pairs, start, end, self._scene.timestep
+            )
+            owner = _share_out(islands, self._threads)
+            common = (islands, pairs, self._parts, self._kinds, self._wall, acting, bounds)
+            tasks = [
+                self._pool.submit(_advance_some, np.flatnonzero(owner == i), *common, hulls, start, end, work)
+                for i, (hulls, work) in enumerate(zip(self._hulls, self._scratch, strict=True))
+            ]
+            for task in tasks:
+                task.result()
+
+    def remove(self, parts: NDArray[np.int64]) -> None:
+        self._parts.there[parts] = 0
 
     def take_impacts(self, *, end: bool) -> Impacts:
         last, velocity = self._last_contact
@@ -334,15 +264,17 @@ class ImpulseEngine:
         from scipy.spatial.transform import Rotation
 
         n = len(rows)
-        attitude = rows[:, 6:15].reshape(n, 3, 3)
-        body_momentum = np.einsum("nij,ni->nj", attitude, rows[:, 15:18])
-        spin = np.einsum("nij,nj->ni", attitude, body_momentum / self._body.inertia)
-        finite = np.asarray(np.isfinite(attitude).all(axis=(1, 2)))
-        turned = Rotation.from_matrix(np.where(finite[:, None, None], attitude, np.eye(3)))
+        attitude = rows[..., 6:15].reshape(n, self._n, 3, 3)
+        body_momentum = np.einsum("npij,npi->npj", attitude, rows[..., 15:18])
+        inertia = self._kinds.inertia[self._parts.kind[: self._n]]
+        spin = np.einsum("npij,npj->npi", attitude, body_momentum / inertia)
+        finite = np.asarray(np.isfinite(attitude).all(axis=(2, 3)))
+        turned = Rotation.from_matrix(np.where(finite[..., None, None], attitude, np.eye(3)).reshape(-1, 3, 3))
         return Frames(
             time=np.asarray((first + np.arange(n)) * self._scene.frame_interval, float),
-            position=rows[:, None, 0:3],
-            quaternion=np.asarray(turned.as_quat(scalar_first=True))[:, None],
-            velocity=rows[:, None, 3:6],
-            angular_velocity=spin[:, None],
+            position=rows[..., 0:3],
+            quaternion=np.asarray(turned.as_quat(scalar_first=True)).reshape(n, self._n, 4),
+            velocity=rows[..., 3:6],
+            angular_velocity=spin,
+            present=np.tile(self._parts.there[: self._n].astype(bool), (n, 1)),
         )

@@ -1,4 +1,4 @@
-"""What the impulse engine works on: part, motion, wall and scratch space as compiled code takes them."""
+"""What the impulse engine works on: parts, their motion, walls and scratch space as compiled code takes them."""
 
 from __future__ import annotations
 
@@ -8,19 +8,19 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from feeder_sim.engines.free_flight import symmetry_axis
+from feeder_sim.engines.free_flight import rotate_freely, symmetry_axis
 from feeder_sim.guide import Guide
-from feeder_sim.mjcf import build_mjcf
-from feeder_sim.scene import Scene
+from feeder_sim.mjcf import CORNER_RADIUS
+from feeder_sim.scene import GRAVITY, Scene
 
 GAP, RATE, SURFACE_RATE, SURFACE_ACCELERATION, WALL_GAP, WALL_RATE = range(6)  # columns of Scratch.corner
 ARM, NORMAL, VELOCITY = range(3)  # of Scratch.contact
 RESTITUTION, FRICTION = range(2)  # of Scratch.law
-BEAT = 1e-4  # relative; damping alone shifts the frequency of the transient by a hundredth of this
+RIM_HEIGHT, RIM_THICKNESS = 0.5, 0.02  # [m]; above and below the plate
 
 
 class Body(NamedTuple):
-    """The part: mass [kg], principal inertia (3,), symmetry axis, corners (n, 3) [m] with a radius, contact."""
+    """One part: mass [kg], principal inertia (3,), symmetry axis, corners (n, 3) [m] with a radius, reach of them all."""
 
     mass: float
     inertia: NDArray[np.float64]
@@ -32,8 +32,46 @@ class Body(NamedTuple):
     friction: float
 
 
+class Kinds(NamedTuple):
+    """All kinds of parts, one behind the other; a kind of infinite mass stands still.
+
+    Attributes:
+        mass [kg], inertia (kinds, 3), axis, radius, reach [m]: as in `Body`, of each kind.
+        corners: of all kinds, shape (n, 3) [m]; those of kind k are first_corner[k] to first_corner[k + 1].
+        edges: of the hulls, pairs of corners counted from the first of their kind, shape (m, 2); first_edge as above.
+        law: (2, 2), RESTITUTION and FRICTION of contacts with the plate (0) and between parts (1).
+    """
+
+    mass: NDArray[np.float64]
+    inertia: NDArray[np.float64]
+    axis: NDArray[np.int64]
+    radius: NDArray[np.float64]
+    reach: NDArray[np.float64]
+    first_corner: NDArray[np.int64]
+    corners: NDArray[np.float64]
+    first_edge: NDArray[np.int64]
+    edges: NDArray[np.int64]
+    law: NDArray[np.float64]
+
+
+class Parts(NamedTuple):
+    """State of all parts in world axes, each at a time of its own: `clock` [s].
+
+    position, velocity, momentum (n, 3), attitude (n, 3, 3) as in `Motion`; kind (n,); there (n,): 1 while the part is
+    in the scene.
+    """
+
+    position: NDArray[np.float64]
+    velocity: NDArray[np.float64]
+    attitude: NDArray[np.float64]
+    momentum: NDArray[np.float64]
+    clock: NDArray[np.float64]
+    kind: NDArray[np.int64]
+    there: NDArray[np.int8]
+
+
 class Motion(NamedTuple):
-    """State of the part in world axes: position, velocity, attitude (columns: body axes), angular momentum."""
+    """State of one part in world axes: position, velocity, attitude (columns: body axes), angular momentum."""
 
     position: NDArray[np.float64]
     velocity: NDArray[np.float64]
@@ -52,10 +90,16 @@ class Wall(NamedTuple):
 
 
 class Bounds(NamedTuple):
-    """What the surface can do at most: height [m], and per mode shape the acceleration at its antinode [m/s^2]."""
+    """What the surface can do at most within a window of time.
+
+    crest: height [m]; acceleration: of every mode shape at its antinode [m/s^2]; speed: of any point [m/s]; step: the
+    shortest flight [s] that is followed.
+    """
 
     crest: float
     acceleration: NDArray[np.float64]
+    speed: float
+    step: float
 
 
 class Scratch(NamedTuple):
@@ -64,7 +108,7 @@ class Scratch(NamedTuple):
     corner: (n, 6), columns GAP over what it can touch, RATE of approach, what the surface adds to rate and acceleration
     bound, WALL_GAP, WALL_RATE. contact: (3, 2 n, 3), ARM, NORMAL and surface VELOCITY of each contact of an impact.
     law: (2, 2 n), RESTITUTION and FRICTION of each. modal: (2, n_shapes), q and dq/dt. modes: (n_shapes, 3). weight:
-    (2, 4) of the interpolation in x and y.
+    (2, 4) of the interpolation in x and y. points: (n, 3), corners and crossings of hull edges with the plate's edge.
     """
 
     corner: NDArray[np.float64]
@@ -73,28 +117,67 @@ class Scratch(NamedTuple):
     modal: NDArray[np.float64]
     modes: NDArray[np.float64]
     weight: NDArray[np.float64]
+    points: NDArray[np.float64]
 
 
-def read_body(scene: Scene) -> Body:
-    """Read the part back from the compiled scene, so that both engines simulate the same thing."""
-    model = build_mjcf(scene).compile()
-    name = scene.parts[0].name
-    part = model.body(name)
-    with_plate = model.pair_geom1 == model.geom(f"plate_{name}").id
-    geoms = model.pair_geom2[with_plate]
-    corners = np.ascontiguousarray(model.geom_pos[geoms])
-    radius = float(model.geom_size[geoms[0], 0])
-    inertia = np.array(part.inertia, float)
-    return Body(
-        mass=float(part.mass[0]),
-        inertia=inertia,
-        axis=symmetry_axis(inertia),
-        corners=corners,
-        radius=radius,
-        reach=float(np.linalg.norm(corners, axis=1).max()),
-        restitution=scene.scenario.contact.restitution,
-        friction=float(model.pair_friction[with_plate][0, 0]),
+def read_kinds(scene: Scene) -> Kinds:
+    """Collect the kinds of parts; with a rim, a last one for its walls, see `rim_walls`.
+
+    Spheres at the corners of MuJoCo's parts have a radius of a micrometre; so have the parts here, and both engines
+    simulate the same thing.
+    """
+    kinds, contact = scene.kinds, scene.scenario.contact
+    mass = [kind.mass for kind in kinds]
+    inertia = [kind.inertia for kind in kinds]
+    corners = [np.asarray(kind.corners, float) for kind in kinds]
+    edges = [hull_edges(points) for points in corners]
+    radius = [kind.corner_radius or CORNER_RADIUS for kind in kinds]
+    if scene.rim:
+        mass.append(np.inf)
+        inertia.append(np.full(3, np.inf))
+        corners.append(_rim_box(scene))
+        edges.append(np.empty((0, 2), np.int64))
+        radius.append(0.0)
+    return Kinds(
+        mass=np.array(mass),
+        inertia=np.array(inertia),
+        axis=np.array([symmetry_axis(moments) for moments in inertia]),
+        radius=np.array(radius),
+        reach=np.array([np.linalg.norm(points, axis=1).max() for points in corners]),
+        first_corner=np.cumsum([0, *(len(points) for points in corners)]),
+        corners=np.concatenate(corners),
+        first_edge=np.cumsum([0, *(len(lines) for lines in edges)]),
+        edges=np.concatenate(edges),
+        law=np.array([[contact.restitution, contact.friction], [contact.part_restitution, contact.part_friction]]).T,
     )
+
+
+def hull_edges(corners: NDArray[np.float64]) -> NDArray[np.int64]:
+    """Edges of the convex hull of corners (n, 3), as pairs of indices (m, 2); none for fewer than four corners."""
+    if len(corners) < 4:
+        return np.empty((0, 2), np.int64)
+    from scipy.spatial import ConvexHull
+
+    hull = ConvexHull(corners)
+    sides = np.sort(np.concatenate([hull.simplices[:, [0, 1]], hull.simplices[:, [1, 2]], hull.simplices[:, [2, 0]]]))
+    return np.unique(sides, axis=0).astype(np.int64)
+
+
+def _rim_box(scene: Scene) -> NDArray[np.float64]:
+    """Corners (8, 3) of a box that is a wall along any side of the plate."""
+    long = 0.5 * max(scene.surface.length, scene.surface.width) + RIM_THICKNESS
+    signs = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], float)
+    return signs * [long, 0.5 * RIM_THICKNESS, RIM_HEIGHT]
+
+
+def rim_walls(scene: Scene) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Centres (walls, 3) [m] and attitudes (walls, 3, 3) of the walls of a rim; none without one."""
+    if not scene.rim:
+        return np.empty((0, 3)), np.empty((0, 3, 3))
+    x, y = 0.5 * (scene.surface.length + RIM_THICKNESS), 0.5 * (scene.surface.width + RIM_THICKNESS)
+    quarter = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+    centres = np.array([[0.0, y, 0.0], [0.0, -y, 0.0], [x, 0.0, 0.0], [-x, 0.0, 0.0]])
+    return centres, np.array([np.eye(3), np.eye(3), quarter, quarter])
 
 
 def read_wall(guide: Guide | None) -> Wall:
@@ -104,33 +187,62 @@ def read_wall(guide: Guide | None) -> Wall:
     return Wall(np.array([*guide.foot, 0.0]), guide.axis, guide.radius, guide.restitution, guide.friction)
 
 
-def bound_surface(scene: Scene) -> Bounds:
-    """Largest envelope of every modal coordinate over the run, sampled well below the ring-up time, plus 1 %.
-
-    Where terms of different frequencies beat, sampling could miss the peak: there the moduli are added up.
-    """
-    surface, duration = scene.surface, scene.scenario.run.duration_s
-    terms = surface.terms
-    fade = np.abs(terms.rate.real).max(initial=0.0)
-    n = int(min(200_000, 1000 + 20 * duration * fade))
-    edges = np.concatenate([terms.start, terms.stop[np.isfinite(terms.stop)]])
-    times = np.unique(np.concatenate([np.linspace(0.0, duration, n), edges]))
-    envelope = 1.01 * np.abs(terms.phasor(times, surface.n_shapes)).max(axis=0)
-    for shape in range(surface.n_shapes):
-        of_shape = terms.shape == shape
-        frequencies = np.abs(terms.rate.imag[of_shape])
-        if np.ptp(frequencies) > BEAT * frequencies.max():
-            envelope[shape] = np.abs(terms.coefficient[of_shape]).sum()
-    antinode = np.abs(surface.table[..., 0]).max(axis=(1, 2))
-    squared = np.array([(terms.rate.imag[terms.shape == j] ** 2).max() for j in range(surface.n_shapes)])
-    return Bounds(crest=float(envelope @ antinode), acceleration=envelope * squared)
-
-
-def new_scratch(n_corners: int, n_shapes: int) -> Scratch:
-    """Room for a part with that many corners: each can touch plate and wall."""
-    n = 2 * n_corners
-    sizes = ((n_corners, 6), (3, n, 3), (2, n), (2, n_shapes), (n_shapes, 3), (2, 4))
+def new_scratch(kinds: Kinds, n_shapes: int) -> Scratch:
+    """Room for any part: each of its corners can touch plate and wall, each of its edges the edge of the plate."""
+    n = int((np.diff(kinds.first_corner) + 2 * np.diff(kinds.first_edge)).max())
+    sizes = ((n, 6), (3, 2 * n, 3), (2, 2 * n), (2, n_shapes), (n_shapes, 3), (2, 4), (n, 3))
     return Scratch(*(np.zeros(size) for size in sizes))
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def body_of(kinds, k):
+    """The kind k as a `Body`."""
+    corners = kinds.corners[kinds.first_corner[k] : kinds.first_corner[k + 1]]
+    return Body(
+        kinds.mass[k],
+        kinds.inertia[k],
+        kinds.axis[k],
+        corners,
+        kinds.radius[k],
+        kinds.reach[k],
+        kinds.law[RESTITUTION, 0],
+        kinds.law[FRICTION, 0],
+    )
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def motion_of(parts, i):
+    """The state of part i as a `Motion`; changing it changes the part."""
+    return Motion(parts.position[i], parts.velocity[i], parts.attitude[i], parts.momentum[i])
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def fly(motion, inertia, axis, duration):
+    """Free flight over a duration [s], in place."""
+    for k in range(3):
+        motion.position[k] += motion.velocity[k] * duration
+    motion.position[2] -= 0.5 * GRAVITY * duration * duration
+    motion.velocity[2] -= GRAVITY * duration
+    rotate_freely(motion.attitude, motion.momentum, inertia, axis, duration)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def fly_to(parts, kinds, i, t):
+    """Bring part i to time t [s]."""
+    duration, k = t - parts.clock[i], parts.kind[i]
+    parts.clock[i] = t
+    if duration > 0.0 and kinds.mass[k] < np.inf:
+        fly(motion_of(parts, i), kinds.inertia[k], kinds.axis[k], duration)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def invert_inertia(attitude, inertia, out):
+    """Write the inverse inertia tensor in world axes into out (3, 3) [1/(kg m^2)]; zero for infinite inertia."""
+    for i in range(3):
+        for j in range(3):
+            out[i, j] = 0.0
+            for k in range(3):
+                out[i, j] += attitude[i, k] * attitude[j, k] / inertia[k]
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

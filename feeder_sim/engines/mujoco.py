@@ -10,45 +10,25 @@ so that a part resting on the surface follows it without drift; the hinges make 
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import NamedTuple
 
-import llvmlite.binding
 import mujoco
 import numpy as np
 from numba import njit, types
 from numpy.typing import NDArray
 
 from feeder_sim.engines.impact_log import begin_contact, end_contact, in_contact, new_log, room_for, take_impacts
+from feeder_sim.engines.mujoco_library import load_mujoco_symbols, silence_mujoco
 from feeder_sim.engines.surface_arrays import surface_arrays
-from feeder_sim.errors import FeederSimError
 from feeder_sim.impacts import Impacts
 from feeder_sim.mjcf import build_mjcf
 from feeder_sim.plate.kernels import modal_motion, surface_modes
-from feeder_sim.scene import Scene, start_poses
+from feeder_sim.scene import Scene
+from feeder_sim.start import start_poses
 from feeder_sim.trajectory import BLOCK_FRAMES, Frames
 
-LEAST_VERSION = (4, 0, 1)
-
-
-def _load_mujoco_symbols() -> None:
-    """Check the version and make the C functions of the installed MuJoCo visible to compiled code by name."""
-    if tuple(int(n) for n in mujoco.__version__.split(".")[:3]) < LEAST_VERSION:
-        raise FeederSimError(f"MuJoCo {mujoco.__version__} solves sparse contacts wrongly; mujoco-core 4.0.1 is needed")
-    folder = Path(mujoco.__file__).parent
-    library = next(p for p in sorted(folder.iterdir()) if p.name.startswith(("libmujoco", "mujoco.dll")))
-    llvmlite.binding.load_library_permanently(str(library))
-
-
-def _silence_mujoco() -> None:
-    """The simulation's guard reports diverged states, not a MUJOCO_LOG.TXT wherever the user happens to be."""
-    config = mujoco.MjLogConfig.get()
-    config.logto_file = config.logto_console = False
-    config.set()
-
-
-_silence_mujoco()
-_load_mujoco_symbols()
+silence_mujoco()
+load_mujoco_symbols()
 _mj_step = types.ExternalFunction("mj_step", types.void(types.voidptr, types.voidptr))
 
 

@@ -25,7 +25,8 @@ from numpy.typing import NDArray
 
 from feeder_sim.engines.impact_log import begin_contact, end_contact, is_full, log_impact, new_log, take_impacts
 from feeder_sim.impacts import Impacts
-from feeder_sim.scene import GRAVITY, Scene, start_poses
+from feeder_sim.scene import GRAVITY, Scene
+from feeder_sim.start import start_poses
 from feeder_sim.trajectory import BLOCK_FRAMES, Frames
 
 TIME_TOLERANCE = 1e-14  # [s], or the spacing of floating-point numbers at that time

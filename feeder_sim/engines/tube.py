@@ -110,13 +110,13 @@ def leap_to_wall(motion, body, wall, work):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def meeting_time(work, step):
+def meeting_time(work, n_corners, step):
     """When a corner is expected to meet plate or wall at its present rate [s]: between a share of a step and one.
 
     In a play of micrometres a corner must not cover a whole step inside the wall.
     """
     first = step
-    for i in range(work.corner.shape[0]):
+    for i in range(n_corners):
         if work.corner[i, RATE] < 0.0 and work.corner[i, GAP] < np.inf:
             first = min(first, -max(work.corner[i, GAP], 0.0) / work.corner[i, RATE])
         if work.corner[i, WALL_RATE] < 0.0:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -13,7 +13,8 @@ from feeder_sim.plate.mode_file import ModeFile, read_mode_file
 from feeder_sim.plate.modes import PlateModes, RectangularPlate, plate_modes
 from feeder_sim.plate.shapes import ModeShape, Piston, RitzShape, StandingWave, standing_wave
 from feeder_sim.plate.surface import Surface, tabulate
-from feeder_sim.scenario import Drive, PistonPlate, Rectangle, Scenario, Strip, resolve_material
+from feeder_sim.scenario import Excitation, PistonPlate, Rectangle, Scenario, Strip, resolve_material
+from feeder_sim.timetable import Timetable, timetable
 
 # Used where neither the scenario nor a measurement says: the middle of the measured range 0.0009 - 0.0027.
 DEFAULT_DAMPING_RATIO = 0.002
@@ -24,15 +25,17 @@ SEARCH_FACTOR = 1.1  # modes of a plate given by its dimensions are computed thi
 LARGEST_DEFLECTION = 1.0
 STRIP_WAVELENGTHS = 1.5
 
+Excitations = tuple[tuple[str, Excitation], ...]  # with their keys, for messages
+
 
 @dataclass(frozen=True)
 class DrivenMode:
-    """What one drive of the scenario came to.
+    """What one excitation of the scenario came to.
 
     Attributes:
         label: for people, such as "mode 13 (2639.2 Hz computed)".
         shape: the mode shape.
-        drive: its modal drive.
+        drive: its modal drive, the first time it acts.
     """
 
     label: str
@@ -42,7 +45,7 @@ class DrivenMode:
 
 @dataclass(frozen=True)
 class DrivenPlate:
-    """A plate with everything that moves it."""
+    """A plate with everything that moves it: one `driven` per excitation of the scenario."""
 
     surface: Surface
     driven: tuple[DrivenMode, ...]
@@ -54,77 +57,80 @@ def assemble_plate(scenario: Scenario) -> DrivenPlate:
     Raises:
         InputError: unknown mode, a frequency the plate has no mode for, missing gain, unusable mode file.
     """
-    plate = scenario.plate
+    plate, times = scenario.plate, timetable(scenario)
     if isinstance(plate, Strip):
-        return _strip(plate, scenario.drive)
+        return _strip(plate, scenario.excitations, times)
     if isinstance(plate, Rectangle):
-        return _rectangle(plate, scenario.drive)
-    return _piston(plate, scenario.drive)
+        return _rectangle(plate, scenario.excitations, times)
+    return _piston(plate, scenario.excitations, times)
 
 
-def _strip(plate: Strip, drives: tuple[Drive, ...]) -> DrivenPlate:
+def _strip(plate: Strip, drives: Excitations, times: Timetable) -> DrivenPlate:
     thickness = plate.thickness_mm * 1e-3
     slab = RectangularPlate(1.0, 1.0, thickness, resolve_material(plate.material))
     driven = []
-    for i, drive in enumerate(drives):
-        _refuse(drive, i, "strip", "mode", "voltage_vpp", "at_mm")
+    for i, (key, drive) in enumerate(drives):
+        _refuse(drive, key, "strip", "mode", "voltage_vpp", "at_mm")
         try:
             wave = standing_wave(slab, drive.frequency_hz)
         except ValueError as error:
-            raise InputError(f"is {drive.frequency_hz}, {error}", key=f"drive[{i}].frequency_hz") from error
+            raise InputError(f"is {drive.frequency_hz}, {error}", key=f"{key}.frequency_hz") from error
         label = f"standing wave, wavelength {wave.wavelength * 1e3:.2f} mm"
         driven.append(DrivenMode(label, wave, _modal_drive(drive, i, _um(drive.amplitude_um))))
     wavelengths = [mode.shape.wavelength for mode in driven if isinstance(mode.shape, StandingWave)]
     length = plate.length_mm * 1e-3 if plate.length_mm else STRIP_WAVELENGTHS * max(wavelengths)
-    return _tabulated(driven, length, plate.width_mm * 1e-3, thickness, min(wavelengths), uniform_y=True)
+    size = (length, plate.width_mm * 1e-3, thickness)
+    return _tabulated(driven, drives, times, *size, min(wavelengths), uniform_y=True)
 
 
-def _piston(plate: PistonPlate, drives: tuple[Drive, ...]) -> DrivenPlate:
+def _piston(plate: PistonPlate, drives: Excitations, times: Timetable) -> DrivenPlate:
     driven = []
-    for i, drive in enumerate(drives):
-        _refuse(drive, i, "piston", "mode", "voltage_vpp", "at_mm")
+    for i, (key, drive) in enumerate(drives):
+        _refuse(drive, key, "piston", "mode", "voltage_vpp", "at_mm")
         driven.append(DrivenMode("piston", Piston(), _modal_drive(drive, i, _um(drive.amplitude_um))))
     size = (plate.length_mm * 1e-3, plate.width_mm * 1e-3, plate.thickness_mm * 1e-3)
-    return _tabulated(driven, *size, math.inf, uniform_y=True)
+    return _tabulated(driven, drives, times, *size, math.inf, uniform_y=True)
 
 
-def _rectangle(plate: Rectangle, drives: tuple[Drive, ...]) -> DrivenPlate:
+def _rectangle(plate: Rectangle, drives: Excitations, times: Timetable) -> DrivenPlate:
     held = _modes_for(plate, drives)
     modes = held.modes
-    driven = [_driven_mode(drive, i, held) for i, drive in enumerate(drives)]
+    driven = [_driven_mode(drive, key, i, held) for i, (key, drive) in enumerate(drives)]
     used = [mode.shape.index for mode in driven if isinstance(mode.shape, RitzShape)]
     shortest = standing_wave(modes.plate, float(modes.natural_frequency[used].max())).wavelength
-    return _tabulated(driven, modes.plate.length, modes.plate.width, modes.plate.thickness, shortest)
+    size = (modes.plate.length, modes.plate.width, modes.plate.thickness)
+    return _tabulated(driven, drives, times, *size, shortest)
 
 
-def _modes_for(plate: Rectangle, drives: tuple[Drive, ...]) -> ModeFile:
+def _modes_for(plate: Rectangle, drives: Excitations) -> ModeFile:
     if plate.mode_file is not None:
         return read_mode_file(plate.mode_file)
     if plate.length_mm is None or plate.width_mm is None or plate.thickness_mm is None:
         raise InputError("length_mm, width_mm and thickness_mm are needed without mode_file", key="plate")
     material = resolve_material(plate.material or "aluminium")
     body = RectangularPlate(plate.length_mm * 1e-3, plate.width_mm * 1e-3, plate.thickness_mm * 1e-3, material)
-    wanted = max(drive.natural_frequency_hz or drive.frequency_hz for drive in drives)
+    wanted = max(drive.natural_frequency_hz or drive.frequency_hz for _, drive in drives)
     try:
         modes = plate_modes(body, highest_frequency=wanted * SEARCH_FACTOR)
     except ValueError as error:
-        raise InputError(f"is {wanted:g}, {error}", key="drive.frequency_hz") from error
+        raise InputError(f"is {wanted:g}, {error}", key=f"{drives[0][0]}.frequency_hz") from error
     if not len(modes):
-        raise InputError(f"is {drives[0].frequency_hz}, below the first mode of the plate", key="drive[0].frequency_hz")
+        key, drive = drives[0]
+        raise InputError(f"is {drive.frequency_hz}, below the first mode of the plate", key=f"{key}.frequency_hz")
     return ModeFile(modes)
 
 
-def _driven_mode(drive: Drive, i: int, held: ModeFile) -> DrivenMode:
+def _driven_mode(drive: Excitation, key: str, i: int, held: ModeFile) -> DrivenMode:
     """Choose the mode of one drive, and its modal amplitude from an amplitude or a voltage."""
     modes = held.modes
-    index = _choose_mode(drive, i, modes)
+    index = _choose_mode(drive, key, modes)
     measured = next((r for r in held.resonances if r.mode == index), None)
     if drive.voltage_vpp is not None:
         if measured is None or not math.isfinite(measured.gain):
             known = ", ".join(f"{r.frequency:g}" for r in held.resonances if math.isfinite(r.gain)) or "none"
             raise InputError(
                 f"mode {index + 1} has no measured gain, allowed are the resonances at {known} Hz",
-                key=f"drive[{i}].voltage_vpp",
+                key=f"{key}.voltage_vpp",
             )
         level = measured.gain * drive.voltage_vpp
         point: tuple[float, float] | None = measured.driven_point
@@ -133,23 +139,23 @@ def _driven_mode(drive: Drive, i: int, held: ModeFile) -> DrivenMode:
         point = None if drive.at_mm is None else (drive.at_mm[0] * 1e-3, drive.at_mm[1] * 1e-3)
     if point is not None:
         name = "at_mm" if drive.voltage_vpp is None else "voltage_vpp"
-        level /= _deflection_at(modes, index, point, f"drive[{i}].{name}")
+        level /= _deflection_at(modes, index, point, f"{key}.{name}")
     damping = measured.damping_ratio if measured is not None and math.isfinite(measured.damping_ratio) else None
     label = f"mode {index + 1}, {modes.natural_frequency[index]:.1f} Hz computed"
     return DrivenMode(label, RitzShape(modes, index), _modal_drive(drive, i, level, damping))
 
 
-def _choose_mode(drive: Drive, i: int, modes: PlateModes) -> int:
+def _choose_mode(drive: Excitation, key: str, modes: PlateModes) -> int:
     frequencies = modes.natural_frequency
     if drive.mode is not None:
         if drive.mode > len(modes):
-            raise InputError(f"is {drive.mode}, allowed is 1 to {len(modes)}", key=f"drive[{i}].mode")
+            raise InputError(f"is {drive.mode}, allowed is 1 to {len(modes)}", key=f"{key}.mode")
         computed = frequencies[drive.mode - 1]
         if drive.natural_frequency_hz is None and abs(computed / drive.frequency_hz - 1.0) > MODE_MATCH:
             raise InputError(
                 f"is {drive.frequency_hz:g}, but mode {drive.mode} lies at {computed:.1f} Hz; allowed is within "
                 f"{MODE_MATCH:.0%} of it, or a natural_frequency_hz to drive it off resonance",
-                key=f"drive[{i}].frequency_hz",
+                key=f"{key}.frequency_hz",
             )
         return drive.mode - 1
     target = drive.natural_frequency_hz or drive.frequency_hz
@@ -157,14 +163,14 @@ def _choose_mode(drive: Drive, i: int, modes: PlateModes) -> int:
     if target > frequencies[-1] * (1.0 + MODE_MATCH):
         raise InputError(
             f"is {target:g}, beyond the computed modes; allowed is up to {frequencies[-1] * (1 + MODE_MATCH):.0f}",
-            key=f"drive[{i}].{name}",
+            key=f"{key}.{name}",
         )
     index = int(np.argmin(np.abs(frequencies - target)))
     if abs(frequencies[index] / target - 1.0) > MODE_MATCH:
         raise InputError(
             f"is {target:g}, no mode within {MODE_MATCH:.0%}; the nearest is mode {index + 1} at "
             f"{frequencies[index]:.1f} Hz (or name a mode)",
-            key=f"drive[{i}].{name}",
+            key=f"{key}.{name}",
         )
     return index
 
@@ -183,7 +189,7 @@ def _deflection_at(modes: PlateModes, index: int, point: tuple[float, float], ke
     return w
 
 
-def _modal_drive(drive: Drive, shape: int, amplitude: float, measured_damping: float | None = None) -> ModalDrive:
+def _modal_drive(drive: Excitation, shape: int, amplitude: float, measured_damping: float | None = None) -> ModalDrive:
     damping = drive.damping_ratio or measured_damping or DEFAULT_DAMPING_RATIO
     return ModalDrive(
         shape=shape,
@@ -192,13 +198,13 @@ def _modal_drive(drive: Drive, shape: int, amplitude: float, measured_damping: f
         amplitude=amplitude,
         phase=math.radians(drive.phase_deg),
         damping_ratio=damping if drive.ring_up else None,
-        start=drive.start_s,
-        stop=drive.start_s + drive.duration_s if drive.duration_s else math.inf,
     )
 
 
 def _tabulated(
     driven: list[DrivenMode],
+    drives: Excitations,
+    times: Timetable,
     length: float,
     width: float,
     thickness: float,
@@ -206,29 +212,33 @@ def _tabulated(
     *,
     uniform_y: bool = False,
 ) -> DrivenPlate:
-    for i, mode in enumerate(driven):
+    for (key, _), mode in zip(drives, driven, strict=True):
         if mode.drive.amplitude > LARGEST_DEFLECTION * thickness:
             raise InputError(
                 f"asks for {1e6 * mode.drive.amplitude:g} um at the antinode, allowed is up to the plate's thickness, "
                 f"{1e6 * thickness:g} um",
-                key=f"drive[{i}]",
+                key=key,
             )
+    shapes = list(dict.fromkeys(mode.shape for mode in driven))  # a mode may be driven many times
+    placed = [replace(mode.drive, shape=shapes.index(mode.shape)) for mode in driven]
+    acting = [replace(placed[o.excitation], start=o.start, stop=o.stop) for o in times.occurrences]
+    first = {o.excitation: drive for o, drive in reversed(list(zip(times.occurrences, acting, strict=True)))}
     surface = tabulate(
-        [mode.shape for mode in driven],
-        modal_terms(mode.drive for mode in driven),
+        shapes,
+        modal_terms(acting),
         length=length,
         width=width,
         thickness=thickness,
         wavelength=wavelength,
         uniform_y=uniform_y,
     )
-    return DrivenPlate(surface, tuple(driven))
+    return DrivenPlate(surface, tuple(replace(mode, drive=first[i]) for i, mode in enumerate(driven)))
 
 
-def _refuse(drive: Drive, i: int, kind: str, *names: str) -> None:
+def _refuse(drive: Excitation, key: str, kind: str, *names: str) -> None:
     for name in names:
         if getattr(drive, name) is not None:
-            raise InputError(f"is {getattr(drive, name)}, a {kind} takes amplitude_um only", key=f"drive[{i}].{name}")
+            raise InputError(f"is {getattr(drive, name)}, a {kind} takes amplitude_um only", key=f"{key}.{name}")
 
 
 def _um(value: float | None) -> float:

@@ -68,7 +68,7 @@ class RectangularPlate:
         return self.material.density * self.thickness**3 / 12.0
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)  # compared by identity, as keys
 class PlateModes:
     """Elastic modes of a plate, sorted by frequency; mode number 1 is index 0.
 

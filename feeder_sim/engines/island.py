@@ -1,0 +1,113 @@
+"""Advance the parts of one island through a window of time, event by event.
+
+Every part has a time of its own. An event is a look at a part over the plate, or at a pair of parts; each is due at the
+earliest time at which something can happen there, and the earliest of all is next. Only what changes its velocity in an
+impact makes what it could meet due anew.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from feeder_sim.engines.impulse_state import body_of, fly_to, motion_of
+from feeder_sim.engines.pair_contact import meet, meeting_bound
+from feeder_sim.engines.plate_contact import meet_plate
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def advance_island(island, islands, pairs, parts, kinds, no_wall, surface, bounds, hulls, start, end, work):
+    """Advance one island from start to end [s]; work and hulls belong to this thread."""
+    first, last = islands.first_part[island], islands.first_part[island + 1]
+    first_pair, last_pair = islands.first_pair[island], islands.first_pair[island + 1]
+    if last - first == 1 and last_pair == first_pair:
+        _advance_alone(islands.part[first], parts, kinds, no_wall, surface, bounds, start, end, work)
+        return
+    n = last - first
+    tree = _all_due(n + last_pair - first_pair, start)
+    while tree[1] < end:
+        t, leaf = tree[1], _earliest(tree)
+        if leaf < n:
+            i = islands.part[first + leaf]
+            fly_to(parts, kinds, i, t)
+            kind = parts.kind[i]
+            motion, body = motion_of(parts, i), body_of(kinds, kind)
+            leap, hit = meet_plate(motion, body, kinds, kind, no_wall, surface, bounds, t, work)
+            _set_due(tree, leaf, t + leap)
+            if hit:
+                _look_at_pairs(i, -1, islands, first_pair, n, tree, pairs, parts, kinds, t, bounds.step)
+            continue
+        p = islands.pair[first_pair + leaf - n]
+        due, near = meeting_bound(pairs, p, parts, kinds, t, bounds.step)
+        if near:
+            hit = meet(pairs, p, parts, kinds, hulls)
+            due, near = meeting_bound(pairs, p, parts, kinds, t, bounds.step)
+            if hit:
+                for i in (pairs.a[p], pairs.b[p]):
+                    if i < islands.place.shape[0]:
+                        _set_due(tree, islands.place[i] - first, t)
+                        _look_at_pairs(i, p, islands, first_pair, n, tree, pairs, parts, kinds, t, bounds.step)
+        _set_due(tree, leaf, due)
+    for k in range(first, last):
+        fly_to(parts, kinds, islands.part[k], end)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _advance_alone(i, parts, kinds, no_wall, surface, bounds, start, end, work):
+    """Advance a part that can meet nothing but the plate."""
+    kind = parts.kind[i]
+    motion, body = motion_of(parts, i), body_of(kinds, kind)
+    t = start
+    while t < end:
+        fly_to(parts, kinds, i, t)
+        leap, _ = meet_plate(motion, body, kinds, kind, no_wall, surface, bounds, t, work)
+        t += leap
+    fly_to(parts, kinds, i, end)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _look_at_pairs(i, except_pair, islands, first_pair, n, tree, pairs, parts, kinds, t, step):
+    """Make the pairs of a part due anew after its velocity has changed at time t."""
+    for k in range(islands.first_touching[i], islands.first_touching[i + 1]):
+        place = islands.touching[k]
+        p = islands.pair[place]
+        if p != except_pair:
+            due, _ = meeting_bound(pairs, p, parts, kinds, t, step)
+            _set_due(tree, n + place - first_pair, due)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _all_due(n, t):
+    """Tournament tree over n events due at time t: node 1 holds the earliest, node k that of 2 k and 2 k + 1."""
+    size = 1
+    while size < n:
+        size *= 2
+    tree = np.full(2 * size, np.inf)
+    tree[size : size + n] = t
+    for k in range(size - 1, 0, -1):
+        tree[k] = min(tree[2 * k], tree[2 * k + 1])
+    return tree
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _earliest(tree):
+    """Number of the event that is due first; of several, the one with the lowest number."""
+    k, size = 1, tree.shape[0] // 2
+    while k < size:
+        k *= 2
+        if tree[k] > tree[k + 1]:
+            k += 1
+    return k - size
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _set_due(tree, event, t):
+    k = tree.shape[0] // 2 + event
+    tree[k] = t
+    k //= 2
+    while k > 0:
+        earliest = min(tree[2 * k], tree[2 * k + 1])
+        if tree[k] == earliest:
+            return
+        tree[k] = earliest
+        k //= 2

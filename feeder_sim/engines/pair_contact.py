@@ -1,0 +1,207 @@
+"""Contact of two parts: when they can meet at the earliest, and their impact.
+
+Both parts fly freely, so gravity does not change their relative motion. Each pair keeps an axis, the direction in which
+its hulls were last found apart. The plane across it between both hulls parts them for as long as no corner of either
+can have crossed it, which bounds the time of their meeting from below by arithmetic on corners alone; only where the
+plane does not part them any more is the library asked for distance and closest points (conservative advancement, as at
+the plate). An impact is at one point of each: faces that meet touch at one corner after the other.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from feeder_sim.engines.hulls import hull_distance
+from feeder_sim.engines.impact import resolve_single
+from feeder_sim.engines.impulse_state import FRICTION, RESTITUTION, fly_to, invert_inertia
+from feeder_sim.scene import GRAVITY
+
+SLACK = 1e-6  # [m]; hulls this close touch, and may enter each other this far before anybody looks
+FAR = 1e-3  # [m]; no distance beyond this is asked of the library
+
+
+class Pairs(NamedTuple):
+    """Pairs of parts that can meet within a window: a < b (n,), and the axis from a to b (n, 3)."""
+
+    a: NDArray[np.int64]
+    b: NDArray[np.int64]
+    axis: NDArray[np.float64]
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def meeting_bound(pairs, p, parts, kinds, t, step):
+    """Earliest time [s] at which pair p has to be looked at again, and whether it may touch now; not before a step."""
+    a, b = pairs.a[p], pairs.b[p]
+    if kinds.mass[parts.kind[b]] < np.inf:
+        apart, wait = _spheres_meet(parts, kinds, a, b, t)
+        if apart:
+            return t + max(wait, step), False
+    fly_to(parts, kinds, a, t)
+    fly_to(parts, kinds, b, t)
+    axis = pairs.axis[p]
+    top = _extent(parts, kinds, a, axis, 1.0)
+    bottom = _extent(parts, kinds, b, axis, -1.0)
+    gap = -bottom - top
+    # The plane moves with both hulls' mean speed along the axis; each has half of the gap to itself.
+    drift = 0.0
+    for k in range(3):
+        drift += 0.5 * axis[k] * (parts.velocity[a, k] + parts.velocity[b, k])
+    if kinds.mass[parts.kind[b]] == np.inf:
+        drift = 0.0
+    room = 0.5 * (max(gap, 0.0) + SLACK)
+    wait = min(
+        _crossing_time(parts, kinds, a, axis, 1.0, top, drift, room),
+        _crossing_time(parts, kinds, b, axis, -1.0, bottom, -drift, room),
+    )
+    return t + max(wait, step), gap <= SLACK
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _spheres_meet(parts, kinds, a, b, t):
+    """Whether the bounding spheres are apart at time t, and how long they stay so [s]; without turning the parts."""
+    reach = kinds.reach[parts.kind[a]] + kinds.radius[parts.kind[a]]
+    reach += kinds.reach[parts.kind[b]] + kinds.radius[parts.kind[b]]
+    age_a, age_b = t - parts.clock[a], t - parts.clock[b]
+    distance = closing = speed = 0.0
+    for k in range(3):
+        r = parts.position[b, k] + parts.velocity[b, k] * age_b - parts.position[a, k] - parts.velocity[a, k] * age_a
+        u = parts.velocity[b, k] - parts.velocity[a, k]
+        if k == 2:
+            r -= 0.5 * GRAVITY * (age_b * age_b - age_a * age_a)
+            u -= GRAVITY * (age_b - age_a)
+        distance += r * r
+        closing += r * u
+        speed += u * u
+    if distance <= reach * reach:
+        return False, 0.0
+    discriminant = closing * closing - speed * (distance - reach * reach)
+    if closing >= 0.0 or discriminant <= 0.0:
+        return True, np.inf
+    return True, (distance - reach * reach) / (-closing + math.sqrt(discriminant))
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _extent(parts, kinds, i, axis, sign):
+    """Largest coordinate of part i along sign * axis [m]."""
+    k = parts.kind[i]
+    largest = -np.inf
+    local = np.empty(3)
+    _to_body(parts, i, axis, sign, local)
+    for c in range(kinds.first_corner[k], kinds.first_corner[k + 1]):
+        along = local[0] * kinds.corners[c, 0] + local[1] * kinds.corners[c, 1] + local[2] * kinds.corners[c, 2]
+        largest = max(largest, along)
+    if kinds.first_corner[k + 1] - kinds.first_corner[k] == 1:
+        largest += kinds.radius[k]
+    for n in range(3):
+        largest += sign * axis[n] * parts.position[i, n]
+    return largest
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _to_body(parts, i, vector, sign, local):
+    for n in range(3):
+        local[n] = 0.0
+        for k in range(3):
+            local[n] += sign * parts.attitude[i, k, n] * vector[k]
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _crossing_time(parts, kinds, i, axis, sign, support, drift, room):
+    """Time [s] before which no corner of part i can have come `room` farther along sign * axis than its support.
+
+    The plane it must not cross moves at `drift` [m/s]; a corner turns with an acceleration of 2 reach (L / I)^2 at most.
+    """
+    k = parts.kind[i]
+    if kinds.mass[k] == np.inf:
+        return np.inf
+    local, body_spin, cross = np.empty(3), np.empty(3), np.empty(3)
+    _to_body(parts, i, axis, sign, local)
+    _to_body(parts, i, parts.momentum[i], 1.0, body_spin)
+    squared, least = 0.0, np.inf
+    for n in range(3):
+        squared += body_spin[n] * body_spin[n]
+        least = min(least, kinds.inertia[k, n])
+        body_spin[n] /= kinds.inertia[k, n]
+    for n in range(3):  # n . (w x r) = r . (n x w)
+        cross[n] = local[(n + 1) % 3] * body_spin[(n + 2) % 3] - local[(n + 2) % 3] * body_spin[(n + 1) % 3]
+    speed, centre = -drift, 0.0
+    for n in range(3):
+        speed += sign * axis[n] * parts.velocity[i, n]
+        centre += sign * axis[n] * parts.position[i, n]
+    ball = kinds.first_corner[k + 1] - kinds.first_corner[k] == 1
+    a = 0.0 if ball else 2.0 * kinds.reach[k] * squared / (least * least)
+    shortest = np.inf
+    for c in range(kinds.first_corner[k], kinds.first_corner[k + 1]):
+        along, rate = centre, speed
+        for n in range(3):
+            along += local[n] * kinds.corners[c, n]
+            rate += cross[n] * kinds.corners[c, n]
+        if ball:
+            along += kinds.radius[k]
+        gap = support - along + room
+        root = math.sqrt(rate * rate + 2.0 * a * gap)
+        if rate + root > 0.0:
+            shortest = min(shortest, 2.0 * gap / (rate + root))
+    return shortest
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def meet(pairs, p, parts, kinds, hulls):
+    """Ask for the distance of pair p and, where its parts touch and approach each other, give them impulses.
+
+    Both parts are at the same time. Returns whether there was an impact.
+    """
+    a, b = pairs.a[p], pairs.b[p]
+    axis, witness = pairs.axis[p], hulls.witness
+    distance = hull_distance(hulls, parts, a, b, FAR)
+    if distance >= FAR:
+        return False
+    if abs(distance) > 0.1 * SLACK:  # of closest points that coincide the direction is round-off
+        for k in range(3):
+            axis[k] = (witness[3 + k] - witness[k]) / distance
+        size = math.sqrt(axis[0] ** 2 + axis[1] ** 2 + axis[2] ** 2)
+        for k in range(3):
+            axis[k] /= size
+    if distance > SLACK:
+        return False
+    arms = np.empty((2, 3))
+    for k in range(3):
+        contact = 0.5 * (witness[k] + witness[3 + k])
+        arms[0, k], arms[1, k] = contact - parts.position[a, k], contact - parts.position[b, k]
+    return _collide(parts, kinds, a, b, arms, axis, distance)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _collide(parts, kinds, a, b, arms, axis, distance):
+    """Impact of part b on part a at the ends of their arms, along an axis from a to b; push apart what overlaps."""
+    ka, kb = parts.kind[a], parts.kind[b]
+    fixed = kinds.mass[kb] == np.inf
+    inverse = np.empty((2, 3, 3))
+    invert_inertia(parts.attitude[a], kinds.inertia[ka], inverse[0])
+    invert_inertia(parts.attitude[b], kinds.inertia[kb], inverse[1])
+    law = 0 if fixed else 1
+    hit = resolve_single(
+        parts.velocity[a],
+        parts.momentum[a],
+        1.0 / kinds.mass[ka],
+        inverse[0],
+        parts.velocity[b],
+        parts.momentum[b],
+        1.0 / kinds.mass[kb],
+        inverse[1],
+        arms,
+        axis,
+        kinds.law[RESTITUTION, law],
+        kinds.law[FRICTION, law],
+    )
+    if hit and distance < 0.0:
+        share = 1.0 if fixed else kinds.mass[kb] / (kinds.mass[ka] + kinds.mass[kb])
+        for k in range(3):
+            parts.position[a, k] += distance * share * axis[k]
+            parts.position[b, k] -= distance * (1.0 - share) * axis[k]
+    return hit

@@ -1,0 +1,290 @@
+"""One free part over the plate: gaps, approach, impact, and how long it may fly without looking again.
+
+    proximity   height of every corner above the surface, and how fast it approaches
+    impact      corners that touch and approach get impulses, together (impact.py)
+    leap        the longest flight during which no corner can touch: with gap g, approach speed -u and a bound a on the
+                relative acceleration, no contact before t = (u + sqrt(u^2 + 2 a g)) / a; never shorter than the step
+
+Over the edge of the plate a hull rests on the edge too: where its own edges cross the plane of a side of the plate it
+gets a further point, for the moment, that meets the plate like a corner.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+
+from feeder_sim.engines.impact import resolve_impact
+from feeder_sim.engines.impulse_state import (
+    ARM,
+    FRICTION,
+    GAP,
+    NORMAL,
+    RATE,
+    RESTITUTION,
+    SURFACE_ACCELERATION,
+    SURFACE_RATE,
+    VELOCITY,
+    Body,
+    invert_inertia,
+    point,
+)
+from feeder_sim.engines.tube import approach_wall, gather_wall, leap_to_wall, meeting_time
+from feeder_sim.plate.kernels import modal_motion, surface_modes, surface_normal
+from feeder_sim.scene import GRAVITY
+
+TOUCH = 1e-9  # [m]; corners this close count as touching, so that a flat landing is one impact and not six
+ON_EDGE = 1e-9  # [m]; a point this far off the plate is still on its edge
+BESIDE = 2e-4  # [m]; a point that far below the surface at the edge of the plate is beside or under it
+EDGE_STEPS = 10  # a point on the edge of the plate moves along the hull: its leaps are estimates, and at least this long
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def meet_plate(motion, body, kinds, k, wall, surface, bounds, t, work):
+    """Impacts of one part of kind k at time t [s], and how long it may fly then.
+
+    Returns:
+        the flight [s]; whether it has hit the plate.
+    """
+    guided = wall.radius < np.inf
+    height = motion.position[2] - body.reach - body.radius - bounds.crest
+    if not guided and height > 2.0 * TOUCH:  # nothing of it can be near
+        rising = motion.velocity[2]
+        return max((rising + math.sqrt(rising * rising + 2.0 * GRAVITY * height)) / GRAVITY, bounds.step), False
+    n_corners = body.corners.shape[0]
+    body = _with_points_on_edge(motion, body, kinds, k, surface, work)
+    _proximity(motion, body, surface, bounds, t, work)
+    on_plate = _approach(motion, body, work)
+    on_wall = approach_wall(motion, body, wall, TOUCH, work) if guided else 0
+    if on_plate + on_wall > 0:
+        _impact(motion, body, wall, surface, work)
+        _approach(motion, body, work)
+        if guided:
+            approach_wall(motion, body, wall, TOUCH, work)
+    leap = _leap(motion, body, work)
+    if guided:
+        leap = max(min(leap, leap_to_wall(motion, body, wall, work)), meeting_time(work, body.corners.shape[0], bounds.step))
+    if body.corners.shape[0] > n_corners:
+        leap = min(leap, _edge_leap(motion, body, n_corners, bounds.step, work))
+    return max(leap, bounds.step), on_plate > 0
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _with_points_on_edge(motion, body, kinds, k, surface, work):
+    """The part with a further corner wherever an edge of its hull crosses the plane of a side of the plate."""
+    reach = body.reach + body.radius
+    half_x, half_y = surface.grid_x[-1], surface.grid_y[-1]
+    if abs(motion.position[0]) + reach < half_x and abs(motion.position[1]) + reach < half_y:
+        return body
+    n = body.corners.shape[0]
+    work.points[:n] = body.corners
+    for axis in range(2):
+        half = half_x if axis == 0 else half_y
+        if abs(motion.position[axis]) + reach < half or abs(motion.position[axis]) - reach > half:
+            continue
+        side = half if motion.position[axis] > 0.0 else -half
+        for e in range(kinds.first_edge[k], kinds.first_edge[k + 1]):
+            i, j = kinds.edges[e, 0], kinds.edges[e, 1]
+            a, b = point(motion, body, i, axis) - side, point(motion, body, j, axis) - side
+            if a * b < 0.0:
+                share = a / (a - b)
+                for c in range(3):
+                    work.points[n, c] = body.corners[i, c] + share * (body.corners[j, c] - body.corners[i, c])
+                n += 1
+    corners = work.points[:n]
+    return Body(
+        body.mass, body.inertia, body.axis, corners, body.radius, body.reach, body.restitution, body.friction
+    )
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _near_edge(motion, body, surface):
+    reach = 2.0 * (body.reach + body.radius)
+    return (
+        abs(motion.position[0]) + reach > surface.grid_x[-1] or abs(motion.position[1]) + reach > surface.grid_y[-1]
+    )
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _edge_leap(motion, body, first, step, work):
+    """Flight after which the points on the plate's edge, from `first` on, are looked at again [s]."""
+    least = min(body.inertia[0], body.inertia[1], body.inertia[2])
+    speed = body.reach * math.sqrt(motion.momentum[0] ** 2 + motion.momentum[1] ** 2 + motion.momentum[2] ** 2) / least
+    speed += math.sqrt(motion.velocity[0] ** 2 + motion.velocity[1] ** 2 + motion.velocity[2] ** 2)
+    gap = np.inf
+    for i in range(first, body.corners.shape[0]):
+        gap = min(gap, work.corner[i, GAP])
+    return max(0.25 * gap / speed if speed > 0.0 else np.inf, EDGE_STEPS * step)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _proximity(motion, body, surface, bounds, t, work):
+    """Fill gap and surface part of every corner.
+
+    Above the crest the gap is to the crest and the surface counts as still; below it, to the surface itself. A corner
+    beyond the edge of the plate has nothing under it.
+    """
+    moved = False
+    for i in range(body.corners.shape[0]):
+        height = motion.position[2] - body.radius
+        for axis in range(3):
+            height += motion.attitude[2, axis] * body.corners[i, axis]
+        work.corner[i, GAP] = height - bounds.crest
+        work.corner[i, SURFACE_RATE] = work.corner[i, SURFACE_ACCELERATION] = 0.0
+        if work.corner[i, GAP] > 2.0 * TOUCH:  # a gap to the crest must never pass for a touch
+            continue
+        if not moved:
+            _move_surface(surface, t, work)
+            moved = True
+        _measure_gap(motion, body, surface, bounds, height, i, work)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _approach(motion, body, work):
+    """Fill the vertical rate of every corner relative to the surface; returns how many touch and approach."""
+    # (w x r)_z = r . (z x w), taken in body axes once instead of for every corner.
+    wx = wy = 0.0
+    for axis in range(3):
+        along = 0.0
+        for k in range(3):
+            along += motion.attitude[k, axis] * motion.momentum[k]
+        along /= body.inertia[axis]
+        wx += motion.attitude[0, axis] * along
+        wy += motion.attitude[1, axis] * along
+    x = wx * motion.attitude[1, 0] - wy * motion.attitude[0, 0]
+    y = wx * motion.attitude[1, 1] - wy * motion.attitude[0, 1]
+    z = wx * motion.attitude[1, 2] - wy * motion.attitude[0, 2]
+    touching = 0
+    for i in range(body.corners.shape[0]):
+        turning = x * body.corners[i, 0] + y * body.corners[i, 1] + z * body.corners[i, 2]
+        work.corner[i, RATE] = motion.velocity[2] + turning - work.corner[i, SURFACE_RATE]
+        if work.corner[i, GAP] <= TOUCH and work.corner[i, RATE] < 0.0:
+            touching += 1
+    return touching
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _move_surface(surface, t, work):
+    """Modal coordinates and their rates at time t."""
+    modal_motion(
+        t,
+        surface.term_shape,
+        surface.term_start,
+        surface.term_stop,
+        surface.coefficient,
+        surface.rate,
+        work.modal[0],
+        work.modal[1],
+    )
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _measure_gap(motion, body, surface, bounds, height, i, work):
+    """Gap of one corner to the surface under it, the surface's rate, and a bound on its acceleration."""
+    x, y = point(motion, body, i, 0), point(motion, body, i, 1)
+    if abs(x) > surface.grid_x[-1] + ON_EDGE or abs(y) > surface.grid_y[-1] + ON_EDGE:
+        work.corner[i, GAP] = np.inf
+        return
+    _modes_at(motion, surface, x, y, work)
+    work.corner[i, GAP] = height
+    for s in range(work.modal.shape[1]):
+        work.corner[i, GAP] -= work.modes[s, 0] * work.modal[0, s]
+        work.corner[i, SURFACE_RATE] += work.modes[s, 0] * work.modal[1, s]
+        work.corner[i, SURFACE_ACCELERATION] += abs(work.modes[s, 0]) * bounds.acceleration[s]
+    if work.corner[i, GAP] < -BESIDE and _near_edge(motion, body, surface):
+        work.corner[i, GAP] = np.inf
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _modes_at(motion, surface, x, y, work):
+    """Mode shapes at a point; on a tangent surface, those under the centre, continued along their slopes."""
+    if not surface.tangent:
+        surface_modes(x, y, surface.grid_x, surface.grid_y, surface.table, work.weight[0], work.weight[1], work.modes)
+        return
+    cx, cy = motion.position[0], motion.position[1]
+    surface_modes(cx, cy, surface.grid_x, surface.grid_y, surface.table, work.weight[0], work.weight[1], work.modes)
+    for s in range(work.modes.shape[0]):
+        work.modes[s, 0] += work.modes[s, 1] * (x - cx) + work.modes[s, 2] * (y - cy)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _gather_plate(motion, body, surface, work):
+    """Collect the corners that touch the plate and approach it; returns their number and the deepest penetration."""
+    n, depth = 0, 0.0
+    for i in range(body.corners.shape[0]):
+        if work.corner[i, GAP] > TOUCH or work.corner[i, RATE] >= 0.0:
+            continue
+        depth = max(depth, -work.corner[i, GAP])
+        x, y = point(motion, body, i, 0), point(motion, body, i, 1)
+        _modes_at(motion, surface, x, y, work)
+        work.contact[VELOCITY, n] = 0.0
+        for s in range(work.modal.shape[1]):
+            for k in range(2):
+                slide = surface.half_thickness * work.modes[s, 1 + k] * work.modal[1, s] * surface.in_plane
+                work.contact[VELOCITY, n, k] -= slide
+            work.contact[VELOCITY, n, 2] += work.modes[s, 0] * work.modal[1, s]
+        if surface.tangent:
+            x, y = motion.position[0], motion.position[1]
+        surface_normal(
+            x,
+            y,
+            surface.grid_x,
+            surface.grid_y,
+            surface.table,
+            work.modal[0],
+            work.weight[0],
+            work.weight[1],
+            work.contact[NORMAL, n],
+        )
+        for k in range(3):
+            work.contact[ARM, n, k] = (
+                point(motion, body, i, k) - motion.position[k] - body.radius * work.contact[NORMAL, n, k]
+            )
+        work.law[RESTITUTION, n], work.law[FRICTION, n] = body.restitution, body.friction
+        n += 1
+    return n, depth
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _impact(motion, body, wall, surface, work):
+    """Put the deepest corner back on the surface and give impulses to all corners that touch and approach.
+
+    What a corner covered inside the surface within one step would otherwise add up, and a resting part would sink.
+    """
+    n, depth = _gather_plate(motion, body, surface, work)
+    if wall.radius < np.inf:
+        n = gather_wall(motion, body, wall, TOUCH, n, work)
+    motion.position[2] += depth
+    for i in range(body.corners.shape[0]):
+        work.corner[i, GAP] += depth
+    inverse_inertia = np.empty((3, 3))
+    invert_inertia(motion.attitude, body.inertia, inverse_inertia)
+    resolve_impact(
+        motion.velocity,
+        motion.momentum,
+        1.0 / body.mass,
+        inverse_inertia,
+        work.contact[ARM],
+        work.contact[NORMAL],
+        work.contact[VELOCITY],
+        n,
+        work.law[RESTITUTION],
+        work.law[FRICTION],
+    )
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _leap(motion, body, work):
+    """Longest flight [s] during which no corner can touch."""
+    # |dw/dt| <= |w| |L| / I_min for a torque-free body, so a corner accelerates by at most 2 reach (L / I_min)^2.
+    least = min(body.inertia[0], body.inertia[1], body.inertia[2])
+    squared = motion.momentum[0] ** 2 + motion.momentum[1] ** 2 + motion.momentum[2] ** 2
+    own = GRAVITY + 2.0 * body.reach * squared / (least * least)
+    shortest = np.inf
+    for i in range(body.corners.shape[0]):
+        gap, rate, a = max(work.corner[i, GAP], 0.0), work.corner[i, RATE], own + work.corner[i, SURFACE_ACCELERATION]
+        if gap < np.inf:
+            shortest = min(shortest, (rate + math.sqrt(rate * rate + 2.0 * a * gap)) / a)
+    return shortest

@@ -1,0 +1,108 @@
+"""What the surface does within a short window of time: the terms that act, and bounds on its motion."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+
+from feeder_sim.engines.impulse_state import Bounds
+from feeder_sim.engines.surface_arrays import SurfaceArrays
+from feeder_sim.scene import GRAVITY
+
+BEAT = 1e-4  # relative; damping alone shifts the frequency of the transient by a hundredth of this
+ALLOWANCE = 1.01  # on envelopes, which are looked at on both ends of the window
+STILL = 0.1  # of gravity: a surface that accelerates less cannot throw a part, and need not be followed finely
+SAG = 2e-8  # [m]; what a part at rest may sink into a still surface within one step
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def acting_terms(surface, start, stop):
+    """The surface with those terms alone that act between two times [s]."""
+    n = 0
+    chosen = np.empty(surface.term_shape.shape[0], np.int64)
+    for k in range(surface.term_shape.shape[0]):
+        if surface.term_start[k] < stop and surface.term_stop[k] >= start:
+            chosen[n] = k
+            n += 1
+    chosen = chosen[:n]
+    return SurfaceArrays(
+        surface.grid_x,
+        surface.grid_y,
+        surface.table,
+        surface.term_shape[chosen],
+        surface.term_start[chosen],
+        surface.term_stop[chosen],
+        surface.coefficient[chosen],
+        surface.rate[chosen],
+        surface.half_thickness,
+        surface.in_plane,
+        surface.tangent,
+    )
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def bound_window(acting, antinode, start, stop, step):
+    """Bound the surface between two times [s]; antinode: largest deflection of every shape; step: the usual one [s].
+
+    Terms of one mode and one frequency add up as phasors (a ring-up begins at nothing), others as moduli (they beat).
+    """
+    n_shapes = antinode.shape[0]
+    acceleration = np.zeros(n_shapes)
+    crest = speed = together = 0.0
+    for shape in range(n_shapes):
+        envelope, fastest = 0.0, 0.0
+        for k in range(acting.term_shape.shape[0]):
+            if acting.term_shape[k] == shape:
+                fastest = max(fastest, abs(acting.rate[k].imag))
+                if not _seen_before(acting, k):
+                    envelope += max(_modulus(acting, k, start, stop, False), _modulus(acting, k, start, stop, True))
+        envelope *= ALLOWANCE
+        acceleration[shape] = envelope * fastest * fastest
+        crest += envelope * antinode[shape]
+        speed += envelope * fastest * antinode[shape]
+        together += acceleration[shape] * antinode[shape]
+    if together < STILL * GRAVITY:
+        step = max(step, math.sqrt(2.0 * SAG / GRAVITY))
+    return Bounds(crest, acceleration, speed, step)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _together(acting, k, j):
+    return (
+        acting.term_shape[j] == acting.term_shape[k]
+        and abs(acting.rate[j].imag - acting.rate[k].imag) <= BEAT * abs(acting.rate[k].imag)
+    )
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _seen_before(acting, k):
+    for j in range(k):
+        if _together(acting, k, j):
+            return True
+    return False
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _modulus(acting, k, start, stop, late):
+    """Modulus of all terms of the mode and frequency of term k, at the begin of the window or `late` at its end.
+
+    What begins or ends within the window is taken as if it had always been there, at its largest.
+    """
+    real = imaginary = rest = 0.0
+    t = stop if late else start
+    for j in range(acting.term_shape.shape[0]):
+        if not _together(acting, k, j):
+            continue
+        begins, ends = acting.term_start[j], acting.term_stop[j]
+        if begins > start or ends < stop:
+            at = max(begins, start)
+            rest += abs(acting.coefficient[j]) * math.exp(acting.rate[j].real * (at - begins))
+            continue
+        age = t - begins
+        fade, angle = math.exp(acting.rate[j].real * age), acting.rate[j].imag * age
+        c, s = fade * math.cos(angle), fade * math.sin(angle)
+        real += acting.coefficient[j].real * c - acting.coefficient[j].imag * s
+        imaginary += acting.coefficient[j].real * s + acting.coefficient[j].imag * c
+    return math.sqrt(real * real + imaginary * imaginary) + rest
