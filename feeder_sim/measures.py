@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from feeder_sim.errors import InputError
 from feeder_sim.plate.nodal_lines import NodalLines, antinode_near, nodal_lines
+from feeder_sim.scenario import Start
 from feeder_sim.scene import Scene
 from feeder_sim.trajectory import Frames
 
@@ -68,12 +69,15 @@ class Cell:
 def transport_cell(scene: Scene) -> Cell | None:
     """Find the cell that the first part of a scene starts in; None when it starts in none.
 
-    That is when the first mode has no nodal lines, or the part starts on one.
+    That is when there are more parts or modes to come, the mode has no nodal lines, or the part starts on one.
     """
+    start = scene.scenario.part[0].start
+    if len(scene.parts) > 1 or scene.scenario.schedule is not None or not isinstance(start, Start):
+        return None
     lines = nodal_lines(scene.surface)
     if not lines.lines:
         return None
-    x, y = scene.scenario.part[0].start.position_mm
+    x, y = start.position_mm
     antinode = antinode_near(scene.surface, 0, (x * 1e-3, y * 1e-3))
     if abs(scene.surface.deflection(0, antinode[None])[0]) < LEAST_ANTINODE:
         return None
@@ -93,7 +97,9 @@ def check_stop_rule(scene: Scene, cell: Cell | None) -> None:
             'is "passage", allowed is "time" where the plate has no nodal lines or the part starts on one',
             key="run.stop",
         )
-    x, y = scene.scenario.part[0].start.position_mm
+    start = scene.scenario.part[0].start
+    assert isinstance(start, Start)  # else there is no cell
+    x, y = start.position_mm
     way = float(cell.lines.distance(np.array([[x, y]]) * 1e-3)[0]) / cell.reach
     if way <= PASSAGE_FROM:
         raise InputError(

@@ -35,6 +35,12 @@ TUBE_PLANES = 32  # around a tube: its radius is right to half a percent
 TUBE_HEIGHT = 0.02  # [m]; drawn to twice that, in contact everywhere
 
 
+def part_contact(contact: Contact) -> Contact:
+    """The contact of parts with each other, as a contact."""
+    law = {"restitution": contact.part_restitution, "friction": contact.part_friction}
+    return contact.model_copy(update=law)
+
+
 def contact_parameters(contact: Contact, timestep: float) -> dict[str, list[float]]:
     """MuJoCo's pair attributes for a contact model at a timestep [s]."""
     friction = [contact.friction, contact.friction, 0.0, 0.0, 0.0]
@@ -70,11 +76,17 @@ def build_mjcf(scene: Scene) -> Any:
     for part, guide in zip(scene.parts, scene.guides, strict=True):
         patch_trace += _add_patch(spec, scene, part, guide)
         part_trace += part.mass if guide and guide.slides else 3.0 * part.mass + part.inertia.sum()
-    for part, guide in zip(scene.parts, scene.guides, strict=True):
-        _add_part(spec, part, guide, scene.timestep)
+    for kind in scene.kinds:
+        _add_meshes(spec, kind)
+    for number, (part, guide) in enumerate(zip(scene.parts, scene.guides, strict=True)):
+        _add_part(spec, part, scene.kinds[scene.kind_of[number]], guide, scene.timestep)
         _pair_with_patch(spec, scene, part, guide)
         if guide and not guide.slides:
             _add_tube(spec, scene, part, guide)
+    if len(scene.parts) > 1:
+        _pair_parts(spec, scene)
+    if scene.rim:
+        _add_rim(spec, scene)
     option.tolerance = SOLVER_TOLERANCE * part_trace / (part_trace + patch_trace)
     return spec
 
@@ -132,12 +144,27 @@ def build_part_mjcf(part: RigidPart) -> Any:
 
     spec = mujoco.MjSpec()
     spec.modelname = part.name
-    _add_part(spec, part)
+    _add_meshes(spec, part)
+    _add_part(spec, part, part)
     return spec
 
 
-def _add_part(spec: Any, part: RigidPart, guide: Guide | None = None, timestep: float = math.inf) -> None:
-    """Add one part: drawn mesh, and a small sphere at each corner that collides only where a pair says so.
+def _add_meshes(spec: Any, kind: RigidPart) -> None:
+    """Add the drawn mesh of a kind of part, and its hull."""
+    import mujoco
+
+    mesh = spec.add_mesh(name=kind.name)
+    mesh.uservert, mesh.userface = kind.vertices.ravel(), kind.faces.ravel()
+    mesh.inertia = mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL
+    if not kind.corner_radius:
+        hull = spec.add_mesh(name=f"{kind.name}_hull")
+        hull.uservert, hull.inertia = kind.corners.ravel(), mujoco.mjtMeshInertia.mjMESH_INERTIA_CONVEX
+
+
+def _add_part(
+    spec: Any, part: RigidPart, kind: RigidPart, guide: Guide | None = None, timestep: float = math.inf
+) -> None:
+    """Add one part: drawn mesh, hull, and a small sphere at each corner; they collide only where a pair says so.
 
     It has a free joint, or on a slide one slide joint with the friction of its own weight, which turns within one
     timestep [s] (MuJoCo's own default would take 20 ms).
@@ -156,13 +183,14 @@ def _add_part(spec: Any, part: RigidPart, guide: Guide | None = None, timestep: 
         joint.solref_friction, joint.solimp_friction = [0.0, -1.0 / timestep], HARD
     else:
         body.add_freejoint(name=part.name)
-    mesh = spec.add_mesh(name=part.name)
-    mesh.uservert, mesh.userface = part.vertices.ravel(), part.faces.ravel()
-    mesh.inertia = mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL
+    mesh_geom = mujoco.mjtGeom.mjGEOM_MESH
+    if not part.corner_radius:
+        hull, name = f"{kind.name}_hull", _hull_name(part)
+        body.add_geom(name=name, type=mesh_geom, meshname=hull, contype=0, conaffinity=0, group=3)
     body.add_geom(
         name=f"{part.name}_drawn",
-        type=mujoco.mjtGeom.mjGEOM_MESH,
-        meshname=part.name,
+        type=mesh_geom,
+        meshname=kind.name,
         contype=0,
         conaffinity=0,
         group=1,
@@ -192,7 +220,7 @@ def _add_tube(spec: Any, scene: Scene, part: RigidPart, guide: Guide) -> None:
     parameters = contact_parameters(wall, scene.timestep)
     half = [guide.radius * math.tan(math.pi / TUBE_PLANES), TUBE_HEIGHT, 0.01]
     frame = spec.worldbody.add_body(name=f"tube_{part.name}", pos=[*guide.foot, 0.0], quat=_leaning(guide))
-    touching = _corner_name(part, 0) if part.corner_radius else f"{part.name}_drawn"
+    touching = _hull_name(part)
     for i in range(TUBE_PLANES):
         angle = 2.0 * math.pi * i / TUBE_PLANES
         outwards = np.array([math.cos(angle), math.sin(angle), 0.0])
@@ -208,6 +236,42 @@ def _add_tube(spec: Any, scene: Scene, part: RigidPart, guide: Guide) -> None:
             rgba=[0.6, 0.8, 0.9, 0.15],
         )
         spec.add_pair(name=name, geomname1=name, geomname2=touching, condim=3, **parameters)
+
+
+def _pair_parts(spec: Any, scene: Scene) -> None:
+    """Let the hulls of all parts meet each other."""
+    parameters = contact_parameters(part_contact(scene.scenario.contact), scene.timestep)
+    names = [_hull_name(part) for part in scene.parts]
+    for i, first in enumerate(names):
+        for second in names[i + 1 :]:
+            spec.add_pair(name=f"{first}_{second}", geomname1=first, geomname2=second, condim=3, **parameters)
+
+
+def _add_rim(spec: Any, scene: Scene) -> None:
+    """Add a wall along each side of the plate, which the parts' hulls meet."""
+    import mujoco
+
+    parameters = contact_parameters(scene.scenario.contact, scene.timestep)
+    half = (0.5 * scene.surface.length, 0.5 * scene.surface.width)
+    for i, (x, y) in enumerate([(0.0, 1.0), (0.0, -1.0), (1.0, 0.0), (-1.0, 0.0)]):
+        wall = spec.worldbody.add_geom(
+            name=f"rim_{i}",
+            type=mujoco.mjtGeom.mjGEOM_PLANE,
+            size=[max(half), 0.01, 0.01],
+            pos=[half[0] * x, half[1] * y, 0.0],
+            zaxis=[-x, -y, 0.0],
+            contype=0,
+            conaffinity=0,
+            rgba=[0.6, 0.8, 0.9, 0.15],
+        )
+        for part in scene.parts:
+            name = f"{wall.name}_{part.name}"
+            spec.add_pair(name=name, geomname1=wall.name, geomname2=_hull_name(part), condim=3, **parameters)
+
+
+def _hull_name(part: RigidPart) -> str:
+    """The geom that other parts and walls meet: a ball's only corner has its radius."""
+    return _corner_name(part, 0) if part.corner_radius else f"{part.name}_hull"
 
 
 def _leaning(guide: Guide) -> list[float]:

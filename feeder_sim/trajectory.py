@@ -11,7 +11,8 @@ Layout, schema version 1 (SI units, in the `unit` attribute of every dataset):
     /plate/antinode       (2,)                antinode the part starts from; NaN without nodal lines
     /drive/time, amplitude   (m,), (m, n_shapes)  envelope of each modal coordinate
     /parts/NAME/vertices, faces
-    /seeds/NNN/time, position, quaternion, velocity, angular_velocity, status
+    /seeds/NNN/time, position, quaternion, velocity, angular_velocity, present, status
+    /seeds/NNN/removals/time, part, cause   of parts picked or lost; see feeder_sim.removals
     /seeds/NNN/impacts/time, until, approach_speed, departure_velocity   of a part in a guide; see feeder_sim.impacts
 
 Quaternions have w first; velocities are in world axes. The file is written in HDF5's single-writer mode and flushed
@@ -34,6 +35,7 @@ from numpy.typing import NDArray
 from feeder_sim import __version__
 from feeder_sim.errors import InputError, RecordingFailed
 from feeder_sim.impacts import Impacts
+from feeder_sim.removals import Removals
 
 if TYPE_CHECKING:
     import h5py
@@ -75,6 +77,11 @@ class Frames:
     def __len__(self) -> int:
         return len(self.time)
 
+    def as_stored(self) -> Frames:
+        """Rounded as a trajectory file rounds it, so that measures do not depend on where frames come from."""
+        stored = {name: getattr(self, name).astype(kind) for name, (_, kind, _) in FRAME_FIELDS.items()}
+        return Frames(**{name: v if v.dtype == bool else v.astype(float) for name, v in stored.items()})
+
     def __getitem__(self, rows: slice) -> Frames:
         return Frames(*(getattr(self, field.name)[rows] for field in fields(self)))
 
@@ -96,7 +103,9 @@ FRAME_FIELDS: dict[str, tuple[str, str, tuple[int, ...]]] = {
 
 
 IMPACT_FIELDS = {"time": "s", "until": "s", "approach_speed": "m/s", "departure_velocity": "m/s"}
-IMPACT_CHUNK = 256
+REMOVAL_FIELDS = {"time": ("s", "f8"), "part": ("1", "i8"), "cause": ("1", "i8")}
+EVENT_CHUNK = 256  # rows of impacts and removals
+FRAME_CHUNK_PARTS = 500  # parts times frames in a chunk, about: small chunks can be written while little is computed
 
 
 @dataclass(frozen=True)
@@ -135,6 +144,7 @@ class Recording:
     parts: tuple[PartRecord, ...]
     seeds: tuple[Frames, ...]
     impacts: tuple[Impacts, ...]
+    removals: tuple[Removals, ...]
     status: tuple[Status, ...]
 
 
@@ -169,14 +179,23 @@ class TrajectoryWriter:
             libraries=json.dumps(libraries),
         )
         _write_plate(self._file, plate)
-        for part in parts:
-            _write(self._file, f"parts/{part.name}/vertices", part.vertices, "m")
-            _write(self._file, f"parts/{part.name}/faces", part.faces, "1")
+        self._write_parts(parts)
         for index in range(n_seeds):
             self._create_seed(index, len(parts))
         self._file.swmr_mode = True  # from here on nothing is created, only appended
 
-    def append(self, seed_index: int, frames: Frames, impacts: Impacts) -> None:
+    def _write_parts(self, parts: Sequence[PartRecord]) -> None:
+        """Write every mesh once; parts of one kind are links to the same data."""
+        written: dict[int, str] = {}
+        for part in parts:
+            first = written.setdefault(id(part.vertices), part.name)
+            if first == part.name:
+                _write(self._file, f"parts/{part.name}/vertices", part.vertices, "m")
+                _write(self._file, f"parts/{part.name}/faces", part.faces, "1")
+            else:
+                self._file[f"parts/{part.name}"] = self._file[f"parts/{first}"]
+
+    def append(self, seed_index: int, frames: Frames, impacts: Impacts, removals: Removals) -> None:
         """Append a block of one seed and put it on disk.
 
         Raises:
@@ -186,17 +205,19 @@ class TrajectoryWriter:
             if self._failed:  # the cause, whichever seed is heard first
                 raise self._failed
             try:
-                self._append(seed_index, frames, impacts)
+                self._append(seed_index, frames, impacts, removals)
             except (OSError, RuntimeError) as error:
                 self._failed = RecordingFailed(f"{self._path}: cannot be written, is the disk full? ({error})")
                 raise self._failed from error
 
-    def _append(self, seed_index: int, frames: Frames, impacts: Impacts) -> None:
+    def _append(self, seed_index: int, frames: Frames, impacts: Impacts, removals: Removals) -> None:
         group = self._file[_seed_name(seed_index)]
         for name in FRAME_FIELDS:
             _extend(group[name], getattr(frames, name))
         for name in IMPACT_FIELDS if len(impacts) else ():
             _extend(group[f"impacts/{name}"], getattr(impacts, name))
+        for name in REMOVAL_FIELDS if len(removals) else ():
+            _extend(group[f"removals/{name}"], getattr(removals, name))
 
     def finish(self, seed_index: int, status: Status) -> None:
         """Note how a seed ended."""
@@ -219,16 +240,18 @@ class TrajectoryWriter:
                 f"{_seed_name(index)}/{name}",
                 shape=(0, *tail),
                 maxshape=(None, *tail),
-                chunks=(BLOCK_FRAMES, *tail),
+                chunks=(max(1, min(BLOCK_FRAMES, FRAME_CHUNK_PARTS // n_parts)), *tail),
                 dtype=dtype,
                 compression="gzip",
                 shuffle=True,
             )
             dataset.attrs["unit"] = unit
-        for name, unit in IMPACT_FIELDS.items():
-            name = f"{_seed_name(index)}/impacts/{name}"
+        events = {f"impacts/{name}": (unit, "f8") for name, unit in IMPACT_FIELDS.items()}
+        events |= {f"removals/{name}": described for name, described in REMOVAL_FIELDS.items()}
+        for name, (unit, dtype) in events.items():
+            name = f"{_seed_name(index)}/{name}"
             dataset = self._file.create_dataset(
-                name, (0,), maxshape=(None,), chunks=(IMPACT_CHUNK,), dtype="f8", compression="gzip", shuffle=True
+                name, (0,), maxshape=(None,), chunks=(EVENT_CHUNK,), dtype=dtype, compression="gzip", shuffle=True
             )
             dataset.attrs["unit"] = unit
         _write(self._file, f"{_seed_name(index)}/status", np.array([int(Status.UNFINISHED)]), "1")
@@ -255,9 +278,10 @@ def read_recording(path: Path) -> Recording:
                 engine=str(file.attrs["engine"]),
                 scenario_text=str(file.attrs["scenario"]),
                 plate=_read_plate(file),
-                parts=tuple(_read_part(name, group) for name, group in sorted(file["parts"].items())),
+                parts=tuple(_read_part(name, file["parts"][name]) for name in sorted(file["parts"], key=_part_number)),
                 seeds=tuple(_read_frames(group) for group in groups),
                 impacts=tuple(_read_impacts(group) for group in groups),
+                removals=tuple(_read_removals(group) for group in groups),
                 status=tuple(Status(int(group["status"][0])) for group in groups),
             )
     except (OSError, RuntimeError, KeyError, TypeError, ValueError) as error:
@@ -276,8 +300,12 @@ def _open(path: Path) -> h5py.File:
 
 def _read_frames(group: Any) -> Frames:
     """Read one seed; a writer killed between two datasets leaves some longer than others."""
-    n = min(group[name].shape[0] for name in FRAME_FIELDS)
-    return Frames(*(group[name][:n].astype(float) for name in FRAME_FIELDS))
+    names = [name for name in FRAME_FIELDS if name in group]
+    n = min(group[name].shape[0] for name in names)
+    read = {name: group[name][:n] for name in names}
+    # Recordings of before parts could be taken out do not say that they are there.
+    present = read.pop("present", np.ones(read["position"].shape[:2], bool))
+    return Frames(**{name: values.astype(float) for name, values in read.items()}, present=present)
 
 
 def _read_impacts(group: Any) -> Impacts:
@@ -286,6 +314,18 @@ def _read_impacts(group: Any) -> Impacts:
         return Impacts.none()
     n = min(group[f"impacts/{name}"].shape[0] for name in IMPACT_FIELDS)
     return Impacts(*(group[f"impacts/{name}"][:n] for name in IMPACT_FIELDS))
+
+
+def _read_removals(group: Any) -> Removals:
+    """Read the removals of one seed, cut like its frames."""
+    if "removals" not in group:
+        return Removals.none()
+    n = min(group[f"removals/{name}"].shape[0] for name in REMOVAL_FIELDS)
+    return Removals(*(group[f"removals/{name}"][:n] for name in REMOVAL_FIELDS))
+
+
+def _part_number(name: str) -> int:
+    return int(name.rpartition("_")[2])
 
 
 def _extend(dataset: Any, values: NDArray[Any]) -> None:

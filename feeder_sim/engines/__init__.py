@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
 from feeder_sim.errors import InputError
 
@@ -26,8 +27,8 @@ class Engine(Protocol):
     name: str
     frames_per_block: int
 
-    def __init__(self, scene: Scene, rng: np.random.Generator) -> None:
-        """Start at t = 0 with poses drawn from `rng`."""
+    def __init__(self, scene: Scene, rng: np.random.Generator, *, threads: int = 1) -> None:
+        """Start at t = 0 with poses drawn from `rng`; may use so many threads, which must not change the result."""
         ...
 
     def current(self) -> Frames:
@@ -36,6 +37,18 @@ class Engine(Protocol):
 
     def advance(self, n_frames: int) -> Frames:
         """Step on and return the next `n_frames` frames."""
+        ...
+
+    def remove(self, parts: NDArray[np.int64]) -> None:
+        """Take parts, by their indices, out of the scene for good."""
+        ...
+
+    def state(self) -> dict[str, NDArray[np.float64]]:
+        """All that the engine goes on from; copies."""
+        ...
+
+    def restore(self, state: dict[str, NDArray[np.float64]]) -> None:
+        """Go on from a state of the same scene, bit by bit as if there had been no break."""
         ...
 
     def take_impacts(self, *, end: bool) -> Impacts:
@@ -75,7 +88,7 @@ def choose_engine(scenario: Scenario) -> Choice:
         return Choice("mujoco", "a compliant contact needs its spring-dampers")
     if _slides(scenario):
         return Choice("impulse", "one degree of freedom, whose impacts it finds exactly")
-    return Choice("impulse", "rigid contact of one part, which it covers and is the fastest at")
+    return Choice("impulse", "rigid contact, which it covers and is the fastest at")
 
 
 def engine_class(scenario: Scenario) -> type[Engine]:

@@ -84,12 +84,24 @@ def _rotate_symmetric(attitude, momentum, size, inertia, axis, duration):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _rotate_general(attitude, momentum, size, inertia, duration):
-    """Landau-Lifshitz solution; axes sorted so that axis 3 is the one the body momentum circles around."""
-    order = np.argsort(inertia)
-    body = attitude.T @ momentum
-    twice_energy = (body**2 / inertia).sum()
-    if size**2 < twice_energy * inertia[order[1]]:
-        order = order[::-1]
+    """Landau-Lifshitz solution; axes sorted so that axis 3 is the one the body momentum circles around.
+
+    Written out component by component: array operators would take far longer to compile than to run.
+    """
+    order, body = np.empty(3, np.int64), np.empty(3)
+    twice_energy = 0.0
+    for axis in range(3):
+        rank = 0
+        for other in range(3):
+            if inertia[other] < inertia[axis] or (inertia[other] == inertia[axis] and other < axis):
+                rank += 1
+        order[rank] = axis
+        body[axis] = 0.0
+        for k in range(3):
+            body[axis] += attitude[k, axis] * momentum[k]
+        twice_energy += body[axis] * body[axis] / inertia[axis]
+    if size * size < twice_energy * inertia[order[1]]:
+        order[0], order[2] = order[2], order[0]
     i1, i2, i3 = inertia[order[0]], inertia[order[1]], inertia[order[2]]
     handed = 1.0 if (order[1] - order[0]) % 3 == 1 else -1.0  # an odd permutation mirrors axis 2
     m1, m2, m3 = body[order[0]], handed * body[order[1]], body[order[2]]
@@ -116,8 +128,11 @@ def _rotate_general(attitude, momentum, size, inertia, duration):
     sn, cn, dn = jacobi(start + rate * duration, modulus)
     after = np.empty(3)
     after[order[0]], after[order[1]], after[order[2]] = i1 * a1 * cn, handed * i2 * sense * a2 * sn, i3 * side * a3 * dn
-    before, after = body / math.sqrt((body**2).sum()), after / math.sqrt((after**2).sum())
-    _align(attitude, momentum / size, before, after, order[2], precession)
+    direction = np.empty(3)
+    _normalise(body, body)
+    _normalise(after, after)
+    _normalise(momentum, direction)
+    _align(attitude, direction, body, after, order[2], precession)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -126,26 +141,44 @@ def _align(attitude, direction, before, after, polar, precession):
 
     The frame (L, polar axis) precesses: its basis in the body is known before and after, and its turn.
     """
-    first, second = _momentum_frame(before, polar), _momentum_frame(after, polar)
-    space = attitude @ first  # columns: across, sideways, along L, in space
+    first, second, space = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
+    _momentum_frame(before, polar, first)
+    _momentum_frame(after, polar, second)
+    _multiply(attitude, first, space)  # columns: across, sideways, along L, in space
     turn(direction, precession, space[:, 0], space[:, 0])
     _complete(direction, space[:, 0], space)
-    attitude[:, :] = space @ second.T
+    for i in range(3):
+        for j in range(3):
+            attitude[i, j] = space[i, 0] * second[j, 0] + space[i, 1] * second[j, 1] + space[i, 2] * second[j, 2]
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _momentum_frame(direction, polar):
+def _momentum_frame(direction, polar, frame):
     """Orthonormal columns in body axes: polar axis made perpendicular to `direction`, cross product, `direction`."""
-    frame = np.empty((3, 3))
-    across = -direction[polar] * direction
+    across = np.empty(3)
+    for k in range(3):
+        across[k] = -direction[polar] * direction[k]
     across[polar] += 1.0
-    norm = math.sqrt((across**2).sum())
-    if norm < 1e-12:  # spinning about the polar axis: any perpendicular will do, it stays in the body
-        across[:] = 0.0
-        across[(polar + 1) % 3] = 1.0
-        norm = 1.0
-    _complete(direction, across / norm, frame)
-    return frame
+    if across[0] ** 2 + across[1] ** 2 + across[2] ** 2 < 1e-24:
+        # Spinning about the polar axis: any perpendicular will do, it stays in the body.
+        for k in range(3):
+            across[k] = 1.0 if k == (polar + 1) % 3 else 0.0
+    _normalise(across, across)
+    _complete(direction, across, frame)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _normalise(vector, out):
+    size = math.sqrt(vector[0] ** 2 + vector[1] ** 2 + vector[2] ** 2)
+    for k in range(3):
+        out[k] = vector[k] / size
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _multiply(a, b, out):
+    for i in range(3):
+        for j in range(3):
+            out[i, j] = a[i, 0] * b[0, j] + a[i, 1] * b[1, j] + a[i, 2] * b[2, j]
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -166,8 +199,11 @@ def _complete(direction, across, frame):
 @njit(cache=True, nogil=True, error_model="numpy")
 def orthonormalise(attitude):
     """Take the round-off of many flights out of a rotation matrix (3, 3), in place."""
-    size = math.sqrt(attitude[0, 2] ** 2 + attitude[1, 2] ** 2 + attitude[2, 2] ** 2)
-    _complete(attitude[:, 2] / size, attitude[:, 0].copy(), attitude)
+    axis, across = np.empty(3), np.empty(3)
+    _normalise(attitude[:, 2], axis)
+    for k in range(3):
+        across[k] = attitude[k, 0]
+    _complete(axis, across, attitude)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

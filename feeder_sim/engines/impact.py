@@ -21,6 +21,7 @@ from numba import njit
 
 MAX_SWEEPS = 400
 TOLERANCE = 1e-9  # change of relative velocity per sweep, over the approach velocity
+NEGLIGIBLE = 1e-7  # [m/s]; such a change needs no further sweep
 HALVINGS = 12  # of the restitution, until an impact creates no energy
 MAX_SECANTS = 30
 ANGLE_TOLERANCE = 1e-10  # of the slip direction [rad]
@@ -56,7 +57,7 @@ def resolve_impact(velocity, momentum, inverse_mass, inverse_inertia, arm, norma
         momentum[2] += arm[i, 0] * impulse[i, 1] - arm[i, 1] * impulse[i, 0]
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
 def relative_velocity(v, w, arm, surface_velocity, out):
     """Velocity of a body point relative to the surface: v + w x arm - surface_velocity."""
     out[0] = v[0] + w[1] * arm[2] - w[2] * arm[1] - surface_velocity[0]
@@ -88,7 +89,7 @@ def _solve(v, w, inverse_mass, inverse_inertia, arm, normal, surface_velocity, b
             _project(u, normal[i], impulse[i], step_normal[i], step_tangent[i], targets[i], mu[i], change)
             largest = max(largest, _dot(change, change) * (1.0 / step_normal[i]) ** 2)
             _apply(v, w, inverse_mass, inverse_inertia, arm[i], change)
-        if largest < (TOLERANCE * scale) ** 2:
+        if largest < max(TOLERANCE * scale, NEGLIGIBLE) ** 2:
             break
 
 
@@ -251,22 +252,19 @@ def _contact_frame(normal, frame):
         frame[1, j] = normal[a] * frame[0, b] - normal[b] * frame[0, a]
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
 def _project(u, normal, impulse, step_normal, step_tangent, target, mu, change):
     """One Gauss-Seidel step of one corner: unconstrained change of its impulse, projected onto the Coulomb cone."""
     along, pressed = _dot(normal, u), _dot(normal, impulse)
     normal_new = max(0.0, pressed - step_normal * (along - target))
-    # Tangential parts follow by taking the normal ones out.
-    tangent = np.empty(3)
     size = 0.0
-    for k in range(3):
-        slip = u[k] - along * normal[k]
-        tangent[k] = impulse[k] - pressed * normal[k] - step_tangent * slip
-        size += tangent[k] ** 2
+    for k in range(3):  # the tangential part is what is left without the normal one
+        change[k] = impulse[k] - pressed * normal[k] - step_tangent * (u[k] - along * normal[k])
+        size += change[k] * change[k]
     limit, size = mu * normal_new, math.sqrt(size)
     shrink = limit / size if size > limit else 1.0
     for k in range(3):
-        change[k] = normal_new * normal[k] + shrink * tangent[k] - impulse[k]
+        change[k] = normal_new * normal[k] + shrink * change[k] - impulse[k]
         impulse[k] += change[k]
 
 
@@ -277,34 +275,35 @@ def _steps(inverse_mass, inverse_inertia, arm, normal):
     K = 1/m - [arm] I^-1 [arm] is the inverse effective mass; what its trace leaves beside the normal bounds the rest.
     """
     trace = 3.0 * inverse_mass
-    moment, torque = np.empty(3), np.empty(3)
-    for k in range(3):
-        moment[k] = 0.0
-        moment[(k + 1) % 3], moment[(k + 2) % 3] = arm[(k + 2) % 3], -arm[(k + 1) % 3]  # arm x e_k
-        trace += _quadratic(inverse_inertia, moment)
-        torque[k] = arm[(k + 1) % 3] * normal[(k + 2) % 3] - arm[(k + 2) % 3] * normal[(k + 1) % 3]
-    along = inverse_mass + _quadratic(inverse_inertia, torque)
+    trace += _quadratic(inverse_inertia, 0.0, arm[2], -arm[1])  # arm x e_k
+    trace += _quadratic(inverse_inertia, -arm[2], 0.0, arm[0])
+    trace += _quadratic(inverse_inertia, arm[1], -arm[0], 0.0)
+    x = arm[1] * normal[2] - arm[2] * normal[1]
+    y = arm[2] * normal[0] - arm[0] * normal[2]
+    z = arm[0] * normal[1] - arm[1] * normal[0]
+    along = inverse_mass + _quadratic(inverse_inertia, x, y, z)
     return 1.0 / along, 1.0 / (trace - along)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _quadratic(matrix, vector):
-    """Vector . matrix vector."""
-    total = 0.0
-    for i in range(3):
-        total += vector[i] * _dot(matrix[i], vector)
-    return total
+def _quadratic(matrix, x, y, z):
+    """(x, y, z) . matrix (x, y, z)."""
+    return (
+        x * (matrix[0, 0] * x + matrix[0, 1] * y + matrix[0, 2] * z)
+        + y * (matrix[1, 0] * x + matrix[1, 1] * y + matrix[1, 2] * z)
+        + z * (matrix[2, 0] * x + matrix[2, 1] * y + matrix[2, 2] * z)
+    )
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
 def _apply(v, w, inverse_mass, inverse_inertia, arm, impulse):
     """Change linear and angular velocity by an impulse at the end of an arm."""
-    moment = np.empty(3)
+    x = arm[1] * impulse[2] - arm[2] * impulse[1]
+    y = arm[2] * impulse[0] - arm[0] * impulse[2]
+    z = arm[0] * impulse[1] - arm[1] * impulse[0]
     for k in range(3):
         v[k] += inverse_mass * impulse[k]
-        moment[k] = arm[(k + 1) % 3] * impulse[(k + 2) % 3] - arm[(k + 2) % 3] * impulse[(k + 1) % 3]
-    for k in range(3):
-        w[k] += _dot(inverse_inertia[k], moment)
+        w[k] += inverse_inertia[k, 0] * x + inverse_inertia[k, 1] * y + inverse_inertia[k, 2] * z
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -318,6 +317,6 @@ def _work(v, w, arm, surface_velocity, before, impulse):
     return total
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
 def _dot(a, b):
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]

@@ -21,6 +21,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from feeder_sim.engines.borrow import borrow
 from feeder_sim.engines.free_flight import orthonormalise
 from feeder_sim.engines.hulls import HullLibrary
 from feeder_sim.engines.impact_log import begin_contact, end_contact, in_contact, new_log, room_for, take_impacts
@@ -49,6 +50,7 @@ from feeder_sim.trajectory import BLOCK_FRAMES, Frames
 
 SAME_CONTACT = 1.5  # steps between two impacts that count as one contact
 WINDOW = 5e-4  # [s], at most, where parts can meet: shorter ones find the pairs too often, longer ones find too many
+STATE = ("position", "velocity", "attitude", "momentum", "clock", "there")
 ROW = 18  # numbers per part and frame: position, velocity, attitude, momentum
 
 
@@ -81,6 +83,8 @@ def _open_window(parts, n_free, kinds, surface, antinode, pairs, start, end, ste
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _advance_some(chosen, islands, pairs, parts, kinds, wall, acting, bounds, hulls, start, end, work):
+    islands, pairs, parts, kinds, wall = borrow(islands), borrow(pairs), borrow(parts), borrow(kinds), borrow(wall)
+    acting, bounds, hulls, work = borrow(acting), borrow(bounds), borrow(hulls), borrow(work)
     for island in chosen:
         advance_island(island, islands, pairs, parts, kinds, wall, acting, bounds, hulls, start, end, work)
 
@@ -250,6 +254,17 @@ class ImpulseEngine:
 
     def remove(self, parts: NDArray[np.int64]) -> None:
         self._parts.there[parts] = 0
+
+    def state(self) -> dict[str, NDArray[np.float64]]:
+        held = {name: getattr(self._parts, name).copy() for name in STATE}
+        contact = np.array([*self._log.current, *self._last_contact])
+        return held | {"contact": contact, "frame": np.array(self._frame)}
+
+    def restore(self, state: dict[str, NDArray[np.float64]]) -> None:
+        for name in STATE:
+            getattr(self._parts, name)[:] = state[name]
+        self._log.current[:], self._last_contact[:] = state["contact"][:2], state["contact"][2:]
+        self._frame = int(state["frame"])
 
     def take_impacts(self, *, end: bool) -> Impacts:
         last, velocity = self._last_contact

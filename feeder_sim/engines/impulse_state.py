@@ -245,7 +245,7 @@ def invert_inertia(attitude, inertia, out):
                 out[i, j] += attitude[i, k] * attitude[j, k] / inertia[k]
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
 def point(motion, body, i, k):
     """Coordinate k of corner i in space [m]."""
     value = motion.position[k]

@@ -27,6 +27,8 @@ def advance_island(island, islands, pairs, parts, kinds, no_wall, surface, bound
     tree = _all_due(n + last_pair - first_pair, start)
     while tree[1] < end:
         t, leaf = tree[1], _earliest(tree)
+        work.law[0, -1] += 1.0 if leaf < n else 0.0
+        work.law[1, -1] += 1.0 if leaf >= n else 0.0
         if leaf < n:
             i = islands.part[first + leaf]
             fly_to(parts, kinds, i, t)
@@ -35,14 +37,17 @@ def advance_island(island, islands, pairs, parts, kinds, no_wall, surface, bound
             leap, hit = meet_plate(motion, body, kinds, kind, no_wall, surface, bounds, t, work)
             _set_due(tree, leaf, t + leap)
             if hit:
+                work.law[1, -3] += 1.0
                 _look_at_pairs(i, -1, islands, first_pair, n, tree, pairs, parts, kinds, t, bounds.step)
             continue
         p = islands.pair[first_pair + leaf - n]
         due, near = meeting_bound(pairs, p, parts, kinds, t, bounds.step)
         if near:
+            work.law[0, -2] += 1.0
             hit = meet(pairs, p, parts, kinds, hulls)
             due, near = meeting_bound(pairs, p, parts, kinds, t, bounds.step)
             if hit:
+                work.law[1, -2] += 1.0
                 for i in (pairs.a[p], pairs.b[p]):
                     if i < islands.place.shape[0]:
                         _set_due(tree, islands.place[i] - first, t)

@@ -29,6 +29,7 @@ from feeder_sim.trajectory import BLOCK_FRAMES, Frames
 
 silence_mujoco()
 load_mujoco_symbols()
+PARKED = -100.0  # [m]; height of the first part taken out
 _mj_step = types.ExternalFunction("mj_step", types.void(types.voidptr, types.voidptr))
 
 
@@ -140,13 +141,14 @@ class MujocoEngine:
     name = "mujoco"
     frames_per_block = BLOCK_FRAMES
 
-    def __init__(self, scene: Scene, rng: np.random.Generator) -> None:
+    def __init__(self, scene: Scene, rng: np.random.Generator, *, threads: int = 1) -> None:
+        del threads  # it steps a scene on one
         self.model = build_mjcf(scene).compile()
         self.data = mujoco.MjData(self.model)
         self._scene = scene
         self._step = 0
         parts = [self.model.joint(part.name) for part in scene.parts]
-        (guide,) = scene.guides
+        guide = scene.guides[0]
         self._slide = guide if guide and guide.slides else None
         patches = [self.model.joint(f"lift_{part.name}") for part in scene.parts]
         self._part_qpos = np.array([joint.qposadr[0] for joint in parts])
@@ -167,6 +169,8 @@ class MujocoEngine:
         )
         self._surface = surface_arrays(scene.surface, scene.scenario.run)
         self._log = new_log(1)
+        self._there = np.ones(len(scene.parts), bool)
+        self._last_pose = np.zeros((len(scene.parts), 7))
         self._poses = start_poses(scene, rng)
         for start, pose, part in zip(self._part_qpos, self._poses, scene.parts, strict=True):
             if self._slide:
@@ -198,6 +202,31 @@ class MujocoEngine:
         self._step = _advance(*arguments, qpos, qvel)
         return self._frames(qpos, qvel, first + scene.steps_per_frame)
 
+    def remove(self, parts: NDArray[np.int64]) -> None:
+        for part in parts:
+            start, speed = self._part_qpos[part], self._part_qvel[part]
+            self._last_pose[part] = self.data.qpos[start : start + 7]
+            self.data.qpos[start + 2] = PARKED - part  # where it falls on without meeting anything
+            self.data.qvel[speed : speed + 6] = 0.0
+        self._there[parts] = False
+
+    def state(self) -> dict[str, NDArray[np.float64]]:
+        kind = mujoco.mjtState.mjSTATE_INTEGRATION
+        held = np.empty(mujoco.mj_stateSize(self.model, kind))
+        mujoco.mj_getState(self.model, self.data, held, kind)
+        return {
+            "state": held,
+            "there": self._there.copy(),
+            "last_pose": self._last_pose.copy(),
+            "contact": self._log.current.copy(),
+            "step": np.array(self._step),
+        }
+
+    def restore(self, state: dict[str, NDArray[np.float64]]) -> None:
+        mujoco.mj_setState(self.model, self.data, state["state"], mujoco.mjtState.mjSTATE_INTEGRATION)
+        self._there[:], self._last_pose[:] = state["there"], state["last_pose"]
+        self._log.current[:], self._step = state["contact"], int(state["step"])
+
     def take_impacts(self, *, end: bool) -> Impacts:
         return take_impacts(self._log, end=end)
 
@@ -209,6 +238,7 @@ class MujocoEngine:
             return self._sliding(qpos, qvel, first_step)
         columns, speeds = self._part_qpos[:, None] + np.arange(7), self._part_qvel[:, None] + np.arange(6)
         pose, motion = qpos[:, columns], qvel[:, speeds]
+        pose[:, ~self._there], motion[:, ~self._there] = self._last_pose[~self._there], 0.0
         quaternion, spin = pose[..., 3:], motion[..., 3:]
         valid = np.isfinite(quaternion).all(axis=-1) & (np.abs(quaternion).max(axis=-1) > 0)
         upright = np.where(valid[..., None], quaternion, [1.0, 0.0, 0.0, 0.0])
@@ -219,6 +249,7 @@ class MujocoEngine:
             quaternion=quaternion,
             velocity=motion[..., :3],
             angular_velocity=turned.reshape(spin.shape),
+            present=np.tile(self._there, (len(qpos), 1)),
         )
 
     def _sliding(self, qpos: NDArray[np.float64], qvel: NDArray[np.float64], first_step: int) -> Frames:
@@ -232,6 +263,7 @@ class MujocoEngine:
             quaternion=np.tile(self._poses[0].quaternion, (n, 1, 1)),
             velocity=(qvel[:, self._part_qvel] * axis)[:, None],
             angular_velocity=np.zeros((n, 1, 3)),
+            present=np.ones((n, 1), bool),
         )
 
     def _times(self, n: int, first_step: int) -> NDArray[np.float64]:

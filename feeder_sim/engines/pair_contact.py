@@ -86,28 +86,25 @@ def _spheres_meet(parts, kinds, a, b, t):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
+def _along_body_axis(parts, i, vector, n):
+    """Component of a vector along body axis n of part i."""
+    attitude = parts.attitude
+    return attitude[i, 0, n] * vector[0] + attitude[i, 1, n] * vector[1] + attitude[i, 2, n] * vector[2]
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
 def _extent(parts, kinds, i, axis, sign):
     """Largest coordinate of part i along sign * axis [m]."""
     k = parts.kind[i]
+    x, y, z = (_along_body_axis(parts, i, axis, 0), _along_body_axis(parts, i, axis, 1), _along_body_axis(parts, i, axis, 2))
     largest = -np.inf
-    local = np.empty(3)
-    _to_body(parts, i, axis, sign, local)
     for c in range(kinds.first_corner[k], kinds.first_corner[k + 1]):
-        along = local[0] * kinds.corners[c, 0] + local[1] * kinds.corners[c, 1] + local[2] * kinds.corners[c, 2]
-        largest = max(largest, along)
+        largest = max(largest, sign * (x * kinds.corners[c, 0] + y * kinds.corners[c, 1] + z * kinds.corners[c, 2]))
     if kinds.first_corner[k + 1] - kinds.first_corner[k] == 1:
         largest += kinds.radius[k]
     for n in range(3):
         largest += sign * axis[n] * parts.position[i, n]
     return largest
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def _to_body(parts, i, vector, sign, local):
-    for n in range(3):
-        local[n] = 0.0
-        for k in range(3):
-            local[n] += sign * parts.attitude[i, k, n] * vector[k]
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -119,34 +116,31 @@ def _crossing_time(parts, kinds, i, axis, sign, support, drift, room):
     k = parts.kind[i]
     if kinds.mass[k] == np.inf:
         return np.inf
-    local, body_spin, cross = np.empty(3), np.empty(3), np.empty(3)
-    _to_body(parts, i, axis, sign, local)
-    _to_body(parts, i, parts.momentum[i], 1.0, body_spin)
-    squared, least = 0.0, np.inf
-    for n in range(3):
-        squared += body_spin[n] * body_spin[n]
-        least = min(least, kinds.inertia[k, n])
-        body_spin[n] /= kinds.inertia[k, n]
-    for n in range(3):  # n . (w x r) = r . (n x w)
-        cross[n] = local[(n + 1) % 3] * body_spin[(n + 2) % 3] - local[(n + 2) % 3] * body_spin[(n + 1) % 3]
-    speed, centre = -drift, 0.0
+    x, y, z = (_along_body_axis(parts, i, axis, 0), _along_body_axis(parts, i, axis, 1), _along_body_axis(parts, i, axis, 2))
+    momentum, inertia = parts.momentum[i], kinds.inertia[k]
+    spin_x = _along_body_axis(parts, i, momentum, 0) / inertia[0]
+    spin_y = _along_body_axis(parts, i, momentum, 1) / inertia[1]
+    spin_z = _along_body_axis(parts, i, momentum, 2) / inertia[2]
+    # n . (w x r) = r . (n x w)
+    turn_x, turn_y, turn_z = y * spin_z - z * spin_y, z * spin_x - x * spin_z, x * spin_y - y * spin_x
+    speed, centre, squared = -drift, 0.0, 0.0
     for n in range(3):
         speed += sign * axis[n] * parts.velocity[i, n]
         centre += sign * axis[n] * parts.position[i, n]
+        squared += momentum[n] * momentum[n]
     ball = kinds.first_corner[k + 1] - kinds.first_corner[k] == 1
+    if ball:
+        centre += kinds.radius[k]
+    least = min(inertia[0], inertia[1], inertia[2])
     a = 0.0 if ball else 2.0 * kinds.reach[k] * squared / (least * least)
     shortest = np.inf
     for c in range(kinds.first_corner[k], kinds.first_corner[k + 1]):
-        along, rate = centre, speed
-        for n in range(3):
-            along += local[n] * kinds.corners[c, n]
-            rate += cross[n] * kinds.corners[c, n]
-        if ball:
-            along += kinds.radius[k]
-        gap = support - along + room
-        root = math.sqrt(rate * rate + 2.0 * a * gap)
-        if rate + root > 0.0:
-            shortest = min(shortest, 2.0 * gap / (rate + root))
+        rx, ry, rz = kinds.corners[c, 0], kinds.corners[c, 1], kinds.corners[c, 2]
+        gap = support - centre - sign * (x * rx + y * ry + z * rz) + room
+        rate = speed + sign * (turn_x * rx + turn_y * ry + turn_z * rz)
+        root = rate + math.sqrt(rate * rate + 2.0 * a * gap)
+        if root > 0.0:
+            shortest = min(shortest, 2.0 * gap / root)
     return shortest
 
 

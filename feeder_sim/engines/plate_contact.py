@@ -32,7 +32,7 @@ from feeder_sim.engines.impulse_state import (
     point,
 )
 from feeder_sim.engines.tube import approach_wall, gather_wall, leap_to_wall, meeting_time
-from feeder_sim.plate.kernels import modal_motion, surface_modes, surface_normal
+from feeder_sim.plate.kernels import grid_cell, modal_motion, surface_deflection, surface_modes, surface_normal
 from feeder_sim.scene import GRAVITY
 
 TOUCH = 1e-9  # [m]; corners this close count as touching, so that a flat landing is one impact and not six
@@ -119,7 +119,7 @@ def _edge_leap(motion, body, first, step, work):
     return max(0.25 * gap / speed if speed > 0.0 else np.inf, EDGE_STEPS * step)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
 def _proximity(motion, body, surface, bounds, t, work):
     """Fill gap and surface part of every corner.
 
@@ -141,7 +141,7 @@ def _proximity(motion, body, surface, bounds, t, work):
         _measure_gap(motion, body, surface, bounds, height, i, work)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
 def _approach(motion, body, work):
     """Fill the vertical rate of every corner relative to the surface; returns how many touch and approach."""
     # (w x r)_z = r . (z x w), taken in body axes once instead of for every corner.
@@ -165,7 +165,7 @@ def _approach(motion, body, work):
     return touching
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
 def _move_surface(surface, t, work):
     """Modal coordinates and their rates at time t."""
     modal_motion(
@@ -180,19 +180,33 @@ def _move_surface(surface, t, work):
     )
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
 def _measure_gap(motion, body, surface, bounds, height, i, work):
     """Gap of one corner to the surface under it, the surface's rate, and a bound on its acceleration."""
     x, y = point(motion, body, i, 0), point(motion, body, i, 1)
     if abs(x) > surface.grid_x[-1] + ON_EDGE or abs(y) > surface.grid_y[-1] + ON_EDGE:
         work.corner[i, GAP] = np.inf
         return
-    _modes_at(motion, surface, x, y, work)
-    work.corner[i, GAP] = height
+    n_x, n_y = surface.grid_x.shape[0], surface.grid_y.shape[0]
+    first_x, first_y = 0, 0
+    if surface.tangent:
+        _modes_at(motion, surface, x, y, work)
+    else:
+        first_x = grid_cell(x, surface.grid_x[0], surface.grid_x[1] - surface.grid_x[0], n_x, work.weight[0])
+        first_y = grid_cell(y, surface.grid_y[0], surface.grid_y[1] - surface.grid_y[0], n_y, work.weight[1])
+    gap, rate, acceleration = height, 0.0, 0.0
     for s in range(work.modal.shape[1]):
-        work.corner[i, GAP] -= work.modes[s, 0] * work.modal[0, s]
-        work.corner[i, SURFACE_RATE] += work.modes[s, 0] * work.modal[1, s]
-        work.corner[i, SURFACE_ACCELERATION] += abs(work.modes[s, 0]) * bounds.acceleration[s]
+        if bounds.acceleration[s] == 0.0:  # at rest in this window
+            continue
+        if surface.tangent:
+            w = work.modes[s, 0]
+        else:
+            w = surface_deflection(s, first_x, first_y, work.weight[0], work.weight[1], surface.table)
+        gap -= w * work.modal[0, s]
+        rate += w * work.modal[1, s]
+        acceleration += abs(w) * bounds.acceleration[s]
+    work.corner[i, GAP], work.corner[i, SURFACE_RATE] = gap, rate
+    work.corner[i, SURFACE_ACCELERATION] = acceleration
     if work.corner[i, GAP] < -BESIDE and _near_edge(motion, body, surface):
         work.corner[i, GAP] = np.inf
 
@@ -275,7 +289,7 @@ def _impact(motion, body, wall, surface, work):
     )
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
 def _leap(motion, body, work):
     """Longest flight [s] during which no corner can touch."""
     # |dw/dt| <= |w| |L| / I_min for a torque-free body, so a corner accelerates by at most 2 reach (L / I_min)^2.

@@ -282,7 +282,8 @@ class SlideEngine:
     name = "impulse"
     frames_per_block = 20 * BLOCK_FRAMES
 
-    def __init__(self, scene: Scene, rng: np.random.Generator) -> None:
+    def __init__(self, scene: Scene, rng: np.random.Generator, *, threads: int = 1) -> None:
+        del threads  # one coordinate needs one
         (pose,) = start_poses(scene, rng)
         guide = scene.guides[0]
         assert guide is not None
@@ -315,6 +316,16 @@ class SlideEngine:
         self._impacts = []
         return taken
 
+    def remove(self, parts: NDArray[np.int64]) -> None:
+        raise NotImplementedError("nothing takes a part off its slide")
+
+    def state(self) -> dict[str, NDArray[np.float64]]:
+        return {"state": self._state.copy(), "contact": self._log.current.copy(), "frame": np.array(self._frame)}
+
+    def restore(self, state: dict[str, NDArray[np.float64]]) -> None:
+        self._state[:], self._log.current[:] = state["state"], state["contact"]
+        self._frame = int(state["frame"])
+
     def _frames(self, rows: NDArray[np.float64], first: int) -> Frames:
         """Heights and vertical velocities (n, 2) as motion along the axis of the guide."""
         n, along = len(rows), self._axis / self._axis[2]
@@ -325,6 +336,7 @@ class SlideEngine:
             quaternion=np.tile(self._pose.quaternion, (n, 1, 1)),
             velocity=(along * rows[:, 1:])[:, None],
             angular_velocity=np.zeros((n, 1, 3)),
+            present=np.ones((n, 1), bool),
         )
 
 

@@ -13,8 +13,7 @@ from feeder_sim.scene import GRAVITY
 
 BEAT = 1e-4  # relative; damping alone shifts the frequency of the transient by a hundredth of this
 ALLOWANCE = 1.01  # on envelopes, which are looked at on both ends of the window
-STILL = 0.1  # of gravity: a surface that accelerates less cannot throw a part, and need not be followed finely
-SAG = 2e-8  # [m]; what a part at rest may sink into a still surface within one step
+SAG = 2e-8  # [m]; how far a surface that is no longer driven may move relative to a part within one step
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -51,6 +50,9 @@ def bound_window(acting, antinode, start, stop, step):
     n_shapes = antinode.shape[0]
     acceleration = np.zeros(n_shapes)
     crest = speed = together = 0.0
+    driven = False
+    for k in range(acting.term_shape.shape[0]):
+        driven = driven or acting.rate[k].real == 0.0
     for shape in range(n_shapes):
         envelope, fastest = 0.0, 0.0
         for k in range(acting.term_shape.shape[0]):
@@ -63,8 +65,8 @@ def bound_window(acting, antinode, start, stop, step):
         crest += envelope * antinode[shape]
         speed += envelope * fastest * antinode[shape]
         together += acceleration[shape] * antinode[shape]
-    if together < STILL * GRAVITY:
-        step = max(step, math.sqrt(2.0 * SAG / GRAVITY))
+    if not driven:
+        step = max(step, math.sqrt(2.0 * SAG / (GRAVITY + together)))
     return Bounds(crest, acceleration, speed, step)
 
 

@@ -7,7 +7,7 @@ import math
 from numba import njit
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
 def modal_motion(t, term_shape, term_start, term_stop, coefficient, rate, q, velocity):
     """Write q_j(t) [m] and dq_j/dt [m/s] of every mode shape into q and velocity (n_shapes,)."""
     q[:] = 0.0
@@ -24,7 +24,7 @@ def modal_motion(t, term_shape, term_start, term_stop, coefficient, rate, q, vel
             velocity[term_shape[k]] += rate[k].real * real - rate[k].imag * imaginary
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
 def grid_cell(position, origin, spacing, n, weight):
     """Write the four cubic Lagrange weights into weight (4,) and return the first grid index; clamped to the grid."""
     u = min(max((position - origin) / spacing, 0.0), n - 1.0)
@@ -50,6 +50,18 @@ def surface_modes(x, y, grid_x, grid_y, table, weight_x, weight_y, modes):
                 weight = weight_x[i] * weight_y[j]
                 for component in range(3):
                     modes[shape, component] += weight * table[shape, first_x + i, first_y + j, component]
+
+
+@njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
+def surface_deflection(shape, first_x, first_y, weight_x, weight_y, table):
+    """Deflection w of one mode shape from the weights and first indices of `grid_cell`."""
+    w = 0.0
+    for i in range(4):
+        along_y = 0.0
+        for j in range(4):
+            along_y += weight_y[j] * table[shape, first_x + i, first_y + j, 0]
+        w += weight_x[i] * along_y
+    return w
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

@@ -1,0 +1,43 @@
+"""Arrays that compiled code does not count references to.
+
+Numba counts the references to every array that a function takes out of a tuple or slices, with atomic operations; in
+the inner loops that costs more than the arithmetic, and threads wait for each other over it. Arrays made from bare
+addresses are not counted. The caller must hold the real ones for as long as the borrowed ones are used.
+"""
+
+from __future__ import annotations
+
+from numba import carray, njit, types
+from numba.core import cgutils
+from numba.extending import intrinsic, overload
+
+
+@intrinsic
+def _as_pointer(typingctx, address):  # type: ignore[no-untyped-def]
+    def generate(context, builder, signature, arguments):  # type: ignore[no-untyped-def]
+        return builder.inttoptr(arguments[0], cgutils.voidptr_t)
+
+    return types.voidptr(address), generate
+
+
+@njit(cache=True, nogil=True)
+def borrowed(array):
+    """The same contiguous array, uncounted."""
+    return carray(_as_pointer(array.ctypes.data), array.shape, array.dtype)
+
+
+def borrow(fields):  # type: ignore[no-untyped-def]
+    """A named tuple with all its arrays borrowed; for compiled code only."""
+    raise NotImplementedError
+
+
+@overload(borrow, strict=False)
+def _borrow(fields):  # type: ignore[no-untyped-def]
+    tuple_class = fields.instance_class
+    lent = ", ".join(
+        f"borrowed(fields.{name})" if isinstance(kind, types.Array) else f"fields.{name}"
+        for name, kind in zip(fields.fields, fields.types, strict=True)
+    )
+    scope = {"borrowed": borrowed, "tuple_class": tuple_class}
+    exec(f"def lend(fields):\n    return tuple_class({lent})\n", scope)
+    return scope["lend"]

@@ -1,0 +1,221 @@
+"""The one time loop: an engine, what to record, a guard, picks, and when to stop."""
+
+from __future__ import annotations
+
+import math
+import threading
+import time
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from feeder_sim.engines import Engine, engine_class
+from feeder_sim.errors import SimulationDiverged
+from feeder_sim.guard import Guard
+from feeder_sim.impacts import Impacts
+from feeder_sim.measures import PASSAGE_TO, Cell
+from feeder_sim.picking import pickable
+from feeder_sim.removals import Cause, Removals
+from feeder_sim.scene import Scene
+from feeder_sim.trajectory import BLOCK_FRAMES, Frames, Status
+
+BLOCK_STEPS = 500_000  # solver steps and parts between two looks at guard, stop rule and stop event, about
+LEAST_BLOCK = 20  # frames: shorter blocks would cost more to write than to compute
+CHECKPOINT_S = 5.0  # [s] of wall time between two checkpoints, at least
+
+
+class Recorder(Protocol):
+    """Where blocks of frames go while a run is under way; called from several threads."""
+
+    def append(self, seed_index: int, frames: Frames, impacts: Impacts, removals: Removals) -> None: ...
+
+    def checkpoint(self, seed_index: int, state: dict[str, NDArray[np.float64]]) -> None:
+        """Keep what the run can go on from after everything appended so far."""
+        ...
+
+    def finish(self, seed_index: int, status: Status) -> None: ...
+
+
+@dataclass(frozen=True)
+class Begun:
+    """What there is of a seed that is to be continued: what was recorded, and the engine's state at its end."""
+
+    frames: Frames
+    impacts: Impacts
+    removals: Removals
+    state: dict[str, NDArray[np.float64]]
+    status: Status
+
+
+@dataclass(frozen=True)
+class SeedResult:
+    """One seed of an ensemble.
+
+    Attributes:
+        frames: everything recorded.
+        impacts: contacts of a guided part with the plate.
+        removals: parts picked or lost.
+        status: how it ended; UNFINISHED when it was interrupted.
+        wall_s: wall time spent in its loop [s].
+        failure: why it diverged, None otherwise.
+    """
+
+    frames: Frames
+    impacts: Impacts
+    removals: Removals
+    status: Status
+    wall_s: float
+    failure: SimulationDiverged | None = None
+
+
+@dataclass
+class SeedRun:
+    """One seed on its way, block by block.
+
+    Attributes:
+        scene, index, cell: what is run, number of the seed, and where its transport is measured.
+        recorder: takes the blocks.
+        done: fraction done, one entry per seed, for the progress bar.
+        stop: ends the run after the block under way.
+        begun: what there is already.
+        threads: that one seed may use.
+    """
+
+    scene: Scene
+    index: int
+    cell: Cell | None
+    recorder: Recorder | None
+    done: NDArray[np.float64]
+    stop: threading.Event
+    begun: Begun | None = None
+    threads: int = 1
+
+    def run(self, rng: np.random.Generator) -> SeedResult:
+        """Advance until time is up, the stop rule holds, no part is left, or the state is not valid."""
+        started = time.perf_counter()
+        if self.begun and self.begun.status != Status.UNFINISHED:
+            self.done[self.index] = 1.0
+            return SeedResult(self.begun.frames, self.begun.impacts, self.begun.removals, self.begun.status, 0.0)
+        engine: Engine = engine_class(self.scene.scenario)(self.scene, rng, threads=self.threads)
+        first = engine.current()
+        guard = Guard(self.scene, first)
+        if self.begun and len(self.begun.frames):
+            engine.restore(self.begun.state)
+            self._frames = [self.begun.frames]
+            self._impacts, self._removals = [self.begun.impacts], [self.begun.removals]
+        else:
+            self._frames, self._impacts, self._removals = [first.as_stored()], [], []
+            self._append(first, Impacts.none(), Removals.none())
+        status, failure = Status.UNFINISHED, None
+        saved = time.perf_counter()
+        while status == Status.UNFINISHED and not self.stop.is_set():
+            status, failure = self._advance(engine, guard)
+            if self.recorder and (time.perf_counter() - saved > CHECKPOINT_S or self.stop.is_set()):
+                self.recorder.checkpoint(self.index, engine.state())
+                saved = time.perf_counter()
+        self.done[self.index] = 1.0
+        if self.recorder:
+            self.recorder.finish(self.index, status)
+        frames, wall = Frames.joined(self._frames), time.perf_counter() - started
+        return SeedResult(
+            frames, Impacts.joined([*self._impacts, Impacts.none()]), Removals.joined(self._removals), status, wall, failure
+        )
+
+    def _advance(self, engine: Engine, guard: Guard) -> tuple[Status, SimulationDiverged | None]:
+        """One block: compute, check, take parts out, record; returns the status after it."""
+        n_done = sum(len(block) for block in self._frames)
+        if n_done >= self.scene.n_frames:
+            return Status.DONE, None
+        size = self._block_size(engine, n_done)
+        block = engine.advance(size)
+        valid, failure = guard.check(block, self.index)
+        block = block[slice(valid)]
+        removed = self._take_lost(engine, guard, block)
+        if not failure:
+            removed.append(self._take_picked(engine, guard, block, n_done + size - 1))
+        removals = Removals.joined(removed)
+        status = self._status(block, n_done + valid, failure, removals)
+        hits = engine.take_impacts(end=status != Status.UNFINISHED)
+        if valid < size:
+            hits = hits[hits.time <= (block.time[-1] if valid else 0.0)]
+        block = block.as_stored()
+        self._frames.append(block)
+        self._impacts.append(hits)
+        self._removals.append(removals)
+        self._append(block, hits, removals)
+        self.done[self.index] = (n_done + valid) / self.scene.n_frames
+        return status, failure
+
+    def _append(self, frames: Frames, impacts: Impacts, removals: Removals) -> None:
+        if self.recorder and len(frames):
+            self.recorder.append(self.index, frames, impacts, removals)
+
+    def _block_size(self, engine: Engine, n_done: int) -> int:
+        """Frames of the next block; a pick is always at the end of one."""
+        scene = self.scene
+        longest = max(LEAST_BLOCK, BLOCK_STEPS // (scene.steps_per_frame * len(scene.parts)))
+        longest = max(2, longest if len(scene.parts) > 1 else BLOCK_STEPS // scene.steps_per_frame)
+        size = min(engine.frames_per_block, longest, scene.n_frames - n_done, BLOCK_FRAMES)
+        ahead = [frame for frame in self._pick_frames if frame >= n_done]
+        return min(size, ahead[0] - n_done + 1) if ahead else size
+
+    @property
+    def _pick_frames(self) -> list[int]:
+        """Frames after which parts are picked: the first of each stage's end, or the last of the run."""
+        return sorted(pick_frames(self.scene))
+
+    def _take_lost(self, engine: Engine, guard: Guard, block: Frames) -> list[Removals]:
+        """Take out what has reached the floor; it is gone from the frames after that."""
+        lost = guard.lost(block)
+        parts = np.flatnonzero(lost.any(axis=0))
+        rows = lost[:, parts].argmax(axis=0)
+        for part, row in zip(parts, rows, strict=True):
+            block.present[row + 1 :, part] = False
+        if len(parts):
+            engine.remove(parts)
+        order = np.argsort(rows, kind="stable")
+        return [Removals.of(float(block.time[rows[k]]), parts[k : k + 1], Cause.LOST) for k in order]
+
+    def _take_picked(self, engine: Engine, guard: Guard, block: Frames, frame: int) -> Removals:
+        """Pick at the last frame of the block, if it is time to."""
+        clearance = pick_frames(self.scene).get(frame)
+        if clearance is None:
+            return Removals.none()
+        position = block.position[-1]
+        # What is on its way down to the floor is neither picked nor in the way.
+        there = block.present[-1] & guard.over(position)
+        picked = pickable(position, there, clearance)
+        if len(picked):
+            engine.remove(picked)
+        return Removals.of(float(block.time[-1]), picked, Cause.PICKED)
+
+    def _status(
+        self, block: Frames, n_done: int, failure: SimulationDiverged | None, removals: Removals
+    ) -> Status:
+        if failure:
+            return Status.DIVERGED
+        out = Removals.joined([*self._removals, removals])
+        if len(out) == len(self.scene.parts):
+            return Status.LEFT_PLATE if (out.cause == Cause.LOST).all() else Status.DONE
+        if n_done >= self.scene.n_frames or _passed(self.scene, self.cell, block):
+            return Status.DONE
+        return Status.UNFINISHED
+
+
+def pick_frames(scene: Scene) -> dict[int, float]:
+    """Frame and clearance [m] of every pick: the first frame at or after the end of its stage, or the last one."""
+    last = scene.n_frames - 1
+    return {
+        min(last, math.ceil(stage.end / scene.frame_interval - 1e-6)): stage.clearance
+        for stage in scene.times.stages
+        if stage.clearance is not None
+    }
+
+
+def _passed(scene: Scene, cell: Cell | None, block: Frames) -> bool:
+    """True once the first part has reached the end of the measured way."""
+    if scene.scenario.run.stop != "passage" or cell is None or not len(block):
+        return False
+    return bool((cell.way(block) <= PASSAGE_TO).any())

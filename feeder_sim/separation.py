@@ -1,0 +1,169 @@
+"""What a schedule does to many parts: counts at the end of every stage, and picks, over an ensemble.
+
+A part is *isolated* where no other is within the clearance of the schedule's pick; a *dead position* is a place that is
+near a nodal line of every stage's modes, which no stage of the cycle moves a part away from; parts are *flipped* when
+another of their sides is up than at the end of the stage before.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from feeder_sim.measures import Statistic
+from feeder_sim.picking import nearest_neighbours
+from feeder_sim.plate.nodal_lines import NodalLines, nodal_lines
+from feeder_sim.removals import Cause, Removals
+from feeder_sim.scene import Scene
+from feeder_sim.timetable import TimedStage
+from feeder_sim.trajectory import Frames
+
+ON_LINE = 5e-3  # [m] from a nodal line
+DEAD = 5e-3  # [m] from nodal lines of all stages' modes
+TOUCHING = 1e-4  # [m] between the outlines of two parts
+
+
+@dataclass(frozen=True)
+class StageReport:
+    """Counts at the end of one stage, before the pick.
+
+    Attributes:
+        on_plate: parts over the plate.
+        isolated: of them, parts farther than the clearance from all others.
+        touching_pairs: pairs whose bounding circles overlap; an upper bound of pairs that touch.
+        on_nodal_line: parts within 5 mm of a nodal line of the stage's modes.
+        dead: parts in dead positions.
+        flipped: parts with another side up than at the end of the stage before.
+        picked, lost: parts taken out in this stage.
+        nearest_mm: median distance to the nearest neighbour.
+    """
+
+    on_plate: float
+    isolated: float
+    touching_pairs: float
+    on_nodal_line: float
+    dead: float
+    flipped: float
+    picked: float
+    lost: float
+    nearest_mm: float
+
+
+@dataclass(frozen=True)
+class StageLines:
+    """Nodal lines of every stage's modes, and what a dead position is."""
+
+    of_stage: tuple[tuple[NodalLines, ...], ...]
+
+    def near(self, stage: int, points: NDArray[np.float64], distance: float) -> NDArray[np.bool_]:
+        """Points (n, 2) within a distance [m] of a nodal line of each of the stage's modes; none where nothing acts."""
+        lines = self.of_stage[stage]
+        close = np.full(len(points), bool(lines))
+        for line in lines:
+            close &= line.distance(points) < distance
+        return close
+
+
+def stage_lines(scene: Scene) -> StageLines:
+    """Trace the nodal lines of the modes of every stage."""
+    traced = {mode.drive.shape: nodal_lines(scene.surface, mode.drive.shape) for mode in scene.driven}
+    shapes = [[scene.driven[i].drive.shape for i in stage.excitations] for stage in scene.times.stages]
+    return StageLines(tuple(tuple(traced[shape] for shape in dict.fromkeys(of_stage)) for of_stage in shapes))
+
+
+def stage_reports(scene: Scene, lines: StageLines, frames: Frames, removals: Removals) -> list[StageReport]:
+    """Count at the end of every stage that the run has reached."""
+    stages, reports = scene.times.stages, []
+    cycle = {i for i, stage in enumerate(stages) if stage.cycle == max(s.cycle for s in stages) and stage.excitations}
+    reached = float(frames.time[-1])
+    before: int | None = 0
+    for number, stage in enumerate(stages):
+        if stage.end > reached + scene.frame_interval:
+            break
+        row = _row_at(frames, stage.end)
+        reports.append(_report(scene, lines, frames, removals, number, stage, row, before, cycle))
+        before = row
+    return reports
+
+
+def _row_at(frames: Frames, time: float) -> int:
+    """First frame at or after a time [s], or the last one."""
+    return min(int(np.searchsorted(frames.time, time - 1e-9)), len(frames) - 1)
+
+
+def _report(
+    scene: Scene,
+    lines: StageLines,
+    frames: Frames,
+    removals: Removals,
+    number: int,
+    stage: TimedStage,
+    row: int,
+    before: int | None,
+    cycle: set[int],
+) -> StageReport:
+    start, end = (frames.time[before] if before else -np.inf), frames.time[row]
+    half = 0.5 * np.array([scene.surface.length, scene.surface.width])
+    position = frames.position[row]
+    there = frames.present[row] & (np.abs(position[:, :2]) < half).all(axis=1)
+    points = position[there, :2]
+    nearest = nearest_neighbours(points)
+    clearances = [s.clearance for s in scene.times.stages if s.clearance is not None]
+    dead = np.full(len(points), bool(cycle))
+    for i in cycle:
+        dead &= lines.near(i, points, DEAD)
+    return StageReport(
+        on_plate=int(there.sum()),
+        isolated=int((nearest > clearances[0]).sum()) if clearances else 0,
+        touching_pairs=_touching_pairs(scene, position, there),
+        on_nodal_line=int(lines.near(number, points, ON_LINE).sum()),
+        dead=int(dead.sum()),
+        flipped=int((_side_up(frames, row)[there] != _side_up(frames, before or 0)[there]).sum()),
+        picked=len(removals.parts(Cause.PICKED, start=start, end=end)),
+        lost=len(removals.parts(Cause.LOST, start=start, end=end)),
+        nearest_mm=1e3 * float(np.median(nearest)) if len(points) > 1 else float("nan"),
+    )
+
+
+def _touching_pairs(scene: Scene, position: NDArray[np.float64], there: NDArray[np.bool_]) -> int:
+    from scipy.spatial import cKDTree
+
+    index = np.flatnonzero(there)
+    size = np.array([kind.size for kind in scene.kinds])[scene.kind_of[index]]
+    if len(index) < 2:
+        return 0
+    pairs = cKDTree(position[index]).query_pairs(2.0 * size.max() + TOUCHING, output_type="ndarray")
+    distance = np.linalg.norm(position[index[pairs[:, 0]]] - position[index[pairs[:, 1]]], axis=1)
+    return int((distance < size[pairs[:, 0]] + size[pairs[:, 1]] + TOUCHING).sum())
+
+
+def _side_up(frames: Frames, row: int) -> NDArray[np.int64]:
+    """Which axis of each part is nearest to the vertical, and whether it points up: -3 to 3, never 0."""
+    w, x, y, z = frames.quaternion[row].T
+    up = np.stack([2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)], axis=1)
+    axis = np.abs(up).argmax(axis=1)
+    return np.asarray((axis + 1) * np.sign(np.take_along_axis(up, axis[:, None], axis=1)[:, 0]), np.int64)
+
+
+def separation_measures(scene: Scene, seeds: Sequence[tuple[Frames, Removals]]) -> dict[str, Any]:
+    """Means over the seeds of every stage's counts, and of the parts picked and lost in all."""
+    lines = stage_lines(scene)
+    reports = [stage_reports(scene, lines, frames, removals) for frames, removals in seeds if len(frames)]
+    stages = []
+    for number, stage in enumerate(scene.times.stages):
+        of_stage = [report[number] for report in reports if len(report) > number]
+        counts = {
+            field.name: Statistic.of(getattr(report, field.name) for report in of_stage).as_dict()
+            for field in fields(StageReport)
+        }
+        stages.append({"cycle": stage.cycle, "stage": stage.name, "end_s": stage.end, **counts})
+    return {
+        "parts": len(scene.parts),
+        "picked": Statistic.of(float((removals.cause == Cause.PICKED).sum()) for _, removals in seeds).as_dict(),
+        "lost": Statistic.of(float((removals.cause == Cause.LOST).sum()) for _, removals in seeds).as_dict(),
+        "stages": stages,
+    }
