@@ -23,6 +23,7 @@ from feeder_sim.report import as_lines, print_boundaries, print_modes, print_sum
 if TYPE_CHECKING:
     from feeder_sim.plate.mode_file import ModeFile
     from feeder_sim.scenario import Scenario
+    from feeder_sim.simulation import Result
 
 INTERRUPTED = 130
 PICTURES = (".png", ".svg", ".pdf", ".jpg")
@@ -44,15 +45,29 @@ Seed = Annotated[int | None, typer.Option("--seed", min=0, help="Root of the ran
 
 @app.command()
 def run(
-    scenario_file: ScenarioFile,
+    scenario_file: Annotated[Path | None, typer.Argument(help="Scenario file (TOML).", show_default=False)] = None,
     engine: EngineName = None,
     seeds: Seeds = None,
     seed: Seed = None,
     out: Annotated[Path | None, typer.Option("--out", help="Folder for the run [runs/NAME-001, -002, ...].")] = None,
     as_json: AsJson = False,
     dry_run: Annotated[bool, typer.Option("--dry-run", help="Say what would be done, as `check` does.")] = False,
+    resume: Annotated[Path | None, typer.Option("--resume", help="Go on with the interrupted run in a folder.")] = None,
 ) -> None:
-    """Simulate a scenario and record it."""
+    """Simulate a scenario and record it, or go on with a run that was interrupted."""
+    if resume is not None:
+        given = {"a scenario": scenario_file, "--engine": engine, "--seeds": seeds, "--seed": seed, "--out": out}
+        also = [name for name, value in given.items() if value is not None]
+        if also or dry_run:
+            raise InputError(f"goes on with what is in the folder, {(also or ['--dry-run'])[0]} is not allowed with it", key="--resume")
+        from feeder_sim.run_folder import resume_run
+
+        with _stop_on_signal() as stop, _progress(str(resume)) as progress:
+            result = resume_run(resume, progress=progress, stop=stop, notify=_notify)
+        _finish_run(result, resume, as_json)
+        return
+    if scenario_file is None:
+        raise InputError("a scenario file is needed, or --resume with the folder of a run", key="run")
     scenario = _scenario(scenario_file, engine, seeds, seed)
     with _naming(scenario_file):
         from feeder_sim.run_folder import check_free, fresh_folder, record_run
@@ -65,11 +80,16 @@ def run(
         folder = out or fresh_folder(scenario_file.stem)
         with _stop_on_signal() as stop, _progress(scenario.title or scenario_file.stem) as progress:
             result = record_run(scenario, folder, progress=progress, stop=stop, notify=_notify)
+    _finish_run(result, folder, as_json)
+
+
+def _finish_run(result: Result, folder: Path, as_json: bool) -> None:
+    """Print what came out; the exit code says how it ended."""
     print_summary(result.summary(), folder, as_json)
     for failure in result.failures:
         print(f"feeder-sim: {failure}", file=sys.stderr)
     if result.interrupted:
-        print(f"feeder-sim: interrupted; what was computed is in {folder}", file=sys.stderr)
+        print(f"feeder-sim: interrupted; what was computed is in {folder}, --resume {folder} goes on", file=sys.stderr)
         raise typer.Exit(INTERRUPTED)
     if result.failures:
         raise typer.Exit(1)

@@ -34,6 +34,9 @@ class Removals:
     def __len__(self) -> int:
         return len(self.time)
 
+    def __getitem__(self, rows: slice) -> Removals:
+        return Removals(self.time[rows], self.part[rows], self.cause[rows])
+
     def parts(self, cause: Cause, *, start: float = -np.inf, end: float = np.inf) -> NDArray[np.int64]:
         """Indices of the parts taken out for a cause at start < time <= end [s]."""
         return self.part[(self.cause == cause) & (self.time > start) & (self.time <= end)]

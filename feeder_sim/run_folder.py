@@ -11,16 +11,21 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from feeder_sim import __version__
+from feeder_sim.checkpoint import Checkpoint, CheckpointFolder
 from feeder_sim.engines import choose_engine
 from feeder_sim.errors import InputError
-from feeder_sim.measures import Cell, check_stop_rule, transport_cell
+from feeder_sim.impacts import Impacts
+from feeder_sim.measures import check_stop_rule, transport_cell
 from feeder_sim.mjcf import build_mjcf
-from feeder_sim.scenario import Scenario
+from feeder_sim.removals import Removals
+from feeder_sim.scenario import Scenario, parse_scenario
 from feeder_sim.scene import Scene, build_scene
+from feeder_sim.seed_run import Begun
 from feeder_sim.simulation import Result, simulate_scene
-from feeder_sim.trajectory import PartRecord, PlateRecord, Recording, TrajectoryWriter, read_recording
+from feeder_sim.trajectory import Frames, PartRecord, PlateRecord, Recording, Status, TrajectoryWriter, read_recording
 
 TRAJECTORY, REPLAY, SUMMARY, RESOLVED, MJCF = (
     "trajectory.h5",
@@ -59,29 +64,116 @@ def record_run(
     folder = Path(folder)
     check_free(folder)
     scene = build_scene(scenario)
-    cell = transport_cell(scene)
-    check_stop_rule(scene, cell)
-    engine = choose_engine(scenario)
+    check_stop_rule(scene, transport_cell(scene))
+    choose_engine(scenario)
     folder.mkdir(parents=True, exist_ok=True)
     check_free(folder)
     (folder / RESOLVED).write_text(scenario_toml(scenario), encoding="utf-8")
     (folder / MJCF).write_text(mjcf_text(scene), encoding="utf-8")
+    return _run_into(folder, scene, {}, progress=progress, stop=stop, replay=replay, notify=notify)
+
+
+def resume_run(
+    folder: str | Path,
+    *,
+    progress: Callable[[float], None] | None = None,
+    stop: threading.Event | None = None,
+    replay: bool = True,
+    notify: Callable[[str], None] | None = None,
+) -> Result:
+    """Go on with a run that was interrupted or killed, from its last checkpoints; arguments as for `record_run`.
+
+    The result is bit by bit what it would have been without the break, given the same libraries.
+
+    Raises:
+        InputError: there is no run in the folder, it has ended, it was made with other libraries, or it cannot be read.
+    """
+    folder = Path(folder)
+    recording = recording_of(folder)
+    if all(status != Status.UNFINISHED for status in recording.status) and (folder / SUMMARY).exists():
+        raise InputError("has ended, there is nothing to resume", file=folder, key="--resume")
+    if recording.libraries != library_versions():
+        changed = sorted(set(recording.libraries.items()) ^ set(library_versions().items()))
+        raise InputError(
+            f"was begun with other libraries ({changed[0][0]}), allowed are the same ones", file=folder, key="--resume"
+        )
+    scene = build_scene(parse_scenario(recording.scenario_text, file=folder / RESOLVED))
+    checkpoints = CheckpointFolder(folder)
+    begun = {}
+    for index, status in enumerate(recording.status):
+        held = checkpoints.load(index)
+        if status != Status.UNFINISHED:
+            begun[index] = Begun(recording.seeds[index], recording.impacts[index], recording.removals[index], {}, status)
+        elif held is not None and held.frames <= len(recording.seeds[index]):
+            begun[index] = Begun(
+                recording.seeds[index][: held.frames],
+                recording.impacts[index][: held.impacts],
+                recording.removals[index][: held.removals],
+                held.state,
+                status,
+            )
+    return _run_into(folder, scene, begun, progress=progress, stop=stop, replay=replay, notify=notify)
+
+
+class RunRecorder:
+    """Puts blocks into the trajectory file and keeps checkpoints that match it."""
+
+    def __init__(self, folder: Path, writer: TrajectoryWriter) -> None:
+        self._checkpoints, self._writer = CheckpointFolder(folder), writer
+        self._recorded: dict[int, NDArray[np.int64]] = {}
+
+    def append(self, seed_index: int, frames: Frames, impacts: Impacts, removals: Removals) -> None:
+        self._writer.append(seed_index, frames, impacts, removals)
+        new = np.array([len(frames), len(impacts), len(removals)])
+        self._recorded[seed_index] = self._recorded.get(seed_index, np.zeros(3, np.int64)) + new
+
+    def checkpoint(self, seed_index: int, state: dict[str, NDArray[np.float64]]) -> None:
+        frames, impacts, removals = (int(n) for n in self._recorded[seed_index])
+        self._checkpoints.save(seed_index, Checkpoint(frames, impacts, removals, state))
+
+    def finish(self, seed_index: int, status: Status) -> None:
+        self._writer.finish(seed_index, status)
+
+
+def _run_into(
+    folder: Path,
+    scene: Scene,
+    begun: dict[int, Begun],
+    *,
+    progress: Callable[[float], None] | None,
+    stop: threading.Event | None,
+    replay: bool,
+    notify: Callable[[str], None] | None,
+) -> Result:
+    """Simulate a scene into a folder; what has begun is copied into the new trajectory file first."""
+    scenario, new = scene.scenario, folder / f"{TRAJECTORY}.new"
+    resuming = (folder / TRAJECTORY).exists()
+    new.unlink(missing_ok=True)
     writer = TrajectoryWriter(
-        folder / TRAJECTORY,
-        engine=engine.name,
+        new if resuming else folder / TRAJECTORY,
+        engine=choose_engine(scenario).name,
         seed=scenario.run.seed,
         n_seeds=scenario.run.seeds,
         scenario_text=scenario_toml(scenario),
         libraries=library_versions(),
-        plate=plate_record(scene, cell),
+        plate=plate_record(scene),
         parts=[PartRecord(part.name, part.vertices, part.faces) for part in scene.parts],
     )
+    recorder = RunRecorder(folder, writer)
     try:
-        result = simulate_scene(scene, recorder=writer, progress=progress, stop=stop, notify=notify)
+        for index, held in begun.items():
+            recorder.append(index, held.frames, held.impacts, held.removals)
+            if held.status != Status.UNFINISHED:
+                recorder.finish(index, held.status)
+        if resuming:
+            new.replace(folder / TRAJECTORY)  # only now, complete: a kill before this loses nothing
+        result = simulate_scene(scene, recorder=recorder, progress=progress, stop=stop, notify=notify, begun=begun)
     finally:
         writer.close()
     summary = result.summary() | {"version": __version__, "libraries": library_versions()}
     (folder / SUMMARY).write_text(json.dumps(summary, indent=2) + "\n", encoding="utf-8")
+    if not result.interrupted:
+        CheckpointFolder(folder).clear()
     if replay and len(result.seeds[0].frames):
         from feeder_sim.replay import build_replay
 
@@ -150,14 +242,14 @@ def library_versions() -> dict[str, str]:
     return found
 
 
-def plate_record(scene: Scene, cell: Cell | None) -> PlateRecord:
+def plate_record(scene: Scene) -> PlateRecord:
     """What the trajectory file keeps of the plate, thinned for display."""
-    surface = scene.surface
+    surface, cell = scene.surface, transport_cell(scene)
     x = np.linspace(surface.x[0], surface.x[-1], min(len(surface.x), DISPLAY_POINTS))
     y = np.linspace(surface.y[0], surface.y[-1], min(len(surface.y), DISPLAY_POINTS))
     points = np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1).reshape(-1, 2)
     shapes = [surface.deflection(j, points).reshape(len(x), len(y)) for j in range(surface.n_shapes)]
-    drive_time = np.linspace(0.0, scene.scenario.run.duration_s, ENVELOPE_POINTS)
+    drive_time = np.linspace(0.0, scene.times.duration, ENVELOPE_POINTS)
     return PlateRecord(
         length=surface.length,
         width=surface.width,

@@ -140,6 +140,7 @@ class Recording:
     path: Path
     engine: str
     scenario_text: str
+    libraries: dict[str, str]
     plate: PlateRecord
     parts: tuple[PartRecord, ...]
     seeds: tuple[Frames, ...]
@@ -277,6 +278,7 @@ def read_recording(path: Path) -> Recording:
                 path=path,
                 engine=str(file.attrs["engine"]),
                 scenario_text=str(file.attrs["scenario"]),
+                libraries=dict(json.loads(file.attrs["libraries"])),
                 plate=_read_plate(file),
                 parts=tuple(_read_part(name, file["parts"][name]) for name in sorted(file["parts"], key=_part_number)),
                 seeds=tuple(_read_frames(group) for group in groups),

@@ -21,7 +21,8 @@ from numba import njit
 
 MAX_SWEEPS = 400
 TOLERANCE = 1e-9  # change of relative velocity per sweep, over the approach velocity
-NEGLIGIBLE = 1e-7  # [m/s]; such a change needs no further sweep
+NEGLIGIBLE = 1e-6  # [m/s]; such a change needs no further sweep
+FLAT = 4  # corners at least, of a landing that is taken for flat
 HALVINGS = 12  # of the restitution, until an impact creates no energy
 MAX_SECANTS = 30
 ANGLE_TOLERANCE = 1e-10  # of the slip direction [rad]
@@ -82,6 +83,12 @@ def _solve(v, w, inverse_mass, inverse_inertia, arm, normal, surface_velocity, b
         scale = max(scale, abs(along))
         step_normal[i], step_tangent[i] = _steps(inverse_mass, inverse_inertia, arm[i], normal[i])
     u, change = np.empty(3), np.empty(3)
+    if n >= FLAT:  # a flat landing is nearly a shift: begin with what would stop it, shared out
+        share_of_mass = 1.0 / (inverse_mass * n)
+        for i in range(n):
+            _project(before[i], normal[i], impulse[i], share_of_mass, share_of_mass, targets[i], mu[i], change)
+        for i in range(n):
+            _apply(v, w, inverse_mass, inverse_inertia, arm[i], impulse[i])
     for _ in range(MAX_SWEEPS):
         largest = 0.0
         for i in range(n):

@@ -37,7 +37,7 @@ from feeder_sim.engines.impulse_state import (
     read_wall,
     rim_walls,
 )
-from feeder_sim.engines.island import advance_island
+from feeder_sim.engines.island import advance_islands
 from feeder_sim.engines.neighbours import find_islands, find_pairs
 from feeder_sim.engines.pair_contact import Pairs
 from feeder_sim.engines.plate_contact import TOUCH, meet_plate
@@ -49,7 +49,7 @@ from feeder_sim.start import start_poses
 from feeder_sim.trajectory import BLOCK_FRAMES, Frames
 
 SAME_CONTACT = 1.5  # steps between two impacts that count as one contact
-WINDOW = 5e-4  # [s], at most, where parts can meet: shorter ones find the pairs too often, longer ones find too many
+WINDOW = 1e-3  # [s], at most, where parts can meet: shorter ones find the pairs too often, longer ones find too many
 STATE = ("position", "velocity", "attitude", "momentum", "clock", "there")
 ROW = 18  # numbers per part and frame: position, velocity, attitude, momentum
 
@@ -82,14 +82,6 @@ def _open_window(parts, n_free, kinds, surface, antinode, pairs, start, end, ste
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _advance_some(chosen, islands, pairs, parts, kinds, wall, acting, bounds, hulls, start, end, work):
-    islands, pairs, parts, kinds, wall = borrow(islands), borrow(pairs), borrow(parts), borrow(kinds), borrow(wall)
-    acting, bounds, hulls, work = borrow(acting), borrow(bounds), borrow(hulls), borrow(work)
-    for island in chosen:
-        advance_island(island, islands, pairs, parts, kinds, wall, acting, bounds, hulls, start, end, work)
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
 def _close_frame(parts, n_free, row):
     for i in range(n_free):
         if parts.there[i]:
@@ -99,23 +91,8 @@ def _close_frame(parts, n_free, row):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _advance(parts, n_free, kinds, wall, surface, antinode, hulls, work, step, interval, n_windows, first_frame, out):
-    """Advance frame by frame on one thread; after each, write the state into a row of out (frames, parts, ROW)."""
-    for row in range(out.shape[0]):
-        pairs = _no_pairs()
-        for window in range(n_windows):
-            start = (first_frame + row + window / n_windows) * interval
-            end = (first_frame + row + (window + 1) / n_windows) * interval
-            opened = _open_window(parts, n_free, kinds, surface, antinode, pairs, start, end, step)
-            acting, bounds, pairs, islands = opened
-            chosen = np.arange(islands.first_part.shape[0] - 1)
-            _advance_some(chosen, islands, pairs, parts, kinds, wall, acting, bounds, hulls, start, end, work)
-        _close_frame(parts, n_free, out[row])
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
 def _share_out(islands, n_threads):
-    """Islands for every thread, the largest first to the one that has the fewest parts; (threads,) lists of indices."""
+    """Thread of every island: the largest first, each to the thread that has the least to do."""
     count = islands.first_part.shape[0] - 1
     size = (islands.first_part[1:] - islands.first_part[:-1]) + 2 * (islands.first_pair[1:] - islands.first_pair[:-1])
     order = np.argsort(-size, kind="mergesort")
@@ -144,19 +121,21 @@ def _note_contact(motion, before, work, n_corners, log, last, t, step):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _advance_guided(parts, kinds, wall, surface, antinode, log, last, work, step, interval, first_frame, out):
-    """Advance the one part of a scene in its tube; arguments as for `_advance`."""
+def _advance_one(parts, kinds, wall, surface, antinode, log, last, work, step, interval, first_frame, out):
+    """Advance the one part of a scene frame by frame; after each, write its state into a row of out (frames, 1, ROW)."""
+    parts, kinds, wall, work = borrow(parts), borrow(kinds), borrow(wall), borrow(work)
+    guided = wall.radius < np.inf
     motion, body = motion_of(parts, 0), body_of(kinds, 0)
     for row in range(out.shape[0]):
         t, end = (first_frame + row) * interval, (first_frame + row + 1) * interval
         acting = acting_terms(surface, t, end)
-        bounds = bound_window(acting, antinode, t, end, step)._replace(step=step)
+        bounds = bound_window(acting, antinode, t, end, step)
         while t < end:
             fly_to(parts, kinds, 0, t)
             before = motion.velocity[2]
             leap, hit = meet_plate(motion, body, kinds, 0, wall, acting, bounds, t, work)
-            if hit:
-                _note_contact(motion, before, work, body.corners.shape[0], log, last, t, step)
+            if hit and guided:
+                _note_contact(motion, before, work, body.corners.shape[0], log, last, t, bounds.step)
             t += leap
         fly_to(parts, kinds, 0, end)
         _close_frame(parts, 1, out[row])
@@ -182,7 +161,8 @@ class ImpulseEngine:
         self._hulls = [library.hulls() for library in self._libraries]
         self._scratch = [new_scratch(kinds, scene.surface.n_shapes) for _ in range(self._threads)]
         self._pool = ThreadPoolExecutor(self._threads) if self._threads > 1 else None
-        self._n_windows = 1 if self._n == 1 and not scene.rim else math.ceil(scene.frame_interval / WINDOW - 1e-9)
+        self._alone = self._n == 1 and not scene.rim
+        self._n_windows = math.ceil(scene.frame_interval / WINDOW - 1e-9)
         self._parts = self._start(rng)
         self._frame = 0
 
@@ -211,21 +191,13 @@ class ImpulseEngine:
 
     def advance(self, n_frames: int) -> Frames:
         out = np.empty((n_frames, self._n, ROW))
-        scene, interval = self._scene, self._scene.frame_interval
-        plate = (self._surface, self._antinode)
-        times = (scene.timestep, interval)
-        if np.isfinite(self._wall.radius):
-            # Each contact takes a step at least.
-            self._log = room_for(self._log, n_frames * (scene.steps_per_frame + 1) + 1)
-            log = (self._log, self._last_contact)
-            _advance_guided(
-                self._parts, self._kinds, self._wall, *plate, *log, self._scratch[0], *times, self._frame, out
-            )
-        elif self._pool is None:
-            own = (self._hulls[0], self._scratch[0])
-            _advance(
-                self._parts, self._n, self._kinds, self._wall, *plate, *own, *times, self._n_windows, self._frame, out
-            )
+        if self._alone:
+            scene = self._scene
+            if np.isfinite(self._wall.radius):  # each contact takes a step at least
+                self._log = room_for(self._log, n_frames * (scene.steps_per_frame + 1) + 1)
+            place = (self._kinds, self._wall, self._surface, self._antinode, self._log, self._last_contact)
+            times = (scene.timestep, scene.frame_interval, self._frame)
+            _advance_one(self._parts, *place, self._scratch[0], *times, out)
         else:
             for row in range(n_frames):
                 self._advance_frame(self._frame + row)
@@ -234,19 +206,20 @@ class ImpulseEngine:
         return self._frames(out, self._frame - n_frames + 1)
 
     def _advance_frame(self, frame: int) -> None:
-        """Advance to the next frame on several threads; the same as `_advance` does on one."""
-        assert self._pool is not None
+        """Advance all parts to the next frame, window by window; nothing but their motion is kept between frames."""
         pairs, interval, n = _no_pairs(), self._scene.frame_interval, self._n_windows
         for window in range(n):
             start, end = (frame + window / n) * interval, (frame + (window + 1) / n) * interval
             plate = (self._kinds, self._surface, self._antinode)
-            acting, bounds, pairs, islands = _open_window(
-                self._parts, self._n, *plate, pairs, start, end, self._scene.timestep
-            )
+            opened = _open_window(self._parts, self._n, *plate, pairs, start, end, self._scene.timestep)
+            acting, bounds, pairs, islands = opened
             owner = _share_out(islands, self._threads)
             common = (islands, pairs, self._parts, self._kinds, self._wall, acting, bounds)
+            if self._pool is None:
+                advance_islands(owner, 0, *common, self._hulls[0], start, end, self._scratch[0])
+                continue
             tasks = [
-                self._pool.submit(_advance_some, np.flatnonzero(owner == i), *common, hulls, start, end, work)
+                self._pool.submit(advance_islands, owner, i, *common, hulls, start, end, work)
                 for i, (hulls, work) in enumerate(zip(self._hulls, self._scratch, strict=True))
             ]
             for task in tasks:

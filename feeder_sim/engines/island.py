@@ -10,64 +10,49 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+from feeder_sim.engines.borrow import borrow
 from feeder_sim.engines.impulse_state import body_of, fly_to, motion_of
 from feeder_sim.engines.pair_contact import meet, meeting_bound
 from feeder_sim.engines.plate_contact import meet_plate
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def advance_island(island, islands, pairs, parts, kinds, no_wall, surface, bounds, hulls, start, end, work):
-    """Advance one island from start to end [s]; work and hulls belong to this thread."""
-    first, last = islands.first_part[island], islands.first_part[island + 1]
-    first_pair, last_pair = islands.first_pair[island], islands.first_pair[island + 1]
-    if last - first == 1 and last_pair == first_pair:
-        _advance_alone(islands.part[first], parts, kinds, no_wall, surface, bounds, start, end, work)
-        return
-    n = last - first
-    tree = _all_due(n + last_pair - first_pair, start)
-    while tree[1] < end:
-        t, leaf = tree[1], _earliest(tree)
-        work.law[0, -1] += 1.0 if leaf < n else 0.0
-        work.law[1, -1] += 1.0 if leaf >= n else 0.0
-        if leaf < n:
-            i = islands.part[first + leaf]
-            fly_to(parts, kinds, i, t)
-            kind = parts.kind[i]
-            motion, body = motion_of(parts, i), body_of(kinds, kind)
-            leap, hit = meet_plate(motion, body, kinds, kind, no_wall, surface, bounds, t, work)
-            _set_due(tree, leaf, t + leap)
-            if hit:
-                work.law[1, -3] += 1.0
-                _look_at_pairs(i, -1, islands, first_pair, n, tree, pairs, parts, kinds, t, bounds.step)
+def advance_islands(owner, thread, islands, pairs, parts, kinds, no_wall, surface, bounds, hulls, start, end, work):
+    """Advance the islands that belong to a thread from start to end [s]; work and hulls belong to it too."""
+    islands, pairs, parts, kinds, no_wall = borrow(islands), borrow(pairs), borrow(parts), borrow(kinds), borrow(no_wall)
+    surface, bounds, hulls, work = borrow(surface), borrow(bounds), borrow(hulls), borrow(work)
+    for island in range(owner.shape[0]):
+        if owner[island] != thread:
             continue
-        p = islands.pair[first_pair + leaf - n]
-        due, near = meeting_bound(pairs, p, parts, kinds, t, bounds.step)
-        if near:
-            work.law[0, -2] += 1.0
-            hit = meet(pairs, p, parts, kinds, hulls)
+        first, last = islands.first_part[island], islands.first_part[island + 1]
+        first_pair, last_pair = islands.first_pair[island], islands.first_pair[island + 1]
+        n = last - first
+        tree = _all_due(n + last_pair - first_pair, start)
+        while tree[1] < end:
+            t, leaf = tree[1], _earliest(tree)
+            if leaf < n:
+                i = islands.part[first + leaf]
+                fly_to(parts, kinds, i, t)
+                kind = parts.kind[i]
+                motion, body = motion_of(parts, i), body_of(kinds, kind)
+                leap, hit = meet_plate(motion, body, kinds, kind, no_wall, surface, bounds, t, work)
+                _set_due(tree, leaf, t + leap)
+                if hit:
+                    _look_at_pairs(i, -1, islands, first_pair, n, tree, pairs, parts, kinds, t, bounds.step)
+                continue
+            p = islands.pair[first_pair + leaf - n]
             due, near = meeting_bound(pairs, p, parts, kinds, t, bounds.step)
-            if hit:
-                work.law[1, -2] += 1.0
-                for i in (pairs.a[p], pairs.b[p]):
-                    if i < islands.place.shape[0]:
-                        _set_due(tree, islands.place[i] - first, t)
-                        _look_at_pairs(i, p, islands, first_pair, n, tree, pairs, parts, kinds, t, bounds.step)
-        _set_due(tree, leaf, due)
-    for k in range(first, last):
-        fly_to(parts, kinds, islands.part[k], end)
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def _advance_alone(i, parts, kinds, no_wall, surface, bounds, start, end, work):
-    """Advance a part that can meet nothing but the plate."""
-    kind = parts.kind[i]
-    motion, body = motion_of(parts, i), body_of(kinds, kind)
-    t = start
-    while t < end:
-        fly_to(parts, kinds, i, t)
-        leap, _ = meet_plate(motion, body, kinds, kind, no_wall, surface, bounds, t, work)
-        t += leap
-    fly_to(parts, kinds, i, end)
+            if near:
+                hit = meet(pairs, p, parts, kinds, hulls)
+                due, near = meeting_bound(pairs, p, parts, kinds, t, bounds.step)
+                if hit:
+                    for i in (pairs.a[p], pairs.b[p]):
+                        if i < islands.place.shape[0]:
+                            _set_due(tree, islands.place[i] - first, t)
+                            _look_at_pairs(i, p, islands, first_pair, n, tree, pairs, parts, kinds, t, bounds.step)
+            _set_due(tree, leaf, due)
+        for k in range(first, last):
+            fly_to(parts, kinds, islands.part[k], end)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

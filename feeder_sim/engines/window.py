@@ -13,7 +13,7 @@ from feeder_sim.scene import GRAVITY
 
 BEAT = 1e-4  # relative; damping alone shifts the frequency of the transient by a hundredth of this
 ALLOWANCE = 1.01  # on envelopes, which are looked at on both ends of the window
-SAG = 2e-8  # [m]; how far a surface that is no longer driven may move relative to a part within one step
+SAG = 1e-7  # [m]; how far a surface that is no longer driven may move relative to a part within one step
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
