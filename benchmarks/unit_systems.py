@@ -24,7 +24,8 @@ from feeder_sim.measures import PASSAGE_TO, Cell, Statistic, transport_cell, tra
 from feeder_sim.mjcf import build_mjcf
 from feeder_sim.plate.drive import ModalTerms
 from feeder_sim.scenario import load_scenario
-from feeder_sim.scene import GRAVITY, Scene, build_scene, start_poses
+from feeder_sim.scene import GRAVITY, Scene, build_scene
+from feeder_sim.start import start_poses
 from feeder_sim.trajectory import BLOCK_FRAMES, Frames
 
 SCENARIO = Path(__file__).parents[1] / "scenarios/drift_4750hz.toml"

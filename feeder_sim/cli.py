@@ -59,7 +59,10 @@ def run(
         given = {"a scenario": scenario_file, "--engine": engine, "--seeds": seeds, "--seed": seed, "--out": out}
         also = [name for name, value in given.items() if value is not None]
         if also or dry_run:
-            raise InputError(f"goes on with what is in the folder, {(also or ['--dry-run'])[0]} is not allowed with it", key="--resume")
+            raise InputError(
+                f"goes on with what is in the folder, {(also or ['--dry-run'])[0]} is not allowed with it",
+                key="--resume",
+            )
         from feeder_sim.run_folder import resume_run
 
         with _stop_on_signal() as stop, _progress(str(resume)) as progress:

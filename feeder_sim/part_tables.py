@@ -22,7 +22,7 @@ class _Turned(Table):
 
 
 class Start(_Turned):
-    """Where one part is released: ranges are drawn per seed; its lowest point is the drop height above the resting plate.
+    """Where one part is released: ranges are drawn per seed; its lowest point is at drop height over the resting plate.
 
     `position_mm` of a part in a guide is where the guide's axis meets the plate. Without `tilt_deg` a free part starts
     0 to 3 degrees off the vertical, a guided one along the axis of its guide.

@@ -54,4 +54,8 @@ class Removals:
     def joined(blocks: Sequence[Removals]) -> Removals:
         """Concatenate blocks in time."""
         names = ("time", "part", "cause")
-        return Removals(*(np.concatenate([getattr(b, name) for b in blocks]) for name in names)) if blocks else Removals.none()
+        return (
+            Removals(*(np.concatenate([getattr(b, name) for b in blocks]) for name in names))
+            if blocks
+            else Removals.none()
+        )

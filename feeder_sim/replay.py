@@ -11,22 +11,20 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from feeder_sim.errors import InputError
 from feeder_sim.guide import Guide, build_guide
 from feeder_sim.plate.nodal_lines import NodalLines
-from feeder_sim.scenario import parse_scenario
-from feeder_sim.trajectory import Frames, PlateRecord, Recording, read_recording
+from feeder_sim.replay_crowd import crowd_blueprint, log_crowd
+from feeder_sim.replay_parts import NUT, drawn_part
+from feeder_sim.replay_plate import MM, TIMELINE, log_plate
+from feeder_sim.scenario import Start, parse_scenario
+from feeder_sim.trajectory import Frames, Recording, read_recording
 
-TIMELINE = "sim_time"
-MM = 1e3
-PLATE_GREY, LINE_GREY = (190, 190, 195), (150, 150, 150)
-NUT, PATH, NODE = (214, 140, 30), (30, 110, 60), (20, 20, 20)
+LINE_GREY, PATH = (150, 150, 150), (30, 110, 60)
 GLASS = (110, 160, 190)
 GUIDE_HEIGHT = 18.0  # [mm], as drawn
 WINDOW_S = 1.0  # of the plots of a guided part, whose hops are many
-COLOUR_STEP = 0.04  # the plate is recoloured when an envelope has moved by this fraction of its maximum
 
 
 def build_replay(trajectory: Path, replay: Path, *, shown_seed: int = 0) -> None:
@@ -51,59 +49,31 @@ def build_replay(trajectory: Path, replay: Path, *, shown_seed: int = 0) -> None
         raise InputError(f"seed {shown_seed} has no frames yet", file=trajectory)
     partial = replay.with_name(replay.name + ".partial")  # an interrupted build must not look like a replay
     stream = rr.RecordingStream("feeder_sim", recording_id=f"{trajectory.parent.name}-{shown_seed}")
-    stream.save(partial, default_blueprint=_blueprint(recording, shown_seed))
+    scenario = parse_scenario(recording.scenario_text, file=recording.path)
+    crowd = scenario.schedule is not None or scenario.n_parts > 1
+    blueprint = crowd_blueprint(recording) if crowd else _blueprint(recording, shown_seed)
+    stream.save(partial, default_blueprint=blueprint)
     try:
-        _log_plate(stream, recording.plate, max(frames.time[-1] for frames in recording.seeds if len(frames)))
-        _log_guide(stream, _guide(recording))
-        _log_parts(stream, recording, recording.seeds[shown_seed])
-        _log_plots(stream, recording, shown_seed)
+        log_plate(stream, recording.plate, max(frames.time[-1] for frames in recording.seeds if len(frames)))
+        if crowd:
+            log_crowd(stream, recording, scenario, shown_seed)
+        else:
+            _log_guide(stream, _guide(recording))
+            _log_parts(stream, recording, recording.seeds[shown_seed])
+            _log_plots(stream, recording, shown_seed)
     finally:
         stream.flush()
         stream.disconnect()
     partial.replace(replay)
 
 
-def _log_plate(stream: Any, plate: PlateRecord, last: float) -> None:
-    """Flat top surface with vertex colours up to the time `last`, the body below it, and the nodal lines."""
-    import rerun as rr
-
-    half = np.array([plate.length, plate.width, plate.thickness]) * 0.5 * MM
-    body = rr.Boxes3D(centers=[[0, 0, -half[2] - 0.05]], half_sizes=[half], colors=[PLATE_GREY], fill_mode="solid")
-    stream.log("plate/body", body, static=True)
-    grid_x, grid_y = np.meshgrid(plate.x * MM, plate.y * MM, indexing="ij")
-    vertices = np.column_stack([grid_x.ravel(), grid_y.ravel(), np.zeros(grid_x.size)])
-    mesh = rr.Mesh3D(
-        vertex_positions=vertices,
-        triangle_indices=_grid_triangles(len(plate.x), len(plate.y)),
-        vertex_normals=np.tile([0.0, 0.0, 1.0], (len(vertices), 1)),
-    )
-    stream.log("plate/surface", mesh, static=True)  # only the vertex colours below change in time
-    for row in _colour_rows(plate.drive_amplitude[plate.drive_time <= last]):
-        displacement = np.tensordot(plate.drive_amplitude[row], plate.mode_shape, axes=1)
-        stream.set_time(TIMELINE, duration=float(plate.drive_time[row]))
-        colours = _diverging(displacement.ravel() / _largest(plate))
-        stream.log("plate/surface", rr.Mesh3D.from_fields(vertex_colors=colours))
-    lines = [np.column_stack([line * MM, np.full(len(line), 0.02)]) for line in plate.nodal_lines]
-    if lines:
-        stream.log("plate/nodal_lines", rr.LineStrips3D(lines, colors=[NODE], radii=[0.12]), static=True)
-
-
 def _log_parts(stream: Any, recording: Recording, frames: Frames) -> None:
     """Each part as one static mesh with a moving transform, and the line its centre followed."""
     import rerun as rr
-    import trimesh
 
     time = rr.TimeColumn(TIMELINE, duration=frames.time)
     for i, part in enumerate(recording.parts):
-        mesh = trimesh.Trimesh(part.vertices * MM, part.faces, process=False)
-        flat = mesh.vertices[mesh.faces].reshape(-1, 3)  # one normal per face, so that edges look sharp
-        drawn = rr.Mesh3D(
-            vertex_positions=flat,
-            triangle_indices=np.arange(len(flat)).reshape(-1, 3),
-            vertex_normals=np.repeat(mesh.face_normals, 3, axis=0),
-            albedo_factor=NUT,
-        )
-        stream.log(f"parts/{part.name}", drawn, static=True)
+        stream.log(f"parts/{part.name}", drawn_part(part), static=True)
         poses = rr.Transform3D.columns(
             translation=frames.position[:, i] * MM, quaternion=frames.quaternion[:, i][:, [1, 2, 3, 0]]
         )
@@ -115,7 +85,7 @@ def _log_parts(stream: Any, recording: Recording, frames: Frames) -> None:
 def _guide(recording: Recording) -> Guide | None:
     """The guide of the recorded part."""
     part = parse_scenario(recording.scenario_text, file=recording.path).part[0]
-    return build_guide(part.guide, part.start.position_mm) if part.guide else None
+    return build_guide(part.guide, part.start.position_mm) if part.guide and isinstance(part.start, Start) else None
 
 
 def _log_guide(stream: Any, guide: Guide | None) -> None:
@@ -216,35 +186,3 @@ def _plot(name: str, title: str, largest: float, *, lowest: float = 0.0, window:
         sides = [rr.TimeRangeBoundary.cursor_relative(seconds=side * window / 2.0) for side in (-1.0, 1.0)]
         around = rrb.TimeAxis(view_range=rr.TimeRange(*sides))
     return rrb.TimeSeriesView(origin=f"/plots/{name}", name=title, axis_x=around, axis_y=axis, plot_legend=legend)
-
-
-def _grid_triangles(nx: int, ny: int) -> NDArray[np.int64]:
-    """Two triangles per cell of an (nx, ny) grid, counter-clockwise from above."""
-    corner = (np.arange(nx - 1)[:, None] * ny + np.arange(ny - 1)).ravel()
-    lower = np.column_stack([corner, corner + ny, corner + ny + 1])
-    upper = np.column_stack([corner, corner + ny + 1, corner + 1])
-    return np.concatenate([lower, upper])
-
-
-def _colour_rows(amplitude: NDArray[np.float64]) -> list[int]:
-    """Indices of `amplitude` (n, n_shapes) at which the surface looks different from the last one drawn."""
-    step = COLOUR_STEP * max(float(amplitude.max()), 1e-300)
-    rows = [0]
-    for i in range(1, len(amplitude)):
-        if np.abs(amplitude[i] - amplitude[rows[-1]]).max() > step:
-            rows.append(i)
-    return rows
-
-
-def _largest(plate: PlateRecord) -> float:
-    """Largest displacement amplitude the plate reaches anywhere, any time [m]."""
-    shape = np.abs(plate.mode_shape).reshape(len(plate.mode_shape), -1)
-    return max(float((plate.drive_amplitude @ shape).max()), 1e-300)
-
-
-def _diverging(value: NDArray[np.float64]) -> NDArray[np.uint8]:
-    """Blue - white - red for -1 .. 1, shape (n, 4)."""
-    low, middle, high = np.array([58, 96, 190]), np.array([242, 242, 242]), np.array([190, 52, 52])
-    v = np.clip(value, -1.0, 1.0)[:, None]
-    rgb = np.where(v < 0, middle + (middle - low) * v, middle + (high - middle) * v)
-    return np.column_stack([rgb, np.full(len(v), 255)]).astype(np.uint8)

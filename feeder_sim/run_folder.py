@@ -103,7 +103,9 @@ def resume_run(
     for index, status in enumerate(recording.status):
         held = checkpoints.load(index)
         if status != Status.UNFINISHED:
-            begun[index] = Begun(recording.seeds[index], recording.impacts[index], recording.removals[index], {}, status)
+            begun[index] = Begun(
+                recording.seeds[index], recording.impacts[index], recording.removals[index], {}, status
+            )
         elif held is not None and held.frames <= len(recording.seeds[index]):
             begun[index] = Begun(
                 recording.seeds[index][: held.frames],
@@ -261,4 +263,5 @@ def plate_record(scene: Scene) -> PlateRecord:
         antinode=cell.antinode if cell else np.full(2, np.nan),
         drive_time=drive_time,
         drive_amplitude=np.abs(surface.terms.phasor(drive_time, surface.n_shapes)),
+        shape_of_excitation=np.array([mode.drive.shape for mode in scene.driven]),
     )

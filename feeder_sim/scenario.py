@@ -1,6 +1,6 @@
 """Scenario files: TOML -> frozen, validated values. Keys carry their units; nothing here computes anything.
 
-A scenario is a plate, the drives that excite it or a schedule of them, the parts on it, contact parameters and how to run:
+A scenario is a plate, the drives that excite it or a schedule of them, the parts, their contact and how to run:
 
     Scenario(plate=Strip(thickness_mm=3), drive=[Drive(frequency_hz=4750, amplitude_um=1)], part=[HexNut(size="M2.5")],
              run=Run(duration_s=1))

@@ -98,7 +98,10 @@ def build_scene(scenario: Scenario) -> Scene:
     timestep = 1.0 / (scenario.highest_frequency_hz * run.steps_per_period)
     kind_of = np.repeat(np.arange(len(kinds)), [spec.count for spec in scenario.part])
     digits = len(str(len(kind_of) - 1))
-    guided = [build_guide(s.guide, s.start.position_mm) if s.guide and s.start.kind == "point" else None for s in scenario.part]
+    guided = [
+        build_guide(s.guide, s.start.position_mm) if s.guide and s.start.kind == "point" else None
+        for s in scenario.part
+    ]
     scene = Scene(
         scenario=scenario,
         surface=plate.surface,

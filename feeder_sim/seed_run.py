@@ -120,7 +120,12 @@ class SeedRun:
             self.recorder.finish(self.index, status)
         frames, wall = Frames.joined(self._frames), time.perf_counter() - started
         return SeedResult(
-            frames, Impacts.joined([*self._impacts, Impacts.none()]), Removals.joined(self._removals), status, wall, failure
+            frames,
+            Impacts.joined([*self._impacts, Impacts.none()]),
+            Removals.joined(self._removals),
+            status,
+            wall,
+            failure,
         )
 
     def _advance(self, engine: Engine, guard: Guard) -> tuple[Status, SimulationDiverged | None]:
@@ -191,9 +196,7 @@ class SeedRun:
             engine.remove(picked)
         return Removals.of(float(block.time[-1]), picked, Cause.PICKED)
 
-    def _status(
-        self, block: Frames, n_done: int, failure: SimulationDiverged | None, removals: Removals
-    ) -> Status:
+    def _status(self, block: Frames, n_done: int, failure: SimulationDiverged | None, removals: Removals) -> Status:
         if failure:
             return Status.DIVERGED
         out = Removals.joined([*self._removals, removals])

@@ -10,6 +10,7 @@ Layout, schema version 1 (SI units, in the `unit` attribute of every dataset):
     /plate/nodal_line     (k,)                number of the line each point belongs to
     /plate/antinode       (2,)                antinode the part starts from; NaN without nodal lines
     /drive/time, amplitude   (m,), (m, n_shapes)  envelope of each modal coordinate
+    /drive/shape          (k,)                mode shape that each excitation of the scenario drives
     /parts/NAME/vertices, faces
     /seeds/NNN/time, position, quaternion, velocity, angular_velocity, present, status
     /seeds/NNN/removals/time, part, cause   of parts picked or lost; see feeder_sim.removals
@@ -122,6 +123,7 @@ class PlateRecord:
     antinode: NDArray[np.float64]
     drive_time: NDArray[np.float64]
     drive_amplitude: NDArray[np.float64]
+    shape_of_excitation: NDArray[np.int64]
 
 
 @dataclass(frozen=True)
@@ -236,7 +238,7 @@ class TrajectoryWriter:
 
     def _create_seed(self, index: int, n_parts: int) -> None:
         for name, (unit, dtype, shape) in FRAME_FIELDS.items():
-            tail = (n_parts, *shape) if shape else ()
+            tail = () if name == "time" else (n_parts, *shape)
             dataset = self._file.create_dataset(
                 f"{_seed_name(index)}/{name}",
                 shape=(0, *tail),
@@ -356,6 +358,7 @@ def _write_plate(file: h5py.File, plate: PlateRecord) -> None:
     _write(file, "plate/antinode", plate.antinode, "m")
     _write(file, "drive/time", plate.drive_time, "s")
     _write(file, "drive/amplitude", plate.drive_amplitude, "m")
+    _write(file, "drive/shape", plate.shape_of_excitation, "1")
 
 
 def _read_plate(file: h5py.File) -> PlateRecord:
@@ -372,6 +375,10 @@ def _read_plate(file: h5py.File) -> PlateRecord:
         antinode=group["antinode"][()],
         drive_time=file["drive/time"][()],
         drive_amplitude=file["drive/amplitude"][()],
+        # Of before there were schedules: one shape per drive.
+        shape_of_excitation=file["drive/shape"][()]
+        if "shape" in file["drive"]
+        else np.arange(len(group["mode_shape"])),
     )
 
 

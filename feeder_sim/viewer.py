@@ -12,7 +12,8 @@ import time
 from pathlib import Path
 
 from feeder_sim.errors import FeederSimError, InputError
-from feeder_sim.replay import TIMELINE, build_replay
+from feeder_sim.replay import build_replay
+from feeder_sim.replay_plate import TIMELINE
 from feeder_sim.run_folder import REPLAY, TRAJECTORY
 
 LOADING_TIMEOUT_S = 60.0

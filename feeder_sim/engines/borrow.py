@@ -7,14 +7,14 @@ addresses are not counted. The caller must hold the real ones for as long as the
 
 from __future__ import annotations
 
-from numba import carray, njit, types
+from numba import carray, njit, types  # type: ignore[attr-defined]
 from numba.core import cgutils
 from numba.extending import intrinsic, overload
 
 
 @intrinsic
-def _as_pointer(typingctx, address):  # type: ignore[no-untyped-def]
-    def generate(context, builder, signature, arguments):  # type: ignore[no-untyped-def]
+def _as_pointer(typingctx, address):
+    def generate(context, builder, signature, arguments):
         return builder.inttoptr(arguments[0], cgutils.voidptr_t)
 
     return types.voidptr(address), generate
@@ -26,13 +26,13 @@ def borrowed(array):
     return carray(_as_pointer(array.ctypes.data), array.shape, array.dtype)
 
 
-def borrow(fields):  # type: ignore[no-untyped-def]
+def borrow(fields):
     """A named tuple with all its arrays borrowed; for compiled code only."""
     raise NotImplementedError
 
 
 @overload(borrow, strict=False)
-def _borrow(fields):  # type: ignore[no-untyped-def]
+def _borrow(fields):
     tuple_class = fields.instance_class
     lent = ", ".join(
         f"borrowed(fields.{name})" if isinstance(kind, types.Array) else f"fields.{name}"

@@ -51,7 +51,9 @@ class HullLibrary:
         spec.option.ccd_tolerance, spec.option.ccd_iterations = TOLERANCE, ITERATIONS
         for kind, (points, radius) in enumerate(zip(corners, radii, strict=True)):
             if len(points) > 1:
-                spec.add_mesh(name=f"hull_{kind}", uservert=points.ravel(), inertia=mujoco.mjtMeshInertia.mjMESH_INERTIA_CONVEX)
+                spec.add_mesh(
+                    name=f"hull_{kind}", uservert=points.ravel(), inertia=mujoco.mjtMeshInertia.mjMESH_INERTIA_CONVEX
+                )
             for copy in range(2):
                 body = spec.worldbody.add_body(name=f"{kind}_{copy}", mocap=True)
                 if len(points) > 1:

@@ -122,7 +122,7 @@ def _note_contact(motion, before, work, n_corners, log, last, t, step):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _advance_one(parts, kinds, wall, surface, antinode, log, last, work, step, interval, first_frame, out):
-    """Advance the one part of a scene frame by frame; after each, write its state into a row of out (frames, 1, ROW)."""
+    """Advance the one part of a scene; after each frame write its state into a row of out (frames, 1, ROW)."""
     parts, kinds, wall, work = borrow(parts), borrow(kinds), borrow(wall), borrow(work)
     guided = wall.radius < np.inf
     motion, body = motion_of(parts, 0), body_of(kinds, 0)

@@ -20,7 +20,7 @@ RIM_HEIGHT, RIM_THICKNESS = 0.5, 0.02  # [m]; above and below the plate
 
 
 class Body(NamedTuple):
-    """One part: mass [kg], principal inertia (3,), symmetry axis, corners (n, 3) [m] with a radius, reach of them all."""
+    """One part: mass [kg], principal inertia (3,), symmetry axis, corners (n, 3) [m] with a radius, their reach."""
 
     mass: float
     inertia: NDArray[np.float64]

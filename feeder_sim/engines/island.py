@@ -19,7 +19,13 @@ from feeder_sim.engines.plate_contact import meet_plate
 @njit(cache=True, nogil=True, error_model="numpy")
 def advance_islands(owner, thread, islands, pairs, parts, kinds, no_wall, surface, bounds, hulls, start, end, work):
     """Advance the islands that belong to a thread from start to end [s]; work and hulls belong to it too."""
-    islands, pairs, parts, kinds, no_wall = borrow(islands), borrow(pairs), borrow(parts), borrow(kinds), borrow(no_wall)
+    islands, pairs, parts, kinds, no_wall = (
+        borrow(islands),
+        borrow(pairs),
+        borrow(parts),
+        borrow(kinds),
+        borrow(no_wall),
+    )
     surface, bounds, hulls, work = borrow(surface), borrow(bounds), borrow(hulls), borrow(work)
     for island in range(owner.shape[0]):
         if owner[island] != thread:

@@ -45,14 +45,16 @@ def find_pairs(parts, kinds, n_free, half_x, half_y, range_, old):
         if parts.there[i]:
             largest = max(largest, kinds.reach[parts.kind[i]] + kinds.radius[parts.kind[i]])
     cell = 2.0 * (largest + range_)
-    cell_of, order, first, columns, rows, origin_x, origin_y = _sort_into_cells(parts, n, cell)
+    cell_of, order, first, columns, rows = _sort_into_cells(parts, n, cell)
     found = np.empty((0, 2), np.int64)
     for counting in range(2):  # count, then fill
         m = 0
         for i in range(n):
             if not parts.there[i]:
                 continue
-            m = _pairs_of(parts, kinds, i, n_free, half_x, half_y, range_, cell_of, order, first, columns, rows, m, found)
+            m = _pairs_of(
+                parts, kinds, i, n_free, half_x, half_y, range_, cell_of, order, first, columns, rows, m, found
+            )
         if counting == 0:
             found = np.empty((m, 2), np.int64)
     pairs = Pairs(np.empty(m, np.int64), np.empty(m, np.int64), np.empty((m, 3)))
@@ -95,7 +97,7 @@ def _sort_into_cells(parts, n, cell):
         if cell_of[i] >= 0:
             order[filled[cell_of[i]]] = i
             filled[cell_of[i]] += 1
-    return cell_of, order, first, columns, rows, low_x, low_y
+    return cell_of, order, first, columns, rows
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

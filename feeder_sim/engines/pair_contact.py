@@ -96,7 +96,11 @@ def _along_body_axis(parts, i, vector, n):
 def _extent(parts, kinds, i, axis, sign):
     """Largest coordinate of part i along sign * axis [m]."""
     k = parts.kind[i]
-    x, y, z = (_along_body_axis(parts, i, axis, 0), _along_body_axis(parts, i, axis, 1), _along_body_axis(parts, i, axis, 2))
+    x, y, z = (
+        _along_body_axis(parts, i, axis, 0),
+        _along_body_axis(parts, i, axis, 1),
+        _along_body_axis(parts, i, axis, 2),
+    )
     largest = -np.inf
     for c in range(kinds.first_corner[k], kinds.first_corner[k + 1]):
         largest = max(largest, sign * (x * kinds.corners[c, 0] + y * kinds.corners[c, 1] + z * kinds.corners[c, 2]))
@@ -109,14 +113,18 @@ def _extent(parts, kinds, i, axis, sign):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _crossing_time(parts, kinds, i, axis, sign, support, drift, room):
-    """Time [s] before which no corner of part i can have come `room` farther along sign * axis than its support.
+    """Time [s] before which no corner of part i can come `room` farther along sign * axis than its support.
 
     The plane it must not cross moves at `drift` [m/s]; a corner turns with an acceleration of 2 reach (L / I)^2 at most.
     """
     k = parts.kind[i]
     if kinds.mass[k] == np.inf:
         return np.inf
-    x, y, z = (_along_body_axis(parts, i, axis, 0), _along_body_axis(parts, i, axis, 1), _along_body_axis(parts, i, axis, 2))
+    x, y, z = (
+        _along_body_axis(parts, i, axis, 0),
+        _along_body_axis(parts, i, axis, 1),
+        _along_body_axis(parts, i, axis, 2),
+    )
     momentum, inertia = parts.momentum[i], kinds.inertia[k]
     spin_x = _along_body_axis(parts, i, momentum, 0) / inertia[0]
     spin_y = _along_body_axis(parts, i, momentum, 1) / inertia[1]

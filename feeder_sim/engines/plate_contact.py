@@ -38,7 +38,9 @@ from feeder_sim.scene import GRAVITY
 TOUCH = 1e-9  # [m]; corners this close count as touching, so that a flat landing is one impact and not six
 ON_EDGE = 1e-9  # [m]; a point this far off the plate is still on its edge
 BESIDE = 2e-4  # [m]; a point that far below the surface at the edge of the plate is beside or under it
-EDGE_STEPS = 10  # a point on the edge of the plate moves along the hull: its leaps are estimates, and at least this long
+EDGE_STEPS = (
+    10  # a point on the edge of the plate moves along the hull: its leaps are estimates, and at least this long
+)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -65,7 +67,9 @@ def meet_plate(motion, body, kinds, k, wall, surface, bounds, t, work):
             approach_wall(motion, body, wall, TOUCH, work)
     leap = _leap(motion, body, work)
     if guided:
-        leap = max(min(leap, leap_to_wall(motion, body, wall, work)), meeting_time(work, body.corners.shape[0], bounds.step))
+        leap = max(
+            min(leap, leap_to_wall(motion, body, wall, work)), meeting_time(work, body.corners.shape[0], bounds.step)
+        )
     if body.corners.shape[0] > n_corners:
         leap = min(leap, _edge_leap(motion, body, n_corners, bounds.step, work))
     return max(leap, bounds.step), on_plate > 0
@@ -94,17 +98,13 @@ def _with_points_on_edge(motion, body, kinds, k, surface, work):
                     work.points[n, c] = body.corners[i, c] + share * (body.corners[j, c] - body.corners[i, c])
                 n += 1
     corners = work.points[:n]
-    return Body(
-        body.mass, body.inertia, body.axis, corners, body.radius, body.reach, body.restitution, body.friction
-    )
+    return Body(body.mass, body.inertia, body.axis, corners, body.radius, body.reach, body.restitution, body.friction)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _near_edge(motion, body, surface):
     reach = 2.0 * (body.reach + body.radius)
-    return (
-        abs(motion.position[0]) + reach > surface.grid_x[-1] or abs(motion.position[1]) + reach > surface.grid_y[-1]
-    )
+    return abs(motion.position[0]) + reach > surface.grid_x[-1] or abs(motion.position[1]) + reach > surface.grid_y[-1]
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

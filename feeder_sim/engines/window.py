@@ -72,18 +72,17 @@ def bound_window(acting, antinode, start, stop, step):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _together(acting, k, j):
-    return (
-        acting.term_shape[j] == acting.term_shape[k]
-        and abs(acting.rate[j].imag - acting.rate[k].imag) <= BEAT * abs(acting.rate[k].imag)
-    )
+    return acting.term_shape[j] == acting.term_shape[k] and abs(
+        acting.rate[j].imag - acting.rate[k].imag
+    ) <= BEAT * abs(acting.rate[k].imag)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _seen_before(acting, k):
+    seen = False
     for j in range(k):
-        if _together(acting, k, j):
-            return True
-    return False
+        seen = seen or _together(acting, k, j)
+    return seen
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

@@ -11,9 +11,10 @@ import pytest
 from conftest import piston_scenario, strip_scenario
 
 from feeder_sim.engines import mujoco as engine_module
+from feeder_sim.guard import Guard
 from feeder_sim.scenario import Contact, Start
 from feeder_sim.scene import build_scene
-from feeder_sim.simulation import Guard, simulate
+from feeder_sim.simulation import simulate
 from feeder_sim.trajectory import Frames, Status, read_recording
 
 TUNNELLING = """
@@ -94,7 +95,9 @@ def test_earliest_violation_is_the_one_reported() -> None:
     position = np.tile([0.0, 0.0, 1e-3], (100, 1, 1))
     velocity = np.zeros((100, 1, 3))
     velocity[5:, 0, 2], position[50:] = 50.0, np.nan
-    frames = Frames(time, position, np.tile([1.0, 0, 0, 0], (100, 1, 1)), velocity, velocity * 0)
+    frames = Frames(
+        time, position, np.tile([1.0, 0, 0, 0], (100, 1, 1)), velocity, velocity * 0, np.ones((100, 1), bool)
+    )
     valid, failure = Guard(scene, frames[slice(1)]).check(frames, 0)
     assert failure is not None
     assert valid == 5 and "speed" in failure.cause and failure.time_s == pytest.approx(0.01)

@@ -9,12 +9,14 @@ from conftest import piston_scenario, strip_scenario
 
 from feeder_sim.engines import choose_engine
 from feeder_sim.engines.impulse import ImpulseEngine
+from feeder_sim.engines.impulse_state import body_of
 from feeder_sim.engines.mujoco import MujocoEngine
 from feeder_sim.measures import transport_cell
 from feeder_sim.mjcf import build_mjcf
 from feeder_sim.run_folder import mjcf_text, scenario_toml
 from feeder_sim.scenario import Contact, Drive, HexNut, Start, load_scenario, parse_scenario
-from feeder_sim.scene import build_scene, start_poses
+from feeder_sim.scene import build_scene
+from feeder_sim.start import start_poses
 
 
 def test_compiled_bodies_carry_the_parts_inertia_at_their_origin() -> None:
@@ -137,9 +139,10 @@ def test_both_engines_start_alike() -> None:
     assert np.abs(np.abs((one.quaternion * other.quaternion).sum(axis=-1)) - 1).max() < 1e-12
 
 
-def test_impulse_engine_reads_the_part_back_from_the_compiled_scene() -> None:
+def test_impulse_engine_takes_the_part_from_the_scene() -> None:
     scene = build_scene(strip_scenario())
-    body = ImpulseEngine(scene, np.random.default_rng(0))._body
+    kinds = ImpulseEngine(scene, np.random.default_rng(0))._kinds
+    body = body_of(kinds, 0)
     part = scene.parts[0]
     assert body.mass == pytest.approx(part.mass)
     assert body.inertia == pytest.approx(part.inertia)

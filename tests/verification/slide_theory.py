@@ -13,7 +13,8 @@ from scipy.optimize import brentq
 from feeder_sim.impacts import Impacts
 from feeder_sim.scenario import Ball, Contact, Drive, PistonPlate, Run, Scenario, Slide, Start
 from feeder_sim.scene import GRAVITY
-from feeder_sim.simulation import SeedResult, simulate
+from feeder_sim.seed_run import SeedResult
+from feeder_sim.simulation import simulate
 
 RADIUS = 1.5e-3
 TILT, FRICTION = 30.0, 0.3  # of the tilted guides

@@ -1,0 +1,175 @@
+"""Many parts in a replay: poses of all, nodal lines of the stage, parts flashing before they are picked, counts.
+
+Timelines: `sim_time`, and the numbers of `cycle` (0: before the first) and `stage` (over the whole run).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from feeder_sim.picking import nearest_neighbours
+from feeder_sim.removals import Cause, Removals
+from feeder_sim.replay_parts import drawn_part
+from feeder_sim.replay_plate import MM, TIMELINE, drawn_lines
+from feeder_sim.scenario import Scenario
+from feeder_sim.timetable import TimedStage, timetable
+from feeder_sim.trajectory import Frames, PartRecord, PlateRecord, Recording
+
+FLASH_S, FLASH_PERIOD_S = 0.4, 0.1  # before a pick
+FLASH, GONE = (40, 200, 60, 150), (170, 60, 60)
+CLEARANCE = 0.01  # [m], of "isolated" where nothing is picked
+COUNTS = {"picked": (40, 160, 60), "lost": (190, 60, 60), "on plate": (120, 120, 130), "isolated": (40, 90, 190)}
+
+
+def log_crowd(stream: Any, recording: Recording, scenario: Scenario, shown_seed: int) -> None:
+    """Put the parts of one seed, its stages and its counts into a stream."""
+    frames, removals = recording.seeds[shown_seed], recording.removals[shown_seed]
+    stages = timetable(scenario).stages
+    times = _time_columns(frames, stages)
+    first = 0
+    for kind, part in enumerate(scenario.part):
+        _log_kind(stream, kind, recording.parts[first], frames, list(range(first, first + part.count)), times)
+        first += part.count
+    _log_stages(stream, recording.plate, stages, float(frames.time[-1]))
+    _log_flashes(stream, frames, removals, recording.parts[0])
+    _log_counts(stream, frames, removals, stages, times)
+
+
+def _stage_numbers(time: NDArray[np.float64], stages: Sequence[TimedStage]) -> NDArray[np.int64]:
+    """Number of the stage that each time [s] falls into."""
+    ends = np.array([stage.end for stage in stages])
+    return np.minimum(np.searchsorted(ends, time - 1e-9), len(stages) - 1)
+
+
+def _time_columns(frames: Frames, stages: Sequence[TimedStage]) -> list[Any]:
+    import rerun as rr
+
+    number = _stage_numbers(frames.time, stages)
+    cycle = np.array([stage.cycle for stage in stages])[number]
+    return [
+        rr.TimeColumn(TIMELINE, duration=frames.time),
+        rr.TimeColumn("cycle", sequence=cycle),
+        rr.TimeColumn("stage", sequence=number),
+    ]
+
+
+def _log_kind(stream: Any, kind: int, part: PartRecord, frames: Frames, members: list[int], times: list[Any]) -> None:
+    """All parts of a kind as instances of one mesh; those taken out shrink to nothing."""
+    import rerun as rr
+
+    stream.log(f"parts/{kind}", drawn_part(part), static=True)
+    there = frames.present[:, members].astype(np.float32)
+    position = frames.position[:, members] * MM
+    poses = rr.InstancePoses3D.columns(
+        translations=position.reshape(-1, 3),
+        quaternions=frames.quaternion[:, members][..., [1, 2, 3, 0]].reshape(-1, 4),
+        scales=np.repeat(there.reshape(-1, 1), 3, axis=1),
+    )
+    stream.send_columns(f"parts/{kind}", indexes=times, columns=poses.partition(np.full(len(frames), len(members))))
+
+
+def _log_stages(stream: Any, plate: PlateRecord, stages: Sequence[TimedStage], last: float) -> None:
+    """Nodal lines and name of every stage from its begin on."""
+    import rerun as rr
+    from contourpy import contour_generator
+
+    traced = [
+        [np.asarray(line) for line in contour_generator(plate.x, plate.y, shape.T).lines(0.0) if len(line) > 1]
+        for shape in plate.mode_shape
+    ]
+    for number, stage in enumerate(stages):
+        if stage.start > last:
+            break
+        stream.set_time(TIMELINE, duration=stage.start)
+        stream.set_time("cycle", sequence=stage.cycle)
+        stream.set_time("stage", sequence=number)
+        lines = [line for i in stage.excitations for line in traced[plate.shape_of_excitation[i]]]
+        stream.log("plate/nodal_lines", drawn_lines(lines) if lines else rr.Clear(recursive=False))
+        text = f"cycle {stage.cycle}, {stage.name}" if stage.cycle else stage.name
+        stream.log("stage", rr.TextLog(text))
+    stream.reset_time()
+
+
+def _log_flashes(stream: Any, frames: Frames, removals: Removals, part: PartRecord) -> None:
+    """Blinking spheres around the parts that are about to be picked, and a mark where a part was lost."""
+    import rerun as rr
+
+    picked, size = removals.cause == Cause.PICKED, 1.2 * MM * float(np.linalg.norm(part.vertices, axis=1).max())
+    for time in np.unique(removals.time[picked]):
+        parts = removals.part[picked & (removals.time == time)]
+        rows = np.flatnonzero((frames.time > time - FLASH_S) & (frames.time <= time + 1e-9))
+        for row in rows:
+            on = int((time - frames.time[row]) / (0.5 * FLASH_PERIOD_S)) % 2 == 0
+            stream.set_time(TIMELINE, duration=float(frames.time[row]))
+            centres = frames.position[row, parts] * MM if on else np.empty((0, 3))
+            stream.log("picked", rr.Points3D(centres, radii=size, colors=[FLASH]))
+        stream.set_time(TIMELINE, duration=float(time) + 0.5 * FLASH_PERIOD_S)
+        stream.log("picked", rr.Clear(recursive=False))
+    stream.reset_time()
+
+
+def _log_counts(
+    stream: Any,
+    frames: Frames,
+    removals: Removals,
+    stages: Sequence[TimedStage],
+    times: list[Any],
+) -> None:
+    """Parts picked, lost, on the plate and isolated over time."""
+    import rerun as rr
+
+    clearances = [stage.clearance for stage in stages if stage.clearance is not None]
+    clearance = clearances[0] if clearances else CLEARANCE
+    taken = {
+        cause: np.searchsorted(np.sort(removals.time[removals.cause == cause]), frames.time, side="right")
+        for cause in Cause
+    }
+    on_plate = frames.present & (frames.position[..., 2] > 0.0)
+    isolated = [
+        int((nearest_neighbours(position[there, :2]) > clearance).sum())
+        for position, there in zip(frames.position, on_plate, strict=True)
+    ]
+    values = {
+        "picked": taken[Cause.PICKED],
+        "lost": taken[Cause.LOST],
+        "on plate": on_plate.sum(axis=1),
+        "isolated": np.array(isolated),
+    }
+    for name, colour in COUNTS.items():
+        style = rr.SeriesLines(colors=[colour], names=[name], widths=[2.0])
+        stream.log(f"counts/{name}", style, static=True)
+        stream.send_columns(
+            f"counts/{name}", indexes=times, columns=rr.Scalars.columns(scalars=values[name].astype(float))
+        )
+
+
+def crowd_blueprint(recording: Recording) -> Any:
+    """The plate from above and aslant, the counts and the stages beside it."""
+    import rerun.blueprint as rrb
+
+    plate = recording.plate
+    far = 1.05 * MM * max(plate.length, plate.width)
+    eye = rrb.EyeControls3D(
+        position=[0.0, -0.62 * far, 0.95 * far], look_target=[0.0, 0.0, 0.0], eye_up=[0.0, 0.0, 1.0]
+    )
+    scene = rrb.Spatial3DView(
+        origin="/",
+        contents=["+ /plate/**", "+ /parts/**", "+ /picked"],
+        name="Scene (mm), colour = displacement amplitude, lines = nodal lines of the stage",
+        eye_controls=eye,
+        line_grid=False,
+        background=[245, 245, 247],
+    )
+    counts = rrb.TimeSeriesView(origin="/counts", name="Parts picked, lost, on the plate, isolated")
+    return rrb.Blueprint(
+        rrb.Horizontal(
+            scene, rrb.Vertical(counts, rrb.TextLogView(origin="/stage", name="Stages")), column_shares=[3, 2]
+        ),
+        rrb.TimePanel(state="collapsed", timeline=TIMELINE, play_state="playing", loop_mode="all"),
+        rrb.BlueprintPanel(state="hidden"),
+        rrb.SelectionPanel(state="hidden"),
+    )
