@@ -43,7 +43,7 @@ class CheckpointFolder:
         partial = path.with_suffix(".partial")
         recorded = np.array([checkpoint.frames, checkpoint.impacts, checkpoint.removals])
         with partial.open("wb") as file:
-            np.savez(file, allow_pickle=False, **{RECORDED: recorded}, **checkpoint.state)  # type: ignore[arg-type]
+            np.savez(file, allow_pickle=False, **{RECORDED: recorded}, **checkpoint.state)
             file.flush()
             os.fsync(file.fileno())
         partial.replace(path)

@@ -76,10 +76,12 @@ def build_mjcf(scene: Scene) -> Any:
     for part, guide in zip(scene.parts, scene.guides, strict=True):
         patch_trace += _add_patch(spec, scene, part, guide)
         part_trace += part.mass if guide and guide.slides else 3.0 * part.mass + part.inertia.sum()
+    tube = any(guide and not guide.slides for guide in scene.guides)
+    with_hull = len(scene.parts) > 1 or scene.rim or tube
     for kind in scene.kinds:
-        _add_meshes(spec, kind)
+        _add_meshes(spec, kind, with_hull=with_hull)
     for number, (part, guide) in enumerate(zip(scene.parts, scene.guides, strict=True)):
-        _add_part(spec, part, scene.kinds[scene.kind_of[number]], guide, scene.timestep)
+        _add_part(spec, part, scene.kinds[scene.kind_of[number]], guide, scene.timestep, with_hull=with_hull)
         _pair_with_patch(spec, scene, part, guide)
         if guide and not guide.slides:
             _add_tube(spec, scene, part, guide)
@@ -149,20 +151,26 @@ def build_part_mjcf(part: RigidPart) -> Any:
     return spec
 
 
-def _add_meshes(spec: Any, kind: RigidPart) -> None:
-    """Add the drawn mesh of a kind of part, and its hull."""
+def _add_meshes(spec: Any, kind: RigidPart, *, with_hull: bool = False) -> None:
+    """Add the drawn mesh of a kind of part, and its hull where something else than the plate meets it."""
     import mujoco
 
     mesh = spec.add_mesh(name=kind.name)
     mesh.uservert, mesh.userface = kind.vertices.ravel(), kind.faces.ravel()
     mesh.inertia = mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL
-    if not kind.corner_radius:
+    if with_hull and not kind.corner_radius:
         hull = spec.add_mesh(name=f"{kind.name}_hull")
         hull.uservert, hull.inertia = kind.corners.ravel(), mujoco.mjtMeshInertia.mjMESH_INERTIA_CONVEX
 
 
 def _add_part(
-    spec: Any, part: RigidPart, kind: RigidPart, guide: Guide | None = None, timestep: float = math.inf
+    spec: Any,
+    part: RigidPart,
+    kind: RigidPart,
+    guide: Guide | None = None,
+    timestep: float = math.inf,
+    *,
+    with_hull: bool = False,
 ) -> None:
     """Add one part: drawn mesh, hull, and a small sphere at each corner; they collide only where a pair says so.
 
@@ -184,7 +192,7 @@ def _add_part(
     else:
         body.add_freejoint(name=part.name)
     mesh_geom = mujoco.mjtGeom.mjGEOM_MESH
-    if not part.corner_radius:
+    if with_hull and not part.corner_radius:
         hull, name = f"{kind.name}_hull", _hull_name(part)
         body.add_geom(name=name, type=mesh_geom, meshname=hull, contype=0, conaffinity=0, group=3)
     body.add_geom(

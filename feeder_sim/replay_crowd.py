@@ -22,7 +22,7 @@ from feeder_sim.trajectory import Frames, PartRecord, PlateRecord, Recording
 FLASH_S, FLASH_PERIOD_S = 0.4, 0.1  # before a pick
 FLASH, GONE = (40, 200, 60, 150), (170, 60, 60)
 CLEARANCE = 0.01  # [m], of "isolated" where nothing is picked
-COUNTS = {"picked": (40, 160, 60), "lost": (190, 60, 60), "on plate": (120, 120, 130), "isolated": (40, 90, 190)}
+COUNTS = {"picked": (40, 160, 60), "lost": (190, 60, 60), "on_plate": (120, 120, 130), "isolated": (40, 90, 190)}
 
 
 def log_crowd(stream: Any, recording: Recording, scenario: Scenario, shown_seed: int) -> None:
@@ -136,7 +136,7 @@ def _log_counts(
     values = {
         "picked": taken[Cause.PICKED],
         "lost": taken[Cause.LOST],
-        "on plate": on_plate.sum(axis=1),
+        "on_plate": on_plate.sum(axis=1),
         "isolated": np.array(isolated),
     }
     for name, colour in COUNTS.items():

@@ -16,9 +16,8 @@ from feeder_sim.trajectory import Frames
 def moving(x: np.ndarray, time: np.ndarray) -> Frames:
     position = np.zeros((len(time), 1, 3))
     position[:, 0, 0] = x
-    return Frames(
-        time, position, np.tile([1.0, 0, 0, 0], (len(time), 1, 1)), position * 0, position * 0, position[..., 0] < 1e9
-    )
+    attitude, there = np.tile([1.0, 0, 0, 0], (len(time), 1, 1)), np.ones((len(time), 1), bool)
+    return Frames(time, position, attitude, position * 0, position * 0, there)
 
 
 def test_uniform_motion_gives_its_own_speed() -> None:
