@@ -1,8 +1,8 @@
 """What a schedule does to many parts: counts at the end of every stage, and picks, over an ensemble.
 
 A part is *isolated* where no other is within the clearance of the schedule's pick; a *dead position* is a place that is
-near a nodal line of every stage's modes, which no stage of the cycle moves a part away from; parts are *flipped* when
-another of their sides is up than at the end of the stage before.
+near nodal lines of all modes that the cycle drives up to its first pick, so that none of them moves a part away; parts
+are *flipped* when another of their sides is up than at the end of the stage before.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from feeder_sim.timetable import TimedStage
 from feeder_sim.trajectory import Frames
 
 ON_LINE = 5e-3  # [m] from a nodal line
-DEAD = 5e-3  # [m] from nodal lines of all stages' modes
+DEAD = 5e-3  # [m] from nodal lines of all modes up to the pick
 TOUCHING = 1e-4  # [m] between the outlines of two parts
 
 
@@ -78,7 +78,7 @@ def stage_lines(scene: Scene) -> StageLines:
 def stage_reports(scene: Scene, lines: StageLines, frames: Frames, removals: Removals) -> list[StageReport]:
     """Count at the end of every stage that the run has reached."""
     stages, reports = scene.times.stages, []
-    cycle = {i for i, stage in enumerate(stages) if stage.cycle == max(s.cycle for s in stages) and stage.excitations}
+    cycle = _stages_to_first_pick(stages)
     reached = float(frames.time[-1])
     before: int | None = 0
     for number, stage in enumerate(stages):
@@ -88,6 +88,18 @@ def stage_reports(scene: Scene, lines: StageLines, frames: Frames, removals: Rem
         reports.append(_report(scene, lines, frames, removals, number, stage, row, before, cycle))
         before = row
     return reports
+
+
+def _stages_to_first_pick(stages: Sequence[TimedStage]) -> set[int]:
+    """Driven stages of the last cycle up to its first pick, or all of them without one."""
+    found = set()
+    for i, stage in enumerate(stages):
+        if stage.cycle == stages[-1].cycle:
+            if stage.excitations:
+                found.add(i)
+            if stage.clearance is not None:
+                break
+    return found
 
 
 def _row_at(frames: Frames, time: float) -> int:

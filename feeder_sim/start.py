@@ -33,8 +33,8 @@ class Pose:
 def start_poses(scene: Scene, rng: np.random.Generator) -> list[Pose]:
     """Draw the start of every part; no two overlap.
 
-    Tilt is about a random horizontal axis after a yaw; the lowest point is at drop height, in a heap above that of the
-    layers below. A part in a guide starts on the guide's axis, turned with it.
+    Tilt is about a random horizontal axis after a yaw; the lowest point is at drop height, that of a heap at the lowest
+    one. A part in a guide starts on the guide's axis, turned with it.
 
     Raises:
         InputError: there is no room for the parts.
@@ -57,7 +57,7 @@ def start_poses(scene: Scene, rng: np.random.Generator) -> list[Pose]:
             elif isinstance(spec.start, Scattered):
                 position = np.array([*_free_place(scene, spec.start, kind, height, placed, rng, i), height])
             else:
-                position = centres[n] + [0.0, 0.0, height - kind.size]
+                position = centres[n] + [0.0, 0.0, 1e-3 * spec.start.drop_height_mm[0]]
                 if not placed.free(position, kind.size):
                     raise InputError("overlaps other parts", key=f"part[{i}].start")
             placed.add(position, kind.size)
@@ -69,7 +69,7 @@ def start_poses(scene: Scene, rng: np.random.Generator) -> list[Pose]:
 def _turned(
     scene: Scene, part: int, spec: PartSpec, kind: RigidPart, rng: np.random.Generator
 ) -> tuple[float, NDArray[np.float64]]:
-    """Draw height of the centre [m] and attitude of one part; in a heap the height is that over its own place."""
+    """Draw height of the centre [m] over the plate, and attitude, of one part."""
     from scipy.spatial.transform import Rotation
 
     start, guide = spec.start, scene.guides[part]
@@ -82,8 +82,7 @@ def _turned(
     if guide:
         turned = Rotation.from_rotvec([0.0, guide.tilt, 0.0]) * turned
     quaternion = np.asarray(turned.as_quat(scalar_first=True))
-    own = kind.size if isinstance(start, Heap) else -kind.lowest(quaternion)
-    return drop + own, quaternion
+    return drop - kind.lowest(quaternion), quaternion
 
 
 class _Placed:

@@ -135,7 +135,7 @@ def _advance_one(parts, kinds, wall, surface, antinode, log, last, work, step, i
             before = motion.velocity[2]
             leap, hit = meet_plate(motion, body, kinds, 0, wall, acting, bounds, t, work)
             if hit and guided:
-                _note_contact(motion, before, work, body.corners.shape[0], log, last, t, bounds.step)
+                _note_contact(motion, before, work, body.corners.shape[0], log, last, t, step)
             t += leap
         fly_to(parts, kinds, 0, end)
         _close_frame(parts, 1, out[row])

@@ -93,13 +93,14 @@ class Bounds(NamedTuple):
     """What the surface can do at most within a window of time.
 
     crest: height [m]; acceleration: of every mode shape at its antinode [m/s^2]; speed: of any point [m/s]; step: the
-    shortest flight [s] that is followed.
+    shortest flight [s] that is followed, and rest_step that of a part that hardly moves.
     """
 
     crest: float
     acceleration: NDArray[np.float64]
     speed: float
     step: float
+    rest_step: float
 
 
 class Scratch(NamedTuple):

@@ -63,13 +63,20 @@ def advance_islands(owner, thread, islands, pairs, parts, kinds, no_wall, surfac
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _look_at_pairs(i, except_pair, islands, first_pair, n, tree, pairs, parts, kinds, t, step):
-    """Make the pairs of a part due anew after its velocity has changed at time t."""
+    """Make the pairs of a part due anew after its velocity has changed at time t.
+
+    Of parts that touch the look that is due stays due: else one that hits the plate at every step would put it off for
+    ever.
+    """
     for k in range(islands.first_touching[i], islands.first_touching[i + 1]):
         place = islands.touching[k]
         p = islands.pair[place]
         if p != except_pair:
-            due, _ = meeting_bound(pairs, p, parts, kinds, t, step)
-            _set_due(tree, n + place - first_pair, due)
+            due, near = meeting_bound(pairs, p, parts, kinds, t, step)
+            event = n + place - first_pair
+            if near:
+                due = min(due, tree[tree.shape[0] // 2 + event])
+            _set_due(tree, event, due)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

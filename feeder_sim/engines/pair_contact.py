@@ -115,7 +115,7 @@ def _extent(parts, kinds, i, axis, sign):
 def _crossing_time(parts, kinds, i, axis, sign, support, drift, room):
     """Time [s] before which no corner of part i can come `room` farther along sign * axis than its support.
 
-    The plane it must not cross moves at `drift` [m/s]; a corner turns with an acceleration of 2 reach (L / I)^2 at most.
+    The plane it must not cross moves at `drift` [m/s]; a corner turns with at most 2 reach (L / I)^2.
     """
     k = parts.kind[i]
     if kinds.mass[k] == np.inf:

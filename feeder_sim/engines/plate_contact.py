@@ -35,12 +35,11 @@ from feeder_sim.engines.tube import approach_wall, gather_wall, leap_to_wall, me
 from feeder_sim.plate.kernels import grid_cell, modal_motion, surface_deflection, surface_modes, surface_normal
 from feeder_sim.scene import GRAVITY
 
+DEPTH = 1e-6  # [m]; how deep a part may enter a surface that is no longer driven
 TOUCH = 1e-9  # [m]; corners this close count as touching, so that a flat landing is one impact and not six
 ON_EDGE = 1e-9  # [m]; a point this far off the plate is still on its edge
 BESIDE = 2e-4  # [m]; a point that far below the surface at the edge of the plate is beside or under it
-EDGE_STEPS = (
-    10  # a point on the edge of the plate moves along the hull: its leaps are estimates, and at least this long
-)
+EDGE_STEPS = 10  # a point on the edge moves along the hull: its leaps are estimates, and at least this long
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -72,6 +71,8 @@ def meet_plate(motion, body, kinds, k, wall, surface, bounds, t, work):
         )
     if body.corners.shape[0] > n_corners:
         leap = min(leap, _edge_leap(motion, body, n_corners, bounds.step, work))
+    if bounds.rest_step > bounds.step:
+        return max(leap, bounds.step, min(bounds.rest_step, DEPTH / _fastest(motion, body))), on_plate > 0
     return max(leap, bounds.step), on_plate > 0
 
 
@@ -110,13 +111,19 @@ def _near_edge(motion, body, surface):
 @njit(cache=True, nogil=True, error_model="numpy")
 def _edge_leap(motion, body, first, step, work):
     """Flight after which the points on the plate's edge, from `first` on, are looked at again [s]."""
-    least = min(body.inertia[0], body.inertia[1], body.inertia[2])
-    speed = body.reach * math.sqrt(motion.momentum[0] ** 2 + motion.momentum[1] ** 2 + motion.momentum[2] ** 2) / least
-    speed += math.sqrt(motion.velocity[0] ** 2 + motion.velocity[1] ** 2 + motion.velocity[2] ** 2)
-    gap = np.inf
+    speed, gap = _fastest(motion, body), np.inf
     for i in range(first, body.corners.shape[0]):
         gap = min(gap, work.corner[i, GAP])
-    return max(0.25 * gap / speed if speed > 0.0 else np.inf, EDGE_STEPS * step)
+    return max(0.25 * gap / speed, EDGE_STEPS * step)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _fastest(motion, body):
+    """No point of the part is faster [m/s]; never quite zero."""
+    least = min(body.inertia[0], body.inertia[1], body.inertia[2])
+    spin = math.sqrt(motion.momentum[0] ** 2 + motion.momentum[1] ** 2 + motion.momentum[2] ** 2) / least
+    v = motion.velocity
+    return math.sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]) + body.reach * spin + 1e-12
 
 
 @njit(cache=True, nogil=True, error_model="numpy", forceinline=True)

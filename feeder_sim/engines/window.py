@@ -65,9 +65,8 @@ def bound_window(acting, antinode, start, stop, step):
         crest += envelope * antinode[shape]
         speed += envelope * fastest * antinode[shape]
         together += acceleration[shape] * antinode[shape]
-    if not driven:
-        step = max(step, math.sqrt(2.0 * SAG / (GRAVITY + together)))
-    return Bounds(crest, acceleration, speed, step)
+    rest_step = step if driven else max(step, math.sqrt(2.0 * SAG / (GRAVITY + together)))
+    return Bounds(crest, acceleration, speed, step, rest_step)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
