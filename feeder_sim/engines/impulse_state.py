@@ -39,6 +39,8 @@ class Kinds(NamedTuple):
         mass [kg], inertia (kinds, 3), axis, radius, reach [m]: as in `Body`, of each kind.
         corners: of all kinds, shape (n, 3) [m]; those of kind k are first_corner[k] to first_corner[k + 1].
         edges: of the hulls, pairs of corners counted from the first of their kind, shape (m, 2); first_edge as above.
+        planes: of the hulls' faces, (outward unit normal, offset) with normal . x + offset <= 0 inside, shape (f, 4);
+            first_plane as above.
         law: (2, 2), RESTITUTION and FRICTION of contacts with the plate (0) and between parts (1).
     """
 
@@ -51,6 +53,8 @@ class Kinds(NamedTuple):
     corners: NDArray[np.float64]
     first_edge: NDArray[np.int64]
     edges: NDArray[np.int64]
+    first_plane: NDArray[np.int64]
+    planes: NDArray[np.float64]
     law: NDArray[np.float64]
 
 
@@ -132,12 +136,14 @@ def read_kinds(scene: Scene) -> Kinds:
     inertia = [kind.inertia for kind in kinds]
     corners = [np.asarray(kind.corners, float) for kind in kinds]
     edges = [hull_edges(points) for points in corners]
+    planes = [hull_planes(points) for points in corners]
     radius = [kind.corner_radius or CORNER_RADIUS for kind in kinds]
     if scene.rim:
         mass.append(np.inf)
         inertia.append(np.full(3, np.inf))
         corners.append(_rim_box(scene))
         edges.append(np.empty((0, 2), np.int64))
+        planes.append(hull_planes(corners[-1]))
         radius.append(0.0)
     return Kinds(
         mass=np.array(mass),
@@ -149,6 +155,8 @@ def read_kinds(scene: Scene) -> Kinds:
         corners=np.concatenate(corners),
         first_edge=np.cumsum([0, *(len(lines) for lines in edges)]),
         edges=np.concatenate(edges),
+        first_plane=np.cumsum([0, *(len(faces) for faces in planes)]),
+        planes=np.concatenate(planes),
         law=np.array([[contact.restitution, contact.friction], [contact.part_restitution, contact.part_friction]]).T,
     )
 
@@ -162,6 +170,16 @@ def hull_edges(corners: NDArray[np.float64]) -> NDArray[np.int64]:
     hull = ConvexHull(corners)
     sides = np.sort(np.concatenate([hull.simplices[:, [0, 1]], hull.simplices[:, [1, 2]], hull.simplices[:, [2, 0]]]))
     return np.unique(sides, axis=0).astype(np.int64)
+
+
+def hull_planes(corners: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Planes of the faces of the convex hull of corners (n, 3), shape (f, 4); none for fewer than four corners."""
+    if len(corners) < 4:
+        return np.empty((0, 4))
+    from scipy.spatial import ConvexHull
+
+    size = np.abs(corners).max()
+    return np.unique((ConvexHull(corners / size).equations * [1.0, 1.0, 1.0, size]).round(12), axis=0)
 
 
 def _rim_box(scene: Scene) -> NDArray[np.float64]:

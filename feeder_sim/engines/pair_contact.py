@@ -4,7 +4,7 @@ Both parts fly freely, so gravity does not change their relative motion. Each pa
 its hulls were last found apart. The plane across it between both hulls parts them for as long as no corner of either
 can have crossed it, which bounds the time of their meeting from below by arithmetic on corners alone; only where the
 plane does not part them any more is the library asked for distance and closest points (conservative advancement, as at
-the plate). An impact is at one point of each: faces that meet touch at one corner after the other.
+the plate). An impact is at the closest points and at all corners of one hull in the other, so that faces meet as faces.
 """
 
 from __future__ import annotations
@@ -22,6 +22,8 @@ from feeder_sim.engines.impulse_state import FRICTION, RESTITUTION, fly_to, inve
 from feeder_sim.scene import GRAVITY
 
 SLACK = 1e-6  # [m]; hulls this close touch, and may enter each other this far before anybody looks
+DEEP = 2e-6  # [m]; how deep parts may enter each other before they are looked at again, where a step is longer
+MAX_ROUNDS = 8  # of impacts at the points of one contact
 FAR = 1e-3  # [m]; no distance beyond this is asked of the library
 
 
@@ -35,7 +37,10 @@ class Pairs(NamedTuple):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def meeting_bound(pairs, p, parts, kinds, t, step):
-    """Earliest time [s] at which pair p has to be looked at again, and whether it may touch now; not before a step."""
+    """Earliest time [s] at which pair p has to be looked at again, and whether it may touch now; not before a step.
+
+    Fast parts are looked at earlier than that: a column of parts that falls needs many impacts to stop.
+    """
     a, b = pairs.a[p], pairs.b[p]
     if kinds.mass[parts.kind[b]] < np.inf:
         apart, wait = _spheres_meet(parts, kinds, a, b, t)
@@ -58,7 +63,18 @@ def meeting_bound(pairs, p, parts, kinds, t, step):
         _crossing_time(parts, kinds, a, axis, 1.0, top, drift, room),
         _crossing_time(parts, kinds, b, axis, -1.0, bottom, -drift, room),
     )
-    return t + max(wait, step), gap <= SLACK
+    if gap < -DEEP:  # pushed into each other by what lies beside them
+        wait = 0.0
+    return t + max(wait, min(step, DEEP / _relative_speed(parts, a, b))), gap <= SLACK
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _relative_speed(parts, a, b):
+    """Of the centres of two parts [m/s]; never quite zero."""
+    squared = 1e-24
+    for k in range(3):
+        squared += (parts.velocity[a, k] - parts.velocity[b, k]) ** 2
+    return math.sqrt(squared)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -171,37 +187,80 @@ def meet(pairs, p, parts, kinds, hulls):
             axis[k] /= size
     if distance > SLACK:
         return False
-    arms = np.empty((2, 3))
+    ka, kb = parts.kind[a], parts.kind[b]
+    most = 1 + kinds.first_corner[ka + 1] - kinds.first_corner[ka] + kinds.first_corner[kb + 1] - kinds.first_corner[kb]
+    points = np.empty((most, 3))
     for k in range(3):
-        contact = 0.5 * (witness[k] + witness[3 + k])
-        arms[0, k], arms[1, k] = contact - parts.position[a, k], contact - parts.position[b, k]
-    return _collide(parts, kinds, a, b, arms, axis, distance)
+        points[0, k] = 0.5 * (witness[k] + witness[3 + k])
+    n = _corners_inside(parts, kinds, a, b, points, 1)
+    n = _corners_inside(parts, kinds, b, a, points, n)
+    return _collide(parts, kinds, a, b, points, n, axis, distance)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _collide(parts, kinds, a, b, arms, axis, distance):
-    """Impact of part b on part a at the ends of their arms, along an axis from a to b; push apart what overlaps."""
+def _corners_inside(parts, kinds, a, b, points, n):
+    """Append the corners of part a that are inside the hull of part b, or as good as touch it; returns their number."""
+    ka, kb = parts.kind[a], parts.kind[b]
+    if kinds.first_corner[ka + 1] - kinds.first_corner[ka] == 1:
+        return n
+    at, local = np.empty(3), np.empty(3)
+    for c in range(kinds.first_corner[ka], kinds.first_corner[ka + 1]):
+        for k in range(3):
+            at[k] = parts.position[a, k]
+            for m in range(3):
+                at[k] += parts.attitude[a, k, m] * kinds.corners[c, m]
+        for m in range(3):
+            local[m] = 0.0
+            for k in range(3):
+                local[m] += parts.attitude[b, k, m] * (at[k] - parts.position[b, k])
+        inside = kinds.first_plane[kb + 1] > kinds.first_plane[kb]
+        for f in range(kinds.first_plane[kb], kinds.first_plane[kb + 1]):
+            plane = kinds.planes[f]
+            if plane[0] * local[0] + plane[1] * local[1] + plane[2] * local[2] + plane[3] > SLACK:
+                inside = False
+                break
+        if inside:
+            points[n] = at
+            n += 1
+    return n
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _collide(parts, kinds, a, b, points, n, axis, distance):
+    """Impacts of part b on part a at n points, one after the other, along an axis from a to b; part what overlaps.
+
+    At points that one impact makes approach again there are further ones, until all of them separate.
+    """
     ka, kb = parts.kind[a], parts.kind[b]
     fixed = kinds.mass[kb] == np.inf
-    inverse = np.empty((2, 3, 3))
+    inverse, arms = np.empty((2, 3, 3)), np.empty((2, 3))
     invert_inertia(parts.attitude[a], kinds.inertia[ka], inverse[0])
     invert_inertia(parts.attitude[b], kinds.inertia[kb], inverse[1])
     law = 0 if fixed else 1
-    hit = resolve_single(
-        parts.velocity[a],
-        parts.momentum[a],
-        1.0 / kinds.mass[ka],
-        inverse[0],
-        parts.velocity[b],
-        parts.momentum[b],
-        1.0 / kinds.mass[kb],
-        inverse[1],
-        arms,
-        axis,
-        kinds.law[RESTITUTION, law],
-        kinds.law[FRICTION, law],
-    )
-    if hit and distance < 0.0:
+    hit = False
+    for _ in range(MAX_ROUNDS):
+        again = False
+        for i in range(n):
+            for k in range(3):
+                arms[0, k], arms[1, k] = points[i, k] - parts.position[a, k], points[i, k] - parts.position[b, k]
+            again |= resolve_single(
+                parts.velocity[a],
+                parts.momentum[a],
+                1.0 / kinds.mass[ka],
+                inverse[0],
+                parts.velocity[b],
+                parts.momentum[b],
+                1.0 / kinds.mass[kb],
+                inverse[1],
+                arms,
+                axis,
+                kinds.law[RESTITUTION, law],
+                kinds.law[FRICTION, law],
+            )
+        hit |= again
+        if not again:
+            break
+    if distance < 0.0:
         share = 1.0 if fixed else kinds.mass[kb] / (kinds.mass[ka] + kinds.mass[kb])
         for k in range(3):
             parts.position[a, k] += distance * share * axis[k]
