@@ -2,9 +2,9 @@
 
     python benchmarks/crowd.py [--cycles 10] [--picture growth.png]
 
-Speed: two seeds of scenarios/separation_100.toml on all cores; MuJoCo's for the first 0.3 s, the impulse engine's for the
-same 0.3 s beside it. Growth: nuts on a strip whose area grows with their number, so that each has the same room and the
-same waves under it. Exits with 1 when a limit is exceeded.
+Speed: two seeds of scenarios/separation_100.toml on all cores, and both engines side by side for the first 0.3 s of it.
+Growth: nuts on a strip whose area grows with their number, so that each has the same room and the same waves under it.
+Exits with 1 when a limit is exceeded.
 """
 
 from __future__ import annotations

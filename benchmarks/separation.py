@@ -110,7 +110,8 @@ def main() -> int:
     parser.add_argument("--only", nargs="+", choices=VARIANTS, default=list(VARIANTS))
     arguments = parser.parse_args()
     print(
-        f"measured: {MEASURED} picked in ten cycles\n\n| | picked | lost | dead at the end | seeds |\n|---|---|---|---|---|"
+        f"measured: {MEASURED} picked in ten cycles\n\n"
+        "| | picked | lost | dead at the end | seeds |\n|---|---|---|---|---|"
     )
     for name in arguments.only:
         result = simulate(changed(VARIANTS[name], arguments.seeds, arguments.cycles))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from dataclasses import dataclass
 from pathlib import Path
+from zipfile import BadZipFile
 
 import numpy as np
 from numpy.typing import NDArray
@@ -60,9 +61,9 @@ class CheckpointFolder:
         try:
             with np.load(path, allow_pickle=False) as held:
                 state = {name: held[name] for name in held.files}
-        except (OSError, ValueError, EOFError) as error:
+            frames, impacts, removals = (int(n) for n in state.pop(RECORDED))
+        except (OSError, ValueError, EOFError, KeyError, BadZipFile) as error:
             raise InputError("is not a readable checkpoint", file=path) from error
-        frames, impacts, removals = (int(n) for n in state.pop(RECORDED))
         return Checkpoint(frames, impacts, removals, state)
 
     def clear(self) -> None:

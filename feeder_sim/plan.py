@@ -55,12 +55,13 @@ def plan_run(scene: Scene) -> dict[str, Any]:
             {
                 "name": part.name,
                 "shape": spec.shape,
+                "count": spec.count,
                 "guide": spec.guide.kind if spec.guide else None,
                 "mass_g": 1e3 * part.mass,
                 "inertia_g_mm2": [1e9 * moment for moment in part.inertia],
                 "corners": len(part.corners),
             }
-            for spec, part in zip(scene.scenario.part, scene.parts, strict=True)
+            for spec, part in zip(scene.scenario.part, scene.kinds, strict=True)
         ],
         "timestep_us": 1e6 * scene.timestep,
         "steps_per_seed": scene.n_steps,

@@ -24,7 +24,7 @@ from feeder_sim.removals import Removals
 from feeder_sim.scenario import Scenario, parse_scenario
 from feeder_sim.scene import Scene, build_scene
 from feeder_sim.seed_run import Begun
-from feeder_sim.simulation import Result, simulate_scene
+from feeder_sim.simulation import Result, check_starts, simulate_scene
 from feeder_sim.trajectory import Frames, PartRecord, PlateRecord, Recording, Status, TrajectoryWriter, read_recording
 
 TRAJECTORY, REPLAY, SUMMARY, RESOLVED, MJCF = (
@@ -66,6 +66,7 @@ def record_run(
     scene = build_scene(scenario)
     check_stop_rule(scene, transport_cell(scene))
     choose_engine(scenario)
+    check_starts(scene)
     folder.mkdir(parents=True, exist_ok=True)
     check_free(folder)
     (folder / RESOLVED).write_text(scenario_toml(scenario), encoding="utf-8")
@@ -102,7 +103,7 @@ def resume_run(
     begun = {}
     for index, status in enumerate(recording.status):
         held = checkpoints.load(index)
-        if status != Status.UNFINISHED:
+        if status in (Status.DONE, Status.LEFT_PLATE):
             begun[index] = Begun(
                 recording.seeds[index], recording.impacts[index], recording.removals[index], {}, status
             )
@@ -112,7 +113,7 @@ def resume_run(
                 recording.impacts[index][: held.impacts],
                 recording.removals[index][: held.removals],
                 held.state,
-                status,
+                Status.UNFINISHED,  # what diverged does so again, and says why
             )
     return _run_into(folder, scene, begun, progress=progress, stop=stop, replay=replay, notify=notify)
 

@@ -70,19 +70,6 @@ class Scene:
         return (self.n_frames - 1) * self.steps_per_frame
 
 
-@dataclass(frozen=True)
-class Pose:
-    """Where a part starts, at rest.
-
-    Attributes:
-        position: of the centre of mass, shape (3,) [m].
-        quaternion: shape (4,), w first.
-    """
-
-    position: NDArray[np.float64]
-    quaternion: NDArray[np.float64]
-
-
 def build_scene(scenario: Scenario) -> Scene:
     """Resolve a scenario.
 

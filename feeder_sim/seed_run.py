@@ -112,9 +112,11 @@ class SeedRun:
         saved = time.perf_counter()
         while status == Status.UNFINISHED and not self.stop.is_set():
             status, failure = self._advance(engine, guard)
-            if self.recorder and (time.perf_counter() - saved > CHECKPOINT_S or self.stop.is_set()):
+            if self.recorder and time.perf_counter() - saved > CHECKPOINT_S:
                 self.recorder.checkpoint(self.index, engine.state())
                 saved = time.perf_counter()
+        if self.recorder and status == Status.UNFINISHED:
+            self.recorder.checkpoint(self.index, engine.state())
         self.done[self.index] = 1.0
         if self.recorder:
             self.recorder.finish(self.index, status)

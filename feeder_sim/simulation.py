@@ -20,6 +20,7 @@ from feeder_sim.scenario import Scenario
 from feeder_sim.scene import Scene, build_scene
 from feeder_sim.seed_run import Begun, Recorder, SeedResult, SeedRun
 from feeder_sim.separation import separation_measures
+from feeder_sim.start import start_poses
 from feeder_sim.trajectory import Frames, Status
 
 COMPILING_S = 1.5
@@ -121,6 +122,21 @@ def simulate(
     )
 
 
+def check_starts(scene: Scene) -> None:
+    """Draw the starts of every seed, to refuse those that cannot be had before anything is written.
+
+    Raises:
+        InputError: there is no room for the parts.
+    """
+    for rng in _generators(scene):
+        start_poses(scene, rng)
+
+
+def _generators(scene: Scene) -> list[np.random.Generator]:
+    run = scene.scenario.run
+    return [np.random.default_rng(s) for s in np.random.SeedSequence(run.seed).spawn(run.seeds)]
+
+
 def available_cores() -> int:
     """Cores this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
@@ -141,7 +157,7 @@ def simulate_scene(
     cell = transport_cell(scene)
     check_stop_rule(scene, cell)
     stop = stop or threading.Event()
-    generators = [np.random.default_rng(s) for s in np.random.SeedSequence(run.seed).spawn(run.seeds)]
+    generators = _generators(scene)
     done = np.zeros(run.seeds)
     _warm_up(scene, notify)
     started = time.perf_counter()

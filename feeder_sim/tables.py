@@ -111,7 +111,9 @@ def _first_error(error: ValidationError, root: type[BaseModel], file: Path) -> I
             problem = f"is {first['input']!r}, {problem}"
     elif first["type"].startswith("union_tag"):
         context = first.get("ctx", {})
-        key = f"{key}.{context['discriminator'].strip(chr(39))}" if "discriminator" in context else key
+        tag = str(context.get("discriminator", "")).strip("'")
+        tag = "kind" if tag.endswith("()") else tag  # found by a function, which has no name to show
+        key = f"{key}.{tag}" if tag else key
         problem = f"is {context.get('tag', 'missing')}, allowed is {context.get('expected_tags', 'one kind')}"
     else:
         problem = f"is {first['input']!r}, {_lower(first['msg'])}"

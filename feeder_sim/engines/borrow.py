@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from numba import carray, njit, types  # type: ignore[attr-defined]
 from numba.core import cgutils
+from numba.core.errors import TypingError
 from numba.extending import intrinsic, overload
 
 
@@ -34,6 +35,9 @@ def borrow(fields):
 @overload(borrow, strict=False)
 def _borrow(fields):
     tuple_class = fields.instance_class
+    for name, kind in zip(fields.fields, fields.types, strict=True):
+        if isinstance(kind, types.Array) and kind.layout != "C":  # a bare address says nothing of strides
+            raise TypingError(f"{tuple_class.__name__}.{name} is not a contiguous array in C order")
     lent = ", ".join(
         f"borrowed(fields.{name})" if isinstance(kind, types.Array) else f"fields.{name}"
         for name, kind in zip(fields.fields, fields.types, strict=True)

@@ -30,6 +30,8 @@ AGM_STEPS = 12
 
 def symmetry_axis(inertia: np.ndarray) -> int:
     """Index of the axis whose two other moments are equal, or -1 for a general top; inertia (3,) [kg m^2]."""
+    if not np.isfinite(inertia).all():
+        return -1  # what stands still has none
     for axis in (2, 0, 1):
         a, b = inertia[(axis + 1) % 3], inertia[(axis + 2) % 3]
         if abs(a - b) <= SYMMETRY_TOLERANCE * inertia.max():

@@ -23,8 +23,10 @@ MAX_SWEEPS = 400
 TOLERANCE = 1e-9  # change of relative velocity per sweep, over the approach velocity
 NEGLIGIBLE = 1e-6  # [m/s]; such a change needs no further sweep
 FLAT = 4  # corners at least, of a landing that is taken for flat
+ROUND_OFF = 1e-12  # of the work of an impact
 HALVINGS = 12  # of the restitution, until an impact creates no energy
 MAX_SECANTS = 30
+SECTORS, BISECTIONS = 48, 60
 ANGLE_TOLERANCE = 1e-10  # of the slip direction [rad]
 
 
@@ -45,7 +47,7 @@ def resolve_impact(velocity, momentum, inverse_mass, inverse_inertia, arm, norma
     _solve(v, w, inverse_mass, inverse_inertia, arm, normal, surface_velocity, before, impulse, 1.0, e, mu)
     share = 1.0  # of the restitution
     for _ in range(HALVINGS):
-        if share == 0.0 or _work(v, w, arm, surface_velocity, before, impulse) <= 0.0:
+        if share == 0.0 or _work(v, w, arm, surface_velocity, before, impulse) <= _round_off(before, impulse):
             break
         share = 0.5 * share if share > 0.02 else 0.0
         v[:], w[:] = velocity, spin
@@ -178,7 +180,7 @@ def resolve_single(
         work = 0.0  # sum of p . (u + u') / 2, with u' = u + k p
         for i in range(3):
             work += p[i] * (u[i] + 0.5 * _dot(k[i], p))
-        if work <= 0.0 or share == 0.0:
+        if work <= ROUND_OFF * -approach * p[2] or share == 0.0:
             break
         share = 0.5 * share if share > 0.02 else 0.0
     for i in range(3):
@@ -227,6 +229,26 @@ def _slip(k, u, target, mu, p):
         previous, previous_error = angle, error
         step = -error / slope if slope < -0.1 else error
         angle += min(max(step, -1.0), 1.0)
+    return _slip_by_bisection(k, u, target, mu, p)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _slip_by_bisection(k, u, target, mu, p):
+    """As `_slip`, where the error is too steep for the secant method: look all around for where it changes its sign."""
+    for i in range(SECTORS):
+        low, high = 2.0 * math.pi * i / SECTORS, 2.0 * math.pi * (i + 1) / SECTORS
+        at_low, at_high = _slip_error(k, u, target, mu, low, p), _slip_error(k, u, target, mu, high, p)
+        # Where the error wraps around from pi to -pi there is no root.
+        if not at_low * at_high <= 0.0 or abs(at_low - at_high) > math.pi:
+            continue
+        for _ in range(BISECTIONS):
+            middle = 0.5 * (low + high)
+            error = _slip_error(k, u, target, mu, middle, p)
+            if at_low * error > 0.0:
+                low, at_low = middle, error
+            else:
+                high = middle
+        return abs(error) < 1e-6
     return False
 
 
@@ -322,6 +344,16 @@ def _work(v, w, arm, surface_velocity, before, impulse):
         for k in range(3):
             total += 0.5 * impulse[i, k] * (before[i, k] + after[k])
     return total
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _round_off(before, impulse):
+    """Work [J] that is as good as none."""
+    total = 0.0
+    for i in range(before.shape[0]):
+        for k in range(3):
+            total += abs(impulse[i, k] * before[i, k])
+    return ROUND_OFF * total
 
 
 @njit(cache=True, nogil=True, error_model="numpy", forceinline=True)

@@ -157,7 +157,7 @@ def read_kinds(scene: Scene) -> Kinds:
         edges=np.concatenate(edges),
         first_plane=np.cumsum([0, *(len(faces) for faces in planes)]),
         planes=np.concatenate(planes),
-        law=np.array([[contact.restitution, contact.friction], [contact.part_restitution, contact.part_friction]]).T,
+        law=np.array([[contact.restitution, contact.part_restitution], [contact.friction, contact.part_friction]]),
     )
 
 

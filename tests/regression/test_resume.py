@@ -1,0 +1,277 @@
+"""A run that is interrupted or killed and resumed gives, bit by bit, what it would have given without the break."""
+
+from __future__ import annotations
+
+import json
+import signal
+import subprocess
+import sys
+import threading
+import time
+from dataclasses import fields
+from pathlib import Path
+from typing import Any, Literal
+
+import h5py
+import numpy as np
+import pytest
+
+from feeder_sim.engines.impulse import ImpulseEngine
+from feeder_sim.errors import InputError, SimulationDiverged
+from feeder_sim.guard import Guard
+from feeder_sim.run_folder import record_run, resume_run, scenario_toml
+from feeder_sim.scenario import Excitation, Heap, HexNut, Pick, PistonPlate, Run, Scattered, Scenario, Schedule, Stage
+from feeder_sim.scene import build_scene
+from feeder_sim.trajectory import Frames
+
+WALL_TIMES = ("wall_s", "real_time_factor", "wall_s_per_simulated_s_one_core")
+# A checkpoint after every block, not every few seconds, so that a kill finds one.
+EAGER = "import feeder_sim.seed_run as s; s.CHECKPOINT_S = 0.0; from feeder_sim.cli import main; main()"
+
+
+def nuts(
+    *,
+    count: int = 6,
+    engine: Literal["impulse", "mujoco"] = "impulse",
+    duration_s: float = 0.2,
+    cycles: int = 2,
+    side_mm: float = 60.0,
+    clearance_mm: float = 14.0,
+    frames_per_second: float = 500.0,
+    start: Scattered | Heap | None = None,
+) -> Scenario:
+    """Nuts thrown about by a piston, with a pick after every cycle."""
+    drive = Excitation(frequency_hz=500.0, amplitude_um=20.0)
+    stage = Stage(drive=(drive,), duration_s=duration_s, pause_s=0.05, pick=Pick(clearance_mm=clearance_mm))
+    return Scenario(
+        plate=PistonPlate(kind="piston", length_mm=side_mm, width_mm=side_mm),
+        schedule=Schedule(cycles=cycles, stage=(stage,)),
+        part=(HexNut(size="M2.5", count=count, start=start or Scattered(kind="scattered")),),
+        run=Run(engine=engine, seeds=2, seed=3, frames_per_second=frames_per_second),
+    )
+
+
+class StopsAfter(threading.Event):
+    """Is set once it has been looked at so many times."""
+
+    def __init__(self, looks: int) -> None:
+        super().__init__()
+        self._left, self._guard = looks, threading.Lock()
+
+    def is_set(self) -> bool:
+        with self._guard:
+            self._left -= 1
+            return self._left < 0 or super().is_set()
+
+
+def held(folder: Path) -> dict[str, Any]:
+    """All datasets of a run's trajectory, as bytes, and the attributes of its file."""
+    found: dict[str, Any] = {}
+
+    def take(name: str, item: Any) -> None:
+        if isinstance(item, h5py.Dataset):
+            found[name] = (item.shape, str(item.dtype), item[()].tobytes(), dict(item.attrs))
+
+    with h5py.File(folder / "trajectory.h5", "r") as file:
+        file.visititems(take)
+        found["/"] = dict(file.attrs)
+    return found
+
+
+def check_same(folder: Path, expected: Path) -> None:
+    got, wanted = held(folder), held(expected)
+    assert got.keys() == wanted.keys()
+    assert [name for name in wanted if got[name] != wanted[name]] == []
+    summaries = [json.loads((run / "summary.json").read_text()) for run in (folder, expected)]
+    for summary in summaries:
+        for name in WALL_TIMES:
+            del summary[name]
+    # As text: NaN is not equal to itself.
+    assert json.dumps(summaries[0], sort_keys=True) == json.dumps(summaries[1], sort_keys=True)
+    assert not (folder / "checkpoints").exists()
+
+
+def removed(folder: Path) -> int:
+    with h5py.File(folder / "trajectory.h5", "r") as file:
+        return sum(len(file[f"seeds/{index:03d}/removals/part"]) for index in range(2))
+
+
+def times(folder: Path) -> list[int]:
+    with h5py.File(folder / "trajectory.h5", "r") as file:
+        return [len(file[f"seeds/{index:03d}/time"]) for index in range(2)]
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("whole") / "run"
+    result = record_run(nuts(), folder, replay=False)
+    summary = json.loads((folder / "summary.json").read_text())
+    # Something is picked in the first cycle, and something is left for the second one.
+    assert not result.interrupted and 0 < summary["stages"][0]["picked"]["mean"] < 6
+    assert summary["stages"][1]["on_plate"]["mean"] > 0
+    return folder
+
+
+def test_two_runs_of_one_scenario_are_the_same(whole: Path, tmp_path: Path) -> None:
+    record_run(nuts(), tmp_path / "run", replay=False)
+    check_same(tmp_path / "run", whole)
+
+
+@pytest.mark.parametrize("looks", [0, 2, 3, 6, 9])
+def test_interrupted_run_goes_on_to_the_same_bits(looks: int, whole: Path, tmp_path: Path) -> None:
+    folder = tmp_path / "run"
+    begun = record_run(nuts(), folder, stop=StopsAfter(looks), replay=False)
+    assert begun.interrupted and (folder / "checkpoints").exists() == (looks > 0)
+    assert sum(times(folder)) < sum(times(whole))
+    result = resume_run(folder, replay=False)
+    assert not result.interrupted
+    check_same(folder, whole)
+
+
+def test_run_interrupted_again_and_again(whole: Path, tmp_path: Path) -> None:
+    folder = tmp_path / "run"
+    result = record_run(nuts(), folder, stop=StopsAfter(3), replay=False)
+    breaks = 0
+    while result.interrupted:
+        breaks += 1
+        assert breaks < 50
+        # A seed looks before and after every block: after an odd number one of them is in a block, which it keeps.
+        result = resume_run(folder, stop=StopsAfter(3 if breaks % 2 else 5), replay=False)
+    assert breaks > 1
+    check_same(folder, whole)
+
+
+def test_resumed_run_has_a_replay(tmp_path: Path) -> None:
+    folder = tmp_path / "run"
+    record_run(nuts(), folder, stop=StopsAfter(3), replay=False)
+    resume_run(folder)
+    assert (folder / "replay.rrd").stat().st_size > 1000
+
+
+def test_parts_that_fall_off_are_lost_alike(tmp_path: Path) -> None:
+    """From a heap on a small plate parts fall off, in all blocks."""
+    scenario = nuts(side_mm=16.0, count=12, clearance_mm=100.0, start=Heap(kind="heap", diameter_mm=8.0))
+    record_run(scenario, tmp_path / "whole", replay=False)
+    assert removed(tmp_path / "whole") > 4
+    begun = record_run(scenario, tmp_path / "run", stop=StopsAfter(3), replay=False)
+    assert begun.interrupted and removed(tmp_path / "run") < removed(tmp_path / "whole")
+    resume_run(tmp_path / "run", replay=False)
+    check_same(tmp_path / "run", tmp_path / "whole")
+
+
+def test_mujoco_goes_on_to_the_same_bits(tmp_path: Path) -> None:
+    scenario = nuts(count=4, engine="mujoco", clearance_mm=25.0)
+    record_run(scenario, tmp_path / "whole", replay=False)
+    begun = record_run(scenario, tmp_path / "run", stop=StopsAfter(3), replay=False)
+    assert begun.interrupted
+    resume_run(tmp_path / "run", replay=False)
+    check_same(tmp_path / "run", tmp_path / "whole")
+
+
+def test_a_seed_that_diverged_before_the_break_is_still_a_failure(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What the summary of an unbroken run tells about failures, that of a resumed one tells too."""
+    check = Guard.check
+
+    def spoilt(self: Guard, frames: Frames, seed_index: int) -> tuple[int, SimulationDiverged | None]:
+        if seed_index == 1:
+            failure = SimulationDiverged(cause="spoilt", time_s=float(frames.time[5]), part="part_0", seed=1)
+            return 5, failure
+        return check(self, frames, seed_index)
+
+    monkeypatch.setattr(Guard, "check", spoilt)
+    assert len(record_run(nuts(), tmp_path / "whole", replay=False).failures) == 1
+    # Seed 0 looks at the event before every block; so does seed 1, which ends in its first.
+    begun = record_run(nuts(), tmp_path / "run", stop=StopsAfter(4), replay=False)
+    assert begun.interrupted and len(begun.failures) == 1
+    assert len(resume_run(tmp_path / "run", replay=False).failures) == 1
+    check_same(tmp_path / "run", tmp_path / "whole")
+
+
+def wait_for_checkpoints(folder: Path, process: subprocess.Popen[str]) -> None:
+    deadline = time.monotonic() + 300
+    while len(list(folder.glob("checkpoints/*.npz"))) < 2:
+        assert process.poll() is None, process.communicate()
+        assert time.monotonic() < deadline
+        time.sleep(0.005)
+
+
+@pytest.mark.parametrize("eager", [True, False])
+def test_killed_run_goes_on_to_the_same_bits(eager: bool, tmp_path: Path) -> None:
+    """Killed with checkpoints, and before there are any: then it begins anew."""
+    scenario, folder = nuts(duration_s=8.0, cycles=1, frames_per_second=200.0), tmp_path / "run"
+    path = tmp_path / "long.toml"
+    path.write_text(scenario_toml(scenario))
+    program = ["-c", EAGER] if eager else ["-m", "feeder_sim"]
+    command = [sys.executable, *program, "run", str(path), "--out", str(folder)]
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    try:
+        if eager:
+            wait_for_checkpoints(folder, process)
+        else:
+            while not (folder / "trajectory.h5").exists():
+                assert process.poll() is None, process.communicate()
+                time.sleep(0.005)
+            time.sleep(0.05)
+    finally:
+        process.kill()
+        process.communicate()
+    assert process.returncode == -signal.SIGKILL
+    assert not (folder / "summary.json").exists()
+    done = feeder_sim("run", "--resume", folder, "--json")
+    assert done.returncode == 0, done.stderr
+    assert json.loads(done.stdout)["interrupted"] is False
+    record_run(scenario, tmp_path / "whole", replay=False)
+    check_same(folder, tmp_path / "whole")
+
+
+def feeder_sim(*arguments: object) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-m", "feeder_sim", *map(str, arguments)]
+    return subprocess.run(command, capture_output=True, text=True, timeout=300, check=False)
+
+
+def check_refused(done: subprocess.CompletedProcess[str], *expected: str) -> None:
+    assert done.returncode == 2, done.stderr
+    assert done.stdout == "" and done.stderr.count("\n") == 1 and "Traceback" not in done.stderr, done.stderr
+    for text in expected:
+        assert text in done.stderr
+
+
+def test_what_cannot_be_resumed_is_refused_in_one_line(whole: Path, tmp_path: Path) -> None:
+    before = {path: path.read_bytes() for path in whole.iterdir()}
+    check_refused(feeder_sim("run", "--resume", whole), str(whole), "--resume", "has ended")
+    assert {path: path.read_bytes() for path in whole.iterdir()} == before
+    check_refused(feeder_sim("run", "--resume", tmp_path), str(tmp_path), "no run here")
+    check_refused(feeder_sim("run", "--resume", tmp_path / "nowhere"), "nowhere", "no run here")
+    scenario = tmp_path / "s.toml"
+    scenario.write_text(scenario_toml(nuts()))
+    check_refused(feeder_sim("run", scenario, "--resume", whole), "--resume", "a scenario")
+    for option in (["--seeds", 3], ["--seed", 0], ["--out", tmp_path / "x"], ["--engine", "mujoco"], ["--dry-run"]):
+        check_refused(feeder_sim("run", "--resume", whole, *option), "--resume", str(option[0]))
+    check_refused(feeder_sim("run"), "scenario file", "--resume")
+
+
+def test_unreadable_checkpoint_is_refused(tmp_path: Path) -> None:
+    folder = tmp_path / "run"
+    record_run(nuts(), folder, stop=StopsAfter(3), replay=False)
+    checkpoint = next(folder.glob("checkpoints/*.npz"))
+    for spoilt in (b"", b"no checkpoint", checkpoint.read_bytes()[:200]):
+        checkpoint.write_bytes(spoilt)
+        with pytest.raises(InputError, match="not a readable checkpoint"):
+            resume_run(folder, replay=False)
+
+
+def test_result_does_not_depend_on_threads() -> None:
+    """Six islands or so, and their number changes; removals in between."""
+    scene = build_scene(nuts(count=30))
+    frames = []
+    for threads in (1, 2, 3):
+        engine = ImpulseEngine(scene, np.random.default_rng(2), threads=threads)
+        first = engine.advance(60)
+        engine.remove(np.array([4, 17]))
+        frames.append(Frames.joined([first, engine.advance(60)]))
+    for field in fields(Frames):
+        one, *others = (getattr(f, field.name).tobytes() for f in frames)
+        assert all(other == one for other in others), field.name
+    assert np.abs(frames[0].velocity[60:, :, :2]).max() > 0.01

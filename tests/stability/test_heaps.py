@@ -1,0 +1,111 @@
+"""Many parts stay out of each other, finite, and within the energy that they can have."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+from scipy.spatial.transform import Rotation
+
+from feeder_sim.engines.hulls import HullLibrary
+from feeder_sim.scenario import Scenario
+from feeder_sim.scene import GRAVITY, Scene
+from feeder_sim.simulation import Result, simulate
+from feeder_sim.tables import validated
+from feeder_sim.trajectory import Frames, Status
+
+DEEPEST = -50e-6  # [m]
+
+
+def heap(*, amplitude_um: float, count: int = 20, seeds: int = 100, duration_s: float = 0.25, **run: Any) -> Scenario:
+    """Nuts, a few of them balls, poured on a plate that moves up and down."""
+    start = {"kind": "heap", "diameter_mm": 16.0}
+    raw = {
+        "plate": {"kind": "piston", "length_mm": 60.0, "width_mm": 60.0},
+        "drive": [{"frequency_hz": 2646.0, "amplitude_um": amplitude_um, "ring_up": False}],
+        "part": [{"shape": "hex_nut", "size": "M2.5", "count": count, "start": start}],
+        "run": {"duration_s": duration_s, "seeds": seeds, "frames_per_second": 200.0} | run,
+    }
+    return validated(raw, Scenario, Path("heap.toml"))
+
+
+def distances(scene: Scene, frames: Frames) -> NDArray[np.float64]:
+    """Distance of all hulls that are near each other, over all frames [m]."""
+    import mujoco
+
+    library = HullLibrary([kind.corners for kind in scene.kinds], [kind.corner_radius for kind in scene.kinds])
+    model, data = library._model, library._data
+    largest, found = 2.0 * max(kind.size for kind in scene.kinds), []
+    for row in range(len(frames)):
+        there = np.flatnonzero(frames.present[row])
+        for a, b in cKDTree(frames.position[row, there]).query_pairs(largest):
+            for copy, part in ((0, there[a]), (1, there[b])):
+                body = 2 * scene.kind_of[part] + copy
+                data.mocap_pos[body] = frames.position[row, part]
+                data.mocap_quat[body] = frames.quaternion[row, part]
+            mujoco.mj_kinematics(model, data)
+            first, second = 2 * scene.kind_of[there[a]], 2 * scene.kind_of[there[b]] + 1
+            found.append(mujoco.mj_geomDistance(model, data, int(first), int(second), 1e-3, None))
+    return np.array(found)
+
+
+def energy(scene: Scene, frames: Frames) -> NDArray[np.float64]:
+    """Kinetic and potential energy of every part at every frame [J], shape (n, parts)."""
+    mass = np.array([part.mass for part in scene.parts])
+    inertia = np.array([part.inertia for part in scene.parts])
+    n, parts = frames.position.shape[:2]
+    turned = Rotation.from_quat(frames.quaternion.reshape(-1, 4), scalar_first=True)
+    spin = turned.inv().apply(frames.angular_velocity.reshape(-1, 3)).reshape(n, parts, 3)
+    kinetic = 0.5 * mass * (frames.velocity**2).sum(axis=-1) + 0.5 * (inertia * spin**2).sum(axis=-1)
+    return np.asarray(kinetic + mass * GRAVITY * frames.position[..., 2])
+
+
+@pytest.fixture(scope="module")
+def shaken() -> Result:
+    """A hundred heaps on a plate that throws them: 0.33 m/s, 560 g."""
+    return simulate(heap(amplitude_um=20.0))
+
+
+def test_no_part_of_a_hundred_shaken_heaps_is_in_another(shaken: Result) -> None:
+    deepest = [distances(shaken.scene, frames).min() for frames in shaken.trajectories]
+    assert len(deepest) == 100
+    assert min(deepest) > DEEPEST
+
+
+def test_a_hundred_shaken_heaps_stay_finite_and_do_not_explode(shaken: Result) -> None:
+    """A part that gets the plate's velocity at every impact, and hands it on, has nowhere near ten times of it."""
+    assert not shaken.failures
+    plate = 2.0 * np.pi * 2646.0 * 20e-6
+    for seed in shaken.seeds:
+        assert seed.status in (Status.DONE, Status.LEFT_PLATE)
+        assert np.isfinite(seed.frames.position).all() and np.isfinite(seed.frames.angular_velocity).all()
+        on_plate = seed.frames.position[..., 2] > 0.0
+        assert np.linalg.norm(seed.frames.velocity, axis=-1)[on_plate].max() < 10.0 * plate
+
+
+def test_heaps_on_a_resting_plate_only_lose_energy_and_come_to_rest() -> None:
+    """Pushing overlapping parts apart lifts some by micrometres; 1e-4 of the energy of the fall is allowed for it."""
+    result = simulate(heap(amplitude_um=0.0, seeds=8, duration_s=0.5))
+    for seed in result.seeds:
+        total = energy(result.scene, seed.frames).sum(axis=1)
+        assert np.diff(total).max() < 1e-4 * total[0]
+        assert distances(result.scene, seed.frames).min() > DEEPEST
+        assert np.linalg.norm(seed.frames.velocity[-1], axis=1).max() < 0.02
+
+
+def test_a_rim_keeps_all_parts_on_the_plate() -> None:
+    """The same heaps leave the plate without it."""
+    raw = heap(amplitude_um=20.0, seeds=4, duration_s=1.0).model_dump(exclude_none=True)
+    for side in ("length_mm", "width_mm"):
+        raw["plate"][side] = 24.0
+    open_plate = simulate(validated(raw, Scenario, Path("open.toml")))
+    raw["plate"]["rim"] = True
+    rimmed = simulate(validated(raw, Scenario, Path("rim.toml")))
+    assert sum(len(seed.removals) for seed in open_plate.seeds) > 10
+    assert sum(len(seed.removals) for seed in rimmed.seeds) == 0
+    for seed in rimmed.seeds:
+        assert np.abs(seed.frames.position[..., :2]).max() < 12e-3
