@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Literal, Self
+from typing import Annotated, Any, Literal, Self
 
 from pydantic import Discriminator, Field, Tag, model_validator
 
@@ -49,9 +49,13 @@ class Heap(_Turned):
     tilt_deg: AngleRange | None = (0.0, 180.0)
 
 
+def _start_kind(value: Any) -> Any:
+    return value.get("kind", "point") if isinstance(value, dict) else getattr(value, "kind", None)
+
+
 StartSpec = Annotated[
     Annotated[Start, Tag("point")] | Annotated[Scattered, Tag("scattered")] | Annotated[Heap, Tag("heap")],
-    Discriminator(lambda value: value.get("kind", "point") if isinstance(value, dict) else value.kind),
+    Discriminator(_start_kind),
 ]
 
 

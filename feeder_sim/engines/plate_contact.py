@@ -36,6 +36,7 @@ from feeder_sim.plate.kernels import grid_cell, modal_motion, surface_deflection
 from feeder_sim.scene import GRAVITY
 
 DEPTH = 1e-6  # [m]; how deep a part may enter a surface that is no longer driven
+DEEP = 5e-6  # [m]; how deep a fast part may enter the surface
 TOUCH = 1e-9  # [m]; corners this close count as touching, so that a flat landing is one impact and not six
 ON_EDGE = 1e-9  # [m]; a point this far off the plate is still on its edge
 BESIDE = 2e-4  # [m]; a point that far below the surface at the edge of the plate is beside or under it
@@ -71,9 +72,14 @@ def meet_plate(motion, body, kinds, k, wall, surface, bounds, t, work):
         )
     if body.corners.shape[0] > n_corners:
         leap = min(leap, _edge_leap(motion, body, n_corners, bounds.step, work))
-    if bounds.rest_step > bounds.step:
-        return max(leap, bounds.step, min(bounds.rest_step, DEPTH / _fastest(motion, body))), on_plate > 0
-    return max(leap, bounds.step), on_plate > 0
+    return max(leap, bounds.step if guided else _shortest_flight(motion, body, bounds)), on_plate > 0
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _shortest_flight(motion, body, bounds):
+    """The step [s]; less for a part so fast that it would enter the surface deeply, more for one that hardly moves."""
+    fastest = _fastest(motion, body)
+    return max(min(bounds.step, DEEP / fastest), min(bounds.rest_step, DEPTH / fastest))
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

@@ -182,7 +182,7 @@ CASES = {
         ["part", "moment of inertia", "1e-15"],
     ),
     "shorter than a frame": (STRIP, "duration_s = 1.0", "duration_s = 1e-6", ["run.duration_s", "1e-06", "one frame"]),
-    "two parts": (STRIP, "[run]", '[[part]]\nshape = "hex_nut"\nsize = "M3"\n[run]', ["part", "at most 1"]),
+    "two parts": (STRIP, "[run]", '[[part]]\nshape = "hex_nut"\nsize = "M3"\n[run]', ["part", "overlaps another part"]),
     "not TOML": (STRIP, "[plate]", "[plate", ["not valid TOML", "line"]),
     "unknown engine": (STRIP, "[run]", '[run]\nengine = "bullet"', ["run.engine", "'bullet'", "'mujoco'"]),
     "impulses with a compliant contact": (
