@@ -65,16 +65,24 @@ def meeting_bound(pairs, p, parts, kinds, t, step):
     )
     if gap < -DEEP:  # pushed into each other by what lies beside them
         wait = 0.0
-    return t + max(wait, min(step, DEEP / _relative_speed(parts, a, b))), gap <= SLACK
+    return t + max(wait, min(step, DEEP / _relative_speed(parts, kinds, a, b))), gap <= SLACK
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _relative_speed(parts, a, b):
-    """Of the centres of two parts [m/s]; never quite zero."""
+def _relative_speed(parts, kinds, a, b):
+    """No two points of both parts approach each other faster [m/s]; never quite zero."""
     squared = 1e-24
     for k in range(3):
         squared += (parts.velocity[a, k] - parts.velocity[b, k]) ** 2
-    return math.sqrt(squared)
+    return math.sqrt(squared) + _turning_speed(parts, kinds, a) + _turning_speed(parts, kinds, b)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _turning_speed(parts, kinds, i):
+    """No point of a part moves faster about its centre [m/s]."""
+    inertia, momentum = kinds.inertia[parts.kind[i]], parts.momentum[i]
+    squared = momentum[0] ** 2 + momentum[1] ** 2 + momentum[2] ** 2
+    return kinds.reach[parts.kind[i]] * math.sqrt(squared) / min(inertia[0], inertia[1], inertia[2])
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
