@@ -180,7 +180,7 @@ def _crossing_time(parts, kinds, i, axis, sign, support, drift, room):
 def meet(pairs, p, parts, kinds, hulls):
     """Ask for the distance of pair p and, where its parts touch and approach each other, give them impulses.
 
-    Both parts are at the same time. Returns whether there was an impact.
+    Both parts are at the same time. Returns whether their motion has changed.
     """
     a, b = pairs.a[p], pairs.b[p]
     axis, witness = pairs.axis[p], hulls.witness
@@ -273,4 +273,4 @@ def _collide(parts, kinds, a, b, points, n, axis, distance):
         for k in range(3):
             parts.position[a, k] += distance * share * axis[k]
             parts.position[b, k] -= distance * (1.0 - share) * axis[k]
-    return hit
+    return hit or distance < 0.0
