@@ -59,7 +59,7 @@ class CheckpointFolder:
         if not path.is_file():
             return None
         try:
-            with np.load(path, allow_pickle=False) as held:
+            with path.open("rb") as file, np.load(file, allow_pickle=False) as held:
                 state = {name: held[name] for name in held.files}
             frames, impacts, removals = (int(n) for n in state.pop(RECORDED))
         except (OSError, ValueError, EOFError, KeyError, BadZipFile) as error:

@@ -150,10 +150,9 @@ def _run_into(
 ) -> Result:
     """Simulate a scene into a folder; what has begun is copied into the new trajectory file first."""
     scenario, new = scene.scenario, folder / f"{TRAJECTORY}.new"
-    resuming = (folder / TRAJECTORY).exists()
     new.unlink(missing_ok=True)
     writer = TrajectoryWriter(
-        new if resuming else folder / TRAJECTORY,
+        new,
         engine=choose_engine(scenario).name,
         seed=scenario.run.seed,
         n_seeds=scenario.run.seeds,
@@ -168,8 +167,7 @@ def _run_into(
             recorder.append(index, held.frames, held.impacts, held.removals)
             if held.status != Status.UNFINISHED:
                 recorder.finish(index, held.status)
-        if resuming:
-            new.replace(folder / TRAJECTORY)  # only now, complete: a kill before this loses nothing
+        new.replace(folder / TRAJECTORY)  # only now, when a kill leaves it readable and loses nothing
         result = simulate_scene(scene, recorder=recorder, progress=progress, stop=stop, notify=notify, begun=begun)
     finally:
         writer.close()

@@ -117,11 +117,11 @@ def test_two_runs_of_one_scenario_are_the_same(whole: Path, tmp_path: Path) -> N
     check_same(tmp_path / "run", whole)
 
 
-@pytest.mark.parametrize("looks", [0, 2, 3, 6, 9])
+@pytest.mark.parametrize("looks", [0, 1, 2, 3, 4])
 def test_interrupted_run_goes_on_to_the_same_bits(looks: int, whole: Path, tmp_path: Path) -> None:
     folder = tmp_path / "run"
     begun = record_run(nuts(), folder, stop=StopsAfter(looks), replay=False)
-    assert begun.interrupted and (folder / "checkpoints").exists() == (looks > 0)
+    assert begun.interrupted and (folder / "checkpoints").exists()
     assert sum(times(folder)) < sum(times(whole))
     result = resume_run(folder, replay=False)
     assert not result.interrupted
@@ -130,13 +130,12 @@ def test_interrupted_run_goes_on_to_the_same_bits(looks: int, whole: Path, tmp_p
 
 def test_run_interrupted_again_and_again(whole: Path, tmp_path: Path) -> None:
     folder = tmp_path / "run"
-    result = record_run(nuts(), folder, stop=StopsAfter(3), replay=False)
+    result = record_run(nuts(), folder, stop=StopsAfter(2), replay=False)
     breaks = 0
     while result.interrupted:
         breaks += 1
         assert breaks < 50
-        # A seed looks before and after every block: after an odd number one of them is in a block, which it keeps.
-        result = resume_run(folder, stop=StopsAfter(3 if breaks % 2 else 5), replay=False)
+        result = resume_run(folder, stop=StopsAfter(2), replay=False)
     assert breaks > 1
     check_same(folder, whole)
 
