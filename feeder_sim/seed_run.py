@@ -175,6 +175,8 @@ class SeedRun:
 
     def _take_lost(self, engine: Engine, guard: Guard, block: Frames) -> list[Removals]:
         """Take out what has reached the floor; it is gone from the frames after that."""
+        if not len(block):
+            return []
         lost = guard.lost(block)
         parts = np.flatnonzero(lost.any(axis=0))
         rows = lost[:, parts].argmax(axis=0)

@@ -66,13 +66,12 @@ def meet_plate(motion, body, kinds, k, wall, surface, bounds, t, work):
         if guided:
             approach_wall(motion, body, wall, TOUCH, work)
     leap = _leap(motion, body, work)
-    if guided:
-        leap = max(
-            min(leap, leap_to_wall(motion, body, wall, work)), meeting_time(work, body.corners.shape[0], bounds.step)
-        )
+    if guided:  # in a play of micrometres a part must not fly a whole step into the wall
+        wall_leap = leap_to_wall(motion, body, wall, work)
+        return max(min(leap, wall_leap), meeting_time(work, body.corners.shape[0], bounds.step)), on_plate > 0
     if body.corners.shape[0] > n_corners:
         leap = min(leap, _edge_leap(motion, body, n_corners, bounds.step, work))
-    return max(leap, bounds.step if guided else _shortest_flight(motion, body, bounds)), on_plate > 0
+    return max(leap, _shortest_flight(motion, body, bounds)), on_plate > 0
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
