@@ -115,4 +115,8 @@ def test_compliant_contact_of_five_steps_is_stable_and_hops_like_the_others() ->
 @pytest.mark.parametrize("amplitude_um", [0.1, 1.0, 10.0, 90.0])
 def test_strong_drives_stay_within_what_the_plate_can_give(amplitude_um: float) -> None:
     scenario = piston_scenario(frequency_hz=2797.0, amplitude_um=amplitude_um, duration_s=0.5, seeds=4)
-    assert [seed.status for seed in simulate(scenario).seeds] == [Status.DONE] * 4
+    result = simulate(scenario)
+    assert result.failures == []
+    # At 90 um, 1.6 m/s, nuts hop 20 cm high, and some of them off the plate.
+    allowed = {Status.DONE, Status.LEFT_PLATE} if amplitude_um > 10.0 else {Status.DONE}
+    assert {seed.status for seed in result.seeds} <= allowed
