@@ -20,7 +20,7 @@ from feeder_sim.timetable import TimedStage, timetable
 from feeder_sim.trajectory import Frames, PartRecord, PlateRecord, Recording
 
 FLASH_S, FLASH_PERIOD_S = 0.4, 0.1  # before a pick
-FLASH, GONE = (40, 200, 60, 150), (170, 60, 60)
+FLASH = (40, 200, 60, 150)
 CLEARANCE = 0.01  # [m], of "isolated" where nothing is picked
 COUNTS = {"picked": (40, 160, 60), "lost": (190, 60, 60), "on_plate": (120, 120, 130), "isolated": (40, 90, 190)}
 
@@ -95,7 +95,7 @@ def _log_stages(stream: Any, plate: PlateRecord, stages: Sequence[TimedStage], l
 
 
 def _log_flashes(stream: Any, frames: Frames, removals: Removals, part: PartRecord) -> None:
-    """Blinking spheres around the parts that are about to be picked, and a mark where a part was lost."""
+    """Blinking spheres around the parts that are about to be picked."""
     import rerun as rr
 
     picked, size = removals.cause == Cause.PICKED, 1.2 * MM * float(np.linalg.norm(part.vertices, axis=1).max())

@@ -22,7 +22,9 @@ def print_summary(summary: dict[str, Any], folder: Path, as_json: bool) -> None:
         interval = f" +- {speed['se']:.3f} (SE), SD {speed['sd']:.3f}" if speed["n"] > 1 else ""
         print(f"  transport speed  {speed['mean']:.3f} mm/s{interval}, n = {speed['n']} of {summary['seeds']} seeds")
     drift = [summary[f"drift_velocity_{axis}_mm_s"] for axis in "xy"]
-    if drift[0]["n"] and "motion" not in summary:
+    if "picked" in summary:
+        _print_separation(summary)
+    elif drift[0]["n"] and "motion" not in summary:
         print(f"  mean drift       x {drift[0]['mean']:.3f}, y {drift[1]['mean']:.3f} mm/s")
         print(f"  highest rise     {summary['highest_rise_mm']['mean']:.3f} mm")
     if "motion" in summary:
@@ -32,6 +34,19 @@ def print_summary(summary: dict[str, Any], folder: Path, as_json: bool) -> None:
     factor = summary["real_time_factor"] or 0.0
     print(f"  simulated        {summary['simulated_s']:.1f} s in {summary['wall_s']:.1f} s ({factor:.2f} x real time)")
     print(f"  recorded in      {folder}")
+
+
+def _print_separation(summary: dict[str, Any]) -> None:
+    """Counts over the ensemble, and those at the end of the last stage."""
+    last = summary["stages"][-1]
+    for label, found in (
+        ("picked", summary["picked"]),
+        ("lost", summary["lost"]),
+        ("still on plate", last["on_plate"]),
+    ):
+        if found["n"]:
+            spread = f", SD {found['sd']:.1f}" if found["n"] > 1 else ""
+            print(f"  {label:<16} {found['mean']:.1f} of {summary['parts']}{spread}, n = {found['n']} seeds")
 
 
 def _print_bounces(summary: dict[str, Any]) -> None:

@@ -1,4 +1,4 @@
-"""The scene: plate, parts and contact of a scenario in SI units; the one place units change."""
+"""Scenario -> scene: the moving surface, the parts, what happens when, and the time step; in SI units."""
 
 from __future__ import annotations
 

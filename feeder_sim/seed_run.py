@@ -19,7 +19,7 @@ from feeder_sim.measures import PASSAGE_TO, Cell
 from feeder_sim.picking import pickable
 from feeder_sim.removals import Cause, Removals
 from feeder_sim.scene import Scene
-from feeder_sim.trajectory import BLOCK_FRAMES, Frames, Status
+from feeder_sim.trajectory import Frames, Status
 
 BLOCK_STEPS = 500_000  # solver steps and parts between two looks at guard, stop rule and stop event, about
 LEAST_BLOCK = 20  # frames: shorter blocks would cost more to write than to compute
@@ -162,16 +162,10 @@ class SeedRun:
     def _block_size(self, engine: Engine, n_done: int) -> int:
         """Frames of the next block; a pick is always at the end of one."""
         scene = self.scene
-        longest = max(LEAST_BLOCK, BLOCK_STEPS // (scene.steps_per_frame * len(scene.parts)))
-        longest = max(2, longest if len(scene.parts) > 1 else BLOCK_STEPS // scene.steps_per_frame)
-        size = min(engine.frames_per_block, longest, scene.n_frames - n_done, BLOCK_FRAMES)
-        ahead = [frame for frame in self._pick_frames if frame >= n_done]
-        return min(size, ahead[0] - n_done + 1) if ahead else size
-
-    @property
-    def _pick_frames(self) -> list[int]:
-        """Frames after which parts are picked: the first of each stage's end, or the last of the run."""
-        return sorted(pick_frames(self.scene))
+        least = LEAST_BLOCK if len(scene.parts) > 1 else 2
+        longest = max(least, BLOCK_STEPS // (scene.steps_per_frame * len(scene.parts)))
+        ahead = [frame - n_done + 1 for frame in pick_frames(scene) if frame >= n_done]
+        return min(engine.frames_per_block, longest, scene.n_frames - n_done, *ahead)
 
     def _take_lost(self, engine: Engine, guard: Guard, block: Frames) -> list[Removals]:
         """Take out what has reached the floor; it is gone from the frames after that."""

@@ -24,7 +24,7 @@ from feeder_sim.start import start_poses
 from feeder_sim.trajectory import Frames, Status
 
 COMPILING_S = 1.5
-COMPILING = "compiling the engine, about a minute; the result is kept for the next time"
+COMPILING = "compiling the engine, some 20 s for one part, over a minute for many; the result is kept for the next time"
 
 
 @dataclass(frozen=True)
