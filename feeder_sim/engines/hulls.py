@@ -73,11 +73,11 @@ class HullLibrary:
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def hull_distance(hulls, parts, a, b, reach):
-    """Signed distance [m] of the hulls of parts a and b, or `reach` if it is larger; points in hulls.witness."""
-    first, second = 2 * parts.kind[a], 2 * parts.kind[b] + 1
-    _place(hulls, first, parts.kind[a], parts.position[a], parts.attitude[a])
-    _place(hulls, second, parts.kind[b], parts.position[b], parts.attitude[b])
+def hull_distance(hulls, a, b, reach):
+    """Signed distance [m] of the hulls of two parts (`PART`), or `reach` if larger; points in hulls.witness."""
+    first, second = 2 * a.kind, 2 * b.kind + 1
+    _place(hulls, first, a.kind, a.position, a.attitude)
+    _place(hulls, second, b.kind, b.position, b.attitude)
     return _geom_distance(hulls.model, hulls.data, first, second, reach, hulls.witness.ctypes)
 
 

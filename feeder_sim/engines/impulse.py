@@ -26,12 +26,12 @@ from feeder_sim.engines.free_flight import orthonormalise
 from feeder_sim.engines.hulls import HullLibrary
 from feeder_sim.engines.impact_log import begin_contact, end_contact, in_contact, new_log, room_for, take_impacts
 from feeder_sim.engines.impulse_state import (
+    ABSENT,
+    AWAKE,
     GAP,
+    PART,
     SURFACE_RATE,
-    Parts,
-    body_of,
     fly_to,
-    motion_of,
     new_scratch,
     read_kinds,
     read_wall,
@@ -39,8 +39,9 @@ from feeder_sim.engines.impulse_state import (
 )
 from feeder_sim.engines.island import advance_islands
 from feeder_sim.engines.neighbours import find_islands, find_pairs
-from feeder_sim.engines.pair_contact import Pairs
+from feeder_sim.engines.pair_contact import PAIR
 from feeder_sim.engines.plate_contact import TOUCH, meet_plate
+from feeder_sim.engines.rest import wake
 from feeder_sim.engines.surface_arrays import surface_arrays
 from feeder_sim.engines.window import acting_terms, bound_window
 from feeder_sim.impacts import Impacts
@@ -55,17 +56,12 @@ ROW = 18  # numbers per part and frame: position, velocity, attitude, momentum
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _no_pairs():
-    return Pairs(np.empty(0, np.int64), np.empty(0, np.int64), np.empty((0, 3)))
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
 def _range(parts, n_free, bounds, e, duration):
     """How far any part can come within a window [m]: the plate adds (1 + e) times its own speed to the fastest."""
     fastest = 0.0
     for i in range(n_free):
-        if parts.there[i]:
-            v = parts.velocity[i]
+        if parts[i].there:
+            v = parts[i].velocity
             fastest = max(fastest, v[0] * v[0] + v[1] * v[1] + v[2] * v[2])
     return (math.sqrt(fastest) + (1.0 + e) * bounds.speed + GRAVITY * duration) * duration
 
@@ -76,7 +72,10 @@ def _open_window(parts, n_free, kinds, surface, antinode, pairs, start, end, ste
     acting = acting_terms(surface, start, end)
     bounds = bound_window(acting, antinode, start, end, step)
     half_x, half_y = surface.grid_x[-1], surface.grid_y[-1]
-    reach = _range(parts, n_free, bounds, kinds.law[0, 0], end - start)
+    reach = _range(parts, n_free, bounds, kinds.record[0].restitution[0], end - start)
+    if not bounds.calm:
+        for i in range(n_free):
+            wake(parts[i])
     pairs = find_pairs(parts, kinds, n_free, half_x, half_y, reach, pairs)
     return acting, bounds, pairs, find_islands(parts, n_free, pairs)
 
@@ -84,10 +83,13 @@ def _open_window(parts, n_free, kinds, surface, antinode, pairs, start, end, ste
 @njit(cache=True, nogil=True, error_model="numpy")
 def _close_frame(parts, n_free, row):
     for i in range(n_free):
-        if parts.there[i]:
-            orthonormalise(parts.attitude[i])
-        row[i, 0:3], row[i, 3:6] = parts.position[i], parts.velocity[i]
-        row[i, 6:15], row[i, 15:18] = parts.attitude[i].copy().ravel(), parts.momentum[i]
+        part = parts[i]
+        if part.there:
+            orthonormalise(part.attitude)
+        for k in range(3):
+            row[i, k], row[i, 3 + k], row[i, 15 + k] = part.position[k], part.velocity[k], part.momentum[k]
+            for axis in range(3):
+                row[i, 6 + 3 * k + axis] = part.attitude[k, axis]
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -104,7 +106,7 @@ def _share_out(islands, n_threads):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _note_contact(motion, before, work, n_corners, log, last, t, step):
+def _note_contact(part, before, work, n_corners, log, last, t, step):
     """Note an impact on the plate of a part in a guide; what follows within a step is the same contact.
 
     before: its vertical velocity before it. last: end of the contact under way, and the part's vertical velocity then.
@@ -117,27 +119,27 @@ def _note_contact(motion, before, work, n_corners, log, last, t, step):
             if work.corner[i, GAP] <= TOUCH:
                 plate = work.corner[i, SURFACE_RATE]
         begin_contact(log, t, max(plate - before, 0.0))
-    last[0], last[1] = t, motion.velocity[2]
+    last[0], last[1] = t, part.velocity[2]
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _advance_one(parts, kinds, wall, surface, antinode, log, last, work, step, interval, first_frame, out):
     """Advance the one part of a scene; after each frame write its state into a row of out (frames, 1, ROW)."""
-    parts, kinds, wall, work = borrow(parts), borrow(kinds), borrow(wall), borrow(work)
+    kinds, wall, work = borrow(kinds), borrow(wall), borrow(work)
+    part, kind = parts[0], kinds.record[0]
     guided = wall.radius < np.inf
-    motion, body = motion_of(parts, 0), body_of(kinds, 0)
     for row in range(out.shape[0]):
         t, end = (first_frame + row) * interval, (first_frame + row + 1) * interval
         acting = acting_terms(surface, t, end)
         bounds = bound_window(acting, antinode, t, end, step)
         while t < end:
-            fly_to(parts, kinds, 0, t)
-            before = motion.velocity[2]
-            leap, hit = meet_plate(motion, body, kinds, 0, wall, acting, bounds, t, work)
+            fly_to(part, kind, t)
+            before = part.velocity[2]
+            leap, hit = meet_plate(part, kinds, wall, acting, bounds, t, work)
             if hit and guided:
-                _note_contact(motion, before, work, body.corners.shape[0], log, last, t, step)
+                _note_contact(part, before, work, kind.corner_to - kind.corner_from, log, last, t, step)
             t += leap
-        fly_to(parts, kinds, 0, end)
+        fly_to(part, kind, end)
         _close_frame(parts, 1, out[row])
 
 
@@ -156,8 +158,8 @@ class ImpulseEngine:
         self._surface = surface_arrays(scene.surface, scene.scenario.run)
         self._antinode = np.abs(scene.surface.table[..., 0]).max(axis=(1, 2))
         self._threads = max(1, threads)
-        corners = np.split(kinds.corners, kinds.first_corner[1:-1])
-        self._libraries = [HullLibrary(corners, list(kinds.radius)) for _ in range(self._threads)]
+        corners = np.split(kinds.corners, kinds.record["corner_from"][1:])
+        self._libraries = [HullLibrary(corners, list(kinds.record["radius"])) for _ in range(self._threads)]
         self._hulls = [library.hulls() for library in self._libraries]
         self._scratch = [new_scratch(kinds, scene.surface.n_shapes) for _ in range(self._threads)]
         self._pool = ThreadPoolExecutor(self._threads) if self._threads > 1 else None
@@ -166,7 +168,7 @@ class ImpulseEngine:
         self._parts = self._start(rng)
         self._frame = 0
 
-    def _start(self, rng: np.random.Generator) -> Parts:
+    def _start(self, rng: np.random.Generator) -> NDArray[np.void]:
         """Parts at rest in their poses, then the walls of a rim."""
         from scipy.spatial.transform import Rotation
 
@@ -174,15 +176,12 @@ class ImpulseEngine:
         centres, attitudes = rim_walls(self._scene)
         n = len(poses) + len(centres)
         turned = Rotation.from_quat([pose.quaternion for pose in poses], scalar_first=True).as_matrix()
-        return Parts(
-            position=np.concatenate([[pose.position for pose in poses], centres]),
-            velocity=np.zeros((n, 3)),
-            attitude=np.ascontiguousarray(np.concatenate([turned, attitudes])),
-            momentum=np.zeros((n, 3)),
-            clock=np.zeros(n),
-            kind=np.concatenate([self._scene.kind_of, np.full(len(centres), len(self._scene.kinds))]),
-            there=np.ones(n, np.int8),
-        )
+        parts = np.zeros(n, PART)
+        parts["position"] = np.concatenate([[pose.position for pose in poses], centres])
+        parts["attitude"] = np.concatenate([turned, attitudes])
+        parts["kind"] = np.concatenate([self._scene.kind_of, np.full(len(centres), len(self._scene.kinds))])
+        parts["there"] = AWAKE
+        return parts
 
     def current(self) -> Frames:
         out = np.empty((1, self._n, ROW))
@@ -207,7 +206,7 @@ class ImpulseEngine:
 
     def _advance_frame(self, frame: int) -> None:
         """Advance all parts to the next frame, window by window; nothing but their motion is kept between frames."""
-        pairs, interval, n = _no_pairs(), self._scene.frame_interval, self._n_windows
+        pairs, interval, n = np.empty(0, PAIR), self._scene.frame_interval, self._n_windows
         for window in range(n):
             start, end = (frame + window / n) * interval, (frame + (window + 1) / n) * interval
             plate = (self._kinds, self._surface, self._antinode)
@@ -226,16 +225,16 @@ class ImpulseEngine:
                 task.result()
 
     def remove(self, parts: NDArray[np.int64]) -> None:
-        self._parts.there[parts] = 0
+        self._parts["there"][parts] = ABSENT
 
     def state(self) -> dict[str, NDArray[np.float64]]:
-        held = {name: getattr(self._parts, name).copy() for name in STATE}
+        held = {name: self._parts[name].copy() for name in STATE}
         contact = np.array([*self._log.current, *self._last_contact])
         return held | {"contact": contact, "frame": np.array(self._frame)}
 
     def restore(self, state: dict[str, NDArray[np.float64]]) -> None:
         for name in STATE:
-            getattr(self._parts, name)[:] = state[name]
+            self._parts[name] = state[name]
         self._log.current[:], self._last_contact[:] = state["contact"][:2], state["contact"][2:]
         self._frame = int(state["frame"])
 
@@ -254,7 +253,7 @@ class ImpulseEngine:
         n = len(rows)
         attitude = rows[..., 6:15].reshape(n, self._n, 3, 3)
         body_momentum = np.einsum("npij,npi->npj", attitude, rows[..., 15:18])
-        inertia = self._kinds.inertia[self._parts.kind[: self._n]]
+        inertia = self._kinds.record["inertia"][self._parts["kind"][: self._n]]
         spin = np.einsum("npij,npj->npi", attitude, body_momentum / inertia)
         finite = np.asarray(np.isfinite(attitude).all(axis=(2, 3)))
         turned = Rotation.from_matrix(np.where(finite[..., None, None], attitude, np.eye(3)).reshape(-1, 3, 3))
@@ -264,5 +263,5 @@ class ImpulseEngine:
             quaternion=np.asarray(turned.as_quat(scalar_first=True)).reshape(n, self._n, 4),
             velocity=rows[..., 3:6],
             angular_velocity=spin,
-            present=np.tile(self._parts.there[: self._n].astype(bool), (n, 1)),
+            present=np.tile(self._parts["there"][: self._n] != ABSENT, (n, 1)),
         )

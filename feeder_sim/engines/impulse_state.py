@@ -16,71 +16,59 @@ from feeder_sim.scene import GRAVITY, Scene
 GAP, RATE, SURFACE_RATE, SURFACE_ACCELERATION, WALL_GAP, WALL_RATE = range(6)  # columns of Scratch.corner
 ARM, NORMAL, VELOCITY = range(3)  # of Scratch.contact
 RESTITUTION, FRICTION = range(2)  # of Scratch.law
+ABSENT, AWAKE, ASLEEP = range(3)  # in Parts.there
 RIM_HEIGHT, RIM_THICKNESS = 0.5, 0.02  # [m]; above and below the plate
 
 
-class Body(NamedTuple):
-    """One part: mass [kg], principal inertia (3,), symmetry axis, corners (n, 3) [m] with a radius, their reach."""
-
-    mass: float
-    inertia: NDArray[np.float64]
-    axis: int
-    corners: NDArray[np.float64]
-    radius: float
-    reach: float
-    restitution: float
-    friction: float
+# State of one part in world axes at a time of its own, `clock` [s]: columns of the attitude are the body axes; momentum
+# is the angular momentum about the centre of mass; there: ABSENT once it has been taken out, ASLEEP while it lies still
+# (rest.py), else AWAKE.
+PART = np.dtype(
+    [
+        ("position", "f8", 3),
+        ("velocity", "f8", 3),
+        ("attitude", "f8", (3, 3)),
+        ("momentum", "f8", 3),
+        ("clock", "f8"),
+        ("kind", "i8"),
+        ("there", "i8"),
+    ],
+    align=True,
+)
+# What parts of one kind have in common: mass [kg], infinite for what stands still, and principal inertia; axis of
+# symmetry or -1; radius [m] around its corners, their reach from the centre of mass; restitution and friction on the
+# plate (0) and between parts (1); where its corners, edges and planes are in `Kinds`.
+KIND = np.dtype(
+    [
+        ("mass", "f8"),
+        ("inertia", "f8", 3),
+        ("axis", "i8"),
+        ("radius", "f8"),
+        ("reach", "f8"),
+        ("restitution", "f8", 2),
+        ("friction", "f8", 2),
+        ("corner_from", "i8"),
+        ("corner_to", "i8"),
+        ("edge_from", "i8"),
+        ("edge_to", "i8"),
+        ("plane_from", "i8"),
+        ("plane_to", "i8"),
+    ],
+    align=True,
+)
 
 
 class Kinds(NamedTuple):
-    """All kinds of parts, one behind the other; a kind of infinite mass stands still.
+    """All kinds of parts: one record `KIND` each, and their hulls one behind the other.
 
-    Attributes:
-        mass [kg], inertia (kinds, 3), axis, radius, reach [m]: as in `Body`, of each kind.
-        corners: of all kinds, shape (n, 3) [m]; those of kind k are first_corner[k] to first_corner[k + 1].
-        edges: of the hulls, pairs of corners counted from the first of their kind, shape (m, 2); first_edge as above.
-        planes: of the hulls' faces, (outward unit normal, offset) with normal . x + offset <= 0 inside, shape (f, 4);
-            first_plane as above.
-        law: (2, 2), RESTITUTION and FRICTION of contacts with the plate (0) and between parts (1).
+    corners: (n, 3) [m]; edges: pairs of corners, counted from the first of their kind, (m, 2); planes of the faces:
+    (outward unit normal, offset) with normal . x + offset <= 0 inside, (f, 4).
     """
 
-    mass: NDArray[np.float64]
-    inertia: NDArray[np.float64]
-    axis: NDArray[np.int64]
-    radius: NDArray[np.float64]
-    reach: NDArray[np.float64]
-    first_corner: NDArray[np.int64]
+    record: NDArray[np.void]
     corners: NDArray[np.float64]
-    first_edge: NDArray[np.int64]
     edges: NDArray[np.int64]
-    first_plane: NDArray[np.int64]
     planes: NDArray[np.float64]
-    law: NDArray[np.float64]
-
-
-class Parts(NamedTuple):
-    """State of all parts in world axes, each at a time of its own: `clock` [s].
-
-    position, velocity, momentum (n, 3), attitude (n, 3, 3) as in `Motion`; kind (n,); there (n,): 1 while the part is
-    in the scene.
-    """
-
-    position: NDArray[np.float64]
-    velocity: NDArray[np.float64]
-    attitude: NDArray[np.float64]
-    momentum: NDArray[np.float64]
-    clock: NDArray[np.float64]
-    kind: NDArray[np.int64]
-    there: NDArray[np.int8]
-
-
-class Motion(NamedTuple):
-    """State of one part in world axes: position, velocity, attitude (columns: body axes), angular momentum."""
-
-    position: NDArray[np.float64]
-    velocity: NDArray[np.float64]
-    attitude: NDArray[np.float64]
-    momentum: NDArray[np.float64]
 
 
 class Wall(NamedTuple):
@@ -97,7 +85,7 @@ class Bounds(NamedTuple):
     """What the surface can do at most within a window of time.
 
     crest: height [m]; acceleration: of every mode shape at its antinode [m/s^2]; speed: of any point [m/s]; step: the
-    shortest flight [s] that is followed, and rest_step that of a part that hardly moves.
+    shortest flight [s] that is followed, and rest_step that of a part that hardly moves; calm: parts may fall asleep.
     """
 
     crest: float
@@ -105,6 +93,7 @@ class Bounds(NamedTuple):
     speed: float
     step: float
     rest_step: float
+    calm: bool
 
 
 class Scratch(NamedTuple):
@@ -145,20 +134,16 @@ def read_kinds(scene: Scene) -> Kinds:
         edges.append(np.empty((0, 2), np.int64))
         planes.append(hull_planes(corners[-1]))
         radius.append(0.0)
-    return Kinds(
-        mass=np.array(mass),
-        inertia=np.array(inertia),
-        axis=np.array([symmetry_axis(moments) for moments in inertia]),
-        radius=np.array(radius),
-        reach=np.array([np.linalg.norm(points, axis=1).max() for points in corners]),
-        first_corner=np.cumsum([0, *(len(points) for points in corners)]),
-        corners=np.concatenate(corners),
-        first_edge=np.cumsum([0, *(len(lines) for lines in edges)]),
-        edges=np.concatenate(edges),
-        first_plane=np.cumsum([0, *(len(faces) for faces in planes)]),
-        planes=np.concatenate(planes),
-        law=np.array([[contact.restitution, contact.part_restitution], [contact.friction, contact.part_friction]]),
-    )
+    record = np.zeros(len(mass), KIND)
+    record["mass"], record["inertia"], record["radius"] = mass, inertia, radius
+    record["axis"] = [symmetry_axis(moments) for moments in inertia]
+    record["reach"] = [np.linalg.norm(points, axis=1).max() for points in corners]
+    record["restitution"] = contact.restitution, contact.part_restitution
+    record["friction"] = contact.friction, contact.part_friction
+    for name, hulls in (("corner", corners), ("edge", edges), ("plane", planes)):
+        ends = np.cumsum([len(rows) for rows in hulls])
+        record[f"{name}_from"], record[f"{name}_to"] = [0, *ends[:-1]], ends
+    return Kinds(record, np.concatenate(corners), np.concatenate(edges), np.concatenate(planes))
 
 
 def hull_edges(corners: NDArray[np.float64]) -> NDArray[np.int64]:
@@ -208,50 +193,30 @@ def read_wall(guide: Guide | None) -> Wall:
 
 def new_scratch(kinds: Kinds, n_shapes: int) -> Scratch:
     """Room for any part: each of its corners can touch plate and wall, each of its edges the edge of the plate."""
-    n = int((np.diff(kinds.first_corner) + 2 * np.diff(kinds.first_edge)).max())
+    of = kinds.record
+    n = int((of["corner_to"] - of["corner_from"] + 2 * (of["edge_to"] - of["edge_from"])).max())
     sizes = ((n, 6), (3, 2 * n, 3), (2, 2 * n), (2, n_shapes), (n_shapes, 3), (2, 4), (n, 3))
     return Scratch(*(np.zeros(size) for size in sizes))
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
-def body_of(kinds, k):
-    """The kind k as a `Body`."""
-    corners = kinds.corners[kinds.first_corner[k] : kinds.first_corner[k + 1]]
-    return Body(
-        kinds.mass[k],
-        kinds.inertia[k],
-        kinds.axis[k],
-        corners,
-        kinds.radius[k],
-        kinds.reach[k],
-        kinds.law[RESTITUTION, 0],
-        kinds.law[FRICTION, 0],
-    )
+@njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
+def flies(part, kind):
+    """Whether a part moves at all; walls and parts asleep do not."""
+    return part.there == AWAKE and kind.mass < np.inf
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def motion_of(parts, i):
-    """The state of part i as a `Motion`; changing it changes the part."""
-    return Motion(parts.position[i], parts.velocity[i], parts.attitude[i], parts.momentum[i])
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def fly(motion, inertia, axis, duration):
-    """Free flight over a duration [s], in place."""
+def fly_to(part, kind, t):
+    """Bring a part to time t [s]."""
+    duration = t - part.clock
+    part.clock = t
+    if duration <= 0.0 or not flies(part, kind):
+        return
     for k in range(3):
-        motion.position[k] += motion.velocity[k] * duration
-    motion.position[2] -= 0.5 * GRAVITY * duration * duration
-    motion.velocity[2] -= GRAVITY * duration
-    rotate_freely(motion.attitude, motion.momentum, inertia, axis, duration)
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def fly_to(parts, kinds, i, t):
-    """Bring part i to time t [s]."""
-    duration, k = t - parts.clock[i], parts.kind[i]
-    parts.clock[i] = t
-    if duration > 0.0 and kinds.mass[k] < np.inf:
-        fly(motion_of(parts, i), kinds.inertia[k], kinds.axis[k], duration)
+        part.position[k] += part.velocity[k] * duration
+    part.position[2] -= 0.5 * GRAVITY * duration * duration
+    part.velocity[2] -= GRAVITY * duration
+    rotate_freely(part.attitude, part.momentum, kind.inertia, kind.axis, duration)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -265,21 +230,21 @@ def invert_inertia(attitude, inertia, out):
 
 
 @njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
-def point(motion, body, i, k):
+def point(part, corners, i, k):
     """Coordinate k of corner i in space [m]."""
-    value = motion.position[k]
+    value = part.position[k]
     for axis in range(3):
-        value += motion.attitude[k, axis] * body.corners[i, axis]
+        value += part.attitude[k, axis] * corners[i, axis]
     return value
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def spin_of(motion, body, spin):
+def spin_of(part, kind, spin):
     """Write the angular velocity in world axes [rad/s] into spin (3,)."""
     spin[:] = 0.0
     for axis in range(3):
         along = 0.0
         for k in range(3):
-            along += motion.attitude[k, axis] * motion.momentum[k]
+            along += part.attitude[k, axis] * part.momentum[k]
         for k in range(3):
-            spin[k] += motion.attitude[k, axis] * along / body.inertia[axis]
+            spin[k] += part.attitude[k, axis] * along / kind.inertia[axis]

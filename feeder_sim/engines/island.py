@@ -10,22 +10,18 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from feeder_sim.engines.borrow import borrow
-from feeder_sim.engines.impulse_state import body_of, fly_to, motion_of
+from feeder_sim.engines.borrow import borrow, borrowed
+from feeder_sim.engines.impulse_state import ASLEEP, fly_to
 from feeder_sim.engines.pair_contact import meet, meeting_bound
 from feeder_sim.engines.plate_contact import meet_plate
+from feeder_sim.engines.rest import fall_asleep, wake
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def advance_islands(owner, thread, islands, pairs, parts, kinds, no_wall, surface, bounds, hulls, start, end, work):
     """Advance the islands that belong to a thread from start to end [s]; work and hulls belong to it too."""
-    islands, pairs, parts, kinds, no_wall = (
-        borrow(islands),
-        borrow(pairs),
-        borrow(parts),
-        borrow(kinds),
-        borrow(no_wall),
-    )
+    islands, kinds, no_wall = borrow(islands), borrow(kinds), borrow(no_wall)
+    pairs, parts = borrowed(pairs), borrowed(parts)
     surface, bounds, hulls, work = borrow(surface), borrow(bounds), borrow(hulls), borrow(work)
     for island in range(owner.shape[0]):
         if owner[island] != thread:
@@ -34,35 +30,42 @@ def advance_islands(owner, thread, islands, pairs, parts, kinds, no_wall, surfac
         first_pair, last_pair = islands.first_pair[island], islands.first_pair[island + 1]
         n = last - first
         tree = _all_due(n + last_pair - first_pair, start)
+        for k in range(first, last):
+            if parts[islands.part[k]].there == ASLEEP:
+                _set_due(tree, k - first, np.inf)
         while tree[1] < end:
             t, leaf = tree[1], _earliest(tree)
             if leaf < n:
                 i = islands.part[first + leaf]
-                fly_to(parts, kinds, i, t)
-                kind = parts.kind[i]
-                motion, body = motion_of(parts, i), body_of(kinds, kind)
-                leap, hit = meet_plate(motion, body, kinds, kind, no_wall, surface, bounds, t, work)
+                part = parts[i]
+                fly_to(part, kinds.record[part.kind], t)
+                leap, hit = meet_plate(part, kinds, no_wall, surface, bounds, t, work)
                 _set_due(tree, leaf, t + leap)
                 if hit:
-                    _look_at_pairs(i, -1, islands, first_pair, n, tree, pairs, parts, kinds, t, bounds.step)
+                    if bounds.calm and fall_asleep(part, kinds, work):
+                        _set_due(tree, leaf, np.inf)
+                    _look_at_pairs(i, -1, islands, first_pair, n, tree, pairs, parts, kinds, t, bounds)
                 continue
             p = islands.pair[first_pair + leaf - n]
-            due, near = meeting_bound(pairs, p, parts, kinds, t, bounds.step)
+            pair = pairs[p]
+            due, near = meeting_bound(pair, parts, kinds, t, bounds)
             if near:
-                hit = meet(pairs, p, parts, kinds, hulls)
-                due, near = meeting_bound(pairs, p, parts, kinds, t, bounds.step)
+                hit = meet(pair, parts, kinds, hulls)
+                due, near = meeting_bound(pair, parts, kinds, t, bounds)
                 if hit:
-                    for i in (pairs.a[p], pairs.b[p]):
+                    for i in (pair.a, pair.b):
                         if i < islands.place.shape[0]:
+                            wake(parts[i])
                             _set_due(tree, islands.place[i] - first, t)
-                            _look_at_pairs(i, p, islands, first_pair, n, tree, pairs, parts, kinds, t, bounds.step)
+                            _look_at_pairs(i, p, islands, first_pair, n, tree, pairs, parts, kinds, t, bounds)
             _set_due(tree, leaf, due)
         for k in range(first, last):
-            fly_to(parts, kinds, islands.part[k], end)
+            part = parts[islands.part[k]]
+            fly_to(part, kinds.record[part.kind], end)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _look_at_pairs(i, except_pair, islands, first_pair, n, tree, pairs, parts, kinds, t, step):
+def _look_at_pairs(i, except_pair, islands, first_pair, n, tree, pairs, parts, kinds, t, bounds):
     """Make the pairs of a part due anew after its velocity has changed at time t.
 
     Of parts that touch the look that is due stays due: else one that hits the plate at every step would put it off for
@@ -72,7 +75,7 @@ def _look_at_pairs(i, except_pair, islands, first_pair, n, tree, pairs, parts, k
         place = islands.touching[k]
         p = islands.pair[place]
         if p != except_pair:
-            due, near = meeting_bound(pairs, p, parts, kinds, t, step)
+            due, near = meeting_bound(pairs[p], parts, kinds, t, bounds)
             event = n + place - first_pair
             if near:
                 due = min(due, tree[tree.shape[0] // 2 + event])

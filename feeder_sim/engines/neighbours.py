@@ -13,14 +13,14 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from feeder_sim.engines.pair_contact import Pairs
+from feeder_sim.engines.pair_contact import PAIR
 
 
 class Islands(NamedTuple):
     """Parts and pairs in the order of their islands.
 
     part: indices (n,) of the parts that are there; those of island i are first_part[i] to first_part[i + 1]. pair and
-    first_pair likewise, indices into `Pairs`. place: of every part in `part` (parts,). touching, first_touching: the
+    first_pair likewise, indices of pairs. place: of every part in `part` (parts,). touching, first_touching: the
     pairs of every part, as place in `pair`, behind one another.
     """
 
@@ -42,32 +42,33 @@ def find_pairs(parts, kinds, n_free, half_x, half_y, range_, old):
     n = n_free
     largest = 0.0
     for i in range(n):
-        if parts.there[i]:
-            largest = max(largest, kinds.reach[parts.kind[i]] + kinds.radius[parts.kind[i]])
+        if parts[i].there:
+            largest = max(largest, kinds.record[parts[i].kind].reach + kinds.record[parts[i].kind].radius)
     cell = 2.0 * (largest + range_)
     cell_of, order, first, columns, rows = _sort_into_cells(parts, n, cell)
     found = np.empty((0, 2), np.int64)
     for counting in range(2):  # count, then fill
         m = 0
         for i in range(n):
-            if not parts.there[i]:
+            if not parts[i].there:
                 continue
             m = _pairs_of(
                 parts, kinds, i, n_free, half_x, half_y, range_, cell_of, order, first, columns, rows, m, found
             )
         if counting == 0:
             found = np.empty((m, 2), np.int64)
-    pairs = Pairs(np.empty(m, np.int64), np.empty(m, np.int64), np.empty((m, 3)))
+    pairs = np.empty(m, PAIR)
     o = 0
     for p in range(m):
         a, b = found[p]
-        pairs.a[p], pairs.b[p] = a, b
-        while o < old.a.shape[0] and (old.a[o] < a or (old.a[o] == a and old.b[o] < b)):
+        pair = pairs[p]
+        pair.a, pair.b = a, b
+        while o < old.shape[0] and (old[o].a < a or (old[o].a == a and old[o].b < b)):
             o += 1
-        if o < old.a.shape[0] and old.a[o] == a and old.b[o] == b:
-            pairs.axis[p] = old.axis[o]
+        if o < old.shape[0] and old[o].a == a and old[o].b == b:
+            pair.axis[:] = old[o].axis
         else:
-            _first_axis(parts, kinds, a, b, pairs.axis[p])
+            _first_axis(parts, kinds, a, b, pair.axis)
     return pairs
 
 
@@ -77,18 +78,18 @@ def _sort_into_cells(parts, n, cell):
     low_x = low_y = np.inf
     high_x = high_y = -np.inf
     for i in range(n):
-        if parts.there[i]:
-            low_x, high_x = min(low_x, parts.position[i, 0]), max(high_x, parts.position[i, 0])
-            low_y, high_y = min(low_y, parts.position[i, 1]), max(high_y, parts.position[i, 1])
+        if parts[i].there:
+            low_x, high_x = min(low_x, parts[i].position[0]), max(high_x, parts[i].position[0])
+            low_y, high_y = min(low_y, parts[i].position[1]), max(high_y, parts[i].position[1])
     # A part that has flown far must not make the grid large: more cells than parts bring nothing.
     cell = max(cell, max(high_x - low_x, high_y - low_y) / (2.0 * math.sqrt(n) + 1.0))
     columns, rows = int((high_x - low_x) / cell) + 1, int((high_y - low_y) / cell) + 1
     cell_of = np.full(n, -1)
     first = np.zeros(columns * rows + 1, np.int64)
     for i in range(n):
-        if parts.there[i]:
-            column = int((parts.position[i, 0] - low_x) / cell)
-            cell_of[i] = column * rows + int((parts.position[i, 1] - low_y) / cell)
+        if parts[i].there:
+            column = int((parts[i].position[0] - low_x) / cell)
+            cell_of[i] = column * rows + int((parts[i].position[1] - low_y) / cell)
             first[cell_of[i] + 1] += 1
     for c in range(columns * rows):
         first[c + 1] += first[c]
@@ -111,11 +112,11 @@ def _pairs_of(parts, kinds, a, n_free, half_x, half_y, range_, cell_of, order, f
                 b = order[place]
                 if b > a and _near(parts, kinds, a, b, range_):
                     m = _insert(found, begin, m, a, b)
-    reach = kinds.reach[parts.kind[a]] + kinds.radius[parts.kind[a]] + range_
-    for wall in range(n_free, parts.kind.shape[0]):
+    reach = kinds.record[parts[a].kind].reach + kinds.record[parts[a].kind].radius + range_
+    for wall in range(n_free, parts.shape[0]):
         side = wall - n_free  # walls at +y, -y, +x, -x
         distance = half_y if side < 2 else half_x
-        along = parts.position[a, 1] if side < 2 else parts.position[a, 0]
+        along = parts[a].position[1] if side < 2 else parts[a].position[0]
         if (along if side % 2 == 0 else -along) + reach > distance:
             m = _insert(found, begin, m, a, wall)
     return m
@@ -123,11 +124,11 @@ def _pairs_of(parts, kinds, a, n_free, half_x, half_y, range_, cell_of, order, f
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _near(parts, kinds, a, b, range_):
-    reach = kinds.reach[parts.kind[a]] + kinds.radius[parts.kind[a]] + 2.0 * range_
-    reach += kinds.reach[parts.kind[b]] + kinds.radius[parts.kind[b]]
+    reach = kinds.record[parts[a].kind].reach + kinds.record[parts[a].kind].radius + 2.0 * range_
+    reach += kinds.record[parts[b].kind].reach + kinds.record[parts[b].kind].radius
     squared = 0.0
     for k in range(3):
-        squared += (parts.position[a, k] - parts.position[b, k]) ** 2
+        squared += (parts[a].position[k] - parts[b].position[k]) ** 2
     return squared < reach * reach
 
 
@@ -147,15 +148,15 @@ def _insert(found, begin, m, a, b):
 def _first_axis(parts, kinds, a, b, axis):
     """From centre to centre; to a wall, across it."""
     size = 0.0
-    if kinds.mass[parts.kind[b]] == np.inf:
+    if kinds.record[parts[b].kind].mass == np.inf:
         for k in range(3):
-            axis[k] = parts.attitude[b, k, 1]
-            size += axis[k] * (parts.position[b, k] - parts.position[a, k])
+            axis[k] = parts[b].attitude[k, 1]
+            size += axis[k] * (parts[b].position[k] - parts[a].position[k])
         if size < 0.0:
             axis *= -1.0
         return
     for k in range(3):
-        axis[k] = parts.position[b, k] - parts.position[a, k]
+        axis[k] = parts[b].position[k] - parts[a].position[k]
         size += axis[k] * axis[k]
     size = math.sqrt(size)
     for k in range(3):
@@ -166,14 +167,14 @@ def _first_axis(parts, kinds, a, b, axis):
 def find_islands(parts, n_free, pairs):
     """Connected parts, by union of their pairs; walls connect nothing."""
     root = np.arange(n_free)
-    for p in range(pairs.a.shape[0]):
-        if pairs.b[p] < n_free:
-            a, b = _root(root, pairs.a[p]), _root(root, pairs.b[p])
+    for p in range(pairs.shape[0]):
+        if pairs[p].b < n_free:
+            a, b = _root(root, pairs[p].a), _root(root, pairs[p].b)
             root[max(a, b)] = min(a, b)
     number = np.full(n_free, -1)
     count = 0
     for i in range(n_free):  # a root is the lowest part of its island
-        if parts.there[i]:
+        if parts[i].there:
             r = _root(root, i)
             if r == i:
                 number[i] = count
@@ -181,9 +182,9 @@ def find_islands(parts, n_free, pairs):
             else:
                 number[i] = number[r]
     part, first_part = _grouped(number, count)
-    island_of_pair = np.empty(pairs.a.shape[0], np.int64)
-    for p in range(pairs.a.shape[0]):
-        island_of_pair[p] = number[pairs.a[p]]
+    island_of_pair = np.empty(pairs.shape[0], np.int64)
+    for p in range(pairs.shape[0]):
+        island_of_pair[p] = number[pairs[p].a]
     pair, first_pair = _grouped(island_of_pair, count)
     place = np.full(n_free, -1)
     for k in range(part.shape[0]):
@@ -222,14 +223,14 @@ def _pairs_by_part(pairs, pair, n_free):
     """Places in `pair` of the pairs of every part, and the first of each part."""
     first = np.zeros(n_free + 1, np.int64)
     for k in range(pair.shape[0]):
-        first[pairs.a[pair[k]] + 1] += 1
-        if pairs.b[pair[k]] < n_free:
-            first[pairs.b[pair[k]] + 1] += 1
+        first[pairs[pair[k]].a + 1] += 1
+        if pairs[pair[k]].b < n_free:
+            first[pairs[pair[k]].b + 1] += 1
     for i in range(n_free):
         first[i + 1] += first[i]
     touching, filled = np.empty(first[-1], np.int64), first[:-1].copy()
     for k in range(pair.shape[0]):
-        a, b = pairs.a[pair[k]], pairs.b[pair[k]]
+        a, b = pairs[pair[k]].a, pairs[pair[k]].b
         touching[filled[a]] = k
         filled[a] += 1
         if b < n_free:

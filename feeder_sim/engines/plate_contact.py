@@ -27,7 +27,6 @@ from feeder_sim.engines.impulse_state import (
     SURFACE_ACCELERATION,
     SURFACE_RATE,
     VELOCITY,
-    Body,
     invert_inertia,
     point,
 )
@@ -44,105 +43,106 @@ EDGE_STEPS = 10  # a point on the edge moves along the hull: its leaps are estim
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def meet_plate(motion, body, kinds, k, wall, surface, bounds, t, work):
-    """Impacts of one part of kind k at time t [s], and how long it may fly then.
+def meet_plate(part, kinds, wall, surface, bounds, t, work):
+    """Impacts of one part at time t [s], and how long it may fly then.
 
     Returns:
         the flight [s]; whether it has hit the plate.
     """
+    kind = kinds.record[part.kind]
     guided = wall.radius < np.inf
-    height = motion.position[2] - body.reach - body.radius - bounds.crest
+    height = part.position[2] - kind.reach - kind.radius - bounds.crest
     if not guided and height > 2.0 * TOUCH:  # nothing of it can be near
-        rising = motion.velocity[2]
+        rising = part.velocity[2]
         return max((rising + math.sqrt(rising * rising + 2.0 * GRAVITY * height)) / GRAVITY, bounds.step), False
-    n_corners = body.corners.shape[0]
-    body = _with_points_on_edge(motion, body, kinds, k, surface, work)
-    _proximity(motion, body, surface, bounds, t, work)
-    on_plate = _approach(motion, body, work)
-    on_wall = approach_wall(motion, body, wall, TOUCH, work) if guided else 0
+    n_corners = kind.corner_to - kind.corner_from
+    corners = _with_points_on_edge(part, kind, kinds, surface, work)
+    _proximity(part, kind, corners, surface, bounds, t, work)
+    on_plate = _approach(part, kind, corners, work)
+    on_wall = approach_wall(part, kind, corners, wall, TOUCH, work) if guided else 0
     if on_plate + on_wall > 0:
-        _impact(motion, body, wall, surface, work)
-        _approach(motion, body, work)
+        _impact(part, kind, corners, wall, surface, work)
+        _approach(part, kind, corners, work)
         if guided:
-            approach_wall(motion, body, wall, TOUCH, work)
-    leap = _leap(motion, body, work)
+            approach_wall(part, kind, corners, wall, TOUCH, work)
+    leap = _leap(part, kind, corners, work)
     if guided:  # in a play of micrometres a part must not fly a whole step into the wall
-        wall_leap = leap_to_wall(motion, body, wall, work)
-        return max(min(leap, wall_leap), meeting_time(work, body.corners.shape[0], bounds.step)), on_plate > 0
-    if body.corners.shape[0] > n_corners:
-        leap = min(leap, _edge_leap(motion, body, n_corners, bounds.step, work))
-    return max(leap, _shortest_flight(motion, body, bounds)), on_plate > 0
+        wall_leap = leap_to_wall(part, kind, corners, wall, work)
+        return max(min(leap, wall_leap), meeting_time(work, corners.shape[0], bounds.step)), on_plate > 0
+    if corners.shape[0] > n_corners:
+        leap = min(leap, _edge_leap(part, kind, corners, n_corners, bounds.step, work))
+    return max(leap, _shortest_flight(part, kind, bounds)), on_plate > 0
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _shortest_flight(motion, body, bounds):
+def _shortest_flight(part, kind, bounds):
     """The step [s]; less for a part so fast that it would enter the surface deeply, more for one that hardly moves."""
-    fastest = _fastest(motion, body)
+    fastest = top_speed(part, kind)
     return max(min(bounds.step, DEEP / fastest), min(bounds.rest_step, DEPTH / fastest))
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _with_points_on_edge(motion, body, kinds, k, surface, work):
-    """The part with a further corner wherever an edge of its hull crosses the plane of a side of the plate."""
-    reach = body.reach + body.radius
+def _with_points_on_edge(part, kind, kinds, surface, work):
+    """The part's corners, and a further one wherever an edge of its hull crosses the plane of a side of the plate."""
+    corners = kinds.corners[kind.corner_from : kind.corner_to]
+    reach = kind.reach + kind.radius
     half_x, half_y = surface.grid_x[-1], surface.grid_y[-1]
-    if abs(motion.position[0]) + reach < half_x and abs(motion.position[1]) + reach < half_y:
-        return body
-    n = body.corners.shape[0]
-    work.points[:n] = body.corners
+    if abs(part.position[0]) + reach < half_x and abs(part.position[1]) + reach < half_y:
+        return corners
+    n = corners.shape[0]
+    work.points[:n] = corners
     for axis in range(2):
         half = half_x if axis == 0 else half_y
-        if abs(motion.position[axis]) + reach < half or abs(motion.position[axis]) - reach > half:
+        if abs(part.position[axis]) + reach < half or abs(part.position[axis]) - reach > half:
             continue
-        side = half if motion.position[axis] > 0.0 else -half
-        for e in range(kinds.first_edge[k], kinds.first_edge[k + 1]):
+        side = half if part.position[axis] > 0.0 else -half
+        for e in range(kind.edge_from, kind.edge_to):
             i, j = kinds.edges[e, 0], kinds.edges[e, 1]
-            a, b = point(motion, body, i, axis) - side, point(motion, body, j, axis) - side
+            a, b = point(part, corners, i, axis) - side, point(part, corners, j, axis) - side
             if a * b < 0.0:
                 share = a / (a - b)
                 for c in range(3):
-                    work.points[n, c] = body.corners[i, c] + share * (body.corners[j, c] - body.corners[i, c])
+                    work.points[n, c] = corners[i, c] + share * (corners[j, c] - corners[i, c])
                 n += 1
-    corners = work.points[:n]
-    return Body(body.mass, body.inertia, body.axis, corners, body.radius, body.reach, body.restitution, body.friction)
+    return work.points[:n]
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _near_edge(motion, body, surface):
-    reach = 2.0 * (body.reach + body.radius)
-    return abs(motion.position[0]) + reach > surface.grid_x[-1] or abs(motion.position[1]) + reach > surface.grid_y[-1]
+def _near_edge(part, kind, surface):
+    reach = 2.0 * (kind.reach + kind.radius)
+    return abs(part.position[0]) + reach > surface.grid_x[-1] or abs(part.position[1]) + reach > surface.grid_y[-1]
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _edge_leap(motion, body, first, step, work):
+def _edge_leap(part, kind, corners, first, step, work):
     """Flight after which the points on the plate's edge, from `first` on, are looked at again [s]."""
-    speed, gap = _fastest(motion, body), np.inf
-    for i in range(first, body.corners.shape[0]):
+    speed, gap = top_speed(part, kind), np.inf
+    for i in range(first, corners.shape[0]):
         gap = min(gap, work.corner[i, GAP])
     return max(0.25 * gap / speed, EDGE_STEPS * step)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _fastest(motion, body):
+def top_speed(part, kind):
     """No point of the part is faster [m/s]; never quite zero."""
-    least = min(body.inertia[0], body.inertia[1], body.inertia[2])
-    spin = math.sqrt(motion.momentum[0] ** 2 + motion.momentum[1] ** 2 + motion.momentum[2] ** 2) / least
-    v = motion.velocity
-    return math.sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]) + body.reach * spin + 1e-12
+    least = min(kind.inertia[0], kind.inertia[1], kind.inertia[2])
+    spin = math.sqrt(part.momentum[0] ** 2 + part.momentum[1] ** 2 + part.momentum[2] ** 2) / least
+    v = part.velocity
+    return math.sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]) + kind.reach * spin + 1e-12
 
 
 @njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
-def _proximity(motion, body, surface, bounds, t, work):
+def _proximity(part, kind, corners, surface, bounds, t, work):
     """Fill gap and surface part of every corner.
 
     Above the crest the gap is to the crest and the surface counts as still; below it, to the surface itself. A corner
     beyond the edge of the plate has nothing under it.
     """
     moved = False
-    for i in range(body.corners.shape[0]):
-        height = motion.position[2] - body.radius
+    for i in range(corners.shape[0]):
+        height = part.position[2] - kind.radius
         for axis in range(3):
-            height += motion.attitude[2, axis] * body.corners[i, axis]
+            height += part.attitude[2, axis] * corners[i, axis]
         work.corner[i, GAP] = height - bounds.crest
         work.corner[i, SURFACE_RATE] = work.corner[i, SURFACE_ACCELERATION] = 0.0
         if work.corner[i, GAP] > 2.0 * TOUCH:  # a gap to the crest must never pass for a touch
@@ -150,28 +150,28 @@ def _proximity(motion, body, surface, bounds, t, work):
         if not moved:
             _move_surface(surface, t, work)
             moved = True
-        _measure_gap(motion, body, surface, bounds, height, i, work)
+        _measure_gap(part, kind, corners, surface, bounds, height, i, work)
 
 
 @njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
-def _approach(motion, body, work):
+def _approach(part, kind, corners, work):
     """Fill the vertical rate of every corner relative to the surface; returns how many touch and approach."""
     # (w x r)_z = r . (z x w), taken in body axes once instead of for every corner.
     wx = wy = 0.0
     for axis in range(3):
         along = 0.0
         for k in range(3):
-            along += motion.attitude[k, axis] * motion.momentum[k]
-        along /= body.inertia[axis]
-        wx += motion.attitude[0, axis] * along
-        wy += motion.attitude[1, axis] * along
-    x = wx * motion.attitude[1, 0] - wy * motion.attitude[0, 0]
-    y = wx * motion.attitude[1, 1] - wy * motion.attitude[0, 1]
-    z = wx * motion.attitude[1, 2] - wy * motion.attitude[0, 2]
+            along += part.attitude[k, axis] * part.momentum[k]
+        along /= kind.inertia[axis]
+        wx += part.attitude[0, axis] * along
+        wy += part.attitude[1, axis] * along
+    x = wx * part.attitude[1, 0] - wy * part.attitude[0, 0]
+    y = wx * part.attitude[1, 1] - wy * part.attitude[0, 1]
+    z = wx * part.attitude[1, 2] - wy * part.attitude[0, 2]
     touching = 0
-    for i in range(body.corners.shape[0]):
-        turning = x * body.corners[i, 0] + y * body.corners[i, 1] + z * body.corners[i, 2]
-        work.corner[i, RATE] = motion.velocity[2] + turning - work.corner[i, SURFACE_RATE]
+    for i in range(corners.shape[0]):
+        turning = x * corners[i, 0] + y * corners[i, 1] + z * corners[i, 2]
+        work.corner[i, RATE] = part.velocity[2] + turning - work.corner[i, SURFACE_RATE]
         if work.corner[i, GAP] <= TOUCH and work.corner[i, RATE] < 0.0:
             touching += 1
     return touching
@@ -193,16 +193,16 @@ def _move_surface(surface, t, work):
 
 
 @njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
-def _measure_gap(motion, body, surface, bounds, height, i, work):
+def _measure_gap(part, kind, corners, surface, bounds, height, i, work):
     """Gap of one corner to the surface under it, the surface's rate, and a bound on its acceleration."""
-    x, y = point(motion, body, i, 0), point(motion, body, i, 1)
+    x, y = point(part, corners, i, 0), point(part, corners, i, 1)
     if abs(x) > surface.grid_x[-1] + ON_EDGE or abs(y) > surface.grid_y[-1] + ON_EDGE:
         work.corner[i, GAP] = np.inf
         return
     n_x, n_y = surface.grid_x.shape[0], surface.grid_y.shape[0]
     first_x, first_y = 0, 0
     if surface.tangent:
-        _modes_at(motion, surface, x, y, work)
+        _modes_at(part, surface, x, y, work)
     else:
         first_x = grid_cell(x, surface.grid_x[0], surface.grid_x[1] - surface.grid_x[0], n_x, work.weight[0])
         first_y = grid_cell(y, surface.grid_y[0], surface.grid_y[1] - surface.grid_y[0], n_y, work.weight[1])
@@ -219,32 +219,32 @@ def _measure_gap(motion, body, surface, bounds, height, i, work):
         acceleration += abs(w) * bounds.acceleration[s]
     work.corner[i, GAP], work.corner[i, SURFACE_RATE] = gap, rate
     work.corner[i, SURFACE_ACCELERATION] = acceleration
-    if work.corner[i, GAP] < -BESIDE and _near_edge(motion, body, surface):
+    if work.corner[i, GAP] < -BESIDE and _near_edge(part, kind, surface):
         work.corner[i, GAP] = np.inf
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _modes_at(motion, surface, x, y, work):
+def _modes_at(part, surface, x, y, work):
     """Mode shapes at a point; on a tangent surface, those under the centre, continued along their slopes."""
     if not surface.tangent:
         surface_modes(x, y, surface.grid_x, surface.grid_y, surface.table, work.weight[0], work.weight[1], work.modes)
         return
-    cx, cy = motion.position[0], motion.position[1]
+    cx, cy = part.position[0], part.position[1]
     surface_modes(cx, cy, surface.grid_x, surface.grid_y, surface.table, work.weight[0], work.weight[1], work.modes)
     for s in range(work.modes.shape[0]):
         work.modes[s, 0] += work.modes[s, 1] * (x - cx) + work.modes[s, 2] * (y - cy)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _gather_plate(motion, body, surface, work):
+def _gather_plate(part, kind, corners, surface, work):
     """Collect the corners that touch the plate and approach it; returns their number and the deepest penetration."""
     n, depth = 0, 0.0
-    for i in range(body.corners.shape[0]):
+    for i in range(corners.shape[0]):
         if work.corner[i, GAP] > TOUCH or work.corner[i, RATE] >= 0.0:
             continue
         depth = max(depth, -work.corner[i, GAP])
-        x, y = point(motion, body, i, 0), point(motion, body, i, 1)
-        _modes_at(motion, surface, x, y, work)
+        x, y = point(part, corners, i, 0), point(part, corners, i, 1)
+        _modes_at(part, surface, x, y, work)
         work.contact[VELOCITY, n] = 0.0
         for s in range(work.modal.shape[1]):
             for k in range(2):
@@ -252,7 +252,7 @@ def _gather_plate(motion, body, surface, work):
                 work.contact[VELOCITY, n, k] -= slide
             work.contact[VELOCITY, n, 2] += work.modes[s, 0] * work.modal[1, s]
         if surface.tangent:
-            x, y = motion.position[0], motion.position[1]
+            x, y = part.position[0], part.position[1]
         surface_normal(
             x,
             y,
@@ -266,31 +266,31 @@ def _gather_plate(motion, body, surface, work):
         )
         for k in range(3):
             work.contact[ARM, n, k] = (
-                point(motion, body, i, k) - motion.position[k] - body.radius * work.contact[NORMAL, n, k]
+                point(part, corners, i, k) - part.position[k] - kind.radius * work.contact[NORMAL, n, k]
             )
-        work.law[RESTITUTION, n], work.law[FRICTION, n] = body.restitution, body.friction
+        work.law[RESTITUTION, n], work.law[FRICTION, n] = kind.restitution[0], kind.friction[0]
         n += 1
     return n, depth
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _impact(motion, body, wall, surface, work):
+def _impact(part, kind, corners, wall, surface, work):
     """Put the deepest corner back on the surface and give impulses to all corners that touch and approach.
 
     What a corner covered inside the surface within one step would otherwise add up, and a resting part would sink.
     """
-    n, depth = _gather_plate(motion, body, surface, work)
+    n, depth = _gather_plate(part, kind, corners, surface, work)
     if wall.radius < np.inf:
-        n = gather_wall(motion, body, wall, TOUCH, n, work)
-    motion.position[2] += depth
-    for i in range(body.corners.shape[0]):
+        n = gather_wall(part, kind, corners, wall, TOUCH, n, work)
+    part.position[2] += depth
+    for i in range(corners.shape[0]):
         work.corner[i, GAP] += depth
     inverse_inertia = np.empty((3, 3))
-    invert_inertia(motion.attitude, body.inertia, inverse_inertia)
+    invert_inertia(part.attitude, kind.inertia, inverse_inertia)
     resolve_impact(
-        motion.velocity,
-        motion.momentum,
-        1.0 / body.mass,
+        part.velocity,
+        part.momentum,
+        1.0 / kind.mass,
         inverse_inertia,
         work.contact[ARM],
         work.contact[NORMAL],
@@ -302,14 +302,14 @@ def _impact(motion, body, wall, surface, work):
 
 
 @njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
-def _leap(motion, body, work):
+def _leap(part, kind, corners, work):
     """Longest flight [s] during which no corner can touch."""
     # |dw/dt| <= |w| |L| / I_min for a torque-free body, so a corner accelerates by at most 2 reach (L / I_min)^2.
-    least = min(body.inertia[0], body.inertia[1], body.inertia[2])
-    squared = motion.momentum[0] ** 2 + motion.momentum[1] ** 2 + motion.momentum[2] ** 2
-    own = GRAVITY + 2.0 * body.reach * squared / (least * least)
+    least = min(kind.inertia[0], kind.inertia[1], kind.inertia[2])
+    squared = part.momentum[0] ** 2 + part.momentum[1] ** 2 + part.momentum[2] ** 2
+    own = GRAVITY + 2.0 * kind.reach * squared / (least * least)
     shortest = np.inf
-    for i in range(body.corners.shape[0]):
+    for i in range(corners.shape[0]):
         gap, rate, a = max(work.corner[i, GAP], 0.0), work.corner[i, RATE], own + work.corner[i, SURFACE_ACCELERATION]
         if gap < np.inf:
             shortest = min(shortest, (rate + math.sqrt(rate * rate + 2.0 * a * gap)) / a)

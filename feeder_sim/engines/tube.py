@@ -30,11 +30,11 @@ FINEST = 1.0 / 32.0  # of a step: rattling between two impacts is followed no fu
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _from_axis(motion, body, wall, i, across):
+def _from_axis(part, kind, corners, wall, i, across):
     """Write the vector from the axis to corner i into across (3,); returns its length rho."""
     along = 0.0
     for k in range(3):
-        across[k] = point(motion, body, i, k) - wall.foot[k]
+        across[k] = point(part, corners, i, k) - wall.foot[k]
         along += across[k] * wall.axis[k]
     squared = 0.0
     for k in range(3):
@@ -44,20 +44,20 @@ def _from_axis(motion, body, wall, i, across):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def approach_wall(motion, body, wall, touch, work):
+def approach_wall(part, kind, corners, wall, touch, work):
     """Fill gap and rate of every corner at the wall; returns how many touch (gap up to `touch` [m]) and approach."""
     across, spin, arm = np.empty(3), np.empty(3), np.empty(3)
-    spin_of(motion, body, spin)
+    spin_of(part, kind, spin)
     touching = 0
-    for i in range(body.corners.shape[0]):
-        rho = _from_axis(motion, body, wall, i, across)
-        work.corner[i, WALL_GAP] = wall.radius - rho - body.radius
+    for i in range(corners.shape[0]):
+        rho = _from_axis(part, kind, corners, wall, i, across)
+        work.corner[i, WALL_GAP] = wall.radius - rho - kind.radius
         for k in range(3):
-            arm[k] = point(motion, body, i, k) - motion.position[k]
+            arm[k] = point(part, corners, i, k) - part.position[k]
         outwards = 0.0
         for k in range(3):
             a, b = (k + 1) % 3, (k + 2) % 3
-            outwards += (motion.velocity[k] + spin[a] * arm[b] - spin[b] * arm[a]) * across[k]
+            outwards += (part.velocity[k] + spin[a] * arm[b] - spin[b] * arm[a]) * across[k]
         work.corner[i, WALL_RATE] = -outwards / rho if rho > 0.0 else 0.0
         if work.corner[i, WALL_GAP] <= touch and work.corner[i, WALL_RATE] < 0.0:
             touching += 1
@@ -65,18 +65,18 @@ def approach_wall(motion, body, wall, touch, work):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def gather_wall(motion, body, wall, touch, n, work):
+def gather_wall(part, kind, corners, wall, touch, n, work):
     """Append the corners that touch the wall and approach it to the n contacts there are; put the part back inside."""
     across, back = np.empty(3), np.zeros(3)
     deepest = 0.0
-    for i in range(body.corners.shape[0]):
+    for i in range(corners.shape[0]):
         if work.corner[i, WALL_GAP] > touch or work.corner[i, WALL_RATE] >= 0.0:
             continue
-        rho = _from_axis(motion, body, wall, i, across)
+        rho = _from_axis(part, kind, corners, wall, i, across)
         for k in range(3):
             work.contact[NORMAL, n, k] = -across[k] / rho
             work.contact[ARM, n, k] = (
-                point(motion, body, i, k) - motion.position[k] - body.radius * work.contact[NORMAL, n, k]
+                point(part, corners, i, k) - part.position[k] - kind.radius * work.contact[NORMAL, n, k]
             )
         if -work.corner[i, WALL_GAP] > deepest:
             deepest = -work.corner[i, WALL_GAP]
@@ -84,26 +84,26 @@ def gather_wall(motion, body, wall, touch, n, work):
         work.contact[VELOCITY, n] = 0.0
         work.law[RESTITUTION, n], work.law[FRICTION, n] = wall.restitution, wall.friction
         n += 1
-    motion.position[:] += back
+    part.position[:] += back
     return n
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def leap_to_wall(motion, body, wall, work):
+def leap_to_wall(part, kind, corners, wall, work):
     """Longest flight [s] during which no corner can touch the wall."""
-    least = min(body.inertia[0], body.inertia[1], body.inertia[2])
-    squared = (motion.momentum[0] ** 2 + motion.momentum[1] ** 2 + motion.momentum[2] ** 2) / (least * least)
+    least = min(kind.inertia[0], kind.inertia[1], kind.inertia[2])
+    squared = (part.momentum[0] ** 2 + part.momentum[1] ** 2 + part.momentum[2] ** 2) / (least * least)
     along, speed = 0.0, 0.0
     for k in range(3):
-        along += motion.velocity[k] * wall.axis[k]
+        along += part.velocity[k] * wall.axis[k]
     for k in range(3):
-        speed += (motion.velocity[k] - along * wall.axis[k]) ** 2
-    speed = math.sqrt(speed) + body.reach * math.sqrt(squared)
+        speed += (part.velocity[k] - along * wall.axis[k]) ** 2
+    speed = math.sqrt(speed) + kind.reach * math.sqrt(squared)
     # What gravity can add on the way from wall to wall, at most.
     fastest = speed * speed + 4.0 * GRAVITY * wall.radius
-    a = GRAVITY + 2.0 * body.reach * squared + fastest / wall.radius
+    a = GRAVITY + 2.0 * kind.reach * squared + fastest / wall.radius
     shortest = np.inf
-    for i in range(body.corners.shape[0]):
+    for i in range(corners.shape[0]):
         gap, rate = max(work.corner[i, WALL_GAP], 0.0), work.corner[i, WALL_RATE]
         shortest = min(shortest, (rate + math.sqrt(rate * rate + 2.0 * a * gap)) / a)
     return shortest
