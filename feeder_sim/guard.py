@@ -10,7 +10,10 @@ from feeder_sim.trajectory import Frames
 
 
 class Guard:
-    """Watches one seed; looks at parts that are there only."""
+    """Watches one seed, block after block; looks at parts that are there only.
+
+    A part that has fallen past the edge may swing or drift under the plate: it is remembered.
+    """
 
     # A part gains at most a few plate velocities per impact, and impacts take energy out; 20 is far above any hop seen.
     SPEED_FACTOR = 20.0
@@ -23,6 +26,7 @@ class Guard:
         self._speed = self.SPEED_FACTOR * plate_speed + 2.0 * np.sqrt(2.0 * GRAVITY * height) + 0.1
         self._crest = sum(drive.amplitude for drive in drives)
         self._floor = 1e-3 * scene.scenario.run.floor_mm
+        self._fallen = np.zeros(first.position.shape[1], bool)
 
     def check(self, frames: Frames, seed_index: int) -> tuple[int, SimulationDiverged | None]:
         """Return how many leading frames are valid, and what is wrong with the next one."""
@@ -52,13 +56,15 @@ class Guard:
         speed = np.linalg.norm(frames.velocity, axis=-1)
         finite = np.isfinite(position).all(axis=-1) & np.isfinite(speed)
         over = present & finite & self.over(position)
-        below = position[..., 2] < -self._crest
+        below = present & (position[..., 2] < -self._crest)
         sides = 0.5 * np.array([self._scene.surface.length, self._scene.surface.width])
         inside = (np.abs(position[..., :2]) < sides - self._reach()).all(axis=-1)
+        fallen = self._fallen | np.logical_or.accumulate(below & ~inside, axis=0)
+        self._fallen = fallen[-1]
         return {
             "its state is not finite": present & ~finite,
             f"its speed exceeds {self._speed:.3g} m/s, more than this plate can give": over & (speed > self._speed),
-            "its centre lies below the plate's surface": over & inside & below,
+            "its centre lies below the plate's surface": over & inside & below & ~fallen,
         }
 
     def _reach(self) -> float:

@@ -103,6 +103,7 @@ class SeedRun:
         guard = Guard(self.scene, first)
         if self.begun and len(self.begun.frames):
             engine.restore(self.begun.state)
+            guard.check(self.begun.frames, self.index)  # which remembers what has fallen past the edge
             self._frames = [self.begun.frames]
             self._impacts, self._removals = [self.begun.impacts], [self.begun.removals]
         else:

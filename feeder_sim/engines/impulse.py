@@ -27,11 +27,10 @@ from feeder_sim.engines.hulls import HullLibrary
 from feeder_sim.engines.impact_log import begin_contact, end_contact, in_contact, new_log, room_for, take_impacts
 from feeder_sim.engines.impulse_state import (
     ABSENT,
-    AWAKE,
     GAP,
-    PART,
     SURFACE_RATE,
     fly_to,
+    new_parts,
     new_scratch,
     read_kinds,
     read_wall,
@@ -174,14 +173,12 @@ class ImpulseEngine:
 
         poses = start_poses(self._scene, rng)
         centres, attitudes = rim_walls(self._scene)
-        n = len(poses) + len(centres)
         turned = Rotation.from_quat([pose.quaternion for pose in poses], scalar_first=True).as_matrix()
-        parts = np.zeros(n, PART)
-        parts["position"] = np.concatenate([[pose.position for pose in poses], centres])
-        parts["attitude"] = np.concatenate([turned, attitudes])
-        parts["kind"] = np.concatenate([self._scene.kind_of, np.full(len(centres), len(self._scene.kinds))])
-        parts["there"] = AWAKE
-        return parts
+        return new_parts(
+            np.concatenate([[pose.position for pose in poses], centres]),
+            np.concatenate([turned, attitudes]),
+            np.concatenate([self._scene.kind_of, np.full(len(centres), len(self._scene.kinds))]),
+        )
 
     def current(self) -> Frames:
         out = np.empty((1, self._n, ROW))

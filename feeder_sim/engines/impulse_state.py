@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from feeder_sim.engines.free_flight import rotate_freely, symmetry_axis
 from feeder_sim.guide import Guide
@@ -182,6 +182,14 @@ def rim_walls(scene: Scene) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     quarter = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
     centres = np.array([[0.0, y, 0.0], [0.0, -y, 0.0], [x, 0.0, 0.0], [-x, 0.0, 0.0]])
     return centres, np.array([np.eye(3), np.eye(3), quarter, quarter])
+
+
+def new_parts(position: ArrayLike, attitude: ArrayLike, kind: ArrayLike) -> NDArray[np.void]:
+    """Parts (`PART`) at rest and awake at time 0: positions (n, 3) [m], attitudes (n, 3, 3), kinds (n,)."""
+    kind = np.asarray(kind)
+    parts = np.zeros(len(kind), PART)
+    parts["position"], parts["attitude"], parts["kind"], parts["there"] = position, attitude, kind, AWAKE
+    return parts
 
 
 def read_wall(guide: Guide | None) -> Wall:

@@ -60,10 +60,12 @@ def meeting_bound(pair, parts, kinds, t, bounds):
         _crossing_time(a, kind_a, kinds, axis, 1.0, top, drift, room, fall),
         _crossing_time(b, kind_b, kinds, axis, -1.0, bottom, -drift, room, fall),
     )
+    speed = _relative_speed(a, kind_a, b, kind_b)
+    shortest = min(bounds.step, DEEP / speed)
     if gap < -DEEP:  # pushed into each other by what lies beside them
         wait = 0.0
-    speed = _relative_speed(a, kind_a, b, kind_b)
-    shortest = max(min(bounds.step, DEEP / speed), min(bounds.rest_step, SLACK / speed))
+    else:
+        shortest = max(shortest, min(bounds.rest_step, SLACK / speed))
     return t + max(wait, shortest), gap <= SLACK
 
 

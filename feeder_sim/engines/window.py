@@ -53,7 +53,7 @@ def bound_window(acting, antinode, start, stop, step):
     crest = speed = together = 0.0
     driven = False
     for k in range(acting.term_shape.shape[0]):
-        driven = driven or acting.rate[k].real == 0.0
+        driven = driven or (acting.rate[k].real == 0.0 and acting.coefficient[k] != 0.0)
     for shape in range(n_shapes):
         envelope, fastest = 0.0, 0.0
         for k in range(acting.term_shape.shape[0]):

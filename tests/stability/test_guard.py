@@ -103,6 +103,21 @@ def test_earliest_violation_is_the_one_reported() -> None:
     assert valid == 5 and "speed" in failure.cause and failure.time_s == pytest.approx(0.01)
 
 
+@pytest.mark.parametrize("falls_at_mm", [0.0, 91.0])
+def test_a_part_below_the_plate_is_a_failure_unless_it_has_fallen_past_the_edge(falls_at_mm: float) -> None:
+    """Below the middle in the end, straight through it or from beside the plate; over two blocks of frames."""
+    scene = build_scene(strip_scenario())
+    time = 0.002 * np.arange(60.0)
+    position = np.zeros((60, 1, 3))
+    position[:, 0, 0] = np.linspace(1e-3 * falls_at_mm, 0.0, 60)
+    position[:, 0, 2] = np.linspace(1e-3, -30e-3, 60)
+    level, still = np.tile([1.0, 0.0, 0.0, 0.0], (60, 1, 1)), np.zeros((60, 1, 3))
+    frames = Frames(time, position, level, still, still, np.ones((60, 1), bool))
+    guard = Guard(scene, frames[slice(1)])
+    failures = [guard.check(frames[rows], 0)[1] for rows in (slice(0, 30), slice(30, 60))]
+    assert [failure is None for failure in failures] == [falls_at_mm > 0.0] * 2
+
+
 def test_compliant_contact_of_five_steps_is_stable_and_hops_like_the_others() -> None:
     step_us = 1e6 / (4750 * 40)
     compliant = Contact(model="compliant", time_constant_us=5.0 * step_us)

@@ -4,18 +4,20 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from feeder_sim.engines.impulse_state import Kinds, Parts, read_kinds, rim_walls
+from feeder_sim.engines.impulse_state import Kinds, new_parts, read_kinds, rim_walls
 from feeder_sim.engines.island import _all_due, _earliest, _set_due
 from feeder_sim.engines.neighbours import find_islands, find_pairs
-from feeder_sim.engines.pair_contact import Pairs
+from feeder_sim.engines.pair_contact import PAIR
 from feeder_sim.scenario import Ball, Drive, HexNut, PistonPlate, Run, Scattered, Scenario
 from feeder_sim.scene import Scene, build_scene
 
 HALF = 0.1  # [m], of the plate
-NONE = Pairs(np.empty(0, np.int64), np.empty(0, np.int64), np.empty((0, 3)))
+NONE = np.empty(0, PAIR)
+Records = NDArray[np.void]
 
 
 def plate(count: int, *, rim: bool) -> Scene:
@@ -34,40 +36,37 @@ def plate(count: int, *, rim: bool) -> Scene:
     )
 
 
-def cloud(count: int, seed: int, *, rim: bool = False, spread: float = 0.5 * HALF) -> tuple[Parts, Kinds, int]:
+def cloud(count: int, seed: int, *, rim: bool = False, spread: float = 0.5 * HALF) -> tuple[Records, Kinds, int]:
     """Parts at random places, a fifth of them taken out, then the walls; and the number of parts without walls."""
     scene, rng = plate(count, rim=rim), np.random.default_rng(seed)
     kinds, (centres, attitudes) = read_kinds(scene), rim_walls(scene)
     n, walls = 2 * count, len(centres)
-    parts = Parts(
-        position=np.concatenate([rng.normal(size=(n, 3)) * [spread, spread, 3e-3], centres]),
-        velocity=np.zeros((n + walls, 3)),
-        attitude=np.ascontiguousarray(np.concatenate([np.tile(np.eye(3), (n, 1, 1)), attitudes])),
-        momentum=np.zeros((n + walls, 3)),
-        clock=np.zeros(n + walls),
-        kind=np.concatenate([scene.kind_of, np.full(walls, len(scene.kinds))]),
-        there=np.concatenate([rng.random(n) > 0.2, np.ones(walls)]).astype(np.int8),
+    parts = new_parts(
+        np.concatenate([rng.normal(size=(n, 3)) * [spread, spread, 3e-3], centres]),
+        np.concatenate([np.tile(np.eye(3), (n, 1, 1)), attitudes]),
+        np.concatenate([scene.kind_of, np.full(walls, len(scene.kinds))]),
     )
+    parts["there"] = np.concatenate([rng.random(n) > 0.2, np.ones(walls)])
     return parts, kinds, n
 
 
-def found(parts: Parts, kinds: Kinds, n: int, range_: float, old: Pairs = NONE) -> Pairs:
-    pairs: Pairs = find_pairs(parts, kinds, n, HALF, HALF, range_, old)
+def found(parts: Records, kinds: Kinds, n: int, range_: float, old: Records = NONE) -> Records:
+    pairs: Records = find_pairs(parts, kinds, n, HALF, HALF, range_, old)
     return pairs
 
 
-def brute_force(parts: Parts, kinds: Kinds, n: int, range_: float) -> list[tuple[int, int]]:
+def brute_force(parts: Records, kinds: Kinds, n: int, range_: float) -> list[tuple[int, int]]:
     """All pairs whose bounding spheres, grown by the range, overlap; and parts whose sphere reaches over a side."""
-    size = (kinds.reach + kinds.radius)[parts.kind] + range_
+    size = (kinds.record["reach"] + kinds.record["radius"])[parts["kind"]] + range_
     sides = np.array([[0.0, 1.0], [0.0, -1.0], [1.0, 0.0], [-1.0, 0.0]])
     expected = []
     for a in range(n):
         for b in range(a + 1, n):
-            near = np.linalg.norm(parts.position[a] - parts.position[b]) < size[a] + size[b]
-            if parts.there[a] and parts.there[b] and near:
+            near = np.linalg.norm(parts["position"][a] - parts["position"][b]) < size[a] + size[b]
+            if parts["there"][a] and parts["there"][b] and near:
                 expected.append((a, b))
-        for wall in range(n, len(parts.kind)):
-            if parts.there[a] and parts.position[a, :2] @ sides[wall - n] + size[a] > HALF:
+        for wall in range(n, len(parts)):
+            if parts["there"][a] and parts["position"][a, :2] @ sides[wall - n] + size[a] > HALF:
                 expected.append((a, wall))
     return expected
 
@@ -81,53 +80,54 @@ def test_pairs_are_those_of_brute_force(count: int, range_: float, rim: bool) ->
         # From far apart to all in a lump, and one that has flown away.
         for spread in (0.5 * HALF, 5e-3):
             parts, kinds, n = cloud(count, seed, rim=rim, spread=spread)
-            parts.there[0] = 1
+            parts["there"][0] = 1
             if seed == 4:
-                parts.position[0, :2] = [3.0, -2.0]
+                parts["position"][0, :2] = [3.0, -2.0]
             pairs = found(parts, kinds, n, range_)
             expected = brute_force(parts, kinds, n, range_)
-            assert list(zip(pairs.a.tolist(), pairs.b.tolist(), strict=True)) == expected
+            assert list(zip(pairs["a"].tolist(), pairs["b"].tolist(), strict=True)) == expected
             n_pairs += len(expected)
     assert n_pairs > 0 or count == 1
 
 
 def test_parts_in_one_place_or_in_a_row_make_pairs_too() -> None:
     parts, kinds, n = cloud(20, 0)
-    parts.there[:] = 1
-    parts.position[:] = [0.01, 0.02, 0.003]
-    assert len(found(parts, kinds, n, 0.0).a) == n * (n - 1) // 2
-    parts.position[:, 0] = np.arange(n) * 1e-3
+    parts["there"][:] = 1
+    parts["position"][:] = [0.01, 0.02, 0.003]
+    assert len(found(parts, kinds, n, 0.0)) == n * (n - 1) // 2
+    parts["position"][:, 0] = np.arange(n) * 1e-3
     pairs = found(parts, kinds, n, 0.0)
-    assert list(zip(pairs.a.tolist(), pairs.b.tolist(), strict=True)) == brute_force(parts, kinds, n, 0.0)
+    assert list(zip(pairs["a"].tolist(), pairs["b"].tolist(), strict=True)) == brute_force(parts, kinds, n, 0.0)
 
 
 def test_new_pairs_begin_with_the_axis_between_their_centres() -> None:
     parts, kinds, n = cloud(40, 3, rim=True)
     pairs = found(parts, kinds, n, 1e-3)
-    free = pairs.b < n
+    free = pairs["b"] < n
     assert free.any() and not free.all()
-    apart = parts.position[pairs.b] - parts.position[pairs.a]
+    apart = parts["position"][pairs["b"]] - parts["position"][pairs["a"]]
     expected = apart / np.linalg.norm(apart, axis=1, keepdims=True)
-    assert pairs.axis[free] == pytest.approx(expected[free])
+    assert pairs["axis"][free] == pytest.approx(expected[free])
     # To a wall it is the outward normal of that side.
     outward = np.array([[0.0, 1, 0], [0.0, -1, 0], [1.0, 0, 0], [-1.0, 0, 0]])
-    inside = np.abs(parts.position[pairs.a, :2]).max(axis=1) < HALF
+    inside = np.abs(parts["position"][pairs["a"], :2]).max(axis=1) < HALF
     kept = ~free & inside
-    assert pairs.axis[kept] == pytest.approx(outward[pairs.b[kept] - n])
+    assert pairs["axis"][kept] == pytest.approx(outward[pairs["b"][kept] - n])
 
 
 def test_pairs_that_were_there_before_keep_their_axis() -> None:
     parts, kinds, n = cloud(40, 5)
     all_pairs = found(parts, kinds, n, 1e-3)
     rng = np.random.default_rng(0)
-    kept = rng.random(len(all_pairs.a)) < 0.5
+    kept = rng.random(len(all_pairs)) < 0.5
     axes = rng.normal(size=(kept.sum(), 3))
     # Half of them were known; so was one that is none any more.
-    gone = (np.append(all_pairs.a[kept], n), np.append(all_pairs.b[kept], n + 1), np.vstack([axes, np.ones(3)]))
-    again = found(parts, kinds, n, 1e-3, Pairs(*gone))
-    assert np.array_equal(again.a, all_pairs.a) and np.array_equal(again.b, all_pairs.b)
-    assert np.array_equal(again.axis[kept], axes)
-    assert np.array_equal(again.axis[~kept], all_pairs.axis[~kept])
+    known = np.append(all_pairs[kept], np.array([(n, n + 1, (1.0, 1.0, 1.0))], PAIR))
+    known["axis"][:-1] = axes
+    again = found(parts, kinds, n, 1e-3, known)
+    assert np.array_equal(again["a"], all_pairs["a"]) and np.array_equal(again["b"], all_pairs["b"])
+    assert np.array_equal(again["axis"][kept], axes)
+    assert np.array_equal(again["axis"][~kept], all_pairs["axis"][~kept])
 
 
 @pytest.mark.parametrize("rim", [False, True])
@@ -137,10 +137,10 @@ def test_islands_are_connected_components(count: int, range_: float, rim: bool) 
         parts, kinds, n = cloud(count, seed, rim=rim)
         pairs = found(parts, kinds, n, range_)
         islands = find_islands(parts, n, pairs)
-        free = pairs.b < n  # walls connect nothing
-        links = coo_array((np.ones(free.sum()), (pairs.a[free], pairs.b[free])), shape=(n, n))
+        free = pairs["b"] < n  # walls connect nothing
+        links = coo_array((np.ones(free.sum()), (pairs["a"][free], pairs["b"][free])), shape=(n, n))
         _, label = connected_components(links, directed=False)
-        there = np.flatnonzero(parts.there[:n])
+        there = np.flatnonzero(parts["there"][:n])
         assert sorted(islands.part) == list(there)
         assert np.array_equal(islands.part[islands.place[there]], there)
         groups = np.split(islands.part, islands.first_part[1:-1])
@@ -148,12 +148,12 @@ def test_islands_are_connected_components(count: int, range_: float, rim: bool) 
         for group in groups:
             assert len(np.unique(label[group])) == 1
         # Every pair is in the island of its parts, and in the list of each of them.
-        assert sorted(islands.pair) == list(range(len(pairs.a)))
+        assert sorted(islands.pair) == list(range(len(pairs)))
         for island, members in enumerate(np.split(islands.pair, islands.first_pair[1:-1])):
-            assert set(pairs.a[members]) <= set(groups[island])
+            assert set(pairs["a"][members]) <= set(groups[island])
         for part in range(n):
             places = islands.touching[islands.first_touching[part] : islands.first_touching[part + 1]]
-            expected = np.flatnonzero((pairs.a == part) | (pairs.b == part))
+            expected = np.flatnonzero((pairs["a"] == part) | (pairs["b"] == part))
             assert sorted(islands.pair[places]) == list(expected)
 
 

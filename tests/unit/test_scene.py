@@ -9,7 +9,6 @@ from conftest import piston_scenario, strip_scenario
 
 from feeder_sim.engines import choose_engine
 from feeder_sim.engines.impulse import ImpulseEngine
-from feeder_sim.engines.impulse_state import body_of
 from feeder_sim.engines.mujoco import MujocoEngine
 from feeder_sim.measures import transport_cell
 from feeder_sim.mjcf import build_mjcf
@@ -142,9 +141,8 @@ def test_both_engines_start_alike() -> None:
 def test_impulse_engine_takes_the_part_from_the_scene() -> None:
     scene = build_scene(strip_scenario())
     kinds = ImpulseEngine(scene, np.random.default_rng(0))._kinds
-    body = body_of(kinds, 0)
-    part = scene.parts[0]
-    assert body.mass == pytest.approx(part.mass)
-    assert body.inertia == pytest.approx(part.inertia)
-    assert body.corners == pytest.approx(part.corners)
-    assert (body.restitution, body.friction, body.axis) == (0.2, 0.3, 2)
+    kind, part = kinds.record[0], scene.parts[0]
+    assert kind["mass"] == pytest.approx(part.mass)
+    assert kind["inertia"] == pytest.approx(part.inertia)
+    assert kinds.corners[kind["corner_from"] : kind["corner_to"]] == pytest.approx(part.corners)
+    assert (kind["restitution"][0], kind["friction"][0], kind["axis"]) == (0.2, 0.3, 2)

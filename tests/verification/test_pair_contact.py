@@ -15,7 +15,7 @@ from feeder_sim.engines.borrow import borrow
 from feeder_sim.engines.hulls import HullLibrary, hull_distance
 from feeder_sim.engines.impact import resolve_single
 from feeder_sim.engines.impulse import ImpulseEngine
-from feeder_sim.engines.impulse_state import Parts
+from feeder_sim.engines.impulse_state import new_parts
 from feeder_sim.parts import RigidPart, build_part
 from feeder_sim.scenario import (
     Ball,
@@ -157,16 +157,8 @@ class TwoParts:
         self.hulls = self.library.hulls()
 
     def distance(self, positions: np.ndarray, attitudes: np.ndarray, reach: float = 1.0) -> float:
-        state = Parts(
-            position=np.ascontiguousarray(positions, float),
-            velocity=np.zeros((2, 3)),
-            attitude=np.ascontiguousarray(attitudes, float),
-            momentum=np.zeros((2, 3)),
-            clock=np.zeros(2),
-            kind=np.array([0, 1]),
-            there=np.ones(2, np.int8),
-        )
-        return float(hull_distance(self.hulls, state, 0, 1, reach))
+        state = new_parts(positions, attitudes, [0, 1])
+        return float(hull_distance(self.hulls, state[0], state[1], reach))
 
     def expected(self, positions: np.ndarray, attitudes: np.ndarray) -> float:
         a, b = (part.corners @ r.T + x for part, x, r in zip(self.parts, positions, attitudes, strict=True))
@@ -238,7 +230,7 @@ def in_the_air(scene: Scene, positions: list[list[float]], velocities: list[list
     """An engine whose parts fly instead of starting over the plate."""
     engine = ImpulseEngine(scene, np.random.default_rng(0))
     n = len(positions)
-    engine._parts.position[:n], engine._parts.velocity[:n] = positions, velocities
+    engine._parts["position"][:n], engine._parts["velocity"][:n] = positions, velocities
     return engine
 
 
@@ -249,7 +241,8 @@ def masses(scene: Scene) -> np.ndarray:
 @njit
 def borrowed_law(kinds: Any) -> Any:
     """The laws as the inner loops see them."""
-    return borrow(kinds).law.copy()
+    kind = borrow(kinds).record[0]
+    return kind.restitution[0], kind.friction[0], kind.restitution[1], kind.friction[1]
 
 
 def test_the_inner_loops_read_the_contacts_of_the_scenario() -> None:
@@ -259,8 +252,8 @@ def test_the_inner_loops_read_the_contacts_of_the_scenario() -> None:
     far = Ball(shape="ball", diameter_mm=4.0, start=Start(position_mm=(20.0, 0.0)))
     for parts in ((nut,), (rod,), (nut, far)):
         engine = ImpulseEngine(resting_plate(*parts, **contact), np.random.default_rng(0))
-        assert borrowed_law(engine._kinds) == pytest.approx(np.array([[0.1, 0.3], [0.2, 0.4]]))
-        for held in (engine._kinds, engine._parts, engine._surface, engine._wall, engine._scratch[0], engine._hulls[0]):
+        assert borrowed_law(engine._kinds) == (0.1, 0.2, 0.3, 0.4)
+        for held in (engine._kinds, engine._surface, engine._wall, engine._scratch[0], engine._hulls[0]):
             for name, array in held._asdict().items():
                 assert not isinstance(array, np.ndarray) or array.flags.c_contiguous, name
 
@@ -294,13 +287,13 @@ def test_nuts_that_meet_in_the_air_keep_their_momenta(seed: int, friction: float
     scene = resting_plate(nuts, part_friction=friction, part_restitution=0.5)
     rng = np.random.default_rng(seed)
     engine = in_the_air(scene, [[-6e-3, 0.0, 0.1], [6e-3, 1e-3, 0.1]], [[0.4, 0.02, 0.0], [-0.2, 0.0, 0.05]])
-    engine._parts.momentum[:2] = rng.normal(size=(2, 3)) * 100.0 * NUT.inertia.mean()
-    engine._parts.attitude[:2] = Rotation.random(2, rng=rng).as_matrix()
+    engine._parts["momentum"][:2] = rng.normal(size=(2, 3)) * 100.0 * NUT.inertia.mean()
+    engine._parts["attitude"][:2] = Rotation.random(2, rng=rng).as_matrix()
     frames = [engine.current()]
-    turning = [engine._parts.momentum[:2].copy()]
+    turning = [engine._parts["momentum"][:2].copy()]
     for _ in range(40):
         frames.append(engine.advance(1))
-        turning.append(engine._parts.momentum[:2].copy())
+        turning.append(engine._parts["momentum"][:2].copy())
     joined = Frames.joined(frames)
     fall = np.stack([0 * joined.time, 0 * joined.time, -GRAVITY * joined.time], axis=1)[:, None]
     velocity = joined.velocity - fall
@@ -332,12 +325,11 @@ def deepest(scene: Scene, frames: Frames) -> float:
     smallest = np.inf
     for row in range(len(frames)):
         turned = Rotation.from_quat(frames.quaternion[row], scalar_first=True).as_matrix()
-        n, at = len(size), np.ascontiguousarray(frames.position[row])
-        zero = np.zeros((n, 3))
-        state = Parts(at, zero, np.ascontiguousarray(turned), zero, np.zeros(n), scene.kind_of, np.ones(n, np.int8))
+        at = frames.position[row]
+        state = new_parts(at, turned, scene.kind_of)
         distance = np.linalg.norm(at[:, None] - at[None], axis=2)
         for a, b in np.argwhere(np.triu(distance < size[:, None] + size[None], k=1)):
-            smallest = min(smallest, hull_distance(hulls, state, a, b, 1e-3))
+            smallest = min(smallest, hull_distance(hulls, state[a], state[b], 1e-3))
     return smallest
 
 
@@ -349,8 +341,8 @@ def test_a_crowd_pushed_together_on_a_plate_does_not_enter_itself() -> None:
     balls = Ball(shape="ball", diameter_mm=4.0, count=6, start=start)
     scene = resting_plate(nuts, rods, balls)
     engine = ImpulseEngine(scene, np.random.default_rng(4))
-    engine._parts.velocity[:, :2] = -40.0 * engine._parts.position[:, :2]  # up to 1.4 m/s
-    before = engine._parts.velocity.copy()
+    engine._parts["velocity"][:, :2] = -40.0 * engine._parts["position"][:, :2]  # up to 1.4 m/s
+    before = engine._parts["velocity"].copy()
     frames = engine.advance(150)
     spread = np.linalg.norm(frames.position[..., :2], axis=2).mean(axis=1)
     assert spread.min() < 0.7 * spread[0]  # they did come together
@@ -380,8 +372,8 @@ def test_without_friction_parts_on_a_plate_keep_their_momentum_along_it() -> Non
     balls = Ball(shape="ball", diameter_mm=4.0, count=8, start=Scattered(kind="scattered", size_mm=(40.0, 40.0)))
     scene = resting_plate(balls, side_mm=400.0, friction=0.0, part_friction=0.2, part_restitution=0.5)
     engine = ImpulseEngine(scene, np.random.default_rng(6))
-    engine._parts.velocity[:, :2] = -10.0 * engine._parts.position[:, :2]
-    begin = engine._parts.velocity[:, :2].copy()
+    engine._parts["velocity"][:, :2] = -10.0 * engine._parts["position"][:, :2]
+    begin = engine._parts["velocity"][:, :2].copy()
     frames = engine.advance(100)
     assert np.abs(frames.velocity[-1, :, :2] - begin).max() > 0.05
     total = frames.velocity[..., :2].sum(axis=1)
