@@ -12,7 +12,7 @@ from feeder_sim.trajectory import Frames
 class Guard:
     """Watches one seed, block after block; looks at parts that are there only.
 
-    A part that has fallen past the edge may swing or drift under the plate: it is remembered.
+    A part that has fallen past the edge may swing or drift under the plate; it is remembered (`remember`).
     """
 
     # A part gains at most a few plate velocities per impact, and impacts take energy out; 20 is far above any hop seen.
@@ -44,7 +44,25 @@ class Guard:
     def lost(self, frames: Frames) -> np.ndarray:
         """Frames and parts (n, parts) that are off the plate and below the floor level."""
         position = frames.position
-        return np.asarray(frames.present & ~self.over(position) & (position[..., 2] < self._floor))
+        off = ~self.over(position) | self.fallen(frames)
+        return np.asarray(frames.present & off & (position[..., 2] < self._floor))
+
+    def fallen(self, frames: Frames) -> np.ndarray:
+        """Frames and parts (n, parts) that have come down beside the plate and not come up again since."""
+        position = frames.position
+        sides = 0.5 * np.array([self._scene.surface.length, self._scene.surface.width])
+        inside = (np.abs(position[..., :2]) < sides - self._reach()).all(axis=-1)
+        beside = (position[..., 2] < -self._crest) & ~inside
+        found = np.empty(beside.shape, bool)
+        last = self._fallen
+        for row in range(len(found)):
+            found[row] = last = (last & (position[row, :, 2] < 0.0)) | beside[row]
+        return found
+
+    def remember(self, frames: Frames) -> None:
+        """Go on to the next block of frames."""
+        if len(frames):
+            self._fallen = self.fallen(frames)[-1]
 
     def over(self, position: np.ndarray) -> np.ndarray:
         """Whether positions (..., 3) [m] are over the plate, or under it."""
@@ -55,16 +73,11 @@ class Guard:
         position, present = frames.position, frames.present
         speed = np.linalg.norm(frames.velocity, axis=-1)
         finite = np.isfinite(position).all(axis=-1) & np.isfinite(speed)
-        over = present & finite & self.over(position)
-        below = present & (position[..., 2] < -self._crest)
-        sides = 0.5 * np.array([self._scene.surface.length, self._scene.surface.width])
-        inside = (np.abs(position[..., :2]) < sides - self._reach()).all(axis=-1)
-        fallen = self._fallen | np.logical_or.accumulate(below & ~inside, axis=0)
-        self._fallen = fallen[-1]
+        on = present & finite & self.over(position) & ~self.fallen(frames)
         return {
             "its state is not finite": present & ~finite,
-            f"its speed exceeds {self._speed:.3g} m/s, more than this plate can give": over & (speed > self._speed),
-            "its centre lies below the plate's surface": over & inside & below & ~fallen,
+            f"its speed exceeds {self._speed:.3g} m/s, more than this plate can give": on & (speed > self._speed),
+            "its centre lies below the plate's surface": on & (position[..., 2] < -self._crest),
         }
 
     def _reach(self) -> float:

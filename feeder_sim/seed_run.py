@@ -103,7 +103,7 @@ class SeedRun:
         guard = Guard(self.scene, first)
         if self.begun and len(self.begun.frames):
             engine.restore(self.begun.state)
-            guard.check(self.begun.frames, self.index)  # which remembers what has fallen past the edge
+            guard.remember(self.begun.frames)
             self._frames = [self.begun.frames]
             self._impacts, self._removals = [self.begun.impacts], [self.begun.removals]
         else:
@@ -144,6 +144,7 @@ class SeedRun:
         if not failure:
             removed.append(self._take_picked(engine, guard, block, n_done + size - 1))
         removals = Removals.joined(removed)
+        guard.remember(block)
         status = self._status(block, n_done + valid, failure, removals)
         hits = engine.take_impacts(end=status != Status.UNFINISHED)
         if valid < size:
@@ -189,7 +190,7 @@ class SeedRun:
             return Removals.none()
         position = block.position[-1]
         # What is on its way down to the floor is neither picked nor in the way.
-        there = block.present[-1] & guard.over(position)
+        there = block.present[-1] & guard.over(position) & ~guard.fallen(block)[-1]
         picked = pickable(position, there, clearance)
         if len(picked):
             engine.remove(picked)

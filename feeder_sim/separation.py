@@ -121,7 +121,7 @@ def _report(
     start, end = (frames.time[before] if before else -np.inf), frames.time[row]
     half = 0.5 * np.array([scene.surface.length, scene.surface.width])
     position = frames.position[row]
-    there = frames.present[row] & (np.abs(position[:, :2]) < half).all(axis=1)
+    there = frames.present[row] & (np.abs(position[:, :2]) < half).all(axis=1) & (position[:, 2] > 0.0)
     points = position[there, :2]
     nearest = nearest_neighbours(points)
     clearances = [s.clearance for s in scene.times.stages if s.clearance is not None]

@@ -20,8 +20,9 @@ import numpy as np
 from numba import njit
 
 MAX_SWEEPS = 400
-TOLERANCE = 1e-9  # change of relative velocity per sweep, over the approach velocity
-NEGLIGIBLE = 3e-6  # [m/s]; corners of a flat part hand load on to each other in such changes over hundreds of sweeps
+# Sweeps end when no corner's velocity changes by more than ENOUGH [m/s], or a SHARE of the approach, or round-off: the
+# corners of a flat part hand their loads on to each other in such changes over hundreds of sweeps.
+ENOUGH, SHARE, LEAST = 3e-6, 2e-3, 1e-8
 FLAT = 4  # corners at least, of a landing that is taken for flat
 ROUND_OFF = 1e-12  # of the work of an impact
 HALVINGS = 12  # of the restitution, until an impact creates no energy
@@ -84,6 +85,7 @@ def _solve(v, w, inverse_mass, inverse_inertia, arm, normal, surface_velocity, b
         targets[i] = -share * e[i] * along
         scale = max(scale, abs(along))
         step_normal[i], step_tangent[i] = _steps(inverse_mass, inverse_inertia, arm[i], normal[i])
+    tolerance = max(min(ENOUGH, SHARE * scale), LEAST)
     u, change = np.empty(3), np.empty(3)
     if n >= FLAT:  # a flat landing is nearly a shift: begin with what would stop it, shared out
         share_of_mass = 1.0 / (inverse_mass * n)
@@ -98,7 +100,7 @@ def _solve(v, w, inverse_mass, inverse_inertia, arm, normal, surface_velocity, b
             _project(u, normal[i], impulse[i], step_normal[i], step_tangent[i], targets[i], mu[i], change)
             largest = max(largest, _dot(change, change) * (1.0 / step_normal[i]) ** 2)
             _apply(v, w, inverse_mass, inverse_inertia, arm[i], change)
-        if largest < max(TOLERANCE * scale, NEGLIGIBLE) ** 2:
+        if largest < tolerance * tolerance:
             break
 
 

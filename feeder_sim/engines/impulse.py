@@ -67,7 +67,7 @@ def _range(parts, n_free, bounds, e, duration):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _open_window(parts, n_free, kinds, surface, antinode, pairs, start, end, step):
-    """Everything that is the same for all islands of a window."""
+    """Everything that is the same for all islands of a window; wakes all parts unless the plate is calm."""
     acting = acting_terms(surface, start, end)
     bounds = bound_window(acting, antinode, start, end, step)
     half_x, half_y = surface.grid_x[-1], surface.grid_y[-1]
@@ -202,7 +202,7 @@ class ImpulseEngine:
         return self._frames(out, self._frame - n_frames + 1)
 
     def _advance_frame(self, frame: int) -> None:
-        """Advance all parts to the next frame, window by window; nothing but their motion is kept between frames."""
+        """Advance all parts to the next frame, window by window; nothing is kept between frames but their records."""
         pairs, interval, n = np.empty(0, PAIR), self._scene.frame_interval, self._n_windows
         for window in range(n):
             start, end = (frame + window / n) * interval, (frame + (window + 1) / n) * interval

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -16,7 +17,7 @@ from feeder_sim.scene import GRAVITY, Scene
 GAP, RATE, SURFACE_RATE, SURFACE_ACCELERATION, WALL_GAP, WALL_RATE = range(6)  # columns of Scratch.corner
 ARM, NORMAL, VELOCITY = range(3)  # of Scratch.contact
 RESTITUTION, FRICTION = range(2)  # of Scratch.law
-ABSENT, AWAKE, ASLEEP = range(3)  # in Parts.there
+ABSENT, AWAKE, ASLEEP = range(3)  # in PART, there
 RIM_HEIGHT, RIM_THICKNESS = 0.5, 0.02  # [m]; above and below the plate
 
 
@@ -37,7 +38,7 @@ PART = np.dtype(
 )
 # What parts of one kind have in common: mass [kg], infinite for what stands still, and principal inertia; axis of
 # symmetry or -1; radius [m] around its corners, their reach from the centre of mass; restitution and friction on the
-# plate (0) and between parts (1); where its corners, edges and planes are in `Kinds`.
+# plate (0) and between parts (1), the same for all kinds; where its corners, edges and planes are in `Kinds`.
 KIND = np.dtype(
     [
         ("mass", "f8"),
@@ -244,6 +245,14 @@ def point(part, corners, i, k):
     for axis in range(3):
         value += part.attitude[k, axis] * corners[i, axis]
     return value
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def turning_speed(part, kind):
+    """No point of a part moves faster about its centre [m/s]."""
+    momentum, inertia = part.momentum, kind.inertia
+    squared = momentum[0] ** 2 + momentum[1] ** 2 + momentum[2] ** 2
+    return kind.reach * math.sqrt(squared) / min(inertia[0], inertia[1], inertia[2])
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

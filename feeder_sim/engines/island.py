@@ -51,11 +51,13 @@ def advance_islands(owner, thread, islands, pairs, parts, kinds, no_wall, surfac
             due, near = meeting_bound(pair, parts, kinds, t, bounds)
             if near:
                 hit = meet(pair, parts, kinds, hulls)
+                if hit:
+                    wake(parts[pair.a])
+                    wake(parts[pair.b])
                 due, near = meeting_bound(pair, parts, kinds, t, bounds)
                 if hit:
                     for i in (pair.a, pair.b):
                         if i < islands.place.shape[0]:
-                            wake(parts[i])
                             _set_due(tree, islands.place[i] - first, t)
                             _look_at_pairs(i, p, islands, first_pair, n, tree, pairs, parts, kinds, t, bounds)
             _set_due(tree, leaf, due)

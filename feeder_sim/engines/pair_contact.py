@@ -1,10 +1,11 @@
 """Contact of two parts: when they can meet at the earliest, and their impact.
 
-Both parts fly freely, so gravity does not change their relative motion. Each pair keeps an axis, the direction in which
-its hulls were last found apart. The plane across it between both hulls parts them for as long as no corner of either
-can have crossed it, which bounds the time of their meeting from below by arithmetic on corners alone; only where the
-plane does not part them any more is the library asked for distance and closest points (conservative advancement, as at
-the plate). An impact is at the closest points and at all corners of one hull in the other, so that faces meet as faces.
+Of two parts that fly gravity does not change the relative motion; walls, and parts asleep, stand. Each pair keeps an
+axis, the direction in which its hulls were last found apart. The plane across it between both hulls parts them for as
+long as no corner of either can have crossed it, which bounds the time of their meeting from below by arithmetic on
+corners alone; only where the plane does not part them any more is the library asked for distance and closest points
+(conservative advancement, as at the plate). An impact is at the closest points and at all corners of one hull in the
+other, so that faces meet as faces.
 """
 
 from __future__ import annotations
@@ -16,9 +17,10 @@ from numba import njit
 
 from feeder_sim.engines.hulls import hull_distance
 from feeder_sim.engines.impact import resolve_single
-from feeder_sim.engines.impulse_state import flies, fly_to, invert_inertia
+from feeder_sim.engines.impulse_state import flies, fly_to, invert_inertia, point, turning_speed
 from feeder_sim.scene import GRAVITY
 
+ROUND_OFF = 1e-7  # [m]; more than the library's tolerance
 SLACK = 1e-6  # [m]; hulls this close touch, and may enter each other this far before anybody looks
 DEEP = 2e-6  # [m]; how deep parts may enter each other before they are looked at again, where a step is longer
 MAX_ROUNDS = 8  # of impacts at the points of one contact
@@ -50,8 +52,11 @@ def meeting_bound(pair, parts, kinds, t, bounds):
     gap = -bottom - top
     # The plane moves with both hulls' mean speed along the axis; each has half of the gap to itself.
     # Gravity changes nothing between two that fly; beside a wall or a part asleep the plane stands and the other falls.
-    drift, fall = 0.0, GRAVITY
-    if flies(a, kind_a) and flies(b, kind_b):
+    drift, fall = 0.0, GRAVITY * abs(axis[2])
+    flies_a, flies_b = flies(a, kind_a), flies(b, kind_b)
+    if not flies_a and not flies_b and gap >= -DEEP:
+        return np.inf, False
+    if flies_a and flies_b:
         fall = 0.0
         for k in range(3):
             drift += 0.5 * axis[k] * (a.velocity[k] + b.velocity[k])
@@ -75,15 +80,7 @@ def _relative_speed(a, kind_a, b, kind_b):
     squared = 1e-24
     for k in range(3):
         squared += (a.velocity[k] - b.velocity[k]) ** 2
-    return math.sqrt(squared) + _turning_speed(a, kind_a) + _turning_speed(b, kind_b)
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def _turning_speed(part, kind):
-    """No point of a part moves faster about its centre [m/s]."""
-    inertia, momentum = kind.inertia, part.momentum
-    squared = momentum[0] ** 2 + momentum[1] ** 2 + momentum[2] ** 2
-    return kind.reach * math.sqrt(squared) / min(inertia[0], inertia[1], inertia[2])
+    return math.sqrt(squared) + turning_speed(a, kind_a) + turning_speed(b, kind_b)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -190,7 +187,7 @@ def meet(pair, parts, kinds, hulls):
     distance = hull_distance(hulls, a, b, FAR)
     if distance >= FAR:
         return False
-    if abs(distance) > 0.1 * SLACK:  # of closest points that coincide the direction is round-off
+    if abs(distance) > ROUND_OFF:  # of closest points that coincide the direction is round-off
         for k in range(3):
             axis[k] = (witness[3 + k] - witness[k]) / distance
         size = math.sqrt(axis[0] ** 2 + axis[1] ** 2 + axis[2] ** 2)
@@ -216,9 +213,7 @@ def _corners_inside(a, kind_a, b, kind_b, kinds, points, n):
     at, local = np.empty(3), np.empty(3)
     for c in range(kind_a.corner_from, kind_a.corner_to):
         for k in range(3):
-            at[k] = a.position[k]
-            for m in range(3):
-                at[k] += a.attitude[k, m] * kinds.corners[c, m]
+            at[k] = point(a, kinds.corners, c, k)
         for m in range(3):
             local[m] = 0.0
             for k in range(3):
@@ -274,4 +269,4 @@ def _collide(a, kind_a, b, kind_b, points, n, axis, distance):
         for k in range(3):
             a.position[k] += distance * share * axis[k]
             b.position[k] -= distance * (1.0 - share) * axis[k]
-    return hit or distance < 0.0
+    return hit or distance < -ROUND_OFF

@@ -3,7 +3,8 @@
     proximity   height of every corner above the surface, and how fast it approaches
     impact      corners that touch and approach get impulses, together (impact.py)
     leap        the longest flight during which no corner can touch: with gap g, approach speed -u and a bound a on the
-                relative acceleration, no contact before t = (u + sqrt(u^2 + 2 a g)) / a; never shorter than the step
+                relative acceleration, no contact before t = (u + sqrt(u^2 + 2 a g)) / a; never shorter than the step,
+                or than a fast part takes to enter the surface by micrometres
 
 Over the edge of the plate a hull rests on the edge too: where its own edges cross the plane of a side of the plate it
 gets a further point, for the moment, that meets the plate like a corner.
@@ -29,6 +30,7 @@ from feeder_sim.engines.impulse_state import (
     VELOCITY,
     invert_inertia,
     point,
+    turning_speed,
 )
 from feeder_sim.engines.tube import approach_wall, gather_wall, leap_to_wall, meeting_time
 from feeder_sim.plate.kernels import grid_cell, modal_motion, surface_deflection, surface_modes, surface_normal
@@ -38,7 +40,7 @@ DEPTH = 1e-6  # [m]; how deep a part may enter a surface that is no longer drive
 DEEP = 5e-6  # [m]; how deep a fast part may enter the surface
 TOUCH = 1e-9  # [m]; corners this close count as touching, so that a flat landing is one impact and not six
 ON_EDGE = 1e-9  # [m]; a point this far off the plate is still on its edge
-BESIDE = 2e-4  # [m]; a point that far below the surface at the edge of the plate is beside or under it
+BESIDE = 2e-4  # [m]; a point that far below the surface is beside the plate or under it
 EDGE_STEPS = 10  # a point on the edge moves along the hull: its leaps are estimates, and at least this long
 
 
@@ -108,12 +110,6 @@ def _with_points_on_edge(part, kind, kinds, surface, work):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _near_edge(part, kind, surface):
-    reach = 2.0 * (kind.reach + kind.radius)
-    return abs(part.position[0]) + reach > surface.grid_x[-1] or abs(part.position[1]) + reach > surface.grid_y[-1]
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
 def _edge_leap(part, kind, corners, first, step, work):
     """Flight after which the points on the plate's edge, from `first` on, are looked at again [s]."""
     speed, gap = top_speed(part, kind), np.inf
@@ -125,10 +121,8 @@ def _edge_leap(part, kind, corners, first, step, work):
 @njit(cache=True, nogil=True, error_model="numpy")
 def top_speed(part, kind):
     """No point of the part is faster [m/s]; never quite zero."""
-    least = min(kind.inertia[0], kind.inertia[1], kind.inertia[2])
-    spin = math.sqrt(part.momentum[0] ** 2 + part.momentum[1] ** 2 + part.momentum[2] ** 2) / least
     v = part.velocity
-    return math.sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]) + kind.reach * spin + 1e-12
+    return math.sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]) + turning_speed(part, kind) + 1e-12
 
 
 @njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
@@ -219,7 +213,7 @@ def _measure_gap(part, kind, corners, surface, bounds, height, i, work):
         acceleration += abs(w) * bounds.acceleration[s]
     work.corner[i, GAP], work.corner[i, SURFACE_RATE] = gap, rate
     work.corner[i, SURFACE_ACCELERATION] = acceleration
-    if work.corner[i, GAP] < -BESIDE and _near_edge(part, kind, surface):
+    if work.corner[i, GAP] < -BESIDE:
         work.corner[i, GAP] = np.inf
 
 

@@ -30,7 +30,7 @@ FINEST = 1.0 / 32.0  # of a step: rattling between two impacts is followed no fu
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _from_axis(part, kind, corners, wall, i, across):
+def _from_axis(part, corners, wall, i, across):
     """Write the vector from the axis to corner i into across (3,); returns its length rho."""
     along = 0.0
     for k in range(3):
@@ -50,7 +50,7 @@ def approach_wall(part, kind, corners, wall, touch, work):
     spin_of(part, kind, spin)
     touching = 0
     for i in range(corners.shape[0]):
-        rho = _from_axis(part, kind, corners, wall, i, across)
+        rho = _from_axis(part, corners, wall, i, across)
         work.corner[i, WALL_GAP] = wall.radius - rho - kind.radius
         for k in range(3):
             arm[k] = point(part, corners, i, k) - part.position[k]
@@ -72,7 +72,7 @@ def gather_wall(part, kind, corners, wall, touch, n, work):
     for i in range(corners.shape[0]):
         if work.corner[i, WALL_GAP] > touch or work.corner[i, WALL_RATE] >= 0.0:
             continue
-        rho = _from_axis(part, kind, corners, wall, i, across)
+        rho = _from_axis(part, corners, wall, i, across)
         for k in range(3):
             work.contact[NORMAL, n, k] = -across[k] / rho
             work.contact[ARM, n, k] = (

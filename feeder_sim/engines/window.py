@@ -13,7 +13,7 @@ from feeder_sim.scene import GRAVITY
 
 BEAT = 1e-4  # relative; damping alone shifts the frequency of the transient by a hundredth of this
 ALLOWANCE = 1.01  # on envelopes, which are looked at on both ends of the window
-CALM = 3e-3  # [m/s]; a plate that is not driven and nowhere faster leaves parts where they lie
+CALM = 3e-3, 1e-6  # [m/s], [m]; a plate that is not driven and moves no faster and no farther lets parts sleep
 SAG = 1e-7  # [m]; how far a surface that is no longer driven may move relative to a part within one step
 
 
@@ -67,7 +67,7 @@ def bound_window(acting, antinode, start, stop, step):
         speed += envelope * fastest * antinode[shape]
         together += acceleration[shape] * antinode[shape]
     rest_step = step if driven else max(step, math.sqrt(2.0 * SAG / (GRAVITY + together)))
-    calm = not driven and speed <= CALM
+    calm = not driven and speed <= CALM[0] and crest <= CALM[1]
     return Bounds(crest, acceleration, speed, step, rest_step, calm)
 
 

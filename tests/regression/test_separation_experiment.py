@@ -60,7 +60,7 @@ def test_a_third_mode_frees_dead_positions(third_mode: Result) -> None:
 def test_no_nut_is_in_another_at_any_frame(third_mode: Result) -> None:
     for frames in third_mode.trajectories:
         assert np.isfinite(frames.position).all()
-        assert hull_distances(third_mode.scene, frames[slice(None, None, 5)]).min() > -50e-6
+        assert hull_distances(third_mode.scene, frames).min() > -50e-6
 
 
 def test_engines_agree_on_picks() -> None:
@@ -73,4 +73,4 @@ def test_engines_agree_on_picks() -> None:
     means = [np.mean(numbers) for numbers in picked.values()]
     spread = np.sqrt(sum(np.var(numbers, ddof=1) / len(numbers) for numbers in picked.values()))
     assert min(means) > 3.0
-    assert abs(means[0] - means[1]) < 4.0 * max(spread, 0.5)
+    assert abs(means[0] - means[1]) < 3.0 * max(spread, 0.5)

@@ -104,18 +104,36 @@ def test_earliest_violation_is_the_one_reported() -> None:
 
 
 @pytest.mark.parametrize("falls_at_mm", [0.0, 91.0])
-def test_a_part_below_the_plate_is_a_failure_unless_it_has_fallen_past_the_edge(falls_at_mm: float) -> None:
+def test_a_part_below_the_plate_is_lost_if_it_has_fallen_past_the_edge_else_a_failure(falls_at_mm: float) -> None:
     """Below the middle in the end, straight through it or from beside the plate; over two blocks of frames."""
     scene = build_scene(strip_scenario())
-    time = 0.002 * np.arange(60.0)
-    position = np.zeros((60, 1, 3))
-    position[:, 0, 0] = np.linspace(1e-3 * falls_at_mm, 0.0, 60)
-    position[:, 0, 2] = np.linspace(1e-3, -30e-3, 60)
-    level, still = np.tile([1.0, 0.0, 0.0, 0.0], (60, 1, 1)), np.zeros((60, 1, 3))
-    frames = Frames(time, position, level, still, still, np.ones((60, 1), bool))
+    time = 0.002 * np.arange(100.0)
+    position, velocity = np.zeros((100, 1, 3)), np.zeros((100, 1, 3))
+    position[:, 0, 0] = np.linspace(1e-3 * falls_at_mm, 0.0, 100)
+    position[:, 0, 2] = 1e-3 - 0.5 * 9.81 * time**2
+    velocity[:, 0, 2] = -9.81 * time
+    frames = Frames(
+        time, position, np.tile([1.0, 0.0, 0.0, 0.0], (100, 1, 1)), velocity, 0 * velocity, velocity[..., 0] == 0
+    )
     guard = Guard(scene, frames[slice(1)])
-    failures = [guard.check(frames[rows], 0)[1] for rows in (slice(0, 30), slice(30, 60))]
+    failures, lost = [], []
+    for rows in (slice(0, 50), slice(50, 100)):
+        failures.append(guard.check(frames[rows], 0)[1])
+        lost += guard.lost(frames[rows])[:, 0].tolist()
+        guard.remember(frames[rows])
     assert [failure is None for failure in failures] == [falls_at_mm > 0.0] * 2
+    assert lost == [falls_at_mm > 0.0 and z < -0.05 for z in position[:, 0, 2]]
+
+
+def test_a_part_that_dips_beside_the_edge_and_comes_back_is_watched_again() -> None:
+    scene = build_scene(strip_scenario())
+    position, still = np.zeros((3, 1, 3)), np.zeros((3, 1, 3))
+    position[:, 0] = [[0.09, 0.0, -1e-3], [0.09, 0.0, 1e-3], [0.0, 0.0, -1e-3]]
+    level = np.tile([1.0, 0.0, 0.0, 0.0], (3, 1, 1))
+    frames = Frames(0.002 * np.arange(3.0), position, level, still, still, np.ones((3, 1), bool))
+    guard = Guard(scene, frames[slice(1)])
+    assert guard.fallen(frames)[:, 0].tolist() == [True, False, False]
+    assert guard.check(frames, 0)[0] == 2
 
 
 def test_compliant_contact_of_five_steps_is_stable_and_hops_like_the_others() -> None:

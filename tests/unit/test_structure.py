@@ -40,6 +40,7 @@ ORDER = [
     "engines.impulse_state",
     "engines.tube",
     "engines.plate_contact",
+    "engines.rest",
     "engines.window",
     "engines.hulls",
     "engines.pair_contact",

@@ -254,6 +254,7 @@ def test_the_inner_loops_read_the_contacts_of_the_scenario() -> None:
         engine = ImpulseEngine(resting_plate(*parts, **contact), np.random.default_rng(0))
         assert borrowed_law(engine._kinds) == (0.1, 0.2, 0.3, 0.4)
         for held in (engine._kinds, engine._surface, engine._wall, engine._scratch[0], engine._hulls[0]):
+            assert engine._parts.flags.c_contiguous
             for name, array in held._asdict().items():
                 assert not isinstance(array, np.ndarray) or array.flags.c_contiguous, name
 

@@ -1,0 +1,96 @@
+"""Parts that lie still on a plate that has died out fall asleep, and wake when something disturbs them."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from feeder_sim.engines.impulse import ImpulseEngine
+from feeder_sim.engines.impulse_state import ASLEEP, AWAKE
+from feeder_sim.scenario import Ball, Contact, HexNut, PistonPlate, Run, Scenario, Schedule, Stage, Start
+from feeder_sim.scene import GRAVITY, build_scene
+
+UP, APART = 1.0001e-3, 0.02  # [m]: half a nut is 1 mm high
+SHAKE = {"frequency_hz": 500.0, "amplitude_um": 30.0, "ring_up": False}
+
+
+def nut(x: float, y: float = 0.0) -> HexNut:
+    return HexNut(size="M2.5", start=Start(position_mm=(1e3 * x, 1e3 * y), drop_height_mm=(0.01, 0.01)))
+
+
+def engine(*parts: Any, pause_s: float = 2.0, shake_s: float = 0.05, **contact: float) -> ImpulseEngine:
+    """Parts on a plate that rests for `pause_s`, then shakes; a nut far away makes at least two of them."""
+    still = Stage(name="rest", duration_s=pause_s)
+    stages = (still, Stage.model_validate({"name": "shake", "drive": [SHAKE], "duration_s": shake_s}))
+    scenario = Scenario(
+        plate=PistonPlate(kind="piston"),
+        schedule=Schedule(stage=stages),
+        part=(*parts, nut(-0.05, 0.05)),
+        contact=Contact(**contact),
+        run=Run(seeds=1, frames_per_second=500.0),
+    )
+    return ImpulseEngine(build_scene(scenario), np.random.default_rng(0))
+
+
+def test_a_part_that_has_landed_falls_asleep_where_it_lies() -> None:
+    one = engine(nut(0.0))
+    one.advance(50)
+    assert (one._parts["there"] == ASLEEP).all()
+    before = one._parts.copy()
+    frames = one.advance(100)
+    assert (frames.position == frames.position[0]).all() and (frames.velocity == 0.0).all()
+    assert np.array_equal(before["attitude"], one._parts["attitude"])
+
+
+def test_a_part_on_an_edge_or_a_ball_stays_awake() -> None:
+    """A nut stands on a side's edge for a while, and a ball has one corner."""
+    edge = HexNut(size="M2.5", start=Start(position_mm=(0.0, 0.0), tilt_deg=(45.0, 45.0), drop_height_mm=(0.01, 0.01)))
+    one = engine(edge, Ball(shape="ball", diameter_mm=4.0, start=Start(position_mm=(20.0, 0.0))))
+    one.advance(5)
+    assert (one._parts["there"][:2] == AWAKE).all()
+
+
+def test_a_plate_that_moves_again_wakes_all() -> None:
+    one = engine(nut(0.0), pause_s=0.1)
+    one.advance(45)
+    assert (one._parts["there"] == ASLEEP).all()
+    frames = one.advance(20)
+    assert (one._parts["there"] == AWAKE).all()
+    assert frames.position[:, :, 2].max() > 1.1e-3
+
+
+def pushed(friction: float, speed: float) -> tuple[ImpulseEngine, float]:
+    """A nut asleep that another one hits from the side, in flight just over the plate."""
+    one = engine(nut(0.0), nut(APART), friction=friction)
+    one.advance(50)
+    part = one._parts[1]
+    assert part["there"] == ASLEEP and one._parts[0]["there"] == ASLEEP
+    part["there"], part["velocity"] = AWAKE, [-speed, 0.0, 0.0]
+    at = float(one._parts["position"][0, 0])
+    one.advance(200)
+    return one, at - float(one._parts["position"][0, 0])
+
+
+def test_an_impact_wakes_a_part_and_friction_stops_it() -> None:
+    one, way = pushed(friction=0.3, speed=0.5)
+    free = np.sqrt(0.5**2 - 2.0 * 0.3 * GRAVITY * (APART - 6e-3))  # what is left of the speed when they meet
+    assert 1e-4 < way < free**2 / (2.0 * 0.3 * GRAVITY)
+    assert (one._parts["there"] == ASLEEP).all()
+    assert one._parts["position"][:, 2] == pytest.approx(1e-3, abs=5e-6)
+
+
+def test_sleep_is_no_friction() -> None:
+    """On a plate without friction the nut that was hit slides on."""
+    one, way = pushed(friction=0.0, speed=0.05)
+    assert one._parts[0]["there"] == AWAKE
+    assert way > 1e-3 and np.linalg.norm(one._parts["velocity"][0, :2]) > 0.01
+
+
+def test_sleepers_survive_a_checkpoint() -> None:
+    one, other = engine(nut(0.0), pause_s=0.2), engine(nut(0.0), pause_s=0.2)
+    one.advance(60)
+    assert (one._parts["there"] == ASLEEP).any()
+    other.restore(one.state())
+    assert np.array_equal(one.advance(60).position, other.advance(60).position)
