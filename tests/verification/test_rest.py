@@ -20,7 +20,7 @@ def nut(x: float, y: float = 0.0) -> HexNut:
     return HexNut(size="M2.5", start=Start(position_mm=(1e3 * x, 1e3 * y), drop_height_mm=(0.01, 0.01)))
 
 
-def engine(*parts: Any, pause_s: float = 2.0, shake_s: float = 0.05, **contact: float) -> ImpulseEngine:
+def engine(*parts: Any, pause_s: float = 2.0, shake_s: float = 0.05, **contact: Any) -> ImpulseEngine:
     """Parts on a plate that rests for `pause_s`, then shakes; a nut far away makes at least two of them."""
     still = Stage(name="rest", duration_s=pause_s)
     stages = (still, Stage.model_validate({"name": "shake", "drive": [SHAKE], "duration_s": shake_s}))
