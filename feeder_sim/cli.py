@@ -17,16 +17,16 @@ from typing import TYPE_CHECKING, Annotated, NoReturn
 
 import typer
 
+from feeder_sim.command_files import modes_of, naming, new_picture, scenario_of, writable
 from feeder_sim.errors import FeederSimError, InputError, RecordingFailed
-from feeder_sim.report import as_lines, print_boundaries, print_modes, print_summary
+from feeder_sim.report import as_lines, print_boundaries, print_modes, print_routes, print_summary
 
 if TYPE_CHECKING:
-    from feeder_sim.plate.mode_file import ModeFile
+    from feeder_sim.node_routes import LineNodes, Route
     from feeder_sim.scenario import Scenario
     from feeder_sim.simulation import Result
 
 INTERRUPTED = 130
-PICTURES = (".png", ".svg", ".pdf", ".jpg")
 
 app = typer.Typer(
     add_completion=False,
@@ -71,8 +71,8 @@ def run(
         return
     if scenario_file is None:
         raise InputError("a scenario file is needed, or --resume with the folder of a run", key="run")
-    scenario = _scenario(scenario_file, engine, seeds, seed)
-    with _naming(scenario_file):
+    scenario = scenario_of(scenario_file, engine, seeds, seed)
+    with naming(scenario_file):
         from feeder_sim.run_folder import check_free, fresh_folder, record_run
 
         if out is not None:
@@ -107,14 +107,14 @@ def check(
     mjcf: Annotated[Path | None, typer.Option("--mjcf", help="Also write the scene as MJCF.")] = None,
 ) -> None:
     """Validate a scenario; print the resolved scene, its cost and file size."""
-    scenario = _scenario(scenario_file, engine, seeds, None)
-    with _naming(scenario_file):
+    scenario = scenario_of(scenario_file, engine, seeds, None)
+    with naming(scenario_file):
         if mjcf is not None:
             from feeder_sim.run_folder import mjcf_text
             from feeder_sim.scene import build_scene
 
             text = mjcf_text(build_scene(scenario))
-            _writable(mjcf).write_text(text, encoding="utf-8")
+            writable(mjcf).write_text(text, encoding="utf-8")
         _print_plan(scenario, as_json)
 
 
@@ -128,18 +128,75 @@ def modes(
     as_json: AsJson = False,
 ) -> None:
     """Compute or read plate modes; list, store and draw them."""
-    held = _modes_of(source)
+    held = modes_of(source)
     if out is not None:
         from feeder_sim.plate.mode_file import write_mode_file
 
-        write_mode_file(_writable(out, force=force), held.modes, held.resonances)
+        write_mode_file(writable(out, force=force), held.modes, held.resonances)
     if picture is not None:
         if mode > len(held.modes):
             raise InputError(f"is {mode}, allowed is 1 to {len(held.modes)}", file=source, key="--mode")
         from feeder_sim.pictures import draw_mode
 
-        draw_mode(held.modes, mode - 1, _new_picture(picture))
+        draw_mode(held.modes, mode - 1, new_picture(picture))
     print_modes(held, as_json)
+
+
+@app.command()
+def sequence(
+    source: Annotated[Path, typer.Argument(help="Plate file (.toml), or mode file (.h5).", show_default=False)],
+    start: Annotated[float, typer.Option("--from", help="Where the part lies, x from the centre [mm].")],
+    end: Annotated[float, typer.Option("--to", help="Where it is to go [mm].")],
+    y: Annotated[float, typer.Option("--y", help="The line along x it moves on, from the centre [mm].")] = 0.0,
+    order: Annotated[str | None, typer.Option("--modes", help="Follow these modes, such as 1,4,3.")] = None,
+    limit: Annotated[float, typer.Option("--limit", min=0.01, max=1.0, help="Every k stays below.")] = 1.0,
+    most: Annotated[int, typer.Option("--most", min=1, max=12, help="Modes in a sequence at most.")] = 6,
+    tolerance: Annotated[float, typer.Option("--tolerance", min=0.0, help="Of the place to go to [mm].")] = 2.0,
+    picture: Annotated[Path | None, typer.Option("--picture", help="Draw the best sequence to this file.")] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Find the sequences of modes whose nodes carry a part along a line, or follow one."""
+    from feeder_sim.node_routes import find_routes, nodes_on_line
+
+    modes = modes_of(source).modes
+    for name, value, size in (
+        ("from", start, modes.plate.length),
+        ("to", end, modes.plate.length),
+        ("y", y, modes.plate.width),
+    ):
+        if abs(value) >= 500.0 * size:
+            raise InputError(f"is {value:g}, allowed is within +-{500.0 * size:g} mm", file=source, key=f"--{name}")
+    nodes = nodes_on_line(modes, y=1e-3 * y)
+    if order is None:
+        routes = find_routes(nodes, 1e-3 * start, 1e-3 * end, tolerance=1e-3 * tolerance, limit=limit, most_modes=most)
+        if not routes:
+            raise InputError(
+                f"no sequence of up to {most} modes reaches {end:g} mm with every k below {limit:g}", file=source
+            )
+    else:
+        routes = [_followed(nodes, order, 1e-3 * start, len(modes), source)]
+    if picture is not None:
+        from feeder_sim.pictures import draw_route
+
+        draw_route(modes, routes[0], new_picture(picture), y=1e-3 * y)
+    print_routes(routes, modes.natural_frequency, as_json)
+
+
+def _followed(nodes: list[LineNodes], order: str, start: float, n_modes: int, source: Path) -> Route:
+    from feeder_sim.node_routes import follow
+
+    try:
+        numbers = [int(number) for number in order.split(",")]
+    except ValueError:
+        numbers = [0]
+    if not all(1 <= number <= n_modes for number in numbers):
+        raise InputError(
+            f"is {order}, allowed are numbers from 1 to {n_modes}, such as 1,4,3", file=source, key="--modes"
+        )
+    try:
+        return follow(nodes, [number - 1 for number in numbers], start)
+    except ValueError as error:
+        raise InputError(f"is {order}, {error}", file=source, key="--modes") from error
 
 
 @app.command()
@@ -158,16 +215,16 @@ def bifurcation(
     as_json: AsJson = False,
 ) -> None:
     """Sweep the plate's amplitude under a bouncing part; find where period one, two, four, ... begin."""
-    scenario = _scenario(scenario_file, engine, seeds, None)
+    scenario = scenario_of(scenario_file, engine, seeds, None)
     if not 0.0 < low < high <= 1e6:
         raise InputError(f"are {low:g} and {high:g}, allowed is 0 < --from < --to <= 1e6", key="--from, --to")
     if picture is not None:
-        _new_picture(picture)
+        new_picture(picture)
     if data is not None:
-        _writable(data)
+        writable(data)
         if picture == data:
             raise InputError("is the same file as --picture, allowed is another one", file=data, key="--data")
-    with _naming(scenario_file), _progress(scenario.title or scenario_file.stem) as progress:
+    with naming(scenario_file), _progress(scenario.title or scenario_file.stem) as progress:
         import numpy as np
 
         from feeder_sim.bifurcation import SETTLE, sweep_amplitude, write_sweep
@@ -214,7 +271,7 @@ def replay(
 
     recording = replay_file(folder, seed=show_seed, rebuild=rebuild)
     if screenshot is not None:
-        take_screenshot(recording, _writable(screenshot), at=at)
+        take_screenshot(recording, writable(screenshot), at=at)
     else:
         open_viewer(recording)
 
@@ -233,7 +290,7 @@ def vibrometer(
 
     if not start < stop:
         raise InputError(f"are {start:g} and {stop:g}, allowed is --from < --to", key="--from, --to")
-    _new_picture(picture)
+    new_picture(picture)
     draw_velocity(recording_of(folder), picture, seed=show_seed, start=start, stop=stop)
 
 
@@ -254,61 +311,12 @@ def main() -> NoReturn:
     sys.exit(0)
 
 
-def _scenario(path: Path, engine: str | None, seeds: int | None, seed: int | None) -> Scenario:
-    """Load a scenario and apply the command line to its [run] table."""
-    from feeder_sim.scenario import load_scenario, with_run
-
-    scenario = load_scenario(path)
-    options = {"engine": engine, "seeds": seeds, "seed": seed}
-    return with_run(scenario, file=path, **{name: value for name, value in options.items() if value is not None})
-
-
-def _modes_of(source: Path) -> ModeFile:
-    if source.suffix == ".toml":
-        from feeder_sim.plate.plate_file import compute_modes
-        from feeder_sim.scenario import load_plate_file
-
-        with _naming(source):
-            return compute_modes(load_plate_file(source))
-    from feeder_sim.plate.mode_file import read_mode_file
-
-    return read_mode_file(source)
-
-
 def _print_plan(scenario: Scenario, as_json: bool) -> None:
     from feeder_sim.plan import plan_run
     from feeder_sim.scene import build_scene
 
     plan = plan_run(build_scene(scenario))
     print(json.dumps(plan) if as_json else as_lines(plan))
-
-
-def _new_picture(path: Path) -> Path:
-    """Refuse what cannot be drawn to, before any work is done for it."""
-    _writable(path)
-    if path.suffix.lower() not in PICTURES:
-        raise InputError(f"is {path.suffix!r}, allowed is {', '.join(PICTURES)}", file=path, key="--picture")
-    return path
-
-
-def _writable(path: Path, *, force: bool = False) -> Path:
-    """Refuse a target that exists or whose folder does not, before any work is done for it."""
-    if path.exists() and not force:
-        raise InputError("exists already, allowed is a new file", file=path)
-    if not path.parent.is_dir() or path.is_dir():
-        raise InputError("allowed is a file in a folder that exists", file=path)
-    return path
-
-
-@contextlib.contextmanager
-def _naming(file: Path) -> Iterator[None]:
-    """Put the file's name in front of errors that were raised below the level where files have names."""
-    try:
-        yield
-    except InputError as error:
-        if error.file is not None:
-            raise
-        raise InputError(error.problem, file=file, key=error.key) from error
 
 
 @contextlib.contextmanager

@@ -11,6 +11,7 @@ import numpy as np
 from feeder_sim.bifurcation import Boundary, Diagram
 from feeder_sim.bounces import seed_flights
 from feeder_sim.errors import InputError
+from feeder_sim.node_routes import Route
 from feeder_sim.plate.modes import PlateModes
 from feeder_sim.scenario import parse_scenario
 from feeder_sim.scene import GRAVITY, build_scene
@@ -38,6 +39,36 @@ def draw_mode(modes: PlateModes, index: int, path: Path) -> None:
         ylabel="y (mm)",
         title=f"Mode {index + 1}: {modes.natural_frequency[index]:.1f} Hz, nodal lines in black",
     )
+    figure.savefig(path, dpi=150)
+
+
+def draw_route(modes: PlateModes, route: Route, path: Path, *, y: float = 0.0) -> None:
+    """Draw the profile of every mode of a route along its line at y [m], with the stations of the part."""
+    n = len(route.steps)
+    figure = _figure(6.4, 1.0 + 1.05 * n)
+    x = np.linspace(-0.5, 0.5, 801) * modes.plate.length
+    for row, (step, axes) in enumerate(
+        zip(route.steps, figure.subplots(n, 1, sharex=True, squeeze=False)[:, 0], strict=True)
+    ):
+        w = modes.evaluate(step.mode, x, y)[0]
+        size = np.abs(w).max()
+        axes.axhline(0.0, color="0.7", linewidth=0.8)
+        axes.plot(x * MM, w / size, color="#3a60be")
+        axes.plot(x * MM, -w / size, color="#3a60be", linewidth=0.6, alpha=0.5)
+        axes.annotate(
+            "",
+            (step.end * MM, 0.0),
+            (step.start * MM, 0.0),
+            arrowprops={"arrowstyle": "->", "color": "#be3434", "lw": 1.6},
+        )
+        axes.plot([step.end * MM], [0.0], "o", color="#be3434", markersize=5)
+        axes.set(yticks=[], ylim=(-1.15, 1.15))
+        axes.set_title(
+            f"{row + 1}. mode {step.mode + 1}, {modes.natural_frequency[step.mode]:.0f} Hz, k = {step.k:.2f}",
+            fontsize=9,
+            loc="left",
+        )
+    axes.set_xlabel("x (mm)")
     figure.savefig(path, dpi=150)
 
 

@@ -123,13 +123,17 @@ class Drive(Excitation):
 
 
 class PlateBody(Table):
-    """Dimensions and material of a rectangular plate, and how far its modes are wanted."""
+    """Dimensions and material of a rectangular plate, and how far its modes are wanted.
+
+    With `uniform_width` those alone that do not vary across the width: the bending of a strip.
+    """
 
     length_mm: LengthMm
     width_mm: LengthMm
     thickness_mm: LengthMm
     material: MaterialChoice = "aluminium"
     highest_frequency_hz: FrequencyHz
+    uniform_width: Flag = False
 
 
 class MeasuredResonance(Table):

@@ -7,7 +7,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    import numpy as np
+    from numpy.typing import NDArray
+
     from feeder_sim.bifurcation import Diagram
+    from feeder_sim.node_routes import Route
     from feeder_sim.plate.mode_file import ModeFile
 
 
@@ -42,7 +48,7 @@ def _print_separation(summary: dict[str, Any]) -> None:
     for label, found in (
         ("picked", summary["picked"]),
         ("lost", summary["lost"]),
-        ("still on plate", last["on_plate"]),
+        ("before last pick", last["on_plate"]),
     ):
         if found["n"]:
             spread = f", SD {found['sd']:.1f}" if found["n"] > 1 else ""
@@ -111,6 +117,29 @@ def print_modes(held: ModeFile, as_json: bool) -> None:
         if row["measured_hz"] is not None:
             line += f"  {row['measured_hz']:>13.1f}  {row['deviation_percent']:>+13.2f}"
         print(line)
+
+
+def print_routes(routes: Sequence[Route], frequency: NDArray[np.float64], as_json: bool) -> None:
+    """Print sequences of modes, best first: their largest k, and where every mode takes the part."""
+    if as_json:
+        rows = [
+            {
+                "largest_k": route.largest_k,
+                "modes": [mode + 1 for mode in route.modes],
+                "frequency_hz": [float(frequency[mode]) for mode in route.modes],
+                "station_mm": [1e3 * route.steps[0].start, *(1e3 * step.end for step in route.steps)],
+                "k": [step.k for step in route.steps],
+            }
+            for route in routes
+        ]
+        print(json.dumps(rows))
+        return
+    for route in routes:
+        print(f"largest k {route.largest_k:.3f}, modes {', '.join(str(mode + 1) for mode in route.modes)}")
+        print("  mode  frequency (Hz)  from (mm)  to (mm)      k")
+        for step in route.steps:
+            line = f"  {step.mode + 1:>4}  {frequency[step.mode]:>14.1f}  {1e3 * step.start:>9.2f}"
+            print(f"{line}  {1e3 * step.end:>7.2f}  {step.k:>5.3f}")
 
 
 def as_lines(plan: dict[str, Any], indent: str = "") -> str:

@@ -127,6 +127,7 @@ def plate_modes(
     highest_frequency: float,
     theory: Theory = "mindlin",
     terms_per_axis: int = TERMS_PER_AXIS,
+    uniform_width: bool = False,
 ) -> PlateModes:
     """Compute every elastic mode up to a frequency.
 
@@ -136,6 +137,7 @@ def plate_modes(
         theory: "mindlin" (shear and rotary inertia), or "kirchhoff" (no shear), 2 - 3 % too stiff when the wavelength
             falls to 16 thicknesses.
         terms_per_axis: Legendre polynomials per axis and field.
+        uniform_width: only modes that do not vary across the width, the bending of a strip (into a cylinder).
 
     Returns:
         The modes, none if the lowest lies above `highest_frequency`.
@@ -145,9 +147,9 @@ def plate_modes(
             cut by `CUT` terms, as happens for many half waves along a slender plate.
     """
     found = []
-    for parity in ((0, 0), (0, 1), (1, 0), (1, 1)):
-        frequencies, coefficients = _solve_parity_class(plate, parity, theory, terms_per_axis)
-        coarse, _ = _solve_parity_class(plate, parity, theory, terms_per_axis - CUT)
+    for parity in ((0, 0), (1, 0)) if uniform_width else ((0, 0), (0, 1), (1, 0), (1, 1)):
+        frequencies, coefficients = _solve_parity_class(plate, parity, theory, terms_per_axis, uniform_width)
+        coarse, _ = _solve_parity_class(plate, parity, theory, terms_per_axis - CUT, uniform_width)
         keep = frequencies <= highest_frequency
         moved = coarse[: len(frequencies)] / frequencies[: len(coarse)] - 1.0 > CONVERGED
         if (keep[: len(moved)] & moved).any() or keep.sum() > len(moved):
@@ -166,7 +168,7 @@ def plate_modes(
 
 
 def _solve_parity_class(
-    plate: RectangularPlate, parity: tuple[int, int], theory: Theory, terms: int
+    plate: RectangularPlate, parity: tuple[int, int], theory: Theory, terms: int, uniform_width: bool
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Solve the Ritz eigenproblem for one parity of w; return elastic frequencies [Hz] and coefficients."""
     from scipy.linalg import eigh
@@ -174,6 +176,8 @@ def _solve_parity_class(
     even, odd = np.arange(0, terms, 2), np.arange(1, terms, 2)
     x_w, y_w = (odd if p else even for p in parity)
     x_b, y_b = (even if p else odd for p in parity)  # beta_x ~ w,x swaps the parity in x, beta_y in y
+    if uniform_width:
+        y_w, y_b = y_w[:1], y_b[:0]
     fields = ((x_w, y_w), (x_b, y_w), (x_w, y_b))
     # Under the constraint beta = grad w the shear energy is zero; leaving it out keeps its round-off out, too.
     shear_stiffness = plate.shear_stiffness if theory == "mindlin" else 0.0
@@ -185,7 +189,7 @@ def _solve_parity_class(
     coefficients = np.zeros((len(squared), 3, terms, terms))
     start = 0
     for field, (ix, iy) in enumerate(fields):
-        block = vectors[start : start + len(ix) * len(iy)].T.reshape(-1, len(ix), len(iy))
+        block = vectors[start : start + len(ix) * len(iy)].T.reshape(len(squared), len(ix), len(iy))
         coefficients[:, field, ix[:, None], iy[None, :]] = block
         start += len(ix) * len(iy)
     return np.sqrt(squared) / (2.0 * np.pi), coefficients

@@ -25,7 +25,7 @@ def compute_modes(file: PlateFile) -> ModeFile:
         body.length_mm * 1e-3, body.width_mm * 1e-3, body.thickness_mm * 1e-3, resolve_material(body.material)
     )
     try:
-        modes = plate_modes(plate, highest_frequency=body.highest_frequency_hz)
+        modes = plate_modes(plate, highest_frequency=body.highest_frequency_hz, uniform_width=body.uniform_width)
     except ValueError as error:
         raise InputError(f"is {body.highest_frequency_hz:g}, {error}", key="plate.highest_frequency_hz") from error
     if not len(modes):

@@ -22,6 +22,7 @@ ORDER = [
     "plate.mode_file",
     "plate.plate_file",
     "plate.assembly",
+    "node_routes",
     "parts",
     "guide",
     "scene",
@@ -68,6 +69,7 @@ ORDER = [
     "pictures",
     "catalogue",
     "report",
+    "command_files",
     "cli",
     "__main__",
 ]

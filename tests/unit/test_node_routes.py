@@ -1,0 +1,131 @@
+"""Nodes of a strip against the free beam, and the sequences of modes found on it against plain enumeration."""
+
+from __future__ import annotations
+
+import itertools
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.optimize import brentq
+from typer.testing import CliRunner
+
+from feeder_sim.cli import app
+from feeder_sim.errors import InputError
+from feeder_sim.materials import Material
+from feeder_sim.node_routes import LineNodes, Route, find_routes, follow, nodes_on_line
+from feeder_sim.plate.modes import PlateModes, RectangularPlate, plate_modes
+
+LENGTH, START = 0.16, -0.075
+SOURCE = (1, 4, 3, 5, 2)  # 402, 3546, 2242, 4756, 1154 Hz of the source's plate
+STRIP = Path(__file__).parents[2] / "models" / "strip_160" / "plate.toml"
+
+
+def strip(thickness: float = 0.003) -> PlateModes:
+    plate = RectangularPlate(LENGTH, 0.12, thickness, Material(2770.0, 71e9, 0.33))
+    return plate_modes(plate, highest_frequency=9000.0 * thickness / 0.003, uniform_width=True)
+
+
+@pytest.fixture(scope="module")
+def nodes() -> list[LineNodes]:
+    return nodes_on_line(strip())
+
+
+def beam_nodes(kl: float) -> np.ndarray:
+    """Nodes of a free beam, as fractions of its length (Blevins, Formulas for Natural Frequency and Mode Shape)."""
+    sigma = (np.cosh(kl) - np.cos(kl)) / (np.sinh(kl) - np.sin(kl))
+
+    def shape(s: float) -> float:
+        return float(np.cosh(kl * s) + np.cos(kl * s) - sigma * (np.sinh(kl * s) + np.sin(kl * s)))
+
+    at = np.linspace(0.0, 1.0, 1002)
+    return np.array([brentq(shape, a, b) for a, b in itertools.pairwise(at) if shape(a) * shape(b) < 0.0])
+
+
+def test_nodes_of_a_thin_strip_are_those_of_a_free_beam() -> None:
+    found = nodes_on_line(strip(thickness=0.0003))
+    for mode, kl in enumerate((4.730041, 7.853205, 10.995608, 14.137165)):
+        assert found[mode].position / LENGTH + 0.5 == pytest.approx(beam_nodes(kl), abs=2e-4)
+        assert found[mode].quarter_wavelength == pytest.approx(0.5 * np.pi / kl * LENGTH, rel=2e-3)
+
+
+def test_modes_of_a_strip_do_not_vary_across_it() -> None:
+    modes = strip()
+    for index in range(len(modes)):
+        w, _, beta_y = modes.evaluate(index, 0.03, np.linspace(-0.06, 0.06, 7))
+        assert w == pytest.approx(np.full(7, w[0])) and (beta_y == 0.0).all()
+
+
+def test_every_node_lies_in_its_cell(nodes: list[LineNodes]) -> None:
+    for of in nodes:
+        assert (of.cell[:, 0] < of.position).all() and (of.position < of.cell[:, 1]).all()
+        assert [of.reached_from(x) for x in of.position] == list(range(len(of.position)))
+        assert of.reached_from(-0.081) is None
+
+
+def test_the_sequence_of_the_source_carries_a_part_to_the_middle(nodes: list[LineNodes]) -> None:
+    route = follow(nodes, [mode - 1 for mode in SOURCE], START)
+    assert route.end - START == pytest.approx(0.075, abs=1e-6)
+    assert route.largest_k <= 0.67
+    assert [step.end for step in route.steps] == sorted(step.end for step in route.steps)
+
+
+def test_the_search_finds_it_and_nothing_better(nodes: list[LineNodes]) -> None:
+    best = find_routes(nodes, START, 0.0, tolerance=2e-3, limit=1.0, most_modes=6)[0]
+    assert best.modes == tuple(mode - 1 for mode in SOURCE)
+
+
+@pytest.mark.parametrize("end", [0.0, 0.02, -0.03])
+@pytest.mark.parametrize("limit", [0.6, 1.0])
+def test_routes_are_the_best_of_all_orders(nodes: list[LineNodes], end: float, limit: float) -> None:
+    best: dict[int, float] = {}
+    for length in range(1, 5):
+        for order in itertools.product(range(len(nodes)), repeat=length):
+            if any(a == b for a, b in itertools.pairwise(order)):
+                continue
+            try:
+                route = follow(nodes, order, START)
+            except ValueError:
+                continue
+            if abs(route.end - end) <= 2e-3 and route.largest_k < limit:
+                best[length] = min(best.get(length, np.inf), route.largest_k)
+    falling = [k for length, k in best.items() if k < min((best[m] for m in best if m < length), default=np.inf)]
+    found = find_routes(nodes, START, end, tolerance=2e-3, limit=limit, most_modes=4)
+    assert [route.largest_k for route in found] == pytest.approx(sorted(falling))
+    assert all(_connected(route, START) for route in found)
+
+
+def _connected(route: Route, start: float) -> bool:
+    stations = [start, *(step.end for step in route.steps)]
+    return all(
+        (step.start, step.end) == pair for step, pair in zip(route.steps, itertools.pairwise(stations), strict=True)
+    )
+
+
+def test_command_prints_and_draws(tmp_path: Path) -> None:
+    picture = tmp_path / "route.png"
+    place = ["sequence", str(STRIP), "--from", "-75", "--to", "0"]
+    done = CliRunner().invoke(app, [*place, "--json", "--picture", str(picture)])
+    assert done.exit_code == 0
+    best = json.loads(done.stdout)[0]
+    assert best["modes"] == list(SOURCE) and best["station_mm"][-1] == pytest.approx(0.0, abs=1e-3)
+    assert picture.stat().st_size > 10_000
+    text = CliRunner().invoke(app, [*place, "--modes", "1,4,3"]).stdout
+    assert "modes 1, 4, 3" in text and "5696.9" in text
+
+
+@pytest.mark.parametrize(
+    ("options", "says"),
+    [
+        (["--from", "-81", "--to", "0"], "--from: is -81, allowed is within +-80 mm"),
+        (["--from", "-75", "--to", "0", "--y", "70"], "--y: is 70, allowed is within +-60 mm"),
+        (["--from", "-75", "--to", "0", "--modes", "1,9"], "--modes: is 1,9, allowed are numbers from 1 to 5"),
+        (["--from", "-75", "--to", "0", "--modes", "one"], "--modes: is one, allowed are numbers from 1 to 5"),
+        (["--from", "-75", "--to", "0", "--limit", "0.3"], "no sequence of up to 6 modes reaches 0 mm"),
+    ],
+)
+def test_bad_input_is_one_line(options: list[str], says: str) -> None:
+    done = CliRunner().invoke(app, ["sequence", str(STRIP), *options])
+    assert isinstance(done.exception, InputError)
+    assert says in str(done.exception)
