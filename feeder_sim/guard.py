@@ -26,6 +26,7 @@ class Guard:
         self._speed = self.SPEED_FACTOR * plate_speed + 2.0 * np.sqrt(2.0 * GRAVITY * height) + 0.1
         self._crest = sum(drive.amplitude for drive in drives)
         self._floor = 1e-3 * scene.scenario.run.floor_mm
+        self._size = max(kind.size for kind in scene.kinds)
         self._fallen = np.zeros(first.position.shape[1], bool)
 
     def check(self, frames: Frames, seed_index: int) -> tuple[int, SimulationDiverged | None]:
@@ -48,10 +49,17 @@ class Guard:
         return np.asarray(frames.present & off & (position[..., 2] < self._floor))
 
     def fallen(self, frames: Frames) -> np.ndarray:
-        """Frames and parts (n, parts) that have come down beside the plate and not come up again since."""
+        """Frames and parts (n, parts) that have come down beside the plate and not come up again since.
+
+        The sides of the plate stop nothing: a part that tips over the edge may swing under the plate by twice its size
+        until the next frame, and fly on from there.
+        """
         position = frames.position
         sides = 0.5 * np.array([self._scene.surface.length, self._scene.surface.width])
-        inside = (np.abs(position[..., :2]) < sides - self._reach()).all(axis=-1)
+        if self._scene.rim:
+            return np.zeros(position.shape[:2], bool)
+        swung = 2.0 * self._size + np.abs(frames.velocity[..., :2]) * self._scene.frame_interval
+        inside = (np.abs(position[..., :2]) < sides - swung).all(axis=-1)
         beside = (position[..., 2] < -self._crest) & ~inside
         found = np.empty(beside.shape, bool)
         last = self._fallen
@@ -79,7 +87,3 @@ class Guard:
             f"its speed exceeds {self._speed:.3g} m/s, more than this plate can give": on & (speed > self._speed),
             "its centre lies below the plate's surface": on & (position[..., 2] < -self._crest),
         }
-
-    def _reach(self) -> float:
-        """A part that falls past the edge may swing under the plate by as much as its size."""
-        return max(kind.size for kind in self._scene.kinds) if not self._scene.rim else 0.0

@@ -23,6 +23,7 @@ from feeder_sim.scene import GRAVITY
 ROUND_OFF = 1e-7  # [m]; more than the library's tolerance
 SLACK = 1e-6  # [m]; hulls this close touch, and may enter each other this far before anybody looks
 DEEP = 2e-6  # [m]; how deep parts may enter each other before they are looked at again, where a step is longer
+PUSHED = 0.1  # of that time, while parts are deep in each other: a heap that falls in needs many pushes
 MAX_ROUNDS = 8  # of impacts at the points of one contact
 FAR = 1e-3  # [m]; no distance beyond this is asked of the library
 
@@ -68,9 +69,9 @@ def meeting_bound(pair, parts, kinds, t, bounds):
     speed = _relative_speed(a, kind_a, b, kind_b)
     shortest = min(bounds.step, DEEP / speed)
     if gap < -DEEP:  # pushed into each other by what lies beside them
-        wait = 0.0
+        wait, shortest = 0.0, PUSHED * shortest
     else:
-        shortest = max(shortest, min(bounds.rest_step, SLACK / speed))
+        shortest = max(shortest, min(bounds.rest_step, ROUND_OFF / speed))
     return t + max(wait, shortest), gap <= SLACK
 
 
