@@ -58,7 +58,7 @@ def growth() -> list[float]:
     simulate(crowd(10, 0.02))  # compiled
     found = []
     for count in COUNTS:
-        found.append(cost(simulate(crowd(count, 1.0 if count < 300 else 0.5))))
+        found.append(cost(simulate(crowd(count, 0.5))))
         print(f"  {count:>5} nuts  {found[-1]:8.3f} s of wall time per simulated second", flush=True)
     return found
 
