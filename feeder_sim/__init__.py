@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from feeder_sim.scenario import load_scenario as load_scenario
     from feeder_sim.scene import build_scene as build_scene
     from feeder_sim.simulation import simulate as simulate
-    from feeder_sim.trajectory import read_recording as read_recording
+    from feeder_sim.trajectory_file import read_recording as read_recording
 
 _PUBLIC = {
     "Scenario": "scenario",
@@ -29,7 +29,7 @@ _PUBLIC = {
     "build_scene": "scene",
     "simulate": "simulation",
     "record_run": "run_folder",
-    "read_recording": "trajectory",
+    "read_recording": "trajectory_file",
     "build_replay": "replay",
 }
 __all__ = ["__version__", *_PUBLIC]

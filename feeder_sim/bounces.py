@@ -29,6 +29,7 @@ from numpy.typing import NDArray
 from feeder_sim.engines import choose_engine
 from feeder_sim.impacts import Impacts
 from feeder_sim.measures import Statistic
+from feeder_sim.plate.drive import timed
 from feeder_sim.scenario import Scenario
 from feeder_sim.scene import GRAVITY, Scene
 
@@ -154,7 +155,7 @@ def _plate_period(scene: Scene) -> float:
 
 def settling_time(scene: Scene) -> float:
     """When the plate has rung up to within 1 % [s]."""
-    drives = [mode.drive for mode in scene.driven]
+    drives = timed(scene.drives, scene.times)
     times = [5.0 / (2.0 * math.pi * d.damping_ratio * d.natural_frequency) if d.damping_ratio else 0.0 for d in drives]
     return max(drive.start + time for drive, time in zip(drives, times, strict=True))
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from feeder_sim.errors import InputError
 
 FOLDER = "checkpoints"
-RECORDED = "recorded"  # key of (frames, impacts, removals) recorded; the others are the engine's
+RECORDED = "recorded"  # key of the sizes of the record; the others are the engine's
 
 
 @dataclass(frozen=True)
@@ -21,13 +21,11 @@ class Checkpoint:
     """One seed at one moment.
 
     Attributes:
-        frames, impacts, removals: recorded up to it.
+        sizes: of the record up to it (`Record.sizes`).
         state: of the engine.
     """
 
-    frames: int
-    impacts: int
-    removals: int
+    sizes: tuple[int, ...]
     state: dict[str, NDArray[np.float64]]
 
 
@@ -42,7 +40,7 @@ class CheckpointFolder:
         self._folder.mkdir(exist_ok=True)
         path = self._path(seed_index)
         partial = path.with_suffix(".partial")
-        recorded = np.array([checkpoint.frames, checkpoint.impacts, checkpoint.removals])
+        recorded = np.array(checkpoint.sizes)
         with partial.open("wb") as file:
             np.savez(file, allow_pickle=False, **{RECORDED: recorded}, **checkpoint.state)
             file.flush()
@@ -61,10 +59,10 @@ class CheckpointFolder:
         try:
             with path.open("rb") as file, np.load(file, allow_pickle=False) as held:
                 state = {name: held[name] for name in held.files}
-            frames, impacts, removals = (int(n) for n in state.pop(RECORDED))
+            sizes = tuple(state.pop(RECORDED).tolist())
         except (OSError, ValueError, EOFError, KeyError, BadZipFile) as error:
             raise InputError("is not a readable checkpoint", file=path) from error
-        return Checkpoint(frames, impacts, removals, state)
+        return Checkpoint(sizes, state)
 
     def clear(self) -> None:
         """Delete what is of no use once the run has ended."""

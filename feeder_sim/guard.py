@@ -20,7 +20,7 @@ class Guard:
 
     def __init__(self, scene: Scene, first: Frames) -> None:
         self._scene = scene
-        drives = [mode.drive for mode in scene.driven]
+        drives = scene.drives
         plate_speed = sum(2 * np.pi * max(d.drive_frequency, d.natural_frequency) * d.amplitude for d in drives)
         height = float(np.abs(first.position[..., 2]).max())
         self._speed = self.SPEED_FACTOR * plate_speed + 2.0 * np.sqrt(2.0 * GRAVITY * height) + 0.1

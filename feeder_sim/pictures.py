@@ -103,7 +103,8 @@ def draw_velocity(recording: Recording, path: Path, *, seed: int, start: float, 
     Raises:
         InputError: no such seed, no frames in that time, or no impacts were recorded.
     """
-    if not any(len(impacts) for impacts in recording.impacts):
+    impacts = [record.impacts for record in recording.records]
+    if not any(len(hits) for hits in impacts):
         raise InputError("holds no impacts, allowed is a run of a part in a guide", file=recording.path)
     if not 0 <= seed < len(recording.seeds):
         raise InputError(
@@ -119,12 +120,14 @@ def draw_velocity(recording: Recording, path: Path, *, seed: int, start: float, 
     left, right = figure.subplots(1, 2, width_ratios=[3, 1])
     left.plot(frames.time[shown], frames.velocity[shown, 0, 2] * MM, linewidth=0.8, color="tab:orange")
     if len(scenario.drive) == 1:
-        envelope = recording.plate.drive_amplitude[:, 0] * 2.0 * np.pi * scenario.drive[0].frequency_hz * MM
+        times = frames.time[shown]
+        amplitude = np.abs(scene.surface.terms.phasor(times, 1)[:, 0])
+        envelope = amplitude * 2.0 * np.pi * scenario.drive[0].frequency_hz * MM
         fill = {"alpha": 0.3, "color": "tab:blue", "linewidth": 0.0, "label": "plate"}
-        left.fill_between(recording.plate.drive_time, -envelope, envelope, **fill)
+        left.fill_between(times, -envelope, envelope, **fill)
         left.legend(loc="lower left", fontsize=8)
     left.set(xlabel="time (s)", ylabel="vertical velocity (mm/s)", xlim=(start, min(stop, frames.time[-1])))
-    intervals = seed_flights(scene, recording.impacts)
+    intervals = seed_flights(scene, impacts)
     pooled = np.concatenate([f.interval for f in intervals]) * MM
     right.hist(pooled, bins=40, color="tab:orange")
     right.set(xlabel="bounce interval (ms)", ylabel=f"number of {len(pooled)}, all seeds")

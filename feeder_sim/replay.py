@@ -14,12 +14,15 @@ import numpy as np
 
 from feeder_sim.errors import InputError
 from feeder_sim.guide import Guide, build_guide
+from feeder_sim.plate.drive import modal_terms, timed
 from feeder_sim.plate.nodal_lines import NodalLines
 from feeder_sim.replay_crowd import crowd_blueprint, log_crowd
 from feeder_sim.replay_parts import NUT, drawn_part
 from feeder_sim.replay_plate import MM, TIMELINE, log_plate
 from feeder_sim.scenario import Start, parse_scenario
-from feeder_sim.trajectory import Frames, Recording, read_recording
+from feeder_sim.timetable import timetable
+from feeder_sim.trajectory import Frames, Recording
+from feeder_sim.trajectory_file import read_recording
 
 LINE_GREY, PATH = (150, 150, 150), (30, 110, 60)
 GLASS = (110, 160, 190)
@@ -50,13 +53,16 @@ def build_replay(trajectory: Path, replay: Path, *, shown_seed: int = 0) -> None
     partial = replay.with_name(replay.name + ".partial")  # an interrupted build must not look like a replay
     stream = rr.RecordingStream("feeder_sim", recording_id=f"{trajectory.parent.name}-{shown_seed}")
     scenario = parse_scenario(recording.scenario_text, file=recording.path)
+    shown = recording.records[shown_seed]
+    times = timetable(scenario, shown.stops.tolist())
+    terms = modal_terms(timed(recording.plate.drives, times))
     crowd = scenario.schedule is not None or scenario.n_parts > 1
     blueprint = crowd_blueprint(recording) if crowd else _blueprint(recording, shown_seed)
     stream.save(partial, default_blueprint=blueprint)
     try:
-        log_plate(stream, recording.plate, max(frames.time[-1] for frames in recording.seeds if len(frames)))
+        log_plate(stream, recording.plate, terms, max(f.time[-1] for f in recording.seeds if len(f)))
         if crowd:
-            log_crowd(stream, recording, scenario, shown_seed)
+            log_crowd(stream, recording, scenario, times, shown_seed)
         else:
             _log_guide(stream, _guide(recording))
             _log_parts(stream, recording, recording.seeds[shown_seed])

@@ -16,7 +16,7 @@ from feeder_sim.removals import Cause, Removals
 from feeder_sim.replay_parts import drawn_part
 from feeder_sim.replay_plate import MM, TIMELINE, drawn_lines
 from feeder_sim.scenario import Scenario
-from feeder_sim.timetable import TimedStage, timetable
+from feeder_sim.timetable import TimedStage, Timetable
 from feeder_sim.trajectory import Frames, PartRecord, PlateRecord, Recording
 
 FLASH_S, FLASH_PERIOD_S = 0.4, 0.1  # before a pick
@@ -25,18 +25,18 @@ CLEARANCE = 0.01  # [m], of "isolated" where nothing is picked
 COUNTS = {"picked": (40, 160, 60), "lost": (190, 60, 60), "on_plate": (120, 120, 130), "isolated": (40, 90, 190)}
 
 
-def log_crowd(stream: Any, recording: Recording, scenario: Scenario, shown_seed: int) -> None:
+def log_crowd(stream: Any, recording: Recording, scenario: Scenario, times: Timetable, shown_seed: int) -> None:
     """Put the parts of one seed, its stages and its counts into a stream."""
-    frames, removals = recording.seeds[shown_seed], recording.removals[shown_seed]
-    stages = timetable(scenario).stages
-    times = _time_columns(frames, stages)
+    frames, removals = recording.records[shown_seed].frames, recording.records[shown_seed].removals
+    stages = times.stages
+    columns = _time_columns(frames, stages)
     first = 0
     for kind, part in enumerate(scenario.part):
-        _log_kind(stream, kind, recording.parts[first], frames, list(range(first, first + part.count)), times)
+        _log_kind(stream, kind, recording.parts[first], frames, list(range(first, first + part.count)), columns)
         first += part.count
     _log_stages(stream, recording.plate, stages, float(frames.time[-1]))
     _log_flashes(stream, frames, removals, recording.parts[0])
-    _log_counts(stream, frames, removals, stages, times)
+    _log_counts(stream, frames, removals, stages, columns)
 
 
 def _stage_numbers(time: NDArray[np.float64], stages: Sequence[TimedStage]) -> NDArray[np.int64]:
@@ -87,7 +87,7 @@ def _log_stages(stream: Any, plate: PlateRecord, stages: Sequence[TimedStage], l
         stream.set_time(TIMELINE, duration=stage.start)
         stream.set_time("cycle", sequence=stage.cycle)
         stream.set_time("stage", sequence=number)
-        lines = [line for i in stage.excitations for line in traced[plate.shape_of_excitation[i]]]
+        lines = [line for i in stage.excitations for line in traced[plate.drives[i].shape]]
         stream.log("plate/nodal_lines", drawn_lines(lines) if lines else rr.Clear(recursive=False))
         text = f"cycle {stage.cycle}, {stage.name}" if stage.cycle else stage.name
         stream.log("stage", rr.TextLog(text))

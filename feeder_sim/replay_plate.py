@@ -8,16 +8,19 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from feeder_sim.plate.drive import ModalTerms
 from feeder_sim.trajectory import PlateRecord
 
 TIMELINE = "sim_time"
 MM = 1e3
 PLATE_GREY, NODE = (190, 190, 195), (20, 20, 20)
+ENVELOPE_POINTS = 2001
+STANDING = 0.9  # share of a wave that swings in phase, from which on it is drawn as a standing one
 COLOUR_STEP = 0.04  # the plate is recoloured when an envelope has moved by this fraction of its maximum
 
 
-def log_plate(stream: Any, plate: PlateRecord, last: float) -> None:
-    """Flat top surface with vertex colours up to the time `last`, the body below it, and the nodal lines."""
+def log_plate(stream: Any, plate: PlateRecord, terms: ModalTerms, last: float) -> None:
+    """Flat top surface with vertex colours up to the time `last` [s], the body below it, and the nodal lines."""
     import rerun as rr
 
     half = np.array([plate.length, plate.width, plate.thickness]) * 0.5 * MM
@@ -27,17 +30,41 @@ def log_plate(stream: Any, plate: PlateRecord, last: float) -> None:
     vertices = np.column_stack([grid_x.ravel(), grid_y.ravel(), np.zeros(grid_x.size)])
     mesh = rr.Mesh3D(
         vertex_positions=vertices,
-        triangle_indices=_grid_triangles(len(plate.x), len(plate.y)),
+        triangle_indices=grid_triangles(len(plate.x), len(plate.y)),
         vertex_normals=np.tile([0.0, 0.0, 1.0], (len(vertices), 1)),
     )
     stream.log("plate/surface", mesh, static=True)  # only the vertex colours below change in time
-    for row in _colour_rows(plate.drive_amplitude[plate.drive_time <= last]):
-        displacement = np.tensordot(plate.drive_amplitude[row], plate.mode_shape, axes=1)
-        stream.set_time(TIMELINE, duration=float(plate.drive_time[row]))
-        colours = _diverging(displacement.ravel() / _largest(plate))
-        stream.log("plate/surface", rr.Mesh3D.from_fields(vertex_colors=colours))
+    times = np.linspace(0.0, last, ENVELOPE_POINTS)
+    phasors = terms.phasor(times, len(plate.mode_shape))
+    rows, groups = _colour_rows(np.abs(phasors)), _driven_together(plate)
+    shown = {row: sum(_amplitude(phasors[row, group], plate.mode_shape[group]) for group in groups) for row in rows}
+    largest = max(max(float(np.abs(field).max()) for field in shown.values()), 1e-300)
+    for row, field in shown.items():
+        stream.set_time(TIMELINE, duration=float(times[row]))
+        stream.log("plate/surface", rr.Mesh3D.from_fields(vertex_colors=diverging(np.ravel(field) / largest)))
     if plate.nodal_lines:
         stream.log("plate/nodal_lines", drawn_lines(plate.nodal_lines), static=True)
+
+
+def _driven_together(plate: PlateRecord) -> list[list[int]]:
+    """Mode shapes in groups that are driven at one frequency, so that their phases to each other mean something."""
+    groups: list[set[int]] = [{shape} for shape in range(len(plate.mode_shape))]
+    for frequency in {drive.drive_frequency for drive in plate.drives}:
+        together = {drive.shape for drive in plate.drives if drive.drive_frequency == frequency}
+        joined = [group for group in groups if group & together]
+        groups = [group for group in groups if not group & together] + [set().union(*joined)]
+    return [sorted(group) for group in groups]
+
+
+def _amplitude(phasors: NDArray[np.complex128], shapes: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Displacement amplitude of some modes together: signed where they make a standing wave, else the modulus."""
+    field = np.tensordot(phasors, shapes, axes=1)
+    square = (field**2).sum()
+    if abs(square) < STANDING * (np.abs(field) ** 2).sum():
+        return np.abs(field)
+    turned = phasors * np.exp(-0.5j * np.angle(square))
+    sign = np.sign(turned[np.abs(turned).argmax()].real) or 1.0
+    return np.asarray(sign * np.tensordot(turned, shapes, axes=1).real)
 
 
 def drawn_lines(lines: Sequence[NDArray[np.float64]]) -> Any:
@@ -48,7 +75,7 @@ def drawn_lines(lines: Sequence[NDArray[np.float64]]) -> Any:
     return rr.LineStrips3D(raised, colors=[NODE], radii=[0.12])
 
 
-def _grid_triangles(nx: int, ny: int) -> NDArray[np.int64]:
+def grid_triangles(nx: int, ny: int) -> NDArray[np.int64]:
     """Two triangles per cell of an (nx, ny) grid, counter-clockwise from above."""
     corner = (np.arange(nx - 1)[:, None] * ny + np.arange(ny - 1)).ravel()
     lower = np.column_stack([corner, corner + ny, corner + ny + 1])
@@ -66,13 +93,7 @@ def _colour_rows(amplitude: NDArray[np.float64]) -> list[int]:
     return rows
 
 
-def _largest(plate: PlateRecord) -> float:
-    """Largest displacement amplitude the plate reaches anywhere, any time [m]."""
-    shape = np.abs(plate.mode_shape).reshape(len(plate.mode_shape), -1)
-    return max(float((plate.drive_amplitude @ shape).max()), 1e-300)
-
-
-def _diverging(value: NDArray[np.float64]) -> NDArray[np.uint8]:
+def diverging(value: NDArray[np.float64]) -> NDArray[np.uint8]:
     """Blue - white - red for -1 .. 1, shape (n, 4)."""
     low, middle, high = np.array([58, 96, 190]), np.array([242, 242, 242]), np.array([190, 52, 52])
     v = np.clip(value, -1.0, 1.0)[:, None]

@@ -17,15 +17,14 @@ from feeder_sim import __version__
 from feeder_sim.checkpoint import Checkpoint, CheckpointFolder
 from feeder_sim.engines import choose_engine
 from feeder_sim.errors import InputError
-from feeder_sim.impacts import Impacts
 from feeder_sim.measures import check_stop_rule, transport_cell
 from feeder_sim.mjcf import build_mjcf
-from feeder_sim.removals import Removals
 from feeder_sim.scenario import Scenario, parse_scenario
 from feeder_sim.scene import Scene, build_scene
 from feeder_sim.seed_run import Begun
 from feeder_sim.simulation import Result, check_starts, simulate_scene
-from feeder_sim.trajectory import Frames, PartRecord, PlateRecord, Recording, Status, TrajectoryWriter, read_recording
+from feeder_sim.trajectory import PartRecord, PlateRecord, Record, Recording, Status
+from feeder_sim.trajectory_file import TrajectoryWriter, read_recording
 
 TRAJECTORY, REPLAY, SUMMARY, RESOLVED, MJCF = (
     "trajectory.h5",
@@ -36,7 +35,6 @@ TRAJECTORY, REPLAY, SUMMARY, RESOLVED, MJCF = (
 )
 LIBRARIES = ("mujoco-core", "mujoco", "numpy", "scipy", "numba", "h5py")
 DISPLAY_POINTS = 121  # per axis of the plate: enough for the shortest wave of the catalogue, small enough to scrub
-ENVELOPE_POINTS = 2001
 
 
 def record_run(
@@ -104,18 +102,15 @@ def resume_run(
     for index, status in enumerate(recording.status):
         held = checkpoints.load(index)
         if status in (Status.DONE, Status.LEFT_PLATE):
-            begun[index] = Begun(
-                recording.seeds[index], recording.impacts[index], recording.removals[index], {}, status
-            )
-        elif held is not None and held.frames <= len(recording.seeds[index]):
-            begun[index] = Begun(
-                recording.seeds[index][: held.frames],
-                recording.impacts[index][: held.impacts],
-                recording.removals[index][: held.removals],
-                held.state,
-                Status.UNFINISHED,  # what diverged does so again, and says why
-            )
+            begun[index] = _begun(recording.records[index], {}, status)
+        elif held is not None and held.sizes[0] <= len(recording.seeds[index]):
+            # What diverged does so again, and says why.
+            begun[index] = _begun(recording.records[index].begin(held.sizes), held.state, Status.UNFINISHED)
     return _run_into(folder, scene, begun, progress=progress, stop=stop, replay=replay, notify=notify)
+
+
+def _begun(record: Record, state: dict[str, NDArray[np.float64]], status: Status) -> Begun:
+    return Begun(record.frames, record.impacts, record.removals, record.stops, state, status)
 
 
 class RunRecorder:
@@ -125,14 +120,13 @@ class RunRecorder:
         self._checkpoints, self._writer = CheckpointFolder(folder), writer
         self._recorded: dict[int, NDArray[np.int64]] = {}
 
-    def append(self, seed_index: int, frames: Frames, impacts: Impacts, removals: Removals) -> None:
-        self._writer.append(seed_index, frames, impacts, removals)
-        new = np.array([len(frames), len(impacts), len(removals)])
-        self._recorded[seed_index] = self._recorded.get(seed_index, np.zeros(3, np.int64)) + new
+    def append(self, seed_index: int, block: Record) -> None:
+        self._writer.append(seed_index, block)
+        new = np.array(block.sizes)
+        self._recorded[seed_index] = self._recorded.get(seed_index, np.zeros_like(new)) + new
 
     def checkpoint(self, seed_index: int, state: dict[str, NDArray[np.float64]]) -> None:
-        frames, impacts, removals = (int(n) for n in self._recorded[seed_index])
-        self._checkpoints.save(seed_index, Checkpoint(frames, impacts, removals, state))
+        self._checkpoints.save(seed_index, Checkpoint(tuple(self._recorded[seed_index].tolist()), state))
 
     def finish(self, seed_index: int, status: Status) -> None:
         self._writer.finish(seed_index, status)
@@ -164,7 +158,7 @@ def _run_into(
     recorder = RunRecorder(folder, writer)
     try:
         for index, held in begun.items():
-            recorder.append(index, held.frames, held.impacts, held.removals)
+            recorder.append(index, held)
             if held.status != Status.UNFINISHED:
                 recorder.finish(index, held.status)
         new.replace(folder / TRAJECTORY)  # only now, when a kill leaves it readable and loses nothing
@@ -250,7 +244,6 @@ def plate_record(scene: Scene) -> PlateRecord:
     y = np.linspace(surface.y[0], surface.y[-1], min(len(surface.y), DISPLAY_POINTS))
     points = np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1).reshape(-1, 2)
     shapes = [surface.deflection(j, points).reshape(len(x), len(y)) for j in range(surface.n_shapes)]
-    drive_time = np.linspace(0.0, scene.times.duration, ENVELOPE_POINTS)
     return PlateRecord(
         length=surface.length,
         width=surface.width,
@@ -260,7 +253,5 @@ def plate_record(scene: Scene) -> PlateRecord:
         mode_shape=np.stack(shapes),
         nodal_lines=cell.lines.lines if cell else (),
         antinode=cell.antinode if cell else np.full(2, np.nan),
-        drive_time=drive_time,
-        drive_amplitude=np.abs(surface.terms.phasor(drive_time, surface.n_shapes)),
-        shape_of_excitation=np.array([mode.drive.shape for mode in scene.driven]),
+        drives=scene.drives,
     )

@@ -49,6 +49,7 @@ __all__ = [
     "Cylinder",
     "Drive",
     "Excitation",
+    "Goal",
     "Heap",
     "HexNut",
     "MeasuredResonance",
@@ -63,6 +64,7 @@ __all__ = [
     "Scattered",
     "Scenario",
     "Schedule",
+    "Settled",
     "Slide",
     "Stage",
     "Start",
@@ -109,17 +111,32 @@ class Pick(Table):
     clearance_mm: LengthMm
 
 
+class Settled(Table):
+    """All parts have been this near to a nodal line of every mode of the stage for so long without a break."""
+
+    within_mm: LengthMm = 1.0
+    for_s: Positive = 0.5
+
+
 class Stage(Table):
     """Drive these modes together for a while; then a pause with the drives off, then perhaps a pick.
 
-    What the plate still does when a drive stops is its own ring-down, and goes on into the stages after it.
+    With `until` the drives stop as soon as the parts have settled; `duration_s` is then the longest they act. What the
+    plate still does when a drive stops is its own ring-down, and goes on into the stages after it.
     """
 
     name: str = ""
     drive: tuple[Excitation, ...] = ()
     duration_s: Positive
+    until: Settled | None = None
     pause_s: NonNegative = 0.0
     pick: Pick | None = None
+
+    @model_validator(mode="after")
+    def _settles_over_a_drive(self) -> Self:
+        if self.until is not None and not self.drive:
+            raise ValueError("until belongs to a stage with a drive, whose nodal lines the parts settle on")
+        return self
 
 
 class Schedule(Table):
@@ -128,6 +145,14 @@ class Schedule(Table):
     cycles: Annotated[int, Field(ge=1, le=10_000, strict=True)] = 1
     prepare: tuple[Stage, ...] = ()
     stage: Annotated[tuple[Stage, ...], Field(min_length=1)]
+
+
+class Goal(Table):
+    """Where a schedule is to carry the parts: to the line x = `x_mm`, or to a point of it."""
+
+    x_mm: Annotated[float, Field(allow_inf_nan=False, strict=True)]
+    y_mm: Annotated[float, Field(allow_inf_nan=False, strict=True)] | None = None
+    within_mm: LengthMm = 2.0
 
 
 class Run(Table):
@@ -159,6 +184,7 @@ class Scenario(Table):
     schedule: Schedule | None = None
     part: Annotated[tuple[PartSpec, ...], Field(min_length=1, max_length=100)]
     contact: Contact = Contact()
+    goal: Goal | None = None
     run: Run
 
     @property
@@ -197,6 +223,11 @@ class Scenario(Table):
         if (self.run.duration_s is None) == (self.schedule is None):
             said = "is missing, allowed is a number above 0" if self.schedule is None else "is that of the schedule"
             raise ValueError(f"run.duration_s {said}")
+        stages = (*self.schedule.prepare, *self.schedule.stage) if self.schedule else ()
+        if self.plate.kind == "piston" and any(stage.until for stage in stages):
+            raise ValueError('plate.kind is "piston", which has no nodal lines that parts could settle on')
+        if self.goal is not None and self.schedule is None:
+            raise ValueError("goal belongs to a [schedule]")
         if self.schedule is not None and self.run.stop != "time":
             raise ValueError(f'run.stop is "{self.run.stop}", allowed is "time" with a schedule')
         if self.n_parts > MAX_PARTS:

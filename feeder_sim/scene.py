@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -12,6 +13,7 @@ from feeder_sim.errors import InputError
 from feeder_sim.guide import Guide, build_guide
 from feeder_sim.parts import RigidPart, build_part
 from feeder_sim.plate.assembly import DrivenMode, assemble_plate
+from feeder_sim.plate.drive import ModalDrive, modal_terms, timed
 from feeder_sim.plate.surface import Surface
 from feeder_sim.scenario import Heap, PartSpec, Scattered, Scenario, Start, Tube
 from feeder_sim.timetable import Timetable, timetable
@@ -50,6 +52,17 @@ class Scene:
     steps_per_frame: int
 
     @property
+    def drives(self) -> tuple[ModalDrive, ...]:
+        """The modal drives, one per excitation of the scenario."""
+        return tuple(mode.drive for mode in self.driven)
+
+    def stopped(self, stops: Sequence[float]) -> Scene:
+        """The scene in which the drives of the first stages stop at these times [s]."""
+        times = timetable(self.scenario, stops)
+        terms = modal_terms(timed(self.drives, times))
+        return replace(self, times=times, surface=replace(self.surface, terms=terms))
+
+    @property
     def frame_interval(self) -> float:
         """Time between recorded frames [s]."""
         return self.timestep * self.steps_per_frame
@@ -81,6 +94,7 @@ def build_scene(scenario: Scenario) -> Scene:
     for i, (spec, kind) in enumerate(zip(scenario.part, kinds, strict=True)):
         _check_on_plate(spec, kind, plate.surface, f"part[{i}].start")
         _check_in_tube(spec, kind, i)
+    _check_goal(scenario, plate.surface)
     run, times = scenario.run, timetable(scenario)
     timestep = 1.0 / (scenario.highest_frequency_hz * run.steps_per_period)
     kind_of = np.repeat(np.arange(len(kinds)), [spec.count for spec in scenario.part])
@@ -123,6 +137,16 @@ def _check_on_plate(spec: PartSpec, kind: RigidPart, surface: Surface, key: str)
         size, name = start.size_mm, "size_mm"
     if abs(x) + 0.5 * size[0] > half[0] or abs(y) + 0.5 * size[1] > half[1]:
         raise InputError(f"is {_plain(size)}, allowed is what lies on the plate around its centre", key=f"{key}.{name}")
+
+
+def _check_goal(scenario: Scenario, surface: Surface) -> None:
+    """Refuse a goal beside the plate."""
+    goal = scenario.goal
+    if goal is None:
+        return
+    for name, place, size in (("x_mm", goal.x_mm, surface.length), ("y_mm", goal.y_mm, surface.width)):
+        if abs(place or 0.0) > 0.5e3 * size:
+            raise InputError(f"is {place:g}, allowed is within +-{0.5e3 * size:g} (on the plate)", key=f"goal.{name}")
 
 
 def _plain(size: tuple[float, float]) -> str:

@@ -1,12 +1,12 @@
-"""The one time loop: an engine, what to record, a guard, picks, and when to stop."""
+"""The one time loop: an engine, what to record, a guard, picks, when a stage ends and when to stop."""
 
 from __future__ import annotations
 
 import math
 import threading
 import time
-from dataclasses import dataclass
-from typing import Protocol
+from dataclasses import dataclass, fields
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,17 +19,19 @@ from feeder_sim.measures import PASSAGE_TO, Cell
 from feeder_sim.picking import pickable
 from feeder_sim.removals import Cause, Removals
 from feeder_sim.scene import Scene
-from feeder_sim.trajectory import Frames, Status
+from feeder_sim.stage_lines import settled, stage_lines
+from feeder_sim.trajectory import Frames, Record, Status
 
 BLOCK_STEPS = 500_000  # solver steps and parts between two looks at guard, stop rule and stop event, about
 LEAST_BLOCK = 20  # frames: shorter blocks would cost more to write than to compute
+LOOK_S = 0.1  # [s] between two looks whether the parts have settled
 CHECKPOINT_S = 5.0  # [s] of wall time between two checkpoints, at least
 
 
 class Recorder(Protocol):
-    """Where blocks of frames go while a run is under way; called from several threads."""
+    """Where blocks go while a run is under way; called from several threads."""
 
-    def append(self, seed_index: int, frames: Frames, impacts: Impacts, removals: Removals) -> None: ...
+    def append(self, seed_index: int, block: Record) -> None: ...
 
     def checkpoint(self, seed_index: int, state: dict[str, NDArray[np.float64]]) -> None:
         """Keep what the run can go on from after everything appended so far."""
@@ -39,32 +41,23 @@ class Recorder(Protocol):
 
 
 @dataclass(frozen=True)
-class Begun:
+class Begun(Record):
     """What there is of a seed that is to be continued: what was recorded, and the engine's state at its end."""
 
-    frames: Frames
-    impacts: Impacts
-    removals: Removals
     state: dict[str, NDArray[np.float64]]
     status: Status
 
 
 @dataclass(frozen=True)
-class SeedResult:
+class SeedResult(Record):
     """One seed of an ensemble.
 
     Attributes:
-        frames: everything recorded.
-        impacts: contacts of a guided part with the plate.
-        removals: parts picked or lost.
         status: how it ended; UNFINISHED when it was interrupted.
         wall_s: wall time spent in its loop [s].
         failure: why it diverged, None otherwise.
     """
 
-    frames: Frames
-    impacts: Impacts
-    removals: Removals
     status: Status
     wall_s: float
     failure: SimulationDiverged | None = None
@@ -75,7 +68,8 @@ class SeedRun:
     """One seed on its way, block by block.
 
     Attributes:
-        scene, index, cell: what is run, number of the seed, and where its transport is measured.
+        scene: what is run, with the times at which stages ended so far.
+        index, cell: number of the seed, and where its transport is measured.
         recorder: takes the blocks.
         done: fraction done, one entry per seed, for the progress bar.
         stop: ends the run after the block under way.
@@ -97,18 +91,19 @@ class SeedRun:
         started = time.perf_counter()
         if self.begun and self.begun.status != Status.UNFINISHED:
             self.done[self.index] = 1.0
-            return SeedResult(self.begun.frames, self.begun.impacts, self.begun.removals, self.begun.status, 0.0)
+            return SeedResult(**_fields(self.begun), status=self.begun.status, wall_s=0.0)
         engine: Engine = engine_class(self.scene.scenario)(self.scene, rng, threads=self.threads)
         first = engine.current()
         guard = Guard(self.scene, first)
+        self._lines = stage_lines(self.scene) if any(s.until for s in self.scene.times.stages) else None
+        self._blocks: list[Record] = []
         if self.begun and len(self.begun.frames):
             engine.restore(self.begun.state)
             guard.remember(self.begun.frames)
-            self._frames = [self.begun.frames]
-            self._impacts, self._removals = [self.begun.impacts], [self.begun.removals]
+            self._blocks.append(self.begun)
+            self._stop_stages(engine, self.begun.stops)
         else:
-            self._frames, self._impacts, self._removals = [first.as_stored()], [], []
-            self._append(first, Impacts.none(), Removals.none())
+            self._append(Record(first.as_stored(), Impacts.none(), Removals.none(), np.empty(0)))
         status, failure = Status.UNFINISHED, None
         saved = time.perf_counter()
         while status == Status.UNFINISHED and not self.stop.is_set():
@@ -121,19 +116,12 @@ class SeedRun:
         self.done[self.index] = 1.0
         if self.recorder:
             self.recorder.finish(self.index, status)
-        frames, wall = Frames.joined(self._frames), time.perf_counter() - started
-        return SeedResult(
-            frames,
-            Impacts.joined([*self._impacts, Impacts.none()]),
-            Removals.joined(self._removals),
-            status,
-            wall,
-            failure,
-        )
+        wall = time.perf_counter() - started
+        return SeedResult(**_fields(Record.joined(self._blocks)), status=status, wall_s=wall, failure=failure)
 
     def _advance(self, engine: Engine, guard: Guard) -> tuple[Status, SimulationDiverged | None]:
         """One block: compute, check, take parts out, record; returns the status after it."""
-        n_done = sum(len(block) for block in self._frames)
+        n_done = sum(len(block.frames) for block in self._blocks)
         if n_done >= self.scene.n_frames:
             return Status.DONE, None
         size = self._block_size(engine, n_done)
@@ -150,23 +138,50 @@ class SeedRun:
         if valid < size:
             hits = hits[hits.time <= (block.time[-1] if valid else 0.0)]
         block = block.as_stored()
-        self._frames.append(block)
-        self._impacts.append(hits)
-        self._removals.append(removals)
-        self._append(block, hits, removals)
+        stops = self._stops_of_settled(block) if status == Status.UNFINISHED else np.empty(0)
+        self._append(Record(block, hits, removals, stops))
+        self._stop_stages(engine, stops)
         self.done[self.index] = (n_done + valid) / self.scene.n_frames
         return status, failure
 
-    def _append(self, frames: Frames, impacts: Impacts, removals: Removals) -> None:
-        if self.recorder and len(frames):
-            self.recorder.append(self.index, frames, impacts, removals)
+    def _append(self, block: Record) -> None:
+        self._blocks.append(block)
+        if self.recorder and len(block.frames):
+            self.recorder.append(self.index, block)
+
+    def _stops_of_settled(self, block: Frames) -> NDArray[np.float64]:
+        """If the stage under way is over because all parts have settled: when it and those before it stopped."""
+        now = float(block.time[-1])
+        stages = self.scene.times.stages
+        under_way = ((i, s, s.until) for i, s in enumerate(stages) if s.until and s.start <= now < s.stop)
+        number, _, until = next(under_way, (0, None, None))
+        if self._lines is None or until is None:
+            return np.empty(0)
+        recent = [block]
+        for held in reversed(self._blocks):
+            if recent[0].time[0] <= now - until.for_s:
+                break
+            recent.insert(0, held.frames)
+        if not settled(self.scene, self._lines, number, Frames.joined(recent)):
+            return np.empty(0)
+        noted = sum(len(held.stops) for held in self._blocks)
+        return np.array([*(stage.stop for stage in stages[noted:number]), now])
+
+    def _stop_stages(self, engine: Engine, stops: NDArray[np.float64]) -> None:
+        """Let the drives of the next stages have stopped at these times, and the rest follow."""
+        if len(stops):
+            self.scene = self.scene.stopped(np.concatenate([block.stops for block in self._blocks]).tolist())
+            engine.redrive(self.scene)
 
     def _block_size(self, engine: Engine, n_done: int) -> int:
-        """Frames of the next block; a pick is always at the end of one."""
+        """Frames of the next block; a pick or a look whether parts have settled is always at the end of one."""
         scene = self.scene
         least = LEAST_BLOCK if len(scene.parts) > 1 else 2
         longest = max(least, BLOCK_STEPS // (scene.steps_per_frame * len(scene.parts)))
         ahead = [frame - n_done + 1 for frame in pick_frames(scene) if frame >= n_done]
+        if self._lines is not None:
+            look = max(1, round(LOOK_S / scene.frame_interval))
+            ahead.append(look - (n_done - 1) % look)
         return min(engine.frames_per_block, longest, scene.n_frames - n_done, *ahead)
 
     def _take_lost(self, engine: Engine, guard: Guard, block: Frames) -> list[Removals]:
@@ -199,12 +214,16 @@ class SeedRun:
     def _status(self, block: Frames, n_done: int, failure: SimulationDiverged | None, removals: Removals) -> Status:
         if failure:
             return Status.DIVERGED
-        out = Removals.joined([*self._removals, removals])
+        out = Removals.joined([*(held.removals for held in self._blocks), removals])
         if len(out) == len(self.scene.parts):
             return Status.LEFT_PLATE if (out.cause == Cause.LOST).all() else Status.DONE
         if n_done >= self.scene.n_frames or _passed(self.scene, self.cell, block):
             return Status.DONE
         return Status.UNFINISHED
+
+
+def _fields(record: Record) -> dict[str, Any]:
+    return {field.name: getattr(record, field.name) for field in fields(Record)}
 
 
 def pick_frames(scene: Scene) -> dict[int, float]:

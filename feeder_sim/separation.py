@@ -16,11 +16,11 @@ from numpy.typing import NDArray
 
 from feeder_sim.measures import Statistic
 from feeder_sim.picking import nearest_neighbours
-from feeder_sim.plate.nodal_lines import NodalLines, nodal_lines
-from feeder_sim.removals import Cause, Removals
+from feeder_sim.removals import Cause
 from feeder_sim.scene import Scene
-from feeder_sim.timetable import TimedStage
-from feeder_sim.trajectory import Frames
+from feeder_sim.stage_lines import StageLines, stage_lines
+from feeder_sim.timetable import TimedStage, timetable
+from feeder_sim.trajectory import Frames, Record
 
 ON_LINE = 5e-3  # [m] from a nodal line
 DEAD = 5e-3  # [m] from nodal lines of all modes up to the pick
@@ -53,31 +53,10 @@ class StageReport:
     nearest_mm: float
 
 
-@dataclass(frozen=True)
-class StageLines:
-    """Nodal lines of every stage's modes, and what a dead position is."""
-
-    of_stage: tuple[tuple[NodalLines, ...], ...]
-
-    def near(self, stage: int, points: NDArray[np.float64], distance: float) -> NDArray[np.bool_]:
-        """Points (n, 2) within a distance [m] of a nodal line of each of the stage's modes; none where nothing acts."""
-        lines = self.of_stage[stage]
-        close = np.full(len(points), bool(lines))
-        for line in lines:
-            close &= line.distance(points) < distance
-        return close
-
-
-def stage_lines(scene: Scene) -> StageLines:
-    """Trace the nodal lines of the modes of every stage."""
-    traced = {mode.drive.shape: nodal_lines(scene.surface, mode.drive.shape) for mode in scene.driven}
-    shapes = [[scene.driven[i].drive.shape for i in stage.excitations] for stage in scene.times.stages]
-    return StageLines(tuple(tuple(traced[shape] for shape in dict.fromkeys(of_stage)) for of_stage in shapes))
-
-
-def stage_reports(scene: Scene, lines: StageLines, frames: Frames, removals: Removals) -> list[StageReport]:
+def stage_reports(scene: Scene, lines: StageLines, record: Record) -> list[StageReport]:
     """Count at the end of every stage that the run has reached."""
-    stages, reports = scene.times.stages, []
+    frames, reports = record.frames, []
+    stages = timetable(scene.scenario, record.stops.tolist()).stages
     cycle = _stages_to_first_pick(stages)
     reached = float(frames.time[-1])
     before: int | None = 0
@@ -85,7 +64,7 @@ def stage_reports(scene: Scene, lines: StageLines, frames: Frames, removals: Rem
         if stage.end > reached + scene.frame_interval:
             break
         row = _row_at(frames, stage.end)
-        reports.append(_report(scene, lines, frames, removals, number, stage, row, before, cycle))
+        reports.append(_report(scene, lines, record, number, stage, row, before, cycle))
         before = row
     return reports
 
@@ -110,14 +89,14 @@ def _row_at(frames: Frames, time: float) -> int:
 def _report(
     scene: Scene,
     lines: StageLines,
-    frames: Frames,
-    removals: Removals,
+    record: Record,
     number: int,
     stage: TimedStage,
     row: int,
     before: int | None,
     cycle: set[int],
 ) -> StageReport:
+    frames, removals = record.frames, record.removals
     start, end = (frames.time[before] if before else -np.inf), frames.time[row]
     half = 0.5 * np.array([scene.surface.length, scene.surface.width])
     position = frames.position[row]
@@ -161,10 +140,10 @@ def _side_up(frames: Frames, row: int) -> NDArray[np.int64]:
     return np.asarray((axis + 1) * np.sign(np.take_along_axis(up, axis[:, None], axis=1)[:, 0]), np.int64)
 
 
-def separation_measures(scene: Scene, seeds: Sequence[tuple[Frames, Removals]]) -> dict[str, Any]:
+def separation_measures(scene: Scene, seeds: Sequence[Record]) -> dict[str, Any]:
     """Means over the seeds of every stage's counts, and of the parts picked and lost in all."""
     lines = stage_lines(scene)
-    reports = [stage_reports(scene, lines, frames, removals) for frames, removals in seeds if len(frames)]
+    reports = [stage_reports(scene, lines, record) for record in seeds if len(record.frames)]
     stages = []
     for number, stage in enumerate(scene.times.stages):
         of_stage = [report[number] for report in reports if len(report) > number]
@@ -173,9 +152,10 @@ def separation_measures(scene: Scene, seeds: Sequence[tuple[Frames, Removals]]) 
             for field in fields(StageReport)
         }
         stages.append({"cycle": stage.cycle, "stage": stage.name, "end_s": stage.end, **counts})
+    removed = [record.removals for record in seeds]
     return {
         "parts": len(scene.parts),
-        "picked": Statistic.of(float((removals.cause == Cause.PICKED).sum()) for _, removals in seeds).as_dict(),
-        "lost": Statistic.of(float((removals.cause == Cause.LOST).sum()) for _, removals in seeds).as_dict(),
+        "picked": Statistic.of(float((r.cause == Cause.PICKED).sum()) for r in removed).as_dict(),
+        "lost": Statistic.of(float((r.cause == Cause.LOST).sum()) for r in removed).as_dict(),
         "stages": stages,
     }

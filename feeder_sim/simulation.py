@@ -61,7 +61,7 @@ class Result:
         found = ensemble_measures([s.frames for s in ended], self.cell)
         if self.scene.scenario.schedule is not None or len(self.scene.parts) > 1:
             left = [s for s in self.seeds if s.status in (Status.DONE, Status.LEFT_PLATE)]
-            return found | separation_measures(self.scene, [(s.frames, s.removals) for s in left])
+            return found | separation_measures(self.scene, left)
         return found | bounce_measures(
             self.scene, [s.impacts for s in ended], [float(s.frames.time[-1]) for s in ended]
         )

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
-from feeder_sim.scenario import Scenario, Stage
+from feeder_sim.scenario import Scenario, Settled, Stage
 
 
 @dataclass(frozen=True)
@@ -19,6 +20,7 @@ class TimedStage:
         start, stop, end: begin, end of the drives, end of the pause [s].
         excitations: indices into `Scenario.excitations`.
         clearance: of the pick at the end [m], None without one.
+        until: what ends the drives before `stop`, None for nothing.
     """
 
     name: str
@@ -29,6 +31,7 @@ class TimedStage:
     end: float
     excitations: tuple[int, ...]
     clearance: float | None
+    until: Settled | None = None
 
 
 @dataclass(frozen=True)
@@ -49,32 +52,40 @@ class Timetable:
     duration: float
 
 
-def timetable(scenario: Scenario) -> Timetable:
-    """Lay out a scenario in time; drives without a schedule make one stage."""
+def timetable(scenario: Scenario, stops: Sequence[float] = ()) -> Timetable:
+    """Lay out a scenario in time; drives without a schedule make one stage.
+
+    Args:
+        scenario: what happens.
+        stops: when the drives of the first stages did stop [s]; the others act for as long as the schedule says.
+    """
     schedule = scenario.schedule
     if schedule is None:
         duration = scenario.run.duration_s
         assert duration is not None  # the scenario's own check
-        stage = TimedStage("", 0, 0, 0.0, duration, duration, tuple(range(len(scenario.drive))), None)
+        stage = TimedStage("", 0, 0, 0.0, duration, duration, tuple(range(len(scenario.drive))), None, None)
         stops = [d.start_s + d.duration_s if d.duration_s else math.inf for d in scenario.drive]
         acting = [Occurrence(i, d.start_s, stop) for i, (d, stop) in enumerate(zip(scenario.drive, stops, strict=True))]
         return Timetable((stage,), tuple(acting), duration)
     stages: list[TimedStage] = []
-    _append(stages, schedule.prepare, 0, first_excitation=0)
+    _append(stages, schedule.prepare, 0, stops, first_excitation=0)
     prepared = sum(len(stage.drive) for stage in schedule.prepare)
     for cycle in range(1, schedule.cycles + 1):
-        _append(stages, schedule.stage, cycle, first_excitation=prepared)
+        _append(stages, schedule.stage, cycle, stops, first_excitation=prepared)
     occurrences = tuple(Occurrence(i, stage.start, stage.stop) for stage in stages for i in stage.excitations)
     return Timetable(tuple(stages), occurrences, stages[-1].end)
 
 
-def _append(stages: list[TimedStage], group: tuple[Stage, ...], cycle: int, *, first_excitation: int) -> None:
+def _append(
+    stages: list[TimedStage], group: tuple[Stage, ...], cycle: int, stops: Sequence[float], *, first_excitation: int
+) -> None:
     """Put one pass through a group of stages after those there are."""
     for number, stage in enumerate(group):
         start = stages[-1].end if stages else 0.0
-        stop = start + stage.duration_s
+        stop = float(stops[len(stages)]) if len(stages) < len(stops) else start + stage.duration_s
         driven = tuple(range(first_excitation, first_excitation + len(stage.drive)))
         first_excitation += len(stage.drive)
         name = stage.name or f"{'prepare' if cycle == 0 else 'stage'} {number + 1}"
         clearance = stage.pick.clearance_mm * 1e-3 if stage.pick else None
-        stages.append(TimedStage(name, cycle, number, start, stop, stop + stage.pause_s, driven, clearance))
+        end = stop + stage.pause_s
+        stages.append(TimedStage(name, cycle, number, start, stop, end, driven, clearance, stage.until))

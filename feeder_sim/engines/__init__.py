@@ -43,6 +43,10 @@ class Engine(Protocol):
         """Take parts, by their indices, out of the scene for good."""
         ...
 
+    def redrive(self, scene: Scene) -> None:
+        """Go on in the same scene with other times at which drives stop from now on."""
+        ...
+
     def state(self) -> dict[str, NDArray[np.float64]]:
         """All that the engine goes on from; copies."""
         ...

@@ -224,6 +224,10 @@ class ImpulseEngine:
     def remove(self, parts: NDArray[np.int64]) -> None:
         self._parts["there"][parts] = ABSENT
 
+    def redrive(self, scene: Scene) -> None:
+        self._scene = scene
+        self._surface = surface_arrays(scene.surface, scene.scenario.run)
+
     def state(self) -> dict[str, NDArray[np.float64]]:
         held = {name: self._parts[name].copy() for name in STATE}
         contact = np.array([*self._log.current, *self._last_contact])

@@ -210,6 +210,10 @@ class MujocoEngine:
             self.data.qvel[speed : speed + 6] = 0.0
         self._there[parts] = False
 
+    def redrive(self, scene: Scene) -> None:
+        self._scene = scene
+        self._surface = surface_arrays(scene.surface, scene.scenario.run)
+
     def state(self) -> dict[str, NDArray[np.float64]]:
         kind = mujoco.mjtState.mjSTATE_INTEGRATION
         held = np.empty(mujoco.mj_stateSize(self.model, kind))

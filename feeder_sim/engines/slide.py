@@ -319,6 +319,9 @@ class SlideEngine:
     def remove(self, parts: NDArray[np.int64]) -> None:
         raise NotImplementedError("nothing takes a part off its slide")
 
+    def redrive(self, scene: Scene) -> None:
+        self._scene, self._plate = scene, _plate(scene)
+
     def state(self) -> dict[str, NDArray[np.float64]]:
         return {"state": self._state.copy(), "contact": self._log.current.copy(), "frame": np.array(self._frame)}
 

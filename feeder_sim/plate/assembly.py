@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from feeder_sim.errors import InputError
-from feeder_sim.plate.drive import ModalDrive, modal_terms
+from feeder_sim.plate.drive import ModalDrive, modal_terms, timed
 from feeder_sim.plate.mode_file import ModeFile, read_mode_file
 from feeder_sim.plate.modes import PlateModes, RectangularPlate, plate_modes
 from feeder_sim.plate.shapes import ModeShape, Piston, RitzShape, StandingWave, standing_wave
@@ -35,7 +35,7 @@ class DrivenMode:
     Attributes:
         label: for people, such as "mode 13 (2639.2 Hz computed)".
         shape: the mode shape.
-        drive: its modal drive, the first time it acts.
+        drive: its modal drive; when it acts is for the timetable to say.
     """
 
     label: str
@@ -220,19 +220,17 @@ def _tabulated(
                 key=key,
             )
     shapes = list(dict.fromkeys(mode.shape for mode in driven))  # a mode may be driven many times
-    placed = [replace(mode.drive, shape=shapes.index(mode.shape)) for mode in driven]
-    acting = [replace(placed[o.excitation], start=o.start, stop=o.stop) for o in times.occurrences]
-    first = {o.excitation: drive for o, drive in reversed(list(zip(times.occurrences, acting, strict=True)))}
+    placed = tuple(replace(mode, drive=replace(mode.drive, shape=shapes.index(mode.shape))) for mode in driven)
     surface = tabulate(
         shapes,
-        modal_terms(acting),
+        modal_terms(timed([mode.drive for mode in placed], times)),
         length=length,
         width=width,
         thickness=thickness,
         wavelength=wavelength,
         uniform_y=uniform_y,
     )
-    return DrivenPlate(surface, tuple(replace(mode, drive=first[i]) for i, mode in enumerate(driven)))
+    return DrivenPlate(surface, placed)
 
 
 def _refuse(drive: Excitation, key: str, kind: str, *names: str) -> None:

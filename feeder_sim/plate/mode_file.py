@@ -1,6 +1,6 @@
 """Plate modes in HDF5, self-describing and checked on reading.
 
-Layout, schema version 1 (SI units, named in the `unit` attribute of every dataset):
+Layout, schema version 2 (SI units, named in the `unit` attribute of every dataset):
 
     /            schema, schema_version, creator, libraries, method, normalisation, sign_convention
     /plate       length, width, thickness, density, youngs_modulus, poisson_ratio   (attributes)
@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from feeder_sim import __version__
 from feeder_sim.errors import InputError
+from feeder_sim.hdf5_text import get_text, put_text
 from feeder_sim.materials import Material
 from feeder_sim.plate.modes import PlateModes, RectangularPlate
 
@@ -27,7 +28,7 @@ if TYPE_CHECKING:
     import h5py
 
 SCHEMA = "feeder_sim/plate_modes"
-SCHEMA_VERSION = 1
+SCHEMA_VERSION = 2
 
 
 @dataclass(frozen=True)
@@ -63,16 +64,17 @@ def write_mode_file(path: Path, modes: PlateModes, resonances: Sequence[Resonanc
 
     plate, material = modes.plate, modes.plate.material
     partial = path.with_name(path.name + ".partial")
-    with h5py.File(partial, "w") as file:
-        file.attrs.update(
-            schema=SCHEMA,
-            schema_version=SCHEMA_VERSION,
-            creator=f"feeder_sim {__version__}",
-            libraries=f"numpy {np.__version__}, h5py {h5py.__version__}",
-            method="Mindlin plate, Ritz with orthonormal Legendre products, shear factor 5/6",
-            normalisation="max |w| = 1 over the plate",
-            sign_convention="w > 0 at (+length/2, +width/2); a top surface point moves by (-h/2 bx, -h/2 by, w) q",
-        )
+    described = {
+        "schema": SCHEMA,
+        "creator": f"feeder_sim {__version__}",
+        "libraries": f"numpy {np.__version__}, h5py {h5py.__version__}",
+        "method": "Mindlin plate, Ritz with orthonormal Legendre products, shear factor 5/6",
+        "normalisation": "max |w| = 1 over the plate",
+        "sign_convention": "w > 0 at (+length/2, +width/2); a top surface point moves by (-h/2 bx, -h/2 by, w) q",
+    }
+    with h5py.File(partial, "w", libver="latest") as file:
+        put_text(file.attrs, described)
+        file.attrs["schema_version"] = SCHEMA_VERSION
         group = file.create_group("plate")
         group.attrs.update(
             length=plate.length,
@@ -81,8 +83,8 @@ def write_mode_file(path: Path, modes: PlateModes, resonances: Sequence[Resonanc
             density=material.density,
             youngs_modulus=material.youngs_modulus,
             poisson_ratio=material.poisson_ratio,
-            unit="SI: m, kg/m^3, Pa",
         )
+        put_text(group.attrs, {"unit": "SI: m, kg/m^3, Pa"})
         _write(file, "modes/natural_frequency", modes.natural_frequency, "Hz")
         _write(file, "modes/coefficients", modes.coefficients, "1, 1/m, 1/m")
         _write(file, "modes/parity", modes.parity, "1")
@@ -113,9 +115,13 @@ def read_mode_file(path: Path) -> ModeFile:
 
 
 def _checked(file: h5py.File, path: Path) -> ModeFile:
-    found, version = file.attrs.get("schema"), file.attrs.get("schema_version")
-    if not isinstance(found, str) or found != SCHEMA:
-        raise InputError(f"is {found!r}, allowed is a mode file ({SCHEMA!r})", file=path, key="schema")
+    found, version = get_text(file.attrs, "schema"), file.attrs.get("schema_version")
+    if found != SCHEMA:
+        raise InputError(
+            f"is {found!r}, allowed is a mode file ({SCHEMA!r}); make it with 'feeder-sim modes PLATE.toml --out FILE'",
+            file=path,
+            key="schema",
+        )
     if not np.isscalar(version) or version != SCHEMA_VERSION:
         raise InputError(f"is {version!r}, allowed is {SCHEMA_VERSION}", file=path, key="schema_version")
     values = {name: _number(file, name, path) for name in _PLATE_KEYS}
@@ -194,4 +200,4 @@ def _write(file: h5py.File, name: str, values: NDArray[Any], unit: str) -> None:
     compression = {"compression": "gzip", "shuffle": True} if values.size > 1000 else {}
     checksum = {"fletcher32": True} if values.size else {}
     dataset = file.create_dataset(name, data=values, **compression, **checksum)
-    dataset.attrs["unit"] = unit
+    put_text(dataset.attrs, {"unit": unit})

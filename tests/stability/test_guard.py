@@ -15,7 +15,8 @@ from feeder_sim.guard import Guard
 from feeder_sim.scenario import Contact, Start
 from feeder_sim.scene import build_scene
 from feeder_sim.simulation import simulate
-from feeder_sim.trajectory import Frames, Status, read_recording
+from feeder_sim.trajectory import Frames, Status
+from feeder_sim.trajectory_file import read_recording
 
 TUNNELLING = """
 [plate]

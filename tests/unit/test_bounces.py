@@ -26,7 +26,7 @@ from feeder_sim.run_folder import SUMMARY, TRAJECTORY, record_run
 from feeder_sim.scenario import Ball, Contact, Drive, PistonPlate, Run, Scenario, Slide, Start
 from feeder_sim.scene import GRAVITY, build_scene
 from feeder_sim.simulation import simulate
-from feeder_sim.trajectory import read_recording
+from feeder_sim.trajectory_file import read_recording
 
 PERIOD = 0.02
 TOLERANCE = 1e-3
@@ -204,16 +204,17 @@ def test_recording_gives_the_same_impacts_and_the_summary_their_measures(tmp_pat
     scenario = slide_scenario(plate, drop_mm=(0.01, 0.05), duration_s=0.6, seeds=2, frames_per_second=5000.0)
     result = record_run(scenario, tmp_path / "run", replay=False)
     recording = read_recording(tmp_path / "run" / TRAJECTORY)
-    assert len(recording.impacts) == 2
-    for read, seed in zip(recording.impacts, result.seeds, strict=True):
+    impacts = [record.impacts for record in recording.records]
+    assert len(impacts) == 2
+    for read, seed in zip(impacts, result.seeds, strict=True):
         assert len(read) > 300
         assert np.isinf(read.until[-1]) and np.isnan(read.departure_velocity[-1])
         for name, values in vars(seed.impacts).items():
             assert getattr(read, name).tobytes() == values.tobytes()
-    assert recording.impacts[0].time[0] != recording.impacts[1].time[0]
+    assert impacts[0].time[0] != impacts[1].time[0]
     summary = json.loads((tmp_path / "run" / SUMMARY).read_text())
     after = settling_time(result.scene)
-    intervals = np.concatenate([flights(i, 1.0 / 558.0, GRAVITY, after=after).interval for i in recording.impacts])
+    intervals = np.concatenate([flights(i, 1.0 / 558.0, GRAVITY, after=after).interval for i in impacts])
     assert summary["bounce_interval_ms"]["n"] == len(intervals) > 50
     assert summary["bounce_interval_ms"]["mean"] == pytest.approx(1e3 * intervals.mean())
     assert summary["motion"] == {"resting": 2}

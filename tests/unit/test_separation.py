@@ -7,11 +7,13 @@ import math
 import numpy as np
 import pytest
 
+from feeder_sim.impacts import Impacts
 from feeder_sim.removals import Cause, Removals
 from feeder_sim.scenario import Excitation, HexNut, Pick, Run, Scattered, Scenario, Schedule, Stage, Strip
 from feeder_sim.scene import Scene, build_scene
-from feeder_sim.separation import StageLines, StageReport, separation_measures, stage_lines, stage_reports
-from feeder_sim.trajectory import Frames
+from feeder_sim.separation import StageReport, separation_measures, stage_reports
+from feeder_sim.stage_lines import StageLines, stage_lines
+from feeder_sim.trajectory import Frames, Record
 
 GATHER, SEPARATE, END = 0, 1, 100  # stages, and the last frame; the first stage ends at frame 50
 HALF_TURN = np.array([0.0, 1.0, 0.0, 0.0])
@@ -60,8 +62,12 @@ def still(scene: Scene, places_mm: list[tuple[float, float]]) -> Frames:
 ROW = [(0.0, -25.0), (0.0, -13.0), (0.0, -1.0), (0.0, 11.0), (0.0, 23.0), (30.0, 11.0)]
 
 
+def record(frames: Frames, removals: Removals | None = None) -> Record:
+    return Record(frames, Impacts.none(), removals or Removals.none(), np.empty(0))
+
+
 def reports(scene: Scene, lines: StageLines, frames: Frames, removals: Removals | None = None) -> list[StageReport]:
-    return stage_reports(scene, lines, frames, removals or Removals.none())
+    return stage_reports(scene, lines, record(frames, removals))
 
 
 def test_one_report_per_stage_that_was_reached(scene: Scene, lines: StageLines) -> None:
@@ -157,8 +163,8 @@ def test_measures_are_means_over_the_seeds(scene: Scene) -> None:
     one, other = still(scene, ROW), still(scene, [(0.1 * i, 0.0) for i in range(6)])
     end = float(one.time[END])
     seeds = [
-        (one, Removals.of(end, np.array([0, 1, 2]), Cause.PICKED)),
-        (other, Removals.of(end, np.array([4]), Cause.LOST)),
+        record(one, Removals.of(end, np.array([0, 1, 2]), Cause.PICKED)),
+        record(other, Removals.of(end, np.array([4]), Cause.LOST)),
     ]
     found = separation_measures(scene, seeds)
     assert found["parts"] == 6

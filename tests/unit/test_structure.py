@@ -7,6 +7,7 @@ from pathlib import Path
 
 ORDER = [
     "errors",
+    "hdf5_text",
     "materials",
     "tables",
     "plate_tables",
@@ -31,6 +32,7 @@ ORDER = [
     "impacts",
     "removals",
     "trajectory",
+    "trajectory_file",
     "engines",
     "engines.borrow",
     "engines.mujoco_library",
@@ -53,6 +55,7 @@ ORDER = [
     "measures",
     "bounces",
     "guard",
+    "stage_lines",
     "picking",
     "seed_run",
     "separation",

@@ -17,7 +17,8 @@ from feeder_sim.errors import InputError
 from feeder_sim.run_folder import TRAJECTORY, record_run
 from feeder_sim.scenario import parse_scenario
 from feeder_sim.simulation import simulate
-from feeder_sim.trajectory import Frames, Status, read_recording
+from feeder_sim.trajectory import Frames, Status
+from feeder_sim.trajectory_file import read_recording
 
 
 def same(a: Frames, b: Frames) -> bool:
@@ -37,11 +38,11 @@ def test_file_holds_what_was_simulated(tmp_path: Path) -> None:
         assert written.velocity == pytest.approx(computed.velocity, abs=1e-7)
     with h5py.File(tmp_path / "run" / TRAJECTORY) as file:
         assert {name: file[f"seeds/000/{name}"].attrs["unit"] for name in ("time", "position", "velocity")} == {
-            "time": "s",
-            "position": "m",
-            "velocity": "m/s",
+            "time": b"s",
+            "position": b"m",
+            "velocity": b"m/s",
         }
-        again = parse_scenario(file.attrs["scenario"], file=Path("resolved.toml"))
+        again = parse_scenario(file.attrs["scenario"].decode(), file=Path("resolved.toml"))
     assert again == scenario
 
 
