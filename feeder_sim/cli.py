@@ -17,12 +17,12 @@ from typing import TYPE_CHECKING, Annotated, NoReturn
 
 import typer
 
-from feeder_sim.command_files import modes_of, naming, new_picture, scenario_of, writable
+from feeder_sim.command_files import naming, new_picture, scenario_of, writable
 from feeder_sim.errors import FeederSimError, InputError, RecordingFailed
-from feeder_sim.report import as_lines, print_boundaries, print_modes, print_routes, print_summary
+from feeder_sim.plate_commands import modes, sequence, wave
+from feeder_sim.report import as_lines, print_boundaries, print_summary
 
 if TYPE_CHECKING:
-    from feeder_sim.node_routes import LineNodes, Route
     from feeder_sim.scenario import Scenario
     from feeder_sim.simulation import Result
 
@@ -118,85 +118,8 @@ def check(
         _print_plan(scenario, as_json)
 
 
-@app.command()
-def modes(
-    source: Annotated[Path, typer.Argument(help="Plate file (.toml), or mode file (.h5).", show_default=False)],
-    out: Annotated[Path | None, typer.Option("--out", help="Write the modes to this HDF5 file.")] = None,
-    picture: Annotated[Path | None, typer.Option("--picture", help="Draw the mode of --mode to this file.")] = None,
-    mode: Annotated[int, typer.Option("--mode", min=1, help="Mode number for --picture.")] = 1,
-    force: Annotated[bool, typer.Option("--force", help="Replace an existing --out file.")] = False,
-    as_json: AsJson = False,
-) -> None:
-    """Compute or read plate modes; list, store and draw them."""
-    held = modes_of(source)
-    if out is not None:
-        from feeder_sim.plate.mode_file import write_mode_file
-
-        write_mode_file(writable(out, force=force), held.modes, held.resonances)
-    if picture is not None:
-        if mode > len(held.modes):
-            raise InputError(f"is {mode}, allowed is 1 to {len(held.modes)}", file=source, key="--mode")
-        from feeder_sim.pictures import draw_mode
-
-        draw_mode(held.modes, mode - 1, new_picture(picture))
-    print_modes(held, as_json)
-
-
-@app.command()
-def sequence(
-    source: Annotated[Path, typer.Argument(help="Plate file (.toml), or mode file (.h5).", show_default=False)],
-    start: Annotated[float, typer.Option("--from", help="Where the part lies, x from the centre [mm].")],
-    end: Annotated[float, typer.Option("--to", help="Where it is to go [mm].")],
-    y: Annotated[float, typer.Option("--y", help="The line along x it moves on, from the centre [mm].")] = 0.0,
-    order: Annotated[str | None, typer.Option("--modes", help="Follow these modes, such as 1,4,3.")] = None,
-    limit: Annotated[float, typer.Option("--limit", min=0.01, max=1.0, help="Every k stays below.")] = 1.0,
-    most: Annotated[int, typer.Option("--most", min=1, max=12, help="Modes in a sequence at most.")] = 6,
-    tolerance: Annotated[float, typer.Option("--tolerance", min=0.0, help="Of the place to go to [mm].")] = 2.0,
-    picture: Annotated[Path | None, typer.Option("--picture", help="Draw the best sequence to this file.")] = None,
-    as_json: AsJson = False,
-) -> None:
-    """Find the sequences of modes whose nodes carry a part along a line, or follow one."""
-    from feeder_sim.node_routes import find_routes, nodes_on_line
-
-    modes = modes_of(source).modes
-    for name, value, size in (
-        ("from", start, modes.plate.length),
-        ("to", end, modes.plate.length),
-        ("y", y, modes.plate.width),
-    ):
-        if abs(value) >= 500.0 * size:
-            raise InputError(f"is {value:g}, allowed is within +-{500.0 * size:g} mm", file=source, key=f"--{name}")
-    nodes = nodes_on_line(modes, y=1e-3 * y)
-    if order is None:
-        routes = find_routes(nodes, 1e-3 * start, 1e-3 * end, tolerance=1e-3 * tolerance, limit=limit, most_modes=most)
-        if not routes:
-            raise InputError(
-                f"no sequence of up to {most} modes reaches {end:g} mm with every k below {limit:g}", file=source
-            )
-    else:
-        routes = [_followed(nodes, order, 1e-3 * start, len(modes), source)]
-    if picture is not None:
-        from feeder_sim.pictures import draw_route
-
-        draw_route(modes, routes[0], new_picture(picture), y=1e-3 * y)
-    print_routes(routes, modes.natural_frequency, as_json)
-
-
-def _followed(nodes: list[LineNodes], order: str, start: float, n_modes: int, source: Path) -> Route:
-    from feeder_sim.node_routes import follow
-
-    try:
-        numbers = [int(number) for number in order.split(",")]
-    except ValueError:
-        numbers = [0]
-    if not all(1 <= number <= n_modes for number in numbers):
-        raise InputError(
-            f"is {order}, allowed are numbers from 1 to {n_modes}, such as 1,4,3", file=source, key="--modes"
-        )
-    try:
-        return follow(nodes, [number - 1 for number in numbers], start)
-    except ValueError as error:
-        raise InputError(f"is {order}, {error}", file=source, key="--modes") from error
+for command in (modes, sequence, wave):
+    app.command()(command)
 
 
 @app.command()

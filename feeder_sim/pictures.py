@@ -10,6 +10,7 @@ import numpy as np
 
 from feeder_sim.bifurcation import Boundary, Diagram
 from feeder_sim.bounces import seed_flights
+from feeder_sim.circulation import StageWave
 from feeder_sim.errors import InputError
 from feeder_sim.node_routes import Route
 from feeder_sim.plate.modes import PlateModes
@@ -69,6 +70,47 @@ def draw_route(modes: PlateModes, route: Route, path: Path, *, y: float = 0.0) -
             loc="left",
         )
     axes.set_xlabel("x (mm)")
+    figure.savefig(path, dpi=150)
+
+
+def draw_ratios(rows: Sequence[tuple[float, Sequence[Route]]], path: Path) -> None:
+    """Draw the smallest largest k over the length-to-width ratio, for sequences of up to so many modes."""
+    figure = _figure(6.4, 4.0)
+    axes = figure.add_subplot()
+    for most in sorted({len(route.steps) for _, routes in rows for route in routes}):
+        best = [
+            min((route.largest_k for route in routes if len(route.steps) <= most), default=np.nan) for _, routes in rows
+        ]
+        axes.plot([ratio for ratio, _ in rows], best, "o-", markersize=3, label=f"up to {most} modes")
+    axes.set(xlabel="length over width of the plate", ylabel="largest k of the best sequence", ylim=(0.0, 1.0))
+    axes.legend(fontsize=8)
+    figure.savefig(path, dpi=150)
+
+
+def draw_wave(of_stage: StageWave, path: Path) -> None:
+    """Draw the amplitude of a wave with the track of its crest and its still points; beside it the way along it."""
+    x, y, field = of_stage.wave.on_grid(241)
+    figure = _figure(10.0, 4.6)
+    left, right = figure.subfigures(1, 2, width_ratios=[1.1, 1.0])
+    axes = left.add_subplot()
+    filled = axes.contourf(x * MM, y * MM, np.abs(field.T) * UM, levels=30, cmap="Blues")
+    left.colorbar(filled, ax=axes, label="amplitude (um)")
+    axes.plot(*(of_stage.still.T * MM), "o", color="#be3434", markersize=6, label=f"{len(of_stage.still)} still points")
+    track = of_stage.track
+    if track is not None:
+        axes.plot(*(np.vstack([track.points, track.points[:1]]).T * MM), color="#e08a1e", linewidth=2.0, label="crest")
+        for place in range(0, len(track.points), len(track.points) // 8):
+            ahead = -np.sign(track.turns) * track.tangent[place] * 8.0
+            arrow = {"arrowstyle": "->", "color": "#e08a1e", "lw": 2.0}
+            axes.annotate("", track.points[place] * MM + ahead, track.points[place] * MM, arrowprops=arrow)
+        way = np.linspace(0.0, track.length * MM, len(track.points) + 1)
+        size, phase = right.subplots(2, 1, sharex=True)
+        size.plot(way, np.abs(np.append(track.amplitude, track.amplitude[0])) * UM, color="#e08a1e")
+        size.set(ylabel="amplitude (um)", ylim=(0.0, None))
+        phase.plot(way, track.phase_deg - track.phase_deg[0], color="#e08a1e")
+        phase.set(xlabel="along the crest's track, counter-clockwise (mm)", ylabel="phase (deg)")
+    axes.set(aspect="equal", xlabel="x (mm)", ylabel="y (mm)")
+    axes.legend(loc="upper right", fontsize=8)
     figure.savefig(path, dpi=150)
 
 

@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from feeder_sim.bifurcation import Diagram
+    from feeder_sim.circulation import StageWave
     from feeder_sim.node_routes import Route
     from feeder_sim.plate.mode_file import ModeFile
 
@@ -28,9 +29,13 @@ def print_summary(summary: dict[str, Any], folder: Path, as_json: bool) -> None:
         interval = f" +- {speed['se']:.3f} (SE), SD {speed['sd']:.3f}" if speed["n"] > 1 else ""
         print(f"  transport speed  {speed['mean']:.3f} mm/s{interval}, n = {speed['n']} of {summary['seeds']} seeds")
     drift = [summary[f"drift_velocity_{axis}_mm_s"] for axis in "xy"]
-    if "picked" in summary:
+    if "arrived" in summary:
+        _print_transport(summary)
+    elif "picked" in summary:
         _print_separation(summary)
-    elif drift[0]["n"] and "motion" not in summary:
+    for wave in summary.get("waves", []):
+        _print_circulation(wave)
+    if "picked" not in summary and drift[0]["n"] and "motion" not in summary:
         print(f"  mean drift       x {drift[0]['mean']:.3f}, y {drift[1]['mean']:.3f} mm/s")
         print(f"  highest rise     {summary['highest_rise_mm']['mean']:.3f} mm")
     if "motion" in summary:
@@ -53,6 +58,24 @@ def _print_separation(summary: dict[str, Any]) -> None:
         if found["n"]:
             spread = f", SD {found['sd']:.1f}" if found["n"] > 1 else ""
             print(f"  {label:<16} {found['mean']:.1f} of {summary['parts']}{spread}, n = {found['n']} seeds")
+
+
+def _print_transport(summary: dict[str, Any]) -> None:
+    found, took = summary["travelled_mm"], summary["arrival_time_s"]
+    print(f"  arrived          {summary['arrived']} of {summary['arrived_of']}")
+    for label, values, unit in (("travelled", found, "mm"), ("time", took, "s")):
+        if values["n"]:
+            spread = f", SD {values['sd']:.2f}" if values["n"] > 1 else ""
+            print(f"  {label:<16} {values['mean']:.2f} {unit}{spread}, n = {values['n']} seeds")
+
+
+def _print_circulation(wave: dict[str, Any]) -> None:
+    speed, still = wave["circulation_mm_s"], wave["at_still_points"]
+    if speed["n"]:
+        interval = f" +- {speed['se']:.3f} (SE)" if speed["n"] > 1 else ""
+        print(f"  circulation      {speed['mean']:+.3f} mm/s{interval}, counter-clockwise, n = {speed['n']} seeds")
+    if still["n"]:
+        print(f"  at still points  {100.0 * still['mean']:.0f} % of the parts")
 
 
 def _print_bounces(summary: dict[str, Any]) -> None:
@@ -129,6 +152,7 @@ def print_routes(routes: Sequence[Route], frequency: NDArray[np.float64], as_jso
                 "frequency_hz": [float(frequency[mode]) for mode in route.modes],
                 "station_mm": [1e3 * route.steps[0].start, *(1e3 * step.end for step in route.steps)],
                 "k": [step.k for step in route.steps],
+                "growth": [step.growth for step in route.steps],
             }
             for route in routes
         ]
@@ -136,10 +160,47 @@ def print_routes(routes: Sequence[Route], frequency: NDArray[np.float64], as_jso
         return
     for route in routes:
         print(f"largest k {route.largest_k:.3f}, modes {', '.join(str(mode + 1) for mode in route.modes)}")
-        print("  mode  frequency (Hz)  from (mm)  to (mm)      k")
+        print("  mode  frequency (Hz)  from (mm)  to (mm)      k  offset grows by")
         for step in route.steps:
             line = f"  {step.mode + 1:>4}  {frequency[step.mode]:>14.1f}  {1e3 * step.start:>9.2f}"
-            print(f"{line}  {1e3 * step.end:>7.2f}  {step.k:>5.3f}")
+            print(f"{line}  {1e3 * step.end:>7.2f}  {step.k:>5.3f}  {step.growth:>15.3g}")
+
+
+def print_ratios(rows: Sequence[tuple[float, Sequence[Route]]], as_json: bool) -> None:
+    """Print the best sequence of every length-to-width ratio, and the ratio that has the best of all."""
+    if as_json:
+        found = [
+            {
+                "ratio": ratio,
+                "largest_k": routes[0].largest_k if routes else None,
+                "growth": routes[0].growth if routes else None,
+                "modes": [mode + 1 for mode in routes[0].modes] if routes else [],
+            }
+            for ratio, routes in rows
+        ]
+        print(json.dumps(found))
+        return
+    print("length/width  largest k  offset grows by  modes")
+    for ratio, routes in rows:
+        if routes:
+            best = routes[0]
+            numbers = ", ".join(str(mode + 1) for mode in best.modes)
+            print(f"{ratio:>12.3f}  {best.largest_k:>9.3f}  {best.growth:>15.3g}  {numbers}")
+        else:
+            print(f"{ratio:>12.3f}  {'none':>9}")
+
+
+def print_waves(waves: Sequence[StageWave], as_json: bool) -> None:
+    """Print what the waves of a scenario are like."""
+    from feeder_sim.circulation import described
+
+    rows = [{"stage": wave.stage.name} | described(wave) for wave in waves]
+    if as_json:
+        print(json.dumps(rows))
+        return
+    for row in rows:
+        print(f"{row['stage'] or 'wave'}")
+        print(as_lines({key: value for key, value in row.items() if key != "stage"}, "  "))
 
 
 def as_lines(plan: dict[str, Any], indent: str = "") -> str:

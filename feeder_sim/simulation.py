@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from feeder_sim.bounces import bounce_measures
+from feeder_sim.circulation import stage_waves, wave_measures
 from feeder_sim.engines import choose_engine, engine_class
 from feeder_sim.errors import SimulationDiverged
 from feeder_sim.measures import Cell, check_stop_rule, ensemble_measures, transport_cell
@@ -22,6 +23,7 @@ from feeder_sim.seed_run import Begun, Recorder, SeedResult, SeedRun
 from feeder_sim.separation import separation_measures
 from feeder_sim.start import start_poses
 from feeder_sim.trajectory import Frames, Status
+from feeder_sim.transport import transport_measures
 
 COMPILING_S = 1.5
 COMPILING = "compiling the engine, some 20 s for one part, over a minute for many; the result is kept for the next time"
@@ -61,7 +63,12 @@ class Result:
         found = ensemble_measures([s.frames for s in ended], self.cell)
         if self.scene.scenario.schedule is not None or len(self.scene.parts) > 1:
             left = [s for s in self.seeds if s.status in (Status.DONE, Status.LEFT_PLATE)]
-            return found | separation_measures(self.scene, left)
+            found |= separation_measures(self.scene, left)
+            if self.scene.scenario.goal is not None:
+                found |= transport_measures(self.scene, left)
+            if waves := stage_waves(self.scene):
+                found |= wave_measures(waves, left)
+            return found
         return found | bounce_measures(
             self.scene, [s.impacts for s in ended], [float(s.frames.time[-1]) for s in ended]
         )

@@ -14,7 +14,7 @@ from typer.testing import CliRunner
 from feeder_sim.cli import app
 from feeder_sim.errors import InputError
 from feeder_sim.materials import Material
-from feeder_sim.node_routes import LineNodes, Route, find_routes, follow, nodes_on_line
+from feeder_sim.node_routes import LineNodes, Route, Search, find_routes, follow, nodes_on_line
 from feeder_sim.plate.modes import PlateModes, RectangularPlate, plate_modes
 
 LENGTH, START = 0.16, -0.075
@@ -72,7 +72,7 @@ def test_the_sequence_of_the_source_carries_a_part_to_the_middle(nodes: list[Lin
 
 
 def test_the_search_finds_it_and_nothing_better(nodes: list[LineNodes]) -> None:
-    best = find_routes(nodes, START, 0.0, tolerance=2e-3, limit=1.0, most_modes=6)[0]
+    best = find_routes(nodes, START, 0.0, Search())[0]
     assert best.modes == tuple(mode - 1 for mode in SOURCE)
 
 
@@ -91,7 +91,7 @@ def test_routes_are_the_best_of_all_orders(nodes: list[LineNodes], end: float, l
             if abs(route.end - end) <= 2e-3 and route.largest_k < limit:
                 best[length] = min(best.get(length, np.inf), route.largest_k)
     falling = [k for length, k in best.items() if k < min((best[m] for m in best if m < length), default=np.inf)]
-    found = find_routes(nodes, START, end, tolerance=2e-3, limit=limit, most_modes=4)
+    found = find_routes(nodes, START, end, Search(limit=limit, most_modes=4))
     assert [route.largest_k for route in found] == pytest.approx(sorted(falling))
     assert all(_connected(route, START) for route in found)
 

@@ -59,6 +59,9 @@ ORDER = [
     "picking",
     "seed_run",
     "separation",
+    "wave",
+    "circulation",
+    "transport",
     "simulation",
     "bifurcation",
     "checkpoint",
@@ -73,6 +76,7 @@ ORDER = [
     "catalogue",
     "report",
     "command_files",
+    "plate_commands",
     "cli",
     "__main__",
 ]
