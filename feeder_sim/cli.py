@@ -186,6 +186,7 @@ def replay(
     folder: Annotated[Path, typer.Argument(help="Run folder, or its trajectory.h5.", show_default=False)],
     screenshot: Annotated[Path | None, typer.Option("--screenshot", help="Write a picture; needs no screen.")] = None,
     at: Annotated[float, typer.Option("--at", min=0.0, help="Time shown in the screenshot [s].")] = 1.0,
+    slow: Annotated[bool, typer.Option("--slow-motion", help="--at is a time of the slow-motion timeline.")] = False,
     show_seed: Annotated[int, typer.Option("--show-seed", min=0, help="Index of the seed shown in 3D.")] = 0,
     rebuild: Annotated[bool, typer.Option("--rebuild", help="Build the .rrd again from the trajectory.")] = False,
 ) -> None:
@@ -194,7 +195,10 @@ def replay(
 
     recording = replay_file(folder, seed=show_seed, rebuild=rebuild)
     if screenshot is not None:
-        take_screenshot(recording, writable(screenshot), at=at)
+        from feeder_sim.replay_plate import TIMELINE
+        from feeder_sim.replay_wave import SLOW
+
+        take_screenshot(recording, writable(screenshot), at=at, timeline=SLOW if slow else TIMELINE)
     else:
         open_viewer(recording)
 

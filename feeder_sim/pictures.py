@@ -83,6 +83,7 @@ def draw_ratios(rows: Sequence[tuple[float, Sequence[Route]]], path: Path) -> No
         ]
         axes.plot([ratio for ratio, _ in rows], best, "o-", markersize=3, label=f"up to {most} modes")
     axes.set(xlabel="length over width of the plate", ylabel="largest k of the best sequence", ylim=(0.0, 1.0))
+    axes.set_xlim(rows[0][0], rows[-1][0])
     axes.legend(fontsize=8)
     figure.savefig(path, dpi=150)
 

@@ -57,12 +57,12 @@ def build_replay(trajectory: Path, replay: Path, *, shown_seed: int = 0) -> None
     times = timetable(scenario, shown.stops.tolist())
     terms = modal_terms(timed(recording.plate.drives, times))
     crowd = scenario.schedule is not None or scenario.n_parts > 1
-    blueprint = crowd_blueprint(recording) if crowd else _blueprint(recording, shown_seed)
+    blueprint = crowd_blueprint(recording, scenario) if crowd else _blueprint(recording, shown_seed)
     stream.save(partial, default_blueprint=blueprint)
     try:
         log_plate(stream, recording.plate, terms, max(f.time[-1] for f in recording.seeds if len(f)))
         if crowd:
-            log_crowd(stream, recording, scenario, times, shown_seed)
+            log_crowd(stream, recording, scenario, times, terms, shown_seed)
         else:
             _log_guide(stream, _guide(recording))
             _log_parts(stream, recording, recording.seeds[shown_seed])

@@ -12,31 +12,46 @@ import numpy as np
 from numpy.typing import NDArray
 
 from feeder_sim.picking import nearest_neighbours
+from feeder_sim.plate.drive import ModalTerms
 from feeder_sim.removals import Cause, Removals
-from feeder_sim.replay_parts import drawn_part
+from feeder_sim.replay_parts import NUT, drawn_part
 from feeder_sim.replay_plate import MM, TIMELINE, drawn_lines
+from feeder_sim.replay_wave import PERIOD_S, SLOW, log_wave
 from feeder_sim.scenario import Scenario
 from feeder_sim.timetable import TimedStage, Timetable
 from feeder_sim.trajectory import Frames, PartRecord, PlateRecord, Recording
 
 FLASH_S, FLASH_PERIOD_S = 0.4, 0.1  # before a pick
+OTHERS = (150, 150, 150, 140)
 FLASH = (40, 200, 60, 150)
 CLEARANCE = 0.01  # [m], of "isolated" where nothing is picked
 COUNTS = {"picked": (40, 160, 60), "lost": (190, 60, 60), "on_plate": (120, 120, 130), "isolated": (40, 90, 190)}
 
 
-def log_crowd(stream: Any, recording: Recording, scenario: Scenario, times: Timetable, shown_seed: int) -> None:
+def log_crowd(
+    stream: Any, recording: Recording, scenario: Scenario, times: Timetable, terms: ModalTerms, shown_seed: int
+) -> None:
     """Put the parts of one seed, its stages and its counts into a stream."""
+    import rerun as rr
+
     frames, removals = recording.records[shown_seed].frames, recording.records[shown_seed].removals
     stages = times.stages
     columns = _time_columns(frames, stages)
+    slowed = log_wave(stream, recording.plate, terms, stages, float(frames.time[-1]))
     first = 0
     for kind, part in enumerate(scenario.part):
-        _log_kind(stream, kind, recording.parts[first], frames, list(range(first, first + part.count)), columns)
+        members = list(range(first, first + part.count))
+        _log_kind(stream, kind, recording.parts[first], frames, members, columns)
+        for begin, moment in slowed:
+            row = min(int(np.searchsorted(frames.time, moment)), len(frames) - 1)
+            _log_kind(stream, kind, None, frames[slice(row, row + 1)], members, [rr.TimeColumn(SLOW, duration=[begin])])
         first += part.count
     _log_stages(stream, recording.plate, stages, float(frames.time[-1]))
     _log_flashes(stream, frames, removals, recording.parts[0])
-    _log_counts(stream, frames, removals, stages, columns)
+    if scenario.goal is not None:
+        _log_way(stream, recording, shown_seed)
+    else:
+        _log_counts(stream, frames, removals, stages, columns)
 
 
 def _stage_numbers(time: NDArray[np.float64], stages: Sequence[TimedStage]) -> NDArray[np.int64]:
@@ -57,11 +72,14 @@ def _time_columns(frames: Frames, stages: Sequence[TimedStage]) -> list[Any]:
     ]
 
 
-def _log_kind(stream: Any, kind: int, part: PartRecord, frames: Frames, members: list[int], times: list[Any]) -> None:
+def _log_kind(
+    stream: Any, kind: int, part: PartRecord | None, frames: Frames, members: list[int], times: list[Any]
+) -> None:
     """All parts of a kind as instances of one mesh; those taken out shrink to nothing."""
     import rerun as rr
 
-    stream.log(f"parts/{kind}", drawn_part(part), static=True)
+    if part is not None:
+        stream.log(f"parts/{kind}", drawn_part(part), static=True)
     there = frames.present[:, members].astype(np.float32)
     position = frames.position[:, members] * MM
     poses = rr.InstancePoses3D.columns(
@@ -147,7 +165,22 @@ def _log_counts(
         )
 
 
-def crowd_blueprint(recording: Recording) -> Any:
+def _log_way(stream: Any, recording: Recording, shown_seed: int) -> None:
+    """Mean x of the parts over time: the shown seed, and all others."""
+    import rerun as rr
+
+    for seed, frames in enumerate(recording.seeds):
+        shown = seed == shown_seed
+        name = "counts/shown" if shown else f"counts/others/seed_{seed:03d}"
+        style = rr.SeriesLines(
+            colors=[NUT if shown else OTHERS], widths=[2.0 if shown else 1.0], names=[f"seed {seed}"]
+        )
+        stream.log(name, style, static=True)
+        place = rr.Scalars.columns(scalars=frames.position[..., 0].mean(axis=1) * MM)
+        stream.send_columns(name, indexes=[rr.TimeColumn(TIMELINE, duration=frames.time)], columns=place)
+
+
+def crowd_blueprint(recording: Recording, scenario: Scenario) -> Any:
     """The plate from above and aslant, the counts and the stages beside it."""
     import rerun.blueprint as rrb
 
@@ -164,10 +197,23 @@ def crowd_blueprint(recording: Recording) -> Any:
         line_grid=False,
         background=[245, 245, 247],
     )
-    counts = rrb.TimeSeriesView(origin="/counts", name="Parts picked, lost, on the plate, isolated")
+    title = "Parts picked, lost, on the plate, isolated"
+    if scenario.goal is not None:
+        title = f"x (mm): shown seed orange, others grey; the goal is {scenario.goal.x_mm:g}"
+    counts = rrb.TimeSeriesView(origin="/counts", name=title, plot_legend=rrb.PlotLegend(visible=scenario.goal is None))
+    wave_eye = rrb.EyeControls3D(position=[0.0, -far, 0.6 * far], look_target=[0.0, 0.0, 0.0], eye_up=[0.0, 0.0, 1.0])
+    wave = rrb.Spatial3DView(
+        origin="/wave",
+        name=f"Surface, magnified; timeline {SLOW}: one period in {PERIOD_S:g} s",
+        eye_controls=wave_eye,
+        line_grid=False,
+        background=[245, 245, 247],
+    )
     return rrb.Blueprint(
         rrb.Horizontal(
-            scene, rrb.Vertical(counts, rrb.TextLogView(origin="/stage", name="Stages")), column_shares=[3, 2]
+            scene,
+            rrb.Vertical(counts, wave, rrb.TextLogView(origin="/stage", name="Stages"), row_shares=[2, 2, 1]),
+            column_shares=[3, 2],
         ),
         rrb.TimePanel(state="collapsed", timeline=TIMELINE, play_state="playing", loop_mode="all"),
         rrb.BlueprintPanel(state="hidden"),

@@ -51,8 +51,8 @@ def open_viewer(replay: Path) -> None:
         raise FeederSimError(f"{replay}: the rerun viewer did not open (no screen? --screenshot needs none)")
 
 
-def take_screenshot(replay: Path, picture: Path, *, at: float) -> None:
-    """Render the opened replay at a time [s], without a screen.
+def take_screenshot(replay: Path, picture: Path, *, at: float, timeline: str = TIMELINE) -> None:
+    """Render the opened replay at a time [s] of a timeline, without a screen.
 
     Raises:
         FeederSimError: the viewer did not start (it finds no graphics driver, not even a software one) or draw.
@@ -61,7 +61,7 @@ def take_screenshot(replay: Path, picture: Path, *, at: float) -> None:
         os.environ.setdefault("XDG_RUNTIME_DIR", runtime_folder)
         os.environ.setdefault("RUST_LOG", "error")  # the viewer talks a lot on stderr
         try:
-            _draw(replay.resolve(), picture.resolve(), at)
+            _draw(replay.resolve(), picture.resolve(), at, timeline)
         except (RuntimeError, ConnectionError, TimeoutError, ValueError) as error:
             raise FeederSimError(
                 f"{picture}: the rerun viewer wrote no picture; without a GPU it needs a software driver "
@@ -69,7 +69,7 @@ def take_screenshot(replay: Path, picture: Path, *, at: float) -> None:
             ) from error
 
 
-def _draw(replay: Path, picture: Path, at: float) -> None:
+def _draw(replay: Path, picture: Path, at: float, timeline: str) -> None:
     from rerun.experimental import ViewerClient
 
     with socket.socket() as probe:
@@ -80,7 +80,7 @@ def _draw(replay: Path, picture: Path, at: float) -> None:
         deadline = time.monotonic() + LOADING_TIMEOUT_S
         while viewer.get_state().loading and time.monotonic() < deadline:
             time.sleep(0.2)
-        viewer.set_time(TIMELINE, duration=at, play_state="paused")
+        viewer.set_time(timeline, duration=at, play_state="paused")
         time.sleep(SETTLING_S)
         viewer.save_screenshot(str(picture))
 

@@ -67,6 +67,7 @@ ORDER = [
     "checkpoint",
     "replay_plate",
     "replay_parts",
+    "replay_wave",
     "replay_crowd",
     "replay",
     "run_folder",

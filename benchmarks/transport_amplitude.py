@@ -1,0 +1,80 @@
+"""Up to which amplitude a nut keeps its way: the transport scenario with all amplitudes scaled together.
+
+    python benchmarks/transport_amplitude.py [--scenario FILE] [--seeds 8] [--factors 0.5 0.7 1 ...] [--picture FILE]
+
+Prints, for every factor, how many of the seeds arrive within the goal, and how long it took them. The scenario's own
+amplitudes are a factor of 1: the same velocity amplitude for all modes.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+
+from feeder_sim.scenario import Scenario, load_scenario
+from feeder_sim.simulation import simulate
+from feeder_sim.tables import validated
+
+SCENARIO = Path(__file__).parents[1] / "scenarios" / "transport_strip.toml"
+FACTORS = [0.5, 0.7, 1.0, 1.4, 2.0, 2.8, 4.0, 5.6]
+
+
+def scaled(path: Path, factor: float, seeds: int) -> Scenario:
+    """The scenario with all amplitudes multiplied."""
+    raw = load_scenario(path).model_dump(exclude_none=True)
+    raw["run"]["seeds"] = seeds
+    for stage in raw["schedule"]["stage"]:
+        for drive in stage["drive"]:
+            drive["amplitude_um"] *= factor
+    return validated(raw, Scenario, path)
+
+
+def draw(rows: list[tuple[float, float, float | None, float | None]], title: str, picture: Path) -> None:
+    """Success rate and time over the factor."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(6.4, 4.6), layout="constrained")
+    success, time = figure.subplots(2, 1, sharex=True)
+    factors = [row[0] for row in rows]
+    success.plot(factors, [100.0 * row[1] for row in rows], "o-", color="#3a60be")
+    success.set(ylabel="arrived (%)", ylim=(-5, 105), title=title)
+    arrived = [row for row in rows if row[2] is not None]
+    time.errorbar(
+        [row[0] for row in arrived],
+        [row[2] for row in arrived],
+        yerr=[row[3] or 0.0 for row in arrived],
+        fmt="o-",
+        color="#be3434",
+    )
+    time.axhline(34.0, color="0.6", linestyle="--", label="source: 34.0 s")
+    time.set(xscale="log", xlabel="amplitude over the scenario's", ylabel="time of those (s)", ylim=(0.0, None))
+    time.set_xticks(factors, [f"{factor:g}" for factor in factors])
+    time.minorticks_off()
+    time.legend(fontsize=8)
+    figure.savefig(picture, dpi=150)
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--scenario", type=Path, default=SCENARIO)
+    parser.add_argument("--seeds", type=int, default=8)
+    parser.add_argument("--factors", type=float, nargs="+", default=FACTORS)
+    parser.add_argument("--picture", type=Path)
+    arguments = parser.parse_args()
+    print("| factor | arrived | time (s), mean and SD | travelled (mm), mean and SD |\n|---|---|---|---|")
+    rows = []
+    for factor in arguments.factors:
+        found = simulate(scaled(arguments.scenario, factor, arguments.seeds)).measures()
+        took, way = found["arrival_time_s"], found["travelled_mm"]
+        rows.append((factor, found["arrived"] / found["arrived_of"], took["mean"], took["sd"]))
+        time = f"{took['mean']:.1f} +- {took['sd'] or 0.0:.1f}" if took["n"] else "-"
+        place = f"{way['mean']:.1f} +- {way['sd'] or 0.0:.1f}"
+        print(f"| {factor:g} | {found['arrived']} of {found['arrived_of']} | {time} | {place} |", flush=True)
+    if arguments.picture:
+        draw(rows, load_scenario(arguments.scenario).title, arguments.picture)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
