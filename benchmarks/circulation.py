@@ -2,8 +2,8 @@
 
     python benchmarks/circulation.py [--seeds 16] [--amplitudes 0.5 1.25 ...] [--phases 90 -90 0] [--picture FILE]
 
-One nut per run starts on the track of the crest, at eight places along it; its speed along the track, counter-clockwise,
-is the mean over the last three of four seconds. The amplitude is that at the plate's corner, where it is largest.
+One nut per run starts on the track of the crest, at eight places along it; its speed along the track, counter-clockwise
+(+), is the mean over the last three of four seconds. The amplitude is that at the plate's corner, where it is largest.
 """
 
 from __future__ import annotations

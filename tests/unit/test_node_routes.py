@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from conftest import REPOSITORY
 from scipy.optimize import brentq
 from typer.testing import CliRunner
 
@@ -16,6 +17,8 @@ from feeder_sim.errors import InputError
 from feeder_sim.materials import Material
 from feeder_sim.node_routes import LineNodes, Route, Search, find_routes, follow, nodes_on_line
 from feeder_sim.plate.modes import PlateModes, RectangularPlate, plate_modes
+from feeder_sim.plate.plate_file import compute_modes
+from feeder_sim.scenario import load_plate_file
 
 LENGTH, START = 0.16, -0.075
 SOURCE = (1, 4, 3, 5, 2)  # 402, 3546, 2242, 4756, 1154 Hz of the source's plate
@@ -129,3 +132,49 @@ def test_bad_input_is_one_line(options: list[str], says: str) -> None:
     done = CliRunner().invoke(app, ["sequence", str(STRIP), *options])
     assert isinstance(done.exception, InputError)
     assert says in str(done.exception)
+
+
+RECTANGLE = REPOSITORY / "models/plate_160_120/plate.toml"
+
+
+def test_nothing_leaves_the_line_of_a_strip(nodes: list[LineNodes]) -> None:
+    route = follow(nodes, [mode - 1 for mode in SOURCE], START)
+    assert route.growth == pytest.approx(1.0, abs=1e-6)
+
+
+def test_growth_is_what_the_slope_of_the_square_makes_of_an_offset() -> None:
+    """Against an integration of the drift down the slope of w^2, a little beside the line."""
+    modes = compute_modes(load_plate_file(RECTANGLE)).modes
+    nodes = nodes_on_line(modes)
+    for mode, start, grows in ((4, -0.0228, True), (5, -0.0158, False)):
+        step = follow(nodes, [mode], start).steps[0]
+        assert (step.growth > 2.0) == grows
+        point = np.array([start, 1e-4])
+        for _ in range(20_000):
+            if abs(point[0] - step.end) < 0.01 * abs(start - step.end):
+                break
+            h = 1e-6
+            around = point + h * np.array([[1, 0], [-1, 0], [0, 1], [0, -1]])
+            square = modes.evaluate(mode, around[:, 0], around[:, 1])[0] ** 2
+            slope = np.array([square[0] - square[1], square[2] - square[3]])
+            point = point - 5e-6 * slope / np.linalg.norm(slope)
+        assert point[1] / 1e-4 == pytest.approx(step.growth, rel=0.03)
+
+
+def test_plates_of_other_widths_are_compared(tmp_path: Path) -> None:
+    picture = tmp_path / "ratios.png"
+    place = ["sequence", str(RECTANGLE), "--from", "-75", "--to", "0", "--most", "4", "--growth", "1.5"]
+    done = CliRunner().invoke(app, [*place, "--ratios", "1.3333:1.5:2", "--json", "--picture", str(picture)])
+    assert done.exit_code == 0
+    rows = json.loads(done.stdout)
+    best = json.loads(CliRunner().invoke(app, [*place, "--json"]).stdout)[0]
+    assert rows[0]["largest_k"] == pytest.approx(best["largest_k"], rel=1e-3) and rows[0]["modes"] == best["modes"]
+    assert rows[1]["ratio"] == 1.5 and rows[1]["largest_k"] < 1.0
+    assert picture.stat().st_size > 10_000
+
+
+@pytest.mark.parametrize("ratios", ["1:2", "2:1:5", "1:2:1", "a:b:c", "0:2:5", "1:nan:5"])
+def test_bad_ratios_are_one_line(ratios: str) -> None:
+    done = CliRunner().invoke(app, ["sequence", str(RECTANGLE), "--from", "-75", "--to", "0", "--ratios", ratios])
+    assert isinstance(done.exception, InputError)
+    assert f"--ratios: is {ratios}, allowed is LEAST:LARGEST:NUMBER" in str(done.exception)

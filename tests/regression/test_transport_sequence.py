@@ -1,0 +1,40 @@
+"""Sequences of modes carry a nut over 75 mm: a strip with the five modes of the source, a rectangle with its own six."""
+
+from __future__ import annotations
+
+import numpy as np
+from conftest import REPOSITORY
+
+from feeder_sim.scenario import load_scenario, with_run
+from feeder_sim.simulation import Result, simulate
+
+MEASURED_S = 34.0  # D. Shi, EPFL thesis TH7124 (2016); with amplitudes it does not give
+
+
+def ran(name: str, seeds: int) -> Result:
+    return simulate(with_run(load_scenario(REPOSITORY / f"scenarios/{name}.toml"), seeds=seeds))
+
+
+def check_arrived(result: Result, seeds: int) -> None:
+    found = result.measures()
+    assert found["arrived"] == found["arrived_of"] == seeds
+    for frames in result.trajectories:
+        assert 0.073 <= np.hypot(*(frames.position[-1, 0, :2] - frames.position[0, 0, :2])) <= 0.077
+        assert abs(frames.position[-1, 0, 0]) <= 2e-3
+    assert [stage["settled"] for stage in found["transport_stages"]] == [seeds] * len(found["transport_stages"])
+
+
+def test_five_modes_of_a_strip_carry_every_nut() -> None:
+    result = ran("transport_strip", 8)
+    check_arrived(result, 8)
+    time = result.measures()["arrival_time_s"]
+    print(f"\nstrip: {time['mean']:.1f} +- {time['sd']:.1f} s (SD), measured {MEASURED_S} s")
+    assert abs(time["mean"] - MEASURED_S) < 3.0
+    stations = [stage["x_mm"]["mean"] for stage in result.measures()["transport_stages"]]
+    assert np.abs(np.array(stations) - [-44.1, -35.7, -23.1, -14.5, 0.0]).max() < 1.1
+
+
+def test_six_modes_of_a_rectangle_carry_every_nut() -> None:
+    result = ran("transport_rectangle", 2)
+    check_arrived(result, 2)
+    assert max(abs(frames.position[:, 0, 1]).max() for frames in result.trajectories) < 6e-3  # it keeps to the line

@@ -1,0 +1,54 @@
+"""Nuts on quasi-travelling waves: they run round with the sense of the wave, and gather at its still points."""
+
+from __future__ import annotations
+
+import pytest
+from conftest import REPOSITORY
+
+from feeder_sim.circulation import FROM, circulation, stage_waves
+from feeder_sim.measures import Statistic
+from feeder_sim.scenario import Scenario, load_scenario, with_run
+from feeder_sim.scene import build_scene
+from feeder_sim.simulation import simulate
+
+RUNNING, GATHERING = (REPOSITORY / f"scenarios/wave_{name}.toml" for name in ("circulation", "gather"))
+SEEDS = 5
+
+
+def at_phase(phase_deg: float) -> Scenario:
+    """The scenario with another phase between its modes."""
+    raw = load_scenario(RUNNING).model_dump(exclude_none=True)
+    raw["schedule"]["stage"][0]["drive"][1]["phase_deg"] = phase_deg
+    raw["run"]["seeds"] = SEEDS
+    return Scenario.model_validate(raw)
+
+
+@pytest.fixture(scope="module")
+def speeds() -> dict[float, Statistic]:
+    """Circulation [mm/s] along the crest's track of the wave at 90 degrees, for three phases."""
+    (wave,) = stage_waves(build_scene(at_phase(90.0)))
+    assert wave.track is not None
+    stop, found = wave.stage.stop, {}
+    for phase in (90.0, -90.0, 0.0):
+        seeds = simulate(at_phase(phase)).trajectories
+        found[phase] = Statistic.of(1e3 * circulation(wave.track, frames, FROM * stop, stop) for frames in seeds)
+        print(f"\n{phase:+.0f} degrees: {found[phase].mean:+.3f} +- {found[phase].se:.3f} mm/s")
+    return found
+
+
+def test_nuts_run_the_way_of_the_wave(speeds: dict[float, Statistic]) -> None:
+    assert speeds[90.0].mean > 3.0 * speeds[90.0].se
+    assert speeds[-90.0].mean < -3.0 * speeds[-90.0].se
+
+
+def test_nuts_do_not_run_round_on_a_standing_wave(speeds: dict[float, Statistic]) -> None:
+    standing = speeds[0.0]
+    assert abs(standing.mean) < 3.0 * standing.se
+    assert standing.se < speeds[90.0].mean
+
+
+def test_nuts_gather_at_still_points() -> None:
+    scenario = with_run(load_scenario(GATHERING), seeds=2)
+    (wave,) = simulate(scenario).measures()["waves"]
+    assert wave["still_points"] == 9
+    assert wave["at_still_points"]["mean"] >= 0.8

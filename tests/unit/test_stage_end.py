@@ -1,0 +1,197 @@
+"""Stages that end when their parts have settled: when that is, what follows from it, and that it survives a break."""
+
+from __future__ import annotations
+
+import json
+import math
+import threading
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from pydantic import ValidationError
+
+from feeder_sim.run_folder import TRAJECTORY, record_run, resume_run
+from feeder_sim.scenario import (
+    Excitation,
+    Goal,
+    HexNut,
+    PistonPlate,
+    Run,
+    Scenario,
+    Schedule,
+    Settled,
+    Stage,
+    Start,
+    Strip,
+)
+from feeder_sim.scene import Scene, build_scene
+from feeder_sim.simulation import simulate
+from feeder_sim.stage_lines import settled, stage_lines
+from feeder_sim.timetable import timetable
+from feeder_sim.trajectory import Frames
+from feeder_sim.trajectory_file import read_recording
+from feeder_sim.transport import arrived, transport_measures
+
+LONG, PAUSE = 3.0, 0.05  # [s]
+
+
+def scenario(*, start_mm: float = 16.0, seeds: int = 1, within_mm: float = 2.0, for_s: float = 0.2) -> Scenario:
+    """A nut beside the node of 4750 Hz, 19.5 mm from the middle; then another mode, with a node farther in."""
+    until = Settled(within_mm=within_mm, for_s=for_s)
+    first, second = (Excitation(frequency_hz=f, amplitude_um=2.0) for f in (4750.0, 8775.0))
+    return Scenario(
+        plate=Strip(thickness_mm=3.0),
+        schedule=Schedule(
+            stage=(
+                Stage(name="wait", duration_s=0.1),
+                Stage(name="out", drive=(first,), duration_s=LONG, until=until, pause_s=PAUSE),
+                Stage(name="in", drive=(second,), duration_s=0.2),
+            )
+        ),
+        part=(HexNut(size="M2.5", start=Start(position_mm=(start_mm, 0.0), tilt_deg=(0.0, 0.0))),),
+        goal=Goal(x_mm=18.0, within_mm=4.0),
+        run=Run(seeds=seeds, frames_per_second=200.0),
+    )
+
+
+@pytest.fixture(scope="module")
+def scene() -> Scene:
+    return build_scene(scenario())
+
+
+def node(scene: Scene) -> float:
+    return float(0.5 * math.pi / scene.driven[0].shape.wavenumber)  # type: ignore[attr-defined]
+
+
+def standing(scene: Scene, x: list[float]) -> Frames:
+    """Frames of the nut at places [m] along x, a frame apart."""
+    n = len(x)
+    position = np.zeros((n, 1, 3))
+    position[:, 0, 0], position[:, 0, 2] = x, 1e-3
+    upright = np.tile([1.0, 0.0, 0.0, 0.0], (n, 1, 1))
+    time = scene.frame_interval * np.arange(n, dtype=np.float64)
+    return Frames(time, position, upright, 0 * position, 0 * position, np.ones((n, 1), bool))
+
+
+def test_settled_is_near_a_node_without_a_break(scene: Scene) -> None:
+    lines, at = stage_lines(scene), node(scene)
+    hold = round(0.2 / scene.frame_interval)
+    waited = round(0.1 / scene.frame_interval)
+    there = [at + 1e-3] * (waited + hold + 1)
+    assert settled(scene, lines, 1, standing(scene, there))
+    assert not settled(scene, lines, 1, standing(scene, there[:-2]))  # the stage has not lasted that long
+    assert not settled(scene, lines, 1, standing(scene, [*there[:-3], at + 3e-3, at, at]))
+    assert settled(scene, lines, 1, standing(scene, [0.0, *there]))
+    assert not settled(scene, lines, 0, standing(scene, there)) and not settled(scene, lines, 2, standing(scene, there))
+
+
+def test_nothing_settles_on_an_empty_plate(scene: Scene) -> None:
+    frames = standing(scene, [node(scene)] * 100)
+    frames.present[:] = False
+    assert not settled(scene, stage_lines(scene), 1, frames)
+
+
+def test_stops_shift_what_follows() -> None:
+    planned, actual = timetable(scenario()), timetable(scenario(), [0.1, 0.6])
+    expected = np.array([(0.0, 0.1, 0.1), (0.1, 0.6, 0.65), (0.65, 0.85, 0.85)])
+    assert np.array([(s.start, s.stop, s.end) for s in actual.stages]) == pytest.approx(expected)
+    assert actual.duration == pytest.approx(0.85)
+    assert planned.duration == pytest.approx(0.1 + LONG + PAUSE + 0.2)
+    acting = np.array([(o.start, o.stop) for o in actual.occurrences])
+    assert acting == pytest.approx(np.array([(0.1, 0.6), (0.65, 0.85)]))
+
+
+def test_the_plate_moves_as_the_stops_say(scene: Scene) -> None:
+    stopped = scene.stopped([0.1, 0.6])
+    before, after = np.array([0.3, 0.599]), np.array([0.7, 0.8])
+    q = stopped.surface.terms.phasor(before, 2)
+    assert np.array_equal(q, scene.surface.terms.phasor(before, 2))
+    assert np.abs(stopped.surface.terms.phasor(after, 2)[:, 1]).min() > 1e-6
+    assert np.abs(scene.surface.terms.phasor(after, 2)[:, 1]).max() == 0.0
+    assert stopped.n_frames < scene.n_frames
+
+
+def test_a_run_ends_stages_when_the_nut_has_settled() -> None:
+    result = simulate(scenario(seeds=2))
+    for seed in result.seeds:
+        wait, out = seed.stops
+        assert wait == pytest.approx(0.1) and 0.3 <= out < 0.1 + LONG
+        assert seed.frames.time[-1] == pytest.approx(out + PAUSE + 0.2, abs=2.0 * result.scene.frame_interval)
+        held = seed.frames[slice(*np.searchsorted(seed.frames.time, [out - 0.2, out + 1e-9]))]
+        assert np.abs(np.abs(held.position[:, 0, 0]) - node(result.scene)).max() < 2.01e-3
+    found = result.measures()
+    assert [stage["settled"] for stage in found["transport_stages"]] == [0, 2, 0]
+    assert found["arrived"] == found["arrived_of"] == 2
+    assert found["stages"][1]["on_nodal_line"]["mean"] == 1.0
+
+
+def test_a_stage_that_nothing_settles_in_lasts_to_its_limit() -> None:
+    (seed,) = simulate(scenario(start_mm=2.0, within_mm=0.01, for_s=1.0)).seeds
+    assert len(seed.stops) == 0
+    assert seed.frames.time[-1] == pytest.approx(0.1 + LONG + PAUSE + 0.2, abs=0.01)
+
+
+class StopsAfter(threading.Event):
+    """Is set once it has been looked at so many times."""
+
+    def __init__(self, looks: int) -> None:
+        super().__init__()
+        self._left = looks
+
+    def is_set(self) -> bool:
+        self._left -= 1
+        return self._left < 0 or super().is_set()
+
+
+@pytest.mark.parametrize("looks", [2, 5])
+def test_a_resumed_run_ends_its_stages_at_the_same_times(looks: int, tmp_path: Path) -> None:
+    wanted = scenario(start_mm=16.9)
+    record_run(wanted, tmp_path / "whole", replay=False)
+    begun = record_run(wanted, tmp_path / "broken", stop=StopsAfter(looks), replay=False)
+    assert begun.interrupted
+    resume_run(tmp_path / "broken")
+    whole, resumed = (read_recording(tmp_path / name / TRAJECTORY).records[0] for name in ("whole", "broken"))
+    assert len(whole.stops) == 2
+    for name in ("stops", "frames"):
+        one, other = getattr(whole, name), getattr(resumed, name)
+        pairs = [(one, other)] if name == "stops" else [(v, getattr(other, k)) for k, v in vars(one).items()]
+        assert all(np.array_equal(a, b) for a, b in pairs)
+    summaries = [json.loads((tmp_path / name / "summary.json").read_text()) for name in ("whole", "broken")]
+    assert summaries[0]["transport_stages"] == summaries[1]["transport_stages"]
+
+
+def test_arrival_is_told_from_the_last_frame(scene: Scene) -> None:
+    assert arrived(scene, standing(scene, [0.0, 21.9e-3])).all()
+    assert not arrived(scene, standing(scene, [19e-3, 22.1e-3])).any()
+    fallen = standing(scene, [0.0, 19e-3])
+    fallen.position[-1, 0, 2] = -0.01
+    assert not arrived(scene, fallen).any()
+    point = build_scene(scenario().model_copy(update={"goal": Goal(x_mm=19.0, y_mm=4.0, within_mm=3.0)}))
+    assert not arrived(point, standing(scene, [0.0, 19e-3])).any()
+
+
+def test_measures_of_no_seeds_are_empty(scene: Scene) -> None:
+    found = transport_measures(scene, [])
+    assert found["arrived"] == found["arrived_of"] == 0 and found["arrival_time_s"]["mean"] is None
+
+
+@pytest.mark.parametrize(
+    ("changes", "says"),
+    [
+        ({"plate": PistonPlate(kind="piston")}, "no nodal lines"),
+        ({"schedule": None, "drive": [{"frequency_hz": 4750.0, "amplitude_um": 1.0}]}, "goal belongs to a"),
+    ],
+)
+def test_what_cannot_settle_or_arrive_is_refused(changes: dict[str, Any], says: str) -> None:
+    raw = scenario().model_dump() | changes
+    if "drive" in changes:
+        raw["run"] = {"duration_s": 1.0}
+    with pytest.raises(ValidationError, match=says):
+        Scenario.model_validate(raw)
+
+
+def test_settling_without_a_drive_is_refused() -> None:
+    with pytest.raises(ValidationError, match="a stage with a drive"):
+        Stage(duration_s=1.0, until=Settled())

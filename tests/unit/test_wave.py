@@ -1,0 +1,148 @@
+"""Waves of two modes: still points, crest track and travelling ratio; circulation on motion made by hand."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from conftest import REPOSITORY
+from numpy.typing import NDArray
+from typer.testing import CliRunner
+
+from feeder_sim.circulation import StageWave, circulation, stage_waves, wave_measures
+from feeder_sim.cli import app
+from feeder_sim.errors import InputError
+from feeder_sim.impacts import Impacts
+from feeder_sim.removals import Removals
+from feeder_sim.scenario import Scenario, load_scenario
+from feeder_sim.scene import build_scene
+from feeder_sim.trajectory import Frames, Record
+from feeder_sim.wave import Track
+
+GATHER = REPOSITORY / "scenarios/wave_gather.toml"
+SPLIT = REPOSITORY / "scenarios/wave_split.toml"
+
+
+def wave(phase_deg: float, path: Path = GATHER) -> StageWave:
+    raw = load_scenario(path).model_dump(exclude_none=True)
+    raw["schedule"]["stage"][0]["drive"][1]["phase_deg"] = phase_deg
+    (found,) = stage_waves(build_scene(Scenario.model_validate(raw)))
+    return found
+
+
+@pytest.fixture(scope="module")
+def quarter() -> StageWave:
+    return wave(90.0)
+
+
+def track_of(of: StageWave) -> Track:
+    assert of.track is not None
+    return of.track
+
+
+def test_nine_points_stay_still(quarter: StageWave) -> None:
+    assert len(quarter.still) == 9
+    middle = np.linalg.norm(quarter.still, axis=1).min()
+    assert middle < 1e-6
+    # The plate and the pair are the same after a quarter turn.
+    turned = quarter.still @ np.array([[0.0, 1.0], [-1.0, 0.0]])
+    for point in turned:
+        assert np.linalg.norm(quarter.still - point, axis=1).min() < 1e-5
+    antinode = np.abs(quarter.wave.amplitude).max()
+    assert np.abs(quarter.wave.at(quarter.still)).max() < 1e-3 * antinode
+
+
+def test_crest_runs_round_once_with_little_change_of_amplitude(quarter: StageWave) -> None:
+    track = track_of(quarter)
+    assert track.amplitude_ratio < 2.0
+    assert np.ptp(track.phase_deg) == pytest.approx(360.0, abs=1e-6)
+    assert (np.diff(track.phase_deg) < 0.0).all()  # the crest never turns back
+    assert track.turns == -1 and track.travelling_ratio > 0.6
+    assert quarter.wave.standing_share < 1e-6
+
+
+def test_the_crest_is_the_first_one_out_from_the_middle(quarter: StageWave) -> None:
+    track = track_of(quarter)
+    for point in track.points[::45]:
+        way = np.linspace(0.0, 1.0, 400)[:, None] * point
+        size = np.abs(quarter.wave.at(way))
+        assert (np.diff(size) > -1e-5 * size[-1]).all()
+        assert np.abs(quarter.wave.at((1.02 * point)[None]))[0] < size[-1] * (1.0 + 1e-4)
+
+
+def test_the_sense_follows_the_phase(quarter: StageWave) -> None:
+    other = track_of(wave(-90.0))
+    assert other.turns == 1
+    assert other.travelling_ratio == pytest.approx(-track_of(quarter).travelling_ratio, abs=1e-9)
+    assert other.points == pytest.approx(track_of(quarter).points, abs=1e-9)
+    ratios = [track_of(wave(phase)).travelling_ratio for phase in (30.0, 60.0, 90.0)]
+    assert 0.1 < ratios[0] < ratios[1] < ratios[2]
+
+
+def test_modes_in_phase_stand() -> None:
+    standing = wave(0.0)
+    assert standing.wave.standing_share == pytest.approx(1.0)
+    assert standing.track is None and len(standing.still) == 0
+
+
+def test_split_resonances_need_another_phase_between_their_drives(quarter: StageWave) -> None:
+    assert track_of(wave(-26.0, SPLIT)).amplitude_ratio == pytest.approx(track_of(quarter).amplitude_ratio, rel=0.02)
+    assert wave(-26.0, SPLIT).wave.standing_share < 0.02
+    assert wave(90.0, SPLIT).wave.standing_share > 0.85
+
+
+def running_round(track: Track, speed: float, offset: float) -> Frames:
+    """One part on a circle about the middle, counter-clockwise at a speed [m/s], and one that rests there."""
+    time = np.arange(0.0, 2.0, 0.01)
+    radius = float(np.linalg.norm(track.points, axis=1).mean()) + offset
+    angle = speed / radius * time
+    position = np.zeros((len(time), 2, 3))
+    position[:, 0, :2] = radius * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    position[..., 2] = 1e-3
+    return _frames(time, position)
+
+
+def _frames(time: NDArray[np.float64], position: NDArray[np.float64]) -> Frames:
+    upright = np.tile([1.0, 0.0, 0.0, 0.0], (*position.shape[:2], 1))
+    return Frames(time, position, upright, 0 * position, 0 * position, np.ones(position.shape[:2], bool))
+
+
+@pytest.mark.parametrize("speed", [0.02, -0.2])
+def test_circulation_is_the_speed_along_the_track(quarter: StageWave, speed: float) -> None:
+    track = track_of(quarter)
+    found = circulation(track, running_round(track, speed, 0.0), 0.0, 2.0)
+    # The track is no circle: what runs round one is slower along it.
+    assert 0.8 < found / speed < 1.0
+    assert math.isnan(circulation(track, running_round(track, speed, 0.03), 0.0, 2.0))
+    assert math.isnan(circulation(track, running_round(track, speed, 0.0), 5.0, 6.0))
+
+
+def test_parts_at_still_points_are_counted(quarter: StageWave) -> None:
+    position = np.zeros((801, 4, 3))
+    position[:, :2, :2] = quarter.still[:2] + np.array([0.0, 5e-3])
+    position[:, 2, :2] = quarter.still[0] + np.array([9e-3, 0.0])
+    position[:, 3, 2] = -0.03  # fallen past the edge
+    position[:, :3, 2] = 1e-3
+    record = Record(_frames(np.linspace(0.0, 24.0, 801), position), Impacts.none(), Removals.none(), np.empty(0))
+    (found,) = wave_measures([quarter], [record])["waves"]
+    assert found["at_still_points"]["mean"] == pytest.approx(2.0 / 3.0)
+    assert found["still_points"] == 9
+
+
+def test_command_describes_and_draws(tmp_path: Path) -> None:
+    picture = tmp_path / "wave.png"
+    done = CliRunner().invoke(app, ["wave", str(GATHER), "--json", "--picture", str(picture)])
+    assert done.exit_code == 0
+    (found,) = json.loads(done.stdout)
+    assert found["still_points"] == 9 and found["phase_turns"] == -1
+    assert picture.stat().st_size > 20_000
+    assert "travelling_ratio: 0.7" in CliRunner().invoke(app, ["wave", str(GATHER)]).stdout
+
+
+def test_a_scenario_without_a_wave_is_refused_in_one_line() -> None:
+    done = CliRunner().invoke(app, ["wave", str(REPOSITORY / "scenarios/separation_100.toml")])
+    assert isinstance(done.exception, InputError)
+    assert "no stage drives several modes at one frequency" in str(done.exception)
