@@ -10,6 +10,7 @@ import numpy as np
 
 from feeder_sim.engines import choose_engine, engine_class
 from feeder_sim.measures import check_stop_rule, transport_cell
+from feeder_sim.replay_wave import PERIODS, PICTURES, POINTS
 from feeder_sim.run_folder import DISPLAY_POINTS
 from feeder_sim.scene import GRAVITY, Scene
 from feeder_sim.simulation import available_cores
@@ -18,6 +19,7 @@ TRIAL_STEPS = 20_000
 BYTES_PER_FRAME_AND_PART = 68  # recorded, compressed
 BYTES_REPLAY = 40  # per frame, part and seed in the .rrd
 BYTES_FIXED = 150_000  # empty files, blueprint, meshes
+BYTES_PER_SLOW_POINT = 16  # place and colour, in the .rrd
 BYTES_PER_SURFACE_POINT = 60  # shape, mesh and colours of the plate, in both files
 
 
@@ -35,6 +37,7 @@ def plan_run(scene: Scene) -> dict[str, Any]:
     points = min(len(surface.x), DISPLAY_POINTS) * min(len(surface.y), DISPLAY_POINTS)
     file_size = frames * (BYTES_PER_FRAME_AND_PART + BYTES_REPLAY)
     file_size += points * surface.n_shapes * BYTES_PER_SURFACE_POINT + BYTES_FIXED
+    file_size += _slow_pictures(scene) * min(points, POINTS**2) * BYTES_PER_SLOW_POINT
     return {
         "title": scene.scenario.title,
         "engine": engine.name,
@@ -69,8 +72,16 @@ def plan_run(scene: Scene) -> dict[str, Any]:
         "frames_per_seed": scene.n_frames,
         "estimated_wall_s": cost * scene.n_steps * math.ceil(run.seeds / available_cores()),
         "estimated_file_size_mb": 1e-6 * file_size,
-        "estimates_are_upper_bounds": run.stop != "time",
+        "estimates_are_upper_bounds": run.stop != "time" or any(stage.until for stage in scene.times.stages),
     }
+
+
+def _slow_pictures(scene: Scene) -> int:
+    """Pictures of the surface in slow motion: of every different stage of a schedule, or of a scene of many parts."""
+    if scene.scenario.schedule is None and len(scene.parts) == 1:
+        return 0
+    different = {frozenset(scene.drives[i].shape for i in stage.excitations) for stage in scene.times.stages}
+    return len(different - {frozenset()}) * PERIODS * PICTURES
 
 
 def _trial_cost(scene: Scene) -> float:

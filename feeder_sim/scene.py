@@ -115,6 +115,7 @@ def build_scene(scenario: Scenario) -> Scene:
         timestep=timestep,
         steps_per_frame=max(1, round(1.0 / (run.frames_per_second * timestep))),
     )
+    _check_picks(scene)
     if scene.n_frames < 2:
         raise InputError(
             f"is {times.duration:g}, allowed is at least one frame, {scene.frame_interval:g} s", key="run.duration_s"
@@ -137,6 +138,17 @@ def _check_on_plate(spec: PartSpec, kind: RigidPart, surface: Surface, key: str)
         size, name = start.size_mm, "size_mm"
     if abs(x) + 0.5 * size[0] > half[0] or abs(y) + 0.5 * size[1] > half[1]:
         raise InputError(f"is {_plain(size)}, allowed is what lies on the plate around its centre", key=f"{key}.{name}")
+
+
+def _check_picks(scene: Scene) -> None:
+    """Refuse a pick with no frame left for it between the moment its parts have settled and the end of the pause."""
+    least = 2.0 * scene.frame_interval
+    for stage in scene.times.stages:
+        if stage.until and stage.clearance is not None and stage.end - stage.stop < least:
+            raise InputError(
+                f"is {stage.end - stage.stop:g}, allowed is at least two frames, {least:.2g} s, with until and pick",
+                key=f"schedule.{'stage' if stage.cycle else 'prepare'}[{stage.number}].pause_s",
+            )
 
 
 def _check_goal(scenario: Scenario, surface: Surface) -> None:

@@ -1,4 +1,4 @@
-"""Sequences of modes carry a nut over 75 mm: a strip with the five modes of the source, a rectangle with its own six."""
+"""Sequences of modes carry a nut over 75 mm: on a strip by the five modes of the source, on a rectangle by its own."""
 
 from __future__ import annotations
 

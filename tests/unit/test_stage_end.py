@@ -12,11 +12,13 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
+from feeder_sim.errors import InputError
 from feeder_sim.run_folder import TRAJECTORY, record_run, resume_run
 from feeder_sim.scenario import (
     Excitation,
     Goal,
     HexNut,
+    Pick,
     PistonPlate,
     Run,
     Scenario,
@@ -190,6 +192,29 @@ def test_what_cannot_settle_or_arrive_is_refused(changes: dict[str, Any], says: 
         raw["run"] = {"duration_s": 1.0}
     with pytest.raises(ValidationError, match=says):
         Scenario.model_validate(raw)
+
+
+def test_a_pick_without_a_pause_after_parts_have_settled_is_refused() -> None:
+    wanted = scenario()
+    assert wanted.schedule is not None
+    out = wanted.schedule.stage[1].model_copy(update={"pause_s": 0.005, "pick": Pick(clearance_mm=10.0)})
+    with pytest.raises(InputError, match=r"schedule.stage\[1\].pause_s: is 0.005, allowed is at least two frames"):
+        build_scene(wanted.model_copy(update={"schedule": Schedule(stage=(wanted.schedule.stage[0], out))}))
+
+
+def test_a_settled_nut_is_picked_at_the_end_of_the_pause() -> None:
+    wanted = scenario(start_mm=16.9)
+    assert wanted.schedule is not None
+    wait, out, _ = wanted.schedule.stage
+    picking = Schedule(stage=(wait, out.model_copy(update={"pick": Pick(clearance_mm=10.0)})))
+    (seed,) = simulate(wanted.model_copy(update={"schedule": picking})).seeds
+    assert seed.removals.time == pytest.approx(seed.stops[1] + PAUSE, abs=0.01)
+    assert seed.frames.time[-1] == seed.removals.time[0]
+
+
+def test_a_goal_beside_the_plate_is_refused() -> None:
+    with pytest.raises(InputError, match=r"goal.x_mm: is 900, allowed is within"):
+        build_scene(scenario().model_copy(update={"goal": Goal(x_mm=900.0)}))
 
 
 def test_settling_without_a_drive_is_refused() -> None:
