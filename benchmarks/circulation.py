@@ -1,9 +1,9 @@
 """Which way nuts run on a quasi-travelling wave: circulation over amplitude, for both senses of the wave and none.
 
-    python benchmarks/circulation.py [--seeds 16] [--amplitudes 0.5 1.25 ...] [--phases 90 -90 0] [--picture FILE]
+    python benchmarks/circulation.py [--seeds 12] [--amplitudes 0.5 1.25 ...] [--phases 90 -90 0] [--picture FILE]
 
-One nut per run starts on the track of the crest, at eight places along it; its speed along the track, counter-clockwise
-(+), is the mean over the last three of four seconds. The amplitude is that at the plate's corner, where it is largest.
+Eight nuts start at places along the track of the crest; their speed along it, counter-clockwise, is the mean over the
+last three of four seconds. The amplitude is that at the plate's corner, where it is largest.
 """
 
 from __future__ import annotations
@@ -35,27 +35,25 @@ def track() -> Track:
     return found
 
 
-def one_nut(amplitude: float, phase: float, place: list[float], seeds: int, number: int) -> Scenario:
-    """One nut [mm] on the wave of the scenario at another amplitude [um] and phase [deg]."""
+def on_track(crest: Track, amplitude: float, phase: float, seeds: int) -> Scenario:
+    """Nuts at places along the track, too far apart to meet, on the wave at another amplitude [um] and phase [deg]."""
     raw = load_scenario(SCENARIO).model_dump(exclude_none=True)
     first, second = raw["schedule"]["stage"][0]["drive"]
     first["amplitude_um"] = second["amplitude_um"] = amplitude
     second["phase_deg"] = phase
     raw["schedule"]["stage"][0]["duration_s"] = DURATION_S
-    start = {"position_mm": place, "drop_height_mm": [0.05, 0.3], "yaw_deg": [0.0, 360.0]}
-    raw["part"] = [{**raw["part"][0], "count": 1, "start": start}]
-    raw["run"] |= {"seeds": seeds, "seed": number}
+    anyhow = {"drop_height_mm": [0.05, 0.3], "yaw_deg": [0.0, 360.0]}
+    places = 1e3 * crest.points[:: len(crest.points) // PLACES]
+    nut = {"shape": "hex_nut", "size": "M2.5"}
+    raw["part"] = [nut | {"start": anyhow | {"position_mm": place.tolist()}} for place in places]
+    raw["run"]["seeds"] = seeds
     return validated(raw, Scenario, SCENARIO)
 
 
-def mean_speed(amplitude: float, phase: float, seeds: int) -> Statistic:
-    """Circulation [mm/s] over places and seeds."""
-    speeds, crest = [], track()
-    for number in range(PLACES):
-        place = (1e3 * crest.points[number * len(crest.points) // PLACES]).tolist()
-        result = simulate(one_nut(amplitude, phase, place, -(-seeds // PLACES), number))
-        speeds += [1e3 * circulation(crest, frames, COUNTED_FROM_S, DURATION_S) for frames in result.trajectories]
-    return Statistic.of(speeds)
+def mean_speed(crest: Track, amplitude: float, phase: float, seeds: int) -> Statistic:
+    """Circulation [mm/s] over seeds."""
+    seen = simulate(on_track(crest, amplitude, phase, seeds)).trajectories
+    return Statistic.of(1e3 * circulation(crest, frames, COUNTED_FROM_S, DURATION_S) for frames in seen)
 
 
 def draw(amplitudes: list[float], found: dict[float, list[Statistic]], picture: Path) -> None:
@@ -76,7 +74,7 @@ def draw(amplitudes: list[float], found: dict[float, list[Statistic]], picture: 
 
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--seeds", type=int, default=64)
+    parser.add_argument("--seeds", type=int, default=12)
     parser.add_argument("--amplitudes", type=float, nargs="+", default=AMPLITUDES)
     parser.add_argument("--phases", type=float, nargs="+", default=[90.0, -90.0, 0.0])
     parser.add_argument("--picture", type=Path)
@@ -84,10 +82,11 @@ def main() -> int:
     print("circulation in mm/s, mean +- SE; the crest runs counter-clockwise at +90 degrees\n")
     print("| amplitude (um) | " + " | ".join(f"{phase:+g} deg" for phase in arguments.phases) + " |")
     print("|---" * (1 + len(arguments.phases)) + "|")
+    crest = track()
     found: dict[float, list[Statistic]] = {phase: [] for phase in arguments.phases}
     for amplitude in arguments.amplitudes:
         for phase in arguments.phases:
-            found[phase].append(mean_speed(amplitude, phase, arguments.seeds))
+            found[phase].append(mean_speed(crest, amplitude, phase, arguments.seeds))
         cells = [f"{row[-1].mean:+.3f} +- {row[-1].se:.3f}" for row in found.values()]
         print(f"| {amplitude:g} | " + " | ".join(cells) + " |", flush=True)
     if arguments.picture:

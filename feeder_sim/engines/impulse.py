@@ -42,7 +42,7 @@ from feeder_sim.engines.pair_contact import PAIR
 from feeder_sim.engines.plate_contact import TOUCH, meet_plate
 from feeder_sim.engines.rest import wake
 from feeder_sim.engines.surface_arrays import surface_arrays
-from feeder_sim.engines.window import acting_terms, bound_window
+from feeder_sim.engines.window import acting_terms, bound_window, fastest_rate
 from feeder_sim.impacts import Impacts
 from feeder_sim.scene import GRAVITY, Scene
 from feeder_sim.start import start_poses
@@ -69,7 +69,7 @@ def _range(parts, n_free, bounds, e, duration):
 def _open_window(parts, n_free, kinds, surface, antinode, pairs, start, end, step):
     """Everything that is the same for all islands of a window; wakes all parts unless the plate is calm."""
     acting = acting_terms(surface, start, end)
-    bounds = bound_window(acting, antinode, start, end, step)
+    bounds = bound_window(acting, antinode, start, end, step, fastest_rate(surface))
     half_x, half_y = surface.grid_x[-1], surface.grid_y[-1]
     reach = _range(parts, n_free, bounds, kinds.record[0].restitution[0], end - start)
     if not bounds.calm:
@@ -126,11 +126,11 @@ def _advance_one(parts, kinds, wall, surface, antinode, log, last, work, step, i
     """Advance the one part of a scene; after each frame write its state into a row of out (frames, 1, ROW)."""
     kinds, wall, work = borrow(kinds), borrow(wall), borrow(work)
     part, kind = parts[0], kinds.record[0]
-    guided = wall.radius < np.inf
+    guided, top = wall.radius < np.inf, fastest_rate(surface)
     for row in range(out.shape[0]):
         t, end = (first_frame + row) * interval, (first_frame + row + 1) * interval
         acting = acting_terms(surface, t, end)
-        bounds = bound_window(acting, antinode, t, end, step)
+        bounds = bound_window(acting, antinode, t, end, step, top)
         while t < end:
             fly_to(part, kind, t)
             before = part.velocity[2]

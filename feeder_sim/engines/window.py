@@ -43,11 +43,25 @@ def acting_terms(surface, start, stop):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def bound_window(acting, antinode, start, stop, step):
-    """Bound the surface between two times [s]; antinode: largest deflection of every shape; step: the usual one [s].
+def fastest_rate(surface):
+    """The fastest of all terms [rad/s], whenever it acts."""
+    fastest = 0.0
+    for k in range(surface.term_shape.shape[0]):
+        fastest = max(fastest, abs(surface.rate[k].imag))
+    return fastest
 
-    Terms of one mode and one frequency add up as phasors (a ring-up begins at nothing), others as moduli (they beat).
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def bound_window(acting, antinode, start, stop, step, top):
+    """Bound the surface between two times [s]; antinode: largest deflection of every shape.
+
+    step [s] belongs to the fastest of all terms, of the rate `top` [rad/s]; while only slower ones act, steps are as
+    much longer. Terms of one mode and one frequency add up as phasors (a ring-up begins at nothing), others as moduli
+    (they beat).
     """
+    now = fastest_rate(acting)
+    if now > 0.0:
+        step *= top / now
     n_shapes = antinode.shape[0]
     acceleration = np.zeros(n_shapes)
     crest = speed = together = 0.0

@@ -5,20 +5,28 @@ from __future__ import annotations
 import pytest
 from conftest import REPOSITORY
 
-from feeder_sim.circulation import FROM, circulation, stage_waves
+from feeder_sim.circulation import circulation, stage_waves
 from feeder_sim.measures import Statistic
 from feeder_sim.scenario import Scenario, load_scenario, with_run
 from feeder_sim.scene import build_scene
 from feeder_sim.simulation import simulate
+from feeder_sim.wave import Track
 
 RUNNING, GATHERING = (REPOSITORY / f"scenarios/wave_{name}.toml" for name in ("circulation", "gather"))
-SEEDS = 5
+SEEDS, PLACES = 8, 8
+DURATION_S, COUNTED_FROM_S = 3.0, 1.0
 
 
-def at_phase(phase_deg: float) -> Scenario:
-    """The scenario with another phase between its modes."""
+def on_track(track: Track, phase_deg: float) -> Scenario:
+    """Eight nuts along the track, too far apart to meet, on the wave with another phase between its modes."""
     raw = load_scenario(RUNNING).model_dump(exclude_none=True)
     raw["schedule"]["stage"][0]["drive"][1]["phase_deg"] = phase_deg
+    raw["schedule"]["stage"][0]["duration_s"] = DURATION_S
+    places = 1e3 * track.points[:: len(track.points) // PLACES]
+    start = {"drop_height_mm": [0.05, 0.3], "yaw_deg": [0.0, 360.0]}
+    raw["part"] = [
+        {"shape": "hex_nut", "size": "M2.5", "start": start | {"position_mm": place.tolist()}} for place in places
+    ]
     raw["run"]["seeds"] = SEEDS
     return Scenario.model_validate(raw)
 
@@ -26,12 +34,13 @@ def at_phase(phase_deg: float) -> Scenario:
 @pytest.fixture(scope="module")
 def speeds() -> dict[float, Statistic]:
     """Circulation [mm/s] along the crest's track of the wave at 90 degrees, for three phases."""
-    (wave,) = stage_waves(build_scene(at_phase(90.0)))
+    (wave,) = stage_waves(build_scene(load_scenario(RUNNING)))
     assert wave.track is not None
-    stop, found = wave.stage.stop, {}
+    found = {}
     for phase in (90.0, -90.0, 0.0):
-        seeds = simulate(at_phase(phase)).trajectories
-        found[phase] = Statistic.of(1e3 * circulation(wave.track, frames, FROM * stop, stop) for frames in seeds)
+        seeds = simulate(on_track(wave.track, phase)).trajectories
+        speed = [1e3 * circulation(wave.track, frames, COUNTED_FROM_S, DURATION_S) for frames in seeds]
+        found[phase] = Statistic.of(speed)
         print(f"\n{phase:+.0f} degrees: {found[phase].mean:+.3f} +- {found[phase].se:.3f} mm/s")
     return found
 
