@@ -1,6 +1,6 @@
 """Up to which amplitude a nut keeps its way: the transport scenario with all amplitudes scaled together.
 
-    python benchmarks/transport_amplitude.py [--scenario FILE] [--seeds 8] [--factors 0.5 0.7 1 ...] [--picture FILE]
+    python benchmarks/transport_amplitude.py [--scenario FILE] [--seeds 16] [--factors 0.5 0.7 1 ...] [--picture FILE]
 
 Prints, for every factor, how many of the seeds arrive within the goal, and how long it took them. The scenario's own
 amplitudes are a factor of 1: the same velocity amplitude for all modes.
@@ -12,12 +12,14 @@ import argparse
 import sys
 from pathlib import Path
 
+import numpy as np
+
 from feeder_sim.scenario import Scenario, load_scenario
 from feeder_sim.simulation import simulate
 from feeder_sim.tables import validated
 
 SCENARIO = Path(__file__).parents[1] / "scenarios" / "transport_strip.toml"
-FACTORS = [0.5, 0.7, 1.0, 1.4, 2.0, 2.8, 4.0, 5.6]
+FACTORS = [0.5, 0.7, 1.0, 1.4, 2.0, 2.4, 2.8, 3.2, 4.0, 5.6]
 
 
 def scaled(path: Path, factor: float, seeds: int) -> Scenario:
@@ -30,22 +32,22 @@ def scaled(path: Path, factor: float, seeds: int) -> Scenario:
     return validated(raw, Scenario, path)
 
 
-def draw(rows: list[tuple[float, float, float | None, float | None]], title: str, picture: Path) -> None:
-    """Success rate and time over the factor."""
+def draw(rows: list[tuple[float, int, int, float | None, float | None]], title: str, picture: Path) -> None:
+    """Success rate with 95 % intervals (Wilson), and time with standard deviations, over the factor."""
     from matplotlib.figure import Figure
+    from scipy.stats import binomtest
 
     figure = Figure(figsize=(6.4, 4.6), layout="constrained")
     success, time = figure.subplots(2, 1, sharex=True)
     factors = [row[0] for row in rows]
-    success.plot(factors, [100.0 * row[1] for row in rows], "o-", color="#3a60be")
+    rate = np.array([100.0 * row[1] / row[2] for row in rows])
+    bounds = [binomtest(row[1], row[2]).proportion_ci(method="wilson") for row in rows]
+    spread = np.abs(np.array([[100.0 * b.low, 100.0 * b.high] for b in bounds]).T - rate)
+    success.errorbar(factors, rate, yerr=spread, fmt="o-", color="#3a60be", capsize=3)
     success.set(ylabel="arrived (%)", ylim=(-5, 105), title=title)
-    arrived = [row for row in rows if row[2] is not None]
+    arrived = [(row[0], row[3], row[4] or 0.0) for row in rows if row[3] is not None]
     time.errorbar(
-        [row[0] for row in arrived],
-        [row[2] for row in arrived],
-        yerr=[row[3] or 0.0 for row in arrived],
-        fmt="o-",
-        color="#be3434",
+        *zip(*[row[:2] for row in arrived], strict=True), yerr=[r[2] for r in arrived], fmt="o-", color="#be3434"
     )
     time.axhline(34.0, color="0.6", linestyle="--", label="source: 34.0 s")
     time.set(xscale="log", xlabel="amplitude over the scenario's", ylabel="time of those (s)", ylim=(0.0, None))
@@ -58,7 +60,7 @@ def draw(rows: list[tuple[float, float, float | None, float | None]], title: str
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--scenario", type=Path, default=SCENARIO)
-    parser.add_argument("--seeds", type=int, default=8)
+    parser.add_argument("--seeds", type=int, default=16)
     parser.add_argument("--factors", type=float, nargs="+", default=FACTORS)
     parser.add_argument("--picture", type=Path)
     arguments = parser.parse_args()
@@ -67,7 +69,7 @@ def main() -> int:
     for factor in arguments.factors:
         found = simulate(scaled(arguments.scenario, factor, arguments.seeds)).measures()
         took, way = found["arrival_time_s"], found["travelled_mm"]
-        rows.append((factor, found["arrived"] / found["arrived_of"], took["mean"], took["sd"]))
+        rows.append((factor, found["arrived"], found["arrived_of"], took["mean"], took["sd"]))
         time = f"{took['mean']:.1f} +- {took['sd'] or 0.0:.1f}" if took["n"] else "-"
         place = f"{way['mean']:.1f} +- {way['sd'] or 0.0:.1f}"
         print(f"| {factor:g} | {found['arrived']} of {found['arrived_of']} | {time} | {place} |", flush=True)
