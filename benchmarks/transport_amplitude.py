@@ -26,7 +26,7 @@ def scaled(path: Path, factor: float, seeds: int) -> Scenario:
     """The scenario with all amplitudes multiplied."""
     raw = load_scenario(path).model_dump(exclude_none=True)
     raw["run"]["seeds"] = seeds
-    for stage in raw["schedule"]["stage"]:
+    for stage in (*raw["schedule"]["prepare"], *raw["schedule"]["stage"]):
         for drive in stage["drive"]:
             drive["amplitude_um"] *= factor
     return validated(raw, Scenario, path)
@@ -46,9 +46,9 @@ def draw(rows: list[tuple[float, int, int, float | None, float | None]], title: 
     success.errorbar(factors, rate, yerr=spread, fmt="o-", color="#3a60be", capsize=3)
     success.set(ylabel="arrived (%)", ylim=(-5, 105), title=title)
     arrived = [(row[0], row[3], row[4] or 0.0) for row in rows if row[3] is not None]
-    time.errorbar(
-        *zip(*[row[:2] for row in arrived], strict=True), yerr=[r[2] for r in arrived], fmt="o-", color="#be3434"
-    )
+    if arrived:
+        at, mean, sd = zip(*arrived, strict=True)
+        time.errorbar(at, mean, yerr=sd, fmt="o-", color="#be3434")
     time.axhline(34.0, color="0.6", linestyle="--", label="source: 34.0 s")
     time.set(xscale="log", xlabel="amplitude over the scenario's", ylabel="time of those (s)", ylim=(0.0, None))
     time.set_xticks(factors, [f"{factor:g}" for factor in factors])
@@ -69,10 +69,10 @@ def main() -> int:
     for factor in arguments.factors:
         found = simulate(scaled(arguments.scenario, factor, arguments.seeds)).measures()
         took, way = found["arrival_time_s"], found["travelled_mm"]
-        rows.append((factor, found["arrived"], found["arrived_of"], took["mean"], took["sd"]))
+        rows.append((factor, found["at_goal"], found["at_goal_of"], took["mean"], took["sd"]))
         time = f"{took['mean']:.1f} +- {took['sd'] or 0.0:.1f}" if took["n"] else "-"
-        place = f"{way['mean']:.1f} +- {way['sd'] or 0.0:.1f}"
-        print(f"| {factor:g} | {found['arrived']} of {found['arrived_of']} | {time} | {place} |", flush=True)
+        place = f"{way['mean']:.1f} +- {way['sd'] or 0.0:.1f}" if way["n"] else "-"
+        print(f"| {factor:g} | {found['at_goal']} of {found['at_goal_of']} | {time} | {place} |", flush=True)
     if arguments.picture:
         draw(rows, load_scenario(arguments.scenario).title, arguments.picture)
     return 0

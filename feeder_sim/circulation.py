@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from feeder_sim.measures import Statistic
 from feeder_sim.scene import Scene
-from feeder_sim.timetable import TimedStage
+from feeder_sim.timetable import TimedStage, timetable
 from feeder_sim.trajectory import Frames, Record
 from feeder_sim.wave import Track, Wave, crest_track, still_points, wave_of
 
@@ -29,12 +29,14 @@ class StageWave:
     """The wave of one stage.
 
     Attributes:
-        stage: when.
+        number: of the stage.
+        stage: when, if no stage before it ends early.
         wave: at its end.
         still: points, shape (n, 2) [m]; empty for a standing wave, which has whole lines of them.
         track: around the still point next to the middle; None without a crest all around it.
     """
 
+    number: int
     stage: TimedStage
     wave: Wave
     still: NDArray[np.float64]
@@ -42,22 +44,27 @@ class StageWave:
 
 
 def stage_waves(scene: Scene) -> list[StageWave]:
-    """The waves of the stages that drive several modes at one frequency."""
-    found = []
-    for stage in scene.times.stages:
-        wave = wave_of(scene, stage)
-        if wave is None:
-            continue
-        still = still_points(wave)
-        if not 0 < len(still) < MANY:
-            found.append(StageWave(stage, wave, np.empty((0, 2)), None))
-            continue
-        try:
-            track = crest_track(wave, still[np.linalg.norm(still, axis=1).argmin()])
-        except ValueError:
-            track = None
-        found.append(StageWave(stage, wave, still, track))
+    """The waves of the stages that drive several modes at one frequency, of all cycles."""
+    found: list[StageWave] = []
+    known: dict[tuple[int, ...], StageWave] = {}
+    for number, stage in enumerate(scene.times.stages):
+        wave = None if stage.excitations in known else wave_of(scene, stage)
+        if wave is not None:
+            known[stage.excitations] = _analysed(number, stage, wave)
+        if stage.excitations in known:
+            found.append(replace(known[stage.excitations], number=number, stage=stage))
     return found
+
+
+def _analysed(number: int, stage: TimedStage, wave: Wave) -> StageWave:
+    still = still_points(wave)
+    if not 0 < len(still) < MANY:
+        return StageWave(number, stage, wave, np.empty((0, 2)), None)
+    try:
+        track = crest_track(wave, still[np.linalg.norm(still, axis=1).argmin()])
+    except ValueError:
+        track = None
+    return StageWave(number, stage, wave, still, track)
 
 
 def circulation(track: Track, frames: Frames, start: float, stop: float) -> float:
@@ -75,9 +82,21 @@ def circulation(track: Track, frames: Frames, start: float, stop: float) -> floa
     return float(speed[counted].mean()) if counted.any() else float("nan")
 
 
-def wave_measures(waves: Sequence[StageWave], seeds: Sequence[Record]) -> dict[str, Any]:
+def wave_measures(scene: Scene, waves: Sequence[StageWave], seeds: Sequence[Record]) -> dict[str, Any]:
     """Of every wave its own numbers, the circulation, and the share of the parts at still points at the stage's end."""
-    return {"waves": [_measured(wave, [seed.frames for seed in seeds if len(seed.frames)]) for wave in waves]}
+    reached = [
+        (timetable(scene.scenario, seed.stops.tolist()).stages, seed.frames) for seed in seeds if len(seed.frames)
+    ]
+    return {
+        "waves": [
+            _measured(wave, [(stages[wave.number], frames) for stages, frames in reached if _was(stages, wave, frames)])
+            for wave in waves
+        ]
+    }
+
+
+def _was(stages: Sequence[TimedStage], wave: StageWave, frames: Frames) -> bool:
+    return bool(frames.time[-1] >= stages[wave.number].stop - 1e-9)
 
 
 def described(wave: StageWave) -> dict[str, Any]:
@@ -93,13 +112,16 @@ def described(wave: StageWave) -> dict[str, Any]:
     }
 
 
-def _measured(wave: StageWave, seeds: Sequence[Frames]) -> dict[str, Any]:
-    stage, track = wave.stage, wave.track
-    start = stage.start + FROM * (stage.stop - stage.start)
-    shares = [_at_still_points(wave.still, frames, stage.stop) for frames in seeds]
-    speeds = [1e3 * circulation(track, frames, start, stage.stop) for frames in seeds] if track else []
+def _measured(wave: StageWave, seeds: Sequence[tuple[TimedStage, Frames]]) -> dict[str, Any]:
+    shares = [_at_still_points(wave.still, frames, stage.stop) for stage, frames in seeds]
+    speeds = []
+    for stage, frames in seeds if wave.track else ():
+        assert wave.track is not None
+        start = stage.start + FROM * (stage.stop - stage.start)
+        speeds.append(1e3 * circulation(wave.track, frames, start, stage.stop))
     return {
-        "stage": stage.name,
+        "cycle": wave.stage.cycle,
+        "stage": wave.stage.name,
         **described(wave),
         "circulation_mm_s": Statistic.of(speeds).as_dict(),
         "at_still_points": Statistic.of(shares).as_dict(),

@@ -193,6 +193,8 @@ def replay(
     """Open a recorded run in the rerun viewer, or take a screenshot of it."""
     from feeder_sim.viewer import open_viewer, replay_file, take_screenshot
 
+    if slow and screenshot is None:
+        raise InputError("belongs to --screenshot; in the viewer choose the timeline", key="--slow-motion")
     recording = replay_file(folder, seed=show_seed, rebuild=rebuild)
     if screenshot is not None:
         from feeder_sim.replay_plate import TIMELINE

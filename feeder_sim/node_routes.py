@@ -43,7 +43,8 @@ class LineNodes:
         position: (n,) [m].
         cell: (n, 2) [m], from the antinode or end of the line before each node to the one after it.
         quarter_wavelength: of the mode's bending wave [m].
-        place, leaving: (m,) [m], (m,) [1/m]: points of the line, and w,yy / w,x there.
+        place, leaving: (m,) [m], (m,) [1/m]: points of the line, and w,yy / w,x there; NaN off the middle of the plate,
+            which is no line of symmetry.
     """
 
     mode: int
@@ -62,7 +63,7 @@ class LineNodes:
         """Factor by which an offset from the line grows on the way between two places [m]."""
         x = np.linspace(start, end, PATH_POINTS)
         exponent = float(np.trapezoid(np.interp(x, self.place, self.leaving), x))
-        return math.exp(min(exponent, MOST_GROWTH))
+        return math.exp(min(exponent, MOST_GROWTH)) if math.isfinite(exponent) else math.nan
 
 
 @dataclass(frozen=True)
@@ -127,6 +128,8 @@ def _leaving(
     modes: PlateModes, mode: int, x: NDArray[np.float64], y: float, w: NDArray[np.float64]
 ) -> NDArray[np.float64]:
     """Curvature across the line over the slope along it, w,yy / w,x [1/m]; 0 where the slope is."""
+    if y != 0.0:
+        return np.full_like(x, np.nan)
     step = 1e-3 * modes.plate.width
     beside = [modes.evaluate(mode, x, y + side * step)[0] for side in (-1.0, 1.0)]
     slope = np.gradient(w, x)
@@ -180,7 +183,7 @@ class Search:
 
     def allows(self, step: Step) -> bool:
         """Whether a step keeps to it."""
-        return step.k < self.limit and step.growth < self.growth
+        return step.k < self.limit and not step.growth >= self.growth
 
 
 def find_routes(nodes: Sequence[LineNodes], start: float, end: float, search: Search) -> list[Route]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -14,6 +13,8 @@ from feeder_sim.report import print_modes, print_ratios, print_routes, print_wav
 
 if TYPE_CHECKING:
     from feeder_sim.node_routes import LineNodes, Route, Search
+
+NO_LIMIT = 1e9  # of growth
 
 
 def modes(
@@ -49,7 +50,7 @@ def sequence(
     most: Annotated[int, typer.Option("--most", min=1, max=12, help="Modes in a sequence at most.")] = 6,
     growth: Annotated[
         float, typer.Option("--growth", min=0.01, help="An offset from the line grows by less than this in a mode.")
-    ] = 1e9,
+    ] = NO_LIMIT,
     tolerance: Annotated[float, typer.Option("--tolerance", min=0.0, help="Of the place to go to [mm].")] = 2.0,
     ratios: Annotated[
         str | None, typer.Option("--ratios", help="Compare plates of this length and other widths: 1:2:11.")
@@ -60,6 +61,14 @@ def sequence(
     """Find the sequences of modes whose nodes carry a part along a line, or follow one."""
     from feeder_sim.node_routes import Search, find_routes, nodes_on_line
 
+    search = Search(1e-3 * tolerance, limit, growth, most)
+    if y != 0.0 and growth < NO_LIMIT:
+        raise InputError("belongs to the middle of the plate, allowed is --y 0 with it", file=source, key="--growth")
+    if ratios is not None:
+        if order is not None:
+            raise InputError("follows one plate's modes, not allowed with --ratios", file=source, key="--modes")
+        _compare_ratios(source, ratios, (1e-3 * start, 1e-3 * end, 1e-3 * y), search, picture, as_json)
+        return
     modes = modes_of(source).modes
     for name, value, size in (
         ("from", start, modes.plate.length),
@@ -68,16 +77,14 @@ def sequence(
     ):
         if abs(value) >= 500.0 * size:
             raise InputError(f"is {value:g}, allowed is within +-{500.0 * size:g} mm", file=source, key=f"--{name}")
-    search = Search(1e-3 * tolerance, limit, growth, most)
-    if ratios is not None:
-        _compare_ratios(source, ratios, (1e-3 * start, 1e-3 * end, 1e-3 * y), search, picture, as_json)
-        return
     nodes = nodes_on_line(modes, y=1e-3 * y)
     if order is None:
         routes = find_routes(nodes, 1e-3 * start, 1e-3 * end, search)
         if not routes:
             raise InputError(
-                f"no sequence of up to {most} modes reaches {end:g} mm with every k below {limit:g}", file=source
+                f"no sequence of up to {most} modes reaches {end:g} mm with every k below {limit:g}"
+                + (f" and an offset that grows by less than {growth:g}" if growth < NO_LIMIT else ""),
+                file=source,
             )
     else:
         routes = [_followed(nodes, order, 1e-3 * start, len(modes), source)]
@@ -98,7 +105,8 @@ def _compare_ratios(
 ) -> None:
     """Search plates of the same length and other widths."""
     from feeder_sim.node_routes import find_routes, nodes_on_line
-    from feeder_sim.plate.modes import plate_modes
+    from feeder_sim.plate.modes import RectangularPlate, plate_modes
+    from feeder_sim.scenario import load_plate_file, resolve_material
 
     try:
         low, high, n = (kind(text) for kind, text in zip((float, float, int), ratios.split(":"), strict=True))
@@ -112,15 +120,25 @@ def _compare_ratios(
         )
     if picture is not None:
         new_picture(picture)
-    held, (start, end, y) = modes_of(source).modes, line
+    if source.suffix != ".toml":
+        raise InputError("holds the modes of one plate, allowed with --ratios is a plate file (.toml)", file=source)
+    body, (start, end, y) = load_plate_file(source).plate, line
+    if body.uniform_width:
+        raise InputError("says that modes do not vary with the width", file=source, key="plate.uniform_width")
+    length = 1e-3 * body.length_mm
+    for name, value in (("from", start), ("to", end)):
+        if abs(value) >= 0.5 * length:
+            raise InputError(
+                f"is {1e3 * value:g}, allowed is within +-{500.0 * length:g} mm", file=source, key=f"--{name}"
+            )
     rows = []
     for i in range(n):
         ratio = low + (high - low) * i / (n - 1)
-        plate = replace(held.plate, width=held.plate.length / ratio)
+        plate = RectangularPlate(length, length / ratio, 1e-3 * body.thickness_mm, resolve_material(body.material))
         if abs(y) >= 0.5 * plate.width:
             raise InputError(f"is {1e3 * y:g}, beside the plate of ratio {ratio:g}", file=source, key="--y")
         try:
-            modes = plate_modes(plate, highest_frequency=float(held.natural_frequency[-1]))
+            modes = plate_modes(plate, highest_frequency=body.highest_frequency_hz)
         except ValueError as error:
             raise InputError(f"is {ratios}; at {ratio:g} {error}", file=source, key="--ratios") from error
         rows.append((ratio, find_routes(nodes_on_line(modes, y=y), start, end, search)))

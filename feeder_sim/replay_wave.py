@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from feeder_sim.plate.drive import ModalTerms
+from feeder_sim.plate.drive import ModalDrive, ModalTerms
 from feeder_sim.replay_plate import MM, TIMELINE, diverging, grid_triangles
 from feeder_sim.timetable import TimedStage
 from feeder_sim.trajectory import PlateRecord
@@ -30,7 +30,7 @@ def log_wave(
     """
     import rerun as rr
 
-    rows, columns = (np.arange(0, len(axis), -(-len(axis) // POINTS)) for axis in (plate.x, plate.y))
+    rows, columns = (_spread(len(axis)) for axis in (plate.x, plate.y))
     x, y = np.meshgrid(plate.x[rows] * MM, plate.y[columns] * MM, indexing="ij")
     shapes = plate.mode_shape[:, rows[:, None], columns]
     triangles = grid_triangles(len(rows), len(columns))
@@ -41,7 +41,7 @@ def log_wave(
         mesh = rr.Mesh3D(vertex_positions=vertices, triangle_indices=triangles, vertex_colors=diverging(field.ravel()))
         stream.log("wave/surface", mesh)
 
-    shown: dict[tuple[int, ...], tuple[float, float]] = {}
+    shown: dict[frozenset[ModalDrive], tuple[float, float]] = {}
     for stage in stages:
         if not stage.excitations or stage.start > last:
             continue
@@ -52,7 +52,7 @@ def log_wave(
         stream.set_time(TIMELINE, duration=stage.start)
         log(motion[np.abs(motion).max(axis=(1, 2)).argmax()])
         stream.reset_time()
-        if (kind := tuple(sorted(plate.drives[i].shape for i in stage.excitations))) in shown:
+        if (kind := frozenset(plate.drives[i] for i in stage.excitations)) in shown:
             continue
         begin = PERIODS * PERIOD_S * len(shown)
         shown[kind] = begin, float(times[-1])
@@ -64,3 +64,8 @@ def log_wave(
             log(field)
         stream.reset_time()
     return list(shown.values())
+
+
+def _spread(n: int) -> NDArray[np.int64]:
+    """At most `POINTS` of n grid lines, with the first and the last."""
+    return np.unique(np.linspace(0, n - 1, min(n, POINTS)).round().astype(np.int64))

@@ -29,7 +29,7 @@ def print_summary(summary: dict[str, Any], folder: Path, as_json: bool) -> None:
         interval = f" +- {speed['se']:.3f} (SE), SD {speed['sd']:.3f}" if speed["n"] > 1 else ""
         print(f"  transport speed  {speed['mean']:.3f} mm/s{interval}, n = {speed['n']} of {summary['seeds']} seeds")
     drift = [summary[f"drift_velocity_{axis}_mm_s"] for axis in "xy"]
-    if "arrived" in summary:
+    if "at_goal" in summary:
         _print_transport(summary)
     elif "picked" in summary:
         _print_separation(summary)
@@ -62,7 +62,7 @@ def _print_separation(summary: dict[str, Any]) -> None:
 
 def _print_transport(summary: dict[str, Any]) -> None:
     found, took = summary["travelled_mm"], summary["arrival_time_s"]
-    print(f"  arrived          {summary['arrived']} of {summary['arrived_of']}")
+    print(f"  arrived          {summary['at_goal']} of {summary['at_goal_of']}")
     for label, values, unit in (("travelled", found, "mm"), ("time", took, "s")):
         if values["n"]:
             spread = f", SD {values['sd']:.2f}" if values["n"] > 1 else ""
@@ -152,7 +152,7 @@ def print_routes(routes: Sequence[Route], frequency: NDArray[np.float64], as_jso
                 "frequency_hz": [float(frequency[mode]) for mode in route.modes],
                 "station_mm": [1e3 * route.steps[0].start, *(1e3 * step.end for step in route.steps)],
                 "k": [step.k for step in route.steps],
-                "growth": [step.growth for step in route.steps],
+                "growth": [step.growth if step.growth == step.growth else None for step in route.steps],
             }
             for route in routes
         ]
@@ -167,13 +167,13 @@ def print_routes(routes: Sequence[Route], frequency: NDArray[np.float64], as_jso
 
 
 def print_ratios(rows: Sequence[tuple[float, Sequence[Route]]], as_json: bool) -> None:
-    """Print the best sequence of every length-to-width ratio, and the ratio that has the best of all."""
+    """Print the best sequence of every length-to-width ratio."""
     if as_json:
         found = [
             {
                 "ratio": ratio,
                 "largest_k": routes[0].largest_k if routes else None,
-                "growth": routes[0].growth if routes else None,
+                "growth": routes[0].growth if routes and routes[0].growth == routes[0].growth else None,
                 "modes": [mode + 1 for mode in routes[0].modes] if routes else [],
             }
             for ratio, routes in rows
@@ -194,7 +194,8 @@ def print_waves(waves: Sequence[StageWave], as_json: bool) -> None:
     """Print what the waves of a scenario are like."""
     from feeder_sim.circulation import described
 
-    rows = [{"stage": wave.stage.name} | described(wave) for wave in waves]
+    different = {wave.stage.excitations: wave for wave in reversed(waves)}
+    rows = [{"stage": wave.stage.name} | described(wave) for wave in reversed(different.values())]
     if as_json:
         print(json.dumps(rows))
         return

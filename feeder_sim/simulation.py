@@ -67,7 +67,7 @@ class Result:
             if self.scene.scenario.goal is not None:
                 found |= transport_measures(self.scene, left)
             if waves := stage_waves(self.scene):
-                found |= wave_measures(waves, left)
+                found |= wave_measures(self.scene, waves, left)
             return found
         return found | bounce_measures(
             self.scene, [s.impacts for s in ended], [float(s.frames.time[-1]) for s in ended]

@@ -176,10 +176,10 @@ def read_recording(path: Path) -> Recording:
     try:
         with _open(path) as file:
             found, version = get_text(file.attrs, "schema"), file.attrs.get("schema_version")
-            if found != SCHEMA:
-                raise InputError(f"is {found!r}, allowed is a trajectory ({SCHEMA!r})", file=path, key="schema")
-            if version != SCHEMA_VERSION:
+            if version is not None and version != SCHEMA_VERSION:  # first: the text of version 1 is not to be read
                 raise InputError(f"is {version!r}, allowed is {SCHEMA_VERSION}", file=path, key="schema_version")
+            if found != SCHEMA or version is None:
+                raise InputError(f"is {found!r}, allowed is a trajectory ({SCHEMA!r})", file=path, key="schema")
             groups = [file[f"seeds/{name}"] for name in sorted(file["seeds"], key=int)]
             return Recording(
                 path=path,

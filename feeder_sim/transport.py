@@ -31,6 +31,12 @@ def arrived(scene: Scene, frames: Frames) -> NDArray[np.bool_]:
     return np.asarray(frames.present[-1] & (z > 0.0) & (off <= goal.within_mm))
 
 
+def _middle(frames: Frames, row: int) -> NDArray[np.float64]:
+    """Mean place [m] of the parts on the plate in a frame, shape (2,); NaN without any."""
+    there = frames.present[row] & (frames.position[row, :, 2] > 0.0)
+    return frames.position[row, there, :2].mean(axis=0) if there.any() else np.full(2, np.nan)
+
+
 def transport_measures(scene: Scene, seeds: Sequence[Record]) -> dict[str, Any]:
     """Share of parts that arrived, the time it took, and the mean place [mm] at the end of every stage.
 
@@ -50,14 +56,14 @@ def transport_measures(scene: Scene, seeds: Sequence[Record]) -> dict[str, Any]:
             row = min(int(np.searchsorted(seed.frames.time, actual[number].end - 1e-9)), len(seed.frames) - 1)
             took.append(actual[number].stop - actual[number].start)
             settled.append(took[-1] < planned.stop - planned.start - 1e-9)
-            places.append(1e3 * seed.frames.position[row, :, :2].mean(axis=0))
+            places.append(1e3 * _middle(seed.frames, row))
         x, y = (Statistic.of(place[axis] for place in places).as_dict() for axis in (0, 1))
         duration = Statistic.of(took).as_dict()
         stages.append({"stage": planned.name, "drive_s": duration, "settled": sum(settled), "x_mm": x, "y_mm": y})
-    way = [1e3 * (seed.frames.position[-1, :, :2] - seed.frames.position[0, :, :2]).mean(axis=0) for seed in seeds]
+    way = [1e3 * (_middle(seed.frames, -1) - _middle(seed.frames, 0)) for seed in seeds]
     return {
-        "arrived": sum(int(at.sum()) for at in there),
-        "arrived_of": sum(len(at) for at in there),
+        "at_goal": sum(int(at.sum()) for at in there),
+        "at_goal_of": sum(len(at) for at in there),
         "arrival_time_s": Statistic.of(times[i][-1].end for i in whole).as_dict(),
         "travelled_mm": Statistic.of(float(np.hypot(*w)) for w in way).as_dict(),
         "transport_stages": stages,

@@ -21,6 +21,7 @@ from feeder_sim.timetable import TimedStage
 DIRECTIONS = 720  # from a still point, in which the crest is looked for
 RADIAL_STEP = 2e-4  # [m]
 FIELD_POINTS = 361  # per axis, where still points are looked for
+POINTS_AT_ONCE = 20_000  # a hundred numbers of every mode are held for each
 ALONE = 1e-3  # of the largest modal amplitude: what a mode has to reach to take part
 
 
@@ -38,8 +39,10 @@ class Wave:
 
     def at(self, points: NDArray[np.float64]) -> NDArray[np.complex128]:
         """W [m] at points (n, 2) [m], shape (n,)."""
-        shapes = np.stack([self.surface.deflection(j, points) for j in range(self.surface.n_shapes)])
-        return np.asarray(self.amplitude @ shapes)
+        found = np.zeros(len(points), complex)
+        for rows in np.array_split(np.arange(len(points)), 1 + len(points) // POINTS_AT_ONCE):
+            found[rows] = self.amplitude @ self.surface.deflections(points[rows])
+        return found
 
     @property
     def standing_share(self) -> float:
@@ -117,9 +120,8 @@ def wave_of(scene: Scene, stage: TimedStage) -> Wave | None:
     drives = [scene.drives[i] for i in stage.excitations]
     if len({drive.shape for drive in drives}) < 2 or len({drive.drive_frequency for drive in drives}) > 1:
         return None
-    end = min(stage.stop, stage.end)
     omega = 2.0 * math.pi * drives[0].drive_frequency
-    just_before = end - 1e-9 / drives[0].drive_frequency
+    just_before = stage.stop - 1e-9 / drives[0].drive_frequency
     amplitude = scene.surface.terms.phasor(just_before, scene.surface.n_shapes)[0]
     amplitude = np.where([j in {drive.shape for drive in drives} for j in range(len(amplitude))], amplitude, 0.0)
     if (np.abs(amplitude) > ALONE * np.abs(amplitude).max()).sum() < 2:

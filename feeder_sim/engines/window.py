@@ -13,6 +13,7 @@ from feeder_sim.scene import GRAVITY
 
 BEAT = 1e-4  # relative; damping alone shifts the frequency of the transient by a hundredth of this
 ALLOWANCE = 1.01  # on envelopes, which are looked at on both ends of the window
+MUCH_FASTER = 1.5  # than all that act: from here on longer steps pay
 CALM = 3e-3, 1e-6  # [m/s], [m]; a plate that is not driven and moves no faster and no farther lets parts sleep
 SAG = 1e-7  # [m]; how far a surface that is no longer driven may move relative to a part within one step
 
@@ -55,12 +56,12 @@ def fastest_rate(surface):
 def bound_window(acting, antinode, start, stop, step, top):
     """Bound the surface between two times [s]; antinode: largest deflection of every shape.
 
-    step [s] belongs to the fastest of all terms, of the rate `top` [rad/s]; while only slower ones act, steps are as
-    much longer. Terms of one mode and one frequency add up as phasors (a ring-up begins at nothing), others as moduli
-    (they beat).
+    step [s] belongs to the fastest of all terms, of the rate `top` [rad/s]; while only much slower ones act, steps are
+    as much longer. Terms of one mode and one frequency add up as phasors (a ring-up begins at nothing), others as
+    moduli (they beat).
     """
     now = fastest_rate(acting)
-    if now > 0.0:
+    if now > 0.0 and top > MUCH_FASTER * now:
         step *= top / now
     n_shapes = antinode.shape[0]
     acceleration = np.zeros(n_shapes)

@@ -116,14 +116,14 @@ def read_mode_file(path: Path) -> ModeFile:
 
 def _checked(file: h5py.File, path: Path) -> ModeFile:
     found, version = get_text(file.attrs, "schema"), file.attrs.get("schema_version")
-    if found != SCHEMA:
+    if version is not None and (not np.isscalar(version) or version != SCHEMA_VERSION):
         raise InputError(
-            f"is {found!r}, allowed is a mode file ({SCHEMA!r}); make it with 'feeder-sim modes PLATE.toml --out FILE'",
+            f"is {version!r}, allowed is {SCHEMA_VERSION}; make it with 'feeder-sim modes PLATE.toml --out FILE'",
             file=path,
-            key="schema",
+            key="schema_version",
         )
-    if not np.isscalar(version) or version != SCHEMA_VERSION:
-        raise InputError(f"is {version!r}, allowed is {SCHEMA_VERSION}", file=path, key="schema_version")
+    if found != SCHEMA or version is None:
+        raise InputError(f"is {found!r}, allowed is a mode file ({SCHEMA!r})", file=path, key="schema")
     values = {name: _number(file, name, path) for name in _PLATE_KEYS}
     material = Material(values["density"], values["youngs_modulus"], values["poisson_ratio"])
     plate = RectangularPlate(values["length"], values["width"], values["thickness"], material)

@@ -61,7 +61,11 @@ class Surface:
 
     def deflection(self, shape: int, points: NDArray[np.float64]) -> NDArray[np.float64]:
         """Deflection w [1] of one mode shape at points (n, 2) [m], shape (n,)."""
-        return self._interpolate(points)[shape, :, 0]
+        return self.deflections(points)[shape]
+
+    def deflections(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Deflection w [1] of all mode shapes at points (n, 2) [m], shape (n_shapes, n)."""
+        return self._interpolate(points)[..., 0]
 
     def _moved(self, points: NDArray[np.float64], q: NDArray[np.float64]) -> NDArray[np.float64]:
         w, bx, by = np.moveaxis(np.einsum("spc,s->pc", self._interpolate(points), q), -1, 0)

@@ -17,7 +17,7 @@ def ran(name: str, seeds: int) -> Result:
 
 def check_arrived(result: Result, seeds: int) -> None:
     found = result.measures()
-    assert found["arrived"] == found["arrived_of"] == seeds
+    assert found["at_goal"] == found["at_goal_of"] == seeds
     for frames in result.trajectories:
         assert 0.073 <= np.hypot(*(frames.position[-1, 0, :2] - frames.position[0, 0, :2])) <= 0.077
         assert abs(frames.position[-1, 0, 0]) <= 2e-3

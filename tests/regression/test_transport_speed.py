@@ -38,7 +38,7 @@ def speed(name: str, engine: str, seeds: int | None = None, steps_per_period: in
 @pytest.mark.parametrize("name", MEASURED)
 def test_transport_speed_lies_in_the_measured_interval(name: str, engine: str) -> None:
     low, high = MEASURED[name]
-    mean, se = speed(name, engine)
+    mean, se = speed(name, engine, SEEDS[engine])
     assert low < mean < high
     assert se < 0.25 * (high - low)
 

@@ -9,6 +9,12 @@ from pathlib import Path
 import pytest
 from conftest import REPOSITORY
 
+from feeder_sim.measures import transport_cell
+from feeder_sim.report import print_summary
+from feeder_sim.scenario import load_scenario
+from feeder_sim.scene import build_scene
+from feeder_sim.simulation import Result
+
 MODE_FILE = REPOSITORY / "models/plate_180/modes.h5"
 SHORT = """
 title = "short"
@@ -225,3 +231,17 @@ def test_run_of_a_guided_part_reports_its_bounces_and_can_be_drawn(tmp_path: Pat
     drawn = feeder_sim("vibrometer", tmp_path / "run", "--picture", tmp_path / "v.png", "--to", 0.5)
     assert drawn.returncode == 0, drawn.stderr
     assert (tmp_path / "v.png").read_bytes().startswith(b"\x89PNG")
+
+
+@pytest.mark.parametrize("name", ["drift_4750hz", "separation_heap", "transport_strip", "wave_circulation"])
+def test_every_kind_of_summary_is_printed(
+    name: str, repository: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Of an ensemble with nothing in it yet, which has every key and no numbers."""
+    scenario = load_scenario(repository / f"scenarios/{name}.toml")
+    scene = build_scene(scenario)
+    result = Result(scene, (), 1.0, transport_cell(scene))
+    print_summary(result.summary(), tmp_path, as_json=False)
+    printed = capsys.readouterr().out
+    assert printed.startswith(scenario.title) and "recorded in" in printed
+    assert ("arrived" in printed) == (name == "transport_strip")

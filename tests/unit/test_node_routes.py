@@ -178,3 +178,25 @@ def test_bad_ratios_are_one_line(ratios: str) -> None:
     done = CliRunner().invoke(app, ["sequence", str(RECTANGLE), "--from", "-75", "--to", "0", "--ratios", ratios])
     assert isinstance(done.exception, InputError)
     assert f"--ratios: is {ratios}, allowed is LEAST:LARGEST:NUMBER" in str(done.exception)
+
+
+@pytest.mark.parametrize(
+    ("source", "options", "says"),
+    [
+        (RECTANGLE, ["--y", "20", "--growth", "1.5"], "--growth: belongs to the middle of the plate"),
+        (RECTANGLE, ["--modes", "2,10", "--ratios", "1:2:3"], "--modes: follows one plate's modes"),
+        (STRIP, ["--ratios", "1:2:3"], "plate.uniform_width: says that modes do not vary with the width"),
+        (STRIP.with_name("modes.h5"), ["--ratios", "1:2:3"], "holds the modes of one plate"),
+        (RECTANGLE, ["--growth", "0.05"], "with every k below 1 and an offset that grows by less than 0.05"),
+    ],
+)
+def test_what_does_not_go_together_is_one_line(source: Path, options: list[str], says: str) -> None:
+    done = CliRunner().invoke(app, ["sequence", str(source), "--from", "-75", "--to", "0", *options])
+    assert isinstance(done.exception, InputError)
+    assert says in str(done.exception)
+
+
+def test_growth_is_not_told_off_the_middle() -> None:
+    options = ["--from", "-75", "--to", "0", "--y", "20", "--json"]
+    rows = json.loads(CliRunner().invoke(app, ["sequence", str(RECTANGLE), *options]).stdout)
+    assert rows and all(growth is None for row in rows for growth in row["growth"])

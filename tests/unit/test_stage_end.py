@@ -125,7 +125,7 @@ def test_a_run_ends_stages_when_the_nut_has_settled() -> None:
         assert np.abs(np.abs(held.position[:, 0, 0]) - node(result.scene)).max() < 2.01e-3
     found = result.measures()
     assert [stage["settled"] for stage in found["transport_stages"]] == [0, 2, 0]
-    assert found["arrived"] == found["arrived_of"] == 2
+    assert found["at_goal"] == found["at_goal_of"] == 2
     assert found["stages"][1]["on_nodal_line"]["mean"] == 1.0
 
 
@@ -176,7 +176,7 @@ def test_arrival_is_told_from_the_last_frame(scene: Scene) -> None:
 
 def test_measures_of_no_seeds_are_empty(scene: Scene) -> None:
     found = transport_measures(scene, [])
-    assert found["arrived"] == found["arrived_of"] == 0 and found["arrival_time_s"]["mean"] is None
+    assert found["at_goal"] == found["at_goal_of"] == 0 and found["arrival_time_s"]["mean"] is None
 
 
 @pytest.mark.parametrize(

@@ -127,9 +127,30 @@ def test_parts_at_still_points_are_counted(quarter: StageWave) -> None:
     position[:, 3, 2] = -0.03  # fallen past the edge
     position[:, :3, 2] = 1e-3
     record = Record(_frames(np.linspace(0.0, 24.0, 801), position), Impacts.none(), Removals.none(), np.empty(0))
-    (found,) = wave_measures([quarter], [record])["waves"]
+    (found,) = wave_measures(build_scene(load_scenario(GATHER)), [quarter], [record])["waves"]
     assert found["at_still_points"]["mean"] == pytest.approx(2.0 / 3.0)
     assert found["still_points"] == 9
+
+
+def test_waves_are_measured_when_they_really_acted(quarter: StageWave) -> None:
+    """A stage before the wave may end early; the wave then comes early in this seed."""
+    raw = load_scenario(GATHER).model_dump(exclude_none=True)
+    wave_stage = raw["schedule"]["stage"][0] | {"duration_s": 4.0}
+    first = {"drive": [wave_stage["drive"][0]], "duration_s": 60.0, "until": {"within_mm": 1.0, "for_s": 0.5}}
+    raw["schedule"] = {"cycles": 2, "prepare": [first], "stage": [wave_stage]}
+    scene = build_scene(Scenario.model_validate(raw))
+    waves = stage_waves(scene)
+    assert [wave.number for wave in waves] == [1, 2] and waves[0].track is waves[1].track
+    track, speed = track_of(quarter), 0.02
+    frames = running_round(track, speed, 0.0)
+    frames = _frames(frames.time * 7.5, frames.position)  # 15 s, of which the waves have 5 to 9 and 9 to 13
+    record = Record(frames, Impacts.none(), Removals.none(), np.array([5.0]))
+    found = wave_measures(scene, waves, [record])["waves"]
+    assert [wave["cycle"] for wave in found] == [1, 2]
+    for wave in found:
+        assert 0.7 < wave["circulation_mm_s"]["mean"] / (1e3 * speed / 7.5) < 1.05
+    late = wave_measures(scene, waves, [Record(frames, Impacts.none(), Removals.none(), np.empty(0))])["waves"]
+    assert late[0]["circulation_mm_s"]["n"] == 0
 
 
 def test_command_describes_and_draws(tmp_path: Path) -> None:
