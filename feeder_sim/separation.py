@@ -32,6 +32,7 @@ class StageReport:
     """Counts at the end of one stage, before the pick.
 
     Attributes:
+        end_s: when that is [s].
         on_plate: parts over the plate.
         isolated: of them, parts farther than the clearance from all others.
         touching_pairs: pairs whose bounding circles overlap; an upper bound of pairs that touch.
@@ -42,6 +43,7 @@ class StageReport:
         nearest_mm: median distance to the nearest neighbour.
     """
 
+    end_s: float
     on_plate: float
     isolated: float
     touching_pairs: float
@@ -108,6 +110,7 @@ def _report(
     for i in cycle:
         dead &= lines.near(i, points, DEAD)
     return StageReport(
+        end_s=stage.end,
         on_plate=int(there.sum()),
         isolated=int((nearest > clearances[0]).sum()) if clearances else 0,
         touching_pairs=_touching_pairs(scene, position, there),
@@ -151,7 +154,7 @@ def separation_measures(scene: Scene, seeds: Sequence[Record]) -> dict[str, Any]
             field.name: Statistic.of(getattr(report, field.name) for report in of_stage).as_dict()
             for field in fields(StageReport)
         }
-        stages.append({"cycle": stage.cycle, "stage": stage.name, "end_s": stage.end, **counts})
+        stages.append({"cycle": stage.cycle, "stage": stage.name, **counts})
     removed = [record.removals for record in seeds]
     return {
         "parts": len(scene.parts),
