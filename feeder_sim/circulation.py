@@ -84,19 +84,13 @@ def circulation(track: Track, frames: Frames, start: float, stop: float) -> floa
 
 def wave_measures(scene: Scene, waves: Sequence[StageWave], seeds: Sequence[Record]) -> dict[str, Any]:
     """Of every wave its own numbers, the circulation, and the share of the parts at still points at the stage's end."""
-    reached = [
-        (timetable(scene.scenario, seed.stops.tolist()).stages, seed.frames) for seed in seeds if len(seed.frames)
-    ]
-    return {
-        "waves": [
-            _measured(wave, [(stages[wave.number], frames) for stages, frames in reached if _was(stages, wave, frames)])
-            for wave in waves
-        ]
-    }
-
-
-def _was(stages: Sequence[TimedStage], wave: StageWave, frames: Frames) -> bool:
-    return bool(frames.time[-1] >= stages[wave.number].stop - 1e-9)
+    timed = [(timetable(scene.scenario, seed.stops.tolist()).stages, seed.frames) for seed in seeds if len(seed.frames)]
+    found = []
+    for wave in waves:
+        at = [(stages[wave.number], frames) for stages, frames in timed]
+        reached = [(stage, frames) for stage, frames in at if frames.time[-1] > stage.stop - scene.frame_interval]
+        found.append(_measured(wave, reached))
+    return {"waves": found}
 
 
 def described(wave: StageWave) -> dict[str, Any]:
