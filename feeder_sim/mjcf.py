@@ -23,6 +23,7 @@ from feeder_sim.parts import RigidPart
 from feeder_sim.plate.surface import Surface
 from feeder_sim.scenario import Contact
 from feeder_sim.scene import GRAVITY, Scene
+from feeder_sim.units import UNITS, converted
 
 PATCH_MASS_RATIO = 1e6  # patch over part: the part moves its patch by a millionth of its own motion
 CORNER_RADIUS = 1e-6  # [m]; the part rides this much higher everywhere, its shape is unchanged
@@ -41,11 +42,11 @@ def part_contact(contact: Contact) -> Contact:
     return contact.model_copy(update=law)
 
 
-def contact_parameters(contact: Contact, timestep: float) -> dict[str, list[float]]:
-    """MuJoCo's pair attributes for a contact model at a timestep [s]."""
+def contact_parameters(contact: Contact, timestep: float, second: float = 1.0) -> dict[str, list[float]]:
+    """MuJoCo's pair attributes for a contact model at a timestep, in a unit of time of which `second` are 1 s."""
     friction = [contact.friction, contact.friction, 0.0, 0.0, 0.0]
     if contact.time_constant_us is not None:
-        solref, solreffriction = [contact.time_constant_us * 1e-6, contact.damping_ratio], [0.0, 0.0]
+        solref, solreffriction = [contact.time_constant_us * 1e-6 * second, contact.damping_ratio], [0.0, 0.0]
     else:
         solref, solreffriction = [0.0, -(1.0 + contact.restitution) / timestep], [0.0, -1.0 / timestep]
     return {
@@ -59,17 +60,26 @@ def contact_parameters(contact: Contact, timestep: float) -> dict[str, list[floa
 def build_mjcf(scene: Scene) -> Any:
     """Build the MjSpec of a scene: patches first, then parts in order, each with a free joint.
 
+    Args:
+        scene: in SI; the spec is in the units of its MuJoCo settings.
+
     Returns:
         mujoco.MjSpec. Compile it from memory; its `to_xml()` rounds to six digits and is the readable copy.
     """
     import mujoco
 
+    settings = scene.scenario.mujoco
+    units, scene = UNITS[settings.units], converted(scene)
     spec = mujoco.MjSpec()
     spec.modelname = scene.scenario.title or "feeder_sim"
     option = spec.option
     option.timestep = scene.timestep
-    option.gravity = [0.0, 0.0, -GRAVITY]
-    option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
+    option.gravity = [0.0, 0.0, -GRAVITY * units.length / units.time**2]
+    option.cone = getattr(mujoco.mjtCone, f"mjCONE_{settings.cone.upper()}")
+    option.integrator = getattr(mujoco.mjtIntegrator, f"mjINT_{settings.integrator.upper()}")
+    option.iterations, option.impratio = settings.iterations, settings.impratio
+    if not settings.refsafe:
+        option.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_REFSAFE)
     option.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)  # divergence is for the guard to see
     _draw_surroundings(spec, scene.surface)
     part_trace = patch_trace = 0.0
@@ -77,11 +87,13 @@ def build_mjcf(scene: Scene) -> Any:
         patch_trace += _add_patch(spec, scene, part, guide)
         part_trace += part.mass if guide and guide.slides else 3.0 * part.mass + part.inertia.sum()
     tube = any(guide and not guide.slides for guide in scene.guides)
-    with_hull = len(scene.parts) > 1 or scene.rim or tube
+    with_hull = len(scene.parts) > 1 or scene.rim or tube or settings.contact_set == "hull"
     for kind in scene.kinds:
         _add_meshes(spec, kind, with_hull=with_hull)
     for number, (part, guide) in enumerate(zip(scene.parts, scene.guides, strict=True)):
-        _add_part(spec, part, scene.kinds[scene.kind_of[number]], guide, scene.timestep, with_hull=with_hull)
+        radius = units.length * CORNER_RADIUS
+        kind = scene.kinds[scene.kind_of[number]]
+        _add_part(spec, part, kind, guide, scene.timestep, radius, with_hull=with_hull)
         _pair_with_patch(spec, scene, part, guide)
         if guide and not guide.slides:
             _add_tube(spec, scene, part, guide)
@@ -89,7 +101,9 @@ def build_mjcf(scene: Scene) -> Any:
         _pair_parts(spec, scene)
     if scene.rim:
         _add_rim(spec, scene)
-    option.tolerance = SOLVER_TOLERANCE * part_trace / (part_trace + patch_trace)
+    option.tolerance = SOLVER_TOLERANCE
+    if settings.tolerance == "scaled":
+        option.tolerance *= part_trace / (part_trace + patch_trace)
     return spec
 
 
@@ -117,8 +131,10 @@ def _add_patch(spec: Any, scene: Scene, part: RigidPart, guide: Guide | None) ->
     body = spec.worldbody.add_body(name=f"plate_{part.name}", pos=[0.0, 0.0, -top], gravcomp=1.0)
     _set_inertia(body, mass, [moment, moment, moment])
     slide, hinge = mujoco.mjtJoint.mjJNT_SLIDE, mujoco.mjtJoint.mjJNT_HINGE
-    body.add_joint(name=f"lift_{part.name}", type=slide, axis=[0, 0, 1])
-    if not guide:
+    body.mocap = scene.scenario.mujoco.plate == "mocap"
+    if not body.mocap:
+        body.add_joint(name=f"lift_{part.name}", type=slide, axis=[0, 0, 1])
+    if not guide and not body.mocap:
         body.add_joint(name=f"tilt_x_{part.name}", type=hinge, axis=[1, 0, 0])
         body.add_joint(name=f"tilt_y_{part.name}", type=hinge, axis=[0, 1, 0])
     half = 0.5 * np.array([surface.length, surface.width, surface.thickness])
@@ -131,7 +147,7 @@ def _add_patch(spec: Any, scene: Scene, part: RigidPart, guide: Guide | None) ->
         sensor, site = mujoco.mjtSensor.mjSENS_TOUCH, mujoco.mjtObj.mjOBJ_SITE
         spec.add_sensor(name=f"touch_{part.name}", type=sensor, objtype=site, objname=name)
         return mass
-    return mass + 2.0 * moment
+    return 0.0 if body.mocap else mass + 2.0 * moment
 
 
 def _set_inertia(body: Any, mass: float, inertia: Any) -> None:
@@ -169,6 +185,7 @@ def _add_part(
     kind: RigidPart,
     guide: Guide | None = None,
     timestep: float = math.inf,
+    radius: float = CORNER_RADIUS,
     *,
     with_hull: bool = False,
 ) -> None:
@@ -204,18 +221,19 @@ def _add_part(
         group=1,
         rgba=[0.85, 0.60, 0.20, 1.0],
     )
-    size = [part.corner_radius or CORNER_RADIUS, 0.0, 0.0]
+    size = [part.corner_radius or radius, 0.0, 0.0]
     sphere = mujoco.mjtGeom.mjGEOM_SPHERE
     for i, corner in enumerate(part.corners):
         body.add_geom(name=_corner_name(part, i), type=sphere, size=size, pos=corner, contype=0, conaffinity=0, group=3)
 
 
 def _pair_with_patch(spec: Any, scene: Scene, part: RigidPart, guide: Guide | None) -> None:
-    """Let every corner of a part meet the part's own patch, and nothing else; on a slide without friction."""
+    """Let every corner of a part, or its hull, meet its own patch and nothing else; on a slide without friction."""
     condim = 1 if guide and guide.slides else 3
-    parameters = contact_parameters(scene.scenario.contact, scene.timestep)
-    for i in range(len(part.corners)):
-        name = _corner_name(part, i)
+    settings = scene.scenario.mujoco
+    parameters = contact_parameters(scene.scenario.contact, scene.timestep, UNITS[settings.units].time)
+    names = [_corner_name(part, i) for i in range(len(part.corners))]
+    for name in names if settings.contact_set == "corners" else [_hull_name(part)]:
         spec.add_pair(name=name, geomname1=f"plate_{part.name}", geomname2=name, condim=condim, **parameters)
 
 
@@ -248,7 +266,8 @@ def _add_tube(spec: Any, scene: Scene, part: RigidPart, guide: Guide) -> None:
 
 def _pair_parts(spec: Any, scene: Scene) -> None:
     """Let the hulls of all parts meet each other."""
-    parameters = contact_parameters(part_contact(scene.scenario.contact), scene.timestep)
+    units = UNITS[scene.scenario.mujoco.units]
+    parameters = contact_parameters(part_contact(scene.scenario.contact), scene.timestep, units.time)
     names = [_hull_name(part) for part in scene.parts]
     for i, first in enumerate(names):
         for second in names[i + 1 :]:
@@ -259,7 +278,7 @@ def _add_rim(spec: Any, scene: Scene) -> None:
     """Add a wall along each side of the plate, which the parts' hulls meet."""
     import mujoco
 
-    parameters = contact_parameters(scene.scenario.contact, scene.timestep)
+    parameters = contact_parameters(scene.scenario.contact, scene.timestep, UNITS[scene.scenario.mujoco.units].time)
     half = (0.5 * scene.surface.length, 0.5 * scene.surface.width)
     for i, (x, y) in enumerate([(0.0, 1.0), (0.0, -1.0), (1.0, 0.0), (-1.0, 0.0)]):
         wall = spec.worldbody.add_geom(

@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import Discriminator, Field, Tag, model_validator
 
 from feeder_sim.plate_tables import MaterialChoice
-from feeder_sim.tables import AngleRange, DropHeightRange, LengthMm, NonNegative, PointMm, Table
+from feeder_sim.tables import AngleRange, DropHeightRange, LengthMm, NonNegative, PointMm, Table, VelocityMmS
 
 MAX_PARTS = 5000
 # From the vertical; a guide is meant to stand on the plate.
@@ -30,6 +30,7 @@ class Start(_Turned):
 
     kind: Literal["point"] = "point"
     position_mm: PointMm = (0.0, 0.0)
+    velocity_mm_s: VelocityMmS = (0.0, 0.0, 0.0)
 
 
 class Scattered(_Turned):
@@ -92,6 +93,8 @@ class _Part(Table):
             raise ValueError(f'start.kind is "point", allowed is "scattered" or "heap" with count = {self.count}')
         if self.guide is not None and not isinstance(self.start, Start):
             raise ValueError(f'start.kind is "{self.start.kind}", allowed is "point" for a part in a guide')
+        if self.guide is not None and isinstance(self.start, Start) and any(self.start.velocity_mm_s):
+            raise ValueError("start.velocity_mm_s is not 0, which a part in a guide is released with")
         return self
 
 

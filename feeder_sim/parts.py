@@ -7,7 +7,7 @@ taken out of mass and inertia. Nut dimensions: ISO 4032 (width across flats s, l
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +26,7 @@ ISO_4032 = {
 }
 LEAST_INERTIA = 1e-15  # [kg], [kg m^2]: what MuJoCo takes for zero; a steel ball of 0.3 mm has just more
 RIM_CORNERS = 32  # a cylinder touches at this many corners per rim: 0.5 % of the radius inside the true rim, at most
+STEADY = 1e9  # moments of inertia about axes that a part in a plane does not turn about, over the one it turns about
 MAX_CORNERS = 64  # hull vertices beyond this many add cost and no contact
 
 
@@ -61,6 +62,20 @@ class RigidPart:
 
         turned = Rotation.from_quat(quaternion, scalar_first=True).apply(self.corners)
         return float(turned[:, 2].min() - self.corner_radius)
+
+
+def outline(part: RigidPart, yaw: float) -> RigidPart:
+    """The part reduced to its outline in the plane y = 0, turned by a yaw [rad] before: corners (n, 3) with y = 0.
+
+    Forces at such corners have no moment about x and z where the surface does not depend on y. The large moments of
+    inertia about these axes keep round-off from tipping the part over, which stands on its outline like a coin.
+    """
+    turn = np.array([[math.cos(yaw), -math.sin(yaw), 0.0], [math.sin(yaw), math.cos(yaw), 0.0], [0.0, 0.0, 1.0]])
+    corners = part.corners @ turn.T
+    flat = np.unique(np.column_stack([corners[:, 0], 0.0 * corners[:, 1], corners[:, 2]]).round(9), axis=0) + 0.0
+    about_y = float((turn @ np.diag(part.inertia) @ turn.T)[1, 1])
+    moments = np.array([STEADY * about_y, about_y, STEADY * about_y])
+    return replace(part, corners=flat, inertia=moments, vertices=part.vertices @ turn.T)
 
 
 def build_part(spec: PartSpec, *, name: str = "part") -> RigidPart:

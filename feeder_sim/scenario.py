@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Any, Self
 
 from pydantic import Field, model_validator
 
@@ -40,7 +40,8 @@ from feeder_sim.plate_tables import (
     Strip,
     resolve_material,
 )
-from feeder_sim.tables import Flag, LengthMm, NonNegative, Positive, Table, parse, read_text, validated
+from feeder_sim.run_tables import Contact, MujocoSettings, Run
+from feeder_sim.tables import LengthMm, NonNegative, Positive, Table, parse, read_text, validated
 
 __all__ = [
     "Ball",
@@ -54,6 +55,7 @@ __all__ = [
     "HexNut",
     "MeasuredResonance",
     "MeshPart",
+    "MujocoSettings",
     "PartSpec",
     "Pick",
     "PistonPlate",
@@ -77,32 +79,10 @@ __all__ = [
     "with_run",
 ]
 
-# Below this the plate moves by a large part of its amplitude within one step (README, design notes).
+# Fewer are biased, and with a weak surface unstable (benchmarks/stability.py).
 MIN_STEPS_PER_PERIOD = 20
 # A compliant contact (solref = "T zeta") shorter than this many steps is unstable.
 MIN_STEPS_PER_TIME_CONSTANT = 5.0
-
-
-class Contact(Table):
-    """Contact between part and plate, and of parts with each other (`part_restitution`, `part_friction`).
-
-    `model = "restitution"` reverses the normal velocity within one step (Newton); "compliant" is MuJoCo's
-    spring-damper contact with a time constant, and has no coefficient of restitution.
-    """
-
-    model: Literal["restitution", "compliant"] = "restitution"
-    restitution: Annotated[float, Field(ge=0, le=1, strict=True)] = 0.2
-    friction: NonNegative = 0.3
-    part_restitution: Annotated[float, Field(ge=0, le=1, strict=True)] = 0.2
-    part_friction: NonNegative = 0.3
-    time_constant_us: Positive | None = None
-    damping_ratio: Positive = 1.0
-
-    @model_validator(mode="after")
-    def _time_constant(self) -> Self:
-        if (self.model == "compliant") != (self.time_constant_us is not None):
-            raise ValueError('time_constant_us belongs to model = "compliant", which needs it')
-        return self
 
 
 class Pick(Table):
@@ -155,26 +135,6 @@ class Goal(Table):
     within_mm: LengthMm = 2.0
 
 
-class Run(Table):
-    """How long, how often, how fine, and with which simplifications.
-
-    `in_plane_velocity = false` holds the horizontal motion of the surface still; `tangent_surface = true` makes the
-    impulse engine take the surface under a part for a plane, as the MuJoCo engine always does. With a schedule the
-    duration is that of its stages. A part that falls off the plate is followed down to `floor_mm`, and is lost there.
-    """
-
-    engine: Literal["auto", "impulse", "mujoco"] = "auto"
-    duration_s: Annotated[float, Field(gt=0, le=1e5, strict=True)] | None = None
-    stop: Literal["time", "passage"] = "time"
-    seeds: Annotated[int, Field(ge=1, le=10_000, strict=True)] = 12
-    seed: Annotated[int, Field(ge=0, lt=2**63, strict=True)] = 0
-    steps_per_period: Annotated[int, Field(ge=MIN_STEPS_PER_PERIOD, le=10_000, strict=True)] = 40
-    frames_per_second: Annotated[float, Field(ge=1, le=1e6, strict=True)] = 500.0
-    floor_mm: Annotated[float, Field(ge=-1e4, le=-1, strict=True)] = -50.0
-    in_plane_velocity: Flag = True
-    tangent_surface: Flag = False
-
-
 class Scenario(Table):
     """One experiment on one plate."""
 
@@ -184,6 +144,7 @@ class Scenario(Table):
     schedule: Schedule | None = None
     part: Annotated[tuple[PartSpec, ...], Field(min_length=1, max_length=100)]
     contact: Contact = Contact()
+    mujoco: MujocoSettings = MujocoSettings()
     goal: Goal | None = None
     run: Run
 
@@ -213,6 +174,33 @@ class Scenario(Table):
     def highest_frequency_hz(self) -> float:
         """The fastest motion of the plate: forced at the drive frequency, ringing at the natural one."""
         return max(max(d.frequency_hz, d.natural_frequency_hz or 0.0) for _, d in self.excitations)
+
+    @property
+    def known_failures(self) -> tuple[str, ...]:
+        """Settings that do not simulate what was asked for: key, value, what is allowed and why, one line each."""
+        run, contact, mujoco = self.run, self.contact, self.mujoco
+        found = []
+        if run.steps_per_period < MIN_STEPS_PER_PERIOD:
+            found.append(
+                f"run.steps_per_period is {run.steps_per_period}, allowed is at least {MIN_STEPS_PER_PERIOD}: the "
+                "plate would move by a third of its amplitude within a step, and speeds come out wrong"
+            )
+        if contact.time_constant_us is not None:
+            shortest = 1e6 / self.highest_frequency_hz
+            if contact.time_constant_us < MIN_STEPS_PER_TIME_CONSTANT * shortest / run.steps_per_period:
+                needed = int(-(-MIN_STEPS_PER_TIME_CONSTANT * shortest // contact.time_constant_us))
+                found.append(
+                    f"run.steps_per_period is {run.steps_per_period}, allowed is at least {needed} for "
+                    f"contact.time_constant_us = {contact.time_constant_us:g}: a shorter contact throws parts"
+                )
+        elif mujoco.integrator == "discrete":
+            found.append(
+                'mujoco.integrator is "discrete", allowed is "euler" or "implicitfast" with contact.model = '
+                '"restitution": it takes the rebound out'
+            )
+        if mujoco.plate == "mocap":
+            found.append('mujoco.plate is "mocap", allowed is "patch": a mocap body has no velocity in contact')
+        return tuple(found)
 
     @model_validator(mode="after")
     def _drives_or_schedule(self) -> Self:
@@ -255,17 +243,43 @@ class Scenario(Table):
         return self
 
     @model_validator(mode="after")
-    def _time_constant_spans_steps(self) -> Self:
-        if self.contact.time_constant_us is not None:
-            shortest = 1.0 / self.highest_frequency_hz
-            step = 1e6 * shortest / self.run.steps_per_period
-            least = MIN_STEPS_PER_TIME_CONSTANT * step
-            if self.contact.time_constant_us < least:
-                needed = int(-(-MIN_STEPS_PER_TIME_CONSTANT * 1e6 * shortest // self.contact.time_constant_us))
-                raise ValueError(
-                    f"run.steps_per_period is {self.run.steps_per_period}, allowed is at least {needed} for "
-                    f"contact.time_constant_us = {self.contact.time_constant_us:g}"
-                )
+    def _stays_in_a_plane(self) -> Self:
+        if not self.run.planar:
+            return self
+        part = self.part[0]
+        if self.run.engine == "mujoco":
+            raise ValueError('run.engine is "mujoco", allowed is "impulse" with run.planar = true')
+        if self.plate.kind == "rectangle":
+            raise ValueError('plate.kind is "rectangle", allowed is "strip" or "piston" with run.planar = true')
+        if self.n_parts > 1 or part.guide is not None or not isinstance(part.start, Start):
+            raise ValueError("run.planar is true, allowed is false for many parts and for a part in a guide")
+        if part.start.yaw_deg[0] != part.start.yaw_deg[1]:
+            low, high = part.start.yaw_deg
+            raise ValueError(
+                f"part[0].start.yaw_deg is [{low:g}, {high:g}], allowed is one angle with run.planar = true"
+            )
+        if part.start.position_mm[1] or part.start.velocity_mm_s[1]:
+            raise ValueError("part[0].start has a position or velocity along y, allowed is 0 with run.planar = true")
+        return self
+
+    @model_validator(mode="after")
+    def _settings_belong_to_mujoco(self) -> Self:
+        changed = [
+            name
+            for name in self.mujoco.model_fields_set
+            if getattr(self.mujoco, name) != getattr(MujocoSettings(), name)
+        ]
+        if changed and self.guide is not None:
+            raise ValueError(f"mujoco.{changed[0]} belongs to parts without a guide")
+        if changed and self.run.engine == "impulse":
+            raise ValueError(f'mujoco.{changed[0]} belongs to run.engine = "mujoco", which is "{self.run.engine}"')
+        return self
+
+    @model_validator(mode="after")
+    def _no_known_failure(self) -> Self:
+        if not self.run.allow_unstable:
+            for found in self.known_failures:
+                raise ValueError(f"{found}; run.allow_unstable = true runs it all the same")
         return self
 
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from feeder_sim.errors import InputError
 from feeder_sim.guide import Guide, build_guide
-from feeder_sim.parts import RigidPart, build_part
+from feeder_sim.parts import RigidPart, build_part, outline
 from feeder_sim.plate.assembly import DrivenMode, assemble_plate
 from feeder_sim.plate.drive import ModalDrive, modal_terms, timed
 from feeder_sim.plate.surface import Surface
@@ -91,6 +91,8 @@ def build_scene(scenario: Scenario) -> Scene:
     """
     plate = assemble_plate(scenario)
     kinds = tuple(build_part(spec, name=f"part_{i}") for i, spec in enumerate(scenario.part))
+    if scenario.run.planar:
+        kinds = (outline(kinds[0], math.radians(scenario.part[0].start.yaw_deg[0])),)
     for i, (spec, kind) in enumerate(zip(scenario.part, kinds, strict=True)):
         _check_on_plate(spec, kind, plate.surface, f"part[{i}].start")
         _check_in_tube(spec, kind, i)

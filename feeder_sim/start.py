@@ -19,15 +19,17 @@ MAX_TRIES = 20_000  # to find a free place for a part
 
 @dataclass(frozen=True)
 class Pose:
-    """Where a part starts, at rest.
+    """How a part starts, without spin.
 
     Attributes:
         position: of the centre of mass, shape (3,) [m].
         quaternion: shape (4,), w first.
+        velocity: of the centre of mass, shape (3,) [m/s].
     """
 
     position: NDArray[np.float64]
     quaternion: NDArray[np.float64]
+    velocity: NDArray[np.float64]
 
 
 def start_poses(scene: Scene, rng: np.random.Generator) -> list[Pose]:
@@ -61,7 +63,8 @@ def start_poses(scene: Scene, rng: np.random.Generator) -> list[Pose]:
                 if not placed.free(position, kind.size):
                     raise InputError("overlaps other parts", key=f"part[{i}].start")
             placed.add(position, kind.size)
-            poses.append(Pose(position, quaternion))
+            velocity = 1e-3 * np.array(spec.start.velocity_mm_s if isinstance(spec.start, Start) else (0.0, 0.0, 0.0))
+            poses.append(Pose(position, quaternion, velocity))
         first += spec.count
     return poses
 
@@ -78,6 +81,8 @@ def _turned(
     direction = rng.uniform(0.0, 2.0 * np.pi)
     drop = 1e-3 * rng.uniform(*start.drop_height_mm)
     lean = tilt * np.array([np.cos(direction), np.sin(direction), 0.0])
+    if scene.scenario.run.planar:  # about y, to either side; the yaw is in the outline
+        lean, yaw = np.array([0.0, math.copysign(tilt, lean[1]), 0.0]), 0.0
     turned = Rotation.from_rotvec(lean) * Rotation.from_rotvec([0.0, 0.0, yaw])
     if guide:
         turned = Rotation.from_rotvec([0.0, guide.tilt, 0.0]) * turned

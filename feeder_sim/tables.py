@@ -22,6 +22,8 @@ FrequencyHz = Annotated[float, Field(ge=0.1, le=1e7, allow_inf_nan=False, strict
 AngleDeg = Annotated[float, Field(ge=-360, le=360, allow_inf_nan=False, strict=True)]
 CoordinateMm = Annotated[float, Field(ge=-1e5, le=1e5, allow_inf_nan=False, strict=True)]
 PointMm = tuple[CoordinateMm, CoordinateMm]
+SpeedMmS = Annotated[float, Field(ge=-1e5, le=1e5, allow_inf_nan=False, strict=True)]
+VelocityMmS = tuple[SpeedMmS, SpeedMmS, SpeedMmS]
 Flag = Annotated[bool, Field(strict=True)]
 
 

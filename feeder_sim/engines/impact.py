@@ -85,7 +85,7 @@ def _solve(v, w, inverse_mass, inverse_inertia, arm, normal, surface_velocity, b
         targets[i] = -share * e[i] * along
         scale = max(scale, abs(along))
         step_normal[i], step_tangent[i] = _steps(inverse_mass, inverse_inertia, arm[i], normal[i])
-    tolerance = max(min(ENOUGH, SHARE * scale), LEAST)
+    tolerance = max(min(ENOUGH, SHARE * scale), LEAST) if n > 1 else ROUND_OFF * scale
     u, change = np.empty(3), np.empty(3)
     if n >= FLAT:  # a flat landing is nearly a shift: begin with what would stop it, shared out
         share_of_mass = 1.0 / (inverse_mass * n)

@@ -159,12 +159,14 @@ class ImpulseEngine:
         self._surface = surface_arrays(scene.surface, scene.scenario.run)
         self._antinode = np.abs(scene.surface.table[..., 0]).max(axis=(1, 2))
         self._threads = max(1, threads)
-        corners = np.split(kinds.corners, kinds.record["corner_from"][1:])
-        self._libraries = [HullLibrary(corners, list(kinds.record["radius"])) for _ in range(self._threads)]
+        self._alone = self._n == 1 and not scene.rim
+        corners = [] if self._alone else np.split(kinds.corners, kinds.record["corner_from"][1:])
+        self._libraries = [
+            HullLibrary(corners, list(kinds.record["radius"][: len(corners)])) for _ in range(self._threads)
+        ]
         self._hulls = [library.hulls() for library in self._libraries]
         self._scratch = [new_scratch(kinds, scene.surface.n_shapes) for _ in range(self._threads)]
         self._pool = ThreadPoolExecutor(self._threads) if self._threads > 1 else None
-        self._alone = self._n == 1 and not scene.rim
         self._n_windows = math.ceil(scene.frame_interval / WINDOW - 1e-9)
         self._parts = self._start(rng)
         self._frame = 0
@@ -176,10 +178,12 @@ class ImpulseEngine:
         poses = start_poses(self._scene, rng)
         centres, attitudes = rim_walls(self._scene)
         turned = Rotation.from_quat([pose.quaternion for pose in poses], scalar_first=True).as_matrix()
+        velocity = np.concatenate([[pose.velocity for pose in poses], np.zeros_like(centres)])
         return new_parts(
             np.concatenate([[pose.position for pose in poses], centres]),
             np.concatenate([turned, attitudes]),
             np.concatenate([self._scene.kind_of, np.full(len(centres), len(self._scene.kinds))]),
+            velocity,
         )
 
     def current(self) -> Frames:

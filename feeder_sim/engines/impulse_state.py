@@ -148,8 +148,8 @@ def read_kinds(scene: Scene) -> Kinds:
 
 
 def hull_edges(corners: NDArray[np.float64]) -> NDArray[np.int64]:
-    """Edges of the convex hull of corners (n, 3), as pairs of indices (m, 2); none for fewer than four corners."""
-    if len(corners) < 4:
+    """Edges of the convex hull of corners (n, 3), as pairs of indices (m, 2); none for corners in a plane."""
+    if _in_plane(corners):
         return np.empty((0, 2), np.int64)
     from scipy.spatial import ConvexHull
 
@@ -158,9 +158,14 @@ def hull_edges(corners: NDArray[np.float64]) -> NDArray[np.int64]:
     return np.unique(sides, axis=0).astype(np.int64)
 
 
+def _in_plane(corners: NDArray[np.float64]) -> bool:
+    """Whether corners (n, 3) are too few for a body, or the outline of a part that stays in a plane."""
+    return len(corners) < 4 or bool((np.ptp(corners, axis=0) == 0.0).any())
+
+
 def hull_planes(corners: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Planes of the faces of the convex hull of corners (n, 3), shape (f, 4); none for fewer than four corners."""
-    if len(corners) < 4:
+    """Planes of the faces of the convex hull of corners (n, 3), shape (f, 4); none for corners in a plane."""
+    if _in_plane(corners):
         return np.empty((0, 4))
     from scipy.spatial import ConvexHull
 
@@ -185,11 +190,15 @@ def rim_walls(scene: Scene) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     return centres, np.array([np.eye(3), np.eye(3), quarter, quarter])
 
 
-def new_parts(position: ArrayLike, attitude: ArrayLike, kind: ArrayLike) -> NDArray[np.void]:
-    """Parts (`PART`) at rest and awake at time 0: positions (n, 3) [m], attitudes (n, 3, 3), kinds (n,)."""
+def new_parts(position: ArrayLike, attitude: ArrayLike, kind: ArrayLike, velocity: ArrayLike = 0.0) -> NDArray[np.void]:
+    """Parts (`PART`) without spin and awake at time 0.
+
+    Positions (n, 3) [m], attitudes (n, 3, 3), kinds (n,), velocities (n, 3) [m/s].
+    """
     kind = np.asarray(kind)
     parts = np.zeros(len(kind), PART)
     parts["position"], parts["attitude"], parts["kind"], parts["there"] = position, attitude, kind, AWAKE
+    parts["velocity"] = velocity
     return parts
 
 

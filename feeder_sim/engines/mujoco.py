@@ -26,6 +26,7 @@ from feeder_sim.plate.kernels import modal_motion, surface_modes
 from feeder_sim.scene import Scene
 from feeder_sim.start import start_poses
 from feeder_sim.trajectory import BLOCK_FRAMES, Frames
+from feeder_sim.units import UNITS, converted
 
 silence_mujoco()
 load_mujoco_symbols()
@@ -37,7 +38,8 @@ class Addresses(NamedTuple):
     """Where things are in MuJoCo: pointers, state vectors, and the first index of each part's joints in them.
 
     guided: the part is in a guide over a piston; vertical: index (after its first) and factor that make its vertical
-    velocity of qvel; touch: the force between part and plate.
+    velocity of qvel; touch: the force between part and plate. mocap: patches are mocap bodies, of these poses, whose
+    own places lie this far below the surface (depth).
     """
 
     model: int
@@ -52,6 +54,10 @@ class Addresses(NamedTuple):
     vertical: int
     factor: float
     touch: NDArray[np.float64]
+    mocap: bool
+    mocap_pos: NDArray[np.float64]
+    mocap_quat: NDArray[np.float64]
+    depth: float
 
 
 @njit(cache=True, nogil=True)
@@ -68,6 +74,10 @@ def _place_patches(at, surface, q, rate, weight_x, weight_y, modes):
             w_rate += modes[s, 0] * rate[s]
             bx_rate += modes[s, 1] * rate[s]
             by_rate += modes[s, 2] * rate[s]
+        if at.mocap:
+            at.mocap_pos[part, 2] = w - bx * x - by * y - at.depth
+            at.mocap_quat[part, 1], at.mocap_quat[part, 2] = 0.5 * by, -0.5 * bx
+            continue
         position, velocity = at.patch_qpos[part], at.patch_qvel[part]
         # Hinges through the plate's centre: tilt (by, -bx), and the lift that makes the plane pass through z(x, y).
         at.qpos[position] = w - bx * x - by * y
@@ -146,11 +156,13 @@ class MujocoEngine:
         self.model = build_mjcf(scene).compile()
         self.data = mujoco.MjData(self.model)
         self._scene = scene
+        self._units = UNITS[scene.scenario.mujoco.units]
         self._step = 0
         parts = [self.model.joint(part.name) for part in scene.parts]
         guide = scene.guides[0]
         self._slide = guide if guide and guide.slides else None
-        patches = [self.model.joint(f"lift_{part.name}") for part in scene.parts]
+        mocap = scene.scenario.mujoco.plate == "mocap"
+        patches = [] if mocap else [self.model.joint(f"lift_{part.name}") for part in scene.parts]
         self._part_qpos = np.array([joint.qposadr[0] for joint in parts])
         self._part_qvel = np.array([joint.dofadr[0] for joint in parts])
         self._at = Addresses(
@@ -160,14 +172,18 @@ class MujocoEngine:
             qvel=self.data.qvel,
             part_qpos=self._part_qpos,
             part_qvel=self._part_qvel,
-            patch_qpos=np.array([joint.qposadr[0] for joint in patches]),
-            patch_qvel=np.array([joint.dofadr[0] for joint in patches]),
+            patch_qpos=np.array([joint.qposadr[0] for joint in patches], np.int64),
+            patch_qvel=np.array([joint.dofadr[0] for joint in patches], np.int64),
             guided=guide is not None,
             vertical=0 if self._slide else 2,
             factor=float(self._slide.axis[2]) if self._slide else 1.0,
             touch=self.data.sensordata,
+            mocap=mocap,
+            mocap_pos=self.data.mocap_pos,
+            mocap_quat=self.data.mocap_quat,
+            depth=-float(self.model.body(f"plate_{scene.parts[0].name}").pos[2]),
         )
-        self._surface = surface_arrays(scene.surface, scene.scenario.run)
+        self._surface = surface_arrays(converted(scene).surface, scene.scenario.run)
         self._log = new_log(1)
         self._there = np.ones(len(scene.parts), bool)
         self._last_pose = np.zeros((len(scene.parts), 7))
@@ -177,8 +193,11 @@ class MujocoEngine:
                 self._turn_on_slide(part.name, pose.quaternion)
                 self.data.qpos[start] = (pose.position - self.model.body(part.name).pos) @ self._slide.axis
             else:
-                self.data.qpos[start : start + 3] = pose.position
+                self.data.qpos[start : start + 3] = pose.position * self._units.length
                 self.data.qpos[start + 3 : start + 7] = pose.quaternion
+        if self._slide is None:
+            for start, pose in zip(self._part_qvel, self._poses, strict=True):
+                self.data.qvel[start : start + 3] = pose.velocity * self._units.length / self._units.time
 
     def _turn_on_slide(self, name: str, quaternion: NDArray[np.float64]) -> None:
         """Give the part on the slide its attitude for good; the joint's axis is in the part's own frame."""
@@ -198,7 +217,8 @@ class MujocoEngine:
         if self._at.guided:  # a contact takes a step, and the flight after it another one
             self._log = room_for(self._log, n_frames * scene.steps_per_frame // 2 + 1)
         first = self._step
-        arguments = (self._at, self._surface, self._log, scene.timestep, first, scene.steps_per_frame)
+        timestep = scene.timestep * self._units.time
+        arguments = (self._at, self._surface, self._log, timestep, first, scene.steps_per_frame)
         self._step = _advance(*arguments, qpos, qvel)
         return self._frames(qpos, qvel, first + scene.steps_per_frame)
 
@@ -212,7 +232,7 @@ class MujocoEngine:
 
     def redrive(self, scene: Scene) -> None:
         self._scene = scene
-        self._surface = surface_arrays(scene.surface, scene.scenario.run)
+        self._surface = surface_arrays(converted(scene).surface, scene.scenario.run)
 
     def state(self) -> dict[str, NDArray[np.float64]]:
         kind = mujoco.mjtState.mjSTATE_INTEGRATION
@@ -249,10 +269,10 @@ class MujocoEngine:
         turned = Rotation.from_quat(upright.reshape(-1, 4), scalar_first=True).apply(spin.reshape(-1, 3))
         return Frames(
             time=self._times(len(qpos), first_step),
-            position=pose[..., :3],
+            position=pose[..., :3] / self._units.length,
             quaternion=quaternion,
-            velocity=motion[..., :3],
-            angular_velocity=turned.reshape(spin.shape),
+            velocity=motion[..., :3] * (self._units.time / self._units.length),
+            angular_velocity=turned.reshape(spin.shape) * self._units.time,
             present=np.tile(self._there, (len(qpos), 1)),
         )
 
