@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Annotated, NoReturn
 
 import typer
 
+from feeder_sim.chart_command import chart
 from feeder_sim.command_files import naming, new_picture, scenario_of, writable
 from feeder_sim.errors import FeederSimError, InputError, RecordingFailed
 from feeder_sim.plate_commands import modes, sequence, wave
@@ -118,7 +119,7 @@ def check(
         _print_plan(scenario, as_json)
 
 
-for command in (modes, sequence, wave):
+for command in (modes, sequence, wave, chart):
     app.command()(command)
 
 
