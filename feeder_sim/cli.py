@@ -89,7 +89,10 @@ def run(
 
 def _finish_run(result: Result, folder: Path, as_json: bool) -> None:
     """Print what came out; the exit code says how it ended."""
-    print_summary(result.summary(), folder, as_json)
+    summary = result.summary()
+    print_summary(summary, folder, as_json)
+    for caution in summary["cautions"]:
+        print(f"feeder-sim: caution: {caution}", file=sys.stderr)
     for failure in result.failures:
         print(f"feeder-sim: {failure}", file=sys.stderr)
     if result.interrupted:

@@ -31,11 +31,24 @@ class InputError(FeederSimError):
 
 
 class SimulationDiverged(FeederSimError):
-    """A running simulation left the range of valid states; what was recorded until then is kept."""
+    """A running simulation left the range of valid states; what was recorded until then is kept.
 
-    def __init__(self, *, cause: str, time_s: float, part: str, seed: int) -> None:
-        self.cause, self.time_s, self.part, self.seed = cause, time_s, part, seed
-        super().__init__(f"seed {seed}: {part} at {time_s:.6f} s: {cause}; frames up to that time are kept")
+    Args:
+        cause: what is wrong.
+        time_s: of the first state that is not valid [s].
+        part: its name.
+        seed: index of the seed.
+        file: that holds the last states, "" without one.
+    """
+
+    def __init__(self, *, cause: str, time_s: float, part: str, seed: int, file: str = "") -> None:
+        self.cause, self.time_s, self.part, self.seed, self.file = cause, time_s, part, seed, file
+        kept = "frames up to that time are kept" + (f", last states in {file}" if file else "")
+        super().__init__(f"seed {seed}: {part} at {time_s:.6f} s: {cause}; {kept}")
+
+    def kept_in(self, file: str) -> SimulationDiverged:
+        """The same, with the last states in a file."""
+        return SimulationDiverged(cause=self.cause, time_s=self.time_s, part=self.part, seed=self.seed, file=file)
 
 
 class RecordingFailed(FeederSimError):

@@ -21,13 +21,15 @@ import numpy as np
 from feeder_sim.guide import Guide
 from feeder_sim.parts import RigidPart
 from feeder_sim.plate.surface import Surface
-from feeder_sim.scenario import Contact
+from feeder_sim.scenario import Contact, MujocoSettings
 from feeder_sim.scene import GRAVITY, Scene
 from feeder_sim.units import UNITS, converted
 
 PATCH_MASS_RATIO = 1e6  # patch over part: the part moves its patch by a millionth of its own motion
 CORNER_RADIUS = 1e-6  # [m]; the part rides this much higher everywhere, its shape is unchanged
 HARD = [0.9999, 0.9999, 1e-3, 0.5, 2.0]  # solimp with MuJoCo's largest impedance: as hard as the solver allows
+MUJOCO_IMPEDANCE = [0.9, 0.95, 1e-3, 0.5, 2.0]  # its default: what rests on a slope creeps
+DEFAULT_SETTINGS = MujocoSettings()
 # MuJoCo stops its solver by a cost scaled with the trace of the inertia matrix, which the heavy patches inflate.
 # Scaled back to the part, this is MuJoCo's own default; with the raw default the drift comes out 20 % too fast or
 # not, depending on the unit system (README, design notes).
@@ -42,18 +44,22 @@ def part_contact(contact: Contact) -> Contact:
     return contact.model_copy(update=law)
 
 
-def contact_parameters(contact: Contact, timestep: float, second: float = 1.0) -> dict[str, list[float]]:
-    """MuJoCo's pair attributes for a contact model at a timestep, in a unit of time of which `second` are 1 s."""
+def contact_parameters(
+    contact: Contact, timestep: float, settings: MujocoSettings = DEFAULT_SETTINGS
+) -> dict[str, list[float]]:
+    """MuJoCo's pair attributes for a contact model at a timestep, in the units of the settings."""
+    units = UNITS[settings.units]
     friction = [contact.friction, contact.friction, 0.0, 0.0, 0.0]
     if contact.time_constant_us is not None:
-        solref, solreffriction = [contact.time_constant_us * 1e-6 * second, contact.damping_ratio], [0.0, 0.0]
+        solref, solreffriction = [contact.time_constant_us * 1e-6 * units.time, contact.damping_ratio], [0.0, 0.0]
     else:
         solref, solreffriction = [0.0, -(1.0 + contact.restitution) / timestep], [0.0, -1.0 / timestep]
+    solimp = HARD if settings.impedance == "hard" else MUJOCO_IMPEDANCE
     return {
         "friction": friction,
         "solref": solref,
         "solreffriction": solreffriction,
-        "solimp": HARD,
+        "solimp": [*solimp[:2], solimp[2] * units.length, *solimp[3:]],
     }
 
 
@@ -231,7 +237,7 @@ def _pair_with_patch(spec: Any, scene: Scene, part: RigidPart, guide: Guide | No
     """Let every corner of a part, or its hull, meet its own patch and nothing else; on a slide without friction."""
     condim = 1 if guide and guide.slides else 3
     settings = scene.scenario.mujoco
-    parameters = contact_parameters(scene.scenario.contact, scene.timestep, UNITS[settings.units].time)
+    parameters = contact_parameters(scene.scenario.contact, scene.timestep, settings)
     names = [_corner_name(part, i) for i in range(len(part.corners))]
     for name in names if settings.contact_set == "corners" else [_hull_name(part)]:
         spec.add_pair(name=name, geomname1=f"plate_{part.name}", geomname2=name, condim=condim, **parameters)
@@ -266,8 +272,7 @@ def _add_tube(spec: Any, scene: Scene, part: RigidPart, guide: Guide) -> None:
 
 def _pair_parts(spec: Any, scene: Scene) -> None:
     """Let the hulls of all parts meet each other."""
-    units = UNITS[scene.scenario.mujoco.units]
-    parameters = contact_parameters(part_contact(scene.scenario.contact), scene.timestep, units.time)
+    parameters = contact_parameters(part_contact(scene.scenario.contact), scene.timestep, scene.scenario.mujoco)
     names = [_hull_name(part) for part in scene.parts]
     for i, first in enumerate(names):
         for second in names[i + 1 :]:
@@ -278,7 +283,7 @@ def _add_rim(spec: Any, scene: Scene) -> None:
     """Add a wall along each side of the plate, which the parts' hulls meet."""
     import mujoco
 
-    parameters = contact_parameters(scene.scenario.contact, scene.timestep, UNITS[scene.scenario.mujoco.units].time)
+    parameters = contact_parameters(scene.scenario.contact, scene.timestep, scene.scenario.mujoco)
     half = (0.5 * scene.surface.length, 0.5 * scene.surface.width)
     for i, (x, y) in enumerate([(0.0, 1.0), (0.0, -1.0), (1.0, 0.0), (-1.0, 0.0)]):
         wall = spec.worldbody.add_geom(

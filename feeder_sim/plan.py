@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from feeder_sim.advice import cautions, recommendations
 from feeder_sim.engines import choose_engine, engine_class
 from feeder_sim.measures import check_stop_rule, transport_cell
 from feeder_sim.replay_wave import PERIODS, PICTURES, POINTS
@@ -73,6 +74,8 @@ def plan_run(scene: Scene) -> dict[str, Any]:
         "frames_per_seed": scene.n_frames,
         "estimated_wall_s": cost * scene.n_steps * math.ceil(run.seeds / available_cores()),
         "estimated_file_size_mb": 1e-6 * file_size,
+        "cautions": cautions(scene),
+        "recommended": recommendations(scene),
         "estimates_are_upper_bounds": run.stop != "time" or any(stage.until for stage in scene.times.stages),
     }
 

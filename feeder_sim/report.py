@@ -211,6 +211,8 @@ def as_lines(plan: dict[str, Any], indent: str = "") -> str:
         if isinstance(value, list) and value and isinstance(value[0], dict):
             for i, entry in enumerate(value):
                 lines += [f"{indent}{key}[{i}]:", as_lines(entry, indent + "  ")]
+        elif isinstance(value, list) and value and isinstance(value[0], str):
+            lines += [f"{indent}{key}:", *(f"{indent}  {entry}" for entry in value)]
         else:
             lines.append(f"{indent}{key}: {_rounded(value)}")
     return "\n".join(lines)
@@ -220,5 +222,5 @@ def _rounded(value: Any) -> str:
     if isinstance(value, float):
         return f"{value:.4g}"
     if isinstance(value, list):
-        return ", ".join(_rounded(entry) for entry in value)
+        return ", ".join(_rounded(entry) for entry in value) or "none"
     return str(value)

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import contextlib
 import importlib.metadata
+import io
 import itertools
 import json
 import threading
 from collections.abc import Callable
+from dataclasses import fields
 from pathlib import Path
+from zipfile import BadZipFile
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,14 +19,14 @@ from numpy.typing import NDArray
 from feeder_sim import __version__
 from feeder_sim.checkpoint import Checkpoint, CheckpointFolder
 from feeder_sim.engines import choose_engine
-from feeder_sim.errors import InputError
+from feeder_sim.errors import InputError, RecordingFailed, SimulationDiverged
 from feeder_sim.measures import check_stop_rule, transport_cell
 from feeder_sim.mjcf import build_mjcf
 from feeder_sim.scenario import Scenario, parse_scenario
 from feeder_sim.scene import Scene, build_scene
-from feeder_sim.seed_run import Begun
+from feeder_sim.seed_run import Begun, LastStates
 from feeder_sim.simulation import Result, check_starts, simulate_scene
-from feeder_sim.trajectory import PartRecord, PlateRecord, Record, Recording, Status
+from feeder_sim.trajectory import Frames, PartRecord, PlateRecord, Record, Recording, Status
 from feeder_sim.trajectory_file import TrajectoryWriter, read_recording
 
 TRAJECTORY, REPLAY, SUMMARY, RESOLVED, MJCF = (
@@ -34,6 +37,7 @@ TRAJECTORY, REPLAY, SUMMARY, RESOLVED, MJCF = (
     "scene.xml",
 )
 LIBRARIES = ("mujoco-core", "mujoco", "numpy", "scipy", "numba", "h5py")
+STATE_PREFIX = "state_"  # of the engine's arrays among the last states of a seed that diverged
 DISPLAY_POINTS = 121  # per axis of the plate: enough for the shortest wave of the catalogue, small enough to scrub
 
 
@@ -117,7 +121,7 @@ class RunRecorder:
     """Puts blocks into the trajectory file and keeps checkpoints that match it."""
 
     def __init__(self, folder: Path, writer: TrajectoryWriter) -> None:
-        self._checkpoints, self._writer = CheckpointFolder(folder), writer
+        self._folder, self._checkpoints, self._writer = folder, CheckpointFolder(folder), writer
         self._recorded: dict[int, NDArray[np.int64]] = {}
 
     def append(self, seed_index: int, block: Record) -> None:
@@ -128,8 +132,60 @@ class RunRecorder:
     def checkpoint(self, seed_index: int, state: dict[str, NDArray[np.float64]]) -> None:
         self._checkpoints.save(seed_index, Checkpoint(tuple(self._recorded[seed_index].tolist()), state))
 
+    def keep_last(self, failure: SimulationDiverged, last: LastStates) -> str:
+        return save_last_states(self._folder, failure, last)
+
     def finish(self, seed_index: int, status: Status) -> None:
         self._writer.finish(seed_index, status)
+
+
+def save_last_states(folder: Path, failure: SimulationDiverged, last: LastStates) -> str:
+    """Write the last states of a seed that diverged into a run folder, as NumPy's .npz; returns the file's name.
+
+    Arrays: those of `Frames` [SI units], `state_NAME` of the engine, `stops`, `skipped` and `valid` (see `LastStates`),
+    `cause`, `part`, `time_s`. A run that is resumed may come here again: a file that holds anything else stays, and
+    this one gets the next free number.
+
+    Raises:
+        RecordingFailed: it cannot be written, as when the disk is full.
+    """
+    arrays = {field.name: getattr(last.frames, field.name) for field in fields(Frames)}
+    arrays |= {f"{STATE_PREFIX}{name}": values for name, values in last.state.items()}
+    arrays |= {"stops": last.stops, "skipped": np.array(last.skipped), "valid": np.array(last.valid)}
+    arrays |= {"cause": np.array(failure.cause), "part": np.array(failure.part), "time_s": np.array(failure.time_s)}
+    held = io.BytesIO()
+    np.savez(held, allow_pickle=False, **arrays)
+    stem = f"failure_seed_{failure.seed}"
+    for name in itertools.chain([f"{stem}.npz"], (f"{stem}_{number}.npz" for number in itertools.count(2))):
+        path = folder / name
+        if path.exists() and path.read_bytes() != held.getvalue():
+            continue
+        partial = path.with_suffix(".partial")
+        try:
+            partial.write_bytes(held.getvalue())
+            partial.replace(path)
+        except OSError as error:
+            with contextlib.suppress(OSError):
+                partial.unlink(missing_ok=True)
+            raise RecordingFailed(f"{path}: cannot be written, is the disk full? ({error})") from error
+        return name
+    raise AssertionError("unreachable")
+
+
+def read_last_states(path: str | Path) -> LastStates:
+    """Read the last states of a seed that diverged, to run its last block again.
+
+    Raises:
+        InputError: the file cannot be read.
+    """
+    try:
+        with Path(path).open("rb") as file, np.load(file, allow_pickle=False) as held:
+            arrays = {name: held[name] for name in held.files}
+        frames = Frames(**{field.name: arrays[field.name] for field in fields(Frames)})
+        state = {name[len(STATE_PREFIX) :]: arrays[name] for name in arrays if name.startswith(STATE_PREFIX)}
+        return LastStates(state, arrays["stops"], int(arrays["skipped"]), frames, int(arrays["valid"]))
+    except (OSError, ValueError, EOFError, KeyError, BadZipFile) as error:
+        raise InputError("holds no readable last states", file=path) from error
 
 
 def _run_into(

@@ -35,7 +35,8 @@ class MujocoSettings(Table):
     """How the MuJoCo engine is set up; the defaults are the best found, all else is there to be compared with them.
 
     `plate`: a patch with joints, or a mocap body (which has no velocity in contact). `contact_set`: a small sphere at
-    every corner, or MuJoCo's own contact of hull and box. `tolerance`: MuJoCo's own, scaled to the part or as it comes.
+    every corner, or MuJoCo's own contact of hull and box. `impedance` of contacts: as hard as MuJoCo allows, or its own
+    default. `tolerance`: MuJoCo's own, scaled to the part or as it comes.
     `refsafe = false` takes time constants below two steps as they are, which MuJoCo else lengthens. The rest are
     MuJoCo's options of that name; `units` are those the model is written in.
     """
@@ -46,6 +47,7 @@ class MujocoSettings(Table):
     integrator: Literal["euler", "implicitfast", "discrete"] = "euler"
     iterations: Annotated[int, Field(ge=1, le=10_000, strict=True)] = 100
     impratio: Annotated[float, Field(gt=0, le=1e6, strict=True)] = 1.0
+    impedance: Literal["hard", "default"] = "hard"
     tolerance: Literal["scaled", "default"] = "scaled"
     refsafe: Flag = True
     units: Literal["SI", "mm-g-ms"] = "SI"

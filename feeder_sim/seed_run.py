@@ -26,6 +26,39 @@ BLOCK_STEPS = 500_000  # solver steps and parts between two looks at guard, stop
 LEAST_BLOCK = 20  # frames: shorter blocks would cost more to write than to compute
 LOOK_S = 0.1  # [s] between two looks whether the parts have settled
 CHECKPOINT_S = 5.0  # [s] of wall time between two checkpoints, at least
+LAST_FRAMES = 100  # kept of a block that failed, at most: half of them before the first one that is not valid
+
+
+@dataclass(frozen=True)
+class LastStates:
+    """What is kept of a block in which a seed diverged, to look at and to run again.
+
+    In the scene `stopped` at `stops`, an engine that has restored `state` gives `frames` again, bit by bit, as the last
+    ones of `advance(skipped + len(frames))`.
+
+    Attributes:
+        state: of the engine before the block.
+        stops: when the drives of stages had stopped before the block [s].
+        skipped: frames of the block before `frames`.
+        frames: up to LAST_FRAMES of the block.
+        valid: number of `frames` before the first one that is not valid.
+    """
+
+    state: dict[str, NDArray[np.float64]]
+    stops: NDArray[np.float64]
+    skipped: int
+    frames: Frames
+    valid: int
+
+    @staticmethod
+    def of(block: Frames, valid: int, state: dict[str, NDArray[np.float64]], stops: NDArray[np.float64]) -> LastStates:
+        """Cut the frames around the failure out of a block of which the first `valid` frames are valid."""
+        skipped = max(0, min(valid - LAST_FRAMES // 2, len(block) - LAST_FRAMES))
+        kept = block[slice(skipped, skipped + LAST_FRAMES)]
+        copied = Frames(
+            *(getattr(kept, field.name).copy() for field in fields(Frames))
+        )  # `present` is still written to
+        return LastStates(state, stops, skipped, copied, valid - skipped)
 
 
 class Recorder(Protocol):
@@ -35,6 +68,10 @@ class Recorder(Protocol):
 
     def checkpoint(self, seed_index: int, state: dict[str, NDArray[np.float64]]) -> None:
         """Keep what the run can go on from after everything appended so far."""
+        ...
+
+    def keep_last(self, failure: SimulationDiverged, last: LastStates) -> str:
+        """Keep the last states of the seed that diverged; returns the name of the file."""
         ...
 
     def finish(self, seed_index: int, status: Status) -> None: ...
@@ -56,11 +93,13 @@ class SeedResult(Record):
         status: how it ended; UNFINISHED when it was interrupted.
         wall_s: wall time spent in its loop [s].
         failure: why it diverged, None otherwise.
+        last: its last states if it diverged, None otherwise.
     """
 
     status: Status
     wall_s: float
     failure: SimulationDiverged | None = None
+    last: LastStates | None = None
 
 
 @dataclass
@@ -97,11 +136,12 @@ class SeedRun:
         guard = Guard(self.scene, first)
         self._lines = stage_lines(self.scene) if any(s.until for s in self.scene.times.stages) else None
         self._blocks: list[Record] = []
+        self._last: LastStates | None = None
         if self.begun and len(self.begun.frames):
             engine.restore(self.begun.state)
             guard.remember(self.begun.frames)
             self._blocks.append(self.begun)
-            self._stop_stages(engine, self.begun.stops)
+            self._stop_stages(engine, guard, self.begun.stops)
         else:
             self._append(Record(first.as_stored(), Impacts.none(), Removals.none(), np.empty(0)))
         status, failure = Status.UNFINISHED, None
@@ -115,9 +155,11 @@ class SeedRun:
             self.recorder.checkpoint(self.index, engine.state())
         self.done[self.index] = 1.0
         if self.recorder:
+            if failure and self._last:
+                failure = failure.kept_in(self.recorder.keep_last(failure, self._last))
             self.recorder.finish(self.index, status)
-        wall = time.perf_counter() - started
-        return SeedResult(**_fields(Record.joined(self._blocks)), status=status, wall_s=wall, failure=failure)
+        wall, record = time.perf_counter() - started, _fields(Record.joined(self._blocks))
+        return SeedResult(**record, status=status, wall_s=wall, failure=failure, last=self._last)
 
     def _advance(self, engine: Engine, guard: Guard) -> tuple[Status, SimulationDiverged | None]:
         """One block: compute, check, take parts out, record; returns the status after it."""
@@ -125,8 +167,11 @@ class SeedRun:
         if n_done >= self.scene.n_frames:
             return Status.DONE, None
         size = self._block_size(engine, n_done)
+        before = engine.state()
         block = engine.advance(size)
         valid, failure = guard.check(block, self.index)
+        if failure:
+            self._last = LastStates.of(block, valid, before, self._stops())
         block = block[slice(valid)]
         removed = self._take_lost(engine, guard, block)
         if not failure:
@@ -140,7 +185,7 @@ class SeedRun:
         block = block.as_stored()
         stops = self._stops_of_settled(block) if status == Status.UNFINISHED else np.empty(0)
         self._append(Record(block, hits, removals, stops))
-        self._stop_stages(engine, stops)
+        self._stop_stages(engine, guard, stops)
         self.done[self.index] = (n_done + valid) / self.scene.n_frames
         return status, failure
 
@@ -167,11 +212,16 @@ class SeedRun:
         noted = sum(len(held.stops) for held in self._blocks)
         return np.array([*(stage.stop for stage in stages[noted:number]), now])
 
-    def _stop_stages(self, engine: Engine, stops: NDArray[np.float64]) -> None:
+    def _stop_stages(self, engine: Engine, guard: Guard, stops: NDArray[np.float64]) -> None:
         """Let the drives of the next stages have stopped at these times, and the rest follow."""
         if len(stops):
-            self.scene = self.scene.stopped(np.concatenate([block.stops for block in self._blocks]).tolist())
+            self.scene = self.scene.stopped(self._stops().tolist())
             engine.redrive(self.scene)
+            guard.redrive(self.scene)
+
+    def _stops(self) -> NDArray[np.float64]:
+        """When the drives of stages have stopped so far [s]."""
+        return np.concatenate([block.stops for block in self._blocks])
 
     def _block_size(self, engine: Engine, n_done: int) -> int:
         """Frames of the next block; a pick or a look whether parts have settled is always at the end of one."""

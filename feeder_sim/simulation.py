@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from feeder_sim.advice import cautions
 from feeder_sim.bounces import bounce_measures
 from feeder_sim.circulation import stage_waves, wave_measures
 from feeder_sim.engines import choose_engine, engine_class
@@ -90,6 +91,7 @@ class Result:
             "timestep_s": self.scene.timestep,
             "left_plate": sum(seed.status == Status.LEFT_PLATE for seed in self.seeds),
             "interrupted": self.interrupted,
+            "cautions": cautions(self.scene),
             "failures": [str(failure) for failure in self.failures],
         }
 

@@ -202,7 +202,16 @@ def _open(path: Path) -> h5py.File:
     try:
         return h5py.File(path, "r")
     except OSError:
+        if _is_cut(path):  # in the mode below the library waits for what is missing, for ever
+            raise
         return h5py.File(path, "r", swmr=True, libver="latest")
+
+
+def _is_cut(path: Path) -> bool:
+    """Whether a file is shorter than its head says; one that is being written says how long it was at first."""
+    with path.open("rb") as file:
+        head = file.read(36)  # HDF5's superblock, version 3: signature, versions and flags, two addresses, end of file
+    return len(head) < 36 or path.stat().st_size < int.from_bytes(head[28:36], "little")
 
 
 def _read_record(group: Any) -> Record:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any, Literal
 
 import numpy as np
 import pytest
@@ -12,12 +13,13 @@ from conftest import piston_scenario, strip_scenario
 
 from feeder_sim.engines import mujoco as engine_module
 from feeder_sim.guard import Guard
-from feeder_sim.scenario import Contact, Start
-from feeder_sim.scene import build_scene
+from feeder_sim.scenario import Contact, Drive, Excitation, Run, Schedule, Stage, Start
+from feeder_sim.scene import Scene, build_scene
 from feeder_sim.simulation import simulate
 from feeder_sim.trajectory import Frames, Status
 from feeder_sim.trajectory_file import read_recording
 
+LEVEL = [1.0, 0.0, 0.0, 0.0]
 TUNNELLING = """
 [plate]
 kind = "piston"
@@ -44,8 +46,9 @@ def test_tunnelling_part_stops_the_run_and_keeps_its_frames(tmp_path: Path) -> N
     done = subprocess.run(command, capture_output=True, text=True, timeout=300, check=False)
     assert done.returncode == 1
     assert "Traceback" not in done.stderr
-    lines = done.stderr.splitlines()
-    assert len(lines) == 2 and all("part_0 at 2.0" in line and "below the plate" in line for line in lines)
+    lines = [line for line in done.stderr.splitlines() if "caution" not in line]
+    assert len(lines) == 2 and all(f"last states in failure_seed_{i}.npz" in line for i, line in enumerate(lines))
+    assert all("part_0 at 2.0" in line and "below the plate" in line for line in lines)
     recording = read_recording(folder / "trajectory.h5")
     assert recording.status == (Status.DIVERGED, Status.DIVERGED)
     for frames in recording.seeds:
@@ -90,18 +93,233 @@ def test_part_that_falls_off_the_plate_is_counted_and_no_failure() -> None:
     assert last[2] < 0 and last[0] > 0.09
 
 
+def frames_at(scene: Scene, n: int = 10, **states: np.ndarray) -> Frames:
+    """Frames of parts at rest, level, 2 mm over the middle of the plate; `states` replace theirs."""
+    parts = len(scene.parts)
+    rest = {"position": [0.0, 0.0, 2e-3], "quaternion": LEVEL, "velocity": [0.0] * 3, "angular_velocity": [0.0] * 3}
+    held = {name: np.tile(value, (n, parts, 1)) for name, value in rest.items()}
+    for name, values in states.items():
+        held[name][:] = values
+    time = np.asarray(scene.frame_interval * np.arange(n), float)
+    return Frames(time=time, present=np.ones((n, parts), bool), **held)
+
+
+def cause_of(guard: Guard, frames: Frames) -> str:
+    """What the guard says, "" for nothing."""
+    failure = guard.check(frames, 0)[1]
+    return failure.cause if failure else ""
+
+
 def test_earliest_violation_is_the_one_reported() -> None:
     scene = build_scene(strip_scenario())
-    time = 0.002 * np.arange(100.0)
-    position = np.tile([0.0, 0.0, 1e-3], (100, 1, 1))
-    velocity = np.zeros((100, 1, 3))
-    velocity[5:, 0, 2], position[50:] = 50.0, np.nan
-    frames = Frames(
-        time, position, np.tile([1.0, 0, 0, 0], (100, 1, 1)), velocity, velocity * 0, np.ones((100, 1), bool)
-    )
+    frames = frames_at(scene, 100)
+    frames.velocity[5:, 0, 2], frames.position[50:] = 50.0, np.nan
     valid, failure = Guard(scene, frames[slice(1)]).check(frames, 0)
     assert failure is not None
-    assert valid == 5 and "speed" in failure.cause and failure.time_s == pytest.approx(0.01)
+    assert valid == 5 and "energy" in failure.cause and failure.time_s == pytest.approx(frames.time[5])
+
+
+@pytest.mark.parametrize("field", ["position", "quaternion", "velocity", "angular_velocity"])
+@pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
+def test_every_part_of_a_state_has_to_be_finite(field: str, value: float) -> None:
+    scene = build_scene(strip_scenario())
+    frames = frames_at(scene)
+    guard = Guard(scene, frames[slice(1)])
+    assert guard.check(frames, 0) == (10, None)
+    getattr(frames, field)[7, 0, -1] = value
+    valid, failure = guard.check(frames, 0)
+    assert failure is not None and (valid, failure.cause) == (7, "its state is not finite")
+
+
+def test_energy_is_that_of_motion_height_and_spin_about_the_principal_axes() -> None:
+    """A nut on its side, that spins about the vertical: about one of its own transverse axes, or about its bore."""
+    scene = build_scene(strip_scenario())
+    (kind,) = scene.kinds
+    side = [np.sqrt(0.5), np.sqrt(0.5), 0.0, 0.0]  # the bore, z, points along -y
+    frames = frames_at(scene, 3, velocity=np.array([0.3, 0.0, 0.4]), quaternion=np.array([LEVEL, side, side])[:, None])
+    frames.angular_velocity[:, 0] = [[0.0, 0.0, 100.0], [0.0, 0.0, 100.0], [0.0, 100.0, 0.0]]
+    found = Guard(scene, frames[slice(1)]).energy(frames)[:, 0]
+    common = kind.mass * (0.5 * 0.5**2 + 9.81 * 2e-3)
+    assert kind.inertia[2] > 1.3 * kind.inertia[1]
+    assert found == pytest.approx(common + 0.5e4 * kind.inertia[[2, 1, 2]], rel=1e-12)
+
+
+@pytest.mark.parametrize("form", ["motion", "height", "spin"])
+@pytest.mark.parametrize("factor", [0.99, 1.01])
+def test_energy_beyond_what_the_plate_can_give_is_a_failure_in_any_form(form: str, factor: float) -> None:
+    scene = build_scene(strip_scenario())
+    (kind,) = scene.kinds
+    frames = frames_at(scene)
+    guard = Guard(scene, frames[slice(1)])
+    limit = guard.ENERGY_FACTOR * guard.energy_limit(frames.time)[6, 0]
+    rest = guard.energy(frames)[6, 0]
+    assert 10.0 * rest < limit
+    if form == "motion":
+        frames.velocity[6, 0, 1] = np.sqrt(2.0 * (factor * limit - rest) / kind.mass)
+    elif form == "height":
+        frames.position[6, 0, 2] = factor * limit / (kind.mass * 9.81)
+    else:
+        frames.angular_velocity[6, 0, 2] = np.sqrt(2.0 * (factor * limit - rest) / kind.inertia[2])
+    expected = f"its energy of {factor * limit:.2g} J exceeds {limit:.2g} J, more than this plate can give"
+    assert cause_of(guard, frames) == (expected if factor > 1.0 else "")
+
+
+def test_a_part_thrown_through_the_plate_and_off_it_within_a_frame_is_noticed() -> None:
+    scene = build_scene(strip_scenario())
+    frames = frames_at(scene)
+    guard = Guard(scene, frames[slice(1)])
+    frames.position[4:, 0], frames.velocity[4:, 0] = [3.0, 0.0, -1.0], [1500.0, 0.0, -500.0]
+    valid, failure = guard.check(frames, 0)
+    assert valid == 4 and failure is not None and "energy" in failure.cause
+
+
+def test_the_plate_gives_elastic_parts_more_and_more_and_others_no_more() -> None:
+    """Momentum: an elastic ball in step with a plate of speed u comes to v^2 = 2 u (v + g t), others to 1.5 u."""
+    first, last = np.array([0.0]), np.array([100.0])
+    given = {}
+    for e in (0.2, 1.0):
+        scene = build_scene(piston_scenario(amplitude_um=1.0, contact=Contact(restitution=e), start=Start()))
+        guard = Guard(scene, frames_at(scene, 1, position=np.zeros(3)))
+        given[e] = [float(np.sqrt(2.0 * guard.energy_limit(t)[0, 0] / scene.kinds[0].mass)) for t in (first, last)]
+    u = 2 * np.pi * 4750.0 * 1e-6
+    assert given[0.2] == pytest.approx([1.5 * u] * 2)
+    v = given[1.0][1]
+    assert given[1.0][0] == pytest.approx(2.0 * u) and v**2 == pytest.approx(2.0 * u * (v + 9.81 * 100.0))
+
+
+@pytest.mark.parametrize("engine", ["impulse", "mujoco"])
+def test_elastic_part_gains_much_and_is_no_failure(engine: Literal["impulse", "mujoco"]) -> None:
+    scenario = piston_scenario(
+        frequency_hz=2797.0, amplitude_um=5.0, contact=Contact(restitution=1.0), duration_s=0.5, seeds=2, engine=engine
+    )
+    result = simulate(scenario)
+    assert result.failures == []
+    fastest = max(np.abs(frames.velocity[..., 2]).max() for frames in result.trajectories)
+    assert fastest > 3.0 * 2 * np.pi * 2797.0 * 5e-6
+
+
+def moving_piston(**changes: Any) -> Scene:
+    """A nut over a plate that moves by 60 um from the start."""
+    drive = Drive(frequency_hz=500.0, amplitude_um=60.0, ring_up=False)
+    scenario = piston_scenario(frequency_hz=500.0, frames_per_second=3100.0)
+    return build_scene(scenario.model_copy(update={"drive": (drive,)} | changes))
+
+
+@pytest.mark.parametrize("factor", [0.99, 1.01])
+def test_corner_deeper_in_the_moving_plate_than_allowed_is_a_failure(factor: float) -> None:
+    """The plate goes up and down by more than what is allowed."""
+    scene = moving_piston()
+    frames = frames_at(scene, 100)
+    surface = scene.surface.displacement(np.zeros((1, 2)), frames.time[81])[0, 2]
+    height = np.array([scene.surface.displacement(np.zeros((1, 2)), t)[0, 2] for t in frames.time])
+    frames.position[:, 0, 2] = 1e-3 + height  # the nut is 2 mm high
+    guard = Guard(scene, frames[slice(1)])
+    assert np.ptp(height) > 1.9 * 60e-6 and np.abs(guard.depth(frames)).max() < 1e-15
+    for _ in range(9):  # the limit depends on the height, a little
+        allowed = guard.depth_limit(frames)[81, 0]
+        frames.position[81, 0, 2] = 1e-3 + surface - factor * allowed
+    assert 1e-5 < allowed < 6e-5
+    expected = (
+        f"a corner lies {1e6 * factor * allowed:.1f} um below the plate's surface, allowed are {1e6 * allowed:.1f} um"
+    )
+    assert cause_of(guard, frames) == (expected if factor > 1.0 else "")
+
+
+@pytest.mark.parametrize("tangent", [False, True])
+def test_depth_is_that_of_the_deepest_corner_below_the_surface_the_engine_uses(tangent: bool) -> None:
+    from scipy.spatial.transform import Rotation
+
+    drives = (Drive(frequency_hz=4750.0, amplitude_um=50.0), Drive(frequency_hz=8775.0, amplitude_um=30.0))
+    run = Run(duration_s=2.0, seeds=1, tangent_surface=tangent)
+    scene = build_scene(strip_scenario().model_copy(update={"drive": drives, "run": run}))
+    rng, surface, (kind,) = np.random.default_rng(1), scene.surface, scene.kinds
+    frames = frames_at(scene, 400)
+    frames.position[:, 0] = np.column_stack([rng.uniform(-5e-3, 5e-3, (400, 2)), rng.uniform(1e-3, 2e-3, 400)])
+    frames.quaternion[:, 0] = Rotation.random(400, random_state=2).as_quat(scalar_first=True)
+    found = Guard(scene, frames[slice(1)]).depth(frames)[:, 0]
+    expected = []
+    for t, centre, turned in zip(frames.time, frames.position[:, 0], frames.quaternion[:, 0], strict=True):
+        corners = centre + Rotation.from_quat(turned, scalar_first=True).apply(kind.corners)
+        height = surface.displacement(corners[:, :2], t)[:, 2]
+        if tangent:  # along the normal's tilt, which is the rotation: displacement = -h/2 beta
+            x, y, z = surface.displacement(centre[None, :2], t)[0]
+            height = z + (corners[:, :2] - centre[:2]) @ [x, y] / (-0.5 * surface.thickness)
+        expected.append(max(0.0, float((height - corners[:, 2]).max())))
+    assert (found > 0.0).mean() > 0.3
+    assert found == pytest.approx(expected, abs=1e-15)
+    needed = 1e-3
+    some = Guard(scene, frames[slice(1)]).depth(frames, needed)[:, 0]
+    assert 0.05 < (found > needed).mean() < 0.95
+    assert some[found > needed] == pytest.approx(found[found > needed], abs=1e-15)
+
+
+def test_centre_below_the_surface_is_said_before_its_corners_are() -> None:
+    scene = moving_piston()
+    for height, said in ((-59e-6, "a corner"), (-61e-6, "its centre lies below the plate's surface")):
+        frames = frames_at(scene)
+        frames.position[5:, 0, 2] = height
+        guard = Guard(scene, frames[slice(1)])
+        assert guard.check(frames, 0)[0] == 5 and cause_of(guard, frames).startswith(said)
+
+
+def test_the_plate_that_stopped_earlier_is_the_one_looked_at() -> None:
+    """A stage that was ended by its event: from then on the surface rests."""
+    drive = Excitation(frequency_hz=500.0, amplitude_um=60.0, ring_up=False)
+    stages = (Stage(drive=(drive,), duration_s=1.0), Stage(duration_s=1.0))
+    run = Run(seeds=1, frames_per_second=3100.0)
+    scene = build_scene(
+        piston_scenario().model_copy(update={"drive": (), "schedule": Schedule(stage=stages), "run": run})
+    )
+    frames = frames_at(scene, 200, position=np.array([0.0, 0.0, 1e-3]))
+    guard = Guard(scene, frames[slice(1)])
+    later = frames[slice(100, 200)]
+    assert cause_of(guard, later).startswith("a corner")
+    guard.redrive(scene.stopped([0.5 * float(later.time[0])]))
+    assert cause_of(guard, later) == ""
+
+
+def test_what_has_come_into_the_plate_over_its_edge_is_no_failure() -> None:
+    """A nut that tips over the edge, swings back under it and moves on: the sides of the plate stop nothing."""
+    scene = moving_piston()
+    for first_mm, fails in ((88.0, False), (70.0, True)):
+        frames = frames_at(scene)
+        frames.position[:, 0, 0], frames.position[:, 0, 2] = 60e-3, 0.5e-3  # half of it in the plate
+        frames.position[0, 0] = [1e-3 * first_mm, 0.0, 2e-3]
+        guard = Guard(scene, frames[slice(1)])
+        assert guard.check(frames, 0)[0] == (1 if fails else 10)
+        guard.remember(frames[slice(3)])
+        if not fails:
+            assert guard.check(frames[slice(3, 10)], 0)[0] == 7
+
+
+def test_soft_contact_lets_a_part_in_by_what_it_covers_in_its_time_constant() -> None:
+    limits = []
+    for update in ({}, {"contact": Contact(model="compliant", time_constant_us=1000.0, damping_ratio=1.0)}):
+        scene = moving_piston(**update)
+        frames = frames_at(scene, velocity=np.array([0.0, 0.0, -0.5]))
+        limits.append(Guard(scene, frames[slice(1)]).depth_limit(frames)[3, 0])
+    pace = np.sqrt(0.5**2 + 2 * 9.81 * 2e-3) + 2 * np.pi * 500.0 * 60e-6
+    assert limits[1] - limits[0] == pytest.approx(1e-3 * (pace + 9.81 * 1e-3))
+
+
+@pytest.mark.parametrize(("of", "by", "cause"), [("qvel", 2e4, "its energy of"), ("qpos", -5e-5, "a corner lies")])
+def test_spin_and_depth_from_nowhere_are_noticed_in_a_run(
+    monkeypatch: pytest.MonkeyPatch, of: str, by: float, cause: str
+) -> None:
+    """A nut that rests on a plate at rest is pushed into it, or spun to 2e4 rad/s."""
+    original = engine_module.MujocoEngine.advance
+
+    def poisoned(self: engine_module.MujocoEngine, n_frames: int) -> object:
+        if 0.3 < self.data.time < 0.6:
+            index = self._part_qvel[0] + 5 if of == "qvel" else self._part_qpos[0] + 2
+            getattr(self.data, of)[index] += by
+        return original(self, n_frames)
+
+    monkeypatch.setattr(engine_module.MujocoEngine, "advance", poisoned)
+    result = simulate(piston_scenario(engine="mujoco", duration_s=1.0))
+    (failure,) = result.failures
+    assert failure.cause.startswith(cause) and failure.part == "part_0" and 0.3 < failure.time_s < 0.7
+    assert result.trajectories[0].time[-1] < failure.time_s
 
 
 @pytest.mark.parametrize("falls_at_mm", [0.0, 91.0])

@@ -54,6 +54,7 @@ ORDER = [
     "engines.mujoco",
     "engines.impulse",
     "engines.slide",
+    "advice",
     "measures",
     "bounces",
     "guard",

@@ -1,0 +1,208 @@
+"""Negative controls: settings that are known to fail have to go on failing as described, their neighbours to hold."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+import pytest
+from conftest import piston_scenario
+
+from feeder_sim.advice import cautions
+from feeder_sim.chart.cases import APPROACH, CASES, RESTITUTION
+from feeder_sim.chart.methods import Change, compliant, mujoco, steps
+from feeder_sim.chart.stability_map import FAST, State, classify, falling, half_way, made_by
+from feeder_sim.engines import engine_class
+from feeder_sim.errors import InputError
+from feeder_sim.plate.drive import ModalTerms
+from feeder_sim.scenario import Contact, MujocoSettings, Scenario, Start, parse_scenario
+from feeder_sim.scene import Scene, build_scene
+from feeder_sim.simulation import Result, simulate, simulate_scene
+from feeder_sim.tables import validated
+
+RIGID = Contact()
+
+
+def ran(raw: dict[str, Any], seeds: int = 4) -> Result:
+    raw["run"] |= {"seeds": seeds, "allow_unstable": True}
+    return simulate(validated(raw, Scenario, Path("test")))
+
+
+def at_8775(change: Change, setting: int = 40, seeds: int = 8) -> Result:
+    return ran(made_by(change, setting, half_way(FAST)), seeds)
+
+
+def drift(result: Result) -> float:
+    assert result.failures == []
+    return float(result.measures()["drift_velocity_x_mm_s"]["mean"])
+
+
+def case(name: str, change: Change, **contact: float) -> float:
+    """The number of a case of the chart, computed by a method at 160 steps per millisecond."""
+    found = next(c for c in CASES if c.name == name)
+    raw = found.scenario()
+    change(raw, 160)
+    raw["contact"] |= contact
+    raw["run"]["allow_unstable"] = True
+    result = simulate(validated(raw, Scenario, Path("test")))
+    return found.observe(result.scene, result.seeds[0])
+
+
+def test_nothing_drifts_on_a_mocap_plate() -> None:
+    assert abs(drift(at_8775(mujoco(plate="mocap")))) < 0.1
+    assert 3.0 < drift(at_8775(mujoco())) < 5.0
+
+
+def test_contact_of_one_step_explodes_and_of_five_does_not() -> None:
+    reference = at_8775(steps, 80, 32)
+    short = classify(at_8775(compliant(1, refsafe=False)), reference)
+    assert short[0] == State.EXPLODING and "energy" in short[2]
+    assert classify(at_8775(compliant(5)), reference)[0] in (State.STABLE, State.UNCLEAR)
+
+
+def test_discrete_integrator_takes_the_rebound_out() -> None:
+    assert case("flat_drop", mujoco(integrator="discrete")) == pytest.approx(100.0, abs=5.0)
+    assert case("flat_drop", mujoco()) < 1.0
+
+
+def test_without_in_plane_velocity_drift_is_a_third_or_less() -> None:
+    def height_field(raw: dict[str, Any], setting: int) -> None:
+        steps(raw, setting)
+        raw["run"]["in_plane_velocity"] = False
+
+    assert 0.1 < drift(at_8775(height_field, seeds=32)) / drift(at_8775(steps, seeds=32)) < 0.35
+
+
+def test_sliding_impact_lifts_off_in_the_convex_cone_alone() -> None:
+    """46 % of the approach too much; Coulomb's exact cone, or no friction, leaves what restitution asks for."""
+    assert 40.0 < case("sliding_impact", mujoco()) < 55.0
+    assert case("sliding_impact", steps) < 1e-4
+    free = case("sliding_impact", mujoco(), friction=0.0)
+    stopped_by_friction = 100.0 * 0.3 * (1.0 + RESTITUTION)  # what the closed form still counts on
+    assert free == pytest.approx(stopped_by_friction, rel=0.02)
+
+
+def slope(angle: float, engine: str, contact: Contact, impedance: Literal["hard", "default"]) -> Scene:
+    """A nut on a plate at rest that rises along x."""
+    start = Start(drop_height_mm=(0.5, 0.5), tilt_deg=(0.0, 0.0), yaw_deg=(10.0, 10.0))
+    run: dict[str, Any] = {"engine": engine, "frequency_hz": 1000.0, "duration_s": 1.0}
+    scenario = piston_scenario(start=start, contact=contact, **run)
+    scene = build_scene(scenario.model_copy(update={"mujoco": MujocoSettings(impedance=impedance)}))
+    table = np.zeros_like(scene.surface.table)
+    table[..., 0], table[..., 1] = np.tan(angle) * scene.surface.x[:, None], np.tan(angle)
+    always = ModalTerms(
+        np.zeros(1, np.int64), np.zeros(1), np.full(1, np.inf), np.ones(1, complex), np.zeros(1, complex)
+    )
+    return replace(scene, surface=replace(scene.surface, table=table, terms=always))
+
+
+def creep(
+    angle: float, engine: str, *, contact: Contact = RIGID, impedance: Literal["hard", "default"] = "hard"
+) -> float:
+    """Speed [m/s] along the slope once the nut has come to rest."""
+    scene = slope(angle, engine, contact, impedance)
+    frames = engine_class(scene.scenario)(scene, np.random.default_rng(0)).advance(scene.n_frames - 1)
+    late = frames.time > 0.5
+    x, t = frames.position[late, 0, 0], frames.time[late]
+    return float(abs(x[-1] - x[0]) / (t[-1] - t[0]))
+
+
+def test_resting_part_creeps_on_a_slope_with_the_default_impedance_of_mujoco_alone() -> None:
+    """150 um/s with MuJoCo's default time constant of 20 ms; the hardest impedance makes that 0.15 um/s."""
+    angle = np.radians(5.0)  # it holds up to 16.7 degrees
+    soft = Contact(model="compliant", time_constant_us=20_000.0)
+    assert 1e-4 < creep(angle, "mujoco", contact=soft, impedance="default") < 2e-4
+    assert creep(angle, "mujoco", contact=soft) < 1e-6
+    assert creep(angle, "mujoco") < 1e-8
+    assert creep(angle, "impulse") < 1e-5  # it rattles within a step
+    assert creep(np.radians(20.0), "impulse") > 0.1
+
+
+@pytest.mark.parametrize(
+    ("speed", "time_constant_ms", "expected"),
+    [(1.0, 10.0, State.TUNNELLING), (1.0, 0.3, State.STABLE), (0.1, 10.0, State.STABLE), (10.0, 1.0, State.TUNNELLING)],
+)
+def test_soft_contact_lets_a_fast_part_through(speed: float, time_constant_ms: float, expected: State) -> None:
+    def soft(raw: dict[str, Any], setting: int) -> None:
+        mujoco()(raw, setting)
+        raw["contact"] |= {"model": "compliant", "time_constant_us": 1e3 * time_constant_ms}
+
+    result = ran(falling(speed, soft, 20), seeds=1)
+    assert classify(result, None)[0] == expected
+    warned = any("out of it below" in line for line in cautions(result.scene))
+    assert warned == (expected == State.TUNNELLING)
+
+
+def test_rigid_contact_holds_at_one_metre_per_second() -> None:
+    for method in (mujoco(), steps):
+        assert classify(ran(falling(1.0, method, 40), seeds=1), None)[0] == State.STABLE
+
+
+def test_mujoco_needs_more_than_ten_steps_per_period() -> None:
+    reference = at_8775(steps, 80, 64)
+    state, deviation, _ = classify(at_8775(mujoco(), 10, 24), reference)
+    assert state == State.BIASED and deviation.mean < -0.15
+    assert classify(at_8775(mujoco(), 40, 16), reference)[0] == State.STABLE
+
+
+STRIP = """
+[plate]
+kind = "strip"
+thickness_mm = 3.0
+[[drive]]
+frequency_hz = 8775.0
+amplitude_um = 1.0
+[[part]]
+shape = "hex_nut"
+size = "M2.5"
+[run]
+duration_s = 1.0
+engine = "mujoco"
+"""
+
+
+@pytest.mark.parametrize(
+    ("more", "why"),
+    [
+        ('[mujoco]\nplate = "mocap"\n', "a mocap body has no velocity in contact"),
+        ('[mujoco]\nintegrator = "discrete"\n', "it takes the rebound out"),
+        ('[contact]\nmodel = "compliant"\ntime_constant_us = 3.0\n', "a shorter contact throws parts"),
+        ("steps_per_period = 10\n", "speeds come out wrong"),
+    ],
+)
+def test_settings_that_fail_are_refused_with_the_reason_unless_asked_for(more: str, why: str) -> None:
+    with pytest.raises(InputError) as refused:
+        parse_scenario(STRIP + more, file=Path("strip.toml"))
+    assert why in str(refused.value) and "\n" not in str(refused.value)
+    allowed = (STRIP + more).replace('engine = "mujoco"', 'engine = "mujoco"\nallow_unstable = true')
+    scenario = parse_scenario(allowed, file=Path("strip.toml"))
+    assert any(why in line for line in cautions(build_scene(scenario)))
+
+
+@pytest.mark.parametrize(
+    ("more", "why"),
+    [
+        ("in_plane_velocity = false\n", "a third of their speed"),
+        ('[mujoco]\ncone = "pyramidal"\n', "20 % too fast"),
+        ('[mujoco]\nunits = "mm-g-ms"\ntolerance = "default"\n', "20 % too fast"),
+        ("[mujoco]\niterations = 1\n", "not resolved"),
+        ('[contact]\nmodel = "compliant"\ntime_constant_us = 30.0\n', "resemble no coefficient"),
+        ('[mujoco]\nimpedance = "default"\n', "creeps"),
+        ("", "a sliding impact leaves the plate too fast"),
+    ],
+)
+def test_settings_that_mislead_get_a_caution(more: str, why: str) -> None:
+    scene = build_scene(parse_scenario(STRIP + more, file=Path("strip.toml")))
+    assert any(why in line for line in cautions(scene))
+
+
+def test_default_settings_get_no_caution() -> None:
+    text = STRIP.replace('engine = "mujoco"\n', "")
+    assert cautions(build_scene(parse_scenario(text, file=Path("strip.toml")))) == []
+
+
+def test_approach_is_that_of_the_drop() -> None:
+    assert pytest.approx(0.3132, abs=1e-4) == APPROACH
+    assert simulate_scene(build_scene(validated(falling(1.0, steps, 40), Scenario, Path("x")))).failures == []

@@ -1,0 +1,256 @@
+"""What a run that diverged keeps of its last states, and that it can be run again from there."""
+
+from __future__ import annotations
+
+import errno
+import os
+from dataclasses import fields
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from conftest import REPOSITORY, piston_scenario, strip_scenario
+
+from feeder_sim import seed_run
+from feeder_sim.engines import engine_class
+from feeder_sim.errors import InputError, RecordingFailed, SimulationDiverged
+from feeder_sim.guard import Guard
+from feeder_sim.run_folder import read_last_states, record_run, resume_run, save_last_states
+from feeder_sim.scenario import (
+    Contact,
+    Excitation,
+    HexNut,
+    PistonPlate,
+    Run,
+    Scattered,
+    Scenario,
+    Schedule,
+    Settled,
+    Stage,
+    Start,
+    load_scenario,
+    with_run,
+)
+from feeder_sim.scene import build_scene
+from feeder_sim.seed_run import LastStates, SeedResult
+from feeder_sim.simulation import simulate
+from feeder_sim.trajectory import Frames, Status
+from feeder_sim.trajectory_file import read_recording
+
+
+def exploding(**run: Any) -> Scenario:
+    """A nut on springs so hard and so little damped that the step is too long for them."""
+    step_us = 1e6 / (8775.0 * 40)
+    contact = Contact(model="compliant", time_constant_us=step_us, damping_ratio=0.1)
+    scenario = strip_scenario(frequency_hz=8775.0, **({"duration_s": 1.0} | run))
+    return scenario.model_copy(update={"contact": contact})
+
+
+def fail_at(monkeypatch: pytest.MonkeyPatch, time_s: float, seed: int | None = None) -> None:
+    """Let the guard take the first frame from that time [s] on for invalid, of one seed or of all."""
+    check = Guard.check
+
+    def spoilt(self: Guard, frames: Frames, seed_index: int) -> tuple[int, SimulationDiverged | None]:
+        late = np.flatnonzero(frames.time >= time_s)
+        if not len(late) or seed not in (None, seed_index):
+            return check(self, frames, seed_index)
+        at = float(frames.time[late[0]])
+        return int(late[0]), SimulationDiverged(cause="spoilt", time_s=at, part="part_0", seed=seed_index)
+
+    monkeypatch.setattr(Guard, "check", spoilt)
+
+
+def check_runs_again(scenario: Scenario, last: LastStates, seed: int = 0) -> None:
+    """From the state that was kept, an engine gives the frames that were kept."""
+    scene = build_scene(scenario)
+    if len(last.stops):
+        scene = scene.stopped(last.stops.tolist())
+    engine = engine_class(scenario)(scene, np.random.default_rng(np.random.SeedSequence(0).spawn(seed + 1)[seed]))
+    engine.restore(last.state)
+    again = engine.advance(last.skipped + len(last.frames))[slice(last.skipped, None)]
+    for field in fields(Frames):
+        assert getattr(again, field.name).tobytes() == getattr(last.frames, field.name).tobytes(), field.name
+
+
+def check_fits(result: SeedResult) -> LastStates:
+    """The valid ones of the last frames end the trajectory; the next one is the failure."""
+    last, failure = result.last, result.failure
+    assert last is not None and failure is not None and result.status == Status.DIVERGED
+    assert last.frames.time[last.valid] == failure.time_s
+    n = last.valid
+    ending = result.frames[slice(len(result.frames) - n, None)]
+    assert ending.time.tolist() == last.frames.time[:n].tolist()
+    assert (ending.position == last.frames.position[:n]).all()
+    return last
+
+
+def same(one: LastStates, two: LastStates) -> bool:
+    frames = all(getattr(one.frames, f.name).tobytes() == getattr(two.frames, f.name).tobytes() for f in fields(Frames))
+    state = {k: v.tobytes() for k, v in one.state.items()} == {k: v.tobytes() for k, v in two.state.items()}
+    numbers = (one.skipped, one.valid, one.stops.tolist()) == (two.skipped, two.valid, two.stops.tolist())
+    return frames and state and numbers
+
+
+def test_exploding_run_names_the_file_with_its_last_states(tmp_path: Path) -> None:
+    scenario = exploding(seeds=2)
+    result = record_run(scenario, tmp_path, replay=False)
+    assert read_recording(tmp_path / "trajectory.h5").status == (Status.DIVERGED, Status.DIVERGED)
+    for index, seed in enumerate(result.seeds):
+        name = f"failure_seed_{index}.npz"
+        assert seed.failure is not None and "energy" in seed.failure.cause
+        assert str(seed.failure).endswith(f"frames up to that time are kept, last states in {name}")
+        last = check_fits(seed)
+        kept = read_last_states(tmp_path / name)
+        assert same(kept, last)
+        check_runs_again(scenario, kept, index)
+        with np.load(tmp_path / name, allow_pickle=False) as held:
+            assert (str(held["cause"]), str(held["part"])) == (seed.failure.cause, "part_0")
+    assert (tmp_path / "summary.json").read_text().count("last states in failure_seed_") == 2
+    assert not list(tmp_path.glob("*.partial"))
+
+
+def test_without_a_recorder_the_result_carries_the_last_states() -> None:
+    (seed,) = simulate(exploding()).seeds
+    assert "last states" not in str(seed.failure)
+    check_runs_again(exploding(), check_fits(seed))
+    (valid,) = simulate(strip_scenario()).seeds
+    assert valid.last is None
+
+
+def test_frames_that_are_not_finite_are_kept_too(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    from feeder_sim.engines.mujoco import MujocoEngine
+
+    original = MujocoEngine.advance
+
+    def poisoned(self: MujocoEngine, n_frames: int) -> Frames:
+        self.data.qvel[3] = np.nan if self.data.time > 0.1 else self.data.qvel[3]
+        return original(self, n_frames)
+
+    monkeypatch.setattr(MujocoEngine, "advance", poisoned)
+    result = record_run(strip_scenario(duration_s=1.0, engine="mujoco"), tmp_path, replay=False)
+    last = read_last_states(tmp_path / "failure_seed_0.npz")
+    assert same(last, check_fits(result.seeds[0]))
+    assert last.valid == 0 and np.isnan(last.frames.velocity[0]).any()
+
+
+@pytest.mark.parametrize("time_s", [0.0003, 0.11, 0.3999])
+def test_of_a_long_block_the_frames_around_the_failure_are_kept(monkeypatch: pytest.MonkeyPatch, time_s: float) -> None:
+    """A part on a slide is advanced by 2000 frames at once."""
+    scenario = with_run(load_scenario(REPOSITORY / "scenarios/ball_500hz.toml"), duration_s=0.5, seeds=1)
+    fail_at(monkeypatch, time_s)
+    last = check_fits(simulate(scenario).seeds[0])
+    assert len(last.frames) == seed_run.LAST_FRAMES
+    assert last.valid >= min(50, int(time_s * 5000))
+    check_runs_again(scenario, last)
+
+
+def test_last_states_after_a_stage_that_ended_by_its_event_run_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The plate moves as it did: the stage had stopped long before the schedule says."""
+    drive = Excitation(frequency_hz=4750.0, amplitude_um=2.0)
+    until = Settled(within_mm=20.0, for_s=0.1)
+    schedule = Schedule(
+        stage=(Stage(drive=(drive,), duration_s=5.0, until=until), Stage(drive=(drive,), duration_s=5.0))
+    )
+    scenario = strip_scenario().model_copy(
+        update={"drive": (), "schedule": schedule, "run": Run(seeds=1, frames_per_second=500.0)}
+    )
+    fail_at(monkeypatch, 0.5)
+    last = check_fits(simulate(scenario).seeds[0])
+    assert len(last.stops) == 1 and last.stops[0] < 0.4
+    check_runs_again(scenario, last)
+
+
+def test_parts_that_are_lost_in_the_last_block_are_kept_as_the_engine_had_them(monkeypatch: pytest.MonkeyPatch) -> None:
+    start = Start(position_mm=(89.9, 0.0))
+    other = HexNut(size="M2.5", start=Start(position_mm=(0.0, 0.0)))
+    scenario = piston_scenario(start=start, duration_s=1.0).model_copy(
+        update={"part": (HexNut(size="M2.5", start=start), other)}
+    )
+    lost = float(simulate(scenario).seeds[0].removals.time[0])
+    fail_at(monkeypatch, lost + 0.01)
+    result = simulate(scenario).seeds[0]
+    last = check_fits(result)
+    assert last.frames.time[0] < lost and not result.frames.present[-1, 0]
+    check_runs_again(scenario, last)
+
+
+def crowd() -> Scenario:
+    """Blocks enough for a break between them."""
+    stage = Stage(drive=(Excitation(frequency_hz=500.0, amplitude_um=20.0),), duration_s=0.4)
+    return Scenario(
+        plate=PistonPlate(kind="piston", length_mm=60.0, width_mm=60.0),
+        schedule=Schedule(stage=(stage,)),
+        part=(HexNut(size="M2.5", count=4, start=Scattered(kind="scattered")),),
+        run=Run(seeds=2, frames_per_second=500.0),
+    )
+
+
+class StopsOnce:
+    """A stop event that is set from a look on."""
+
+    def __init__(self, looks: int) -> None:
+        self.left = looks
+
+    def is_set(self) -> bool:
+        self.left -= 1
+        return self.left < 0
+
+    def set(self) -> None:
+        self.left = 0
+
+
+def test_resumed_run_keeps_the_last_states_it_has_and_adds_none(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Seed 1 fails before the break, and again after it."""
+    fail_at(monkeypatch, 0.05, seed=1)
+    monkeypatch.setattr(seed_run, "BLOCK_STEPS", 1)
+    begun = record_run(crowd(), tmp_path, stop=StopsOnce(9), replay=False)  # type: ignore[arg-type]
+    assert begun.interrupted and len(begun.failures) == 1
+    before = (tmp_path / "failure_seed_1.npz").read_bytes()
+    result = resume_run(tmp_path, replay=False)
+    assert not result.interrupted and "failure_seed_1.npz" in str(result.failures[0])
+    assert [path.name for path in tmp_path.glob("failure*")] == ["failure_seed_1.npz"]
+    assert (tmp_path / "failure_seed_1.npz").read_bytes() == before
+    check_runs_again(crowd(), read_last_states(tmp_path / "failure_seed_1.npz"), seed=1)
+
+
+def some_states() -> tuple[SimulationDiverged, LastStates]:
+    (seed,) = simulate(exploding()).seeds
+    assert seed.failure is not None and seed.last is not None
+    return seed.failure, seed.last
+
+
+def test_other_last_states_are_never_overwritten(tmp_path: Path) -> None:
+    failure, last = some_states()
+    assert [save_last_states(tmp_path, failure, last) for _ in range(2)] == ["failure_seed_0.npz"] * 2
+    other = LastStates.of(last.frames, max(0, last.valid - 1), last.state, last.stops)
+    assert [save_last_states(tmp_path, failure, other) for _ in range(2)] == ["failure_seed_0_2.npz"] * 2
+    assert save_last_states(tmp_path, failure, last) == "failure_seed_0.npz"
+    assert same(read_last_states(tmp_path / "failure_seed_0.npz"), last)
+    assert same(read_last_states(tmp_path / "failure_seed_0_2.npz"), other)
+
+
+def test_full_disk_is_said_in_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def full(self: Path, data: bytes) -> int:
+        self.touch()
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(self))
+
+    monkeypatch.setattr(Path, "write_bytes", full)
+    with pytest.raises(RecordingFailed, match=r"failure_seed_0\.npz: cannot be written, is the disk full\?"):
+        record_run(exploding(), tmp_path, replay=False)
+    assert not list(tmp_path.glob("failure*"))
+    assert len(read_recording(tmp_path / "trajectory.h5").seeds[0]) > 0
+
+
+def test_unreadable_last_states_are_refused(tmp_path: Path) -> None:
+    failure, last = some_states()
+    path = tmp_path / save_last_states(tmp_path, failure, last)
+    whole = path.read_bytes()
+    for spoilt in (b"", b"no archive", whole[: len(whole) // 2]):
+        path.write_bytes(spoilt)
+        with pytest.raises(InputError, match="holds no readable last states"):
+            read_last_states(path)
+    with pytest.raises(InputError, match="holds no readable last states"):
+        read_last_states(tmp_path / "nothing.npz")
