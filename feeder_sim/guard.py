@@ -243,7 +243,7 @@ class Guard:
         if not self._tangent:
             shapes = surface.deflections(corners[..., :2].reshape(-1, 2)).reshape(-1, *corners.shape[:2])
             return np.einsum("skc,ks->kc", shapes, q)
-        modes = np.einsum("skm,ks->km", surface._interpolate(centres[:, :2]), q)
+        modes = np.einsum("skm,ks->km", surface.modes_at(centres[:, :2]), q)
         away = corners[..., :2] - centres[:, None, :2]
         return np.asarray(modes[:, :1] + np.einsum("kcm,km->kc", away, modes[:, 1:]))
 

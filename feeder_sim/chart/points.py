@@ -243,7 +243,7 @@ def _peer(row: dict[str, str], reference: tuple[float, float], path: Path) -> Po
             name: float(row[name]) if row[name] else math.nan for name in ("value", "se", "wall_s_per_simulated_s")
         }
         setting, n = int(row["setting"]), int(row["n"] or 0)
-    except ValueError as error:
+    except (TypeError, ValueError) as error:
         raise InputError(f"{row['case']}, {row['method']}: {error}", file=path) from error
     failure = row["failure"] or ("" if math.isfinite(number["value"]) else "gave no number")
     return Point(

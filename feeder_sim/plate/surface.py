@@ -65,15 +65,15 @@ class Surface:
 
     def deflections(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
         """Deflection w [1] of all mode shapes at points (n, 2) [m], shape (n_shapes, n)."""
-        return self._interpolate(points)[..., 0]
+        return self.modes_at(points)[..., 0]
 
     def _moved(self, points: NDArray[np.float64], q: NDArray[np.float64]) -> NDArray[np.float64]:
-        w, bx, by = np.moveaxis(np.einsum("spc,s->pc", self._interpolate(points), q), -1, 0)
+        w, bx, by = np.moveaxis(np.einsum("spc,s->pc", self.modes_at(points), q), -1, 0)
         half = 0.5 * self.thickness
         return np.stack([-half * bx, -half * by, w], axis=1)
 
-    def _interpolate(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Interpolated table at points (n, 2): shape (n_shapes, n, 3)."""
+    def modes_at(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+        """(w [1], beta_x, beta_y [1/m]) of all mode shapes at points (n, 2) [m], shape (n_shapes, n, 3)."""
         ix, weight_x = lagrange_weights(points[:, 0], self.x)
         iy, weight_y = lagrange_weights(points[:, 1], self.y)
         steps = np.arange(4)

@@ -1,0 +1,176 @@
+"""The chart: fronts, failures, tables of other simulators, bad input, and the quick variant as a whole."""
+
+from __future__ import annotations
+
+import csv
+import json
+import math
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from feeder_sim.chart.cases import CASES, ball_height
+from feeder_sim.chart.methods import EVERYTHING, METHODS
+from feeder_sim.chart.points import (
+    PEER_COLUMNS,
+    Point,
+    fastest_within,
+    front,
+    is_default,
+    measure,
+    read_peers,
+    scenario_of,
+    write_points,
+)
+from feeder_sim.errors import InputError
+
+HEADER = ",".join(PEER_COLUMNS)
+
+
+def point(error: float, cost: float, failure: str = "", method: str = "a", setting: int = 40) -> Point:
+    return Point("drift_4750", method, setting, 1.0 + 0.01 * error, 0.0, 8, 1.0, 0.0, cost, failure)
+
+
+def test_front_holds_what_nothing_beats() -> None:
+    cheap, middle, exact = point(20.0, 0.1), point(5.0, 1.0), point(1.0, 10.0)
+    beaten, failed = point(6.0, 2.0), point(0.2, 0.01, "exploded")
+    assert front([exact, beaten, failed, cheap, middle]) == [cheap, middle, exact]
+    assert front([failed]) == []
+
+
+def test_costs_that_cannot_be_told_apart_count_as_equal() -> None:
+    first, second, worse = point(1.0, 1.0), point(1.0, 1.05), point(2.0, 1.0)
+    assert front([first, second, worse]) == [first, second]
+
+
+def test_error_is_never_smaller_than_its_standard_error() -> None:
+    lucky = Point("drift_4750", "a", 40, 1.001, 0.03, 8, 1.0, 0.04, 1.0)
+    assert lucky.error_percent == pytest.approx(5.0)
+    assert point(0.001, 1.0).error_percent == pytest.approx(0.1)
+
+
+def test_fastest_within_counts_valid_points_alone() -> None:
+    points = [point(1.0, 10.0), point(4.0, 1.0), point(8.0, 0.1), point(0.5, 0.01, "thrown off")]
+    found = fastest_within(points, 5.0)
+    assert found is not None and found.wall_s_per_simulated_s == 1.0
+    assert fastest_within(points, 0.2) is None
+
+
+def test_every_case_has_one_default_and_every_method_a_case() -> None:
+    for case in CASES:
+        defaults = [
+            (method.name, setting)
+            for method in METHODS
+            for setting in method.settings
+            if case.name in method.cases
+            and is_default(Point(case.name, method.name, setting, 1.0, 0.0, 1, 1.0, 0.0, 1.0))
+        ]
+        assert len(defaults) == 1
+        method = next(m for m in METHODS if m.name == defaults[0][0])
+        scenario = scenario_of(case, method, 40)
+        assert scenario.run.steps_per_period == 40 and not scenario.run.allow_unstable
+    assert all(set(method.cases) <= set(EVERYTHING) and set(method.quick) <= set(method.settings) for method in METHODS)
+
+
+def test_ball_height_is_that_of_a_flight_of_one_period() -> None:
+    """The ball leaves with g T / 2 at the height at which it will land."""
+    f, a, e, g = 50.0, 245e-6, 0.2, 9.81
+    top = ball_height(f, a, e)
+    sine = (top - g / (8.0 * f**2)) / a
+    landing_rate = a * 2.0 * math.pi * f * math.sqrt(1.0 - sine**2)
+    take_off = g / (2.0 * f)
+    assert take_off - landing_rate == pytest.approx(e * (take_off + landing_rate), rel=1e-9)
+
+
+def test_methods_differ_on_a_case_without_chance() -> None:
+    case = next(c for c in CASES if c.name == "sliding_impact")
+    impulses, mujoco = (next(m for m in METHODS if m.name == name) for name in ("impulses", "MuJoCo"))
+    assert measure(case, impulses, 40, (0.0, 0.0), quick=True).error_percent == pytest.approx(0.1)
+    assert measure(case, mujoco, 40, (0.0, 0.0), quick=True).error_percent == pytest.approx(46.0, abs=3.0)
+
+
+def test_what_fails_is_no_point() -> None:
+    case = next(c for c in CASES if c.name == "flat_drop")
+    discrete = next(m for m in METHODS if m.name == "MuJoCo, discrete integrator")
+    assert "error of the velocity" in measure(case, discrete, 40, (0.0, 0.0), quick=True).failure
+
+
+def test_peers_are_read_with_the_reference_of_the_chart(tmp_path: Path) -> None:
+    table = tmp_path / "peers.csv"
+    table.write_text(f"{HEADER}\ndrift_4750,Peer,40,1.4,0.1,6,2.5,,notes\ndrift_4750,Peer,20,,,0,1.0,thrown off,\n")
+    good, bad = read_peers(table, {"drift_4750": (1.5, 0.0)})
+    assert good.error_percent == pytest.approx(100 * 0.1 / 1.5) and good.details == "notes"
+    assert not bad.valid and bad.failure == "thrown off"
+    assert read_peers(table, {"flat_drop": (0.0, 0.0)}) == []
+
+
+@pytest.mark.parametrize(
+    ("text", "complaint"),
+    [
+        ("case,method\n", "has no column 'setting'"),
+        (f"{HEADER}\ndrift_4750,Peer,fine,1.4,0.1,6,2.5,,\n", "drift_4750, Peer"),
+        (f"{HEADER}\ndrift_4750,Peer\n", "drift_4750, Peer"),
+        ("\xff\xfe", "cannot be read"),
+    ],
+)
+def test_tables_of_peers_that_cannot_be_used(tmp_path: Path, text: str, complaint: str) -> None:
+    table = tmp_path / "peers.csv"
+    table.write_bytes(text.encode("latin-1"))
+    with pytest.raises(InputError) as refused:
+        read_peers(table, {"drift_4750": (1.5, 0.0)})
+    assert complaint in str(refused.value) and "peers.csv" in str(refused.value)
+
+
+def test_written_points_can_be_read_back(tmp_path: Path) -> None:
+    points = [point(3.0, 1.0, method="impulses"), point(0.5, 9.0), point(0.1, 0.1, "thrown off")]
+    write_points(points, tmp_path)
+    rows = json.loads((tmp_path / "methods.json").read_text())
+    assert [row["on_front"] for row in rows] == [True, True, False]
+    assert [row["default"] for row in rows] == [True, False, False]
+    with (tmp_path / "methods.csv").open(newline="") as file:
+        assert [float(row["error_percent"]) for row in csv.DictReader(file)] == pytest.approx([3.0, 0.5, 0.1])
+
+
+@pytest.mark.parametrize(
+    ("arguments", "complaint"),
+    [
+        (["--only", "laddr"], "did you mean 'ladder'"),
+        (["--case", "drift"], "--case: is 'drift'"),
+        (["--peers", "missing.csv"], "no such file"),
+        (["--out", "file"], "is a file, allowed is a folder"),
+    ],
+)
+def test_bad_arguments_get_one_line(tmp_path: Path, arguments: list[str], complaint: str) -> None:
+    (tmp_path / "file").write_text("")
+    command = [sys.executable, "-m", "feeder_sim", "chart", *arguments]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False, timeout=120)
+    assert done.returncode == 2
+    assert complaint in done.stderr and len(done.stderr.splitlines()) == 1
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["file"]
+
+
+def test_quick_chart(tmp_path: Path) -> None:
+    """All of it with few seeds: every method that ought to work does, the others fail, the default is accurate."""
+    command = [sys.executable, "-m", "feeder_sim", "chart", "--quick", "--out", str(tmp_path / "chart")]
+    done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=1800)
+    assert done.returncode == 0, done.stderr
+    names = [
+        f"{part}{suffix}" for part in ("methods", "ladder", "stability") for suffix in (".csv", ".json", ".png", ".svg")
+    ]
+    assert sorted(path.name for path in (tmp_path / "chart").iterdir()) == sorted(names)
+    points = json.loads((tmp_path / "chart/methods.json").read_text())
+    assert {row["case"] for row in points} == {case.name for case in CASES}
+    known = {method.name for method in METHODS if method.fails}
+    discrete_slide = ("MuJoCo, discrete integrator", "sliding_impact")  # whose error is mostly that of the slide
+    for row in points:
+        if row["method"] in known and (row["method"], row["case"]) != discrete_slide:
+            assert row["failure"] or row["error_percent"] > 40.0, row
+        elif row["default"] and row["case"] not in ("drift_4750", "drift_8775", "crowd_20"):
+            assert row["error_percent"] < 0.5
+        elif row["default"] and row["case"] != "crowd_20":
+            assert abs(row["value"] / row["reference"] - 1.0) < 0.15
+    cells = json.loads((tmp_path / "chart/stability.json").read_text())
+    assert {"stable", "exploding", "tunnelling"} <= {cell["state"] for cell in cells}
+    assert done.stdout.count("default on the front") == len(CASES)
