@@ -20,7 +20,7 @@ from feeder_sim.tables import validated
 SCENARIO = Path(__file__).parents[1] / "scenarios/drift_4750hz.toml"
 
 
-def main(seeds: Annotated[int, typer.Option()] = 24) -> None:
+def main(seeds: Annotated[int, typer.Option(min=2)] = 24) -> None:
     raw = load_scenario(SCENARIO).model_dump(exclude_none=True)
     raw["run"] |= {"engine": "mujoco", "seeds": seeds}
     print(f"{raw['title']}, {seeds} seeds\ntolerance  units    speed (mm/s)")

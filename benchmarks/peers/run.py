@@ -1,0 +1,118 @@
+"""The same physical cases in other engines: value and cost of each, as CSV.
+
+    python benchmarks/peers/run.py --out FILE.csv [--quick] [--only NAME]
+
+An engine whose library is not installed is skipped. Wall time is that of the stepping loop alone, on one core.
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import importlib
+import math
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import cases
+from cases import AT_REST, DRIFTS, Method, Outcome
+
+from feeder_sim.measures import Statistic
+
+MODULES = {"plain_mujoco": "mujoco-core", "drake_engine": "drake", "bullet": "pybullet"}
+HEADER = ("case", "method", "setting", "value", "se", "n", "wall_s_per_simulated_s", "failure", "details")
+PER_PERIOD, PER_MS, DRIFT_STEPS = (20, 40, 80, 160, 320), (20, 40, 80, 160, 320, 640), (20, 40)
+QUICK = (20, 80)
+SEEDS, SEEDS_QUICK = 6, 2
+SECONDS = 20.0  # of wall time that the seeds of one setting may take; slower engines get fewer of them
+SLOW_US = 50.0  # a step; from there on two seeds and one are all there is time for, and none in a quick run
+
+
+def plan(case: str, method: Method, *, quick: bool) -> list[tuple[int, int]]:
+    """Settings and seeds of a case."""
+    slow = method.us_per_step > SLOW_US
+    if case in AT_REST:
+        return [(steps, 1) for steps in (QUICK if quick else PER_MS[:-1] if slow else PER_MS)]
+    if case not in DRIFTS:
+        return [(steps, 1) for steps in (QUICK if quick else PER_PERIOD)]
+    if quick:
+        return [] if slow or not method.arrives or case != "drift_8775" else [(DRIFT_STEPS[0], SEEDS_QUICK)]
+    if not method.arrives:
+        return [(DRIFT_STEPS[0], 1)]
+    if slow:
+        return [(DRIFT_STEPS[0], 2), (DRIFT_STEPS[1], 1)]
+    frequency = float(case.split("_")[1])
+    chosen = []
+    for steps in DRIFT_STEPS:
+        seed_s = cases.EXPECTED_S[case] * frequency * steps * method.us_per_step * 1e-6
+        chosen.append((steps, min(SEEDS, max(2, round(SECONDS / seed_s)))))
+    return chosen
+
+
+def outcome_of(case: str, method: Method, steps: int, seeds: int) -> Outcome:
+    if case in DRIFTS:
+        return cases.drift(method, case, steps, seeds)
+    single = {
+        "bouncing_ball": cases.bouncing_ball,
+        "flat_drop": cases.flat_drop,
+        "sliding_impact": cases.sliding_impact,
+    }
+    return single[case](method, steps)
+
+
+def row_of(case: str, method: Method, steps: int, seeds: int, outcome: Outcome) -> dict[str, Any]:
+    """One line of the table."""
+    statistic = Statistic.of(outcome.values)
+    details = outcome.details
+    if case in DRIFTS:
+        details += f"; {seeds} of {SEEDS} seeds"
+    return {
+        "case": case,
+        "method": method.name,
+        "setting": steps,
+        "value": f"{statistic.mean:.5g}" if statistic.n else "",
+        "se": f"{statistic.se:.3g}" if math.isfinite(statistic.se) else "",
+        "n": statistic.n,
+        "wall_s_per_simulated_s": f"{outcome.wall_s / outcome.simulated_s:.4g}",
+        "failure": "; ".join(sorted(set(outcome.failures))),
+        "details": details,
+    }
+
+
+def methods_installed(only: str | None) -> list[Method]:
+    """Methods of the engines that can be imported."""
+    found: list[Method] = []
+    for module, package in MODULES.items():
+        try:
+            found += importlib.import_module(module).METHODS
+        except ImportError as error:
+            print(f"{package}: skipped, not installed ({error})", file=sys.stderr)
+    return [method for method in found if only is None or only.lower() in method.name.lower()]
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description="The same physical cases in other engines.")
+    parser.add_argument("--out", type=Path, required=True, help="CSV file to write")
+    parser.add_argument("--quick", action="store_true", help="fewer settings and seeds")
+    parser.add_argument("--only", metavar="NAME", help="methods whose name holds this")
+    options = parser.parse_args()
+    started = time.perf_counter()
+    with options.out.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.DictWriter(file, HEADER)
+        writer.writeheader()
+        for method in methods_installed(options.only):
+            for case in method.cases:
+                for steps, seeds in plan(case, method, quick=options.quick):
+                    row = row_of(case, method, steps, seeds, outcome_of(case, method, steps, seeds))
+                    writer.writerow(row)
+                    file.flush()
+                    shown = " ".join(f"{row[key]!s:>9}" for key in HEADER[2:7])
+                    print(f"{case:<15} {method.name:<21} {shown}  {row['failure']}", file=sys.stderr)
+    print(f"{time.perf_counter() - started:.0f} s", file=sys.stderr)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
