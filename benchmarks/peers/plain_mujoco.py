@@ -245,14 +245,14 @@ def _details(contact: Contact, plate: str) -> Any:
 
 METHODS = (
     Method(
-        "MuJoCo, plain",
+        "plain MuJoCo",
         PatchWorld,
         _details(TUNED, "plate on slide and hinge, 1e6 part masses, qpos and qvel written every step"),
         MOVING + AT_REST,
         10.0,
     ),
     Method(
-        "MuJoCo, mocap plate",
+        "plain MuJoCo, mocap plate",
         lambda setup: MocapWorld(setup, SPRING),
         _details(SPRING, "mocap box under the part"),
         ("bouncing_ball", "drift_8775"),
@@ -260,7 +260,7 @@ METHODS = (
         arrives=False,
     ),
     Method(
-        "MuJoCo, height field",
+        "plain MuJoCo, height field",
         lambda setup: FieldWorld(setup, SPRING),
         _details(SPRING, f"height field 2 x {GRID} rewritten every step"),
         ("bouncing_ball", "drift_8775"),

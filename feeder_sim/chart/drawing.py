@@ -38,6 +38,7 @@ CELLS = {
     State.EXPLODING: "#d9534f",
     State.TUNNELLING: "#6a4c93",
 }
+LEGEND_COLUMNS = 5
 PERCENT = 5.0  # the accuracy that a line marks
 
 
@@ -48,8 +49,19 @@ def draw_points(points: Sequence[Point], path: Path, machine: str) -> None:
     cases = [case for case in CASES if any(point.case == case.name for point in points)]
     columns = min(3, len(cases))
     rows = math.ceil(len(cases) / columns)
-    figure = Figure(figsize=(4.6 * columns, 4.0 * rows + 1.3), layout="constrained")
     methods = list(dict.fromkeys(point.method for point in points))
+    legend_rows = math.ceil(len(methods) / LEGEND_COLUMNS)
+    size = (4.6 * columns, 4.0 * rows + 0.25 * legend_rows + 0.6)
+    figure = Figure(figsize=size)
+    inch = 1.0 / size[1]
+    figure.subplots_adjust(
+        left=0.75 / size[0],
+        right=1.0 - 0.15 / size[0],
+        bottom=(0.25 * legend_rows + 0.75) * inch,
+        top=1.0 - 0.65 * inch,
+        wspace=0.24,
+        hspace=0.32,
+    )
     styles = {name: _style(name, methods) for name in methods}
     panels = figure.subplots(rows, columns, squeeze=False).ravel()
     for spare in panels[len(cases) :]:
@@ -59,7 +71,7 @@ def draw_points(points: Sequence[Point], path: Path, machine: str) -> None:
         axes.set_title(case.title, fontsize=11)
         axes.set(xlabel="wall time per simulated second (s)", ylabel=f"error of the {_short(case)} (%)")
     lines = [_handle(name, styles[name]) for name in methods]
-    figure.legend(handles=lines, loc="outside lower center", ncols=4, fontsize=8, frameon=False)
+    figure.legend(handles=lines, loc="lower center", ncols=LEGEND_COLUMNS, fontsize=8, frameon=False)
     figure.suptitle(f"Speed against accuracy, one core of {machine}", fontsize=11)
     for suffix in FORMATS:
         figure.savefig(path.with_suffix(suffix), dpi=130)
@@ -83,6 +95,8 @@ def _handle(name: str, style: tuple[str, str]) -> Any:
 
 
 def _draw_case(axes: Any, points: Sequence[Point], styles: dict[str, tuple[str, str]]) -> None:
+    from matplotlib.patches import Rectangle
+
     best = front(points)
     axes.set(xscale="log", yscale="log")
     axes.axhline(PERCENT, color="#999999", linewidth=0.8, linestyle=":")
@@ -90,13 +104,16 @@ def _draw_case(axes: Any, points: Sequence[Point], styles: dict[str, tuple[str, 
         axes.plot(*_stairs(best), color="#f0d9a8", linewidth=9, solid_capstyle="round", zorder=1)
     for name, (colour, marker) in styles.items():
         curve = [point for point in points if point.method == name]
+        if not curve:
+            continue
         valid = [point for point in curve if point.valid]
         x = [point.wall_s_per_simulated_s for point in valid]
         y = [point.error_percent for point in valid]
         spread = [0.0 if math.isnan(point.error_se_percent) else point.error_se_percent for point in valid]
         down = [min(s, 0.9 * v) for s, v in zip(spread, y, strict=True)]
         bars = {"elinewidth": 0.6, "capsize": 1.5}
-        axes.errorbar(x, y, yerr=[down, spread], color=colour, marker=marker, markersize=5, linewidth=1.2, **bars)
+        if valid:
+            axes.errorbar(x, y, yerr=[down, spread], color=colour, marker=marker, markersize=5, linewidth=1.2, **bars)
         for point in valid:
             if is_default(point):
                 place = ([point.wall_s_per_simulated_s], [point.error_percent])
@@ -105,10 +122,10 @@ def _draw_case(axes: Any, points: Sequence[Point], styles: dict[str, tuple[str, 
         above = axes.get_xaxis_transform()
         axes.plot(failed, [0.965] * len(failed), "x", color=colour, markersize=7, mew=2, transform=above, clip_on=False)
     if any(not point.valid for point in points):
-        axes.axhspan(0.93, 1.0, transform=axes.transAxes, color="#eeeeee", zorder=0)
+        axes.add_patch(Rectangle((0.0, 0.93), 1.0, 0.07, transform=axes.transAxes, color="#eeeeee", zorder=0))
         axes.text(0.01, 0.965, "failed", transform=axes.transAxes, va="center", fontsize=7, color="#666666")
     _make_room(axes, points)
-    axes.grid(alpha=0.25, which="both", linewidth=0.4)
+    axes.grid(alpha=0.4, linewidth=0.5)
 
 
 def _make_room(axes: Any, points: Sequence[Point]) -> None:

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from feeder_sim.chart.cases import Raw
+from feeder_sim.chart.cases import Case, Raw
 
 Change = Callable[[Raw, int], None]
 
@@ -32,6 +32,7 @@ class Method:
         name: in the legend.
         change: turns the scenario of a case into that of the method, at a setting.
         settings: along the curve, steps per period unless `sweep` says otherwise.
+        costly: the same for cases of chance, whose many seeds take long; as `settings` where empty.
         cases: names of the cases it is tried on.
         quick: settings of the quick variant.
         sweep: what the settings are.
@@ -44,9 +45,18 @@ class Method:
     settings: tuple[int, ...]
     cases: tuple[str, ...] = EVERYTHING
     quick: tuple[int, ...] = ()
+    costly: tuple[int, ...] = ()
     sweep: str = "steps per period"
     slow: bool = True
     fails: str = ""
+
+    def settings_for(self, case: Case, *, quick: bool) -> tuple[int, ...]:
+        """Settings tried on a case; none where the method is not for it."""
+        if case.name not in self.cases:
+            return ()
+        if quick:
+            return self.quick
+        return self.costly or self.settings if case.by_chance else self.settings
 
     def apply(self, raw: Raw, setting: int) -> Raw:
         """Change the scenario of a case, in place; returns it."""
@@ -114,7 +124,7 @@ def drives_of(raw: Raw) -> list[Raw]:
 
 COARSE_TO_FINE = (20, 40, 80)
 METHODS = (
-    Method("impulses", steps, (10, 20, 40, 80, 160), quick=(20, 40), slow=False),
+    Method("impulses", steps, (10, 20, 40, 80, 160), quick=(20, 40), costly=(10, 20, 40, 80), slow=False),
     Method("impulses, tangent plane", impulses(tangent_surface=True), COARSE_TO_FINE, DRIFTS, (40,), slow=False),
     Method(
         "impulses, no in-plane velocity",
@@ -125,11 +135,11 @@ METHODS = (
         slow=False,
     ),
     Method("one degree of freedom", on_slide, (40,), BALL, (40,), slow=False),
-    Method("MuJoCo", mujoco(), (20, 40, 80, 160), quick=(40,)),
-    Method("MuJoCo, compliant contact", compliant(SHORTEST_CONTACT), (40, 80, 160), EVERYTHING, (40,)),
-    Method("MuJoCo, pyramidal cone", mujoco(cone="pyramidal"), (40, 80), (*DROPS, *DRIFTS)),
-    Method("MuJoCo, contact of hulls", mujoco(contact_set="hull"), (40, 80), (*DROPS, *DRIFTS)),
-    Method("MuJoCo, few iterations", iterations, (1, 2, 5), (*DROPS, "drift_4750"), sweep="iterations"),
+    Method("MuJoCo", mujoco(), (20, 40, 80, 160), quick=(40,), costly=COARSE_TO_FINE),
+    Method("MuJoCo, compliant contact", compliant(SHORTEST_CONTACT), (40, 80, 160), EVERYTHING, (40,), (40, 80)),
+    Method("MuJoCo, pyramidal cone", mujoco(cone="pyramidal"), (40, 80), (*DROPS, *DRIFTS), costly=(40,)),
+    Method("MuJoCo, contact of hulls", mujoco(contact_set="hull"), (40, 80), (*DROPS, *DRIFTS), costly=(40,)),
+    Method("MuJoCo, few iterations", iterations, (1, 3), (*DROPS, "drift_4750"), sweep="iterations"),
     Method("MuJoCo, mm-g-ms", mujoco(units="mm-g-ms"), (40,), (*DROPS, "drift_4750")),
     Method(
         "MuJoCo, mm-g-ms, its own tolerance",
