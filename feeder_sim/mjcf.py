@@ -7,7 +7,7 @@ mid-plane make the horizontal surface velocity -h/2 beta' by themselves. Under a
 whose patch needs the slide alone.
 
 Contact set: one small sphere at each corner of the part against its patch, as explicit pairs. (MuJoCo's own prism-box
-contact keeps four of six corners and makes a flat drop spin.) Restitution: `solref = "0 -(1+e)/dt"` reverses the
+contact keeps four of six corners and makes a flat part spin.) Restitution: `solref = "0 -(1+e)/dt"` reverses the
 normal velocity within one step, `solreffriction = "0 -1/dt"` keeps the restitution out of the tangential direction.
 """
 

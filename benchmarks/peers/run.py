@@ -26,7 +26,7 @@ HEADER = ("case", "method", "setting", "value", "se", "n", "wall_s_per_simulated
 PER_PERIOD, PER_MS, DRIFT_STEPS = (20, 40, 80, 160, 320), (20, 40, 80, 160, 320, 640), (20, 40)
 QUICK = (20, 80)
 SEEDS, SEEDS_QUICK = 6, 2
-SECONDS = 15.0  # of wall time that the seeds of one setting may take; slower engines get fewer of them
+SECONDS = 10.0  # of wall time that the seeds of one setting may take; slower engines get fewer of them
 SLOW_US = 50.0  # a step; from there on two seeds and one are all there is time for, and none in a quick run
 
 

@@ -25,9 +25,9 @@ from feeder_sim.simulation import simulate_scene
 from feeder_sim.tables import validated
 from feeder_sim.trajectory import Record, Status
 
-ENOUGH_TO_FAIL = 4  # seeds of a method that is known to fail
+ENOUGH_TO_FAIL = 2  # seeds of a method that is known to fail
 REPEAT_S = 0.5  # for which a case without chance is repeated; the shortest run counts
-ALIKE = 1.1  # costs within this factor cannot be told apart on a shared machine
+ALIKE = 1.25  # costs within this factor cannot be told apart on a shared machine
 ENOUGH_PERCENT = 0.1  # errors below this are as good as none
 FINEST = 160  # steps per period of a reference
 QUICK_FINEST = 80
@@ -80,9 +80,10 @@ class Point:
 
 
 def front(points: Iterable[Point]) -> list[Point]:
-    """Valid points of one case that no other beats: none is more accurate at a cost that is not higher.
+    """Valid points of one case that no other beats.
 
-    Costs within a factor of `ALIKE` count as equal, and then the more accurate one beats the other.
+    One beats another that is dearer by more than a factor of `ALIKE` and no more accurate; and one that costs alike
+    and is less accurate by more than two standard errors.
     """
     valid = [point for point in points if point.valid]
     return sorted((p for p in valid if not any(_beats(q, p) for q in valid)), key=lambda p: p.wall_s_per_simulated_s)
@@ -91,7 +92,8 @@ def front(points: Iterable[Point]) -> list[Point]:
 def _beats(q: Point, p: Point) -> bool:
     cheaper = q.wall_s_per_simulated_s * ALIKE < p.wall_s_per_simulated_s
     as_cheap = q.wall_s_per_simulated_s < p.wall_s_per_simulated_s * ALIKE
-    return (cheaper and q.error_percent <= p.error_percent) or (as_cheap and q.error_percent < p.error_percent)
+    noise = 2.0 * math.hypot(q.error_se_percent, p.error_se_percent)
+    return (cheaper and q.error_percent <= p.error_percent) or (as_cheap and q.error_percent + noise < p.error_percent)
 
 
 def is_default(point: Point) -> bool:

@@ -50,7 +50,6 @@ def test_flat_drop_rebounds_with_e_and_without_spin(engine: str, name: str, rest
     upward = frames.velocity[:, 0, 2].max()
     assert upward == pytest.approx(restitution * impact, rel=4e-3)
     assert np.abs(frames.velocity[:, 0, :2]).max() < 1e-6 * impact
-    # MuJoCo's own prism-box contact set leaves 0.19 rad/s here.
     assert np.abs(frames.angular_velocity).max() < 1e-4
 
 
