@@ -26,7 +26,7 @@ def cautions(scene: Scene) -> list[str]:
     if not run.in_plane_velocity and scenario.plate.kind != "piston":
         found.append("run.in_plane_velocity is false: drifts come out at a third of their speed or less")
     if scenario.plate.kind == "strip" and run.planar:
-        found.append("run.planar is true: drifts change by several percent, and more over short waves")
+        found.append("run.planar is true: over short waves drifts change by some percent")
     if choose_engine(scenario).name != "mujoco":
         return found
     found += _cautions_of_fall(scene)

@@ -34,7 +34,7 @@ def plan(case: str, method: Method, *, quick: bool) -> list[tuple[int, int]]:
     """Settings and seeds of a case."""
     slow = method.us_per_step > SLOW_US
     if case in AT_REST:
-        return [(steps, 1) for steps in (QUICK if quick else PER_MS[:-1] if slow else PER_MS)]
+        return [(steps, 1) for steps in (QUICK if quick else PER_MS[:-2] if slow else PER_MS)]
     if case not in DRIFTS:
         return [(steps, 1) for steps in (QUICK if quick else PER_PERIOD)]
     if quick:
