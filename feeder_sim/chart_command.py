@@ -36,8 +36,12 @@ def chart(
             if name not in allowed:
                 hint = nearest(name, allowed)
                 raise InputError(f"is {name!r}{hint}, allowed is {', '.join(allowed)}", key=key)
-    if peers is not None and not peers.is_file():
-        raise InputError("no such file", file=peers, key="--peers")
+    if peers is not None:
+        from feeder_sim.chart.points import read_peers
+
+        if not peers.is_file():
+            raise InputError("no such file", file=peers, key="--peers")
+        read_peers(peers, dict.fromkeys(names, (1.0, 0.0)))  # complains before the work is done
     if out.exists() and not out.is_dir():
         raise InputError("is a file, allowed is a folder", file=out, key="--out")
     out.mkdir(parents=True, exist_ok=True)
@@ -47,26 +51,9 @@ def chart(
     if "methods" in (only or PARTS):
         _chart_methods(out, [c for c in names if c in (case or names)], peers, quick)
     if "ladder" in (only or PARTS):
-        from feeder_sim.chart.drawing import draw_ladder
-        from feeder_sim.chart.ladder import climb, write_rungs
-
-        rungs = climb(quick=quick, note=_note)
-        write_rungs(rungs, out)
-        draw_ladder(rungs, out / "ladder")
-        for rung in rungs:
-            print(
-                f"{rung.flight:<18} {rung.model:<22} {rung.speed_mm_s:7.3f} +- {rung.se_mm_s:.3f} mm/s "
-                f"{rung.change_percent:+6.1f} %  saves {rung.saves:.2f}"
-            )
+        _climb_ladder(out, quick)
     if "stability" in (only or PARTS):
-        from feeder_sim.chart.drawing import draw_stability
-        from feeder_sim.chart.stability_map import fill, write_cells
-
-        cells = fill(quick=quick, note=_note)
-        write_cells(cells, out)
-        draw_stability(cells, out / "stability")
-        for state in sorted({cell.state for cell in cells}):
-            print(f"{state}: {sum(cell.state == state for cell in cells)} of {len(cells)} cells")
+        _map_stability(out, quick)
 
 
 def _chart_methods(out: Path, names: Sequence[str], peers: Path | None, quick: bool) -> None:
@@ -83,6 +70,31 @@ def _chart_methods(out: Path, names: Sequence[str], peers: Path | None, quick: b
     draw_points(points, out / "methods", machine())
     for c in cases:
         _print_case(c.title, [p for p in points if p.case == c.name])
+
+
+def _climb_ladder(out: Path, quick: bool) -> None:
+    from feeder_sim.chart.drawing import draw_ladder
+    from feeder_sim.chart.ladder import climb, write_rungs
+
+    rungs = climb(quick=quick, note=_note)
+    write_rungs(rungs, out)
+    draw_ladder(rungs, out / "ladder")
+    for rung in rungs:
+        print(
+            f"{rung.flight:<18} {rung.model:<22} {rung.speed_mm_s:7.3f} +- {rung.se_mm_s:.3f} mm/s "
+            f"{rung.change_percent:+6.1f} %  saves {rung.saves:.2f}"
+        )
+
+
+def _map_stability(out: Path, quick: bool) -> None:
+    from feeder_sim.chart.drawing import draw_stability
+    from feeder_sim.chart.stability_map import fill, write_cells
+
+    cells = fill(quick=quick, note=_note)
+    write_cells(cells, out)
+    draw_stability(cells, out / "stability")
+    for state in sorted({cell.state for cell in cells}):
+        print(f"{state}: {sum(cell.state == state for cell in cells)} of {len(cells)} cells")
 
 
 def _print_case(title: str, points: Sequence[Point]) -> None:
