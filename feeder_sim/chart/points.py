@@ -128,7 +128,8 @@ def measure(case: Case, method: Method, setting: int, reference: tuple[float, fl
         point = _ensemble(case, method, setting, min(seeds, ENOUGH_TO_FAIL) if method.fails else seeds)
     else:
         point = _once(case, method, setting)
-    point = replace(point, reference=reference[0], reference_se=reference[1])
+    details = f"setting: {method.sweep}" + (f"; known to fail, {method.fails}" if method.fails else "")
+    point = replace(point, reference=reference[0], reference_se=reference[1], details=details)
     if point.valid and not point.error_percent < LARGEST_PERCENT:
         instead = f" instead of {reference[0]:.3g}" if reference[0] else ""
         point = replace(point, failure=f"{case.quantity} {point.value:.3g}{instead}")
