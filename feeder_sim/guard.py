@@ -40,6 +40,7 @@ class Guard:
     # limit each. The impulse engine loses a corner at 200 um.
     DEPTH_STEPS = 2.0
     DEPTH_FRACTION = 0.05  # of the amplitude
+    HEAP_DEPTH = 1e-4  # [m]; 80 um seen at the bottom of a poured heap, whose overlaps push parts down
     DEPTH_FLOOR = 1e-5  # [m]; twice what a part enters in a flight of the impulse engine, however short its step
 
     def __init__(self, scene: Scene, first: Frames) -> None:
@@ -177,9 +178,9 @@ class Guard:
         pace = np.maximum(pace, np.concatenate([self._pace[None], pace[:-1]]))
         steps = self.DEPTH_STEPS * self._scene.timestep
         allowed = self.DEPTH_FLOOR + self.DEPTH_FRACTION * self._amplitude + steps * pace
-        if pace.shape[1] > 1:  # what falls on a part that lies pushes it into the plate
+        if pace.shape[1] > 1:  # what falls or lies on a part pushes it into the plate
             falling = frames.present & self.over(frames.position)
-            allowed = allowed + steps * np.where(falling, pace, 0.0).max(axis=1, keepdims=True)
+            allowed = allowed + self.HEAP_DEPTH + steps * np.where(falling, pace, 0.0).max(axis=1, keepdims=True)
         contact = self._scene.scenario.contact
         if contact.time_constant_us is not None:  # a spring-damper brakes within its time constant, and sags
             lasts = 1e-6 * contact.time_constant_us
