@@ -202,6 +202,9 @@ def classify(result: Result, reference: Result | None) -> tuple[State, Statistic
         return State.EXPLODING, none, f"rises {rise:.3g} mm instead of {right:.3g} mm"
     found, expected = (r.measures()["drift_velocity_x_mm_s"] for r in (result, reference))
     if abs(expected["mean"]) < STILL_MM_S:
+        coarse = max(found["se"] or 0.0, expected["se"] or 0.0)
+        if coarse > STILL_MM_S:
+            return State.UNCLEAR, none, f"drift known to {coarse:.2g} mm/s only"
         still = abs(found["mean"]) < 2.0 * STILL_MM_S
         why = f"drifts at {found['mean']:.2f} mm/s, should not"
         return (State.STABLE, none, "") if still else (State.BIASED, none, why)
