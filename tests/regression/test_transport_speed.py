@@ -13,7 +13,11 @@ from feeder_sim.simulation import simulate
 
 # 1.44 +- 0.27 and 4.17 +- 0.64 mm/s measured
 MEASURED = {"drift_4750hz": (1.17, 1.71), "drift_8775hz": (3.53, 4.81)}
-SEEDS = {"impulse": 64, "mujoco": 24}
+# As many as the intervals below need; seeds scatter by 4 % at 4750 Hz, by 10 % at 8775 Hz.
+SEEDS = {
+    "drift_4750hz": {"impulse": 64, "mujoco": 12},
+    "drift_8775hz": {"impulse": 64, "mujoco": 24},
+}
 
 
 @cache
@@ -38,14 +42,14 @@ def speed(name: str, engine: str, seeds: int | None = None, steps_per_period: in
 @pytest.mark.parametrize("name", MEASURED)
 def test_transport_speed_lies_in_the_measured_interval(name: str, engine: str) -> None:
     low, high = MEASURED[name]
-    mean, se = speed(name, engine, SEEDS[engine])
+    mean, se = speed(name, engine, SEEDS[name][engine])
     assert low < mean < high
     assert se < 0.25 * (high - low)
 
 
 @pytest.mark.parametrize(("name", "within"), [("drift_4750hz", 0.05), ("drift_8775hz", 0.10)])
 def test_both_engines_agree(name: str, within: float) -> None:
-    (impulse, impulse_se), (mujoco, mujoco_se) = (speed(name, engine, SEEDS[engine]) for engine in SEEDS)
+    (impulse, impulse_se), (mujoco, mujoco_se) = (speed(name, engine, seeds) for engine, seeds in SEEDS[name].items())
     assert np.hypot(impulse_se / impulse, mujoco_se / mujoco) < 0.4 * within
     assert abs(impulse / mujoco - 1) < within
 
