@@ -26,7 +26,7 @@ from feeder_sim.tables import validated
 from feeder_sim.trajectory import Status
 
 SLOW_FLIGHTS = ("MuJoCo, 4750 Hz",)  # for the full ladder alone
-ROUNDS, SEEDS, SLOW_SEEDS = 3, 16, 2
+ROUNDS, SEEDS, SLOW_SEEDS = 3, 12, 2
 QUICK_ROUNDS, QUICK_SEEDS = 1, 4
 PLATE_HZ, PLATE_UM = 2797.0, 5.0
 
