@@ -247,8 +247,8 @@ class Scenario(Table):
         if not self.run.planar:
             return self
         part = self.part[0]
-        if self.run.engine == "mujoco":
-            raise ValueError('run.engine is "mujoco", allowed is "impulse" with run.planar = true')
+        if self.run.engine == "mujoco" or self.contact.model == "compliant":
+            raise ValueError("run.planar is true, allowed is false in MuJoCo")
         if self.plate.kind == "rectangle":
             raise ValueError('plate.kind is "rectangle", allowed is "strip" or "piston" with run.planar = true')
         if self.n_parts > 1 or part.guide is not None or not isinstance(part.start, Start):
@@ -264,15 +264,11 @@ class Scenario(Table):
 
     @model_validator(mode="after")
     def _settings_belong_to_mujoco(self) -> Self:
-        changed = [
-            name
-            for name in self.mujoco.model_fields_set
-            if getattr(self.mujoco, name) != getattr(MujocoSettings(), name)
-        ]
+        changed = [name for name, value in self.mujoco if value != getattr(MujocoSettings(), name)]
         if changed and self.guide is not None:
             raise ValueError(f"mujoco.{changed[0]} belongs to parts without a guide")
-        if changed and self.run.engine == "impulse":
-            raise ValueError(f'mujoco.{changed[0]} belongs to run.engine = "mujoco", which is "{self.run.engine}"')
+        if changed and self.run.engine != "mujoco" and self.contact.model != "compliant":
+            raise ValueError(f'run.engine is "{self.run.engine}", allowed is "mujoco" with mujoco.{changed[0]}')
         return self
 
     @model_validator(mode="after")

@@ -9,8 +9,6 @@ Every rung is one change of the full model of its flight of stairs; rungs of dif
 
 from __future__ import annotations
 
-import csv
-import json
 import math
 import statistics
 from collections.abc import Callable, Sequence
@@ -18,6 +16,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 
 from feeder_sim.chart.cases import CONTACT, Raw, speed, strip
+from feeder_sim.chart.data_files import write_rows
 from feeder_sim.measures import Statistic, transport_cell
 from feeder_sim.scenario import Scenario
 from feeder_sim.scene import build_scene
@@ -180,9 +179,4 @@ def _run(raw: Raw, number: int, *, quick: bool) -> tuple[list[float], float]:
 
 def write_rungs(rungs: Sequence[Rung], folder: Path) -> None:
     """Write the ladder as CSV and as JSON."""
-    rows = [asdict(rung) for rung in rungs]
-    with (folder / "ladder.csv").open("w", newline="", encoding="utf-8") as file:
-        writer = csv.DictWriter(file, list(rows[0]))
-        writer.writeheader()
-        writer.writerows(rows)
-    (folder / "ladder.json").write_text(json.dumps(rows, indent=1), encoding="utf-8")
+    write_rows([asdict(rung) for rung in rungs], folder, "ladder")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-import json
 import math
 import time
 from collections.abc import Callable, Iterable, Sequence
@@ -13,6 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from feeder_sim.chart.cases import Case
+from feeder_sim.chart.data_files import write_rows
 from feeder_sim.chart.methods import DEFAULT_STEPS, METHODS, Method
 from feeder_sim.engines import engine_class
 from feeder_sim.errors import InputError
@@ -195,7 +195,7 @@ def _ensemble(case: Case, method: Method, setting: int, seeds: int) -> Point:
     return Point(case.name, method.name, setting, found.mean, found.se, found.n, 0.0, 0.0, cost, failure)
 
 
-def write_points(points: Sequence[Point], folder: Path, name: str = "methods") -> None:
+def write_points(points: Sequence[Point], folder: Path) -> None:
     """Write points as CSV and as JSON, with their errors, and whether they are on the front and the default."""
     on_front = {id(p) for case in {p.case for p in points} for p in front(q for q in points if q.case == case)}
     rows = [
@@ -208,12 +208,7 @@ def write_points(points: Sequence[Point], folder: Path, name: str = "methods") -
         }
         for p in points
     ]
-    with (folder / f"{name}.csv").open("w", newline="", encoding="utf-8") as file:
-        writer = csv.DictWriter(file, list(rows[0]))
-        writer.writeheader()
-        writer.writerows(rows)
-    plain = [{k: None if isinstance(v, float) and not math.isfinite(v) else v for k, v in r.items()} for r in rows]
-    (folder / f"{name}.json").write_text(json.dumps(plain, indent=1), encoding="utf-8")
+    write_rows(rows, folder, "methods")
 
 
 PEER_COLUMNS = ("case", "method", "setting", "value", "se", "n", "wall_s_per_simulated_s", "failure", "details")

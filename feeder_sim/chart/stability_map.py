@@ -12,15 +12,14 @@ compared with that of the impulses at the finest step. A cell is
 
 from __future__ import annotations
 
-import csv
-import json
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from enum import StrEnum
 from pathlib import Path
 
 from feeder_sim.chart.cases import CONTACT, Raw, strip
+from feeder_sim.chart.data_files import write_rows
 from feeder_sim.chart.methods import Change, compliant, mujoco, steps
 from feeder_sim.chart.points import FINEST
 from feeder_sim.measures import Statistic
@@ -249,20 +248,4 @@ def _run(raw: Raw, seeds: int) -> Result:
 
 def write_cells(cells: Sequence[Cell], folder: Path) -> None:
     """Write the maps as CSV and as JSON."""
-    rows = [
-        {
-            "map": cell.map,
-            "x": cell.x,
-            "y": cell.y,
-            "state": str(cell.state),
-            "deviation": None if math.isnan(cell.deviation) else cell.deviation,
-            "se": None if math.isnan(cell.se) else cell.se,
-            "why": cell.why,
-        }
-        for cell in cells
-    ]
-    with (folder / "stability.csv").open("w", newline="", encoding="utf-8") as file:
-        writer = csv.DictWriter(file, list(rows[0]))
-        writer.writeheader()
-        writer.writerows(rows)
-    (folder / "stability.json").write_text(json.dumps(rows, indent=1), encoding="utf-8")
+    write_rows([asdict(cell) for cell in cells], folder, "stability")

@@ -184,6 +184,23 @@ def test_settings_that_fail_are_refused_with_the_reason_unless_asked_for(more: s
 @pytest.mark.parametrize(
     ("more", "why"),
     [
+        ('[mujoco]\ncone = "pyramidal"\n', 'run.engine is "auto", allowed is "mujoco" with mujoco.cone'),
+        ("planar = true\n", "part[0].start.yaw_deg is [0, 360], allowed is one angle"),
+        (
+            'planar = true\n[contact]\nmodel = "compliant"\ntime_constant_us = 30.0\n',
+            "run.planar is true, allowed is false in MuJoCo",
+        ),
+    ],
+)
+def test_settings_that_another_engine_would_ignore_are_refused(more: str, why: str) -> None:
+    with pytest.raises(InputError) as refused:
+        parse_scenario(STRIP.replace('engine = "mujoco"\n', "") + more, file=Path("strip.toml"))
+    assert why in str(refused.value)
+
+
+@pytest.mark.parametrize(
+    ("more", "why"),
+    [
         ("in_plane_velocity = false\n", "a third of their speed"),
         ('[mujoco]\ncone = "pyramidal"\n', "20 % too fast"),
         ('[mujoco]\nunits = "mm-g-ms"\ntolerance = "default"\n', "20 % too fast"),

@@ -83,6 +83,7 @@ ORDER = [
     "plate_commands",
     "chart.cases",
     "chart.methods",
+    "chart.data_files",
     "chart.points",
     "chart.ladder",
     "chart.stability_map",
