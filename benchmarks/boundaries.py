@@ -10,8 +10,8 @@ from typing import Annotated
 
 import typer
 
-from feeder_sim.bifurcation import bisect, theoretical_boundaries
 from feeder_sim.scenario import load_scenario, with_run
+from feeder_sim.studies.bifurcation import bisect, theoretical_boundaries
 
 SCENARIOS = Path(__file__).parents[1] / "scenarios"
 BRACKET = 0.04  # to each side of the theory

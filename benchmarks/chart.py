@@ -17,7 +17,7 @@ import venv
 from pathlib import Path
 from typing import Any
 
-from feeder_sim.chart.points import ALIKE
+from feeder_sim.studies.chart.points import ALIKE
 
 ROOT = Path(__file__).parents[1]
 PEERS = Path(__file__).parent / "peers"

@@ -14,13 +14,13 @@ from pathlib import Path
 
 import numpy as np
 
-from feeder_sim.circulation import circulation, stage_waves
-from feeder_sim.measures import Statistic
+from feeder_sim.measures.circulation import circulation, stage_waves
+from feeder_sim.measures.statistic import Statistic
+from feeder_sim.plate.wave import Track
+from feeder_sim.run.simulation import simulate
 from feeder_sim.scenario import Scenario, load_scenario
-from feeder_sim.scene import build_scene
-from feeder_sim.simulation import simulate
-from feeder_sim.tables import validated
-from feeder_sim.wave import Track
+from feeder_sim.scenario.tables import validated
+from feeder_sim.scene.scene import build_scene
 
 SCENARIO = Path(__file__).parents[1] / "scenarios" / "wave_circulation.toml"
 AMPLITUDES = [0.5, 1.0, 1.25, 1.5, 1.75, 2.0, 3.0, 5.0]

@@ -12,8 +12,8 @@ from typing import Annotated
 
 import typer
 
+from feeder_sim.run.simulation import simulate
 from feeder_sim.scenario import load_scenario, with_run
-from feeder_sim.simulation import simulate
 
 
 def main(

@@ -18,9 +18,9 @@ from typing import Any
 
 import numpy as np
 
+from feeder_sim.run.simulation import Result, simulate
 from feeder_sim.scenario import Scenario, load_scenario, with_run
-from feeder_sim.simulation import Result, simulate
-from feeder_sim.tables import validated
+from feeder_sim.scenario.tables import validated
 
 SCENARIO = Path(__file__).parents[1] / "scenarios" / "separation_100.toml"
 LIMIT, LARGEST_EXPONENT, LARGEST_MEMORY = 5.0, 1.15, 1e9

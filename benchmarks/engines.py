@@ -13,8 +13,8 @@ import statistics
 import sys
 from pathlib import Path
 
+from feeder_sim.run.simulation import available_cores, simulate
 from feeder_sim.scenario import Scenario, load_scenario, with_run
-from feeder_sim.simulation import available_cores, simulate
 
 SCENARIOS = Path(__file__).parents[1] / "scenarios"
 ROUNDS, SEEDS, ENSEMBLE = 3, 2, 64

@@ -18,9 +18,9 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from feeder_sim.run.simulation import Result, simulate
 from feeder_sim.scenario import Scenario, load_scenario
-from feeder_sim.simulation import Result, simulate
-from feeder_sim.tables import validated
+from feeder_sim.scenario.tables import validated
 
 SCENARIO = Path(__file__).parents[1] / "scenarios" / "separation_100.toml"
 MEASURED = 70

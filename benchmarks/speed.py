@@ -17,9 +17,9 @@ import tempfile
 import time
 from pathlib import Path
 
-from feeder_sim.run_folder import scenario_toml
+from feeder_sim.run.run_folder import scenario_toml
+from feeder_sim.run.simulation import simulate
 from feeder_sim.scenario import Scenario, load_scenario, with_run
-from feeder_sim.simulation import simulate
 
 SCENARIOS = Path(__file__).parents[1] / "scenarios"
 SCENARIO = SCENARIOS / "drift_4750hz.toml"

@@ -15,9 +15,9 @@ from pathlib import Path
 
 import numpy as np
 
+from feeder_sim.run.simulation import simulate
 from feeder_sim.scenario import Scenario, load_scenario
-from feeder_sim.simulation import simulate
-from feeder_sim.tables import validated
+from feeder_sim.scenario.tables import validated
 
 SCENARIO = Path(__file__).parents[1] / "scenarios" / "transport_strip.toml"
 FACTORS = [0.5, 0.7, 1.0, 1.4, 2.0, 2.4, 2.8, 3.2, 4.0, 5.6]

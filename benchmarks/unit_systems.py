@@ -13,9 +13,9 @@ from typing import Annotated
 
 import typer
 
+from feeder_sim.run.simulation import simulate
 from feeder_sim.scenario import Scenario, load_scenario
-from feeder_sim.simulation import simulate
-from feeder_sim.tables import validated
+from feeder_sim.scenario.tables import validated
 
 SCENARIO = Path(__file__).parents[1] / "scenarios/drift_4750hz.toml"
 

@@ -15,22 +15,24 @@ from typing import TYPE_CHECKING, Any
 __version__ = "0.1.0"
 
 if TYPE_CHECKING:
-    from feeder_sim.replay import build_replay as build_replay
-    from feeder_sim.run_folder import record_run as record_run
+    from feeder_sim.records.trajectory_file import read_recording as read_recording
+    from feeder_sim.replay.replay import build_replay as build_replay
+    from feeder_sim.run.prepare import prepare as prepare
+    from feeder_sim.run.run_folder import record_run as record_run
+    from feeder_sim.run.simulation import simulate as simulate
     from feeder_sim.scenario import Scenario as Scenario
     from feeder_sim.scenario import load_scenario as load_scenario
-    from feeder_sim.scene import build_scene as build_scene
-    from feeder_sim.simulation import simulate as simulate
-    from feeder_sim.trajectory_file import read_recording as read_recording
+    from feeder_sim.scene.scene import build_scene as build_scene
 
 _PUBLIC = {
     "Scenario": "scenario",
     "load_scenario": "scenario",
-    "build_scene": "scene",
-    "simulate": "simulation",
-    "record_run": "run_folder",
-    "read_recording": "trajectory_file",
-    "build_replay": "replay",
+    "build_scene": "scene.scene",
+    "prepare": "run.prepare",
+    "simulate": "run.simulation",
+    "record_run": "run.run_folder",
+    "read_recording": "records.trajectory_file",
+    "build_replay": "replay.replay",
 }
 __all__ = ["__version__", *_PUBLIC]
 

@@ -1,5 +1,5 @@
 """`python -m feeder_sim`."""
 
-from feeder_sim.cli import main
+from feeder_sim.cli.main import main
 
 main()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Iterable
+from enum import Enum
 from pathlib import Path
 
 
@@ -30,25 +31,45 @@ class InputError(FeederSimError):
         super().__init__(f"{where}: {problem}" if where else problem)
 
 
+class Divergence(Enum):
+    """Why a seed was stopped: what no part over a vibrating plate can do; the value says so in words."""
+
+    NOT_FINITE = "its state is not finite"
+    THROUGH_PLATE = "its centre lies below the plate's surface"
+    TOO_MUCH_ENERGY = "it has more energy than this plate can give"
+    TOO_DEEP = "a corner lies too deep below the plate's surface"
+
+
 class SimulationDiverged(FeederSimError):
     """A running simulation left the range of valid states; what was recorded until then is kept.
 
     Args:
-        cause: what is wrong.
+        divergence: what is wrong.
         time_s: of the first state that is not valid [s].
         part: its name.
         seed: index of the seed.
+        detail: what is wrong, with numbers; "" for the plain words.
         file: that holds the last states, "" without one.
     """
 
-    def __init__(self, *, cause: str, time_s: float, part: str, seed: int, file: str = "") -> None:
-        self.cause, self.time_s, self.part, self.seed, self.file = cause, time_s, part, seed, file
+    def __init__(
+        self, divergence: Divergence, *, time_s: float, part: str, seed: int, detail: str = "", file: str = ""
+    ) -> None:
+        self.divergence, self.detail = divergence, detail
+        self.time_s, self.part, self.seed, self.file = time_s, part, seed, file
         kept = "frames up to that time are kept" + (f", last states in {file}" if file else "")
-        super().__init__(f"seed {seed}: {part} at {time_s:.6f} s: {cause}; {kept}")
+        super().__init__(f"seed {seed}: {part} at {time_s:.6f} s: {self.cause}; {kept}")
+
+    @property
+    def cause(self) -> str:
+        """What is wrong, in words."""
+        return self.detail or self.divergence.value
 
     def kept_in(self, file: str) -> SimulationDiverged:
         """The same, with the last states in a file."""
-        return SimulationDiverged(cause=self.cause, time_s=self.time_s, part=self.part, seed=self.seed, file=file)
+        return SimulationDiverged(
+            self.divergence, time_s=self.time_s, part=self.part, seed=self.seed, detail=self.detail, file=file
+        )
 
 
 class RecordingFailed(FeederSimError):

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from feeder_sim.records.trajectory import Frames
 from feeder_sim.scenario import Contact, Drive, HexNut, PistonPlate, Run, Scenario, Start, Strip
-from feeder_sim.scene import Scene
-from feeder_sim.trajectory import Frames
+from feeder_sim.scene.scene import Scene
 
 REPOSITORY = Path(__file__).parents[1]
 
@@ -58,7 +58,7 @@ def hull_distances(scene: Scene, frames: Frames) -> NDArray[np.float64]:
     import mujoco
     from scipy.spatial import cKDTree
 
-    from feeder_sim.engines.hulls import HullLibrary
+    from feeder_sim.engines.impulse.hulls import HullLibrary
 
     library = HullLibrary([kind.corners for kind in scene.kinds], [kind.corner_radius for kind in scene.kinds])
     model, data = library._model, library._data

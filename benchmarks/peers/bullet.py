@@ -16,8 +16,8 @@ import numpy as np
 from cases import AT_REST, MOVING, Method, Setup
 from numpy.typing import NDArray
 
-from feeder_sim.chart.cases import FRICTION, RESTITUTION
-from feeder_sim.scene import GRAVITY
+from feeder_sim.scene.scene import GRAVITY
+from feeder_sim.studies.chart.cases import FRICTION, RESTITUTION
 
 bullet: Any = importlib.import_module("pybullet")
 

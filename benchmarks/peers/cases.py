@@ -16,7 +16,15 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from feeder_sim.chart.cases import (
+from feeder_sim.measures.drift import transport_speed
+from feeder_sim.plate.mode_shapes import StandingWave
+from feeder_sim.records.trajectory import Frames
+from feeder_sim.scenario import Ball, HexNut, load_scenario, with_run
+from feeder_sim.scene.cell import PASSAGE_TO, Cell, transport_cell
+from feeder_sim.scene.rigid_part import build_part
+from feeder_sim.scene.scene import GRAVITY, Scene, build_scene
+from feeder_sim.scene.start import start_poses
+from feeder_sim.studies.chart.cases import (
     BALL_COUNTED,
     BALL_HZ,
     BALL_PERIODS,
@@ -27,13 +35,6 @@ from feeder_sim.chart.cases import (
     RESTITUTION,
     SLIDE_MM_S,
 )
-from feeder_sim.measures import PASSAGE_TO, Cell, transport_cell, transport_speed
-from feeder_sim.parts import build_part
-from feeder_sim.plate.shapes import StandingWave
-from feeder_sim.scenario import Ball, HexNut, load_scenario, with_run
-from feeder_sim.scene import GRAVITY, Scene, build_scene
-from feeder_sim.start import start_poses
-from feeder_sim.trajectory import Frames
 
 SCENARIOS = Path(__file__).parents[2] / "scenarios"
 

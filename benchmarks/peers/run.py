@@ -19,7 +19,7 @@ from typing import Any
 import cases
 from cases import AT_REST, DRIFTS, Method, Outcome
 
-from feeder_sim.measures import Statistic
+from feeder_sim.measures.statistic import Statistic
 
 MODULES = {"plain_mujoco": "mujoco-core", "drake_engine": "drake", "bullet": "pybullet"}
 HEADER = ("case", "method", "setting", "value", "se", "n", "wall_s_per_simulated_s", "failure", "details")

@@ -5,10 +5,10 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
-from feeder_sim.impacts import Impacts
+from feeder_sim.machine_code import compiled
+from feeder_sim.records.impacts import Impacts
 
 
 class ImpactLog(NamedTuple):
@@ -41,12 +41,12 @@ def take_impacts(log: ImpactLog, *, end: bool) -> Impacts:
     return Impacts.of_rows(rows)
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def is_full(log):
     return log.filled[0] >= log.rows.shape[0]
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def log_impact(log, time, until, approach_speed, departure_velocity):
     """Note a contact that is over."""
     row = log.rows[log.filled[0]]
@@ -54,17 +54,17 @@ def log_impact(log, time, until, approach_speed, departure_velocity):
     log.filled[0] += 1
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def begin_contact(log, time, approach_speed):
     log.current[0], log.current[1] = time, approach_speed
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def in_contact(log):
     return not np.isnan(log.current[0])
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def end_contact(log, until, departure_velocity):
     """Finish the contact under way."""
     log_impact(log, log.current[0], until, log.current[1], departure_velocity)

@@ -20,14 +20,14 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from feeder_sim.engines.impact_log import begin_contact, end_contact, is_full, log_impact, new_log, take_impacts
-from feeder_sim.impacts import Impacts
-from feeder_sim.scene import GRAVITY, Scene
-from feeder_sim.start import start_poses
-from feeder_sim.trajectory import BLOCK_FRAMES, Frames
+from feeder_sim.machine_code import compiled
+from feeder_sim.records.impacts import Impacts
+from feeder_sim.records.trajectory import BLOCK_FRAMES, Frames
+from feeder_sim.scene.scene import GRAVITY, Scene
+from feeder_sim.scene.start import start_poses
 
 TIME_TOLERANCE = 1e-14  # [s], or the spacing of floating-point numbers at that time
 LONGEST_CHATTER = 1e-8  # [s] of a chatter that is summed; shorter where h changes (CHATTER_ERROR)
@@ -66,7 +66,7 @@ class Law(NamedTuple):
     restitution: float
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _plate_motion(t, plate, p):
     """Write p and its first three derivatives into p (4,)."""
     p[:] = 0.0
@@ -80,14 +80,14 @@ def _plate_motion(t, plate, p):
                 value *= rate
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _leap(f, slope, bound):
     """Earliest time [s] at which a function with value f >= 0, this slope and |f''| <= bound can reach zero."""
     root = math.sqrt(slope * slope + 2.0 * bound * max(f, 0.0))
     return (slope + root) / bound if slope > 0.0 else 2.0 * max(f, 0.0) / max(root - slope, TINY)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _near_leap(gap, rate, h, jerk):
     """Like `_leap` for a gap whose second derivative is -h now and changes by at most `jerk` per second.
 
@@ -100,20 +100,20 @@ def _near_leap(gap, rate, h, jerk):
     return beyond
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _tolerance(t):
     """What counts as no time at all [s]."""
     return max(TIME_TOLERANCE, 4.5e-16 * t)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _move(state, g, duration):
     state[Z] += (state[V] - 0.5 * g * duration) * duration
     state[V] -= g * duration
     state[T] += duration
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _fly(state, plate, law, limit, p):
     """Fly until the part meets the plate (returns True) or `limit` is reached."""
     while True:
@@ -146,7 +146,7 @@ def _fly(state, plate, law, limit, p):
             _move(state, g, leap)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _strike(state, plate, law, log, p):
     """One impact; when the chatter that follows is short, sum it and stick."""
     t = state[T]
@@ -169,7 +169,7 @@ def _strike(state, plate, law, log, p):
         begin_contact(log, state[T], 0.0)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _lost_in_round_off(departure, h, t, plate):
     """True for a hop no higher than what round-off in the plate's phase moves the plate by."""
     hop = departure * departure / h
@@ -178,13 +178,13 @@ def _lost_in_round_off(departure, h, t, plate):
     return hop < ROUND_OFF * (plate.bound[1] * t + plate.bound[0])
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _nudge(plate):
     """A time [s] in which the plate hardly moves."""
     return NUDGE * math.sqrt(plate.bound[2] / plate.bound[4])
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _until_turn(state, plate, p):
     """Earliest time [s] at which the riding part can turn round; turns the friction if it does so now."""
     if plate.bound[3] == 0.0:
@@ -196,7 +196,7 @@ def _until_turn(state, plate, p):
     return max(_leap(state[SIGN] * p[1], state[SIGN] * p[2], plate.bound[3]), _nudge(plate))
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _until_lift_off(state, plate, law, p):
     """Deceleration that holds for the riding part [m/s^2], and earliest possible times of lift-off and turn [s].
 
@@ -214,7 +214,7 @@ def _until_lift_off(state, plate, law, p):
     return g, _leap(p[2] + g, p[3], plate.bound[4]), to_turn
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _ride(state, plate, law, limit, log, p):
     """Stick to the plate until it falls away from under the part (then the part flies) or `limit` is reached."""
     while True:
@@ -243,7 +243,7 @@ def _ride(state, plate, law, limit, log, p):
         state[T] += leap
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _let_go(state, plate, log, p):
     """Let a riding part go where a switch makes the plate jump; it flies, or the plate hits it."""
     _plate_motion(state[T], plate, p)
@@ -252,7 +252,7 @@ def _let_go(state, plate, log, p):
         state[Z], state[STUCK] = max(state[Z], p[0]), 0.0
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _advance(state, plate, law, log, interval, first_frame, out):
     """Advance frame by frame, writing (z, v) into a row of out (n, 2); returns the rows done, fewer with a full log."""
     p = np.empty(4)

@@ -12,13 +12,11 @@ from __future__ import annotations
 
 import cmath
 import math
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterable
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-
-from feeder_sim.timetable import Timetable
 
 # A free decay is dropped when it has fallen to exp(-DECAY_LENGTH) of its start, below round-off.
 DECAY_LENGTH = 40.0
@@ -86,11 +84,6 @@ def modal_terms(drives: Iterable[ModalDrive]) -> ModalTerms:
         coefficient=np.array([term[3] for term in terms], complex),
         rate=np.array([term[4] for term in terms], complex),
     )
-
-
-def timed(drives: Sequence[ModalDrive], times: Timetable) -> list[ModalDrive]:
-    """The drives, one per excitation of the scenario, each as often as it acts and when."""
-    return [replace(drives[o.excitation], start=o.start, stop=o.stop) for o in times.occurrences]
 
 
 def _terms_of(drive: ModalDrive) -> list[tuple[int, float, float, complex, complex]]:

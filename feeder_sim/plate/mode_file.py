@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from feeder_sim import __version__
 from feeder_sim.errors import InputError
 from feeder_sim.hdf5_text import get_text, put_text
-from feeder_sim.materials import Material
+from feeder_sim.plate.materials import Material
 from feeder_sim.plate.modes import PlateModes, RectangularPlate
 
 if TYPE_CHECKING:

@@ -21,7 +21,7 @@ import numpy as np
 from numpy.polynomial import legendre
 from numpy.typing import ArrayLike, NDArray
 
-from feeder_sim.materials import Material
+from feeder_sim.plate.materials import Material
 
 SHEAR_FACTOR = 5.0 / 6.0
 TERMS_PER_AXIS = 24

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from feeder_sim.errors import InputError
 from feeder_sim.plate.drive import ModalTerms
-from feeder_sim.plate.shapes import ModeShape
+from feeder_sim.plate.mode_shapes import ModeShape
 
 POINTS_PER_WAVELENGTH = 80
 MAX_GRID_POINTS = 20_000_000  # half a gigabyte

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 from conftest import REPOSITORY
 
-from feeder_sim.bifurcation import bisect, sweep_amplitude, theoretical_boundaries
-from feeder_sim.bounces import expected_interval
+from feeder_sim.measures.bounces import expected_interval
+from feeder_sim.run.simulation import simulate
 from feeder_sim.scenario import Scenario, load_scenario, with_run
-from feeder_sim.scene import GRAVITY
-from feeder_sim.simulation import simulate
+from feeder_sim.scene.scene import GRAVITY
+from feeder_sim.studies.bifurcation import bisect, sweep_amplitude, theoretical_boundaries
 
 
 def scenario(

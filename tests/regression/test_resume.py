@@ -16,13 +16,14 @@ import h5py
 import numpy as np
 import pytest
 
-from feeder_sim.engines.impulse import ImpulseEngine
+from feeder_sim.engines.impulse.engine import ImpulseEngine
 from feeder_sim.errors import InputError, SimulationDiverged
-from feeder_sim.guard import Guard
-from feeder_sim.run_folder import record_run, resume_run, scenario_toml
-from feeder_sim.scenario import Excitation, Heap, HexNut, Pick, PistonPlate, Run, Scattered, Scenario, Schedule, Stage
-from feeder_sim.scene import build_scene
-from feeder_sim.trajectory import Frames
+from feeder_sim.records.trajectory import Frames
+from feeder_sim.run.guard import Guard
+from feeder_sim.run.run_folder import record_run, resume_run, scenario_toml
+from feeder_sim.scenario import Excitation, Heap, HexNut, PistonPlate, Run, Scattered, Scenario
+from feeder_sim.scenario.schedule import Pick, Schedule, Stage
+from feeder_sim.scene.scene import build_scene
 
 WALL_TIMES = ("wall_s", "real_time_factor", "wall_s_per_simulated_s_one_core")
 # A checkpoint after every block, not every few seconds, so that a kill finds one.

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from conftest import hull_distances
 
-from feeder_sim.removals import Cause
+from feeder_sim.records.removals import Cause
+from feeder_sim.run.simulation import Result, simulate
 from feeder_sim.scenario import Scenario, load_scenario
-from feeder_sim.simulation import Result, simulate
-from feeder_sim.tables import validated
+from feeder_sim.scenario.tables import validated
 
 SCENARIOS = Path(__file__).parents[2] / "scenarios"
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from conftest import REPOSITORY
 
+from feeder_sim.run.simulation import Result, simulate
 from feeder_sim.scenario import load_scenario, with_run
-from feeder_sim.simulation import Result, simulate
 
 MEASURED_S = 34.0  # D. Shi, EPFL thesis TH7124 (2016); with amplitudes it does not give
 

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from conftest import REPOSITORY
 
+from feeder_sim.run.simulation import simulate
 from feeder_sim.scenario import load_scenario, with_run
-from feeder_sim.simulation import simulate
 
 # 1.44 +- 0.27 and 4.17 +- 0.64 mm/s measured
 MEASURED = {"drift_4750hz": (1.17, 1.71), "drift_8775hz": (3.53, 4.81)}

@@ -5,12 +5,12 @@ from __future__ import annotations
 import pytest
 from conftest import REPOSITORY
 
-from feeder_sim.circulation import circulation, stage_waves
-from feeder_sim.measures import Statistic
+from feeder_sim.measures.circulation import circulation, stage_waves
+from feeder_sim.measures.statistic import Statistic
+from feeder_sim.plate.wave import Track
+from feeder_sim.run.simulation import simulate
 from feeder_sim.scenario import Scenario, load_scenario, with_run
-from feeder_sim.scene import build_scene
-from feeder_sim.simulation import simulate
-from feeder_sim.wave import Track
+from feeder_sim.scene.scene import build_scene
 
 RUNNING, GATHERING = (REPOSITORY / f"scenarios/wave_{name}.toml" for name in ("circulation", "gather"))
 SEEDS, PLACES = 8, 8

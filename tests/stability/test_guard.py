@@ -12,12 +12,13 @@ import pytest
 from conftest import piston_scenario, strip_scenario
 
 from feeder_sim.engines import mujoco as engine_module
-from feeder_sim.guard import Guard
-from feeder_sim.scenario import Contact, Drive, Excitation, Run, Schedule, Stage, Start
-from feeder_sim.scene import Scene, build_scene
-from feeder_sim.simulation import simulate
-from feeder_sim.trajectory import Frames, Status
-from feeder_sim.trajectory_file import read_recording
+from feeder_sim.records.trajectory import Frames, Status
+from feeder_sim.records.trajectory_file import read_recording
+from feeder_sim.run.guard import Guard
+from feeder_sim.run.simulation import simulate
+from feeder_sim.scenario import Contact, Drive, Excitation, Run, Start
+from feeder_sim.scenario.schedule import Schedule, Stage
+from feeder_sim.scene.scene import Scene, build_scene
 
 LEVEL = [1.0, 0.0, 0.0, 0.0]
 TUNNELLING = """

@@ -11,11 +11,11 @@ from conftest import hull_distances
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from feeder_sim.records.trajectory import Frames, Status
+from feeder_sim.run.simulation import Result, simulate
 from feeder_sim.scenario import Scenario
-from feeder_sim.scene import GRAVITY, Scene
-from feeder_sim.simulation import Result, simulate
-from feeder_sim.tables import validated
-from feeder_sim.trajectory import Frames, Status
+from feeder_sim.scenario.tables import validated
+from feeder_sim.scene.scene import GRAVITY, Scene
 
 DEEPEST = -50e-6  # [m]
 

@@ -10,17 +10,17 @@ import numpy as np
 import pytest
 from conftest import piston_scenario
 
-from feeder_sim.advice import cautions
-from feeder_sim.chart.cases import APPROACH, CASES, RESTITUTION
-from feeder_sim.chart.methods import Change, compliant, mujoco, steps
-from feeder_sim.chart.stability_map import FAST, State, classify, falling, half_way, made_by
-from feeder_sim.engines import engine_class
+from feeder_sim.engines.lookup import engine_class
 from feeder_sim.errors import InputError
 from feeder_sim.plate.drive import ModalTerms
+from feeder_sim.run.advice import cautions
+from feeder_sim.run.simulation import Result, simulate, simulate_scene
 from feeder_sim.scenario import Contact, MujocoSettings, Scenario, Start, parse_scenario
-from feeder_sim.scene import Scene, build_scene
-from feeder_sim.simulation import Result, simulate, simulate_scene
-from feeder_sim.tables import validated
+from feeder_sim.scenario.tables import validated
+from feeder_sim.scene.scene import Scene, build_scene
+from feeder_sim.studies.chart.cases import APPROACH, CASES, RESTITUTION
+from feeder_sim.studies.chart.methods import Change, compliant, mujoco, steps
+from feeder_sim.studies.chart.stability_map import FAST, State, classify, falling, half_way, made_by
 
 RIGID = Contact()
 

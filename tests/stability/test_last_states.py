@@ -13,10 +13,15 @@ import pytest
 from conftest import REPOSITORY, piston_scenario, strip_scenario
 
 from feeder_sim import seed_run
-from feeder_sim.engines import engine_class
+from feeder_sim.engines.lookup import engine_class
 from feeder_sim.errors import InputError, RecordingFailed, SimulationDiverged
-from feeder_sim.guard import Guard
-from feeder_sim.run_folder import read_last_states, record_run, resume_run, save_last_states
+from feeder_sim.records.last_states import LastStates, read_last_states, save_last_states
+from feeder_sim.records.trajectory import Frames, Status
+from feeder_sim.records.trajectory_file import read_recording
+from feeder_sim.run.guard import Guard
+from feeder_sim.run.run_folder import record_run, resume_run
+from feeder_sim.run.seed_run import SeedResult
+from feeder_sim.run.simulation import simulate
 from feeder_sim.scenario import (
     Contact,
     Excitation,
@@ -25,18 +30,12 @@ from feeder_sim.scenario import (
     Run,
     Scattered,
     Scenario,
-    Schedule,
-    Settled,
-    Stage,
     Start,
     load_scenario,
     with_run,
 )
-from feeder_sim.scene import build_scene
-from feeder_sim.seed_run import LastStates, SeedResult
-from feeder_sim.simulation import simulate
-from feeder_sim.trajectory import Frames, Status
-from feeder_sim.trajectory_file import read_recording
+from feeder_sim.scenario.schedule import Schedule, Settled, Stage
+from feeder_sim.scene.scene import build_scene
 
 
 def exploding(**run: Any) -> Scenario:
@@ -119,7 +118,7 @@ def test_without_a_recorder_the_result_carries_the_last_states() -> None:
 
 
 def test_frames_that_are_not_finite_are_kept_too(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    from feeder_sim.engines.mujoco import MujocoEngine
+    from feeder_sim.engines.mujoco.engine import MujocoEngine
 
     original = MujocoEngine.advance
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from numpy.typing import ArrayLike, NDArray
 
-from feeder_sim.bounces import (
+from feeder_sim.measures.bounces import (
     LAST_IMPACTS,
     PERIODS,
     batched,
@@ -20,13 +20,13 @@ from feeder_sim.bounces import (
     period_two_threshold,
     settling_time,
 )
-from feeder_sim.impacts import Impacts
-from feeder_sim.measures import Statistic
-from feeder_sim.run_folder import SUMMARY, TRAJECTORY, record_run
+from feeder_sim.measures.statistic import Statistic
+from feeder_sim.records.impacts import Impacts
+from feeder_sim.records.trajectory_file import TRAJECTORY, read_recording
+from feeder_sim.run.run_folder import SUMMARY, record_run
+from feeder_sim.run.simulation import simulate
 from feeder_sim.scenario import Ball, Contact, Drive, PistonPlate, Run, Scenario, Slide, Start
-from feeder_sim.scene import GRAVITY, build_scene
-from feeder_sim.simulation import simulate
-from feeder_sim.trajectory_file import read_recording
+from feeder_sim.scene.scene import GRAVITY, build_scene
 
 PERIOD = 0.02
 TOLERANCE = 1e-3

@@ -11,9 +11,10 @@ from pathlib import Path
 
 import pytest
 
-from feeder_sim.chart.cases import CASES, ball_height
-from feeder_sim.chart.methods import EVERYTHING, METHODS
-from feeder_sim.chart.points import (
+from feeder_sim.errors import InputError
+from feeder_sim.studies.chart.cases import CASES, ball_height
+from feeder_sim.studies.chart.methods import EVERYTHING, METHODS
+from feeder_sim.studies.chart.points import (
     PEER_COLUMNS,
     Point,
     fastest_within,
@@ -24,7 +25,6 @@ from feeder_sim.chart.points import (
     scenario_of,
     write_points,
 )
-from feeder_sim.errors import InputError
 
 HEADER = ",".join(PEER_COLUMNS)
 

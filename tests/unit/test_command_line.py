@@ -9,11 +9,11 @@ from pathlib import Path
 import pytest
 from conftest import REPOSITORY
 
-from feeder_sim.measures import transport_cell
-from feeder_sim.report import print_summary
+from feeder_sim.cli.report import print_summary
+from feeder_sim.run.simulation import Result
 from feeder_sim.scenario import load_scenario
-from feeder_sim.scene import build_scene
-from feeder_sim.simulation import Result
+from feeder_sim.scene.cell import transport_cell
+from feeder_sim.scene.scene import build_scene
 
 MODE_FILE = REPOSITORY / "models/plate_180/modes.h5"
 SHORT = """

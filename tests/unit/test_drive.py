@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
+from feeder_sim.plate.compiled import modal_motion
 from feeder_sim.plate.drive import ModalDrive, ModalTerms, modal_terms
-from feeder_sim.plate.kernels import modal_motion
 
 
 def oscillator(drive: ModalDrive, times: np.ndarray) -> np.ndarray:

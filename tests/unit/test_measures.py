@@ -7,10 +7,12 @@ import pytest
 from conftest import piston_scenario, strip_scenario
 
 from feeder_sim.errors import InputError
-from feeder_sim.measures import Statistic, drift_velocity, first_passage, transport_cell, transport_speed
-from feeder_sim.scene import build_scene
-from feeder_sim.simulation import simulate
-from feeder_sim.trajectory import Frames
+from feeder_sim.measures.drift import drift_velocity, first_passage, transport_speed
+from feeder_sim.measures.statistic import Statistic
+from feeder_sim.records.trajectory import Frames
+from feeder_sim.run.simulation import simulate
+from feeder_sim.scene.cell import transport_cell
+from feeder_sim.scene.scene import build_scene
 
 
 def moving(x: np.ndarray, time: np.ndarray) -> Frames:

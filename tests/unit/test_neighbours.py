@@ -8,12 +8,12 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from feeder_sim.engines.impulse_state import Kinds, new_parts, read_kinds, rim_walls
-from feeder_sim.engines.island import _all_due, _earliest, _set_due
-from feeder_sim.engines.neighbours import find_islands, find_pairs
-from feeder_sim.engines.pair_contact import PAIR
+from feeder_sim.engines.impulse.island import _all_due, _earliest, _set_due
+from feeder_sim.engines.impulse.neighbours import find_islands, find_pairs
+from feeder_sim.engines.impulse.pair_contact import PAIR
+from feeder_sim.engines.impulse.state import Kinds, new_parts, read_kinds, rim_walls
 from feeder_sim.scenario import Ball, Drive, HexNut, PistonPlate, Run, Scattered, Scenario
-from feeder_sim.scene import Scene, build_scene
+from feeder_sim.scene.scene import Scene, build_scene
 
 HALF = 0.1  # [m], of the plate
 NONE = np.empty(0, PAIR)

@@ -12,13 +12,13 @@ from conftest import REPOSITORY
 from scipy.optimize import brentq
 from typer.testing import CliRunner
 
-from feeder_sim.cli import app
+from feeder_sim.cli.main import app
 from feeder_sim.errors import InputError
-from feeder_sim.materials import Material
-from feeder_sim.node_routes import LineNodes, Route, Search, find_routes, follow, nodes_on_line
+from feeder_sim.plate.materials import Material
 from feeder_sim.plate.modes import PlateModes, RectangularPlate, plate_modes
-from feeder_sim.plate.plate_file import compute_modes
+from feeder_sim.plate.sequences import LineNodes, Route, Search, find_routes, follow, nodes_on_line
 from feeder_sim.scenario import load_plate_file
+from feeder_sim.scene.plate_modes import compute_modes
 
 LENGTH, START = 0.16, -0.075
 SOURCE = (1, 4, 3, 5, 2)  # 402, 3546, 2242, 4756, 1154 Hz of the source's plate

@@ -7,8 +7,8 @@ import pytest
 import trimesh
 
 from feeder_sim.errors import InputError
-from feeder_sim.parts import ISO_4032, MAX_CORNERS, build_part
 from feeder_sim.scenario import Ball, Cylinder, HexNut, MeshPart
+from feeder_sim.scene.rigid_part import ISO_4032, MAX_CORNERS, build_part
 
 
 def test_nut_of_the_source_weighs_what_it_should() -> None:

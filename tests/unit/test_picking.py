@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from feeder_sim.picking import nearest_neighbours, pickable
+from feeder_sim.measures.picking import nearest_neighbours, pickable
 
 # A pair 4 mm apart, a part 10 mm from the pair's second one, and one far away [mm].
 PLACES = 1e-3 * np.array([[0.0, 0.0, 1.0], [4.0, 0.0, 1.0], [4.0, 10.0, 1.0], [50.0, 0.0, 1.0]])

@@ -7,9 +7,9 @@ import pytest
 from conftest import piston_scenario, strip_scenario
 
 from feeder_sim.errors import InputError
-from feeder_sim.replay import build_replay
-from feeder_sim.run_folder import REPLAY, TRAJECTORY, record_run
-from feeder_sim.trajectory_file import read_recording
+from feeder_sim.records.trajectory_file import TRAJECTORY, read_recording
+from feeder_sim.replay.replay import REPLAY, build_replay
+from feeder_sim.run.run_folder import record_run
 
 
 def columns(path: Path) -> dict[str, list[str]]:

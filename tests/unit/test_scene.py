@@ -7,15 +7,15 @@ import numpy as np
 import pytest
 from conftest import piston_scenario, strip_scenario
 
-from feeder_sim.engines import choose_engine
-from feeder_sim.engines.impulse import ImpulseEngine
-from feeder_sim.engines.mujoco import MujocoEngine
-from feeder_sim.measures import transport_cell
-from feeder_sim.mjcf import build_mjcf
-from feeder_sim.run_folder import mjcf_text, scenario_toml
+from feeder_sim.engines.impulse.engine import ImpulseEngine
+from feeder_sim.engines.mujoco.engine import MujocoEngine
+from feeder_sim.engines.mujoco.mjcf import build_mjcf
+from feeder_sim.run.run_folder import mjcf_text, scenario_toml
 from feeder_sim.scenario import Contact, Drive, HexNut, Start, load_scenario, parse_scenario
-from feeder_sim.scene import build_scene
-from feeder_sim.start import start_poses
+from feeder_sim.scenario.engine_choice import choose_engine
+from feeder_sim.scene.cell import transport_cell
+from feeder_sim.scene.scene import build_scene
+from feeder_sim.scene.start import start_poses
 
 
 def test_compiled_bodies_carry_the_parts_inertia_at_their_origin() -> None:

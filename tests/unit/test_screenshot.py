@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 from conftest import strip_scenario
 
-from feeder_sim.run_folder import REPLAY, record_run
-from feeder_sim.viewer import take_screenshot
+from feeder_sim.replay.replay import REPLAY
+from feeder_sim.replay.viewer import take_screenshot
+from feeder_sim.run.run_folder import record_run
 
 DRIVERS = Path("/usr/share/vulkan/icd.d")
 

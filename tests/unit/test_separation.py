@@ -7,13 +7,14 @@ import math
 import numpy as np
 import pytest
 
-from feeder_sim.impacts import Impacts
-from feeder_sim.removals import Cause, Removals
-from feeder_sim.scenario import Excitation, HexNut, Pick, Run, Scattered, Scenario, Schedule, Stage, Strip
-from feeder_sim.scene import Scene, build_scene
-from feeder_sim.separation import StageReport, separation_measures, stage_reports
-from feeder_sim.stage_lines import StageLines, stage_lines
-from feeder_sim.trajectory import Frames, Record
+from feeder_sim.measures.separation import StageReport, separation_measures, stage_reports
+from feeder_sim.measures.stage_lines import StageLines, stage_lines
+from feeder_sim.records.impacts import Impacts
+from feeder_sim.records.removals import Cause, Removals
+from feeder_sim.records.trajectory import Frames, Record
+from feeder_sim.scenario import Excitation, HexNut, Run, Scattered, Scenario, Strip
+from feeder_sim.scenario.schedule import Pick, Schedule, Stage
+from feeder_sim.scene.scene import Scene, build_scene
 
 GATHER, SEPARATE, END = 0, 1, 100  # stages, and the last frame; the first stage ends at frame 50
 HALF_TURN = np.array([0.0, 1.0, 0.0, 0.0])

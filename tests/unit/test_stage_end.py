@@ -13,28 +13,16 @@ import pytest
 from pydantic import ValidationError
 
 from feeder_sim.errors import InputError
-from feeder_sim.run_folder import TRAJECTORY, record_run, resume_run
-from feeder_sim.scenario import (
-    Excitation,
-    Goal,
-    HexNut,
-    Pick,
-    PistonPlate,
-    Run,
-    Scenario,
-    Schedule,
-    Settled,
-    Stage,
-    Start,
-    Strip,
-)
-from feeder_sim.scene import Scene, build_scene
-from feeder_sim.simulation import simulate
-from feeder_sim.stage_lines import settled, stage_lines
-from feeder_sim.timetable import timetable
-from feeder_sim.trajectory import Frames
-from feeder_sim.trajectory_file import read_recording
-from feeder_sim.transport import arrived, transport_measures
+from feeder_sim.measures.arrivals import arrived, transport_measures
+from feeder_sim.measures.stage_lines import settled, stage_lines
+from feeder_sim.records.trajectory import Frames
+from feeder_sim.records.trajectory_file import TRAJECTORY, read_recording
+from feeder_sim.run.run_folder import record_run, resume_run
+from feeder_sim.run.simulation import simulate
+from feeder_sim.scenario import Excitation, HexNut, PistonPlate, Run, Scenario, Start, Strip
+from feeder_sim.scenario.schedule import Goal, Pick, Schedule, Settled, Stage
+from feeder_sim.scene.scene import Scene, build_scene
+from feeder_sim.scene.timetable import timetable
 
 LONG, PAUSE = 3.0, 0.05  # [s]
 

@@ -11,8 +11,8 @@ from scipy.spatial.transform import Rotation
 
 from feeder_sim.errors import InputError
 from feeder_sim.scenario import Ball, Drive, Heap, HexNut, PistonPlate, Run, Scattered, Scenario, Start
-from feeder_sim.scene import Scene, build_scene
-from feeder_sim.start import Pose, start_poses
+from feeder_sim.scene.scene import Scene, build_scene
+from feeder_sim.scene.start import Pose, start_poses
 
 
 def plate_with(*parts: Any, side_mm: float = 60.0) -> Scene:

@@ -9,23 +9,10 @@ import numpy as np
 import pytest
 from conftest import REPOSITORY, strip_scenario
 
-from feeder_sim.plate.drive import timed
-from feeder_sim.scenario import (
-    Drive,
-    Excitation,
-    HexNut,
-    Pick,
-    PistonPlate,
-    Rectangle,
-    Run,
-    Scattered,
-    Scenario,
-    Schedule,
-    Stage,
-    Strip,
-)
-from feeder_sim.scene import build_scene
-from feeder_sim.timetable import TimedStage, timetable
+from feeder_sim.scenario import Drive, Excitation, HexNut, PistonPlate, Rectangle, Run, Scattered, Scenario, Strip
+from feeder_sim.scenario.schedule import Pick, Schedule, Stage
+from feeder_sim.scene.scene import build_scene
+from feeder_sim.scene.timetable import TimedStage, timed, timetable
 
 FREQUENCY = 4750.0
 ON, OFF = 0.02, 0.004  # [s] of the pulses below; the strip rings down with a time constant of 17 ms

@@ -14,11 +14,11 @@ import pytest
 from conftest import strip_scenario
 
 from feeder_sim.errors import InputError
-from feeder_sim.run_folder import TRAJECTORY, record_run
+from feeder_sim.records.trajectory import Frames, Status
+from feeder_sim.records.trajectory_file import TRAJECTORY, read_recording
+from feeder_sim.run.run_folder import record_run
+from feeder_sim.run.simulation import simulate
 from feeder_sim.scenario import parse_scenario
-from feeder_sim.simulation import simulate
-from feeder_sim.trajectory import Frames, Status
-from feeder_sim.trajectory_file import read_recording
 
 
 def same(a: Frames, b: Frames) -> bool:

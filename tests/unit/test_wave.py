@@ -12,15 +12,15 @@ from conftest import REPOSITORY
 from numpy.typing import NDArray
 from typer.testing import CliRunner
 
-from feeder_sim.circulation import StageWave, circulation, stage_waves, wave_measures
-from feeder_sim.cli import app
+from feeder_sim.cli.main import app
 from feeder_sim.errors import InputError
-from feeder_sim.impacts import Impacts
-from feeder_sim.removals import Removals
+from feeder_sim.measures.circulation import StageWave, circulation, stage_waves, wave_measures
+from feeder_sim.plate.wave import Track
+from feeder_sim.records.impacts import Impacts
+from feeder_sim.records.removals import Removals
+from feeder_sim.records.trajectory import Frames, Record
 from feeder_sim.scenario import Scenario, load_scenario
-from feeder_sim.scene import build_scene
-from feeder_sim.trajectory import Frames, Record
-from feeder_sim.wave import Track
+from feeder_sim.scene.scene import build_scene
 
 GATHER = REPOSITORY / "scenarios/wave_gather.toml"
 SPLIT = REPOSITORY / "scenarios/wave_split.toml"

@@ -8,11 +8,13 @@ import numpy as np
 import pytest
 from conftest import piston_scenario, strip_scenario
 
-from feeder_sim.measures import Statistic, drift_velocity, transport_cell, transport_speed
+from feeder_sim.measures.drift import drift_velocity, transport_speed
+from feeder_sim.measures.statistic import Statistic
 from feeder_sim.plate.mode_file import read_mode_file
-from feeder_sim.plate.plate_file import compute_modes
+from feeder_sim.run.simulation import Result, simulate
 from feeder_sim.scenario import load_plate_file
-from feeder_sim.simulation import Result, simulate
+from feeder_sim.scene.cell import transport_cell
+from feeder_sim.scene.plate_modes import compute_modes
 
 MEASURED_WITH_AMPLITUDE = [558.0, 1420.0, 2646.0, 2797.0, 6199.0, 6788.0]
 

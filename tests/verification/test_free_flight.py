@@ -10,7 +10,7 @@ from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 from scipy.special import ellipj, ellipkinc
 
-from feeder_sim.engines.free_flight import elliptic_f, jacobi, rotate_freely, symmetry_axis
+from feeder_sim.engines.impulse.free_flight import elliptic_f, jacobi, rotate_freely, symmetry_axis
 
 TOPS = [
     [1.0, 1.0, 1.8],

@@ -8,9 +8,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from feeder_sim.engines.impact import resolve_impact
-from feeder_sim.parts import RigidPart, build_part
+from feeder_sim.engines.impulse.impact import resolve_impact
 from feeder_sim.scenario import HexNut
+from feeder_sim.scene.rigid_part import RigidPart, build_part
 
 NUT = build_part(HexNut(size="M2.5"))
 

@@ -11,12 +11,12 @@ from scipy.optimize import nnls
 from scipy.spatial import ConvexHull
 from scipy.spatial.transform import Rotation
 
-from feeder_sim.engines.borrow import borrow
-from feeder_sim.engines.hulls import HullLibrary, hull_distance
-from feeder_sim.engines.impact import resolve_single
-from feeder_sim.engines.impulse import ImpulseEngine
-from feeder_sim.engines.impulse_state import new_parts
-from feeder_sim.parts import RigidPart, build_part
+from feeder_sim.engines.impulse.borrow import borrow
+from feeder_sim.engines.impulse.engine import ImpulseEngine
+from feeder_sim.engines.impulse.hulls import HullLibrary, hull_distance
+from feeder_sim.engines.impulse.impact import resolve_single
+from feeder_sim.engines.impulse.state import new_parts
+from feeder_sim.records.trajectory import Frames
 from feeder_sim.scenario import (
     Ball,
     Contact,
@@ -30,8 +30,8 @@ from feeder_sim.scenario import (
     Scenario,
     Start,
 )
-from feeder_sim.scene import GRAVITY, Scene, build_scene
-from feeder_sim.trajectory import Frames
+from feeder_sim.scene.rigid_part import RigidPart, build_part
+from feeder_sim.scene.scene import GRAVITY, Scene, build_scene
 
 NUT, LARGE_NUT = build_part(HexNut(size="M2.5")), build_part(HexNut(size="M5"))
 BALL, SMALL_BALL = (build_part(Ball(shape="ball", diameter_mm=d)) for d in (6.0, 3.0))

@@ -26,7 +26,7 @@ from scipy.sparse.linalg import eigsh
 from skfem import Basis, BilinearForm, ElementTriArgyris, ElementTriP4, ElementVector, MeshTri
 from skfem.helpers import dd, ddot, div, dot, grad, sym_grad, trace
 
-from feeder_sim.materials import Material
+from feeder_sim.plate.materials import Material
 from feeder_sim.plate.modes import RectangularPlate, plate_modes
 
 # The elastic constants are written out here, so that those of RectangularPlate are verified too.

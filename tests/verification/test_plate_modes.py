@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from feeder_sim.materials import MATERIALS, Material
+from feeder_sim.plate.materials import MATERIALS, Material
+from feeder_sim.plate.mode_shapes import standing_wave
 from feeder_sim.plate.modes import PlateModes, RectangularPlate, plate_modes
-from feeder_sim.plate.shapes import standing_wave
 
 # Free square Kirchhoff plate, nu = 0.30: omega a^2 sqrt(rho h / D) (after A. W. Leissa, J. Sound Vib. 31 (1973) 257).
 SQUARE = [13.46820, 19.59614, 24.27020, 34.80089, 34.80089, 61.09323, 61.09323, 63.68613, 69.26541, 77.17170]

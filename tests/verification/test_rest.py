@@ -7,10 +7,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from feeder_sim.engines.impulse import ImpulseEngine
-from feeder_sim.engines.impulse_state import ASLEEP, AWAKE
-from feeder_sim.scenario import Ball, Contact, HexNut, PistonPlate, Run, Scenario, Schedule, Stage, Start
-from feeder_sim.scene import GRAVITY, build_scene
+from feeder_sim.engines.impulse.engine import ImpulseEngine
+from feeder_sim.engines.impulse.state import ASLEEP, AWAKE
+from feeder_sim.scenario import Ball, Contact, HexNut, PistonPlate, Run, Scenario, Start
+from feeder_sim.scenario.schedule import Schedule, Stage
+from feeder_sim.scene.scene import GRAVITY, build_scene
 
 UP, APART = 1.0001e-3, 0.02  # [m]: half a nut is 1 mm high
 SHAKE = {"frequency_hz": 500.0, "amplitude_um": 30.0, "ring_up": False}

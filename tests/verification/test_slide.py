@@ -24,10 +24,10 @@ from slide_theory import (
     with_throw_number,
 )
 
-from feeder_sim.bounces import motion, period_one_threshold, period_two_threshold
+from feeder_sim.measures.bounces import motion, period_one_threshold, period_two_threshold
+from feeder_sim.run.simulation import Result, simulate
 from feeder_sim.scenario import Drive
-from feeder_sim.scene import GRAVITY
-from feeder_sim.simulation import Result, simulate
+from feeder_sim.scene.scene import GRAVITY
 
 SINGLE = 1e-7  # relative; frames hold velocities in single precision
 

@@ -1,1 +1,0 @@
-"""Speed against accuracy: cases with a known answer, ways of computing them, and where those ways fail."""

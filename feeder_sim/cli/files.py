@@ -1,0 +1,66 @@
+"""Files named on the command line: read, or refused in one line before any work is done for them."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from feeder_sim.errors import InputError
+
+if TYPE_CHECKING:
+    from feeder_sim.plate.mode_file import ModeFile
+    from feeder_sim.scenario import Scenario
+
+PICTURES = (".png", ".svg", ".pdf", ".jpg")
+
+
+def scenario_of(path: Path, engine: str | None, seeds: int | None, seed: int | None) -> Scenario:
+    """Load a scenario and apply the command line to its [run] table."""
+    from feeder_sim.scenario import load_scenario, with_run
+
+    scenario = load_scenario(path)
+    options = {"engine": engine, "seeds": seeds, "seed": seed}
+    return with_run(scenario, file=path, **{name: value for name, value in options.items() if value is not None})
+
+
+def modes_of(source: Path) -> ModeFile:
+    """Read a mode file, or compute the modes of a plate file."""
+    if source.suffix == ".toml":
+        from feeder_sim.scenario import load_plate_file
+        from feeder_sim.scene.plate_modes import compute_modes
+
+        with naming(source):
+            return compute_modes(load_plate_file(source))
+    from feeder_sim.plate.mode_file import read_mode_file
+
+    return read_mode_file(source)
+
+
+def new_picture(path: Path) -> Path:
+    """Refuse what cannot be drawn to, before any work is done for it."""
+    writable(path)
+    if path.suffix.lower() not in PICTURES:
+        raise InputError(f"is {path.suffix!r}, allowed is {', '.join(PICTURES)}", file=path, key="--picture")
+    return path
+
+
+def writable(path: Path, *, force: bool = False) -> Path:
+    """Refuse a target that exists or whose folder does not, before any work is done for it."""
+    if path.exists() and not force:
+        raise InputError("exists already, allowed is a new file", file=path)
+    if not path.parent.is_dir() or path.is_dir():
+        raise InputError("allowed is a file in a folder that exists", file=path)
+    return path
+
+
+@contextlib.contextmanager
+def naming(file: Path) -> Iterator[None]:
+    """Put the file's name in front of errors that were raised below the level where files have names."""
+    try:
+        yield
+    except InputError as error:
+        if error.file is not None:
+            raise
+        raise InputError(error.problem, file=file, key=error.key) from error

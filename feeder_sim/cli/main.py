@@ -1,0 +1,290 @@
+"""Command line: parse, call, print.
+
+Data on stdout, progress and messages on stderr; exit 0 done, 1 the run failed, 2 bad input, 130 interrupted.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import signal
+import sys
+import threading
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, NoReturn
+
+import typer
+
+from feeder_sim.cli.chart import chart
+from feeder_sim.cli.files import naming, new_picture, scenario_of, writable
+from feeder_sim.cli.plate import modes, sequence, wave
+from feeder_sim.cli.report import as_lines, print_boundaries, print_result
+from feeder_sim.errors import FeederSimError, InputError, RecordingFailed
+
+if TYPE_CHECKING:
+    from feeder_sim.run.simulation import Result
+    from feeder_sim.scenario import Scenario
+
+INTERRUPTED = 130
+
+app = typer.Typer(
+    add_completion=False,
+    no_args_is_help=True,
+    rich_markup_mode=None,
+    pretty_exceptions_enable=False,
+    help="Simulate rigid parts on vibrating plates.",
+)
+
+ScenarioFile = Annotated[Path, typer.Argument(help="Scenario file (TOML).", show_default=False)]
+AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout.")]
+EngineName = Annotated[str | None, typer.Option("--engine", help="Engine instead of the scenario's.")]
+Seeds = Annotated[int | None, typer.Option("--seeds", min=1, help="Number of seeds instead of the scenario's.")]
+Seed = Annotated[int | None, typer.Option("--seed", min=0, help="Root of the random numbers.")]
+
+
+@app.command()
+def run(
+    scenario_file: Annotated[Path | None, typer.Argument(help="Scenario file (TOML).", show_default=False)] = None,
+    engine: EngineName = None,
+    seeds: Seeds = None,
+    seed: Seed = None,
+    out: Annotated[Path | None, typer.Option("--out", help="Folder for the run [runs/NAME-001, -002, ...].")] = None,
+    as_json: AsJson = False,
+    dry_run: Annotated[bool, typer.Option("--dry-run", help="Say what would be done, as `check` does.")] = False,
+    resume: Annotated[Path | None, typer.Option("--resume", help="Go on with the interrupted run in a folder.")] = None,
+) -> None:
+    """Simulate a scenario and record it, or go on with a run that was interrupted."""
+    if resume is not None:
+        given = {"a scenario": scenario_file, "--engine": engine, "--seeds": seeds, "--seed": seed, "--out": out}
+        also = [name for name, value in given.items() if value is not None]
+        if also or dry_run:
+            raise InputError(
+                f"goes on with what is in the folder, {(also or ['--dry-run'])[0]} is not allowed with it",
+                key="--resume",
+            )
+        from feeder_sim.run.run_folder import resume_run
+
+        with _stop_on_signal() as stop, _progress(str(resume)) as progress:
+            result = resume_run(resume, progress=progress, stop=stop, notify=_notify)
+        _finish_run(result, resume, as_json)
+        return
+    if scenario_file is None:
+        raise InputError("a scenario file is needed, or --resume with the folder of a run", key="run")
+    scenario = scenario_of(scenario_file, engine, seeds, seed)
+    with naming(scenario_file):
+        from feeder_sim.run.run_folder import check_free, fresh_folder, record_run
+
+        if out is not None:
+            check_free(out)
+        if dry_run:
+            _print_plan(scenario, as_json)
+            return
+        folder = out or fresh_folder(scenario_file.stem)
+        with _stop_on_signal() as stop, _progress(scenario.title or scenario_file.stem) as progress:
+            result = record_run(scenario, folder, progress=progress, stop=stop, notify=_notify)
+    _finish_run(result, folder, as_json)
+
+
+def _finish_run(result: Result, folder: Path, as_json: bool) -> None:
+    """Print what came out; the exit code says how it ended."""
+    print_result(result, folder, as_json)
+    for caution in result.prepared.cautions:
+        print(f"feeder-sim: caution: {caution}", file=sys.stderr)
+    for failure in result.failures:
+        print(f"feeder-sim: {failure}", file=sys.stderr)
+    if result.interrupted:
+        print(f"feeder-sim: interrupted; what was computed is in {folder}, --resume {folder} goes on", file=sys.stderr)
+        raise typer.Exit(INTERRUPTED)
+    if result.failures:
+        raise typer.Exit(1)
+
+
+@app.command()
+def check(
+    scenario_file: ScenarioFile,
+    engine: EngineName = None,
+    seeds: Seeds = None,
+    as_json: AsJson = False,
+    mjcf: Annotated[Path | None, typer.Option("--mjcf", help="Also write the scene as MJCF.")] = None,
+) -> None:
+    """Validate a scenario; print the resolved scene, its cost and file size."""
+    scenario = scenario_of(scenario_file, engine, seeds, None)
+    with naming(scenario_file):
+        if mjcf is not None:
+            from feeder_sim.run.run_folder import mjcf_text
+            from feeder_sim.scene.scene import build_scene
+
+            text = mjcf_text(build_scene(scenario))
+            writable(mjcf).write_text(text, encoding="utf-8")
+        _print_plan(scenario, as_json)
+
+
+for command in (modes, sequence, wave, chart):
+    app.command()(command)
+
+
+@app.command()
+def bifurcation(
+    scenario_file: ScenarioFile,
+    low: Annotated[float, typer.Option("--from", help="Smallest amplitude [um].", show_default=False)],
+    high: Annotated[float, typer.Option("--to", help="Largest amplitude [um].", show_default=False)],
+    points: Annotated[int, typer.Option("--points", min=2, max=100_000, help="Amplitudes in the sweep.")] = 211,
+    settle: Annotated[
+        int | None, typer.Option("--settle", min=1, max=1_000_000, help="Plate periods to settle [4000].")
+    ] = None,
+    picture: Annotated[Path | None, typer.Option("--picture", help="Draw the diagram to this file.")] = None,
+    data: Annotated[Path | None, typer.Option("--data", help="Write the impact speeds to this CSV file.")] = None,
+    engine: EngineName = None,
+    seeds: Seeds = None,
+    as_json: AsJson = False,
+) -> None:
+    """Sweep the plate's amplitude under a bouncing part; find where period one, two, four, ... begin."""
+    scenario = scenario_of(scenario_file, engine, seeds, None)
+    if not 0.0 < low < high <= 1e6:
+        raise InputError(f"are {low:g} and {high:g}, allowed is 0 < --from < --to <= 1e6", key="--from, --to")
+    if picture is not None:
+        new_picture(picture)
+    if data is not None:
+        writable(data)
+        if picture == data:
+            raise InputError("is the same file as --picture, allowed is another one", file=data, key="--data")
+    with naming(scenario_file), _progress(scenario.title or scenario_file.stem) as progress:
+        import numpy as np
+
+        from feeder_sim.studies.bifurcation import SETTLE, sweep_amplitude, write_sweep
+
+        amplitudes = np.linspace(low, high, points) * 1e-6
+        diagram = sweep_amplitude(scenario, amplitudes.tolist(), settle=settle or SETTLE, progress=progress)
+    if picture is not None:
+        from feeder_sim.plots.pictures import draw_bifurcation
+
+        draw_bifurcation(diagram, picture)
+    if data is not None:
+        write_sweep(diagram, data)
+    print_boundaries(diagram, as_json)
+
+
+@app.command("list")
+def list_(
+    folder: Annotated[Path, typer.Argument(help="Folder with scenarios/ and models/.")] = Path(),
+    as_json: AsJson = False,
+) -> None:
+    """List scenarios, mode files, engines, part shapes and materials."""
+    from feeder_sim.cli.catalogue import catalogue
+
+    found = catalogue(folder)
+    if as_json:
+        print(json.dumps(found))
+        return
+    for kind, entries in found.items():
+        print(f"{kind}:")
+        for name, text in entries.items():
+            print(f"  {name:<32} {text}")
+
+
+@app.command()
+def replay(
+    folder: Annotated[Path, typer.Argument(help="Run folder, or its trajectory.h5.", show_default=False)],
+    screenshot: Annotated[Path | None, typer.Option("--screenshot", help="Write a picture; needs no screen.")] = None,
+    at: Annotated[float, typer.Option("--at", min=0.0, help="Time shown in the screenshot [s].")] = 1.0,
+    slow: Annotated[bool, typer.Option("--slow-motion", help="--at is a time of the slow-motion timeline.")] = False,
+    show_seed: Annotated[int, typer.Option("--show-seed", min=0, help="Index of the seed shown in 3D.")] = 0,
+    rebuild: Annotated[bool, typer.Option("--rebuild", help="Build the .rrd again from the trajectory.")] = False,
+) -> None:
+    """Open a recorded run in the rerun viewer, or take a screenshot of it."""
+    from feeder_sim.replay.viewer import open_viewer, replay_file, take_screenshot
+
+    if slow and screenshot is None:
+        raise InputError("belongs to --screenshot; in the viewer choose the timeline", key="--slow-motion")
+    recording = replay_file(folder, seed=show_seed, rebuild=rebuild)
+    if screenshot is not None:
+        from feeder_sim.replay.plate import TIMELINE
+        from feeder_sim.replay.wave import SLOW
+
+        take_screenshot(recording, writable(screenshot), at=at, timeline=SLOW if slow else TIMELINE)
+    else:
+        open_viewer(recording)
+
+
+@app.command()
+def vibrometer(
+    folder: Annotated[Path, typer.Argument(help="Run folder, or its trajectory.h5.", show_default=False)],
+    picture: Annotated[Path, typer.Option("--picture", help="File to draw to.", show_default=False)],
+    start: Annotated[float, typer.Option("--from", min=0.0, help="Begin of the record [s].")] = 0.0,
+    stop: Annotated[float, typer.Option("--to", min=0.0, help="End of the record [s].")] = 1.0,
+    show_seed: Annotated[int, typer.Option("--show-seed", min=0, help="Index of the seed shown.")] = 0,
+) -> None:
+    """Draw the velocity of a guided part over time, as a laser vibrometer records it, and its bounce intervals."""
+    from feeder_sim.plots.pictures import draw_velocity
+    from feeder_sim.records.trajectory_file import recording_of
+
+    if not start < stop:
+        raise InputError(f"are {start:g} and {stop:g}, allowed is --from < --to", key="--from, --to")
+    new_picture(picture)
+    draw_velocity(recording_of(folder), picture, seed=show_seed, start=start, stop=stop)
+
+
+def main() -> NoReturn:
+    """Entry point: every error a user can act on becomes one line on stderr and an exit code."""
+    try:
+        app()
+    except FeederSimError as error:
+        print(f"feeder-sim: {error}", file=sys.stderr, flush=True)
+        if isinstance(error, RecordingFailed):
+            os._exit(error.exit_code)  # HDF5 would crash in its own clean-up of the file it could not write
+        sys.exit(error.exit_code)
+    except OSError as error:  # a file or folder that cannot be read, made or written
+        print(f"feeder-sim: {error.filename or 'file'}: {error.strerror or error}", file=sys.stderr)
+        sys.exit(InputError.exit_code)
+    except KeyboardInterrupt:
+        sys.exit(INTERRUPTED)
+    sys.exit(0)
+
+
+def _print_plan(scenario: Scenario, as_json: bool) -> None:
+    from feeder_sim.run.plan import plan_run
+    from feeder_sim.run.prepare import prepare
+
+    plan = plan_run(prepare(scenario))
+    print(json.dumps(plan) if as_json else as_lines(plan))
+
+
+@contextlib.contextmanager
+def _stop_on_signal() -> Iterator[threading.Event]:
+    """Ctrl-C or a polite kill ends the run after the blocks under way, with everything recorded kept."""
+    stop = threading.Event()
+
+    def restore() -> None:
+        for s, handler in previous.items():
+            signal.signal(s, handler)
+
+    def ask(*_: object) -> None:
+        stop.set()
+        restore()  # the second signal does what it always does
+
+    previous = {s: signal.signal(s, ask) for s in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        yield stop
+    finally:
+        restore()
+
+
+def _notify(line: str) -> None:
+    """Notes go to a person at a terminal, not into logs."""
+    if sys.stderr.isatty():
+        print(f"feeder-sim: {line}", file=sys.stderr)
+
+
+@contextlib.contextmanager
+def _progress(title: str) -> Iterator[Callable[[float], None]]:
+    """Progress bar with the time left, on stderr and only on a terminal."""
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
+
+    console = Console(stderr=True)
+    columns = (TextColumn("{task.description}", markup=False), BarColumn(), TaskProgressColumn(), TimeRemainingColumn())
+    with Progress(*columns, console=console, disable=not console.is_terminal, transient=True) as bars:
+        task = bars.add_task(title, total=1.0)
+        yield lambda fraction: bars.update(task, completed=fraction)

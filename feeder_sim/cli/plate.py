@@ -1,0 +1,179 @@
+"""Commands about plates alone: their modes, sequences of modes, waves that several modes make."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from feeder_sim.cli.files import modes_of, naming, new_picture, scenario_of, writable
+from feeder_sim.cli.report import print_modes, print_ratios, print_routes, print_waves
+from feeder_sim.errors import InputError
+
+if TYPE_CHECKING:
+    from feeder_sim.plate.sequences import LineNodes, Route, Search
+
+NO_LIMIT = 1e9  # of growth
+
+
+def modes(
+    source: Annotated[Path, typer.Argument(help="Plate file (.toml), or mode file (.h5).", show_default=False)],
+    out: Annotated[Path | None, typer.Option("--out", help="Write the modes to this HDF5 file.")] = None,
+    picture: Annotated[Path | None, typer.Option("--picture", help="Draw the mode of --mode to this file.")] = None,
+    mode: Annotated[int, typer.Option("--mode", min=1, help="Mode number for --picture.")] = 1,
+    force: Annotated[bool, typer.Option("--force", help="Replace an existing --out file.")] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout.")] = False,
+) -> None:
+    """Compute or read plate modes; list, store and draw them."""
+    held = modes_of(source)
+    if out is not None:
+        from feeder_sim.plate.mode_file import write_mode_file
+
+        write_mode_file(writable(out, force=force), held.modes, held.resonances)
+    if picture is not None:
+        if mode > len(held.modes):
+            raise InputError(f"is {mode}, allowed is 1 to {len(held.modes)}", file=source, key="--mode")
+        from feeder_sim.plots.pictures import draw_mode
+
+        draw_mode(held.modes, mode - 1, new_picture(picture))
+    print_modes(held, as_json)
+
+
+def sequence(
+    source: Annotated[Path, typer.Argument(help="Plate file (.toml), or mode file (.h5).", show_default=False)],
+    start: Annotated[float, typer.Option("--from", help="Where the part lies, x from the centre [mm].")],
+    end: Annotated[float, typer.Option("--to", help="Where it is to go [mm].")],
+    y: Annotated[float, typer.Option("--y", help="The line along x it moves on, from the centre [mm].")] = 0.0,
+    order: Annotated[str | None, typer.Option("--modes", help="Follow these modes, such as 1,4,3.")] = None,
+    limit: Annotated[float, typer.Option("--limit", min=0.01, max=1.0, help="Every k stays below.")] = 1.0,
+    most: Annotated[int, typer.Option("--most", min=1, max=12, help="Modes in a sequence at most.")] = 6,
+    growth: Annotated[
+        float, typer.Option("--growth", min=0.01, help="An offset from the line grows by less than this in a mode.")
+    ] = NO_LIMIT,
+    tolerance: Annotated[float, typer.Option("--tolerance", min=0.0, help="Of the place to go to [mm].")] = 2.0,
+    ratios: Annotated[
+        str | None, typer.Option("--ratios", help="Compare plates of this length and other widths: 1:2:11.")
+    ] = None,
+    picture: Annotated[Path | None, typer.Option("--picture", help="Draw the best sequence, or all ratios.")] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout.")] = False,
+) -> None:
+    """Find the sequences of modes whose nodes carry a part along a line, or follow one."""
+    from feeder_sim.plate.sequences import Search, find_routes, nodes_on_line
+
+    search = Search(1e-3 * tolerance, limit, growth, most)
+    if y != 0.0 and growth < NO_LIMIT:
+        raise InputError("belongs to the middle of the plate, allowed is --y 0 with it", file=source, key="--growth")
+    if ratios is not None:
+        if order is not None:
+            raise InputError("follows one plate's modes, not allowed with --ratios", file=source, key="--modes")
+        _print_ratios(source, ratios, (1e-3 * start, 1e-3 * end, 1e-3 * y), search, picture, as_json)
+        return
+    modes = modes_of(source).modes
+    for name, value, size in (
+        ("from", start, modes.plate.length),
+        ("to", end, modes.plate.length),
+        ("y", y, modes.plate.width),
+    ):
+        if abs(value) >= 500.0 * size:
+            raise InputError(f"is {value:g}, allowed is within +-{500.0 * size:g} mm", file=source, key=f"--{name}")
+    nodes = nodes_on_line(modes, y=1e-3 * y)
+    if order is None:
+        routes = find_routes(nodes, 1e-3 * start, 1e-3 * end, search)
+        if not routes:
+            raise InputError(
+                f"no sequence of up to {most} modes reaches {end:g} mm with every k below {limit:g}"
+                + (f" and an offset that grows by less than {growth:g}" if growth < NO_LIMIT else ""),
+                file=source,
+            )
+    else:
+        routes = [_followed(nodes, order, 1e-3 * start, len(modes), source)]
+    if picture is not None:
+        from feeder_sim.plots.pictures import draw_route
+
+        draw_route(modes, routes[0], new_picture(picture), y=1e-3 * y)
+    print_routes(routes, modes.natural_frequency, as_json)
+
+
+def _print_ratios(
+    source: Path,
+    ratios: str,
+    line: tuple[float, float, float],
+    search: Search,
+    picture: Path | None,
+    as_json: bool,
+) -> None:
+    """Compare plates of the same length and other widths."""
+    from feeder_sim.scenario import load_plate_file
+    from feeder_sim.studies.width_ratios import compare_ratios
+
+    values = _parsed_ratios(ratios, source)
+    if picture is not None:
+        new_picture(picture)
+    if source.suffix != ".toml":
+        raise InputError("holds the modes of one plate, allowed with --ratios is a plate file (.toml)", file=source)
+    start, end, y = line
+    with naming(source):
+        rows = list(compare_ratios(load_plate_file(source), values, start=start, end=end, y=y, search=search))
+    if picture is not None:
+        from feeder_sim.plots.pictures import draw_ratios
+
+        draw_ratios(rows, picture)
+    print_ratios(rows, as_json)
+
+
+def _parsed_ratios(ratios: str, source: Path) -> list[float]:
+    """LEAST:LARGEST:NUMBER as so many numbers."""
+    try:
+        low, high, n = (kind(text) for kind, text in zip((float, float, int), ratios.split(":"), strict=True))
+    except ValueError:
+        low, high, n = 0.0, 0.0, 0
+    if not (0.1 <= low < high <= 10.0 and 2 <= n <= 1000):
+        raise InputError(
+            f"is {ratios}, allowed is LEAST:LARGEST:NUMBER within 0.1 to 10, such as 1:2:11",
+            file=source,
+            key="--ratios",
+        )
+    return [low + (high - low) * i / (n - 1) for i in range(int(n))]
+
+
+def _followed(nodes: list[LineNodes], order: str, start: float, n_modes: int, source: Path) -> Route:
+    from feeder_sim.plate.sequences import follow
+
+    try:
+        numbers = [int(number) for number in order.split(",")]
+    except ValueError:
+        numbers = [0]
+    if not all(1 <= number <= n_modes for number in numbers):
+        raise InputError(
+            f"is {order}, allowed are numbers from 1 to {n_modes}, such as 1,4,3", file=source, key="--modes"
+        )
+    try:
+        return follow(nodes, [number - 1 for number in numbers], start)
+    except ValueError as error:
+        raise InputError(f"is {order}, {error}", file=source, key="--modes") from error
+
+
+def wave(
+    scenario_file: Annotated[Path, typer.Argument(help="Scenario file (TOML).", show_default=False)],
+    picture: Annotated[Path | None, typer.Option("--picture", help="Draw the first wave to this file.")] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout.")] = False,
+) -> None:
+    """Describe the wave that modes driven together make: still points, the track of its crest, how far it travels."""
+    from feeder_sim.measures.circulation import stage_waves
+
+    scenario = scenario_of(scenario_file, None, None, None)
+    if picture is not None:
+        new_picture(picture)
+    with naming(scenario_file):
+        from feeder_sim.scene.scene import build_scene
+
+        scene = build_scene(scenario)
+        waves = stage_waves(scene)
+        if not waves:
+            raise InputError("no stage drives several modes at one frequency, which a wave needs", key="drive")
+    if picture is not None:
+        from feeder_sim.plots.pictures import draw_wave
+
+        draw_wave(waves[0], picture)
+    print_waves(waves, as_json)

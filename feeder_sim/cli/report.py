@@ -1,0 +1,179 @@
+"""What the commands print on stdout: text for people, or JSON."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from feeder_sim.measures.circulation import StageWave
+    from feeder_sim.plate.mode_file import ModeFile
+    from feeder_sim.plate.sequences import Route
+    from feeder_sim.run.simulation import Result
+    from feeder_sim.studies.bifurcation import Diagram
+    from feeder_sim.studies.width_ratios import RatioRoutes
+
+
+def print_result(result: Result, folder: Path, as_json: bool) -> None:
+    """Print what a run found, in words or as one JSON object."""
+    summary = result.summary()
+    if as_json:
+        print(json.dumps(summary | {"folder": str(folder)}))
+        return
+    from feeder_sim.measures.protocol import labelled
+
+    lines = result.lines()
+    if summary["left_plate"]:
+        lines.append(labelled("left the plate", f"{summary['left_plate']} of {summary['seeds']}"))
+    factor = summary["real_time_factor"] or 0.0
+    cost = f"{summary['simulated_s']:.1f} s in {summary['wall_s']:.1f} s ({factor:.2f} x real time)"
+    lines += [labelled("simulated", cost), labelled("recorded in", str(folder))]
+    print(summary["title"] or folder.name)
+    for line in lines:
+        print(f"  {line}")
+
+
+def print_boundaries(diagram: Diagram, as_json: bool) -> None:
+    """Print where each period begins, beside the exact value."""
+    rows = [
+        {
+            "period": int(b.motion),
+            "from_um": 1e6 * b.amplitude,
+            "bracket_um": 1e6 * b.uncertainty,
+            "exact_um": None if b.theory is None else 1e6 * b.theory,
+            "deviation_percent": None if b.theory is None else 100.0 * (b.amplitude / b.theory - 1.0),
+        }
+        for b in diagram.boundaries
+    ]
+    ratios = diagram.feigenbaum_ratios()
+    if as_json:
+        print(json.dumps({"boundaries": rows, "feigenbaum_ratios": ratios}))
+        return
+    print("period  from (um)  exact (um)  deviation (%)")
+    for row in rows:
+        line = f"{row['period']:>6}  {row['from_um']:>9.5g}"
+        print(
+            line
+            + ("" if row["exact_um"] is None else f"  {row['exact_um']:>10.5g}  {row['deviation_percent']:>+13.3f}")
+        )
+    if not rows:
+        print("no boundary within the sweep")
+    if ratios:
+        print(f"ratios of successive doublings: {', '.join(f'{r:.3f}' for r in ratios)} (Feigenbaum: 4.669)")
+
+
+def print_modes(held: ModeFile, as_json: bool) -> None:
+    """Print the modes of a plate beside the measured resonances."""
+    measured = {r.mode: r for r in held.resonances}
+    rows = []
+    for i, (frequency, parity) in enumerate(zip(held.modes.natural_frequency, held.modes.parity, strict=True)):
+        resonance = measured.get(i)
+        rows.append(
+            {
+                "mode": i + 1,
+                "natural_frequency_hz": float(frequency),
+                "symmetry": "".join(["even", "odd"][p][0] for p in parity),
+                "measured_hz": resonance.frequency if resonance else None,
+                "deviation_percent": 100.0 * (frequency / resonance.frequency - 1.0) if resonance else None,
+            }
+        )
+    if as_json:
+        print(json.dumps(rows))
+        return
+    print("mode  computed (Hz)  symmetry x,y  measured (Hz)  deviation (%)")
+    for row in rows:
+        line = f"{row['mode']:>4}  {row['natural_frequency_hz']:>13.1f}  {','.join(str(row['symmetry'])):>12}"
+        if row["measured_hz"] is not None:
+            line += f"  {row['measured_hz']:>13.1f}  {row['deviation_percent']:>+13.2f}"
+        print(line)
+
+
+def print_routes(routes: Sequence[Route], frequency: NDArray[np.float64], as_json: bool) -> None:
+    """Print sequences of modes, best first: their largest k, and where every mode takes the part."""
+    if as_json:
+        rows = [
+            {
+                "largest_k": route.largest_k,
+                "modes": [mode + 1 for mode in route.modes],
+                "frequency_hz": [float(frequency[mode]) for mode in route.modes],
+                "station_mm": [1e3 * route.steps[0].start, *(1e3 * step.end for step in route.steps)],
+                "k": [step.k for step in route.steps],
+                "growth": [step.growth if step.growth == step.growth else None for step in route.steps],
+            }
+            for route in routes
+        ]
+        print(json.dumps(rows))
+        return
+    for route in routes:
+        print(f"largest k {route.largest_k:.3f}, modes {', '.join(str(mode + 1) for mode in route.modes)}")
+        print("  mode  frequency (Hz)  from (mm)  to (mm)      k  offset grows by")
+        for step in route.steps:
+            line = f"  {step.mode + 1:>4}  {frequency[step.mode]:>14.1f}  {1e3 * step.start:>9.2f}"
+            print(f"{line}  {1e3 * step.end:>7.2f}  {step.k:>5.3f}  {step.growth:>15.3g}")
+
+
+def print_ratios(rows: Sequence[RatioRoutes], as_json: bool) -> None:
+    """Print the best sequence of every length-to-width ratio."""
+    if as_json:
+        found = [
+            {
+                "ratio": row.ratio,
+                "largest_k": row.routes[0].largest_k if row.routes else None,
+                "growth": row.routes[0].growth if row.routes and row.routes[0].growth == row.routes[0].growth else None,
+                "modes": [mode + 1 for mode in row.routes[0].modes] if row.routes else [],
+            }
+            for row in rows
+        ]
+        print(json.dumps(found))
+        return
+    print("length/width  largest k  offset grows by  modes")
+    for row in rows:
+        if row.routes:
+            best = row.routes[0]
+            numbers = ", ".join(str(mode + 1) for mode in best.modes)
+            print(f"{row.ratio:>12.3f}  {best.largest_k:>9.3f}  {best.growth:>15.3g}  {numbers}")
+        else:
+            print(f"{row.ratio:>12.3f}  {'none':>9}")
+
+
+def print_waves(waves: Sequence[StageWave], as_json: bool) -> None:
+    """Print what the waves of a scenario are like."""
+    from feeder_sim.measures.circulation import described
+    from feeder_sim.measures.protocol import as_json as as_json_values
+
+    different = {wave.stage.excitations: wave for wave in reversed(waves)}
+    rows = [{"stage": wave.stage.name} | as_json_values(described(wave)) for wave in reversed(different.values())]
+    if as_json:
+        print(json.dumps(rows))
+        return
+    for row in rows:
+        print(f"{row['stage'] or 'wave'}")
+        print(as_lines({key: value for key, value in row.items() if key != "stage"}, "  "))
+
+
+def as_lines(plan: dict[str, Any], indent: str = "") -> str:
+    """Nested values as indented 'key: value' lines."""
+    lines = []
+    for key, value in plan.items():
+        if isinstance(value, list) and value and isinstance(value[0], dict):
+            for i, entry in enumerate(value):
+                lines += [f"{indent}{key}[{i}]:", as_lines(entry, indent + "  ")]
+        elif isinstance(value, list) and value and isinstance(value[0], str):
+            lines += [f"{indent}{key}:", *(f"{indent}  {entry}" for entry in value)]
+        else:
+            lines.append(f"{indent}{key}: {_rounded(value)}")
+    return "\n".join(lines)
+
+
+def _rounded(value: Any) -> str:
+    if isinstance(value, float):
+        return f"{value:.4g}"
+    if isinstance(value, list):
+        return ", ".join(_rounded(entry) for entry in value) or "none"
+    return str(value)

@@ -1,0 +1,1 @@
+"""Rigid contact by impulses; parts fly in closed form and leap to the earliest possible contact."""

@@ -1,0 +1,49 @@
+"""Arrays that compiled code does not count references to.
+
+Numba counts the references to every array that a function takes out of a tuple or slices, with atomic operations; in
+the inner loops that costs more than the arithmetic, and threads wait for each other over it. Arrays made from bare
+addresses are not counted. The caller must hold the real ones for as long as the borrowed ones are used.
+"""
+
+from __future__ import annotations
+
+from numba import carray, types  # type: ignore[attr-defined]
+from numba.core import cgutils
+from numba.core.errors import TypingError
+from numba.extending import intrinsic, overload
+
+from feeder_sim.machine_code import compiled
+
+
+@intrinsic
+def _as_pointer(typingctx, address):
+    def generate(context, builder, signature, arguments):
+        return builder.inttoptr(arguments[0], cgutils.voidptr_t)
+
+    return types.voidptr(address), generate
+
+
+@compiled
+def borrowed(array):
+    """The same contiguous array, uncounted."""
+    return carray(_as_pointer(array.ctypes.data), array.shape, array.dtype)
+
+
+def borrow(fields):
+    """A named tuple with all its arrays borrowed; for compiled code only."""
+    raise NotImplementedError
+
+
+@overload(borrow, strict=False)
+def _borrow(fields):
+    tuple_class = fields.instance_class
+    for name, kind in zip(fields.fields, fields.types, strict=True):
+        if isinstance(kind, types.Array) and kind.layout != "C":  # a bare address says nothing of strides
+            raise TypingError(f"{tuple_class.__name__}.{name} is not a contiguous array in C order")
+    lent = ", ".join(
+        f"borrowed(fields.{name})" if isinstance(kind, types.Array) else f"fields.{name}"
+        for name, kind in zip(fields.fields, fields.types, strict=True)
+    )
+    scope = {"borrowed": borrowed, "tuple_class": tuple_class}
+    exec(f"def lend(fields):\n    return tuple_class({lent})\n", scope)
+    return scope["lend"]

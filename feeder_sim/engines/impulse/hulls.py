@@ -1,0 +1,94 @@
+"""Distance between convex hulls by MuJoCo's collision library, called from compiled code."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import mujoco
+import numpy as np
+from numba import types
+from numpy.typing import NDArray
+
+from feeder_sim.engines.mujoco_library import load_mujoco_symbols
+from feeder_sim.machine_code import compiled
+
+TOLERANCE = 1e-9  # [m], of the distance
+ITERATIONS = 100
+
+load_mujoco_symbols()
+_geom_distance = types.ExternalFunction(
+    "mj_geomDistance",
+    types.float64(types.voidptr, types.voidptr, types.int32, types.int32, types.float64, types.voidptr),
+)
+
+
+class Hulls(NamedTuple):
+    """Two copies of every kind's hull in a MuJoCo model; one set per thread, since a query moves them.
+
+    model, data: addresses; position (2 kinds, 3), attitude (2 kinds, 9): where the library looks for the hulls;
+    offset (kinds, 3), turn (kinds, 3, 3): of the library's frame of a hull in that of the part; witness (6,): a point
+    of either hull.
+    """
+
+    model: int
+    data: int
+    position: NDArray[np.float64]
+    attitude: NDArray[np.float64]
+    offset: NDArray[np.float64]
+    turn: NDArray[np.float64]
+    witness: NDArray[np.float64]
+
+
+class HullLibrary:
+    """Owns MuJoCo's model and data behind `Hulls`.
+
+    Args:
+        corners: of every kind, (n, 3) [m] each; a single corner is a ball.
+        radii: around the corner of a ball [m]; not used for hulls.
+    """
+
+    def __init__(self, corners: list[NDArray[np.float64]], radii: list[float]) -> None:
+        spec = mujoco.MjSpec()
+        spec.option.ccd_tolerance, spec.option.ccd_iterations = TOLERANCE, ITERATIONS
+        for kind, (points, radius) in enumerate(zip(corners, radii, strict=True)):
+            if len(points) > 1:
+                spec.add_mesh(
+                    name=f"hull_{kind}", uservert=points.ravel(), inertia=mujoco.mjtMeshInertia.mjMESH_INERTIA_CONVEX
+                )
+            for copy in range(2):
+                body = spec.worldbody.add_body(name=f"{kind}_{copy}", mocap=True)
+                if len(points) > 1:
+                    body.add_geom(type=mujoco.mjtGeom.mjGEOM_MESH, meshname=f"hull_{kind}")
+                else:
+                    body.add_geom(type=mujoco.mjtGeom.mjGEOM_SPHERE, size=[radius, 0.0, 0.0])
+        self._model = spec.compile()
+        self._data = mujoco.MjData(self._model)
+        mujoco.mj_forward(self._model, self._data)
+        first = self._data.geom_xmat[::2].reshape(-1, 3, 3)  # every body is at the origin
+        self._frames = (self._data.geom_xpos[::2].copy(), first.copy())
+
+    def hulls(self) -> Hulls:
+        """What compiled code needs; valid as long as this object lives."""
+        data = self._data
+        return Hulls(self._model._address, data._address, data.geom_xpos, data.geom_xmat, *self._frames, np.zeros(6))
+
+
+@compiled
+def hull_distance(hulls, a, b, reach):
+    """Signed distance [m] of the hulls of two parts (`PART`), or `reach` if larger; points in hulls.witness."""
+    first, second = 2 * a.kind, 2 * b.kind + 1
+    _place(hulls, first, a.kind, a.position, a.attitude)
+    _place(hulls, second, b.kind, b.position, b.attitude)
+    return _geom_distance(hulls.model, hulls.data, first, second, reach, hulls.witness.ctypes)
+
+
+@compiled
+def _place(hulls, geom, kind, position, attitude):
+    for i in range(3):
+        hulls.position[geom, i] = position[i]
+        for j in range(3):
+            hulls.position[geom, i] += attitude[i, j] * hulls.offset[kind, j]
+            value = 0.0
+            for k in range(3):
+                value += attitude[i, k] * hulls.turn[kind, k, j]
+            hulls.attitude[geom, 3 * i + j] = value

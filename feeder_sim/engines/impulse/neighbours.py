@@ -1,0 +1,239 @@
+"""Which parts can meet within a window of time, and the islands they form; found with a grid over the plate.
+
+A part covers at most `range` [m] in the window. Parts whose bounding spheres, grown by it, are apart cannot meet; those
+that are linked by such pairs make an island, and islands advance independently of each other.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from feeder_sim.engines.impulse.pair_contact import PAIR
+from feeder_sim.machine_code import compiled
+
+
+class Islands(NamedTuple):
+    """Parts and pairs in the order of their islands.
+
+    part: indices (n,) of the parts that are there; those of island i are first_part[i] to first_part[i + 1]. pair and
+    first_pair likewise, indices of pairs. place: of every part in `part` (parts,). touching, first_touching: the
+    pairs of every part, as place in `pair`, behind one another.
+    """
+
+    part: NDArray[np.int64]
+    first_part: NDArray[np.int64]
+    pair: NDArray[np.int64]
+    first_pair: NDArray[np.int64]
+    place: NDArray[np.int64]
+    touching: NDArray[np.int64]
+    first_touching: NDArray[np.int64]
+
+
+@compiled
+def find_pairs(parts, kinds, n_free, half_x, half_y, range_, old):
+    """Pairs (a, b), sorted, that can meet within the window; those of `old` keep their axis.
+
+    Parts from n_free on are walls: beside every part within reach of a side of the plate (half_x, half_y) [m].
+    """
+    n = n_free
+    largest = 0.0
+    for i in range(n):
+        if parts[i].there:
+            largest = max(largest, kinds.record[parts[i].kind].reach + kinds.record[parts[i].kind].radius)
+    cell = 2.0 * (largest + range_)
+    cell_of, order, first, columns, rows = _sort_into_cells(parts, n, cell)
+    found = np.empty((0, 2), np.int64)
+    for counting in range(2):  # count, then fill
+        m = 0
+        for i in range(n):
+            if not parts[i].there:
+                continue
+            m = _pairs_of(
+                parts, kinds, i, n_free, half_x, half_y, range_, cell_of, order, first, columns, rows, m, found
+            )
+        if counting == 0:
+            found = np.empty((m, 2), np.int64)
+    pairs = np.empty(m, PAIR)
+    o = 0
+    for p in range(m):
+        a, b = found[p]
+        pair = pairs[p]
+        pair.a, pair.b = a, b
+        while o < old.shape[0] and (old[o].a < a or (old[o].a == a and old[o].b < b)):
+            o += 1
+        if o < old.shape[0] and old[o].a == a and old[o].b == b:
+            pair.axis[:] = old[o].axis
+        else:
+            _first_axis(parts, kinds, a, b, pair.axis)
+    return pairs
+
+
+@compiled
+def _sort_into_cells(parts, n, cell):
+    """Grid over the parts that are there: cell of each, parts ordered by cell, first of each cell, grid size."""
+    low_x = low_y = np.inf
+    high_x = high_y = -np.inf
+    for i in range(n):
+        if parts[i].there:
+            low_x, high_x = min(low_x, parts[i].position[0]), max(high_x, parts[i].position[0])
+            low_y, high_y = min(low_y, parts[i].position[1]), max(high_y, parts[i].position[1])
+    # A part that has flown far must not make the grid large: more cells than parts bring nothing.
+    cell = max(cell, max(high_x - low_x, high_y - low_y) / (2.0 * math.sqrt(n) + 1.0))
+    columns, rows = int((high_x - low_x) / cell) + 1, int((high_y - low_y) / cell) + 1
+    cell_of = np.full(n, -1)
+    first = np.zeros(columns * rows + 1, np.int64)
+    for i in range(n):
+        if parts[i].there:
+            column = int((parts[i].position[0] - low_x) / cell)
+            cell_of[i] = column * rows + int((parts[i].position[1] - low_y) / cell)
+            first[cell_of[i] + 1] += 1
+    for c in range(columns * rows):
+        first[c + 1] += first[c]
+    order, filled = np.empty(first[-1], np.int64), first[:-1].copy()
+    for i in range(n):
+        if cell_of[i] >= 0:
+            order[filled[cell_of[i]]] = i
+            filled[cell_of[i]] += 1
+    return cell_of, order, first, columns, rows
+
+
+@compiled
+def _pairs_of(parts, kinds, a, n_free, half_x, half_y, range_, cell_of, order, first, columns, rows, m, found):
+    """Append the pairs of part a with later ones, in order; returns their number, also while `found` is too small."""
+    begin = m
+    column, row = cell_of[a] // rows, cell_of[a] % rows
+    for c in range(max(column - 1, 0), min(column + 2, columns)):
+        for r in range(max(row - 1, 0), min(row + 2, rows)):
+            for place in range(first[c * rows + r], first[c * rows + r + 1]):
+                b = order[place]
+                if b > a and _near(parts, kinds, a, b, range_):
+                    m = _insert(found, begin, m, a, b)
+    reach = kinds.record[parts[a].kind].reach + kinds.record[parts[a].kind].radius + range_
+    for wall in range(n_free, parts.shape[0]):
+        side = wall - n_free  # walls at +y, -y, +x, -x
+        distance = half_y if side < 2 else half_x
+        along = parts[a].position[1] if side < 2 else parts[a].position[0]
+        if (along if side % 2 == 0 else -along) + reach > distance:
+            m = _insert(found, begin, m, a, wall)
+    return m
+
+
+@compiled
+def _near(parts, kinds, a, b, range_):
+    reach = kinds.record[parts[a].kind].reach + kinds.record[parts[a].kind].radius + 2.0 * range_
+    reach += kinds.record[parts[b].kind].reach + kinds.record[parts[b].kind].radius
+    squared = 0.0
+    for k in range(3):
+        squared += (parts[a].position[k] - parts[b].position[k]) ** 2
+    return squared < reach * reach
+
+
+@compiled
+def _insert(found, begin, m, a, b):
+    if m >= found.shape[0]:
+        return m + 1
+    k = m
+    while k > begin and found[k - 1, 1] > b:
+        found[k] = found[k - 1]
+        k -= 1
+    found[k, 0], found[k, 1] = a, b
+    return m + 1
+
+
+@compiled
+def _first_axis(parts, kinds, a, b, axis):
+    """From centre to centre; to a wall, across it."""
+    size = 0.0
+    if kinds.record[parts[b].kind].mass == np.inf:
+        for k in range(3):
+            axis[k] = parts[b].attitude[k, 1]
+            size += axis[k] * (parts[b].position[k] - parts[a].position[k])
+        if size < 0.0:
+            axis *= -1.0
+        return
+    for k in range(3):
+        axis[k] = parts[b].position[k] - parts[a].position[k]
+        size += axis[k] * axis[k]
+    size = math.sqrt(size)
+    for k in range(3):
+        axis[k] = axis[k] / size if size > 0.0 else (1.0 if k == 2 else 0.0)
+
+
+@compiled
+def find_islands(parts, n_free, pairs):
+    """Connected parts, by union of their pairs; walls connect nothing."""
+    root = np.arange(n_free)
+    for p in range(pairs.shape[0]):
+        if pairs[p].b < n_free:
+            a, b = _root(root, pairs[p].a), _root(root, pairs[p].b)
+            root[max(a, b)] = min(a, b)
+    number = np.full(n_free, -1)
+    count = 0
+    for i in range(n_free):  # a root is the lowest part of its island
+        if parts[i].there:
+            r = _root(root, i)
+            if r == i:
+                number[i] = count
+                count += 1
+            else:
+                number[i] = number[r]
+    part, first_part = _grouped(number, count)
+    island_of_pair = np.empty(pairs.shape[0], np.int64)
+    for p in range(pairs.shape[0]):
+        island_of_pair[p] = number[pairs[p].a]
+    pair, first_pair = _grouped(island_of_pair, count)
+    place = np.full(n_free, -1)
+    for k in range(part.shape[0]):
+        place[part[k]] = k
+    touching, first_touching = _pairs_by_part(pairs, pair, n_free)
+    return Islands(part, first_part, pair, first_pair, place, touching, first_touching)
+
+
+@compiled
+def _root(root, i):
+    while root[i] != i:
+        root[i] = root[root[i]]
+        i = root[i]
+    return i
+
+
+@compiled
+def _grouped(number, count):
+    """Indices ordered by their number (-1: left out), and the first of each of `count` groups."""
+    first = np.zeros(count + 1, np.int64)
+    for i in range(number.shape[0]):
+        if number[i] >= 0:
+            first[number[i] + 1] += 1
+    for g in range(count):
+        first[g + 1] += first[g]
+    members, filled = np.empty(first[-1], np.int64), first[:-1].copy()
+    for i in range(number.shape[0]):
+        if number[i] >= 0:
+            members[filled[number[i]]] = i
+            filled[number[i]] += 1
+    return members, first
+
+
+@compiled
+def _pairs_by_part(pairs, pair, n_free):
+    """Places in `pair` of the pairs of every part, and the first of each part."""
+    first = np.zeros(n_free + 1, np.int64)
+    for k in range(pair.shape[0]):
+        first[pairs[pair[k]].a + 1] += 1
+        if pairs[pair[k]].b < n_free:
+            first[pairs[pair[k]].b + 1] += 1
+    for i in range(n_free):
+        first[i + 1] += first[i]
+    touching, filled = np.empty(first[-1], np.int64), first[:-1].copy()
+    for k in range(pair.shape[0]):
+        a, b = pairs[pair[k]].a, pairs[pair[k]].b
+        touching[filled[a]] = k
+        filled[a] += 1
+        if b < n_free:
+            touching[filled[b]] = k
+            filled[b] += 1
+    return touching, first

@@ -1,0 +1,68 @@
+"""Parts at rest: what lies on a plate that hardly moves any more stays out of the run of events until it is disturbed.
+
+A plate that is no longer driven and has come down to millimetres per second can throw parts up by a micrometre at
+most; nothing comes of that but cost. A part that then lies on three corners or more around its centre of mass and is
+about as slow itself falls asleep where it is, unless it slides. A part that hits it or enters it wakes it, and so does
+a plate that moves again.
+"""
+
+from __future__ import annotations
+
+import math
+
+from feeder_sim.engines.impulse.plate_contact import top_speed
+from feeder_sim.engines.impulse.state import ASLEEP, AWAKE, GAP, point
+from feeder_sim.machine_code import compiled
+
+SLOW = 5e-3  # [m/s]; a hop of a micrometre
+SLIDES = 1e-4  # [m/s]; along the plate: what is pushed harder than friction holds is faster than this after each look
+CARRIES = 1e-6  # [m]; corners this close to the surface carry
+
+
+@compiled
+def fall_asleep(part, kinds, work):
+    """Put a part to sleep if it lies still on the plate, and say so; work holds the gaps of its corners."""
+    kind = kinds.record[part.kind]
+    corners = kinds.corners[kind.corner_from : kind.corner_to]
+    sliding = math.sqrt(part.velocity[0] ** 2 + part.velocity[1] ** 2)
+    sliding += kind.reach * abs(part.momentum[2]) / min(kind.inertia[0], kind.inertia[1], kind.inertia[2])
+    if sliding > SLIDES or top_speed(part, kind) > SLOW or not _carried(part, corners, work):
+        return False
+    for k in range(3):
+        part.velocity[k] = part.momentum[k] = 0.0
+    part.there = ASLEEP
+    return True
+
+
+@compiled
+def wake(part):
+    """A part moves again, from where it lies; nothing happens to one that is awake."""
+    if part.there == ASLEEP:
+        part.there = AWAKE
+
+
+@compiled
+def _carried(part, corners, work):
+    """Whether the corners on the plate surround the centre of mass: from each the next one is less than half a turn on.
+
+    Seen from above; a part that stands on an edge lies on two corners, and neither follows the other in that sense.
+    """
+    n = corners.shape[0]
+    on_plate = 0
+    for i in range(n):
+        if work.corner[i, GAP] > CARRIES:
+            continue
+        on_plate += 1
+        x, y = point(part, corners, i, 0) - part.position[0], point(part, corners, i, 1) - part.position[1]
+        followed = False
+        for j in range(n):
+            if work.corner[j, GAP] > CARRIES:
+                continue
+            u = point(part, corners, j, 0) - part.position[0]
+            v = point(part, corners, j, 1) - part.position[1]
+            if x * v - y * u > 0.0:
+                followed = True
+                break
+        if not followed:
+            return False
+    return on_plate > 2

@@ -1,0 +1,276 @@
+"""What the impulse engine works on: parts, their motion, walls and scratch space as compiled code takes them."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from feeder_sim.engines.impulse.free_flight import rotate_freely, symmetry_axis
+from feeder_sim.machine_code import compiled, inlined
+from feeder_sim.scene.guide import Guide
+from feeder_sim.scene.rigid_part import CORNER_RADIUS
+from feeder_sim.scene.scene import GRAVITY, Scene
+
+GAP, RATE, SURFACE_RATE, SURFACE_ACCELERATION, WALL_GAP, WALL_RATE = range(6)  # columns of Scratch.corner
+ARM, NORMAL, VELOCITY = range(3)  # of Scratch.contact
+RESTITUTION, FRICTION = range(2)  # of Scratch.law
+ABSENT, AWAKE, ASLEEP = range(3)  # in PART, there
+RIM_HEIGHT, RIM_THICKNESS = 0.5, 0.02  # [m]; above and below the plate
+
+
+# State of one part in world axes at a time of its own, `clock` [s]: columns of the attitude are the body axes; momentum
+# is the angular momentum about the centre of mass; there: ABSENT once it has been taken out, ASLEEP while it lies still
+# (rest.py), else AWAKE.
+PART = np.dtype(
+    [
+        ("position", "f8", 3),
+        ("velocity", "f8", 3),
+        ("attitude", "f8", (3, 3)),
+        ("momentum", "f8", 3),
+        ("clock", "f8"),
+        ("kind", "i8"),
+        ("there", "i8"),
+    ],
+    align=True,
+)
+# What parts of one kind have in common: mass [kg], infinite for what stands still, and principal inertia; axis of
+# symmetry or -1; radius [m] around its corners, their reach from the centre of mass; restitution and friction on the
+# plate (0) and between parts (1), the same for all kinds; where its corners, edges and planes are in `Kinds`.
+KIND = np.dtype(
+    [
+        ("mass", "f8"),
+        ("inertia", "f8", 3),
+        ("axis", "i8"),
+        ("radius", "f8"),
+        ("reach", "f8"),
+        ("restitution", "f8", 2),
+        ("friction", "f8", 2),
+        ("corner_from", "i8"),
+        ("corner_to", "i8"),
+        ("edge_from", "i8"),
+        ("edge_to", "i8"),
+        ("plane_from", "i8"),
+        ("plane_to", "i8"),
+    ],
+    align=True,
+)
+
+
+class Kinds(NamedTuple):
+    """All kinds of parts: one record `KIND` each, and their hulls one behind the other.
+
+    corners: (n, 3) [m]; edges: pairs of corners, counted from the first of their kind, (m, 2); planes of the faces:
+    (outward unit normal, offset) with normal . x + offset <= 0 inside, (f, 4).
+    """
+
+    record: NDArray[np.void]
+    corners: NDArray[np.float64]
+    edges: NDArray[np.int64]
+    planes: NDArray[np.float64]
+
+
+class Wall(NamedTuple):
+    """The wall of a tube: a point of its axis [m], unit vector along it, inner radius [m]; infinite without a tube."""
+
+    foot: NDArray[np.float64]
+    axis: NDArray[np.float64]
+    radius: float
+    restitution: float
+    friction: float
+
+
+class Bounds(NamedTuple):
+    """What the surface can do at most within a window of time.
+
+    crest: height [m]; acceleration: of every mode shape at its antinode [m/s^2]; speed: of any point [m/s]; step: the
+    shortest flight [s] that is followed, and rest_step that of a part that hardly moves; calm: parts may fall asleep.
+    """
+
+    crest: float
+    acceleration: NDArray[np.float64]
+    speed: float
+    step: float
+    rest_step: float
+    calm: bool
+
+
+class Scratch(NamedTuple):
+    """Few arrays, since every one of them makes each call of a compiled function dearer.
+
+    corner: (n, 6), columns GAP over what it can touch, RATE of approach, what the surface adds to rate and acceleration
+    bound, WALL_GAP, WALL_RATE. contact: (3, 2 n, 3), ARM, NORMAL and surface VELOCITY of each contact of an impact.
+    law: (2, 2 n), RESTITUTION and FRICTION of each. modal: (2, n_shapes), q and dq/dt. modes: (n_shapes, 3). weight:
+    (2, 4) of the interpolation in x and y. points: (n, 3), corners and crossings of hull edges with the plate's edge.
+    """
+
+    corner: NDArray[np.float64]
+    contact: NDArray[np.float64]
+    law: NDArray[np.float64]
+    modal: NDArray[np.float64]
+    modes: NDArray[np.float64]
+    weight: NDArray[np.float64]
+    points: NDArray[np.float64]
+
+
+def read_kinds(scene: Scene) -> Kinds:
+    """Collect the kinds of parts; with a rim, a last one for its walls, see `rim_walls`.
+
+    Spheres at the corners of MuJoCo's parts have a radius of a micrometre; so have the parts here, and both engines
+    simulate the same thing.
+    """
+    kinds, contact = scene.kinds, scene.scenario.contact
+    mass = [kind.mass for kind in kinds]
+    inertia = [kind.inertia for kind in kinds]
+    corners = [np.asarray(kind.corners, float) for kind in kinds]
+    edges = [hull_edges(points) for points in corners]
+    planes = [hull_planes(points) for points in corners]
+    radius = [kind.corner_radius or CORNER_RADIUS for kind in kinds]
+    if scene.rim:
+        mass.append(np.inf)
+        inertia.append(np.full(3, np.inf))
+        corners.append(_rim_box(scene))
+        edges.append(np.empty((0, 2), np.int64))
+        planes.append(hull_planes(corners[-1]))
+        radius.append(0.0)
+    record = np.zeros(len(mass), KIND)
+    record["mass"], record["inertia"], record["radius"] = mass, inertia, radius
+    record["axis"] = [symmetry_axis(moments) for moments in inertia]
+    record["reach"] = [np.linalg.norm(points, axis=1).max() for points in corners]
+    record["restitution"] = contact.restitution, contact.part_restitution
+    record["friction"] = contact.friction, contact.part_friction
+    for name, hulls in (("corner", corners), ("edge", edges), ("plane", planes)):
+        ends = np.cumsum([len(rows) for rows in hulls])
+        record[f"{name}_from"], record[f"{name}_to"] = [0, *ends[:-1]], ends
+    return Kinds(record, np.concatenate(corners), np.concatenate(edges), np.concatenate(planes))
+
+
+def hull_edges(corners: NDArray[np.float64]) -> NDArray[np.int64]:
+    """Edges of the convex hull of corners (n, 3), as pairs of indices (m, 2); none for corners in a plane."""
+    if _in_plane(corners):
+        return np.empty((0, 2), np.int64)
+    from scipy.spatial import ConvexHull
+
+    hull = ConvexHull(corners)
+    sides = np.sort(np.concatenate([hull.simplices[:, [0, 1]], hull.simplices[:, [1, 2]], hull.simplices[:, [2, 0]]]))
+    return np.unique(sides, axis=0).astype(np.int64)
+
+
+def _in_plane(corners: NDArray[np.float64]) -> bool:
+    """Whether corners (n, 3) are too few for a body, or the outline of a part that stays in a plane."""
+    return len(corners) < 4 or bool((np.ptp(corners, axis=0) == 0.0).any())
+
+
+def hull_planes(corners: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Planes of the faces of the convex hull of corners (n, 3), shape (f, 4); none for corners in a plane."""
+    if _in_plane(corners):
+        return np.empty((0, 4))
+    from scipy.spatial import ConvexHull
+
+    size = np.abs(corners).max()
+    return np.unique((ConvexHull(corners / size).equations * [1.0, 1.0, 1.0, size]).round(12), axis=0)
+
+
+def _rim_box(scene: Scene) -> NDArray[np.float64]:
+    """Corners (8, 3) of a box that is a wall along any side of the plate."""
+    long = 0.5 * max(scene.surface.length, scene.surface.width) + RIM_THICKNESS
+    signs = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], float)
+    return signs * [long, 0.5 * RIM_THICKNESS, RIM_HEIGHT]
+
+
+def rim_walls(scene: Scene) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Centres (walls, 3) [m] and attitudes (walls, 3, 3) of the walls of a rim; none without one."""
+    if not scene.rim:
+        return np.empty((0, 3)), np.empty((0, 3, 3))
+    x, y = 0.5 * (scene.surface.length + RIM_THICKNESS), 0.5 * (scene.surface.width + RIM_THICKNESS)
+    quarter = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+    centres = np.array([[0.0, y, 0.0], [0.0, -y, 0.0], [x, 0.0, 0.0], [-x, 0.0, 0.0]])
+    return centres, np.array([np.eye(3), np.eye(3), quarter, quarter])
+
+
+def new_parts(position: ArrayLike, attitude: ArrayLike, kind: ArrayLike, velocity: ArrayLike = 0.0) -> NDArray[np.void]:
+    """Parts (`PART`) without spin and awake at time 0.
+
+    Positions (n, 3) [m], attitudes (n, 3, 3), kinds (n,), velocities (n, 3) [m/s].
+    """
+    kind = np.asarray(kind)
+    parts = np.zeros(len(kind), PART)
+    parts["position"], parts["attitude"], parts["kind"], parts["there"] = position, attitude, kind, AWAKE
+    parts["velocity"] = velocity
+    return parts
+
+
+def read_wall(guide: Guide | None) -> Wall:
+    """The wall of a guide with play."""
+    if guide is None or guide.radius is None or guide.restitution is None:
+        return Wall(np.zeros(3), np.array([0.0, 0.0, 1.0]), np.inf, 0.0, 0.0)
+    return Wall(np.array([*guide.foot, 0.0]), guide.axis, guide.radius, guide.restitution, guide.friction)
+
+
+def new_scratch(kinds: Kinds, n_shapes: int) -> Scratch:
+    """Room for any part: each of its corners can touch plate and wall, each of its edges the edge of the plate."""
+    of = kinds.record
+    n = int((of["corner_to"] - of["corner_from"] + 2 * (of["edge_to"] - of["edge_from"])).max())
+    sizes = ((n, 6), (3, 2 * n, 3), (2, 2 * n), (2, n_shapes), (n_shapes, 3), (2, 4), (n, 3))
+    return Scratch(*(np.zeros(size) for size in sizes))
+
+
+@inlined
+def flies(part, kind):
+    """Whether a part moves at all; walls and parts asleep do not."""
+    return part.there == AWAKE and kind.mass < np.inf
+
+
+@compiled
+def fly_to(part, kind, t):
+    """Bring a part to time t [s]."""
+    duration = t - part.clock
+    part.clock = t
+    if duration <= 0.0 or not flies(part, kind):
+        return
+    for k in range(3):
+        part.position[k] += part.velocity[k] * duration
+    part.position[2] -= 0.5 * GRAVITY * duration * duration
+    part.velocity[2] -= GRAVITY * duration
+    rotate_freely(part.attitude, part.momentum, kind.inertia, kind.axis, duration)
+
+
+@compiled
+def invert_inertia(attitude, inertia, out):
+    """Write the inverse inertia tensor in world axes into out (3, 3) [1/(kg m^2)]; zero for infinite inertia."""
+    for i in range(3):
+        for j in range(3):
+            out[i, j] = 0.0
+            for k in range(3):
+                out[i, j] += attitude[i, k] * attitude[j, k] / inertia[k]
+
+
+@inlined
+def point(part, corners, i, k):
+    """Coordinate k of corner i in space [m]."""
+    value = part.position[k]
+    for axis in range(3):
+        value += part.attitude[k, axis] * corners[i, axis]
+    return value
+
+
+@compiled
+def turning_speed(part, kind):
+    """No point of a part moves faster about its centre [m/s]."""
+    momentum, inertia = part.momentum, kind.inertia
+    squared = momentum[0] ** 2 + momentum[1] ** 2 + momentum[2] ** 2
+    return kind.reach * math.sqrt(squared) / min(inertia[0], inertia[1], inertia[2])
+
+
+@compiled
+def spin_of(part, kind, spin):
+    """Write the angular velocity in world axes [rad/s] into spin (3,)."""
+    spin[:] = 0.0
+    for axis in range(3):
+        along = 0.0
+        for k in range(3):
+            along += part.attitude[k, axis] * part.momentum[k]
+        for k in range(3):
+            spin[k] += part.attitude[k, axis] * along / kind.inertia[axis]

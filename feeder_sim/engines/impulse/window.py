@@ -1,0 +1,125 @@
+"""What the surface does within a short window of time: the terms that act, and bounds on its motion."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from feeder_sim.engines.impulse.state import Bounds
+from feeder_sim.engines.surface_arrays import SurfaceArrays
+from feeder_sim.machine_code import compiled
+from feeder_sim.scene.scene import GRAVITY
+
+BEAT = 1e-4  # relative; damping alone shifts the frequency of the transient by a hundredth of this
+ALLOWANCE = 1.01  # on envelopes, which are looked at on both ends of the window
+MUCH_FASTER = 1.5  # than all that act: from here on longer steps pay
+CALM = 3e-3, 1e-6  # [m/s], [m]; a plate that is not driven and moves no faster and no farther lets parts sleep
+SAG = 1e-7  # [m]; how far a surface that is no longer driven may move relative to a part within one step
+
+
+@compiled
+def acting_terms(surface, start, stop):
+    """The surface with those terms alone that act between two times [s]."""
+    n = 0
+    chosen = np.empty(surface.term_shape.shape[0], np.int64)
+    for k in range(surface.term_shape.shape[0]):
+        if surface.term_start[k] < stop and surface.term_stop[k] >= start:
+            chosen[n] = k
+            n += 1
+    chosen = chosen[:n]
+    return SurfaceArrays(
+        surface.grid_x,
+        surface.grid_y,
+        surface.table,
+        surface.term_shape[chosen],
+        surface.term_start[chosen],
+        surface.term_stop[chosen],
+        surface.coefficient[chosen],
+        surface.rate[chosen],
+        surface.half_thickness,
+        surface.in_plane,
+        surface.tangent,
+    )
+
+
+@compiled
+def fastest_rate(surface):
+    """The fastest of all terms [rad/s], whenever it acts."""
+    fastest = 0.0
+    for k in range(surface.term_shape.shape[0]):
+        fastest = max(fastest, abs(surface.rate[k].imag))
+    return fastest
+
+
+@compiled
+def bound_window(acting, antinode, start, stop, step, top):
+    """Bound the surface between two times [s]; antinode: largest deflection of every shape.
+
+    step [s] belongs to the fastest of all terms, of the rate `top` [rad/s]; while only much slower ones act, steps are
+    as much longer. Terms of one mode and one frequency add up as phasors (a ring-up begins at nothing), others as
+    moduli (they beat).
+    """
+    now = fastest_rate(acting)
+    if now > 0.0 and top > MUCH_FASTER * now:
+        step *= top / now
+    n_shapes = antinode.shape[0]
+    acceleration = np.zeros(n_shapes)
+    crest = speed = together = 0.0
+    driven = False
+    for k in range(acting.term_shape.shape[0]):
+        driven = driven or (acting.rate[k].real == 0.0 and acting.coefficient[k] != 0.0)
+    for shape in range(n_shapes):
+        envelope, fastest = 0.0, 0.0
+        for k in range(acting.term_shape.shape[0]):
+            if acting.term_shape[k] == shape:
+                fastest = max(fastest, abs(acting.rate[k].imag))
+                if not _seen_before(acting, k):
+                    envelope += max(_modulus(acting, k, start, stop, False), _modulus(acting, k, start, stop, True))
+        envelope *= ALLOWANCE
+        acceleration[shape] = envelope * fastest * fastest
+        crest += envelope * antinode[shape]
+        speed += envelope * fastest * antinode[shape]
+        together += acceleration[shape] * antinode[shape]
+    rest_step = step if driven else max(step, math.sqrt(2.0 * SAG / (GRAVITY + together)))
+    calm = not driven and speed <= CALM[0] and crest <= CALM[1]
+    return Bounds(crest, acceleration, speed, step, rest_step, calm)
+
+
+@compiled
+def _together(acting, k, j):
+    return acting.term_shape[j] == acting.term_shape[k] and abs(
+        acting.rate[j].imag - acting.rate[k].imag
+    ) <= BEAT * abs(acting.rate[k].imag)
+
+
+@compiled
+def _seen_before(acting, k):
+    seen = False
+    for j in range(k):
+        seen = seen or _together(acting, k, j)
+    return seen
+
+
+@compiled
+def _modulus(acting, k, start, stop, late):
+    """Modulus of all terms of the mode and frequency of term k, at the begin of the window or `late` at its end.
+
+    What begins or ends within the window is taken as if it had always been there, at its largest.
+    """
+    real = imaginary = rest = 0.0
+    t = stop if late else start
+    for j in range(acting.term_shape.shape[0]):
+        if not _together(acting, k, j):
+            continue
+        begins, ends = acting.term_start[j], acting.term_stop[j]
+        if begins > start or ends < stop:
+            at = max(begins, start)
+            rest += abs(acting.coefficient[j]) * math.exp(acting.rate[j].real * (at - begins))
+            continue
+        age = t - begins
+        fade, angle = math.exp(acting.rate[j].real * age), acting.rate[j].imag * age
+        c, s = fade * math.cos(angle), fade * math.sin(angle)
+        real += acting.coefficient[j].real * c - acting.coefficient[j].imag * s
+        imaginary += acting.coefficient[j].real * s + acting.coefficient[j].imag * c
+    return math.sqrt(real * real + imaginary * imaginary) + rest

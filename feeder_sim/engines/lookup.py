@@ -1,0 +1,21 @@
+"""The engine of a scenario, imported only when it is needed."""
+
+from __future__ import annotations
+
+from feeder_sim.engines.protocol import Engine
+from feeder_sim.scenario.engine_choice import Choice
+
+
+def engine_class(choice: Choice) -> type[Engine]:
+    """The class behind an engine choice."""
+    if choice.method == "mujoco":
+        from feeder_sim.engines.mujoco.engine import MujocoEngine
+
+        return MujocoEngine
+    if choice.method == "slide":
+        from feeder_sim.engines.slide import SlideEngine
+
+        return SlideEngine
+    from feeder_sim.engines.impulse.engine import ImpulseEngine
+
+    return ImpulseEngine

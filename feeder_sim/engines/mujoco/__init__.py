@@ -1,0 +1,1 @@
+"""MuJoCo's own time stepping over tangent patches that follow the moving surface."""

@@ -1,0 +1,314 @@
+"""Scene -> MJCF.
+
+MuJoCo has no deformable kinematic surface, so each part meets a *tangent patch* of its own: a plate-sized box on a
+vertical slide and two hinges in the plate's mid-plane, massive enough not to feel the part, placed at every step on
+the tangent plane of the surface under the part's centre and given the surface's velocity there. The hinges at
+mid-plane make the horizontal surface velocity -h/2 beta' by themselves. Under a part in a guide the plate is a piston,
+whose patch needs the slide alone.
+
+Contact set: one small sphere at each corner of the part against its patch, as explicit pairs. (MuJoCo's own prism-box
+contact keeps four of six corners and makes a flat part spin.) Restitution: `solref = "0 -(1+e)/dt"` reverses the
+normal velocity within one step, `solreffriction = "0 -1/dt"` keeps the restitution out of the tangential direction.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from feeder_sim.engines.mujoco.units import UNITS, converted
+from feeder_sim.plate.surface import Surface
+from feeder_sim.scenario import Contact, MujocoSettings
+from feeder_sim.scene.guide import Guide
+from feeder_sim.scene.rigid_part import CORNER_RADIUS, RigidPart
+from feeder_sim.scene.scene import GRAVITY, Scene
+
+PATCH_MASS_RATIO = 1e6  # patch over part: the part moves its patch by a millionth of its own motion
+HARD = [0.9999, 0.9999, 1e-3, 0.5, 2.0]  # solimp with MuJoCo's largest impedance: as hard as the solver allows
+MUJOCO_IMPEDANCE = [0.9, 0.95, 1e-3, 0.5, 2.0]  # its default: what rests on a slope creeps
+DEFAULT_SETTINGS = MujocoSettings()
+# MuJoCo stops its solver by a cost scaled with the trace of the inertia matrix, which the heavy patches inflate.
+# Scaled back to the part, this is MuJoCo's own default; with the raw default the drift comes out 20 % too fast or
+# not, depending on the unit system (README, design notes).
+SOLVER_TOLERANCE = 1e-8
+TUBE_PLANES = 32  # around a tube: its radius is right to half a percent
+TUBE_HEIGHT = 0.02  # [m]; drawn to twice that, in contact everywhere
+
+
+def part_contact(contact: Contact) -> Contact:
+    """The contact of parts with each other, as a contact."""
+    law = {"restitution": contact.part_restitution, "friction": contact.part_friction}
+    return contact.model_copy(update=law)
+
+
+def contact_parameters(
+    contact: Contact, timestep: float, settings: MujocoSettings = DEFAULT_SETTINGS
+) -> dict[str, list[float]]:
+    """MuJoCo's pair attributes for a contact model at a timestep, in the units of the settings."""
+    units = UNITS[settings.units]
+    friction = [contact.friction, contact.friction, 0.0, 0.0, 0.0]
+    if contact.time_constant_us is not None:
+        solref, solreffriction = [contact.time_constant_us * 1e-6 * units.time, contact.damping_ratio], [0.0, 0.0]
+    else:
+        solref, solreffriction = [0.0, -(1.0 + contact.restitution) / timestep], [0.0, -1.0 / timestep]
+    solimp = HARD if settings.impedance == "hard" else MUJOCO_IMPEDANCE
+    return {
+        "friction": friction,
+        "solref": solref,
+        "solreffriction": solreffriction,
+        "solimp": [*solimp[:2], solimp[2] * units.length, *solimp[3:]],
+    }
+
+
+def build_mjcf(scene: Scene) -> Any:
+    """Build the MjSpec of a scene: patches first, then parts in order, each with a free joint.
+
+    Args:
+        scene: in SI; the spec is in the units of its MuJoCo settings.
+
+    Returns:
+        mujoco.MjSpec. Compile it from memory; its `to_xml()` rounds to six digits and is the readable copy.
+    """
+    import mujoco
+
+    settings = scene.scenario.mujoco
+    units, scene = UNITS[settings.units], converted(scene)
+    spec = mujoco.MjSpec()
+    spec.modelname = scene.scenario.title or "feeder_sim"
+    option = spec.option
+    option.timestep = scene.timestep
+    option.gravity = [0.0, 0.0, -GRAVITY * units.length / units.time**2]
+    option.cone = getattr(mujoco.mjtCone, f"mjCONE_{settings.cone.upper()}")
+    option.integrator = getattr(mujoco.mjtIntegrator, f"mjINT_{settings.integrator.upper()}")
+    option.iterations, option.impratio = settings.iterations, settings.impratio
+    if not settings.refsafe:
+        option.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_REFSAFE)
+    option.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)  # divergence is for the guard to see
+    _draw_surroundings(spec, scene.surface)
+    part_trace = patch_trace = 0.0
+    for part, guide in zip(scene.parts, scene.guides, strict=True):
+        patch_trace += _add_patch(spec, scene, part, guide)
+        part_trace += part.mass if guide and guide.slides else 3.0 * part.mass + part.inertia.sum()
+    tube = any(guide and not guide.slides for guide in scene.guides)
+    with_hull = len(scene.parts) > 1 or scene.rim or tube or settings.contact_set == "hull"
+    for kind in scene.kinds:
+        _add_meshes(spec, kind, with_hull=with_hull)
+    for number, (part, guide) in enumerate(zip(scene.parts, scene.guides, strict=True)):
+        radius = units.length * CORNER_RADIUS
+        kind = scene.kinds[scene.kind_of[number]]
+        _add_part(spec, part, kind, guide, scene.timestep, radius, with_hull=with_hull)
+        _pair_with_patch(spec, scene, part, guide)
+        if guide and not guide.slides:
+            _add_tube(spec, scene, part, guide)
+    if len(scene.parts) > 1:
+        _pair_parts(spec, scene)
+    if scene.rim:
+        _add_rim(spec, scene)
+    option.tolerance = SOLVER_TOLERANCE
+    if settings.tolerance == "scaled":
+        option.tolerance *= part_trace / (part_trace + patch_trace)
+    return spec
+
+
+def _draw_surroundings(spec: Any, surface: Surface) -> None:
+    """Camera and light; collides with nothing."""
+    extent = max(surface.length, surface.width)
+    spec.stat.extent, spec.stat.center = 0.6 * extent, [0.0, 0.0, 0.0]
+    spec.visual.headlight.ambient = spec.visual.headlight.diffuse = [0.3, 0.3, 0.3]
+    spec.worldbody.add_light(pos=[0.0, -extent, 2.0 * extent], dir=[0.0, 0.4, -1.0], diffuse=[0.4, 0.4, 0.4])
+
+
+def _add_patch(spec: Any, scene: Scene, part: RigidPart, guide: Guide | None) -> float:
+    """Add the tangent patch of one part; returns the trace of its inertia matrix.
+
+    Without in-plane velocity the hinges lie in the top surface, which then tilts as before but does not slide. Under a
+    part in a guide the patch has no hinges, and a sensor of the force between both.
+    """
+    import mujoco
+
+    surface = scene.surface
+    top = 0.5 * surface.thickness if scene.scenario.run.in_plane_velocity else 0.0  # above the hinges
+    mass = PATCH_MASS_RATIO * part.mass
+    moment = mass * (0.5 * max(surface.length, surface.width)) ** 2
+    # Its acceleration within a step must be zero: its motion is prescribed, gravity included.
+    body = spec.worldbody.add_body(name=f"plate_{part.name}", pos=[0.0, 0.0, -top], gravcomp=1.0)
+    _set_inertia(body, mass, [moment, moment, moment])
+    slide, hinge = mujoco.mjtJoint.mjJNT_SLIDE, mujoco.mjtJoint.mjJNT_HINGE
+    body.mocap = scene.scenario.mujoco.plate == "mocap"
+    if not body.mocap:
+        body.add_joint(name=f"lift_{part.name}", type=slide, axis=[0, 0, 1])
+    if not guide and not body.mocap:
+        body.add_joint(name=f"tilt_x_{part.name}", type=hinge, axis=[1, 0, 0])
+        body.add_joint(name=f"tilt_y_{part.name}", type=hinge, axis=[0, 1, 0])
+    half = 0.5 * np.array([surface.length, surface.width, surface.thickness])
+    box, centre = mujoco.mjtGeom.mjGEOM_BOX, [0.0, 0.0, top - half[2]]
+    name, colour = f"plate_{part.name}", [0.75, 0.77, 0.80, 1.0]
+    body.add_geom(name=name, type=box, size=half, pos=centre, contype=0, conaffinity=0, rgba=colour)
+    if guide:
+        # MuJoCo's touch sensor adds up the contacts of the body within the site: all of them.
+        body.add_site(name=name, type=box, size=2.0 * half, pos=centre, rgba=[0.0, 0.0, 0.0, 0.0])
+        sensor, site = mujoco.mjtSensor.mjSENS_TOUCH, mujoco.mjtObj.mjOBJ_SITE
+        spec.add_sensor(name=f"touch_{part.name}", type=sensor, objtype=site, objname=name)
+        return mass
+    return 0.0 if body.mocap else mass + 2.0 * moment
+
+
+def _set_inertia(body: Any, mass: float, inertia: Any) -> None:
+    # An MjsBody whose ipos is left alone gets its centre of mass at the body's own `pos`, not at its origin.
+    body.explicitinertial, body.mass, body.inertia = True, mass, inertia
+    body.ipos, body.iquat = [0.0, 0.0, 0.0], [1.0, 0.0, 0.0, 0.0]
+
+
+def build_part_mjcf(part: RigidPart) -> Any:
+    """Build the MjSpec of a part alone, for use in scenes of one's own: body, drawn mesh and contact corners."""
+    import mujoco
+
+    spec = mujoco.MjSpec()
+    spec.modelname = part.name
+    _add_meshes(spec, part)
+    _add_part(spec, part, part)
+    return spec
+
+
+def _add_meshes(spec: Any, kind: RigidPart, *, with_hull: bool = False) -> None:
+    """Add the drawn mesh of a kind of part, and its hull where something else than the plate meets it."""
+    import mujoco
+
+    mesh = spec.add_mesh(name=kind.name)
+    mesh.uservert, mesh.userface = kind.vertices.ravel(), kind.faces.ravel()
+    mesh.inertia = mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL
+    if with_hull and not kind.corner_radius:
+        hull = spec.add_mesh(name=f"{kind.name}_hull")
+        hull.uservert, hull.inertia = kind.corners.ravel(), mujoco.mjtMeshInertia.mjMESH_INERTIA_CONVEX
+
+
+def _add_part(
+    spec: Any,
+    part: RigidPart,
+    kind: RigidPart,
+    guide: Guide | None = None,
+    timestep: float = math.inf,
+    radius: float = CORNER_RADIUS,
+    *,
+    with_hull: bool = False,
+) -> None:
+    """Add one part: drawn mesh, hull, and a small sphere at each corner; they collide only where a pair says so.
+
+    It has a free joint, or on a slide one slide joint with the friction of its own weight, which turns within one
+    timestep [s] (MuJoCo's own default would take 20 ms).
+    """
+    import mujoco
+
+    lift = -part.corners[:, 2].min() + part.corner_radius
+    body = spec.worldbody.add_body(name=part.name, pos=[0.0, 0.0, lift])
+    _set_inertia(body, part.mass, part.inertia)
+    if guide and guide.slides:
+        body.pos = [*guide.foot, 0.0] + lift / guide.axis[2] * guide.axis
+        body.quat = _leaning(guide)
+        friction = guide.friction * part.mass * GRAVITY * guide.axis[0]
+        slide = mujoco.mjtJoint.mjJNT_SLIDE  # its axis is in the body's frame, which leans with the guide
+        joint = body.add_joint(name=part.name, type=slide, axis=[0.0, 0.0, 1.0], frictionloss=friction)
+        joint.solref_friction, joint.solimp_friction = [0.0, -1.0 / timestep], HARD
+    else:
+        body.add_freejoint(name=part.name)
+    mesh_geom = mujoco.mjtGeom.mjGEOM_MESH
+    if with_hull and not part.corner_radius:
+        hull, name = f"{kind.name}_hull", _hull_name(part)
+        body.add_geom(name=name, type=mesh_geom, meshname=hull, contype=0, conaffinity=0, group=3)
+    body.add_geom(
+        name=f"{part.name}_drawn",
+        type=mesh_geom,
+        meshname=kind.name,
+        contype=0,
+        conaffinity=0,
+        group=1,
+        rgba=[0.85, 0.60, 0.20, 1.0],
+    )
+    size = [part.corner_radius or radius, 0.0, 0.0]
+    sphere = mujoco.mjtGeom.mjGEOM_SPHERE
+    for i, corner in enumerate(part.corners):
+        body.add_geom(name=_corner_name(part, i), type=sphere, size=size, pos=corner, contype=0, conaffinity=0, group=3)
+
+
+def _pair_with_patch(spec: Any, scene: Scene, part: RigidPart, guide: Guide | None) -> None:
+    """Let every corner of a part, or its hull, meet its own patch and nothing else; on a slide without friction."""
+    condim = 1 if guide and guide.slides else 3
+    settings = scene.scenario.mujoco
+    parameters = contact_parameters(scene.scenario.contact, scene.timestep, settings)
+    names = [_corner_name(part, i) for i in range(len(part.corners))]
+    for name in names if settings.contact_set == "corners" else [_hull_name(part)]:
+        spec.add_pair(name=name, geomname1=f"plate_{part.name}", geomname2=name, condim=condim, **parameters)
+
+
+def _add_tube(spec: Any, scene: Scene, part: RigidPart, guide: Guide) -> None:
+    """Add the wall of a tube as a ring of planes, which the part's hull meets (a ball: its sphere)."""
+    import mujoco
+
+    assert guide.radius is not None and guide.restitution is not None
+    wall = Contact(restitution=guide.restitution, friction=guide.friction)
+    parameters = contact_parameters(wall, scene.timestep)
+    half = [guide.radius * math.tan(math.pi / TUBE_PLANES), TUBE_HEIGHT, 0.01]
+    frame = spec.worldbody.add_body(name=f"tube_{part.name}", pos=[*guide.foot, 0.0], quat=_leaning(guide))
+    touching = _hull_name(part)
+    for i in range(TUBE_PLANES):
+        angle = 2.0 * math.pi * i / TUBE_PLANES
+        outwards = np.array([math.cos(angle), math.sin(angle), 0.0])
+        name = f"tube_{part.name}_{i}"
+        frame.add_geom(
+            name=name,
+            type=mujoco.mjtGeom.mjGEOM_PLANE,
+            size=half,
+            pos=guide.radius * outwards + [0.0, 0.0, TUBE_HEIGHT],
+            zaxis=-outwards,
+            contype=0,
+            conaffinity=0,
+            rgba=[0.6, 0.8, 0.9, 0.15],
+        )
+        spec.add_pair(name=name, geomname1=name, geomname2=touching, condim=3, **parameters)
+
+
+def _pair_parts(spec: Any, scene: Scene) -> None:
+    """Let the hulls of all parts meet each other."""
+    parameters = contact_parameters(part_contact(scene.scenario.contact), scene.timestep, scene.scenario.mujoco)
+    names = [_hull_name(part) for part in scene.parts]
+    for i, first in enumerate(names):
+        for second in names[i + 1 :]:
+            spec.add_pair(name=f"{first}_{second}", geomname1=first, geomname2=second, condim=3, **parameters)
+
+
+def _add_rim(spec: Any, scene: Scene) -> None:
+    """Add a wall along each side of the plate, which the parts' hulls meet."""
+    import mujoco
+
+    parameters = contact_parameters(scene.scenario.contact, scene.timestep, scene.scenario.mujoco)
+    half = (0.5 * scene.surface.length, 0.5 * scene.surface.width)
+    for i, (x, y) in enumerate([(0.0, 1.0), (0.0, -1.0), (1.0, 0.0), (-1.0, 0.0)]):
+        wall = spec.worldbody.add_geom(
+            name=f"rim_{i}",
+            type=mujoco.mjtGeom.mjGEOM_PLANE,
+            size=[max(half), 0.01, 0.01],
+            pos=[half[0] * x, half[1] * y, 0.0],
+            zaxis=[-x, -y, 0.0],
+            contype=0,
+            conaffinity=0,
+            rgba=[0.6, 0.8, 0.9, 0.15],
+        )
+        for part in scene.parts:
+            name = f"{wall.name}_{part.name}"
+            spec.add_pair(name=name, geomname1=wall.name, geomname2=_hull_name(part), condim=3, **parameters)
+
+
+def _hull_name(part: RigidPart) -> str:
+    """The geom that other parts and walls meet: a ball's only corner has its radius."""
+    return _corner_name(part, 0) if part.corner_radius else f"{part.name}_hull"
+
+
+def _leaning(guide: Guide) -> list[float]:
+    """Quaternion that turns the vertical into the guide's axis."""
+    return [math.cos(0.5 * guide.tilt), 0.0, math.sin(0.5 * guide.tilt), 0.0]
+
+
+def _corner_name(part: RigidPart, i: int) -> str:
+    return f"{part.name}_corner_{i}"

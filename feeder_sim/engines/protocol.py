@@ -1,0 +1,57 @@
+"""What every way of advancing a scene offers."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from feeder_sim.records.impacts import Impacts
+    from feeder_sim.records.trajectory import Frames
+    from feeder_sim.scene.scene import Scene
+
+
+class Engine(Protocol):
+    """One running copy of a scene; owns its state and nothing else.
+
+    Attributes:
+        name: what the user calls it.
+        frames_per_block: frames to ask for at once, so that little time is lost between blocks.
+    """
+
+    name: str
+    frames_per_block: int
+
+    def __init__(self, scene: Scene, rng: np.random.Generator, *, threads: int = 1) -> None:
+        """Start at t = 0 with poses drawn from `rng`; may use so many threads, which must not change the result."""
+        ...
+
+    def current(self) -> Frames:
+        """The present state as a single frame."""
+        ...
+
+    def advance(self, n_frames: int) -> Frames:
+        """Step on and return the next `n_frames` frames."""
+        ...
+
+    def remove(self, parts: NDArray[np.int64]) -> None:
+        """Take parts, by their indices, out of the scene for good."""
+        ...
+
+    def redrive(self, scene: Scene) -> None:
+        """Go on in the same scene with other times at which drives stop from now on."""
+        ...
+
+    def state(self) -> dict[str, NDArray[np.float64]]:
+        """All that the engine goes on from; copies."""
+        ...
+
+    def restore(self, state: dict[str, NDArray[np.float64]]) -> None:
+        """Go on from a state of the same scene, bit by bit as if there had been no break."""
+        ...
+
+    def take_impacts(self, *, end: bool) -> Impacts:
+        """Contacts of a guided part with the plate since the last call; at the `end` also the one under way."""
+        ...

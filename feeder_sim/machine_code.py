@@ -1,0 +1,132 @@
+"""Compiled functions, and where their machine code is kept between runs.
+
+Numba's own cache looks only at the file of a function itself, so that it runs old code after a change in a function or
+a constant that this one uses from another file. Here machine code lies in a folder named after everything that it
+depends on: all sources of the package, the versions of the libraries that compile it or are called by it, and the
+processor. A change of any of them is another folder. The folders are in the user's folder for caches, or where
+NUMBA_CACHE_DIR says; the few used last are kept.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import functools
+import hashlib
+import importlib.metadata
+import platform
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, ClassVar, TypeVar
+
+import llvmlite.binding
+import numba
+from filelock import FileLock
+from numba.core.caching import CompileResultCacheImpl, FunctionCache, _CacheLocator
+from platformdirs import user_cache_path
+
+FOLDERS_KEPT = 4  # of other states of sources, libraries and processor: two checkouts, an upgrade and a way back
+LIBRARIES = ("numba", "llvmlite", "numpy", "mujoco-core", "mujoco")
+KEY_LENGTH = 24
+
+F = TypeVar("F", bound=Callable[..., Any])
+
+
+def compiled(function: F) -> F:
+    """Compile a function by numba: without Python's lock, and with division by zero as in IEEE arithmetic."""
+    return _kept(numba.njit(nogil=True, error_model="numpy")(function), function)
+
+
+def inlined(function: F) -> F:
+    """As `compiled`, and copied into every function that calls it: for what the inner loops call most."""
+    return _kept(numba.njit(nogil=True, error_model="numpy", forceinline=True)(function), function)
+
+
+def _kept(dispatcher: Any, function: Any) -> Any:
+    dispatcher._cache = _Cache(function)
+    return dispatcher
+
+
+@functools.cache
+def code_folder() -> Path:
+    """The folder of the machine code of these sources, libraries and this processor; others are removed here."""
+    chosen = getattr(numba.config, "CACHE_DIR", "")  # of the user, by NUMBA_CACHE_DIR
+    base = Path(chosen) if chosen else user_cache_path("feeder_sim")
+    folder = base / "machine_code" / code_key()
+    with contextlib.suppress(OSError):  # a folder that cannot be made: everything is compiled in every process
+        folder.mkdir(parents=True, exist_ok=True)
+        folder.touch()
+        remove_old_folders(folder.parent)
+    return folder
+
+
+def code_key(package: Path = Path(__file__).parent) -> str:
+    """Hash of all that machine code depends on."""
+    key = hashlib.sha256(source_hash(package).encode())
+    versions = {name: _version(name) for name in LIBRARIES}
+    processor = (llvmlite.binding.get_host_cpu_name(), llvmlite.binding.get_host_cpu_features().flatten())
+    key.update(repr((versions, processor, platform.python_version())).encode())
+    return key.hexdigest()[:KEY_LENGTH]
+
+
+@functools.cache
+def source_hash(package: Path = Path(__file__).parent) -> str:
+    """Hash of all sources of the package."""
+    sources = hashlib.sha256()
+    for file in sorted(package.rglob("*.py")):
+        sources.update(file.relative_to(package).as_posix().encode() + b"\0" + file.read_bytes() + b"\0")
+    return sources.hexdigest()[:12]
+
+
+def remove_old_folders(base: Path) -> None:
+    """Remove machine code of other states than those used last."""
+    folders = [path for path in base.iterdir() if len(path.name) == KEY_LENGTH and path.is_dir()]
+    folders.sort(key=lambda path: path.stat().st_mtime, reverse=True)
+    for path in folders[FOLDERS_KEPT:]:
+        shutil.rmtree(path, ignore_errors=True)
+
+
+def _version(name: str) -> str:
+    try:
+        return importlib.metadata.version(name)
+    except importlib.metadata.PackageNotFoundError:
+        return ""
+
+
+class _Locator(_CacheLocator):
+    """Numba's notion of where the machine code of a function lies, and of what it was made from."""
+
+    def __init__(self, function: Any, file: str) -> None:
+        self._py_file = file  # numba names it in its warnings
+        self._module = function.__module__
+
+    def get_cache_path(self) -> str:
+        return str(code_folder())
+
+    def get_source_stamp(self) -> str:
+        return code_folder().name
+
+    def get_disambiguator(self) -> str:
+        return str(self._module)
+
+    @classmethod
+    def from_function(cls, function: Any, file: str) -> _Locator:
+        return cls(function, file)
+
+
+class _CacheFiles(CompileResultCacheImpl):
+    _locator_classes: ClassVar[list[type]] = [_Locator]
+
+
+class _Cache(FunctionCache):
+    _impl_class = _CacheFiles
+
+    def save_overload(self, signature: Any, data: Any) -> None:
+        """Save under a lock: of two processes that compile at once, each adds to what the other has saved."""
+        with contextlib.suppress(OSError), FileLock(Path(self.cache_path) / "lock"):
+            super().save_overload(signature, data)
+
+    def load_overload(self, signature: Any, target_context: Any) -> Any:
+        with contextlib.suppress(OSError, EOFError):  # what cannot be read is compiled
+            return super().load_overload(signature, target_context)
+        return None

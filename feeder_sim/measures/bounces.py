@@ -1,0 +1,196 @@
+"""Measures of a part that bounces in a guide, from its contacts with the plate; and the theory of the bouncing ball.
+
+*Bounce interval*: time in the air between two contacts. It counts when it is as long as a plate period (1 % shorter at
+most), which leaves out the chatter before a part sticks. *Flight height*: departure velocity squared over twice the
+deceleration on the way up, above the point of departure. *Impact speed*: relative to the plate, at the end of a flight
+that counts. Contacts before the plate has rung up do not count.
+
+*Period*: number of impacts after which the motion repeats.
+
+Period-one motion on a plate A sin(omega t), one impact per period, exists and is stable for
+
+    pi (1 - e) / (1 + e)  <  A omega^2 / g  <  sqrt(4 (1 + e^2)^2 / (1 + e)^4 + pi^2 (1 - e)^2 / (1 + e)^2)
+
+where an eigenvalue of the impact map, linearised about that motion, passes -1 and period two takes over (compare
+Barroso, Carneiro and Macau, Phys. Rev. E 79 (2009) 026206). Far above, with every landing at a phase of its own, the
+mean interval is near 4 pi f A (1 + e) / g.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from feeder_sim.measures.protocol import ended, labelled
+from feeder_sim.measures.statistic import Statistic
+from feeder_sim.records.impacts import Impacts
+from feeder_sim.records.trajectory import SeedRecord
+from feeder_sim.scene.prepared import Prepared
+from feeder_sim.scene.scene import GRAVITY, Scene
+from feeder_sim.scene.timetable import timed
+
+LEAST_INTERVAL = 0.99  # of a plate period
+LEAST_FLIGHT = 0.25  # of a plate period: shorter flights are chatter
+REST = 2.0  # plate periods in one contact: for good, where the plate has not changed
+PERIODS = (1, 2, 3, 4, 5, 6, 7, 8, 10, 12, 16)
+LAST_IMPACTS = 4 * PERIODS[-1]  # a period is judged by this many
+BATCHES = 20
+EXACT, STEPS_OFF = 1e-4, 4.0  # relative difference of impact speeds that is none: exact method; times 1/steps
+
+
+def period_one_threshold(restitution: float) -> float:
+    """A omega^2 / g at which period-one motion begins."""
+    return math.pi * (1.0 - restitution) / (1.0 + restitution)
+
+
+def period_two_threshold(restitution: float) -> float:
+    """A omega^2 / g at which period two takes over."""
+    e = restitution
+    return math.hypot(2.0 * (1.0 + e * e) / (1.0 + e) ** 2, math.pi * (1.0 - e) / (1.0 + e))
+
+
+def expected_interval(frequency: float, amplitude: float, restitution: float, gravity: float) -> float:
+    """Mean bounce interval [s] far above the thresholds, 4 pi f A (1 + e) / g."""
+    return 4.0 * math.pi * frequency * amplitude * (1.0 + restitution) / gravity
+
+
+@dataclass(frozen=True)
+class Flights:
+    """Flights between two contacts.
+
+    Attributes:
+        interval: time in the air [s], shape (n,).
+        height: above the point of departure [m], shape (n,).
+        impact_speed: relative to the plate [m/s], shape (n,).
+    """
+
+    interval: NDArray[np.float64]
+    height: NDArray[np.float64]
+    impact_speed: NDArray[np.float64]
+
+
+def flights(impacts: Impacts, plate_period: float, deceleration: float, *, after: float = 0.0) -> Flights:
+    """The flights that count, of one seed.
+
+    Args:
+        impacts: contacts of the part.
+        plate_period: [s].
+        deceleration: of the part on its way up [m/s^2].
+        after: contacts before this time [s] are left out.
+    """
+    kept = impacts[impacts.time >= after]
+    interval = kept.time[1:] - kept.until[:-1]
+    counts = interval >= LEAST_INTERVAL * plate_period
+    height = kept.departure_velocity[:-1] ** 2 / (2.0 * deceleration)
+    return Flights(interval[counts], height[counts], kept.approach_speed[1:][counts])
+
+
+def motion(impacts: Impacts, plate_period: float, tolerance: float, *, end: float) -> str:
+    """Name the motion that one seed has settled to: its period in impacts, or what it does instead.
+
+    Args:
+        impacts: contacts of the part; the last ones are looked at.
+        plate_period: [s].
+        tolerance: relative difference of impact speeds, and contact time in plate periods, that count as none.
+        end: when the record ends [s].
+
+    Returns:
+        "1", "2", ... "16"; "sticking": at least half of the flights end in rest on the plate; "chaotic"; "resting" for
+        good; or "undecided" after too few impacts.
+    """
+    if len(impacts) and np.isinf(impacts.until[-1]) and impacts.time[-1] < end - REST * plate_period:
+        return "resting"
+    last = impacts[slice(-LAST_IMPACTS - 1, -1)]  # the very last may not be over
+    if len(last) < LAST_IMPACTS:
+        return "undecided"
+    stuck = np.count_nonzero(last.until - last.time > tolerance * plate_period)
+    if 2 * stuck >= np.count_nonzero(last.time[1:] - last.until[:-1] > LEAST_FLIGHT * plate_period):
+        return "sticking"
+    speed = last.approach_speed
+    for period in PERIODS:
+        if np.abs(speed[period:] - speed[:-period]).max() <= tolerance * speed.max():
+            return str(period)
+    return "chaotic"
+
+
+def batched(seeds: Sequence[NDArray[np.float64]]) -> Statistic:
+    """Statistic over successive values, whose standard error is that of batch means: neighbours may be correlated."""
+    values = np.concatenate([*seeds, np.empty(0)])
+    plain = Statistic.of(values)
+    if plain.n < 2 * BATCHES:
+        return plain
+    means = [float(batch.mean()) for batch in np.array_split(values, BATCHES)]
+    return Statistic(plain.mean, plain.sd, Statistic.of(means).se, plain.n)
+
+
+@dataclass(frozen=True)
+class BounceFindings:
+    """Over all seeds that ran to their end; `motion`: how many of them settled to which."""
+
+    bounce_interval_ms: Statistic
+    flight_height_mm: Statistic
+    impact_speed_mm_s: Statistic
+    motion: dict[str, int]
+
+
+class Bounces:
+    """How a part in a guide bounces."""
+
+    def applies(self, prepared: Prepared) -> bool:
+        return prepared.scene.guides[0] is not None
+
+    def compute(self, prepared: Prepared, seeds: Sequence[SeedRecord]) -> BounceFindings:
+        scene, counted = prepared.scene, ended(seeds)
+        flights_of_seeds = seed_flights(scene, [seed.impacts for seed in counted])
+        plate_period, tolerance = _plate_period(scene), impact_tolerance(prepared)
+        motions = Counter(
+            motion(seed.impacts, plate_period, tolerance, end=float(seed.frames.time[-1])) for seed in counted
+        )
+        return BounceFindings(
+            bounce_interval_ms=batched([1e3 * f.interval for f in flights_of_seeds]),
+            flight_height_mm=batched([1e3 * f.height for f in flights_of_seeds]),
+            impact_speed_mm_s=batched([1e3 * f.impact_speed for f in flights_of_seeds]),
+            motion=dict(motions),
+        )
+
+    def lines(self, prepared: Prepared, findings: BounceFindings) -> list[str]:
+        lines = []
+        for label, statistic, unit in (
+            ("bounce interval", findings.bounce_interval_ms, "ms"),
+            ("flight height", findings.flight_height_mm, "mm"),
+            ("impact speed", findings.impact_speed_mm_s, "mm/s"),
+        ):
+            if statistic.n > 1:
+                text = f"{statistic.mean:.4g} {unit} +- {statistic.se:.2g} (SE), n = {statistic.n}"
+                lines.append(labelled(label, text))
+        motions = ", ".join(f"{name} ({n} seeds)" for name, n in findings.motion.items())
+        return [*lines, labelled("motion", motions)]
+
+
+def seed_flights(scene: Scene, seeds: Sequence[Impacts]) -> list[Flights]:
+    """The flights that count of every seed of a scene with a guide."""
+    guide, after = scene.guides[0], settling_time(scene)
+    deceleration = guide.deceleration(GRAVITY)[0] if guide and guide.slides else GRAVITY
+    return [flights(impacts, _plate_period(scene), deceleration, after=after) for impacts in seeds]
+
+
+def _plate_period(scene: Scene) -> float:
+    return 1.0 / scene.scenario.drive[0].frequency_hz
+
+
+def settling_time(scene: Scene) -> float:
+    """When the plate has rung up to within 1 % [s]."""
+    drives = timed(scene.drives, scene.times)
+    times = [5.0 / (2.0 * math.pi * d.damping_ratio * d.natural_frequency) if d.damping_ratio else 0.0 for d in drives]
+    return max(drive.start + time for drive, time in zip(drives, times, strict=True))
+
+
+def impact_tolerance(prepared: Prepared) -> float:
+    """Relative difference of impact speeds that an engine cannot tell from none, since it meets the plate in steps."""
+    exact = prepared.engine.method == "slide"
+    return EXACT if exact else STEPS_OFF / prepared.scenario.run.steps_per_period

@@ -1,0 +1,14 @@
+"""All measures, in the order of a report."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from feeder_sim.measures.arrivals import Arrivals
+from feeder_sim.measures.bounces import Bounces
+from feeder_sim.measures.circulation import Circulation
+from feeder_sim.measures.drift import Drift
+from feeder_sim.measures.protocol import Measure
+from feeder_sim.measures.separation import Separation
+
+MEASURES: tuple[Measure[Any], ...] = (Drift(), Bounces(), Separation(), Arrivals(), Circulation())

@@ -1,0 +1,103 @@
+"""How parts drift.
+
+*Transport speed*: a cell of the mode reaches from an antinode to the nearest nodal line, d0 away. The speed of a seed
+is 0.6 d0 divided by the time between the first passages of distance 0.8 d0 and 0.2 d0 from the nodal line.
+*Drift velocity*: mean horizontal velocity over the whole recording; of several parts the mean over those that are
+there at its end. *Highest rise*: of any part, its largest height above its lowest one, drop included.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from feeder_sim.measures.protocol import ended, labelled
+from feeder_sim.measures.statistic import Statistic
+from feeder_sim.records.trajectory import Frames, SeedRecord
+from feeder_sim.scene.cell import PASSAGE_FROM, PASSAGE_TO, Cell
+from feeder_sim.scene.prepared import Prepared
+
+
+@dataclass(frozen=True)
+class DriftFindings:
+    """Over the seeds that ran to their end; `arrived`: seeds with a transport speed."""
+
+    transport_speed_mm_s: Statistic
+    drift_velocity_x_mm_s: Statistic
+    drift_velocity_y_mm_s: Statistic
+    arrived: int
+    highest_rise_mm: Statistic
+    antinode_to_node_mm: float | None
+
+
+class Drift:
+    """Where parts drift while one set of drives acts, and how fast."""
+
+    def applies(self, prepared: Prepared) -> bool:
+        return prepared.scenario.schedule is None
+
+    def compute(self, prepared: Prepared, seeds: Sequence[SeedRecord]) -> DriftFindings:
+        frames, cell = [seed.frames for seed in ended(seeds)], prepared.cell
+        velocities = [1e3 * drift_velocity(seed) for seed in frames]
+        speeds = [1e3 * transport_speed(seed, cell) for seed in frames] if cell else []
+        return DriftFindings(
+            transport_speed_mm_s=Statistic.of(speeds),
+            drift_velocity_x_mm_s=Statistic.of(velocity[0] for velocity in velocities),
+            drift_velocity_y_mm_s=Statistic.of(velocity[1] for velocity in velocities),
+            arrived=sum(math.isfinite(speed) for speed in speeds),
+            highest_rise_mm=Statistic.of(1e3 * highest_rise(seed) for seed in frames),
+            antinode_to_node_mm=1e3 * cell.reach if cell else None,
+        )
+
+    def lines(self, prepared: Prepared, findings: DriftFindings) -> list[str]:
+        speed, lines = findings.transport_speed_mm_s, []
+        if speed.n:
+            interval = f" +- {speed.se:.3f} (SE), SD {speed.sd:.3f}" if speed.n > 1 else ""
+            text = f"{speed.mean:.3f} mm/s{interval}, n = {speed.n} of {prepared.scenario.run.seeds} seeds"
+            lines.append(labelled("transport speed", text))
+        x, y = findings.drift_velocity_x_mm_s, findings.drift_velocity_y_mm_s
+        if x.n and not any(prepared.scene.guides):
+            lines.append(labelled("mean drift", f"x {x.mean:.3f}, y {y.mean:.3f} mm/s"))
+            lines.append(labelled("highest rise", f"{findings.highest_rise_mm.mean:.3f} mm"))
+        return lines
+
+
+def first_passage(time: NDArray[np.float64], way: NDArray[np.float64], level: float) -> float:
+    """Time [s] at which `way` first falls to `level`, between frames by interpolation; NaN if it never does."""
+    below = np.flatnonzero(way <= level)
+    if not len(below):
+        return math.nan
+    i = int(below[0])
+    if i == 0:
+        return float(time[0])
+    fraction = (way[i - 1] - level) / (way[i - 1] - way[i])
+    return float(time[i - 1] + fraction * (time[i] - time[i - 1]))
+
+
+def transport_speed(
+    frames: Frames, cell: Cell, *, start: float = PASSAGE_FROM, end: float = PASSAGE_TO, part: int = 0
+) -> float:
+    """Speed [m/s] of one seed between two fractions of the way; NaN if the part never got there."""
+    way = cell.way(frames, part)
+    if not len(way) or way[0] < start:  # it did not pass the start line
+        return math.nan
+    duration = first_passage(frames.time, way, end) - first_passage(frames.time, way, start)
+    return (start - end) * cell.reach / duration if duration > 0 else math.nan
+
+
+def drift_velocity(frames: Frames) -> NDArray[np.float64]:
+    """Mean horizontal velocity [m/s] of the parts of one seed that are there at the end, shape (2,)."""
+    elapsed, present = frames.time[-1] - frames.time[0], frames.present[-1]
+    if not elapsed > 0 or not present.any():
+        return np.full(2, math.nan)
+    moved = frames.position[-1, present, :2] - frames.position[0, present, :2]
+    return np.asarray(moved.mean(axis=0) / elapsed)
+
+
+def highest_rise(frames: Frames) -> float:
+    """Largest height of any part's centre above its lowest recorded one [m]: the highest hop, drop included."""
+    return float(np.ptp(frames.position[..., 2], axis=0).max())

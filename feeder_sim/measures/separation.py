@@ -1,0 +1,208 @@
+"""What a schedule does to many parts: counts at the end of every stage, and picks, over an ensemble.
+
+A part is *isolated* where no other is within the clearance of the schedule's pick; a *dead position* is a place that is
+near nodal lines of all modes that the cycle drives up to its first pick, so that none of them moves a part away; parts
+are *flipped* when another of their sides is up than at the end of the stage before.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+
+import numpy as np
+from numpy.typing import NDArray
+
+from feeder_sim.measures.picking import nearest_neighbours
+from feeder_sim.measures.protocol import ended, labelled
+from feeder_sim.measures.stage_lines import StageLines, stage_lines
+from feeder_sim.measures.statistic import Statistic
+from feeder_sim.records.removals import Cause
+from feeder_sim.records.trajectory import Frames, Record, SeedRecord
+from feeder_sim.scene.prepared import Prepared
+from feeder_sim.scene.scene import Scene
+from feeder_sim.scene.timetable import TimedStage
+
+ON_LINE = 5e-3  # [m] from a nodal line
+DEAD = 5e-3  # [m] from nodal lines of all modes up to the pick
+TOUCHING = 1e-4  # [m] between the outlines of two parts
+
+
+@dataclass(frozen=True)
+class StageReport:
+    """Counts at the end of one stage, before the pick.
+
+    Attributes:
+        end_s: when that is [s].
+        on_plate: parts over the plate.
+        isolated: of them, parts farther than the clearance from all others.
+        touching_pairs: pairs whose bounding circles overlap; an upper bound of pairs that touch.
+        on_nodal_line: parts within 5 mm of a nodal line of the stage's modes.
+        dead: parts in dead positions.
+        flipped: parts with another side up than at the end of the stage before.
+        picked, lost: parts taken out in this stage.
+        nearest_mm: median distance to the nearest neighbour.
+    """
+
+    end_s: float
+    on_plate: float
+    isolated: float
+    touching_pairs: float
+    on_nodal_line: float
+    dead: float
+    flipped: float
+    picked: float
+    lost: float
+    nearest_mm: float
+
+
+def stage_reports(scene: Scene, lines: StageLines, record: Record) -> list[StageReport]:
+    """Count at the end of every stage that the run has reached."""
+    frames, reports = record.frames, []
+    stages = scene.stages(record.stops.tolist())
+    cycle = _stages_to_first_pick(stages)
+    reached = float(frames.time[-1])
+    before: int | None = 0
+    for number, stage in enumerate(stages):
+        if stage.end > reached + scene.frame_interval:
+            break
+        row = frames.row_at(stage.end)
+        reports.append(_report(scene, lines, record, number, stage, row, before, cycle))
+        before = row
+    return reports
+
+
+def _stages_to_first_pick(stages: Sequence[TimedStage]) -> set[int]:
+    """Driven stages of the last cycle up to its first pick, or all of them without one."""
+    found = set()
+    for i, stage in enumerate(stages):
+        if stage.cycle == stages[-1].cycle:
+            if stage.excitations:
+                found.add(i)
+            if stage.clearance is not None:
+                break
+    return found
+
+
+def _report(
+    scene: Scene,
+    lines: StageLines,
+    record: Record,
+    number: int,
+    stage: TimedStage,
+    row: int,
+    before: int | None,
+    cycle: set[int],
+) -> StageReport:
+    frames, removals = record.frames, record.removals
+    start, end = (frames.time[before] if before else -np.inf), frames.time[row]
+    position = frames.position[row]
+    on_plate = frames[slice(row, row + 1)].on_plate(scene.surface)[0]
+    points = position[on_plate, :2]
+    nearest = nearest_neighbours(points)
+    clearances = [s.clearance for s in scene.times.stages if s.clearance is not None]
+    dead = np.full(len(points), bool(cycle))
+    for i in cycle:
+        dead &= lines.near(i, points, DEAD)
+    return StageReport(
+        end_s=stage.end,
+        on_plate=int(on_plate.sum()),
+        isolated=int((nearest > clearances[0]).sum()) if clearances else 0,
+        touching_pairs=_touching_pairs(scene, position, on_plate),
+        on_nodal_line=int(lines.near(number, points, ON_LINE).sum()),
+        dead=int(dead.sum()),
+        flipped=int((_side_up(frames, row)[on_plate] != _side_up(frames, before or 0)[on_plate]).sum()),
+        picked=len(removals.parts(Cause.PICKED, start=start, end=end)),
+        lost=len(removals.parts(Cause.LOST, start=start, end=end)),
+        nearest_mm=1e3 * float(np.median(nearest)) if len(points) > 1 else float("nan"),
+    )
+
+
+def _touching_pairs(scene: Scene, position: NDArray[np.float64], on_plate: NDArray[np.bool_]) -> int:
+    from scipy.spatial import cKDTree
+
+    index = np.flatnonzero(on_plate)
+    size = np.array([kind.size for kind in scene.kinds])[scene.kind_of[index]]
+    if len(index) < 2:
+        return 0
+    pairs = cKDTree(position[index]).query_pairs(2.0 * size.max() + TOUCHING, output_type="ndarray")
+    distance = np.linalg.norm(position[index[pairs[:, 0]]] - position[index[pairs[:, 1]]], axis=1)
+    return int((distance < size[pairs[:, 0]] + size[pairs[:, 1]] + TOUCHING).sum())
+
+
+def _side_up(frames: Frames, row: int) -> NDArray[np.int64]:
+    """Which axis of each part is nearest to the vertical, and whether it points up: -3 to 3, never 0."""
+    w, x, y, z = frames.quaternion[row].T
+    up = np.stack([2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)], axis=1)
+    axis = np.abs(up).argmax(axis=1)
+    return np.asarray((axis + 1) * np.sign(np.take_along_axis(up, axis[:, None], axis=1)[:, 0]), np.int64)
+
+
+@dataclass(frozen=True)
+class StageCounts:
+    """Means over the seeds of the counts of `StageReport`, for one stage of one cycle."""
+
+    cycle: int
+    stage: str
+    end_s: Statistic
+    on_plate: Statistic
+    isolated: Statistic
+    touching_pairs: Statistic
+    on_nodal_line: Statistic
+    dead: Statistic
+    flipped: Statistic
+    picked: Statistic
+    lost: Statistic
+    nearest_mm: Statistic
+
+
+@dataclass(frozen=True)
+class SeparationFindings:
+    """Parts in the scene, of them picked and lost in all, and the counts of every stage."""
+
+    parts: int
+    picked: Statistic
+    lost: Statistic
+    stages: tuple[StageCounts, ...]
+
+
+class Separation:
+    """What a schedule does to many parts."""
+
+    def applies(self, prepared: Prepared) -> bool:
+        return prepared.scenario.schedule is not None or len(prepared.scene.parts) > 1
+
+    def compute(self, prepared: Prepared, seeds: Sequence[SeedRecord]) -> SeparationFindings:
+        scene, counted = prepared.scene, ended(seeds, left_plate=True)
+        lines = stage_lines(scene)
+        reports = [stage_reports(scene, lines, seed) for seed in counted]
+        stages = []
+        for number, stage in enumerate(scene.times.stages):
+            of_stage = [report[number] for report in reports if len(report) > number]
+            counts = {
+                field.name: Statistic.of(getattr(report, field.name) for report in of_stage)
+                for field in fields(StageReport)
+            }
+            stages.append(StageCounts(stage.cycle, stage.name, **counts))
+        removals = [seed.removals for seed in counted]
+        return SeparationFindings(
+            parts=len(scene.parts),
+            picked=Statistic.of(float((r.cause == Cause.PICKED).sum()) for r in removals),
+            lost=Statistic.of(float((r.cause == Cause.LOST).sum()) for r in removals),
+            stages=tuple(stages),
+        )
+
+    def lines(self, prepared: Prepared, findings: SeparationFindings) -> list[str]:
+        if prepared.scenario.goal is not None:
+            return []  # transport: nothing is to be picked
+        lines = []
+        for label, statistic in (
+            ("picked", findings.picked),
+            ("lost", findings.lost),
+            ("before last pick", findings.stages[-1].on_plate),
+        ):
+            if statistic.n:
+                spread = f", SD {statistic.sd:.1f}" if statistic.n > 1 else ""
+                text = f"{statistic.mean:.1f} of {findings.parts}{spread}, n = {statistic.n} seeds"
+                lines.append(labelled(label, text))
+        return lines

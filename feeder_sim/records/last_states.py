@@ -1,0 +1,100 @@
+"""The last states of a seed that diverged: to look at, and to run again."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import itertools
+from dataclasses import dataclass, fields
+from pathlib import Path
+from zipfile import BadZipFile
+
+import numpy as np
+from numpy.typing import NDArray
+
+from feeder_sim.errors import InputError, RecordingFailed, SimulationDiverged
+from feeder_sim.records.trajectory import Frames
+
+LAST_FRAMES = 100  # kept of a block that failed, at most: half of them before the first one that is not valid
+STATE_PREFIX = "state_"  # of the engine's arrays among the last states of a seed that diverged
+
+
+@dataclass(frozen=True)
+class LastStates:
+    """What is kept of a block in which a seed diverged, to look at and to run again.
+
+    In the scene `stopped` at `stops`, an engine that has restored `state` gives `frames` again, bit by bit, as the last
+    ones of `advance(skipped + len(frames))`.
+
+    Attributes:
+        state: of the engine before the block.
+        stops: when the drives of stages had stopped before the block [s].
+        skipped: frames of the block before `frames`.
+        frames: up to LAST_FRAMES of the block.
+        valid: number of `frames` before the first one that is not valid.
+    """
+
+    state: dict[str, NDArray[np.float64]]
+    stops: NDArray[np.float64]
+    skipped: int
+    frames: Frames
+    valid: int
+
+    @staticmethod
+    def of(block: Frames, valid: int, state: dict[str, NDArray[np.float64]], stops: NDArray[np.float64]) -> LastStates:
+        """Cut the frames around the failure out of a block of which the first `valid` frames are valid."""
+        skipped = max(0, min(valid - LAST_FRAMES // 2, len(block) - LAST_FRAMES))
+        kept = block[slice(skipped, skipped + LAST_FRAMES)]
+        copied = Frames(
+            *(getattr(kept, field.name).copy() for field in fields(Frames))
+        )  # `present` is still written to
+        return LastStates(state, stops, skipped, copied, valid - skipped)
+
+
+def save_last_states(folder: Path, failure: SimulationDiverged, last: LastStates) -> str:
+    """Write the last states of a seed that diverged into a run folder, as NumPy's .npz; returns the file's name.
+
+    Arrays: those of `Frames` [SI units], `state_NAME` of the engine, `stops`, `skipped` and `valid` (see `LastStates`),
+    `cause`, `part`, `time_s`. A run that is resumed may come here again: a file that holds anything else stays, and
+    this one gets the next free number.
+
+    Raises:
+        RecordingFailed: it cannot be written, as when the disk is full.
+    """
+    arrays = {field.name: getattr(last.frames, field.name) for field in fields(Frames)}
+    arrays |= {f"{STATE_PREFIX}{name}": values for name, values in last.state.items()}
+    arrays |= {"stops": last.stops, "skipped": np.array(last.skipped), "valid": np.array(last.valid)}
+    arrays |= {"cause": np.array(failure.cause), "part": np.array(failure.part), "time_s": np.array(failure.time_s)}
+    held = io.BytesIO()
+    np.savez(held, allow_pickle=False, **arrays)
+    stem = f"failure_seed_{failure.seed}"
+    for name in itertools.chain([f"{stem}.npz"], (f"{stem}_{number}.npz" for number in itertools.count(2))):
+        path = folder / name
+        if path.exists() and path.read_bytes() != held.getvalue():
+            continue
+        partial = path.with_suffix(".partial")
+        try:
+            partial.write_bytes(held.getvalue())
+            partial.replace(path)
+        except OSError as error:
+            with contextlib.suppress(OSError):
+                partial.unlink(missing_ok=True)
+            raise RecordingFailed(f"{path}: cannot be written, is the disk full? ({error})") from error
+        return name
+    raise AssertionError("unreachable")
+
+
+def read_last_states(path: str | Path) -> LastStates:
+    """Read the last states of a seed that diverged, to run its last block again.
+
+    Raises:
+        InputError: the file cannot be read.
+    """
+    try:
+        with Path(path).open("rb") as file, np.load(file, allow_pickle=False) as held:
+            arrays = {name: held[name] for name in held.files}
+        frames = Frames(**{field.name: arrays[field.name] for field in fields(Frames)})
+        state = {name[len(STATE_PREFIX) :]: arrays[name] for name in arrays if name.startswith(STATE_PREFIX)}
+        return LastStates(state, arrays["stops"], int(arrays["skipped"]), frames, int(arrays["valid"]))
+    except (OSError, ValueError, EOFError, KeyError, BadZipFile) as error:
+        raise InputError("holds no readable last states", file=path) from error

@@ -1,0 +1,207 @@
+"""Recorded motion in memory: frames of all parts, and all that a run records."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+from enum import IntEnum
+from pathlib import Path
+from typing import NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from feeder_sim.plate.drive import ModalDrive
+from feeder_sim.records.impacts import Impacts
+from feeder_sim.records.removals import Removals
+
+SAME_TIME = 1e-9  # [s]; times this close are the same but for round-off
+BLOCK_FRAMES = 100  # frames per block and per HDF5 chunk: whole blocks compress once and waste nothing
+
+
+class Status(IntEnum):
+    """How the recording of one seed ended."""
+
+    UNFINISHED = 0
+    DONE = 1
+    DIVERGED = 2
+    LEFT_PLATE = 3
+
+
+class RectangularArea(Protocol):
+    """What has a length along x and a width along y [m], centred on the origin."""
+
+    @property
+    def length(self) -> float: ...
+
+    @property
+    def width(self) -> float: ...
+
+
+@dataclass(frozen=True)
+class Frames:
+    """States of all parts at recorded times, in SI units and world axes.
+
+    Attributes:
+        time: [s], shape (n,).
+        position: of the centres of mass [m], shape (n, parts, 3).
+        quaternion: w first, shape (n, parts, 4).
+        velocity: [m/s], shape (n, parts, 3).
+        angular_velocity: [rad/s], shape (n, parts, 3).
+        present: False once a part has been taken out of the scene, shape (n, parts).
+    """
+
+    time: NDArray[np.float64]
+    position: NDArray[np.float64]
+    quaternion: NDArray[np.float64]
+    velocity: NDArray[np.float64]
+    angular_velocity: NDArray[np.float64]
+    present: NDArray[np.bool_]
+
+    def __len__(self) -> int:
+        return len(self.time)
+
+    def as_stored(self) -> Frames:
+        """Rounded as a trajectory file rounds it, so that measures do not depend on where frames come from."""
+        stored = {name: getattr(self, name).astype(kind) for name, (_, kind, _) in FRAME_FIELDS.items()}
+        return Frames(**{name: v if v.dtype == bool else v.astype(float) for name, v in stored.items()})
+
+    def __getitem__(self, rows: slice) -> Frames:
+        return Frames(*(getattr(self, field.name)[rows] for field in fields(self)))
+
+    def on_plate(self, plate: RectangularArea) -> NDArray[np.bool_]:
+        """Which parts are on a plate, shape (n, parts): not taken out, with their centres over it and above it."""
+        half = 0.5 * np.array([plate.length, plate.width])
+        over = (np.abs(self.position[..., :2]) < half).all(axis=-1)
+        return np.asarray(self.present & over & (self.position[..., 2] > 0.0))
+
+    def row_at(self, time: float) -> int:
+        """Index of the first frame at or after a time [s], or of the last one."""
+        return min(int(np.searchsorted(self.time, time - SAME_TIME)), len(self) - 1)
+
+    @staticmethod
+    def joined(blocks: Sequence[Frames]) -> Frames:
+        """Concatenate blocks in time."""
+        return Frames(*(np.concatenate([getattr(b, field.name) for b in blocks]) for field in fields(Frames)))
+
+
+# name: (unit, stored type, shape per part); single precision is ample for what no measure differentiates.
+FRAME_FIELDS: dict[str, tuple[str, str, tuple[int, ...]]] = {
+    "time": ("s", "f8", ()),
+    "position": ("m", "f8", (3,)),
+    "quaternion": ("1", "f4", (4,)),
+    "velocity": ("m/s", "f4", (3,)),
+    "angular_velocity": ("rad/s", "f4", (3,)),
+    "present": ("1", "?", ()),
+}
+
+
+@dataclass(frozen=True)
+class Record:
+    """What is recorded of one seed, or of a block of it.
+
+    Attributes:
+        frames: states of all parts.
+        impacts: contacts of a guided part with the plate.
+        removals: parts picked or lost.
+        stops: when the drives of the stages stopped, in order [s]; those not listed keep to the schedule.
+    """
+
+    frames: Frames
+    impacts: Impacts
+    removals: Removals
+    stops: NDArray[np.float64]
+
+    @property
+    def sizes(self) -> tuple[int, int, int, int]:
+        """Rows of each."""
+        return len(self.frames), len(self.impacts), len(self.removals), len(self.stops)
+
+    def begin(self, sizes: Sequence[int]) -> Record:
+        """The first rows of each."""
+        frames, impacts, removals, stops = (slice(size) for size in sizes)
+        return Record(self.frames[frames], self.impacts[impacts], self.removals[removals], self.stops[stops])
+
+    @staticmethod
+    def joined(blocks: Sequence[Record]) -> Record:
+        """Concatenate blocks in time."""
+        return Record(
+            Frames.joined([block.frames for block in blocks]),
+            Impacts.joined([block.impacts for block in blocks]),
+            Removals.joined([block.removals for block in blocks]),
+            np.concatenate([block.stops for block in blocks]),
+        )
+
+
+@dataclass(frozen=True)
+class SeedRecord(Record):
+    """What is recorded of one seed, and how it ended."""
+
+    status: Status
+
+
+@dataclass(frozen=True)
+class PlateRecord:
+    """What a recording holds about the plate.
+
+    Attributes:
+        length, width, thickness: [m].
+        x, y: grid of the shapes [m], shapes (nx,) and (ny,).
+        mode_shape: deflection per unit modal coordinate, shape (n_shapes, nx, ny).
+        nodal_lines: of the first shape, each (n, 2) [m]; empty where no transport is measured.
+        antinode: that the part starts from, shape (2,) [m]; NaN without nodal lines.
+        drives: one per excitation of the scenario.
+    """
+
+    length: float
+    width: float
+    thickness: float
+    x: NDArray[np.float64]
+    y: NDArray[np.float64]
+    mode_shape: NDArray[np.float64]
+    nodal_lines: tuple[NDArray[np.float64], ...]
+    antinode: NDArray[np.float64]
+    drives: tuple[ModalDrive, ...]
+
+
+@dataclass(frozen=True)
+class PartRecord:
+    """What a recording holds about a part: its drawn mesh [m]."""
+
+    name: str
+    vertices: NDArray[np.float64]
+    faces: NDArray[np.int64]
+
+
+class WallTime(NamedTuple):
+    """What a seed has cost [s], and how long the ensemble had taken when that was noted [s]."""
+
+    seed: float
+    ensemble: float
+
+
+@dataclass(frozen=True)
+class Recording:
+    """A trajectory file in memory.
+
+    Attributes:
+        libraries: their versions, and that of the package.
+        inputs: SHA-256 of the files the scenario reads, by its keys.
+        records, status, wall_times: one entry per seed.
+    """
+
+    path: Path
+    engine: str
+    scenario_text: str
+    libraries: dict[str, str]
+    inputs: dict[str, str]
+    plate: PlateRecord
+    parts: tuple[PartRecord, ...]
+    records: tuple[Record, ...]
+    status: tuple[Status, ...]
+    wall_times: tuple[WallTime, ...]
+
+    @property
+    def seeds(self) -> tuple[Frames, ...]:
+        """Frames of every seed."""
+        return tuple(record.frames for record in self.records)

@@ -1,0 +1,1 @@
+"""Records -> .rrd for the rerun viewer; the only room that knows rerun."""

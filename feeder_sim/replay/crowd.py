@@ -1,0 +1,222 @@
+"""Many parts in a replay: poses of all, nodal lines of the stage, parts flashing before they are picked, counts.
+
+Timelines: `sim_time`, and the numbers of `cycle` (0: before the first) and `stage` (over the whole run).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from feeder_sim.measures.picking import nearest_neighbours
+from feeder_sim.plate.drive import ModalTerms
+from feeder_sim.records.removals import Cause, Removals
+from feeder_sim.records.trajectory import Frames, PartRecord, PlateRecord, Recording
+from feeder_sim.replay.parts import NUT, drawn_part
+from feeder_sim.replay.plate import MM, TIMELINE, drawn_lines
+from feeder_sim.replay.wave import PERIOD_S, SLOW, log_wave
+from feeder_sim.scenario import Scenario
+from feeder_sim.scene.timetable import TimedStage, Timetable
+
+FLASH_S, FLASH_PERIOD_S = 0.4, 0.1  # before a pick
+OTHERS = (150, 150, 150, 140)
+FLASH = (40, 200, 60, 150)
+CLEARANCE = 0.01  # [m], of "isolated" where nothing is picked
+COUNTS = {"picked": (40, 160, 60), "lost": (190, 60, 60), "on_plate": (120, 120, 130), "isolated": (40, 90, 190)}
+
+
+def log_crowd(
+    stream: Any, recording: Recording, scenario: Scenario, times: Timetable, terms: ModalTerms, shown_seed: int
+) -> None:
+    """Put the parts of one seed, its stages and its counts into a stream."""
+    import rerun as rr
+
+    frames, removals = recording.records[shown_seed].frames, recording.records[shown_seed].removals
+    stages = times.stages
+    columns = _time_columns(frames, stages)
+    slowed = log_wave(stream, recording.plate, terms, stages, float(frames.time[-1]))
+    first = 0
+    for kind, part in enumerate(scenario.part):
+        members = list(range(first, first + part.count))
+        _log_kind(stream, kind, recording.parts[first], frames, members, columns)
+        for begin, moment in slowed:
+            row = frames.row_at(moment)
+            _log_kind(stream, kind, None, frames[slice(row, row + 1)], members, [rr.TimeColumn(SLOW, duration=[begin])])
+        first += part.count
+    _log_stages(stream, recording.plate, stages, float(frames.time[-1]))
+    _log_flashes(stream, frames, removals, recording.parts[0])
+    if scenario.goal is not None:
+        _log_way(stream, recording, shown_seed)
+    else:
+        _log_counts(stream, recording.plate, frames, removals, stages, columns)
+
+
+def _stage_numbers(time: NDArray[np.float64], stages: Sequence[TimedStage]) -> NDArray[np.int64]:
+    """Number of the stage that each time [s] falls into."""
+    ends = np.array([stage.end for stage in stages])
+    return np.minimum(np.searchsorted(ends, time - 1e-9), len(stages) - 1)
+
+
+def _time_columns(frames: Frames, stages: Sequence[TimedStage]) -> list[Any]:
+    import rerun as rr
+
+    number = _stage_numbers(frames.time, stages)
+    cycle = np.array([stage.cycle for stage in stages])[number]
+    return [
+        rr.TimeColumn(TIMELINE, duration=frames.time),
+        rr.TimeColumn("cycle", sequence=cycle),
+        rr.TimeColumn("stage", sequence=number),
+    ]
+
+
+def _log_kind(
+    stream: Any, kind: int, part: PartRecord | None, frames: Frames, members: list[int], times: list[Any]
+) -> None:
+    """All parts of a kind as instances of one mesh; those taken out shrink to nothing."""
+    import rerun as rr
+
+    if part is not None:
+        stream.log(f"parts/{kind}", drawn_part(part), static=True)
+    there = frames.present[:, members].astype(np.float32)
+    position = frames.position[:, members] * MM
+    poses = rr.InstancePoses3D.columns(
+        translations=position.reshape(-1, 3),
+        quaternions=frames.quaternion[:, members][..., [1, 2, 3, 0]].reshape(-1, 4),
+        scales=np.repeat(there.reshape(-1, 1), 3, axis=1),
+    )
+    stream.send_columns(f"parts/{kind}", indexes=times, columns=poses.partition(np.full(len(frames), len(members))))
+
+
+def _log_stages(stream: Any, plate: PlateRecord, stages: Sequence[TimedStage], last: float) -> None:
+    """Nodal lines and name of every stage from its begin on."""
+    import rerun as rr
+    from contourpy import contour_generator
+
+    traced = [
+        [np.asarray(line) for line in contour_generator(plate.x, plate.y, shape.T).lines(0.0) if len(line) > 1]
+        for shape in plate.mode_shape
+    ]
+    for number, stage in enumerate(stages):
+        if stage.start > last:
+            break
+        stream.set_time(TIMELINE, duration=stage.start)
+        stream.set_time("cycle", sequence=stage.cycle)
+        stream.set_time("stage", sequence=number)
+        lines = [line for i in stage.excitations for line in traced[plate.drives[i].shape]]
+        stream.log("plate/nodal_lines", drawn_lines(lines) if lines else rr.Clear(recursive=False))
+        text = f"cycle {stage.cycle}, {stage.name}" if stage.cycle else stage.name
+        stream.log("stage", rr.TextLog(text))
+    stream.reset_time()
+
+
+def _log_flashes(stream: Any, frames: Frames, removals: Removals, part: PartRecord) -> None:
+    """Blinking spheres around the parts that are about to be picked."""
+    import rerun as rr
+
+    picked, size = removals.cause == Cause.PICKED, 1.2 * MM * float(np.linalg.norm(part.vertices, axis=1).max())
+    for time in np.unique(removals.time[picked]):
+        parts = removals.part[picked & (removals.time == time)]
+        rows = np.flatnonzero((frames.time > time - FLASH_S) & (frames.time <= time + 1e-9))
+        for row in rows:
+            on = int((time - frames.time[row]) / (0.5 * FLASH_PERIOD_S)) % 2 == 0
+            stream.set_time(TIMELINE, duration=float(frames.time[row]))
+            centres = frames.position[row, parts] * MM if on else np.empty((0, 3))
+            stream.log("picked", rr.Points3D(centres, radii=size, colors=[FLASH]))
+        stream.set_time(TIMELINE, duration=float(time) + 0.5 * FLASH_PERIOD_S)
+        stream.log("picked", rr.Clear(recursive=False))
+    stream.reset_time()
+
+
+def _log_counts(
+    stream: Any,
+    plate: PlateRecord,
+    frames: Frames,
+    removals: Removals,
+    stages: Sequence[TimedStage],
+    times: list[Any],
+) -> None:
+    """Parts picked, lost, on the plate and isolated over time."""
+    import rerun as rr
+
+    clearances = [stage.clearance for stage in stages if stage.clearance is not None]
+    clearance = clearances[0] if clearances else CLEARANCE
+    taken = {
+        cause: np.searchsorted(np.sort(removals.time[removals.cause == cause]), frames.time, side="right")
+        for cause in Cause
+    }
+    on_plate = frames.on_plate(plate)
+    isolated = [
+        int((nearest_neighbours(position[parts, :2]) > clearance).sum())
+        for position, parts in zip(frames.position, on_plate, strict=True)
+    ]
+    values = {
+        "picked": taken[Cause.PICKED],
+        "lost": taken[Cause.LOST],
+        "on_plate": on_plate.sum(axis=1),
+        "isolated": np.array(isolated),
+    }
+    for name, colour in COUNTS.items():
+        style = rr.SeriesLines(colors=[colour], names=[name], widths=[2.0])
+        stream.log(f"counts/{name}", style, static=True)
+        stream.send_columns(
+            f"counts/{name}", indexes=times, columns=rr.Scalars.columns(scalars=values[name].astype(float))
+        )
+
+
+def _log_way(stream: Any, recording: Recording, shown_seed: int) -> None:
+    """Mean x of the parts over time: the shown seed, and all others."""
+    import rerun as rr
+
+    for seed, frames in enumerate(recording.seeds):
+        shown = seed == shown_seed
+        name = "counts/shown" if shown else f"counts/others/seed_{seed:03d}"
+        style = rr.SeriesLines(
+            colors=[NUT if shown else OTHERS], widths=[2.0 if shown else 1.0], names=[f"seed {seed}"]
+        )
+        stream.log(name, style, static=True)
+        place = rr.Scalars.columns(scalars=frames.position[..., 0].mean(axis=1) * MM)
+        stream.send_columns(name, indexes=[rr.TimeColumn(TIMELINE, duration=frames.time)], columns=place)
+
+
+def crowd_blueprint(recording: Recording, scenario: Scenario) -> Any:
+    """The plate from above and aslant, the counts and the stages beside it."""
+    import rerun.blueprint as rrb
+
+    plate = recording.plate
+    far = 1.05 * MM * max(plate.length, plate.width)
+    eye = rrb.EyeControls3D(
+        position=[0.0, -0.62 * far, 0.95 * far], look_target=[0.0, 0.0, 0.0], eye_up=[0.0, 0.0, 1.0]
+    )
+    scene = rrb.Spatial3DView(
+        origin="/",
+        contents=["+ /plate/**", "+ /parts/**", "+ /picked"],
+        name="Scene (mm), colour = displacement amplitude, lines = nodal lines of the stage",
+        eye_controls=eye,
+        line_grid=False,
+        background=[245, 245, 247],
+    )
+    title = "Parts picked, lost, on the plate, isolated"
+    if scenario.goal is not None:
+        title = f"x (mm): shown seed orange, others grey; the goal is {scenario.goal.x_mm:g}"
+    counts = rrb.TimeSeriesView(origin="/counts", name=title, plot_legend=rrb.PlotLegend(visible=scenario.goal is None))
+    wave_eye = rrb.EyeControls3D(position=[0.0, -far, 0.6 * far], look_target=[0.0, 0.0, 0.0], eye_up=[0.0, 0.0, 1.0])
+    wave = rrb.Spatial3DView(
+        origin="/wave",
+        name=f"Surface, magnified; timeline {SLOW}: one period in {PERIOD_S:g} s",
+        eye_controls=wave_eye,
+        line_grid=False,
+        background=[245, 245, 247],
+    )
+    return rrb.Blueprint(
+        rrb.Horizontal(
+            scene,
+            rrb.Vertical(counts, wave, rrb.TextLogView(origin="/stage", name="Stages"), row_shares=[2, 2, 1]),
+            column_shares=[3, 2],
+        ),
+        rrb.TimePanel(state="collapsed", timeline=TIMELINE, play_state="playing", loop_mode="all"),
+        rrb.BlueprintPanel(state="hidden"),
+        rrb.SelectionPanel(state="hidden"),
+    )

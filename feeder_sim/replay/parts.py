@@ -1,0 +1,27 @@
+"""Parts in a replay."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from feeder_sim.records.trajectory import PartRecord
+from feeder_sim.replay.plate import MM
+
+NUT = (214, 140, 30)
+
+
+def drawn_part(part: PartRecord) -> Any:
+    """The mesh of a part in millimetres; one normal per face, so that edges look sharp."""
+    import rerun as rr
+    import trimesh
+
+    mesh = trimesh.Trimesh(part.vertices * MM, part.faces, process=False)
+    flat = mesh.vertices[mesh.faces].reshape(-1, 3)
+    return rr.Mesh3D(
+        vertex_positions=flat,
+        triangle_indices=np.arange(len(flat)).reshape(-1, 3),
+        vertex_normals=np.repeat(mesh.face_normals, 3, axis=0),
+        albedo_factor=NUT,
+    )

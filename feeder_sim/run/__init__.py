@@ -1,0 +1,1 @@
+"""One seed, the ensemble, its guard, and the run folder."""

@@ -1,0 +1,22 @@
+"""Scenario -> everything that is decided before a run: scene, engine, cell, cautions."""
+
+from __future__ import annotations
+
+from feeder_sim.run.advice import cautions
+from feeder_sim.scenario import Scenario
+from feeder_sim.scenario.engine_choice import choose_engine
+from feeder_sim.scene.cell import check_stop_rule, transport_cell
+from feeder_sim.scene.prepared import Prepared
+from feeder_sim.scene.scene import build_scene
+
+
+def prepare(scenario: Scenario) -> Prepared:
+    """Resolve a scenario.
+
+    Raises:
+        InputError: the plate, a drive, a part or a start cannot be had, or the start does not suit the stop rule.
+    """
+    scene, engine = build_scene(scenario), choose_engine(scenario)
+    cell = transport_cell(scene)
+    check_stop_rule(scene, cell)
+    return Prepared(scene, engine, cell, tuple(cautions(scene, engine)))

@@ -1,0 +1,35 @@
+"""What a run's numbers depend on besides its scenario: libraries, the package's own sources, files it reads."""
+
+from __future__ import annotations
+
+import hashlib
+import importlib.metadata
+from pathlib import Path
+
+from feeder_sim import __version__
+from feeder_sim.machine_code import source_hash
+from feeder_sim.scenario import MeshPart, Rectangle, Scenario
+
+LIBRARIES = ("mujoco-core", "mujoco", "numpy", "scipy", "numba", "h5py")
+
+
+def library_versions() -> dict[str, str]:
+    """Versions of the libraries that decide the numbers, and of this package with a hash of its sources."""
+    versions = {"feeder_sim": f"{__version__}+{source_hash()}"}
+    for name in LIBRARIES:
+        try:
+            versions[name] = importlib.metadata.version(name)
+        except importlib.metadata.PackageNotFoundError:
+            continue
+    return versions
+
+
+def input_hashes(scenario: Scenario) -> dict[str, str]:
+    """SHA-256 of the files that a scenario reads, by its keys: the mode file and the meshes of parts."""
+    files: dict[str, Path] = {}
+    if isinstance(scenario.plate, Rectangle) and scenario.plate.mode_file is not None:
+        files["plate.mode_file"] = scenario.plate.mode_file
+    for i, part in enumerate(scenario.part):
+        if isinstance(part, MeshPart):
+            files[f"part[{i}].file"] = part.file
+    return {key: hashlib.sha256(file.read_bytes()).hexdigest() for key, file in files.items()}

@@ -1,0 +1,52 @@
+"""Where the blocks of a run go: the trajectory file, with checkpoints that match it."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from feeder_sim.errors import SimulationDiverged
+from feeder_sim.records.checkpoint import Checkpoint, CheckpointFolder
+from feeder_sim.records.last_states import LastStates, save_last_states
+from feeder_sim.records.trajectory import Record, Status, WallTime
+from feeder_sim.records.trajectory_file import TrajectoryWriter
+
+
+class RunRecorder:
+    """Puts blocks into the trajectory file of a run folder and keeps checkpoints.
+
+    Args:
+        folder: of the run.
+        writer: of its trajectory file.
+        wall_s_before: wall time [s] of the ensemble before it was interrupted.
+    """
+
+    def __init__(self, folder: Path, writer: TrajectoryWriter, *, wall_s_before: float = 0.0) -> None:
+        self._folder, self._checkpoints, self._writer = folder, CheckpointFolder(folder), writer
+        self._sizes: dict[int, NDArray[np.int64]] = {}
+        self._began = time.perf_counter() - wall_s_before
+
+    def append(self, seed_index: int, block: Record) -> None:
+        self._writer.append(seed_index, block)
+        added = np.array(block.sizes)
+        self._sizes[seed_index] = self._sizes.get(seed_index, np.zeros_like(added)) + added
+
+    def checkpoint(self, seed_index: int, state: dict[str, NDArray[np.float64]], wall_s: float) -> None:
+        self._writer.note_wall_time(seed_index, self._wall_time(wall_s))
+        self._checkpoints.save(seed_index, Checkpoint(tuple(self._sizes[seed_index].tolist()), state))
+
+    def keep_last(self, failure: SimulationDiverged, last: LastStates) -> str:
+        return save_last_states(self._folder, failure, last)
+
+    def finish(self, seed_index: int, status: Status, wall_s: float) -> None:
+        self._writer.note_wall_time(seed_index, self._wall_time(wall_s))
+        self._writer.finish(seed_index, status)
+
+    def recorded(self, seed_index: int) -> Record:
+        return self._writer.read_back(seed_index)
+
+    def _wall_time(self, of_seed: float) -> WallTime:
+        return WallTime(of_seed, time.perf_counter() - self._began)

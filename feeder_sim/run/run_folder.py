@@ -1,0 +1,236 @@
+"""One run on disk: resolved scenario, MJCF, trajectory, summary and replay in a folder of its own."""
+
+from __future__ import annotations
+
+import contextlib
+import itertools
+import json
+import threading
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from feeder_sim import __version__
+from feeder_sim.engines.mujoco.mjcf import build_mjcf
+from feeder_sim.errors import InputError
+from feeder_sim.records.checkpoint import CheckpointFolder
+from feeder_sim.records.trajectory import PartRecord, PlateRecord, Record, Status, WallTime
+from feeder_sim.records.trajectory_file import TRAJECTORY, TrajectoryWriter, recording_of
+from feeder_sim.replay.replay import REPLAY, build_replay, remove_replays
+from feeder_sim.run.prepare import prepare
+from feeder_sim.run.provenance import input_hashes, library_versions
+from feeder_sim.run.recorder import RunRecorder
+from feeder_sim.run.seed_run import Begun
+from feeder_sim.run.simulation import Result, check_starts, simulate
+from feeder_sim.scenario import Scenario, parse_scenario
+from feeder_sim.scene.prepared import Prepared
+from feeder_sim.scene.scene import Scene
+
+SUMMARY, RESOLVED, MJCF = "summary.json", "scenario.toml", "scene.xml"
+DISPLAY_POINTS = 121  # per axis of the plate: enough for the shortest wave of the catalogue, small enough to scrub
+MJCF_PARTS = 200  # that scene.xml is written for; it names every pair of parts, a hundred thousand of 500
+
+
+def record_run(
+    scenario: Scenario,
+    folder: str | Path,
+    *,
+    progress: Callable[[float], None] | None = None,
+    stop: threading.Event | None = None,
+    replay: bool = True,
+    notify: Callable[[str], None] | None = None,
+) -> Result:
+    """Simulate a scenario and write everything about it into `folder`.
+
+    Args:
+        scenario: what to run.
+        folder: made if missing; it must not hold a run already.
+        progress: as for `simulate`.
+        stop: as for `simulate`.
+        notify: as for `simulate`.
+        replay: also build the .rrd from the finished trajectory file.
+
+    Raises:
+        InputError: the scenario cannot be built (nothing is written), or the folder holds a run.
+    """
+    folder = Path(folder)
+    check_free(folder)
+    prepared = prepare(scenario)
+    check_starts(prepared.scene)
+    folder.mkdir(parents=True, exist_ok=True)
+    check_free(folder)
+    (folder / RESOLVED).write_text(scenario_toml(scenario), encoding="utf-8")
+    _write_mjcf(prepared.scene, folder / MJCF, notify)
+    return _run_into(folder, prepared, {}, progress=progress, stop=stop, replay=replay, notify=notify)
+
+
+def resume_run(
+    folder: str | Path,
+    *,
+    progress: Callable[[float], None] | None = None,
+    stop: threading.Event | None = None,
+    replay: bool = True,
+    notify: Callable[[str], None] | None = None,
+) -> Result:
+    """Go on with a run that was interrupted or killed, from its last checkpoints; arguments as for `record_run`.
+
+    The result is bit by bit what it would have been without the break, given the same libraries.
+
+    Raises:
+        InputError: there is no run in the folder, it has ended, it was made with other libraries, or it cannot be read.
+    """
+    folder = Path(folder)
+    recording = recording_of(folder)
+    if all(status != Status.UNFINISHED for status in recording.status) and (folder / SUMMARY).exists():
+        raise InputError("has ended, there is nothing to resume", file=folder, key="--resume")
+    _check_same(recording.libraries, library_versions(), folder, "was begun with another version of")
+    scenario = parse_scenario(recording.scenario_text, file=folder / RESOLVED)
+    prepared = prepare(scenario)
+    _check_same(recording.inputs, input_hashes(scenario), folder, "was begun with another content of")
+    checkpoints = CheckpointFolder(folder)
+    begun = {}
+    for index, (record, status, wall_time) in enumerate(
+        zip(recording.records, recording.status, recording.wall_times, strict=True)
+    ):
+        checkpoint = checkpoints.load(index)
+        if status in (Status.DONE, Status.LEFT_PLATE):
+            begun[index] = _begun(record, status, {}, wall_time)
+        elif checkpoint is not None and checkpoint.sizes[0] <= len(record.frames):
+            # What diverged does so again, and says why.
+            begun[index] = _begun(record.begin(checkpoint.sizes), Status.UNFINISHED, checkpoint.state, wall_time)
+    before = max((wall_time.ensemble for wall_time in recording.wall_times), default=0.0)
+    return _run_into(
+        folder, prepared, begun, wall_s_before=before, progress=progress, stop=stop, replay=replay, notify=notify
+    )
+
+
+def _check_same(then: dict[str, str], now: dict[str, str], folder: Path, said: str) -> None:
+    changed = sorted(key for key, _ in set(then.items()) ^ set(now.items()))
+    if changed:
+        raise InputError(f"{said} {changed[0]}, allowed is the same one", file=folder, key="--resume")
+
+
+def _begun(record: Record, status: Status, state: dict[str, NDArray[np.float64]], wall_time: WallTime) -> Begun:
+    return Begun(record.frames, record.impacts, record.removals, record.stops, status, state, wall_time.seed)
+
+
+def _run_into(
+    folder: Path,
+    prepared: Prepared,
+    begun: dict[int, Begun],
+    *,
+    progress: Callable[[float], None] | None,
+    stop: threading.Event | None,
+    replay: bool,
+    notify: Callable[[str], None] | None,
+    wall_s_before: float = 0.0,
+) -> Result:
+    """Simulate a scene into a folder; what has begun is copied into the new trajectory file first."""
+    scenario, new = prepared.scenario, folder / f"{TRAJECTORY}.new"
+    new.unlink(missing_ok=True)
+    writer = TrajectoryWriter(
+        new,
+        engine=prepared.engine.name,
+        seed=scenario.run.seed,
+        n_seeds=scenario.run.seeds,
+        scenario_text=scenario_toml(scenario),
+        libraries=library_versions(),
+        inputs=input_hashes(scenario),
+        plate=plate_record(prepared),
+        parts=[PartRecord(part.name, part.vertices, part.faces) for part in prepared.scene.parts],
+    )
+    recorder = RunRecorder(folder, writer, wall_s_before=wall_s_before)
+    try:
+        for index, seed in begun.items():
+            recorder.append(index, seed)
+            writer.note_wall_time(index, WallTime(seed.wall_s, wall_s_before))
+            if seed.status != Status.UNFINISHED:
+                writer.finish(index, seed.status)
+        new.replace(folder / TRAJECTORY)  # only now, when a kill leaves it readable and loses nothing
+        remove_replays(folder)  # built from the file that was here before
+        result = simulate(
+            prepared,
+            recorder=recorder,
+            progress=progress,
+            stop=stop,
+            notify=notify,
+            begun=begun,
+            wall_s_before=wall_s_before,
+        )
+    finally:
+        writer.close()
+    summary = result.summary() | {"version": __version__, "libraries": library_versions()}
+    (folder / SUMMARY).write_text(json.dumps(summary, indent=2) + "\n", encoding="utf-8")
+    if not result.interrupted:
+        CheckpointFolder(folder).clear()
+    if replay and len(result.seeds[0].frames):
+        build_replay(folder / TRAJECTORY, folder / REPLAY)
+    return result
+
+
+def check_free(folder: Path) -> None:
+    """Refuse a folder that already holds a run, or a path that is not a folder.
+
+    Raises:
+        InputError: as said.
+    """
+    if folder.exists() and not folder.is_dir():
+        raise InputError("is not a folder", file=folder, key="--out")
+    held = [name for name in (TRAJECTORY, REPLAY, SUMMARY, RESOLVED, MJCF) if (folder / name).exists()]
+    if held:
+        raise InputError(f"already holds a run ({held[0]}), allowed is a folder without one", file=folder, key="--out")
+
+
+def fresh_folder(stem: str, base: Path = Path("runs")) -> Path:
+    """Make and return the first of runs/STEM-001, runs/STEM-002, ... that does not exist."""
+    base.mkdir(parents=True, exist_ok=True)
+    for number in itertools.count(1):
+        folder = base / f"{stem}-{number:03d}"
+        with contextlib.suppress(FileExistsError):  # of a run that was started at the same moment
+            folder.mkdir()
+            return folder
+    raise AssertionError("unreachable")
+
+
+def scenario_toml(scenario: Scenario) -> str:
+    """The scenario with every default spelled out, as TOML that runs again."""
+    import tomli_w
+
+    return tomli_w.dumps(scenario.model_dump(mode="json", exclude_none=True))
+
+
+def mjcf_text(scene: Scene) -> str:
+    """The scene as readable MJCF (six digits); compiles by itself."""
+    spec = build_mjcf(scene)
+    spec.compile()
+    return str(spec.to_xml())
+
+
+def _write_mjcf(scene: Scene, path: Path, notify: Callable[[str], None] | None) -> None:
+    """Write the scene as MJCF, unless its parts make too many pairs."""
+    if len(scene.parts) <= MJCF_PARTS:
+        path.write_text(mjcf_text(scene), encoding="utf-8")
+    elif notify:
+        notify(f"{path.name} is left out: it is written for up to {MJCF_PARTS} parts, here are {len(scene.parts)}")
+
+
+def plate_record(prepared: Prepared) -> PlateRecord:
+    """What the trajectory file keeps of the plate, thinned for display."""
+    surface, cell = prepared.scene.surface, prepared.cell
+    x = np.linspace(surface.x[0], surface.x[-1], min(len(surface.x), DISPLAY_POINTS))
+    y = np.linspace(surface.y[0], surface.y[-1], min(len(surface.y), DISPLAY_POINTS))
+    points = np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1).reshape(-1, 2)
+    shapes = [surface.deflection(j, points).reshape(len(x), len(y)) for j in range(surface.n_shapes)]
+    return PlateRecord(
+        length=surface.length,
+        width=surface.width,
+        thickness=surface.thickness,
+        x=x,
+        y=y,
+        mode_shape=np.stack(shapes),
+        nodal_lines=cell.lines.lines if cell else (),
+        antinode=cell.antinode if cell else np.full(2, np.nan),
+        drives=prepared.scene.drives,
+    )

@@ -1,0 +1,312 @@
+"""The one time loop: an engine, what to record, a guard, picks, when a stage ends and when to stop."""
+
+from __future__ import annotations
+
+import math
+import threading
+import time
+from dataclasses import dataclass, field, fields
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from feeder_sim.engines.lookup import engine_class
+from feeder_sim.engines.protocol import Engine
+from feeder_sim.errors import SimulationDiverged
+from feeder_sim.measures.picking import pickable
+from feeder_sim.measures.stage_lines import StageLines, settled, stage_lines
+from feeder_sim.records.last_states import LastStates
+from feeder_sim.records.removals import Cause, Removals
+from feeder_sim.records.trajectory import Frames, Record, SeedRecord, Status
+from feeder_sim.run.guard import Guard
+from feeder_sim.run.history import History
+from feeder_sim.scene.cell import PASSAGE_TO
+from feeder_sim.scene.prepared import Prepared
+from feeder_sim.scene.scene import Scene
+
+BLOCK_STEPS = 500_000  # solver steps and parts between two looks at guard, stop rule and stop event, about
+LEAST_BLOCK = 20  # frames: shorter blocks would cost more to write than to compute
+LOOK_S = 0.1  # [s] between two looks whether the parts have settled
+CHECKPOINT_S = 5.0  # [s] of wall time between two checkpoints, at least
+
+
+class Recorder(Protocol):
+    """Where blocks go while a run is under way; called from several threads."""
+
+    def append(self, seed_index: int, block: Record) -> None: ...
+
+    def checkpoint(self, seed_index: int, state: dict[str, NDArray[np.float64]], wall_s: float) -> None:
+        """Keep what the run can go on from after everything appended so far, and the wall time spent on it."""
+        ...
+
+    def keep_last(self, failure: SimulationDiverged, last: LastStates) -> str:
+        """Keep the last states of the seed that diverged; returns the name of the file."""
+        ...
+
+    def finish(self, seed_index: int, status: Status, wall_s: float) -> None: ...
+
+    def recorded(self, seed_index: int) -> Record:
+        """Everything appended so far."""
+        ...
+
+
+@dataclass(frozen=True)
+class Begun(SeedRecord):
+    """What there is of a seed that is to be continued.
+
+    Attributes:
+        state: of the engine at the end of the record.
+        wall_s: wall time spent so far [s].
+    """
+
+    state: dict[str, NDArray[np.float64]]
+    wall_s: float
+
+
+@dataclass(frozen=True)
+class SeedResult(SeedRecord):
+    """One seed of an ensemble.
+
+    Attributes:
+        wall_s: wall time spent in its loop [s], that before a break included.
+        failure: why it diverged, None otherwise.
+        last: its last states if it diverged, None otherwise.
+    """
+
+    wall_s: float
+    failure: SimulationDiverged | None = None
+    last: LastStates | None = None
+
+
+@dataclass
+class Block:
+    """Frames under way: computed, then checked, then recorded.
+
+    Attributes:
+        frames: those that are valid.
+        computed: how many were computed.
+        state: of the engine before them.
+        removals: parts taken out in them.
+        failure: what is wrong with the frame after the last one, None for nothing.
+        status: of the seed after them.
+    """
+
+    frames: Frames
+    computed: int
+    state: dict[str, NDArray[np.float64]]
+    removals: list[Removals] = field(default_factory=list)
+    failure: SimulationDiverged | None = None
+    status: Status = Status.UNFINISHED
+
+
+class SeedRun:
+    """One seed on its way, block by block.
+
+    Args:
+        prepared: what is run.
+        index: number of the seed.
+        recorder: takes the blocks; without one they stay in memory.
+        begun: what there is already.
+        threads: that one seed may use.
+    """
+
+    def __init__(
+        self,
+        prepared: Prepared,
+        index: int,
+        *,
+        recorder: Recorder | None = None,
+        begun: Begun | None = None,
+        threads: int = 1,
+    ) -> None:
+        self._prepared, self._index, self._recorder = prepared, index, recorder
+        self._begun, self._threads = begun, threads
+        self._scene: Scene = prepared.scene  # with the times at which stages have ended so far
+        waits = [stage.until.for_s for stage in self._scene.times.stages if stage.until]
+        self._lines: StageLines | None = stage_lines(self._scene) if waits else None
+        self._history = History(max(waits, default=0.0), keep_all=recorder is None)
+        self._last: LastStates | None = None
+
+    def run(self, rng: np.random.Generator, done: NDArray[np.float64], stop: threading.Event) -> SeedResult:
+        """Advance until time is up, the stop rule holds, no part is left, or the state is not valid.
+
+        Args:
+            rng: draws the start.
+            done: fraction done, one entry per seed, for the progress bar.
+            stop: ends the run after the block under way.
+        """
+        begun, before = self._begun, self._begun.wall_s if self._begun else 0.0
+        if begun and begun.status != Status.UNFINISHED:
+            done[self._index] = 1.0
+            return SeedResult(**_fields(begun), status=begun.status, wall_s=before)
+        started = saved = time.perf_counter()
+        self._open(rng)
+        block: Block | None = None
+        while not stop.is_set() and (block is None or block.status == Status.UNFINISHED):
+            if self._history.n_frames >= self._scene.n_frames:
+                return self._close(Status.DONE, None, before + time.perf_counter() - started)
+            block = self._advance()
+            done[self._index] = self._history.n_frames / self._scene.n_frames
+            if self._recorder and time.perf_counter() - saved > CHECKPOINT_S:
+                self._save(before + time.perf_counter() - started)
+                saved = time.perf_counter()
+        done[self._index] = 1.0
+        status, failure = (block.status, block.failure) if block else (Status.UNFINISHED, None)
+        return self._close(status, failure, before + time.perf_counter() - started)
+
+    def _open(self, rng: np.random.Generator) -> None:
+        """Start the engine, at t = 0 or where the seed was left."""
+        engine: Engine = engine_class(self._prepared.engine)(self._scene, rng, threads=self._threads)
+        first = engine.current()
+        self._engine, self._guard = engine, Guard(self._prepared, first)
+        if self._begun is None or not len(self._begun.frames):
+            self._keep(History.first(first.as_stored()))
+            return
+        engine.restore(self._begun.state)
+        self._guard.remember(self._begun.frames)
+        self._history.append(self._begun)
+        self._follow_stops(self._begun.stops)
+
+    def _close(self, status: Status, failure: SimulationDiverged | None, wall_s: float) -> SeedResult:
+        """Record how it ended; returns everything."""
+        if self._recorder is None:
+            kept = _fields(self._history.record())
+            return SeedResult(**kept, status=status, wall_s=wall_s, failure=failure, last=self._last)
+        if status == Status.UNFINISHED:
+            self._save(wall_s)
+        if failure and self._last:
+            failure = failure.kept_in(self._recorder.keep_last(failure, self._last))
+        self._recorder.finish(self._index, status, wall_s)
+        record = self._recorder.recorded(self._index)
+        return SeedResult(**_fields(record), status=status, wall_s=wall_s, failure=failure, last=self._last)
+
+    def _save(self, wall_s: float) -> None:
+        if self._recorder:
+            self._recorder.checkpoint(self._index, self._engine.state(), wall_s)
+
+    def _advance(self) -> Block:
+        """One block, step by step."""
+        block = self._compute()
+        self._check(block)
+        self._take_lost(block)
+        self._take_picked(block)
+        self._judge(block)
+        self._record(block)
+        return block
+
+    def _compute(self) -> Block:
+        size, state = self._block_size(), self._engine.state()
+        return Block(self._engine.advance(size), size, state)
+
+    def _check(self, block: Block) -> None:
+        """Keep the frames before the first one that is not valid."""
+        valid, block.failure = self._guard.check(block.frames, self._index)
+        if block.failure:
+            self._last = LastStates.of(block.frames, valid, block.state, self._history.stops)
+        block.frames = block.frames[slice(valid)]
+
+    def _take_lost(self, block: Block) -> None:
+        """Take out what has reached the floor; it is gone from the frames after that."""
+        frames = block.frames
+        if not len(frames):
+            return
+        lost = self._guard.lost(frames)
+        parts = np.flatnonzero(lost.any(axis=0))
+        rows = lost[:, parts].argmax(axis=0)
+        for part, row in zip(parts, rows, strict=True):
+            frames.present[row + 1 :, part] = False
+        if len(parts):
+            self._engine.remove(parts)
+        for k in np.argsort(rows, kind="stable"):
+            block.removals.append(Removals.of(float(frames.time[rows[k]]), parts[k : k + 1], Cause.LOST))
+
+    def _take_picked(self, block: Block) -> None:
+        """Pick at the last frame of the block, if it is time to."""
+        last_frame = self._history.n_frames + block.computed - 1
+        clearance = pick_frames(self._scene).get(last_frame)
+        if block.failure or clearance is None:
+            return
+        last = block.frames[slice(-1, None)]
+        picked = pickable(last.position[0], last.on_plate(self._scene.surface)[0], clearance)
+        if len(picked):
+            self._engine.remove(picked)
+        block.removals.append(Removals.of(float(last.time[0]), picked, Cause.PICKED))
+
+    def _judge(self, block: Block) -> None:
+        """How the seed stands after the block."""
+        removals = Removals.joined([self._history.removals, *block.removals])
+        if block.failure:
+            block.status = Status.DIVERGED
+        elif len(removals) == len(self._scene.parts):
+            block.status = Status.LEFT_PLATE if (removals.cause == Cause.LOST).all() else Status.DONE
+        elif self._history.n_frames + len(block.frames) >= self._scene.n_frames or self._has_passed(block.frames):
+            block.status = Status.DONE
+
+    def _has_passed(self, frames: Frames) -> bool:
+        """Whether the part has reached the end of the measured way, where the run is to stop there."""
+        cell = self._prepared.cell
+        if self._prepared.scenario.run.stop != "passage" or cell is None or not len(frames):
+            return False
+        return bool((cell.way(frames) <= PASSAGE_TO).any())
+
+    def _record(self, block: Block) -> None:
+        """Record the block; the stage under way ends with it where its parts have settled."""
+        impacts = self._engine.take_impacts(end=block.status != Status.UNFINISHED)
+        if len(block.frames) < block.computed:
+            impacts = impacts[impacts.time <= (block.frames.time[-1] if len(block.frames) else 0.0)]
+        self._guard.remember(block.frames)
+        frames = block.frames.as_stored()
+        stops = self._stops_of_settled(frames) if block.status == Status.UNFINISHED else np.empty(0)
+        self._keep(Record(frames, impacts, Removals.joined(block.removals), stops))
+        self._follow_stops(stops)
+
+    def _keep(self, block: Record) -> None:
+        self._history.append(block)
+        if self._recorder and len(block.frames):
+            self._recorder.append(self._index, block)
+
+    def _stops_of_settled(self, frames: Frames) -> NDArray[np.float64]:
+        """If the stage under way is over because all parts have settled: when it and those before it stopped."""
+        now = float(frames.time[-1])
+        stages = self._scene.times.stages
+        under_way = ((i, s, s.until) for i, s in enumerate(stages) if s.until and s.start <= now < s.stop)
+        number, _, until = next(under_way, (0, None, None))
+        if self._lines is None or until is None:
+            return np.empty(0)
+        recent = self._history.recent(now - until.for_s, frames)
+        if not settled(self._scene, self._lines, number, recent):
+            return np.empty(0)
+        return np.array([*(stage.stop for stage in stages[len(self._history.stops) : number]), now])
+
+    def _follow_stops(self, stops: NDArray[np.float64]) -> None:
+        """Go on in a scene in which the drives of stages have stopped at these times, and the rest follow."""
+        if len(stops):
+            self._scene = self._scene.stopped(self._history.stops.tolist())
+            self._engine.redrive(self._scene)
+            self._guard.redrive(self._scene)
+
+    def _block_size(self) -> int:
+        """Frames of the next block; a pick or a look whether parts have settled is always at the end of one."""
+        scene, n_done = self._scene, self._history.n_frames
+        least = LEAST_BLOCK if len(scene.parts) > 1 else 2
+        longest = max(least, BLOCK_STEPS // (scene.steps_per_frame * len(scene.parts)))
+        ahead = [frame - n_done + 1 for frame in pick_frames(scene) if frame >= n_done]
+        if self._lines is not None:
+            look = max(1, round(LOOK_S / scene.frame_interval))
+            ahead.append(look - (n_done - 1) % look)
+        return min(self._engine.frames_per_block, longest, scene.n_frames - n_done, *ahead)
+
+
+def _fields(record: Record) -> dict[str, Any]:
+    return {entry.name: getattr(record, entry.name) for entry in fields(Record)}
+
+
+def pick_frames(scene: Scene) -> dict[int, float]:
+    """Frame and clearance [m] of every pick: the first frame at or after the end of its stage, or the last one."""
+    last = scene.n_frames - 1
+    return {
+        min(last, math.ceil(stage.end / scene.frame_interval - 1e-6)): stage.clearance
+        for stage in scene.times.stages
+        if stage.clearance is not None
+    }

@@ -1,0 +1,183 @@
+"""An ensemble: the seeds of a scenario in parallel threads, and what they add up to."""
+
+from __future__ import annotations
+
+import os
+import threading
+import time
+from collections.abc import Callable, Mapping
+from concurrent.futures import FIRST_COMPLETED, ThreadPoolExecutor, wait
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from feeder_sim.engines.lookup import engine_class
+from feeder_sim.errors import SimulationDiverged
+from feeder_sim.measures.catalogue import MEASURES
+from feeder_sim.measures.protocol import Measure, as_json
+from feeder_sim.records.trajectory import Frames, Status
+from feeder_sim.run.prepare import prepare
+from feeder_sim.run.seed_run import Begun, Recorder, SeedResult, SeedRun
+from feeder_sim.scenario import Scenario
+from feeder_sim.scene.prepared import Prepared
+from feeder_sim.scene.scene import Scene
+from feeder_sim.scene.start import start_poses
+
+COMPILING_S = 1.5
+COMPILING = "compiling the engine, which takes up to a minute; the result is kept for the next time"
+
+
+@dataclass(frozen=True)
+class Result:
+    """An ensemble.
+
+    Attributes:
+        prepared: what was simulated.
+        seeds: one result per seed, in order.
+        wall_s: elapsed wall time of the ensemble [s], that before a break included.
+    """
+
+    prepared: Prepared
+    seeds: tuple[SeedResult, ...]
+    wall_s: float
+
+    @property
+    def scene(self) -> Scene:
+        return self.prepared.scene
+
+    @property
+    def trajectories(self) -> list[Frames]:
+        """Recorded frames, one entry per seed."""
+        return [seed.frames for seed in self.seeds]
+
+    @property
+    def failures(self) -> list[SimulationDiverged]:
+        return [seed.failure for seed in self.seeds if seed.failure is not None]
+
+    @property
+    def interrupted(self) -> bool:
+        return any(seed.status == Status.UNFINISHED for seed in self.seeds)
+
+    @cached_property
+    def findings(self) -> tuple[tuple[Measure[Any], Any], ...]:
+        """Every measure that applies, with what it finds."""
+        applying = [measure for measure in MEASURES if measure.applies(self.prepared)]
+        return tuple((measure, measure.compute(self.prepared, self.seeds)) for measure in applying)
+
+    def measures(self) -> dict[str, Any]:
+        """What all measures find, by name, as JSON takes it; units in the names."""
+        return {name: value for _, found in self.findings for name, value in as_json(found).items()}
+
+    def lines(self) -> list[str]:
+        """What all measures find, in words."""
+        return [line for measure, found in self.findings for line in measure.lines(self.prepared, found)]
+
+    def summary(self) -> dict[str, Any]:
+        """Measures, cost and provenance as one JSON-ready dictionary."""
+        scenario = self.prepared.scenario
+        simulated = sum(float(seed.frames.time[-1]) for seed in self.seeds if len(seed.frames))
+        return {
+            "title": scenario.title,
+            "engine": self.prepared.engine.name,
+            "seed": scenario.run.seed,
+            "seeds": scenario.run.seeds,
+            **self.measures(),
+            "simulated_s": simulated,
+            "wall_s": self.wall_s,
+            "real_time_factor": simulated / self.wall_s if self.wall_s > 0 else None,
+            "wall_s_per_simulated_s_one_core": sum(s.wall_s for s in self.seeds) / simulated if simulated else None,
+            "timestep_s": self.scene.timestep,
+            "left_plate": sum(seed.status == Status.LEFT_PLATE for seed in self.seeds),
+            "interrupted": self.interrupted,
+            "cautions": list(self.prepared.cautions),
+            "failures": [str(failure) for failure in self.failures],
+        }
+
+
+def simulate(
+    scenario: Scenario | Prepared,
+    *,
+    recorder: Recorder | None = None,
+    progress: Callable[[float], None] | None = None,
+    stop: threading.Event | None = None,
+    workers: int | None = None,
+    notify: Callable[[str], None] | None = None,
+    begun: Mapping[int, Begun] | None = None,
+    wall_s_before: float = 0.0,
+) -> Result:
+    """Run every seed of a scenario; the result does not depend on the number of workers.
+
+    Args:
+        scenario: what to run.
+        recorder: takes every block as it is computed.
+        progress: called with the fraction done, from this thread, a few times a second.
+        stop: set it to end the run after the blocks under way.
+        workers: threads; the engines' inner loops run outside Python, so threads use all cores. Default: all cores.
+        notify: takes a line for the user, such as that the engine is being compiled.
+        begun: seeds, by their index, that go on from what there is of them.
+        wall_s_before: wall time [s] of the ensemble before it was interrupted.
+
+    Raises:
+        InputError: the scenario cannot be built, or its start does not suit its stop rule.
+    """
+    prepared = scenario if isinstance(scenario, Prepared) else prepare(scenario)
+    run = prepared.scenario.run
+    stop = stop or threading.Event()
+    generators = _generators(prepared.scene)
+    done = np.zeros(run.seeds)
+    _warm_up(prepared, notify)
+    started = time.perf_counter()
+    cores = workers or available_cores()
+    threads = max(1, cores // run.seeds)  # for one seed, where there are fewer seeds than cores
+
+    def run_seed(index: int) -> SeedResult:
+        left = begun.get(index) if begun else None
+        seed = SeedRun(prepared, index, recorder=recorder, begun=left, threads=threads)
+        return seed.run(generators[index], done, stop)
+
+    with ThreadPoolExecutor(cores) as pool:
+        pending = set(futures := [pool.submit(run_seed, index) for index in range(run.seeds)])
+        try:
+            while pending:
+                finished, pending = wait(pending, timeout=0.2, return_when=FIRST_COMPLETED)
+                for future in finished:
+                    future.result()  # an error ends the whole ensemble at once
+                if progress:
+                    progress(float(done.mean()))
+        except BaseException:
+            stop.set()
+            raise
+    results = tuple(future.result() for future in futures)
+    return Result(prepared, results, wall_s_before + time.perf_counter() - started)
+
+
+def check_starts(scene: Scene) -> None:
+    """Draw the starts of every seed, to refuse those that cannot be had before anything is written.
+
+    Raises:
+        InputError: there is no room for the parts.
+    """
+    for rng in _generators(scene):
+        start_poses(scene, rng)
+
+
+def _generators(scene: Scene) -> list[np.random.Generator]:
+    run = scene.scenario.run
+    return [np.random.default_rng(s) for s in np.random.SeedSequence(run.seed).spawn(run.seeds)]
+
+
+def available_cores() -> int:
+    """Cores this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def _warm_up(prepared: Prepared, notify: Callable[[str], None] | None) -> None:
+    """Import and compile the engine before the threads need it; say so when that takes long."""
+    note = threading.Timer(COMPILING_S, lambda: notify and notify(COMPILING))
+    note.start()
+    try:
+        engine_class(prepared.engine)(prepared.scene, np.random.default_rng(0)).advance(1)
+    finally:
+        note.cancel()

@@ -1,0 +1,54 @@
+"""Scenario files: TOML -> frozen, validated values. The only room that knows pydantic; keys carry their units."""
+
+from feeder_sim.scenario.part import Ball, Cylinder, Heap, HexNut, MeshPart, PartSpec, Scattered, Slide, Start, Tube
+from feeder_sim.scenario.plate import (
+    CustomMaterial,
+    Drive,
+    Excitation,
+    MeasuredResonance,
+    PistonPlate,
+    PlateBody,
+    PlateFile,
+    Rectangle,
+    Strip,
+    resolve_material,
+)
+from feeder_sim.scenario.run import Contact, MujocoSettings, Run
+from feeder_sim.scenario.scenario import Scenario, load_plate_file, load_scenario, parse_scenario, with_run
+from feeder_sim.scenario.schedule import Goal, Pick, Schedule, Settled, Stage
+
+__all__ = [
+    "Ball",
+    "Contact",
+    "CustomMaterial",
+    "Cylinder",
+    "Drive",
+    "Excitation",
+    "Goal",
+    "Heap",
+    "HexNut",
+    "MeasuredResonance",
+    "MeshPart",
+    "MujocoSettings",
+    "PartSpec",
+    "Pick",
+    "PistonPlate",
+    "PlateBody",
+    "PlateFile",
+    "Rectangle",
+    "Run",
+    "Scattered",
+    "Scenario",
+    "Schedule",
+    "Settled",
+    "Slide",
+    "Stage",
+    "Start",
+    "Strip",
+    "Tube",
+    "load_plate_file",
+    "load_scenario",
+    "parse_scenario",
+    "resolve_material",
+    "with_run",
+]

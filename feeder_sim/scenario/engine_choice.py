@@ -1,0 +1,113 @@
+"""What each engine covers, which one a scenario gets, and settings that are known to fail.
+
+There are three methods behind two names: `mujoco`, and under the name `impulse` the general one and `slide`, which
+finds every event of a part with one degree of freedom exactly.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Literal, NamedTuple
+
+from feeder_sim.scenario.part import Start
+from feeder_sim.scenario.run import MujocoSettings
+
+if TYPE_CHECKING:
+    from feeder_sim.scenario.scenario import Scenario
+
+# Fewer are biased, and with a weak surface unstable (`feeder-sim chart --only stability`).
+MIN_STEPS_PER_PERIOD = 20
+# A compliant contact (solref = "T zeta") shorter than this many steps is unstable.
+MIN_STEPS_PER_TIME_CONSTANT = 5.0
+
+EngineName = Literal["impulse", "mujoco"]
+Method = Literal["impulse", "slide", "mujoco"]
+
+
+class Choice(NamedTuple):
+    """An engine by name, how it computes the scenario, and why it is the one."""
+
+    name: EngineName
+    method: Method
+    reason: str
+
+
+def choose_engine(scenario: Scenario) -> Choice:
+    """The engine of a checked scenario: the one it asks for, else the fastest that covers it."""
+    guide = scenario.guide
+    method: Method = "slide" if guide is not None and guide.kind == "slide" else "impulse"
+    if scenario.run.engine == "mujoco":
+        return Choice("mujoco", "mujoco", "asked for")
+    if scenario.run.engine == "impulse":
+        return Choice("impulse", method, "asked for")
+    if scenario.contact.model == "compliant":
+        return Choice("mujoco", "mujoco", "a compliant contact needs its spring-dampers")
+    if method == "slide":
+        return Choice("impulse", "slide", "one degree of freedom, whose impacts it finds exactly")
+    return Choice("impulse", "impulse", "rigid contact, which it covers and is the fastest at")
+
+
+def uncovered(scenario: Scenario) -> Iterator[str]:
+    """What the engine of a scenario cannot do: key, value and what is allowed, one line each."""
+    run, contact = scenario.run, scenario.contact
+    if run.engine == "impulse" and contact.model == "compliant":
+        yield (
+            'run.engine is "impulse", allowed is "mujoco" with contact.model = "compliant": impulses have no stiffness'
+        )
+    in_mujoco = choose_engine(scenario).name == "mujoco"
+    changed = [name for name, value in scenario.mujoco if value != getattr(MujocoSettings(), name)]
+    if changed and scenario.guide is not None:
+        yield f"mujoco.{changed[0]} belongs to parts without a guide"
+    if changed and not in_mujoco:
+        yield f'run.engine is "{run.engine}", allowed is "mujoco" with mujoco.{changed[0]}'
+    guide = scenario.guide
+    if guide is not None and guide.kind == "tube" and guide.friction > 0.0 and in_mujoco:
+        yield (
+            f"part[0].guide.friction is {guide.friction:g}, allowed is 0 in MuJoCo: a part that slides along the wall "
+            "gains speed away from it in MuJoCo's convex friction cone"
+        )
+    if run.planar:
+        yield from _uncovered_in_plane(scenario, in_mujoco=in_mujoco)
+
+
+def _uncovered_in_plane(scenario: Scenario, *, in_mujoco: bool) -> Iterator[str]:
+    part = scenario.part[0]
+    if in_mujoco:
+        yield "run.planar is true, allowed is false in MuJoCo"
+    if scenario.plate.kind == "rectangle":
+        yield 'plate.kind is "rectangle", allowed is "strip" or "piston" with run.planar = true'
+    if scenario.n_parts > 1 or part.guide is not None or not isinstance(part.start, Start):
+        yield "run.planar is true, allowed is false for many parts and for a part in a guide"
+        return
+    low, high = part.start.yaw_deg
+    if low != high:
+        yield f"part[0].start.yaw_deg is [{low:g}, {high:g}], allowed is one angle with run.planar = true"
+    if part.start.position_mm[1] or part.start.velocity_mm_s[1]:
+        yield "part[0].start has a position or velocity along y, allowed is 0 with run.planar = true"
+
+
+def known_failures(scenario: Scenario) -> tuple[str, ...]:
+    """Settings that do not simulate what was asked for: key, value, what is allowed and why, one line each."""
+    run, contact, mujoco = scenario.run, scenario.contact, scenario.mujoco
+    failures = []
+    if run.steps_per_period < MIN_STEPS_PER_PERIOD:
+        failures.append(
+            f"run.steps_per_period is {run.steps_per_period}, allowed is at least {MIN_STEPS_PER_PERIOD}: the "
+            "plate would move by a third of its amplitude within a step, and speeds come out wrong"
+        )
+    if contact.time_constant_us is not None:
+        shortest = 1e6 / scenario.highest_frequency_hz
+        if contact.time_constant_us < MIN_STEPS_PER_TIME_CONSTANT * shortest / run.steps_per_period:
+            needed = int(-(-MIN_STEPS_PER_TIME_CONSTANT * shortest // contact.time_constant_us))
+            failures.append(
+                f"run.steps_per_period is {run.steps_per_period}, allowed is at least {needed} for "
+                f"contact.time_constant_us = {contact.time_constant_us:g}: a shorter contact throws parts"
+            )
+    elif mujoco.integrator == "discrete":
+        failures.append(
+            'mujoco.integrator is "discrete", allowed is "euler" or "implicitfast" with contact.model = '
+            '"restitution": it takes the rebound out'
+        )
+    if mujoco.plate == "mocap":
+        failures.append('mujoco.plate is "mocap", allowed is "patch": a mocap body has no velocity in contact')
+    return tuple(failures)

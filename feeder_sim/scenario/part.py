@@ -1,0 +1,143 @@
+"""Tables of a scenario that describe parts: shape and material, how many, where they start, what guides them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any, Literal, Self
+
+from pydantic import Discriminator, Field, Tag, model_validator
+
+from feeder_sim.scenario.plate import MaterialChoice
+from feeder_sim.scenario.tables import AngleRange, DropHeightRange, LengthMm, NonNegative, PointMm, Table, VelocityMmS
+
+MAX_PARTS = 5000
+# From the vertical; a guide is meant to stand on the plate.
+GuideTiltDeg = Annotated[float, Field(ge=0, le=60, strict=True)]
+
+
+class _Turned(Table):
+    drop_height_mm: DropHeightRange = (0.2, 0.5)
+    yaw_deg: AngleRange = (0.0, 360.0)
+    tilt_deg: AngleRange | None = None
+
+
+class Start(_Turned):
+    """Where one part is released: ranges are drawn per seed; its lowest point is at drop height over the resting plate.
+
+    `position_mm` of a part in a guide is where the guide's axis meets the plate. Without `tilt_deg` a free part starts
+    0 to 3 degrees off the vertical, a guided one along the axis of its guide.
+    """
+
+    kind: Literal["point"] = "point"
+    position_mm: PointMm = (0.0, 0.0)
+    velocity_mm_s: VelocityMmS = (0.0, 0.0, 0.0)
+
+
+class Scattered(_Turned):
+    """Parts dropped at random places of a rectangle without touching: the plate, or `size_mm` around `centre_mm`."""
+
+    kind: Literal["scattered"]
+    centre_mm: PointMm = (0.0, 0.0)
+    size_mm: tuple[LengthMm, LengthMm] | None = None
+
+
+class Heap(_Turned):
+    """Parts poured from a column of the given diameter, layer above layer, turned at random unless told otherwise."""
+
+    kind: Literal["heap"]
+    centre_mm: PointMm = (0.0, 0.0)
+    diameter_mm: LengthMm
+    tilt_deg: AngleRange | None = (0.0, 180.0)
+
+
+def _start_kind(value: Any) -> Any:
+    return value.get("kind", "point") if isinstance(value, dict) else getattr(value, "kind", None)
+
+
+StartSpec = Annotated[
+    Annotated[Start, Tag("point")] | Annotated[Scattered, Tag("scattered")] | Annotated[Heap, Tag("heap")],
+    Discriminator(_start_kind),
+]
+
+
+class Slide(Table):
+    """A guide without play: the part moves along its axis and does not turn; friction is with the part's own weight."""
+
+    kind: Literal["slide"]
+    tilt_deg: GuideTiltDeg = 0.0
+    friction: NonNegative = 0.0
+
+
+class Tube(Table):
+    """A round guide with play: the part moves freely in it and meets its wall; restitution of steel on acrylic."""
+
+    kind: Literal["tube"]
+    inner_diameter_mm: LengthMm
+    tilt_deg: GuideTiltDeg = 0.0
+    restitution: Annotated[float, Field(ge=0, le=1, strict=True)] = 0.4
+    friction: NonNegative = 0.0
+
+
+Guide = Annotated[Slide | Tube, Field(discriminator="kind")]
+
+
+class _Part(Table):
+    material: MaterialChoice = "steel"
+    count: Annotated[int, Field(ge=1, le=MAX_PARTS, strict=True)] = 1
+    start: StartSpec = Start()
+    guide: Guide | None = None
+
+    @model_validator(mode="after")
+    def _room_for_all(self) -> Self:
+        if self.count > 1 and isinstance(self.start, Start):
+            raise ValueError(f'start.kind is "point", allowed is "scattered" or "heap" with count = {self.count}')
+        if self.guide is not None and not isinstance(self.start, Start):
+            raise ValueError(f'start.kind is "{self.start.kind}", allowed is "point" for a part in a guide')
+        if self.guide is not None and isinstance(self.start, Start) and any(self.start.velocity_mm_s):
+            raise ValueError("start.velocity_mm_s is not 0, which a part in a guide is released with")
+        return self
+
+
+class HexNut(_Part):
+    """Hexagon nut, by metric size (ISO 4032) or by dimensions."""
+
+    shape: Literal["hex_nut"] = "hex_nut"
+    size: Literal["M2", "M2.5", "M3", "M4", "M5"] | None = None
+    across_flats_mm: LengthMm | None = None
+    height_mm: LengthMm | None = None
+    bore_mm: Annotated[float, Field(ge=0, le=1e5, strict=True)] | None = None
+
+    @model_validator(mode="after")
+    def _size_or_dimensions(self) -> Self:
+        given = [d is not None for d in (self.across_flats_mm, self.height_mm, self.bore_mm)]
+        if any(given) if self.size is not None else not all(given):
+            raise ValueError("give either size or all of across_flats_mm, height_mm, bore_mm")
+        if self.bore_mm is not None and self.across_flats_mm is not None and self.bore_mm >= self.across_flats_mm:
+            raise ValueError(f"bore_mm is {self.bore_mm}, allowed is less than across_flats_mm")
+        return self
+
+
+class Ball(_Part):
+    """Solid sphere."""
+
+    shape: Literal["ball"]
+    diameter_mm: LengthMm
+
+
+class Cylinder(_Part):
+    """Solid circular cylinder, axis upright at the start."""
+
+    shape: Literal["cylinder"]
+    diameter_mm: LengthMm
+    height_mm: LengthMm
+
+
+class MeshPart(_Part):
+    """A closed triangle mesh; contact is with its convex hull, mass and inertia are those of the solid."""
+
+    shape: Literal["mesh"]
+    file: Path
+    file_unit_mm: Annotated[float, Field(ge=1e-6, le=1e6, strict=True)] = 1.0
+
+
+PartSpec = Annotated[HexNut | Ball | Cylinder | MeshPart, Field(discriminator="shape")]

@@ -1,0 +1,152 @@
+"""Tables of a scenario and of a plate file that describe plates: material, shape, excitation, measured resonances."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Literal, Self
+
+from pydantic import AfterValidator, Discriminator, Field, Tag, model_validator
+
+from feeder_sim.plate.materials import MATERIALS, Material
+from feeder_sim.scenario.tables import AngleDeg, Flag, FrequencyHz, LengthMm, NonNegative, PointMm, Positive, Table
+
+
+class CustomMaterial(Table):
+    """A material that is not in the list."""
+
+    density_kg_m3: Annotated[float, Field(ge=1, le=1e5, strict=True)]
+    youngs_modulus_gpa: Annotated[float, Field(ge=1e-4, le=1e4, strict=True)]
+    poisson_ratio: Annotated[float, Field(ge=0, lt=0.5, strict=True)]
+
+
+def _known_material(value: str) -> str:
+    if value not in MATERIALS:
+        names = ", ".join(sorted(MATERIALS))
+        raise ValueError(f"allowed is one of {names}, or a table of density_kg_m3, youngs_modulus_gpa, poisson_ratio")
+    return value
+
+
+MaterialChoice = Annotated[
+    Annotated[str, AfterValidator(_known_material), Tag("name")] | Annotated[CustomMaterial, Tag("table")],
+    Discriminator(lambda value: "name" if isinstance(value, str) else "table"),
+]
+
+
+def resolve_material(choice: MaterialChoice) -> Material:
+    """Look a material up by name, or convert a custom one to SI."""
+    if isinstance(choice, str):
+        return MATERIALS[choice]
+    return Material(choice.density_kg_m3, choice.youngs_modulus_gpa * 1e9, choice.poisson_ratio)
+
+
+class Strip(Table):
+    """One-dimensional standing wave along x with the bending wavelength of the drive; antinode at x = 0."""
+
+    kind: Literal["strip"] = "strip"
+    thickness_mm: LengthMm
+    length_mm: LengthMm | None = None
+    width_mm: LengthMm = 60.0
+    material: MaterialChoice = "aluminium"
+
+
+class Rectangle(Table):
+    """A free rectangular plate: from a mode file, or computed from its dimensions.
+
+    A `rim` is a wall around it that no part gets over and that stands still.
+    """
+
+    kind: Literal["rectangle"]
+    mode_file: Path | None = None
+    length_mm: LengthMm | None = None
+    width_mm: LengthMm | None = None
+    thickness_mm: LengthMm | None = None
+    material: MaterialChoice | None = None
+    rim: Flag = False
+
+    @model_validator(mode="after")
+    def _file_or_dimensions(self) -> Self:
+        dimensions = {"length_mm": self.length_mm, "width_mm": self.width_mm, "thickness_mm": self.thickness_mm}
+        if self.mode_file is None:
+            missing = [name for name, value in dimensions.items() if value is None]
+            if missing:
+                raise ValueError(f"{missing[0]} is missing, allowed is a number above 0 (or give mode_file)")
+        elif any(value is not None for value in (*dimensions.values(), self.material)):
+            raise ValueError("mode_file already holds dimensions and material, give one or the other")
+        return self
+
+
+class PistonPlate(Table):
+    """A plate that moves up and down as one rigid body; `rim` as for `Rectangle`."""
+
+    kind: Literal["piston"]
+    thickness_mm: LengthMm = 3.0
+    length_mm: LengthMm = 180.0
+    width_mm: LengthMm = 180.0
+    rim: Flag = False
+
+
+Plate = Annotated[Strip | Rectangle | PistonPlate, Field(discriminator="kind")]
+
+
+class Excitation(Table):
+    """One mode driven at one frequency; see feeder_sim.plate.drive for the response in time.
+
+    The amplitude is the one reached at resonance, at `at_mm` or else at the highest antinode of the mode (of a free
+    rectangular plate usually a corner). A drive is at resonance unless
+    `natural_frequency_hz` says otherwise. `voltage_vpp` uses the gain measured on the plate (mode file).
+    """
+
+    frequency_hz: FrequencyHz
+    amplitude_um: NonNegative | None = None
+    voltage_vpp: NonNegative | None = None
+    at_mm: PointMm | None = None
+    mode: Annotated[int, Field(ge=1, strict=True)] | None = None
+    natural_frequency_hz: FrequencyHz | None = None
+    damping_ratio: Annotated[float, Field(ge=1e-6, lt=1, strict=True)] | None = None
+    ring_up: Flag = True
+    phase_deg: AngleDeg = 0.0
+
+    @model_validator(mode="after")
+    def _one_level(self) -> Self:
+        if (self.amplitude_um is None) == (self.voltage_vpp is None):
+            raise ValueError("exactly one of amplitude_um and voltage_vpp is needed")
+        if self.voltage_vpp is not None and self.at_mm is not None:
+            raise ValueError("at_mm belongs to amplitude_um; a voltage acts at the measured driven point")
+        return self
+
+
+class Drive(Excitation):
+    """An excitation that starts at a given time and lasts for a given time, or for good."""
+
+    start_s: NonNegative = 0.0
+    duration_s: Positive | None = None
+
+
+class PlateBody(Table):
+    """Dimensions and material of a rectangular plate, and how far its modes are wanted.
+
+    With `uniform_width` those alone that do not vary across the width: the bending of a strip.
+    """
+
+    length_mm: LengthMm
+    width_mm: LengthMm
+    thickness_mm: LengthMm
+    material: MaterialChoice = "aluminium"
+    highest_frequency_hz: FrequencyHz
+    uniform_width: Flag = False
+
+
+class MeasuredResonance(Table):
+    """A resonance measured on the plate; the amplitude is that at `driven_point_mm`, per volt peak to peak."""
+
+    frequency_hz: FrequencyHz
+    damping_ratio: Annotated[float, Field(ge=1e-6, lt=1, strict=True)] | None = None
+    amplitude_um_per_vpp: Positive | None = None
+    driven_point_mm: PointMm = (0.0, 0.0)
+
+
+class PlateFile(Table):
+    """A plate as `feeder-sim modes` reads it."""
+
+    plate: PlateBody
+    resonance: tuple[MeasuredResonance, ...] = ()

@@ -1,0 +1,152 @@
+"""Scenario files: TOML -> frozen, validated values. Keys carry their units; nothing here computes anything.
+
+A scenario is a plate, the drives that excite it or a schedule of them, the parts, their contact and how to run:
+
+    Scenario(plate=Strip(thickness_mm=3), drive=[Drive(frequency_hz=4750, amplitude_um=1)], part=[HexNut(size="M2.5")],
+             run=Run(duration_s=1))
+"""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Annotated, Any, Self
+
+from pydantic import Field, model_validator
+
+from feeder_sim.scenario.engine_choice import known_failures, uncovered
+from feeder_sim.scenario.part import MAX_PARTS, MeshPart, PartSpec, Slide, Tube
+from feeder_sim.scenario.plate import Drive, Excitation, Plate, PlateFile, Rectangle
+from feeder_sim.scenario.run import Contact, MujocoSettings, Run
+from feeder_sim.scenario.schedule import Goal, Schedule
+from feeder_sim.scenario.tables import Table, parse, read_text, validated
+
+
+class Scenario(Table):
+    """One experiment on one plate."""
+
+    title: str = ""
+    plate: Plate
+    drive: tuple[Drive, ...] = ()
+    schedule: Schedule | None = None
+    part: Annotated[tuple[PartSpec, ...], Field(min_length=1, max_length=100)]
+    contact: Contact = Contact()
+    mujoco: MujocoSettings = MujocoSettings()
+    goal: Goal | None = None
+    run: Run
+
+    @property
+    def n_parts(self) -> int:
+        """Parts in the scene."""
+        return sum(part.count for part in self.part)
+
+    @property
+    def guide(self) -> Slide | Tube | None:
+        """The guide of the one part of a guided scene."""
+        return self.part[0].guide
+
+    @property
+    def excitations(self) -> tuple[tuple[str, Excitation], ...]:
+        """Every excitation once, with its key in the file: the drives, or those of the schedule's stages."""
+        if self.schedule is None:
+            return tuple((f"drive[{i}]", drive) for i, drive in enumerate(self.drive))
+        return tuple(
+            (f"schedule.{group}[{i}].drive[{j}]", drive)
+            for group in ("prepare", "stage")
+            for i, stage in enumerate(getattr(self.schedule, group))
+            for j, drive in enumerate(stage.drive)
+        )
+
+    @property
+    def highest_frequency_hz(self) -> float:
+        """The fastest motion of the plate: forced at the drive frequency, ringing at the natural one."""
+        return max(max(d.frequency_hz, d.natural_frequency_hz or 0.0) for _, d in self.excitations)
+
+    @model_validator(mode="after")
+    def _drives_or_schedule(self) -> Self:
+        if (len(self.drive) == 0) == (self.schedule is None):
+            raise ValueError("exactly one of [[drive]] and [schedule] is needed")
+        if self.schedule is not None and not self.excitations:
+            raise ValueError("schedule.stage has no drive, allowed is at least one in all stages together")
+        if (self.run.duration_s is None) == (self.schedule is None):
+            said = "is missing, allowed is a number above 0" if self.schedule is None else "is that of the schedule"
+            raise ValueError(f"run.duration_s {said}")
+        stages = (*self.schedule.prepare, *self.schedule.stage) if self.schedule else ()
+        if self.plate.kind == "piston" and any(stage.until for stage in stages):
+            raise ValueError('plate.kind is "piston", which has no nodal lines that parts could settle on')
+        if self.goal is not None and self.schedule is None:
+            raise ValueError("goal belongs to a [schedule]")
+        if self.schedule is not None and self.run.stop != "time":
+            raise ValueError(f'run.stop is "{self.run.stop}", allowed is "time" with a schedule')
+        if self.n_parts > MAX_PARTS:
+            raise ValueError(f"part.count adds up to {self.n_parts}, allowed is up to {MAX_PARTS}")
+        if self.n_parts > 1 and self.run.stop != "time":
+            raise ValueError(f'run.stop is "{self.run.stop}", allowed is "time" with more than one part')
+        return self
+
+    @model_validator(mode="after")
+    def _guide_stands_on_a_piston(self) -> Self:
+        for i, part in enumerate(self.part):
+            if part.guide is None:
+                continue
+            if self.n_parts > 1:
+                raise ValueError(f"part[{i}].guide needs to be the only part, there are {self.n_parts}")
+            if self.plate.kind != "piston":
+                raise ValueError(f'plate.kind is "{self.plate.kind}", allowed is "piston" with part[{i}].guide')
+            tilt = math.radians(part.guide.tilt_deg)
+            if math.cos(tilt) <= part.guide.friction * math.sin(tilt):
+                most = 1.0 / math.tan(tilt)
+                raise ValueError(
+                    f"part[{i}].guide.friction is {part.guide.friction:g}, allowed is below {most:.3g} at tilt_deg = "
+                    f"{part.guide.tilt_deg:g}: the part would never come down"
+                )
+        return self
+
+    @model_validator(mode="after")
+    def _an_engine_covers_it(self) -> Self:
+        for problem in uncovered(self):
+            raise ValueError(problem)
+        if not self.run.allow_unstable:
+            for failure in known_failures(self):
+                raise ValueError(f"{failure}; run.allow_unstable = true runs it all the same")
+        return self
+
+
+def load_scenario(path: str | Path) -> Scenario:
+    """Read and check a scenario file; paths in it are relative to the file.
+
+    Raises:
+        InputError: unreadable file, TOML syntax, or any key or value that is not allowed.
+    """
+    path = Path(path)
+    return parse_scenario(read_text(path), file=path)
+
+
+def parse_scenario(text: str, *, file: Path) -> Scenario:
+    """Check the text of a scenario; `file` names it in messages and anchors relative paths."""
+    return _anchor_paths(parse(text, Scenario, file), file.resolve().parent)
+
+
+def with_run(scenario: Scenario, *, file: Path = Path("scenario"), **changes: Any) -> Scenario:
+    """The scenario with some values of its [run] table replaced, checked like the rest; `file` names it in messages.
+
+    Raises:
+        InputError: a value that is not allowed.
+    """
+    return validated(scenario.model_dump() | {"run": scenario.run.model_dump() | changes}, Scenario, file)
+
+
+def load_plate_file(path: Path) -> PlateFile:
+    """Read and check a plate file; errors as for `load_scenario`."""
+    return parse(read_text(path), PlateFile, path)
+
+
+def _anchor_paths(scenario: Scenario, folder: Path) -> Scenario:
+    """Make the file names in a scenario absolute."""
+    plate, parts = scenario.plate, list(scenario.part)
+    if isinstance(plate, Rectangle) and plate.mode_file is not None:
+        plate = plate.model_copy(update={"mode_file": folder / plate.mode_file})
+    for i, part in enumerate(parts):
+        if isinstance(part, MeshPart):
+            parts[i] = part.model_copy(update={"file": folder / part.file})
+    return scenario.model_copy(update={"plate": plate, "part": tuple(parts)})

@@ -1,0 +1,1 @@
+"""Scenario -> scene: everything an engine needs, in SI units."""

@@ -1,0 +1,185 @@
+"""Scenario -> scene: the moving surface, the parts, what happens when, and the time step; in SI units."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from feeder_sim.errors import InputError
+from feeder_sim.plate.drive import ModalDrive, modal_terms
+from feeder_sim.plate.surface import Surface
+from feeder_sim.scenario import Heap, PartSpec, Scattered, Scenario, Start, Tube
+from feeder_sim.scene.driven_plate import DrivenMode, assemble_plate
+from feeder_sim.scene.guide import Guide, build_guide
+from feeder_sim.scene.rigid_part import RigidPart, build_part, outline
+from feeder_sim.scene.timetable import TimedStage, Timetable, timed, timetable
+
+GRAVITY = 9.81  # [m/s^2]
+ROUND_OFF = 1e-9
+FREE_TILT, UPRIGHT = (0.0, 3.0), (0.0, 0.0)  # [deg] at the start, where the scenario does not say
+
+
+@dataclass(frozen=True)
+class Scene:
+    """Everything an engine needs, in SI units; the top of the resting plate is z = 0.
+
+    Attributes:
+        scenario: what it was made from.
+        surface: the moving surface.
+        driven: the driven modes, one per excitation of the scenario.
+        times: what happens when.
+        kinds: the rigid parts that differ, one per part table of the scenario.
+        kind_of: index into `kinds` of every part, shape (parts,).
+        parts: all rigid parts, in order of their tables.
+        guides: the guide of each part, None for a free one.
+        timestep: [s].
+        steps_per_frame: solver steps between two recorded frames.
+    """
+
+    scenario: Scenario
+    surface: Surface
+    driven: tuple[DrivenMode, ...]
+    times: Timetable
+    kinds: tuple[RigidPart, ...]
+    kind_of: NDArray[np.int64]
+    parts: tuple[RigidPart, ...]
+    guides: tuple[Guide | None, ...]
+    timestep: float
+    steps_per_frame: int
+
+    @property
+    def drives(self) -> tuple[ModalDrive, ...]:
+        """The modal drives, one per excitation of the scenario."""
+        return tuple(mode.drive for mode in self.driven)
+
+    def stopped(self, stops: Sequence[float]) -> Scene:
+        """The scene in which the drives of the first stages stop at these times [s]."""
+        times = timetable(self.scenario, stops)
+        terms = modal_terms(timed(self.drives, times))
+        return replace(self, times=times, surface=replace(self.surface, terms=terms))
+
+    def stages(self, stops: Sequence[float]) -> tuple[TimedStage, ...]:
+        """All stages as they are when the drives of the first ones stop at these times [s]."""
+        return timetable(self.scenario, stops).stages
+
+    @property
+    def frame_interval(self) -> float:
+        """Time between recorded frames [s]."""
+        return self.timestep * self.steps_per_frame
+
+    @property
+    def n_frames(self) -> int:
+        """Recorded frames of a full-length run, the first at t = 0."""
+        return 1 + math.floor(self.times.duration / self.frame_interval + 1e-9)
+
+    @property
+    def rim(self) -> bool:
+        """Whether a wall stands around the plate."""
+        return bool(getattr(self.scenario.plate, "rim", False))
+
+    @property
+    def n_steps(self) -> int:
+        """Solver steps of a full-length run."""
+        return (self.n_frames - 1) * self.steps_per_frame
+
+
+def build_scene(scenario: Scenario) -> Scene:
+    """Resolve a scenario.
+
+    Raises:
+        InputError: the plate, a drive, a part or a start cannot be had.
+    """
+    plate = assemble_plate(scenario)
+    kinds = tuple(build_part(spec, name=f"part_{i}") for i, spec in enumerate(scenario.part))
+    if scenario.run.planar:
+        kinds = (outline(kinds[0], math.radians(scenario.part[0].start.yaw_deg[0])),)
+    for i, (spec, kind) in enumerate(zip(scenario.part, kinds, strict=True)):
+        _check_on_plate(spec, kind, plate.surface, f"part[{i}].start")
+        _check_in_tube(spec, kind, i)
+    _check_goal(scenario, plate.surface)
+    run, times = scenario.run, timetable(scenario)
+    timestep = 1.0 / (scenario.highest_frequency_hz * run.steps_per_period)
+    kind_of = np.repeat(np.arange(len(kinds)), [spec.count for spec in scenario.part])
+    digits = len(str(len(kind_of) - 1))
+    guided = [
+        build_guide(s.guide, s.start.position_mm) if s.guide and s.start.kind == "point" else None
+        for s in scenario.part
+    ]
+    scene = Scene(
+        scenario=scenario,
+        surface=plate.surface,
+        driven=plate.driven,
+        times=times,
+        kinds=kinds,
+        kind_of=kind_of,
+        parts=tuple(replace(kinds[kind], name=f"part_{i:0{digits}d}") for i, kind in enumerate(kind_of)),
+        guides=tuple(guided[kind] for kind in kind_of),
+        timestep=timestep,
+        steps_per_frame=max(1, round(1.0 / (run.frames_per_second * timestep))),
+    )
+    _check_picks(scene)
+    if scene.n_frames < 2:
+        raise InputError(
+            f"is {times.duration:g}, allowed is at least one frame, {scene.frame_interval:g} s", key="run.duration_s"
+        )
+    return scene
+
+
+def _check_on_plate(spec: PartSpec, kind: RigidPart, surface: Surface, key: str) -> None:
+    """Refuse starts beside the plate."""
+    start, half = spec.start, (0.5e3 * surface.length, 0.5e3 * surface.width)
+    x, y = start.position_mm if isinstance(start, Start) else start.centre_mm
+    name = "position_mm" if isinstance(start, Start) else "centre_mm"
+    if abs(x) > half[0] or abs(y) > half[1]:
+        message = f"is [{x:g}, {y:g}], allowed is +-{half[0]:.1f}, +-{half[1]:.1f} (on the plate)"
+        raise InputError(message, key=f"{key}.{name}")
+    size = (0.0, 0.0)
+    if isinstance(start, Heap):
+        size, name = (start.diameter_mm, start.diameter_mm), "diameter_mm"
+    elif isinstance(start, Scattered) and start.size_mm is not None:
+        size, name = start.size_mm, "size_mm"
+    if abs(x) + 0.5 * size[0] > half[0] or abs(y) + 0.5 * size[1] > half[1]:
+        raise InputError(f"is {_plain(size)}, allowed is what lies on the plate around its centre", key=f"{key}.{name}")
+
+
+def _check_picks(scene: Scene) -> None:
+    """Refuse a pick with no frame left for it between the moment its parts have settled and the end of the pause."""
+    least = 2.0 * scene.frame_interval
+    for stage in scene.times.stages:
+        if stage.until and stage.clearance is not None and stage.end - stage.stop < least:
+            raise InputError(
+                f"is {stage.end - stage.stop:g}, allowed is at least two frames, {least:.2g} s, with until and pick",
+                key=f"schedule.{'stage' if stage.cycle else 'prepare'}[{stage.number}].pause_s",
+            )
+
+
+def _check_goal(scenario: Scenario, surface: Surface) -> None:
+    """Refuse a goal beside the plate."""
+    goal = scenario.goal
+    if goal is None:
+        return
+    for name, place, size in (("x_mm", goal.x_mm, surface.length), ("y_mm", goal.y_mm, surface.width)):
+        if abs(place or 0.0) > 0.5e3 * size:
+            raise InputError(f"is {place:g}, allowed is within +-{0.5e3 * size:g} (on the plate)", key=f"goal.{name}")
+
+
+def _plain(size: tuple[float, float]) -> str:
+    return f"{size[0]:g}" if size[0] == size[1] else f"[{size[0]:g}, {size[1]:g}]"
+
+
+def _check_in_tube(spec: PartSpec, part: RigidPart, i: int) -> None:
+    """Refuse a part that starts in the wall of its tube, or would if it were tilted another way."""
+    if not isinstance(spec.guide, Tube):
+        return
+    tilt = math.radians(max(abs(angle) for angle in spec.start.tilt_deg or UPRIGHT))
+    reach = np.hypot(*part.corners[:, :2].T) * math.cos(tilt) + np.abs(part.corners[:, 2]) * math.sin(tilt)
+    needed = 2e3 * float(reach.max() + part.corner_radius)
+    if needed > spec.guide.inner_diameter_mm * (1.0 + ROUND_OFF):
+        raise InputError(
+            f"is {spec.guide.inner_diameter_mm:g}, allowed is at least {needed:.4g}, which the part takes at its start",
+            key=f"part[{i}].guide.inner_diameter_mm",
+        )

@@ -1,0 +1,98 @@
+"""Drives or schedule of a scenario -> what happens when: stages, and the intervals in which each excitation acts."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+from feeder_sim.plate.drive import ModalDrive
+from feeder_sim.scenario import Scenario
+from feeder_sim.scenario.schedule import Settled, Stage
+
+
+@dataclass(frozen=True)
+class TimedStage:
+    """One stage of one cycle.
+
+    Attributes:
+        name: given in the scenario, else by number.
+        cycle: 0 for the stages before the first cycle.
+        number: of the stage in its cycle, from 0.
+        start, stop, end: begin, end of the drives, end of the pause [s].
+        excitations: indices into `Scenario.excitations`.
+        clearance: of the pick at the end [m], None without one.
+        until: what ends the drives before `stop`, None for nothing.
+    """
+
+    name: str
+    cycle: int
+    number: int
+    start: float
+    stop: float
+    end: float
+    excitations: tuple[int, ...]
+    clearance: float | None
+    until: Settled | None = None
+
+
+@dataclass(frozen=True)
+class Occurrence:
+    """An excitation, by its index, and when it acts [s]."""
+
+    excitation: int
+    start: float
+    stop: float
+
+
+@dataclass(frozen=True)
+class Timetable:
+    """All stages in order, all occurrences, and the duration of the whole [s]."""
+
+    stages: tuple[TimedStage, ...]
+    occurrences: tuple[Occurrence, ...]
+    duration: float
+
+
+def timetable(scenario: Scenario, stops: Sequence[float] = ()) -> Timetable:
+    """Lay out a scenario in time; drives without a schedule make one stage.
+
+    Args:
+        scenario: what happens.
+        stops: when the drives of the first stages did stop [s]; the others act for as long as the schedule says.
+    """
+    schedule = scenario.schedule
+    if schedule is None:
+        duration = scenario.run.duration_s
+        assert duration is not None  # the scenario's own check
+        stage = TimedStage("", 0, 0, 0.0, duration, duration, tuple(range(len(scenario.drive))), None, None)
+        stops = [d.start_s + d.duration_s if d.duration_s else math.inf for d in scenario.drive]
+        acting = [Occurrence(i, d.start_s, stop) for i, (d, stop) in enumerate(zip(scenario.drive, stops, strict=True))]
+        return Timetable((stage,), tuple(acting), duration)
+    stages: list[TimedStage] = []
+    _append(stages, schedule.prepare, 0, stops, first_excitation=0)
+    prepared = sum(len(stage.drive) for stage in schedule.prepare)
+    for cycle in range(1, schedule.cycles + 1):
+        _append(stages, schedule.stage, cycle, stops, first_excitation=prepared)
+    occurrences = tuple(Occurrence(i, stage.start, stage.stop) for stage in stages for i in stage.excitations)
+    return Timetable(tuple(stages), occurrences, stages[-1].end)
+
+
+def _append(
+    stages: list[TimedStage], group: tuple[Stage, ...], cycle: int, stops: Sequence[float], *, first_excitation: int
+) -> None:
+    """Put one pass through a group of stages after those there are."""
+    for number, stage in enumerate(group):
+        start = stages[-1].end if stages else 0.0
+        stop = float(stops[len(stages)]) if len(stages) < len(stops) else start + stage.duration_s
+        driven = tuple(range(first_excitation, first_excitation + len(stage.drive)))
+        first_excitation += len(stage.drive)
+        name = stage.name or f"{'prepare' if cycle == 0 else 'stage'} {number + 1}"
+        clearance = stage.pick.clearance_mm * 1e-3 if stage.pick else None
+        end = stop + stage.pause_s
+        stages.append(TimedStage(name, cycle, number, start, stop, end, driven, clearance, stage.until))
+
+
+def timed(drives: Sequence[ModalDrive], times: Timetable) -> list[ModalDrive]:
+    """The drives, one per excitation of the scenario, each as often as it acts and when."""
+    return [replace(drives[o.excitation], start=o.start, stop=o.stop) for o in times.occurrences]

@@ -1,0 +1,237 @@
+"""Cases of the chart: a scenario, the number to get right, and what is known about it.
+
+bouncing ball   free ball on a 50 Hz shaker, period one (Holmes 1982): the plate moves at w = g T/2 (1-e)/(1+e) when
+                it is hit, so that the ball rises to g T^2/8 + A sin(phi) with A omega cos(phi) = w
+flat drop       a nut landing flat leaves with e v and without spin
+sliding impact  a ball that slides throughout leaves with e v_n and v_t - mu (1+e) v_n
+drift           transport speed of a nut on a standing wave; reference: the finest run
+crowd           one cycle of gathering 20 nuts and throwing them apart: how many of them come to lie within 5 mm of
+                a nodal line; reference: the finest run
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from feeder_sim.measures.drift import transport_speed
+from feeder_sim.scene.prepared import Prepared
+from feeder_sim.scene.rigid_part import CORNER_RADIUS
+from feeder_sim.scene.scene import GRAVITY, Scene
+from feeder_sim.measures.separation import stage_reports
+from feeder_sim.measures.stage_lines import stage_lines
+from feeder_sim.records.trajectory import Record
+
+Raw = dict[str, Any]  # a scenario as it stands in a file, to be changed by methods
+
+RESTITUTION, FRICTION = 0.2, 0.3
+CONTACT = {"restitution": RESTITUTION, "friction": FRICTION}
+DROP_MM = 5.0
+APPROACH = math.sqrt(2.0 * GRAVITY * 1e-3 * DROP_MM)  # [m/s]
+DROP_S = 0.04  # falls for 32 ms, then flies for 13 ms
+SLIDE_MM_S = 1000.0
+BALL_HZ, BALL_UM, BALL_PERIODS, BALL_COUNTED = 50.0, 245.0, 150, 50
+PER_MS = 1000.0  # [Hz] of a plate at rest: steps per period are steps per millisecond
+CROWD = 20
+
+
+@dataclass(frozen=True)
+class Case:
+    """One number to get right.
+
+    Attributes:
+        name, title: for files and for pictures.
+        quantity: what the number is.
+        scenario: makes it, with default settings.
+        observe: the number from one seed; NaN where it cannot be had.
+        exact: what it should be; 0 for a number that is an error in percent, None where the finest run has to say.
+        seeds: of a fast method, of a slow one, of the reference; 0 for a case without chance.
+        quick_seeds: the same for the quick variant.
+    """
+
+    name: str
+    title: str
+    quantity: str
+    scenario: Callable[[], Raw]
+    observe: Callable[[Prepared, Record], float]
+    exact: float | None
+    seeds: tuple[int, int, int] = (0, 0, 0)
+    quick_seeds: tuple[int, int, int] = (0, 0, 0)
+
+    @property
+    def by_chance(self) -> bool:
+        """Whether seeds differ."""
+        return self.seeds[0] > 0
+
+
+def ball_height(frequency: float, amplitude: float, restitution: float) -> float:
+    """Rise [m] of a ball in period one over its place on the resting plate, for amplitude [m] and frequency [Hz]."""
+    period = 1.0 / frequency
+    plate = 0.5 * GRAVITY * period * (1.0 - restitution) / (1.0 + restitution)
+    cosine = plate / (2.0 * math.pi * frequency * amplitude)
+    return GRAVITY * period**2 / 8.0 + amplitude * math.sqrt(1.0 - cosine**2)
+
+
+def _ball() -> Raw:
+    start = {"drop_height_mm": 0.5, "tilt_deg": 0.0}
+    return {
+        "plate": {"kind": "piston"},
+        "drive": [{"frequency_hz": BALL_HZ, "amplitude_um": BALL_UM, "ring_up": False}],
+        "part": [{"shape": "ball", "diameter_mm": 3.0, "start": start}],
+        "contact": dict(CONTACT),
+        "run": {"duration_s": BALL_PERIODS / BALL_HZ, "seeds": 1, "frames_per_second": 2000.0},
+    }
+
+
+def _rise(prepared: Prepared, record: Record) -> float:
+    """Mean height of the last tops [mm]; flight is a parabola, so the highest frame says where its top is."""
+    frames = record.frames
+    height = frames.position[:, 0, 2] - prepared.scene.kinds[0].corner_radius
+    top = height + frames.velocity[:, 0, 2] ** 2 / (2.0 * GRAVITY)
+    period = np.floor(frames.time * BALL_HZ + 1e-9).astype(int)
+    last = range(BALL_PERIODS - BALL_COUNTED, BALL_PERIODS)
+    highest = [np.flatnonzero(period == k)[np.argmax(height[period == k])] for k in last]
+    return 1e3 * float(np.mean(top[highest]))
+
+
+def _at_rest(part: Raw, **start: Any) -> Raw:
+    place = {"drop_height_mm": DROP_MM, "tilt_deg": 0.0, "yaw_deg": 17.0} | start
+    return {
+        "plate": {"kind": "piston"},
+        "drive": [{"frequency_hz": PER_MS, "amplitude_um": 0.0}],
+        "part": [part | {"start": place}],
+        "contact": dict(CONTACT),
+        "run": {"duration_s": DROP_S, "seeds": 1, "frames_per_second": 5000.0},
+    }
+
+
+def _after_impact(scene: Scene, record: Record) -> tuple[float, int]:
+    """Speed [m/s] with which a part has left the plate at rest, and the first frame after that."""
+    frames = record.frames
+    rising = np.flatnonzero(frames.velocity[:, 0, 2] > 0.0)
+    if not len(rising):
+        return 0.0, int(np.argmin(frames.position[:, 0, 2]))
+    row = int(rising[0])
+    kind = scene.kinds[0]
+    resting = -kind.lowest(frames.quaternion[row, 0]) + (0.0 if kind.corner_radius else CORNER_RADIUS)
+    risen = max(float(frames.position[row, 0, 2]) - resting, 0.0)
+    return math.sqrt(float(frames.velocity[row, 0, 2]) ** 2 + 2.0 * GRAVITY * risen), row
+
+
+def _flat_drop(prepared: Prepared, record: Record) -> float:
+    """Error [%]: of the speed upwards and of that of the corners by spin, over e v."""
+    upward, row = _after_impact(prepared.scene, record)
+    spin = prepared.scene.kinds[0].size * float(np.linalg.norm(record.frames.angular_velocity[row, 0]))
+    return 100.0 * math.hypot(upward - RESTITUTION * APPROACH, spin) / (RESTITUTION * APPROACH)
+
+
+def _sliding_impact(prepared: Prepared, record: Record) -> float:
+    """Error [%] of both components of the velocity after the impact, over the approach."""
+    upward, row = _after_impact(prepared.scene, record)
+    along = float(record.frames.velocity[row, 0, 0])
+    expected = 1e-3 * SLIDE_MM_S - FRICTION * (1.0 + RESTITUTION) * APPROACH
+    return 100.0 * math.hypot(upward - RESTITUTION * APPROACH, along - expected) / APPROACH
+
+
+def strip(frequency: float, amplitude_um: float, x_mm: float) -> Raw:
+    """A nut near the antinode of a standing wave of a 3 mm strip, as in the drift scenarios."""
+    start = {"position_mm": [x_mm, 0.0], "drop_height_mm": [0.2, 0.5], "tilt_deg": [0.0, 3.0]}
+    return {
+        "plate": {"kind": "strip", "thickness_mm": 3.0},
+        "drive": [{"frequency_hz": frequency, "amplitude_um": amplitude_um, "damping_ratio": 0.002}],
+        "part": [{"shape": "hex_nut", "size": "M2.5", "start": start}],
+        "contact": dict(CONTACT),
+        "run": {"duration_s": 60.0, "stop": "passage"},
+    }
+
+
+def speed(prepared: Prepared, record: Record) -> float:
+    """Transport speed [mm/s]; NaN if the part has not come to the end of the way."""
+    assert prepared.cell is not None
+    return 1e3 * transport_speed(record.frames, prepared.cell)
+
+
+def _crowd() -> Raw:
+    gather = {"name": "gather", "drive": [{"frequency_hz": 2646.0, "amplitude_um": 20.0}], "duration_s": 0.6}
+    throw = {"name": "throw", "drive": [{"frequency_hz": 2797.0, "amplitude_um": 20.0}], "duration_s": 0.1}
+    return {
+        "plate": {"kind": "rectangle", "length_mm": 180.0, "width_mm": 180.0, "thickness_mm": 3.0},
+        "schedule": {"stage": [gather, throw | {"pause_s": 0.2, "pick": {"clearance_mm": 10.0}}]},
+        "part": [
+            {
+                "shape": "hex_nut",
+                "size": "M2.5",
+                "count": CROWD,
+                "start": {"kind": "scattered", "size_mm": [90.0, 90.0], "tilt_deg": [0.0, 3.0]},
+            }
+        ],
+        "contact": CONTACT | {"part_restitution": RESTITUTION, "part_friction": FRICTION},
+        "run": {"frames_per_second": 200.0},
+    }
+
+
+def _gathered(prepared: Prepared, record: Record) -> float:
+    """Nuts near a nodal line at the end of the gathering; those picked in the end scatter twice as much."""
+    return float(stage_reports(prepared.scene, stage_lines(prepared.scene), record)[0].on_nodal_line)
+
+
+CASES = (
+    Case(
+        "bouncing_ball",
+        "Bouncing ball, 50 Hz",
+        "height of period one (mm)",
+        _ball,
+        _rise,
+        1e3 * ball_height(BALL_HZ, 1e-6 * BALL_UM, RESTITUTION),
+    ),
+    Case(
+        "flat_drop",
+        "Flat drop of a nut",
+        "error of the velocity (%)",
+        lambda: _at_rest({"shape": "hex_nut", "size": "M2.5"}),
+        _flat_drop,
+        0.0,
+    ),
+    Case(
+        "sliding_impact",
+        "Sliding impact of a ball",
+        "error of the velocity (%)",
+        lambda: _at_rest({"shape": "ball", "diameter_mm": 3.0}, velocity_mm_s=[SLIDE_MM_S, 0.0, 0.0]),
+        _sliding_impact,
+        0.0,
+    ),
+    Case(
+        "drift_4750",
+        "Drift at 4750 Hz",
+        "transport speed (mm/s)",
+        lambda: strip(4750.0, 1.0, 1.95),
+        speed,
+        None,
+        (48, 4, 96),
+        (8, 1, 16),
+    ),
+    Case(
+        "drift_8775",
+        "Drift at 8775 Hz",
+        "transport speed (mm/s)",
+        lambda: strip(8775.0, 1.0, 1.43),
+        speed,
+        None,
+        (128, 12, 256),
+        (16, 2, 32),
+    ),
+    Case(
+        "crowd_20",
+        "One cycle of 20 nuts",
+        "nuts on nodal lines when gathered",
+        _crowd,
+        _gathered,
+        None,
+        (16, 4, 32),
+        (2, 1, 4),
+    ),
+)

@@ -1,0 +1,259 @@
+"""Points of the chart: what a method gives for a case, at what cost, and which of them nothing else beats."""
+
+from __future__ import annotations
+
+import csv
+import math
+import time
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from feeder_sim.studies.chart.cases import Case
+from feeder_sim.studies.chart.data_files import write_rows
+from feeder_sim.studies.chart.methods import DEFAULT_STEPS, METHODS, Method
+from feeder_sim.engines.lookup import engine_class
+from feeder_sim.errors import InputError
+from feeder_sim.records.impacts import Impacts
+from feeder_sim.measures.statistic import Statistic
+from feeder_sim.records.removals import Removals
+from feeder_sim.scenario import Scenario
+from feeder_sim.run.prepare import prepare
+from feeder_sim.run.simulation import simulate
+from feeder_sim.scenario.tables import validated
+from feeder_sim.records.trajectory import Record, Status
+
+ENOUGH_TO_FAIL = 2  # seeds of a method that is known to fail
+REPEAT_S = 0.5  # for which a case without chance is repeated; the shortest run counts
+ALIKE = 1.25  # costs within this factor cannot be told apart on a shared machine
+ENOUGH_PERCENT = 0.1  # errors below this are as good as none
+FINEST = 160  # steps per period of a reference
+QUICK_FINEST = 80
+LARGEST_PERCENT = 100.0  # what is off by more has nothing to do with the case
+
+
+@dataclass(frozen=True)
+class Point:
+    """One method at one setting on one case.
+
+    Attributes:
+        case, method, setting: which; setting as in `Method.settings`.
+        value, se, n: the number, its standard error over the seeds, and how many; NaN where there is none.
+        reference, reference_se: what it should be.
+        wall_s_per_simulated_s: on one core.
+        failure: why it does not count; empty if it does.
+        details: what else there is to know about the settings.
+    """
+
+    case: str
+    method: str
+    setting: int
+    value: float
+    se: float
+    n: int
+    reference: float
+    reference_se: float
+    wall_s_per_simulated_s: float
+    failure: str = ""
+    details: str = ""
+
+    @property
+    def error_percent(self) -> float:
+        """Deviation from the reference, or its standard error where that is larger; an error in percent as it is."""
+        if self.reference == 0.0:
+            return max(abs(self.value), ENOUGH_PERCENT)
+        return max(100.0 * abs(self.value / self.reference - 1.0), self.error_se_percent, ENOUGH_PERCENT)
+
+    @property
+    def error_se_percent(self) -> float:
+        """Standard error of the deviation [%]."""
+        if self.reference == 0.0:
+            return 0.0
+        both = (0.0 if math.isnan(se) else se for se in (self.se, self.reference_se))
+        return 100.0 * math.hypot(*both) / abs(self.reference)
+
+    @property
+    def valid(self) -> bool:
+        return not self.failure
+
+
+def front(points: Iterable[Point]) -> list[Point]:
+    """Valid points of one case that no other beats.
+
+    One beats another that is dearer by more than a factor of `ALIKE` and no more accurate; and one that costs alike
+    and is less accurate by more than two standard errors.
+    """
+    valid = [point for point in points if point.valid]
+    return sorted((p for p in valid if not any(_beats(q, p) for q in valid)), key=lambda p: p.wall_s_per_simulated_s)
+
+
+def _beats(q: Point, p: Point) -> bool:
+    cheaper = q.wall_s_per_simulated_s * ALIKE < p.wall_s_per_simulated_s
+    as_cheap = q.wall_s_per_simulated_s < p.wall_s_per_simulated_s * ALIKE
+    noise = 2.0 * math.hypot(q.error_se_percent, p.error_se_percent)
+    return (cheaper and q.error_percent <= p.error_percent) or (as_cheap and q.error_percent + noise < p.error_percent)
+
+
+def is_default(point: Point) -> bool:
+    """Whether the package computes the case like this unless told otherwise."""
+    default = "one degree of freedom" if point.case == "bouncing_ball" else "impulses"
+    return point.method == default and point.setting == DEFAULT_STEPS
+
+
+def fastest_within(points: Iterable[Point], percent: float) -> Point | None:
+    """The cheapest valid point with an error of so many percent at most; the most accurate of those as cheap."""
+    near = [point for point in points if point.valid and point.error_percent <= percent]
+    least = min((point.wall_s_per_simulated_s for point in near), default=0.0)
+    as_cheap = [point for point in near if point.wall_s_per_simulated_s <= ALIKE * least]
+    return min(as_cheap, key=lambda point: point.error_percent, default=None)
+
+
+def reference_of(case: Case, *, quick: bool) -> tuple[float, float]:
+    """What the number of a case should be, and its standard error: closed form, or the finest run of the impulses."""
+    if case.exact is not None:
+        return case.exact, 0.0
+    finest, seeds = (QUICK_FINEST, case.quick_seeds[2]) if quick else (FINEST, case.seeds[2])
+    found = _ensemble(case, METHODS[0], finest, seeds)
+    if found.failure:
+        raise InputError(f"its reference failed: {found.failure}", key=case.name)
+    return found.value, found.se
+
+
+def measure(case: Case, method: Method, setting: int, reference: tuple[float, float], *, quick: bool) -> Point:
+    """Run a case by a method."""
+    if case.by_chance:
+        seeds = (case.quick_seeds if quick else case.seeds)[int(method.slow)]
+        point = _ensemble(case, method, setting, min(seeds, ENOUGH_TO_FAIL) if method.fails else seeds)
+    else:
+        point = _once(case, method, setting)
+    details = f"setting: {method.sweep}" + (f"; known to fail, {method.fails}" if method.fails else "")
+    point = replace(point, reference=reference[0], reference_se=reference[1], details=details)
+    if point.valid and not point.error_percent < LARGEST_PERCENT:
+        instead = f" instead of {reference[0]:.3g}" if reference[0] else ""
+        point = replace(point, failure=f"{case.quantity} {point.value:.3g}{instead}")
+    return point
+
+
+def measure_all(
+    cases: Sequence[Case], methods: Sequence[Method], *, quick: bool, note: Callable[[str], None] = lambda _: None
+) -> list[Point]:
+    """Every method on every case it is for; the first run of each engine is not timed, it compiles."""
+    points = []
+    for case in cases:
+        reference = reference_of(case, quick=quick)
+        for method in methods:
+            for setting in method.settings_for(case, quick=quick):
+                points.append(measure(case, method, setting, reference, quick=quick))
+                note(_line(points[-1]))
+    return points
+
+
+def _line(p: Point) -> str:
+    found = p.failure or f"{p.value:.4g}, error {p.error_percent:.2g} %"
+    return f"{p.case}: {p.method}, {p.setting}: {found}; {p.wall_s_per_simulated_s:.3g} s/s"
+
+
+def scenario_of(case: Case, method: Method, setting: int, seeds: int = 1) -> Scenario:
+    """The scenario that a method makes of a case."""
+    raw = case.scenario()
+    raw["run"]["seeds"] = seeds
+    return validated(method.apply(raw, setting), Scenario, Path(case.name))
+
+
+def _once(case: Case, method: Method, setting: int) -> Point:
+    """A case without chance: the engine alone, without recording, the shortest of a few runs."""
+    prepared = prepare(scenario_of(case, method, setting))
+    scene, engine_of = prepared.scene, engine_class(prepared.engine)
+    engine_of(scene, np.random.default_rng(0)).advance(1)  # compiled
+    times: list[float] = []
+    while not times or sum(times) < REPEAT_S:
+        engine = engine_of(scene, np.random.default_rng(0))
+        started = time.perf_counter()
+        frames = engine.advance(scene.n_frames - 1)
+        times.append(time.perf_counter() - started)
+    finite = bool(np.isfinite(frames.position).all())
+    value = case.observe(prepared, Record(frames, Impacts.none(), Removals.none(), np.empty(0))) if finite else math.nan
+    cost = min(times) / float(frames.time[-1])
+    failure = "" if finite else "its state is not finite"
+    return Point(case.name, method.name, setting, value, math.nan, 1, 0.0, 0.0, cost, failure)
+
+
+def _ensemble(case: Case, method: Method, setting: int, seeds: int) -> Point:
+    """A case of chance: mean and standard error over seeds that all have to come to their end."""
+    result = simulate(scenario_of(case, method, setting, seeds))
+    simulated = sum(float(seed.frames.time[-1]) for seed in result.seeds)
+    cost = sum(seed.wall_s for seed in result.seeds) / simulated
+    values = [case.observe(result.prepared, seed) for seed in result.seeds if seed.status == Status.DONE]
+    found = Statistic.of(values)
+    failure = ""
+    if result.failures:
+        failure = f"{len(result.failures)} of {seeds} seeds: {result.failures[0].cause}"
+    elif found.n < seeds:
+        failure = f"{seeds - found.n} of {seeds} seeds did not get there"
+    return Point(case.name, method.name, setting, found.mean, found.se, found.n, 0.0, 0.0, cost, failure)
+
+
+def write_points(points: Sequence[Point], folder: Path) -> None:
+    """Write points as CSV and as JSON, with their errors, and whether they are on the front and the default."""
+    on_front = {id(p) for case in {p.case for p in points} for p in front(q for q in points if q.case == case)}
+    rows = [
+        asdict(p)
+        | {
+            "error_percent": p.error_percent,
+            "error_se_percent": p.error_se_percent,
+            "on_front": id(p) in on_front,
+            "default": is_default(p),
+        }
+        for p in points
+    ]
+    write_rows(rows, folder, "methods")
+
+
+PEER_COLUMNS = ("case", "method", "setting", "value", "se", "n", "wall_s_per_simulated_s", "failure", "details")
+
+
+def read_peers(path: Path, references: dict[str, tuple[float, float]]) -> list[Point]:
+    """Read points of other simulators: CSV with `PEER_COLUMNS`; cases that are not in the chart are left out.
+
+    Raises:
+        InputError: a file that cannot be read, a missing column, a value that is no number.
+    """
+    points = []
+    try:
+        with path.open(newline="", encoding="utf-8") as file:
+            reader = csv.DictReader(file)
+            missing = [name for name in PEER_COLUMNS if name not in (reader.fieldnames or [])]
+            if missing:
+                raise InputError(f"has no column {missing[0]!r}, allowed is {', '.join(PEER_COLUMNS)}", file=path)
+            for row in reader:
+                if row["case"] in references:
+                    points.append(_peer(row, references[row["case"]], path))
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputError(f"cannot be read: {error}", file=path, key="--peers") from error
+    return points
+
+
+def _peer(row: dict[str, str], reference: tuple[float, float], path: Path) -> Point:
+    try:
+        number = {
+            name: float(row[name]) if row[name] else math.nan for name in ("value", "se", "wall_s_per_simulated_s")
+        }
+        setting, n = int(row["setting"]), int(row["n"] or 0)
+    except (TypeError, ValueError) as error:
+        raise InputError(f"{row['case']}, {row['method']}: {error}", file=path) from error
+    failure = row["failure"] or ("" if math.isfinite(number["value"]) else "gave no number")
+    return Point(
+        case=row["case"],
+        method=row["method"],
+        setting=setting,
+        value=number["value"],
+        se=number["se"],
+        n=n,
+        reference=reference[0],
+        reference_se=reference[1],
+        wall_s_per_simulated_s=number["wall_s_per_simulated_s"],
+        failure=failure,
+        details=row["details"],
+    )

@@ -1,0 +1,251 @@
+"""Where methods fail: maps over two settings whose cells are stable, biased, exploding or tunnelling.
+
+The nut starts half way between antinode and node of a standing wave, and its mean velocity over a short time is
+compared with that of the impulses at the finest step. A cell is
+
+    tunnelling  the guard stopped the run because a centre or a corner lay too deep below the surface
+    exploding   the guard stopped the run for its energy, or the nut rose many times as high as it should
+    biased      its velocity is off by more than `BIAS`, and by more than two standard errors
+    unclear     nothing of this, but the standard error is larger than `BIAS`
+    stable      nothing of this
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass
+from enum import StrEnum
+from pathlib import Path
+
+from feeder_sim.errors import Divergence
+from feeder_sim.studies.chart.cases import CONTACT, Raw, strip
+from feeder_sim.studies.chart.data_files import write_rows
+from feeder_sim.studies.chart.methods import Change, compliant, mujoco, steps
+from feeder_sim.studies.chart.points import FINEST
+from feeder_sim.measures.statistic import Statistic
+from feeder_sim.scenario import Scenario
+from feeder_sim.run.simulation import Result, simulate
+from feeder_sim.scenario.tables import validated
+
+BIAS = 0.15
+HIGH = 5.0  # times the rise it should have, and at least
+LEAST_RISE_MM = 2.0
+STILL_MM_S = 0.05  # drift slower than this is none: the nut hardly hops
+DURATION_S = 0.5
+SEEDS, MUJOCO_SEEDS, QUICK_SEEDS = 48, 6, 2
+FAST, SLOW = 8775.0, 4750.0  # [Hz]
+HALF_WAY_MM = {SLOW: 9.7, FAST: 7.2}
+
+
+class State(StrEnum):
+    """What a cell is; the worst comes last."""
+
+    STABLE = "stable"
+    UNCLEAR = "unclear"
+    BIASED = "biased"
+    EXPLODING = "exploding"
+    TUNNELLING = "tunnelling"
+
+
+@dataclass(frozen=True)
+class Axis:
+    """One setting of a map."""
+
+    label: str
+    values: tuple[float, ...]
+    quick: tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class StabilityMap:
+    """A map: what is computed at each pair of settings, and what it is compared with.
+
+    Attributes:
+        name, title: for files and for the picture.
+        x, y: the axes.
+        scenario: of a cell, from its x and y.
+        reference: the scenario it is compared with, None where only falling through matters.
+    """
+
+    name: str
+    title: str
+    x: Axis
+    y: Axis
+    scenario: Callable[[float, float], Raw]
+    reference: Callable[[float, float], Raw] | None
+
+
+@dataclass(frozen=True)
+class Cell:
+    """One cell: its settings, its state, and the relative deviation of its drift with standard error (NaN: none)."""
+
+    map: str
+    x: float
+    y: float
+    state: State
+    deviation: float
+    se: float
+    why: str
+
+
+def half_way(frequency: float, amplitude_um: float = 1.0, **contact: float) -> Raw:
+    """A nut half way between antinode and node, on a wave that has rung up."""
+    raw = strip(frequency, amplitude_um, 1.0)
+    # The quarter of a bending wave is as long as 1 / sqrt(frequency).
+    raw["part"][0]["start"]["position_mm"] = [HALF_WAY_MM[SLOW] * math.sqrt(SLOW / frequency), 0.0]
+    raw["drive"][0] |= {"ring_up": False}
+    raw["contact"] |= contact
+    raw["run"] = {"duration_s": DURATION_S, "allow_unstable": True}
+    return raw
+
+
+def made_by(change: Change, setting: float, raw: Raw) -> Raw:
+    """A scenario computed by a method at a setting."""
+    change(raw, int(setting))
+    return raw
+
+
+def _finest(raw: Raw) -> Raw:
+    return made_by(steps, FINEST, raw)
+
+
+def falling(speed: float, change: Change, steps_per_ms: int) -> Raw:
+    """A nut that meets a plate of 3 mm at rest with a speed [m/s]."""
+    start = {"drop_height_mm": 0.1, "tilt_deg": 0.0, "velocity_mm_s": [0.0, 0.0, -1e3 * speed]}
+    raw: Raw = {
+        "plate": {"kind": "piston"},
+        "drive": [{"frequency_hz": 1000.0, "amplitude_um": 0.0}],
+        "part": [{"shape": "hex_nut", "size": "M2.5", "start": start}],
+        "contact": dict(CONTACT),
+        "run": {"duration_s": 0.1, "allow_unstable": True, "frames_per_second": 1000.0},
+    }
+    return made_by(change, steps_per_ms, raw)
+
+
+def _soft(time_constant_ms: float) -> Change:
+    def change(raw: Raw, setting: int) -> None:
+        mujoco()(raw, setting)
+        raw["contact"] |= {"model": "compliant", "time_constant_us": 1e3 * time_constant_ms}
+
+    return change
+
+
+STEPS = Axis("steps per period", (5, 10, 20, 40, 80), (10, 40))
+RESTITUTION = Axis("restitution", (0.0, 0.1, 0.2, 0.4, 0.6), (0.2, 0.4))
+FREQUENCY = Axis("frequency (Hz)", (2000, 4750, 8775, 12000), (4750,))
+AMPLITUDE = Axis("amplitude (um)", (0.3, 1, 3, 10), (1, 10))
+SPEED = Axis("speed of the impact (m/s)", (0.1, 0.3, 1, 3, 10), (1, 10))
+MAPS = (
+    StabilityMap(
+        "compliant",
+        "MuJoCo, compliant contact, 8775 Hz",
+        STEPS,
+        Axis("time constant (steps)", (1, 2, 5, 10, 20), (1, 5)),
+        lambda x, y: made_by(compliant(int(y), refsafe=False), x, half_way(FAST)),
+        lambda x, y: _finest(half_way(FAST)),
+    ),
+    StabilityMap(
+        "mujoco",
+        "MuJoCo, 8775 Hz",
+        STEPS,
+        RESTITUTION,
+        lambda x, y: made_by(mujoco(), x, half_way(FAST, restitution=y)),
+        lambda x, y: _finest(half_way(FAST, restitution=y)),
+    ),
+    StabilityMap(
+        "impulses",
+        "impulses, 8775 Hz",
+        STEPS,
+        RESTITUTION,
+        lambda x, y: made_by(steps, x, half_way(FAST, restitution=y)),
+        lambda x, y: _finest(half_way(FAST, restitution=y)),
+    ),
+    StabilityMap(
+        "mujoco_drive",
+        "MuJoCo, 40 steps per period",
+        FREQUENCY,
+        AMPLITUDE,
+        lambda x, y: made_by(mujoco(), 40, half_way(x, y)),
+        lambda x, y: _finest(half_way(x, y)),
+    ),
+    StabilityMap(
+        "impulses_drive",
+        "impulses, 40 steps per period",
+        FREQUENCY,
+        AMPLITUDE,
+        lambda x, y: made_by(steps, 40, half_way(x, y)),
+        lambda x, y: _finest(half_way(x, y)),
+    ),
+    StabilityMap(
+        "falling",
+        "MuJoCo, compliant contact with a plate of 3 mm",
+        SPEED,
+        Axis("time constant (ms)", (0.1, 0.3, 1, 3, 10), (0.3, 10)),
+        lambda x, y: falling(x, _soft(y), max(20, math.ceil(20.0 / y))),
+        None,
+    ),
+)
+
+
+def classify(result: Result, reference: Result | None) -> tuple[State, Statistic, str]:
+    """State of a cell, the deviation of its drift from the reference in parts of it, and why."""
+    none = Statistic(math.nan, math.nan, math.nan, 0)
+    for failure in result.failures:
+        fell_through = failure.divergence in (Divergence.THROUGH_PLATE, Divergence.TOO_DEEP)
+        return State.TUNNELLING if fell_through else State.EXPLODING, none, failure.cause
+    if reference is None:
+        return State.STABLE, none, ""
+    rise, right = (r.measures()["highest_rise_mm"]["mean"] for r in (result, reference))
+    if rise > max(HIGH * right, LEAST_RISE_MM):
+        return State.EXPLODING, none, f"rises {rise:.3g} mm instead of {right:.3g} mm"
+    found, expected = (r.measures()["drift_velocity_x_mm_s"] for r in (result, reference))
+    if abs(expected["mean"]) < STILL_MM_S:
+        coarse = max(found["se"] or 0.0, expected["se"] or 0.0)
+        if coarse > STILL_MM_S:
+            return State.UNCLEAR, none, f"drift known to {coarse:.2g} mm/s only"
+        still = abs(found["mean"]) < 2.0 * STILL_MM_S
+        why = f"drifts at {found['mean']:.2f} mm/s, should not"
+        return (State.STABLE, none, "") if still else (State.BIASED, none, why)
+    deviation = found["mean"] / expected["mean"] - 1.0
+    se = math.hypot(found["se"] or 0.0, expected["se"] or 0.0) / abs(expected["mean"])
+    found_deviation = Statistic(deviation, math.nan, se, found["n"])
+    if abs(deviation) > max(BIAS, 2.0 * se):
+        return State.BIASED, found_deviation, f"drift off by {100.0 * deviation:+.0f} %"
+    if se > BIAS:
+        return State.UNCLEAR, found_deviation, f"drift known to {100.0 * se:.0f} % only"
+    return State.STABLE, found_deviation, ""
+
+
+def fill(
+    maps: Sequence[StabilityMap] = MAPS, *, quick: bool, note: Callable[[str], None] = lambda _: None
+) -> list[Cell]:
+    """Compute every cell of the maps."""
+    cells: list[Cell] = []
+    known: dict[str, Result] = {}
+    for chart in maps:
+        for y in chart.y.quick if quick else chart.y.values:
+            for x in chart.x.quick if quick else chart.x.values:
+                reference = None
+                if chart.reference is not None:
+                    raw = chart.reference(x, y)
+                    key = repr(raw)
+                    known[key] = reference = known.get(key) or _run(raw, QUICK_SEEDS if quick else SEEDS)
+                raw = chart.scenario(x, y)
+                slow = raw["run"]["engine"] == "mujoco"
+                seeds = QUICK_SEEDS if quick or reference is None else MUJOCO_SEEDS if slow else SEEDS
+                result = _run(raw, seeds)
+                state, deviation, why = classify(result, reference)
+                cells.append(Cell(chart.name, x, y, state, deviation.mean, deviation.se, why))
+                note(f"{chart.title}, {chart.x.label} {x:g}, {chart.y.label} {y:g}: {state} {why}")
+    return cells
+
+
+def _run(raw: Raw, seeds: int) -> Result:
+    raw["run"]["seeds"] = seeds
+    return simulate(validated(raw, Scenario, Path("stability")))
+
+
+def write_cells(cells: Sequence[Cell], folder: Path) -> None:
+    """Write the maps as CSV and as JSON."""
+    write_rows([asdict(cell) for cell in cells], folder, "stability")

@@ -1,0 +1,53 @@
+"""Plates of one length and other widths: how well modes of each carry a part along a line."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+from feeder_sim.errors import InputError
+from feeder_sim.plate.modes import RectangularPlate, plate_modes
+from feeder_sim.plate.sequences import Route, Search, find_routes, nodes_on_line
+from feeder_sim.scenario import PlateFile, resolve_material
+
+
+@dataclass(frozen=True)
+class RatioRoutes:
+    """The best sequences of every length on a plate whose length is `ratio` times its width; none where none does."""
+
+    ratio: float
+    routes: tuple[Route, ...]
+
+
+def compare_ratios(
+    file: PlateFile, ratios: Sequence[float], *, start: float, end: float, y: float, search: Search
+) -> Iterator[RatioRoutes]:
+    """Search plates of the file's length and material, one after the other.
+
+    Args:
+        file: the plate.
+        ratios: of length over width.
+        start: of the way along x [m].
+        end: of the way [m].
+        y: of the line [m].
+        search: what a sequence has to keep to.
+
+    Raises:
+        InputError: the line is not on a plate, or modes of one are not resolved.
+    """
+    body = file.plate
+    if body.uniform_width:
+        raise InputError("says that modes do not vary with the width", key="plate.uniform_width")
+    length = 1e-3 * body.length_mm
+    for name, place in (("from", start), ("to", end)):
+        if abs(place) >= 0.5 * length:
+            raise InputError(f"is {1e3 * place:g}, allowed is within +-{500.0 * length:g} mm", key=f"--{name}")
+    for ratio in ratios:
+        plate = RectangularPlate(length, length / ratio, 1e-3 * body.thickness_mm, resolve_material(body.material))
+        if abs(y) >= 0.5 * plate.width:
+            raise InputError(f"is {1e3 * y:g}, beside the plate of ratio {ratio:g}", key="--y")
+        try:
+            modes = plate_modes(plate, highest_frequency=body.highest_frequency_hz)
+        except ValueError as error:
+            raise InputError(f"at {ratio:g}: {error}", key="--ratios") from error
+        yield RatioRoutes(ratio, tuple(find_routes(nodes_on_line(modes, y=y), start, end, search)))
