@@ -7,17 +7,41 @@ from collections.abc import Iterable
 from enum import Enum
 from pathlib import Path
 
+LONGEST_VALUE = 80  # characters of a value, or of a key, in a message
+LONGEST_MESSAGE = 500  # characters: a few lines of a terminal
+
+
+def printable(text: str) -> str:
+    """One line of text without anything that a terminal acts on: control characters, marks that turn the direction."""
+    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in " ".join(text.split()))
+
+
+def shortened(text: str, longest: int = LONGEST_VALUE) -> str:
+    """Text of at most so many characters; what is too much is left out of its middle."""
+    if len(text) <= longest:
+        return text
+    tail = longest // 3
+    return f"{text[: longest - tail - 3]}...{text[-tail:]}"
+
+
+def quoted(value: object) -> str:
+    """A value as a message shows it, whatever it is."""
+    try:
+        return shortened(repr(value))
+    except (ValueError, RecursionError):  # a whole number of too many digits, lists in lists in lists
+        return f"a value that is too long to show ({type(value).__name__})"
+
 
 class FeederSimError(Exception):
     """Base of every error the package raises on purpose; `exit_code` is what the command line returns.
 
-    Whatever a file or a library puts into the message, it stays one line.
+    Whatever a file or a library puts into the message, it stays one line that a terminal shows and does not act on.
     """
 
     exit_code = 1
 
     def __init__(self, message: str) -> None:
-        super().__init__(" ".join(message.split()))
+        super().__init__(shortened(printable(message), LONGEST_MESSAGE))
 
 
 class InputError(FeederSimError):
@@ -27,7 +51,8 @@ class InputError(FeederSimError):
 
     def __init__(self, problem: str, *, file: str | Path | None = None, key: str | None = None) -> None:
         self.problem, self.file, self.key = problem, file, key
-        where = ": ".join(str(part) for part in (file, key) if part is not None)
+        named = key if key is None else shortened(key)
+        where = ": ".join(str(part) for part in (file, named) if part is not None)
         super().__init__(f"{where}: {problem}" if where else problem)
 
 
@@ -73,7 +98,13 @@ class SimulationDiverged(FeederSimError):
 
 
 class RecordingFailed(FeederSimError):
-    """The trajectory file cannot be written any further; its blocks so far are on disk."""
+    """A file of results cannot be written, as when the disk is full; what was on disk before is kept."""
+
+    @staticmethod
+    def to(path: Path, error: BaseException) -> RecordingFailed:
+        """The failure to write a file, with its cause."""
+        cause = getattr(error, "strerror", None) or error
+        return RecordingFailed(f"{path}: cannot be written, is the disk full? ({cause})")
 
 
 def nearest(name: str, allowed: Iterable[str]) -> str:

@@ -12,7 +12,7 @@ from typing import Annotated, Any, TypeVar, get_args, get_origin
 
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
 
-from feeder_sim.errors import InputError, nearest
+from feeder_sim.errors import InputError, nearest, quoted, shortened
 
 # Wide enough for any plate and part, narrow enough that no formula over- or underflows.
 Positive = Annotated[float, Field(gt=0, le=1e9, allow_inf_nan=False, strict=True)]
@@ -52,6 +52,9 @@ class Table(BaseModel):
 
 T = TypeVar("T", bound=Table)
 
+DEEPEST = 20  # tables and lists in each other; scenarios need five
+LARGEST_WHOLE = 10**300  # nothing that is checked here reaches it, and it can still be shown
+
 
 def read_text(path: Path) -> str:
     """Read a text file.
@@ -75,8 +78,12 @@ def parse(text: str, table: type[T], file: Path) -> T:
     """
     try:
         raw = tomllib.loads(text)
-    except (ValueError, RecursionError) as error:  # TOMLDecodeError, absurd integers, absurd nesting
+    except tomllib.TOMLDecodeError as error:
         raise InputError(f"not valid TOML: {error}", file=file) from error
+    except ValueError as error:  # Python reads no more digits than it can write
+        raise InputError("holds a whole number of thousands of digits, allowed are 300", file=file) from error
+    except RecursionError as error:
+        raise InputError(f"holds lists or tables nested too deep, allowed are {DEEPEST} levels", file=file) from error
     return validated(raw, table, file)
 
 
@@ -86,17 +93,34 @@ def validated(raw: dict[str, Any], table: type[T], file: Path) -> T:
     Raises:
         InputError: any key or value that is not allowed.
     """
+    _refuse_absurd(raw, file)
     try:
         return table.model_validate(raw)
     except ValidationError as error:
         raise _first_error(error, table, file) from None
 
 
+def _refuse_absurd(raw: dict[str, Any], file: Path) -> None:
+    """Refuse what neither pydantic nor a message could deal with: deep nesting, whole numbers of too many digits."""
+    stack: list[tuple[str, int, Any]] = [("", 0, raw)]
+    while stack:
+        key, depth, value = stack.pop()
+        if depth > DEEPEST:
+            raise InputError(f"is nested too deep, allowed are {DEEPEST} levels", file=file, key=key)
+        if isinstance(value, dict):
+            stack += [(f"{key}.{name}" if key else str(name), depth + 1, entry) for name, entry in value.items()]
+        elif isinstance(value, list | tuple):
+            stack += [(f"{key}[{i}]", depth + 1, entry) for i, entry in enumerate(value)]
+        elif isinstance(value, int) and abs(value) > LARGEST_WHOLE:
+            raise InputError("is a whole number of more than 300 digits, allowed are fewer", file=file, key=key)
+
+
 def _first_error(error: ValidationError, root: type[BaseModel], file: Path) -> InputError:
     """One line for the first thing wrong, and how many more there are."""
     details = error.errors(include_url=False)
     # An error inside a list makes pydantic call the list too short as well: only the innermost counts.
-    details = [d for d in details if not any(_inside(other["loc"], d["loc"]) for other in details)]
+    outer = {d["loc"][:depth] for d in details for depth in range(len(d["loc"]))}
+    details = [d for d in details if d["loc"] not in outer]
     # A misspelt key also shows up as a missing one; the misspelling is the cause.
     first = min(details, key=lambda d: d["type"] != "extra_forbidden")
     loc = first["loc"]
@@ -110,21 +134,18 @@ def _first_error(error: ValidationError, root: type[BaseModel], file: Path) -> I
     elif first["type"] == "value_error":
         problem = first["msg"].removeprefix("Value error, ")
         if not isinstance(first["input"], dict):
-            problem = f"is {first['input']!r}, {problem}"
+            problem = f"is {quoted(first['input'])}, {problem}"
     elif first["type"].startswith("union_tag"):
         context = first.get("ctx", {})
         tag = str(context.get("discriminator", "")).strip("'")
         tag = "kind" if tag.endswith("()") else tag  # found by a function, which has no name to show
         key = f"{key}.{tag}" if tag else key
-        problem = f"is {context.get('tag', 'missing')}, allowed is {context.get('expected_tags', 'one kind')}"
+        found = shortened(str(context.get("tag", "missing")))
+        problem = f"is {found}, allowed is {context.get('expected_tags', 'one kind')}"
     else:
-        problem = f"is {first['input']!r}, {_lower(first['msg'])}"
+        problem = f"is {quoted(first['input'])}, {_lower(first['msg'])}"
     more = f" (and {len(details) - 1} more)" if len(details) > 1 else ""
     return InputError(problem + more, file=file, key=key or None)
-
-
-def _inside(inner: tuple[int | str, ...], outer: tuple[int | str, ...]) -> bool:
-    return len(inner) > len(outer) and inner[: len(outer)] == outer
 
 
 def _lower(message: str) -> str:
