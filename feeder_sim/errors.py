@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import difflib
+import errno
+import os
 from collections.abc import Iterable
 from enum import Enum
 from pathlib import Path
@@ -100,11 +102,30 @@ class SimulationDiverged(FeederSimError):
 class RecordingFailed(FeederSimError):
     """A file of results cannot be written, as when the disk is full; what was on disk before is kept."""
 
-    @staticmethod
-    def to(path: Path, error: BaseException) -> RecordingFailed:
-        """The failure to write a file, with its cause."""
-        cause = getattr(error, "strerror", None) or error
-        return RecordingFailed(f"{path}: cannot be written, is the disk full? ({cause})")
+
+# Errors of the system about a name that the user gave; all others are failures: the disk is full or broken.
+_OF_A_NAME = (
+    *(errno.ENOENT, errno.EACCES, errno.EPERM, errno.EROFS, errno.EISDIR, errno.ENOTDIR),
+    *(errno.EEXIST, errno.ENAMETOOLONG, errno.ELOOP),
+)
+
+
+def cause_of(error: BaseException) -> str:
+    """What the system says; h5py wraps it in a thousand words."""
+    number = getattr(error, "errno", None)
+    return os.strerror(number) if number else str(error)
+
+
+def not_written(path: str | Path, error: BaseException) -> FeederSimError:
+    """Why a file cannot be written: its name is no good, or the disk is."""
+    if of_a_name(error):
+        return InputError(f"cannot be written: {cause_of(error)}", file=path)
+    return RecordingFailed(f"{path}: cannot be written, is the disk full? ({cause_of(error)})")
+
+
+def of_a_name(error: BaseException) -> bool:
+    """Whether another name for the file would help."""
+    return getattr(error, "errno", None) in _OF_A_NAME
 
 
 def nearest(name: str, allowed: Iterable[str]) -> str:

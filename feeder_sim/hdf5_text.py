@@ -1,7 +1,7 @@
-"""Text in HDF5 attributes, at a fixed length.
+"""What all HDF5 files of the package share: text of fixed length in attributes, arrays with units and checksums.
 
 Text of variable length lies in a heap of the file that has no checksum; on a damaged one the library can loop for ever.
-With fixed lengths and the latest file format every part of a file's structure is under a checksum.
+With fixed lengths and the latest file format every part of a file's structure is under a checksum, and so is the data.
 """
 
 from __future__ import annotations
@@ -10,6 +10,7 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 
 def put_text(attributes: Any, texts: Mapping[str, str]) -> None:
@@ -26,3 +27,10 @@ def get_text(attributes: Any, name: str) -> str | None:
     if name not in attributes or attributes.get_id(name).dtype.kind != "S":
         return None
     return bytes(attributes[name]).decode()
+
+
+def put_array(file: Any, name: str, values: NDArray[Any], unit: str) -> None:
+    """Write an array as a dataset with a unit; an empty one, which HDF5 does not store, has no checksum."""
+    compression = {"compression": "gzip", "shuffle": True} if values.size > 1000 else {}
+    checksum = {"fletcher32": True} if values.size else {}
+    put_text(file.create_dataset(name, data=values, **compression, **checksum).attrs, {"unit": unit})

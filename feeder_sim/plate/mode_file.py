@@ -10,6 +10,8 @@ Layout, schema version 2 (SI units, named in the `unit` attribute of every datas
 
 from __future__ import annotations
 
+import contextlib
+import io
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,8 +21,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from feeder_sim import __version__
-from feeder_sim.errors import InputError
-from feeder_sim.hdf5_text import get_text, put_text
+from feeder_sim.errors import InputError, not_written
+from feeder_sim.hdf5_text import get_text, put_array, put_text
 from feeder_sim.plate.materials import Material
 from feeder_sim.plate.modes import PlateModes, RectangularPlate
 
@@ -59,7 +61,12 @@ class ModeFile:
 
 
 def write_mode_file(path: Path, modes: PlateModes, resonances: Sequence[Resonance] = ()) -> None:
-    """Write modes and measured resonances; an existing file is replaced only when the new one is complete."""
+    """Write modes and measured resonances; an existing file is replaced only when the new one is complete.
+
+    Raises:
+        RecordingFailed: it cannot be written, as when the disk is full.
+        InputError: no file of this name can be written.
+    """
     import h5py
 
     plate, material = modes.plate, modes.plate.material
@@ -72,7 +79,8 @@ def write_mode_file(path: Path, modes: PlateModes, resonances: Sequence[Resonanc
         "normalisation": "max |w| = 1 over the plate",
         "sign_convention": "w > 0 at (+length/2, +width/2); a top surface point moves by (-h/2 bx, -h/2 by, w) q",
     }
-    with h5py.File(partial, "w", libver="latest") as file:
+    held = io.BytesIO()  # HDF5 crashes when it closes a file that it could not write
+    with h5py.File(held, "w", libver="latest") as file:
         put_text(file.attrs, described)
         file.attrs["schema_version"] = SCHEMA_VERSION
         group = file.create_group("plate")
@@ -85,16 +93,22 @@ def write_mode_file(path: Path, modes: PlateModes, resonances: Sequence[Resonanc
             poisson_ratio=material.poisson_ratio,
         )
         put_text(group.attrs, {"unit": "SI: m, kg/m^3, Pa"})
-        _write(file, "modes/natural_frequency", modes.natural_frequency, "Hz")
-        _write(file, "modes/coefficients", modes.coefficients, "1, 1/m, 1/m")
-        _write(file, "modes/parity", modes.parity, "1")
-        _write(file, "resonances/mode", np.array([r.mode for r in resonances], np.int64), "0-based index")
-        _write(file, "resonances/frequency", np.array([r.frequency for r in resonances], float), "Hz")
-        _write(file, "resonances/damping_ratio", np.array([r.damping_ratio for r in resonances], float), "1")
-        _write(file, "resonances/gain", np.array([r.gain for r in resonances], float), "m/V peak to peak")
+        put_array(file, "modes/natural_frequency", modes.natural_frequency, "Hz")
+        put_array(file, "modes/coefficients", modes.coefficients, "1, 1/m, 1/m")
+        put_array(file, "modes/parity", modes.parity, "1")
+        put_array(file, "resonances/mode", np.array([r.mode for r in resonances], np.int64), "0-based index")
+        put_array(file, "resonances/frequency", np.array([r.frequency for r in resonances], float), "Hz")
+        put_array(file, "resonances/damping_ratio", np.array([r.damping_ratio for r in resonances], float), "1")
+        put_array(file, "resonances/gain", np.array([r.gain for r in resonances], float), "m/V peak to peak")
         points = np.array([r.driven_point for r in resonances], float).reshape(-1, 2)
-        _write(file, "resonances/driven_point", points, "m")
-    partial.replace(path)
+        put_array(file, "resonances/driven_point", points, "m")
+    try:
+        partial.write_bytes(held.getvalue())
+        partial.replace(path)
+    except OSError as error:
+        with contextlib.suppress(OSError):
+            partial.unlink(missing_ok=True)
+        raise not_written(path, error) from error
 
 
 def read_mode_file(path: Path) -> ModeFile:
@@ -194,10 +208,3 @@ def _array(file: h5py.File, name: str, path: Path) -> NDArray[Any]:
     if not (valid | np.isnan(values) if unknown else valid).all():
         raise InputError(f"holds a number outside {least:g} to {largest:g}", file=path, key=name)
     return values
-
-
-def _write(file: h5py.File, name: str, values: NDArray[Any], unit: str) -> None:
-    compression = {"compression": "gzip", "shuffle": True} if values.size > 1000 else {}
-    checksum = {"fletcher32": True} if values.size else {}
-    dataset = file.create_dataset(name, data=values, **compression, **checksum)
-    put_text(dataset.attrs, {"unit": unit})

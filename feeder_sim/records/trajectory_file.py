@@ -20,25 +20,26 @@ Layout, schema version 3 (SI units, in the `unit` attribute of every dataset):
     /seeds/NNN/impacts/time, until, approach_speed, departure_velocity   of a part in a guide; see feeder_sim.impacts
 
 Quaternions have w first; velocities are in world axes. The file is written in HDF5's single-writer mode and flushed
-after every block: a killed run leaves everything up to its last block readable.
+after every block: a killed run leaves everything up to its last block readable. Structure and data are under checksums.
 """
 
 from __future__ import annotations
 
 import json
 import threading
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from feeder_sim import __version__
-from feeder_sim.errors import InputError, RecordingFailed
-from feeder_sim.hdf5_text import get_text, put_text
-from feeder_sim.plate.drive import ModalDrive
+from feeder_sim.errors import InputError, RecordingFailed, cause_of
+from feeder_sim.hdf5_text import get_text, put_array, put_text
 from feeder_sim.records.impacts import Impacts
+from feeder_sim.records.plate_group import read_plate, write_plate
 from feeder_sim.records.removals import Removals
 from feeder_sim.records.trajectory import (
     BLOCK_FRAMES,
@@ -51,23 +52,14 @@ from feeder_sim.records.trajectory import (
     Status,
     WallTime,
 )
-
-if TYPE_CHECKING:
-    import h5py
+from feeder_sim.records.unclosed_file import read_hdf5
 
 TRAJECTORY = "trajectory.h5"  # its name in a run folder
 SCHEMA = "feeder_sim/trajectory"
 SCHEMA_VERSION = 3
 IMPACT_FIELDS = {"time": "s", "until": "s", "approach_speed": "m/s", "departure_velocity": "m/s"}
 REMOVAL_FIELDS = {"time": ("s", "f8"), "part": ("1", "i8"), "cause": ("1", "i8")}
-DRIVE_FIELDS = {
-    "shape": "1",
-    "drive_frequency": "Hz",
-    "natural_frequency": "Hz",
-    "amplitude": "m",
-    "phase": "rad",
-    "damping_ratio": "1",
-}
+PACKED: dict[str, Any] = {"compression": "gzip", "shuffle": True, "fletcher32": True}  # of what grows
 EVENT_CHUNK = 256  # rows of impacts and removals
 FRAME_CHUNK_PARTS = 500  # parts times frames in a chunk, about: small chunks can be written while little is computed
 
@@ -93,15 +85,38 @@ class TrajectoryWriter:
         self._lock = threading.Lock()
         self._path = path
         self._failed: RecordingFailed | None = None
-        self._file = h5py.File(path, "w-", libver="latest")
         texts = {"schema": SCHEMA, "creator": f"feeder_sim {__version__}", "engine": engine, "scenario": scenario_text}
-        put_text(self._file.attrs, texts | {"libraries": json.dumps(libraries), "inputs": json.dumps(inputs)})
-        self._file.attrs.update(schema_version=SCHEMA_VERSION, seed=seed)
-        _write_plate(self._file, plate)
-        self._write_parts(parts)
-        for index in range(n_seeds):
-            self._create_seed(index, len(parts))
-        self._file.swmr_mode = True  # from here on nothing is created, only appended
+        try:
+            with self._writing():
+                self._file = h5py.File(path, "w-", libver="latest")
+                put_text(self._file.attrs, texts | {"libraries": json.dumps(libraries), "inputs": json.dumps(inputs)})
+                self._file.attrs.update(schema_version=SCHEMA_VERSION, seed=seed)
+                write_plate(self._file, plate)
+                self._write_parts(parts)
+                for index in range(n_seeds):
+                    self._create_seed(index, len(parts))
+                self._file.swmr_mode = True  # from here on nothing is created, only appended
+        except RecordingFailed:
+            path.unlink(missing_ok=True)
+            raise
+
+    @contextmanager
+    def _writing(self) -> Iterator[None]:
+        """One thread at a time writes; what cannot be written is the end of it, whichever seed is heard first."""
+        with self._lock:
+            if self._failed:
+                raise self._failed
+            try:
+                yield
+            except (OSError, RuntimeError) as error:
+                cause = cause_of(error)
+                self._failed = RecordingFailed(f"{self._path}: cannot be written, is the disk full? ({cause})")
+                raise self._failed from error
+
+    def move_to(self, path: Path) -> None:
+        """Give the file another name, in place of what is there."""
+        self._path.replace(path)
+        self._path = path
 
     def _write_parts(self, parts: Sequence[PartRecord]) -> None:
         """Write every mesh once; parts of one kind are links to the same data."""
@@ -109,8 +124,8 @@ class TrajectoryWriter:
         for part in parts:
             first = written.setdefault(id(part.vertices), part.name)
             if first == part.name:
-                _write(self._file, f"parts/{part.name}/vertices", part.vertices, "m")
-                _write(self._file, f"parts/{part.name}/faces", part.faces, "1")
+                put_array(self._file, f"parts/{part.name}/vertices", part.vertices, "m")
+                put_array(self._file, f"parts/{part.name}/faces", part.faces, "1")
             else:
                 self._file[f"parts/{part.name}"] = self._file[f"parts/{first}"]
 
@@ -120,14 +135,8 @@ class TrajectoryWriter:
         Raises:
             RecordingFailed: it cannot be written, as when the disk is full.
         """
-        with self._lock:
-            if self._failed:  # the cause, whichever seed is heard first
-                raise self._failed
-            try:
-                self._append(seed_index, block)
-            except (OSError, RuntimeError) as error:
-                self._failed = RecordingFailed(f"{self._path}: cannot be written, is the disk full? ({error})")
-                raise self._failed from error
+        with self._writing():
+            self._append(seed_index, block)
 
     def _append(self, seed_index: int, block: Record) -> None:
         group = self._file[_seed_name(seed_index)]
@@ -142,18 +151,14 @@ class TrajectoryWriter:
 
     def finish(self, seed_index: int, status: Status) -> None:
         """Note how a seed ended."""
-        with self._lock:
-            if self._failed:
-                return
+        with self._writing():
             dataset = self._file[f"{_seed_name(seed_index)}/status"]
             dataset[0] = int(status)
             dataset.flush()
 
     def note_wall_time(self, seed_index: int, wall_time: WallTime) -> None:
         """Note what a seed has cost so far."""
-        with self._lock:
-            if self._failed:
-                return
+        with self._writing():
             dataset = self._file[f"{_seed_name(seed_index)}/wall_time"]
             dataset[:] = wall_time
             dataset.flush()
@@ -164,9 +169,13 @@ class TrajectoryWriter:
             return _read_record(self._file[_seed_name(seed_index)])
 
     def close(self) -> None:
-        with self._lock:
-            if not self._failed:  # HDF5 crashes when it closes what it could not write
-                self._file.close()
+        """Put the rest on disk.
+
+        Raises:
+            RecordingFailed: it cannot be written, now or before; HDF5 crashes when it closes what it could not write.
+        """
+        with self._writing():
+            self._file.close()
 
     def _create_seed(self, index: int, n_parts: int) -> None:
         for name, (unit, dtype, shape) in FRAME_FIELDS.items():
@@ -177,8 +186,7 @@ class TrajectoryWriter:
                 maxshape=(None, *tail),
                 chunks=(max(1, min(BLOCK_FRAMES, FRAME_CHUNK_PARTS // n_parts)), *tail),
                 dtype=dtype,
-                compression="gzip",
-                shuffle=True,
+                **PACKED,
             )
             put_text(dataset.attrs, {"unit": unit})
         events = {f"impacts/{name}": (unit, "f8") for name, unit in IMPACT_FIELDS.items()}
@@ -187,11 +195,11 @@ class TrajectoryWriter:
         for name, (unit, dtype) in events.items():
             name = f"{_seed_name(index)}/{name}"
             dataset = self._file.create_dataset(
-                name, (0,), maxshape=(None,), chunks=(EVENT_CHUNK,), dtype=dtype, compression="gzip", shuffle=True
+                name, (0,), maxshape=(None,), chunks=(EVENT_CHUNK,), dtype=dtype, **PACKED
             )
             put_text(dataset.attrs, {"unit": unit})
-        _write(self._file, f"{_seed_name(index)}/status", np.array([int(Status.UNFINISHED)]), "1")
-        _write(self._file, f"{_seed_name(index)}/wall_time", np.zeros(2), "s")
+        put_array(self._file, f"{_seed_name(index)}/status", np.array([int(Status.UNFINISHED)]), "1")
+        put_array(self._file, f"{_seed_name(index)}/wall_time", np.zeros(2), "s")
 
 
 def read_recording(path: Path) -> Recording:
@@ -203,27 +211,32 @@ def read_recording(path: Path) -> Recording:
     if not path.is_file():
         raise InputError("no such trajectory file", file=path)
     try:
-        with _open(path) as file:
-            found, version = get_text(file.attrs, "schema"), file.attrs.get("schema_version")
-            if version is not None and version != SCHEMA_VERSION:  # first: the text of version 1 is not to be read
-                raise InputError(f"is {version!r}, allowed is {SCHEMA_VERSION}", file=path, key="schema_version")
-            if found != SCHEMA or version is None:
-                raise InputError(f"is {found!r}, allowed is a trajectory ({SCHEMA!r})", file=path, key="schema")
-            groups = [file[f"seeds/{name}"] for name in sorted(file["seeds"], key=int)]
-            return Recording(
-                path=path,
-                engine=str(get_text(file.attrs, "engine")),
-                scenario_text=str(get_text(file.attrs, "scenario")),
-                libraries=dict(json.loads(str(get_text(file.attrs, "libraries")))),
-                inputs=dict(json.loads(str(get_text(file.attrs, "inputs")))),
-                plate=_read_plate(file),
-                parts=tuple(_read_part(name, file["parts"][name]) for name in sorted(file["parts"], key=_part_number)),
-                records=tuple(_read_record(group) for group in groups),
-                status=tuple(Status(int(group["status"][0])) for group in groups),
-                wall_times=tuple(WallTime(*group["wall_time"][()].tolist()) for group in groups),
-            )
-    except (OSError, RuntimeError, KeyError, TypeError, ValueError) as error:
+        return read_hdf5(path, lambda file: _recording(path, file))
+    except InputError:
+        raise
+    except Exception as error:  # of a file that is damaged, h5py raises what it likes
         raise InputError("not a readable trajectory file (truncated or of another format)", file=path) from error
+
+
+def _recording(path: Path, file: Any) -> Recording:
+    found, version = get_text(file.attrs, "schema"), file.attrs.get("schema_version")
+    if version is not None and version != SCHEMA_VERSION:  # first: the text of version 1 is not to be read
+        raise InputError(f"is {version!r}, allowed is {SCHEMA_VERSION}", file=path, key="schema_version")
+    if found != SCHEMA or version is None:
+        raise InputError(f"is {found!r}, allowed is a trajectory ({SCHEMA!r})", file=path, key="schema")
+    groups = [file[f"seeds/{name}"] for name in sorted(file["seeds"], key=int)]
+    return Recording(
+        path=path,
+        engine=str(get_text(file.attrs, "engine")),
+        scenario_text=str(get_text(file.attrs, "scenario")),
+        libraries=dict(json.loads(str(get_text(file.attrs, "libraries")))),
+        inputs=dict(json.loads(str(get_text(file.attrs, "inputs")))),
+        plate=read_plate(file),
+        parts=tuple(_read_part(name, file["parts"][name]) for name in sorted(file["parts"], key=_part_number)),
+        records=tuple(_read_record(group) for group in groups),
+        status=tuple(Status(int(group["status"][0])) for group in groups),
+        wall_times=tuple(WallTime(*group["wall_time"][()].tolist()) for group in groups),
+    )
 
 
 def recording_of(run: Path) -> Recording:
@@ -232,29 +245,19 @@ def recording_of(run: Path) -> Recording:
     Raises:
         InputError: there is none, or it cannot be read.
     """
+    return read_recording(trajectory_of(run))
+
+
+def trajectory_of(run: Path) -> Path:
+    """The trajectory file of a run folder, or itself.
+
+    Raises:
+        InputError: there is none.
+    """
     trajectory = run if run.suffix == ".h5" else run / TRAJECTORY
     if not trajectory.is_file():
         raise InputError(f"no run here, allowed is a folder that holds {TRAJECTORY}", file=run)
-    return read_recording(trajectory)
-
-
-def _open(path: Path) -> h5py.File:
-    """Open for reading; a file whose writer was killed is still marked as being written."""
-    import h5py
-
-    try:
-        return h5py.File(path, "r")
-    except OSError:
-        if _is_cut(path):  # in the mode below the library waits for what is missing, for ever
-            raise
-        return h5py.File(path, "r", swmr=True, libver="latest")
-
-
-def _is_cut(path: Path) -> bool:
-    """Whether a file is shorter than its head says; one that is being written says how long it was at first."""
-    with path.open("rb") as file:
-        head = file.read(36)  # HDF5's superblock, version 3: signature, versions and flags, two addresses, end of file
-    return len(head) < 36 or path.stat().st_size < int.from_bytes(head[28:36], "little")
+    return trajectory
 
 
 def _read_record(group: Any) -> Record:
@@ -291,53 +294,5 @@ def _read_part(name: str, group: Any) -> PartRecord:
     return PartRecord(name, group["vertices"][()], group["faces"][()])
 
 
-def _write_plate(file: h5py.File, plate: PlateRecord) -> None:
-    group = file.create_group("plate")
-    group.attrs.update(length=plate.length, width=plate.width, thickness=plate.thickness)
-    put_text(group.attrs, {"unit": "m"})
-    lines = plate.nodal_lines
-    points = np.concatenate(lines) if lines else np.zeros((0, 2))
-    numbers = np.concatenate([np.full(len(line), i) for i, line in enumerate(lines)]) if lines else np.zeros(0)
-    _write(file, "plate/x", plate.x, "m")
-    _write(file, "plate/y", plate.y, "m")
-    _write(file, "plate/mode_shape", plate.mode_shape, "1")
-    _write(file, "plate/nodal_point", points, "m")
-    _write(file, "plate/nodal_line", numbers.astype(np.int64), "1")
-    _write(file, "plate/antinode", plate.antinode, "m")
-    for name, unit in DRIVE_FIELDS.items():
-        values = [getattr(drive, name) for drive in plate.drives]
-        _write(file, f"drive/{name}", np.array([np.nan if value is None else value for value in values]), unit)
-
-
-def _read_plate(file: h5py.File) -> PlateRecord:
-    group = file["plate"]
-    points, numbers = group["nodal_point"][()], group["nodal_line"][()]
-    return PlateRecord(
-        length=float(group.attrs["length"]),
-        width=float(group.attrs["width"]),
-        thickness=float(group.attrs["thickness"]),
-        x=group["x"][()],
-        y=group["y"][()],
-        mode_shape=group["mode_shape"][()],
-        nodal_lines=tuple(points[numbers == i] for i in np.unique(numbers)),
-        antinode=group["antinode"][()],
-        drives=_read_drives(file["drive"]),
-    )
-
-
-def _read_drives(group: Any) -> tuple[ModalDrive, ...]:
-    rows = zip(*(group[name][()].tolist() for name in DRIVE_FIELDS), strict=True)
-    drives = [dict(zip(DRIVE_FIELDS, row, strict=True)) for row in rows]
-    return tuple(
-        ModalDrive(**drive | {"damping_ratio": None if np.isnan(drive["damping_ratio"]) else drive["damping_ratio"]})
-        for drive in drives
-    )
-
-
 def _seed_name(index: int) -> str:
     return f"seeds/{index:03d}"
-
-
-def _write(file: h5py.File, name: str, values: NDArray[Any], unit: str) -> None:
-    compression = {"compression": "gzip", "shuffle": True} if values.size > 1000 else {}
-    put_text(file.create_dataset(name, data=values, **compression).attrs, {"unit": unit})
