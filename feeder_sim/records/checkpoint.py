@@ -1,19 +1,34 @@
-"""Checkpoints of a run: what each seed's engine goes on from, and how much had been recorded by then."""
+"""Checkpoints of a run: what each seed's engine goes on from, and how much had been recorded by then.
+
+A checkpoint is an .npz archive of NumPy that says what it belongs to: `described` is a JSON text with the format, the
+run, the seed, and the sizes of the record; `state_NAME` are the arrays of the engine, each with its shape and type. The
+comment at the end of the archive is the SHA-256 of all before it.
+"""
 
 from __future__ import annotations
 
-import os
+import hashlib
+import io
+import json
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from zipfile import BadZipFile
+from typing import Any
+from zipfile import ZipFile
 
 import numpy as np
 from numpy.typing import NDArray
 
-from feeder_sim.errors import InputError
+from feeder_sim.errors import InputError, not_written, shortened
+from feeder_sim.records.last_states import STATE_PREFIX
+from feeder_sim.records.whole_file import write_whole
 
 FOLDER = "checkpoints"
-RECORDED = "recorded"  # key of the sizes of the record; the others are the engine's
+FORMAT = 1
+DESCRIBED = "described"
+CHECKSUM_LENGTH = 64  # hexadecimal digits
+
+State = dict[str, NDArray[np.float64]]
 
 
 @dataclass(frozen=True)
@@ -26,42 +41,66 @@ class Checkpoint:
     """
 
     sizes: tuple[int, ...]
-    state: dict[str, NDArray[np.float64]]
+    state: State
 
 
 class CheckpointFolder:
-    """Checkpoints of a run folder, one file per seed, replaced as a whole."""
+    """Checkpoints of a run folder, one file per seed, replaced as a whole.
 
-    def __init__(self, run: Path) -> None:
-        self._folder = run / FOLDER
+    Args:
+        run: the folder.
+        identity: of the run; see `run_identity`.
+    """
+
+    def __init__(self, run: Path, identity: str) -> None:
+        self._folder, self._identity = run / FOLDER, identity
 
     def save(self, seed_index: int, checkpoint: Checkpoint) -> None:
-        """Write the checkpoint of a seed in place of the one before; a kill leaves one or the other."""
-        self._folder.mkdir(exist_ok=True)
-        path = self._path(seed_index)
-        partial = path.with_suffix(".partial")
-        recorded = np.array(checkpoint.sizes)
-        with partial.open("wb") as file:
-            np.savez(file, allow_pickle=False, **{RECORDED: recorded}, **checkpoint.state)
-            file.flush()
-            os.fsync(file.fileno())
-        partial.replace(path)
+        """Write the checkpoint of a seed in place of the one before; a kill leaves one or the other.
+
+        Raises:
+            RecordingFailed: it cannot be written, as when the disk is full.
+        """
+        try:
+            self._folder.mkdir(exist_ok=True)
+        except OSError as error:
+            raise not_written(self._folder, error) from error
+        described = self._described(seed_index) | {"sizes": list(checkpoint.sizes)}
+        arrays: dict[str, Any] = {f"{STATE_PREFIX}{name}": values for name, values in checkpoint.state.items()}
+        held = io.BytesIO()
+        np.savez(held, **arrays | {DESCRIBED: np.array(json.dumps(described))})
+        with ZipFile(held, "a") as archive:
+            archive.comment = bytes(CHECKSUM_LENGTH)
+        content = held.getvalue()[:-CHECKSUM_LENGTH]
+        write_whole(self._path(seed_index), content + _checksum(content))
 
     def load(self, seed_index: int) -> Checkpoint | None:
         """Read the checkpoint of a seed; None without one.
 
         Raises:
-            InputError: the file cannot be read.
+            InputError: the file cannot be read, or belongs to another seed, run or format.
         """
         path = self._path(seed_index)
         if not path.is_file():
             return None
         try:
-            with path.open("rb") as file, np.load(file, allow_pickle=False) as held:
-                state = {name: held[name] for name in held.files}
-            sizes = tuple(state.pop(RECORDED).tolist())
-        except (OSError, ValueError, EOFError, KeyError, BadZipFile) as error:
-            raise InputError("is not a readable checkpoint", file=path) from error
+            content = path.read_bytes()
+            if _checksum(content[:-CHECKSUM_LENGTH]) != content[-CHECKSUM_LENGTH:]:
+                raise ValueError("another checksum")
+            with np.load(io.BytesIO(content), allow_pickle=False) as held:
+                arrays = {name: held[name] for name in held.files}
+            found = json.loads(str(arrays.pop(DESCRIBED)))
+            sizes = tuple(int(size) for size in found.pop("sizes"))
+            state = {name[len(STATE_PREFIX) :]: values for name, values in arrays.items()}
+        except Exception as error:  # of a file that is damaged or of another kind, NumPy raises what it likes
+            raise InputError("is not a readable checkpoint of this version", file=path) from error
+        for name, wanted in self._described(seed_index).items():
+            if found.get(name) != wanted:
+                raise InputError(
+                    f"is of {name} {shortened(str(found.get(name)), 20)}, allowed is {shortened(str(wanted), 20)}; "
+                    "without it the seed begins anew",
+                    file=path,
+                )
         return Checkpoint(sizes, state)
 
     def clear(self) -> None:
@@ -71,5 +110,36 @@ class CheckpointFolder:
         if self._folder.is_dir():
             self._folder.rmdir()
 
+    def check_fits(self, seed_index: int, state: State, engine: State) -> None:
+        """Refuse a state that an engine cannot go on from; `engine` is a state of its own.
+
+        Raises:
+            InputError: an array is missing or one too many, or of another shape or type.
+        """
+        found, wanted = _kinds(state), _kinds(engine)
+        for name in sorted(found.keys() | wanted.keys()):
+            if found.get(name) != wanted.get(name):
+                said, allowed = (of.get(name, "not there") for of in (found, wanted))
+                raise InputError(
+                    f"does not fit the engine: {name} is {said}, allowed is {allowed}", file=self._path(seed_index)
+                )
+
     def _path(self, seed_index: int) -> Path:
         return self._folder / f"seed_{seed_index:03d}.npz"
+
+    def _described(self, seed_index: int) -> dict[str, str | int]:
+        return {"format": FORMAT, "run": self._identity, "seed": seed_index}
+
+
+def run_identity(scenario_text: str, libraries: Mapping[str, str], inputs: Mapping[str, str]) -> str:
+    """Hash of all that decides the numbers of a run."""
+    described = json.dumps([scenario_text, dict(libraries), dict(inputs)], sort_keys=True)
+    return hashlib.sha256(described.encode()).hexdigest()
+
+
+def _checksum(content: bytes) -> bytes:
+    return hashlib.sha256(content).hexdigest().encode()
+
+
+def _kinds(state: State) -> dict[str, str]:
+    return {name: f"{values.dtype} {values.shape}" for name, values in state.items()}

@@ -7,7 +7,7 @@ import io
 import itertools
 from dataclasses import dataclass, fields
 from pathlib import Path
-from zipfile import BadZipFile
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -61,12 +61,12 @@ def save_last_states(folder: Path, failure: SimulationDiverged, last: LastStates
     Raises:
         RecordingFailed: it cannot be written, as when the disk is full.
     """
-    arrays = {field.name: getattr(last.frames, field.name) for field in fields(Frames)}
+    arrays: dict[str, Any] = {field.name: getattr(last.frames, field.name) for field in fields(Frames)}
     arrays |= {f"{STATE_PREFIX}{name}": values for name, values in last.state.items()}
     arrays |= {"stops": last.stops, "skipped": np.array(last.skipped), "valid": np.array(last.valid)}
     arrays |= {"cause": np.array(failure.cause), "part": np.array(failure.part), "time_s": np.array(failure.time_s)}
     held = io.BytesIO()
-    np.savez(held, allow_pickle=False, **arrays)
+    np.savez(held, **arrays)
     stem = f"failure_seed_{failure.seed}"
     for name in itertools.chain([f"{stem}.npz"], (f"{stem}_{number}.npz" for number in itertools.count(2))):
         path = folder / name
@@ -96,5 +96,5 @@ def read_last_states(path: str | Path) -> LastStates:
         frames = Frames(**{field.name: arrays[field.name] for field in fields(Frames)})
         state = {name[len(STATE_PREFIX) :]: arrays[name] for name in arrays if name.startswith(STATE_PREFIX)}
         return LastStates(state, arrays["stops"], int(arrays["skipped"]), frames, int(arrays["valid"]))
-    except (OSError, ValueError, EOFError, KeyError, BadZipFile) as error:
+    except Exception as error:  # of a file that is damaged or of another kind, NumPy raises what it likes
         raise InputError("holds no readable last states", file=path) from error

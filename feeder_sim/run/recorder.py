@@ -21,11 +21,14 @@ class RunRecorder:
     Args:
         folder: of the run.
         writer: of its trajectory file.
+        checkpoints: of the run.
         wall_s_before: wall time [s] of the ensemble before it was interrupted.
     """
 
-    def __init__(self, folder: Path, writer: TrajectoryWriter, *, wall_s_before: float = 0.0) -> None:
-        self._folder, self._checkpoints, self._writer = folder, CheckpointFolder(folder), writer
+    def __init__(
+        self, folder: Path, writer: TrajectoryWriter, checkpoints: CheckpointFolder, *, wall_s_before: float = 0.0
+    ) -> None:
+        self._folder, self._writer, self._checkpoints = folder, writer, checkpoints
         self._sizes: dict[int, NDArray[np.int64]] = {}
         self._began = time.perf_counter() - wall_s_before
 

@@ -13,11 +13,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from feeder_sim import __version__
+from feeder_sim.engines.lookup import engine_class
 from feeder_sim.engines.mujoco.mjcf import build_mjcf
-from feeder_sim.errors import InputError
-from feeder_sim.records.checkpoint import CheckpointFolder
-from feeder_sim.records.trajectory import PartRecord, PlateRecord, Record, Status, WallTime
+from feeder_sim.errors import InputError, RecordingFailed
+from feeder_sim.records.checkpoint import CheckpointFolder, run_identity
+from feeder_sim.records.trajectory import PartRecord, PlateRecord, Record, Recording, Status, WallTime
 from feeder_sim.records.trajectory_file import TRAJECTORY, TrajectoryWriter, recording_of
+from feeder_sim.records.whole_file import write_whole
 from feeder_sim.replay.replay import REPLAY, build_replay, remove_replays
 from feeder_sim.run.prepare import prepare
 from feeder_sim.run.provenance import input_hashes, library_versions
@@ -54,6 +56,7 @@ def record_run(
 
     Raises:
         InputError: the scenario cannot be built (nothing is written), or the folder holds a run.
+        RecordingFailed: a file cannot be written, as when the disk is full.
     """
     folder = Path(folder)
     check_free(folder)
@@ -61,9 +64,10 @@ def record_run(
     check_starts(prepared.scene)
     folder.mkdir(parents=True, exist_ok=True)
     check_free(folder)
-    (folder / RESOLVED).write_text(scenario_toml(scenario), encoding="utf-8")
+    text = scenario_toml(scenario)
+    write_whole(folder / RESOLVED, text.encode())
     _write_mjcf(prepared.scene, folder / MJCF, notify)
-    return _run_into(folder, prepared, {}, progress=progress, stop=stop, replay=replay, notify=notify)
+    return _run_into(folder, prepared, text, {}, progress=progress, stop=stop, replay=replay, notify=notify)
 
 
 def resume_run(
@@ -76,10 +80,12 @@ def resume_run(
 ) -> Result:
     """Go on with a run that was interrupted or killed, from its last checkpoints; arguments as for `record_run`.
 
-    The result is bit by bit what it would have been without the break, given the same libraries.
+    The result is bit by bit what it would have been without the break. That takes the same package, libraries and input
+    files, which are compared.
 
     Raises:
-        InputError: there is no run in the folder, it has ended, it was made with other libraries, or it cannot be read.
+        InputError: there is no run in the folder, it has ended, it was begun with something else, or cannot be read.
+        RecordingFailed: as for `record_run`.
     """
     folder = Path(folder)
     recording = recording_of(folder)
@@ -89,20 +95,18 @@ def resume_run(
     scenario = parse_scenario(recording.scenario_text, file=folder / RESOLVED)
     prepared = prepare(scenario)
     _check_same(recording.inputs, input_hashes(scenario), folder, "was begun with another content of")
-    checkpoints = CheckpointFolder(folder)
-    begun = {}
-    for index, (record, status, wall_time) in enumerate(
-        zip(recording.records, recording.status, recording.wall_times, strict=True)
-    ):
-        checkpoint = checkpoints.load(index)
-        if status in (Status.DONE, Status.LEFT_PLATE):
-            begun[index] = _begun(record, status, {}, wall_time)
-        elif checkpoint is not None and checkpoint.sizes[0] <= len(record.frames):
-            # What diverged does so again, and says why.
-            begun[index] = _begun(record.begin(checkpoint.sizes), Status.UNFINISHED, checkpoint.state, wall_time)
+    begun = _all_begun(recording, prepared, folder)
     before = max((wall_time.ensemble for wall_time in recording.wall_times), default=0.0)
     return _run_into(
-        folder, prepared, begun, wall_s_before=before, progress=progress, stop=stop, replay=replay, notify=notify
+        folder,
+        prepared,
+        recording.scenario_text,
+        begun,
+        wall_s_before=before,
+        progress=progress,
+        stop=stop,
+        replay=replay,
+        notify=notify,
     )
 
 
@@ -112,6 +116,32 @@ def _check_same(then: dict[str, str], now: dict[str, str], folder: Path, said: s
         raise InputError(f"{said} {changed[0]}, allowed is the same one", file=folder, key="--resume")
 
 
+def _all_begun(recording: Recording, prepared: Prepared, folder: Path) -> dict[int, Begun]:
+    """The seeds that have ended or can go on from a checkpoint; the others begin anew."""
+    checkpoints = CheckpointFolder(folder, _identity(recording.scenario_text, prepared.scenario))
+    fresh: dict[str, NDArray[np.float64]] = {}
+    begun = {}
+    for index, (record, status, wall_time) in enumerate(
+        zip(recording.records, recording.status, recording.wall_times, strict=True)
+    ):
+        if status in (Status.DONE, Status.LEFT_PLATE):
+            begun[index] = _begun(record, status, {}, wall_time)
+            continue
+        checkpoint = checkpoints.load(index)
+        if checkpoint is None:
+            continue
+        fresh = fresh or engine_class(prepared.engine)(prepared.scene, np.random.default_rng(0)).state()
+        checkpoints.check_fits(index, checkpoint.state, fresh)
+        if all(size <= held for size, held in zip(checkpoint.sizes, record.sizes, strict=True)):
+            # What diverged does so again, and says why.
+            begun[index] = _begun(record.begin(checkpoint.sizes), Status.UNFINISHED, checkpoint.state, wall_time)
+    return begun
+
+
+def _identity(text: str, scenario: Scenario) -> str:
+    return run_identity(text, library_versions(), input_hashes(scenario))
+
+
 def _begun(record: Record, status: Status, state: dict[str, NDArray[np.float64]], wall_time: WallTime) -> Begun:
     return Begun(record.frames, record.impacts, record.removals, record.stops, status, state, wall_time.seed)
 
@@ -119,6 +149,7 @@ def _begun(record: Record, status: Status, state: dict[str, NDArray[np.float64]]
 def _run_into(
     folder: Path,
     prepared: Prepared,
+    text: str,
     begun: dict[int, Begun],
     *,
     progress: Callable[[float], None] | None,
@@ -135,20 +166,21 @@ def _run_into(
         engine=prepared.engine.name,
         seed=scenario.run.seed,
         n_seeds=scenario.run.seeds,
-        scenario_text=scenario_toml(scenario),
+        scenario_text=text,
         libraries=library_versions(),
         inputs=input_hashes(scenario),
         plate=plate_record(prepared),
         parts=[PartRecord(part.name, part.vertices, part.faces) for part in prepared.scene.parts],
     )
-    recorder = RunRecorder(folder, writer, wall_s_before=wall_s_before)
+    checkpoints = CheckpointFolder(folder, _identity(text, scenario))
+    recorder = RunRecorder(folder, writer, checkpoints, wall_s_before=wall_s_before)
     try:
         for index, seed in begun.items():
             recorder.append(index, seed)
             writer.note_wall_time(index, WallTime(seed.wall_s, wall_s_before))
             if seed.status != Status.UNFINISHED:
                 writer.finish(index, seed.status)
-        new.replace(folder / TRAJECTORY)  # only now, when a kill leaves it readable and loses nothing
+        writer.move_to(folder / TRAJECTORY)  # only now, when a kill leaves it readable and loses nothing
         remove_replays(folder)  # built from the file that was here before
         result = simulate(
             prepared,
@@ -159,12 +191,15 @@ def _run_into(
             begun=begun,
             wall_s_before=wall_s_before,
         )
-    finally:
-        writer.close()
+    except BaseException:
+        with contextlib.suppress(RecordingFailed):  # the first failure is the one to hear of
+            writer.close()
+        raise
+    writer.close()
     summary = result.summary() | {"version": __version__, "libraries": library_versions()}
-    (folder / SUMMARY).write_text(json.dumps(summary, indent=2) + "\n", encoding="utf-8")
+    write_whole(folder / SUMMARY, f"{json.dumps(summary, indent=2)}\n".encode())
     if not result.interrupted:
-        CheckpointFolder(folder).clear()
+        checkpoints.clear()
     if replay and len(result.seeds[0].frames):
         build_replay(folder / TRAJECTORY, folder / REPLAY)
     return result
@@ -211,7 +246,7 @@ def mjcf_text(scene: Scene) -> str:
 def _write_mjcf(scene: Scene, path: Path, notify: Callable[[str], None] | None) -> None:
     """Write the scene as MJCF, unless its parts make too many pairs."""
     if len(scene.parts) <= MJCF_PARTS:
-        path.write_text(mjcf_text(scene), encoding="utf-8")
+        write_whole(path, mjcf_text(scene).encode())
     elif notify:
         notify(f"{path.name} is left out: it is written for up to {MJCF_PARTS} parts, here are {len(scene.parts)}")
 
