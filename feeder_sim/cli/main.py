@@ -21,7 +21,7 @@ from feeder_sim.cli.chart import chart
 from feeder_sim.cli.files import naming, new_picture, scenario_of, writable
 from feeder_sim.cli.plate import modes, sequence, wave
 from feeder_sim.cli.report import as_lines, print_boundaries, print_result
-from feeder_sim.errors import FeederSimError, InputError, RecordingFailed
+from feeder_sim.errors import FeederSimError, InputError, RecordingFailed, cause_of, of_a_name, printable
 
 if TYPE_CHECKING:
     from feeder_sim.run.simulation import Result
@@ -91,7 +91,7 @@ def _finish_run(result: Result, folder: Path, as_json: bool) -> None:
     """Print what came out; the exit code says how it ended."""
     print_result(result, folder, as_json)
     for caution in result.prepared.cautions:
-        print(f"feeder-sim: caution: {caution}", file=sys.stderr)
+        print(f"feeder-sim: caution: {printable(caution)}", file=sys.stderr)
     for failure in result.failures:
         print(f"feeder-sim: {failure}", file=sys.stderr)
     if result.interrupted:
@@ -188,24 +188,26 @@ def list_(
 def replay(
     folder: Annotated[Path, typer.Argument(help="Run folder, or its trajectory.h5.", show_default=False)],
     screenshot: Annotated[Path | None, typer.Option("--screenshot", help="Write a picture; needs no screen.")] = None,
-    at: Annotated[float, typer.Option("--at", min=0.0, help="Time shown in the screenshot [s].")] = 1.0,
+    at: Annotated[float | None, typer.Option("--at", min=0.0, help="Time shown in the screenshot [1 s].")] = None,
     slow: Annotated[bool, typer.Option("--slow-motion", help="--at is a time of the slow-motion timeline.")] = False,
     show_seed: Annotated[int, typer.Option("--show-seed", min=0, help="Index of the seed shown in 3D.")] = 0,
     rebuild: Annotated[bool, typer.Option("--rebuild", help="Build the .rrd again from the trajectory.")] = False,
 ) -> None:
     """Open a recorded run in the rerun viewer, or take a screenshot of it."""
-    from feeder_sim.replay.viewer import open_viewer, replay_file, take_screenshot
+    from feeder_sim.replay.viewer import open_viewer, replay_file, take_screenshot, time_shown
 
     if slow and screenshot is None:
         raise InputError("belongs to --screenshot; in the viewer choose the timeline", key="--slow-motion")
-    recording = replay_file(folder, seed=show_seed, rebuild=rebuild)
-    if screenshot is not None:
-        from feeder_sim.replay.plate import TIMELINE
-        from feeder_sim.replay.wave import SLOW
+    if screenshot is None:
+        open_viewer(replay_file(folder, seed=show_seed, rebuild=rebuild))
+        return
+    from feeder_sim.replay.plate import TIMELINE
+    from feeder_sim.replay.wave import SLOW
 
-        take_screenshot(recording, writable(screenshot), at=at, timeline=SLOW if slow else TIMELINE)
-    else:
-        open_viewer(recording)
+    writable(screenshot)
+    moment = time_shown(folder, at, seed=show_seed, slow=slow)
+    recording = replay_file(folder, seed=show_seed, rebuild=rebuild)
+    take_screenshot(recording, screenshot, at=moment, timeline=SLOW if slow else TIMELINE)
 
 
 @app.command()
@@ -229,15 +231,21 @@ def vibrometer(
 def main() -> NoReturn:
     """Entry point: every error a user can act on becomes one line on stderr and an exit code."""
     try:
-        app()
+        try:
+            app()
+        finally:
+            sys.stdout.flush()  # here, where a full disk can still be told
     except FeederSimError as error:
         print(f"feeder-sim: {error}", file=sys.stderr, flush=True)
         if isinstance(error, RecordingFailed):
             os._exit(error.exit_code)  # HDF5 would crash in its own clean-up of the file it could not write
         sys.exit(error.exit_code)
     except OSError as error:  # a file or folder that cannot be read, made or written
-        print(f"feeder-sim: {error.filename or 'file'}: {error.strerror or error}", file=sys.stderr)
-        sys.exit(InputError.exit_code)
+        name = error.filename or "standard output or a file"
+        print(f"feeder-sim: {printable(f'{name}: {cause_of(error)}')}", file=sys.stderr, flush=True)
+        if of_a_name(error):
+            sys.exit(InputError.exit_code)
+        os._exit(FeederSimError.exit_code)  # Python would try once more to write what it could not
     except KeyboardInterrupt:
         sys.exit(INTERRUPTED)
     sys.exit(0)
@@ -274,7 +282,7 @@ def _stop_on_signal() -> Iterator[threading.Event]:
 def _notify(line: str) -> None:
     """Notes go to a person at a terminal, not into logs."""
     if sys.stderr.isatty():
-        print(f"feeder-sim: {line}", file=sys.stderr)
+        print(f"feeder-sim: {printable(line)}", file=sys.stderr)
 
 
 @contextlib.contextmanager

@@ -12,28 +12,50 @@ import time
 from pathlib import Path
 
 from feeder_sim.errors import FeederSimError, InputError
-from feeder_sim.records.trajectory_file import TRAJECTORY
+from feeder_sim.records.trajectory_file import read_recording, trajectory_of
 from feeder_sim.replay.plate import TIMELINE
-from feeder_sim.replay.replay import build_replay, replay_name
+from feeder_sim.replay.replay import build_replay, replay_name, timeline_ends
+from feeder_sim.replay.wave import SLOW
 
+DEFAULT_TIME = 1.0  # [s], of a screenshot
 LOADING_TIMEOUT_S = 60.0
 STARTING_S = 2.0
 SETTLING_S = 6.0  # the viewer's start-up messages fade and its views finish drawing
 
 
 def replay_file(run: Path, *, seed: int = 0, rebuild: bool = False) -> Path:
-    """The .rrd of a run, built from its trajectory file when it is missing or another seed is wanted.
+    """The .rrd of a run, built from its trajectory file when it is missing or older than that.
 
     Raises:
         InputError: there is no such run, or its trajectory cannot be read.
     """
-    trajectory = run if run.suffix == ".h5" else run / TRAJECTORY
-    if not trajectory.is_file():
-        raise InputError(f"no run here, allowed is a folder that holds {TRAJECTORY}", file=run)
+    trajectory = trajectory_of(run)
     replay = trajectory.with_name(replay_name(seed))
-    if rebuild or not replay.is_file():
+    if rebuild or not replay.is_file() or replay.stat().st_mtime_ns < trajectory.stat().st_mtime_ns:
         build_replay(trajectory, replay, shown_seed=seed)
     return replay
+
+
+def time_shown(run: Path, at: float | None, *, seed: int = 0, slow: bool = False) -> float:
+    """The time [s] to show of a run: `at`, or without it 1 s or the end of a record that is shorter.
+
+    Raises:
+        InputError: the record ends before, or has no slow motion.
+    """
+    ends = timeline_ends(read_recording(trajectory_of(run)), seed)
+    if slow and SLOW not in ends:
+        raise InputError("is not allowed here, the record of one part has none", file=run, key="--slow-motion")
+    end = ends[SLOW if slow else TIMELINE]
+    if at is None:
+        return min(DEFAULT_TIME, end)
+    if not at <= end:
+        slowed = f", {ends[SLOW]:g} s in slow motion" if SLOW in ends else ""
+        raise InputError(
+            f"is {at:g}, allowed is 0 to {end:g}: seed {seed} is recorded for {ends[TIMELINE]:g} s{slowed}",
+            file=run,
+            key="--at",
+        )
+    return at
 
 
 def open_viewer(replay: Path) -> None:
