@@ -97,7 +97,12 @@ def _rectangle(plate: Rectangle, drives: Excitations, times: Timetable) -> Drive
     modes = held.modes
     driven = [_driven_mode(drive, key, i, held) for i, (key, drive) in enumerate(drives)]
     used = [mode.shape.index for mode in driven if isinstance(mode.shape, RitzShape)]
-    shortest = standing_wave(modes.plate, float(modes.natural_frequency[used].max())).wavelength
+    highest = int(modes.natural_frequency[used].argmax())
+    try:
+        shortest = standing_wave(modes.plate, float(modes.natural_frequency[used[highest]])).wavelength
+    except ValueError as error:
+        key, drive = drives[highest]
+        raise InputError(f"is {drive.frequency_hz:g}, {error}", key=f"{key}.frequency_hz") from error
     size = (modes.plate.length, modes.plate.width, modes.plate.thickness)
     return _tabulated(driven, drives, times, *size, shortest)
 
