@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,6 +30,7 @@ RIM_CORNERS = 32  # a cylinder touches at this many corners per rim: 0.5 % of th
 STEADY = 1e9  # moments of inertia about axes that a part in a plane does not turn about, over the one it turns about
 # [m]; MuJoCo's corners are spheres of this radius, and so are all others: the part rides this much higher everywhere.
 CORNER_RADIUS = 1e-6
+FARTHEST_MM = 1e5  # as for all lengths of a scenario
 MAX_CORNERS = 64  # hull vertices beyond this many add cost and no contact
 
 
@@ -157,22 +159,7 @@ def cylinder(diameter: float, height: float, density: float, name: str) -> Rigid
 
 def mesh_part(spec: MeshPart, density: float, name: str) -> RigidPart:
     """Any closed mesh: mass properties of the solid, corners of its convex hull."""
-    import trimesh
-
-    if spec.file.suffix.lower() not in MESH_SUFFIXES:
-        raise InputError(
-            f"is {spec.file.suffix!r}, allowed is {', '.join(MESH_SUFFIXES)}", file=spec.file, key="part.file"
-        )
-    if not spec.file.is_file():
-        raise InputError("no such mesh file", file=spec.file, key="part.file")
-    try:
-        mesh = trimesh.load_mesh(spec.file)
-    except Exception as error:  # the readers of the formats raise what they like
-        raise InputError(f"not a readable mesh: {error}", file=spec.file, key="part.file") from error
-    if not isinstance(mesh, trimesh.Trimesh) or len(mesh.faces) == 0:
-        raise InputError("holds no triangles", file=spec.file, key="part.file")
-    if not mesh.is_watertight:
-        raise InputError("is an open mesh, allowed is a closed (watertight) one", file=spec.file, key="part.file")
+    mesh = _closed_mesh(spec)
     mesh.apply_scale(spec.file_unit_mm * 1e-3)
     mesh.fix_normals()
     mesh.density = density
@@ -181,8 +168,45 @@ def mesh_part(spec: MeshPart, density: float, name: str) -> RigidPart:
     moments, axes = np.linalg.eigh(np.array(mesh.moment_inertia))
     rotation = axes.T if np.linalg.det(axes) > 0 else -axes.T
     vertices = (np.array(mesh.vertices) - mesh.center_mass) @ rotation.T
-    corners = spread_corners((np.array(mesh.convex_hull.vertices) - mesh.center_mass) @ rotation.T)
+    try:
+        hull = mesh.convex_hull
+    except Exception as error:  # as flat as the round-off
+        raise InputError("encloses no volume", file=spec.file, key="part.file") from error
+    corners = spread_corners((np.array(hull.vertices) - mesh.center_mass) @ rotation.T)
     return RigidPart(name, float(mesh.mass), moments, corners, 0.0, vertices, np.array(mesh.faces))
+
+
+def _closed_mesh(spec: MeshPart) -> Any:
+    """The one closed surface in a mesh file; what the file names besides, as colours and pictures, is left alone.
+
+    Raises:
+        InputError: it is missing, unreadable, empty, open, or of several bodies.
+    """
+    import trimesh
+
+    def refusal(problem: str) -> InputError:
+        return InputError(problem, file=spec.file, key="part.file")
+
+    if spec.file.suffix.lower() not in MESH_SUFFIXES:
+        raise refusal(f"is {spec.file.suffix!r}, allowed is {', '.join(MESH_SUFFIXES)}")
+    if not spec.file.is_file():
+        raise refusal("no such mesh file")
+    try:
+        mesh = trimesh.load_mesh(spec.file, resolver={}, skip_materials=True)
+    except ImportError as error:  # of a module that guesses the alphabet of a text
+        raise refusal("not a readable mesh: damaged, or its text is not in UTF-8") from error
+    except Exception as error:  # the readers of the formats raise what they like
+        raise refusal(f"not a readable mesh: {error}") from error
+    if not isinstance(mesh, trimesh.Trimesh) or len(mesh.faces) == 0:
+        raise refusal("holds no triangles")
+    reach = float(np.abs(mesh.vertices).max()) * spec.file_unit_mm
+    if not reach <= FARTHEST_MM:
+        raise refusal(f"reaches {reach:g} mm from its origin, allowed is up to {FARTHEST_MM:g} mm")
+    if not mesh.is_watertight:
+        raise refusal("is an open mesh, allowed is a closed (watertight) one")
+    if mesh.body_count > 1:
+        raise refusal(f"holds {mesh.body_count} bodies or cavities, allowed is one body without closed cavities")
+    return mesh
 
 
 def spread_corners(points: NDArray[np.float64]) -> NDArray[np.float64]:
