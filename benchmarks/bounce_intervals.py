@@ -54,9 +54,8 @@ def row(frequency: float, amplitude: float, intervals: int, **run: Any) -> Scena
 
 def rested(result: Result) -> float:
     """Share of the flights longer than a plate period that begin at the end of a phase of rest."""
-    scenario = result.scene.scenario
-    period = 1.0 / scenario.drive[0].frequency_hz
-    least = impact_tolerance(scenario) * period
+    period = 1.0 / result.prepared.scenario.drive[0].frequency_hz
+    least = impact_tolerance(result.prepared) * period
 
     def share(impacts: Impacts) -> float:
         flies = impacts.time[1:] - impacts.until[:-1] >= period

@@ -52,8 +52,10 @@ def on_track(crest: Track, amplitude: float, phase: float, seeds: int) -> Scenar
 
 def mean_speed(crest: Track, amplitude: float, phase: float, seeds: int) -> Statistic:
     """Circulation [mm/s] over seeds."""
-    seen = simulate(on_track(crest, amplitude, phase, seeds)).trajectories
-    return Statistic.of(1e3 * circulation(crest, frames, COUNTED_FROM_S, DURATION_S) for frames in seen)
+    seen = simulate(on_track(crest, amplitude, phase, seeds))
+    return Statistic.of(
+        1e3 * circulation(seen.scene, crest, frames, COUNTED_FROM_S, DURATION_S) for frames in seen.trajectories
+    )
 
 
 def draw(amplitudes: list[float], found: dict[float, list[Statistic]], picture: Path) -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -9,8 +11,12 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from feeder_sim.engines.protocol import Engine
 from feeder_sim.records.trajectory import Frames
 from feeder_sim.scenario import Contact, Drive, HexNut, PistonPlate, Run, Scenario, Start, Strip
+from feeder_sim.scenario.engine_choice import choose_engine
+from feeder_sim.scene.cell import transport_cell
+from feeder_sim.scene.prepared import Prepared
 from feeder_sim.scene.scene import Scene
 
 REPOSITORY = Path(__file__).parents[1]
@@ -53,24 +59,34 @@ def piston_scenario(
     )
 
 
+def ready(scene: Scene) -> Prepared:
+    """A scene as it stands, perhaps changed by a test, with the engine of its scenario."""
+    return Prepared(scene, choose_engine(scene.scenario), transport_cell(scene), ())
+
+
+@contextmanager
+def changing(engine: Engine) -> Iterator[dict[str, NDArray[Any]]]:
+    """The state of an engine, to be changed: it goes on from there."""
+    state = engine.state()
+    yield state
+    engine.restore(state)
+
+
 def hull_distances(scene: Scene, frames: Frames) -> NDArray[np.float64]:
     """Distance of all hulls that are near each other, over all frames [m]."""
-    import mujoco
     from scipy.spatial import cKDTree
+    from scipy.spatial.transform import Rotation
 
-    from feeder_sim.engines.impulse.hulls import HullLibrary
+    from feeder_sim.engines.impulse.hulls import HullLibrary, hull_distance
+    from feeder_sim.engines.impulse.state import new_parts
 
     library = HullLibrary([kind.corners for kind in scene.kinds], [kind.corner_radius for kind in scene.kinds])
-    model, data = library._model, library._data
-    largest, found = 2.0 * max(kind.size for kind in scene.kinds), []
+    hulls, largest, found = library.hulls(), 2.0 * max(kind.size for kind in scene.kinds), []
     for row in range(len(frames)):
         there = np.flatnonzero(frames.present[row])
-        for a, b in cKDTree(frames.position[row, there]).query_pairs(largest):
-            for copy, part in ((0, there[a]), (1, there[b])):
-                body = 2 * scene.kind_of[part] + copy
-                data.mocap_pos[body] = frames.position[row, part]
-                data.mocap_quat[body] = frames.quaternion[row, part]
-            mujoco.mj_kinematics(model, data)
-            first, second = 2 * scene.kind_of[there[a]], 2 * scene.kind_of[there[b]] + 1
-            found.append(mujoco.mj_geomDistance(model, data, int(first), int(second), 1e-3, None))
+        position = frames.position[row, there]
+        turned = Rotation.from_quat(frames.quaternion[row, there], scalar_first=True).as_matrix()
+        parts = new_parts(position, turned, scene.kind_of[there])
+        for a, b in cKDTree(position).query_pairs(largest):
+            found.append(hull_distance(hulls, parts[a], parts[b], 1e-3))
     return np.array(found)

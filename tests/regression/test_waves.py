@@ -38,8 +38,11 @@ def speeds() -> dict[float, Statistic]:
     assert wave.track is not None
     found = {}
     for phase in (90.0, -90.0, 0.0):
-        seeds = simulate(on_track(wave.track, phase)).trajectories
-        speed = [1e3 * circulation(wave.track, frames, COUNTED_FROM_S, DURATION_S) for frames in seeds]
+        result = simulate(on_track(wave.track, phase))
+        speed = [
+            1e3 * circulation(result.scene, wave.track, frames, COUNTED_FROM_S, DURATION_S)
+            for frames in result.trajectories
+        ]
         found[phase] = Statistic.of(speed)
         print(f"\n{phase:+.0f} degrees: {found[phase].mean:+.3f} +- {found[phase].se:.3f} mm/s")
     return found

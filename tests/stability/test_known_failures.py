@@ -13,9 +13,10 @@ from conftest import piston_scenario
 from feeder_sim.engines.lookup import engine_class
 from feeder_sim.errors import InputError
 from feeder_sim.plate.drive import ModalTerms
-from feeder_sim.run.advice import cautions
-from feeder_sim.run.simulation import Result, simulate, simulate_scene
+from feeder_sim.run.prepare import prepare
+from feeder_sim.run.simulation import Result, simulate
 from feeder_sim.scenario import Contact, MujocoSettings, Scenario, Start, parse_scenario
+from feeder_sim.scenario.engine_choice import choose_engine
 from feeder_sim.scenario.tables import validated
 from feeder_sim.scene.scene import Scene, build_scene
 from feeder_sim.studies.chart.cases import APPROACH, CASES, RESTITUTION
@@ -47,7 +48,7 @@ def case(name: str, change: Change, **contact: float) -> float:
     raw["contact"] |= contact
     raw["run"]["allow_unstable"] = True
     result = simulate(validated(raw, Scenario, Path("test")))
-    return found.observe(result.scene, result.seeds[0])
+    return found.observe(result.prepared, result.seeds[0])
 
 
 def test_nothing_drifts_on_a_mocap_plate() -> None:
@@ -103,7 +104,7 @@ def creep(
 ) -> float:
     """Speed [m/s] along the slope once the nut has come to rest."""
     scene = slope(angle, engine, contact, impedance)
-    frames = engine_class(scene.scenario)(scene, np.random.default_rng(0)).advance(scene.n_frames - 1)
+    frames = engine_class(choose_engine(scene.scenario))(scene, np.random.default_rng(0)).advance(scene.n_frames - 1)
     late = frames.time > 0.5
     x, t = frames.position[late, 0, 0], frames.time[late]
     return float(abs(x[-1] - x[0]) / (t[-1] - t[0]))
@@ -131,7 +132,7 @@ def test_soft_contact_lets_a_fast_part_through(speed: float, time_constant_ms: f
 
     result = ran(falling(speed, soft, 20), seeds=1)
     assert classify(result, None)[0] == expected
-    warned = any("out of it below" in line for line in cautions(result.scene))
+    warned = any("out of it below" in line for line in result.prepared.cautions)
     assert warned == (expected == State.TUNNELLING)
 
 
@@ -178,7 +179,7 @@ def test_settings_that_fail_are_refused_with_the_reason_unless_asked_for(more: s
     assert why in str(refused.value) and "\n" not in str(refused.value)
     allowed = (STRIP + more).replace('engine = "mujoco"', 'engine = "mujoco"\nallow_unstable = true')
     scenario = parse_scenario(allowed, file=Path("strip.toml"))
-    assert any(why in line for line in cautions(build_scene(scenario)))
+    assert any(why in line for line in prepare(scenario).cautions)
 
 
 @pytest.mark.parametrize(
@@ -211,15 +212,15 @@ def test_settings_that_another_engine_would_ignore_are_refused(more: str, why: s
     ],
 )
 def test_settings_that_mislead_get_a_caution(more: str, why: str) -> None:
-    scene = build_scene(parse_scenario(STRIP + more, file=Path("strip.toml")))
-    assert any(why in line for line in cautions(scene))
+    prepared = prepare(parse_scenario(STRIP + more, file=Path("strip.toml")))
+    assert any(why in line for line in prepared.cautions)
 
 
 def test_default_settings_get_no_caution() -> None:
     text = STRIP.replace('engine = "mujoco"\n', "")
-    assert cautions(build_scene(parse_scenario(text, file=Path("strip.toml")))) == []
+    assert prepare(parse_scenario(text, file=Path("strip.toml"))).cautions == ()
 
 
 def test_approach_is_that_of_the_drop() -> None:
     assert pytest.approx(0.3132, abs=1e-4) == APPROACH
-    assert simulate_scene(build_scene(validated(falling(1.0, steps, 40), Scenario, Path("x")))).failures == []
+    assert simulate(validated(falling(1.0, steps, 40), Scenario, Path("x"))).failures == []

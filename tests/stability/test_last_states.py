@@ -12,12 +12,12 @@ import numpy as np
 import pytest
 from conftest import REPOSITORY, piston_scenario, strip_scenario
 
-from feeder_sim import seed_run
 from feeder_sim.engines.lookup import engine_class
-from feeder_sim.errors import InputError, RecordingFailed, SimulationDiverged
-from feeder_sim.records.last_states import LastStates, read_last_states, save_last_states
+from feeder_sim.errors import Divergence, InputError, RecordingFailed, SimulationDiverged
+from feeder_sim.records.last_states import LAST_FRAMES, LastStates, read_last_states, save_last_states
 from feeder_sim.records.trajectory import Frames, Status
 from feeder_sim.records.trajectory_file import read_recording
+from feeder_sim.run import seed_run
 from feeder_sim.run.guard import Guard
 from feeder_sim.run.run_folder import record_run, resume_run
 from feeder_sim.run.seed_run import SeedResult
@@ -34,6 +34,7 @@ from feeder_sim.scenario import (
     load_scenario,
     with_run,
 )
+from feeder_sim.scenario.engine_choice import choose_engine
 from feeder_sim.scenario.schedule import Schedule, Settled, Stage
 from feeder_sim.scene.scene import build_scene
 
@@ -55,7 +56,9 @@ def fail_at(monkeypatch: pytest.MonkeyPatch, time_s: float, seed: int | None = N
         if not len(late) or seed not in (None, seed_index):
             return check(self, frames, seed_index)
         at = float(frames.time[late[0]])
-        return int(late[0]), SimulationDiverged(cause="spoilt", time_s=at, part="part_0", seed=seed_index)
+        return int(late[0]), SimulationDiverged(
+            Divergence.TOO_DEEP, time_s=at, part="part_0", seed=seed_index, detail="spoilt"
+        )
 
     monkeypatch.setattr(Guard, "check", spoilt)
 
@@ -65,7 +68,8 @@ def check_runs_again(scenario: Scenario, last: LastStates, seed: int = 0) -> Non
     scene = build_scene(scenario)
     if len(last.stops):
         scene = scene.stopped(last.stops.tolist())
-    engine = engine_class(scenario)(scene, np.random.default_rng(np.random.SeedSequence(0).spawn(seed + 1)[seed]))
+    rng = np.random.default_rng(np.random.SeedSequence(0).spawn(seed + 1)[seed])
+    engine = engine_class(choose_engine(scenario))(scene, rng)
     engine.restore(last.state)
     again = engine.advance(last.skipped + len(last.frames))[slice(last.skipped, None)]
     for field in fields(Frames):
@@ -97,7 +101,7 @@ def test_exploding_run_names_the_file_with_its_last_states(tmp_path: Path) -> No
     assert read_recording(tmp_path / "trajectory.h5").status == (Status.DIVERGED, Status.DIVERGED)
     for index, seed in enumerate(result.seeds):
         name = f"failure_seed_{index}.npz"
-        assert seed.failure is not None and "energy" in seed.failure.cause
+        assert seed.failure is not None and seed.failure.divergence == Divergence.TOO_MUCH_ENERGY
         assert str(seed.failure).endswith(f"frames up to that time are kept, last states in {name}")
         last = check_fits(seed)
         kept = read_last_states(tmp_path / name)
@@ -139,7 +143,7 @@ def test_of_a_long_block_the_frames_around_the_failure_are_kept(monkeypatch: pyt
     scenario = with_run(load_scenario(REPOSITORY / "scenarios/ball_500hz.toml"), duration_s=0.5, seeds=1)
     fail_at(monkeypatch, time_s)
     last = check_fits(simulate(scenario).seeds[0])
-    assert len(last.frames) == seed_run.LAST_FRAMES
+    assert len(last.frames) == LAST_FRAMES
     assert last.valid >= min(50, int(time_s * 5000))
     check_runs_again(scenario, last)
 

@@ -9,11 +9,10 @@ from pathlib import Path
 import pytest
 from conftest import REPOSITORY
 
-from feeder_sim.cli.report import print_summary
+from feeder_sim.cli.report import print_result
+from feeder_sim.run.prepare import prepare
 from feeder_sim.run.simulation import Result
 from feeder_sim.scenario import load_scenario
-from feeder_sim.scene.cell import transport_cell
-from feeder_sim.scene.scene import build_scene
 
 MODE_FILE = REPOSITORY / "models/plate_180/modes.h5"
 SHORT = """
@@ -153,7 +152,7 @@ def test_python_does_what_the_command_does(scenario: Path, tmp_path: Path) -> No
 
 def test_help_does_not_load_the_heavy_libraries() -> None:
     code = (
-        "import sys, typer.testing; from feeder_sim.cli import app;"
+        "import sys, typer.testing; from feeder_sim.cli.main import app;"
         "typer.testing.CliRunner().invoke(app, ['--help']);"
         "print([m for m in ('numba', 'mujoco', 'rerun', 'trimesh', 'scipy', 'pydantic', 'h5py') if m in sys.modules])"
     )
@@ -239,9 +238,7 @@ def test_every_kind_of_summary_is_printed(
 ) -> None:
     """Of an ensemble with nothing in it yet, which has every key and no numbers."""
     scenario = load_scenario(repository / f"scenarios/{name}.toml")
-    scene = build_scene(scenario)
-    result = Result(scene, (), 1.0, transport_cell(scene))
-    print_summary(result.summary(), tmp_path, as_json=False)
+    print_result(Result(prepare(scenario), (), 1.0), tmp_path, as_json=False)
     printed = capsys.readouterr().out
     assert printed.startswith(scenario.title) and "recorded in" in printed
     assert ("arrived" in printed) == (name == "transport_strip")

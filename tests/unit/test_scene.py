@@ -8,6 +8,7 @@ import pytest
 from conftest import piston_scenario, strip_scenario
 
 from feeder_sim.engines.impulse.engine import ImpulseEngine
+from feeder_sim.engines.impulse.state import read_kinds
 from feeder_sim.engines.mujoco.engine import MujocoEngine
 from feeder_sim.engines.mujoco.mjcf import build_mjcf
 from feeder_sim.run.run_folder import mjcf_text, scenario_toml
@@ -128,7 +129,7 @@ def test_engine_is_chosen_by_what_the_scene_needs() -> None:
     compliant = rigid.model_copy(update={"contact": Contact(model="compliant", time_constant_us=50.0)})
     assert choose_engine(rigid).name == "impulse"
     assert choose_engine(compliant).name == "mujoco"
-    assert choose_engine(strip_scenario(engine="mujoco")) == ("mujoco", "asked for")
+    assert choose_engine(strip_scenario(engine="mujoco")) == ("mujoco", "mujoco", "asked for")
 
 
 def test_both_engines_start_alike() -> None:
@@ -140,8 +141,8 @@ def test_both_engines_start_alike() -> None:
 
 def test_impulse_engine_takes_the_part_from_the_scene() -> None:
     scene = build_scene(strip_scenario())
-    kinds = ImpulseEngine(scene, np.random.default_rng(0))._kinds
-    kind, part = kinds.record[0], scene.parts[0]
+    kinds, part = read_kinds(scene), scene.parts[0]
+    kind = kinds.record[0]
     assert kind["mass"] == pytest.approx(part.mass)
     assert kind["inertia"] == pytest.approx(part.inertia)
     assert kinds.corners[kind["corner_from"] : kind["corner_to"]] == pytest.approx(part.corners)

@@ -6,12 +6,13 @@ import math
 
 import numpy as np
 import pytest
+from conftest import ready
 
-from feeder_sim.measures.separation import StageReport, separation_measures, stage_reports
+from feeder_sim.measures.separation import Separation, StageReport, stage_reports
 from feeder_sim.measures.stage_lines import StageLines, stage_lines
 from feeder_sim.records.impacts import Impacts
 from feeder_sim.records.removals import Cause, Removals
-from feeder_sim.records.trajectory import Frames, Record
+from feeder_sim.records.trajectory import Frames, SeedRecord, Status
 from feeder_sim.scenario import Excitation, HexNut, Run, Scattered, Scenario, Strip
 from feeder_sim.scenario.schedule import Pick, Schedule, Stage
 from feeder_sim.scene.scene import Scene, build_scene
@@ -63,8 +64,8 @@ def still(scene: Scene, places_mm: list[tuple[float, float]]) -> Frames:
 ROW = [(0.0, -25.0), (0.0, -13.0), (0.0, -1.0), (0.0, 11.0), (0.0, 23.0), (30.0, 11.0)]
 
 
-def record(frames: Frames, removals: Removals | None = None) -> Record:
-    return Record(frames, Impacts.none(), removals or Removals.none(), np.empty(0))
+def record(frames: Frames, removals: Removals | None = None) -> SeedRecord:
+    return SeedRecord(frames, Impacts.none(), removals or Removals.none(), np.empty(0), Status.DONE)
 
 
 def reports(scene: Scene, lines: StageLines, frames: Frames, removals: Removals | None = None) -> list[StageReport]:
@@ -167,12 +168,12 @@ def test_measures_are_means_over_the_seeds(scene: Scene) -> None:
         record(one, Removals.of(end, np.array([0, 1, 2]), Cause.PICKED)),
         record(other, Removals.of(end, np.array([4]), Cause.LOST)),
     ]
-    found = separation_measures(scene, seeds)
-    assert found["parts"] == 6
-    assert (found["picked"]["mean"], found["lost"]["mean"], found["picked"]["n"]) == (1.5, 0.5, 2)
-    assert [(s["cycle"], s["stage"], s["end_s"]["mean"]) for s in found["stages"]] == [
+    found = Separation().compute(ready(scene), seeds)
+    assert found.parts == 6
+    assert (found.picked.mean, found.lost.mean, found.picked.n) == (1.5, 0.5, 2)
+    assert [(s.cycle, s.stage, s.end_s.mean) for s in found.stages] == [
         (1, "gather", pytest.approx(0.1)),
         (1, "separate", pytest.approx(0.2)),
     ]
-    assert [stage["isolated"]["mean"] for stage in found["stages"]] == [3.0, 3.0]
-    assert [stage["picked"]["mean"] for stage in found["stages"]] == [0.0, 1.5]
+    assert [stage.isolated.mean for stage in found.stages] == [3.0, 3.0]
+    assert [stage.picked.mean for stage in found.stages] == [0.0, 1.5]

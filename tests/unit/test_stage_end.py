@@ -10,10 +10,12 @@ from typing import Any
 
 import numpy as np
 import pytest
+from conftest import ready
 from pydantic import ValidationError
 
 from feeder_sim.errors import InputError
-from feeder_sim.measures.arrivals import arrived, transport_measures
+from feeder_sim.measures.arrivals import Arrivals, arrived
+from feeder_sim.measures.protocol import as_json
 from feeder_sim.measures.stage_lines import settled, stage_lines
 from feeder_sim.records.trajectory import Frames
 from feeder_sim.records.trajectory_file import TRAJECTORY, read_recording
@@ -163,8 +165,9 @@ def test_arrival_is_told_from_the_last_frame(scene: Scene) -> None:
 
 
 def test_measures_of_no_seeds_are_empty(scene: Scene) -> None:
-    found = transport_measures(scene, [])
-    assert found["at_goal"] == found["at_goal_of"] == 0 and found["arrival_time_s"]["mean"] is None
+    found = Arrivals().compute(ready(scene), [])
+    assert found.at_goal == found.at_goal_of == 0
+    assert as_json(found)["arrival_time_s"] == {"mean": None, "sd": None, "se": None, "n": 0}
 
 
 @pytest.mark.parametrize(

@@ -8,19 +8,19 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from conftest import REPOSITORY
+from conftest import REPOSITORY, ready
 from numpy.typing import NDArray
 from typer.testing import CliRunner
 
 from feeder_sim.cli.main import app
 from feeder_sim.errors import InputError
-from feeder_sim.measures.circulation import StageWave, circulation, stage_waves, wave_measures
+from feeder_sim.measures.circulation import Circulation, StageWave, circulation, stage_waves
 from feeder_sim.plate.wave import Track
 from feeder_sim.records.impacts import Impacts
 from feeder_sim.records.removals import Removals
-from feeder_sim.records.trajectory import Frames, Record
+from feeder_sim.records.trajectory import Frames, SeedRecord, Status
 from feeder_sim.scenario import Scenario, load_scenario
-from feeder_sim.scene.scene import build_scene
+from feeder_sim.scene.scene import Scene, build_scene
 
 GATHER = REPOSITORY / "scenarios/wave_gather.toml"
 SPLIT = REPOSITORY / "scenarios/wave_split.toml"
@@ -36,6 +36,11 @@ def wave(phase_deg: float, path: Path = GATHER) -> StageWave:
 @pytest.fixture(scope="module")
 def quarter() -> StageWave:
     return wave(90.0)
+
+
+@pytest.fixture(scope="module")
+def gather() -> Scene:
+    return build_scene(load_scenario(GATHER))
 
 
 def track_of(of: StageWave) -> Track:
@@ -110,26 +115,29 @@ def _frames(time: NDArray[np.float64], position: NDArray[np.float64]) -> Frames:
     return Frames(time, position, upright, 0 * position, 0 * position, np.ones(position.shape[:2], bool))
 
 
+def record(frames: Frames, *stops: float) -> SeedRecord:
+    return SeedRecord(frames, Impacts.none(), Removals.none(), np.array(stops), Status.DONE)
+
+
 @pytest.mark.parametrize("speed", [0.02, -0.2])
-def test_circulation_is_the_speed_along_the_track(quarter: StageWave, speed: float) -> None:
+def test_circulation_is_the_speed_along_the_track(gather: Scene, quarter: StageWave, speed: float) -> None:
     track = track_of(quarter)
-    found = circulation(track, running_round(track, speed, 0.0), 0.0, 2.0)
+    found = circulation(gather, track, running_round(track, speed, 0.0), 0.0, 2.0)
     # The track is no circle: what runs round one is slower along it.
     assert 0.8 < found / speed < 1.0
-    assert math.isnan(circulation(track, running_round(track, speed, 0.03), 0.0, 2.0))
-    assert math.isnan(circulation(track, running_round(track, speed, 0.0), 5.0, 6.0))
+    assert math.isnan(circulation(gather, track, running_round(track, speed, 0.03), 0.0, 2.0))
+    assert math.isnan(circulation(gather, track, running_round(track, speed, 0.0), 5.0, 6.0))
 
 
-def test_parts_at_still_points_are_counted(quarter: StageWave) -> None:
+def test_parts_at_still_points_are_counted(gather: Scene, quarter: StageWave) -> None:
     position = np.zeros((801, 4, 3))
     position[:, :2, :2] = quarter.still[:2] + np.array([0.0, 5e-3])
     position[:, 2, :2] = quarter.still[0] + np.array([9e-3, 0.0])
     position[:, 3, 2] = -0.03  # fallen past the edge
     position[:, :3, 2] = 1e-3
-    record = Record(_frames(np.linspace(0.0, 24.0, 801), position), Impacts.none(), Removals.none(), np.empty(0))
-    (found,) = wave_measures(build_scene(load_scenario(GATHER)), [quarter], [record])["waves"]
-    assert found["at_still_points"]["mean"] == pytest.approx(2.0 / 3.0)
-    assert found["still_points"] == 9
+    (found,) = Circulation().compute(ready(gather), [record(_frames(np.linspace(0.0, 24.0, 801), position))]).waves
+    assert found.at_still_points.mean == pytest.approx(2.0 / 3.0)
+    assert found.still_points == 9
 
 
 def test_waves_are_measured_when_they_really_acted(quarter: StageWave) -> None:
@@ -144,13 +152,13 @@ def test_waves_are_measured_when_they_really_acted(quarter: StageWave) -> None:
     track, speed = track_of(quarter), 0.02
     frames = running_round(track, speed, 0.0)
     frames = _frames(frames.time * 7.5, frames.position)  # 15 s, of which the waves have 5 to 9 and 9 to 13
-    record = Record(frames, Impacts.none(), Removals.none(), np.array([5.0]))
-    found = wave_measures(scene, waves, [record])["waves"]
-    assert [wave["cycle"] for wave in found] == [1, 2]
+    prepared = ready(scene)
+    found = Circulation().compute(prepared, [record(frames, 5.0)]).waves
+    assert [wave.cycle for wave in found] == [1, 2]
     for wave in found:
-        assert 0.7 < wave["circulation_mm_s"]["mean"] / (1e3 * speed / 7.5) < 1.05
-    late = wave_measures(scene, waves, [Record(frames, Impacts.none(), Removals.none(), np.empty(0))])["waves"]
-    assert late[0]["circulation_mm_s"]["n"] == 0
+        assert 0.7 < wave.circulation_mm_s.mean / (1e3 * speed / 7.5) < 1.05
+    late = Circulation().compute(prepared, [record(frames)]).waves
+    assert late[0].circulation_mm_s.n == 0
 
 
 def test_command_describes_and_draws(tmp_path: Path) -> None:

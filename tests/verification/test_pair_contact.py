@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from conftest import changing, hull_distances
 from numba import njit
 from scipy.optimize import nnls
 from scipy.spatial import ConvexHull
@@ -230,7 +231,8 @@ def in_the_air(scene: Scene, positions: list[list[float]], velocities: list[list
     """An engine whose parts fly instead of starting over the plate."""
     engine = ImpulseEngine(scene, np.random.default_rng(0))
     n = len(positions)
-    engine._parts["position"][:n], engine._parts["velocity"][:n] = positions, velocities
+    with changing(engine) as state:
+        state["position"][:n], state["velocity"][:n] = positions, velocities
     return engine
 
 
@@ -288,13 +290,14 @@ def test_nuts_that_meet_in_the_air_keep_their_momenta(seed: int, friction: float
     scene = resting_plate(nuts, part_friction=friction, part_restitution=0.5)
     rng = np.random.default_rng(seed)
     engine = in_the_air(scene, [[-6e-3, 0.0, 0.1], [6e-3, 1e-3, 0.1]], [[0.4, 0.02, 0.0], [-0.2, 0.0, 0.05]])
-    engine._parts["momentum"][:2] = rng.normal(size=(2, 3)) * 100.0 * NUT.inertia.mean()
-    engine._parts["attitude"][:2] = Rotation.random(2, rng=rng).as_matrix()
+    with changing(engine) as state:
+        state["momentum"][:2] = rng.normal(size=(2, 3)) * 100.0 * NUT.inertia.mean()
+        state["attitude"][:2] = Rotation.random(2, rng=rng).as_matrix()
     frames = [engine.current()]
-    turning = [engine._parts["momentum"][:2].copy()]
+    turning = [engine.state()["momentum"][:2]]
     for _ in range(40):
         frames.append(engine.advance(1))
-        turning.append(engine._parts["momentum"][:2].copy())
+        turning.append(engine.state()["momentum"][:2])
     joined = Frames.joined(frames)
     fall = np.stack([0 * joined.time, 0 * joined.time, -GRAVITY * joined.time], axis=1)[:, None]
     velocity = joined.velocity - fall
@@ -306,7 +309,7 @@ def test_nuts_that_meet_in_the_air_keep_their_momenta(seed: int, friction: float
     # An impact of parts that overlap by some um pushes them apart, which turns the arm of their momenta.
     assert total == pytest.approx(np.tile(total[0], (41, 1)), abs=0.5 * NUT.mass * 0.6 * DEEPEST)
     assert energy(scene, joined, velocity).max() <= energy(scene, joined, velocity)[0] * (1 + 1e-9)
-    assert deepest(scene, joined) > -DEEPEST
+    assert hull_distances(scene, joined).min() > -DEEPEST
 
 
 def energy(scene: Scene, frames: Frames, velocity: np.ndarray) -> np.ndarray:
@@ -318,22 +321,6 @@ def energy(scene: Scene, frames: Frames, velocity: np.ndarray) -> np.ndarray:
     return np.asarray(moving + 0.5 * (inertia * spin**2).sum(axis=(1, 2)))
 
 
-def deepest(scene: Scene, frames: Frames) -> float:
-    """Smallest distance of any two hulls at any frame [m]."""
-    kinds = scene.kinds
-    library = HullLibrary([kind.corners for kind in kinds], [kind.corner_radius for kind in kinds])
-    hulls, size = library.hulls(), np.array([part.size for part in scene.parts])
-    smallest = np.inf
-    for row in range(len(frames)):
-        turned = Rotation.from_quat(frames.quaternion[row], scalar_first=True).as_matrix()
-        at = frames.position[row]
-        state = new_parts(at, turned, scene.kind_of)
-        distance = np.linalg.norm(at[:, None] - at[None], axis=2)
-        for a, b in np.argwhere(np.triu(distance < size[:, None] + size[None], k=1)):
-            smallest = min(smallest, hull_distance(hulls, state[a], state[b], 1e-3))
-    return smallest
-
-
 def test_a_crowd_pushed_together_on_a_plate_does_not_enter_itself() -> None:
     """Nuts, rods and balls thrown at the middle of a plate at rest, in a heap of each other."""
     start = Scattered(kind="scattered", size_mm=(50.0, 50.0))
@@ -342,13 +329,14 @@ def test_a_crowd_pushed_together_on_a_plate_does_not_enter_itself() -> None:
     balls = Ball(shape="ball", diameter_mm=4.0, count=6, start=start)
     scene = resting_plate(nuts, rods, balls)
     engine = ImpulseEngine(scene, np.random.default_rng(4))
-    engine._parts["velocity"][:, :2] = -40.0 * engine._parts["position"][:, :2]  # up to 1.4 m/s
-    before = engine._parts["velocity"].copy()
+    with changing(engine) as state:
+        state["velocity"][:, :2] = -40.0 * state["position"][:, :2]  # up to 1.4 m/s
+    before = state["velocity"]
     frames = engine.advance(150)
     spread = np.linalg.norm(frames.position[..., :2], axis=2).mean(axis=1)
     assert spread.min() < 0.7 * spread[0]  # they did come together
     assert np.abs(frames.velocity[..., :2] - before[:, :2]).max() > 0.3
-    assert deepest(scene, frames) > -DEEPEST
+    assert hull_distances(scene, frames).min() > -DEEPEST
     # Nothing drives them: the plate takes energy out, and parts give it to each other.
     total = energy(scene, frames, frames.velocity) + GRAVITY * frames.position[..., 2] @ masses(scene)
     drop = GRAVITY * masses(scene).sum() * 2 * DEEPEST
@@ -361,7 +349,7 @@ def test_a_heap_that_falls_in_on_itself_does_not_enter_itself(seed: int) -> None
     scene = resting_plate(HexNut(size="M2.5", count=30, start=Heap(kind="heap", diameter_mm=16.0)))
     engine = ImpulseEngine(scene, np.random.default_rng(seed))
     frames = engine.advance(300)
-    assert deepest(scene, frames) > -DEEPEST
+    assert hull_distances(scene, frames).min() > -DEEPEST
     on_plate = np.abs(frames.position[-1, :, :2]).max(axis=1) < 0.03
     assert on_plate.sum() > 10  # the others have slid off the small plate
     assert (frames.position[-1, on_plate, 2] > 0.0).all()
@@ -374,8 +362,9 @@ def test_without_friction_parts_on_a_plate_keep_their_momentum_along_it() -> Non
     balls = Ball(shape="ball", diameter_mm=4.0, count=8, start=Scattered(kind="scattered", size_mm=(40.0, 40.0)))
     scene = resting_plate(balls, side_mm=400.0, friction=0.0, part_friction=0.2, part_restitution=0.5)
     engine = ImpulseEngine(scene, np.random.default_rng(6))
-    engine._parts["velocity"][:, :2] = -10.0 * engine._parts["position"][:, :2]
-    begin = engine._parts["velocity"][:, :2].copy()
+    with changing(engine) as state:
+        state["velocity"][:, :2] = -10.0 * state["position"][:, :2]
+    begin = state["velocity"][:, :2]
     frames = engine.advance(100)
     assert np.abs(frames.velocity[-1, :, :2] - begin).max() > 0.05
     total = frames.velocity[..., :2].sum(axis=1)

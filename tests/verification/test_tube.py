@@ -6,9 +6,9 @@ import math
 
 import numpy as np
 import pytest
+from pydantic import ValidationError
 
 from feeder_sim.engines.mujoco.engine import MujocoEngine
-from feeder_sim.errors import InputError
 from feeder_sim.run.simulation import Result, simulate
 from feeder_sim.scenario import Ball, Contact, Cylinder, Drive, PistonPlate, Run, Scenario, Slide, Start, Tube
 from feeder_sim.scene.scene import GRAVITY, build_scene
@@ -60,7 +60,7 @@ def test_ball_slides_down_the_wall_in_mujoco() -> None:
 
 
 def test_mujoco_is_refused_where_its_friction_cone_lifts_parts_off_the_wall() -> None:
-    with pytest.raises(InputError, match=r"guide\.friction: is 0\.2, allowed is 0 in MuJoCo"):
+    with pytest.raises(ValidationError, match=r"guide\.friction is 0\.2, allowed is 0 in MuJoCo"):
         falling_ball(0.2, "mujoco")
     # The reason: the ball should come to lie on the wall, and bounces ever more across it.
     scene = build_scene(falling_ball(0.2, "impulse").scene.scenario)
