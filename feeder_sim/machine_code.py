@@ -17,33 +17,60 @@ import platform
 import shutil
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, ClassVar, TypeVar
+from typing import Any, TypeVar
 
 import llvmlite.binding
 import numba
 from filelock import FileLock
 from numba.core.caching import CompileResultCacheImpl, FunctionCache, _CacheLocator
+from numba.core.registry import CPUDispatcher
 from platformdirs import user_cache_path
 
 FOLDERS_KEPT = 4  # of other states of sources, libraries and processor: two checkouts, an upgrade and a way back
 LIBRARIES = ("numba", "llvmlite", "numpy", "mujoco-core", "mujoco")
 KEY_LENGTH = 24
+OPTIONS = {"nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True}  # nothing calls them from C
 
+_njit: Any = numba.njit  # whose stubs do not know all options
 F = TypeVar("F", bound=Callable[..., Any])
 
 
+def entry_point(function: F) -> F:
+    """Compile a function that Python calls, with all that it calls, and keep its machine code between runs.
+
+    It runs without Python's lock, and divides by zero as IEEE arithmetic does.
+    """
+    dispatcher = _njit(**OPTIONS)(function)
+    dispatcher._cache = _Cache(function)
+    return dispatcher
+
+
 def compiled(function: F) -> F:
-    """Compile a function by numba: without Python's lock, and with division by zero as in IEEE arithmetic."""
-    return _kept(numba.njit(nogil=True, error_model="numpy")(function), function)
+    """Compile a function that only compiled functions call.
+
+    Its machine code is part of theirs. That it has none of its own, and no way in from Python, saves a third of the
+    time that compilation takes; `entry_point(function.py_func)` can be called from Python.
+    """
+    return _inner(_njit(no_cpython_wrapper=True, **OPTIONS)(function))
 
 
 def inlined(function: F) -> F:
     """As `compiled`, and copied into every function that calls it: for what the inner loops call most."""
-    return _kept(numba.njit(nogil=True, error_model="numpy", forceinline=True)(function), function)
+    dispatcher = _njit(no_cpython_wrapper=True, forceinline=True, **OPTIONS)(function)
+    return _inner(dispatcher)
 
 
-def _kept(dispatcher: Any, function: Any) -> Any:
-    dispatcher._cache = _Cache(function)
+class _Inner(CPUDispatcher):
+    """A compiled function without a way in from Python, where a call would end the process."""
+
+    def __call__(self, *_: Any) -> Any:
+        raise TypeError(
+            f"{self.py_func.__name__} is for compiled functions only; entry_point(function.py_func) can be called"
+        )
+
+
+def _inner(dispatcher: Any) -> Any:
+    dispatcher.__class__ = _Inner
     return dispatcher
 
 
@@ -115,7 +142,7 @@ class _Locator(_CacheLocator):
 
 
 class _CacheFiles(CompileResultCacheImpl):
-    _locator_classes: ClassVar[list[type]] = [_Locator]
+    _locator_classes = [_Locator]  # noqa: RUF012 - as numba has it
 
 
 class _Cache(FunctionCache):

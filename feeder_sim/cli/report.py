@@ -31,6 +31,8 @@ def print_result(result: Result, folder: Path, as_json: bool) -> None:
     lines = result.lines()
     if summary["left_plate"]:
         lines.append(labelled("left the plate", f"{summary['left_plate']} of {summary['seeds']}"))
+    if summary["unresolved_impacts"]:
+        lines.append(labelled("unresolved", f"{summary['unresolved_impacts']} impacts, whose iteration was given up"))
     factor = summary["real_time_factor"] or 0.0
     cost = f"{summary['simulated_s']:.1f} s in {summary['wall_s']:.1f} s ({factor:.2f} x real time)"
     lines += [labelled("simulated", cost), labelled("recorded in", str(folder))]

@@ -32,8 +32,16 @@ def room_for(log: ImpactLog, n: int) -> ImpactLog:
     return log._replace(rows=np.concatenate([log.rows, np.empty((n - free, 4))]))
 
 
-def take_impacts(log: ImpactLog, *, end: bool) -> Impacts:
-    """Empty the log; at the `end` of a run also of the contact under way."""
+def take_impacts(log: ImpactLog, *, end: bool, over: tuple[float, float] | None = None) -> Impacts:
+    """Empty the log; at the `end` of a run also of the contact under way.
+
+    over: end [s] and departure velocity [m/s] of the contact under way, where it is known to have ended.
+    """
+    if over is not None and np.isfinite(log.current[0]):
+        until, velocity = over
+        log.rows[log.filled[0]] = log.current[0], until, log.current[1], velocity
+        log.filled[0] += 1
+        log.current[0] = np.nan
     rows = log.rows[: log.filled[0]]
     if end and np.isfinite(log.current[0]):
         rows = np.concatenate([rows, [[log.current[0], np.inf, log.current[1], np.nan]]])

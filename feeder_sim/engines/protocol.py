@@ -24,6 +24,11 @@ class Engine(Protocol):
     name: str
     frames_per_block: int
 
+    @property
+    def unresolved_impacts(self) -> int:
+        """Impacts since t = 0 whose iteration was given up before it had settled."""
+        ...
+
     def __init__(self, scene: Scene, rng: np.random.Generator, *, threads: int = 1) -> None:
         """Start at t = 0 with poses drawn from `rng`; may use so many threads, which must not change the result."""
         ...

@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from feeder_sim.engines.impact_log import begin_contact, end_contact, is_full, log_impact, new_log, take_impacts
-from feeder_sim.machine_code import compiled
+from feeder_sim.machine_code import compiled, entry_point
 from feeder_sim.records.impacts import Impacts
 from feeder_sim.records.trajectory import BLOCK_FRAMES, Frames
 from feeder_sim.scene.scene import GRAVITY, Scene
@@ -40,8 +40,9 @@ ROUND_OFF = 1e-15
 JUMP = 1e-9  # of the largest velocity or height of the plate
 SLOW = 1e-11  # [m/s]; an impact as slow as this is a touch
 LOG_ROWS = 20_000
-# Places in the state vector; SIGN: which way a riding part moves, 0 where it does not matter.
-T, Z, V, STUCK, SIGN = range(5)
+# Places in the state vector. SIGN: which way a riding part moves, 0 where it does not matter. FREE: time for which a
+# part that has just lifted off cannot meet the plate [s].
+T, Z, V, STUCK, SIGN, FREE = range(6)
 
 
 class Plate(NamedTuple):
@@ -114,8 +115,11 @@ def _move(state, g, duration):
 
 
 @compiled
-def _fly(state, plate, law, limit, p):
-    """Fly until the part meets the plate (returns True) or `limit` is reached."""
+def _fly(state, seen, plate, law, limit, p):
+    """Fly until the part meets the plate (returns True), or show where it is at `limit`.
+
+    The state goes on by whole leaps, which `limit` has no part in; what it is at `limit` goes into `seen`.
+    """
     while True:
         rising = state[V] > 0.0
         g = law.up if rising else law.down
@@ -124,7 +128,9 @@ def _fly(state, plate, law, limit, p):
         if at_apex:  # the friction of the guide turns there
             rest = state[V] / g
         over_crest = state[Z] - plate.bound[0]
-        if over_crest > CREST_MARGIN:
+        if state[FREE] > 0.0:
+            leap = state[FREE]
+        elif over_crest > CREST_MARGIN:
             leap = _leap(over_crest, state[V], g)
         else:
             _plate_motion(state[T], plate, p)
@@ -136,14 +142,17 @@ def _fly(state, plate, law, limit, p):
                 leap = max(leap, _leap(-h, -p[3], plate.bound[4]))
             if leap <= _tolerance(state[T]):
                 return True
-        if leap >= rest:
+        if leap < rest:
+            _move(state, g, leap)
+        elif at_apex:
             _move(state, g, rest)
-            if not at_apex:
-                state[T] = limit
-                return False
             state[V] = 0.0
         else:
-            _move(state, g, leap)
+            seen[:] = state
+            _move(seen, g, rest)
+            seen[T] = limit
+            return False
+        state[FREE] = 0.0
 
 
 @compiled
@@ -215,8 +224,11 @@ def _until_lift_off(state, plate, law, p):
 
 
 @compiled
-def _ride(state, plate, law, limit, log, p):
-    """Stick to the plate until it falls away from under the part (then the part flies) or `limit` is reached."""
+def _ride(state, seen, plate, law, limit, log, p):
+    """Stick to the plate until it falls away from under the part (returns True), or show where it is at `limit`.
+
+    As in `_fly`, the state goes on by whole leaps.
+    """
     while True:
         _plate_motion(state[T], plate, p)
         state[Z], state[V] = p[0], p[1]
@@ -225,21 +237,22 @@ def _ride(state, plate, law, limit, log, p):
         h = p[2] + g
         if h <= 0.0 or to_lift <= _tolerance(state[T]):
             free = _leap(-h, -p[3], plate.bound[4])
-            if free > 0.0 and rest > 10.0 * _tolerance(state[T]):
+            if free > 0.0:
                 end_contact(log, state[T], p[1])
                 state[STUCK] = 0.0
                 if state[SIGN] > 0.0:
                     free = min(free, p[1] / g)  # up to the apex, where friction turns
                 elif state[SIGN] < 0.0:
                     state[V] = min(state[V], 0.0)  # at the crest, round-off must not send it up again
-                _move(state, g, min(free, rest))
-                return
+                state[FREE] = free
+                return True
             to_lift = _nudge(plate)  # the threshold is only touched
         leap = min(to_lift, to_turn)
         if leap >= rest:
+            seen[:] = state
             _plate_motion(limit - _tolerance(limit), plate, p)  # before what may switch there
-            state[T], state[Z], state[V] = limit, p[0], p[1]
-            return
+            seen[T], seen[Z], seen[V] = limit, p[0], p[1]
+            return False
         state[T] += leap
 
 
@@ -252,24 +265,33 @@ def _let_go(state, plate, log, p):
         state[Z], state[STUCK] = max(state[Z], p[0]), 0.0
 
 
-@compiled
+@entry_point
 def _advance(state, plate, law, log, interval, first_frame, out):
     """Advance frame by frame, writing (z, v) into a row of out (n, 2); returns the rows done, fewer with a full log."""
-    p = np.empty(4)
+    p, seen = np.empty(4), np.empty(state.shape[0])
     for row in range(out.shape[0]):
         end = (first_frame + row + 1) * interval
+        seen[:] = state  # where a contact has lasted beyond the frame
         while state[T] < end:
             if is_full(log):
                 return row
             switch = plate.switch[np.searchsorted(plate.switch, state[T], side="right")]
             limit = min(end, switch)
             if state[STUCK] > 0.0:
-                _ride(state, plate, law, limit, log, p)
-                if state[STUCK] > 0.0 and state[T] == switch:
+                event = _ride(state, seen, plate, law, limit, log, p)
+                if not event and limit == switch:
+                    state[:] = seen
                     _let_go(state, plate, log, p)
-            elif _fly(state, plate, law, limit, p):
-                _strike(state, plate, law, log, p)
-        out[row, 0], out[row, 1] = state[Z], state[V]
+            else:
+                event = _fly(state, seen, plate, law, limit, p)
+                if event:
+                    _strike(state, plate, law, log, p)
+                elif limit == switch:
+                    state[:] = seen
+            if not event and limit == end:
+                break
+            seen[:] = state
+        out[row, 0], out[row, 1] = seen[Z], seen[V]
     return out.shape[0]
 
 
@@ -292,13 +314,18 @@ class SlideEngine:
         self._law = Law(up, down, scene.scenario.contact.restitution)
         self._plate = _plate(scene)
         self._lowest = scene.parts[0].lowest(pose.quaternion)  # below the centre
-        self._state = np.array([0.0, pose.position[2] + self._lowest, 0.0, 0.0, 0.0])
+        self._state = np.array([0.0, pose.position[2] + self._lowest, 0.0, 0.0, 0.0, 0.0])
+        self._row = self._state[None, [Z, V]]
         self._log = new_log(LOG_ROWS)
         self._impacts: list[Impacts] = []
         self._frame = 0
 
+    @property
+    def unresolved_impacts(self) -> int:
+        return 0
+
     def current(self) -> Frames:
-        return self._frames(self._state[None, [Z, V]], self._frame)
+        return self._frames(self._row, self._frame)
 
     def advance(self, n_frames: int) -> Frames:
         out = np.empty((n_frames, 2))
@@ -309,6 +336,7 @@ class SlideEngine:
             if done < n_frames:
                 self._impacts.append(take_impacts(self._log, end=False))
         self._frame += n_frames
+        self._row = out[-1:].copy()
         return self._frames(out, self._frame - n_frames + 1)
 
     def take_impacts(self, *, end: bool) -> Impacts:
@@ -323,11 +351,13 @@ class SlideEngine:
         self._scene, self._plate = scene, _plate(scene)
 
     def state(self) -> dict[str, NDArray[np.float64]]:
-        return {"state": self._state.copy(), "contact": self._log.current.copy(), "frame": np.array(self._frame)}
+        return {"state": self._state.copy(), "contact": self._log.current.copy(), "frame": np.array(self._frame)} | {
+            "row": self._row.copy()
+        }
 
     def restore(self, state: dict[str, NDArray[np.float64]]) -> None:
         self._state[:], self._log.current[:] = state["state"], state["contact"]
-        self._frame = int(state["frame"])
+        self._frame, self._row = int(state["frame"]), state["row"].copy()
 
     def _frames(self, rows: NDArray[np.float64], first: int) -> Frames:
         """Heights and vertical velocities (n, 2) as motion along the axis of the guide."""

@@ -72,11 +72,13 @@ class SeedResult(SeedRecord):
         wall_s: wall time spent in its loop [s], that before a break included.
         failure: why it diverged, None otherwise.
         last: its last states if it diverged, None otherwise.
+        unresolved_impacts: whose iteration was given up.
     """
 
     wall_s: float
     failure: SimulationDiverged | None = None
     last: LastStates | None = None
+    unresolved_impacts: int = 0
 
 
 @dataclass
@@ -170,16 +172,26 @@ class SeedRun:
 
     def _close(self, status: Status, failure: SimulationDiverged | None, wall_s: float) -> SeedResult:
         """Record how it ended; returns everything."""
+        unresolved = self._engine.unresolved_impacts
         if self._recorder is None:
             kept = _fields(self._history.record())
-            return SeedResult(**kept, status=status, wall_s=wall_s, failure=failure, last=self._last)
+            return SeedResult(
+                **kept, status=status, wall_s=wall_s, failure=failure, last=self._last, unresolved_impacts=unresolved
+            )
         if status == Status.UNFINISHED:
             self._save(wall_s)
         if failure and self._last:
             failure = failure.kept_in(self._recorder.keep_last(failure, self._last))
         self._recorder.finish(self._index, status, wall_s)
         record = self._recorder.recorded(self._index)
-        return SeedResult(**_fields(record), status=status, wall_s=wall_s, failure=failure, last=self._last)
+        return SeedResult(
+            **_fields(record),
+            status=status,
+            wall_s=wall_s,
+            failure=failure,
+            last=self._last,
+            unresolved_impacts=unresolved,
+        )
 
     def _save(self, wall_s: float) -> None:
         if self._recorder:

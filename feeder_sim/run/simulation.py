@@ -89,6 +89,7 @@ class Result:
             "real_time_factor": simulated / self.wall_s if self.wall_s > 0 else None,
             "wall_s_per_simulated_s_one_core": sum(s.wall_s for s in self.seeds) / simulated if simulated else None,
             "timestep_s": self.scene.timestep,
+            "unresolved_impacts": sum(seed.unresolved_impacts for seed in self.seeds),
             "left_plate": sum(seed.status == Status.LEFT_PLATE for seed in self.seeds),
             "interrupted": self.interrupted,
             "cautions": list(self.prepared.cautions),

@@ -30,20 +30,25 @@ def borrowed(array):
 
 
 def borrow(fields):
-    """A named tuple with all its arrays borrowed; for compiled code only."""
-    raise NotImplementedError
+    """A named tuple with all its arrays borrowed, also those of named tuples in it; None stays None."""
+    raise NotImplementedError("for compiled code only")
 
 
 @overload(borrow, strict=False)
 def _borrow(fields):
+    if isinstance(fields, types.NoneType):
+        return lambda fields: None
     tuple_class = fields.instance_class
+    lent = []
     for name, kind in zip(fields.fields, fields.types, strict=True):
-        if isinstance(kind, types.Array) and kind.layout != "C":  # a bare address says nothing of strides
-            raise TypingError(f"{tuple_class.__name__}.{name} is not a contiguous array in C order")
-    lent = ", ".join(
-        f"borrowed(fields.{name})" if isinstance(kind, types.Array) else f"fields.{name}"
-        for name, kind in zip(fields.fields, fields.types, strict=True)
-    )
-    scope = {"borrowed": borrowed, "tuple_class": tuple_class}
-    exec(f"def lend(fields):\n    return tuple_class({lent})\n", scope)
+        if isinstance(kind, types.Array):
+            if kind.layout != "C":  # a bare address says nothing of strides
+                raise TypingError(f"{tuple_class.__name__}.{name} is not a contiguous array in C order")
+            lent.append(f"borrowed(fields.{name})")
+        elif isinstance(kind, types.NamedTuple | types.NamedUniTuple):
+            lent.append(f"borrow(fields.{name})")
+        else:
+            lent.append(f"fields.{name}")
+    scope = {"borrowed": borrowed, "borrow": borrow, "tuple_class": tuple_class}
+    exec(f"def lend(fields):\n    return tuple_class({', '.join(lent)})\n", scope)
     return scope["lend"]

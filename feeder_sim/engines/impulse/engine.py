@@ -14,138 +14,46 @@ shared out over threads, which changes nothing in the result.
 
 from __future__ import annotations
 
-import math
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 from numpy.typing import NDArray
 
-from feeder_sim.engines.impact_log import begin_contact, end_contact, in_contact, new_log, room_for, take_impacts
-from feeder_sim.engines.impulse.borrow import borrow
-from feeder_sim.engines.impulse.free_flight import orthonormalise
+from feeder_sim.engines.impact_log import new_log, room_for, take_impacts
+from feeder_sim.engines.impulse.alone import SAME_CONTACT, ContactNotes, Drive, advance_alone
+from feeder_sim.engines.impulse.crowd import find_neighbours, open_window, share_out
 from feeder_sim.engines.impulse.hulls import HullLibrary
-from feeder_sim.engines.impulse.island import advance_islands
-from feeder_sim.engines.impulse.neighbours import find_islands, find_pairs
+from feeder_sim.engines.impulse.island import Crowd, FrameRows, Plate, Share, Span, Tools, advance_islands
 from feeder_sim.engines.impulse.pair_contact import PAIR
-from feeder_sim.engines.impulse.plate_contact import TOUCH, meet_plate
-from feeder_sim.engines.impulse.rest import wake
 from feeder_sim.engines.impulse.state import (
     ABSENT,
-    GAP,
-    SURFACE_RATE,
-    fly_to,
+    ROW,
     new_parts,
     new_scratch,
     read_kinds,
     read_wall,
     rim_walls,
 )
-from feeder_sim.engines.impulse.window import acting_terms, bound_window, fastest_rate
 from feeder_sim.engines.surface_arrays import surface_arrays
-from feeder_sim.machine_code import compiled
 from feeder_sim.records.impacts import Impacts
 from feeder_sim.records.trajectory import BLOCK_FRAMES, Frames
-from feeder_sim.scene.scene import GRAVITY, Scene
+from feeder_sim.scene.scene import Scene
 from feeder_sim.scene.start import start_poses
 
-SAME_CONTACT = 1.5  # steps between two impacts that count as one contact
-WINDOW = 1e-3  # [s], at most, where parts can meet: shorter ones find the pairs too often, longer ones find too many
+WINDOW = 1e-3  # [s], where parts can meet: shorter ones find the pairs too often, longer ones find too many
+WINDOW_ALONE = 2e-3  # [s], of a single part: for bounds on the plate that follow its ring-up
+WIDER = 1.5  # times the way of the farthest part: its reach when a window is computed again
+COLUMNS = {"position": slice(0, 3), "velocity": slice(3, 6), "attitude": slice(6, 15), "momentum": slice(15, 18)}
 STATE = ("position", "velocity", "attitude", "momentum", "clock", "there")
-ROW = 18  # numbers per part and frame: position, velocity, attitude, momentum
-
-
-@compiled
-def _range(parts, n_free, bounds, e, duration):
-    """How far any part can come within a window [m]: the plate adds (1 + e) times its own speed to the fastest."""
-    fastest = 0.0
-    for i in range(n_free):
-        if parts[i].there:
-            v = parts[i].velocity
-            fastest = max(fastest, v[0] * v[0] + v[1] * v[1] + v[2] * v[2])
-    return (math.sqrt(fastest) + (1.0 + e) * bounds.speed + GRAVITY * duration) * duration
-
-
-@compiled
-def _open_window(parts, n_free, kinds, surface, antinode, pairs, start, end, step):
-    """Everything that is the same for all islands of a window; wakes all parts unless the plate is calm."""
-    acting = acting_terms(surface, start, end)
-    bounds = bound_window(acting, antinode, start, end, step, fastest_rate(surface))
-    half_x, half_y = surface.grid_x[-1], surface.grid_y[-1]
-    reach = _range(parts, n_free, bounds, kinds.record[0].restitution[0], end - start)
-    if not bounds.calm:
-        for i in range(n_free):
-            wake(parts[i])
-    pairs = find_pairs(parts, kinds, n_free, half_x, half_y, reach, pairs)
-    return acting, bounds, pairs, find_islands(parts, n_free, pairs)
-
-
-@compiled
-def _close_frame(parts, n_free, row):
-    for i in range(n_free):
-        part = parts[i]
-        if part.there:
-            orthonormalise(part.attitude)
-        for k in range(3):
-            row[i, k], row[i, 3 + k], row[i, 15 + k] = part.position[k], part.velocity[k], part.momentum[k]
-            for axis in range(3):
-                row[i, 6 + 3 * k + axis] = part.attitude[k, axis]
-
-
-@compiled
-def _share_out(islands, n_threads):
-    """Thread of every island: the largest first, each to the thread that has the least to do."""
-    count = islands.first_part.shape[0] - 1
-    size = (islands.first_part[1:] - islands.first_part[:-1]) + 2 * (islands.first_pair[1:] - islands.first_pair[:-1])
-    order = np.argsort(-size, kind="mergesort")
-    load, owner = np.zeros(n_threads, np.int64), np.empty(count, np.int64)
-    for island in order:
-        owner[island] = np.argmin(load)
-        load[owner[island]] += size[island]
-    return owner
-
-
-@compiled
-def _note_contact(part, before, work, n_corners, log, last, t, step):
-    """Note an impact on the plate of a part in a guide; what follows within a step is the same contact.
-
-    before: its vertical velocity before it. last: end of the contact under way, and the part's vertical velocity then.
-    """
-    if in_contact(log) and t - last[0] > SAME_CONTACT * step:
-        end_contact(log, last[0], last[1])
-    if not in_contact(log):
-        plate = 0.0
-        for i in range(n_corners):
-            if work.corner[i, GAP] <= TOUCH:
-                plate = work.corner[i, SURFACE_RATE]
-        begin_contact(log, t, max(plate - before, 0.0))
-    last[0], last[1] = t, part.velocity[2]
-
-
-@compiled
-def _advance_one(parts, kinds, wall, surface, antinode, log, last, work, step, interval, first_frame, out):
-    """Advance the one part of a scene; after each frame write its state into a row of out (frames, 1, ROW)."""
-    kinds, wall, work = borrow(kinds), borrow(wall), borrow(work)
-    part, kind = parts[0], kinds.record[0]
-    guided = wall.radius < np.inf
-    # In a guide, contacts are told apart by the usual step.
-    top = 0.0 if guided else fastest_rate(surface)
-    for row in range(out.shape[0]):
-        t, end = (first_frame + row) * interval, (first_frame + row + 1) * interval
-        acting = acting_terms(surface, t, end)
-        bounds = bound_window(acting, antinode, t, end, step, top)
-        while t < end:
-            fly_to(part, kind, t)
-            before = part.velocity[2]
-            leap, hit = meet_plate(part, kinds, wall, acting, bounds, t, work)
-            if hit and guided:
-                _note_contact(part, before, work, kind.corner_to - kind.corner_from, log, last, t, step)
-            t += leap
-        fly_to(part, kind, end)
-        _close_frame(parts, 1, out[row])
 
 
 class ImpulseEngine:
-    """Rigid impulses behind the engine protocol."""
+    """Rigid impulses behind the engine protocol.
+
+    The state goes from window to window of a grid of its own, which only what acts on the parts (`remove`, `redrive`)
+    begins anew. Of many parts a whole window is computed at once, with the frames in it: `_opened` are the parts at its
+    begin, from which it can be computed again up to any time in it.
+    """
 
     name = "impulse"
     frames_per_block = BLOCK_FRAMES
@@ -155,7 +63,7 @@ class ImpulseEngine:
         self._kinds = kinds = read_kinds(scene)
         self._n = len(scene.parts)
         self._wall = read_wall(scene.guides[0])
-        self._log, self._last_contact = new_log(1), np.zeros(2)
+        self._notes = ContactNotes(new_log(1), np.zeros(2))
         self._surface = surface_arrays(scene.surface, scene.scenario.run)
         self._antinode = np.abs(scene.surface.table[..., 0]).max(axis=(1, 2))
         self._threads = max(1, threads)
@@ -164,12 +72,16 @@ class ImpulseEngine:
         self._libraries = [
             HullLibrary(corners, list(kinds.record["radius"][: len(corners)])) for _ in range(self._threads)
         ]
-        self._hulls = [library.hulls() for library in self._libraries]
-        self._scratch = [new_scratch(kinds, scene.surface.n_shapes) for _ in range(self._threads)]
+        scratch = [new_scratch(kinds, scene.surface.n_shapes) for _ in range(self._threads)]
+        self._tools = [Tools(library.hulls(), work) for library, work in zip(self._libraries, scratch, strict=True)]
         self._pool = ThreadPoolExecutor(self._threads) if self._threads > 1 else None
-        self._n_windows = math.ceil(scene.frame_interval / WINDOW - 1e-9)
         self._parts = self._start(rng)
-        self._frame = 0
+        self._frame = self._unresolved = 0
+        self._row = _rows_of(self._parts[: self._n])  # the state at the last frame
+        self._clock = np.zeros(3)  # of a single part: see `advance_alone`
+        self._opened = self._parts.copy()
+        self._span = np.zeros(2)  # the window of many parts: its begin and end [s]
+        self._pairs = self._pairs_before = np.empty(0, PAIR)
 
     def _start(self, rng: np.random.Generator) -> NDArray[np.void]:
         """Parts at rest in their poses, then the walls of a rim."""
@@ -187,72 +99,125 @@ class ImpulseEngine:
         )
 
     def current(self) -> Frames:
-        out = np.empty((1, self._n, ROW))
-        _close_frame(self._parts, self._n, out[0])
-        return self._frames(out, self._frame)
+        return self._frames(self._row[None], self._frame)
 
     def advance(self, n_frames: int) -> Frames:
-        out = np.empty((n_frames, self._n, ROW))
+        scene, rows = self._scene, np.empty((n_frames, self._n, ROW))
+        times = np.asarray((self._frame + 1 + np.arange(n_frames)) * scene.frame_interval, float)
         if self._alone:
-            scene = self._scene
-            if np.isfinite(self._wall.radius):  # each contact takes a step at least
-                self._log = room_for(self._log, n_frames * (scene.steps_per_frame + 1) + 1)
-            place = (self._kinds, self._wall, self._surface, self._antinode, self._log, self._last_contact)
-            times = (scene.timestep, scene.frame_interval, self._frame)
-            _advance_one(self._parts, *place, self._scratch[0], *times, out)
+            if self._wall is not None:  # each contact takes a step at least
+                room = n_frames * (scene.steps_per_frame + 1) + 1
+                self._notes = self._notes._replace(log=room_for(self._notes.log, room))
+            drive = Drive(self._surface, self._antinode, scene.timestep, WINDOW_ALONE)
+            work = self._tools[0].work
+            advance_alone(self._parts, self._kinds, self._wall, drive, self._notes, self._clock, times, rows, work)
         else:
-            for row in range(n_frames):
-                self._advance_frame(self._frame + row)
-                _close_frame(self._parts, self._n, out[row])
+            self._advance_crowd(times, rows)
         self._frame += n_frames
-        return self._frames(out, self._frame - n_frames + 1)
+        self._row = rows[-1].copy()
+        return self._frames(rows, self._frame - n_frames + 1)
 
-    def _advance_frame(self, frame: int) -> None:
-        """Advance all parts to the next frame, window by window; nothing is kept between frames but their records."""
-        pairs, interval, n = np.empty(0, PAIR), self._scene.frame_interval, self._n_windows
-        for window in range(n):
-            start, end = (frame + window / n) * interval, (frame + (window + 1) / n) * interval
-            plate = (self._kinds, self._surface, self._antinode)
-            opened = _open_window(self._parts, self._n, *plate, pairs, start, end, self._scene.timestep)
-            acting, bounds, pairs, islands = opened
-            owner = _share_out(islands, self._threads)
-            common = (islands, pairs, self._parts, self._kinds, self._wall, acting, bounds)
-            if self._pool is None:
-                advance_islands(owner, 0, *common, self._hulls[0], start, end, self._scratch[0])
-                continue
-            tasks = [
-                self._pool.submit(advance_islands, owner, i, *common, hulls, start, end, work)
-                for i, (hulls, work) in enumerate(zip(self._hulls, self._scratch, strict=True))
-            ]
-            for task in tasks:
-                task.result()
+    def _advance_crowd(self, times: NDArray[np.float64], rows: NDArray[np.float64]) -> None:
+        """Compute the windows that the frames lie in, or end with; the one under way may hold some of them."""
+        done = int(np.searchsorted(times, self._span[1], side="right"))
+        if done:
+            self._compute_window(self._span[1], FrameRows(times[:done], rows[:done]))
+        while done < len(times):
+            start = self._span[1]
+            self._span[:] = start, start + WINDOW
+            self._opened, self._pairs_before = self._parts.copy(), self._pairs
+            last = int(np.searchsorted(times, self._span[1], side="right"))
+            self._compute_window(self._span[1], FrameRows(times[done:last], rows[done:last]))
+            done = last
+
+    def _compute_window(self, until: float, frames: FrameRows) -> None:
+        """Compute the window under way from its begin until a time in it [s]."""
+        parts, start = self._opened.copy(), self._span[0]
+        place = (self._kinds, self._surface, self._antinode, (start, self._span[1]), self._scene.timestep)
+        acting, bounds, reach = open_window(parts, self._n, *place)
+        begun = parts.copy()
+        absent = np.flatnonzero(parts["there"][: self._n] == ABSENT)
+        frames.row[:, absent] = _rows_of(parts[absent])
+        while True:
+            pairs, islands = find_neighbours(parts, self._n, self._kinds, self._surface, reach, self._pairs_before)
+            crowd = Crowd(parts, begun["position"].copy(), pairs, self._kinds, islands)
+            if not self._advance_islands(crowd, Plate(acting, bounds), Span(start, until, reach), frames):
+                break
+            reach = WIDER * max(reach, float(np.linalg.norm(parts["position"] - begun["position"], axis=1).max()))
+            parts = begun.copy()
+        self._parts, self._pairs = parts, pairs
+
+    def _advance_islands(self, crowd: Crowd, plate: Plate, span: Span, frames: FrameRows) -> bool:
+        """Advance all islands, in parallel where there are threads; returns whether a part has left its reach."""
+        owner = share_out(crowd.islands, self._threads)
+        if self._pool is None:
+            return bool(advance_islands(Share(owner, 0), crowd, plate, self._tools[0], span, frames))
+        tasks = [
+            self._pool.submit(advance_islands, Share(owner, i), crowd, plate, tools, span, frames)
+            for i, tools in enumerate(self._tools)
+        ]
+        left = [task.result() for task in tasks]  # all of them, also after the first that has
+        return any(left)
+
+    def _begin_window_now(self) -> None:
+        """End the window under way at the last frame: what happens there acts on the parts from then on."""
+        now = self._frame * self._scene.frame_interval
+        if self._alone:
+            self._clock[:] = now, 0.0, now
+            for name, columns in COLUMNS.items():
+                self._parts[name][0] = self._row[0, columns].reshape(self._parts[name][0].shape)
+            self._parts["clock"] = now
+            return
+        if now < self._span[1]:
+            self._compute_window(now, FrameRows(np.empty(0), np.empty((0, self._n, ROW))))
+        self._span[:] = now, now
+        self._opened, self._pairs_before = self._parts.copy(), self._pairs
 
     def remove(self, parts: NDArray[np.int64]) -> None:
-        self._parts["there"][parts] = ABSENT
+        self._begin_window_now()
+        self._parts["there"][parts] = self._opened["there"][parts] = ABSENT
 
     def redrive(self, scene: Scene) -> None:
+        self._begin_window_now()
         self._scene = scene
         self._surface = surface_arrays(scene.surface, scene.scenario.run)
 
     def state(self) -> dict[str, NDArray[np.float64]]:
-        held = {name: self._parts[name].copy() for name in STATE}
-        contact = np.array([*self._log.current, *self._last_contact])
-        return held | {"contact": contact, "frame": np.array(self._frame)}
+        parts, pairs = (self._parts, self._pairs) if self._alone else (self._opened, self._pairs_before)
+        kept = {name: parts[name].copy() for name in STATE}
+        log, last = self._notes
+        return kept | {
+            "contact": np.array([*log.current, *last]),
+            "clock_alone": self._clock.copy(),
+            "window": self._span.copy(),
+            "pair": np.stack([pairs["a"], pairs["b"]], axis=-1),
+            "pair_axis": pairs["axis"].copy(),
+            "frame": np.array(self._frame),
+            "row": self._row.copy(),
+            "unresolved": np.array(self.unresolved_impacts),
+        }
 
     def restore(self, state: dict[str, NDArray[np.float64]]) -> None:
         for name in STATE:
             self._parts[name] = state[name]
-        self._log.current[:], self._last_contact[:] = state["contact"][:2], state["contact"][2:]
-        self._frame = int(state["frame"])
+        self._notes.log.current[:], self._notes.last[:] = state["contact"][:2], state["contact"][2:]
+        self._clock[:], self._span[:], self._frame = state["clock_alone"], state["window"], int(state["frame"])
+        self._row, self._unresolved = state["row"].copy(), int(state["unresolved"])
+        self._pairs = np.empty(len(state["pair"]), PAIR)
+        self._pairs["a"], self._pairs["b"], self._pairs["axis"] = *state["pair"].T, state["pair_axis"]
+        self._opened, self._pairs_before = self._parts.copy(), self._pairs
+        if not self._alone and self._span[1] > self._span[0]:
+            self._compute_window(self._span[1], FrameRows(np.empty(0), np.empty((0, self._n, ROW))))
+
+    @property
+    def unresolved_impacts(self) -> int:
+        return self._unresolved + sum(int(tools.work.unresolved[0]) for tools in self._tools)
 
     def take_impacts(self, *, end: bool) -> Impacts:
-        last, velocity = self._last_contact
-        if (
-            in_contact(self._log)
-            and self._frame * self._scene.frame_interval - last > SAME_CONTACT * self._scene.timestep
-        ):
-            end_contact(self._log, last, velocity)
-        return take_impacts(self._log, end=end)
+        log, last = self._notes
+        since = self._frame * self._scene.frame_interval - last[0]
+        over = since > SAME_CONTACT * self._scene.timestep
+        return take_impacts(log, end=end, over=(float(last[0]), float(last[1])) if over else None)
 
     def _frames(self, rows: NDArray[np.float64], first: int) -> Frames:
         from scipy.spatial.transform import Rotation
@@ -272,3 +237,8 @@ class ImpulseEngine:
             angular_velocity=spin,
             present=np.tile(self._parts["there"][: self._n] != ABSENT, (n, 1)),
         )
+
+
+def _rows_of(parts: NDArray[np.void]) -> NDArray[np.float64]:
+    """The state of parts as it is, shape (parts, ROW)."""
+    return np.concatenate([parts[name].reshape(len(parts), 9 if name == "attitude" else 3) for name in COLUMNS], axis=1)

@@ -58,13 +58,17 @@ def rotate_freely(attitude, momentum, inertia, axis, duration):
     if size == 0.0:
         return
     if axis >= 0:
-        _rotate_symmetric(attitude, momentum, size, inertia, axis, duration)
+        rotate_symmetric(attitude, momentum, inertia, axis, duration)
     else:
         _rotate_general(attitude, momentum, size, inertia, duration)
 
 
 @compiled
-def _rotate_symmetric(attitude, momentum, size, inertia, axis, duration):
+def rotate_symmetric(attitude, momentum, inertia, axis, duration):
+    """As `rotate_freely`, for a body whose moments about the two other axes than `axis` are equal."""
+    size = math.sqrt(momentum[0] ** 2 + momentum[1] ** 2 + momentum[2] ** 2)
+    if size == 0.0:
+        return
     a, b = (axis + 1) % 3, (axis + 2) % 3
     transverse = 0.5 * (inertia[a] + inertia[b])
     along = momentum[0] * attitude[0, axis] + momentum[1] * attitude[1, axis] + momentum[2] * attitude[2, axis]
@@ -145,19 +149,21 @@ def _align(attitude, direction, before, after, polar, precession):
     The frame (L, polar axis) precesses: its basis in the body is known before and after, and its turn.
     """
     first, second, space = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
+    across = np.empty(3)
     _momentum_frame(before, polar, first)
     _momentum_frame(after, polar, second)
-    _multiply(attitude, first, space)  # columns: across, sideways, along L, in space
-    turn(direction, precession, space[:, 0], space[:, 0])
-    _complete(direction, space[:, 0], space)
+    for i in range(3):  # the axis across the momentum, in space
+        across[i] = attitude[i, 0] * first[0, 0] + attitude[i, 1] * first[0, 1] + attitude[i, 2] * first[0, 2]
+    turn(direction, precession, across, across)
+    _complete(direction, across, space)
     for i in range(3):
         for j in range(3):
-            attitude[i, j] = space[i, 0] * second[j, 0] + space[i, 1] * second[j, 1] + space[i, 2] * second[j, 2]
+            attitude[i, j] = space[0, i] * second[0, j] + space[1, i] * second[1, j] + space[2, i] * second[2, j]
 
 
 @compiled
 def _momentum_frame(direction, polar, frame):
-    """Orthonormal columns in body axes: polar axis made perpendicular to `direction`, cross product, `direction`."""
+    """Orthonormal rows in body axes: polar axis made perpendicular to `direction`, cross product, `direction`."""
     across = np.empty(3)
     for k in range(3):
         across[k] = -direction[polar] * direction[k]
@@ -178,35 +184,31 @@ def _normalise(vector, out):
 
 
 @compiled
-def _multiply(a, b, out):
-    for i in range(3):
-        for j in range(3):
-            out[i, j] = a[i, 0] * b[0, j] + a[i, 1] * b[1, j] + a[i, 2] * b[2, j]
-
-
-@compiled
 def _complete(direction, across, frame):
-    """Orthonormal columns from a unit vector, which becomes the third, and one nearly perpendicular to it."""
+    """Orthonormal rows from a unit vector, which becomes the third, and one nearly perpendicular to it."""
     along = across[0] * direction[0] + across[1] * direction[1] + across[2] * direction[2]
     for k in range(3):
-        frame[k, 2] = direction[k]
-        frame[k, 0] = across[k] - along * direction[k]
-    size = math.sqrt(frame[0, 0] ** 2 + frame[1, 0] ** 2 + frame[2, 0] ** 2)
+        frame[2, k] = direction[k]
+        frame[0, k] = across[k] - along * direction[k]
+    size = math.sqrt(frame[0, 0] ** 2 + frame[0, 1] ** 2 + frame[0, 2] ** 2)
     for k in range(3):
-        frame[k, 0] /= size
+        frame[0, k] /= size
     for k in range(3):
         a, b = (k + 1) % 3, (k + 2) % 3
-        frame[k, 1] = frame[a, 2] * frame[b, 0] - frame[b, 2] * frame[a, 0]
+        frame[1, k] = frame[2, a] * frame[0, b] - frame[2, b] * frame[0, a]
 
 
 @compiled
 def orthonormalise(attitude):
     """Take the round-off of many flights out of a rotation matrix (3, 3), in place."""
-    axis, across = np.empty(3), np.empty(3)
-    _normalise(attitude[:, 2], axis)
+    axis, across, frame = np.empty(3), np.empty(3), np.empty((3, 3))
     for k in range(3):
-        across[k] = attitude[k, 0]
-    _complete(axis, across, attitude)
+        axis[k], across[k] = attitude[k, 2], attitude[k, 0]
+    _normalise(axis, axis)
+    _complete(axis, across, frame)
+    for i in range(3):
+        for j in range(3):
+            attitude[i, j] = frame[j, i]
 
 
 @compiled

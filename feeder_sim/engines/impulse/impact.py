@@ -37,7 +37,8 @@ def resolve_impact(velocity, momentum, inverse_mass, inverse_inertia, arm, norma
     """Change velocity and angular momentum (3,) in place for impacts at the first n corners.
 
     inverse_inertia (3, 3) is in world axes; arm (corners, 3) goes from the centre of mass to the contact points [m];
-    normal and surface_velocity have shape (corners, 3); e and mu, restitution and friction, (corners,).
+    normal and surface_velocity have shape (corners, 3); e and mu, restitution and friction, (corners,). Returns whether
+    the velocities have settled within MAX_SWEEPS.
     """
     before = np.empty((n, 3))
     spin = np.empty(3)
@@ -45,21 +46,28 @@ def resolve_impact(velocity, momentum, inverse_mass, inverse_inertia, arm, norma
         spin[k] = _dot(inverse_inertia[k], momentum)
     for i in range(n):
         relative_velocity(velocity, spin, arm[i], surface_velocity[i], before[i])
-    impulse, v, w = np.zeros((n, 3)), velocity.copy(), spin.copy()
-    _solve(v, w, inverse_mass, inverse_inertia, arm, normal, surface_velocity, before, impulse, 1.0, e, mu)
+    impulse, v, w = np.zeros((n, 3)), np.empty(3), np.empty(3)
+    for k in range(3):
+        v[k], w[k] = velocity[k], spin[k]
+    settled = _solve(v, w, inverse_mass, inverse_inertia, arm, normal, surface_velocity, before, impulse, 1.0, e, mu)
     share = 1.0  # of the restitution
     for _ in range(HALVINGS):
         if share == 0.0 or _work(v, w, arm, surface_velocity, before, impulse) <= _round_off(before, impulse):
             break
         share = 0.5 * share if share > 0.02 else 0.0
-        v[:], w[:] = velocity, spin
+        for k in range(3):
+            v[k], w[k] = velocity[k], spin[k]
         impulse[:] = 0.0
-        _solve(v, w, inverse_mass, inverse_inertia, arm, normal, surface_velocity, before, impulse, share, e, mu)
-    velocity[:] = v
+        settled = _solve(
+            v, w, inverse_mass, inverse_inertia, arm, normal, surface_velocity, before, impulse, share, e, mu
+        )
+    for k in range(3):
+        velocity[k] = v[k]
     for i in range(n):
         momentum[0] += arm[i, 1] * impulse[i, 2] - arm[i, 2] * impulse[i, 1]
         momentum[1] += arm[i, 2] * impulse[i, 0] - arm[i, 0] * impulse[i, 2]
         momentum[2] += arm[i, 0] * impulse[i, 1] - arm[i, 1] * impulse[i, 0]
+    return settled
 
 
 @inlined
@@ -72,13 +80,16 @@ def relative_velocity(v, w, arm, surface_velocity, out):
 
 @compiled
 def _solve(v, w, inverse_mass, inverse_inertia, arm, normal, surface_velocity, before, impulse, share, e, mu):
-    """Sweep over the corners until the velocities stop changing; v, w, impulse are updated in place."""
+    """Sweep over the corners until the velocities stop changing; v, w, impulse are updated in place.
+
+    Returns whether they have stopped within MAX_SWEEPS.
+    """
     n = before.shape[0]
     if n == 1:
         target = -share * e[0] * _dot(normal[0], before[0])
         if _solve_single(inverse_mass, inverse_inertia, arm[0], normal[0], before[0], impulse[0], target, mu[0]):
             _apply(v, w, inverse_mass, inverse_inertia, arm[0], impulse[0])
-            return
+            return True
     step_normal, step_tangent, targets = np.empty(n), np.empty(n), np.empty(n)
     scale = 0.0
     for i in range(n):
@@ -102,7 +113,8 @@ def _solve(v, w, inverse_mass, inverse_inertia, arm, normal, surface_velocity, b
             largest = max(largest, _dot(change, change) * (1.0 / step_normal[i]) ** 2)
             _apply(v, w, inverse_mass, inverse_inertia, arm[i], change)
         if largest < tolerance * tolerance:
-            break
+            return True
+    return False
 
 
 @compiled

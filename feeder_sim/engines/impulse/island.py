@@ -1,87 +1,198 @@
-"""Advance the parts of one island through a window of time, event by event.
+"""Advance the parts of islands through a window of time, event by event.
 
 Every part has a time of its own. An event is a look at a part over the plate, or at a pair of parts; each is due at the
 earliest time at which something can happen there, and the earliest of all is next. Only what changes its velocity in an
 impact makes what it could meet due anew.
+
+What is recorded changes nothing: at the time of a frame the state of each part is written as it will be if it flies on.
 """
 
 from __future__ import annotations
 
-import numpy as np
+from typing import NamedTuple
 
-from feeder_sim.engines.impulse.borrow import borrow, borrowed
+import numpy as np
+from numpy.typing import NDArray
+
+from feeder_sim.engines.impulse.borrow import borrow
+from feeder_sim.engines.impulse.hulls import Hulls
+from feeder_sim.engines.impulse.neighbours import Islands
 from feeder_sim.engines.impulse.pair_contact import meet, meeting_bound
 from feeder_sim.engines.impulse.plate_contact import meet_plate
 from feeder_sim.engines.impulse.rest import fall_asleep, wake
-from feeder_sim.engines.impulse.state import ASLEEP, fly_to
-from feeder_sim.machine_code import compiled
+from feeder_sim.engines.impulse.state import ASLEEP, Bounds, Kinds, Scratch, fly_to, write_row
+from feeder_sim.engines.surface_arrays import SurfaceArrays
+from feeder_sim.machine_code import compiled, entry_point
 
 
-@compiled
-def advance_islands(owner, thread, islands, pairs, parts, kinds, no_wall, surface, bounds, hulls, start, end, work):
-    """Advance the islands that belong to a thread from start to end [s]; work and hulls belong to it too."""
-    islands, kinds, no_wall = borrow(islands), borrow(kinds), borrow(no_wall)
-    pairs, parts = borrowed(pairs), borrowed(parts)
-    surface, bounds, hulls, work = borrow(surface), borrow(bounds), borrow(hulls), borrow(work)
+class Crowd(NamedTuple):
+    """The parts of a window: state of each, places (n, 3) [m] at its begin, pairs that can meet, and their islands."""
+
+    parts: NDArray[np.void]
+    origin: NDArray[np.float64]
+    pairs: NDArray[np.void]
+    kinds: Kinds
+    islands: Islands
+
+
+class Plate(NamedTuple):
+    """The plate in a window: the terms that act, and what they can do at most."""
+
+    surface: SurfaceArrays
+    bounds: Bounds
+
+
+class Tools(NamedTuple):
+    """What belongs to one thread."""
+
+    hulls: Hulls
+    work: Scratch
+
+
+class Share(NamedTuple):
+    """Thread that every island belongs to, and this thread."""
+
+    owner: NDArray[np.int64]
+    thread: int
+
+
+class Span(NamedTuple):
+    """A window: begin and end [s], and how far from its place at the begin a part may come [m]."""
+
+    start: float
+    end: float
+    reach: float
+
+
+class FrameRows(NamedTuple):
+    """Times of frames within a window (m,) [s], and the rows (m, parts, ROW) that they are written to."""
+
+    time: NDArray[np.float64]
+    row: NDArray[np.float64]
+
+
+class Agenda(NamedTuple):
+    """When the events of one island are due: first those of its parts, then those of its pairs.
+
+    tree: see `_all_due`; first_part, first_pair: of the island, in `Islands`; n_parts: of the island.
+    """
+
+    tree: NDArray[np.float64]
+    first_part: int
+    n_parts: int
+    first_pair: int
+
+
+@entry_point
+def advance_islands(share, crowd, plate, tools, span, frames):
+    """Advance the islands of a thread to the end of a window, and write their frames.
+
+    Returns whether a part has come farther than the reach that its possible neighbours were found for.
+    """
+    owner, crowd, plate, tools, frames = share.owner, borrow(crowd), borrow(plate), borrow(tools), borrow(frames)
+    left = False
     for island in range(owner.shape[0]):
-        if owner[island] != thread:
-            continue
-        first, last = islands.first_part[island], islands.first_part[island + 1]
-        first_pair, last_pair = islands.first_pair[island], islands.first_pair[island + 1]
-        n = last - first
-        tree = _all_due(n + last_pair - first_pair, start)
-        for k in range(first, last):
-            if parts[islands.part[k]].there == ASLEEP:
-                _set_due(tree, k - first, np.inf)
-        while tree[1] < end:
-            t, leaf = tree[1], _earliest(tree)
-            if leaf < n:
-                i = islands.part[first + leaf]
-                part = parts[i]
-                fly_to(part, kinds.record[part.kind], t)
-                leap, hit = meet_plate(part, kinds, no_wall, surface, bounds, t, work)
-                _set_due(tree, leaf, t + leap)
-                if hit:
-                    if bounds.calm and fall_asleep(part, kinds, work):
-                        _set_due(tree, leaf, np.inf)
-                    _look_at_pairs(i, -1, islands, first_pair, n, tree, pairs, parts, kinds, t, bounds)
-                continue
-            p = islands.pair[first_pair + leaf - n]
-            pair = pairs[p]
-            due, near = meeting_bound(pair, parts, kinds, t, bounds)
-            if near:
-                hit = meet(pair, parts, kinds, hulls)
-                if hit:
-                    wake(parts[pair.a])
-                    wake(parts[pair.b])
-                due, near = meeting_bound(pair, parts, kinds, t, bounds)
-                if hit:
-                    for i in (pair.a, pair.b):
-                        if i < islands.place.shape[0]:
-                            _set_due(tree, islands.place[i] - first, t)
-                            _look_at_pairs(i, p, islands, first_pair, n, tree, pairs, parts, kinds, t, bounds)
-            _set_due(tree, leaf, due)
-        for k in range(first, last):
-            part = parts[islands.part[k]]
-            fly_to(part, kinds.record[part.kind], end)
+        if owner[island] == share.thread:
+            left |= _advance_island(island, crowd, plate, tools, span, frames)
+    return left
 
 
 @compiled
-def _look_at_pairs(i, except_pair, islands, first_pair, n, tree, pairs, parts, kinds, t, bounds):
+def _advance_island(island, crowd, plate, tools, span, frames):
+    islands, parts, kinds = crowd.islands, crowd.parts, crowd.kinds
+    first, last = islands.first_part[island], islands.first_part[island + 1]
+    first_pair, last_pair = islands.first_pair[island], islands.first_pair[island + 1]
+    n = last - first
+    tree = _all_due(n + last_pair - first_pair, span.start)
+    agenda = Agenda(tree, first, n, first_pair)
+    for k in range(n):
+        if parts[islands.part[first + k]].there == ASLEEP:
+            _set_due(tree, k, np.inf)
+    left = False
+    for frame in range(frames.time.shape[0] + 1):
+        stop = frames.time[frame] if frame < frames.time.shape[0] else span.end
+        while tree[1] < stop:
+            t, event = tree[1], _earliest(tree)
+            if event < n:
+                left |= _look_at_part(event, t, agenda, crowd, plate, tools.work, span.reach)
+            else:
+                left |= _look_at_pair(event, t, agenda, crowd, plate.bounds, tools.hulls, span.reach)
+        for k in range(first, last):
+            i = islands.part[k]
+            if frame < frames.time.shape[0]:
+                write_row(parts, i, kinds, stop, frames.row[frame, i])
+            else:
+                fly_to(parts[i], kinds.record[parts[i].kind], stop)
+                left |= _has_left(i, crowd, span.reach)
+    return left
+
+
+@compiled
+def _look_at_part(event, t, agenda, crowd, plate, work, reach):
+    """A part over the plate; returns whether it has come farther than its reach."""
+    i = crowd.islands.part[agenda.first_part + event]
+    part = crowd.parts[i]
+    fly_to(part, crowd.kinds.record[part.kind], t)
+    left = _has_left(i, crowd, reach)
+    leap, hit = meet_plate(part, crowd.kinds, None, plate.surface, plate.bounds, t, work)
+    _set_due(agenda.tree, event, t + leap)
+    if hit:
+        if plate.bounds.calm and fall_asleep(part, crowd.kinds, work):
+            _set_due(agenda.tree, event, np.inf)
+        _look_again_at_pairs(i, -1, t, agenda, crowd, plate.bounds)
+    return left
+
+
+@compiled
+def _look_at_pair(event, t, agenda, crowd, bounds, hulls, reach):
+    """A pair of parts; returns whether one of them has come farther than its reach."""
+    parts, kinds, islands = crowd.parts, crowd.kinds, crowd.islands
+    p = islands.pair[agenda.first_pair + event - agenda.n_parts]
+    pair = crowd.pairs[p]
+    left = False
+    due, near = meeting_bound(pair, parts, kinds, t, bounds)
+    if near:
+        hit = meet(pair, parts, kinds, hulls)
+        if hit:
+            wake(parts[pair.a])
+            wake(parts[pair.b])
+        due, near = meeting_bound(pair, parts, kinds, t, bounds)
+        if hit:
+            for i in (pair.a, pair.b):
+                if i < islands.place.shape[0]:  # walls have no events
+                    left |= _has_left(i, crowd, reach)
+                    _set_due(agenda.tree, islands.place[i] - agenda.first_part, t)
+                    _look_again_at_pairs(i, p, t, agenda, crowd, bounds)
+    _set_due(agenda.tree, event, due)
+    return left
+
+
+@compiled
+def _look_again_at_pairs(i, except_pair, t, agenda, crowd, bounds):
     """Make the pairs of a part due anew after its velocity has changed at time t.
 
-    Of parts that touch the look that is due stays due: else one that hits the plate at every step would put it off for
-    ever.
+    For touching pairs keep the earlier of the old and new due time; otherwise frequent impacts on the plate postpone it
+    for ever.
     """
+    islands = crowd.islands
     for k in range(islands.first_touching[i], islands.first_touching[i + 1]):
         place = islands.touching[k]
         p = islands.pair[place]
         if p != except_pair:
-            due, near = meeting_bound(pairs[p], parts, kinds, t, bounds)
-            event = n + place - first_pair
+            due, near = meeting_bound(crowd.pairs[p], crowd.parts, crowd.kinds, t, bounds)
+            event = agenda.n_parts + place - agenda.first_pair
             if near:
-                due = min(due, tree[tree.shape[0] // 2 + event])
-            _set_due(tree, event, due)
+                due = min(due, agenda.tree[agenda.tree.shape[0] // 2 + event])
+            _set_due(agenda.tree, event, due)
+
+
+@compiled
+def _has_left(i, crowd, reach):
+    """Whether a part is farther from its place at the begin of the window than its neighbours were looked for."""
+    squared = 0.0
+    for k in range(3):
+        squared += (crowd.parts[i].position[k] - crowd.origin[i, k]) ** 2
+    return squared > reach * reach
 
 
 @compiled

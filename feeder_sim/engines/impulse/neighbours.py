@@ -60,13 +60,14 @@ def find_pairs(parts, kinds, n_free, half_x, half_y, range_, old):
     pairs = np.empty(m, PAIR)
     o = 0
     for p in range(m):
-        a, b = found[p]
+        a, b = found[p, 0], found[p, 1]
         pair = pairs[p]
         pair.a, pair.b = a, b
         while o < old.shape[0] and (old[o].a < a or (old[o].a == a and old[o].b < b)):
             o += 1
         if o < old.shape[0] and old[o].a == a and old[o].b == b:
-            pair.axis[:] = old[o].axis
+            for k in range(3):
+                pair.axis[k] = old[o].axis[k]
         else:
             _first_axis(parts, kinds, a, b, pair.axis)
     return pairs
@@ -138,7 +139,7 @@ def _insert(found, begin, m, a, b):
         return m + 1
     k = m
     while k > begin and found[k - 1, 1] > b:
-        found[k] = found[k - 1]
+        found[k, 0], found[k, 1] = found[k - 1, 0], found[k - 1, 1]
         k -= 1
     found[k, 0], found[k, 1] = a, b
     return m + 1
@@ -153,7 +154,8 @@ def _first_axis(parts, kinds, a, b, axis):
             axis[k] = parts[b].attitude[k, 1]
             size += axis[k] * (parts[b].position[k] - parts[a].position[k])
         if size < 0.0:
-            axis *= -1.0
+            for k in range(3):
+                axis[k] = -axis[k]
         return
     for k in range(3):
         axis[k] = parts[b].position[k] - parts[a].position[k]

@@ -44,7 +44,8 @@ def meeting_bound(pair, parts, kinds, t, bounds):
     if kind_b.mass < np.inf:
         apart, wait = _spheres_meet(a, kind_a, b, kind_b, t)
         if apart:
-            return t + max(wait, bounds.step), False
+            fastest = _relative_speed(a, kind_a, b, kind_b) + GRAVITY * abs(a.clock - b.clock)
+            return t + max(wait, min(bounds.step, DEEP / fastest)), False
     fly_to(a, kind_a, t)
     fly_to(b, kind_b, t)
     axis = pair.axis
@@ -226,7 +227,8 @@ def _corners_inside(a, kind_a, b, kind_b, kinds, points, n):
                 inside = False
                 break
         if inside:
-            points[n] = at
+            for k in range(3):
+                points[n, k] = at[k]
             n += 1
     return n
 

@@ -48,27 +48,31 @@ EDGE_STEPS = 10  # a point on the edge moves along the hull: its leaps are estim
 def meet_plate(part, kinds, wall, surface, bounds, t, work):
     """Impacts of one part at time t [s], and how long it may fly then.
 
+    The wall is None without a tube: then nothing about walls is compiled.
+
     Returns:
         the flight [s]; whether it has hit the plate.
     """
     kind = kinds.record[part.kind]
-    guided = wall.radius < np.inf
     height = part.position[2] - kind.reach - kind.radius - bounds.crest
-    if not guided and height > 2.0 * TOUCH:  # nothing of it can be near
-        rising = part.velocity[2]
-        return max((rising + math.sqrt(rising * rising + 2.0 * GRAVITY * height)) / GRAVITY, bounds.step), False
+    if wall is None:  # noqa: SIM102 - else it can be near the wall; numba leaves out a plain test of None only
+        if height > 2.0 * TOUCH:
+            rising = part.velocity[2]
+            return max((rising + math.sqrt(rising * rising + 2.0 * GRAVITY * height)) / GRAVITY, bounds.step), False
     n_corners = kind.corner_to - kind.corner_from
     corners = _with_points_on_edge(part, kind, kinds, surface, work)
     _proximity(part, kind, corners, surface, bounds, t, work)
     on_plate = _approach(part, kind, corners, work)
-    on_wall = approach_wall(part, kind, corners, wall, TOUCH, work) if guided else 0
+    on_wall = 0
+    if wall is not None:
+        on_wall = approach_wall(part, kind, corners, wall, TOUCH, work)
     if on_plate + on_wall > 0:
         _impact(part, kind, corners, wall, surface, work)
         _approach(part, kind, corners, work)
-        if guided:
+        if wall is not None:
             approach_wall(part, kind, corners, wall, TOUCH, work)
     leap = _leap(part, kind, corners, work)
-    if guided:  # in a play of micrometres a part must not fly a whole step into the wall
+    if wall is not None:  # in a play of micrometres a part must not fly a whole step into the wall
         wall_leap = leap_to_wall(part, kind, corners, wall, work)
         return max(min(leap, wall_leap), meeting_time(work, corners.shape[0], bounds.step)), on_plate > 0
     if corners.shape[0] > n_corners:
@@ -92,7 +96,9 @@ def _with_points_on_edge(part, kind, kinds, surface, work):
     if abs(part.position[0]) + reach < half_x and abs(part.position[1]) + reach < half_y:
         return corners
     n = corners.shape[0]
-    work.points[:n] = corners
+    for i in range(n):
+        for c in range(3):
+            work.points[i, c] = corners[i, c]
     for axis in range(2):
         half = half_x if axis == 0 else half_y
         if abs(part.position[axis]) + reach < half or abs(part.position[axis]) - reach > half:
@@ -239,7 +245,8 @@ def _gather_plate(part, kind, corners, surface, work):
         depth = max(depth, -work.corner[i, GAP])
         x, y = point(part, corners, i, 0), point(part, corners, i, 1)
         _modes_at(part, surface, x, y, work)
-        work.contact[VELOCITY, n] = 0.0
+        for k in range(3):
+            work.contact[VELOCITY, n, k] = 0.0
         for s in range(work.modal.shape[1]):
             for k in range(2):
                 slide = surface.half_thickness * work.modes[s, 1 + k] * work.modal[1, s] * surface.in_plane
@@ -274,14 +281,14 @@ def _impact(part, kind, corners, wall, surface, work):
     What a corner covered inside the surface within one step would otherwise add up, and a resting part would sink.
     """
     n, depth = _gather_plate(part, kind, corners, surface, work)
-    if wall.radius < np.inf:
+    if wall is not None:
         n = gather_wall(part, kind, corners, wall, TOUCH, n, work)
     part.position[2] += depth
     for i in range(corners.shape[0]):
         work.corner[i, GAP] += depth
     inverse_inertia = np.empty((3, 3))
     invert_inertia(part.attitude, kind.inertia, inverse_inertia)
-    resolve_impact(
+    settled = resolve_impact(
         part.velocity,
         part.momentum,
         1.0 / kind.mass,
@@ -293,6 +300,8 @@ def _impact(part, kind, corners, wall, surface, work):
         work.law[RESTITUTION],
         work.law[FRICTION],
     )
+    if not settled:
+        work.unresolved[0] += 1
 
 
 @inlined

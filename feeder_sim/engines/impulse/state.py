@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+from numba.extending import overload
 from numpy.typing import ArrayLike, NDArray
 
-from feeder_sim.engines.impulse.free_flight import rotate_freely, symmetry_axis
+from feeder_sim.engines.impulse.free_flight import orthonormalise, rotate_freely, rotate_symmetric, symmetry_axis
 from feeder_sim.machine_code import compiled, inlined
 from feeder_sim.scene.guide import Guide
 from feeder_sim.scene.rigid_part import CORNER_RADIUS
@@ -17,6 +18,7 @@ from feeder_sim.scene.scene import GRAVITY, Scene
 GAP, RATE, SURFACE_RATE, SURFACE_ACCELERATION, WALL_GAP, WALL_RATE = range(6)  # columns of Scratch.corner
 ARM, NORMAL, VELOCITY = range(3)  # of Scratch.contact
 RESTITUTION, FRICTION = range(2)  # of Scratch.law
+ROW = 18  # numbers per part and frame: position, velocity, attitude, momentum
 ABSENT, AWAKE, ASLEEP = range(3)  # in PART, there
 RIM_HEIGHT, RIM_THICKNESS = 0.5, 0.02  # [m]; above and below the plate
 
@@ -39,24 +41,25 @@ PART = np.dtype(
 # What parts of one kind have in common: mass [kg], infinite for what stands still, and principal inertia; axis of
 # symmetry or -1; radius [m] around its corners, their reach from the centre of mass; restitution and friction on the
 # plate (0) and between parts (1), the same for all kinds; where its corners, edges and planes are in `Kinds`.
-KIND = np.dtype(
-    [
-        ("mass", "f8"),
-        ("inertia", "f8", 3),
-        ("axis", "i8"),
-        ("radius", "f8"),
-        ("reach", "f8"),
-        ("restitution", "f8", 2),
-        ("friction", "f8", 2),
-        ("corner_from", "i8"),
-        ("corner_to", "i8"),
-        ("edge_from", "i8"),
-        ("edge_to", "i8"),
-        ("plane_from", "i8"),
-        ("plane_to", "i8"),
-    ],
-    align=True,
-)
+KIND_FIELDS: list[Any] = [
+    ("mass", "f8"),
+    ("inertia", "f8", 3),
+    ("axis", "i8"),
+    ("radius", "f8"),
+    ("reach", "f8"),
+    ("restitution", "f8", 2),
+    ("friction", "f8", 2),
+    ("corner_from", "i8"),
+    ("corner_to", "i8"),
+    ("edge_from", "i8"),
+    ("edge_to", "i8"),
+    ("plane_from", "i8"),
+    ("plane_to", "i8"),
+]
+KIND = np.dtype(KIND_FIELDS, align=True)
+# The same in a scene with a general top; the further field is a mark that compilation goes by.
+GENERAL = "general"
+GENERAL_KIND = np.dtype([*KIND_FIELDS, (GENERAL, "i8")], align=True)
 
 
 class Kinds(NamedTuple):
@@ -73,7 +76,7 @@ class Kinds(NamedTuple):
 
 
 class Wall(NamedTuple):
-    """The wall of a tube: a point of its axis [m], unit vector along it, inner radius [m]; infinite without a tube."""
+    """The wall of a tube: a point of its axis [m], unit vector along it, inner radius [m]."""
 
     foot: NDArray[np.float64]
     axis: NDArray[np.float64]
@@ -104,6 +107,7 @@ class Scratch(NamedTuple):
     bound, WALL_GAP, WALL_RATE. contact: (3, 2 n, 3), ARM, NORMAL and surface VELOCITY of each contact of an impact.
     law: (2, 2 n), RESTITUTION and FRICTION of each. modal: (2, n_shapes), q and dq/dt. modes: (n_shapes, 3). weight:
     (2, 4) of the interpolation in x and y. points: (n, 3), corners and crossings of hull edges with the plate's edge.
+    unresolved: (1,), impacts whose sweeps did not settle.
     """
 
     corner: NDArray[np.float64]
@@ -113,6 +117,7 @@ class Scratch(NamedTuple):
     modes: NDArray[np.float64]
     weight: NDArray[np.float64]
     points: NDArray[np.float64]
+    unresolved: NDArray[np.int64]
 
 
 def read_kinds(scene: Scene) -> Kinds:
@@ -135,9 +140,10 @@ def read_kinds(scene: Scene) -> Kinds:
         edges.append(np.empty((0, 2), np.int64))
         planes.append(hull_planes(corners[-1]))
         radius.append(0.0)
-    record = np.zeros(len(mass), KIND)
-    record["mass"], record["inertia"], record["radius"] = mass, inertia, radius
-    record["axis"] = [symmetry_axis(moments) for moments in inertia]
+    axis = [symmetry_axis(moments) for moments in inertia]
+    symmetric = all(a >= 0 or np.isinf(m) for a, m in zip(axis, mass, strict=True))  # walls do not turn
+    record = np.zeros(len(mass), KIND if symmetric else GENERAL_KIND)
+    record["mass"], record["inertia"], record["radius"], record["axis"] = mass, inertia, radius, axis
     record["reach"] = [np.linalg.norm(points, axis=1).max() for points in corners]
     record["restitution"] = contact.restitution, contact.part_restitution
     record["friction"] = contact.friction, contact.part_friction
@@ -202,10 +208,10 @@ def new_parts(position: ArrayLike, attitude: ArrayLike, kind: ArrayLike, velocit
     return parts
 
 
-def read_wall(guide: Guide | None) -> Wall:
-    """The wall of a guide with play."""
+def read_wall(guide: Guide | None) -> Wall | None:
+    """The wall of a guide with play, None without one."""
     if guide is None or guide.radius is None or guide.restitution is None:
-        return Wall(np.zeros(3), np.array([0.0, 0.0, 1.0]), np.inf, 0.0, 0.0)
+        return None
     return Wall(np.array([*guide.foot, 0.0]), guide.axis, guide.radius, guide.restitution, guide.friction)
 
 
@@ -214,7 +220,8 @@ def new_scratch(kinds: Kinds, n_shapes: int) -> Scratch:
     of = kinds.record
     n = int((of["corner_to"] - of["corner_from"] + 2 * (of["edge_to"] - of["edge_from"])).max())
     sizes = ((n, 6), (3, 2 * n, 3), (2, 2 * n), (2, n_shapes), (n_shapes, 3), (2, 4), (n, 3))
-    return Scratch(*(np.zeros(size) for size in sizes))
+    corner, contact, law, modal, modes, weight, points = (np.zeros(size) for size in sizes)
+    return Scratch(corner, contact, law, modal, modes, weight, points, np.zeros(1, np.int64))
 
 
 @inlined
@@ -234,7 +241,49 @@ def fly_to(part, kind, t):
         part.position[k] += part.velocity[k] * duration
     part.position[2] -= 0.5 * GRAVITY * duration * duration
     part.velocity[2] -= GRAVITY * duration
-    rotate_freely(part.attitude, part.momentum, kind.inertia, kind.axis, duration)
+    _rotate(part.attitude, part.momentum, kind, duration)
+
+
+def _rotate(attitude, momentum, kind, duration):
+    """Advance an attitude; for compiled code only."""
+    raise NotImplementedError
+
+
+@overload(_rotate)
+def _rotate_by_kind(attitude, momentum, kind, duration):
+    """Only scenes that hold a general top pay for its compilation."""
+    if GENERAL in kind.fields:
+        return lambda attitude, momentum, kind, duration: rotate_freely(
+            attitude, momentum, kind.inertia, kind.axis, duration
+        )
+    return lambda attitude, momentum, kind, duration: rotate_symmetric(
+        attitude, momentum, kind.inertia, kind.axis, duration
+    )
+
+
+@compiled
+def write_row(parts, i, kinds, t, row):
+    """Write position, velocity, attitude and momentum of a part at time t [s], as it flies until then, into row (ROW,).
+
+    The part itself is left as it is.
+    """
+    seen = np.empty(1, PART)
+    seen[0] = parts[i]
+    part = seen[0]
+    fly_to(part, kinds.record[part.kind], t)
+    for k in range(3):
+        row[k], row[3 + k], row[15 + k] = part.position[k], part.velocity[k], part.momentum[k]
+        for axis in range(3):
+            row[6 + 3 * k + axis] = part.attitude[k, axis]
+    return seen.shape[0]  # a record holds no reference to its array, which must live until here
+
+
+@compiled
+def orthonormalise_parts(parts, n):
+    """Take the round-off of many flights out of the attitudes of the first n parts."""
+    for i in range(n):
+        if parts[i].there:
+            orthonormalise(parts[i].attitude)
 
 
 @compiled

@@ -80,11 +80,14 @@ def gather_wall(part, kind, corners, wall, touch, n, work):
             )
         if -work.corner[i, WALL_GAP] > deepest:
             deepest = -work.corner[i, WALL_GAP]
-            back[:] = deepest * work.contact[NORMAL, n]
-        work.contact[VELOCITY, n] = 0.0
+            for k in range(3):
+                back[k] = deepest * work.contact[NORMAL, n, k]
+        for k in range(3):
+            work.contact[VELOCITY, n, k] = 0.0
         work.law[RESTITUTION, n], work.law[FRICTION, n] = wall.restitution, wall.friction
         n += 1
-    part.position[:] += back
+    for k in range(3):
+        part.position[k] += back[k]
     return n
 
 

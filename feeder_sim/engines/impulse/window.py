@@ -27,16 +27,21 @@ def acting_terms(surface, start, stop):
         if surface.term_start[k] < stop and surface.term_stop[k] >= start:
             chosen[n] = k
             n += 1
-    chosen = chosen[:n]
+    shape, begin, end = np.empty(n, np.int64), np.empty(n), np.empty(n)
+    coefficient, rate = np.empty(n, np.complex128), np.empty(n, np.complex128)
+    for k in range(n):
+        term = chosen[k]
+        shape[k], begin[k], end[k] = surface.term_shape[term], surface.term_start[term], surface.term_stop[term]
+        coefficient[k], rate[k] = surface.coefficient[term], surface.rate[term]
     return SurfaceArrays(
         surface.grid_x,
         surface.grid_y,
         surface.table,
-        surface.term_shape[chosen],
-        surface.term_start[chosen],
-        surface.term_stop[chosen],
-        surface.coefficient[chosen],
-        surface.rate[chosen],
+        shape,
+        begin,
+        end,
+        coefficient,
+        rate,
         surface.half_thickness,
         surface.in_plane,
         surface.tangent,

@@ -22,7 +22,7 @@ from feeder_sim.engines.mujoco.mjcf import build_mjcf
 from feeder_sim.engines.mujoco.units import UNITS, converted
 from feeder_sim.engines.mujoco_library import load_mujoco_symbols, silence_mujoco
 from feeder_sim.engines.surface_arrays import surface_arrays
-from feeder_sim.machine_code import compiled
+from feeder_sim.machine_code import compiled, entry_point
 from feeder_sim.plate.compiled import modal_motion, surface_modes
 from feeder_sim.records.impacts import Impacts
 from feeder_sim.records.trajectory import BLOCK_FRAMES, Frames
@@ -111,7 +111,7 @@ def _step_guided(at, log, t):
         end_contact(log, t, before)
 
 
-@compiled
+@entry_point
 def _advance(at, surface, log, timestep, first_step, steps_per_frame, qpos_out, qvel_out):
     """Step the scene; after every `steps_per_frame` steps copy the state into a row of qpos_out and qvel_out."""
     n_shapes = surface.table.shape[0]
@@ -208,6 +208,10 @@ class MujocoEngine:
         turned = Rotation.from_quat(quaternion, scalar_first=True)
         self.model.body(name).quat[:] = quaternion
         self.model.joint(name).axis[:] = turned.inv().apply(self._slide.axis)
+
+    @property
+    def unresolved_impacts(self) -> int:
+        return 0
 
     def current(self) -> Frames:
         return self._frames(self.data.qpos[None].copy(), self.data.qvel[None].copy(), self._step)
