@@ -7,18 +7,18 @@ kHz would only alias with the frame rate.
 
 from __future__ import annotations
 
-import os
 import re
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from feeder_sim.errors import InputError, RecordingFailed, not_written
+from feeder_sim.errors import InputError
 from feeder_sim.plate.drive import modal_terms
 from feeder_sim.plate.nodal_lines import NodalLines
 from feeder_sim.records.trajectory import Frames, Recording
 from feeder_sim.records.trajectory_file import read_recording
+from feeder_sim.records.whole_file import write_whole
 from feeder_sim.replay.crowd import crowd_blueprint, log_crowd
 from feeder_sim.replay.parts import NUT, drawn_part
 from feeder_sim.replay.plate import MM, TIMELINE, log_plate
@@ -27,7 +27,6 @@ from feeder_sim.scenario import Scenario, Start, parse_scenario
 from feeder_sim.scene.guide import Guide, build_guide
 from feeder_sim.scene.timetable import timed, timetable
 
-RRD_BEGIN, RRD_END, RRD_TAIL = b"RRF2", b"RRF2FOOT", 16  # what rerun's files begin with, and hold in their last bytes
 REPLAY = "replay.rrd"  # its name in a run folder
 LINE_GREY, PATH = (150, 150, 150), (30, 110, 60)
 GLASS = (110, 160, 190)
@@ -59,23 +58,14 @@ def build_replay(trajectory: Path, replay: Path, *, shown_seed: int = 0) -> None
         InputError: the trajectory cannot be read.
         RecordingFailed: the replay cannot be written, as when the disk is full; one that was there stays.
     """
-    os.environ.setdefault("RUST_LOG", "off")  # rerun would tell on stderr what is told here
     recording = read_recording(trajectory)
     _check_shown(recording, shown_seed)
-    partial = replay.with_name(replay.name + ".partial")  # an interrupted build must not look like a replay
-    try:
-        partial.write_bytes(b"")
-        _write(partial, recording, shown_seed)
-        if not _is_complete(partial):
-            raise RecordingFailed(f"{replay}: cannot be written, is the disk full?")
-        partial.replace(replay)
-    except (OSError, RuntimeError) as error:  # rerun tells of both as a RuntimeError
-        raise not_written(replay, error) from error
-    finally:
-        partial.unlink(missing_ok=True)
+    # Not by rerun: on a full disk it goes on without a word, or waits for ever.
+    write_whole(replay, _logged(recording, shown_seed))
 
 
-def _write(path: Path, recording: Recording, shown_seed: int) -> None:
+def _logged(recording: Recording, shown_seed: int) -> bytes:
+    """The whole .rrd."""
     import rerun as rr
 
     stream = rr.RecordingStream("feeder_sim", recording_id=f"{recording.path.parent.name}-{shown_seed}")
@@ -83,19 +73,17 @@ def _write(path: Path, recording: Recording, shown_seed: int) -> None:
     times = timetable(scenario, recording.records[shown_seed].stops.tolist())
     terms = modal_terms(timed(recording.plate.drives, times))
     crowd = _is_crowd(scenario)
+    held = stream.memory_recording()
     blueprint = crowd_blueprint(recording, scenario) if crowd else _blueprint(recording, shown_seed)
-    try:
-        stream.save(path, default_blueprint=blueprint)
-        log_plate(stream, recording.plate, terms, max(f.time[-1] for f in recording.seeds if len(f)))
-        if crowd:
-            log_crowd(stream, recording, scenario, times, terms, shown_seed)
-        else:
-            _log_guide(stream, _guide(recording))
-            _log_parts(stream, recording, recording.seeds[shown_seed])
-            _log_plots(stream, recording, shown_seed)
-        stream.flush()
-    finally:
-        stream.disconnect()
+    stream.send_blueprint(blueprint, make_active=False, make_default=True)
+    log_plate(stream, recording.plate, terms, max(f.time[-1] for f in recording.seeds if len(f)))
+    if crowd:
+        log_crowd(stream, recording, scenario, times, terms, shown_seed)
+    else:
+        _log_guide(stream, _guide(recording))
+        _log_parts(stream, recording, recording.seeds[shown_seed])
+        _log_plots(stream, recording, shown_seed)
+    return bytes(held.drain_as_bytes())
 
 
 def timeline_ends(recording: Recording, shown_seed: int) -> dict[str, float]:
@@ -125,16 +113,6 @@ def _check_shown(recording: Recording, shown_seed: int) -> None:
 
 def _is_crowd(scenario: Scenario) -> bool:
     return scenario.schedule is not None or scenario.n_parts > 1
-
-
-def _is_complete(path: Path) -> bool:
-    """Whether a replay was written to its end; rerun goes on without a word when the disk is full."""
-    if not path.is_file():
-        return False
-    with path.open("rb") as file:
-        begin = file.read(len(RRD_BEGIN))
-        file.seek(-min(RRD_TAIL, file.seek(0, os.SEEK_END)), os.SEEK_END)
-        return RRD_END in file.read() if begin == RRD_BEGIN else bool(begin)
 
 
 def _log_parts(stream: Any, recording: Recording, frames: Frames) -> None:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from feeder_sim import __version__
 from feeder_sim.engines.lookup import engine_class
 from feeder_sim.engines.mujoco.mjcf import build_mjcf
-from feeder_sim.errors import InputError, RecordingFailed
+from feeder_sim.errors import InputError, RecordingFailed, cause_of
 from feeder_sim.records.checkpoint import CheckpointFolder, run_identity
 from feeder_sim.records.trajectory import PartRecord, PlateRecord, Record, Recording, Status, WallTime
 from feeder_sim.records.trajectory_file import TRAJECTORY, TrajectoryWriter, recording_of
@@ -93,8 +93,12 @@ def resume_run(
         raise InputError("has ended, there is nothing to resume", file=folder, key="--resume")
     _check_same(recording.libraries, library_versions(), folder, "was begun with another version of")
     scenario = parse_scenario(recording.scenario_text, file=folder / RESOLVED)
+    try:
+        inputs = input_hashes(scenario)
+    except OSError as error:
+        raise InputError(f"cannot be read: {cause_of(error)}", file=error.filename) from error
+    _check_same(recording.inputs, inputs, folder, "was begun with another content of")
     prepared = prepare(scenario)
-    _check_same(recording.inputs, input_hashes(scenario), folder, "was begun with another content of")
     begun = _all_begun(recording, prepared, folder)
     before = max((wall_time.ensemble for wall_time in recording.wall_times), default=0.0)
     return _run_into(
