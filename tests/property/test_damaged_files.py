@@ -2,14 +2,26 @@
 
 from __future__ import annotations
 
+import hashlib
+import sys
+import tomllib
 from pathlib import Path
+from typing import Any
+from zipfile import ZipFile
 
+import numpy as np
 import pytest
-from hypothesis import given
+import trimesh
+from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from feeder_sim.errors import LONGEST_MESSAGE, FeederSimError, InputError, quoted
-from feeder_sim.scenario import parse_scenario
+from feeder_sim.records import checkpoint
+from feeder_sim.records.checkpoint import Checkpoint, CheckpointFolder, run_identity
+from feeder_sim.scenario import MeshPart, Scenario, parse_scenario
+from feeder_sim.scenario.tables import validated
+from feeder_sim.scene.rigid_part import MESH_SUFFIXES, RigidPart, build_part
+from feeder_sim.scene.scene import build_scene
 
 FILE = Path("scenario.toml")
 SCENARIO = """
@@ -87,3 +99,191 @@ def test_long_values_are_shortened() -> None:
 def test_any_message_is_one_short_line(text: str) -> None:
     for error in (FeederSimError(text * 100), InputError(text, file=text, key=text)):
         assert str(error).isprintable() and len(str(error)) <= LONGEST_MESSAGE
+
+
+STATE = {"state": np.linspace(0.0, 1.0, 7), "there": np.array([True, False]), "frame": np.array(250)}
+
+
+def checkpoints(run: Path, *, text: str = SCENARIO, n_frames: int = 251) -> CheckpointFolder:
+    """Of a run, with one of seed 3."""
+    folder = CheckpointFolder(run, run_identity(text, {"numpy": "2"}, {}))
+    folder.save(3, Checkpoint((n_frames, 4, 0, 0), STATE))
+    return folder
+
+
+def test_checkpoint_is_read_as_it_was_written(tmp_path: Path) -> None:
+    read = checkpoints(tmp_path).load(3)
+    assert read is not None and read.sizes == (251, 4, 0, 0) and read.state.keys() == STATE.keys()
+    for name, values in STATE.items():
+        assert np.array_equal(read.state[name], values) and read.state[name].dtype == values.dtype
+    assert checkpoints(tmp_path).load(2) is None
+
+
+@given(data=st.data())
+@settings(max_examples=200, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+def test_damaged_checkpoint_is_refused(data: st.DataObject, tmp_path: Path) -> None:
+    folder = checkpoints(tmp_path)
+    path = tmp_path / "checkpoints/seed_003.npz"
+    content = bytearray(path.read_bytes())
+    kind, at = data.draw(st.sampled_from(["bit", "cut", "stretch"])), data.draw(st.integers(0, len(content) - 1))
+    if kind == "bit":
+        content[at] ^= 1 << data.draw(st.integers(0, 7))
+    elif kind == "cut":
+        content = content[:at]
+    else:
+        content[at : at + 16] = data.draw(st.binary(min_size=17, max_size=17))
+    path.write_bytes(bytes(content))
+    with pytest.raises(InputError, match=r"seed_003\.npz: is not a readable checkpoint") as refused:
+        folder.load(3)
+    assert "\n" not in str(refused.value)
+
+
+def test_what_is_no_checkpoint_is_refused(tmp_path: Path) -> None:
+    folder, path = checkpoints(tmp_path), tmp_path / "checkpoints/seed_003.npz"
+    others: list[dict[str, Any]] = [{}, {"recorded": np.zeros(4)}, {"described": np.array("{}")}, {"x": np.array([{}])}]
+    for arrays in others:
+        np.savez(path, **arrays)
+        with pytest.raises(InputError, match="is not a readable checkpoint"):
+            folder.load(3)
+    with ZipFile(path, "w") as archive:  # whole, by its checksum, but with a member of an unknown compression
+        archive.writestr("state_x.npy", b"")
+        archive.comment = bytes(64)
+    content = bytearray(path.read_bytes()[:-64])
+    content[content.index(b"PK\x01\x02") + 10] = 99
+    path.write_bytes(bytes(content) + hashlib.sha256(content).hexdigest().encode())
+    with pytest.raises(InputError, match="is not a readable checkpoint") as refused:
+        folder.load(3)
+    assert isinstance(refused.value.__cause__, NotImplementedError)
+
+
+def test_exchanged_checkpoint_is_refused(tmp_path: Path) -> None:
+    """Of another seed, another scenario, other libraries, or of a format to come."""
+    folder, path = checkpoints(tmp_path), tmp_path / "checkpoints/seed_003.npz"
+    path.with_name("seed_001.npz").write_bytes(path.read_bytes())
+    with pytest.raises(InputError, match=r"seed_001\.npz: is of seed 3, allowed is 1; without it the seed begins anew"):
+        folder.load(1)
+    for identity in (run_identity(SCENARIO + "\n", {"numpy": "2"}, {}), run_identity(SCENARIO, {"numpy": "3"}, {})):
+        with pytest.raises(
+            InputError, match=r"seed_003\.npz: is of run \w+\.\.\.\w+, allowed is \w+\.\.\.\w+; without"
+        ):
+            CheckpointFolder(tmp_path, identity).load(3)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(checkpoint, "FORMAT", 2)
+        checkpoints(tmp_path)
+    with pytest.raises(InputError, match="is of format 2, allowed is 1"):
+        folder.load(3)
+
+
+@pytest.mark.parametrize(
+    ("changed", "said"),
+    [
+        ({"frame": None}, r"frame is not there, allowed is int64 \(\)"),
+        ({"more": np.zeros(2)}, r"more is float64 \(2,\), allowed is not there"),
+        ({"state": np.zeros(8)}, r"state is float64 \(8,\), allowed is float64 \(7,\)"),
+        ({"there": np.zeros(2)}, r"there is float64 \(2,\), allowed is bool \(2,\)"),
+    ],
+)
+def test_state_that_does_not_fit_the_engine_is_refused(changed: dict[str, Any], said: str, tmp_path: Path) -> None:
+    state = {name: values for name, values in (STATE | changed).items() if values is not None}
+    with pytest.raises(InputError, match=rf"seed_003\.npz: does not fit the engine: {said}"):
+        checkpoints(tmp_path).check_fits(3, state, STATE)
+    checkpoints(tmp_path).check_fits(3, STATE, STATE)
+
+
+def mesh_file(folder: Path, suffix: str) -> Path:
+    trimesh.creation.annulus(1.0, 2.0, 3.0).export(folder / f"ring{suffix}")
+    return folder / f"ring{suffix}"
+
+
+def mesh(path: Path) -> RigidPart:
+    return build_part(MeshPart(shape="mesh", file=path))
+
+
+@given(data=st.data())
+@settings(max_examples=200, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+def test_damaged_mesh_is_a_part_or_refused(data: st.DataObject, tmp_path: Path) -> None:
+    path = mesh_file(tmp_path, data.draw(st.sampled_from(MESH_SUFFIXES)))
+    content = bytearray(path.read_bytes())
+    if data.draw(st.booleans()):
+        content = content[: data.draw(st.integers(0, len(content) - 1))]
+    else:
+        start = data.draw(st.one_of(st.integers(0, 200), st.integers(0, len(content) - 1)))
+        content[start : start + 8] = data.draw(st.binary(min_size=8, max_size=8))
+    path.write_bytes(bytes(content))
+    try:
+        part = mesh(path)
+    except InputError as error:
+        assert "\n" not in str(error)
+    else:
+        assert np.isfinite([part.mass, *part.inertia, part.size]).all()
+
+
+def test_mesh_that_another_module_would_be_needed_for(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """trimesh guesses the alphabet of text that is not in UTF-8 with a module that need not be there."""
+    monkeypatch.setitem(sys.modules, "charset_normalizer", None)
+    path = mesh_file(tmp_path, ".obj")
+    path.write_bytes(b"# M\xfcnchen\n" + path.read_bytes())
+    with pytest.raises(InputError, match=r"ring\.obj: part\.file: not a readable mesh: damaged, or .* not in UTF-8$"):
+        mesh(path)
+
+
+@pytest.mark.parametrize(
+    ("suffix", "named"),
+    [(".obj", b"mtllib ../other.mtl\nusemtl red\n"), (".ply", b"comment TextureFile ../other.png\n")],
+)
+def test_mesh_reads_no_file_that_it_names(
+    suffix: str, named: bytes, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    path = mesh_file(tmp_path, suffix)
+    plain, content = mesh(path), path.read_bytes()
+    at = 0 if suffix == ".obj" else content.index(b"element")
+    path.write_bytes(content[:at] + named + content[at:])
+    asked: list[str] = []
+    monkeypatch.setattr(trimesh.resolvers.FilePathResolver, "get", lambda self, name: asked.append(name))
+    part = mesh(path)
+    assert asked == [] and caplog.text == ""
+    assert np.array_equal(part.vertices, plain.vertices) and np.array_equal(part.inertia, plain.inertia)
+
+
+@pytest.mark.parametrize("suffix", MESH_SUFFIXES)
+def test_mesh_of_several_bodies_is_refused(suffix: str, tmp_path: Path) -> None:
+    """Their hull was one body that closed the gap, with the mass of all."""
+    box, beside, inside = (
+        trimesh.creation.box((1, 1, 1)),
+        trimesh.creation.box((1, 1, 1)),
+        trimesh.creation.icosphere(1),
+    )
+    beside.apply_translation((3, 0, 0))
+    inside.apply_scale(0.3)
+    inside.invert()  # a cavity, which was counted as mass twice
+    for bodies, number in (([box, beside], 2), ([box, inside], 2), ([box, beside, inside], 3)):
+        trimesh.util.concatenate(bodies).export(tmp_path / f"bodies{suffix}")
+        with pytest.raises(InputError, match=f"holds {number} bodies or cavities, allowed is one body"):
+            mesh(tmp_path / f"bodies{suffix}")
+    box.export(tmp_path / f"one{suffix}")
+    assert mesh(tmp_path / f"one{suffix}").mass > 0.0
+
+
+def test_mesh_without_bounds_is_refused(tmp_path: Path) -> None:
+    for number in ("1e300", "nan", "inf", "1e6"):
+        path = mesh_file(tmp_path, ".off")
+        lines = path.read_text().splitlines()
+        path.write_text("\n".join([*lines[:2], f"{number} 0.0 0.0", *lines[3:]]))
+        with pytest.raises(InputError, match=r"ring\.off: part\.file: "):
+            mesh(path)
+
+
+@pytest.mark.parametrize(
+    ("plate", "frequency_hz", "most"),
+    [
+        ({"kind": "rectangle", "length_mm": 10.0, "width_mm": 9.0, "thickness_mm": 10.0}, 196e3, 156232),
+        ({"kind": "strip", "thickness_mm": 10.0}, 160e3, 156232),
+    ],
+)
+def test_plate_too_thick_for_bending_waves_is_refused(plate: dict[str, Any], frequency_hz: float, most: int) -> None:
+    document = tomllib.loads(SCENARIO) | {
+        "plate": plate,
+        "drive": [{"frequency_hz": frequency_hz, "amplitude_um": 0.1}],
+    }
+    with pytest.raises(InputError, match=rf"drive\[0\]\.frequency_hz: is {frequency_hz:g}.*below {most} Hz only$"):
+        build_scene(validated(document, Scenario, FILE))

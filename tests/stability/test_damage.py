@@ -1,17 +1,14 @@
-"""Runs that were killed, exchanged or out of date, full disks: carried on with, or one line."""
+"""Runs that were killed, exchanged or out of date, carried on with or refused in one line."""
 
 from __future__ import annotations
 
-import errno
 import json
-import os
 import random
 import resource
 import signal
 import subprocess
 import sys
 import threading
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -20,38 +17,25 @@ import numpy as np
 import pytest
 from conftest import REPOSITORY
 
-import feeder_sim.cli.main as command_line
 import feeder_sim.run.recorder as recorder
-from feeder_sim.errors import InputError, RecordingFailed
+from feeder_sim.errors import InputError
 from feeder_sim.plate.drive import ModalDrive
 from feeder_sim.plate.mode_file import read_mode_file, write_mode_file
+from feeder_sim.records.checkpoint import Checkpoint, CheckpointFolder, run_identity
 from feeder_sim.records.impacts import Impacts
 from feeder_sim.records.removals import Removals
 from feeder_sim.records.trajectory import FRAME_FIELDS, Frames, PartRecord, PlateRecord, Record, Status, WallTime
 from feeder_sim.records.trajectory_file import TRAJECTORY, TrajectoryWriter, read_recording
 from feeder_sim.records.unclosed_file import closed_head, lookup3
-from feeder_sim.replay.replay import REPLAY, build_replay, timeline_ends
-from feeder_sim.replay.viewer import replay_file, time_shown
 from feeder_sim.run import run_folder
+from feeder_sim.run.provenance import library_versions
 from feeder_sim.run.run_folder import SUMMARY, record_run, resume_run, scenario_toml
-from feeder_sim.scenario import (
-    Ball,
-    Drive,
-    Excitation,
-    MeshPart,
-    PistonPlate,
-    Run,
-    Scattered,
-    Scenario,
-    Slide,
-    load_scenario,
-)
-from feeder_sim.scenario.schedule import Schedule, Stage
+from feeder_sim.scenario import Ball, Drive, MeshPart, PistonPlate, Run, Scenario, Slide, load_scenario
 
 BLOCK = 130  # frames
 # Reads every trajectory in a folder; a reader that waits is seen by the test's time limit.
 READ_ALL = """
-import hashlib, json, sys
+import json, sys
 from pathlib import Path
 from feeder_sim.errors import InputError
 from feeder_sim.records.trajectory_file import read_recording
@@ -74,17 +58,6 @@ def ball(**run: Any) -> Scenario:
     )
 
 
-def crowd() -> Scenario:
-    """Two balls and three stages, two of them alike."""
-    drives = [Excitation(frequency_hz=f, amplitude_um=5.0) for f in (500.0, 600.0, 500.0)]
-    return Scenario(
-        plate=PistonPlate(kind="piston"),
-        schedule=Schedule(stage=tuple(Stage(drive=(drive,), duration_s=1.0) for drive in drives)),
-        part=(Ball(shape="ball", diameter_mm=3.0, count=2, start=Scattered(kind="scattered")),),
-        run=Run(seeds=2),
-    )
-
-
 class StopsAfter(threading.Event):
     """Is set once it has been looked at so many times."""
 
@@ -100,7 +73,8 @@ class StopsAfter(threading.Event):
 def block(number: int, n_parts: int = 1) -> Record:
     rng = np.random.default_rng(number)
     tail = {name: (BLOCK, n_parts, *shape) for name, (_, _, shape) in FRAME_FIELDS.items() if name != "time"}
-    values = {name: rng.random(shape) for name, shape in tail.items()} | {"present": np.ones((BLOCK, n_parts), bool)}
+    values: dict[str, Any] = {name: rng.random(shape) for name, shape in tail.items()}
+    values["present"] = np.ones((BLOCK, n_parts), bool)
     frames = Frames(time=number + np.arange(BLOCK) / BLOCK, **values)
     return Record(frames, Impacts.of_rows(rng.random((7, 4))), Removals.none(), np.empty(0))
 
@@ -215,148 +189,37 @@ def test_commands_refuse_a_damaged_trajectory_at_once(killed: Path, tmp_path: Pa
         check_one_line(feeder_sim(command[0], *command[1:], tmp_path), 2, "not a readable trajectory file")
 
 
-def full(*names: str) -> Callable[[int], None]:
-    """What `os.fsync` does where the disk is full for these files."""
-    sync = os.fsync
-
-    def fails(number: int) -> None:
-        if any(name in str(Path(f"/proc/self/fd/{number}").readlink()) for name in names):
-            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-        sync(number)
-
-    return fails
-
-
-def test_full_disk_at_a_checkpoint_ends_the_run_as_a_failure(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """In one line that names the checkpoint; the one before stays, and the run goes on from there."""
-    run = tmp_path / "run"
-    record_run(ball(), run, stop=StopsAfter(3), replay=False)
-    before = {path: path.read_bytes() for path in run.glob("checkpoints/*")}
-    assert len(before) == 2
-    with monkeypatch.context() as patch:
-        patch.setattr(os, "fsync", full("checkpoints"))
-        with pytest.raises(RecordingFailed, match=r"seed_00\d\.npz: cannot be written, is the disk full\? \(No space"):
-            resume_run(run, stop=StopsAfter(1), replay=False)
-    assert {path: path.read_bytes() for path in run.glob("checkpoints/*")} == before
-    assert not resume_run(run, replay=False).interrupted
-
-
-@pytest.mark.parametrize("name", ["scenario.toml", "scene.xml", SUMMARY])
-def test_full_disk_leaves_no_part_of_a_file(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(os, "fsync", full(name))
-    with pytest.raises(RecordingFailed, match=f"{name}: cannot be written, is the disk full"):
-        record_run(ball(duration_s=1.0), tmp_path, replay=False)
-    assert not list(tmp_path.glob(f"{name}*"))
-
-
-def test_full_disk_leaves_no_part_of_a_mode_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    def fails(self: Path, data: bytes) -> int:
-        self.touch()
-        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-
-    held = read_mode_file(REPOSITORY / "models/plate_180/modes.h5")
-    write_mode_file(tmp_path / "modes.h5", held.modes)
-    before = (tmp_path / "modes.h5").read_bytes()
-    monkeypatch.setattr(Path, "write_bytes", fails)
-    with pytest.raises(RecordingFailed, match=r"modes\.h5: cannot be written, is the disk full"):
-        write_mode_file(tmp_path / "modes.h5", held.modes)
-    assert [path.read_bytes() for path in tmp_path.iterdir()] == [before]
-
-
-def test_full_disk_leaves_no_cut_replay(tmp_path: Path) -> None:
-    """rerun went on without a word, and the cut file took the replay's place."""
-    scenario = tmp_path / "ball.toml"
-    scenario.write_text(scenario_toml(ball(duration_s=1.0)))
-    run = tmp_path / "run"
-    done = feeder_sim("run", scenario, "--out", run, largest_file=100_000)  # the replay is longer
-    check_one_line(done, 1, "replay.rrd: cannot be written, is the disk full?")
-    assert sorted(path.name for path in run.iterdir()) == ["scenario.toml", "scene.xml", SUMMARY, TRAJECTORY]
-    build_replay(run / TRAJECTORY, run / REPLAY)
-    size = (run / REPLAY).stat().st_size
-    for largest in (1000, size // 2, size - 100):
-        program = f"from pathlib import Path; from feeder_sim.replay.replay import *; p = Path({str(run)!r})"
-        command = [sys.executable, "-c", f"{program}; build_replay(p / 'trajectory.h5', p / 'replay.rrd')"]
-        done = limited(command, largest)
-        assert done.returncode == 1 and "is the disk full?" in done.stderr.splitlines()[-1], done.stderr
-        assert (run / REPLAY).stat().st_size == size and not list(run.glob("*.partial"))
-
-
-@pytest.mark.parametrize(
-    ("number", "code"),
-    [(n, 2) for n in (errno.ENOENT, errno.EACCES, errno.EISDIR, errno.ENOTDIR)]
-    + [(n, 1) for n in (errno.ENOSPC, errno.EDQUOT, errno.EIO, errno.EFBIG)],
-)
-def test_system_errors_are_bad_input_only_where_another_name_helps(
-    number: int, code: int, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    def fails() -> None:
-        raise OSError(number, os.strerror(number), "there\x1b[2J")
-
-    monkeypatch.setattr(command_line, "app", fails)
-    monkeypatch.setattr(os, "_exit", sys.exit)
-    with pytest.raises(SystemExit) as ended:
-        command_line.main()
-    assert ended.value.code == code
-    assert capsys.readouterr().err == f"feeder-sim: there\\x1b[2J: {os.strerror(number)}\n"
-
-
-def test_full_disk_under_the_output_is_a_failure(tmp_path: Path) -> None:
-    command = f"{sys.executable} -m feeder_sim list {tmp_path} > /dev/full"
-    done = subprocess.run(["sh", "-c", command], capture_output=True, text=True, timeout=100, check=False)
-    check_one_line(done, 1, "No space left on device")
-
-
-def test_replays_of_a_run_that_goes_on_are_removed(tmp_path: Path) -> None:
-    record_run(ball(), tmp_path, stop=StopsAfter(3), replay=False)
-    replays = [replay_file(tmp_path, seed=seed) for seed in range(2)]
-    (tmp_path / "replay_of_mine.rrd").write_text("mine")
-    assert all(path.is_file() for path in replays)
-    resume_run(tmp_path, replay=False)
-    assert [path.name for path in tmp_path.glob("*.rrd")] == ["replay_of_mine.rrd"]
-
-
-def test_replay_older_than_its_trajectory_is_built_again(tmp_path: Path) -> None:
-    record_run(ball(duration_s=0.5), tmp_path)
-    replay, trajectory = tmp_path / REPLAY, tmp_path / TRAJECTORY
-    replay.write_bytes(b"as it was")
-    assert replay_file(tmp_path) == replay and replay.read_bytes() == b"as it was"
-    later = replay.stat().st_mtime_ns + 10**9
-    os.utime(trajectory, ns=(later, later))
-    assert replay_file(tmp_path).read_bytes().startswith(b"RRF2")
-
-
-def times_in(replay: Path, timeline: str) -> list[float]:
-    from rerun.chunk import RrdReader
-
-    batches = [chunk.to_record_batch() for chunk in RrdReader(replay).stream()]
-    held = [batch.column(timeline) for batch in batches if timeline in batch.schema.names]
-    return [time / 1e9 for column in held for time in column.cast("int64").to_pylist()]
-
-
-def test_no_time_beyond_the_record_is_shown(tmp_path: Path) -> None:
-    for scenario, name in ((crowd(), "crowd"), (ball(), "ball")):
-        (tmp_path / name).mkdir()
-        file = writer(tmp_path / name / TRAJECTORY, scenario)
-        for number in range(3):
-            file.append(0, block(number, scenario.n_parts))
-        file.append(1, block(0, scenario.n_parts))
-        file.close()
-    ends = timeline_ends(read_recording(tmp_path / "crowd" / TRAJECTORY), 0)
-    build_replay(tmp_path / "crowd" / TRAJECTORY, tmp_path / "crowd.rrd")
-    assert ends == {name: pytest.approx(max(times_in(tmp_path / "crowd.rrd", name))) for name in ends}
-    assert ends["slow_motion"] == pytest.approx(7.9) and ends["sim_time"] == pytest.approx(2.992, abs=1e-3)
-    with pytest.raises(InputError, match=r"--at: is 5, allowed is 0 to 2\.99\d+: seed 0 is .* s, 7\.9 s in slow"):
-        time_shown(tmp_path / "crowd", 5.0)
-    assert time_shown(tmp_path / "crowd", 5.0, slow=True) == 5.0
-    with pytest.raises(InputError, match=r"--at: is 9, allowed is 0 to 7\.9: seed 0 is recorded for 2\.99\d+ s, 7\.9"):
-        time_shown(tmp_path / "crowd", 9.0, slow=True)
-    assert time_shown(tmp_path / "crowd", None) == 1.0 and time_shown(tmp_path / "crowd", None, seed=1) < 1.0
-    with pytest.raises(InputError, match="--slow-motion"):
-        time_shown(tmp_path / "ball", 0.5, slow=True)
-    with pytest.raises(InputError, match="--at: is nan"):
-        time_shown(tmp_path / "ball", float("nan"))
-    refused = feeder_sim("replay", tmp_path / "ball", "--screenshot", tmp_path / "s.png", "--at", 4)
-    check_one_line(refused, 2, "--at: is 4, allowed is 0 to 2.99", "seed 0 is recorded for 2.99")
+def test_run_does_not_go_on_from_a_checkpoint_that_is_not_its_own(tmp_path: Path) -> None:
+    for seed in range(2):
+        record_run(ball(seed=seed), tmp_path / f"run_{seed}", stop=StopsAfter(3), replay=False)
+    run, path = tmp_path / "run_0", tmp_path / "run_0/checkpoints/seed_000.npz"
+    content = path.read_bytes()
+    for other, said in (
+        (path.with_name("seed_001.npz").read_bytes(), r"is of seed 1, allowed is 0"),
+        ((tmp_path / "run_1/checkpoints/seed_000.npz").read_bytes(), r"is of run \w+\.\.\.\w+, allowed is"),
+        (content[:-1] + b"x", "is not a readable checkpoint"),
+    ):
+        path.write_bytes(other)
+        with pytest.raises(InputError, match=rf"seed_000\.npz: {said}"):
+            resume_run(run, replay=False)
+    recording = read_recording(run / TRAJECTORY)
+    folder = CheckpointFolder(run, run_identity(recording.scenario_text, recording.libraries, recording.inputs))
+    path.write_bytes(content)
+    held = folder.load(0)
+    assert held is not None
+    folder.save(0, Checkpoint(held.sizes, {name: v for name, v in held.state.items() if name != "frame"}))
+    with pytest.raises(
+        InputError, match=r"seed_000\.npz: does not fit the engine: frame is not there, allowed is int64"
+    ):
+        resume_run(run, replay=False)
+    folder.save(0, Checkpoint((held.sizes[0], held.sizes[1] + 1, 0, 0), held.state))  # an impact that was not recorded
+    (run / "checkpoints/seed_001.npz").unlink()
+    resume_run(run, replay=False)  # begins both seeds anew
+    record_run(ball(), tmp_path / "whole", replay=False)
+    for got, wanted in zip(
+        *(read_recording(tmp_path / name / TRAJECTORY).seeds for name in ("run_0", "whole")), strict=True
+    ):
+        assert got.position.tobytes() == wanted.position.tobytes()
 
 
 def interrupted(scenario: Scenario, folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -393,7 +256,7 @@ def test_run_does_not_go_on_with_other_input_files(tmp_path: Path, monkeypatch: 
 @pytest.mark.parametrize("changed", ["feeder_sim", "numpy"])
 def test_run_does_not_go_on_with_another_version(changed: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Of the package the sources count, not only the number of the version."""
-    versions = run_folder.library_versions()
+    versions = library_versions()
     interrupted(ball(), tmp_path, monkeypatch)
     other = versions | {changed: versions[changed] + "0"}
     monkeypatch.setattr(run_folder, "library_versions", lambda: other)
