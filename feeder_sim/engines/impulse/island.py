@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from feeder_sim.engines.impulse.borrow import borrow
+from feeder_sim.engines.impulse.borrow import borrow, borrowed
 from feeder_sim.engines.impulse.hulls import Hulls
 from feeder_sim.engines.impulse.neighbours import Islands
 from feeder_sim.engines.impulse.pair_contact import meet, meeting_bound
@@ -22,7 +22,7 @@ from feeder_sim.engines.impulse.plate_contact import meet_plate
 from feeder_sim.engines.impulse.rest import fall_asleep, wake
 from feeder_sim.engines.impulse.state import ASLEEP, Bounds, Kinds, Scratch, fly_to, write_row
 from feeder_sim.engines.surface_arrays import SurfaceArrays
-from feeder_sim.machine_code import compiled, entry_point
+from feeder_sim.machine_code import compiled, entry_point, inlined
 
 
 class Crowd(NamedTuple):
@@ -97,14 +97,14 @@ def advance_islands(share, crowd, plate, tools, span, frames):
     return left
 
 
-@compiled
+@inlined
 def _advance_island(island, crowd, plate, tools, span, frames):
     islands, parts, kinds = crowd.islands, crowd.parts, crowd.kinds
     first, last = islands.first_part[island], islands.first_part[island + 1]
     first_pair, last_pair = islands.first_pair[island], islands.first_pair[island + 1]
     n = last - first
     tree = _all_due(n + last_pair - first_pair, span.start)
-    agenda = Agenda(tree, first, n, first_pair)
+    agenda = Agenda(borrowed(tree), first, n, first_pair)
     for k in range(n):
         if parts[islands.part[first + k]].there == ASLEEP:
             _set_due(tree, k, np.inf)
@@ -124,10 +124,10 @@ def _advance_island(island, crowd, plate, tools, span, frames):
             else:
                 fly_to(parts[i], kinds.record[parts[i].kind], stop)
                 left |= _has_left(i, crowd, span.reach)
-    return left
+    return left and tree.shape[0] > 0  # what was borrowed lives until here
 
 
-@compiled
+@inlined
 def _look_at_part(event, t, agenda, crowd, plate, work, reach):
     """A part over the plate; returns whether it has come farther than its reach."""
     i = crowd.islands.part[agenda.first_part + event]
@@ -143,7 +143,7 @@ def _look_at_part(event, t, agenda, crowd, plate, work, reach):
     return left
 
 
-@compiled
+@inlined
 def _look_at_pair(event, t, agenda, crowd, bounds, hulls, reach):
     """A pair of parts; returns whether one of them has come farther than its reach."""
     parts, kinds, islands = crowd.parts, crowd.kinds, crowd.islands
@@ -167,7 +167,7 @@ def _look_at_pair(event, t, agenda, crowd, bounds, hulls, reach):
     return left
 
 
-@compiled
+@inlined
 def _look_again_at_pairs(i, except_pair, t, agenda, crowd, bounds):
     """Make the pairs of a part due anew after its velocity has changed at time t.
 
@@ -186,7 +186,7 @@ def _look_again_at_pairs(i, except_pair, t, agenda, crowd, bounds):
             _set_due(agenda.tree, event, due)
 
 
-@compiled
+@inlined
 def _has_left(i, crowd, reach):
     """Whether a part is farther from its place at the begin of the window than its neighbours were looked for."""
     squared = 0.0
