@@ -111,18 +111,22 @@ class CheckpointFolder:
             self._folder.rmdir()
 
     def check_fits(self, seed_index: int, state: State, engine: State) -> None:
-        """Refuse a state that an engine cannot go on from; `engine` is a state of its own.
+        """Refuse a state that an engine cannot go on from.
+
+        Args:
+            seed_index: for the message.
+            state: from its checkpoint.
+            engine: of an engine that has just been made; its empty arrays are lists, which may have any length.
 
         Raises:
             InputError: an array is missing or one too many, or of another shape or type.
         """
-        found, wanted = _kinds(state), _kinds(engine)
-        for name in sorted(found.keys() | wanted.keys()):
-            if found.get(name) != wanted.get(name):
-                said, allowed = (of.get(name, "not there") for of in (found, wanted))
-                raise InputError(
-                    f"does not fit the engine: {name} is {said}, allowed is {allowed}", file=self._path(seed_index)
-                )
+        for name in sorted(state.keys() | engine.keys()):
+            is_list = name in engine and engine[name].shape[:1] == (0,)
+            found, wanted = (_kind(of.get(name), any_length=is_list) for of in (state, engine))
+            if found != wanted:
+                said = f"{name} is {found}, allowed is {wanted}"
+                raise InputError(f"does not fit the engine: {said}", file=self._path(seed_index))
 
     def _path(self, seed_index: int) -> Path:
         return self._folder / f"seed_{seed_index:03d}.npz"
@@ -141,5 +145,10 @@ def _checksum(content: bytes) -> bytes:
     return hashlib.sha256(content).hexdigest().encode()
 
 
-def _kinds(state: State) -> dict[str, str]:
-    return {name: f"{values.dtype} {values.shape}" for name, values in state.items()}
+def _kind(values: NDArray[np.float64] | None, *, any_length: bool) -> str:
+    """Type and shape of an array in words."""
+    if values is None:
+        return "not there"
+    if any_length and values.ndim:
+        return f"{values.dtype} ({', '.join(map(str, ('any', *values.shape[1:])))})"
+    return f"{values.dtype} {values.shape}"
