@@ -95,7 +95,8 @@ def _finish_run(result: Result, folder: Path, as_json: bool) -> None:
     for failure in result.failures:
         print(f"feeder-sim: {failure}", file=sys.stderr)
     if result.interrupted:
-        print(f"feeder-sim: interrupted; what was computed is in {folder}, --resume {folder} goes on", file=sys.stderr)
+        name = printable(str(folder))
+        print(f"feeder-sim: interrupted; what was computed is in {name}, --resume {name} goes on", file=sys.stderr)
         raise typer.Exit(INTERRUPTED)
     if result.failures:
         raise typer.Exit(1)
@@ -294,5 +295,5 @@ def _progress(title: str) -> Iterator[Callable[[float], None]]:
     console = Console(stderr=True)
     columns = (TextColumn("{task.description}", markup=False), BarColumn(), TaskProgressColumn(), TimeRemainingColumn())
     with Progress(*columns, console=console, disable=not console.is_terminal, transient=True) as bars:
-        task = bars.add_task(title, total=1.0)
+        task = bars.add_task(printable(title), total=1.0)
         yield lambda fraction: bars.update(task, completed=fraction)
