@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from feeder_sim.engines.protocol import Engine
+from feeder_sim.engines.impulse.engine import COLUMNS, ImpulseEngine
+from feeder_sim.machine_code import entry_point
 from feeder_sim.records.trajectory import Frames
 from feeder_sim.scenario import Contact, Drive, HexNut, PistonPlate, Run, Scenario, Start, Strip
 from feeder_sim.scenario.engine_choice import choose_engine
@@ -64,11 +65,18 @@ def ready(scene: Scene) -> Prepared:
     return Prepared(scene, choose_engine(scene.scenario), transport_cell(scene), ())
 
 
+def from_python(function: Any) -> Any:
+    """A function that is compiled for other compiled ones, to be called by a test."""
+    return entry_point(function.py_func)
+
+
 @contextmanager
-def changing(engine: Engine) -> Iterator[dict[str, NDArray[Any]]]:
-    """The state of an engine, to be changed: it goes on from there."""
+def changing(engine: ImpulseEngine) -> Iterator[dict[str, NDArray[Any]]]:
+    """The parts of an engine as they were at the begin of its window, to be changed: it goes on from there."""
     state = engine.state()
     yield state
+    rows = np.concatenate([state[name].reshape(len(state[name]), -1) for name in COLUMNS], axis=1)
+    state["row"][:] = rows[: len(state["row"])]
     engine.restore(state)
 
 
@@ -81,12 +89,13 @@ def hull_distances(scene: Scene, frames: Frames) -> NDArray[np.float64]:
     from feeder_sim.engines.impulse.state import new_parts
 
     library = HullLibrary([kind.corners for kind in scene.kinds], [kind.corner_radius for kind in scene.kinds])
-    hulls, largest, found = library.hulls(), 2.0 * max(kind.size for kind in scene.kinds), []
+    distance, largest = from_python(hull_distance), 2.0 * max(kind.size for kind in scene.kinds)
+    hulls, found = library.hulls(), []
     for row in range(len(frames)):
         there = np.flatnonzero(frames.present[row])
         position = frames.position[row, there]
         turned = Rotation.from_quat(frames.quaternion[row, there], scalar_first=True).as_matrix()
         parts = new_parts(position, turned, scene.kind_of[there])
         for a, b in cKDTree(position).query_pairs(largest):
-            found.append(hull_distance(hulls, parts[a], parts[b], 1e-3))
+            found.append(distance(hulls, parts[a], parts[b], 1e-3))
     return np.array(found)

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
+from command_line import check_refused, feeder_sim, in_new_process
 from conftest import REPOSITORY
 
 MODES = REPOSITORY / "models/plate_180/modes.h5"
@@ -233,19 +232,6 @@ CASES = {
 }
 
 
-def feeder_sim(*arguments: object) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", "feeder_sim", *map(str, arguments)]
-    return subprocess.run(command, capture_output=True, text=True, timeout=300, check=False)
-
-
-def check_refused(done: subprocess.CompletedProcess[str], *expected: str) -> None:
-    assert done.returncode == 2, done.stderr
-    assert done.stdout == ""
-    assert done.stderr.count("\n") == 1 and "Traceback" not in done.stderr, done.stderr
-    for text in expected:
-        assert text in done.stderr, f"{text!r} not in: {done.stderr}"
-
-
 @pytest.mark.parametrize("name", CASES)
 def test_bad_scenario_is_one_line_and_writes_nothing(name: str, tmp_path: Path) -> None:
     text, old, new, expected = CASES[name]
@@ -258,7 +244,7 @@ def test_bad_scenario_is_one_line_and_writes_nothing(name: str, tmp_path: Path) 
 
 
 def test_missing_scenario() -> None:
-    check_refused(feeder_sim("run", "nowhere.toml"), "nowhere.toml", "no such file")
+    check_refused(in_new_process("run", "nowhere.toml"), "nowhere.toml", "no such file")
 
 
 def test_wrong_options() -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from test_bad_input import check_refused, feeder_sim
+from command_line import check_refused, feeder_sim
 
 SCHEDULED = """
 [plate]

@@ -15,6 +15,7 @@ from typing import Any, Literal
 import h5py
 import numpy as np
 import pytest
+from command_line import check_refused, feeder_sim
 
 from feeder_sim.engines.impulse.engine import ImpulseEngine
 from feeder_sim.errors import Divergence, InputError, SimulationDiverged
@@ -225,18 +226,6 @@ def test_killed_run_goes_on_to_the_same_bits(eager: bool, tmp_path: Path) -> Non
     assert json.loads(done.stdout)["interrupted"] is False
     record_run(scenario, tmp_path / "whole", replay=False)
     check_same(folder, tmp_path / "whole")
-
-
-def feeder_sim(*arguments: object) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", "feeder_sim", *map(str, arguments)]
-    return subprocess.run(command, capture_output=True, text=True, timeout=300, check=False)
-
-
-def check_refused(done: subprocess.CompletedProcess[str], *expected: str) -> None:
-    assert done.returncode == 2, done.stderr
-    assert done.stdout == "" and done.stderr.count("\n") == 1 and "Traceback" not in done.stderr, done.stderr
-    for text in expected:
-        assert text in done.stderr
 
 
 def test_what_cannot_be_resumed_is_refused_in_one_line(whole: Path, tmp_path: Path) -> None:

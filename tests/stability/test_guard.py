@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
 from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
 import pytest
+from command_line import feeder_sim
 from conftest import piston_scenario, ready, strip_scenario
 
 from feeder_sim.engines.mujoco.engine import MujocoEngine
@@ -44,8 +43,7 @@ seeds = 2
 def test_tunnelling_part_stops_the_run_and_keeps_its_frames(tmp_path: Path) -> None:
     scenario, folder = tmp_path / "fast.toml", tmp_path / "run"
     scenario.write_text(TUNNELLING)
-    command = [sys.executable, "-m", "feeder_sim", "run", str(scenario), "--out", str(folder), "--json"]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=300, check=False)
+    done = feeder_sim("run", scenario, "--out", folder, "--json")
     assert done.returncode == 1
     assert "Traceback" not in done.stderr
     lines = [line for line in done.stderr.splitlines() if "caution" not in line]

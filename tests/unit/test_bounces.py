@@ -200,8 +200,8 @@ def test_measures_of_period_one_motion() -> None:
 
 def test_recording_gives_the_same_impacts_and_the_summary_their_measures(tmp_path: Path) -> None:
     # Many contacts over several blocks, the last of them still open; each seed has a drop height of its own.
-    plate = Drive(frequency_hz=558.0, amplitude_um=3.0, damping_ratio=0.02, duration_s=0.4)
-    scenario = slide_scenario(plate, drop_mm=(0.01, 0.05), duration_s=0.6, seeds=2, frames_per_second=5000.0)
+    plate = Drive(frequency_hz=558.0, amplitude_um=3.0, damping_ratio=0.02, duration_s=0.6)
+    scenario = slide_scenario(plate, drop_mm=(0.01, 0.05), duration_s=0.8, seeds=2, frames_per_second=5000.0)
     result = record_run(scenario, tmp_path / "run", replay=False)
     recording = read_recording(tmp_path / "run" / TRAJECTORY)
     impacts = [record.impacts for record in recording.records]

@@ -5,11 +5,10 @@ from __future__ import annotations
 import csv
 import json
 import math
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
+from command_line import feeder_sim
 
 from feeder_sim.errors import InputError
 from feeder_sim.studies.chart.cases import CASES, ball_height
@@ -144,8 +143,7 @@ def test_written_points_can_be_read_back(tmp_path: Path) -> None:
 )
 def test_bad_arguments_get_one_line(tmp_path: Path, arguments: list[str], complaint: str) -> None:
     (tmp_path / "file").write_text("")
-    command = [sys.executable, "-m", "feeder_sim", "chart", *arguments]
-    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False, timeout=120)
+    done = feeder_sim("chart", *arguments, cwd=tmp_path)
     assert done.returncode == 2
     assert complaint in done.stderr and len(done.stderr.splitlines()) == 1
     assert sorted(path.name for path in tmp_path.iterdir()) == ["file"]
@@ -153,8 +151,7 @@ def test_bad_arguments_get_one_line(tmp_path: Path, arguments: list[str], compla
 
 def test_quick_chart(tmp_path: Path) -> None:
     """All of it with few seeds: every method that ought to work does, the others fail, the default is accurate."""
-    command = [sys.executable, "-m", "feeder_sim", "chart", "--quick", "--out", str(tmp_path / "chart")]
-    done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=1800)
+    done = feeder_sim("chart", "--quick", "--out", tmp_path / "chart")
     assert done.returncode == 0, done.stderr
     names = [
         f"{part}{suffix}" for part in ("methods", "ladder", "stability") for suffix in (".csv", ".json", ".png", ".svg")

@@ -7,6 +7,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from command_line import feeder_sim, in_new_process, one_line
 from conftest import REPOSITORY
 
 from feeder_sim.cli.report import print_result
@@ -32,11 +33,6 @@ seeds = 2
 """
 
 
-def feeder_sim(*arguments: object, cwd: Path | None = None) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", "feeder_sim", *map(str, arguments)]
-    return subprocess.run(command, capture_output=True, text=True, cwd=cwd, timeout=300, check=False)
-
-
 @pytest.fixture
 def scenario(tmp_path: Path) -> Path:
     path = tmp_path / "short.toml"
@@ -45,7 +41,7 @@ def scenario(tmp_path: Path) -> Path:
 
 
 def test_run_prints_one_json_object_and_fills_the_folder(scenario: Path, tmp_path: Path) -> None:
-    done = feeder_sim("run", scenario, "--json", "--out", tmp_path / "run")
+    done = in_new_process("run", scenario, "--json", "--out", tmp_path / "run")
     assert done.returncode == 0, done.stderr
     assert done.stderr == ""
     summary = json.loads(done.stdout)
@@ -145,7 +141,7 @@ def test_python_does_what_the_command_does(scenario: Path, tmp_path: Path) -> No
 
     loaded = package.load_scenario(scenario)
     result = package.simulate(loaded)
-    summary = json.loads(feeder_sim("run", scenario, "--json", "--out", tmp_path / "run").stdout)
+    summary = json.loads(in_new_process("run", scenario, "--json", "--out", tmp_path / "run").stdout)
     assert result.measures()["drift_velocity_x_mm_s"] == summary["drift_velocity_x_mm_s"]
     assert result.trajectories[0].position.shape == (result.scene.n_frames, 1, 3)
 
@@ -173,13 +169,6 @@ def test_folder_that_cannot_be_made_is_one_line(target: str, scenario: Path, tmp
     refused = feeder_sim("run", scenario, "--out", tmp_path / target)
     assert refused.returncode == 2
     one_line(refused)
-
-
-def one_line(done: subprocess.CompletedProcess[str]) -> str:
-    """The message of a refused command: exactly one line, no traceback."""
-    assert done.stdout == ""
-    assert done.stderr.count("\n") == 1 and "Traceback" not in done.stderr, done.stderr
-    return done.stderr
 
 
 GUIDED = """

@@ -4,10 +4,13 @@ import math
 
 import numpy as np
 import pytest
+from conftest import from_python
 from scipy.integrate import solve_ivp
 
-from feeder_sim.plate.compiled import modal_motion
+from feeder_sim.plate import compiled
 from feeder_sim.plate.drive import ModalDrive, ModalTerms, modal_terms
+
+modal_motion = from_python(compiled.modal_motion)
 
 
 def oscillator(drive: ModalDrive, times: np.ndarray) -> np.ndarray:

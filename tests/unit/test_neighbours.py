@@ -4,17 +4,19 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from conftest import from_python
 from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from feeder_sim.engines.impulse.island import _all_due, _earliest, _set_due
-from feeder_sim.engines.impulse.neighbours import find_islands, find_pairs
+from feeder_sim.engines.impulse import island, neighbours
 from feeder_sim.engines.impulse.pair_contact import PAIR
 from feeder_sim.engines.impulse.state import Kinds, new_parts, read_kinds, rim_walls
 from feeder_sim.scenario import Ball, Drive, HexNut, PistonPlate, Run, Scattered, Scenario
 from feeder_sim.scene.scene import Scene, build_scene
 
+find_pairs, find_islands = from_python(neighbours.find_pairs), from_python(neighbours.find_islands)
+all_due, earliest, set_due = map(from_python, (island._all_due, island._earliest, island._set_due))
 HALF = 0.1  # [m], of the plate
 NONE = np.empty(0, PAIR)
 Records = NDArray[np.void]
@@ -149,8 +151,8 @@ def test_islands_are_connected_components(count: int, range_: float, rim: bool) 
             assert len(np.unique(label[group])) == 1
         # Every pair is in the island of its parts, and in the list of each of them.
         assert sorted(islands.pair) == list(range(len(pairs)))
-        for island, members in enumerate(np.split(islands.pair, islands.first_pair[1:-1])):
-            assert set(pairs["a"][members]) <= set(groups[island])
+        for number, members in enumerate(np.split(islands.pair, islands.first_pair[1:-1])):
+            assert set(pairs["a"][members]) <= set(groups[number])
         for part in range(n):
             places = islands.touching[islands.first_touching[part] : islands.first_touching[part + 1]]
             expected = np.flatnonzero((pairs["a"] == part) | (pairs["b"] == part))
@@ -161,23 +163,23 @@ def test_islands_are_connected_components(count: int, range_: float, rim: bool) 
 def test_tournament_tree_finds_what_a_scan_finds(n: int) -> None:
     """Times from a small set, so that ties are frequent: of these the lowest number is next."""
     rng = np.random.default_rng(n)
-    tree, due = _all_due(n, 0.25), np.full(n, 0.25)
+    tree, due = all_due(n, 0.25), np.full(n, 0.25)
     for _ in range(2000):
         assert tree[1] == due.min()
-        assert _earliest(tree) == int(np.argmin(due))
-        event = int(_earliest(tree)) if rng.random() < 0.5 else int(rng.integers(n))
+        assert earliest(tree) == int(np.argmin(due))
+        event = int(earliest(tree)) if rng.random() < 0.5 else int(rng.integers(n))
         due[event] = np.inf if rng.random() < 0.05 else rng.integers(20) / 16
-        _set_due(tree, event, due[event])
+        set_due(tree, event, due[event])
 
 
 def test_tournament_tree_runs_events_in_the_order_of_a_heap() -> None:
     import heapq
 
     rng, n = np.random.default_rng(1), 50
-    tree, heap = _all_due(n, 0.0), [(0.0, event) for event in range(n)]
+    tree, heap = all_due(n, 0.0), [(0.0, event) for event in range(n)]
     for _ in range(3000):
         t, event = heapq.heappop(heap)
-        assert (tree[1], _earliest(tree)) == (t, event)
+        assert (tree[1], earliest(tree)) == (t, event)
         later = t + float(rng.exponential())
         heapq.heappush(heap, (later, event))
-        _set_due(tree, event, later)
+        set_due(tree, event, later)

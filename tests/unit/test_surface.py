@@ -4,14 +4,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from conftest import strip_scenario
+from conftest import from_python, strip_scenario
 
-from feeder_sim.plate.compiled import surface_modes
+from feeder_sim.plate import compiled
 from feeder_sim.plate.mode_file import read_mode_file
 from feeder_sim.plate.mode_shapes import StandingWave
 from feeder_sim.plate.nodal_lines import antinode_near, nodal_lines
 from feeder_sim.scenario import load_scenario
 from feeder_sim.scene.scene import build_scene
+
+surface_modes = from_python(compiled.surface_modes)
 
 
 def test_strip_surface_moves_as_the_analytic_wave() -> None:

@@ -4,14 +4,18 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from conftest import from_python
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 from scipy.special import ellipj, ellipkinc
 
-from feeder_sim.engines.impulse.free_flight import elliptic_f, jacobi, rotate_freely, symmetry_axis
+from feeder_sim.engines.impulse import free_flight
+from feeder_sim.engines.impulse.free_flight import symmetry_axis
 
+elliptic_f, jacobi = from_python(free_flight.elliptic_f), from_python(free_flight.jacobi)
+rotate_freely = from_python(free_flight.rotate_freely)
 TOPS = [
     [1.0, 1.0, 1.8],
     [1.5, 1.0, 1.0],

@@ -6,17 +6,18 @@ from typing import Any
 
 import numpy as np
 import pytest
-from conftest import changing, hull_distances
+from conftest import changing, from_python, hull_distances
 from numba import njit
 from scipy.optimize import nnls
 from scipy.spatial import ConvexHull
 from scipy.spatial.transform import Rotation
 
+from feeder_sim.engines.impulse import hulls, impact
 from feeder_sim.engines.impulse.borrow import borrow
-from feeder_sim.engines.impulse.engine import ImpulseEngine
-from feeder_sim.engines.impulse.hulls import HullLibrary, hull_distance
-from feeder_sim.engines.impulse.impact import resolve_single
-from feeder_sim.engines.impulse.state import new_parts
+from feeder_sim.engines.impulse.engine import COLUMNS, ImpulseEngine
+from feeder_sim.engines.impulse.hulls import HullLibrary
+from feeder_sim.engines.impulse.state import new_parts, new_scratch, read_kinds
+from feeder_sim.engines.surface_arrays import surface_arrays
 from feeder_sim.records.trajectory import Frames
 from feeder_sim.scenario import (
     Ball,
@@ -34,6 +35,7 @@ from feeder_sim.scenario import (
 from feeder_sim.scene.rigid_part import RigidPart, build_part
 from feeder_sim.scene.scene import GRAVITY, Scene, build_scene
 
+hull_distance, resolve_single = from_python(hulls.hull_distance), from_python(impact.resolve_single)
 NUT, LARGE_NUT = build_part(HexNut(size="M2.5")), build_part(HexNut(size="M5"))
 BALL, SMALL_BALL = (build_part(Ball(shape="ball", diameter_mm=d)) for d in (6.0, 3.0))
 ROD = build_part(Cylinder(shape="cylinder", diameter_mm=4.0, height_mm=9.0))
@@ -253,12 +255,15 @@ def test_the_inner_loops_read_the_contacts_of_the_scenario() -> None:
     nut, rod = HexNut(size="M2.5"), Cylinder(shape="cylinder", diameter_mm=3.0, height_mm=4.0)
     far = Ball(shape="ball", diameter_mm=4.0, start=Start(position_mm=(20.0, 0.0)))
     for parts in ((nut,), (rod,), (nut, far)):
-        engine = ImpulseEngine(resting_plate(*parts, **contact), np.random.default_rng(0))
-        assert borrowed_law(engine._kinds) == (0.1, 0.2, 0.3, 0.4)
-        for held in (engine._kinds, engine._surface, engine._wall, engine._scratch[0], engine._hulls[0]):
-            assert engine._parts.flags.c_contiguous
+        scene = resting_plate(*parts, **contact)
+        kinds = read_kinds(scene)
+        assert borrowed_law(kinds) == (0.1, 0.2, 0.3, 0.4)
+        library = HullLibrary([kind.corners for kind in scene.kinds], [kind.corner_radius for kind in scene.kinds])
+        scratch, surface = new_scratch(kinds, scene.surface.n_shapes), surface_arrays(scene.surface, scene.scenario.run)
+        for held in (kinds, surface, scratch, library.hulls()):
             for name, array in held._asdict().items():
                 assert not isinstance(array, np.ndarray) or array.flags.c_contiguous, name
+        assert new_parts(np.zeros((1, 3)), np.eye(3)[None], [0]).flags.c_contiguous
 
 
 @pytest.mark.parametrize("e", [0.0, 0.2, 0.9, 1.0])
@@ -294,10 +299,10 @@ def test_nuts_that_meet_in_the_air_keep_their_momenta(seed: int, friction: float
         state["momentum"][:2] = rng.normal(size=(2, 3)) * 100.0 * NUT.inertia.mean()
         state["attitude"][:2] = Rotation.random(2, rng=rng).as_matrix()
     frames = [engine.current()]
-    turning = [engine.state()["momentum"][:2]]
+    turning = [engine.state()["row"][:, COLUMNS["momentum"]]]
     for _ in range(40):
         frames.append(engine.advance(1))
-        turning.append(engine.state()["momentum"][:2])
+        turning.append(engine.state()["row"][:, COLUMNS["momentum"]])
     joined = Frames.joined(frames)
     fall = np.stack([0 * joined.time, 0 * joined.time, -GRAVITY * joined.time], axis=1)[:, None]
     velocity = joined.velocity - fall

@@ -1,0 +1,78 @@
+"""The command line as tests call it: mostly in their own process, which spares seconds of imports each time."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+from typing import IO
+from unittest import mock
+
+from feeder_sim.cli.main import main
+
+Done = subprocess.CompletedProcess[str]
+
+
+def feeder_sim(*arguments: object, cwd: Path | None = None) -> Done:
+    """Run a command in this process; what C libraries write to the terminal counts, too."""
+    command = ["feeder-sim", *map(str, arguments)]
+    with contextlib.ExitStack() as held:
+        out, err = (held.enter_context(tempfile.TemporaryFile("w+", encoding="utf-8")) for _ in range(2))
+        for number, file in ((1, out), (2, err)):
+            held.enter_context(_leading_to(number, file))
+        held.enter_context(contextlib.redirect_stdout(out))
+        held.enter_context(contextlib.redirect_stderr(err))
+        held.enter_context(mock.patch.object(sys, "argv", command))
+        held.enter_context(contextlib.chdir(cwd or Path.cwd()))
+        code = _exit_code()
+        return subprocess.CompletedProcess(command, code, _written(out), _written(err))
+
+
+def in_new_process(*arguments: object, cwd: Path | None = None) -> Done:
+    """Run a command as a user does."""
+    command = [sys.executable, "-m", "feeder_sim", *map(str, arguments)]
+    return subprocess.run(command, capture_output=True, text=True, cwd=cwd, timeout=300, check=False)
+
+
+def check_refused(done: Done, *expected: str) -> None:
+    """Refused as bad input, in one line that contains all that is expected."""
+    assert done.returncode == 2, done.stderr
+    message = one_line(done)
+    for text in expected:
+        assert text in message, f"{text!r} not in: {message}"
+
+
+def one_line(done: Done) -> str:
+    """The message of a refused command: exactly one line, no traceback."""
+    assert done.stdout == ""
+    assert done.stderr.count("\n") == 1 and "Traceback" not in done.stderr, done.stderr
+    return done.stderr
+
+
+def _exit_code() -> int:
+    try:
+        main()
+    except SystemExit as ending:
+        return int(ending.code or 0)
+
+
+@contextlib.contextmanager
+def _leading_to(number: int, file: IO[str]) -> Iterator[None]:
+    """Let a file descriptor of the process write to a file."""
+    kept = os.dup(number)
+    os.dup2(file.fileno(), number)
+    try:
+        yield
+    finally:
+        os.dup2(kept, number)
+        os.close(kept)
+
+
+def _written(file: IO[str]) -> str:
+    file.flush()
+    file.seek(0)
+    return file.read()
