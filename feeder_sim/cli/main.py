@@ -281,9 +281,8 @@ def _stop_on_signal() -> Iterator[threading.Event]:
 
 
 def _notify(line: str) -> None:
-    """Notes go to a person at a terminal, not into logs."""
-    if sys.stderr.isatty():
-        print(f"feeder-sim: {printable(line)}", file=sys.stderr)
+    """Say what takes long, also off a terminal, where there is no progress bar."""
+    print(f"feeder-sim: {printable(line)}", file=sys.stderr, flush=True)
 
 
 @contextlib.contextmanager

@@ -77,7 +77,10 @@ def sequence(
     ):
         if abs(value) >= 500.0 * size:
             raise InputError(f"is {value:g}, allowed is within +-{500.0 * size:g} mm", file=source, key=f"--{name}")
-    nodes = nodes_on_line(modes, y=1e-3 * y)
+    try:
+        nodes = nodes_on_line(modes, y=1e-3 * y)
+    except ValueError as error:  # too thick for its highest modes to be bending waves
+        raise InputError(str(error), file=source) from error
     if order is None:
         routes = find_routes(nodes, 1e-3 * start, 1e-3 * end, search)
         if not routes:

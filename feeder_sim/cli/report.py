@@ -6,6 +6,8 @@ import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from feeder_sim.errors import printable
+
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
@@ -36,7 +38,7 @@ def print_result(result: Result, folder: Path, as_json: bool) -> None:
     factor = summary["real_time_factor"] or 0.0
     cost = f"{summary['simulated_s']:.1f} s in {summary['wall_s']:.1f} s ({factor:.2f} x real time)"
     lines += [labelled("simulated", cost), labelled("recorded in", str(folder))]
-    print(summary["title"] or folder.name)
+    print(printable(summary["title"] or folder.name))
     for line in lines:
         print(f"  {line}")
 

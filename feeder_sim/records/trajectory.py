@@ -187,7 +187,7 @@ class Recording:
     Attributes:
         libraries: their versions, and that of the package.
         inputs: SHA-256 of the files the scenario reads, by its keys.
-        records, status, wall_times: one entry per seed.
+        records, status, unresolved_impacts, wall_times: one entry per seed.
     """
 
     path: Path
@@ -199,6 +199,7 @@ class Recording:
     parts: tuple[PartRecord, ...]
     records: tuple[Record, ...]
     status: tuple[Status, ...]
+    unresolved_impacts: tuple[int, ...]
     wall_times: tuple[WallTime, ...]
 
     @property

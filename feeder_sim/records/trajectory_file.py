@@ -14,6 +14,7 @@ Layout, schema version 3 (SI units, in the `unit` attribute of every dataset):
     /drive/drive_frequency, natural_frequency, amplitude, phase, damping_ratio   (k,)  NaN: no ring-up
     /parts/NAME/vertices, faces
     /seeds/NNN/time, position, quaternion, velocity, angular_velocity, present, status
+    /seeds/NNN/unresolved_impacts  (1,)       impacts whose iteration was given up
     /seeds/NNN/wall_time  (2,)                of the seed, and of the ensemble when that was noted
     /seeds/NNN/removals/time, part, cause   of parts picked or lost; see feeder_sim.removals
     /seeds/NNN/stops      (s,)                when the drives of the stages stopped; the others keep to the schedule
@@ -149,9 +150,12 @@ class TrajectoryWriter:
         if len(block.stops):
             _extend(group["stops"], block.stops)
 
-    def finish(self, seed_index: int, status: Status) -> None:
+    def finish(self, seed_index: int, status: Status, unresolved_impacts: int = 0) -> None:
         """Note how a seed ended."""
         with self._writing():
+            counter = self._file[f"{_seed_name(seed_index)}/unresolved_impacts"]
+            counter[0] = unresolved_impacts
+            counter.flush()
             dataset = self._file[f"{_seed_name(seed_index)}/status"]
             dataset[0] = int(status)
             dataset.flush()
@@ -199,6 +203,7 @@ class TrajectoryWriter:
             )
             put_text(dataset.attrs, {"unit": unit})
         put_array(self._file, f"{_seed_name(index)}/status", np.array([int(Status.UNFINISHED)]), "1")
+        put_array(self._file, f"{_seed_name(index)}/unresolved_impacts", np.zeros(1, np.int64), "1")
         put_array(self._file, f"{_seed_name(index)}/wall_time", np.zeros(2), "s")
 
 
@@ -235,6 +240,7 @@ def _recording(path: Path, file: Any) -> Recording:
         parts=tuple(_read_part(name, file["parts"][name]) for name in sorted(file["parts"], key=_part_number)),
         records=tuple(_read_record(group) for group in groups),
         status=tuple(Status(int(group["status"][0])) for group in groups),
+        unresolved_impacts=tuple(int(group["unresolved_impacts"][0]) for group in groups),
         wall_times=tuple(WallTime(*group["wall_time"][()].tolist()) for group in groups),
     )
 

@@ -44,9 +44,9 @@ class RunRecorder:
     def keep_last(self, failure: SimulationDiverged, last: LastStates) -> str:
         return save_last_states(self._folder, failure, last)
 
-    def finish(self, seed_index: int, status: Status, wall_s: float) -> None:
+    def finish(self, seed_index: int, status: Status, wall_s: float, unresolved_impacts: int) -> None:
         self._writer.note_wall_time(seed_index, self._wall_time(wall_s))
-        self._writer.finish(seed_index, status)
+        self._writer.finish(seed_index, status, unresolved_impacts)
 
     def recorded(self, seed_index: int) -> Record:
         return self._writer.read_back(seed_index)

@@ -24,7 +24,7 @@ from feeder_sim.replay.replay import REPLAY, build_replay, remove_replays
 from feeder_sim.run.prepare import prepare
 from feeder_sim.run.provenance import input_hashes, library_versions
 from feeder_sim.run.recorder import RunRecorder
-from feeder_sim.run.seed_run import Begun
+from feeder_sim.run.seed_record import Begun
 from feeder_sim.run.simulation import Result, check_starts, simulate
 from feeder_sim.scenario import Scenario, parse_scenario
 from feeder_sim.scene.prepared import Prepared
@@ -61,7 +61,7 @@ def record_run(
     folder = Path(folder)
     check_free(folder)
     prepared = prepare(scenario)
-    check_starts(prepared.scene)
+    check_starts(prepared.scene, notify)
     folder.mkdir(parents=True, exist_ok=True)
     check_free(folder)
     text = scenario_toml(scenario)
@@ -129,7 +129,8 @@ def _all_begun(recording: Recording, prepared: Prepared, folder: Path) -> dict[i
         zip(recording.records, recording.status, recording.wall_times, strict=True)
     ):
         if status in (Status.DONE, Status.LEFT_PLATE):
-            begun[index] = _begun(record, status, {}, wall_time)
+            unresolved = recording.unresolved_impacts[index]
+            begun[index] = _begun(record, status, {}, wall_time, unresolved)
             continue
         checkpoint = checkpoints.load(index)
         if checkpoint is None:
@@ -146,8 +147,11 @@ def _identity(text: str, scenario: Scenario) -> str:
     return run_identity(text, library_versions(), input_hashes(scenario))
 
 
-def _begun(record: Record, status: Status, state: dict[str, NDArray[np.float64]], wall_time: WallTime) -> Begun:
-    return Begun(record.frames, record.impacts, record.removals, record.stops, status, state, wall_time.seed)
+def _begun(
+    record: Record, status: Status, state: dict[str, NDArray[np.float64]], wall_time: WallTime, unresolved: int = 0
+) -> Begun:
+    frames, impacts, removals, stops = record.frames, record.impacts, record.removals, record.stops
+    return Begun(frames, impacts, removals, stops, status, state, wall_time.seed, unresolved)
 
 
 def _run_into(
@@ -183,7 +187,7 @@ def _run_into(
             recorder.append(index, seed)
             writer.note_wall_time(index, WallTime(seed.wall_s, wall_s_before))
             if seed.status != Status.UNFINISHED:
-                writer.finish(index, seed.status)
+                writer.finish(index, seed.status, seed.unresolved_impacts)
         writer.move_to(folder / TRAJECTORY)  # only now, when a kill leaves it readable and loses nothing
         remove_replays(folder)  # built from the file that was here before
         result = simulate(

@@ -6,7 +6,7 @@ import math
 import threading
 import time
 from dataclasses import dataclass, field, fields
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,9 +18,10 @@ from feeder_sim.measures.picking import pickable
 from feeder_sim.measures.stage_lines import StageLines, settled, stage_lines
 from feeder_sim.records.last_states import LastStates
 from feeder_sim.records.removals import Cause, Removals
-from feeder_sim.records.trajectory import Frames, Record, SeedRecord, Status
+from feeder_sim.records.trajectory import Frames, Record, Status
 from feeder_sim.run.guard import Guard
 from feeder_sim.run.history import History
+from feeder_sim.run.seed_record import Begun, Recorder, SeedResult
 from feeder_sim.scene.cell import PASSAGE_TO
 from feeder_sim.scene.prepared import Prepared
 from feeder_sim.scene.scene import Scene
@@ -28,57 +29,9 @@ from feeder_sim.scene.scene import Scene
 BLOCK_STEPS = 500_000  # solver steps and parts between two looks at guard, stop rule and stop event, about
 LEAST_BLOCK = 20  # frames: shorter blocks would cost more to write than to compute
 LOOK_S = 0.1  # [s] between two looks whether the parts have settled
+FIRST_PIECE = 2  # frames, before it is known how long one takes
+PIECE_S = 0.3  # [s] of wall time between two looks whether to stop, about
 CHECKPOINT_S = 5.0  # [s] of wall time between two checkpoints, at least
-
-
-class Recorder(Protocol):
-    """Where blocks go while a run is under way; called from several threads."""
-
-    def append(self, seed_index: int, block: Record) -> None: ...
-
-    def checkpoint(self, seed_index: int, state: dict[str, NDArray[np.float64]], wall_s: float) -> None:
-        """Keep what the run can go on from after everything appended so far, and the wall time spent on it."""
-        ...
-
-    def keep_last(self, failure: SimulationDiverged, last: LastStates) -> str:
-        """Keep the last states of the seed that diverged; returns the name of the file."""
-        ...
-
-    def finish(self, seed_index: int, status: Status, wall_s: float) -> None: ...
-
-    def recorded(self, seed_index: int) -> Record:
-        """Everything appended so far."""
-        ...
-
-
-@dataclass(frozen=True)
-class Begun(SeedRecord):
-    """What there is of a seed that is to be continued.
-
-    Attributes:
-        state: of the engine at the end of the record.
-        wall_s: wall time spent so far [s].
-    """
-
-    state: dict[str, NDArray[np.float64]]
-    wall_s: float
-
-
-@dataclass(frozen=True)
-class SeedResult(SeedRecord):
-    """One seed of an ensemble.
-
-    Attributes:
-        wall_s: wall time spent in its loop [s], that before a break included.
-        failure: why it diverged, None otherwise.
-        last: its last states if it diverged, None otherwise.
-        unresolved_impacts: whose iteration was given up.
-    """
-
-    wall_s: float
-    failure: SimulationDiverged | None = None
-    last: LastStates | None = None
-    unresolved_impacts: int = 0
 
 
 @dataclass
@@ -129,6 +82,7 @@ class SeedRun:
         self._lines: StageLines | None = stage_lines(self._scene) if waits else None
         self._history = History(max(waits, default=0.0), keep_all=recorder is None)
         self._last: LastStates | None = None
+        self._piece = FIRST_PIECE
 
     def run(self, rng: np.random.Generator, done: NDArray[np.float64], stop: threading.Event) -> SeedResult:
         """Advance until time is up, the stop rule holds, no part is left, or the state is not valid.
@@ -141,20 +95,24 @@ class SeedRun:
         begun, before = self._begun, self._begun.wall_s if self._begun else 0.0
         if begun and begun.status != Status.UNFINISHED:
             done[self._index] = 1.0
-            return SeedResult(**_fields(begun), status=begun.status, wall_s=before)
+            unresolved = begun.unresolved_impacts
+            return SeedResult(**_fields(begun), status=begun.status, wall_s=before, unresolved_impacts=unresolved)
         started = saved = time.perf_counter()
         self._open(rng)
-        block: Block | None = None
-        while not stop.is_set() and (block is None or block.status == Status.UNFINISHED):
+        status, failure = Status.UNFINISHED, None
+        while status == Status.UNFINISHED and not stop.is_set():
             if self._history.n_frames >= self._scene.n_frames:
-                return self._close(Status.DONE, None, before + time.perf_counter() - started)
-            block = self._advance()
+                status = Status.DONE  # it was interrupted just before it would have said so
+                break
+            block = self._advance(done, stop)
+            if block is None:
+                break
+            status, failure = block.status, block.failure
             done[self._index] = self._history.n_frames / self._scene.n_frames
             if self._recorder and time.perf_counter() - saved > CHECKPOINT_S:
                 self._save(before + time.perf_counter() - started)
                 saved = time.perf_counter()
         done[self._index] = 1.0
-        status, failure = (block.status, block.failure) if block else (Status.UNFINISHED, None)
         return self._close(status, failure, before + time.perf_counter() - started)
 
     def _open(self, rng: np.random.Generator) -> None:
@@ -182,7 +140,7 @@ class SeedRun:
             self._save(wall_s)
         if failure and self._last:
             failure = failure.kept_in(self._recorder.keep_last(failure, self._last))
-        self._recorder.finish(self._index, status, wall_s)
+        self._recorder.finish(self._index, status, wall_s, unresolved)
         record = self._recorder.recorded(self._index)
         return SeedResult(
             **_fields(record),
@@ -197,9 +155,11 @@ class SeedRun:
         if self._recorder:
             self._recorder.checkpoint(self._index, self._engine.state(), wall_s)
 
-    def _advance(self) -> Block:
-        """One block, step by step."""
-        block = self._compute()
+    def _advance(self, done: NDArray[np.float64], stop: threading.Event) -> Block | None:
+        """One block, step by step; None, and nothing has happened, if it was stopped."""
+        block = self._compute(done, stop)
+        if block is None:
+            return None
         self._check(block)
         self._take_lost(block)
         self._take_picked(block)
@@ -207,9 +167,28 @@ class SeedRun:
         self._record(block)
         return block
 
-    def _compute(self) -> Block:
+    def _compute(self, done: NDArray[np.float64], stop: threading.Event) -> Block | None:
+        """Compute a block in pieces that take about `PIECE_S` each, so that slow ones show progress and can be stopped.
+
+        Pieces change nothing: what acts on the parts does so between blocks.
+        """
         size, state = self._block_size(), self._engine.state()
-        return Block(self._engine.advance(size), size, state)
+        pieces: list[Frames] = []
+        computed, piece = 0, min(size, self._piece)
+        took = 0.0
+        while computed < size:
+            if took > 0.3 * PIECE_S and stop.is_set():  # a short block is soon over
+                self._engine.restore(state)
+                self._engine.take_impacts(end=False)  # of the frames that are dropped
+                return None
+            started = time.perf_counter()
+            pieces.append(self._engine.advance(piece))
+            computed += piece
+            took = time.perf_counter() - started
+            done[self._index] = (self._history.n_frames + computed) / self._scene.n_frames
+            self._piece = max(1, int(piece * min(2.0, PIECE_S / max(took, 1e-9))))
+            piece = min(size - computed, self._piece)
+        return Block(Frames.joined(pieces) if len(pieces) > 1 else pieces[0], size, state)
 
     def _check(self, block: Block) -> None:
         """Keep the frames before the first one that is not valid."""

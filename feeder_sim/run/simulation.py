@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import threading
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import FIRST_COMPLETED, ThreadPoolExecutor, wait
 from dataclasses import dataclass
 from functools import cached_property
@@ -19,13 +20,14 @@ from feeder_sim.measures.catalogue import MEASURES
 from feeder_sim.measures.protocol import Measure, as_json
 from feeder_sim.records.trajectory import Frames, Status
 from feeder_sim.run.prepare import prepare
-from feeder_sim.run.seed_run import Begun, Recorder, SeedResult, SeedRun
+from feeder_sim.run.seed_record import Begun, Recorder, SeedResult
+from feeder_sim.run.seed_run import SeedRun
 from feeder_sim.scenario import Scenario
 from feeder_sim.scene.prepared import Prepared
 from feeder_sim.scene.scene import Scene
 from feeder_sim.scene.start import start_poses
 
-COMPILING_S = 1.5
+ANNOUNCED_S = 1.5  # [s]; what takes longer is announced
 COMPILING = "compiling the engine, which takes up to a minute; the result is kept for the next time"
 
 
@@ -154,14 +156,16 @@ def simulate(
     return Result(prepared, results, wall_s_before + time.perf_counter() - started)
 
 
-def check_starts(scene: Scene) -> None:
+def check_starts(scene: Scene, notify: Callable[[str], None] | None = None) -> None:
     """Draw the starts of every seed, to refuse those that cannot be had before anything is written.
 
     Raises:
         InputError: there is no room for the parts.
     """
-    for rng in _generators(scene):
-        start_poses(scene, rng)
+    seeds, parts = scene.scenario.run.seeds, len(scene.parts)
+    with _announced(f"looking for places of {parts} parts in {seeds} seeds", notify):
+        for rng in _generators(scene):
+            start_poses(scene, rng)
 
 
 def _generators(scene: Scene) -> list[np.random.Generator]:
@@ -176,9 +180,16 @@ def available_cores() -> int:
 
 def _warm_up(prepared: Prepared, notify: Callable[[str], None] | None) -> None:
     """Import and compile the engine before the threads need it; say so when that takes long."""
-    note = threading.Timer(COMPILING_S, lambda: notify and notify(COMPILING))
+    with _announced(COMPILING, notify):
+        engine_class(prepared.engine)(prepared.scene, np.random.default_rng(0)).advance(1)
+
+
+@contextlib.contextmanager
+def _announced(line: str, notify: Callable[[str], None] | None) -> Iterator[None]:
+    """Tell the user what is being done, if it takes long."""
+    note = threading.Timer(ANNOUNCED_S, lambda: notify and notify(line))
     note.start()
     try:
-        engine_class(prepared.engine)(prepared.scene, np.random.default_rng(0)).advance(1)
+        yield
     finally:
         note.cancel()

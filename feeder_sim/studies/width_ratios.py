@@ -48,6 +48,7 @@ def compare_ratios(
             raise InputError(f"is {1e3 * y:g}, beside the plate of ratio {ratio:g}", key="--y")
         try:
             modes = plate_modes(plate, highest_frequency=body.highest_frequency_hz)
+            nodes = nodes_on_line(modes, y=y)
         except ValueError as error:
             raise InputError(f"at {ratio:g}: {error}", key="--ratios") from error
-        yield RatioRoutes(ratio, tuple(find_routes(nodes_on_line(modes, y=y), start, end, search)))
+        yield RatioRoutes(ratio, tuple(find_routes(nodes, start, end, search)))

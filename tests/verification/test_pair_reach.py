@@ -53,7 +53,7 @@ def overlaps(frames: Frames, balls: list[dict[str, Any]]) -> float:
 @pytest.mark.parametrize("frequency_hz", [50.0, 500.0])
 def test_fast_balls_meet_in_time_however_long_a_step_is(frequency_hz: float) -> None:
     speed, gaps = 0.5, 1e-3 * np.array([7.1, 7.23, 7.37, 7.42, 7.59])
-    balls = []
+    balls: list[dict[str, Any]] = []
     for row, gap in enumerate(gaps):
         for side in (-1.0, 1.0):
             place = {"x_mm": side * (0.5e3 * gap + 1.5), "y_mm": 8.0 * row, "speed_mm_s": -side * 1e3 * speed}

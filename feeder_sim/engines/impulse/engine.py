@@ -125,7 +125,7 @@ class ImpulseEngine:
         while done < len(times):
             start = self._span[1]
             self._span[:] = start, start + WINDOW
-            self._opened, self._pairs_before = self._parts.copy(), self._pairs
+            self._keep_begin_of_window()
             last = int(np.searchsorted(times, self._span[1], side="right"))
             self._compute_window(self._span[1], FrameRows(times[done:last], rows[done:last]))
             done = last
@@ -139,6 +139,7 @@ class ImpulseEngine:
         absent = np.flatnonzero(parts["there"][: self._n] == ABSENT)
         frames.row[:, absent] = _rows_of(parts[absent])
         while True:
+            self._forget_unresolved()
             pairs, islands = find_neighbours(parts, self._n, self._kinds, self._surface, reach, self._pairs_before)
             crowd = Crowd(parts, begun["position"].copy(), pairs, self._kinds, islands)
             if not self._advance_islands(crowd, Plate(acting, bounds), Span(start, until, reach), frames):
@@ -171,7 +172,17 @@ class ImpulseEngine:
         if now < self._span[1]:
             self._compute_window(now, FrameRows(np.empty(0), np.empty((0, self._n, ROW))))
         self._span[:] = now, now
+        self._keep_begin_of_window()
+
+    def _keep_begin_of_window(self) -> None:
         self._opened, self._pairs_before = self._parts.copy(), self._pairs
+        self._unresolved = self.unresolved_impacts
+        self._forget_unresolved()
+
+    def _forget_unresolved(self) -> None:
+        """Count the impacts of the window under way anew."""
+        for tools in self._tools:
+            tools.work.unresolved[0] = 0
 
     def remove(self, parts: NDArray[np.int64]) -> None:
         self._begin_window_now()
@@ -194,7 +205,7 @@ class ImpulseEngine:
             "pair_axis": pairs["axis"].copy(),
             "frame": np.array(self._frame),
             "row": self._row.copy(),
-            "unresolved": np.array(self.unresolved_impacts),
+            "unresolved": np.array(self.unresolved_impacts if self._alone else self._unresolved),
         }
 
     def restore(self, state: dict[str, NDArray[np.float64]]) -> None:
@@ -203,6 +214,7 @@ class ImpulseEngine:
         self._notes.log.current[:], self._notes.last[:] = state["contact"][:2], state["contact"][2:]
         self._clock[:], self._span[:], self._frame = state["clock_alone"], state["window"], int(state["frame"])
         self._row, self._unresolved = state["row"].copy(), int(state["unresolved"])
+        self._forget_unresolved()
         self._pairs = np.empty(len(state["pair"]), PAIR)
         self._pairs["a"], self._pairs["b"], self._pairs["axis"] = *state["pair"].T, state["pair_axis"]
         self._opened, self._pairs_before = self._parts.copy(), self._pairs

@@ -1,0 +1,65 @@
+"""What a seed is begun with, what it hands on while it runs, and what comes out."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from feeder_sim.errors import SimulationDiverged
+from feeder_sim.records.last_states import LastStates
+from feeder_sim.records.trajectory import Record, SeedRecord, Status
+
+
+class Recorder(Protocol):
+    """Where blocks go while a run is under way; called from several threads."""
+
+    def append(self, seed_index: int, block: Record) -> None: ...
+
+    def checkpoint(self, seed_index: int, state: dict[str, NDArray[np.float64]], wall_s: float) -> None:
+        """Keep what the run can go on from after everything appended so far, and the wall time spent on it."""
+        ...
+
+    def keep_last(self, failure: SimulationDiverged, last: LastStates) -> str:
+        """Keep the last states of the seed that diverged; returns the name of the file."""
+        ...
+
+    def finish(self, seed_index: int, status: Status, wall_s: float, unresolved_impacts: int) -> None: ...
+
+    def recorded(self, seed_index: int) -> Record:
+        """Everything appended so far."""
+        ...
+
+
+@dataclass(frozen=True)
+class Begun(SeedRecord):
+    """What there is of a seed that is to be continued.
+
+    Attributes:
+        state: of the engine at the end of the record; empty where the seed has ended.
+        wall_s: wall time spent so far [s].
+        unresolved_impacts: of a seed that has ended; of others the engine's state knows.
+    """
+
+    state: dict[str, NDArray[np.float64]]
+    wall_s: float
+    unresolved_impacts: int = 0
+
+
+@dataclass(frozen=True)
+class SeedResult(SeedRecord):
+    """One seed of an ensemble.
+
+    Attributes:
+        wall_s: wall time spent in its loop [s], that before a break included.
+        failure: why it diverged, None otherwise.
+        last: its last states if it diverged, None otherwise.
+        unresolved_impacts: whose iteration was given up.
+    """
+
+    wall_s: float
+    failure: SimulationDiverged | None = None
+    last: LastStates | None = None
+    unresolved_impacts: int = 0
