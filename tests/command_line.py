@@ -13,6 +13,7 @@ from typing import IO
 from unittest import mock
 
 from feeder_sim.cli.main import main
+from feeder_sim.run.simulation import COMPILING
 
 Done = subprocess.CompletedProcess[str]
 
@@ -36,6 +37,11 @@ def in_new_process(*arguments: object, cwd: Path | None = None) -> Done:
     """Run a command as a user does."""
     command = [sys.executable, "-m", "feeder_sim", *map(str, arguments)]
     return subprocess.run(command, capture_output=True, text=True, cwd=cwd, timeout=300, check=False)
+
+
+def said(done: Done) -> list[str]:
+    """Lines on stderr, but for the note that the engine is being compiled, which depends on what was run before."""
+    return [line for line in done.stderr.splitlines() if COMPILING not in line]
 
 
 def check_refused(done: Done, *expected: str) -> None:

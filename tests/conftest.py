@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import functools
+import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
+
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # before numpy: small matrices take five times as long with two
 
 import numpy as np
 import pytest
@@ -65,6 +69,7 @@ def ready(scene: Scene) -> Prepared:
     return Prepared(scene, choose_engine(scene.scenario), transport_cell(scene), ())
 
 
+@functools.cache
 def from_python(function: Any) -> Any:
     """A function that is compiled for other compiled ones, to be called by a test."""
     return entry_point(function.py_func)
