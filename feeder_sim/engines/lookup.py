@@ -13,7 +13,7 @@ def engine_class(choice: Choice) -> type[Engine]:
 
         return MujocoEngine
     if choice.method == "slide":
-        from feeder_sim.engines.slide import SlideEngine
+        from feeder_sim.engines.slide.engine import SlideEngine
 
         return SlideEngine
     from feeder_sim.engines.impulse.engine import ImpulseEngine

@@ -10,8 +10,9 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from feeder_sim.engines.impulse import island, neighbours
+from feeder_sim.engines.impulse.kinds import read_kinds, rim_walls
 from feeder_sim.engines.impulse.pair_contact import PAIR
-from feeder_sim.engines.impulse.state import Kinds, new_parts, read_kinds, rim_walls
+from feeder_sim.engines.impulse.state import Kinds, new_parts
 from feeder_sim.scenario import Ball, Drive, HexNut, PistonPlate, Run, Scattered, Scenario
 from feeder_sim.scene.scene import Scene, build_scene
 
@@ -53,7 +54,7 @@ def cloud(count: int, seed: int, *, rim: bool = False, spread: float = 0.5 * HAL
 
 
 def found(parts: Records, kinds: Kinds, n: int, range_: float, old: Records = NONE) -> Records:
-    pairs: Records = find_pairs(parts, kinds, n, HALF, HALF, range_, old)
+    pairs: Records = find_pairs(parts, kinds, n, neighbours.Room(HALF, HALF, range_), old)
     return pairs
 
 

@@ -8,7 +8,7 @@ import pytest
 from conftest import piston_scenario, strip_scenario
 
 from feeder_sim.engines.impulse.engine import ImpulseEngine
-from feeder_sim.engines.impulse.state import read_kinds
+from feeder_sim.engines.impulse.kinds import read_kinds
 from feeder_sim.engines.mujoco.engine import MujocoEngine
 from feeder_sim.engines.mujoco.mjcf import build_mjcf
 from feeder_sim.run.run_folder import mjcf_text, scenario_toml

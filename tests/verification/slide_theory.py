@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.optimize import brentq
 
 from feeder_sim.records.impacts import Impacts
-from feeder_sim.run.seed_run import SeedResult
+from feeder_sim.run.seed_record import SeedResult
 from feeder_sim.run.simulation import simulate
 from feeder_sim.scenario import Ball, Contact, Drive, PistonPlate, Run, Scenario, Slide, Start
 from feeder_sim.scene.scene import GRAVITY

@@ -12,11 +12,12 @@ from scipy.optimize import nnls
 from scipy.spatial import ConvexHull
 from scipy.spatial.transform import Rotation
 
-from feeder_sim.engines.impulse import hulls, impact
+from feeder_sim.engines.impulse import hulls, single_impact
 from feeder_sim.engines.impulse.borrow import borrow
 from feeder_sim.engines.impulse.engine import COLUMNS, ImpulseEngine
 from feeder_sim.engines.impulse.hulls import HullLibrary
-from feeder_sim.engines.impulse.state import new_parts, new_scratch, read_kinds
+from feeder_sim.engines.impulse.kinds import read_kinds
+from feeder_sim.engines.impulse.state import new_parts, new_scratch
 from feeder_sim.engines.surface_arrays import surface_arrays
 from feeder_sim.records.trajectory import Frames
 from feeder_sim.scenario import (
@@ -35,7 +36,7 @@ from feeder_sim.scenario import (
 from feeder_sim.scene.rigid_part import RigidPart, build_part
 from feeder_sim.scene.scene import GRAVITY, Scene, build_scene
 
-hull_distance, resolve_single = from_python(hulls.hull_distance), from_python(impact.resolve_single)
+hull_distance, resolve_single = from_python(hulls.hull_distance), from_python(single_impact.resolve_single)
 NUT, LARGE_NUT = build_part(HexNut(size="M2.5")), build_part(HexNut(size="M5"))
 BALL, SMALL_BALL = (build_part(Ball(shape="ball", diameter_mm=d)) for d in (6.0, 3.0))
 ROD = build_part(Cylinder(shape="cylinder", diameter_mm=4.0, height_mm=9.0))

@@ -66,8 +66,8 @@ def test_fast_balls_meet_in_time_however_long_a_step_is(frequency_hz: float) -> 
 
 
 def test_a_light_ball_struck_by_a_heavy_one_does_not_fly_through_a_third() -> None:
-    # The reach of a window of 1 ms is that of the fastest ball at its begin. The light one, struck after 0.2 ms, and the
-    # third are too far from each other for that, and still meet within the window.
+    # The reach of a window of 1 ms is that of the fastest ball at its begin. The light one, struck after 0.2 ms, and
+    # the third are too far from each other for that, and still meet within the window.
     balls: list[dict[str, Any]] = [
         {"diameter_mm": 12.0, "x_mm": -8.2, "speed_mm_s": 1000.0},
         {"diameter_mm": 1.0, "material": "nylon", "x_mm": -1.5, "speed_mm_s": 0.0},

@@ -36,8 +36,8 @@ class ContactNotes(NamedTuple):
 
 
 @entry_point
-def advance_alone(parts, kinds, wall, drive, notes, clock, times, rows, work):
-    """Advance the part past the times of frames (n,) [s], and write its state at each into rows (n, 1, ROW).
+def advance_alone(parts, kinds, wall, drive, notes, clock, frames, work):
+    """Advance the part past the times of frames, and write its state at each.
 
     clock: time from which windows count, number of the window under way, and when the part is to be looked at next.
     The wall is None without a tube.
@@ -50,8 +50,8 @@ def advance_alone(parts, kinds, wall, drive, notes, clock, times, rows, work):
     start, end = clock[ORIGIN] + clock[NUMBER] * drive.window, clock[ORIGIN] + (clock[NUMBER] + 1.0) * drive.window
     acting = acting_terms(surface, start, end)
     bounds = bound_window(acting, drive.antinode, start, end, drive.step, top)
-    for frame in range(times.shape[0]):
-        while clock[DUE] < times[frame]:
+    for frame in range(frames.time.shape[0]):
+        while clock[DUE] < frames.time[frame]:
             if clock[DUE] >= end:
                 clock[NUMBER] += 1.0
                 start, end = end, clock[ORIGIN] + (clock[NUMBER] + 1.0) * drive.window
@@ -69,7 +69,7 @@ def advance_alone(parts, kinds, wall, drive, notes, clock, times, rows, work):
                 if hit:
                     _note_contact(part, before, kind.corner_to - kind.corner_from, notes, t, drive.step, work)
             clock[DUE] = t + leap
-        write_row(parts, 0, kinds, times[frame], rows[frame, 0])
+        write_row(parts, 0, kinds, frames.time[frame], frames.row[frame, 0])
 
 
 @compiled

@@ -12,7 +12,7 @@ import math
 
 import numpy as np
 
-from feeder_sim.engines.impulse.neighbours import find_islands, find_pairs
+from feeder_sim.engines.impulse.neighbours import Room, find_islands, find_pairs
 from feeder_sim.engines.impulse.rest import wake
 from feeder_sim.engines.impulse.state import orthonormalise_parts
 from feeder_sim.engines.impulse.window import acting_terms, bound_window, fastest_rate
@@ -39,8 +39,9 @@ def open_window(parts, n_free, kinds, surface, antinode, span, step):
 @entry_point
 def find_neighbours(parts, n_free, kinds, surface, reach, pairs):
     """Pairs that can meet while every part stays within its reach [m], and their islands; old pairs keep their axis."""
-    found = find_pairs(parts, kinds, n_free, surface.grid_x[-1], surface.grid_y[-1], reach, pairs)
-    return found, find_islands(parts, n_free, found)
+    room = Room(surface.grid_x[-1], surface.grid_y[-1], reach)
+    meeting = find_pairs(parts, kinds, n_free, room, pairs)
+    return meeting, find_islands(parts, n_free, meeting)
 
 
 @compiled

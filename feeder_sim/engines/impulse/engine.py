@@ -23,16 +23,16 @@ from feeder_sim.engines.impact_log import new_log, room_for, take_impacts
 from feeder_sim.engines.impulse.alone import SAME_CONTACT, ContactNotes, Drive, advance_alone
 from feeder_sim.engines.impulse.crowd import find_neighbours, open_window, share_out
 from feeder_sim.engines.impulse.hulls import HullLibrary
-from feeder_sim.engines.impulse.island import Crowd, FrameRows, Plate, Share, Span, Tools, advance_islands
+from feeder_sim.engines.impulse.island import Crowd, Plate, Share, Span, Tools, advance_islands
+from feeder_sim.engines.impulse.kinds import read_kinds, rim_walls
 from feeder_sim.engines.impulse.pair_contact import PAIR
 from feeder_sim.engines.impulse.state import (
     ABSENT,
     ROW,
+    FrameRows,
     new_parts,
     new_scratch,
-    read_kinds,
     read_wall,
-    rim_walls,
 )
 from feeder_sim.engines.surface_arrays import surface_arrays
 from feeder_sim.records.impacts import Impacts
@@ -110,7 +110,8 @@ class ImpulseEngine:
                 self._notes = self._notes._replace(log=room_for(self._notes.log, room))
             drive = Drive(self._surface, self._antinode, scene.timestep, WINDOW_ALONE)
             work = self._tools[0].work
-            advance_alone(self._parts, self._kinds, self._wall, drive, self._notes, self._clock, times, rows, work)
+            frames = FrameRows(times, rows)
+            advance_alone(self._parts, self._kinds, self._wall, drive, self._notes, self._clock, frames, work)
         else:
             self._advance_crowd(times, rows)
         self._frame += n_frames
@@ -144,7 +145,10 @@ class ImpulseEngine:
             crowd = Crowd(parts, begun["position"].copy(), pairs, self._kinds, islands)
             if not self._advance_islands(crowd, Plate(acting, bounds), Span(start, until, reach), frames):
                 break
-            reach = WIDER * max(reach, float(np.linalg.norm(parts["position"] - begun["position"], axis=1).max()))
+            farthest = float(np.linalg.norm(parts["position"] - begun["position"], axis=1).max())
+            if not np.isfinite(farthest):
+                break  # for the guard to see
+            reach = WIDER * max(reach, farthest)
             parts = begun.copy()
         self._parts, self._pairs = parts, pairs
 

@@ -64,13 +64,6 @@ class Span(NamedTuple):
     reach: float
 
 
-class FrameRows(NamedTuple):
-    """Times of frames within a window (m,) [s], and the rows (m, parts, ROW) that they are written to."""
-
-    time: NDArray[np.float64]
-    row: NDArray[np.float64]
-
-
 class Agenda(NamedTuple):
     """When the events of one island are due: first those of its parts, then those of its pairs.
 

@@ -33,28 +33,49 @@ class Islands(NamedTuple):
     first_touching: NDArray[np.int64]
 
 
+class Grid(NamedTuple):
+    """Parts in square cells over the plate: cell of each part (-1: not there), parts in the order of their cells, the
+    first of each cell in that order, columns and rows of cells.
+    """
+
+    cell_of: NDArray[np.int64]
+    order: NDArray[np.int64]
+    first: NDArray[np.int64]
+    columns: int
+    rows: int
+
+
+class Room(NamedTuple):
+    """Half the plate's length and width [m], and how far a part can come in the window [m]."""
+
+    half_x: float
+    half_y: float
+    reach: float
+
+
 @compiled
-def find_pairs(parts, kinds, n_free, half_x, half_y, range_, old):
+def find_pairs(parts, kinds, n_free, room, old):
     """Pairs (a, b), sorted, that can meet within the window; those of `old` keep their axis.
 
-    Parts from n_free on are walls: beside every part within reach of a side of the plate (half_x, half_y) [m].
+    Parts from n_free on are walls: beside every part within reach of a side of the plate. None where a position is not
+    finite, which is for the guard to see.
     """
     n = n_free
     largest = 0.0
     for i in range(n):
         if parts[i].there:
+            for k in range(3):
+                if not math.isfinite(parts[i].position[k]):
+                    return np.empty(0, PAIR)
             largest = max(largest, kinds.record[parts[i].kind].reach + kinds.record[parts[i].kind].radius)
-    cell = 2.0 * (largest + range_)
-    cell_of, order, first, columns, rows = _sort_into_cells(parts, n, cell)
+    grid = _sort_into_cells(parts, n, 2.0 * (largest + room.reach))
     found = np.empty((0, 2), np.int64)
     for counting in range(2):  # count, then fill
         m = 0
         for i in range(n):
             if not parts[i].there:
                 continue
-            m = _pairs_of(
-                parts, kinds, i, n_free, half_x, half_y, range_, cell_of, order, first, columns, rows, m, found
-            )
+            m = _pairs_of(parts, kinds, i, n_free, room, grid, m, found)
         if counting == 0:
             found = np.empty((m, 2), np.int64)
     pairs = np.empty(m, PAIR)
@@ -75,7 +96,7 @@ def find_pairs(parts, kinds, n_free, half_x, half_y, range_, old):
 
 @compiled
 def _sort_into_cells(parts, n, cell):
-    """Grid over the parts that are there: cell of each, parts ordered by cell, first of each cell, grid size."""
+    """Grid over the parts that are there, of cells of a size [m] or larger."""
     low_x = low_y = np.inf
     high_x = high_y = -np.inf
     for i in range(n):
@@ -99,24 +120,25 @@ def _sort_into_cells(parts, n, cell):
         if cell_of[i] >= 0:
             order[filled[cell_of[i]]] = i
             filled[cell_of[i]] += 1
-    return cell_of, order, first, columns, rows
+    return Grid(cell_of, order, first, columns, rows)
 
 
 @compiled
-def _pairs_of(parts, kinds, a, n_free, half_x, half_y, range_, cell_of, order, first, columns, rows, m, found):
+def _pairs_of(parts, kinds, a, n_free, room, grid, m, found):
     """Append the pairs of part a with later ones, in order; returns their number, also while `found` is too small."""
     begin = m
-    column, row = cell_of[a] // rows, cell_of[a] % rows
-    for c in range(max(column - 1, 0), min(column + 2, columns)):
+    rows = grid.rows
+    column, row = grid.cell_of[a] // rows, grid.cell_of[a] % rows
+    for c in range(max(column - 1, 0), min(column + 2, grid.columns)):
         for r in range(max(row - 1, 0), min(row + 2, rows)):
-            for place in range(first[c * rows + r], first[c * rows + r + 1]):
-                b = order[place]
-                if b > a and _near(parts, kinds, a, b, range_):
+            for place in range(grid.first[c * rows + r], grid.first[c * rows + r + 1]):
+                b = grid.order[place]
+                if b > a and _near(parts, kinds, a, b, room.reach):
                     m = _insert(found, begin, m, a, b)
-    reach = kinds.record[parts[a].kind].reach + kinds.record[parts[a].kind].radius + range_
+    reach = kinds.record[parts[a].kind].reach + kinds.record[parts[a].kind].radius + room.reach
     for wall in range(n_free, parts.shape[0]):
         side = wall - n_free  # walls at +y, -y, +x, -x
-        distance = half_y if side < 2 else half_x
+        distance = room.half_y if side < 2 else room.half_x
         along = parts[a].position[1] if side < 2 else parts[a].position[0]
         if (along if side % 2 == 0 else -along) + reach > distance:
             m = _insert(found, begin, m, a, wall)
@@ -124,8 +146,8 @@ def _pairs_of(parts, kinds, a, n_free, half_x, half_y, range_, cell_of, order, f
 
 
 @compiled
-def _near(parts, kinds, a, b, range_):
-    reach = kinds.record[parts[a].kind].reach + kinds.record[parts[a].kind].radius + 2.0 * range_
+def _near(parts, kinds, a, b, range_of_each):
+    reach = kinds.record[parts[a].kind].reach + kinds.record[parts[a].kind].radius + 2.0 * range_of_each
     reach += kinds.record[parts[b].kind].reach + kinds.record[parts[b].kind].radius
     squared = 0.0
     for k in range(3):

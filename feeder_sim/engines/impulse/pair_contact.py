@@ -15,7 +15,7 @@ import math
 import numpy as np
 
 from feeder_sim.engines.impulse.hulls import hull_distance
-from feeder_sim.engines.impulse.impact import resolve_single
+from feeder_sim.engines.impulse.single_impact import resolve_single
 from feeder_sim.engines.impulse.state import flies, fly_to, invert_inertia, point, turning_speed
 from feeder_sim.machine_code import compiled
 from feeder_sim.scene.scene import GRAVITY
@@ -64,8 +64,8 @@ def meeting_bound(pair, parts, kinds, t, bounds):
             drift += 0.5 * axis[k] * (a.velocity[k] + b.velocity[k])
     room = 0.5 * (max(gap, 0.0) + SLACK)
     wait = min(
-        _crossing_time(a, kind_a, kinds, axis, 1.0, top, drift, room, fall),
-        _crossing_time(b, kind_b, kinds, axis, -1.0, bottom, -drift, room, fall),
+        _crossing_time(a, kind_a, kinds, axis, 1.0, top, (drift, room, fall)),
+        _crossing_time(b, kind_b, kinds, axis, -1.0, bottom, (-drift, room, fall)),
     )
     speed = _relative_speed(a, kind_a, b, kind_b)
     shortest = min(bounds.step, DEEP / speed)
@@ -138,12 +138,13 @@ def _extent(part, kind, kinds, axis, sign):
 
 
 @compiled
-def _crossing_time(part, kind, kinds, axis, sign, support, drift, room, fall):
+def _crossing_time(part, kind, kinds, axis, sign, support, plane):
     """Time [s] before which no corner of a part can come `room` farther along sign * axis than its support.
 
-    The plane it must not cross moves at `drift` [m/s]; a corner accelerates by at most 2 reach (L / I)^2 by turning and
-    by `fall` [m/s^2] relative to the plane.
+    The plane (drift, room, fall) it must not cross moves at `drift` [m/s]; a corner accelerates by at most
+    2 reach (L / I)^2 by turning and by `fall` [m/s^2] relative to the plane.
     """
+    drift, room, fall = plane
     if not flies(part, kind):
         return np.inf
     x, y, z = (

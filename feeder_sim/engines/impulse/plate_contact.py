@@ -1,13 +1,10 @@
 """One free part over the plate: gaps, approach, impact, and how long it may fly without looking again.
 
-    proximity   height of every corner above the surface, and how fast it approaches
-    impact      corners that touch and approach get impulses, together (impact.py)
-    leap        the longest flight during which no corner can touch: with gap g, approach speed -u and a bound a on the
-                relative acceleration, no contact before t = (u + sqrt(u^2 + 2 a g)) / a; never shorter than the step,
-                or than a fast part takes to enter the surface by micrometres
-
-Over the edge of the plate a hull rests on the edge too: where its own edges cross the plane of a side of the plate it
-gets a further point, for the moment, that meets the plate like a corner.
+proximity   height of every corner above the surface, and how fast it approaches
+impact      corners that touch and approach get impulses, together (impact.py)
+leap        the longest flight during which no corner can touch: with gap g, approach speed -u and a bound a on the
+relative acceleration, no contact before t = (u + sqrt(u^2 + 2 a g)) / a; never shorter than the step,
+or than a fast part takes to enter the surface by micrometres
 """
 
 from __future__ import annotations
@@ -17,6 +14,7 @@ import math
 import numpy as np
 
 from feeder_sim.engines.impulse.impact import resolve_impact
+from feeder_sim.engines.impulse.plate_edge import edge_leap, with_points_on_edge
 from feeder_sim.engines.impulse.state import (
     ARM,
     FRICTION,
@@ -29,7 +27,7 @@ from feeder_sim.engines.impulse.state import (
     VELOCITY,
     invert_inertia,
     point,
-    turning_speed,
+    top_speed,
 )
 from feeder_sim.engines.impulse.tube_contact import approach_wall, gather_wall, leap_to_wall, meeting_time
 from feeder_sim.machine_code import compiled, inlined
@@ -41,7 +39,6 @@ DEEP = 5e-6  # [m]; how deep a fast part may enter the surface
 TOUCH = 1e-9  # [m]; corners this close count as touching, so that a flat landing is one impact and not six
 ON_EDGE = 1e-9  # [m]; a point this far off the plate is still on its edge
 BESIDE = 2e-4  # [m]; a point that far below the surface is beside the plate or under it
-EDGE_STEPS = 10  # a point on the edge moves along the hull: its leaps are estimates, and at least this long
 
 
 @compiled
@@ -60,7 +57,7 @@ def meet_plate(part, kinds, wall, surface, bounds, t, work):
             rising = part.velocity[2]
             return max((rising + math.sqrt(rising * rising + 2.0 * GRAVITY * height)) / GRAVITY, bounds.step), False
     n_corners = kind.corner_to - kind.corner_from
-    corners = _with_points_on_edge(part, kind, kinds, surface, work)
+    corners = with_points_on_edge(part, kind, kinds, surface, work)
     _proximity(part, kind, corners, surface, bounds, t, work)
     on_plate = _approach(part, kind, corners, work)
     on_wall = 0
@@ -76,7 +73,7 @@ def meet_plate(part, kinds, wall, surface, bounds, t, work):
         wall_leap = leap_to_wall(part, kind, corners, wall, work)
         return max(min(leap, wall_leap), meeting_time(work, corners.shape[0], bounds.step)), on_plate > 0
     if corners.shape[0] > n_corners:
-        leap = min(leap, _edge_leap(part, kind, corners, n_corners, bounds.step, work))
+        leap = min(leap, edge_leap(part, kind, corners, n_corners, bounds.step, work))
     return max(leap, _shortest_flight(part, kind, bounds)), on_plate > 0
 
 
@@ -85,50 +82,6 @@ def _shortest_flight(part, kind, bounds):
     """The step [s]; less for a part so fast that it would enter the surface deeply, more for one that hardly moves."""
     fastest = top_speed(part, kind)
     return max(min(bounds.step, DEEP / fastest), min(bounds.rest_step, DEPTH / fastest))
-
-
-@compiled
-def _with_points_on_edge(part, kind, kinds, surface, work):
-    """The part's corners, and a further one wherever an edge of its hull crosses the plane of a side of the plate."""
-    corners = kinds.corners[kind.corner_from : kind.corner_to]
-    reach = kind.reach + kind.radius
-    half_x, half_y = surface.grid_x[-1], surface.grid_y[-1]
-    if abs(part.position[0]) + reach < half_x and abs(part.position[1]) + reach < half_y:
-        return corners
-    n = corners.shape[0]
-    for i in range(n):
-        for c in range(3):
-            work.points[i, c] = corners[i, c]
-    for axis in range(2):
-        half = half_x if axis == 0 else half_y
-        if abs(part.position[axis]) + reach < half or abs(part.position[axis]) - reach > half:
-            continue
-        side = half if part.position[axis] > 0.0 else -half
-        for e in range(kind.edge_from, kind.edge_to):
-            i, j = kinds.edges[e, 0], kinds.edges[e, 1]
-            a, b = point(part, corners, i, axis) - side, point(part, corners, j, axis) - side
-            if a * b < 0.0:
-                share = a / (a - b)
-                for c in range(3):
-                    work.points[n, c] = corners[i, c] + share * (corners[j, c] - corners[i, c])
-                n += 1
-    return work.points[:n]
-
-
-@compiled
-def _edge_leap(part, kind, corners, first, step, work):
-    """Flight after which the points on the plate's edge, from `first` on, are looked at again [s]."""
-    speed, gap = top_speed(part, kind), np.inf
-    for i in range(first, corners.shape[0]):
-        gap = min(gap, work.corner[i, GAP])
-    return max(0.25 * gap / speed, EDGE_STEPS * step)
-
-
-@compiled
-def top_speed(part, kind):
-    """No point of the part is faster [m/s]; never quite zero."""
-    v = part.velocity
-    return math.sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]) + turning_speed(part, kind) + 1e-12
 
 
 @inlined

@@ -10,8 +10,7 @@ from __future__ import annotations
 
 import math
 
-from feeder_sim.engines.impulse.plate_contact import top_speed
-from feeder_sim.engines.impulse.state import ASLEEP, AWAKE, GAP, point
+from feeder_sim.engines.impulse.state import ASLEEP, AWAKE, GAP, point, top_speed
 from feeder_sim.machine_code import compiled
 
 SLOW = 5e-3  # [m/s]; a hop of a micrometre

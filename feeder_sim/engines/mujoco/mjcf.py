@@ -18,48 +18,19 @@ from typing import Any
 
 import numpy as np
 
+from feeder_sim.engines.mujoco.contact import HARD, contact_parameters, corner_name, hull_name, part_contact
 from feeder_sim.engines.mujoco.units import UNITS, converted
+from feeder_sim.engines.mujoco.walls import add_rim, add_tube, leaning
 from feeder_sim.plate.surface import Surface
-from feeder_sim.scenario import Contact, MujocoSettings
 from feeder_sim.scene.guide import Guide
 from feeder_sim.scene.rigid_part import CORNER_RADIUS, RigidPart
 from feeder_sim.scene.scene import GRAVITY, Scene
 
 PATCH_MASS_RATIO = 1e6  # patch over part: the part moves its patch by a millionth of its own motion
-HARD = [0.9999, 0.9999, 1e-3, 0.5, 2.0]  # solimp with MuJoCo's largest impedance: as hard as the solver allows
-MUJOCO_IMPEDANCE = [0.9, 0.95, 1e-3, 0.5, 2.0]  # its default: what rests on a slope creeps
-DEFAULT_SETTINGS = MujocoSettings()
 # MuJoCo stops its solver by a cost scaled with the trace of the inertia matrix, which the heavy patches inflate.
 # Scaled back to the part, this is MuJoCo's own default; with the raw default the drift comes out 20 % too fast or
 # not, depending on the unit system (README, design notes).
 SOLVER_TOLERANCE = 1e-8
-TUBE_PLANES = 32  # around a tube: its radius is right to half a percent
-TUBE_HEIGHT = 0.02  # [m]; drawn to twice that, in contact everywhere
-
-
-def part_contact(contact: Contact) -> Contact:
-    """The contact of parts with each other, as a contact."""
-    law = {"restitution": contact.part_restitution, "friction": contact.part_friction}
-    return contact.model_copy(update=law)
-
-
-def contact_parameters(
-    contact: Contact, timestep: float, settings: MujocoSettings = DEFAULT_SETTINGS
-) -> dict[str, list[float]]:
-    """MuJoCo's pair attributes for a contact model at a timestep, in the units of the settings."""
-    units = UNITS[settings.units]
-    friction = [contact.friction, contact.friction, 0.0, 0.0, 0.0]
-    if contact.time_constant_us is not None:
-        solref, solreffriction = [contact.time_constant_us * 1e-6 * units.time, contact.damping_ratio], [0.0, 0.0]
-    else:
-        solref, solreffriction = [0.0, -(1.0 + contact.restitution) / timestep], [0.0, -1.0 / timestep]
-    solimp = HARD if settings.impedance == "hard" else MUJOCO_IMPEDANCE
-    return {
-        "friction": friction,
-        "solref": solref,
-        "solreffriction": solreffriction,
-        "solimp": [*solimp[:2], solimp[2] * units.length, *solimp[3:]],
-    }
 
 
 def build_mjcf(scene: Scene) -> Any:
@@ -101,11 +72,11 @@ def build_mjcf(scene: Scene) -> Any:
         _add_part(spec, part, kind, guide, scene.timestep, radius, with_hull=with_hull)
         _pair_with_patch(spec, scene, part, guide)
         if guide and not guide.slides:
-            _add_tube(spec, scene, part, guide)
+            add_tube(spec, scene, part, guide)
     if len(scene.parts) > 1:
         _pair_parts(spec, scene)
     if scene.rim:
-        _add_rim(spec, scene)
+        add_rim(spec, scene)
     option.tolerance = SOLVER_TOLERANCE
     if settings.tolerance == "scaled":
         option.tolerance *= part_trace / (part_trace + patch_trace)
@@ -206,7 +177,7 @@ def _add_part(
     _set_inertia(body, part.mass, part.inertia)
     if guide and guide.slides:
         body.pos = [*guide.foot, 0.0] + lift / guide.axis[2] * guide.axis
-        body.quat = _leaning(guide)
+        body.quat = leaning(guide)
         friction = guide.friction * part.mass * GRAVITY * guide.axis[0]
         slide = mujoco.mjtJoint.mjJNT_SLIDE  # its axis is in the body's frame, which leans with the guide
         joint = body.add_joint(name=part.name, type=slide, axis=[0.0, 0.0, 1.0], frictionloss=friction)
@@ -215,7 +186,7 @@ def _add_part(
         body.add_freejoint(name=part.name)
     mesh_geom = mujoco.mjtGeom.mjGEOM_MESH
     if with_hull and not part.corner_radius:
-        hull, name = f"{kind.name}_hull", _hull_name(part)
+        hull, name = f"{kind.name}_hull", hull_name(part)
         body.add_geom(name=name, type=mesh_geom, meshname=hull, contype=0, conaffinity=0, group=3)
     body.add_geom(
         name=f"{part.name}_drawn",
@@ -229,7 +200,7 @@ def _add_part(
     size = [part.corner_radius or radius, 0.0, 0.0]
     sphere = mujoco.mjtGeom.mjGEOM_SPHERE
     for i, corner in enumerate(part.corners):
-        body.add_geom(name=_corner_name(part, i), type=sphere, size=size, pos=corner, contype=0, conaffinity=0, group=3)
+        body.add_geom(name=corner_name(part, i), type=sphere, size=size, pos=corner, contype=0, conaffinity=0, group=3)
 
 
 def _pair_with_patch(spec: Any, scene: Scene, part: RigidPart, guide: Guide | None) -> None:
@@ -237,78 +208,15 @@ def _pair_with_patch(spec: Any, scene: Scene, part: RigidPart, guide: Guide | No
     condim = 1 if guide and guide.slides else 3
     settings = scene.scenario.mujoco
     parameters = contact_parameters(scene.scenario.contact, scene.timestep, settings)
-    names = [_corner_name(part, i) for i in range(len(part.corners))]
-    for name in names if settings.contact_set == "corners" else [_hull_name(part)]:
+    names = [corner_name(part, i) for i in range(len(part.corners))]
+    for name in names if settings.contact_set == "corners" else [hull_name(part)]:
         spec.add_pair(name=name, geomname1=f"plate_{part.name}", geomname2=name, condim=condim, **parameters)
-
-
-def _add_tube(spec: Any, scene: Scene, part: RigidPart, guide: Guide) -> None:
-    """Add the wall of a tube as a ring of planes, which the part's hull meets (a ball: its sphere)."""
-    import mujoco
-
-    assert guide.radius is not None and guide.restitution is not None
-    wall = Contact(restitution=guide.restitution, friction=guide.friction)
-    parameters = contact_parameters(wall, scene.timestep)
-    half = [guide.radius * math.tan(math.pi / TUBE_PLANES), TUBE_HEIGHT, 0.01]
-    frame = spec.worldbody.add_body(name=f"tube_{part.name}", pos=[*guide.foot, 0.0], quat=_leaning(guide))
-    touching = _hull_name(part)
-    for i in range(TUBE_PLANES):
-        angle = 2.0 * math.pi * i / TUBE_PLANES
-        outwards = np.array([math.cos(angle), math.sin(angle), 0.0])
-        name = f"tube_{part.name}_{i}"
-        frame.add_geom(
-            name=name,
-            type=mujoco.mjtGeom.mjGEOM_PLANE,
-            size=half,
-            pos=guide.radius * outwards + [0.0, 0.0, TUBE_HEIGHT],
-            zaxis=-outwards,
-            contype=0,
-            conaffinity=0,
-            rgba=[0.6, 0.8, 0.9, 0.15],
-        )
-        spec.add_pair(name=name, geomname1=name, geomname2=touching, condim=3, **parameters)
 
 
 def _pair_parts(spec: Any, scene: Scene) -> None:
     """Let the hulls of all parts meet each other."""
     parameters = contact_parameters(part_contact(scene.scenario.contact), scene.timestep, scene.scenario.mujoco)
-    names = [_hull_name(part) for part in scene.parts]
+    names = [hull_name(part) for part in scene.parts]
     for i, first in enumerate(names):
         for second in names[i + 1 :]:
             spec.add_pair(name=f"{first}_{second}", geomname1=first, geomname2=second, condim=3, **parameters)
-
-
-def _add_rim(spec: Any, scene: Scene) -> None:
-    """Add a wall along each side of the plate, which the parts' hulls meet."""
-    import mujoco
-
-    parameters = contact_parameters(scene.scenario.contact, scene.timestep, scene.scenario.mujoco)
-    half = (0.5 * scene.surface.length, 0.5 * scene.surface.width)
-    for i, (x, y) in enumerate([(0.0, 1.0), (0.0, -1.0), (1.0, 0.0), (-1.0, 0.0)]):
-        wall = spec.worldbody.add_geom(
-            name=f"rim_{i}",
-            type=mujoco.mjtGeom.mjGEOM_PLANE,
-            size=[max(half), 0.01, 0.01],
-            pos=[half[0] * x, half[1] * y, 0.0],
-            zaxis=[-x, -y, 0.0],
-            contype=0,
-            conaffinity=0,
-            rgba=[0.6, 0.8, 0.9, 0.15],
-        )
-        for part in scene.parts:
-            name = f"{wall.name}_{part.name}"
-            spec.add_pair(name=name, geomname1=wall.name, geomname2=_hull_name(part), condim=3, **parameters)
-
-
-def _hull_name(part: RigidPart) -> str:
-    """The geom that other parts and walls meet: a ball's only corner has its radius."""
-    return _corner_name(part, 0) if part.corner_radius else f"{part.name}_hull"
-
-
-def _leaning(guide: Guide) -> list[float]:
-    """Quaternion that turns the vertical into the guide's axis."""
-    return [math.cos(0.5 * guide.tilt), 0.0, math.sin(0.5 * guide.tilt), 0.0]
-
-
-def _corner_name(part: RigidPart, i: int) -> str:
-    return f"{part.name}_corner_{i}"

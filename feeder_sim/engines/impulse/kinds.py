@@ -1,0 +1,89 @@
+"""Kinds of parts as compiled code takes them: mass, inertia and hulls; the walls of a rim are a kind of their own."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from feeder_sim.engines.impulse.free_flight import symmetry_axis
+from feeder_sim.engines.impulse.state import GENERAL_KIND, KIND, Kinds
+from feeder_sim.scene.rigid_part import CORNER_RADIUS
+from feeder_sim.scene.scene import Scene
+
+RIM_HEIGHT, RIM_THICKNESS = 0.5, 0.02  # [m]; above and below the plate
+
+
+def read_kinds(scene: Scene) -> Kinds:
+    """Collect the kinds of parts; with a rim, a last one for its walls, see `rim_walls`.
+
+    Spheres at the corners of MuJoCo's parts have a radius of a micrometre; so have the parts here, and both engines
+    simulate the same thing.
+    """
+    kinds, contact = scene.kinds, scene.scenario.contact
+    mass = [kind.mass for kind in kinds]
+    inertia = [kind.inertia for kind in kinds]
+    corners = [np.asarray(kind.corners, float) for kind in kinds]
+    edges = [hull_edges(points) for points in corners]
+    planes = [hull_planes(points) for points in corners]
+    radius = [kind.corner_radius or CORNER_RADIUS for kind in kinds]
+    if scene.rim:
+        mass.append(np.inf)
+        inertia.append(np.full(3, np.inf))
+        corners.append(_rim_box(scene))
+        edges.append(np.empty((0, 2), np.int64))
+        planes.append(hull_planes(corners[-1]))
+        radius.append(0.0)
+    axis = [symmetry_axis(moments) for moments in inertia]
+    symmetric = all(a >= 0 or np.isinf(m) for a, m in zip(axis, mass, strict=True))  # walls do not turn
+    record = np.zeros(len(mass), KIND if symmetric else GENERAL_KIND)
+    record["mass"], record["inertia"], record["radius"], record["axis"] = mass, inertia, radius, axis
+    record["reach"] = [np.linalg.norm(points, axis=1).max() for points in corners]
+    record["restitution"] = contact.restitution, contact.part_restitution
+    record["friction"] = contact.friction, contact.part_friction
+    for name, hulls in (("corner", corners), ("edge", edges), ("plane", planes)):
+        ends = np.cumsum([len(rows) for rows in hulls])
+        record[f"{name}_from"], record[f"{name}_to"] = [0, *ends[:-1]], ends
+    return Kinds(record, np.concatenate(corners), np.concatenate(edges), np.concatenate(planes))
+
+
+def hull_edges(corners: NDArray[np.float64]) -> NDArray[np.int64]:
+    """Edges of the convex hull of corners (n, 3), as pairs of indices (m, 2); none for corners in a plane."""
+    if _in_plane(corners):
+        return np.empty((0, 2), np.int64)
+    from scipy.spatial import ConvexHull
+
+    hull = ConvexHull(corners)
+    sides = np.sort(np.concatenate([hull.simplices[:, [0, 1]], hull.simplices[:, [1, 2]], hull.simplices[:, [2, 0]]]))
+    return np.unique(sides, axis=0).astype(np.int64)
+
+
+def _in_plane(corners: NDArray[np.float64]) -> bool:
+    """Whether corners (n, 3) are too few for a body, or the outline of a part that stays in a plane."""
+    return len(corners) < 4 or bool((np.ptp(corners, axis=0) == 0.0).any())
+
+
+def hull_planes(corners: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Planes of the faces of the convex hull of corners (n, 3), shape (f, 4); none for corners in a plane."""
+    if _in_plane(corners):
+        return np.empty((0, 4))
+    from scipy.spatial import ConvexHull
+
+    size = np.abs(corners).max()
+    return np.unique((ConvexHull(corners / size).equations * [1.0, 1.0, 1.0, size]).round(12), axis=0)
+
+
+def _rim_box(scene: Scene) -> NDArray[np.float64]:
+    """Corners (8, 3) of a box that is a wall along any side of the plate."""
+    long = 0.5 * max(scene.surface.length, scene.surface.width) + RIM_THICKNESS
+    signs = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], float)
+    return signs * [long, 0.5 * RIM_THICKNESS, RIM_HEIGHT]
+
+
+def rim_walls(scene: Scene) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Centres (walls, 3) [m] and attitudes (walls, 3, 3) of the walls of a rim; none without one."""
+    if not scene.rim:
+        return np.empty((0, 3)), np.empty((0, 3, 3))
+    x, y = 0.5 * (scene.surface.length + RIM_THICKNESS), 0.5 * (scene.surface.width + RIM_THICKNESS)
+    quarter = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+    centres = np.array([[0.0, y, 0.0], [0.0, -y, 0.0], [x, 0.0, 0.0], [-x, 0.0, 0.0]])
+    return centres, np.array([np.eye(3), np.eye(3), quarter, quarter])

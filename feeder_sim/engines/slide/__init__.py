@@ -1,0 +1,1 @@
+"""A part on a slide: one degree of freedom, every event found exactly."""

@@ -1,0 +1,102 @@
+"""The slide behind the engine protocol."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from feeder_sim.engines.impact_log import new_log, take_impacts
+from feeder_sim.engines.slide.motion import Law, Plate, V, Z, advance
+from feeder_sim.records.impacts import Impacts
+from feeder_sim.records.trajectory import BLOCK_FRAMES, Frames
+from feeder_sim.scene.scene import GRAVITY, Scene
+from feeder_sim.scene.start import start_poses
+
+LOG_ROWS = 20_000
+
+
+class SlideEngine:
+    """A part on a slide behind the engine protocol; part of the engine `impulse`.
+
+    Neither mass nor shape matter: the plate is driven, and the part does not turn.
+    """
+
+    name = "impulse"
+    frames_per_block = 20 * BLOCK_FRAMES
+
+    def __init__(self, scene: Scene, rng: np.random.Generator, *, threads: int = 1) -> None:
+        del threads  # one coordinate needs one
+        (pose,) = start_poses(scene, rng)
+        guide = scene.guides[0]
+        assert guide is not None
+        self._scene, self._pose, self._axis = scene, pose, guide.axis
+        up, down = guide.deceleration(GRAVITY)
+        self._law = Law(up, down, scene.scenario.contact.restitution)
+        self._plate = _plate(scene)
+        self._lowest = scene.parts[0].lowest(pose.quaternion)  # below the centre
+        self._state = np.array([0.0, pose.position[2] + self._lowest, 0.0, 0.0, 0.0, 0.0])
+        self._row = self._state[None, [Z, V]]
+        self._log = new_log(LOG_ROWS)
+        self._impacts: list[Impacts] = []
+        self._frame = 0
+
+    @property
+    def unresolved_impacts(self) -> int:
+        return 0
+
+    def current(self) -> Frames:
+        return self._frames(self._row, self._frame)
+
+    def advance(self, n_frames: int) -> Frames:
+        out = np.empty((n_frames, 2))
+        interval, done = self._scene.frame_interval, 0
+        while done < n_frames:
+            arguments = (self._state, self._plate, self._law, self._log, interval, self._frame + done)
+            done += advance(*arguments, out[done:])
+            if done < n_frames:
+                self._impacts.append(take_impacts(self._log, end=False))
+        self._frame += n_frames
+        self._row = out[-1:].copy()
+        return self._frames(out, self._frame - n_frames + 1)
+
+    def take_impacts(self, *, end: bool) -> Impacts:
+        taken = Impacts.joined([*self._impacts, take_impacts(self._log, end=end)])
+        self._impacts = []
+        return taken
+
+    def remove(self, parts: NDArray[np.int64]) -> None:
+        raise NotImplementedError("nothing takes a part off its slide")
+
+    def redrive(self, scene: Scene) -> None:
+        self._scene, self._plate = scene, _plate(scene)
+
+    def state(self) -> dict[str, NDArray[np.float64]]:
+        return {"state": self._state.copy(), "contact": self._log.current.copy(), "frame": np.array(self._frame)} | {
+            "row": self._row.copy()
+        }
+
+    def restore(self, state: dict[str, NDArray[np.float64]]) -> None:
+        self._state[:], self._log.current[:] = state["state"], state["contact"]
+        self._frame, self._row = int(state["frame"]), state["row"].copy()
+
+    def _frames(self, rows: NDArray[np.float64], first: int) -> Frames:
+        """Heights and vertical velocities (n, 2) as motion along the axis of the guide."""
+        n, along = len(rows), self._axis / self._axis[2]
+        start = self._pose.position + along * (rows[:, :1] - self._lowest - self._pose.position[2])
+        return Frames(
+            time=np.asarray((first + np.arange(n)) * self._scene.frame_interval, float),
+            position=start[:, None],
+            quaternion=np.tile(self._pose.quaternion, (n, 1, 1)),
+            velocity=(along * rows[:, 1:])[:, None],
+            angular_velocity=np.zeros((n, 1, 3)),
+            present=np.ones((n, 1), bool),
+        )
+
+
+def _plate(scene: Scene) -> Plate:
+    """The plate's motion under the part; on a piston the same everywhere."""
+    terms = scene.surface.terms
+    size, rate = np.abs(terms.coefficient), np.abs(terms.rate)
+    switch = np.unique(np.concatenate([terms.start, terms.stop, [np.inf]]))
+    bound = np.array([(size * rate**k).sum() for k in range(5)])
+    return Plate(terms.start, terms.stop, terms.coefficient, terms.rate, switch, bound)
