@@ -1,4 +1,4 @@
-"""Compiled twins of `ModalTerms.phasor` and of the interpolation in `Surface`, for the engines' inner loops."""
+"""`ModalTerms.phasor` and the interpolation of `Surface` again, as compiled functions for the engines' inner loops."""
 
 from __future__ import annotations
 
@@ -9,15 +9,18 @@ from feeder_sim.machine_code import compiled, inlined
 
 @inlined
 def modal_motion(t, term_shape, term_start, term_stop, coefficient, rate, q, velocity):
-    """Write q_j(t) [m] and dq_j/dt [m/s] of every mode shape into q and velocity (n_shapes,)."""
+    """Write q_j(t) [m] and dq_j/dt [m/s] of every mode shape into q and velocity (n_shapes,).
+
+    The arguments from term_shape to rate are the arrays of `ModalTerms`, shape (n_terms,); t is in [s].
+    """
     q[:] = 0.0
     velocity[:] = 0.0
     for k in range(term_shape.shape[0]):
         if term_start[k] <= t < term_stop[k]:
             age = t - term_start[k]
             angle = rate[k].imag * age
-            fade = math.exp(rate[k].real * age) if rate[k].real != 0.0 else 1.0
-            c, s = fade * math.cos(angle), fade * math.sin(angle)
+            decay = math.exp(rate[k].real * age) if rate[k].real != 0.0 else 1.0
+            c, s = decay * math.cos(angle), decay * math.sin(angle)
             real = coefficient[k].real * c - coefficient[k].imag * s
             imaginary = coefficient[k].real * s + coefficient[k].imag * c
             q[term_shape[k]] += real
@@ -26,7 +29,10 @@ def modal_motion(t, term_shape, term_start, term_stop, coefficient, rate, q, vel
 
 @inlined
 def grid_cell(position, origin, spacing, n, weight):
-    """Write the four cubic Lagrange weights into weight (4,) and return the first grid index; clamped to the grid."""
+    """Write four cubic Lagrange weights [1] into weight (4,) and return the index of the first of the four grid points.
+
+    The grid has n points, the first at origin [m]. A position [m] outside the grid is moved to its end.
+    """
     u = min(max((position - origin) / spacing, 0.0), n - 1.0)
     first = min(max(int(u) - 1, 0), n - 4)
     a = u - first
@@ -40,7 +46,10 @@ def grid_cell(position, origin, spacing, n, weight):
 
 @compiled
 def surface_modes(x, y, grid_x, grid_y, table, weight_x, weight_y, modes):
-    """Interpolate (w, beta_x, beta_y) of every mode shape at (x, y) into modes (n_shapes, 3); weights are scratch."""
+    """Interpolate (w [1], beta_x, beta_y [1/m]) of every mode shape at (x, y) [m] into modes (n_shapes, 3).
+
+    The grids and the table are those of `Surface`; weight_x and weight_y (4,) are overwritten.
+    """
     first_x = grid_cell(x, grid_x[0], grid_x[1] - grid_x[0], grid_x.shape[0], weight_x)
     first_y = grid_cell(y, grid_y[0], grid_y[1] - grid_y[0], grid_y.shape[0], weight_y)
     modes[:] = 0.0
@@ -54,7 +63,7 @@ def surface_modes(x, y, grid_x, grid_y, table, weight_x, weight_y, modes):
 
 @inlined
 def surface_deflection(shape, first_x, first_y, weight_x, weight_y, table):
-    """Deflection w of one mode shape from the weights and first indices of `grid_cell`."""
+    """Deflection w [1] of one mode shape from the weights and first indices of `grid_cell`."""
     w = 0.0
     for i in range(4):
         along_y = 0.0
@@ -66,7 +75,7 @@ def surface_deflection(shape, first_x, first_y, weight_x, weight_y, table):
 
 @compiled
 def grid_slope(position, origin, spacing, n, weight):
-    """Derivatives [1/m] of the weights of `grid_cell`, into weight (4,); returns the first grid index."""
+    """Write the derivatives [1/m] of the weights of `grid_cell` into weight (4,); return the first grid index."""
     u = min(max((position - origin) / spacing, 0.0), n - 1.0)
     first = min(max(int(u) - 1, 0), n - 4)
     a = u - first
@@ -80,20 +89,23 @@ def grid_slope(position, origin, spacing, n, weight):
 
 @compiled
 def surface_normal(x, y, grid_x, grid_y, table, q, weight_x, weight_y, normal):
-    """Write the unit normal of the deflected surface at (x, y) into normal (3,); weights are scratch."""
+    """Write the unit normal of the deflected surface at (x, y) [m] into normal (3,).
+
+    The modal coordinates q (n_shapes,) are in [m]; weight_x and weight_y (4,) are overwritten.
+    """
     first_x = grid_slope(x, grid_x[0], grid_x[1] - grid_x[0], grid_x.shape[0], weight_x)
     first_y = grid_cell(y, grid_y[0], grid_y[1] - grid_y[0], grid_y.shape[0], weight_y)
-    slope_x = _combined(table, q, first_x, first_y, weight_x, weight_y)
+    slope_x = _weighted_deflection(table, q, first_x, first_y, weight_x, weight_y)
     grid_cell(x, grid_x[0], grid_x[1] - grid_x[0], grid_x.shape[0], weight_x)
     grid_slope(y, grid_y[0], grid_y[1] - grid_y[0], grid_y.shape[0], weight_y)
-    slope_y = _combined(table, q, first_x, first_y, weight_x, weight_y)
+    slope_y = _weighted_deflection(table, q, first_x, first_y, weight_x, weight_y)
     size = math.sqrt(1.0 + slope_x * slope_x + slope_y * slope_y)
     normal[0], normal[1], normal[2] = -slope_x / size, -slope_y / size, 1.0 / size
 
 
 @compiled
-def _combined(table, q, first_x, first_y, weight_x, weight_y):
-    """Weighted deflection of all mode shapes over one 4 x 4 patch of the grid."""
+def _weighted_deflection(table, q, first_x, first_y, weight_x, weight_y):
+    """Sum of q times the weighted deflection of all mode shapes over 4 x 4 grid points."""
     total = 0.0
     for shape in range(table.shape[0]):
         for i in range(4):

@@ -1,11 +1,13 @@
-"""Modal coordinates in time: each driven mode is a damped oscillator started from rest and let go at the end.
+"""Modal coordinates in time: each driven mode is a damped oscillator that starts from rest.
 
     q'' + 2 zeta w_n q' + w_n^2 q = 2 zeta w_n^2 A cos(w (t - t_on) + phase),    t_on <= t < t_off
 
 The force is scaled so that at resonance (w = w_n) q -> A sin(w (t - t_on) + phase), with the envelope
-A (1 - exp(-zeta w t)) of the ring-up; after t_off the motion decays as exp(-zeta w_n t). Off resonance the same
-equation gives the smaller amplitude, the phase lag and the beating start. The solution is a sum of terms
-Re[c exp(s (t - t_start))], each over its own interval, and that list is what the engines step through.
+A (1 - exp(-zeta w t)) of the ring-up. After t_off no force acts and the motion decays as exp(-zeta w_n t). Off
+resonance the same equation gives a smaller amplitude, a phase lag and beats at the start.
+
+The exact solution, stationary motion plus transient, is a sum of terms Re[c exp(s (t - t_start))], each over an
+interval of its own. The engines evaluate this list of terms (`ModalTerms`).
 """
 
 from __future__ import annotations
@@ -18,7 +20,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-# A free decay is dropped when it has fallen to exp(-DECAY_LENGTH) of its start, below round-off.
+# A free decay ends when it has fallen to exp(-DECAY_LENGTH) of its start, 4e-18, which is below round-off.
 DECAY_LENGTH = 40.0
 
 
@@ -31,8 +33,8 @@ class ModalDrive:
         drive_frequency, natural_frequency: [Hz].
         amplitude: A [m], the modal coordinate reached at resonance.
         phase: [rad].
-        damping_ratio: zeta; None switches ring-up and ring-down off (the motion starts and stops at once).
-        start, stop: [s]; `stop` may be infinite.
+        damping_ratio: zeta [1]; with None there is no ring-up and no ring-down: the motion starts and stops at once.
+        start, stop: t_on and t_off [s]; `stop` may be infinite.
     """
 
     shape: int
@@ -49,11 +51,11 @@ class ModalDrive:
 class ModalTerms:
     """q_shape(t) = sum of Re[coefficient exp(rate (t - start))] over the terms with start <= t < stop.
 
-    Attributes (one entry per term):
-        shape: int64, index of the mode shape.
+    Attributes, all of shape (n_terms,):
+        shape: index of the mode shape.
         start, stop: [s].
-        coefficient: complex, [m].
-        rate: complex, [1/s].
+        coefficient: [m].
+        rate: [1/s]; its real part is the decay, its imaginary part the circular frequency.
     """
 
     shape: NDArray[np.int64]
@@ -63,7 +65,10 @@ class ModalTerms:
     rate: NDArray[np.complex128]
 
     def phasor(self, t: ArrayLike, n_shapes: int) -> NDArray[np.complex128]:
-        """Complex modal coordinates [m] at times t (n,): real part q, modulus the envelope; shape (n, n_shapes)."""
+        """Complex modal coordinates [m] at times t (n,) [s], shape (n, n_shapes).
+
+        The real part is q. For a single drive the modulus is the envelope of the oscillation.
+        """
         t = np.atleast_1d(np.asarray(t, float))[:, None]
         active = (t >= self.start) & (t < self.stop)
         age = np.where(active, t - self.start, 0.0)
@@ -75,7 +80,7 @@ class ModalTerms:
 
 
 def modal_terms(drives: Iterable[ModalDrive]) -> ModalTerms:
-    """Solve the oscillator of every drive; drives of one mode superpose."""
+    """Solve the oscillator of every drive; the terms of drives of the same mode add up."""
     terms = [term for drive in drives for term in _terms_of(drive)]
     return ModalTerms(
         shape=np.array([term[0] for term in terms], np.int64),
@@ -87,7 +92,7 @@ def modal_terms(drives: Iterable[ModalDrive]) -> ModalTerms:
 
 
 def _terms_of(drive: ModalDrive) -> list[tuple[int, float, float, complex, complex]]:
-    """Forced motion and start-up transient until `stop`, free decay after it."""
+    """Terms (shape, start, stop, coefficient, rate): forced motion and transient until `stop`, free decay after it."""
     omega, omega_n = 2.0 * math.pi * drive.drive_frequency, 2.0 * math.pi * drive.natural_frequency
     zeta = drive.damping_ratio
     if zeta is None:
@@ -111,5 +116,5 @@ def _terms_of(drive: ModalDrive) -> list[tuple[int, float, float, complex, compl
 
 
 def _free_motion(q: float, velocity: float, rate: complex) -> complex:
-    """Return c with Re[c] = q and Re[rate c] = velocity."""
+    """Coefficient c [m] of a free motion that starts with Re[c] = q [m] and Re[rate c] = velocity [m/s]."""
     return complex(q, (rate.real * q - velocity) / rate.imag)

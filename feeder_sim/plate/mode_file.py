@@ -35,14 +35,14 @@ SCHEMA_VERSION = 2
 
 @dataclass(frozen=True)
 class Resonance:
-    """A measured resonance of a real plate, tied to the computed mode nearest in frequency.
+    """A measured resonance of a real plate, assigned to the computed mode nearest in frequency.
 
     Attributes:
         mode: 0-based mode index.
         frequency: measured [Hz].
-        damping_ratio: measured; NaN when unknown.
+        damping_ratio: measured [1]; NaN when unknown.
         gain: deflection amplitude at the driven point per drive voltage [m / V peak to peak]; NaN when unknown.
-        driven_point: where the amplitude was measured, shape (2,) [m].
+        driven_point: (x, y) where the amplitude was measured [m].
     """
 
     mode: int
@@ -54,7 +54,7 @@ class Resonance:
 
 @dataclass(frozen=True)
 class ModeFile:
-    """Everything a mode file holds: the computed modes, and what was measured on the plate."""
+    """What a mode file contains: the computed modes and the resonances measured on the plate."""
 
     modes: PlateModes
     resonances: tuple[Resonance, ...] = ()
@@ -65,13 +65,13 @@ def write_mode_file(path: Path, modes: PlateModes, resonances: Sequence[Resonanc
 
     Raises:
         RecordingFailed: it cannot be written, as when the disk is full.
-        InputError: no file of this name can be written.
+        InputError: the system does not accept the file name.
     """
     import h5py
 
     plate, material = modes.plate, modes.plate.material
     partial = path.with_name(path.name + ".partial")
-    described = {
+    attributes = {
         "schema": SCHEMA,
         "creator": f"feeder_sim {__version__}",
         "libraries": f"numpy {np.__version__}, h5py {h5py.__version__}",
@@ -79,9 +79,9 @@ def write_mode_file(path: Path, modes: PlateModes, resonances: Sequence[Resonanc
         "normalisation": "max |w| = 1 over the plate",
         "sign_convention": "w > 0 at (+length/2, +width/2); a top surface point moves by (-h/2 bx, -h/2 by, w) q",
     }
-    held = io.BytesIO()  # HDF5 crashes when it closes a file that it could not write
-    with h5py.File(held, "w", libver="latest") as file:
-        put_text(file.attrs, described)
+    buffer = io.BytesIO()  # HDF5 crashes when it closes a file that it could not write
+    with h5py.File(buffer, "w", libver="latest") as file:
+        put_text(file.attrs, attributes)
         file.attrs["schema_version"] = SCHEMA_VERSION
         group = file.create_group("plate")
         group.attrs.update(
@@ -103,7 +103,7 @@ def write_mode_file(path: Path, modes: PlateModes, resonances: Sequence[Resonanc
         points = np.array([r.driven_point for r in resonances], float).reshape(-1, 2)
         put_array(file, "resonances/driven_point", points, "m")
     try:
-        partial.write_bytes(held.getvalue())
+        partial.write_bytes(buffer.getvalue())
         partial.replace(path)
     except OSError as error:
         with contextlib.suppress(OSError):
@@ -129,15 +129,20 @@ def read_mode_file(path: Path) -> ModeFile:
 
 
 def _checked(file: h5py.File, path: Path) -> ModeFile:
-    found, version = get_text(file.attrs, "schema"), file.attrs.get("schema_version")
+    """Read everything and check that the arrays fit each other.
+
+    Raises:
+        InputError: another schema, or inconsistent content.
+    """
+    schema, version = get_text(file.attrs, "schema"), file.attrs.get("schema_version")
     if version is not None and (not np.isscalar(version) or version != SCHEMA_VERSION):
         raise InputError(
             f"is {version!r}, allowed is {SCHEMA_VERSION}; make it with 'feeder-sim modes PLATE.toml --out FILE'",
             file=path,
             key="schema_version",
         )
-    if found != SCHEMA or version is None:
-        raise InputError(f"is {found!r}, allowed is a mode file ({SCHEMA!r})", file=path, key="schema")
+    if schema != SCHEMA or version is None:
+        raise InputError(f"is {schema!r}, allowed is a mode file ({SCHEMA!r})", file=path, key="schema")
     values = {name: _number(file, name, path) for name in _PLATE_KEYS}
     material = Material(values["density"], values["youngs_modulus"], values["poisson_ratio"])
     plate = RectangularPlate(values["length"], values["width"], values["thickness"], material)
@@ -170,7 +175,7 @@ def _checked(file: h5py.File, path: Path) -> ModeFile:
 
 
 _PLATE_KEYS = ("length", "width", "thickness", "density", "youngs_modulus", "poisson_ratio")
-# name: (kinds of number, dimensions, least, largest, whether NaN may stand for "unknown")
+# name: (kinds of NumPy dtype, number of dimensions, least, largest, whether NaN may stand for "unknown")
 _DATASETS: dict[str, tuple[str, int, float, float, bool]] = {
     "modes/natural_frequency": ("f", 1, 1e-9, 1e12, False),
     "modes/coefficients": ("f", 4, -1e12, 1e12, False),
@@ -184,7 +189,7 @@ _DATASETS: dict[str, tuple[str, int, float, float, bool]] = {
 
 
 def _number(file: h5py.File, name: str, path: Path) -> float:
-    """An attribute of /plate: a finite number above zero (Poisson's ratio: 0 to 0.5)."""
+    """Read an attribute of /plate; refuse it unless it is a finite number above 0 (Poisson's ratio: 0 to 0.5)."""
     value: Any = file["plate"].attrs.get(name) if "plate" in file else None
     largest = 0.5 if name == "poisson_ratio" else 1e15
     if not isinstance(value, float | int | np.number) or not 0.0 <= float(value) <= largest:
@@ -195,8 +200,8 @@ def _number(file: h5py.File, name: str, path: Path) -> float:
 
 
 def _array(file: h5py.File, name: str, path: Path) -> NDArray[Any]:
-    """A dataset of the kind, dimensions and range of `_DATASETS`."""
-    kinds, dimensions, least, largest, unknown = _DATASETS[name]
+    """Read a dataset; refuse it unless its kind, dimensions and range are those of `_DATASETS`."""
+    kinds, dimensions, least, largest, nan_allowed = _DATASETS[name]
     try:
         values = np.asarray(file[name][()])
     except (KeyError, TypeError, AttributeError) as error:
@@ -205,6 +210,6 @@ def _array(file: h5py.File, name: str, path: Path) -> NDArray[Any]:
         allowed = f"{dimensions}-dimensional array of {'whole ' if 'i' in kinds else ''}numbers"
         raise InputError(f"is a {values.ndim}-dimensional {values.dtype}, allowed is a {allowed}", file=path, key=name)
     valid = (values >= least) & (values <= largest)
-    if not (valid | np.isnan(values) if unknown else valid).all():
+    if not (valid | np.isnan(values) if nan_allowed else valid).all():
         raise InputError(f"holds a number outside {least:g} to {largest:g}", file=path, key=name)
     return values

@@ -1,10 +1,11 @@
-"""What a mode shape is to the rest of the package, and the two that need no eigenproblem: strip and piston.
+"""Mode shapes: the protocol they follow, one mode of a rectangular plate, and the closed forms of strip and piston.
 
 A straight-crested standing wave w = cos(k x) in a Mindlin plate has beta_x = -B sin(k x) with
 
     (S k^2 - rho h omega^2) (D k^2 + S - rho h^3/12 omega^2) = S^2 k^2,    B = k - rho h omega^2 / (S k)
 
-(Mindlin 1951, the lower branch of the dispersion relation); B -> k for a thin plate.
+(Mindlin, J. Appl. Mech. 18 (1951) 31, the lower branch of the dispersion relation); B -> k for a thin plate. The
+symbols D, S, rho and h are those of feeder_sim.plate.modes.
 """
 
 from __future__ import annotations
@@ -69,7 +70,7 @@ class StandingWave:
 
 @dataclass(frozen=True)
 class Piston:
-    """w = 1: the plate moves as one rigid body. Nothing drifts on it, which is what it is for."""
+    """w = 1: the plate moves up and down as one rigid body. It has no slope, so that parts on it do not drift."""
 
     def evaluate_grid(self, x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.float64]:
         values = np.zeros((3, len(x), len(y)))
@@ -78,7 +79,9 @@ class Piston:
 
 
 def standing_wave(plate: RectangularPlate, frequency: float) -> StandingWave:
-    """Return the standing bending wave of an infinite plate at a frequency [Hz]; only the thickness of `plate` counts.
+    """Return the standing bending wave of an infinite plate at a frequency [Hz].
+
+    Of `plate` only the thickness and the material count.
 
     Raises:
         ValueError: the frequency lies above the thickness-shear cut-off sqrt(S / (rho h^3/12)) / 2 pi.

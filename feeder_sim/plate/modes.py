@@ -8,7 +8,7 @@ orthonormal Legendre polynomials. With D = E h^3 / 12 (1 - nu^2), shear stiffnes
 
 (Mindlin, J. Appl. Mech. 18 (1951) 31; Liew, Xiang and Kitipornchai, Comput. Struct. 49 (1993) 1, for the Ritz form.)
 Free edges are natural boundary conditions, so every polynomial is admissible. The four parity classes in x and y
-decouple; solving them one by one also fixes the degenerate pairs of a square plate to the plate axes. Kirchhoff's
+decouple; solving them one by one also aligns the degenerate pairs of a square plate with the plate axes. Kirchhoff's
 thin plate is the same energy under the constraint beta = grad w, which the polynomials meet exactly.
 """
 
@@ -23,10 +23,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from feeder_sim.plate.materials import Material
 
-SHEAR_FACTOR = 5.0 / 6.0
-TERMS_PER_AXIS = 24
-CUT = 4
-CONVERGED = 5e-3
+SHEAR_FACTOR = 5.0 / 6.0  # kappa
+TERMS_PER_AXIS = 24  # Legendre polynomials
+CONVERGENCE_CUT = 4  # terms left out to see whether a mode is resolved
+CONVERGED = 5e-3  # relative change of a resolved natural frequency without these terms
 Theory = Literal["mindlin", "kirchhoff"]
 Fields = tuple[tuple[NDArray[np.int64], NDArray[np.int64]], ...]  # orders in x and y of w, beta_x, beta_y
 
@@ -68,7 +68,7 @@ class RectangularPlate:
         return self.material.density * self.thickness**3 / 12.0
 
 
-@dataclass(frozen=True, eq=False)  # compared by identity, as keys
+@dataclass(frozen=True, eq=False)  # compared and hashed by identity, since arrays have no hash
 class PlateModes:
     """Elastic modes of a plate, sorted by frequency; mode number 1 is index 0.
 
@@ -143,26 +143,27 @@ def plate_modes(
         The modes, none if the lowest lies above `highest_frequency`.
 
     Raises:
-        ValueError: some of the modes asked for are not resolved: they move by more than `CONVERGED` when the series is
-            cut by `CUT` terms, as happens for many half waves along a slender plate.
+        ValueError: a mode asked for is not resolved: its frequency changes by more than `CONVERGED` when the series
+            has `CONVERGENCE_CUT` terms less, as happens for many half waves along a slender plate.
     """
-    found = []
+    solutions = []
     for parity in ((0, 0), (1, 0)) if uniform_width else ((0, 0), (0, 1), (1, 0), (1, 1)):
         frequencies, coefficients = _solve_parity_class(plate, parity, theory, terms_per_axis, uniform_width)
-        coarse, _ = _solve_parity_class(plate, parity, theory, terms_per_axis - CUT, uniform_width)
-        keep = frequencies <= highest_frequency
-        moved = coarse[: len(frequencies)] / frequencies[: len(coarse)] - 1.0 > CONVERGED
-        if (keep[: len(moved)] & moved).any() or keep.sum() > len(moved):
-            resolved = frequencies[int(np.argmax(moved))] if moved.any() else frequencies[len(moved) - 1]
+        coarse, _ = _solve_parity_class(plate, parity, theory, terms_per_axis - CONVERGENCE_CUT, uniform_width)
+        wanted = frequencies <= highest_frequency
+        unresolved = coarse[: len(frequencies)] / frequencies[: len(coarse)] - 1.0 > CONVERGED
+        if (wanted[: len(unresolved)] & unresolved).any() or wanted.sum() > len(unresolved):
+            first = int(np.argmax(unresolved)) if unresolved.any() else len(unresolved) - 1
+            resolved = frequencies[first]
             raise ValueError(f"modes above {resolved:.0f} Hz are not resolved by {terms_per_axis} terms per axis")
-        found += [(f, c, parity) for f, c in zip(frequencies[keep], coefficients[keep], strict=True)]
-    # Degenerate partners agree to round-off: order them by parity so that the numbering is reproducible.
-    found.sort(key=lambda mode: (float(f"{mode[0]:.6g}"), mode[2]))
+        solutions += [(f, c, parity) for f, c in zip(frequencies[wanted], coefficients[wanted], strict=True)]
+    # The frequencies of a degenerate pair differ by round-off: sorted by parity, their numbering is reproducible.
+    solutions.sort(key=lambda mode: (float(f"{mode[0]:.6g}"), mode[2]))
     modes = PlateModes(
         plate=plate,
-        natural_frequency=np.array([f for f, _, _ in found]),
-        coefficients=np.array([c for _, c, _ in found]).reshape(-1, 3, terms_per_axis, terms_per_axis),
-        parity=np.array([p for _, _, p in found], dtype=np.int64).reshape(-1, 2),
+        natural_frequency=np.array([f for f, _, _ in solutions]),
+        coefficients=np.array([c for _, c, _ in solutions]).reshape(-1, 3, terms_per_axis, terms_per_axis),
+        parity=np.array([p for _, _, p in solutions], dtype=np.int64).reshape(-1, 2),
     )
     return _normalised(modes)
 
@@ -179,7 +180,7 @@ def _solve_parity_class(
     if uniform_width:
         y_w, y_b = y_w[:1], y_b[:0]
     fields = ((x_w, y_w), (x_b, y_w), (x_w, y_b))
-    # Under the constraint beta = grad w the shear energy is zero; leaving it out keeps its round-off out, too.
+    # Under the constraint beta = grad w the shear energy is zero. Without the term its round-off is absent, too.
     shear_stiffness = plate.shear_stiffness if theory == "mindlin" else 0.0
     stiffness, mass = _ritz_matrices(plate, shear_stiffness, fields, terms)
     basis = np.eye(len(mass)) if theory == "mindlin" else _thin_plate_basis(plate, fields, terms)
@@ -196,7 +197,7 @@ def _solve_parity_class(
 
 
 def _thin_plate_basis(plate: RectangularPlate, fields: Fields, terms: int) -> NDArray[np.float64]:
-    """Columns (w, dw/dx, dw/dy) for each product of w: the constraint beta = grad w."""
+    """Columns (w, dw/dx, dw/dy) for each polynomial product of w: they span what satisfies beta = grad w."""
     (x_w, y_w), (x_b, _), (_, y_b) = fields
     _, slope, _ = _legendre_integrals(terms)  # P_j' = sum_i slope[i, j] P_i
     dx = 2.0 / plate.length * np.kron(slope[np.ix_(x_b, x_w)], np.eye(len(y_w)))
@@ -205,14 +206,14 @@ def _thin_plate_basis(plate: RectangularPlate, fields: Fields, terms: int) -> ND
 
 
 def _rigid_count(parity: tuple[int, int]) -> int:
-    """Heave is even-even; pitch and roll are odd in one axis; an odd-odd plate has no rigid motion."""
+    """Number of rigid motions in a parity class: heave is even-even, pitch and roll are odd along one axis."""
     return 0 if parity == (1, 1) else 1
 
 
 def _ritz_matrices(
     plate: RectangularPlate, shear_stiffness: float, fields: Fields, terms: int
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Assemble stiffness (n, n) and the diagonal mass (n,), both per unit (length/2)(width/2)."""
+    """Assemble the stiffness (n, n) and the diagonal of the mass (n,), both divided by (length/2)(width/2)."""
     d, s, nu = plate.bending_stiffness, shear_stiffness, plate.material.poisson_ratio
     gram, value_slope, slope_slope = _legendre_integrals(terms)
     lx, ly = 2.0 / plate.length, 2.0 / plate.width
@@ -251,7 +252,7 @@ def _orthonormal_legendre(xi: NDArray[np.float64], terms: int) -> NDArray[np.flo
 
 
 def _normalised(modes: PlateModes) -> PlateModes:
-    """Scale to max |w| = 1 (sampled on a grid that holds the corners) and w > 0 at the corner (+, +)."""
+    """Scale to max |w| = 1, sampled on a grid that includes the corners, and to w > 0 at the corner (+, +)."""
     x = np.linspace(-0.5, 0.5, 181) * modes.plate.length
     y = np.linspace(-0.5, 0.5, 181) * modes.plate.width
     scaled = modes.coefficients.copy()

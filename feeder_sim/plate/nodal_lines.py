@@ -1,4 +1,4 @@
-"""Nodal lines of a mode shape, distance to them, and the antinode a part starts from."""
+"""Nodal lines of a mode shape, the distance of points to them, and the antinode next to a point."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ class NodalLines:
 
 
 def nodal_lines(surface: Surface, shape: int = 0) -> NodalLines:
-    """Trace the nodal lines of one mode shape on the surface's own grid."""
+    """Nodal lines of one mode shape, as contours w = 0 on the grid of the surface."""
     from contourpy import contour_generator
 
     w = surface.table[shape, :, :, 0]
@@ -47,15 +47,15 @@ def nodal_lines(surface: Surface, shape: int = 0) -> NodalLines:
 
 
 def antinode_near(surface: Surface, shape: int, point: tuple[float, float]) -> NDArray[np.float64]:
-    """Climb |w| of one mode shape from a point [m] to the antinode of its cell, shape (2,) [m]."""
+    """Antinode of the cell in which a point (x, y) [m] lies, shape (2,) [m]: the maximum of |w| next to the point."""
     from scipy.optimize import minimize
 
     sign = np.sign(surface.deflection(shape, np.array([point]))[0]) or 1.0
     half = np.array([0.5 * surface.length, 0.5 * surface.width])
-    reached = minimize(  # in units of the half plate, so that the optimiser's own steps suit
+    optimum = minimize(  # in units of half the plate, for which the optimiser's default step sizes are right
         lambda u: -sign * surface.deflection(shape, (u * half)[None])[0],
         np.array(point) / half,
         method="L-BFGS-B",
         bounds=[(-1.0, 1.0), (-1.0, 1.0)],
     )
-    return np.asarray(reached.x) * half
+    return np.asarray(optimum.x) * half

@@ -1,12 +1,12 @@
-"""The moving top surface: mode shapes on a grid, modal coordinates in time, both ready for compiled code.
+"""The moving top surface: mode shapes on a grid and modal coordinates in time, as arrays that compiled code can take.
 
 With deflection w, rotations beta and modal coordinates q, a point of the top surface (half thickness h/2 above the
 mid-plane) moves by
 
     u = sum_j (-h/2 beta_x, -h/2 beta_y, w)_j q_j(t),    velocity the same with q_j'.
 
-The horizontal part is what carries parts from antinode to node. Shapes are tabulated and interpolated with cubic
-Lagrange polynomials: at 80 grid points per wavelength the deflection is right to 1e-6 of the antinode amplitude.
+The horizontal part makes parts drift from antinode to node. Shapes are tabulated and interpolated with cubic
+Lagrange polynomials: with 80 grid points per wavelength the error of the deflection is 1e-6 of the antinode amplitude.
 """
 
 from __future__ import annotations
@@ -23,12 +23,12 @@ from feeder_sim.plate.drive import ModalTerms
 from feeder_sim.plate.mode_shapes import ModeShape
 
 POINTS_PER_WAVELENGTH = 80
-MAX_GRID_POINTS = 20_000_000  # half a gigabyte
+MAX_GRID_POINTS = 20_000_000  # of all shapes together; half a gigabyte
 
 
 @dataclass(frozen=True)
 class Surface:
-    """Top surface of a plate in motion, centred on the origin.
+    """Top surface of a moving plate, centred on the origin.
 
     Attributes:
         length, width, thickness: [m]; x runs along the length.
@@ -51,13 +51,13 @@ class Surface:
 
     def displacement(self, points: NDArray[np.float64], t: float) -> NDArray[np.float64]:
         """Displacement [m] of surface points (n, 2) [m] at time t [s], shape (n, 3)."""
-        return self._moved(points, self.terms.phasor(t, self.n_shapes)[0].real)
+        return self._combined(points, self.terms.phasor(t, self.n_shapes)[0].real)
 
     def velocity(self, points: NDArray[np.float64], t: float) -> NDArray[np.float64]:
         """Velocity [m/s] of surface points (n, 2) [m] at time t [s], shape (n, 3)."""
         terms = self.terms
         rates = ModalTerms(terms.shape, terms.start, terms.stop, terms.coefficient * terms.rate, terms.rate)
-        return self._moved(points, rates.phasor(t, self.n_shapes)[0].real)
+        return self._combined(points, rates.phasor(t, self.n_shapes)[0].real)
 
     def deflection(self, shape: int, points: NDArray[np.float64]) -> NDArray[np.float64]:
         """Deflection w [1] of one mode shape at points (n, 2) [m], shape (n,)."""
@@ -67,7 +67,8 @@ class Surface:
         """Deflection w [1] of all mode shapes at points (n, 2) [m], shape (n_shapes, n)."""
         return self.modes_at(points)[..., 0]
 
-    def _moved(self, points: NDArray[np.float64], q: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _combined(self, points: NDArray[np.float64], q: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Displacement (n, 3) for modal coordinates q (n_shapes,) [m], or velocity for their rates [m/s]."""
         w, bx, by = np.moveaxis(np.einsum("spc,s->pc", self.modes_at(points), q), -1, 0)
         half = 0.5 * self.thickness
         return np.stack([-half * bx, -half * by, w], axis=1)
@@ -121,7 +122,12 @@ def tabulate(
 def lagrange_weights(
     position: NDArray[np.float64], grid: NDArray[np.float64]
 ) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-    """First of four grid points and their cubic Lagrange weights (n, 4); positions off the grid are clamped to it."""
+    """Cubic Lagrange interpolation on a uniform grid (m,) [m].
+
+    Returns:
+        Index of the first of four grid points for each position (n,) [m], and the weights of the four (n, 4) [1].
+        A position outside the grid is moved to its end.
+    """
     spacing = grid[1] - grid[0]
     u = np.clip((position - grid[0]) / spacing, 0.0, len(grid) - 1.0)
     first = np.clip(u.astype(np.int64) - 1, 0, len(grid) - 4)

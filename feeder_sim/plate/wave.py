@@ -1,9 +1,10 @@
-"""Modes driven together at one frequency: the wave they make, its still points, and the track its crest runs along.
+"""Modes driven together at one frequency: the wave they make, its still points, and the track of its crest.
 
 With the complex amplitude of every mode, q_j(t) = Re[a_j exp(i w t)], the surface moves by Re[W exp(i w t)],
-W(x, y) = sum a_j phi_j(x, y). A standing wave has one phase (or its opposite) everywhere. Two degenerate modes a
-quarter of a period apart make a *quasi-travelling* wave: points where both have nodes stay *still*, and around them the
-phase runs through 360 degrees and takes the crest with it. (D. Shi, EPFL thesis TH7124, 2016.)
+W(x, y) = sum a_j phi_j(x, y). A standing wave has one phase, or the opposite one, everywhere. Two degenerate modes a
+quarter of a period apart make a *quasi-travelling* wave: points where both modes have nodes stay *still*. On a closed
+line around a still point the phase increases or decreases by 360 degrees, so that the crest moves round along it.
+(D. Shi, EPFL thesis TH7124, 2016.)
 """
 
 from __future__ import annotations
@@ -16,10 +17,11 @@ from numpy.typing import NDArray
 
 from feeder_sim.plate.surface import Surface
 
-DIRECTIONS = 720  # from a still point, in which the crest is looked for
-RADIAL_STEP = 2e-4  # [m]
-FIELD_POINTS = 361  # per axis, where still points are looked for
-POINTS_AT_ONCE = 20_000  # a hundred numbers of every mode are held for each
+DIRECTIONS = 720  # from a still point, in which the crest is searched
+RADIAL_STEP = 2e-4  # [m]; of this search
+FIELD_POINTS = 361  # per axis of the grid on which still points are searched
+POINTS_AT_ONCE = 20_000  # limits the memory: the interpolation holds a hundred numbers per point and mode
+ORDERS = 8  # Fourier components of the amplitude along a track that are counted
 
 
 @dataclass(frozen=True)
@@ -27,7 +29,7 @@ class Wave:
     """Complex displacement amplitude of a surface.
 
     Attributes:
-        surface: with the mode shapes.
+        surface: has the mode shapes.
         amplitude: a_j of every mode shape [m], shape (n_shapes,).
     """
 
@@ -36,14 +38,14 @@ class Wave:
 
     def at(self, points: NDArray[np.float64]) -> NDArray[np.complex128]:
         """W [m] at points (n, 2) [m], shape (n,)."""
-        found = np.zeros(len(points), complex)
+        field = np.zeros(len(points), complex)
         for rows in np.array_split(np.arange(len(points)), 1 + len(points) // POINTS_AT_ONCE):
-            found[rows] = self.amplitude @ self.surface.deflections(points[rows])
-        return found
+            field[rows] = self.amplitude @ self.surface.deflections(points[rows])
+        return field
 
     @property
     def standing_share(self) -> float:
-        """|int W^2| / int |W|^2: 1 for a standing wave, 0 for one that everywhere takes as long to come as to go."""
+        """|int W^2| / int |W|^2 over the plate: 1 for a standing wave, 0 for a purely travelling one."""
         return standing_share(self.on_grid()[2])
 
     def on_grid(self, n: int = FIELD_POINTS) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.complex128]]:
@@ -86,28 +88,28 @@ class Track:
 
     @property
     def turns(self) -> int:
-        """Times the phase runs through 360 degrees; the crest runs counter-clockwise where it is negative."""
+        """Change of the phase once around [360 degrees]; where it is negative the crest moves counter-clockwise."""
         phase = self.phase_deg
         return round(float(phase[-1] - phase[0]) / 360.0)
 
     @property
     def amplitude_ratio(self) -> float:
         """Largest over smallest amplitude."""
-        size = np.abs(self.amplitude)
-        return float(size.max() / max(size.min(), 1e-300))
+        modulus = np.abs(self.amplitude)
+        return float(modulus.max() / max(modulus.min(), 1e-300))
 
     @property
     def travelling_ratio(self) -> float:
-        """1: the wave only travels counter-clockwise, -1: clockwise, 0: it stands.
+        """1: the wave only travels counter-clockwise, -1: clockwise, 0: it stands; NaN where nothing moves.
 
-        (f - b) / (f + b), with the effective amplitudes f and b of all waves that travel one way and the other: the
-        Fourier components of the amplitude over the length of the track.
+        (f - b) / (f + b), with the effective amplitudes f of all waves that travel counter-clockwise and b of those
+        that travel clockwise: the Fourier components of the amplitude over the length of the track.
         """
         steps = self._steps()
-        place = 2.0 * math.pi * (np.cumsum(steps) - steps) / steps.sum()
-        orders = np.arange(1, 9)
+        angle = 2.0 * math.pi * (np.cumsum(steps) - steps) / steps.sum()
+        orders = np.arange(1, ORDERS + 1)
         forward, backward = (
-            math.hypot(*(abs((self.amplitude * np.exp(sign * 1j * n * place) * steps).sum()) for n in orders))
+            math.hypot(*(abs((self.amplitude * np.exp(sign * 1j * n * angle) * steps).sum()) for n in orders))
             for sign in (1.0, -1.0)
         )
         total = forward + backward
@@ -118,12 +120,12 @@ class Track:
 
 
 def still_points(wave: Wave) -> NDArray[np.float64]:
-    """Where nothing moves: crossings of the zero lines of the real and the imaginary part, shape (n, 2) [m]."""
+    """Points at which W = 0, shape (n, 2) [m]: crossings of the zero lines of its real and imaginary part."""
     from contourpy import contour_generator
     from shapely import MultiLineString, get_coordinates, intersection
 
     x, y, field = wave.on_grid()
-    # Turn the phase so that both parts are as large: neither vanishes for a wave that stands almost everywhere.
+    # A common phase is free. This one makes both parts equally large, so that neither vanishes for a standing wave.
     field = field * np.exp(-0.5j * np.angle((field**2).sum()) + 0.25j * math.pi)
     parts = [
         MultiLineString([line for line in contour_generator(x, y, part.T).lines(0.0) if len(line) > 1])
@@ -133,18 +135,18 @@ def still_points(wave: Wave) -> NDArray[np.float64]:
 
 
 def crest_track(wave: Wave, centre: NDArray[np.float64]) -> Track:
-    """Go out from a still point [m] in all directions until the amplitude has its first maximum.
+    """Track of the crest around a still point (2,) [m]: the first maximum of the amplitude in every direction.
 
     Raises:
-        ValueError: it has none before the plate's edge in some direction.
+        ValueError: in some direction there is no maximum before the plate's edge.
     """
     angle = np.linspace(0.0, 2.0 * math.pi, DIRECTIONS, endpoint=False)
     direction = np.stack([np.cos(angle), np.sin(angle)], axis=1)
     half = 0.5 * np.array([wave.surface.length, wave.surface.width])
     reach = float((half - np.abs(centre)).min())
     radius = np.arange(1.0, reach / RADIAL_STEP) * RADIAL_STEP
-    size = np.abs(wave.at((centre + radius[:, None, None] * direction).reshape(-1, 2))).reshape(len(radius), -1)
-    falls = size[1:] < size[:-1]
+    amplitude = np.abs(wave.at((centre + radius[:, None, None] * direction).reshape(-1, 2))).reshape(len(radius), -1)
+    falls = amplitude[1:] < amplitude[:-1]
     if not falls.any(axis=0).all():
         raise ValueError("the amplitude has no crest all around this point")
     points = centre + radius[falls.argmax(axis=0)][:, None] * direction

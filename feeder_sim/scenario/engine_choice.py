@@ -1,7 +1,7 @@
-"""What each engine covers, which one a scenario gets, and settings that are known to fail.
+"""Which scenarios each engine can compute, which engine a scenario gets, and settings that are known to fail.
 
-There are three methods behind two names: `mujoco`, and under the name `impulse` the general one and `slide`, which
-finds every event of a part with one degree of freedom exactly.
+Two engine names stand for three methods. `mujoco` has one. `impulse` has the general one, and `slide`, which finds
+every event of a part with one degree of freedom exactly. docs/engines.md describes them.
 """
 
 from __future__ import annotations
@@ -15,9 +15,9 @@ from feeder_sim.scenario.run import MujocoSettings
 if TYPE_CHECKING:
     from feeder_sim.scenario.scenario import Scenario
 
-# Fewer are biased, and with a weak surface unstable (`feeder-sim chart --only stability`).
+# With fewer steps drifts are biased, and a compliant contact is unstable (`feeder-sim chart --only stability`).
 MIN_STEPS_PER_PERIOD = 20
-# A compliant contact (solref = "T zeta") shorter than this many steps is unstable.
+# A compliant contact (MuJoCo's solref = "T zeta") with a time constant T of fewer steps is unstable.
 MIN_STEPS_PER_TIME_CONSTANT = 5.0
 
 EngineName = Literal["impulse", "mujoco"]
@@ -25,7 +25,7 @@ Method = Literal["impulse", "slide", "mujoco"]
 
 
 class Choice(NamedTuple):
-    """An engine by name, how it computes the scenario, and why it is the one."""
+    """An engine by name, the method by which it computes the scenario, and the reason for the choice."""
 
     name: EngineName
     method: Method
@@ -33,7 +33,7 @@ class Choice(NamedTuple):
 
 
 def choose_engine(scenario: Scenario) -> Choice:
-    """The engine of a checked scenario: the one it asks for, else the fastest that covers it."""
+    """The engine of a checked scenario: the one it asks for, else the fastest that can compute it."""
     guide = scenario.guide
     method: Method = "slide" if guide is not None and guide.kind == "slide" else "impulse"
     if scenario.run.engine == "mujoco":
@@ -48,7 +48,7 @@ def choose_engine(scenario: Scenario) -> Choice:
 
 
 def uncovered(scenario: Scenario) -> Iterator[str]:
-    """What the engine of a scenario cannot do: key, value and what is allowed, one line each."""
+    """What the engine of a scenario cannot compute: key, value and what is allowed, one line each."""
     run, contact = scenario.run, scenario.contact
     if run.engine == "impulse" and contact.model == "compliant":
         yield (
@@ -71,6 +71,7 @@ def uncovered(scenario: Scenario) -> Iterator[str]:
 
 
 def _uncovered_in_plane(scenario: Scenario, *, in_mujoco: bool) -> Iterator[str]:
+    """What cannot be computed with run.planar = true, as for `uncovered`."""
     part = scenario.part[0]
     if in_mujoco:
         yield "run.planar is true, allowed is false in MuJoCo"

@@ -1,4 +1,4 @@
-"""Tables of a scenario that describe parts: shape and material, how many, where they start, what guides them."""
+"""Tables of a scenario that describe parts: shape and material, number, start, guide."""
 
 from __future__ import annotations
 
@@ -11,17 +11,19 @@ from feeder_sim.scenario.plate import MaterialChoice
 from feeder_sim.scenario.tables import AngleRange, DropHeightRange, LengthMm, NonNegative, PointMm, Table, VelocityMmS
 
 MAX_PARTS = 5000
-# From the vertical; a guide is meant to stand on the plate.
+# From the vertical. A guide that is nearly horizontal would not stand on the plate.
 GuideTiltDeg = Annotated[float, Field(ge=0, le=60, strict=True)]
 
 
-class _Turned(Table):
+class _Release(Table):
+    """Height and attitude of a part at its start: ranges from which each seed draws."""
+
     drop_height_mm: DropHeightRange = (0.2, 0.5)
     yaw_deg: AngleRange = (0.0, 360.0)
     tilt_deg: AngleRange | None = None
 
 
-class Start(_Turned):
+class Start(_Release):
     """Where one part is released: ranges are drawn per seed; its lowest point is at drop height over the resting plate.
 
     `position_mm` of a part in a guide is where the guide's axis meets the plate. Without `tilt_deg` a free part starts
@@ -33,7 +35,7 @@ class Start(_Turned):
     velocity_mm_s: VelocityMmS = (0.0, 0.0, 0.0)
 
 
-class Scattered(_Turned):
+class Scattered(_Release):
     """Parts dropped at random places of a rectangle without touching: the plate, or `size_mm` around `centre_mm`."""
 
     kind: Literal["scattered"]
@@ -41,7 +43,7 @@ class Scattered(_Turned):
     size_mm: tuple[LengthMm, LengthMm] | None = None
 
 
-class Heap(_Turned):
+class Heap(_Release):
     """Parts poured from a column of the given diameter, layer above layer, turned at random unless told otherwise."""
 
     kind: Literal["heap"]
@@ -78,14 +80,14 @@ class Tube(Table):
     friction: NonNegative = 0.0
 
 
-Guide = Annotated[Slide | Tube, Field(discriminator="kind")]
+GuideSpec = Annotated[Slide | Tube, Field(discriminator="kind")]
 
 
 class _Part(Table):
     material: MaterialChoice = "steel"
     count: Annotated[int, Field(ge=1, le=MAX_PARTS, strict=True)] = 1
     start: StartSpec = Start()
-    guide: Guide | None = None
+    guide: GuideSpec | None = None
 
     @model_validator(mode="after")
     def _room_for_all(self) -> Self:

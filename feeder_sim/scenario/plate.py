@@ -92,8 +92,8 @@ class Excitation(Table):
     """One mode driven at one frequency; see feeder_sim.plate.drive for the response in time.
 
     The amplitude is the one reached at resonance, at `at_mm` or else at the highest antinode of the mode (of a free
-    rectangular plate usually a corner). A drive is at resonance unless
-    `natural_frequency_hz` says otherwise. `voltage_vpp` uses the gain measured on the plate (mode file).
+    rectangular plate usually a corner). A drive is at resonance unless `natural_frequency_hz` differs from
+    `frequency_hz`. `voltage_vpp` uses the gain measured on the plate (mode file).
     """
 
     frequency_hz: FrequencyHz
@@ -116,16 +116,16 @@ class Excitation(Table):
 
 
 class Drive(Excitation):
-    """An excitation that starts at a given time and lasts for a given time, or for good."""
+    """An excitation that starts at a given time and lasts for a given time, or to the end of the run."""
 
     start_s: NonNegative = 0.0
     duration_s: Positive | None = None
 
 
 class PlateBody(Table):
-    """Dimensions and material of a rectangular plate, and how far its modes are wanted.
+    """Dimensions and material of a rectangular plate, and up to which frequency its modes are computed.
 
-    With `uniform_width` those alone that do not vary across the width: the bending of a strip.
+    With `uniform_width` only modes that do not vary across the width are computed: the bending of a strip.
     """
 
     length_mm: LengthMm

@@ -1,4 +1,4 @@
-"""Tables of a scenario that say how it is computed: contact law, how long and how fine, settings of MuJoCo."""
+"""Tables of a scenario that say how it is computed: contact law, duration and time step, settings of MuJoCo."""
 
 from __future__ import annotations
 
@@ -32,13 +32,13 @@ class Contact(Table):
 
 
 class MujocoSettings(Table):
-    """How the MuJoCo engine is set up; the defaults are the best found, all else is there to be compared with them.
+    """How the MuJoCo engine is set up; the defaults are the best known, other values are for comparison.
 
     `plate`: a patch with joints, or a mocap body (which has no velocity in contact). `contact_set`: a small sphere at
-    every corner, or MuJoCo's own contact of hull and box. `impedance` of contacts: as hard as MuJoCo allows, or its own
-    default. `tolerance`: MuJoCo's own, scaled to the part or as it comes.
-    `refsafe = false` takes time constants below two steps as they are, which MuJoCo else lengthens. The rest are
-    MuJoCo's options of that name; `units` are those the model is written in.
+    every corner, or MuJoCo's own contact of hull and box. `impedance` of contacts: as hard as MuJoCo allows, or its
+    default. `tolerance` of the solver: MuJoCo's default, scaled to the part or not. `refsafe = false` keeps time
+    constants below two steps, which MuJoCo otherwise lengthens. `units` are those in which the model is written. The
+    other keys are MuJoCo's options of that name.
     """
 
     plate: Literal["patch", "mocap"] = "patch"
@@ -54,13 +54,13 @@ class MujocoSettings(Table):
 
 
 class Run(Table):
-    """How long, how often, how fine, and with which simplifications.
+    """How long, with how many seeds, with which step and with which simplifications a scenario is computed.
 
-    `in_plane_velocity = false` holds the horizontal motion of the surface still; `tangent_surface = true` makes the
-    impulse engine take the surface under a part for a plane, as the MuJoCo engine always does; `planar = true` keeps a
-    part in the plane y = 0 of a strip or piston, with the outline it has there. `allow_unstable` runs settings that are
-    known to fail. With a schedule the
-    duration is that of its stages. A part that falls off the plate is followed down to `floor_mm`, and is lost there.
+    `in_plane_velocity = false` leaves out the horizontal motion of the surface; `tangent_surface = true` makes the
+    impulse engine replace the surface under a part by its tangent plane, as the MuJoCo engine always does;
+    `planar = true` keeps a part in the plane y = 0 of a strip or piston, with the outline it has there.
+    `allow_unstable` runs settings that are known to fail. With a schedule the duration is that of its stages. A part
+    that falls off the plate is computed down to `floor_mm`, and is lost there.
     """
 
     engine: Literal["auto", "impulse", "mujoco"] = "auto"

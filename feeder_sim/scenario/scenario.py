@@ -1,6 +1,6 @@
-"""Scenario files: TOML -> frozen, validated values. Keys carry their units; nothing here computes anything.
+"""Scenario files: TOML -> frozen, validated values. The names of keys contain their units.
 
-A scenario is a plate, the drives that excite it or a schedule of them, the parts, their contact and how to run:
+A scenario consists of a plate, its drives or a schedule of drives, the parts, their contact, and how to run it:
 
     Scenario(plate=Strip(thickness_mm=3), drive=[Drive(frequency_hz=4750, amplitude_um=1)], part=[HexNut(size="M2.5")],
              run=Run(duration_s=1))
@@ -37,17 +37,17 @@ class Scenario(Table):
 
     @property
     def n_parts(self) -> int:
-        """Parts in the scene."""
+        """Number of parts of all tables together."""
         return sum(part.count for part in self.part)
 
     @property
     def guide(self) -> Slide | Tube | None:
-        """The guide of the one part of a guided scene."""
+        """The guide of the first part. A part in a guide is the only one of its scenario."""
         return self.part[0].guide
 
     @property
     def excitations(self) -> tuple[tuple[str, Excitation], ...]:
-        """Every excitation once, with its key in the file: the drives, or those of the schedule's stages."""
+        """Every excitation once, with its key in the file: the drives, or those of all stages of the schedule."""
         if self.schedule is None:
             return tuple((f"drive[{i}]", drive) for i, drive in enumerate(self.drive))
         return tuple(
@@ -59,7 +59,7 @@ class Scenario(Table):
 
     @property
     def highest_frequency_hz(self) -> float:
-        """The fastest motion of the plate: forced at the drive frequency, ringing at the natural one."""
+        """Highest frequency of the plate's motion; a plate that rings moves at the natural frequency of the mode."""
         return max(max(d.frequency_hz, d.natural_frequency_hz or 0.0) for _, d in self.excitations)
 
     @model_validator(mode="after")
@@ -69,8 +69,8 @@ class Scenario(Table):
         if self.schedule is not None and not self.excitations:
             raise ValueError("schedule.stage has no drive, allowed is at least one in all stages together")
         if (self.run.duration_s is None) == (self.schedule is None):
-            said = "is missing, allowed is a number above 0" if self.schedule is None else "is that of the schedule"
-            raise ValueError(f"run.duration_s {said}")
+            problem = "is missing, allowed is a number above 0" if self.schedule is None else "is that of the schedule"
+            raise ValueError(f"run.duration_s {problem}")
         stages = (*self.schedule.prepare, *self.schedule.stage) if self.schedule else ()
         if self.plate.kind == "piston" and any(stage.until for stage in stages):
             raise ValueError('plate.kind is "piston", which has no nodal lines that parts could settle on')
@@ -95,9 +95,9 @@ class Scenario(Table):
                 raise ValueError(f'plate.kind is "{self.plate.kind}", allowed is "piston" with part[{i}].guide')
             tilt = math.radians(part.guide.tilt_deg)
             if math.cos(tilt) <= part.guide.friction * math.sin(tilt):
-                most = 1.0 / math.tan(tilt)
+                limit = 1.0 / math.tan(tilt)
                 raise ValueError(
-                    f"part[{i}].guide.friction is {part.guide.friction:g}, allowed is below {most:.3g} at tilt_deg = "
+                    f"part[{i}].guide.friction is {part.guide.friction:g}, allowed is below {limit:.3g} at tilt_deg = "
                     f"{part.guide.tilt_deg:g}: the part would never come down"
                 )
         return self
@@ -123,12 +123,16 @@ def load_scenario(path: str | Path) -> Scenario:
 
 
 def parse_scenario(text: str, *, file: Path) -> Scenario:
-    """Check the text of a scenario; `file` names it in messages and anchors relative paths."""
+    """Check the text of a scenario; `file` names it in messages, and relative paths start from its folder.
+
+    Raises:
+        InputError: TOML syntax, or any key or value that is not allowed.
+    """
     return _anchor_paths(parse(text, Scenario, file), file.resolve().parent)
 
 
 def with_run(scenario: Scenario, *, file: Path = Path("scenario"), **changes: Any) -> Scenario:
-    """The scenario with some values of its [run] table replaced, checked like the rest; `file` names it in messages.
+    """The scenario with other values in its [run] table, which are checked; `file` names it in messages.
 
     Raises:
         InputError: a value that is not allowed.

@@ -1,4 +1,4 @@
-"""Tables of a scenario that say what happens when: stages, their order, picks, and where the parts are to go."""
+"""Tables of a scenario that describe its course in time: stages, their order, picks, and the goal of the parts."""
 
 from __future__ import annotations
 
@@ -11,23 +11,23 @@ from feeder_sim.scenario.tables import LengthMm, NonNegative, Positive, Table
 
 
 class Pick(Table):
-    """Take every part out whose centre is farther than the clearance from the centres of all others (in plan view)."""
+    """Take out every part whose centre is farther than the clearance from the centres of all others in plan view."""
 
     clearance_mm: LengthMm
 
 
 class Settled(Table):
-    """All parts have been this near to a nodal line of every mode of the stage for so long without a break."""
+    """All parts have been within `within_mm` of a nodal line of every mode of the stage for `for_s` without a break."""
 
     within_mm: LengthMm = 1.0
     for_s: Positive = 0.5
 
 
 class Stage(Table):
-    """Drive these modes together for a while; then a pause with the drives off, then perhaps a pick.
+    """Modes that are driven together, then a pause without drives, then a pick if there is one.
 
-    With `until` the drives stop as soon as the parts have settled; `duration_s` is then the longest they act. What the
-    plate still does when a drive stops is its own ring-down, and goes on into the stages after it.
+    With `until` the drives stop as soon as the parts have settled, and after `duration_s` at the latest. After a drive
+    has stopped the plate rings down, also during the stages that follow.
     """
 
     name: str = ""
@@ -53,7 +53,7 @@ class Schedule(Table):
 
 
 class Goal(Table):
-    """Where a schedule is to carry the parts: to the line x = `x_mm`, or to a point of it."""
+    """Where a schedule is to carry the parts: to the line x = `x_mm`, or with `y_mm` to a point."""
 
     x_mm: Annotated[float, Field(allow_inf_nan=False, strict=True)]
     y_mm: Annotated[float, Field(allow_inf_nan=False, strict=True)] | None = None

@@ -1,4 +1,4 @@
-"""The cell of a mode in which a part starts: from its antinode to the nodal lines it can drift to."""
+"""The cell of a mode in which a part starts: its antinode and the nodal lines around it."""
 
 from __future__ import annotations
 
@@ -13,18 +13,18 @@ from feeder_sim.records.trajectory import Frames
 from feeder_sim.scenario import Start
 from feeder_sim.scene.scene import Scene
 
-PASSAGE_FROM, PASSAGE_TO = 0.8, 0.2  # of the way from node to antinode, between which transport is measured
-LEAST_ANTINODE = 0.05  # of the mode's largest deflection: less than this is a nodal line or a crossing of two
+PASSAGE_FROM, PASSAGE_TO = 0.8, 0.2  # fractions of d0 between which the transport speed is measured
+LEAST_ANTINODE = 0.05  # of the mode's largest deflection; a smaller one is that of a nodal line or of a crossing of two
 
 
 @dataclass(frozen=True)
 class Cell:
-    """The antinode a part starts from and the nodal lines it can drift to.
+    """A transport cell: the antinode in whose cell a part starts, and the nodal lines to which it can drift.
 
     Attributes:
         antinode: shape (2,) [m].
         reach: d0, distance of the antinode to the nearest nodal line [m].
-        lines: the nodal lines.
+        lines: the nodal lines of the mode.
     """
 
     antinode: NDArray[np.float64]
@@ -32,14 +32,15 @@ class Cell:
     lines: NodalLines
 
     def way(self, frames: Frames, part: int = 0) -> NDArray[np.float64]:
-        """Distance of a part from the nearest nodal line over d0 at each frame: 1 at the antinode, 0 at the node."""
+        """Distance of a part from the nearest nodal line over d0, shape (n,): 1 at the antinode, 0 at the node."""
         return self.lines.distance(frames.position[:, part, :2]) / self.reach
 
 
 def transport_cell(scene: Scene) -> Cell | None:
-    """Find the cell that the first part of a scene starts in; None when it starts in none.
+    """Find the cell in which the part of a scene starts.
 
-    That is when there are more parts or modes to come, the mode has no nodal lines, or the part starts on one.
+    None where no transport speed is defined: with several parts or a schedule, without nodal lines, or when the part
+    starts on a nodal line.
     """
     start = scene.scenario.part[0].start
     if len(scene.parts) > 1 or scene.scenario.schedule is not None or not isinstance(start, Start):
@@ -58,7 +59,7 @@ def check_stop_rule(scene: Scene, cell: Cell | None) -> None:
     """Refuse `run.stop = "passage"` where no passage can be measured.
 
     Raises:
-        InputError: there is no nodal line, or the part starts past the start line.
+        InputError: there is no transport cell, or the part starts nearer to the node than `PASSAGE_FROM`.
     """
     if scene.scenario.run.stop != "passage":
         return
@@ -68,7 +69,7 @@ def check_stop_rule(scene: Scene, cell: Cell | None) -> None:
             key="run.stop",
         )
     start = scene.scenario.part[0].start
-    assert isinstance(start, Start)  # else there is no cell
+    assert isinstance(start, Start)  # transport_cell gives a cell for no other start
     x, y = start.position_mm
     way = float(cell.lines.distance(np.array([[x, y]]) * 1e-3)[0]) / cell.reach
     if way <= PASSAGE_FROM:

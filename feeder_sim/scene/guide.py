@@ -1,12 +1,14 @@
-"""Guides: what holds a part over one place of the plate.
+"""Guides, which keep a part over one place of the plate.
 
-A *slide* has no play: the part moves along its axis only and does not turn, one degree of freedom. With the axis at an
-angle theta to the vertical, and friction mu between part and guide, the part's height z obeys between impacts
+A *slide* has no play: the part moves along its axis only and does not turn, which leaves one degree of freedom. With
+the axis at an angle theta to the vertical, and friction mu between part and guide, the part's height z obeys between
+impacts
 
     z'' = -g cos(theta) (cos(theta) + mu sin(theta))    going up
     z'' = -g cos(theta) (cos(theta) - mu sin(theta))    going down
 
-A *tube* has play: the part keeps its six degrees of freedom and meets a round wall.
+(weight and friction along the axis, times cos(theta) for the height). A *tube* has play: the part keeps its six degrees
+of freedom and can touch a round wall.
 """
 
 from __future__ import annotations
@@ -27,9 +29,9 @@ class Guide:
     Attributes:
         slides: True for a slide, False for a tube.
         tilt: theta [rad].
-        foot: where the axis meets the resting plate, shape (2,) [m].
-        friction: between part and guide.
-        restitution: between part and wall; None for a slide.
+        foot: (x, y) where the axis meets the resting plate [m].
+        friction: coefficient between part and guide [1].
+        restitution: coefficient between part and wall [1]; None for a slide.
         radius: inner radius [m]; None for a slide.
     """
 
@@ -46,7 +48,7 @@ class Guide:
         return np.array([math.sin(self.tilt), 0.0, math.cos(self.tilt)])
 
     def deceleration(self, gravity: float) -> tuple[float, float]:
-        """-z'' [m/s^2] of a part on a slide on its way up and down; the formula of the module."""
+        """-z'' [m/s^2] of a part on a slide on its way up and on its way down, by the formulas of the module."""
         along, across = math.cos(self.tilt), self.friction * math.sin(self.tilt)
         return gravity * along * (along + across), gravity * along * (along - across)
 

@@ -1,4 +1,4 @@
-"""Plate file -> modes with the measured resonances attached: what a mode file is made of."""
+"""Plate file -> content of a mode file: the computed modes, and the measured resonances assigned to them."""
 
 from __future__ import annotations
 
@@ -11,14 +11,15 @@ from feeder_sim.plate.mode_file import ModeFile, Resonance
 from feeder_sim.plate.modes import PlateModes, RectangularPlate, plate_modes
 from feeder_sim.scenario import MeasuredResonance, PlateFile, resolve_material
 
-RESONANCE_MATCH = 0.02  # a measured resonance belongs to the computed mode this near, relative
+RESONANCE_MATCH = 0.02  # largest relative difference between a measured resonance and its computed mode
 
 
 def compute_modes(file: PlateFile) -> ModeFile:
     """Compute the modes a plate file asks for.
 
     Raises:
-        InputError: no mode below the highest frequency, or a resonance that no computed mode comes near.
+        InputError: no mode below the highest frequency, modes that are not resolved, or a resonance without a computed
+            mode within `RESONANCE_MATCH`.
     """
     body = file.plate
     plate = RectangularPlate(
@@ -36,6 +37,7 @@ def compute_modes(file: PlateFile) -> ModeFile:
 
 
 def _matched(measured: MeasuredResonance, i: int, modes: PlateModes) -> Resonance:
+    """The i-th measured resonance in SI units, with the index of the mode nearest in frequency."""
     index = int(np.argmin(np.abs(modes.natural_frequency - measured.frequency_hz)))
     nearest = modes.natural_frequency[index]
     if abs(nearest / measured.frequency_hz - 1.0) > RESONANCE_MATCH:

@@ -1,4 +1,4 @@
-"""A scenario that is ready to run: made once by `feeder_sim.run.prepare`, and handed on."""
+"""A scenario that is ready to run. `feeder_sim.run.prepare` makes it, once for all seeds and measures."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from feeder_sim.scene.scene import Scene
 
 @dataclass(frozen=True)
 class Prepared:
-    """What everything that runs or measures a scenario goes by.
+    """Everything that is decided before a run.
 
     Attributes:
-        scene: in SI units.
-        engine: which one, and why.
-        cell: the cell that the one part of the scene starts in; None where no transport is measured.
+        scene: the scenario in SI units.
+        engine: the engine, its method, and the reason for the choice.
+        cell: the transport cell in which the only part of the scene starts; None where no transport is measured.
         cautions: settings that are known to mislead, a line each.
     """
 
@@ -28,5 +28,5 @@ class Prepared:
 
     @property
     def scenario(self) -> Scenario:
-        """What it was made from."""
+        """The scenario from which the scene was built."""
         return self.scene.scenario

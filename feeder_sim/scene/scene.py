@@ -1,4 +1,4 @@
-"""Scenario -> scene: the moving surface, the parts, what happens when, and the time step; in SI units."""
+"""Scenario -> scene: the moving surface, the parts, the timetable and the time step; in SI units."""
 
 from __future__ import annotations
 
@@ -19,8 +19,9 @@ from feeder_sim.scene.rigid_part import RigidPart, build_part, outline
 from feeder_sim.scene.timetable import TimedStage, Timetable, timed, timetable
 
 GRAVITY = 9.81  # [m/s^2]
-ROUND_OFF = 1e-9
-FREE_TILT, UPRIGHT = (0.0, 3.0), (0.0, 0.0)  # [deg] at the start, where the scenario does not say
+DIAMETER_ROUND_OFF = 1e-9  # relative, of a tube that is just as wide as its part
+FRAME_ROUND_OFF = 1e-9  # of a frame interval, where the duration is a whole number of intervals
+FREE_TILT, UPRIGHT = (0.0, 3.0), (0.0, 0.0)  # [deg]; tilt at the start of a free and of a guided part by default
 
 
 @dataclass(frozen=True)
@@ -28,15 +29,15 @@ class Scene:
     """Everything an engine needs, in SI units; the top of the resting plate is z = 0.
 
     Attributes:
-        scenario: what it was made from.
+        scenario: the one from which the scene was built.
         surface: the moving surface.
         driven: the driven modes, one per excitation of the scenario.
-        times: what happens when.
-        kinds: the rigid parts that differ, one per part table of the scenario.
+        times: stages, and the intervals in which each excitation acts.
+        kinds: the different rigid parts, one per part table of the scenario.
         kind_of: index into `kinds` of every part, shape (parts,).
-        parts: all rigid parts, in order of their tables.
-        guides: the guide of each part, None for a free one.
-        timestep: [s].
+        parts: all rigid parts, in the order of their tables.
+        guides: the guide of each part; None for a free one.
+        timestep: solver step [s].
         steps_per_frame: solver steps between two recorded frames.
     """
 
@@ -57,13 +58,13 @@ class Scene:
         return tuple(mode.drive for mode in self.driven)
 
     def stopped(self, stops: Sequence[float]) -> Scene:
-        """The scene in which the drives of the first stages stop at these times [s]."""
+        """The same scene, but the drives of the first stages stop at these times [s]."""
         times = timetable(self.scenario, stops)
         terms = modal_terms(timed(self.drives, times))
         return replace(self, times=times, surface=replace(self.surface, terms=terms))
 
     def stages(self, stops: Sequence[float]) -> tuple[TimedStage, ...]:
-        """All stages as they are when the drives of the first ones stop at these times [s]."""
+        """All stages, when the drives of the first ones stop at these times [s]."""
         return timetable(self.scenario, stops).stages
 
     @property
@@ -74,7 +75,7 @@ class Scene:
     @property
     def n_frames(self) -> int:
         """Recorded frames of a full-length run, the first at t = 0."""
-        return 1 + math.floor(self.times.duration / self.frame_interval + 1e-9)
+        return 1 + math.floor(self.times.duration / self.frame_interval + FRAME_ROUND_OFF)
 
     @property
     def rim(self) -> bool:
@@ -88,10 +89,11 @@ class Scene:
 
 
 def build_scene(scenario: Scenario) -> Scene:
-    """Resolve a scenario.
+    """Build the scene of a scenario.
 
     Raises:
-        InputError: the plate, a drive, a part or a start cannot be had.
+        InputError: a mode file or mesh cannot be used, the plate has no mode for a drive, or a start, a goal or a pick
+            does not fit the plate, the guide or the duration.
     """
     plate = assemble_plate(scenario)
     kinds = tuple(build_part(spec, name=f"part_{i}") for i, spec in enumerate(scenario.part))
@@ -105,9 +107,9 @@ def build_scene(scenario: Scenario) -> Scene:
     timestep = 1.0 / (scenario.highest_frequency_hz * run.steps_per_period)
     kind_of = np.repeat(np.arange(len(kinds)), [spec.count for spec in scenario.part])
     digits = len(str(len(kind_of) - 1))
-    guided = [
-        build_guide(s.guide, s.start.position_mm) if s.guide and s.start.kind == "point" else None
-        for s in scenario.part
+    guides = [
+        build_guide(spec.guide, spec.start.position_mm) if spec.guide and spec.start.kind == "point" else None
+        for spec in scenario.part
     ]
     scene = Scene(
         scenario=scenario,
@@ -117,7 +119,7 @@ def build_scene(scenario: Scenario) -> Scene:
         kinds=kinds,
         kind_of=kind_of,
         parts=tuple(replace(kinds[kind], name=f"part_{i:0{digits}d}") for i, kind in enumerate(kind_of)),
-        guides=tuple(guided[kind] for kind in kind_of),
+        guides=tuple(guides[kind] for kind in kind_of),
         timestep=timestep,
         steps_per_frame=max(1, round(1.0 / (run.frames_per_second * timestep))),
     )
@@ -130,7 +132,11 @@ def build_scene(scenario: Scenario) -> Scene:
 
 
 def _check_on_plate(spec: PartSpec, kind: RigidPart, surface: Surface, key: str) -> None:
-    """Refuse starts beside the plate."""
+    """Refuse a start that is not on the plate.
+
+    Raises:
+        InputError: its position, or the rectangle or circle around it, reaches beyond the plate's edge.
+    """
     start, half = spec.start, (0.5e3 * surface.length, 0.5e3 * surface.width)
     x, y = start.position_mm if isinstance(start, Start) else start.centre_mm
     name = "position_mm" if isinstance(start, Start) else "centre_mm"
@@ -143,11 +149,17 @@ def _check_on_plate(spec: PartSpec, kind: RigidPart, surface: Surface, key: str)
     elif isinstance(start, Scattered) and start.size_mm is not None:
         size, name = start.size_mm, "size_mm"
     if abs(x) + 0.5 * size[0] > half[0] or abs(y) + 0.5 * size[1] > half[1]:
-        raise InputError(f"is {_plain(size)}, allowed is what lies on the plate around its centre", key=f"{key}.{name}")
+        raise InputError(
+            f"is {_size_text(size)}, allowed is what lies on the plate around its centre", key=f"{key}.{name}"
+        )
 
 
 def _check_picks(scene: Scene) -> None:
-    """Refuse a pick with no frame left for it between the moment its parts have settled and the end of the pause."""
+    """Refuse a pause in which no frame is left for the pick after its parts have settled.
+
+    Raises:
+        InputError: a stage with `until` and `pick` has a pause shorter than two frames.
+    """
     least = 2.0 * scene.frame_interval
     for stage in scene.times.stages:
         if stage.until and stage.clearance is not None and stage.end - stage.stop < least:
@@ -158,27 +170,38 @@ def _check_picks(scene: Scene) -> None:
 
 
 def _check_goal(scenario: Scenario, surface: Surface) -> None:
-    """Refuse a goal beside the plate."""
+    """Refuse a goal that is not on the plate.
+
+    Raises:
+        InputError: a coordinate of the goal lies beyond the plate's edge.
+    """
     goal = scenario.goal
     if goal is None:
         return
-    for name, place, size in (("x_mm", goal.x_mm, surface.length), ("y_mm", goal.y_mm, surface.width)):
-        if abs(place or 0.0) > 0.5e3 * size:
-            raise InputError(f"is {place:g}, allowed is within +-{0.5e3 * size:g} (on the plate)", key=f"goal.{name}")
+    for name, coordinate, size in (("x_mm", goal.x_mm, surface.length), ("y_mm", goal.y_mm, surface.width)):
+        if abs(coordinate or 0.0) > 0.5e3 * size:
+            raise InputError(
+                f"is {coordinate:g}, allowed is within +-{0.5e3 * size:g} (on the plate)", key=f"goal.{name}"
+            )
 
 
-def _plain(size: tuple[float, float]) -> str:
+def _size_text(size: tuple[float, float]) -> str:
+    """A size as it stands in a scenario: one diameter, or [length, width]."""
     return f"{size[0]:g}" if size[0] == size[1] else f"[{size[0]:g}, {size[1]:g}]"
 
 
 def _check_in_tube(spec: PartSpec, part: RigidPart, i: int) -> None:
-    """Refuse a part that starts in the wall of its tube, or would if it were tilted another way."""
+    """Refuse a part that would overlap the wall of its tube at some tilt within its range.
+
+    Raises:
+        InputError: the tube is narrower than the part.
+    """
     if not isinstance(spec.guide, Tube):
         return
     tilt = math.radians(max(abs(angle) for angle in spec.start.tilt_deg or UPRIGHT))
     reach = np.hypot(*part.corners[:, :2].T) * math.cos(tilt) + np.abs(part.corners[:, 2]) * math.sin(tilt)
     needed = 2e3 * float(reach.max() + part.corner_radius)
-    if needed > spec.guide.inner_diameter_mm * (1.0 + ROUND_OFF):
+    if needed > spec.guide.inner_diameter_mm * (1.0 + DIAMETER_ROUND_OFF):
         raise InputError(
             f"is {spec.guide.inner_diameter_mm:g}, allowed is at least {needed:.4g}, which the part takes at its start",
             key=f"part[{i}].guide.inner_diameter_mm",

@@ -1,4 +1,4 @@
-"""Where the parts of a scene start: drawn per seed, on one point, scattered over the plate, or poured in a heap."""
+"""Where the parts of a scene start: at one point, scattered over the plate, or poured in a heap; drawn per seed."""
 
 from __future__ import annotations
 
@@ -13,17 +13,17 @@ from feeder_sim.scenario import Heap, PartSpec, Scattered, Start
 from feeder_sim.scene.rigid_part import RigidPart
 from feeder_sim.scene.scene import FREE_TILT, UPRIGHT, Scene
 
-APART = 1e-4  # [m]; parts start at least this far from each other
-MAX_TRIES = 20_000  # to find a free place for a part
+APART = 1e-4  # [m]; smallest distance between the bounding spheres of two parts at the start
+MAX_TRIES = 20_000  # places drawn for one part before the rectangle counts as full
 
 
 @dataclass(frozen=True)
 class Pose:
-    """How a part starts, without spin.
+    """State of a part at its start; it does not spin.
 
     Attributes:
         position: of the centre of mass, shape (3,) [m].
-        quaternion: shape (4,), w first.
+        quaternion: attitude, shape (4,), w first.
         velocity: of the centre of mass, shape (3,) [m/s].
     """
 
@@ -35,20 +35,22 @@ class Pose:
 def start_poses(scene: Scene, rng: np.random.Generator) -> list[Pose]:
     """Draw the start of every part; no two overlap.
 
-    Tilt is about a random horizontal axis after a yaw; the lowest point is at drop height, that of a heap at the lowest
-    one. A part in a guide starts on the guide's axis, turned with it.
+    A part is turned by a yaw and then tilted about a random horizontal axis. Its lowest point is at drop height over
+    the resting plate; the lowest layer of a heap is at the smallest drop height. A part in a guide starts on the axis
+    of the guide and is tilted with it.
 
     Raises:
         InputError: there is no room for the parts.
     """
     poses: list[Pose] = []
-    placed = _Placed()
+    placed = _Spheres()
     first = 0
     for i, (spec, kind) in enumerate(zip(scene.scenario.part, scene.kinds, strict=True)):
         if isinstance(spec.start, Heap):
             centres = _column(spec.start, kind, spec.count)
         for n in range(spec.count):
-            height, quaternion = _turned(scene, first + n, spec, kind, rng)
+            # A heap does not use the height, but the draw is part of its random sequence.
+            height, quaternion = _height_and_attitude(scene, first + n, spec, kind, rng)
             if isinstance(spec.start, Start):
                 position = np.array([*(1e-3 * c for c in spec.start.position_mm), height])
                 guide = scene.guides[first + n]
@@ -57,7 +59,8 @@ def start_poses(scene: Scene, rng: np.random.Generator) -> list[Pose]:
                 if not placed.free(position, kind.size):
                     raise InputError("overlaps another part", key=f"part[{i}].start.position_mm")
             elif isinstance(spec.start, Scattered):
-                position = np.array([*_free_place(scene, spec.start, kind, height, placed, rng, i), height])
+                place = _free_place(scene, spec.start, kind, height, placed, rng, table=i)
+                position = np.array([*place, height])
             else:
                 position = centres[n] + [0.0, 0.0, 1e-3 * spec.start.drop_height_mm[0]]
                 if not placed.free(position, kind.size):
@@ -69,10 +72,10 @@ def start_poses(scene: Scene, rng: np.random.Generator) -> list[Pose]:
     return poses
 
 
-def _turned(
+def _height_and_attitude(
     scene: Scene, part: int, spec: PartSpec, kind: RigidPart, rng: np.random.Generator
 ) -> tuple[float, NDArray[np.float64]]:
-    """Draw height of the centre [m] over the plate, and attitude, of one part."""
+    """Draw the height of the centre [m] over the resting plate and the quaternion (4,) of one part."""
     from scipy.spatial.transform import Rotation
 
     start, guide = spec.start, scene.guides[part]
@@ -81,24 +84,24 @@ def _turned(
     direction = rng.uniform(0.0, 2.0 * np.pi)
     drop = 1e-3 * rng.uniform(*start.drop_height_mm)
     lean = tilt * np.array([np.cos(direction), np.sin(direction), 0.0])
-    if scene.scenario.run.planar:  # about y, to either side; the yaw is in the outline
+    if scene.scenario.run.planar:  # tilted about y, to either side; the outline of the part already has the yaw
         lean, yaw = np.array([0.0, math.copysign(tilt, lean[1]), 0.0]), 0.0
-    turned = Rotation.from_rotvec(lean) * Rotation.from_rotvec([0.0, 0.0, yaw])
+    rotation = Rotation.from_rotvec(lean) * Rotation.from_rotvec([0.0, 0.0, yaw])
     if guide:
-        turned = Rotation.from_rotvec([0.0, guide.tilt, 0.0]) * turned
-    quaternion = np.asarray(turned.as_quat(scalar_first=True))
+        rotation = Rotation.from_rotvec([0.0, guide.tilt, 0.0]) * rotation
+    quaternion = np.asarray(rotation.as_quat(scalar_first=True))
     return drop - kind.lowest(quaternion), quaternion
 
 
-class _Placed:
-    """Bounding spheres of the parts that have their place."""
+class _Spheres:
+    """Bounding spheres of the parts that already have a place."""
 
     def __init__(self) -> None:
         self._centres = np.empty((0, 3))
         self._radii = np.empty(0)
 
     def free(self, position: NDArray[np.float64], radius: float) -> bool:
-        """Whether a sphere there keeps its distance from all others."""
+        """Whether a sphere at a position (3,) [m] with a radius [m] is `APART` or more from all others."""
         distance = np.linalg.norm(self._centres - position, axis=1)
         return bool((distance > self._radii + radius + APART).all())
 
@@ -112,11 +115,16 @@ def _free_place(
     start: Scattered,
     kind: RigidPart,
     height: float,
-    placed: _Placed,
+    placed: _Spheres,
     rng: np.random.Generator,
+    *,
     table: int,
 ) -> NDArray[np.float64]:
-    """Draw places (2,) [m] in the rectangle until one is free."""
+    """Draw places (2,) [m] in the rectangle of a scattered start until one is free.
+
+    Raises:
+        InputError: none of `MAX_TRIES` places is free; the message names the part table of this index.
+    """
     plate = np.array([scene.surface.length, scene.surface.width])
     size = 1e-3 * np.array(start.size_mm) if start.size_mm else plate
     half = 0.5 * np.maximum(size - 2.0 * kind.size, 0.0)
@@ -133,7 +141,7 @@ def _free_place(
 
 
 def _column(start: Heap, kind: RigidPart, count: int) -> NDArray[np.float64]:
-    """Centres (count, 3) [m] of a column of layers in hexagonal packing, the lowest layer one radius above z = 0."""
+    """Centres (count, 3) [m] of a column of layers in hexagonal packing, the lowest layer one part size above z = 0."""
     pitch = 2.0 * (kind.size + APART)
     reach = max(0.0, 0.5e-3 * start.diameter_mm - kind.size)
     n = math.ceil(reach / pitch) + 1

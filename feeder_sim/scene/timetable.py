@@ -1,4 +1,4 @@
-"""Drives or schedule of a scenario -> what happens when: stages, and the intervals in which each excitation acts."""
+"""Drives or schedule of a scenario -> its stages in time, and the intervals in which each excitation acts."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ class TimedStage:
     """One stage of one cycle.
 
     Attributes:
-        name: given in the scenario, else by number.
-        cycle: 0 for the stages before the first cycle.
+        name: the one of the scenario, or else one made of its number.
+        cycle: from 1; 0 for the stages that prepare the parts.
         number: of the stage in its cycle, from 0.
-        start, stop, end: begin, end of the drives, end of the pause [s].
+        start, stop, end: begin of the stage, end of its drives, end of its pause [s].
         excitations: indices into `Scenario.excitations`.
-        clearance: of the pick at the end [m], None without one.
-        until: what ends the drives before `stop`, None for nothing.
+        clearance: of the pick at the end [m]; None without a pick.
+        until: condition that ends the drives before `stop`; None without one.
     """
 
     name: str
@@ -38,7 +38,7 @@ class TimedStage:
 
 @dataclass(frozen=True)
 class Occurrence:
-    """An excitation, by its index, and when it acts [s]."""
+    """An interval in which one excitation acts: index into `Scenario.excitations`, start and stop [s]."""
 
     excitation: int
     start: float
@@ -47,7 +47,7 @@ class Occurrence:
 
 @dataclass(frozen=True)
 class Timetable:
-    """All stages in order, all occurrences, and the duration of the whole [s]."""
+    """All stages in order of time, all occurrences, and the duration of the run [s]."""
 
     stages: tuple[TimedStage, ...]
     occurrences: tuple[Occurrence, ...]
@@ -58,8 +58,9 @@ def timetable(scenario: Scenario, stops: Sequence[float] = ()) -> Timetable:
     """Lay out a scenario in time; drives without a schedule make one stage.
 
     Args:
-        scenario: what happens.
-        stops: when the drives of the first stages did stop [s]; the others act for as long as the schedule says.
+        scenario: has the drives or the schedule.
+        stops: times at which the drives of the first stages have stopped [s]; those of the other stages act for as
+            long as the schedule says.
     """
     schedule = scenario.schedule
     if schedule is None:
@@ -81,7 +82,7 @@ def timetable(scenario: Scenario, stops: Sequence[float] = ()) -> Timetable:
 def _append(
     stages: list[TimedStage], group: tuple[Stage, ...], cycle: int, stops: Sequence[float], *, first_excitation: int
 ) -> None:
-    """Put one pass through a group of stages after those there are."""
+    """Append one pass through a group of stages to the stages of a timetable."""
     for number, stage in enumerate(group):
         start = stages[-1].end if stages else 0.0
         stop = float(stops[len(stages)]) if len(stages) < len(stops) else start + stage.duration_s
@@ -94,5 +95,5 @@ def _append(
 
 
 def timed(drives: Sequence[ModalDrive], times: Timetable) -> list[ModalDrive]:
-    """The drives, one per excitation of the scenario, each as often as it acts and when."""
+    """One drive per occurrence, with its start and stop, from one drive per excitation of the scenario."""
     return [replace(drives[o.excitation], start=o.start, stop=o.stop) for o in times.occurrences]
