@@ -55,9 +55,10 @@ KIND_FIELDS: list[Any] = [
     ("plane_to", "i8"),
 ]
 KIND = np.dtype(KIND_FIELDS, align=True)
-# The same in a scene with a general top; the further field is a mark that compilation goes by.
+# The same in a scene with a general top; the further field is a mark that compilation goes by. It comes first: numba
+# takes a record with more fields at its end for one of the shorter kind.
 GENERAL = "general"
-GENERAL_KIND = np.dtype([*KIND_FIELDS, (GENERAL, "i8")], align=True)
+GENERAL_KIND = np.dtype([(GENERAL, "i8"), *KIND_FIELDS], align=True)
 
 
 class Kinds(NamedTuple):
