@@ -157,8 +157,7 @@ def _slip_by_bisection(k, u, target, mu, p):
     for i in range(SECTORS):
         low, high = 2.0 * math.pi * i / SECTORS, 2.0 * math.pi * (i + 1) / SECTORS
         at_low, at_high = _slip_error(k, u, target, mu, low, p), _slip_error(k, u, target, mu, high, p)
-        # Where the error wraps around from pi to -pi there is no root.
-        if not at_low * at_high <= 0.0 or abs(at_low - at_high) > math.pi:
+        if not at_low * at_high <= 0.0:
             continue
         for _ in range(BISECTIONS):
             middle = 0.5 * (low + high)
@@ -167,7 +166,8 @@ def _slip_by_bisection(k, u, target, mu, p):
                 low, at_low = middle, error
             else:
                 high = middle
-        return abs(error) < 1e-6
+        if abs(error) < 1e-6:  # else it wraps around from pi to -pi there
+            return True
     return False
 
 
