@@ -1,0 +1,394 @@
+"""Machine code that is kept between runs is that of the present sources, and a cache that fails costs time only.
+
+Everything here runs a copy of the package in processes of its own, with a cache of its own.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import platform
+import shutil
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import pytest
+from conftest import REPOSITORY
+
+from feeder_sim import machine_code
+from feeder_sim.engines.impulse import state
+from feeder_sim.machine_code import (
+    FOLDERS_KEPT,
+    KEY_LENGTH,
+    code_key,
+    compiled,
+    entry_point,
+    inlined,
+    remove_old_folders,
+)
+
+# Two more files for the copy: what Python calls is in one of them, what that calls in the other.
+INNER = """
+from feeder_sim.machine_code import compiled
+
+@compiled
+def law(x):
+    return 2 * x
+"""
+ENTRIES = """
+from feeder_sim.inner import law
+from feeder_sim.machine_code import entry_point
+
+@entry_point
+def first(x):
+    return law(x) + 1
+
+@entry_point
+def second(x):
+    return law(law(x))
+
+@entry_point
+def third(x):
+    return first(x) - second(x)
+"""
+
+# Prints what the entries make of some numbers, and how many of them had to be compiled for it.
+CALL = """
+import json, sys
+from feeder_sim.entries import first, second, third
+
+values = [entry(x) for x in json.loads(sys.argv[1]) for entry in (first, second, third)]
+compiled = sum(sum(entry.stats.cache_misses.values()) for entry in (first, second, third))
+print(json.dumps({"values": values, "compiled": compiled}))
+"""
+
+# The same after a sign from outside, on a disk so slow that others get between reading an index and writing it.
+CALL_AT_ONCE = (
+    """
+import sys, time
+from numba.core.caching import IndexDataCacheFile
+import feeder_sim.entries
+
+save = IndexDataCacheFile._save_index
+def save_slowly(*arguments):
+    time.sleep(0.3)
+    save(*arguments)
+
+IndexDataCacheFile._save_index = save_slowly
+print("ready", file=sys.stderr, flush=True)
+sys.stdin.readline()
+"""
+    + CALL
+)
+
+# Free fall of a part in the impulse engine, by the function that all flights go through.
+FALL = """
+import json
+import numpy as np
+from feeder_sim.engines.impulse import state
+from feeder_sim.engines.impulse.kinds import read_kinds
+from feeder_sim.machine_code import entry_point
+from feeder_sim.scenario import Ball, Drive, PistonPlate, Run, Scenario
+from feeder_sim.scene.scene import build_scene
+
+drive, ball = Drive(frequency_hz=50.0, amplitude_um=0.0), Ball(shape="ball", diameter_mm=3.0)
+scene = build_scene(Scenario(plate=PistonPlate(kind="piston"), drive=(drive,), part=(ball,), run=Run(duration_s=1.0)))
+parts = state.new_parts(np.zeros((1, 3)), np.eye(3)[None], [0])
+fly_to = entry_point(state.fly_to.py_func)
+fly_to(parts[0], read_kinds(scene).record[0], 2.0)
+print(json.dumps({"fallen": -parts["position"][0, 2], "compiled": sum(fly_to.stats.cache_misses.values())}))
+"""
+
+# The same by the engine of a ball on a slide, from far above the plate.
+SLIDE = """
+import json
+import numpy as np
+from feeder_sim.engines.lookup import engine_class
+from feeder_sim.scenario import Ball, Drive, PistonPlate, Run, Scenario, Slide, Start
+from feeder_sim.scenario.engine_choice import choose_engine
+from feeder_sim.scene.scene import build_scene
+
+start = Start(drop_height_mm=(100.0, 100.0))
+ball = Ball(shape="ball", diameter_mm=3.0, guide=Slide(kind="slide"), start=start)
+drive = Drive(frequency_hz=50.0, amplitude_um=0.0)
+scene = build_scene(Scenario(plate=PistonPlate(kind="piston"), drive=(drive,), part=(ball,), run=Run(duration_s=1.0)))
+engine = engine_class(choose_engine(scene.scenario))(scene, np.random.default_rng(0))
+begin, end = engine.current(), engine.advance(50)
+fallen = begin.position[0, 0, 2] - end.position[-1, 0, 2]
+print(json.dumps({"fallen": fallen, "speed": -end.velocity[-1, 0, 2], "engine": type(engine).__name__}))
+"""
+
+
+@dataclass(frozen=True)
+class Copy:
+    """A copy of the package, and the cache that its processes use."""
+
+    folder: Path
+    cache: Path
+
+    @property
+    def package(self) -> Path:
+        return self.folder / "feeder_sim"
+
+    def start(
+        self, script: str, argument: Any = None, cache: Path | None = None, prefix: Sequence[str] = ()
+    ) -> subprocess.Popen[str]:
+        # Files of byte code are told apart by whole seconds, and tests change a source within one.
+        more = {"PYTHONPATH": str(self.folder), "NUMBA_CACHE_DIR": str(cache or self.cache)}
+        command = [*prefix, sys.executable, "-B", "-c", script, json.dumps(argument)]
+        pipe = subprocess.PIPE
+        return subprocess.Popen(
+            command, env=os.environ | more, cwd=self.folder, stdin=pipe, stdout=pipe, stderr=pipe, text=True
+        )
+
+    def run(self, script: str, argument: Any = None, cache: Path | None = None) -> dict[str, Any]:
+        return printed(self.start(script, argument, cache))
+
+    def call(self, *arguments: float, cache: Path | None = None) -> dict[str, Any]:
+        return self.run(CALL, arguments, cache)
+
+    def edit(self, name: str, old: str, new: str) -> None:
+        file = self.package / name
+        text = file.read_text()
+        assert text.count(old) == 1
+        file.write_text(text.replace(old, new))
+
+    def files(self) -> dict[str, tuple[int, int]]:
+        """All machine code, with times and sizes."""
+        found = [file for file in self.cache.rglob("*") if file.suffix in (".nbi", ".nbc")]
+        return {str(file): (file.stat().st_mtime_ns, file.stat().st_size) for file in found}
+
+
+def printed(process: subprocess.Popen[str]) -> dict[str, Any]:
+    """What a process has printed, which has to end well and without a word about anything else."""
+    out, err = process.communicate(timeout=120)
+    assert process.returncode == 0, err
+    assert err == ""
+    return dict(json.loads(out))
+
+
+@pytest.fixture
+def copy(tmp_path: Path) -> Copy:
+    made = Copy(tmp_path / "sources", tmp_path / "cache")
+    shutil.copytree(REPOSITORY / "feeder_sim", made.package, ignore=shutil.ignore_patterns("__pycache__"))
+    (made.package / "inner.py").write_text(INNER)
+    (made.package / "entries.py").write_text(ENTRIES)
+    return made
+
+
+def expected(*arguments: float, factor: int = 2) -> list[float]:
+    """What the entries make of numbers."""
+    values = []
+    for x in arguments:
+        first, second = factor * x + 1, factor * factor * x
+        values += [first, second, first - second]
+    return values
+
+
+def test_a_second_process_compiles_nothing(copy: Copy) -> None:
+    first = copy.call(3, 0.5)
+    assert first == {"values": expected(3, 0.5), "compiled": 6}  # three functions, for whole numbers and others
+    before = copy.files()
+    assert len(before) == 3 + 6  # an index for each function, and its code
+    assert copy.call(3, 0.5) == {"values": expected(3, 0.5), "compiled": 0}
+    assert copy.files() == before
+
+
+def test_a_constant_of_another_file_is_the_present_one(copy: Copy) -> None:
+    """Gravity is compiled into the flight of parts, and stands in a file without any compiled function."""
+    earth = copy.run(FALL)
+    assert earth == {"fallen": pytest.approx(0.5 * 9.81 * 4.0), "compiled": 1}
+    assert copy.run(FALL) == earth | {"compiled": 0}
+    copy.edit("scene/scene.py", "GRAVITY = 9.81", "GRAVITY = 1.62")
+    moon = copy.run(FALL)
+    assert moon == {"fallen": pytest.approx(0.5 * 1.62 * 4.0), "compiled": 1}
+
+
+def test_a_function_of_another_file_is_the_present_one(copy: Copy) -> None:
+    assert copy.call(3)["values"] == expected(3)
+    copy.edit("inner.py", "2 * x", "5 * x")
+    assert copy.call(3)["values"] == expected(3, factor=5)
+    copy.edit("inner.py", "5 * x", "2 * x")
+    assert copy.call(3) == {"values": expected(3), "compiled": 0}  # the way back costs nothing
+
+
+@pytest.mark.slow
+def test_a_ball_on_a_slide_falls_with_the_present_gravity(copy: Copy) -> None:
+    """A whole engine, the one that compiles fastest."""
+    for gravity in (9.81, 1.62):
+        fall = copy.run(SLIDE)
+        assert fall["engine"] == "SlideEngine"
+        assert fall["speed"] ** 2 == pytest.approx(2.0 * gravity * fall["fallen"], rel=1e-9)
+        if gravity == 9.81:
+            copy.edit("scene/scene.py", "GRAVITY = 9.81", "GRAVITY = 1.62")
+
+
+def test_the_key_of_machine_code_changes_with_every_source(copy: Copy, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Nobody has to know which files machine code comes from."""
+    monkeypatch.setattr(machine_code, "source_hash", machine_code.source_hash.__wrapped__)  # which remembers a folder
+    key = code_key(copy.package)
+    seen = {key}
+    sources = sorted(copy.package.rglob("*.py"))
+    assert len(sources) > 50
+    for source in sources:
+        kept = source.read_bytes()
+        source.write_bytes(kept + b"#")
+        seen.add(code_key(copy.package))
+        source.write_bytes(kept)
+    assert len(seen) == 1 + len(sources)
+    assert code_key(copy.package) == key
+    (copy.package / "new.py").write_text("")
+    seen.add(code_key(copy.package))
+    (copy.package / "new.py").rename(copy.package / "newer.py")
+    seen.add(code_key(copy.package))
+    assert len(seen) == 3 + len(sources)
+    (copy.package / "newer.py").unlink()
+    (copy.package / "notes.txt").write_text("no source")
+    assert code_key(copy.package) == key
+
+
+def test_the_key_of_machine_code_changes_with_libraries(monkeypatch: pytest.MonkeyPatch) -> None:
+    present = code_key()
+    seen = {present}
+    for library in machine_code.LIBRARIES:
+        monkeypatch.setattr(machine_code, "_version", lambda name, other=library: "0" if name == other else "1")
+        seen.add(code_key())
+    monkeypatch.setattr(platform, "python_version", lambda: "2.7")
+    seen.add(code_key())
+    assert len(seen) == 2 + len(machine_code.LIBRARIES)
+
+
+def test_folders_used_last_are_kept(tmp_path: Path) -> None:
+    now = time.time()
+    names = [f"{i:0{KEY_LENGTH}x}" for i in range(FOLDERS_KEPT + 3)]
+    for age, name in enumerate(names):  # the first is the youngest
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "code.nbc").write_text("")
+        os.utime(tmp_path / name, (now - age, now - age))
+    others = ["mine", f"{'a' * (KEY_LENGTH + 1)}"]
+    for name in others:
+        (tmp_path / name).mkdir()
+        os.utime(tmp_path / name, (0, 0))
+    (tmp_path / ("f" * KEY_LENGTH)).write_text("a file")
+    remove_old_folders(tmp_path)
+    left = {path.name for path in tmp_path.iterdir()}
+    assert left == {*names[:FOLDERS_KEPT], *others, "f" * KEY_LENGTH}
+
+
+def test_a_folder_that_is_in_use_is_young(copy: Copy) -> None:
+    """What is used again moves to the front, however long ago it was made."""
+    copy.call(3)
+    (folder,) = (copy.cache / "machine_code").iterdir()
+    os.utime(folder, (0, 0))
+    for i in range(FOLDERS_KEPT + 2):
+        (folder.parent / f"{i:0{KEY_LENGTH}x}").mkdir()
+    assert copy.call(3)["compiled"] == 0
+    assert folder.exists()
+    assert len(list(folder.parent.iterdir())) == FOLDERS_KEPT
+
+
+@pytest.mark.parametrize("place", ["file", "file/below"])
+def test_without_a_folder_for_machine_code_everything_is_compiled(place: str, copy: Copy, tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("in the way")
+    for _ in range(2):
+        assert copy.call(3, cache=tmp_path / place) == {"values": expected(3), "compiled": 3}
+    assert (tmp_path / "file").read_text() == "in the way"
+
+
+def without_privilege() -> list[str]:
+    """What a command has to begin with for root to respect a read-only folder."""
+    if not hasattr(os, "geteuid") or os.geteuid() != 0:
+        return []
+    if shutil.which("setpriv") is None:
+        pytest.skip("nothing is read-only for root, and there is no setpriv to change that")
+    return ["setpriv", "--bounding-set=-dac_override", "--inh-caps=-dac_override"]
+
+
+@pytest.mark.skipif(os.name != "posix", reason="folders are made read-only in another way")
+@pytest.mark.parametrize("filled", [False, True])
+def test_in_a_read_only_folder_what_is_missing_is_compiled(filled: bool, copy: Copy) -> None:
+    copy.cache.mkdir()
+    if filled:
+        copy.call(3)
+    folders = [copy.cache, *(path for path in copy.cache.rglob("*") if path.is_dir())]
+    before = copy.files()
+    for folder in folders:
+        folder.chmod(0o555)
+    try:
+        done = printed(copy.start(CALL, [3, 0.5], prefix=without_privilege()))
+    finally:
+        for folder in folders:
+            folder.chmod(0o755)
+    assert done == {"values": expected(3, 0.5), "compiled": 3 if filled else 6}
+    assert copy.files() == before
+
+
+def test_processes_that_compile_at_once_add_to_each_other(copy: Copy) -> None:
+    """Each for numbers of its own kind, into the same indices; afterwards all is there."""
+    both = [copy.start(CALL_AT_ONCE, [number]) for number in (3, 0.5)]
+    for process in both:
+        assert process.stderr is not None and process.stderr.readline() == "ready\n"
+    for process in both:
+        print(file=process.stdin, flush=True)
+    for process, number in zip(both, (3, 0.5), strict=True):
+        assert printed(process) == {"values": expected(number), "compiled": 3}
+    before = copy.files()
+    assert copy.call(3, 0.5) == {"values": expected(3, 0.5), "compiled": 0}
+    assert copy.files() == before
+
+
+DAMAGE: dict[str, Callable[[bytes], bytes]] = {
+    "nothing": lambda _: b"",
+    "half": lambda kept: kept[: len(kept) // 2],
+    "something else": lambda _: b"x" * 100,
+}
+UNREAD = pytest.mark.xfail(reason="a damaged file of machine code ends every run in a traceback", strict=True)
+
+
+@pytest.mark.parametrize(
+    ("suffix", "left"),
+    [
+        (".nbc", "nothing"),
+        pytest.param(".nbc", "half", marks=UNREAD),
+        pytest.param(".nbc", "something else", marks=UNREAD),
+        pytest.param(".nbi", "nothing", marks=UNREAD),
+        pytest.param(".nbi", "half", marks=UNREAD),
+        pytest.param(".nbi", "something else", marks=UNREAD),
+    ],
+)
+def test_damaged_machine_code_is_compiled_again(suffix: str, left: str, copy: Copy) -> None:
+    copy.call(3)
+    for name in copy.files():
+        file = Path(name)
+        if file.suffix == suffix:
+            file.write_bytes(DAMAGE[left](file.read_bytes()))
+    assert copy.call(3)["values"] == expected(3)
+    assert copy.call(3) == {"values": expected(3), "compiled": 0}
+
+
+@pytest.mark.parametrize("kind", [compiled, inlined])
+def test_a_function_for_compiled_ones_cannot_be_called_from_python(kind: Any) -> None:
+    """A call would end the process."""
+
+    @kind
+    def double(x: float) -> float:
+        return 2.0 * x
+
+    @entry_point
+    def quadruple(x: float) -> float:
+        return double(double(x))
+
+    with pytest.raises(TypeError, match=r"double is for compiled functions only; entry_point\(function\.py_func\)"):
+        double(1.0)
+    assert entry_point(double.py_func)(1.5) == 3.0
+    assert quadruple(1.5) == 6.0
+
+
+def test_inner_functions_of_the_engines_are_of_that_kind() -> None:
+    with pytest.raises(TypeError, match="fly_to is for compiled functions only"):
+        state.fly_to(None, None, 0.0)
