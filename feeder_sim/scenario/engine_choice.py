@@ -66,6 +66,9 @@ def uncovered(scenario: Scenario) -> Iterator[str]:
             f"part[0].guide.friction is {guide.friction:g}, allowed is 0 in MuJoCo: a part that slides along the wall "
             "gains speed away from it in MuJoCo's convex friction cone"
         )
+    if getattr(scenario.plate, "rim", False) and (guide is not None or run.planar):
+        why = "with run.planar = true" if guide is None else "with part[0].guide, which holds the part"
+        yield f"plate.rim is true, allowed is false {why}"
     if run.planar:
         yield from _uncovered_in_plane(scenario, in_mujoco=in_mujoco)
 

@@ -44,7 +44,7 @@ class Scattered(_Release):
 
 
 class Heap(_Release):
-    """Parts poured from a column of the given diameter, layer above layer, turned at random unless told otherwise."""
+    """Parts poured from a column of a diameter, layer above layer; by default with random attitudes."""
 
     kind: Literal["heap"]
     centre_mm: PointMm = (0.0, 0.0)
@@ -53,6 +53,7 @@ class Heap(_Release):
 
 
 def _start_kind(value: Any) -> Any:
+    """Kind of a start for pydantic's choice of its table; "point" where a scenario names none."""
     return value.get("kind", "point") if isinstance(value, dict) else getattr(value, "kind", None)
 
 
@@ -84,6 +85,8 @@ GuideSpec = Annotated[Slide | Tube, Field(discriminator="kind")]
 
 
 class _Part(Table):
+    """Keys that parts of every shape have."""
+
     material: MaterialChoice = "steel"
     count: Annotated[int, Field(ge=1, le=MAX_PARTS, strict=True)] = 1
     start: StartSpec = Start()
@@ -111,8 +114,9 @@ class HexNut(_Part):
 
     @model_validator(mode="after")
     def _size_or_dimensions(self) -> Self:
-        given = [d is not None for d in (self.across_flats_mm, self.height_mm, self.bore_mm)]
-        if any(given) if self.size is not None else not all(given):
+        dimensions = (self.across_flats_mm, self.height_mm, self.bore_mm)
+        present = [dimension is not None for dimension in dimensions]
+        if any(present) if self.size is not None else not all(present):
             raise ValueError("give either size or all of across_flats_mm, height_mm, bore_mm")
         if self.bore_mm is not None and self.across_flats_mm is not None and self.bore_mm >= self.across_flats_mm:
             raise ValueError(f"bore_mm is {self.bore_mm}, allowed is less than across_flats_mm")
