@@ -243,7 +243,8 @@ DIRECTIVE = re.compile(r"^```\{(?:literalinclude|include|image|figure)\} (\S+)",
 
 def anchors(page: Path) -> set[str]:
     """Places of a page that a link can point at, as GitHub and MyST name them."""
-    headings = re.findall(r"^#+ (.+)$", page.read_text(encoding="utf-8"), re.MULTILINE)
+    text = re.sub(r"^```.*?^```", "", page.read_text(encoding="utf-8"), flags=re.MULTILINE | re.DOTALL)
+    headings = re.findall(r"^#+ (.+)$", text, re.MULTILINE)
     return {re.sub(r"[^\w\- ]", "", heading.lower()).replace(" ", "-") for heading in headings}
 
 
