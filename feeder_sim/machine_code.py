@@ -13,6 +13,7 @@ import contextlib
 import functools
 import hashlib
 import importlib.metadata
+import pickle
 import platform
 import shutil
 from collections.abc import Callable
@@ -31,6 +32,7 @@ LIBRARIES = ("numba", "llvmlite", "numpy", "mujoco-core", "mujoco")
 KEY_LENGTH = 24
 OPTIONS = {"nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True}  # nothing calls them from C
 
+DAMAGED = (EOFError, ValueError, pickle.UnpicklingError)  # what reading a damaged file of the cache ends in
 _njit: Any = numba.njit  # whose stubs do not know all options
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -151,9 +153,13 @@ class _Cache(FunctionCache):
     def save_overload(self, signature: Any, data: Any) -> None:
         """Save under a lock: of two processes that compile at once, each adds to what the other has saved."""
         with contextlib.suppress(OSError), FileLock(Path(self.cache_path) / "lock"):
-            super().save_overload(signature, data)
+            try:
+                super().save_overload(signature, data)
+            except DAMAGED:
+                self.flush()
+                super().save_overload(signature, data)
 
     def load_overload(self, signature: Any, target_context: Any) -> Any:
-        with contextlib.suppress(OSError, EOFError):  # what cannot be read is compiled
+        with contextlib.suppress(OSError, *DAMAGED):  # what cannot be read is compiled
             return super().load_overload(signature, target_context)
         return None

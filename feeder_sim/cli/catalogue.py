@@ -1,4 +1,4 @@
-"""What there is to work with: scenarios and mode files in a folder, and what a scenario may name."""
+"""What a user can choose from: scenarios and mode files in a folder, engines, shapes of parts, materials."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ ENGINES = {
 
 
 def catalogue(folder: Path) -> dict[str, dict[str, str]]:
-    """Names and one-line descriptions by kind; a file that cannot be read says why in its line."""
+    """Names and one-line descriptions by kind; for a file that cannot be read the reason is its description."""
     return {
         "scenarios": {str(p.relative_to(folder)): _title(p) for p in sorted(folder.glob("scenarios/*.toml"))},
         "mode files": {str(p.relative_to(folder)): _modes(p) for p in sorted(folder.glob("models/*/*.h5"))},
@@ -33,6 +33,7 @@ def catalogue(folder: Path) -> dict[str, dict[str, str]]:
 
 
 def _title(path: Path) -> str:
+    """Title of a scenario file."""
     try:
         return load_scenario(path).title
     except FeederSimError as error:
@@ -40,10 +41,11 @@ def _title(path: Path) -> str:
 
 
 def _modes(path: Path) -> str:
+    """Size of the plate of a mode file, and its numbers of modes and measured resonances."""
     try:
-        held = read_mode_file(path)
+        mode_file = read_mode_file(path)
     except FeederSimError as error:
         return f"unusable: {error}"
-    plate, highest = held.modes.plate, held.modes.natural_frequency[-1]
+    plate, highest = mode_file.modes.plate, mode_file.modes.natural_frequency[-1]
     size = " x ".join(f"{1e3 * d:g}" for d in (plate.length, plate.width, plate.thickness))
-    return f"{size} mm, {len(held.modes)} modes up to {highest:.0f} Hz, {len(held.resonances)} measured"
+    return f"{size} mm, {len(mode_file.modes)} modes up to {highest:.0f} Hz, {len(mode_file.resonances)} measured"

@@ -1,4 +1,4 @@
-"""The command that makes the chart of speed against accuracy, the model ladder and the stability maps."""
+"""The command `chart`: speed against accuracy of all methods, the model ladders and the stability maps."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ from feeder_sim.errors import InputError, nearest
 if TYPE_CHECKING:
     from feeder_sim.studies.chart.points import Point
 
-PARTS = ("methods", "ladder", "stability")
-WITHIN_PERCENT = 5.0
+PARTS = ("methods", "ladder", "stability")  # of the chart, each with files of its own
+WITHIN_PERCENT = 5.0  # error up to which the fastest method of a case is named
 
 
 def chart(
@@ -31,8 +31,8 @@ def chart(
     from feeder_sim.studies.chart.cases import CASES
 
     names = [c.name for c in CASES]
-    for given, allowed, key in ((only, PARTS, "--only"), (case, names, "--case")):
-        for name in given or ():
+    for chosen, allowed, key in ((only, PARTS, "--only"), (case, names, "--case")):
+        for name in chosen or ():
             if name not in allowed:
                 hint = nearest(name, allowed)
                 raise InputError(f"is {name!r}{hint}, allowed is {', '.join(allowed)}", key=key)
@@ -41,7 +41,7 @@ def chart(
 
         if not peers.is_file():
             raise InputError("no such file", file=peers, key="--peers")
-        read_peers(peers, dict.fromkeys(names, (1.0, 0.0)))  # complains before the work is done
+        read_peers(peers, dict.fromkeys(names, (1.0, 0.0)))  # refuses a bad file before any work is done
     if out.exists() and not out.is_dir():
         raise InputError("is a file, allowed is a folder", file=out, key="--out")
     out.mkdir(parents=True, exist_ok=True)
@@ -51,12 +51,13 @@ def chart(
     if "methods" in (only or PARTS):
         _chart_methods(out, [c for c in names if c in (case or names)], peers, quick)
     if "ladder" in (only or PARTS):
-        _climb_ladder(out, quick)
+        _run_ladders(out, quick)
     if "stability" in (only or PARTS):
         _map_stability(out, quick)
 
 
 def _chart_methods(out: Path, names: Sequence[str], peers: Path | None, quick: bool) -> None:
+    """Compute cases by all methods; write, draw and print the points, with those of other simulators."""
     from feeder_sim.plots.chart import draw_points
     from feeder_sim.studies.chart.cases import CASES
     from feeder_sim.studies.chart.methods import METHODS
@@ -72,21 +73,23 @@ def _chart_methods(out: Path, names: Sequence[str], peers: Path | None, quick: b
         _print_case(c.title, [p for p in points if p.case == c.name])
 
 
-def _climb_ladder(out: Path, quick: bool) -> None:
+def _run_ladders(out: Path, quick: bool) -> None:
+    """Run the model ladders; write, draw and print them."""
     from feeder_sim.plots.chart import draw_ladder
-    from feeder_sim.studies.chart.ladder import climb, write_rungs
+    from feeder_sim.studies.chart.ladder import run_ladders, write_rungs
 
-    rungs = climb(quick=quick, note=_note)
+    rungs = run_ladders(quick=quick, note=_note)
     write_rungs(rungs, out)
     draw_ladder(rungs, out / "ladder")
     for rung in rungs:
         print(
-            f"{rung.flight:<18} {rung.model:<22} {rung.speed_mm_s:7.3f} +- {rung.se_mm_s:.3f} mm/s "
+            f"{rung.ladder:<18} {rung.model:<22} {rung.speed_mm_s:7.3f} +- {rung.se_mm_s:.3f} mm/s "
             f"{rung.change_percent:+6.1f} %  saves {rung.saves:.2f}"
         )
 
 
 def _map_stability(out: Path, quick: bool) -> None:
+    """Compute the stability maps; write and draw them, and print how many cells have which state."""
     from feeder_sim.plots.chart import draw_stability
     from feeder_sim.studies.chart.stability_map import fill, write_cells
 
@@ -98,15 +101,18 @@ def _map_stability(out: Path, quick: bool) -> None:
 
 
 def _print_case(title: str, points: Sequence[Point]) -> None:
-    """The front of a case, where the default is, and who is the fastest within 5 %; costs in those of the default."""
+    """Print the front of a case, the default, the fastest method within 5 % and the failures.
+
+    Costs are relative to that of the default.
+    """
     from feeder_sim.studies.chart.points import fastest_within, front, is_default
 
     default = next((p for p in points if is_default(p)), None)
-    unit = default.wall_s_per_simulated_s if default else 1.0
+    cost_unit = default.wall_s_per_simulated_s if default else 1.0
     best = front(points)
     print(title)
     for p in best:
-        cost = p.wall_s_per_simulated_s / unit
+        cost = p.wall_s_per_simulated_s / cost_unit
         print(f"  front  {p.method}, {p.setting}: error {p.error_percent:.2g} %, cost {cost:.3g}")
     if default is not None:
         print(f"  default on the front: {'yes' if default in best else 'no'}, error {default.error_percent:.2g} %")
@@ -124,12 +130,12 @@ def _print_case(title: str, points: Sequence[Point]) -> None:
 
 
 def _family(point: Point) -> str:
-    """Variants of one simulator count as one."""
+    """Name of the simulator, without the variant that follows the comma."""
     return point.method.split(",")[0]
 
 
 def machine() -> str:
-    """Processor of this machine, as far as it is known."""
+    """Name of this machine's processor, or of its architecture where Linux does not give the name."""
     try:
         lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
     except OSError:
@@ -139,5 +145,5 @@ def machine() -> str:
 
 
 def _note(line: str) -> None:
-    """Progress goes to stderr."""
+    """Print a line of progress on stderr."""
     print(line, file=sys.stderr, flush=True)

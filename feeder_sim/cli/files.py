@@ -1,4 +1,4 @@
-"""Files named on the command line: read, or refused in one line before any work is done for them."""
+"""Files named on the command line: reading them, and checks that refuse them before any work is done."""
 
 from __future__ import annotations
 
@@ -17,7 +17,11 @@ PICTURES = (".png", ".svg", ".pdf", ".jpg")
 
 
 def scenario_of(path: Path, engine: str | None, seeds: int | None, seed: int | None) -> Scenario:
-    """Load a scenario and apply the command line to its [run] table."""
+    """Load a scenario and put the options of the command line that are given into its [run] table.
+
+    Raises:
+        InputError: a file that cannot be used, or a value that is not allowed.
+    """
     from feeder_sim.scenario import load_scenario, with_run
 
     scenario = load_scenario(path)
@@ -26,7 +30,11 @@ def scenario_of(path: Path, engine: str | None, seeds: int | None, seed: int | N
 
 
 def modes_of(source: Path) -> ModeFile:
-    """Read a mode file, or compute the modes of a plate file."""
+    """Read a mode file, or compute the modes of a plate file (.toml).
+
+    Raises:
+        InputError: a file that cannot be used.
+    """
     if source.suffix == ".toml":
         from feeder_sim.scenario import load_plate_file
         from feeder_sim.scene.plate_modes import compute_modes
@@ -39,7 +47,11 @@ def modes_of(source: Path) -> ModeFile:
 
 
 def new_picture(path: Path) -> Path:
-    """Refuse what cannot be drawn to, before any work is done for it."""
+    """Refuse a path to which no picture can be drawn; return the path.
+
+    Raises:
+        InputError: the file exists, its folder does not, or its suffix is not in `PICTURES`.
+    """
     writable(path)
     if path.suffix.lower() not in PICTURES:
         raise InputError(f"is {path.suffix!r}, allowed is {', '.join(PICTURES)}", file=path, key="--picture")
@@ -47,7 +59,11 @@ def new_picture(path: Path) -> Path:
 
 
 def writable(path: Path, *, force: bool = False) -> Path:
-    """Refuse a target that exists or whose folder does not, before any work is done for it."""
+    """Refuse a path to which no file can be written; return the path.
+
+    Raises:
+        InputError: the file exists, unless `force` is set, or its folder does not.
+    """
     if path.exists() and not force:
         raise InputError("exists already, allowed is a new file", file=path)
     if not path.parent.is_dir() or path.is_dir():
@@ -57,7 +73,7 @@ def writable(path: Path, *, force: bool = False) -> Path:
 
 @contextlib.contextmanager
 def naming(file: Path) -> Iterator[None]:
-    """Put the file's name in front of errors that were raised below the level where files have names."""
+    """Add the name of a file to each InputError that is raised without one in the block."""
     try:
         yield
     except InputError as error:

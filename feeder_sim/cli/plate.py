@@ -1,4 +1,4 @@
-"""Commands about plates alone: their modes, sequences of modes, waves that several modes make."""
+"""Commands about plates without parts: modes, sequences of modes, waves that several modes make."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from feeder_sim.errors import InputError
 if TYPE_CHECKING:
     from feeder_sim.plate.sequences import LineNodes, Route, Search
 
-NO_LIMIT = 1e9  # of growth
+NO_LIMIT = 1e9  # growth of an offset that no route reaches
 
 
 def modes(
@@ -26,24 +26,25 @@ def modes(
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout.")] = False,
 ) -> None:
     """Compute or read plate modes; list, store and draw them."""
-    held = modes_of(source)
+    mode_file = modes_of(source)
     if out is not None:
         from feeder_sim.plate.mode_file import write_mode_file
 
-        write_mode_file(writable(out, force=force), held.modes, held.resonances)
+        write_mode_file(writable(out, force=force), mode_file.modes, mode_file.resonances)
     if picture is not None:
-        if mode > len(held.modes):
-            raise InputError(f"is {mode}, allowed is 1 to {len(held.modes)}", file=source, key="--mode")
+        if mode > len(mode_file.modes):
+            raise InputError(f"is {mode}, allowed is 1 to {len(mode_file.modes)}", file=source, key="--mode")
         from feeder_sim.plots.pictures import draw_mode
 
-        draw_mode(held.modes, mode - 1, new_picture(picture))
-    print_modes(held, as_json)
+        draw_mode(mode_file.modes, mode - 1, new_picture(picture))
+    print_modes(mode_file, as_json)
 
 
 def sequence(
     source: Annotated[Path, typer.Argument(help="Plate file (.toml), or mode file (.h5).", show_default=False)],
     start: Annotated[float, typer.Option("--from", help="Where the part lies, x from the centre [mm].")],
     end: Annotated[float, typer.Option("--to", help="Where it is to go [mm].")],
+    *,
     y: Annotated[float, typer.Option("--y", help="The line along x it moves on, from the centre [mm].")] = 0.0,
     order: Annotated[str | None, typer.Option("--modes", help="Follow these modes, such as 1,4,3.")] = None,
     limit: Annotated[float, typer.Option("--limit", min=0.01, max=1.0, help="Every k stays below.")] = 1.0,
@@ -106,7 +107,7 @@ def _print_ratios(
     picture: Path | None,
     as_json: bool,
 ) -> None:
-    """Compare plates of the same length and other widths."""
+    """Compare plates of the same length and other widths on a line: start, end and y [m]."""
     from feeder_sim.scenario import load_plate_file
     from feeder_sim.studies.width_ratios import compare_ratios
 
@@ -126,9 +127,9 @@ def _print_ratios(
 
 
 def _parsed_ratios(ratios: str, source: Path) -> list[float]:
-    """LEAST:LARGEST:NUMBER as so many numbers."""
+    """The ratios that LEAST:LARGEST:NUMBER stands for, evenly spaced."""
     try:
-        low, high, n = (kind(text) for kind, text in zip((float, float, int), ratios.split(":"), strict=True))
+        low, high, n = (number(text) for number, text in zip((float, float, int), ratios.split(":"), strict=True))
     except ValueError:
         low, high, n = 0.0, 0.0, 0
     if not (0.1 <= low < high <= 10.0 and 2 <= n <= 1000):
@@ -141,6 +142,7 @@ def _parsed_ratios(ratios: str, source: Path) -> list[float]:
 
 
 def _followed(nodes: list[LineNodes], order: str, start: float, n_modes: int, source: Path) -> Route:
+    """The route from `start` [m] under the modes that the option --modes lists, such as 1,4,3."""
     from feeder_sim.plate.sequences import follow
 
     try:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -23,7 +24,7 @@ if TYPE_CHECKING:
 
 
 def print_result(result: Result, folder: Path, as_json: bool) -> None:
-    """Print what a run found, in words or as one JSON object."""
+    """Print the findings of a run, in words or as one JSON object."""
     summary = result.summary()
     if as_json:
         print(json.dumps(summary | {"folder": str(folder)}))
@@ -44,7 +45,7 @@ def print_result(result: Result, folder: Path, as_json: bool) -> None:
 
 
 def print_boundaries(diagram: Diagram, as_json: bool) -> None:
-    """Print where each period begins, beside the exact value."""
+    """Print the amplitude at which each period begins, beside the exact value."""
     rows = [
         {
             "period": int(b.motion),
@@ -72,11 +73,11 @@ def print_boundaries(diagram: Diagram, as_json: bool) -> None:
         print(f"ratios of successive doublings: {', '.join(f'{r:.3f}' for r in ratios)} (Feigenbaum: 4.669)")
 
 
-def print_modes(held: ModeFile, as_json: bool) -> None:
+def print_modes(mode_file: ModeFile, as_json: bool) -> None:
     """Print the modes of a plate beside the measured resonances."""
-    measured = {r.mode: r for r in held.resonances}
+    modes, measured = mode_file.modes, {r.mode: r for r in mode_file.resonances}
     rows = []
-    for i, (frequency, parity) in enumerate(zip(held.modes.natural_frequency, held.modes.parity, strict=True)):
+    for i, (frequency, parity) in enumerate(zip(modes.natural_frequency, modes.parity, strict=True)):
         resonance = measured.get(i)
         rows.append(
             {
@@ -99,7 +100,10 @@ def print_modes(held: ModeFile, as_json: bool) -> None:
 
 
 def print_routes(routes: Sequence[Route], frequency: NDArray[np.float64], as_json: bool) -> None:
-    """Print sequences of modes, best first: their largest k, and where every mode takes the part."""
+    """Print sequences of modes, best first: their largest k, and where every mode carries the part.
+
+    `frequency` has the natural frequencies of the plate's modes [Hz].
+    """
     if as_json:
         rows = [
             {
@@ -108,7 +112,7 @@ def print_routes(routes: Sequence[Route], frequency: NDArray[np.float64], as_jso
                 "frequency_hz": [float(frequency[mode]) for mode in route.modes],
                 "station_mm": [1e3 * route.steps[0].start, *(1e3 * step.end for step in route.steps)],
                 "k": [step.k for step in route.steps],
-                "growth": [step.growth if step.growth == step.growth else None for step in route.steps],
+                "growth": [_or_none(step.growth) for step in route.steps],
             }
             for route in routes
         ]
@@ -125,16 +129,16 @@ def print_routes(routes: Sequence[Route], frequency: NDArray[np.float64], as_jso
 def print_ratios(rows: Sequence[RatioRoutes], as_json: bool) -> None:
     """Print the best sequence of every length-to-width ratio."""
     if as_json:
-        found = [
+        entries = [
             {
                 "ratio": row.ratio,
                 "largest_k": row.routes[0].largest_k if row.routes else None,
-                "growth": row.routes[0].growth if row.routes and row.routes[0].growth == row.routes[0].growth else None,
+                "growth": _or_none(row.routes[0].growth) if row.routes else None,
                 "modes": [mode + 1 for mode in row.routes[0].modes] if row.routes else [],
             }
             for row in rows
         ]
-        print(json.dumps(found))
+        print(json.dumps(entries))
         return
     print("length/width  largest k  offset grows by  modes")
     for row in rows:
@@ -146,13 +150,18 @@ def print_ratios(rows: Sequence[RatioRoutes], as_json: bool) -> None:
             print(f"{row.ratio:>12.3f}  {'none':>9}")
 
 
+def _or_none(value: float) -> float | None:
+    """A number as JSON takes it, which has no NaN."""
+    return None if math.isnan(value) else value
+
+
 def print_waves(waves: Sequence[StageWave], as_json: bool) -> None:
-    """Print what the waves of a scenario are like."""
-    from feeder_sim.measures.circulation import described
+    """Print the numbers that describe the waves of a scenario, each set of excitations once."""
+    from feeder_sim.measures.circulation import describe
     from feeder_sim.measures.protocol import as_json as as_json_values
 
-    different = {wave.stage.excitations: wave for wave in reversed(waves)}
-    rows = [{"stage": wave.stage.name} | as_json_values(described(wave)) for wave in reversed(different.values())]
+    different = {wave.stage.excitations: wave for wave in reversed(waves)}  # the first stage of each set
+    rows = [{"stage": wave.stage.name} | as_json_values(describe(wave)) for wave in reversed(different.values())]
     if as_json:
         print(json.dumps(rows))
         return
@@ -161,10 +170,10 @@ def print_waves(waves: Sequence[StageWave], as_json: bool) -> None:
         print(as_lines({key: value for key, value in row.items() if key != "stage"}, "  "))
 
 
-def as_lines(plan: dict[str, Any], indent: str = "") -> str:
-    """Nested values as indented 'key: value' lines."""
+def as_lines(values: dict[str, Any], indent: str = "") -> str:
+    """Nested values, as JSON takes them, as indented 'key: value' lines with four digits."""
     lines = []
-    for key, value in plan.items():
+    for key, value in values.items():
         if isinstance(value, list) and value and isinstance(value[0], dict):
             for i, entry in enumerate(value):
                 lines += [f"{indent}{key}[{i}]:", as_lines(entry, indent + "  ")]
@@ -176,6 +185,7 @@ def as_lines(plan: dict[str, Any], indent: str = "") -> str:
 
 
 def _rounded(value: Any) -> str:
+    """A value as text; numbers with four digits, lists with commas."""
     if isinstance(value, float):
         return f"{value:.4g}"
     if isinstance(value, list):

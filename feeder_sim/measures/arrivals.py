@@ -1,6 +1,6 @@
-"""What a schedule does to the parts it carries: where every stage leaves them, how long that takes, who arrives.
+"""Transport by a schedule: duration of every stage, place of the parts at its end, and parts that reach the goal.
 
-A part has *arrived* that is within `goal.within_mm` of the goal at the end of the schedule, and on the plate.
+A part has *arrived* if it is on the plate and within `goal.within_mm` of the goal at the end of the schedule.
 """
 
 from __future__ import annotations
@@ -20,7 +20,14 @@ from feeder_sim.scene.scene import Scene
 
 @dataclass(frozen=True)
 class TransportStage:
-    """One stage over the seeds that reached its end; `settled`: of how many the parts, not the time limit, ended it."""
+    """One stage, over the seeds that reached its end.
+
+    Attributes:
+        stage: its name.
+        drive_s: how long the drives acted.
+        settled: number of seeds in which the parts settled before the time limit of the stage.
+        x_mm, y_mm: mean place of the parts at the end of the stage.
+    """
 
     stage: str
     drive_s: Statistic
@@ -31,7 +38,14 @@ class TransportStage:
 
 @dataclass(frozen=True)
 class ArrivalFindings:
-    """Parts that arrived of how many; the time of seeds whose parts have all arrived; mean way of the parts."""
+    """Findings over the seeds that ran to their end.
+
+    Attributes:
+        at_goal, at_goal_of: parts that arrived, and all parts, of all seeds together.
+        arrival_time_s: end of the schedule, over the seeds in which all parts arrived.
+        travelled_mm: distance between the mean places of the parts at the start and at the end.
+        transport_stages: one entry per stage.
+    """
 
     at_goal: int
     at_goal_of: int
@@ -50,7 +64,7 @@ class Arrivals:
         scene, counted = prepared.scene, ended(seeds, left_plate=True)
         arrivals = [arrived(scene, seed.frames) for seed in counted]
         ends = [scene.stages(seed.stops.tolist())[-1].end for seed in counted]
-        ways = [1e3 * (_middle(scene, seed.frames, -1) - _middle(scene, seed.frames, 0)) for seed in counted]
+        ways = [1e3 * (_mean_place(scene, seed.frames, -1) - _mean_place(scene, seed.frames, 0)) for seed in counted]
         return ArrivalFindings(
             at_goal=sum(int(parts.sum()) for parts in arrivals),
             at_goal_of=sum(len(parts) for parts in arrivals),
@@ -85,21 +99,22 @@ def arrived(scene: Scene, frames: Frames) -> NDArray[np.bool_]:
     return np.asarray(frames[slice(-1, None)].on_plate(scene.surface)[0] & (distance <= goal.within_mm))
 
 
-def _middle(scene: Scene, frames: Frames, row: int) -> NDArray[np.float64]:
-    """Mean place [m] of the parts on the plate in a frame, shape (2,); NaN without any."""
+def _mean_place(scene: Scene, frames: Frames, row: int) -> NDArray[np.float64]:
+    """Mean (x, y) [m] of the parts on the plate in one frame, shape (2,); NaN without parts."""
     on_plate = frames[slice(row, row + 1 or None)].on_plate(scene.surface)[0]
     return frames.position[row, on_plate, :2].mean(axis=0) if on_plate.any() else np.full(2, np.nan)
 
 
 def _stage(scene: Scene, number: int, seeds: Sequence[SeedRecord]) -> TransportStage:
+    """Findings of the stage of a number, over the seeds that reached its end."""
     planned = scene.times.stages[number]
     durations, settled, places = [], 0, []
     for seed in seeds:
         stage = scene.stages(seed.stops.tolist())[number]
         if seed.frames.time[-1] < stage.end - scene.frame_interval:
-            continue  # all parts had left the plate
+            continue  # the seed ended before the stage, since all parts had left the plate
         durations.append(stage.stop - stage.start)
         settled += durations[-1] < planned.stop - planned.start - SAME_TIME
-        places.append(1e3 * _middle(scene, seed.frames, seed.frames.row_at(stage.end)))
+        places.append(1e3 * _mean_place(scene, seed.frames, seed.frames.row_at(stage.end)))
     x, y = (Statistic.of(place[axis] for place in places) for axis in (0, 1))
     return TransportStage(planned.name, Statistic.of(durations), settled, x, y)

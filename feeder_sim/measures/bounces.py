@@ -1,19 +1,19 @@
 """Measures of a part that bounces in a guide, from its contacts with the plate; and the theory of the bouncing ball.
 
-*Bounce interval*: time in the air between two contacts. It counts when it is as long as a plate period (1 % shorter at
-most), which leaves out the chatter before a part sticks. *Flight height*: departure velocity squared over twice the
+*Bounce interval*: time in the air between two contacts. Intervals shorter than 99 % of a plate period do not count,
+which leaves out the chatter before a part sticks. *Flight height*: departure velocity squared over twice the
 deceleration on the way up, above the point of departure. *Impact speed*: relative to the plate, at the end of a flight
 that counts. Contacts before the plate has rung up do not count.
 
 *Period*: number of impacts after which the motion repeats.
 
-Period-one motion on a plate A sin(omega t), one impact per period, exists and is stable for
+Period-one motion on a plate A sin(omega t), one impact per plate period, exists and is stable for
 
     pi (1 - e) / (1 + e)  <  A omega^2 / g  <  sqrt(4 (1 + e^2)^2 / (1 + e)^4 + pi^2 (1 - e)^2 / (1 + e)^2)
 
-where an eigenvalue of the impact map, linearised about that motion, passes -1 and period two takes over (compare
-Barroso, Carneiro and Macau, Phys. Rev. E 79 (2009) 026206). Far above, with every landing at a phase of its own, the
-mean interval is near 4 pi f A (1 + e) / g.
+At the upper limit an eigenvalue of the impact map, linearised about that motion, passes -1 and the period doubles
+(compare Barroso, Carneiro and Macau, Phys. Rev. E 79 (2009) 026206). Far above it, where the phases of successive
+landings are independent of each other, the mean interval is near 4 pi f A (1 + e) / g.
 """
 
 from __future__ import annotations
@@ -34,34 +34,42 @@ from feeder_sim.scene.prepared import Prepared
 from feeder_sim.scene.scene import GRAVITY, Scene
 from feeder_sim.scene.timetable import timed
 
-LEAST_INTERVAL = 0.99  # of a plate period
-LEAST_FLIGHT = 0.25  # of a plate period: shorter flights are chatter
-REST = 2.0  # plate periods in one contact: for good, where the plate has not changed
-PERIODS = (1, 2, 3, 4, 5, 6, 7, 8, 10, 12, 16)
-LAST_IMPACTS = 4 * PERIODS[-1]  # a period is judged by this many
-BATCHES = 20
-EXACT, STEPS_OFF = 1e-4, 4.0  # relative difference of impact speeds that is none: exact method; times 1/steps
+LEAST_INTERVAL = 0.99  # of a plate period; shorter bounce intervals do not count
+LEAST_FLIGHT = 0.25  # of a plate period; shorter flights are chatter
+REST = 2.0  # plate periods; a steady plate that has not thrown the part off within this time never will
+PERIODS = (1, 2, 3, 4, 5, 6, 7, 8, 10, 12, 16)  # that `motion` looks for
+LAST_IMPACTS = 4 * PERIODS[-1]  # from which `motion` finds the period
+BATCHES = 20  # of `batched`
+EXACT_TOLERANCE = 1e-4  # relative difference of impact speeds that counts as none, for the exact method of the slide
+STEP_TOLERANCE = 4.0  # the same for methods that meet the plate in steps, times the steps per period
 
 
 def period_one_threshold(restitution: float) -> float:
-    """A omega^2 / g at which period-one motion begins."""
+    """Throw number A omega^2 / g at which period-one motion begins, for a coefficient of restitution [1]."""
     return math.pi * (1.0 - restitution) / (1.0 + restitution)
 
 
 def period_two_threshold(restitution: float) -> float:
-    """A omega^2 / g at which period two takes over."""
+    """Throw number A omega^2 / g at which period two replaces period one, for a coefficient of restitution [1]."""
     e = restitution
     return math.hypot(2.0 * (1.0 + e * e) / (1.0 + e) ** 2, math.pi * (1.0 - e) / (1.0 + e))
 
 
 def expected_interval(frequency: float, amplitude: float, restitution: float, gravity: float) -> float:
-    """Mean bounce interval [s] far above the thresholds, 4 pi f A (1 + e) / g."""
+    """Mean bounce interval [s] far above the thresholds, 4 pi f A (1 + e) / g.
+
+    Args:
+        frequency: f of the plate [Hz].
+        amplitude: A of the plate [m].
+        restitution: coefficient e [1].
+        gravity: deceleration g of the part [m/s^2].
+    """
     return 4.0 * math.pi * frequency * amplitude * (1.0 + restitution) / gravity
 
 
 @dataclass(frozen=True)
 class Flights:
-    """Flights between two contacts.
+    """Flights of a part between two contacts.
 
     Attributes:
         interval: time in the air [s], shape (n,).
@@ -75,7 +83,7 @@ class Flights:
 
 
 def flights(impacts: Impacts, plate_period: float, deceleration: float, *, after: float = 0.0) -> Flights:
-    """The flights that count, of one seed.
+    """The flights of one seed that count.
 
     Args:
         impacts: contacts of the part.
@@ -83,29 +91,30 @@ def flights(impacts: Impacts, plate_period: float, deceleration: float, *, after
         deceleration: of the part on its way up [m/s^2].
         after: contacts before this time [s] are left out.
     """
-    kept = impacts[impacts.time >= after]
-    interval = kept.time[1:] - kept.until[:-1]
+    contacts = impacts[impacts.time >= after]
+    interval = contacts.time[1:] - contacts.until[:-1]
     counts = interval >= LEAST_INTERVAL * plate_period
-    height = kept.departure_velocity[:-1] ** 2 / (2.0 * deceleration)
-    return Flights(interval[counts], height[counts], kept.approach_speed[1:][counts])
+    height = contacts.departure_velocity[:-1] ** 2 / (2.0 * deceleration)
+    return Flights(interval[counts], height[counts], contacts.approach_speed[1:][counts])
 
 
 def motion(impacts: Impacts, plate_period: float, tolerance: float, *, end: float) -> str:
-    """Name the motion that one seed has settled to: its period in impacts, or what it does instead.
+    """Name the motion at the end of one seed.
 
     Args:
-        impacts: contacts of the part; the last ones are looked at.
+        impacts: contacts of the part, of which the last `LAST_IMPACTS` count.
         plate_period: [s].
         tolerance: relative difference of impact speeds, and contact time in plate periods, that count as none.
         end: when the record ends [s].
 
     Returns:
-        "1", "2", ... "16"; "sticking": at least half of the flights end in rest on the plate; "chaotic"; "resting" for
-        good; or "undecided" after too few impacts.
+        The period in impacts, "1", "2", ... "16"; "sticking" if at least half of the flights end in rest on the plate;
+        "chaotic" without a period; "resting" if the part does not leave the plate any more; "undecided" after too few
+        impacts.
     """
     if len(impacts) and np.isinf(impacts.until[-1]) and impacts.time[-1] < end - REST * plate_period:
         return "resting"
-    last = impacts[slice(-LAST_IMPACTS - 1, -1)]  # the very last may not be over
+    last = impacts[slice(-LAST_IMPACTS - 1, -1)]  # without the very last contact, which may not be over
     if len(last) < LAST_IMPACTS:
         return "undecided"
     stuck = np.count_nonzero(last.until - last.time > tolerance * plate_period)
@@ -119,18 +128,21 @@ def motion(impacts: Impacts, plate_period: float, tolerance: float, *, end: floa
 
 
 def batched(seeds: Sequence[NDArray[np.float64]]) -> Statistic:
-    """Statistic over successive values, whose standard error is that of batch means: neighbours may be correlated."""
+    """Statistic over the successive values (n,) of each seed; its standard error is that of the means of batches.
+
+    Successive values may be correlated, which would make the standard error of independent values too small.
+    """
     values = np.concatenate([*seeds, np.empty(0)])
-    plain = Statistic.of(values)
-    if plain.n < 2 * BATCHES:
-        return plain
+    independent = Statistic.of(values)
+    if independent.n < 2 * BATCHES:
+        return independent
     means = [float(batch.mean()) for batch in np.array_split(values, BATCHES)]
-    return Statistic(plain.mean, plain.sd, Statistic.of(means).se, plain.n)
+    return Statistic(independent.mean, independent.sd, Statistic.of(means).se, independent.n)
 
 
 @dataclass(frozen=True)
 class BounceFindings:
-    """Over all seeds that ran to their end; `motion`: how many of them settled to which."""
+    """Findings over the seeds that ran to their end; `motion`: number of seeds by the name of their motion."""
 
     bounce_interval_ms: Statistic
     flight_height_mm: Statistic
@@ -139,7 +151,7 @@ class BounceFindings:
 
 
 class Bounces:
-    """How a part in a guide bounces."""
+    """Bounce interval, flight height, impact speed and motion of a part in a guide."""
 
     def applies(self, prepared: Prepared) -> bool:
         return prepared.scene.guides[0] is not None
@@ -173,24 +185,25 @@ class Bounces:
 
 
 def seed_flights(scene: Scene, seeds: Sequence[Impacts]) -> list[Flights]:
-    """The flights that count of every seed of a scene with a guide."""
+    """The flights that count, for every seed of a scene with a guide."""
     guide, after = scene.guides[0], settling_time(scene)
     deceleration = guide.deceleration(GRAVITY)[0] if guide and guide.slides else GRAVITY
     return [flights(impacts, _plate_period(scene), deceleration, after=after) for impacts in seeds]
 
 
 def _plate_period(scene: Scene) -> float:
+    """Period of the first drive [s]."""
     return 1.0 / scene.scenario.drive[0].frequency_hz
 
 
 def settling_time(scene: Scene) -> float:
-    """When the plate has rung up to within 1 % [s]."""
+    """Time [s] at which the plate has rung up to within 1 %: 5 time constants after the start of every drive."""
     drives = timed(scene.drives, scene.times)
     times = [5.0 / (2.0 * math.pi * d.damping_ratio * d.natural_frequency) if d.damping_ratio else 0.0 for d in drives]
     return max(drive.start + time for drive, time in zip(drives, times, strict=True))
 
 
 def impact_tolerance(prepared: Prepared) -> float:
-    """Relative difference of impact speeds that an engine cannot tell from none, since it meets the plate in steps."""
+    """Relative difference of impact speeds below the resolution of a method, which may meet the plate in steps."""
     exact = prepared.engine.method == "slide"
-    return EXACT if exact else STEPS_OFF / prepared.scenario.run.steps_per_period
+    return EXACT_TOLERANCE if exact else STEP_TOLERANCE / prepared.scenario.run.steps_per_period

@@ -1,6 +1,6 @@
-"""What a quasi-travelling wave does to parts: whether they run round with it, and where they gather.
+"""Effects of a quasi-travelling wave on parts: circulation along the track of its crest, gathering at still points.
 
-*Circulation*: mean speed, along the crest's track and counter-clockwise, of the parts within `ON_TRACK` of it.
+*Circulation*: mean speed of the parts within `ON_TRACK` of the crest's track, along it, counter-clockwise positive.
 """
 
 from __future__ import annotations
@@ -20,11 +20,11 @@ from feeder_sim.scene.prepared import Prepared
 from feeder_sim.scene.scene import Scene
 from feeder_sim.scene.timetable import TimedStage
 
-ON_TRACK = 10e-3  # [m]
-AT_STILL_POINT = 8e-3  # [m]
-FROM = 0.25  # of the stage: when its circulation begins to count, the ring-up and the drop of the parts behind it
-ALONE = 1e-3  # of the largest modal amplitude: what a mode has to reach to take part
-MANY = 1000  # crossings: the real and the imaginary part have whole lines in common, the wave stands
+ON_TRACK = 10e-3  # [m]; largest distance from the track of the parts that count
+AT_STILL_POINT = 8e-3  # [m]; largest distance of a part that counts as gathered at a still point
+COUNTED_FROM = 0.25  # of the stage; before that the plate rings up and the parts may still fall
+LEAST_AMPLITUDE = 1e-3  # of the largest modal amplitude; a mode below it has no part in the wave
+MOST_STILL_POINTS = 1000  # with more, the real and imaginary part vanish along common lines: a standing wave
 
 
 @dataclass(frozen=True)
@@ -32,11 +32,11 @@ class StageWave:
     """The wave of one stage.
 
     Attributes:
-        number: of the stage.
-        stage: when, if no stage before it ends early.
-        wave: at its end.
-        still: points, shape (n, 2) [m]; empty for a standing wave, which has whole lines of them.
-        track: around the still point next to the middle; None without a crest all around it.
+        number: of the stage, over the whole timetable.
+        stage: its times, if no stage before it ends early.
+        wave: at the end of the stage.
+        still: still points, shape (n, 2) [m]; empty for a standing wave, which has nodal lines instead.
+        track: of the crest around the still point nearest to the centre; None if no crest surrounds it.
     """
 
     number: int
@@ -47,20 +47,20 @@ class StageWave:
 
 
 def stage_waves(scene: Scene) -> list[StageWave]:
-    """The waves of the stages that drive several modes at one frequency, of all cycles."""
-    found: list[StageWave] = []
-    known: dict[tuple[int, ...], StageWave] = {}
+    """The waves of all stages that drive several modes at one frequency, in all cycles."""
+    waves: list[StageWave] = []
+    by_excitations: dict[tuple[int, ...], StageWave] = {}
     for number, stage in enumerate(scene.times.stages):
-        wave = None if stage.excitations in known else wave_of(scene, stage)
+        wave = None if stage.excitations in by_excitations else wave_of(scene, stage)
         if wave is not None:
-            known[stage.excitations] = _analysed(number, stage, wave)
-        if stage.excitations in known:
-            found.append(replace(known[stage.excitations], number=number, stage=stage))
-    return found
+            by_excitations[stage.excitations] = _analysed(number, stage, wave)
+        if stage.excitations in by_excitations:
+            waves.append(replace(by_excitations[stage.excitations], number=number, stage=stage))
+    return waves
 
 
 def wave_of(scene: Scene, stage: TimedStage) -> Wave | None:
-    """The wave at the end of a stage; None unless it drives several modes, all at one frequency."""
+    """The wave at the end of a stage; None unless the stage drives several modes, all at one frequency."""
     drives = [scene.drives[i] for i in stage.excitations]
     if len({drive.shape for drive in drives}) < 2 or len({drive.drive_frequency for drive in drives}) > 1:
         return None
@@ -68,14 +68,15 @@ def wave_of(scene: Scene, stage: TimedStage) -> Wave | None:
     just_before = stage.stop - 1e-9 / drives[0].drive_frequency
     amplitude = scene.surface.terms.phasor(just_before, scene.surface.n_shapes)[0]
     amplitude = np.where([j in {drive.shape for drive in drives} for j in range(len(amplitude))], amplitude, 0.0)
-    if (np.abs(amplitude) > ALONE * np.abs(amplitude).max()).sum() < 2:
+    if (np.abs(amplitude) > LEAST_AMPLITUDE * np.abs(amplitude).max()).sum() < 2:
         return None
     return Wave(scene.surface, amplitude * np.exp(-1j * omega * (just_before - stage.start)))
 
 
 def _analysed(number: int, stage: TimedStage, wave: Wave) -> StageWave:
+    """A wave with its still points and the track of its crest."""
     still = still_points(wave)
-    if not 0 < len(still) < MANY:
+    if not 0 < len(still) < MOST_STILL_POINTS:
         return StageWave(number, stage, wave, np.empty((0, 2)), None)
     try:
         track = crest_track(wave, still[np.linalg.norm(still, axis=1).argmin()])
@@ -85,16 +86,16 @@ def _analysed(number: int, stage: TimedStage, wave: Wave) -> StageWave:
 
 
 def circulation(scene: Scene, track: Track, frames: Frames, start: float, stop: float) -> float:
-    """Mean speed [m/s] of the parts near a track between two times [s]; NaN where there are none."""
+    """Mean speed [m/s] of the parts near a track between two times [s], counter-clockwise; NaN without such parts."""
     from scipy.spatial import cKDTree
 
     rows = np.flatnonzero((frames.time >= start) & (frames.time <= stop))
     if len(rows) < 2:
         return float("nan")
     before, after = frames.position[rows[:-1]], frames.position[rows[1:]]
-    off, nearest = cKDTree(track.points).query(before[..., :2].reshape(-1, 2))
+    distance, nearest = cKDTree(track.points).query(before[..., :2].reshape(-1, 2))
     on_plate = frames.on_plate(scene.surface)[rows[1:]]
-    counted = (off.reshape(before.shape[:2]) < ON_TRACK) & on_plate
+    counted = (distance.reshape(before.shape[:2]) < ON_TRACK) & on_plate
     along = ((after - before)[..., :2] * track.tangent[nearest].reshape(*before.shape[:2], 2)).sum(axis=-1)
     speed = along / np.diff(frames.time[rows])[:, None]
     return float(speed[counted].mean()) if counted.any() else float("nan")
@@ -102,7 +103,16 @@ def circulation(scene: Scene, track: Track, frames: Frames, start: float, stop: 
 
 @dataclass(frozen=True)
 class WaveDescription:
-    """A wave by itself; None where it has no track."""
+    """A wave without parts, in numbers; what belongs to the track is None where there is none.
+
+    Attributes:
+        standing_share: 1 for a standing wave, 0 for a travelling one.
+        still_points: their number.
+        track_mm: length of the track.
+        amplitude_ratio: largest over smallest amplitude along the track.
+        phase_turns: change of the phase once around the track [360 degrees].
+        travelling_ratio: 1 counter-clockwise, -1 clockwise, 0 standing; see `Track.travelling_ratio`.
+    """
 
     standing_share: float
     still_points: int
@@ -114,7 +124,13 @@ class WaveDescription:
 
 @dataclass(frozen=True)
 class WaveFinding(WaveDescription):
-    """The wave of a stage, and what it does to parts: circulation, and their share at still points at its end."""
+    """The wave of a stage and its effect on parts.
+
+    Attributes:
+        cycle, stage: number of the cycle and name of the stage.
+        circulation_mm_s: over the seeds with parts near the track.
+        at_still_points: share of the parts at still points at the end of the stage.
+    """
 
     cycle: int
     stage: str
@@ -130,14 +146,14 @@ class WaveFindings:
 
 
 class Circulation:
-    """Whether parts run round with a quasi-travelling wave, and where they gather."""
+    """Circulation of parts with a quasi-travelling wave, and their share at its still points."""
 
     def applies(self, prepared: Prepared) -> bool:
         scene = prepared.scene
         if scene.scenario.schedule is None and len(scene.parts) == 1:
             return False
-        different = {stage.excitations: stage for stage in scene.times.stages}
-        return any(wave_of(scene, stage) is not None for stage in different.values())
+        stages = {stage.excitations: stage for stage in scene.times.stages}  # each set of excitations once
+        return any(wave_of(scene, stage) is not None for stage in stages.values())
 
     def compute(self, prepared: Prepared, seeds: Sequence[SeedRecord]) -> WaveFindings:
         counted = ended(seeds, left_plate=True)
@@ -156,8 +172,8 @@ class Circulation:
         return lines
 
 
-def described(wave: StageWave) -> WaveDescription:
-    """The wave by itself, in numbers."""
+def describe(wave: StageWave) -> WaveDescription:
+    """The wave of a stage without parts, in numbers."""
     track = wave.track
     return WaveDescription(
         standing_share=wave.wave.standing_share,
@@ -170,17 +186,18 @@ def described(wave: StageWave) -> WaveDescription:
 
 
 def _finding(scene: Scene, wave: StageWave, seeds: Sequence[SeedRecord]) -> WaveFinding:
+    """The wave of a stage and its effect on the parts, over the seeds that reached the end of the stage."""
     shares, speeds = [], []
     for seed in seeds:
         stage, frames = scene.stages(seed.stops.tolist())[wave.number], seed.frames
         if frames.time[-1] <= stage.stop - scene.frame_interval:
-            continue  # it did not come that far
+            continue  # the seed ended before the stage
         shares.append(_share_at_still_points(scene, wave.still, frames, stage.stop))
         if wave.track is not None:
-            start = stage.start + FROM * (stage.stop - stage.start)
+            start = stage.start + COUNTED_FROM * (stage.stop - stage.start)
             speeds.append(1e3 * circulation(scene, wave.track, frames, start, stage.stop))
     return WaveFinding(
-        **vars(described(wave)),
+        **vars(describe(wave)),
         cycle=wave.stage.cycle,
         stage=wave.stage.name,
         circulation_mm_s=Statistic.of(speeds),
@@ -189,7 +206,7 @@ def _finding(scene: Scene, wave: StageWave, seeds: Sequence[SeedRecord]) -> Wave
 
 
 def _share_at_still_points(scene: Scene, still: NDArray[np.float64], frames: Frames, time: float) -> float:
-    """Share of the parts on the plate that lie near a still point at a time [s]; NaN without any."""
+    """Share of the parts on the plate that are near a still point at a time [s]; NaN without parts or still points."""
     from scipy.spatial import cKDTree
 
     row = frames.row_at(time)

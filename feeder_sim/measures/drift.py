@@ -1,9 +1,9 @@
 """How parts drift.
 
-*Transport speed*: a cell of the mode reaches from an antinode to the nearest nodal line, d0 away. The speed of a seed
-is 0.6 d0 divided by the time between the first passages of distance 0.8 d0 and 0.2 d0 from the nodal line.
-*Drift velocity*: mean horizontal velocity over the whole recording; of several parts the mean over those that are
-there at its end. *Highest rise*: of any part, its largest height above its lowest one, drop included.
+*Transport speed*: in a cell of the mode the nearest nodal line is a distance d0 away from the antinode. The speed of a
+seed is 0.6 d0 divided by the time between the first passages of distance 0.8 d0 and 0.2 d0 from the nodal line.
+*Drift velocity*: mean horizontal velocity over the whole recording, averaged over the parts present at its end.
+*Highest rise*: largest height of a part's centre above its lowest one, over all parts; the drop at the start counts.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from feeder_sim.scene.prepared import Prepared
 
 @dataclass(frozen=True)
 class DriftFindings:
-    """Over the seeds that ran to their end; `arrived`: seeds with a transport speed."""
+    """Findings over the seeds that ran to their end; `arrived` is the number of seeds with a transport speed."""
 
     transport_speed_mm_s: Statistic
     drift_velocity_x_mm_s: Statistic
@@ -35,7 +35,7 @@ class DriftFindings:
 
 
 class Drift:
-    """Where parts drift while one set of drives acts, and how fast."""
+    """Transport speed, drift velocity and highest rise of a scenario without a schedule."""
 
     def applies(self, prepared: Prepared) -> bool:
         return prepared.scenario.schedule is None
@@ -67,7 +67,7 @@ class Drift:
 
 
 def first_passage(time: NDArray[np.float64], way: NDArray[np.float64], level: float) -> float:
-    """Time [s] at which `way` first falls to `level`, between frames by interpolation; NaN if it never does."""
+    """Time [s] at which `way` (n,) first falls to `level`, interpolated between times (n,); NaN if it never does."""
     below = np.flatnonzero(way <= level)
     if not len(below):
         return math.nan
@@ -81,7 +81,7 @@ def first_passage(time: NDArray[np.float64], way: NDArray[np.float64], level: fl
 def transport_speed(
     frames: Frames, cell: Cell, *, start: float = PASSAGE_FROM, end: float = PASSAGE_TO, part: int = 0
 ) -> float:
-    """Speed [m/s] of one seed between two fractions of the way; NaN if the part never got there."""
+    """Speed [m/s] of one seed between two fractions of d0; NaN if the part did not pass both."""
     way = cell.way(frames, part)
     if not len(way) or way[0] < start:  # it did not pass the start line
         return math.nan
@@ -90,7 +90,7 @@ def transport_speed(
 
 
 def drift_velocity(frames: Frames) -> NDArray[np.float64]:
-    """Mean horizontal velocity [m/s] of the parts of one seed that are there at the end, shape (2,)."""
+    """Mean horizontal velocity [m/s] of the parts of one seed that are present at the end, shape (2,)."""
     elapsed, present = frames.time[-1] - frames.time[0], frames.present[-1]
     if not elapsed > 0 or not present.any():
         return np.full(2, math.nan)
@@ -99,5 +99,8 @@ def drift_velocity(frames: Frames) -> NDArray[np.float64]:
 
 
 def highest_rise(frames: Frames) -> float:
-    """Largest height of any part's centre above its lowest recorded one [m]: the highest hop, drop included."""
-    return float(np.ptp(frames.position[..., 2], axis=0).max())
+    """Largest height [m] of a part's centre above its lowest recorded one, over the parts of a seed that are there at
+    its end; NaN without any.
+    """
+    height = frames.position[:, frames.present[-1], 2]
+    return float(np.ptp(height, axis=0).max()) if height.size else math.nan

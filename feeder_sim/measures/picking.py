@@ -1,4 +1,4 @@
-"""What a robot could pick: parts whose centres keep their distance from all others."""
+"""Parts that a robot could pick: those whose centres are far enough from the centres of all others."""
 
 from __future__ import annotations
 
@@ -16,6 +16,15 @@ def nearest_neighbours(points: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def pickable(position: NDArray[np.float64], candidates: NDArray[np.bool_], clearance: float) -> NDArray[np.int64]:
-    """Indices of the candidates (n,) whose centres (n, 3) are farther than the clearance [m] from all other ones."""
+    """Parts that can be picked.
+
+    Args:
+        position: centres of all parts, shape (n, 3) [m].
+        candidates: which parts count, shape (n,); the others are neither picked nor neighbours.
+        clearance: smallest distance to the next candidate in plan view [m].
+
+    Returns:
+        Indices of the parts, shape (m,).
+    """
     index = np.flatnonzero(candidates)
     return index[nearest_neighbours(position[index, :2]) > clearance]

@@ -1,4 +1,4 @@
-"""What a measure is: which scenes it is for, what it finds in an ensemble, and the lines that say so to people."""
+"""The protocol of a measure: which scenes it applies to, its findings in an ensemble, and its lines in a report."""
 
 from __future__ import annotations
 
@@ -17,15 +17,15 @@ class Measure(Protocol[Findings]):
     """One measure; its findings are a dataclass whose fields carry their units in their names."""
 
     def applies(self, prepared: Prepared) -> bool:
-        """Whether it means anything for a scene."""
+        """Whether the measure has a meaning for a scene."""
         ...
 
     def compute(self, prepared: Prepared, seeds: Sequence[SeedRecord]) -> Findings:
-        """Measure an ensemble; seeds that do not count are for the measure to leave out."""
+        """Measure an ensemble; the measure itself leaves out seeds that do not count."""
         ...
 
     def lines(self, prepared: Prepared, findings: Findings) -> list[str]:
-        """The findings in words, label and value."""
+        """The findings as lines of label and value; see `labelled`."""
         ...
 
 
@@ -36,12 +36,12 @@ def ended(seeds: Sequence[SeedRecord], *, left_plate: bool = False) -> list[Seed
 
 
 def labelled(label: str, text: str) -> str:
-    """A line of a report: labels of one width."""
+    """A line of a report: the label, filled up to a fixed width, and the text."""
     return f"{label:<16} {text}"
 
 
 def as_json(value: Any) -> Any:
-    """Findings as JSON takes them: dataclasses as objects, numbers that are not finite as null."""
+    """A value as JSON takes it: dataclasses as dictionaries, tuples as lists, numbers that are not finite as None."""
     if isinstance(value, Statistic):
         return value.as_dict()
     if is_dataclass(value):

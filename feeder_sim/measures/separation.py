@@ -1,8 +1,8 @@
-"""What a schedule does to many parts: counts at the end of every stage, and picks, over an ensemble.
+"""Separation by a schedule: counts of the parts at the end of every stage, and picks, over an ensemble.
 
-A part is *isolated* where no other is within the clearance of the schedule's pick; a *dead position* is a place that is
-near nodal lines of all modes that the cycle drives up to its first pick, so that none of them moves a part away; parts
-are *flipped* when another of their sides is up than at the end of the stage before.
+A part is *isolated* if no other part is within the clearance of the schedule's pick. A *dead position* is a place near
+nodal lines of all modes that the cycle drives up to its first pick, so that no mode moves a part away from it. A part
+is *flipped* if another of its sides is up than at the end of the stage before.
 """
 
 from __future__ import annotations
@@ -23,9 +23,9 @@ from feeder_sim.scene.prepared import Prepared
 from feeder_sim.scene.scene import Scene
 from feeder_sim.scene.timetable import TimedStage
 
-ON_LINE = 5e-3  # [m] from a nodal line
-DEAD = 5e-3  # [m] from nodal lines of all modes up to the pick
-TOUCHING = 1e-4  # [m] between the outlines of two parts
+ON_LINE = 5e-3  # [m]; largest distance from a nodal line of a part that counts as on it
+DEAD_POSITION = 5e-3  # [m]; largest distance of a dead position from nodal lines of all modes up to the pick
+TOUCHING = 1e-4  # [m]; largest gap between the bounding spheres of two parts that count as touching
 
 
 @dataclass(frozen=True)
@@ -33,15 +33,15 @@ class StageReport:
     """Counts at the end of one stage, before the pick.
 
     Attributes:
-        end_s: when that is [s].
-        on_plate: parts over the plate.
-        isolated: of them, parts farther than the clearance from all others.
-        touching_pairs: pairs whose bounding circles overlap; an upper bound of pairs that touch.
-        on_nodal_line: parts within 5 mm of a nodal line of the stage's modes.
+        end_s: end of the stage.
+        on_plate: parts over the plate; the counts below are of these parts, except picked and lost.
+        isolated: parts farther than the clearance from all others; 0 without a pick.
+        touching_pairs: pairs whose bounding spheres overlap; an upper bound of pairs that touch.
+        on_nodal_line: parts within 5 mm of nodal lines of all of the stage's modes.
         dead: parts in dead positions.
         flipped: parts with another side up than at the end of the stage before.
-        picked, lost: parts taken out in this stage.
-        nearest_mm: median distance to the nearest neighbour.
+        picked, lost: parts taken out after the end of the stage before, up to the end of this one.
+        nearest_mm: median distance to the nearest neighbour; NaN for fewer than two parts.
     """
 
     end_s: float
@@ -57,7 +57,7 @@ class StageReport:
 
 
 def stage_reports(scene: Scene, lines: StageLines, record: Record) -> list[StageReport]:
-    """Count at the end of every stage that the run has reached."""
+    """Counts at the end of every stage that the run has reached, for one seed."""
     frames, reports = record.frames, []
     stages = scene.stages(record.stops.tolist())
     cycle = _stages_to_first_pick(stages)
@@ -73,15 +73,15 @@ def stage_reports(scene: Scene, lines: StageLines, record: Record) -> list[Stage
 
 
 def _stages_to_first_pick(stages: Sequence[TimedStage]) -> set[int]:
-    """Driven stages of the last cycle up to its first pick, or all of them without one."""
-    found = set()
-    for i, stage in enumerate(stages):
+    """Numbers of the driven stages of the last cycle up to its first pick, or of all of them without a pick."""
+    numbers = set()
+    for number, stage in enumerate(stages):
         if stage.cycle == stages[-1].cycle:
             if stage.excitations:
-                found.add(i)
+                numbers.add(number)
             if stage.clearance is not None:
                 break
-    return found
+    return numbers
 
 
 def _report(
@@ -94,6 +94,18 @@ def _report(
     before: int | None,
     cycle: set[int],
 ) -> StageReport:
+    """Counts of one stage.
+
+    Args:
+        scene: has the parts and the stages.
+        lines: nodal lines of the stages.
+        record: of the seed.
+        number: of the stage, over the whole timetable.
+        stage: its times.
+        row: frame at its end.
+        before: frame at the end of the stage before; 0 or None for the start.
+        cycle: numbers of the stages that define dead positions.
+    """
     frames, removals = record.frames, record.removals
     start, end = (frames.time[before] if before else -np.inf), frames.time[row]
     position = frames.position[row]
@@ -102,8 +114,8 @@ def _report(
     nearest = nearest_neighbours(points)
     clearances = [s.clearance for s in scene.times.stages if s.clearance is not None]
     dead = np.full(len(points), bool(cycle))
-    for i in cycle:
-        dead &= lines.near(i, points, DEAD)
+    for driven in cycle:
+        dead &= lines.near(driven, points, DEAD_POSITION)
     return StageReport(
         end_s=stage.end,
         on_plate=int(on_plate.sum()),
@@ -119,6 +131,7 @@ def _report(
 
 
 def _touching_pairs(scene: Scene, position: NDArray[np.float64], on_plate: NDArray[np.bool_]) -> int:
+    """Pairs of parts on the plate whose bounding spheres overlap, from positions (parts, 3) [m] and a mask (parts,)."""
     from scipy.spatial import cKDTree
 
     index = np.flatnonzero(on_plate)
@@ -131,7 +144,7 @@ def _touching_pairs(scene: Scene, position: NDArray[np.float64], on_plate: NDArr
 
 
 def _side_up(frames: Frames, row: int) -> NDArray[np.int64]:
-    """Which axis of each part is nearest to the vertical, and whether it points up: -3 to 3, never 0."""
+    """Axis of each part (1, 2, 3) nearest to the vertical, negative where it points down, shape (parts,)."""
     w, x, y, z = frames.quaternion[row].T
     up = np.stack([2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)], axis=1)
     axis = np.abs(up).argmax(axis=1)
@@ -158,7 +171,7 @@ class StageCounts:
 
 @dataclass(frozen=True)
 class SeparationFindings:
-    """Parts in the scene, of them picked and lost in all, and the counts of every stage."""
+    """Number of parts in the scene, parts picked and lost in the whole run, and the counts of every stage."""
 
     parts: int
     picked: Statistic
@@ -167,7 +180,7 @@ class SeparationFindings:
 
 
 class Separation:
-    """What a schedule does to many parts."""
+    """Counts of many parts at the end of every stage, parts picked and parts lost."""
 
     def applies(self, prepared: Prepared) -> bool:
         return prepared.scenario.schedule is not None or len(prepared.scene.parts) > 1
@@ -178,9 +191,9 @@ class Separation:
         reports = [stage_reports(scene, lines, seed) for seed in counted]
         stages = []
         for number, stage in enumerate(scene.times.stages):
-            of_stage = [report[number] for report in reports if len(report) > number]
+            over_seeds = [seed_reports[number] for seed_reports in reports if len(seed_reports) > number]
             counts = {
-                field.name: Statistic.of(getattr(report, field.name) for report in of_stage)
+                field.name: Statistic.of(getattr(report, field.name) for report in over_seeds)
                 for field in fields(StageReport)
             }
             stages.append(StageCounts(stage.cycle, stage.name, **counts))

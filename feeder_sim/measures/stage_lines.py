@@ -1,4 +1,4 @@
-"""Nodal lines of every stage's modes: who is near them, and when all parts have settled there."""
+"""Nodal lines of every stage's modes: which parts are near them, and whether all parts have settled there."""
 
 from __future__ import annotations
 
@@ -14,30 +14,43 @@ from feeder_sim.scene.scene import Scene
 
 @dataclass(frozen=True)
 class StageLines:
-    """Nodal lines of every stage's modes."""
+    """Nodal lines of every stage's modes.
+
+    Attributes:
+        of_stage: for every stage the lines of each of its modes.
+    """
 
     of_stage: tuple[tuple[NodalLines, ...], ...]
 
     def near(self, stage: int, points: NDArray[np.float64], distance: float) -> NDArray[np.bool_]:
-        """Points (n, 2) within a distance [m] of a nodal line of each of the stage's modes; none where nothing acts."""
-        lines = self.of_stage[stage]
-        close = np.full(len(points), bool(lines))
-        for line in lines:
-            close &= line.distance(points) < distance
-        return close
+        """Whether points (n, 2) [m] are within a distance [m] of a nodal line of each mode of a stage, shape (n,).
+
+        In a stage without drives no point is.
+        """
+        modes = self.of_stage[stage]
+        near = np.full(len(points), bool(modes))
+        for lines in modes:
+            near &= lines.distance(points) < distance
+        return near
 
 
 def stage_lines(scene: Scene) -> StageLines:
-    """Trace the nodal lines of the modes of every stage."""
-    traced = {drive.shape: nodal_lines(scene.surface, drive.shape) for drive in scene.drives}
-    shapes = [[scene.drives[i].shape for i in stage.excitations] for stage in scene.times.stages]
-    return StageLines(tuple(tuple(traced[shape] for shape in dict.fromkeys(of_stage)) for of_stage in shapes))
+    """Nodal lines of the modes of every stage of a scene."""
+    lines = {drive.shape: nodal_lines(scene.surface, drive.shape) for drive in scene.drives}
+    stages = [dict.fromkeys(scene.drives[i].shape for i in stage.excitations) for stage in scene.times.stages]
+    return StageLines(tuple(tuple(lines[shape] for shape in shapes) for shapes in stages))
 
 
 def settled(scene: Scene, lines: StageLines, number: int, frames: Frames) -> bool:
-    """Whether the parts have settled in a stage by the last of these frames, which reach back far enough to tell.
+    """Whether the parts meet the condition `until` of a stage at the last of some frames.
 
-    Parts that are not there, or on their way down beside the plate, do not count; without any others nothing settles.
+    Parts that have been taken out or are not over the plate do not count; without any other part nothing has settled.
+
+    Args:
+        scene: has the stages.
+        lines: their nodal lines.
+        number: of the stage, over the whole timetable.
+        frames: the latest frames. They have to reach back by `until.for_s`, or the parts count as not settled.
     """
     stage = scene.times.stages[number]
     if stage.until is None or not len(frames):

@@ -1,4 +1,4 @@
-"""Means over an ensemble: contact motion is chaotic, so every figure is a mean with its interval."""
+"""Means over an ensemble. Contact motion is chaotic, so that every result is a mean with its standard error."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import numpy as np
 
 @dataclass(frozen=True)
 class Statistic:
-    """Ensemble mean with standard deviation and standard error; NaN where n is too small for one."""
+    """Mean, standard deviation and standard error of n values; NaN where n is too small for them."""
 
     mean: float
     sd: float
@@ -28,6 +28,6 @@ class Statistic:
         return Statistic(mean, sd, sd / math.sqrt(n) if n > 1 else math.nan, n)
 
     def as_dict(self) -> dict[str, float | int | None]:
-        """For JSON, where NaN does not exist."""
+        """As JSON takes it, which has no NaN: None stands for it."""
         values = {"mean": self.mean, "sd": self.sd, "se": self.se}
         return {name: v if math.isfinite(v) else None for name, v in values.items()} | {"n": self.n}

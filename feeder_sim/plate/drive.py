@@ -46,6 +46,13 @@ class ModalDrive:
     start: float = 0.0
     stop: float = math.inf
 
+    @property
+    def ring_up_time(self) -> float:
+        """Time constant 1 / (zeta w_n) of the envelope [s]; 0 without ring-up."""
+        if self.damping_ratio is None:
+            return 0.0
+        return 1.0 / (self.damping_ratio * 2.0 * math.pi * self.natural_frequency)
+
 
 @dataclass(frozen=True)
 class ModalTerms:

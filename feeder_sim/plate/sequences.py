@@ -88,6 +88,7 @@ class Route:
 
     @property
     def largest_k(self) -> float:
+        """The k of the least reliable step [1]."""
         return max(step.k for step in self.steps)
 
     @property

@@ -116,6 +116,7 @@ class Track:
         return (forward - backward) / total if total > 0.0 else math.nan
 
     def _steps(self) -> NDArray[np.float64]:
+        """Distance [m] from each point to the next one, shape (n,)."""
         return np.asarray(np.linalg.norm(np.roll(self.points, -1, axis=0) - self.points, axis=1))
 
 

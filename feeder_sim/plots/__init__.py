@@ -1,1 +1,1 @@
-"""Pictures."""
+"""Pictures, drawn with matplotlib."""

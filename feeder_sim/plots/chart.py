@@ -7,10 +7,10 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from feeder_sim.studies.chart.cases import CASES
+from feeder_sim.studies.chart.cases import CASES, Case
 from feeder_sim.studies.chart.ladder import Rung
 from feeder_sim.studies.chart.points import Point, front, is_default
-from feeder_sim.studies.chart.stability_map import MAPS, Cell, State
+from feeder_sim.studies.chart.stability_map import MAPS, MapCell, State
 
 FORMATS = (".png", ".svg")
 COLOURS = {
@@ -29,9 +29,9 @@ COLOURS = {
     "MuJoCo, discrete integrator": "#888888",
     "MuJoCo, contact of one step": "#bbbbbb",
 }
-OTHERS = ("#d4a017", "#6b8e23", "#c77daa", "#8b5a2b", "#20808d", "#a0522d")
+PEER_COLOURS = ("#d4a017", "#6b8e23", "#c77daa", "#8b5a2b", "#20808d", "#a0522d")
 MARKERS = "os^Dv<>pPX*hd"
-CELLS = {
+STATE_COLOURS = {
     State.STABLE: "#8fbf7f",
     State.UNCLEAR: "#dddddd",
     State.BIASED: "#f2cf63",
@@ -39,11 +39,19 @@ CELLS = {
     State.TUNNELLING: "#6a4c93",
 }
 LEGEND_COLUMNS = 5
-PERCENT = 5.0  # the accuracy that a line marks
+MARKED_PERCENT = 5.0  # error at which a line is drawn
+FAILURE_BAND = 0.93  # height in a panel from which on it shows the failures
+FAILURE_HEIGHT = 0.965  # of their crosses
 
 
 def draw_points(points: Sequence[Point], path: Path, machine: str) -> None:
-    """Draw cost against error of every case: a curve per method, the front shaded, failures as crosses at the top."""
+    """Draw error over cost in a panel per case: a curve per method, the front shaded, failures as crosses at the top.
+
+    Args:
+        points: of all cases and methods.
+        path: of the pictures, whose suffix is replaced by those of `FORMATS`.
+        machine: the processor, for the title.
+    """
     from matplotlib.figure import Figure
 
     cases = [case for case in CASES if any(point.case == case.name for point in points)]
@@ -77,31 +85,35 @@ def draw_points(points: Sequence[Point], path: Path, machine: str) -> None:
         figure.savefig(path.with_suffix(suffix), dpi=130)
 
 
-def _short(case: Any) -> str:
+def _short(case: Case) -> str:
+    """Quantity of a case in a few words, for the label of an axis."""
     return str(case.quantity.removeprefix("error of the ").split(" (")[0].removeprefix("nuts on nodal lines when "))
 
 
 def _style(name: str, methods: Sequence[str]) -> tuple[str, str]:
-    """Colour and marker of a method; peers get those that are left."""
+    """Colour and marker of a method; other simulators get `PEER_COLOURS` in the order in which they appear."""
     peers = [method for method in methods if method not in COLOURS]
-    colour = COLOURS.get(name) or OTHERS[peers.index(name) % len(OTHERS)]
+    colour = COLOURS.get(name) or PEER_COLOURS[peers.index(name) % len(PEER_COLOURS)]
     return colour, MARKERS[methods.index(name) % len(MARKERS)]
 
 
 def _handle(name: str, style: tuple[str, str]) -> Any:
+    """Entry of a method in the legend."""
     from matplotlib.lines import Line2D
 
     return Line2D([], [], color=style[0], marker=style[1], label=name, markersize=5, linewidth=1.2)
 
 
 def _draw_case(axes: Any, points: Sequence[Point], styles: dict[str, tuple[str, str]]) -> None:
+    """Draw the panel of one case; `styles` has colour and marker of every method."""
     from matplotlib.patches import Rectangle
 
     best = front(points)
     axes.set(xscale="log", yscale="log")
-    axes.axhline(PERCENT, color="#999999", linewidth=0.8, linestyle=":")
+    axes.axhline(MARKED_PERCENT, color="#999999", linewidth=0.8, linestyle=":")
     if best:
-        axes.plot(*_stairs(best), color="#f0d9a8", linewidth=9, solid_capstyle="round", zorder=1)
+        front_x, front_y = [p.wall_s_per_simulated_s for p in best], [p.error_percent for p in best]
+        axes.plot(front_x, front_y, color="#f0d9a8", linewidth=9, solid_capstyle="round", zorder=1)
     for name, (colour, marker) in styles.items():
         curve = [point for point in points if point.method == name]
         if not curve:
@@ -120,16 +132,25 @@ def _draw_case(axes: Any, points: Sequence[Point], styles: dict[str, tuple[str, 
                 axes.plot(*place, "o", markersize=13, fillstyle="none", color="black", zorder=5)
         failed = [point.wall_s_per_simulated_s for point in curve if not point.valid]
         above = axes.get_xaxis_transform()
-        axes.plot(failed, [0.965] * len(failed), "x", color=colour, markersize=7, mew=2, transform=above, clip_on=False)
+        axes.plot(
+            failed,
+            [FAILURE_HEIGHT] * len(failed),
+            "x",
+            color=colour,
+            markersize=7,
+            mew=2,
+            transform=above,
+            clip_on=False,
+        )
     if any(not point.valid for point in points):
-        axes.add_patch(Rectangle((0.0, 0.93), 1.0, 0.07, transform=axes.transAxes, color="#eeeeee", zorder=0))
-        axes.text(0.01, 0.965, "failed", transform=axes.transAxes, va="center", fontsize=7, color="#666666")
+        axes.add_patch(Rectangle((0.0, FAILURE_BAND), 1.0, 0.07, transform=axes.transAxes, color="#eeeeee", zorder=0))
+        axes.text(0.01, FAILURE_HEIGHT, "failed", transform=axes.transAxes, va="center", fontsize=7, color="#666666")
     _make_room(axes, points)
     axes.grid(alpha=0.4, linewidth=0.5)
 
 
 def _make_room(axes: Any, points: Sequence[Point]) -> None:
-    """Limits of two decades at least that leave the band of failures free; labels at powers of ten alone."""
+    """Set limits of at least two decades that leave the band of failures free; label only powers of ten."""
     from matplotlib.ticker import NullFormatter
 
     errors = [point.error_percent for point in points if point.valid]
@@ -144,24 +165,25 @@ def _make_room(axes: Any, points: Sequence[Point]) -> None:
         axis.set_minor_formatter(NullFormatter())
 
 
-def _stairs(best: Sequence[Point]) -> tuple[list[float], list[float]]:
-    return [p.wall_s_per_simulated_s for p in best], [p.error_percent for p in best]
-
-
 def draw_ladder(rungs: Sequence[Rung], path: Path) -> None:
-    """Draw what each rung changes in speed and saves in time, flight beside flight."""
+    """Draw for each rung the change of the transport speed and the wall time it saves, with a row per ladder.
+
+    Args:
+        rungs: of all ladders.
+        path: of the pictures, whose suffix is replaced by those of `FORMATS`.
+    """
     from matplotlib.figure import Figure
 
-    flights = list(dict.fromkeys(rung.flight for rung in rungs))
-    rows = [[rung for rung in rungs if rung.flight == flight][::-1] for flight in flights]
+    ladders = list(dict.fromkeys(rung.ladder for rung in rungs))
+    rows = [[rung for rung in rungs if rung.ladder == ladder][::-1] for ladder in ladders]
     figure = Figure(figsize=(9.0, 0.42 * len(rungs) + 1.6), layout="constrained")
-    grid = figure.subplots(len(flights), 2, squeeze=False, sharex="col", height_ratios=[len(row) for row in rows])
-    for (left, right), flight, row in zip(grid, flights, rows, strict=True):
+    grid = figure.subplots(len(ladders), 2, squeeze=False, sharex="col", height_ratios=[len(row) for row in rows])
+    for (left, right), ladder, row in zip(grid, ladders, rows, strict=True):
         place = range(len(row))
         bars = {"xerr": [0.0 if math.isnan(r.change_se_percent) else 2.0 * r.change_se_percent for r in row]}
         left.barh(place, [rung.change_percent for rung in row], color="#c23030", height=0.6, capsize=2, **bars)
         left.set_yticks(place, [rung.model for rung in row], fontsize=8)
-        left.set_title(flight, fontsize=9, loc="left")
+        left.set_title(ladder, fontsize=9, loc="left")
         left.axvline(0.0, color="black", linewidth=0.8)
         right.barh(place, [rung.saves for rung in row], color="#1f5fa8", height=0.6)
         right.set_yticks([])
@@ -172,8 +194,13 @@ def draw_ladder(rungs: Sequence[Rung], path: Path) -> None:
         figure.savefig(path.with_suffix(suffix), dpi=130)
 
 
-def draw_stability(cells: Sequence[Cell], path: Path) -> None:
-    """Draw the stability maps: colour is the state, the number the deviation of the drift in percent."""
+def draw_stability(cells: Sequence[MapCell], path: Path) -> None:
+    """Draw the stability maps: the colour shows the state, the number the deviation of the drift in percent.
+
+    Args:
+        cells: of all maps.
+        path: of the pictures, whose suffix is replaced by those of `FORMATS`.
+    """
     from matplotlib.figure import Figure
     from matplotlib.patches import Patch
 
@@ -185,19 +212,19 @@ def draw_stability(cells: Sequence[Cell], path: Path) -> None:
     for spare in panels[len(maps) :]:
         spare.set_axis_off()
     for axes, chart in zip(panels, maps, strict=False):
-        here = [cell for cell in cells if cell.map == chart.name]
-        across, up = sorted({cell.x for cell in here}), sorted({cell.y for cell in here})
-        for cell in here:
-            i, j = across.index(cell.x), up.index(cell.y)
-            axes.fill([i, i + 1, i + 1, i], [j, j, j + 1, j + 1], color=CELLS[cell.state], edgecolor="white")
+        map_cells = [cell for cell in cells if cell.map == chart.name]
+        x_values, y_values = sorted({cell.x for cell in map_cells}), sorted({cell.y for cell in map_cells})
+        for cell in map_cells:
+            i, j = x_values.index(cell.x), y_values.index(cell.y)
+            axes.fill([i, i + 1, i + 1, i], [j, j, j + 1, j + 1], color=STATE_COLOURS[cell.state], edgecolor="white")
             if math.isfinite(cell.deviation):
                 text = f"{100.0 * cell.deviation:+.0f}"
                 axes.text(i + 0.5, j + 0.5, text, ha="center", va="center", fontsize=7)
-        axes.set_xticks([i + 0.5 for i in range(len(across))], [f"{v:g}" for v in across])
-        axes.set_yticks([j + 0.5 for j in range(len(up))], [f"{v:g}" for v in up])
+        axes.set_xticks([i + 0.5 for i in range(len(x_values))], [f"{v:g}" for v in x_values])
+        axes.set_yticks([j + 0.5 for j in range(len(y_values))], [f"{v:g}" for v in y_values])
         axes.set_title(chart.title, fontsize=10)
-        axes.set(xlabel=chart.x.label, ylabel=chart.y.label, xlim=(0, len(across)), ylim=(0, len(up)))
-    handles = [Patch(color=colour, label=str(state)) for state, colour in CELLS.items()]
+        axes.set(xlabel=chart.x.label, ylabel=chart.y.label, xlim=(0, len(x_values)), ylim=(0, len(y_values)))
+    handles = [Patch(color=colour, label=str(state)) for state, colour in STATE_COLOURS.items()]
     figure.legend(handles=handles, loc="outside lower center", ncols=len(handles), frameon=False)
     for suffix in FORMATS:
         figure.savefig(path.with_suffix(suffix), dpi=130)

@@ -1,4 +1,4 @@
-"""Pictures: mode shapes, bifurcation diagrams, velocity records."""
+"""Pictures of mode shapes, routes, waves, bifurcation diagrams and velocity records."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ from feeder_sim.scene.scene import GRAVITY, build_scene
 from feeder_sim.studies.bifurcation import Boundary, Diagram
 from feeder_sim.studies.width_ratios import RatioRoutes
 
-MM, UM = 1e3, 1e6
-LABEL_WIDTH = 0.02  # of the axis
+MM, UM, MS = 1e3, 1e6, 1e3  # per m, per m, per s
+LABEL_WIDTH = 0.02  # of the axis; labels of boundaries nearer to each other than this are staggered
 
 
 def draw_mode(modes: PlateModes, index: int, path: Path) -> None:
-    """Draw the deflection of one mode (0-based index) with its nodal lines; the file type follows the suffix."""
+    """Draw the deflection of one mode (0-based index) with its nodal lines; the suffix of `path` is the file type."""
     plate = modes.plate
     x = np.linspace(-0.5, 0.5, 241) * plate.length
     y = np.linspace(-0.5, 0.5, 241) * plate.width
@@ -45,7 +45,7 @@ def draw_mode(modes: PlateModes, index: int, path: Path) -> None:
 
 
 def draw_route(modes: PlateModes, route: Route, path: Path, *, y: float = 0.0) -> None:
-    """Draw the profile of every mode of a route along its line at y [m], with the stations of the part."""
+    """Draw the profile of every mode of a route along its line at y [m], with the steps of the part as arrows."""
     n = len(route.steps)
     figure = _figure(6.4, 1.0 + 1.05 * n)
     x = np.linspace(-0.5, 0.5, 801) * modes.plate.length
@@ -53,10 +53,10 @@ def draw_route(modes: PlateModes, route: Route, path: Path, *, y: float = 0.0) -
         zip(route.steps, figure.subplots(n, 1, sharex=True, squeeze=False)[:, 0], strict=True)
     ):
         w = modes.evaluate(step.mode, x, y)[0]
-        size = np.abs(w).max()
+        antinode = np.abs(w).max()
         axes.axhline(0.0, color="0.7", linewidth=0.8)
-        axes.plot(x * MM, w / size, color="#3a60be")
-        axes.plot(x * MM, -w / size, color="#3a60be", linewidth=0.6, alpha=0.5)
+        axes.plot(x * MM, w / antinode, color="#3a60be")
+        axes.plot(x * MM, -w / antinode, color="#3a60be", linewidth=0.6, alpha=0.5)
         axes.annotate(
             "",
             (step.end * MM, 0.0),
@@ -75,40 +75,42 @@ def draw_route(modes: PlateModes, route: Route, path: Path, *, y: float = 0.0) -
 
 
 def draw_ratios(rows: Sequence[RatioRoutes], path: Path) -> None:
-    """Draw the smallest largest k over the length-to-width ratio, for sequences of up to so many modes."""
+    """Draw the largest k of the best sequence over the length-to-width ratio, a curve per largest number of modes."""
     figure = _figure(6.4, 4.0)
     axes = figure.add_subplot()
-    for most in sorted({len(route.steps) for row in rows for route in row.routes}):
+    for n_modes in sorted({len(route.steps) for row in rows for route in row.routes}):
         best = [
-            min((route.largest_k for route in row.routes if len(route.steps) <= most), default=np.nan) for row in rows
+            min((route.largest_k for route in row.routes if len(route.steps) <= n_modes), default=np.nan)
+            for row in rows
         ]
-        axes.plot([row.ratio for row in rows], best, "o-", markersize=3, label=f"up to {most} modes")
+        axes.plot([row.ratio for row in rows], best, "o-", markersize=3, label=f"up to {n_modes} modes")
     axes.set(xlabel="length over width of the plate", ylabel="largest k of the best sequence", ylim=(0.0, 1.0))
     axes.set_xlim(rows[0].ratio, rows[-1].ratio)
     axes.legend(fontsize=8)
     figure.savefig(path, dpi=150)
 
 
-def draw_wave(of_stage: StageWave, path: Path) -> None:
-    """Draw the amplitude of a wave with the track of its crest and its still points; beside it the way along it."""
-    x, y, field = of_stage.wave.on_grid(241)
+def draw_wave(stage_wave: StageWave, path: Path) -> None:
+    """Draw the amplitude of a wave with its still points and the track of its crest; beside it the wave along it."""
+    x, y, field = stage_wave.wave.on_grid(241)
     figure = _figure(10.0, 4.6)
     left, right = figure.subfigures(1, 2, width_ratios=[1.1, 1.0])
     axes = left.add_subplot()
     filled = axes.contourf(x * MM, y * MM, np.abs(field.T) * UM, levels=30, cmap="Blues")
     left.colorbar(filled, ax=axes, label="amplitude (um)")
-    axes.plot(*(of_stage.still.T * MM), "o", color="#be3434", markersize=6, label=f"{len(of_stage.still)} still points")
-    track = of_stage.track
+    still = stage_wave.still
+    axes.plot(*(still.T * MM), "o", color="#be3434", markersize=6, label=f"{len(still)} still points")
+    track = stage_wave.track
     if track is not None:
         axes.plot(*(np.vstack([track.points, track.points[:1]]).T * MM), color="#e08a1e", linewidth=2.0, label="crest")
-        for place in range(0, len(track.points), len(track.points) // 8):
-            ahead = -np.sign(track.turns) * track.tangent[place] * 8.0
+        for i in range(0, len(track.points), len(track.points) // 8):
+            ahead = -np.sign(track.turns) * track.tangent[i] * 8.0  # the crest moves against the gradient of the phase
             arrow = {"arrowstyle": "->", "color": "#e08a1e", "lw": 2.0}
-            axes.annotate("", track.points[place] * MM + ahead, track.points[place] * MM, arrowprops=arrow)
+            axes.annotate("", track.points[i] * MM + ahead, track.points[i] * MM, arrowprops=arrow)
         way = np.linspace(0.0, track.length * MM, len(track.points) + 1)
-        size, phase = right.subplots(2, 1, sharex=True)
-        size.plot(way, np.abs(np.append(track.amplitude, track.amplitude[0])) * UM, color="#e08a1e")
-        size.set(ylabel="amplitude (um)", ylim=(0.0, None))
+        amplitude, phase = right.subplots(2, 1, sharex=True)
+        amplitude.plot(way, np.abs(np.append(track.amplitude, track.amplitude[0])) * UM, color="#e08a1e")
+        amplitude.set(ylabel="amplitude (um)", ylim=(0.0, None))
         phase.plot(way, track.phase_deg - track.phase_deg[0], color="#e08a1e")
         phase.set(xlabel="along the crest's track, counter-clockwise (mm)", ylabel="phase (deg)")
     axes.set(aspect="equal", xlabel="x (mm)", ylabel="y (mm)")
@@ -117,12 +119,12 @@ def draw_wave(of_stage: StageWave, path: Path) -> None:
 
 
 def draw_bifurcation(diagram: Diagram, path: Path) -> None:
-    """Draw impact speeds over amplitude, with the boundaries found and the exact ones."""
+    """Draw impact speeds over the amplitude, with the boundaries found by bisection and the exact ones."""
     figure = _figure(9.0, 5.2)
     axes = figure.add_subplot()
-    for at in diagram.sweep:
-        speeds = np.concatenate(at.impact_speed)
-        axes.scatter(np.full(len(speeds), at.amplitude * UM), speeds * MM, s=0.6, color="black", linewidths=0.0)
+    for point in diagram.sweep:
+        speeds = np.concatenate(point.impact_speed)
+        axes.scatter(np.full(len(speeds), point.amplitude * UM), speeds * MM, s=0.6, color="black", linewidths=0.0)
     drive = diagram.scenario.drive[0]
     throw_number = (2.0 * np.pi * drive.frequency_hz) ** 2 / GRAVITY / UM
     axes.secondary_xaxis("top", functions=(lambda a: a * throw_number, lambda k: k / throw_number)).set_xlabel(
@@ -140,46 +142,51 @@ def draw_bifurcation(diagram: Diagram, path: Path) -> None:
 
 
 def draw_velocity(recording: Recording, path: Path, *, seed: int, start: float, stop: float) -> None:
-    """Draw the vertical velocity of a guided part from `start` to `stop` [s], as a vibrometer above it records it.
+    """Draw the vertical velocity of a guided part, as a vibrometer above it records it, and the bounce intervals.
 
-    Beside it, the bounce intervals of all seeds.
+    Args:
+        recording: of a run with a part in a guide.
+        path: of the picture.
+        seed: index of the seed whose velocity is shown; the bounce intervals are those of all seeds.
+        start: of the velocity record [s].
+        stop: of the velocity record [s].
 
     Raises:
         InputError: no such seed, no frames in that time, or no impacts were recorded.
     """
     impacts = [record.impacts for record in recording.records]
-    if not any(len(hits) for hits in impacts):
+    if not any(len(impacts_of_seed) for impacts_of_seed in impacts):
         raise InputError("holds no impacts, allowed is a run of a part in a guide", file=recording.path)
     if not 0 <= seed < len(recording.seeds):
         raise InputError(
             f"is {seed}, allowed is 0 to {len(recording.seeds) - 1}", file=recording.path, key="--show-seed"
         )
     frames = recording.seeds[seed]
-    shown = (frames.time >= start) & (frames.time <= stop)
-    if not shown.any():
+    in_window = (frames.time >= start) & (frames.time <= stop)
+    if not in_window.any():
         raise InputError(f"no frames between {start:g} and {stop:g} s", file=recording.path)
     scenario = parse_scenario(recording.scenario_text, file=recording.path)
     scene = build_scene(scenario)
     figure = _figure(10.0, 3.8)
     left, right = figure.subplots(1, 2, width_ratios=[3, 1])
-    left.plot(frames.time[shown], frames.velocity[shown, 0, 2] * MM, linewidth=0.8, color="tab:orange")
+    times = frames.time[in_window]
+    left.plot(times, frames.velocity[in_window, 0, 2] * MM, linewidth=0.8, color="tab:orange")
     if len(scenario.drive) == 1:
-        times = frames.time[shown]
         amplitude = np.abs(scene.surface.terms.phasor(times, 1)[:, 0])
         envelope = amplitude * 2.0 * np.pi * scenario.drive[0].frequency_hz * MM
         fill = {"alpha": 0.3, "color": "tab:blue", "linewidth": 0.0, "label": "plate"}
         left.fill_between(times, -envelope, envelope, **fill)
         left.legend(loc="lower left", fontsize=8)
     left.set(xlabel="time (s)", ylabel="vertical velocity (mm/s)", xlim=(start, min(stop, frames.time[-1])))
-    intervals = seed_flights(scene, impacts)
-    pooled = np.concatenate([f.interval for f in intervals]) * MM
-    right.hist(pooled, bins=40, color="tab:orange")
-    right.set(xlabel="bounce interval (ms)", ylabel=f"number of {len(pooled)}, all seeds")
+    intervals = np.concatenate([flights.interval for flights in seed_flights(scene, impacts)]) * MS
+    right.hist(intervals, bins=40, color="tab:orange")
+    right.set(xlabel="bounce interval (ms)", ylabel=f"number of {len(intervals)}, all seeds")
     left.set_title(scenario.title or recording.path.parent.name, fontsize=10)
     figure.savefig(path, dpi=150)
 
 
 def _draw_boundaries(axes: Any, boundaries: Sequence[Boundary]) -> None:
+    """Draw the boundaries of a bifurcation diagram, with labels that do not overlap."""
     low, high = axes.get_xlim()
     right = low
     for boundary in boundaries:

@@ -1,6 +1,6 @@
-"""Many parts in a replay: poses of all, nodal lines of the stage, parts flashing before they are picked, counts.
+"""Many parts in a replay: poses of all parts, nodal lines of the stage, flashing parts before a pick, counts.
 
-Timelines: `sim_time`, and the numbers of `cycle` (0: before the first) and `stage` (over the whole run).
+Timelines: `sim_time`, `cycle` (0 before the first one) and `stage` (number over the whole run).
 """
 
 from __future__ import annotations
@@ -21,28 +21,37 @@ from feeder_sim.replay.wave import PERIOD_S, SLOW, log_wave
 from feeder_sim.scenario import Scenario
 from feeder_sim.scene.timetable import TimedStage, Timetable
 
-FLASH_S, FLASH_PERIOD_S = 0.4, 0.1  # before a pick
-OTHERS = (150, 150, 150, 140)
+FLASH_S, FLASH_PERIOD_S = 0.4, 0.1  # [s]; how long, and with which period, parts flash before they are picked
 FLASH = (40, 200, 60, 150)
-CLEARANCE = 0.01  # [m], of "isolated" where nothing is picked
+OTHER_SEEDS = (150, 150, 150, 140)
+CLEARANCE = 0.01  # [m]; of isolated parts in a schedule without picks
 COUNTS = {"picked": (40, 160, 60), "lost": (190, 60, 60), "on_plate": (120, 120, 130), "isolated": (40, 90, 190)}
 
 
 def log_crowd(
     stream: Any, recording: Recording, scenario: Scenario, times: Timetable, terms: ModalTerms, shown_seed: int
 ) -> None:
-    """Put the parts of one seed, its stages and its counts into a stream."""
+    """Log the parts of one seed, its stages and its counts.
+
+    Args:
+        stream: rerun's recording stream.
+        recording: of the run.
+        scenario: of the run.
+        times: timetable of the shown seed.
+        terms: modal coordinates of the shown seed in time.
+        shown_seed: index of the seed.
+    """
     import rerun as rr
 
     frames, removals = recording.records[shown_seed].frames, recording.records[shown_seed].removals
     stages = times.stages
     columns = _time_columns(frames, stages)
-    slowed = log_wave(stream, recording.plate, terms, stages, float(frames.time[-1]))
+    slow_stages = log_wave(stream, recording.plate, terms, stages, float(frames.time[-1]))
     first = 0
     for kind, part in enumerate(scenario.part):
         members = list(range(first, first + part.count))
         _log_kind(stream, kind, recording.parts[first], frames, members, columns)
-        for begin, moment in slowed:
+        for begin, moment in slow_stages:
             row = frames.row_at(moment)
             _log_kind(stream, kind, None, frames[slice(row, row + 1)], members, [rr.TimeColumn(SLOW, duration=[begin])])
         first += part.count
@@ -55,12 +64,13 @@ def log_crowd(
 
 
 def _stage_numbers(time: NDArray[np.float64], stages: Sequence[TimedStage]) -> NDArray[np.int64]:
-    """Number of the stage that each time [s] falls into."""
+    """Number of the stage at each time (n,) [s], shape (n,)."""
     ends = np.array([stage.end for stage in stages])
     return np.minimum(np.searchsorted(ends, time - 1e-9), len(stages) - 1)
 
 
 def _time_columns(frames: Frames, stages: Sequence[TimedStage]) -> list[Any]:
+    """Columns of the three timelines, with a row per frame."""
     import rerun as rr
 
     number = _stage_numbers(frames.time, stages)
@@ -75,27 +85,27 @@ def _time_columns(frames: Frames, stages: Sequence[TimedStage]) -> list[Any]:
 def _log_kind(
     stream: Any, kind: int, part: PartRecord | None, frames: Frames, members: list[int], times: list[Any]
 ) -> None:
-    """All parts of a kind as instances of one mesh; those taken out shrink to nothing."""
+    """Log all parts of a kind as instances of one mesh; parts that have been taken out get the scale 0."""
     import rerun as rr
 
     if part is not None:
         stream.log(f"parts/{kind}", drawn_part(part), static=True)
-    there = frames.present[:, members].astype(np.float32)
+    present = frames.present[:, members].astype(np.float32)
     position = frames.position[:, members] * MM
     poses = rr.InstancePoses3D.columns(
         translations=position.reshape(-1, 3),
         quaternions=frames.quaternion[:, members][..., [1, 2, 3, 0]].reshape(-1, 4),
-        scales=np.repeat(there.reshape(-1, 1), 3, axis=1),
+        scales=np.repeat(present.reshape(-1, 1), 3, axis=1),
     )
     stream.send_columns(f"parts/{kind}", indexes=times, columns=poses.partition(np.full(len(frames), len(members))))
 
 
 def _log_stages(stream: Any, plate: PlateRecord, stages: Sequence[TimedStage], last: float) -> None:
-    """Nodal lines and name of every stage from its begin on."""
+    """Log nodal lines and name of every stage, from its begin on, up to the time `last` [s]."""
     import rerun as rr
     from contourpy import contour_generator
 
-    traced = [
+    lines_of_shape = [
         [np.asarray(line) for line in contour_generator(plate.x, plate.y, shape.T).lines(0.0) if len(line) > 1]
         for shape in plate.mode_shape
     ]
@@ -105,7 +115,7 @@ def _log_stages(stream: Any, plate: PlateRecord, stages: Sequence[TimedStage], l
         stream.set_time(TIMELINE, duration=stage.start)
         stream.set_time("cycle", sequence=stage.cycle)
         stream.set_time("stage", sequence=number)
-        lines = [line for i in stage.excitations for line in traced[plate.drives[i].shape]]
+        lines = [line for i in stage.excitations for line in lines_of_shape[plate.drives[i].shape]]
         stream.log("plate/nodal_lines", drawn_lines(lines) if lines else rr.Clear(recursive=False))
         text = f"cycle {stage.cycle}, {stage.name}" if stage.cycle else stage.name
         stream.log("stage", rr.TextLog(text))
@@ -113,7 +123,7 @@ def _log_stages(stream: Any, plate: PlateRecord, stages: Sequence[TimedStage], l
 
 
 def _log_flashes(stream: Any, frames: Frames, removals: Removals, part: PartRecord) -> None:
-    """Blinking spheres around the parts that are about to be picked."""
+    """Log spheres that flash around the parts about to be picked; `part` gives their size."""
     import rerun as rr
 
     picked, size = removals.cause == Cause.PICKED, 1.2 * MM * float(np.linalg.norm(part.vertices, axis=1).max())
@@ -121,9 +131,9 @@ def _log_flashes(stream: Any, frames: Frames, removals: Removals, part: PartReco
         parts = removals.part[picked & (removals.time == time)]
         rows = np.flatnonzero((frames.time > time - FLASH_S) & (frames.time <= time + 1e-9))
         for row in rows:
-            on = int((time - frames.time[row]) / (0.5 * FLASH_PERIOD_S)) % 2 == 0
+            lit = int((time - frames.time[row]) / (0.5 * FLASH_PERIOD_S)) % 2 == 0
             stream.set_time(TIMELINE, duration=float(frames.time[row]))
-            centres = frames.position[row, parts] * MM if on else np.empty((0, 3))
+            centres = frames.position[row, parts] * MM if lit else np.empty((0, 3))
             stream.log("picked", rr.Points3D(centres, radii=size, colors=[FLASH]))
         stream.set_time(TIMELINE, duration=float(time) + 0.5 * FLASH_PERIOD_S)
         stream.log("picked", rr.Clear(recursive=False))
@@ -138,12 +148,12 @@ def _log_counts(
     stages: Sequence[TimedStage],
     times: list[Any],
 ) -> None:
-    """Parts picked, lost, on the plate and isolated over time."""
+    """Log the numbers of parts picked, lost, on the plate and isolated over time."""
     import rerun as rr
 
     clearances = [stage.clearance for stage in stages if stage.clearance is not None]
     clearance = clearances[0] if clearances else CLEARANCE
-    taken = {
+    removed = {
         cause: np.searchsorted(np.sort(removals.time[removals.cause == cause]), frames.time, side="right")
         for cause in Cause
     }
@@ -153,8 +163,8 @@ def _log_counts(
         for position, parts in zip(frames.position, on_plate, strict=True)
     ]
     values = {
-        "picked": taken[Cause.PICKED],
-        "lost": taken[Cause.LOST],
+        "picked": removed[Cause.PICKED],
+        "lost": removed[Cause.LOST],
         "on_plate": on_plate.sum(axis=1),
         "isolated": np.array(isolated),
     }
@@ -167,14 +177,14 @@ def _log_counts(
 
 
 def _log_way(stream: Any, recording: Recording, shown_seed: int) -> None:
-    """Mean x of the parts over time: the shown seed, and all others."""
+    """Log the mean x of the parts over time, for the shown seed and for all others."""
     import rerun as rr
 
     for seed, frames in enumerate(recording.seeds):
         shown = seed == shown_seed
         name = "counts/shown" if shown else f"counts/others/seed_{seed:03d}"
         style = rr.SeriesLines(
-            colors=[NUT if shown else OTHERS], widths=[2.0 if shown else 1.0], names=[f"seed {seed}"]
+            colors=[NUT if shown else OTHER_SEEDS], widths=[2.0 if shown else 1.0], names=[f"seed {seed}"]
         )
         stream.log(name, style, static=True)
         place = rr.Scalars.columns(scalars=frames.position[..., 0].mean(axis=1) * MM)
@@ -182,7 +192,7 @@ def _log_way(stream: Any, recording: Recording, shown_seed: int) -> None:
 
 
 def crowd_blueprint(recording: Recording, scenario: Scenario) -> Any:
-    """The plate from above and aslant, the counts and the stages beside it."""
+    """Layout of the viewer: the plate seen obliquely from above; beside it counts, the slow wave and the stages."""
     import rerun.blueprint as rrb
 
     plate = recording.plate

@@ -1,4 +1,4 @@
-"""Parts in a replay."""
+"""The mesh of a part in a replay."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ NUT = (214, 140, 30)
 
 
 def drawn_part(part: PartRecord) -> Any:
-    """The mesh of a part in millimetres; one normal per face, so that edges look sharp."""
+    """The mesh of a part in millimetres, with one normal per face so that edges look sharp."""
     import rerun as rr
     import trimesh
 
     mesh = trimesh.Trimesh(part.vertices * MM, part.faces, process=False)
-    flat = mesh.vertices[mesh.faces].reshape(-1, 3)
+    vertices = mesh.vertices[mesh.faces].reshape(-1, 3)  # no face shares a vertex with another
     return rr.Mesh3D(
-        vertex_positions=flat,
-        triangle_indices=np.arange(len(flat)).reshape(-1, 3),
+        vertex_positions=vertices,
+        triangle_indices=np.arange(len(vertices)).reshape(-1, 3),
         vertex_normals=np.repeat(mesh.face_normals, 3, axis=0),
         albedo_factor=NUT,
     )

@@ -1,4 +1,4 @@
-"""The plate in a replay: flat, coloured by the signed displacement amplitude of its surface, with nodal lines."""
+"""The plate in a replay: a flat surface coloured by its signed displacement amplitude, with nodal lines."""
 
 from __future__ import annotations
 
@@ -16,16 +16,26 @@ TIMELINE = "sim_time"
 MM = 1e3
 PLATE_GREY, NODE = (190, 190, 195), (20, 20, 20)
 ENVELOPE_POINTS = 2001
-STANDING = 0.9  # share of a wave that swings in phase, from which on it is drawn as a standing one
-COLOUR_STEP = 0.04  # the plate is recoloured when an envelope has moved by this fraction of its maximum
+STANDING = 0.9  # smallest standing share of a wave that is drawn as a standing one, with signs
+COLOUR_STEP = 0.04  # of the largest amplitude; the plate is coloured again when an amplitude has changed by so much
+NODE_HEIGHT_MM, BODY_GAP_MM = 0.02, 0.05  # of lines over the surface, and of the body below it, so that both show
 
 
 def log_plate(stream: Any, plate: PlateRecord, terms: ModalTerms, last: float) -> None:
-    """Flat top surface with vertex colours up to the time `last` [s], the body below it, and the nodal lines."""
+    """Log the top surface with its colours in time, the body below it, and the nodal lines.
+
+    Args:
+        stream: rerun's recording stream.
+        plate: its dimensions, mode shapes and nodal lines.
+        terms: modal coordinates in time.
+        last: time of the last frame [s].
+    """
     import rerun as rr
 
     half = np.array([plate.length, plate.width, plate.thickness]) * 0.5 * MM
-    body = rr.Boxes3D(centers=[[0, 0, -half[2] - 0.05]], half_sizes=[half], colors=[PLATE_GREY], fill_mode="solid")
+    body = rr.Boxes3D(
+        centers=[[0, 0, -half[2] - BODY_GAP_MM]], half_sizes=[half], colors=[PLATE_GREY], fill_mode="solid"
+    )
     stream.log("plate/body", body, static=True)
     grid_x, grid_y = np.meshgrid(plate.x * MM, plate.y * MM, indexing="ij")
     vertices = np.column_stack([grid_x.ravel(), grid_y.ravel(), np.zeros(grid_x.size)])
@@ -38,9 +48,9 @@ def log_plate(stream: Any, plate: PlateRecord, terms: ModalTerms, last: float) -
     times = np.linspace(0.0, last, ENVELOPE_POINTS)
     phasors = terms.phasor(times, len(plate.mode_shape))
     rows, groups = _colour_rows(np.abs(phasors)), _driven_together(plate)
-    shown = {row: sum(_amplitude(phasors[row, group], plate.mode_shape[group]) for group in groups) for row in rows}
-    largest = max(max(float(np.abs(field).max()) for field in shown.values()), 1e-300)
-    for row, field in shown.items():
+    fields = {row: sum(_amplitude(phasors[row, group], plate.mode_shape[group]) for group in groups) for row in rows}
+    largest = max(max(float(np.abs(field).max()) for field in fields.values()), 1e-300)
+    for row, field in fields.items():
         stream.set_time(TIMELINE, duration=float(times[row]))
         stream.log("plate/surface", rr.Mesh3D.from_fields(vertex_colors=diverging(np.ravel(field) / largest)))
     if plate.nodal_lines:
@@ -48,7 +58,7 @@ def log_plate(stream: Any, plate: PlateRecord, terms: ModalTerms, last: float) -
 
 
 def _driven_together(plate: PlateRecord) -> list[list[int]]:
-    """Mode shapes in groups that are driven at one frequency, so that their phases to each other mean something."""
+    """Indices of mode shapes in groups that are driven at one frequency, so that their phases are fixed."""
     groups: list[set[int]] = [{shape} for shape in range(len(plate.mode_shape))]
     for frequency in {drive.drive_frequency for drive in plate.drives}:
         together = {drive.shape for drive in plate.drives if drive.drive_frequency == frequency}
@@ -58,25 +68,30 @@ def _driven_together(plate: PlateRecord) -> list[list[int]]:
 
 
 def _amplitude(phasors: NDArray[np.complex128], shapes: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Displacement amplitude of some modes together: signed where they make a standing wave, else the modulus."""
+    """Displacement amplitude (nx, ny) [m] of a group of modes: signed for a standing wave, else the modulus.
+
+    Args:
+        phasors: complex modal coordinates of the group (n,) [m].
+        shapes: deflection of its modes (n, nx, ny) [1].
+    """
     field = np.tensordot(phasors, shapes, axes=1)
     if standing_share(field) < STANDING:
         return np.abs(field)
-    turned = phasors * np.exp(-0.5j * np.angle((field**2).sum()))
-    sign = np.sign(turned[np.abs(turned).argmax()].real) or 1.0
-    return np.asarray(sign * np.tensordot(turned, shapes, axes=1).real)
+    in_phase = phasors * np.exp(-0.5j * np.angle((field**2).sum()))  # as nearly real as a common phase makes them
+    sign = np.sign(in_phase[np.abs(in_phase).argmax()].real) or 1.0
+    return np.asarray(sign * np.tensordot(in_phase, shapes, axes=1).real)
 
 
 def drawn_lines(lines: Sequence[NDArray[np.float64]]) -> Any:
-    """Lines (n, 2) [m] just above the plate."""
+    """Polylines (n, 2) [m], drawn just above the plate."""
     import rerun as rr
 
-    raised = [np.column_stack([line * MM, np.full(len(line), 0.02)]) for line in lines]
+    raised = [np.column_stack([line * MM, np.full(len(line), NODE_HEIGHT_MM)]) for line in lines]
     return rr.LineStrips3D(raised, colors=[NODE], radii=[0.12])
 
 
 def grid_triangles(nx: int, ny: int) -> NDArray[np.int64]:
-    """Two triangles per cell of an (nx, ny) grid, counter-clockwise from above."""
+    """Vertex indices (m, 3) of two triangles per cell of an (nx, ny) grid, counter-clockwise seen from above."""
     corner = (np.arange(nx - 1)[:, None] * ny + np.arange(ny - 1)).ravel()
     lower = np.column_stack([corner, corner + ny, corner + ny + 1])
     upper = np.column_stack([corner, corner + ny + 1, corner + 1])
@@ -84,7 +99,7 @@ def grid_triangles(nx: int, ny: int) -> NDArray[np.int64]:
 
 
 def _colour_rows(amplitude: NDArray[np.float64]) -> list[int]:
-    """Indices of `amplitude` (n, n_shapes) at which the surface looks different from the last one drawn."""
+    """Rows of `amplitude` (n, n_shapes) that differ from the row before them in the list by `COLOUR_STEP`."""
     step = COLOUR_STEP * max(float(amplitude.max()), 1e-300)
     rows = [0]
     for i in range(1, len(amplitude)):
@@ -94,7 +109,7 @@ def _colour_rows(amplitude: NDArray[np.float64]) -> list[int]:
 
 
 def diverging(value: NDArray[np.float64]) -> NDArray[np.uint8]:
-    """Blue - white - red for -1 .. 1, shape (n, 4)."""
+    """Colours (n, 4) from blue over white to red for values (n,) from -1 to 1."""
     low, middle, high = np.array([58, 96, 190]), np.array([242, 242, 242]), np.array([190, 52, 52])
     v = np.clip(value, -1.0, 1.0)[:, None]
     rgb = np.where(v < 0, middle + (middle - low) * v, middle + (high - middle) * v)

@@ -1,4 +1,4 @@
-"""The surface in slow motion: a few periods of every stage's motion, magnified, on a timeline of its own."""
+"""The surface in slow motion in a replay: a few periods of every stage, magnified, on a timeline of their own."""
 
 from __future__ import annotations
 
@@ -14,34 +14,45 @@ from feeder_sim.replay.plate import MM, TIMELINE, diverging, grid_triangles
 from feeder_sim.scene.timetable import TimedStage
 
 SLOW = "slow_motion"
-PERIOD_S = 2.0  # [s] of the slow timeline that a period of the plate takes
-PERIODS, PICTURES = 2, 20  # of every stage, and in each period
-POINTS = 61  # per axis of the plate, at most
-HEIGHT = 0.06  # of the plate's length: the highest crest as drawn
+PERIOD_S = 2.0  # [s] on the slow timeline for one period of the plate
+PERIODS = 2  # shown of every stage
+PICTURES = 20  # per period
+POINTS = 61  # largest number of grid points per axis of the plate
+HEIGHT = 0.06  # of the highest crest as drawn, over the length of the plate
 
 
 def log_wave(
     stream: Any, plate: PlateRecord, terms: ModalTerms, stages: Sequence[TimedStage], last: float
 ) -> list[tuple[float, float]]:
-    """Put the motion at the end of every different stage that was reached one after the other on the slow timeline.
+    """Log the motion at the end of every different stage that was reached, one after the other on the slow timeline.
 
-    On the real timeline the same view shows the surface at its largest, from the begin of each stage on. Returns where
-    the stages begin on the slow timeline, and the moment shown [s].
+    On the real timeline the same view shows the surface at its largest amplitude, from the begin of each stage on.
+
+    Args:
+        stream: rerun's recording stream.
+        plate: its mode shapes and drives.
+        terms: modal coordinates in time.
+        stages: of the shown seed.
+        last: time of the last frame [s].
+
+    Returns:
+        For every different stage its begin on the slow timeline [s], and the time of the run that is shown last [s].
     """
     import rerun as rr
 
-    rows, columns = (_spread(len(axis)) for axis in (plate.x, plate.y))
+    rows, columns = (_thinned(len(axis)) for axis in (plate.x, plate.y))
     x, y = np.meshgrid(plate.x[rows] * MM, plate.y[columns] * MM, indexing="ij")
     shapes = plate.mode_shape[:, rows[:, None], columns]
     triangles = grid_triangles(len(rows), len(columns))
 
     def log(field: NDArray[np.float64]) -> None:
+        """Log a deflection (nx, ny), whose largest value over time is 1."""
         scale = HEIGHT * plate.length * MM
         vertices = np.column_stack([x.ravel(), y.ravel(), scale * field.ravel()])
         mesh = rr.Mesh3D(vertex_positions=vertices, triangle_indices=triangles, vertex_colors=diverging(field.ravel()))
         stream.log("wave/surface", mesh)
 
-    shown: dict[frozenset[ModalDrive], tuple[float, float]] = {}
+    slow_stages: dict[frozenset[ModalDrive], tuple[float, float]] = {}
     for stage in stages:
         if not stage.excitations or stage.start > last:
             continue
@@ -52,10 +63,10 @@ def log_wave(
         stream.set_time(TIMELINE, duration=stage.start)
         log(motion[np.abs(motion).max(axis=(1, 2)).argmax()])
         stream.reset_time()
-        if (kind := frozenset(plate.drives[i] for i in stage.excitations)) in shown:
+        if (drives := frozenset(plate.drives[i] for i in stage.excitations)) in slow_stages:
             continue
-        begin = PERIODS * PERIOD_S * len(shown)
-        shown[kind] = begin, float(times[-1])
+        begin = PERIODS * PERIOD_S * len(slow_stages)
+        slow_stages[drives] = begin, float(times[-1])
         for i, field in enumerate(motion):
             stream.set_time(SLOW, duration=begin + PERIOD_S * i / PICTURES)
             if i == 0:
@@ -63,9 +74,9 @@ def log_wave(
                 stream.log("stage", rr.TextLog(text))
             log(field)
         stream.reset_time()
-    return list(shown.values())
+    return list(slow_stages.values())
 
 
-def _spread(n: int) -> NDArray[np.int64]:
-    """At most `POINTS` of n grid lines, with the first and the last."""
+def _thinned(n: int) -> NDArray[np.int64]:
+    """Indices of at most `POINTS` of n grid lines, evenly spaced, including the first and the last."""
     return np.unique(np.linspace(0, n - 1, min(n, POINTS)).round().astype(np.int64))

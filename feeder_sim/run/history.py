@@ -1,4 +1,4 @@
-"""What one seed has recorded so far, as far as the rest of the run needs it."""
+"""The blocks that one seed has recorded so far, as many of them as the rest of its run needs."""
 
 from __future__ import annotations
 
@@ -13,11 +13,16 @@ from feeder_sim.records.trajectory import Frames, Record
 class History:
     """Blocks of one seed in order of time.
 
-    With a recorder, which has them on disk, only the latest blocks stay in memory.
+    A recorder writes all blocks to disk. Then only the latest ones have to stay in memory.
 
     Args:
-        look_back: time before the last frame [s] over which frames are asked for.
-        keep_all: keep all blocks.
+        look_back: longest time before the last frame [s] for which `recent` is called.
+        keep_all: keep all blocks in memory, which `record` needs.
+
+    Attributes:
+        n_frames: number of frames so far, those included that are no longer in memory.
+        removals: all removals so far.
+        stops: times at which the drives of the first stages have stopped [s], shape (n,).
     """
 
     def __init__(self, look_back: float, *, keep_all: bool) -> None:
@@ -28,6 +33,7 @@ class History:
         self.stops: NDArray[np.float64] = np.empty(0)
 
     def append(self, block: Record) -> None:
+        """Add the next block; drop those from memory that are no longer needed."""
         self._blocks.append(block)
         self.n_frames += len(block.frames)
         if len(block.removals):
@@ -40,7 +46,12 @@ class History:
                 self._blocks.pop(0)
 
     def recent(self, since: float, latest: Frames) -> Frames:
-        """The latest frames, which are not in here yet, after those from a time [s] on or a little before it."""
+        """Frames from a time [s] on, and a few before it, joined with the latest ones.
+
+        Args:
+            since: begin of the time that is asked for [s].
+            latest: frames that have not been appended yet.
+        """
         frames = [latest]
         for block in reversed(self._blocks):
             if _begins_by(frames[0], since):
@@ -49,14 +60,15 @@ class History:
         return Frames.joined(frames)
 
     def record(self) -> Record:
-        """Everything; only with `keep_all`."""
+        """All blocks as one record; only with `keep_all`."""
         return Record.joined(self._blocks)
 
     @staticmethod
     def first(frames: Frames) -> Record:
-        """The first block: the state before anything has happened."""
+        """The first block of a seed, which has the state at the start and no events."""
         return Record(frames, Impacts.none(), Removals.none(), np.empty(0))
 
 
 def _begins_by(frames: Frames, time: float) -> bool:
+    """Whether there are frames and the first one is not after a time [s]."""
     return len(frames) > 0 and bool(frames.time[0] <= time)

@@ -1,83 +1,173 @@
-"""What a run will do and cost, before it is started."""
+"""The plan of a run: the resolved scene, its step count, and the time and file size to expect.
+
+The fields of `Plan` and of its parts are the keys that `feeder-sim check --json` prints, with their units.
+"""
 
 from __future__ import annotations
 
 import math
 import time
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from feeder_sim.engines.lookup import engine_class
+from feeder_sim.measures.protocol import as_json
+from feeder_sim.plate.drive import ModalDrive
 from feeder_sim.replay.wave import PERIODS, PICTURES, POINTS
 from feeder_sim.run.advice import recommendations
 from feeder_sim.run.run_folder import DISPLAY_POINTS
 from feeder_sim.run.simulation import available_cores
-from feeder_sim.scenario import Schedule
+from feeder_sim.scenario import PartSpec, Schedule
 from feeder_sim.scenario.engine_choice import Choice
+from feeder_sim.scene.driven_plate import DrivenMode
 from feeder_sim.scene.prepared import Prepared
+from feeder_sim.scene.rigid_part import RigidPart
 from feeder_sim.scene.scene import GRAVITY, Scene, build_scene
 
-TRIAL_STEPS = 20_000
-BYTES_PER_FRAME_AND_PART = 68  # recorded, compressed
+TRIAL_STEPS = 20_000  # of the engine, which are timed
+BYTES_PER_FRAME_AND_PART = 68  # of trajectory.h5, compressed
 BYTES_REPLAY = 40  # per frame, part and seed in the .rrd
 BYTES_FIXED = 150_000  # empty files, blueprint, meshes
-BYTES_PER_SLOW_POINT = 16  # place and colour, in the .rrd
+BYTES_PER_SLOW_POINT = 16  # place and colour of a point of the surface in slow motion, in the .rrd
 BYTES_PER_SURFACE_POINT = 60  # shape, mesh and colours of the plate, in both files
 
 
+@dataclass(frozen=True)
+class DrivePlan:
+    """One drive and the motion of the plate that it causes; without ring-up `ring_up_s` is 0."""
+
+    mode: str
+    frequency_hz: float
+    antinode_amplitude_um: float
+    peak_acceleration_g: float
+    ring_up_s: float
+
+
+@dataclass(frozen=True)
+class PartPlan:
+    """One part table; the inertia is about the principal axes."""
+
+    name: str
+    shape: str
+    count: int
+    guide: str | None
+    mass_g: float
+    inertia_g_mm2: list[float]
+    corners: int
+
+
+@dataclass(frozen=True)
+class Plan:
+    """A run before it is started.
+
+    Attributes:
+        title: of the scenario.
+        engine, engine_because: name of the engine, and the reason for the choice.
+        plate_mm: length, width and thickness.
+        drives: one per excitation of the scenario.
+        antinode_to_node_mm: length of the transport cell; None without one.
+        parts: one per part table of the scenario.
+        timestep_us: solver step.
+        steps_per_seed, seeds, frames_per_seed: numbers.
+        estimated_wall_s: on this machine, with all cores.
+        estimated_file_size_mb: of the run folder.
+        cautions, recommended: lines of feeder_sim.run.advice.
+        estimates_are_upper_bounds: whether the run may end before its full duration.
+    """
+
+    title: str
+    engine: str
+    engine_because: str
+    plate_mm: list[float]
+    drives: list[DrivePlan]
+    antinode_to_node_mm: float | None
+    parts: list[PartPlan]
+    timestep_us: float
+    steps_per_seed: int
+    seeds: int
+    frames_per_seed: int
+    estimated_wall_s: float
+    estimated_file_size_mb: float
+    cautions: list[str]
+    recommended: list[str]
+    estimates_are_upper_bounds: bool
+
+
 def plan_run(prepared: Prepared) -> dict[str, Any]:
-    """Describe the resolved scene, its step count, and the time and file size to expect; runs a short trial."""
+    """The plan of a run as JSON takes it; see `make_plan`."""
+    plan: dict[str, Any] = as_json(make_plan(prepared))
+    return plan
+
+
+def make_plan(prepared: Prepared) -> Plan:
+    """Describe a run; a short trial of its engine gives the cost of a step."""
     scene, cell, engine = prepared.scene, prepared.cell, prepared.engine
     run, surface = scene.scenario.run, scene.surface
-    frames = scene.n_frames * len(scene.parts) * run.seeds
     cost = _trial_cost(scene, engine)
+    return Plan(
+        title=scene.scenario.title,
+        engine=engine.name,
+        engine_because=engine.reason,
+        plate_mm=[round(1e3 * d, 3) for d in (surface.length, surface.width, surface.thickness)],
+        drives=[_drive_plan(mode) for mode in scene.driven],
+        antinode_to_node_mm=1e3 * cell.reach if cell else None,
+        parts=[_part_plan(spec, kind) for spec, kind in zip(scene.scenario.part, scene.kinds, strict=True)],
+        timestep_us=1e6 * scene.timestep,
+        steps_per_seed=scene.n_steps,
+        seeds=run.seeds,
+        frames_per_seed=scene.n_frames,
+        estimated_wall_s=cost * scene.n_steps * math.ceil(run.seeds / available_cores()),
+        estimated_file_size_mb=1e-6 * _file_size(scene),
+        cautions=list(prepared.cautions),
+        recommended=recommendations(scene),
+        estimates_are_upper_bounds=run.stop != "time" or any(stage.until for stage in scene.times.stages),
+    )
+
+
+def _drive_plan(mode: DrivenMode) -> DrivePlan:
+    """A driven mode in the units of the plan."""
+    drive = mode.drive
+    return DrivePlan(
+        mode=mode.label,
+        frequency_hz=drive.drive_frequency,
+        antinode_amplitude_um=1e6 * drive.amplitude,
+        peak_acceleration_g=_throw_number(drive),
+        ring_up_s=drive.ring_up_time,
+    )
+
+
+def _part_plan(spec: PartSpec, kind: RigidPart) -> PartPlan:
+    """A part table, and the rigid part built from it, in the units of the plan."""
+    return PartPlan(
+        name=kind.name,
+        shape=spec.shape,
+        count=spec.count,
+        guide=spec.guide.kind if spec.guide else None,
+        mass_g=1e3 * kind.mass,
+        inertia_g_mm2=[1e9 * moment for moment in kind.inertia],
+        corners=len(kind.corners),
+    )
+
+
+def _throw_number(drive: ModalDrive) -> float:
+    """Peak acceleration of the antinode over gravity [1]."""
+    return drive.amplitude * (2.0 * math.pi * drive.drive_frequency) ** 2 / GRAVITY
+
+
+def _file_size(scene: Scene) -> int:
+    """Size of the recording and the replay of a run of full length [byte]."""
+    surface = scene.surface
+    frames = scene.n_frames * len(scene.parts) * scene.scenario.run.seeds
     points = min(len(surface.x), DISPLAY_POINTS) * min(len(surface.y), DISPLAY_POINTS)
-    file_size = frames * (BYTES_PER_FRAME_AND_PART + BYTES_REPLAY)
-    file_size += points * surface.n_shapes * BYTES_PER_SURFACE_POINT + BYTES_FIXED
-    file_size += _slow_pictures(scene) * min(points, POINTS**2) * BYTES_PER_SLOW_POINT
-    return {
-        "title": scene.scenario.title,
-        "engine": engine.name,
-        "engine_because": engine.reason,
-        "plate_mm": [round(1e3 * d, 3) for d in (surface.length, surface.width, surface.thickness)],
-        "drives": [
-            {
-                "mode": mode.label,
-                "frequency_hz": mode.drive.drive_frequency,
-                "antinode_amplitude_um": 1e6 * mode.drive.amplitude,
-                "peak_acceleration_g": _throw_number(mode.drive.drive_frequency, mode.drive.amplitude),
-                "ring_up_s": _ring_up(mode.drive.damping_ratio, mode.drive.natural_frequency),
-            }
-            for mode in scene.driven
-        ],
-        "antinode_to_node_mm": 1e3 * cell.reach if cell else None,
-        "parts": [
-            {
-                "name": part.name,
-                "shape": spec.shape,
-                "count": spec.count,
-                "guide": spec.guide.kind if spec.guide else None,
-                "mass_g": 1e3 * part.mass,
-                "inertia_g_mm2": [1e9 * moment for moment in part.inertia],
-                "corners": len(part.corners),
-            }
-            for spec, part in zip(scene.scenario.part, scene.kinds, strict=True)
-        ],
-        "timestep_us": 1e6 * scene.timestep,
-        "steps_per_seed": scene.n_steps,
-        "seeds": run.seeds,
-        "frames_per_seed": scene.n_frames,
-        "estimated_wall_s": cost * scene.n_steps * math.ceil(run.seeds / available_cores()),
-        "estimated_file_size_mb": 1e-6 * file_size,
-        "cautions": list(prepared.cautions),
-        "recommended": recommendations(scene),
-        "estimates_are_upper_bounds": run.stop != "time" or any(stage.until for stage in scene.times.stages),
-    }
+    size = frames * (BYTES_PER_FRAME_AND_PART + BYTES_REPLAY)
+    size += points * surface.n_shapes * BYTES_PER_SURFACE_POINT + BYTES_FIXED
+    return size + _slow_pictures(scene) * min(points, POINTS**2) * BYTES_PER_SLOW_POINT
 
 
 def _slow_pictures(scene: Scene) -> int:
-    """Pictures of the surface in slow motion: of every different stage of a schedule, or of a scene of many parts."""
+    """Number of pictures of the surface in slow motion: for every different stage, if the replay shows stages."""
     if scene.scenario.schedule is None and len(scene.parts) == 1:
         return 0
     different = {frozenset(scene.drives[i] for i in stage.excitations) for stage in scene.times.stages}
@@ -85,7 +175,7 @@ def _slow_pictures(scene: Scene) -> int:
 
 
 def _busiest(scene: Scene) -> Scene:
-    """The scene as it is in its stage of the highest frequency, whose steps are the shortest."""
+    """The scene with only the stage of the highest frequency, whose steps are the shortest."""
     schedule = scene.scenario.schedule
     if schedule is None:
         return scene
@@ -95,7 +185,7 @@ def _busiest(scene: Scene) -> Scene:
 
 
 def _trial_cost(scene: Scene, choice: Choice) -> float:
-    """Wall time per step [s] of one part-seed on one core, after compilation."""
+    """Wall time [s] of a step of one seed on one core, after compilation."""
     scene = _busiest(scene)
     engine = engine_class(choice)(scene, np.random.default_rng(0))
     engine.advance(1)
@@ -103,12 +193,3 @@ def _trial_cost(scene: Scene, choice: Choice) -> float:
     started = time.perf_counter()
     engine.advance(frames)
     return (time.perf_counter() - started) / (frames * scene.steps_per_frame)
-
-
-def _throw_number(frequency: float, amplitude: float) -> float:
-    return amplitude * (2.0 * math.pi * frequency) ** 2 / GRAVITY
-
-
-def _ring_up(damping_ratio: float | None, frequency: float) -> float:
-    """Time constant 1/(zeta omega_n) of the envelope [s]; 0 without ring-up."""
-    return 0.0 if damping_ratio is None else 1.0 / (damping_ratio * 2.0 * math.pi * frequency)

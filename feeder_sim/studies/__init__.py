@@ -1,1 +1,1 @@
-"""Questions asked of many runs."""
+"""Studies: questions that take many runs to answer."""

@@ -1,8 +1,8 @@
 """How the motion of a bouncing part changes with the plate's amplitude: sweep, boundaries of period one, two, four, ...
 
-A boundary is found by bisection on what the part does: period one from the smallest amplitude at which any seed settles
-to it, period 2 n from where no seed stays in period n any more. Seeds differ in their drop heights, since other motions
-can coexist with the periodic one.
+A boundary is found by bisection on the motion of the seeds: period one begins at the smallest amplitude at which any
+seed ends in it, period 2 n at the amplitude above which no seed ends in period n any more. Seeds have different drop
+heights, since other motions can coexist with the periodic one.
 """
 
 from __future__ import annotations
@@ -28,20 +28,20 @@ from feeder_sim.run.simulation import simulate
 from feeder_sim.scenario import PistonPlate, Scenario, Slide, with_run
 from feeder_sim.scene.scene import GRAVITY, build_scene
 
-CASCADE = ("1", "2", "4", "8", "16")
-RECORDED_FRAMES = 4  # impacts are what counts here
-SETTLE = 4000  # plate periods
-BISECTIONS = 12  # halves the step of the sweep so often
+CASCADE = ("1", "2", "4", "8", "16")  # periods of the motion in the order in which they appear
+RECORDED_FRAMES = 4  # per run, since only its impacts are used
+SETTLE = 4000  # plate periods before the impacts that count
+BISECTIONS = 12  # of the interval between two amplitudes of the sweep
 
 
 @dataclass(frozen=True)
-class Settlement:
-    """What the seeds do at one amplitude.
+class SweepPoint:
+    """Motions and impact speeds of the seeds at one amplitude.
 
     Attributes:
         amplitude: [m].
-        motions: one name per seed; see `bounces.motion`.
-        impact_speed: relative to the plate [m/s], the last impacts of each seed.
+        motions: one name per seed; see `feeder_sim.measures.bounces.motion`.
+        impact_speed: relative to the plate at the last impacts of each seed [m/s].
     """
 
     amplitude: float
@@ -51,13 +51,13 @@ class Settlement:
 
 @dataclass(frozen=True)
 class Boundary:
-    """Where one motion takes over.
+    """Amplitude at which a motion begins.
 
     Attributes:
         motion: "1", "2", ...: its period.
         amplitude: found by bisection [m].
         uncertainty: width of the last bracket [m].
-        theory: [m]; None where there is no closed form.
+        theory: amplitude by the closed form [m]; None where there is none.
     """
 
     motion: str
@@ -71,11 +71,14 @@ class Diagram:
     """A sweep over the amplitude and the boundaries found in it."""
 
     scenario: Scenario
-    sweep: tuple[Settlement, ...]
+    sweep: tuple[SweepPoint, ...]
     boundaries: tuple[Boundary, ...]
 
     def feigenbaum_ratios(self) -> list[float]:
-        """Distance between two successive period doublings over the next one; tends to 4.669 (Feigenbaum 1978)."""
+        """Distance between two successive period doublings over the next such distance.
+
+        The limit is 4.669 (Feigenbaum, J. Stat. Phys. 19 (1978) 25).
+        """
         doublings = np.array([b.amplitude for b in self.boundaries if b.motion != CASCADE[0]])
         steps = np.diff(doublings)
         return [float(ratio) for ratio in steps[:-1] / steps[1:]]
@@ -92,28 +95,29 @@ def sweep_amplitude(
 
     Args:
         scenario: a part on a slide over a piston with one drive; its amplitude is replaced.
-        amplitudes: ascending [m].
-        settle: plate periods before the motion is looked at. Convergence is slow near a boundary.
+        amplitudes: of the sweep, ascending [m].
+        settle: plate periods before the impacts that count. Near a boundary the motion converges slowly.
         progress: called with the fraction of the sweep done.
 
     Raises:
-        InputError: the scenario is not of that kind.
+        InputError: the scenario is not of that kind, or the plate cannot have the largest amplitude.
     """
     check_scenario(scenario)
-    build_scene(_driven(scenario, max(amplitudes)))  # too large an amplitude is refused before any work is done
+    build_scene(_driven(scenario, max(amplitudes)))  # refuses too large an amplitude before any work is done
     sweep = []
     for amplitude in amplitudes:
-        sweep.append(settle_at(scenario, amplitude, settle=settle))
+        sweep.append(run_at(scenario, amplitude, settle=settle))
         if progress:
             progress(len(sweep) / len(amplitudes))
     return Diagram(scenario, tuple(sweep), tuple(_boundaries(scenario, sweep, settle)))
 
 
 def check_scenario(scenario: Scenario) -> None:
-    """Refuse what has no one amplitude to sweep, or more than one coordinate.
+    """Refuse a scenario without a single steady amplitude to sweep, or with more than one degree of freedom.
 
     Raises:
-        InputError: as said.
+        InputError: the plate is no piston, the part is not on a slide, or there is not exactly one steady drive at
+            resonance.
     """
     if not isinstance(scenario.plate, PistonPlate) or not isinstance(scenario.guide, Slide):
         raise InputError('allowed is kind = "slide" over a piston', key="part[0].guide")
@@ -125,13 +129,13 @@ def check_scenario(scenario: Scenario) -> None:
 
 
 def _driven(scenario: Scenario, amplitude: float) -> Scenario:
-    """The scenario at another amplitude [m], reached at once."""
-    driven = {"amplitude_um": 1e6 * amplitude, "ring_up": False, "start_s": 0.0}
-    return scenario.model_copy(update={"drive": (scenario.drive[0].model_copy(update=driven),)})
+    """The scenario with another amplitude [m], which the plate has from the start."""
+    changes = {"amplitude_um": 1e6 * amplitude, "ring_up": False, "start_s": 0.0}
+    return scenario.model_copy(update={"drive": (scenario.drive[0].model_copy(update=changes),)})
 
 
-def settle_at(scenario: Scenario, amplitude: float, *, settle: int) -> Settlement:
-    """Run every seed at one amplitude [m] and look at its last impacts."""
+def run_at(scenario: Scenario, amplitude: float, *, settle: int) -> SweepPoint:
+    """Run every seed at one amplitude [m] for `settle` plate periods, and then for the impacts that count."""
     plate_period = 1.0 / scenario.drive[0].frequency_hz
     duration = (settle + 2 * LAST_IMPACTS) * plate_period
     prepared = prepare(
@@ -143,7 +147,7 @@ def settle_at(scenario: Scenario, amplitude: float, *, settle: int) -> Settlemen
     )
     tolerance = impact_tolerance(prepared)
     seeds = simulate(prepared).seeds
-    return Settlement(
+    return SweepPoint(
         amplitude,
         tuple(motion(s.impacts, plate_period, tolerance, end=float(s.frames.time[-1])) for s in seeds),
         tuple(s.impacts.approach_speed[-LAST_IMPACTS:] for s in seeds),
@@ -151,7 +155,10 @@ def settle_at(scenario: Scenario, amplitude: float, *, settle: int) -> Settlemen
 
 
 def theoretical_boundaries(scenario: Scenario) -> dict[str, float]:
-    """Amplitudes [m] of period one and two; none where the formula does not hold: tilted guide, compliant contact."""
+    """Amplitudes [m] at which period one and two begin, by the formulas of feeder_sim.measures.bounces.
+
+    Empty where they do not hold: in a tilted guide and with compliant contact.
+    """
     assert isinstance(scenario.guide, Slide)
     if scenario.guide.tilt_deg or scenario.contact.model != "restitution":
         return {}
@@ -161,30 +168,42 @@ def theoretical_boundaries(scenario: Scenario) -> dict[str, float]:
     return {name: threshold * per_throw_number for name, threshold in thresholds.items()}
 
 
-def _boundaries(scenario: Scenario, sweep: Sequence[Settlement], settle: int) -> Iterator[Boundary]:
-    """Follow the cascade upwards: where each motion of it begins, as far as the sweep shows it."""
+def _boundaries(scenario: Scenario, sweep: Sequence[SweepPoint], settle: int) -> Iterator[Boundary]:
+    """Boundaries of the motions of the cascade in ascending order, as far as the sweep shows them."""
     theory = theoretical_boundaries(scenario)
-    shown, at = [set(s.motions) for s in sweep], 0
-    # Period one begins where it first shows, each further period where the one before it shows no more.
+    motions, index = [set(point.motions) for point in sweep], 0
+    # Period one begins where it first appears, each further period where the one before it is absent.
     for gained, watched in zip(CASCADE, (CASCADE[0], *CASCADE), strict=False):
         begins = gained == watched
-        reached = (i for i in range(at, len(sweep)) if (watched in shown[i]) == begins)
-        at = next(reached, len(sweep))
-        if at == len(sweep) or (not begins and watched not in shown[at - 1]):
+        beyond = (i for i in range(index, len(sweep)) if (watched in motions[i]) == begins)
+        index = next(beyond, len(sweep))
+        if index == len(sweep) or (not begins and watched not in motions[index - 1]):
             return  # the sweep ends, or is too coarse to show the motion between two boundaries
-        if at > 0:
-            low, high = sweep[at - 1].amplitude, sweep[at].amplitude
-            found = bisect(scenario, low, high, watched, begins=begins, settle=settle)
-            yield Boundary(gained, *found, theory.get(gained))
+        if index > 0:
+            low, high = sweep[index - 1].amplitude, sweep[index].amplitude
+            amplitude, uncertainty = bisect(scenario, low, high, watched, begins=begins, settle=settle)
+            yield Boundary(gained, amplitude, uncertainty, theory.get(gained))
 
 
 def bisect(
     scenario: Scenario, low: float, high: float, name: str, *, begins: bool, settle: int = SETTLE
 ) -> tuple[float, float]:
-    """Find where between two amplitudes [m] a motion begins, or else ends; returns that and its bracket."""
+    """Find the amplitude at which a motion begins or ends.
+
+    Args:
+        scenario: as for `sweep_amplitude`.
+        low: amplitude below the boundary [m].
+        high: amplitude above it [m].
+        name: of the motion.
+        begins: whether the motion begins at the boundary, or else ends there.
+        settle: plate periods before the impacts that count.
+
+    Returns:
+        The amplitude and the width of the last bracket, both [m].
+    """
     for _ in range(BISECTIONS):
         middle = 0.5 * (low + high)
-        if (name in settle_at(scenario, middle, settle=settle).motions) == begins:
+        if (name in run_at(scenario, middle, settle=settle).motions) == begins:
             high = middle
         else:
             low = middle
@@ -197,8 +216,8 @@ def write_sweep(diagram: Diagram, path: Path) -> None:
     with path.open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file)
         writer.writerow(["amplitude_um", "throw_number", "seed", "motion", "impact_speed_mm_s"])
-        for at in diagram.sweep:
-            throw_number = at.amplitude * squared_omega / GRAVITY
-            for seed, (name, speeds) in enumerate(zip(at.motions, at.impact_speed, strict=True)):
-                head = [f"{1e6 * at.amplitude:.6g}", f"{throw_number:.6g}", seed, name]
-                writer.writerows([*head, f"{1e3 * speed:.9g}"] for speed in speeds)
+        for point in diagram.sweep:
+            throw_number = point.amplitude * squared_omega / GRAVITY
+            for seed, (name, speeds) in enumerate(zip(point.motions, point.impact_speed, strict=True)):
+                columns = [f"{1e6 * point.amplitude:.6g}", f"{throw_number:.6g}", seed, name]
+                writer.writerows([*columns, f"{1e3 * speed:.9g}"] for speed in speeds)

@@ -1,4 +1,4 @@
-"""Plates of one length and other widths: how well modes of each carry a part along a line."""
+"""Plates of one length and different widths: the best sequences of modes that carry a part along a line on each."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from feeder_sim.scenario import PlateFile, resolve_material
 
 @dataclass(frozen=True)
 class RatioRoutes:
-    """The best sequences of every length on a plate whose length is `ratio` times its width; none where none does."""
+    """Routes of `find_routes` on a plate whose length is `ratio` times its width; empty if there is none."""
 
     ratio: float
     routes: tuple[Route, ...]
@@ -22,18 +22,18 @@ class RatioRoutes:
 def compare_ratios(
     file: PlateFile, ratios: Sequence[float], *, start: float, end: float, y: float, search: Search
 ) -> Iterator[RatioRoutes]:
-    """Search plates of the file's length and material, one after the other.
+    """Search the routes on plates of the file's length, thickness and material, one plate after the other.
 
     Args:
-        file: the plate.
-        ratios: of length over width.
-        start: of the way along x [m].
-        end: of the way [m].
-        y: of the line [m].
-        search: what a sequence has to keep to.
+        file: the plate, whose width is replaced.
+        ratios: of length over width [1].
+        start: of the route, x [m].
+        end: of the route, x [m].
+        y: of the line on which the part moves [m].
+        search: conditions on a sequence of modes.
 
     Raises:
-        InputError: the line is not on a plate, or modes of one are not resolved.
+        InputError: the line is not on one of the plates, or its modes are not resolved.
     """
     body = file.plate
     if body.uniform_width:

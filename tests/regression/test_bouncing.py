@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 from conftest import REPOSITORY
+from pinned import BOUNCE_INTERVAL, BOUNCE_RATIO, CYLINDER_INTERVAL
 
 from feeder_sim.measures.bounces import expected_interval
 from feeder_sim.run.simulation import simulate
@@ -42,6 +43,7 @@ def test_exact_method_finds_the_boundaries_of_periodic_motion(name: str) -> None
     assert found["2"] == pytest.approx(1.0, abs=1e-3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["ball_50hz", "ball_500hz"])
 def test_mujoco_finds_the_boundaries_of_periodic_motion(name: str) -> None:
     found = boundaries(scenario(name, engine="mujoco", steps_per_period=200, seeds=4), settle=300)
@@ -70,29 +72,26 @@ def mean_interval(frequency: float, amplitude: float) -> float:
     return float(np.mean(means))
 
 
-# Pinned to benchmarks/bounce_intervals.py; the standard error of each is about 2 %.
-@pytest.mark.parametrize(
-    ("frequency", "amplitude", "expected"),
-    [(558.0, 90.0, 68.3), (558.0, 18.0, 13.9), (2797.0, 12.0, 46.3), (6199.0, 4.62, 38.1), (6199.0, 1.54, 13.1)],
-)
-def test_mean_bounce_interval(frequency: float, amplitude: float, expected: float) -> None:
-    assert mean_interval(frequency, amplitude) == pytest.approx(expected, rel=0.08)
+@pytest.mark.parametrize(("frequency", "amplitude"), BOUNCE_INTERVAL)
+def test_mean_bounce_interval(frequency: float, amplitude: float) -> None:
+    expected = BOUNCE_INTERVAL[frequency, amplitude]
+    assert mean_interval(frequency, amplitude) == pytest.approx(expected.mean, abs=expected.within)
 
 
 def test_mean_intervals_lie_below_the_estimate_without_rest() -> None:
-    rows = [(558.0, 90.0), (558.0, 18.0), (2797.0, 12.0), (6199.0, 4.62), (6199.0, 1.54)]
-    ratios = [mean_interval(f, a) / (1e3 * expected_interval(f, 1e-6 * a, 0.2, GRAVITY)) for f, a in rows]
-    assert np.mean(ratios) == pytest.approx(0.885, abs=0.03)
+    ratios = [mean_interval(f, a) / (1e3 * expected_interval(f, 1e-6 * a, 0.2, GRAVITY)) for f, a in BOUNCE_INTERVAL]
+    assert np.mean(ratios) == pytest.approx(BOUNCE_RATIO.mean, abs=BOUNCE_RATIO.within)
 
 
-@pytest.mark.parametrize(("tilt", "expected"), [(0.0, 71.5), (2.0, 55.0)])
-def test_guided_cylinder(tilt: float, expected: float) -> None:
+@pytest.mark.parametrize("tilt", CYLINDER_INTERVAL)
+def test_guided_cylinder(tilt: float) -> None:
+    expected = CYLINDER_INTERVAL[tilt]
     found = scenario("cylinder_558hz", duration_s=5.0, frames_per_second=100.0)
     assert found.guide is not None
     part = found.part[0].model_copy(update={"guide": found.guide.model_copy(update={"tilt_deg": tilt})})
     interval = simulate(found.model_copy(update={"part": (part,)})).measures()["bounce_interval_ms"]
     assert interval["n"] > 200
-    assert interval["mean"] == pytest.approx(expected, rel=0.1)
+    assert interval["mean"] == pytest.approx(expected.mean, abs=expected.within)
 
 
 def test_a_sweep_too_coarse_for_the_cascade_makes_no_boundaries_up() -> None:

@@ -202,7 +202,7 @@ def wait_for_checkpoints(folder: Path, process: subprocess.Popen[str]) -> None:
 @pytest.mark.parametrize("eager", [True, False])
 def test_killed_run_goes_on_to_the_same_bits(eager: bool, tmp_path: Path) -> None:
     """Killed with checkpoints, and before there are any: then it begins anew."""
-    scenario, folder = nuts(duration_s=8.0, cycles=1, frames_per_second=200.0), tmp_path / "run"
+    scenario, folder = nuts(duration_s=4.0, cycles=1, frames_per_second=200.0), tmp_path / "run"
     path = tmp_path / "long.toml"
     path.write_text(scenario_toml(scenario))
     program = ["-c", EAGER] if eager else ["-m", "feeder_sim"]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 from conftest import REPOSITORY
+from pinned import ARRIVAL_TIME, STATIONS
 
 from feeder_sim.run.simulation import Result, simulate
 from feeder_sim.scenario import load_scenario, with_run
@@ -25,13 +26,16 @@ def check_arrived(result: Result, seeds: int) -> None:
 
 
 def test_five_modes_of_a_strip_carry_every_nut() -> None:
-    result = ran("transport_strip", 8)
-    check_arrived(result, 8)
+    seeds = ARRIVAL_TIME.seeds
+    result = ran("transport_strip", seeds)
+    check_arrived(result, seeds)
     time = result.measures()["arrival_time_s"]
     print(f"\nstrip: {time['mean']:.1f} +- {time['sd']:.1f} s (SD), measured {MEASURED_S} s")
     assert abs(time["mean"] - MEASURED_S) < 3.0
+    assert ARRIVAL_TIME.holds(time["mean"])
     stations = [stage["x_mm"]["mean"] for stage in result.measures()["transport_stages"]]
     assert np.abs(np.array(stations) - [-44.1, -35.7, -23.1, -14.5, 0.0]).max() < 1.1
+    assert all(pinned.holds(station) for pinned, station in zip(STATIONS, stations, strict=True)), stations
 
 
 def test_six_modes_of_a_rectangle_carry_every_nut() -> None:

@@ -13,7 +13,7 @@ from feeder_sim.scenario import Scenario, load_scenario, with_run
 from feeder_sim.scene.scene import build_scene
 
 RUNNING, GATHERING = (REPOSITORY / f"scenarios/wave_{name}.toml" for name in ("circulation", "gather"))
-SEEDS, PLACES = 8, 8
+SEEDS, PLACES = 4, 8
 DURATION_S, COUNTED_FROM_S = 3.0, 1.0
 
 
@@ -44,7 +44,7 @@ def speeds() -> dict[float, Statistic]:
             for frames in result.trajectories
         ]
         found[phase] = Statistic.of(speed)
-        print(f"\n{phase:+.0f} degrees: {found[phase].mean:+.3f} +- {found[phase].se:.3f} mm/s")
+        print(f"{phase:+.0f} degrees: {found[phase].mean:+.3f} +- {found[phase].se:.3f} mm/s")
     return found
 
 
@@ -59,6 +59,7 @@ def test_nuts_do_not_run_round_on_a_standing_wave(speeds: dict[float, Statistic]
     assert standing.se < speeds[90.0].mean
 
 
+@pytest.mark.slow
 def test_nuts_gather_at_still_points() -> None:
     scenario = with_run(load_scenario(GATHERING), seeds=2)
     (wave,) = simulate(scenario).measures()["waves"]

@@ -51,11 +51,13 @@ def case(name: str, change: Change, **contact: float) -> float:
     return found.observe(result.prepared, result.seeds[0])
 
 
+@pytest.mark.slow
 def test_nothing_drifts_on_a_mocap_plate() -> None:
     assert abs(drift(at_8775(mujoco(plate="mocap")))) < 0.1
     assert 3.0 < drift(at_8775(mujoco())) < 5.0
 
 
+@pytest.mark.slow
 def test_contact_of_one_step_explodes_and_of_five_does_not() -> None:
     reference = at_8775(steps, 80, 32)
     short = classify(at_8775(compliant(1, refsafe=False)), reference)
@@ -141,6 +143,7 @@ def test_rigid_contact_holds_at_one_metre_per_second() -> None:
         assert classify(ran(falling(1.0, method, 40), seeds=1), None)[0] == State.STABLE
 
 
+@pytest.mark.slow
 def test_mujoco_needs_more_than_ten_steps_per_period() -> None:
     reference = at_8775(steps, 80, 64)
     state, deviation, _ = classify(at_8775(mujoco(), 10, 24), reference)

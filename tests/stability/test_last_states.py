@@ -20,7 +20,7 @@ from feeder_sim.records.trajectory_file import read_recording
 from feeder_sim.run import seed_run
 from feeder_sim.run.guard import Guard
 from feeder_sim.run.run_folder import record_run, resume_run
-from feeder_sim.run.seed_run import SeedResult
+from feeder_sim.run.seed_record import SeedResult
 from feeder_sim.run.simulation import simulate
 from feeder_sim.scenario import (
     Contact,

@@ -347,18 +347,17 @@ DAMAGE: dict[str, Callable[[bytes], bytes]] = {
     "half": lambda kept: kept[: len(kept) // 2],
     "something else": lambda _: b"x" * 100,
 }
-UNREAD = pytest.mark.xfail(reason="a damaged file of machine code ends every run in a traceback", strict=True)
 
 
 @pytest.mark.parametrize(
     ("suffix", "left"),
     [
         (".nbc", "nothing"),
-        pytest.param(".nbc", "half", marks=UNREAD),
-        pytest.param(".nbc", "something else", marks=UNREAD),
-        pytest.param(".nbi", "nothing", marks=UNREAD),
-        pytest.param(".nbi", "half", marks=UNREAD),
-        pytest.param(".nbi", "something else", marks=UNREAD),
+        (".nbc", "half"),
+        (".nbc", "something else"),
+        (".nbi", "nothing"),
+        (".nbi", "half"),
+        (".nbi", "something else"),
     ],
 )
 def test_damaged_machine_code_is_compiled_again(suffix: str, left: str, copy: Copy) -> None:

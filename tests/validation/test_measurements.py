@@ -16,6 +16,7 @@ from feeder_sim.scenario import load_plate_file
 from feeder_sim.scene.cell import transport_cell
 from feeder_sim.scene.plate_modes import compute_modes
 
+ENGINES = ["impulse", pytest.param("mujoco", marks=pytest.mark.slow)]
 MEASURED_WITH_AMPLITUDE = [558.0, 1420.0, 2646.0, 2797.0, 6199.0, 6788.0]
 
 
@@ -48,7 +49,7 @@ def mid_path_speed(result: Result) -> Statistic:
     return Statistic.of(speeds)
 
 
-@pytest.mark.parametrize("engine", ["impulse", "mujoco"])
+@pytest.mark.parametrize("engine", ENGINES)
 def test_drift_is_carried_by_the_in_plane_velocity(engine: str) -> None:
     """Without it the mid-path speed at 4750 Hz falls to less than half."""
     x_mm = 0.38 * 19.49  # just before 0.6 of the way
@@ -64,7 +65,7 @@ def test_drift_is_carried_by_the_in_plane_velocity(engine: str) -> None:
     assert without.mean + 2 * difference_se < 0.5 * with_it.mean
 
 
-@pytest.mark.parametrize("engine", ["impulse", "mujoco"])
+@pytest.mark.parametrize("engine", ENGINES)
 @pytest.mark.parametrize("amplitude_um", [0.25, 1.0])
 def test_nothing_drifts_on_a_piston_plate(amplitude_um: float, engine: str) -> None:
     seeds = {"impulse": 96, "mujoco": 24}[engine]

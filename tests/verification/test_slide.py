@@ -360,6 +360,7 @@ def mean_interval(engine: str, **run: Any) -> float:
     return float(np.mean(means))
 
 
+@pytest.mark.slow
 def test_mujoco_bounces_as_long_as_the_exact_method() -> None:
     exact = mean_interval("impulse", duration_s=20.0, frames_per_second=50.0)
     stepped = mean_interval("mujoco", duration_s=1.5, seeds=2, steps_per_period=160)

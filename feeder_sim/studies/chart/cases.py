@@ -1,4 +1,4 @@
-"""Cases of the chart: a scenario, the number to get right, and what is known about it.
+"""Cases of the chart: each is a scenario and a number to compute, with its exact or its reference value.
 
 bouncing ball   free ball on a 50 Hz shaker, period one (Holmes 1982): the plate moves at w = g T/2 (1-e)/(1+e) when
                 it is hit, so that the ball rises to g T^2/8 + A sin(phi) with A omega cos(phi) = w
@@ -26,31 +26,33 @@ from feeder_sim.measures.separation import stage_reports
 from feeder_sim.measures.stage_lines import stage_lines
 from feeder_sim.records.trajectory import Record
 
-Raw = dict[str, Any]  # a scenario as it stands in a file, to be changed by methods
+Raw = dict[str, Any]  # the tables of a scenario file, which methods change
 
 RESTITUTION, FRICTION = 0.2, 0.3
 CONTACT = {"restitution": RESTITUTION, "friction": FRICTION}
 DROP_MM = 5.0
 APPROACH = math.sqrt(2.0 * GRAVITY * 1e-3 * DROP_MM)  # [m/s]
-DROP_S = 0.04  # falls for 32 ms, then flies for 13 ms
+DROP_S = 0.04  # 32 ms of fall, and most of the 13 ms of flight after the impact
 SLIDE_MM_S = 1000.0
-BALL_HZ, BALL_UM, BALL_PERIODS, BALL_COUNTED = 50.0, 245.0, 150, 50
-PER_MS = 1000.0  # [Hz] of a plate at rest: steps per period are steps per millisecond
-CROWD = 20
+BALL_HZ, BALL_UM = 50.0, 245.0
+BALL_PERIODS, BALL_COUNTED = 150, 50  # simulated periods of the plate, and the last ones that count
+PER_MS = 1000.0  # [Hz] of a drive without amplitude, with which steps per period are steps per millisecond
+CROWD = 20  # parts
 
 
 @dataclass(frozen=True)
 class Case:
-    """One number to get right.
+    """A scenario and a number to compute.
 
     Attributes:
-        name, title: for files and for pictures.
-        quantity: what the number is.
-        scenario: makes it, with default settings.
-        observe: the number from one seed; NaN where it cannot be had.
-        exact: what it should be; 0 for a number that is an error in percent, None where the finest run has to say.
-        seeds: of a fast method, of a slow one, of the reference; 0 for a case without chance.
-        quick_seeds: the same for the quick variant.
+        name, title: in files and in pictures.
+        quantity: name and unit of the number.
+        scenario: makes the scenario with default settings.
+        observe: computes the number from one seed; NaN where the seed does not give it.
+        exact: the exact value; 0 for a number that is itself an error in percent; None where the finest run is the
+            reference.
+        seeds: number for a fast method, for a slow method, and for the reference; 0 for a case without chance.
+        quick_seeds: the same in the quick variant.
     """
 
     name: str
@@ -64,19 +66,26 @@ class Case:
 
     @property
     def by_chance(self) -> bool:
-        """Whether seeds differ."""
+        """Whether the number depends on the seed."""
         return self.seeds[0] > 0
 
 
 def ball_height(frequency: float, amplitude: float, restitution: float) -> float:
-    """Rise [m] of a ball in period one over its place on the resting plate, for amplitude [m] and frequency [Hz]."""
+    """Largest height [m] of a ball in period one over its place on the resting plate, by the formula of the module.
+
+    Args:
+        frequency: of the plate [Hz].
+        amplitude: of the plate [m].
+        restitution: coefficient [1].
+    """
     period = 1.0 / frequency
-    plate = 0.5 * GRAVITY * period * (1.0 - restitution) / (1.0 + restitution)
-    cosine = plate / (2.0 * math.pi * frequency * amplitude)
+    plate_velocity = 0.5 * GRAVITY * period * (1.0 - restitution) / (1.0 + restitution)
+    cosine = plate_velocity / (2.0 * math.pi * frequency * amplitude)
     return GRAVITY * period**2 / 8.0 + amplitude * math.sqrt(1.0 - cosine**2)
 
 
 def _ball() -> Raw:
+    """A free ball on a plate that vibrates up and down."""
     start = {"drop_height_mm": 0.5, "tilt_deg": 0.0}
     return {
         "plate": {"kind": "piston"},
@@ -88,7 +97,7 @@ def _ball() -> Raw:
 
 
 def _rise(prepared: Prepared, record: Record) -> float:
-    """Mean height of the last tops [mm]; flight is a parabola, so the highest frame says where its top is."""
+    """Mean height of the last tops of the flight [mm]; each follows from the highest frame and its velocity."""
     frames = record.frames
     height = frames.position[:, 0, 2] - prepared.scene.kinds[0].corner_radius
     top = height + frames.velocity[:, 0, 2] ** 2 / (2.0 * GRAVITY)
@@ -98,39 +107,40 @@ def _rise(prepared: Prepared, record: Record) -> float:
     return 1e3 * float(np.mean(top[highest]))
 
 
-def _at_rest(part: Raw, **start: Any) -> Raw:
-    place = {"drop_height_mm": DROP_MM, "tilt_deg": 0.0, "yaw_deg": 17.0} | start
+def _on_resting_plate(part: Raw, **start: Any) -> Raw:
+    """A part that falls flat onto a plate at rest; `start` changes its table of that name."""
+    release = {"drop_height_mm": DROP_MM, "tilt_deg": 0.0, "yaw_deg": 17.0} | start
     return {
         "plate": {"kind": "piston"},
         "drive": [{"frequency_hz": PER_MS, "amplitude_um": 0.0}],
-        "part": [part | {"start": place}],
+        "part": [part | {"start": release}],
         "contact": dict(CONTACT),
         "run": {"duration_s": DROP_S, "seeds": 1, "frames_per_second": 5000.0},
     }
 
 
 def _after_impact(scene: Scene, record: Record) -> tuple[float, int]:
-    """Speed [m/s] with which a part has left the plate at rest, and the first frame after that."""
+    """Speed upwards [m/s] with which a part has left the plate at rest, and its first frame after that."""
     frames = record.frames
     rising = np.flatnonzero(frames.velocity[:, 0, 2] > 0.0)
     if not len(rising):
         return 0.0, int(np.argmin(frames.position[:, 0, 2]))
     row = int(rising[0])
     kind = scene.kinds[0]
-    resting = -kind.lowest(frames.quaternion[row, 0]) + (0.0 if kind.corner_radius else CORNER_RADIUS)
-    risen = max(float(frames.position[row, 0, 2]) - resting, 0.0)
-    return math.sqrt(float(frames.velocity[row, 0, 2]) ** 2 + 2.0 * GRAVITY * risen), row
+    resting_height = -kind.lowest(frames.quaternion[row, 0]) + (0.0 if kind.corner_radius else CORNER_RADIUS)
+    rise = max(float(frames.position[row, 0, 2]) - resting_height, 0.0)
+    return math.sqrt(float(frames.velocity[row, 0, 2]) ** 2 + 2.0 * GRAVITY * rise), row
 
 
 def _flat_drop(prepared: Prepared, record: Record) -> float:
-    """Error [%]: of the speed upwards and of that of the corners by spin, over e v."""
+    """Error [%] of the speed upwards and of the speed of the corners by spin, which should be 0, over e v."""
     upward, row = _after_impact(prepared.scene, record)
     spin = prepared.scene.kinds[0].size * float(np.linalg.norm(record.frames.angular_velocity[row, 0]))
     return 100.0 * math.hypot(upward - RESTITUTION * APPROACH, spin) / (RESTITUTION * APPROACH)
 
 
 def _sliding_impact(prepared: Prepared, record: Record) -> float:
-    """Error [%] of both components of the velocity after the impact, over the approach."""
+    """Error [%] of both components of the velocity after the impact, over the approach speed."""
     upward, row = _after_impact(prepared.scene, record)
     along = float(record.frames.velocity[row, 0, 0])
     expected = 1e-3 * SLIDE_MM_S - FRICTION * (1.0 + RESTITUTION) * APPROACH
@@ -138,7 +148,7 @@ def _sliding_impact(prepared: Prepared, record: Record) -> float:
 
 
 def strip(frequency: float, amplitude_um: float, x_mm: float) -> Raw:
-    """A nut near the antinode of a standing wave of a 3 mm strip, as in the drift scenarios."""
+    """A nut near the antinode of a standing wave of a 3 mm strip, as in scenarios/drift_4750hz.toml."""
     start = {"position_mm": [x_mm, 0.0], "drop_height_mm": [0.2, 0.5], "tilt_deg": [0.0, 3.0]}
     return {
         "plate": {"kind": "strip", "thickness_mm": 3.0},
@@ -150,12 +160,13 @@ def strip(frequency: float, amplitude_um: float, x_mm: float) -> Raw:
 
 
 def speed(prepared: Prepared, record: Record) -> float:
-    """Transport speed [mm/s]; NaN if the part has not come to the end of the way."""
+    """Transport speed [mm/s]; NaN if the part has not passed the end of the measured way."""
     assert prepared.cell is not None
     return 1e3 * transport_speed(record.frames, prepared.cell)
 
 
 def _crowd() -> Raw:
+    """One cycle of gathering and separation of `CROWD` nuts on the 180 mm plate."""
     gather = {"name": "gather", "drive": [{"frequency_hz": 2646.0, "amplitude_um": 20.0}], "duration_s": 0.6}
     throw = {"name": "throw", "drive": [{"frequency_hz": 2797.0, "amplitude_um": 20.0}], "duration_s": 0.1}
     return {
@@ -175,7 +186,7 @@ def _crowd() -> Raw:
 
 
 def _gathered(prepared: Prepared, record: Record) -> float:
-    """Nuts near a nodal line at the end of the gathering; those picked in the end scatter twice as much."""
+    """Nuts near a nodal line at the end of the gathering; the number picked would scatter twice as much."""
     return float(stage_reports(prepared.scene, stage_lines(prepared.scene), record)[0].on_nodal_line)
 
 
@@ -192,7 +203,7 @@ CASES = (
         "flat_drop",
         "Flat drop of a nut",
         "error of the velocity (%)",
-        lambda: _at_rest({"shape": "hex_nut", "size": "M2.5"}),
+        lambda: _on_resting_plate({"shape": "hex_nut", "size": "M2.5"}),
         _flat_drop,
         0.0,
     ),
@@ -200,7 +211,7 @@ CASES = (
         "sliding_impact",
         "Sliding impact of a ball",
         "error of the velocity (%)",
-        lambda: _at_rest({"shape": "ball", "diameter_mm": 3.0}, velocity_mm_s=[SLIDE_MM_S, 0.0, 0.0]),
+        lambda: _on_resting_plate({"shape": "ball", "diameter_mm": 3.0}, velocity_mm_s=[SLIDE_MM_S, 0.0, 0.0]),
         _sliding_impact,
         0.0,
     ),

@@ -1,8 +1,9 @@
-"""The model ladder: what each simplification of the drift saves, and what it costs in accuracy.
+"""The model ladders: the wall time that each simplification of the drift saves, and how it changes the speed.
 
-Every rung is one change of the full model of its flight of stairs; rungs of different flights are not compared.
+The first rung of a ladder is its full model, every other rung is one change of it. Rungs of different ladders are not
+compared.
 
-    strip, 4750 and 8775 Hz   impulses, six degrees of freedom, curved surface: each simplification by itself
+    strip, 4750 and 8775 Hz   impulses, six degrees of freedom, curved surface; one simplification per rung
     MuJoCo, 4750 Hz           contact set: hull against a sphere at every corner
     plate, 2797 Hz            mode of the 180 mm plate: curved, tangent plane, strip of the same frequency and amplitude
 """
@@ -15,35 +16,38 @@ from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
+from feeder_sim.measures.statistic import Statistic
+from feeder_sim.records.trajectory import Status
+from feeder_sim.run.simulation import simulate
+from feeder_sim.scenario import Scenario
+from feeder_sim.scenario.tables import validated
+from feeder_sim.scene.cell import transport_cell
+from feeder_sim.scene.scene import build_scene
 from feeder_sim.studies.chart.cases import CONTACT, Raw, speed, strip
 from feeder_sim.studies.chart.data_files import write_rows
-from feeder_sim.measures.statistic import Statistic
-from feeder_sim.scene.cell import transport_cell
-from feeder_sim.scenario import Scenario
-from feeder_sim.scene.scene import build_scene
-from feeder_sim.run.simulation import simulate
-from feeder_sim.scenario.tables import validated
-from feeder_sim.records.trajectory import Status
 
-SLOW_FLIGHTS = ("MuJoCo, 4750 Hz",)  # for the full ladder alone
+SLOW_LADDERS = ("MuJoCo, 4750 Hz",)  # not in the quick variant
 ROUNDS, SEEDS, SLOW_SEEDS = 3, 12, 2
 QUICK_ROUNDS, QUICK_SEEDS = 1, 4
+Round = dict[str, tuple[list[float], float]]  # by model: transport speeds [mm/s], wall time per simulated time
 PLATE_HZ, PLATE_UM = 2797.0, 5.0
+PLATE_START_MM = 3.0  # from the antinode in the middle of the plate
+PLATE_DURATION_S = 120.0
 
 
 @dataclass(frozen=True)
 class Rung:
-    """One model of one flight.
+    """One model of one ladder.
 
     Attributes:
-        flight, model: which; the first rung of a flight is its full model.
+        ladder, model: names; the first rung of a ladder is its full model.
         speed_mm_s, se_mm_s, n: transport speed and its standard error, over n seeds.
-        change_percent, change_se_percent: of the speed, against the full model.
-        saves: wall time of the full model over that of this one, for a simulated second.
-        arrived: seeds that came to the end of the way, of all.
+        change_percent, change_se_percent: change of the speed against the full model, and its standard error.
+        saves: wall time per simulated second of the full model over that of this one.
+        arrived: number of seeds that passed the end of the measured way, of all seeds.
     """
 
-    flight: str
+    ladder: str
     model: str
     speed_mm_s: float
     se_mm_s: float
@@ -55,15 +59,17 @@ class Rung:
 
 
 def _nut(**changes: dict[str, object]) -> Callable[[], Raw]:
-    """The nut at 4750 Hz with tables of its scenario changed."""
+    """The nut at 4750 Hz with changes to tables of its scenario; see `_changed`."""
     return lambda: _changed(strip(4750.0, 1.0, 1.95), changes)
 
 
 def _fast_nut(**changes: dict[str, object]) -> Callable[[], Raw]:
+    """The nut at 8775 Hz, likewise."""
     return lambda: _changed(strip(8775.0, 1.0, 1.43), changes)
 
 
 def _changed(raw: Raw, changes: dict[str, dict[str, object]]) -> Raw:
+    """A scenario with changes by table; "start" and "drive" are those of the only part and drive."""
     for table, values in changes.items():
         if table == "start":
             raw["part"][0]["start"] |= values
@@ -76,31 +82,29 @@ def _changed(raw: Raw, changes: dict[str, dict[str, object]]) -> Raw:
 
 def _plate(**run: object) -> Raw:
     """The nut between the centre of the 180 mm plate, an antinode, and the nodal line around it."""
-    start = {"position_mm": [3.0, 0.0], "drop_height_mm": [0.2, 0.5], "tilt_deg": [0.0, 3.0]}
+    start = {"position_mm": [PLATE_START_MM, 0.0], "drop_height_mm": [0.2, 0.5], "tilt_deg": [0.0, 3.0]}
     return {
         "plate": {"kind": "rectangle", "length_mm": 180.0, "width_mm": 180.0, "thickness_mm": 3.0},
         "drive": [{"frequency_hz": PLATE_HZ, "amplitude_um": PLATE_UM, "at_mm": [0.0, 0.0], "damping_ratio": 0.002}],
         "part": [{"shape": "hex_nut", "size": "M2.5", "start": start}],
         "contact": dict(CONTACT),
-        "run": {"duration_s": 120.0, "stop": "passage"} | run,
+        "run": {"duration_s": PLATE_DURATION_S, "stop": "passage"} | run,
     }
 
 
 def _plate_as_strip() -> Raw:
-    """A strip of the same frequency and amplitude, with the nut at the same share of the way."""
-    scene = build_scene(validated(_plate(), Scenario, Path("ladder")))
-    cell = transport_cell(scene)
-    assert cell is not None
-    share = 1.0 - 3e-3 / cell.reach
-    slab = build_scene(validated(strip(PLATE_HZ, PLATE_UM, 1.0), Scenario, Path("ladder")))
-    whole = transport_cell(slab)
-    assert whole is not None
-    raw = strip(PLATE_HZ, PLATE_UM, 1e3 * whole.reach * (1.0 - share))
-    raw["run"]["duration_s"] = 120.0
+    """A strip of the same frequency and amplitude, with the nut at the same fraction of the way to the nodal line."""
+    plate_cell = transport_cell(build_scene(validated(_plate(), Scenario, Path("ladder"))))
+    assert plate_cell is not None
+    fraction = 1.0 - 1e-3 * PLATE_START_MM / plate_cell.reach
+    strip_cell = transport_cell(build_scene(validated(strip(PLATE_HZ, PLATE_UM, 1.0), Scenario, Path("ladder"))))
+    assert strip_cell is not None
+    raw = strip(PLATE_HZ, PLATE_UM, 1e3 * strip_cell.reach * (1.0 - fraction))
+    raw["run"]["duration_s"] = PLATE_DURATION_S
     return raw
 
 
-FLIGHTS: dict[str, dict[str, Callable[[], Raw]]] = {
+LADDERS: dict[str, dict[str, Callable[[], Raw]]] = {
     "strip, 4750 Hz": {
         "full": _nut(),
         "tangent plane": _nut(run={"tangent_surface": True}),
@@ -128,47 +132,54 @@ FLIGHTS: dict[str, dict[str, Callable[[], Raw]]] = {
 }
 
 
-def climb(*, quick: bool, note: Callable[[str], None] = lambda _: None) -> list[Rung]:
-    """Run every rung.
+def run_ladders(*, quick: bool, note: Callable[[str], None] = lambda _: None) -> list[Rung]:
+    """Run the models of all ladders.
 
-    The seeds of a rung are cut into rounds, and in each round all models of a flight run one after the other, so that
-    what a model saves is a ratio of neighbours on a machine that is never the same for long.
+    The seeds of a model are divided into rounds, and in each round all models of a ladder run one after the other. The
+    wall times that are compared are then close in time, which matters on a machine with a changing load.
+
+    Args:
+        quick: few seeds, and without the slow ladders.
+        note: called with a line about each finished rung.
     """
     rungs: list[Rung] = []
-    for flight, models in FLIGHTS.items():
-        if quick and flight in SLOW_FLIGHTS:
+    for ladder, models in LADDERS.items():
+        if quick and ladder in SLOW_LADDERS:
             continue
         rounds = [
             {model: _run(scenario(), number, quick=quick) for model, scenario in models.items()}
             for number in range(QUICK_ROUNDS if quick else ROUNDS)
         ]
-        first = next(iter(models))
-        full = Statistic.of(speed for held in rounds for speed in held[first][0])
+        full_model = next(iter(models))
         for model in models:
-            speeds = [speed for held in rounds for speed in held[model][0]]
-            found = Statistic.of(speeds)
-            ratio = found.mean / full.mean
-            spread = ratio * math.hypot(found.se / found.mean, full.se / full.mean)
-            same = model == first
-            rungs.append(
-                Rung(
-                    flight,
-                    model,
-                    found.mean,
-                    found.se,
-                    found.n,
-                    0.0 if same else 100.0 * (ratio - 1.0),
-                    0.0 if same else 100.0 * spread,
-                    statistics.median(held[first][1] / held[model][1] for held in rounds),
-                    f"{found.n} of {len(speeds)}",
-                )
-            )
-            note(f"{flight}, {model}: {found.mean:.3f} mm/s, saves {rungs[-1].saves:.2f}")
+            rung = _rung(ladder, model, full_model, rounds)
+            rungs.append(rung)
+            note(f"{ladder}, {model}: {rung.speed_mm_s:.3f} mm/s, saves {rung.saves:.2f}")
     return rungs
 
 
+def _rung(ladder: str, model: str, full_model: str, rounds: Sequence[Round]) -> Rung:
+    """Compare a model with the full model of its ladder."""
+    speeds = [speed for results in rounds for speed in results[model][0]]
+    mean, full = Statistic.of(speeds), Statistic.of(speed for results in rounds for speed in results[full_model][0])
+    ratio = mean.mean / full.mean
+    ratio_se = ratio * math.hypot(mean.se / mean.mean, full.se / full.mean)
+    is_full = model == full_model
+    return Rung(
+        ladder=ladder,
+        model=model,
+        speed_mm_s=mean.mean,
+        se_mm_s=mean.se,
+        n=mean.n,
+        change_percent=0.0 if is_full else 100.0 * (ratio - 1.0),
+        change_se_percent=0.0 if is_full else 100.0 * ratio_se,
+        saves=statistics.median(results[full_model][1] / results[model][1] for results in rounds),
+        arrived=f"{mean.n} of {len(speeds)}",
+    )
+
+
 def _run(raw: Raw, number: int, *, quick: bool) -> tuple[list[float], float]:
-    """Transport speeds [mm/s] of a round, NaN for seeds that did not arrive; wall time per simulated second."""
+    """Transport speeds [mm/s] of a model in one round, NaN for seeds that did not arrive; wall time per simulated time."""
     slow = raw["run"].get("engine") == "mujoco"
     seeds = QUICK_SEEDS if quick else SLOW_SEEDS if slow else SEEDS
     raw["run"] |= {"seeds": seeds, "seed": number}
@@ -179,5 +190,6 @@ def _run(raw: Raw, number: int, *, quick: bool) -> tuple[list[float], float]:
 
 
 def write_rungs(rungs: Sequence[Rung], folder: Path) -> None:
-    """Write the ladder as CSV and as JSON."""
-    write_rows([asdict(rung) for rung in rungs], folder, "ladder")
+    """Write the rungs as CSV and as JSON; the column with the name of the ladder is called "flight"."""
+    rows = [{"flight" if key == "ladder" else key: value for key, value in asdict(rung).items()} for rung in rungs]
+    write_rows(rows, folder, "ladder")

@@ -1,6 +1,6 @@
-"""Methods of the chart: ways of computing a case, each with the settings that make its curve.
+"""Methods of the chart: ways of computing a case, each with the settings along its curve.
 
-A method changes the scenario of a case and nothing else, so that everything here can be asked for in a scenario file.
+A method only changes the scenario of a case, so that a scenario file can ask for everything that is compared here.
 """
 
 from __future__ import annotations
@@ -12,9 +12,9 @@ from feeder_sim.studies.chart.cases import Case, Raw
 
 Change = Callable[[Raw, int], None]
 
-DEFAULT_STEPS = 40
-SHORTEST_CONTACT = 5  # steps per time constant
-LONG_ENOUGH_S = 6.0  # to see that a method fails
+DEFAULT_STEPS = 40  # per period
+SHORTEST_CONTACT = 5  # steps per time constant of a compliant contact
+FAILURE_S = 6.0  # simulated time within which a method that is known to fail does so
 BALL, DROPS, DRIFTS, CROWD = (
     ("bouncing_ball",),
     ("flat_drop", "sliding_impact"),
@@ -26,18 +26,18 @@ EVERYTHING = (*BALL, *DROPS, *DRIFTS, *CROWD)
 
 @dataclass(frozen=True)
 class Method:
-    """One curve.
+    """A method, which makes one curve of the chart.
 
     Attributes:
         name: in the legend.
         change: turns the scenario of a case into that of the method, at a setting.
-        settings: along the curve, steps per period unless `sweep` says otherwise.
-        costly: the same for cases of chance, whose many seeds take long; as `settings` where empty.
-        cases: names of the cases it is tried on.
-        quick: settings of the quick variant.
-        sweep: what the settings are.
-        slow: gets the smaller number of seeds.
-        fails: why it is known not to simulate what was asked for.
+        settings: along the curve; their meaning is `sweep`.
+        cases: names of the cases that it computes.
+        quick: settings in the quick variant of the chart.
+        costly: settings for cases by chance, whose many seeds take long; `settings` where empty.
+        sweep: meaning of the settings.
+        slow: whether it gets the smaller number of seeds.
+        fails: why it is known to compute something else than the case; empty if it is not.
     """
 
     name: str
@@ -51,30 +51,30 @@ class Method:
     fails: str = ""
 
     def settings_for(self, case: Case, *, quick: bool) -> tuple[int, ...]:
-        """Settings tried on a case; none where the method is not for it."""
+        """Settings at which a case is computed; none where the method is not used for it."""
         if case.name not in self.cases:
             return ()
-        if quick:  # slow failures are for the full chart
+        if quick:  # leaves out failures that take long
             return () if self.fails and case.by_chance else self.quick
         return self.costly or self.settings if case.by_chance else self.settings
 
     def apply(self, raw: Raw, setting: int) -> Raw:
-        """Change the scenario of a case, in place; returns it."""
+        """Change the scenario of a case in place to that of the method, and return it."""
         self.change(raw, setting)
         if self.fails:
-            raw["run"] |= {"allow_unstable": True, "duration_s": min(raw["run"]["duration_s"], LONG_ENOUGH_S)}
+            raw["run"] |= {"allow_unstable": True, "duration_s": min(raw["run"]["duration_s"], FAILURE_S)}
         return raw
 
 
 def steps(raw: Raw, setting: int) -> None:
-    """Impulses, by default, at this many steps per period."""
+    """Impulses with default settings; `setting` is the number of steps per period."""
     raw["run"] |= {"steps_per_period": setting, "engine": "impulse"}
     if setting < 20:
         raw["run"]["allow_unstable"] = True
 
 
 def impulses(**run: bool) -> Change:
-    """Impulses with a simplification."""
+    """Impulses with other values in the table [run]."""
 
     def change(raw: Raw, setting: int) -> None:
         steps(raw, setting)
@@ -84,7 +84,7 @@ def impulses(**run: bool) -> Change:
 
 
 def mujoco(**settings: object) -> Change:
-    """MuJoCo with other settings than the package's."""
+    """MuJoCo with values in the table [mujoco] that differ from the defaults of the package."""
 
     def change(raw: Raw, setting: int) -> None:
         raw["run"] |= {"steps_per_period": setting, "engine": "mujoco"}
@@ -94,30 +94,33 @@ def mujoco(**settings: object) -> Change:
 
 
 def compliant(steps_per_constant: int, **settings: object) -> Change:
-    """MuJoCo's spring-damper contact, as stiff as so many steps per time constant allow."""
+    """MuJoCo's spring-damper contact with a time constant of a number of steps."""
 
     def change(raw: Raw, setting: int) -> None:
         mujoco(**settings)(raw, setting)
         frequency = max(drive["frequency_hz"] for drive in drives_of(raw))
-        law = {"model": "compliant", "time_constant_us": steps_per_constant * 1e6 / (frequency * setting) * (1 + 1e-9)}
-        raw["contact"] |= law
+        compliance = {
+            "model": "compliant",
+            "time_constant_us": steps_per_constant * 1e6 / (frequency * setting) * (1 + 1e-9),
+        }
+        raw["contact"] |= compliance
 
     return change
 
 
 def iterations(raw: Raw, setting: int) -> None:
-    """MuJoCo's solver, stopped after so many iterations."""
+    """MuJoCo's solver, stopped after `setting` iterations."""
     mujoco(iterations=setting)(raw, DEFAULT_STEPS)
 
 
 def on_slide(raw: Raw, setting: int) -> None:
-    """A ball that can only move up and down, whose events the slide engine finds exactly."""
+    """A part on a slide, which can only move up and down, and whose events the slide method finds exactly."""
     steps(raw, setting)
     raw["part"][0]["guide"] = {"kind": "slide"}
 
 
 def drives_of(raw: Raw) -> list[Raw]:
-    """All drives of a scenario."""
+    """All drives of a scenario, with or without a schedule."""
     stages = raw.get("schedule", {}).get("stage", [])
     return [*raw.get("drive", []), *(drive for stage in stages for drive in stage["drive"])]
 

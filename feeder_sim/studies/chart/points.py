@@ -1,4 +1,4 @@
-"""Points of the chart: what a method gives for a case, at what cost, and which of them nothing else beats."""
+"""Points of the chart: value, error and cost of a method at a setting on a case; the front that no point beats."""
 
 from __future__ import annotations
 
@@ -11,27 +11,27 @@ from pathlib import Path
 
 import numpy as np
 
+from feeder_sim.engines.lookup import engine_class
+from feeder_sim.errors import InputError
+from feeder_sim.measures.statistic import Statistic
+from feeder_sim.records.impacts import Impacts
+from feeder_sim.records.removals import Removals
+from feeder_sim.records.trajectory import Record, Status
+from feeder_sim.run.prepare import prepare
+from feeder_sim.run.simulation import simulate
+from feeder_sim.scenario import Scenario
+from feeder_sim.scenario.tables import validated
 from feeder_sim.studies.chart.cases import Case
 from feeder_sim.studies.chart.data_files import write_rows
 from feeder_sim.studies.chart.methods import DEFAULT_STEPS, METHODS, Method
-from feeder_sim.engines.lookup import engine_class
-from feeder_sim.errors import InputError
-from feeder_sim.records.impacts import Impacts
-from feeder_sim.measures.statistic import Statistic
-from feeder_sim.records.removals import Removals
-from feeder_sim.scenario import Scenario
-from feeder_sim.run.prepare import prepare
-from feeder_sim.run.simulation import simulate
-from feeder_sim.scenario.tables import validated
-from feeder_sim.records.trajectory import Record, Status
 
-ENOUGH_TO_FAIL = 2  # seeds of a method that is known to fail
-REPEAT_S = 0.5  # for which a case without chance is repeated; the shortest run counts
-ALIKE = 1.25  # costs within this factor cannot be told apart on a shared machine
-ENOUGH_PERCENT = 0.1  # errors below this are as good as none
+SEEDS_TO_FAIL = 2  # of a method that is known to fail
+REPEAT_S = 0.5  # wall time over which a case without chance is repeated; the shortest run counts
+ALIKE = 1.25  # costs within this factor cannot be distinguished on a shared machine
+LEAST_PERCENT = 0.1  # smaller errors count as this
 FINEST = 160  # steps per period of a reference
-QUICK_FINEST = 80
-LARGEST_PERCENT = 100.0  # what is off by more has nothing to do with the case
+QUICK_FINEST = 80  # the same in the quick variant
+LARGEST_PERCENT = 100.0  # a point with a larger error counts as a failure
 
 
 @dataclass(frozen=True)
@@ -39,12 +39,13 @@ class Point:
     """One method at one setting on one case.
 
     Attributes:
-        case, method, setting: which; setting as in `Method.settings`.
-        value, se, n: the number, its standard error over the seeds, and how many; NaN where there is none.
-        reference, reference_se: what it should be.
+        case, method: their names.
+        setting: see `Method.settings`.
+        value, se, n: the number of the case, its standard error, and the number of seeds; NaN where there is none.
+        reference, reference_se: exact or reference value of the case, and its standard error.
         wall_s_per_simulated_s: on one core.
-        failure: why it does not count; empty if it does.
-        details: what else there is to know about the settings.
+        failure: why the point does not count; empty if it does.
+        details: meaning of the setting, and why the method is known to fail if it is.
     """
 
     case: str
@@ -61,18 +62,21 @@ class Point:
 
     @property
     def error_percent(self) -> float:
-        """Deviation from the reference, or its standard error where that is larger; an error in percent as it is."""
+        """Error [%]: deviation from the reference, or its standard error if that is larger.
+
+        With a reference of 0 the value is itself an error in percent.
+        """
         if self.reference == 0.0:
-            return max(abs(self.value), ENOUGH_PERCENT)
-        return max(100.0 * abs(self.value / self.reference - 1.0), self.error_se_percent, ENOUGH_PERCENT)
+            return max(abs(self.value), LEAST_PERCENT)
+        return max(100.0 * abs(self.value / self.reference - 1.0), self.error_se_percent, LEAST_PERCENT)
 
     @property
     def error_se_percent(self) -> float:
         """Standard error of the deviation [%]."""
         if self.reference == 0.0:
             return 0.0
-        both = (0.0 if math.isnan(se) else se for se in (self.se, self.reference_se))
-        return 100.0 * math.hypot(*both) / abs(self.reference)
+        errors = (0.0 if math.isnan(se) else se for se in (self.se, self.reference_se))
+        return 100.0 * math.hypot(*errors) / abs(self.reference)
 
     @property
     def valid(self) -> bool:
@@ -80,16 +84,17 @@ class Point:
 
 
 def front(points: Iterable[Point]) -> list[Point]:
-    """Valid points of one case that no other beats.
+    """Valid points of one case that no other valid point beats, in order of cost.
 
-    One beats another that is dearer by more than a factor of `ALIKE` and no more accurate; and one that costs alike
-    and is less accurate by more than two standard errors.
+    A point beats another one that costs more by a factor of `ALIKE` and is not more accurate. It also beats one that
+    costs the same within that factor and is less accurate by more than two standard errors.
     """
     valid = [point for point in points if point.valid]
     return sorted((p for p in valid if not any(_beats(q, p) for q in valid)), key=lambda p: p.wall_s_per_simulated_s)
 
 
 def _beats(q: Point, p: Point) -> bool:
+    """Whether q beats p; see `front`."""
     cheaper = q.wall_s_per_simulated_s * ALIKE < p.wall_s_per_simulated_s
     as_cheap = q.wall_s_per_simulated_s < p.wall_s_per_simulated_s * ALIKE
     noise = 2.0 * math.hypot(q.error_se_percent, p.error_se_percent)
@@ -97,35 +102,50 @@ def _beats(q: Point, p: Point) -> bool:
 
 
 def is_default(point: Point) -> bool:
-    """Whether the package computes the case like this unless told otherwise."""
+    """Whether the point has the method and the steps per period that the package uses by default for its case."""
     default = "one degree of freedom" if point.case == "bouncing_ball" else "impulses"
     return point.method == default and point.setting == DEFAULT_STEPS
 
 
 def fastest_within(points: Iterable[Point], percent: float) -> Point | None:
-    """The cheapest valid point with an error of so many percent at most; the most accurate of those as cheap."""
-    near = [point for point in points if point.valid and point.error_percent <= percent]
-    least = min((point.wall_s_per_simulated_s for point in near), default=0.0)
-    as_cheap = [point for point in near if point.wall_s_per_simulated_s <= ALIKE * least]
+    """The cheapest valid point with an error of at most `percent`, None without one.
+
+    Of the points whose costs cannot be distinguished from the smallest it is the most accurate.
+    """
+    accurate = [point for point in points if point.valid and point.error_percent <= percent]
+    least = min((point.wall_s_per_simulated_s for point in accurate), default=0.0)
+    as_cheap = [point for point in accurate if point.wall_s_per_simulated_s <= ALIKE * least]
     return min(as_cheap, key=lambda point: point.error_percent, default=None)
 
 
 def reference_of(case: Case, *, quick: bool) -> tuple[float, float]:
-    """What the number of a case should be, and its standard error: closed form, or the finest run of the impulses."""
+    """Reference value of a case and its standard error: by a closed form, or by the finest run of the impulses.
+
+    Raises:
+        InputError: a seed of the finest run failed.
+    """
     if case.exact is not None:
         return case.exact, 0.0
     finest, seeds = (QUICK_FINEST, case.quick_seeds[2]) if quick else (FINEST, case.seeds[2])
-    found = _ensemble(case, METHODS[0], finest, seeds)
-    if found.failure:
-        raise InputError(f"its reference failed: {found.failure}", key=case.name)
-    return found.value, found.se
+    point = _ensemble(case, METHODS[0], finest, seeds)
+    if point.failure:
+        raise InputError(f"its reference failed: {point.failure}", key=case.name)
+    return point.value, point.se
 
 
 def measure(case: Case, method: Method, setting: int, reference: tuple[float, float], *, quick: bool) -> Point:
-    """Run a case by a method."""
+    """Compute a case by a method at a setting.
+
+    Args:
+        case: to compute.
+        method: to compute it by.
+        setting: of the method.
+        reference: value and standard error; see `reference_of`.
+        quick: few seeds.
+    """
     if case.by_chance:
         seeds = (case.quick_seeds if quick else case.seeds)[int(method.slow)]
-        point = _ensemble(case, method, setting, min(seeds, ENOUGH_TO_FAIL) if method.fails else seeds)
+        point = _ensemble(case, method, setting, min(seeds, SEEDS_TO_FAIL) if method.fails else seeds)
     else:
         point = _once(case, method, setting)
     details = f"setting: {method.sweep}" + (f"; known to fail, {method.fails}" if method.fails else "")
@@ -139,7 +159,14 @@ def measure(case: Case, method: Method, setting: int, reference: tuple[float, fl
 def measure_all(
     cases: Sequence[Case], methods: Sequence[Method], *, quick: bool, note: Callable[[str], None] = lambda _: None
 ) -> list[Point]:
-    """Every method on every case it is for; the first run of each engine is not timed, it compiles."""
+    """Compute every case by every method at every setting.
+
+    Args:
+        cases: to compute.
+        methods: to compute them by; each names the cases that it is used for.
+        quick: few seeds and few settings.
+        note: called with a line about each finished point.
+    """
     points = []
     for case in cases:
         reference = reference_of(case, quick=quick)
@@ -151,22 +178,23 @@ def measure_all(
 
 
 def _line(p: Point) -> str:
-    found = p.failure or f"{p.value:.4g}, error {p.error_percent:.2g} %"
-    return f"{p.case}: {p.method}, {p.setting}: {found}; {p.wall_s_per_simulated_s:.3g} s/s"
+    """A point in one line."""
+    outcome = p.failure or f"{p.value:.4g}, error {p.error_percent:.2g} %"
+    return f"{p.case}: {p.method}, {p.setting}: {outcome}; {p.wall_s_per_simulated_s:.3g} s/s"
 
 
 def scenario_of(case: Case, method: Method, setting: int, seeds: int = 1) -> Scenario:
-    """The scenario that a method makes of a case."""
+    """The scenario of a case as a method computes it at a setting."""
     raw = case.scenario()
     raw["run"]["seeds"] = seeds
     return validated(method.apply(raw, setting), Scenario, Path(case.name))
 
 
 def _once(case: Case, method: Method, setting: int) -> Point:
-    """A case without chance: the engine alone, without recording, the shortest of a few runs."""
+    """Compute a case without chance: only the engine, without recording; the shortest of a few runs is the cost."""
     prepared = prepare(scenario_of(case, method, setting))
     scene, engine_of = prepared.scene, engine_class(prepared.engine)
-    engine_of(scene, np.random.default_rng(0)).advance(1)  # compiled
+    engine_of(scene, np.random.default_rng(0)).advance(1)  # compiles the engine, which is not to be timed
     times: list[float] = []
     while not times or sum(times) < REPEAT_S:
         engine = engine_of(scene, np.random.default_rng(0))
@@ -181,22 +209,22 @@ def _once(case: Case, method: Method, setting: int) -> Point:
 
 
 def _ensemble(case: Case, method: Method, setting: int, seeds: int) -> Point:
-    """A case of chance: mean and standard error over seeds that all have to come to their end."""
+    """Compute a case by chance: mean and standard error over the seeds; a seed that does not end is a failure."""
     result = simulate(scenario_of(case, method, setting, seeds))
     simulated = sum(float(seed.frames.time[-1]) for seed in result.seeds)
     cost = sum(seed.wall_s for seed in result.seeds) / simulated
     values = [case.observe(result.prepared, seed) for seed in result.seeds if seed.status == Status.DONE]
-    found = Statistic.of(values)
+    mean = Statistic.of(values)
     failure = ""
     if result.failures:
         failure = f"{len(result.failures)} of {seeds} seeds: {result.failures[0].cause}"
-    elif found.n < seeds:
-        failure = f"{seeds - found.n} of {seeds} seeds did not get there"
-    return Point(case.name, method.name, setting, found.mean, found.se, found.n, 0.0, 0.0, cost, failure)
+    elif mean.n < seeds:
+        failure = f"{seeds - mean.n} of {seeds} seeds did not get there"
+    return Point(case.name, method.name, setting, mean.mean, mean.se, mean.n, 0.0, 0.0, cost, failure)
 
 
 def write_points(points: Sequence[Point], folder: Path) -> None:
-    """Write points as CSV and as JSON, with their errors, and whether they are on the front and the default."""
+    """Write points as CSV and as JSON, with their errors, whether they are on the front, and whether the default."""
     on_front = {id(p) for case in {p.case for p in points} for p in front(q for q in points if q.case == case)}
     rows = [
         asdict(p)
@@ -215,7 +243,11 @@ PEER_COLUMNS = ("case", "method", "setting", "value", "se", "n", "wall_s_per_sim
 
 
 def read_peers(path: Path, references: dict[str, tuple[float, float]]) -> list[Point]:
-    """Read points of other simulators: CSV with `PEER_COLUMNS`; cases that are not in the chart are left out.
+    """Read points of other simulators.
+
+    Args:
+        path: CSV file with the columns `PEER_COLUMNS`.
+        references: value and standard error by name of the case; rows of other cases are left out.
 
     Raises:
         InputError: a file that cannot be read, a missing column, a value that is no number.
@@ -236,6 +268,7 @@ def read_peers(path: Path, references: dict[str, tuple[float, float]]) -> list[P
 
 
 def _peer(row: dict[str, str], reference: tuple[float, float], path: Path) -> Point:
+    """A row of the file as a point."""
     try:
         number = {
             name: float(row[name]) if row[name] else math.nan for name in ("value", "se", "wall_s_per_simulated_s")

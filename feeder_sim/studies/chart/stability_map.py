@@ -1,13 +1,13 @@
 """Where methods fail: maps over two settings whose cells are stable, biased, exploding or tunnelling.
 
-The nut starts half way between antinode and node of a standing wave, and its mean velocity over a short time is
-compared with that of the impulses at the finest step. A cell is
+A nut starts half way between antinode and node of a standing wave, and its mean velocity over a short time is compared
+with that of the impulses at the finest step. The state of a cell of a map is
 
     tunnelling  the guard stopped the run because a centre or a corner lay too deep below the surface
-    exploding   the guard stopped the run for its energy, or the nut rose many times as high as it should
-    biased      its velocity is off by more than `BIAS`, and by more than two standard errors
-    unclear     nothing of this, but the standard error is larger than `BIAS`
-    stable      nothing of this
+    exploding   the guard stopped the run for its energy, or the nut rose many times as high as in the reference
+    biased      the velocity differs by more than `BIAS` and by more than two standard errors from the reference
+    unclear     none of these, but the standard error is larger than `BIAS`
+    stable      none of these
 """
 
 from __future__ import annotations
@@ -19,27 +19,27 @@ from enum import StrEnum
 from pathlib import Path
 
 from feeder_sim.errors import Divergence
+from feeder_sim.measures.statistic import Statistic
+from feeder_sim.run.simulation import Result, simulate
+from feeder_sim.scenario import Scenario
+from feeder_sim.scenario.tables import validated
 from feeder_sim.studies.chart.cases import CONTACT, Raw, strip
 from feeder_sim.studies.chart.data_files import write_rows
 from feeder_sim.studies.chart.methods import Change, compliant, mujoco, steps
 from feeder_sim.studies.chart.points import FINEST
-from feeder_sim.measures.statistic import Statistic
-from feeder_sim.scenario import Scenario
-from feeder_sim.run.simulation import Result, simulate
-from feeder_sim.scenario.tables import validated
 
-BIAS = 0.15
-HIGH = 5.0  # times the rise it should have, and at least
-LEAST_RISE_MM = 2.0
-STILL_MM_S = 0.05  # drift slower than this is none: the nut hardly hops
+BIAS = 0.15  # relative deviation of the velocity
+EXPLODING_RISE = 5.0  # times the rise of the reference
+LEAST_EXPLODING_RISE_MM = 2.0  # a smaller rise is never an explosion
+NO_DRIFT_MM_S = 0.05  # a slower drift of the reference counts as none, since the nut hardly hops
 DURATION_S = 0.5
 SEEDS, MUJOCO_SEEDS, QUICK_SEEDS = 48, 6, 2
 FAST, SLOW = 8775.0, 4750.0  # [Hz]
-HALF_WAY_MM = {SLOW: 9.7, FAST: 7.2}
+SLOW_HALF_WAY_MM = 9.7  # from the antinode at the lower frequency
 
 
 class State(StrEnum):
-    """What a cell is; the worst comes last."""
+    """State of a cell; the worst comes last."""
 
     STABLE = "stable"
     UNCLEAR = "unclear"
@@ -50,7 +50,7 @@ class State(StrEnum):
 
 @dataclass(frozen=True)
 class Axis:
-    """One setting of a map."""
+    """One setting of a map: its values, and those of the quick variant."""
 
     label: str
     values: tuple[float, ...]
@@ -59,13 +59,13 @@ class Axis:
 
 @dataclass(frozen=True)
 class StabilityMap:
-    """A map: what is computed at each pair of settings, and what it is compared with.
+    """A map: the scenario that is computed at each pair of settings, and its reference.
 
     Attributes:
-        name, title: for files and for the picture.
+        name, title: in files and in the picture.
         x, y: the axes.
-        scenario: of a cell, from its x and y.
-        reference: the scenario it is compared with, None where only falling through matters.
+        scenario: makes the scenario of a cell from its x and y.
+        reference: makes the scenario with which it is compared; None where only tunnelling is of interest.
     """
 
     name: str
@@ -77,8 +77,16 @@ class StabilityMap:
 
 
 @dataclass(frozen=True)
-class Cell:
-    """One cell: its settings, its state, and the relative deviation of its drift with standard error (NaN: none)."""
+class MapCell:
+    """One cell of a map.
+
+    Attributes:
+        map: name of the map.
+        x, y: values of the settings.
+        state: of the cell.
+        deviation, se: relative deviation of the drift from the reference, and its standard error; NaN without one.
+        why: reason for the state; empty for a stable cell.
+    """
 
     map: str
     x: float
@@ -90,10 +98,10 @@ class Cell:
 
 
 def half_way(frequency: float, amplitude_um: float = 1.0, **contact: float) -> Raw:
-    """A nut half way between antinode and node, on a wave that has rung up."""
+    """A nut half way between antinode and node of a wave without ring-up; `contact` changes the table [contact]."""
     raw = strip(frequency, amplitude_um, 1.0)
-    # The quarter of a bending wave is as long as 1 / sqrt(frequency).
-    raw["part"][0]["start"]["position_mm"] = [HALF_WAY_MM[SLOW] * math.sqrt(SLOW / frequency), 0.0]
+    # The wavelength of bending waves is proportional to 1 / sqrt(frequency).
+    raw["part"][0]["start"]["position_mm"] = [SLOW_HALF_WAY_MM * math.sqrt(SLOW / frequency), 0.0]
     raw["drive"][0] |= {"ring_up": False}
     raw["contact"] |= contact
     raw["run"] = {"duration_s": DURATION_S, "allow_unstable": True}
@@ -101,17 +109,24 @@ def half_way(frequency: float, amplitude_um: float = 1.0, **contact: float) -> R
 
 
 def made_by(change: Change, setting: float, raw: Raw) -> Raw:
-    """A scenario computed by a method at a setting."""
+    """Change a scenario in place to that of a method at a setting, and return it."""
     change(raw, int(setting))
     return raw
 
 
 def _finest(raw: Raw) -> Raw:
+    """The scenario of the reference: impulses at the finest step."""
     return made_by(steps, FINEST, raw)
 
 
 def falling(speed: float, change: Change, steps_per_ms: int) -> Raw:
-    """A nut that meets a plate of 3 mm at rest with a speed [m/s]."""
+    """A nut that falls onto a plate of 3 mm at rest.
+
+    Args:
+        speed: of the nut at the start, 0.1 mm above the plate [m/s].
+        change: the method.
+        steps_per_ms: its solver steps per millisecond.
+    """
     start = {"drop_height_mm": 0.1, "tilt_deg": 0.0, "velocity_mm_s": [0.0, 0.0, -1e3 * speed]}
     raw: Raw = {
         "plate": {"kind": "piston"},
@@ -124,6 +139,8 @@ def falling(speed: float, change: Change, steps_per_ms: int) -> Raw:
 
 
 def _soft(time_constant_ms: float) -> Change:
+    """MuJoCo's compliant contact with a time constant that does not depend on the step."""
+
     def change(raw: Raw, setting: int) -> None:
         mujoco()(raw, setting)
         raw["contact"] |= {"model": "compliant", "time_constant_us": 1e3 * time_constant_ms}
@@ -189,40 +206,51 @@ MAPS = (
 
 
 def classify(result: Result, reference: Result | None) -> tuple[State, Statistic, str]:
-    """State of a cell, the deviation of its drift from the reference in parts of it, and why."""
-    none = Statistic(math.nan, math.nan, math.nan, 0)
+    """Compare a cell with its reference.
+
+    Returns:
+        The state of the cell; the relative deviation of its drift from that of the reference, NaN where none is
+        defined; and the reason for the state.
+    """
+    undefined = Statistic(math.nan, math.nan, math.nan, 0)
     for failure in result.failures:
-        fell_through = failure.divergence in (Divergence.THROUGH_PLATE, Divergence.TOO_DEEP)
-        return State.TUNNELLING if fell_through else State.EXPLODING, none, failure.cause
+        tunnels = failure.divergence in (Divergence.THROUGH_PLATE, Divergence.TOO_DEEP)
+        return State.TUNNELLING if tunnels else State.EXPLODING, undefined, failure.cause
     if reference is None:
-        return State.STABLE, none, ""
-    rise, right = (r.measures()["highest_rise_mm"]["mean"] for r in (result, reference))
-    if rise > max(HIGH * right, LEAST_RISE_MM):
-        return State.EXPLODING, none, f"rises {rise:.3g} mm instead of {right:.3g} mm"
-    found, expected = (r.measures()["drift_velocity_x_mm_s"] for r in (result, reference))
-    if abs(expected["mean"]) < STILL_MM_S:
-        coarse = max(found["se"] or 0.0, expected["se"] or 0.0)
-        if coarse > STILL_MM_S:
-            return State.UNCLEAR, none, f"drift known to {coarse:.2g} mm/s only"
-        still = abs(found["mean"]) < 2.0 * STILL_MM_S
-        why = f"drifts at {found['mean']:.2f} mm/s, should not"
-        return (State.STABLE, none, "") if still else (State.BIASED, none, why)
-    deviation = found["mean"] / expected["mean"] - 1.0
-    se = math.hypot(found["se"] or 0.0, expected["se"] or 0.0) / abs(expected["mean"])
-    found_deviation = Statistic(deviation, math.nan, se, found["n"])
-    if abs(deviation) > max(BIAS, 2.0 * se):
-        return State.BIASED, found_deviation, f"drift off by {100.0 * deviation:+.0f} %"
+        return State.STABLE, undefined, ""
+    rise, expected_rise = (r.measures()["highest_rise_mm"]["mean"] for r in (result, reference))
+    if rise > max(EXPLODING_RISE * expected_rise, LEAST_EXPLODING_RISE_MM):
+        return State.EXPLODING, undefined, f"rises {rise:.3g} mm instead of {expected_rise:.3g} mm"
+    drift, expected = (r.measures()["drift_velocity_x_mm_s"] for r in (result, reference))
+    if abs(expected["mean"]) < NO_DRIFT_MM_S:
+        larger_se = max(drift["se"] or 0.0, expected["se"] or 0.0)
+        if larger_se > NO_DRIFT_MM_S:
+            return State.UNCLEAR, undefined, f"drift known to {larger_se:.2g} mm/s only"
+        still = abs(drift["mean"]) < 2.0 * NO_DRIFT_MM_S
+        why = f"drifts at {drift['mean']:.2f} mm/s, should not"
+        return (State.STABLE, undefined, "") if still else (State.BIASED, undefined, why)
+    relative = drift["mean"] / expected["mean"] - 1.0
+    se = math.hypot(drift["se"] or 0.0, expected["se"] or 0.0) / abs(expected["mean"])
+    deviation = Statistic(relative, math.nan, se, drift["n"])
+    if abs(relative) > max(BIAS, 2.0 * se):
+        return State.BIASED, deviation, f"drift off by {100.0 * relative:+.0f} %"
     if se > BIAS:
-        return State.UNCLEAR, found_deviation, f"drift known to {100.0 * se:.0f} % only"
-    return State.STABLE, found_deviation, ""
+        return State.UNCLEAR, deviation, f"drift known to {100.0 * se:.0f} % only"
+    return State.STABLE, deviation, ""
 
 
 def fill(
     maps: Sequence[StabilityMap] = MAPS, *, quick: bool, note: Callable[[str], None] = lambda _: None
-) -> list[Cell]:
-    """Compute every cell of the maps."""
-    cells: list[Cell] = []
-    known: dict[str, Result] = {}
+) -> list[MapCell]:
+    """Compute every cell of the maps.
+
+    Args:
+        maps: to compute.
+        quick: few seeds and few values of the settings.
+        note: called with a line about each finished cell.
+    """
+    cells: list[MapCell] = []
+    references: dict[str, Result] = {}  # by their scenario: many cells have the same one
     for chart in maps:
         for y in chart.y.quick if quick else chart.y.values:
             for x in chart.x.quick if quick else chart.x.values:
@@ -230,13 +258,13 @@ def fill(
                 if chart.reference is not None:
                     raw = chart.reference(x, y)
                     key = repr(raw)
-                    known[key] = reference = known.get(key) or _run(raw, QUICK_SEEDS if quick else SEEDS)
+                    references[key] = reference = references.get(key) or _run(raw, QUICK_SEEDS if quick else SEEDS)
                 raw = chart.scenario(x, y)
                 slow = raw["run"]["engine"] == "mujoco"
                 seeds = QUICK_SEEDS if quick or reference is None else MUJOCO_SEEDS if slow else SEEDS
                 result = _run(raw, seeds)
                 state, deviation, why = classify(result, reference)
-                cells.append(Cell(chart.name, x, y, state, deviation.mean, deviation.se, why))
+                cells.append(MapCell(chart.name, x, y, state, deviation.mean, deviation.se, why))
                 note(f"{chart.title}, {chart.x.label} {x:g}, {chart.y.label} {y:g}: {state} {why}")
     return cells
 
@@ -246,6 +274,6 @@ def _run(raw: Raw, seeds: int) -> Result:
     return simulate(validated(raw, Scenario, Path("stability")))
 
 
-def write_cells(cells: Sequence[Cell], folder: Path) -> None:
-    """Write the maps as CSV and as JSON."""
+def write_cells(cells: Sequence[MapCell], folder: Path) -> None:
+    """Write the cells of all maps as CSV and as JSON."""
     write_rows([asdict(cell) for cell in cells], folder, "stability")
