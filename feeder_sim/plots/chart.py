@@ -204,15 +204,15 @@ def draw_stability(cells: Sequence[MapCell], path: Path) -> None:
     from matplotlib.figure import Figure
     from matplotlib.patches import Patch
 
-    maps = [chart for chart in MAPS if any(cell.map == chart.name for cell in cells)]
+    maps = [stability_map for stability_map in MAPS if any(cell.map == stability_map.name for cell in cells)]
     columns = min(3, len(maps))
     rows = math.ceil(len(maps) / columns)
     figure = Figure(figsize=(4.6 * columns, 3.6 * rows + 0.6), layout="constrained")
     panels = figure.subplots(rows, columns, squeeze=False).ravel()
     for spare in panels[len(maps) :]:
         spare.set_axis_off()
-    for axes, chart in zip(panels, maps, strict=False):
-        map_cells = [cell for cell in cells if cell.map == chart.name]
+    for axes, stability_map in zip(panels, maps, strict=False):
+        map_cells = [cell for cell in cells if cell.map == stability_map.name]
         x_values, y_values = sorted({cell.x for cell in map_cells}), sorted({cell.y for cell in map_cells})
         for cell in map_cells:
             i, j = x_values.index(cell.x), y_values.index(cell.y)
@@ -222,8 +222,10 @@ def draw_stability(cells: Sequence[MapCell], path: Path) -> None:
                 axes.text(i + 0.5, j + 0.5, text, ha="center", va="center", fontsize=7)
         axes.set_xticks([i + 0.5 for i in range(len(x_values))], [f"{v:g}" for v in x_values])
         axes.set_yticks([j + 0.5 for j in range(len(y_values))], [f"{v:g}" for v in y_values])
-        axes.set_title(chart.title, fontsize=10)
-        axes.set(xlabel=chart.x.label, ylabel=chart.y.label, xlim=(0, len(x_values)), ylim=(0, len(y_values)))
+        axes.set_title(stability_map.title, fontsize=10)
+        axes.set(
+            xlabel=stability_map.x.label, ylabel=stability_map.y.label, xlim=(0, len(x_values)), ylim=(0, len(y_values))
+        )
     handles = [Patch(color=colour, label=str(state)) for state, colour in STATE_COLOURS.items()]
     figure.legend(handles=handles, loc="outside lower center", ncols=len(handles), frameon=False)
     for suffix in FORMATS:

@@ -15,7 +15,7 @@ MAX_PARTS = 5000
 GuideTiltDeg = Annotated[float, Field(ge=0, le=60, strict=True)]
 
 
-class _Release(Table):
+class _Turned(Table):
     """Height and attitude of a part at its start: ranges from which each seed draws."""
 
     drop_height_mm: DropHeightRange = (0.2, 0.5)
@@ -23,7 +23,7 @@ class _Release(Table):
     tilt_deg: AngleRange | None = None
 
 
-class Start(_Release):
+class Start(_Turned):
     """Where one part is released: ranges are drawn per seed; its lowest point is at drop height over the resting plate.
 
     `position_mm` of a part in a guide is where the guide's axis meets the plate. Without `tilt_deg` a free part starts
@@ -35,7 +35,7 @@ class Start(_Release):
     velocity_mm_s: VelocityMmS = (0.0, 0.0, 0.0)
 
 
-class Scattered(_Release):
+class Scattered(_Turned):
     """Parts dropped at random places of a rectangle without touching: the plate, or `size_mm` around `centre_mm`."""
 
     kind: Literal["scattered"]
@@ -43,7 +43,7 @@ class Scattered(_Release):
     size_mm: tuple[LengthMm, LengthMm] | None = None
 
 
-class Heap(_Release):
+class Heap(_Turned):
     """Parts poured from a column of a diameter, layer above layer; by default with random attitudes."""
 
     kind: Literal["heap"]

@@ -160,8 +160,10 @@ def run_ladders(*, quick: bool, note: Callable[[str], None] = lambda _: None) ->
 
 def _rung(ladder: str, model: str, full_model: str, rounds: Sequence[Round]) -> Rung:
     """Compare a model with the full model of its ladder."""
-    speeds = [speed for results in rounds for speed in results[model][0]]
-    mean, full = Statistic.of(speeds), Statistic.of(speed for results in rounds for speed in results[full_model][0])
+    speeds, full_speeds = (
+        [value for results in rounds for value in results[name][0]] for name in (model, full_model)
+    )
+    mean, full = Statistic.of(speeds), Statistic.of(full_speeds)
     ratio = mean.mean / full.mean
     ratio_se = ratio * math.hypot(mean.se / mean.mean, full.se / full.mean)
     is_full = model == full_model

@@ -251,21 +251,21 @@ def fill(
     """
     cells: list[MapCell] = []
     references: dict[str, Result] = {}  # by their scenario: many cells have the same one
-    for chart in maps:
-        for y in chart.y.quick if quick else chart.y.values:
-            for x in chart.x.quick if quick else chart.x.values:
+    for stability_map in maps:
+        for y in stability_map.y.quick if quick else stability_map.y.values:
+            for x in stability_map.x.quick if quick else stability_map.x.values:
                 reference = None
-                if chart.reference is not None:
-                    raw = chart.reference(x, y)
+                if stability_map.reference is not None:
+                    raw = stability_map.reference(x, y)
                     key = repr(raw)
                     references[key] = reference = references.get(key) or _run(raw, QUICK_SEEDS if quick else SEEDS)
-                raw = chart.scenario(x, y)
+                raw = stability_map.scenario(x, y)
                 slow = raw["run"]["engine"] == "mujoco"
                 seeds = QUICK_SEEDS if quick or reference is None else MUJOCO_SEEDS if slow else SEEDS
                 result = _run(raw, seeds)
                 state, deviation, why = classify(result, reference)
-                cells.append(MapCell(chart.name, x, y, state, deviation.mean, deviation.se, why))
-                note(f"{chart.title}, {chart.x.label} {x:g}, {chart.y.label} {y:g}: {state} {why}")
+                cells.append(MapCell(stability_map.name, x, y, state, deviation.mean, deviation.se, why))
+                note(f"{stability_map.title}, {stability_map.x.label} {x:g}, {stability_map.y.label} {y:g}: {state} {why}")
     return cells
 
 
