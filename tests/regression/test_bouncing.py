@@ -36,7 +36,7 @@ def boundaries(found: Scenario, settle: int) -> dict[str, float]:
     return ratios
 
 
-@pytest.mark.parametrize("name", ["ball_50hz", "ball_500hz"])
+@pytest.mark.parametrize("name", ["ball_50hz", pytest.param("ball_500hz", marks=pytest.mark.slow)])
 def test_exact_method_finds_the_boundaries_of_periodic_motion(name: str) -> None:
     found = boundaries(scenario(name), settle=4000)
     assert found["1"] == pytest.approx(1.0, abs=1e-5)

@@ -199,7 +199,7 @@ def wait_for_checkpoints(folder: Path, process: subprocess.Popen[str]) -> None:
         time.sleep(0.005)
 
 
-@pytest.mark.parametrize("eager", [True, False])
+@pytest.mark.parametrize("eager", [True, pytest.param(False, marks=pytest.mark.slow)])
 def test_killed_run_goes_on_to_the_same_bits(eager: bool, tmp_path: Path) -> None:
     """Killed with checkpoints, and before there are any: then it begins anew."""
     scenario, folder = nuts(duration_s=4.0, cycles=1, frames_per_second=200.0), tmp_path / "run"

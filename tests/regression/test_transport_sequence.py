@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 from conftest import REPOSITORY
 from pinned import ARRIVAL_TIME, STATIONS
 
@@ -38,6 +39,7 @@ def test_five_modes_of_a_strip_carry_every_nut() -> None:
     assert all(pinned.holds(station) for pinned, station in zip(STATIONS, stations, strict=True)), stations
 
 
+@pytest.mark.slow
 def test_six_modes_of_a_rectangle_carry_every_nut() -> None:
     result = ran("transport_rectangle", 2)
     check_arrived(result, 2)

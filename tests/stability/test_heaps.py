@@ -43,7 +43,7 @@ def energy(scene: Scene, frames: Frames) -> NDArray[np.float64]:
     return np.asarray(kinetic + mass * GRAVITY * frames.position[..., 2])
 
 
-@pytest.fixture(scope="module", params=[6, pytest.param(40, marks=pytest.mark.slow)])
+@pytest.fixture(scope="module", params=[4, pytest.param(40, marks=pytest.mark.slow)])
 def shaken(request: pytest.FixtureRequest) -> Result:
     """So many heaps on a plate that throws them: 0.33 m/s, 560 g."""
     return simulate(heap(amplitude_um=20.0, seeds=request.param))
@@ -66,7 +66,7 @@ def test_shaken_heaps_stay_finite_and_do_not_explode(shaken: Result) -> None:
         assert np.linalg.norm(seed.frames.velocity, axis=-1)[on_plate].max() < 10.0 * plate
 
 
-@pytest.mark.parametrize("seeds", [2, pytest.param(8, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("seeds", [1, pytest.param(8, marks=pytest.mark.slow)])
 def test_heaps_on_a_resting_plate_only_lose_energy_and_come_to_rest(seeds: int) -> None:
     """Pushing overlapping parts apart lifts some by micrometres; 1e-4 of the energy of the fall is allowed for it."""
     result = simulate(heap(amplitude_um=0.0, seeds=seeds, duration_s=0.5))

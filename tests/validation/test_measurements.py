@@ -66,7 +66,7 @@ def test_drift_is_carried_by_the_in_plane_velocity(engine: str) -> None:
 
 
 @pytest.mark.parametrize("engine", ENGINES)
-@pytest.mark.parametrize("amplitude_um", [0.25, 1.0])
+@pytest.mark.parametrize("amplitude_um", [pytest.param(0.25, marks=pytest.mark.slow), 1.0])
 def test_nothing_drifts_on_a_piston_plate(amplitude_um: float, engine: str) -> None:
     seeds = {"impulse": 96, "mujoco": 24}[engine]
     result = simulate(piston_scenario(amplitude_um=amplitude_um, duration_s=5.0, seeds=seeds, engine=engine))
