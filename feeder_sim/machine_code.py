@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import contextlib
 import functools
+import gc
 import hashlib
 import importlib.metadata
 import pickle
@@ -43,6 +44,7 @@ def entry_point(function: F) -> F:
     It runs without Python's lock, and divides by zero as IEEE arithmetic does.
     """
     dispatcher = _njit(**OPTIONS)(function)
+    dispatcher.__class__ = _EntryPoint
     dispatcher._cache = _Cache(function)
     return dispatcher
 
@@ -60,6 +62,18 @@ def inlined(function: F) -> F:
     """As `compiled`, and copied into every function that calls it: for what the inner loops call most."""
     dispatcher = _njit(no_cpython_wrapper=True, forceinline=True, **OPTIONS)(function)
     return _inner(dispatcher)
+
+
+class _EntryPoint(CPUDispatcher):
+    def compile(self, sig: Any) -> Any:
+        """Compile without collecting garbage, which would look through all that the compiler holds, again and again."""
+        collecting = gc.isenabled()
+        gc.disable()
+        try:
+            return super().compile(sig)
+        finally:
+            if collecting:
+                gc.enable()
 
 
 class _Inner(CPUDispatcher):

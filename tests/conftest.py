@@ -76,6 +76,17 @@ def from_python(function: Any) -> Any:
 
 
 @contextmanager
+def moving_part(velocity: NDArray[np.float64], momentum: NDArray[np.float64]) -> Iterator[Any]:
+    """A part of the impulse engine with this velocity and angular momentum (3,); what happens to it is written back."""
+    from feeder_sim.engines.impulse.state import new_parts
+
+    part = new_parts(np.zeros((1, 3)), np.eye(3)[None], [0], velocity)[0]
+    part["momentum"] = momentum
+    yield part
+    velocity[:], momentum[:] = part["velocity"], part["momentum"]
+
+
+@contextmanager
 def changing(engine: ImpulseEngine) -> Iterator[dict[str, NDArray[Any]]]:
     """The parts of an engine as they were at the begin of its window, to be changed: it goes on from there."""
     state = engine.state()

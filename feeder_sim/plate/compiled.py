@@ -45,20 +45,21 @@ def grid_cell(position, origin, spacing, n, weight):
 
 
 @compiled
-def surface_modes(x, y, grid_x, grid_y, table, weight_x, weight_y, modes):
+def surface_modes(x, y, grid_x, grid_y, table, weight, modes):
     """Interpolate (w [1], beta_x, beta_y [1/m]) of every mode shape at (x, y) [m] into modes (n_shapes, 3).
 
-    The grids and the table are those of `Surface`; weight_x and weight_y (4,) are overwritten.
+    The grids and the table are those of `Surface`; weight (2, 4) is overwritten.
     """
+    weight_x, weight_y = weight[0], weight[1]
     first_x = grid_cell(x, grid_x[0], grid_x[1] - grid_x[0], grid_x.shape[0], weight_x)
     first_y = grid_cell(y, grid_y[0], grid_y[1] - grid_y[0], grid_y.shape[0], weight_y)
     modes[:] = 0.0
     for shape in range(table.shape[0]):
         for i in range(4):
             for j in range(4):
-                weight = weight_x[i] * weight_y[j]
+                share = weight_x[i] * weight_y[j]
                 for component in range(3):
-                    modes[shape, component] += weight * table[shape, first_x + i, first_y + j, component]
+                    modes[shape, component] += share * table[shape, first_x + i, first_y + j, component]
 
 
 @inlined
@@ -88,11 +89,12 @@ def grid_slope(position, origin, spacing, n, weight):
 
 
 @compiled
-def surface_normal(x, y, grid_x, grid_y, table, q, weight_x, weight_y, normal):
+def surface_normal(x, y, grid_x, grid_y, table, q, weight, normal):
     """Write the unit normal of the deflected surface at (x, y) [m] into normal (3,).
 
-    The modal coordinates q (n_shapes,) are in [m]; weight_x and weight_y (4,) are overwritten.
+    The modal coordinates q (n_shapes,) are in [m]; weight (2, 4) is overwritten.
     """
+    weight_x, weight_y = weight[0], weight[1]
     first_x = grid_slope(x, grid_x[0], grid_x[1] - grid_x[0], grid_x.shape[0], weight_x)
     first_y = grid_cell(y, grid_y[0], grid_y[1] - grid_y[0], grid_y.shape[0], weight_y)
     slope_x = _weighted_deflection(table, q, first_x, first_y, weight_x, weight_y)

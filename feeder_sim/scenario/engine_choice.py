@@ -6,6 +6,7 @@ every event of a part with one degree of freedom exactly. docs/engines.md descri
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Literal, NamedTuple
 
@@ -55,9 +56,12 @@ def uncovered(scenario: Scenario) -> Iterator[str]:
             'run.engine is "impulse", allowed is "mujoco" with contact.model = "compliant": impulses have no stiffness'
         )
     in_mujoco = choose_engine(scenario).name == "mujoco"
-    changed = [name for name, value in scenario.mujoco if value != getattr(MujocoSettings(), name)]
+    default = MujocoSettings()
+    changed = [name for name, value in scenario.mujoco if value != getattr(default, name)]
     if changed and scenario.guide is not None:
-        yield f"mujoco.{changed[0]} belongs to parts without a guide"
+        name = changed[0]
+        value, allowed = getattr(scenario.mujoco, name), getattr(default, name)
+        yield f"mujoco.{name} is {json.dumps(value)}, allowed is {json.dumps(allowed)} with part[0].guide"
     if changed and not in_mujoco:
         yield f'run.engine is "{run.engine}", allowed is "mujoco" with mujoco.{changed[0]}'
     guide = scenario.guide

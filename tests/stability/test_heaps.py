@@ -76,7 +76,11 @@ def test_heaps_on_a_resting_plate_only_lose_energy_and_come_to_rest(seeds: int) 
         assert hull_distances(result.scene, seed.frames).min() > DEEPEST
         speed = np.linalg.norm(seed.frames.velocity[-1], axis=1)
         on_plate = seed.frames.position[-1, :, 2] > 0.0  # others have rolled off and are falling
-        assert speed[on_plate].max() < 0.1 and np.mean(speed[on_plate] < 5e-3) > 0.75  # few still slide down others
+        assert speed[on_plate].max() < 0.1
+        # Few still slide down others. A tower of ten falls at 20 mm/s between two looks and is put back at each, so the
+        # speeds of single frames say nothing about it; ten frames are a twentieth of a second.
+        moved = np.linalg.norm(seed.frames.position[-1] - seed.frames.position[-11], axis=1) * 20.0
+        assert np.mean(moved[on_plate] < 5e-3) > 0.75
 
 
 @pytest.mark.parametrize("seeds", [1, pytest.param(4, marks=pytest.mark.slow)])

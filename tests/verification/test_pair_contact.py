@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from conftest import changing, from_python, hull_distances
+from conftest import changing, from_python, hull_distances, moving_part
 from numba import njit
 from scipy.optimize import nnls
 from scipy.spatial import ConvexHull
@@ -61,9 +61,10 @@ class Body:
 
 
 def collide(a: Body, b: Body, arms: np.ndarray, normal: np.ndarray, e: float, mu: float) -> bool:
-    one = (a.velocity, a.momentum, 1 / a.part.mass, a.inverse_inertia)
-    other = (b.velocity, b.momentum, 1 / b.part.mass, b.inverse_inertia)
-    return bool(resolve_single(*one, *other, arms, normal, e, mu))
+    inverse_mass = np.array([1 / a.part.mass, 1 / b.part.mass])
+    inverse_inertia = np.stack([a.inverse_inertia, b.inverse_inertia])
+    with moving_part(a.velocity, a.momentum) as one, moving_part(b.velocity, b.momentum) as other:
+        return bool(resolve_single(one, other, inverse_mass, inverse_inertia, arms, normal, e, mu))
 
 
 def random_pair(

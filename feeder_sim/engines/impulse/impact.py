@@ -18,7 +18,15 @@ import math
 import numpy as np
 
 from feeder_sim.engines.impulse.single_impact import HALVINGS, ROUND_OFF, solve_single
-from feeder_sim.engines.impulse.state import dot, relative_velocity
+from feeder_sim.engines.impulse.state import (
+    ARM,
+    FRICTION,
+    NORMAL,
+    RESTITUTION,
+    VELOCITY,
+    dot,
+    relative_velocity,
+)
 from feeder_sim.machine_code import compiled, inlined
 
 MAX_SWEEPS = 400
@@ -29,50 +37,55 @@ FLAT = 4  # corners at least, of a landing that is taken for flat
 
 
 @compiled
-def resolve_impact(velocity, momentum, inverse_mass, inverse_inertia, arm, normal, surface_velocity, n, e, mu):
-    """Change velocity and angular momentum (3,) in place for impacts at the first n corners.
+def resolve_impact(part, inverse_mass, inverse_inertia, contact, law, n):
+    """Change velocity and angular momentum of a part (`PART`) in place for impacts at the first n corners.
 
-    inverse_inertia (3, 3) is in world axes; arm (corners, 3) goes from the centre of mass to the contact points [m];
-    normal and surface_velocity have shape (corners, 3); e and mu, restitution and friction, (corners,). Returns whether
-    the velocities have settled within MAX_SWEEPS.
+    inverse_inertia (3, 3) is in world axes [1/(kg m^2)]. contact (3, corners, 3) holds in ARM the ways from the centre
+    of mass to the contact points [m], in NORMAL those of the surface and in VELOCITY how it moves there [m/s]; law
+    (2, corners) RESTITUTION and FRICTION. Returns whether the velocities have settled within MAX_SWEEPS.
     """
-    before = np.empty((n, 3))
-    spin = np.empty(3)
+    arm, surface_velocity = contact[ARM], contact[VELOCITY]
+    before, start = np.empty((n, 3)), np.empty((2, 3))
     for k in range(3):
-        spin[k] = dot(inverse_inertia[k], momentum)
+        start[0, k], start[1, k] = part.velocity[k], dot(inverse_inertia[k], part.momentum)
     for i in range(n):
-        relative_velocity(velocity, spin, arm[i], surface_velocity[i], before[i])
-    impulse, v, w = np.zeros((n, 3)), np.empty(3), np.empty(3)
-    for k in range(3):
-        v[k], w[k] = velocity[k], spin[k]
-    settled = _solve(v, w, inverse_mass, inverse_inertia, arm, normal, surface_velocity, before, impulse, 1.0, e, mu)
+        relative_velocity(start[0], start[1], arm[i], surface_velocity[i], before[i])
+    impulse, motion = np.zeros((n, 3)), start.copy()
+    settled = _solve(motion, inverse_mass, inverse_inertia, contact, law, before, impulse, 1.0)
     share = 1.0  # of the restitution
     for _ in range(HALVINGS):
-        if share == 0.0 or _work(v, w, arm, surface_velocity, before, impulse) <= _round_off(before, impulse):
+        if share == 0.0 or _work(motion, arm, surface_velocity, before, impulse) <= _round_off(before, impulse):
             break
         share = 0.5 * share if share > 0.02 else 0.0
-        for k in range(3):
-            v[k], w[k] = velocity[k], spin[k]
+        for k in range(3):  # numba compiles the error message of a slice for seconds
+            motion[0, k], motion[1, k] = start[0, k], start[1, k]
         impulse[:] = 0.0
-        settled = _solve(
-            v, w, inverse_mass, inverse_inertia, arm, normal, surface_velocity, before, impulse, share, e, mu
-        )
+        settled = _solve(motion, inverse_mass, inverse_inertia, contact, law, before, impulse, share)
     for k in range(3):
-        velocity[k] = v[k]
+        part.velocity[k] = motion[0, k]
     for i in range(n):
-        momentum[0] += arm[i, 1] * impulse[i, 2] - arm[i, 2] * impulse[i, 1]
-        momentum[1] += arm[i, 2] * impulse[i, 0] - arm[i, 0] * impulse[i, 2]
-        momentum[2] += arm[i, 0] * impulse[i, 1] - arm[i, 1] * impulse[i, 0]
+        part.momentum[0] += arm[i, 1] * impulse[i, 2] - arm[i, 2] * impulse[i, 1]
+        part.momentum[1] += arm[i, 2] * impulse[i, 0] - arm[i, 0] * impulse[i, 2]
+        part.momentum[2] += arm[i, 0] * impulse[i, 1] - arm[i, 1] * impulse[i, 0]
     return settled
 
 
 @compiled
-def _solve(v, w, inverse_mass, inverse_inertia, arm, normal, surface_velocity, before, impulse, share, e, mu):
-    """Sweep over the corners until the velocities stop changing; v, w, impulse are updated in place.
+def _solve(motion, inverse_mass, inverse_inertia, contact, law, before, impulse, share):
+    """Sweep over the corners until the velocities stop changing; motion (2, 3) and impulse are updated in place.
 
-    Returns whether they have stopped within MAX_SWEEPS.
+    motion holds velocity and angular velocity; share is that of the restitution. Returns whether the velocities have
+    stopped changing within MAX_SWEEPS.
     """
     n = before.shape[0]
+    arm, normal, surface_velocity, e, mu = (
+        contact[ARM],
+        contact[NORMAL],
+        contact[VELOCITY],
+        law[RESTITUTION],
+        law[FRICTION],
+    )
+    v, w = motion[0], motion[1]
     if n == 1:
         target = -share * e[0] * dot(normal[0], before[0])
         if solve_single(inverse_mass, inverse_inertia, arm[0], normal[0], before[0], impulse[0], target, mu[0]):
@@ -160,11 +173,11 @@ def _apply(v, w, inverse_mass, inverse_inertia, arm, impulse):
 
 
 @compiled
-def _work(v, w, arm, surface_velocity, before, impulse):
+def _work(motion, arm, surface_velocity, before, impulse):
     """Work of all impulses, in the frame of the surface: the energy the impact creates."""
     total, after = 0.0, np.empty(3)
     for i in range(before.shape[0]):
-        relative_velocity(v, w, arm[i], surface_velocity[i], after)
+        relative_velocity(motion[0], motion[1], arm[i], surface_velocity[i], after)
         for k in range(3):
             total += 0.5 * impulse[i, k] * (before[i, k] + after[k])
     return total

@@ -241,7 +241,8 @@ def _collide(a, kind_a, b, kind_b, points, n, axis, distance):
     At points that one impact makes approach again there are further ones, until all of them separate.
     """
     fixed = kind_b.mass == np.inf
-    inverse, arms = np.empty((2, 3, 3)), np.empty((2, 3))
+    inverse, inverse_mass, arms = np.empty((2, 3, 3)), np.empty(2), np.empty((2, 3))
+    inverse_mass[0], inverse_mass[1] = 1.0 / kind_a.mass, 1.0 / kind_b.mass
     invert_inertia(a.attitude, kind_a.inertia, inverse[0])
     invert_inertia(b.attitude, kind_b.inertia, inverse[1])
     law = 0 if fixed else 1
@@ -252,18 +253,7 @@ def _collide(a, kind_a, b, kind_b, points, n, axis, distance):
             for k in range(3):
                 arms[0, k], arms[1, k] = points[i, k] - a.position[k], points[i, k] - b.position[k]
             again |= resolve_single(
-                a.velocity,
-                a.momentum,
-                1.0 / kind_a.mass,
-                inverse[0],
-                b.velocity,
-                b.momentum,
-                1.0 / kind_b.mass,
-                inverse[1],
-                arms,
-                axis,
-                kind_a.restitution[law],
-                kind_a.friction[law],
+                a, b, inverse_mass, inverse, arms, axis, kind_a.restitution[law], kind_a.friction[law]
             )
         hit |= again
         if not again:

@@ -180,10 +180,10 @@ def _measure_gap(part, kind, corners, surface, bounds, height, i, work):
 def _modes_at(part, surface, x, y, work):
     """Mode shapes at a point; on a tangent surface, those under the centre, continued along their slopes."""
     if not surface.tangent:
-        surface_modes(x, y, surface.grid_x, surface.grid_y, surface.table, work.weight[0], work.weight[1], work.modes)
+        surface_modes(x, y, surface.grid_x, surface.grid_y, surface.table, work.weight, work.modes)
         return
     cx, cy = part.position[0], part.position[1]
-    surface_modes(cx, cy, surface.grid_x, surface.grid_y, surface.table, work.weight[0], work.weight[1], work.modes)
+    surface_modes(cx, cy, surface.grid_x, surface.grid_y, surface.table, work.weight, work.modes)
     for s in range(work.modes.shape[0]):
         work.modes[s, 0] += work.modes[s, 1] * (x - cx) + work.modes[s, 2] * (y - cy)
 
@@ -207,17 +207,8 @@ def _gather_plate(part, kind, corners, surface, work):
             work.contact[VELOCITY, n, 2] += work.modes[s, 0] * work.modal[1, s]
         if surface.tangent:
             x, y = part.position[0], part.position[1]
-        surface_normal(
-            x,
-            y,
-            surface.grid_x,
-            surface.grid_y,
-            surface.table,
-            work.modal[0],
-            work.weight[0],
-            work.weight[1],
-            work.contact[NORMAL, n],
-        )
+        normal = work.contact[NORMAL, n]
+        surface_normal(x, y, surface.grid_x, surface.grid_y, surface.table, work.modal[0], work.weight, normal)
         for k in range(3):
             work.contact[ARM, n, k] = (
                 point(part, corners, i, k) - part.position[k] - kind.radius * work.contact[NORMAL, n, k]
@@ -241,19 +232,7 @@ def _impact(part, kind, corners, wall, surface, work):
         work.corner[i, GAP] += depth
     inverse_inertia = np.empty((3, 3))
     invert_inertia(part.attitude, kind.inertia, inverse_inertia)
-    settled = resolve_impact(
-        part.velocity,
-        part.momentum,
-        1.0 / kind.mass,
-        inverse_inertia,
-        work.contact[ARM],
-        work.contact[NORMAL],
-        work.contact[VELOCITY],
-        n,
-        work.law[RESTITUTION],
-        work.law[FRICTION],
-    )
-    if not settled:
+    if not resolve_impact(part, 1.0 / kind.mass, inverse_inertia, work.contact, work.law, n):
         work.unresolved[0] += 1
 
 

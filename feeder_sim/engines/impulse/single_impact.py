@@ -56,38 +56,25 @@ def _add_mobility(inverse_mass, inverse_inertia, arm, frame, k):
 
 
 @compiled
-def resolve_single(
-    velocity_a,
-    momentum_a,
-    inverse_mass_a,
-    inverse_inertia_a,
-    velocity_b,
-    momentum_b,
-    inverse_mass_b,
-    inverse_inertia_b,
-    arms,
-    normal,
-    e,
-    mu,
-):
-    """Impact of two free bodies at one point; changes velocities and angular momenta (3,) in place.
+def resolve_single(a, b, inverse_mass, inverse_inertia, arms, normal, e, mu):
+    """Impact of two free parts (`PART`) at one point; changes velocities and angular momenta in place.
 
-    inverse_inertia_a, _b (3, 3) are in world axes; arms (2, 3) go from either centre of mass to the contact point [m];
-    normal (3,) points from a to b. Same laws as `resolve_impact`. Returns False, with nothing changed, where the bodies
-    do not approach each other.
+    inverse_mass (2,) [1/kg] and inverse_inertia (2, 3, 3), in world axes, of a and b; arms (2, 3) go from either centre
+    of mass to the contact point [m]; normal (3,) points from a to b. Same laws as `resolve_impact`. Returns False, with
+    nothing changed, where the parts do not approach each other.
     """
     frame, k, u, before = np.empty((3, 3)), np.zeros((3, 3)), np.empty(3), np.empty(3)
     spin_a, spin_b, moving = np.empty(3), np.empty(3), np.empty(3)
     for i in range(3):
-        spin_a[i], spin_b[i] = dot(inverse_inertia_a[i], momentum_a), dot(inverse_inertia_b[i], momentum_b)
-    relative_velocity(velocity_a, spin_a, arms[0], np.zeros(3), moving)
-    relative_velocity(velocity_b, spin_b, arms[1], moving, before)
+        spin_a[i], spin_b[i] = dot(inverse_inertia[0, i], a.momentum), dot(inverse_inertia[1, i], b.momentum)
+    relative_velocity(a.velocity, spin_a, arms[0], np.zeros(3), moving)
+    relative_velocity(b.velocity, spin_b, arms[1], moving, before)
     approach = dot(normal, before)
     if approach >= 0.0:
         return False
     _contact_frame(normal, frame)
-    _add_mobility(inverse_mass_a, inverse_inertia_a, arms[0], frame, k)
-    _add_mobility(inverse_mass_b, inverse_inertia_b, arms[1], frame, k)
+    _add_mobility(inverse_mass[0], inverse_inertia[0], arms[0], frame, k)
+    _add_mobility(inverse_mass[1], inverse_inertia[1], arms[1], frame, k)
     for i in range(3):
         u[i] = dot(frame[i], before)
     p, share = np.empty(3), 1.0
@@ -105,13 +92,13 @@ def resolve_single(
     for i in range(3):
         push = p[0] * frame[0, i] + p[1] * frame[1, i] + p[2] * frame[2, i]
         moving[i] = push
-        velocity_a[i] -= inverse_mass_a * push
-        velocity_b[i] += inverse_mass_b * push
+        a.velocity[i] -= inverse_mass[0] * push
+        b.velocity[i] += inverse_mass[1] * push
     for i in range(3):
         j, n = (i + 1) % 3, (i + 2) % 3
-        momentum_a[i] -= arms[0, j] * moving[n] - arms[0, n] * moving[j]
-        if inverse_mass_b > 0.0:
-            momentum_b[i] += arms[1, j] * moving[n] - arms[1, n] * moving[j]
+        a.momentum[i] -= arms[0, j] * moving[n] - arms[0, n] * moving[j]
+        if inverse_mass[1] > 0.0:
+            b.momentum[i] += arms[1, j] * moving[n] - arms[1, n] * moving[j]
     return True
 
 

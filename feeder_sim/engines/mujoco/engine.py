@@ -62,11 +62,11 @@ class Addresses(NamedTuple):
 
 
 @compiled
-def _place_patches(at, surface, q, rate, weight_x, weight_y, modes):
+def _place_patches(at, surface, q, rate, weight, modes):
     """Put every patch on the tangent plane under its part; rate is dq/dt."""
     for part in range(at.part_qpos.shape[0]):
         x, y = at.qpos[at.part_qpos[part]], at.qpos[at.part_qpos[part] + 1]
-        surface_modes(x, y, surface.grid_x, surface.grid_y, surface.table, weight_x, weight_y, modes)
+        surface_modes(x, y, surface.grid_x, surface.grid_y, surface.table, weight, modes)
         w = bx = by = w_rate = bx_rate = by_rate = 0.0
         for s in range(q.shape[0]):
             w += modes[s, 0] * q[s]
@@ -116,7 +116,7 @@ def _advance(at, surface, log, timestep, first_step, steps_per_frame, qpos_out, 
     """Step the scene; after every `steps_per_frame` steps copy the state into a row of qpos_out and qvel_out."""
     n_shapes = surface.table.shape[0]
     q, q_next, rate, unused = np.zeros(n_shapes), np.zeros(n_shapes), np.zeros(n_shapes), np.zeros(n_shapes)
-    weight_x, weight_y, modes = np.zeros(4), np.zeros(4), np.zeros((n_shapes, 3))
+    weight, modes = np.zeros((2, 4)), np.zeros((n_shapes, 3))
     drive = (surface.term_shape, surface.term_start, surface.term_stop, surface.coefficient, surface.rate)
     step = first_step
     modal_motion(step * timestep, *drive, q_next, unused)
@@ -130,7 +130,7 @@ def _advance(at, surface, log, timestep, first_step, steps_per_frame, qpos_out, 
                 _place_piston(at, surface, q, rate)
                 _step_guided(at, log, (step - 1) * timestep)
             else:
-                _place_patches(at, surface, q, rate, weight_x, weight_y, modes)
+                _place_patches(at, surface, q, rate, weight, modes)
                 _mj_step(at.model, at.data)
         qpos_out[frame] = at.qpos
         qvel_out[frame] = at.qvel
