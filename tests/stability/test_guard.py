@@ -8,16 +8,19 @@ from typing import Any, Literal
 import numpy as np
 import pytest
 from command_line import feeder_sim, said
-from conftest import piston_scenario, ready, strip_scenario
+from conftest import changing, piston_scenario, ready, strip_scenario
 
+from feeder_sim.engines.impulse.engine import ImpulseEngine
 from feeder_sim.engines.mujoco.engine import MujocoEngine
 from feeder_sim.errors import Divergence
 from feeder_sim.records.trajectory import Frames, Status
 from feeder_sim.records.trajectory_file import read_recording
 from feeder_sim.run.guard import Guard
+from feeder_sim.run.prepare import prepare
 from feeder_sim.run.simulation import simulate
-from feeder_sim.scenario import Contact, Drive, Excitation, Run, Start
+from feeder_sim.scenario import Contact, Drive, Excitation, Run, Scenario, Start
 from feeder_sim.scenario.schedule import Schedule, Stage
+from feeder_sim.scenario.tables import validated
 from feeder_sim.scene.scene import Scene, build_scene
 
 LEVEL = [1.0, 0.0, 0.0, 0.0]
@@ -380,3 +383,21 @@ def test_strong_drives_stay_within_what_the_plate_can_give(amplitude_um: float) 
     # At 90 um, 1.6 m/s, nuts hop 20 cm high, and some of them off the plate.
     allowed = {Status.DONE, Status.LEFT_PLATE} if amplitude_um > 10.0 else {Status.DONE}
     assert {seed.status for seed in result.seeds} <= allowed
+
+
+def test_an_infinite_position_among_many_parts_is_seen_by_the_guard(tmp_path: Path) -> None:
+    """The search for pairs passes it on instead of failing on it."""
+    raw = {
+        "plate": {"kind": "piston"},
+        "drive": [{"frequency_hz": 1000.0, "amplitude_um": 1.0}],
+        "part": [{"shape": "hex_nut", "size": "M2.5", "count": 3, "start": {"kind": "scattered"}}],
+        "run": {"duration_s": 0.1},
+    }
+    prepared = prepare(validated(raw, Scenario, tmp_path / "three.toml"))
+    engine = ImpulseEngine(prepared.scene, np.random.default_rng(0))
+    guard = Guard(prepared, engine.current())
+    with changing(engine) as state:
+        state["position"][1, 0] = np.inf
+    valid, failure = guard.check(engine.advance(3), 0)
+    assert valid == 0
+    assert failure is not None and failure.divergence == Divergence.NOT_FINITE and failure.part == "part_1"
