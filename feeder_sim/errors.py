@@ -15,7 +15,12 @@ LONGEST_MESSAGE = 500  # characters: a few lines of a terminal
 
 def printable(text: str) -> str:
     """One line of text without anything that a terminal acts on: control characters, marks that turn the direction."""
-    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in " ".join(text.split()))
+    return escaped(" ".join(text.split()))
+
+
+def escaped(text: str) -> str:
+    """The same for a text whose spaces count."""
+    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
 
 
 def shortened(text: str, longest: int = LONGEST_VALUE) -> str:
@@ -44,6 +49,12 @@ class FeederSimError(Exception):
 
     def __init__(self, message: str) -> None:
         super().__init__(shortened(printable(message), LONGEST_MESSAGE))
+
+
+class Interrupted(FeederSimError):
+    """The user, or the system, has asked the command to end."""
+
+    exit_code = 130
 
 
 class InputError(FeederSimError):

@@ -21,7 +21,17 @@ from feeder_sim.cli.chart import chart
 from feeder_sim.cli.files import naming, new_picture, scenario_of, writable
 from feeder_sim.cli.plate import modes, sequence, wave
 from feeder_sim.cli.report import as_lines, print_boundaries, print_result
-from feeder_sim.errors import FeederSimError, InputError, RecordingFailed, cause_of, of_a_name, printable
+from feeder_sim.errors import (
+    LONGEST_MESSAGE,
+    FeederSimError,
+    InputError,
+    Interrupted,
+    RecordingFailed,
+    cause_of,
+    of_a_name,
+    printable,
+    shortened,
+)
 
 if TYPE_CHECKING:
     from feeder_sim.run.simulation import Result
@@ -66,7 +76,7 @@ def run(
             )
         from feeder_sim.run.run_folder import resume_run
 
-        with _stop_on_signal() as stop, _progress(str(resume)) as progress:
+        with _stop_on_signal() as stop, _progress(str(resume), stop) as progress:
             result = resume_run(resume, progress=progress, stop=stop, notify=_notify)
         _finish_run(result, resume, as_json)
         return
@@ -82,8 +92,14 @@ def run(
             _print_plan(scenario, as_json)
             return
         folder = out or fresh_folder(scenario_file.stem)
-        with _stop_on_signal() as stop, _progress(scenario.title or scenario_file.stem) as progress:
-            result = record_run(scenario, folder, progress=progress, stop=stop, notify=_notify)
+        try:
+            with _stop_on_signal() as stop, _progress(scenario.title or scenario_file.stem, stop) as progress:
+                result = record_run(scenario, folder, progress=progress, stop=stop, notify=_notify)
+        except BaseException:
+            if out is None:
+                with contextlib.suppress(OSError):  # it holds something
+                    folder.rmdir()
+            raise
     _finish_run(result, folder, as_json)
 
 
@@ -182,7 +198,7 @@ def list_(
     for kind, entries in found.items():
         print(f"{kind}:")
         for name, text in entries.items():
-            print(f"  {name:<32} {text}")
+            print(f"  {printable(name):<32} {shortened(printable(text), LONGEST_MESSAGE)}")
 
 
 @app.command()
@@ -248,6 +264,7 @@ def main() -> NoReturn:
             sys.exit(InputError.exit_code)
         os._exit(FeederSimError.exit_code)  # Python would try once more to write what it could not
     except KeyboardInterrupt:
+        print("feeder-sim: interrupted", file=sys.stderr, flush=True)
         sys.exit(INTERRUPTED)
     sys.exit(0)
 
@@ -260,22 +277,35 @@ def _print_plan(scenario: Scenario, as_json: bool) -> None:
     print(json.dumps(plan) if as_json else as_lines(plan))
 
 
+class _Stop(threading.Event):
+    """Asks a run to stop."""
+
+    computing = False  # whether it has come so far that it will listen
+
+
 @contextlib.contextmanager
-def _stop_on_signal() -> Iterator[threading.Event]:
-    """Ctrl-C or a polite kill ends the run after the blocks under way, with everything recorded kept."""
-    stop = threading.Event()
+def _stop_on_signal() -> Iterator[_Stop]:
+    """Ctrl-C or a polite kill ends the run within a second, with everything recorded kept.
+
+    Once it computes, that is: before, there is nothing to keep.
+    """
+    stop = _Stop()
 
     def restore() -> None:
         for s, handler in previous.items():
             signal.signal(s, handler)
 
     def ask(*_: object) -> None:
+        if not stop.computing:
+            raise KeyboardInterrupt
         stop.set()
         restore()  # the second signal does what it always does
 
     previous = {s: signal.signal(s, ask) for s in (signal.SIGINT, signal.SIGTERM)}
     try:
         yield stop
+    except KeyboardInterrupt:
+        raise Interrupted("interrupted") from None
     finally:
         restore()
 
@@ -286,8 +316,8 @@ def _notify(line: str) -> None:
 
 
 @contextlib.contextmanager
-def _progress(title: str) -> Iterator[Callable[[float], None]]:
-    """Progress bar with the time left, on stderr and only on a terminal."""
+def _progress(title: str, stop: _Stop | None = None) -> Iterator[Callable[[float], None]]:
+    """Progress bar with the time left, on stderr and only on a terminal; tells `stop` that the run computes."""
     from rich.console import Console
     from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
 
@@ -295,4 +325,10 @@ def _progress(title: str) -> Iterator[Callable[[float], None]]:
     columns = (TextColumn("{task.description}", markup=False), BarColumn(), TaskProgressColumn(), TimeRemainingColumn())
     with Progress(*columns, console=console, disable=not console.is_terminal, transient=True) as bars:
         task = bars.add_task(printable(title), total=1.0)
-        yield lambda fraction: bars.update(task, completed=fraction)
+
+        def show(fraction: float) -> None:
+            if stop:
+                stop.computing = True
+            bars.update(task, completed=fraction)
+
+        yield show

@@ -7,7 +7,7 @@ import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from feeder_sim.errors import printable
+from feeder_sim.errors import escaped, printable, shortened
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -21,6 +21,9 @@ if TYPE_CHECKING:
     from feeder_sim.run.simulation import Result
     from feeder_sim.studies.bifurcation import Diagram
     from feeder_sim.studies.width_ratios import RatioRoutes
+
+
+LONGEST_TEXT = 300  # characters of a title or a line that holds one
 
 
 def print_result(result: Result, folder: Path, as_json: bool) -> None:
@@ -39,9 +42,9 @@ def print_result(result: Result, folder: Path, as_json: bool) -> None:
     factor = summary["real_time_factor"] or 0.0
     cost = f"{summary['simulated_s']:.1f} s in {summary['wall_s']:.1f} s ({factor:.2f} x real time)"
     lines += [labelled("simulated", cost), labelled("recorded in", str(folder))]
-    print(printable(summary["title"] or folder.name))
+    print(shortened(printable(summary["title"] or folder.name), LONGEST_TEXT))
     for line in lines:
-        print(f"  {line}")
+        print(f"  {shortened(escaped(line), LONGEST_TEXT)}")
 
 
 def print_boundaries(diagram: Diagram, as_json: bool) -> None:
@@ -166,7 +169,7 @@ def print_waves(waves: Sequence[StageWave], as_json: bool) -> None:
         print(json.dumps(rows))
         return
     for row in rows:
-        print(f"{row['stage'] or 'wave'}")
+        print(shortened(printable(row["stage"]), LONGEST_TEXT) or "wave")
         print(as_lines({key: value for key, value in row.items() if key != "stage"}, "  "))
 
 
@@ -178,7 +181,7 @@ def as_lines(values: dict[str, Any], indent: str = "") -> str:
             for i, entry in enumerate(value):
                 lines += [f"{indent}{key}[{i}]:", as_lines(entry, indent + "  ")]
         elif isinstance(value, list) and value and isinstance(value[0], str):
-            lines += [f"{indent}{key}:", *(f"{indent}  {entry}" for entry in value)]
+            lines += [f"{indent}{key}:", *(f"{indent}  {_rounded(entry)}" for entry in value)]
         else:
             lines.append(f"{indent}{key}: {_rounded(value)}")
     return "\n".join(lines)
@@ -190,4 +193,4 @@ def _rounded(value: Any) -> str:
         return f"{value:.4g}"
     if isinstance(value, list):
         return ", ".join(_rounded(entry) for entry in value) or "none"
-    return str(value)
+    return shortened(printable(str(value)), LONGEST_TEXT)

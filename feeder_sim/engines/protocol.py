@@ -29,8 +29,23 @@ class Engine(Protocol):
         """Impacts since t = 0 whose iteration was given up before it had settled."""
         ...
 
-    def __init__(self, scene: Scene, rng: np.random.Generator, *, threads: int = 1) -> None:
-        """Start at t = 0 with poses drawn from `rng`; may use so many threads, which must not change the result."""
+    def __init__(
+        self,
+        scene: Scene,
+        rng: np.random.Generator,
+        *,
+        threads: int = 1,
+        interrupt: NDArray[np.int64] | None = None,
+    ) -> None:
+        """Start at t = 0 with poses drawn from `rng`.
+
+        Args:
+            scene: what is advanced.
+            rng: draws the start.
+            threads: that may be used, which must not change the result.
+            interrupt: (1,); as soon as another thread makes it other than 0, `advance` returns without a result, and
+                the engine goes on from a state that is restored.
+        """
         ...
 
     def current(self) -> Frames:

@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 from feeder_sim import __version__
 from feeder_sim.errors import InputError, not_written
 from feeder_sim.hdf5_text import get_text, put_array, put_text
+from feeder_sim.hdf5_trust import check_trusted
 from feeder_sim.plate.materials import Material
 from feeder_sim.plate.modes import PlateModes, RectangularPlate
 
@@ -123,8 +124,11 @@ def read_mode_file(path: Path) -> ModeFile:
         raise InputError("no such mode file; make it with 'feeder-sim modes PLATE.toml --out FILE'", file=path)
     try:
         with h5py.File(path, "r") as file:
+            check_trusted(file, path)
             return _checked(file, path)
-    except (OSError, RuntimeError, KeyError, ValueError, TypeError, AttributeError) as error:
+    except InputError:
+        raise
+    except Exception as error:  # of a file that is damaged, h5py raises what it likes
         raise InputError("not a readable HDF5 file (truncated or of another format)", file=path) from error
 
 

@@ -7,6 +7,7 @@ comment at the end of the archive is the SHA-256 of all before it.
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import io
 import json
@@ -14,18 +15,19 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
-from zipfile import ZipFile
+from zipfile import ZIP_STORED, ZipFile
 
 import numpy as np
 from numpy.typing import NDArray
 
 from feeder_sim.errors import InputError, not_written, shortened
 from feeder_sim.records.last_states import STATE_PREFIX
-from feeder_sim.records.whole_file import write_whole
+from feeder_sim.records.own_files import CHECKPOINTS
+from feeder_sim.records.whole_file import partial_of, write_whole
 
-FOLDER = "checkpoints"
 FORMAT = 1
 DESCRIBED = "described"
+ZIP = b"PK\x03\x04"
 CHECKSUM_LENGTH = 64  # hexadecimal digits
 
 State = dict[str, NDArray[np.float64]]
@@ -53,7 +55,7 @@ class CheckpointFolder:
     """
 
     def __init__(self, run: Path, identity: str) -> None:
-        self._folder, self._identity = run / FOLDER, identity
+        self._folder, self._identity = run / CHECKPOINTS, identity
 
     def save(self, seed_index: int, checkpoint: Checkpoint) -> None:
         """Write the checkpoint of a seed in place of the one before; a kill leaves one or the other.
@@ -87,6 +89,9 @@ class CheckpointFolder:
             content = path.read_bytes()
             if _checksum(content[:-CHECKSUM_LENGTH]) != content[-CHECKSUM_LENGTH:]:
                 raise ValueError("another checksum")
+            with ZipFile(io.BytesIO(content)) as archive:
+                if any(entry.compress_type != ZIP_STORED for entry in archive.infolist()):
+                    raise ValueError("packed, and nobody knows how large")
             with np.load(io.BytesIO(content), allow_pickle=False) as held:
                 arrays = {name: held[name] for name in held.files}
             found = json.loads(str(arrays.pop(DESCRIBED)))
@@ -103,11 +108,18 @@ class CheckpointFolder:
                 )
         return Checkpoint(sizes, state)
 
-    def clear(self) -> None:
-        """Delete what is of no use once the run has ended."""
-        for path in self._folder.glob("*") if self._folder.is_dir() else ():
-            path.unlink()
-        if self._folder.is_dir():
+    def clear(self, n_seeds: int) -> None:
+        """Delete the checkpoints of this run, which are of no use once it has ended, and nothing else."""
+        for index in range(n_seeds):
+            path = self._path(index)
+            cut = partial_of(path)  # of a process that was killed while it wrote
+            with contextlib.suppress(OSError):
+                if cut.is_file() and cut.read_bytes()[:4] in (b"", ZIP):
+                    cut.unlink()
+            with contextlib.suppress(OSError, InputError):  # what is not of this run stays
+                if self.load(index) is not None:
+                    path.unlink()
+        with contextlib.suppress(OSError):  # it is not there, or holds something else
             self._folder.rmdir()
 
     def check_fits(self, seed_index: int, state: State, engine: State) -> None:

@@ -39,7 +39,9 @@ from numpy.typing import NDArray
 from feeder_sim import __version__
 from feeder_sim.errors import InputError, RecordingFailed, cause_of
 from feeder_sim.hdf5_text import get_text, put_array, put_text
+from feeder_sim.hdf5_trust import check_trusted
 from feeder_sim.records.impacts import Impacts
+from feeder_sim.records.own_files import check_no_links
 from feeder_sim.records.plate_group import read_plate, write_plate
 from feeder_sim.records.removals import Removals
 from feeder_sim.records.trajectory import (
@@ -224,6 +226,7 @@ def read_recording(path: Path) -> Recording:
 
 
 def _recording(path: Path, file: Any) -> Recording:
+    check_trusted(file, path)
     found, version = get_text(file.attrs, "schema"), file.attrs.get("schema_version")
     if version is not None and version != SCHEMA_VERSION:  # first: the text of version 1 is not to be read
         raise InputError(f"is {version!r}, allowed is {SCHEMA_VERSION}", file=path, key="schema_version")
@@ -249,7 +252,7 @@ def recording_of(run: Path) -> Recording:
     """Read the trajectory of a run folder, or a trajectory file itself.
 
     Raises:
-        InputError: there is none, or it cannot be read.
+        InputError: there is none, it cannot be read, or it is a link in a folder.
     """
     return read_recording(trajectory_of(run))
 
@@ -260,7 +263,10 @@ def trajectory_of(run: Path) -> Path:
     Raises:
         InputError: there is none.
     """
-    trajectory = run if run.suffix == ".h5" else run / TRAJECTORY
+    if run.suffix == ".h5" and run.is_file():
+        return run
+    check_no_links(run)
+    trajectory = run / TRAJECTORY
     if not trajectory.is_file():
         raise InputError(f"no run here, allowed is a folder that holds {TRAJECTORY}", file=run)
     return trajectory

@@ -7,7 +7,6 @@ kHz would only alias with the frame rate.
 
 from __future__ import annotations
 
-import re
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +15,7 @@ import numpy as np
 from feeder_sim.errors import InputError
 from feeder_sim.plate.drive import modal_terms
 from feeder_sim.plate.nodal_lines import NodalLines
+from feeder_sim.records.own_files import is_own
 from feeder_sim.records.trajectory import Frames, Recording
 from feeder_sim.records.trajectory_file import read_recording
 from feeder_sim.records.whole_file import write_whole
@@ -34,16 +34,22 @@ GUIDE_HEIGHT = 18.0  # [mm], as drawn
 WINDOW_S = 1.0  # of the plots of a guided part, whose hops are many
 
 
+RRD = b"RRF"  # begin of a file that rerun has made
+
+
 def replay_name(seed: int) -> str:
     """Name in a run folder of the replay that shows a seed."""
     return REPLAY if seed == 0 else f"replay_seed_{seed:03d}.rrd"
 
 
 def remove_replays(folder: Path) -> None:
-    """Remove the replays of a run folder, which are built again when they are asked for."""
+    """Remove the replays of a run folder, which are built again when they are asked for, and nothing of others."""
     for path in folder.glob("replay*.rrd"):
-        if re.fullmatch(r"replay(_seed_\d{3,})?\.rrd", path.name):
-            path.unlink()
+        if is_own(path.name) and not path.is_symlink() and path.is_file():
+            with path.open("rb") as file:
+                made_by_rerun = file.read(len(RRD)) == RRD
+            if made_by_rerun:
+                path.unlink()
 
 
 def build_replay(trajectory: Path, replay: Path, *, shown_seed: int = 0) -> None:

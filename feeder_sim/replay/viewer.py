@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import shutil
 import socket
@@ -12,6 +13,7 @@ import time
 from pathlib import Path
 
 from feeder_sim.errors import FeederSimError, InputError
+from feeder_sim.records.own_files import check_no_links, locked
 from feeder_sim.records.trajectory_file import read_recording, trajectory_of
 from feeder_sim.replay.plate import TIMELINE
 from feeder_sim.replay.replay import build_replay, replay_name, timeline_ends
@@ -26,12 +28,24 @@ SETTLING_S = 6.0  # the viewer's start-up messages fade and its views finish dra
 def replay_file(run: Path, *, seed: int = 0, rebuild: bool = False) -> Path:
     """The .rrd of a run, built from its trajectory file when it is missing or older than that.
 
+    Where it cannot be kept beside the trajectory, because the run is still under way or nobody may write there, it is
+    built in a temporary folder.
+
     Raises:
         InputError: there is no such run, or its trajectory cannot be read.
+        RecordingFailed: the disk is full.
     """
     trajectory = trajectory_of(run)
-    replay = trajectory.with_name(replay_name(seed))
-    if rebuild or not replay.is_file() or replay.stat().st_mtime_ns < trajectory.stat().st_mtime_ns:
+    folder, name = trajectory.parent, replay_name(seed)
+    check_no_links(folder)
+    replay = folder / name
+    if not rebuild and replay.is_file() and replay.stat().st_mtime_ns >= trajectory.stat().st_mtime_ns:
+        return replay
+    with contextlib.ExitStack() as held:
+        try:
+            held.enter_context(locked(folder))
+        except InputError:
+            replay = Path(tempfile.mkdtemp(prefix="feeder_sim_")) / name
         build_replay(trajectory, replay, shown_seed=seed)
     return replay
 

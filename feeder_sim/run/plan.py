@@ -7,6 +7,8 @@ from __future__ import annotations
 
 import math
 import time
+from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import TimeoutError as FutureTimeoutError
 from dataclasses import dataclass
 from typing import Any
 
@@ -27,6 +29,8 @@ from feeder_sim.scene.rigid_part import RigidPart
 from feeder_sim.scene.scene import GRAVITY, Scene, build_scene
 
 TRIAL_STEPS = 20_000  # of the engine, which are timed
+TRIAL_S, LONGEST_TRIAL_S = 1.0, 10.0  # [s] of it, and until it is given up
+TRIAL_FRAMES = 10  # of a stage that is shorter
 BYTES_PER_FRAME_AND_PART = 68  # of trajectory.h5, compressed
 BYTES_REPLAY = 40  # per frame, part and seed in the .rrd
 BYTES_FIXED = 150_000  # empty files, blueprint, meshes
@@ -180,16 +184,32 @@ def _busiest(scene: Scene) -> Scene:
     if schedule is None:
         return scene
     driven = [stage for stage in (*schedule.prepare, *schedule.stage) if stage.drive]
+    least = TRIAL_FRAMES / scene.scenario.run.frames_per_second
     stage = max(driven, key=lambda s: max(max(d.frequency_hz, d.natural_frequency_hz or 0.0) for d in s.drive))
+    stage = stage.model_copy(update={"duration_s": max(stage.duration_s, least)})
     return build_scene(scene.scenario.model_copy(update={"schedule": Schedule(stage=(stage,))}))
 
 
 def _trial_cost(scene: Scene, choice: Choice) -> float:
     """Wall time [s] of a step of one seed on one core, after compilation."""
     scene = _busiest(scene)
-    engine = engine_class(choice)(scene, np.random.default_rng(0))
-    engine.advance(1)
-    frames = min(scene.n_frames, max(1, TRIAL_STEPS // scene.steps_per_frame))
+    interrupt = np.ones(1, np.int64)
+    engine = engine_class(choice)(scene, np.random.default_rng(0), interrupt=interrupt)
+    start = engine.state()
+    engine.advance(1)  # which compiles it, and computes nothing
+    engine.restore(start)
+    engine.take_impacts(end=False)
+    interrupt[0] = 0
+    frames, most, piece = 0, min(scene.n_frames, max(1, TRIAL_STEPS // scene.steps_per_frame)), 1
     started = time.perf_counter()
-    engine.advance(frames)
-    return (time.perf_counter() - started) / (frames * scene.steps_per_frame)
+    with ThreadPoolExecutor(1) as pool:  # this thread hears of Ctrl-C
+        try:
+            while frames < most and time.perf_counter() - started < TRIAL_S:
+                piece = min(2 * piece, most - frames)
+                pool.submit(engine.advance, piece).result(timeout=LONGEST_TRIAL_S)
+                frames += piece
+        except FutureTimeoutError:
+            frames += 1  # a frame takes at least that long
+        finally:
+            interrupt[0] = 1
+    return (time.perf_counter() - started) / (max(1, frames) * scene.steps_per_frame)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from feeder_sim.run.advice import cautions
+from feeder_sim.run.plausibility import check_plausible, doubts
 from feeder_sim.scenario import Scenario
 from feeder_sim.scenario.engine_choice import choose_engine
 from feeder_sim.scene.cell import check_stop_rule, transport_cell
@@ -14,9 +15,11 @@ def prepare(scenario: Scenario) -> Prepared:
     """Resolve a scenario.
 
     Raises:
-        InputError: the plate, a drive, a part or a start cannot be had, or the start does not suit the stop rule.
+        InputError: the plate, a drive, a part or a start cannot be had, the start does not suit the stop rule, or
+            nobody can mean it.
     """
     scene, engine = build_scene(scenario), choose_engine(scenario)
+    check_plausible(scene)
     cell = transport_cell(scene)
     check_stop_rule(scene, cell)
-    return Prepared(scene, engine, cell, tuple(cautions(scene, engine)))
+    return Prepared(scene, engine, cell, (*cautions(scene, engine), *doubts(scene)))

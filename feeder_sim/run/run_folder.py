@@ -8,6 +8,7 @@ import json
 import threading
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,18 +16,19 @@ from numpy.typing import NDArray
 from feeder_sim import __version__
 from feeder_sim.engines.lookup import engine_class
 from feeder_sim.engines.mujoco.mjcf import build_mjcf
-from feeder_sim.errors import InputError, RecordingFailed, cause_of
+from feeder_sim.errors import InputError, RecordingFailed, cause_of, not_written, shortened
 from feeder_sim.records.checkpoint import CheckpointFolder, run_identity
+from feeder_sim.records.own_files import LOCK, locked
 from feeder_sim.records.trajectory import PartRecord, PlateRecord, Record, Recording, Status, WallTime
 from feeder_sim.records.trajectory_file import TRAJECTORY, TrajectoryWriter, recording_of
-from feeder_sim.records.whole_file import write_whole
+from feeder_sim.records.whole_file import partial_of, write_whole
 from feeder_sim.replay.replay import REPLAY, build_replay, remove_replays
 from feeder_sim.run.prepare import prepare
 from feeder_sim.run.provenance import input_hashes, library_versions
 from feeder_sim.run.recorder import RunRecorder
 from feeder_sim.run.seed_record import Begun
 from feeder_sim.run.simulation import Result, check_starts, simulate
-from feeder_sim.scenario import Scenario, parse_scenario
+from feeder_sim.scenario import Scenario, load_scenario, parse_scenario
 from feeder_sim.scene.prepared import Prepared
 from feeder_sim.scene.scene import Scene
 
@@ -48,26 +50,30 @@ def record_run(
 
     Args:
         scenario: what to run.
-        folder: made if missing; it must not hold a run already.
+        folder: made if missing; it must be empty.
         progress: as for `simulate`.
         stop: as for `simulate`.
         notify: as for `simulate`.
         replay: also build the .rrd from the finished trajectory file.
 
     Raises:
-        InputError: the scenario cannot be built (nothing is written), or the folder holds a run.
+        InputError: the scenario cannot be built (nothing is written), or the folder is not empty or in use.
         RecordingFailed: a file cannot be written, as when the disk is full.
     """
     folder = Path(folder)
     check_free(folder)
     prepared = prepare(scenario)
     check_starts(prepared.scene, notify)
-    folder.mkdir(parents=True, exist_ok=True)
-    check_free(folder)
-    text = scenario_toml(scenario)
-    write_whole(folder / RESOLVED, text.encode())
-    _write_mjcf(prepared.scene, folder / MJCF, notify)
-    return _run_into(folder, prepared, text, {}, progress=progress, stop=stop, replay=replay, notify=notify)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise not_written(folder, error) from error
+    with locked(folder):
+        check_free(folder)  # again: another process may have been faster
+        text = scenario_toml(scenario)
+        write_whole(folder / RESOLVED, text.encode())
+        _write_mjcf(prepared.scene, folder / MJCF, notify)
+        return _run_into(folder, prepared, text, {}, progress=progress, stop=stop, replay=replay, notify=notify)
 
 
 def resume_run(
@@ -81,13 +87,27 @@ def resume_run(
     """Go on with a run that was interrupted or killed, from its last checkpoints; arguments as for `record_run`.
 
     The result is bit by bit what it would have been without the break. That takes the same package, libraries and input
-    files, which are compared.
+    files, which are compared. A run that was killed before it had recorded anything begins anew.
 
     Raises:
-        InputError: there is no run in the folder, it has ended, it was begun with something else, or cannot be read.
+        InputError: there is no run in the folder, it has ended, it was begun with something else, cannot be read, or is
+            still running.
         RecordingFailed: as for `record_run`.
     """
     folder = Path(folder)
+    if not any((folder / name).is_file() for name in (TRAJECTORY, RESOLVED)):
+        raise InputError(f"no run here, allowed is a folder that holds {TRAJECTORY}", file=folder, key="--resume")
+    with locked(folder):
+        return _resume(folder, progress=progress, stop=stop, replay=replay, notify=notify)
+
+
+def _resume(folder: Path, **how: Any) -> Result:
+    """Go on with the run of a locked folder; `how` as for `_run_into`."""
+    if not (folder / TRAJECTORY).exists():
+        scenario = load_scenario(folder / RESOLVED)
+        prepared = prepare(scenario)
+        check_starts(prepared.scene, how["notify"])
+        return _run_into(folder, prepared, scenario_toml(scenario), {}, **how)
     recording = recording_of(folder)
     if all(status != Status.UNFINISHED for status in recording.status) and (folder / SUMMARY).exists():
         raise InputError("has ended, there is nothing to resume", file=folder, key="--resume")
@@ -101,17 +121,7 @@ def resume_run(
     prepared = prepare(scenario)
     begun = _all_begun(recording, prepared, folder)
     before = max((wall_time.ensemble for wall_time in recording.wall_times), default=0.0)
-    return _run_into(
-        folder,
-        prepared,
-        recording.scenario_text,
-        begun,
-        wall_s_before=before,
-        progress=progress,
-        stop=stop,
-        replay=replay,
-        notify=notify,
-    )
+    return _run_into(folder, prepared, recording.scenario_text, begun, wall_s_before=before, **how)
 
 
 def _check_same(then: dict[str, str], now: dict[str, str], folder: Path, said: str) -> None:
@@ -207,28 +217,35 @@ def _run_into(
     summary = result.summary() | {"version": __version__, "libraries": library_versions()}
     write_whole(folder / SUMMARY, f"{json.dumps(summary, indent=2)}\n".encode())
     if not result.interrupted:
-        checkpoints.clear()
-    if replay and len(result.seeds[0].frames):
+        checkpoints.clear(scenario.run.seeds)
+    if replay and not result.interrupted and len(result.seeds[0].frames):
         build_replay(folder / TRAJECTORY, folder / REPLAY)
     return result
 
 
 def check_free(folder: Path) -> None:
-    """Refuse a folder that already holds a run, or a path that is not a folder.
+    """Refuse a folder that is not empty, or a path that is not a folder.
 
     Raises:
         InputError: as said.
     """
     if folder.exists() and not folder.is_dir():
         raise InputError("is not a folder", file=folder, key="--out")
-    held = [name for name in (TRAJECTORY, REPLAY, SUMMARY, RESOLVED, MJCF) if (folder / name).exists()]
+    held = {path.name for path in folder.iterdir()} if folder.exists() else set()
+    held -= {LOCK, partial_of(folder / RESOLVED).name}  # of a process that was killed before it had begun
+    if held & {TRAJECTORY, REPLAY, SUMMARY, RESOLVED, MJCF}:
+        raise InputError("already holds a run, allowed is a new or an empty folder", file=folder, key="--out")
     if held:
-        raise InputError(f"already holds a run ({held[0]}), allowed is a folder without one", file=folder, key="--out")
+        name = shortened(min(held), 40)
+        raise InputError(f"is not empty ({name}), allowed is a new or an empty folder", file=folder, key="--out")
 
 
 def fresh_folder(stem: str, base: Path = Path("runs")) -> Path:
     """Make and return the first of runs/STEM-001, runs/STEM-002, ... that does not exist."""
-    base.mkdir(parents=True, exist_ok=True)
+    try:
+        base.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise not_written(base, error) from error
     for number in itertools.count(1):
         folder = base / f"{stem}-{number:03d}"
         with contextlib.suppress(FileExistsError):  # of a run that was started at the same moment

@@ -64,6 +64,7 @@ class SeedRun:
         recorder: takes the blocks; without one they stay in memory.
         begun: what there is already.
         threads: that one seed may use.
+        interrupt: as for `Engine`.
     """
 
     def __init__(
@@ -74,9 +75,11 @@ class SeedRun:
         recorder: Recorder | None = None,
         begun: Begun | None = None,
         threads: int = 1,
+        interrupt: NDArray[np.int64] | None = None,
     ) -> None:
         self._prepared, self._index, self._recorder = prepared, index, recorder
         self._begun, self._threads = begun, threads
+        self._interrupt = np.zeros(1, np.int64) if interrupt is None else interrupt
         self._scene: Scene = prepared.scene  # with the times at which stages have ended so far
         waits = [stage.until.for_s for stage in self._scene.times.stages if stage.until]
         self._lines: StageLines | None = stage_lines(self._scene) if waits else None
@@ -117,7 +120,8 @@ class SeedRun:
 
     def _open(self, rng: np.random.Generator) -> None:
         """Start the engine, at t = 0 or where the seed was left."""
-        engine: Engine = engine_class(self._prepared.engine)(self._scene, rng, threads=self._threads)
+        start = engine_class(self._prepared.engine)
+        engine: Engine = start(self._scene, rng, threads=self._threads, interrupt=self._interrupt)
         first = engine.current()
         self._engine, self._guard = engine, Guard(self._prepared, first)
         if self._begun is None or not len(self._begun.frames):
@@ -183,6 +187,10 @@ class SeedRun:
                 return None
             started = time.perf_counter()
             pieces.append(self._engine.advance(piece))
+            if self._interrupt[0]:
+                self._engine.restore(state)
+                self._engine.take_impacts(end=False)
+                return None
             computed += piece
             took = time.perf_counter() - started
             done[self._index] = (self._history.n_frames + computed) / self._scene.n_frames

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import math
 import os
 import threading
 import time
@@ -27,6 +28,7 @@ from feeder_sim.scene.prepared import Prepared
 from feeder_sim.scene.scene import Scene
 from feeder_sim.scene.start import start_poses
 
+GRACE_S = 0.3  # [s] from the wish to stop until blocks under way are given up
 ANNOUNCED_S = 1.5  # [s]; what takes longer is announced
 COMPILING = "compiling the engine, which takes up to a minute; the result is kept for the next time"
 
@@ -116,7 +118,7 @@ def simulate(
         scenario: what to run.
         recorder: takes every block as it is computed.
         progress: called with the fraction done, from this thread, a few times a second.
-        stop: set it to end the run after the blocks under way.
+        stop: set it to end the run within a second, after the blocks under way if they are short.
         workers: threads; the engines' inner loops run outside Python, so threads use all cores. Default: all cores.
         notify: takes a line for the user, such as that the engine is being compiled.
         begun: seeds, by their index, that go on from what there is of them.
@@ -132,25 +134,30 @@ def simulate(
     done = np.zeros(run.seeds)
     _warm_up(prepared, notify)
     started = time.perf_counter()
+    interrupt, asked = np.zeros(1, np.int64), math.inf  # of the engines; when somebody asked to stop
     cores = workers or available_cores()
     threads = max(1, cores // run.seeds)  # for one seed, where there are fewer seeds than cores
 
     def run_seed(index: int) -> SeedResult:
         left = begun.get(index) if begun else None
-        seed = SeedRun(prepared, index, recorder=recorder, begun=left, threads=threads)
+        seed = SeedRun(prepared, index, recorder=recorder, begun=left, threads=threads, interrupt=interrupt)
         return seed.run(generators[index], done, stop)
 
     with ThreadPoolExecutor(cores) as pool:
         pending = set(futures := [pool.submit(run_seed, index) for index in range(run.seeds)])
         try:
             while pending:
-                finished, pending = wait(pending, timeout=0.2, return_when=FIRST_COMPLETED)
+                finished, pending = wait(pending, timeout=0.1, return_when=FIRST_COMPLETED)
+                if stop.is_set():
+                    asked = min(asked, time.perf_counter())
+                    interrupt[0] = time.perf_counter() - asked > GRACE_S
                 for future in finished:
                     future.result()  # an error ends the whole ensemble at once
                 if progress:
                     progress(float(done.mean()))
         except BaseException:
             stop.set()
+            interrupt[0] = 1
             raise
     results = tuple(future.result() for future in futures)
     return Result(prepared, results, wall_s_before + time.perf_counter() - started)
@@ -179,9 +186,10 @@ def available_cores() -> int:
 
 
 def _warm_up(prepared: Prepared, notify: Callable[[str], None] | None) -> None:
-    """Import and compile the engine before the threads need it; say so when that takes long."""
+    """Import and compile the engine before the threads need it, and compute nothing; say so when that takes long."""
     with _announced(COMPILING, notify):
-        engine_class(prepared.engine)(prepared.scene, np.random.default_rng(0)).advance(1)
+        start, interrupted = engine_class(prepared.engine), np.ones(1, np.int64)
+        start(prepared.scene, np.random.default_rng(0), interrupt=interrupted).advance(1)
 
 
 @contextlib.contextmanager

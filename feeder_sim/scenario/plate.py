@@ -10,6 +10,8 @@ from pydantic import AfterValidator, Discriminator, Field, Tag, model_validator
 from feeder_sim.plate.materials import MATERIALS, Material
 from feeder_sim.scenario.tables import AngleDeg, Flag, FrequencyHz, LengthMm, NonNegative, PointMm, Positive, Table
 
+MOST_DRIVES = 100  # at once; a plate has about so many modes below 20 kHz
+
 
 class CustomMaterial(Table):
     """A material that is not in the list."""

@@ -16,7 +16,7 @@ from pydantic import Field, model_validator
 
 from feeder_sim.scenario.engine_choice import known_failures, uncovered
 from feeder_sim.scenario.part import MAX_PARTS, MeshPart, PartSpec, Slide, Tube
-from feeder_sim.scenario.plate import Drive, Excitation, Plate, PlateFile, Rectangle
+from feeder_sim.scenario.plate import MOST_DRIVES, Drive, Excitation, Plate, PlateFile, Rectangle
 from feeder_sim.scenario.run import Contact, MujocoSettings, Run
 from feeder_sim.scenario.schedule import Goal, Schedule
 from feeder_sim.scenario.tables import Table, parse, read_text, validated
@@ -27,7 +27,7 @@ class Scenario(Table):
 
     title: str = ""
     plate: Plate
-    drive: tuple[Drive, ...] = ()
+    drive: Annotated[tuple[Drive, ...], Field(max_length=MOST_DRIVES)] = ()
     schedule: Schedule | None = None
     part: Annotated[tuple[PartSpec, ...], Field(min_length=1, max_length=100)]
     contact: Contact = Contact()

@@ -6,8 +6,10 @@ from typing import Annotated, Self
 
 from pydantic import Field, model_validator
 
-from feeder_sim.scenario.plate import Excitation
+from feeder_sim.scenario.plate import MOST_DRIVES, Excitation
 from feeder_sim.scenario.tables import LengthMm, NonNegative, Positive, Table
+
+MOST_STAGES = 100_000  # of all cycles together
 
 
 class Pick(Table):
@@ -31,7 +33,7 @@ class Stage(Table):
     """
 
     name: str = ""
-    drive: tuple[Excitation, ...] = ()
+    drive: Annotated[tuple[Excitation, ...], Field(max_length=MOST_DRIVES)] = ()
     duration_s: Positive
     until: Settled | None = None
     pause_s: NonNegative = 0.0
@@ -48,8 +50,15 @@ class Schedule(Table):
     """Stages to prepare the parts once, and a cycle of stages that is repeated."""
 
     cycles: Annotated[int, Field(ge=1, le=10_000, strict=True)] = 1
-    prepare: tuple[Stage, ...] = ()
-    stage: Annotated[tuple[Stage, ...], Field(min_length=1)]
+    prepare: Annotated[tuple[Stage, ...], Field(max_length=1000)] = ()
+    stage: Annotated[tuple[Stage, ...], Field(min_length=1, max_length=1000)]
+
+    @model_validator(mode="after")
+    def _not_too_many(self) -> Self:
+        total = len(self.prepare) + self.cycles * len(self.stage)
+        if total > MOST_STAGES:
+            raise ValueError(f"cycles times stages makes {total} stages, allowed are up to {MOST_STAGES}")
+        return self
 
 
 class Goal(Table):

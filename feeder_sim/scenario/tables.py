@@ -6,13 +6,15 @@ that names the file, the dotted key, the value and what is allowed.
 
 from __future__ import annotations
 
+import re
+import stat
 import tomllib
 from pathlib import Path
 from typing import Annotated, Any, TypeVar, get_args, get_origin
 
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
 
-from feeder_sim.errors import InputError, nearest, quoted, shortened
+from feeder_sim.errors import InputError, cause_of, nearest, quoted, shortened
 
 # Wide enough for any plate and part, narrow enough that no formula over- or underflows.
 Positive = Annotated[float, Field(gt=0, le=1e9, allow_inf_nan=False, strict=True)]
@@ -53,6 +55,9 @@ class Table(BaseModel):
 T = TypeVar("T", bound=Table)
 
 DEEPEST = 20  # tables and lists in each other; scenarios need five
+MOST_DOTS = 100  # in a key; the parser takes minutes for tens of thousands
+_OUTSIDE_KEYS = re.compile(r"""[=,{}\[\]\n]|"[^"\n]*"|'[^'\n]*'|\#[^\n]*""")
+LONGEST_TEXT = 2_000_000  # bytes; the longest scenarios have thousands of lines
 LARGEST_WHOLE = 10**300  # nothing that is checked here reaches it, and it can still be shown
 
 
@@ -60,14 +65,23 @@ def read_text(path: Path) -> str:
     """Read a text file.
 
     Raises:
-        InputError: missing or unreadable.
+        InputError: missing, unreadable, too long, or no file but a folder, a device or a pipe, which may never end.
     """
     try:
+        held = path.stat()
+        if not stat.S_ISREG(held.st_mode):
+            raise InputError("is no file, allowed is a text file", file=path)
+        if held.st_size > LONGEST_TEXT:
+            raise InputError(
+                f"is {held.st_size / 1e6:.1f} MB long, allowed are up to {LONGEST_TEXT / 1e6:g} MB of text", file=path
+            )
         return path.read_text(encoding="utf-8")
     except FileNotFoundError as error:
         raise InputError("no such file", file=path) from error
-    except (OSError, UnicodeDecodeError) as error:
+    except UnicodeDecodeError as error:
         raise InputError(f"cannot be read as text: {error}", file=path) from error
+    except OSError as error:
+        raise InputError(f"cannot be read: {cause_of(error)}", file=path) from error
 
 
 def parse(text: str, table: type[T], file: Path) -> T:
@@ -76,6 +90,8 @@ def parse(text: str, table: type[T], file: Path) -> T:
     Raises:
         InputError: TOML syntax, or any key or value that is not allowed.
     """
+    if max(line.count(".") for line in _OUTSIDE_KEYS.split(text)) > MOST_DOTS:
+        raise InputError(f"holds keys nested too deep, allowed are {DEEPEST} levels", file=file)
     try:
         raw = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:

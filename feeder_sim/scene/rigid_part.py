@@ -60,6 +60,12 @@ class RigidPart:
         """Largest distance of a surface point from the centre of mass [m]."""
         return float(np.linalg.norm(self.corners, axis=1).max() + self.corner_radius)
 
+    @property
+    def thinnest(self) -> float:
+        """Smallest extent along a principal axis [m]; that of a part in a plane lies in it."""
+        extent = np.ptp(self.corners, axis=0)
+        return float(min((d for d in extent if d > 0.0), default=0.0) + 2.0 * self.corner_radius)
+
     def lowest(self, quaternion: NDArray[np.float64]) -> float:
         """Height of the lowest point relative to the centre of mass [m] at an attitude (w first)."""
         from scipy.spatial.transform import Rotation

@@ -13,7 +13,7 @@ from feeder_sim.errors import InputError
 from feeder_sim.plate.drive import ModalDrive, modal_terms
 from feeder_sim.plate.surface import Surface
 from feeder_sim.scenario import Heap, PartSpec, Scattered, Scenario, Start, Tube
-from feeder_sim.scene.driven_plate import DrivenMode, assemble_plate
+from feeder_sim.scene.driven_plate import DrivenMode, DrivenPlate, assemble_plate
 from feeder_sim.scene.guide import Guide, build_guide
 from feeder_sim.scene.rigid_part import RigidPart, build_part, outline
 from feeder_sim.scene.timetable import TimedStage, Timetable, timed, timetable
@@ -21,6 +21,8 @@ from feeder_sim.scene.timetable import TimedStage, Timetable, timed, timetable
 GRAVITY = 9.81  # [m/s^2]
 DIAMETER_ROUND_OFF = 1e-9  # relative, of a tube that is just as wide as its part
 FRAME_ROUND_OFF = 1e-9  # of a frame interval, where the duration is a whole number of intervals
+LONGEST_STEP = 5e-4  # [s], in which a part at rest falls by a micrometre
+ENTERED = 0.25  # of the thinnest part; what a fast part enters the plate in the longest step
 FREE_TILT, UPRIGHT = (0.0, 3.0), (0.0, 0.0)  # [deg]; tilt at the start of a free and of a guided part by default
 
 
@@ -104,7 +106,7 @@ def build_scene(scenario: Scenario) -> Scene:
         _check_in_tube(spec, kind, i)
     _check_goal(scenario, plate.surface)
     run, times = scenario.run, timetable(scenario)
-    timestep = 1.0 / (scenario.highest_frequency_hz * run.steps_per_period)
+    timestep = min(1.0 / (scenario.highest_frequency_hz * run.steps_per_period), _longest_step(scenario, plate, kinds))
     kind_of = np.repeat(np.arange(len(kinds)), [spec.count for spec in scenario.part])
     digits = len(str(len(kind_of) - 1))
     guides = [
@@ -129,6 +131,18 @@ def build_scene(scenario: Scenario) -> Scene:
             f"is {times.duration:g}, allowed is at least one frame, {scene.frame_interval:g} s", key="run.duration_s"
         )
     return scene
+
+
+def _longest_step(scenario: Scenario, plate: DrivenPlate, kinds: Sequence[RigidPart]) -> float:
+    """Longest step [s] at any frequency: one at rest falls by a micrometre, a fast one enters by a share of itself."""
+    shortest = LONGEST_STEP
+    plate_speed = sum(2.0 * math.pi * mode.drive.drive_frequency * mode.drive.amplitude for mode in plate.driven)
+    for spec, kind in zip(scenario.part, kinds, strict=True):
+        start = spec.start
+        thrown = 1e-3 * math.hypot(*start.velocity_mm_s) if isinstance(start, Start) else 0.0
+        fall = math.sqrt(2.0 * GRAVITY * 1e-3 * start.drop_height_mm[1])
+        shortest = min(shortest, ENTERED * kind.thinnest / (plate_speed + thrown + fall + 1e-9))
+    return shortest
 
 
 def _check_on_plate(spec: PartSpec, kind: RigidPart, surface: Surface, key: str) -> None:

@@ -14,6 +14,7 @@ from feeder_sim.scene.rigid_part import RigidPart
 from feeder_sim.scene.scene import FREE_TILT, UPRIGHT, Scene
 
 APART = 1e-4  # [m]; smallest distance between the bounding spheres of two parts at the start
+WIDEST_HEAP = 500  # parts side by side
 MAX_TRIES = 20_000  # places drawn for one part before the rectangle counts as full
 
 
@@ -47,7 +48,7 @@ def start_poses(scene: Scene, rng: np.random.Generator) -> list[Pose]:
     first = 0
     for i, (spec, kind) in enumerate(zip(scene.scenario.part, scene.kinds, strict=True)):
         if isinstance(spec.start, Heap):
-            centres = _column(spec.start, kind, spec.count)
+            centres = _column(spec.start, kind, spec.count, table=i)
         for n in range(spec.count):
             # A heap does not use the height, but the draw is part of its random sequence.
             height, quaternion = _height_and_attitude(scene, first + n, spec, kind, rng)
@@ -140,8 +141,18 @@ def _free_place(
     )
 
 
-def _column(start: Heap, kind: RigidPart, count: int) -> NDArray[np.float64]:
-    """Centres (count, 3) [m] of a column of layers in hexagonal packing, the lowest layer one part size above z = 0."""
+def _column(start: Heap, kind: RigidPart, count: int, *, table: int) -> NDArray[np.float64]:
+    """Centres (count, 3) [m] of a column of layers in hexagonal packing, the lowest layer one part size above z = 0.
+
+    Raises:
+        InputError: the heap is absurdly wide; the message names the part table of this index.
+    """
+    widest = 2e3 * WIDEST_HEAP * kind.size
+    if start.diameter_mm > widest:
+        raise InputError(
+            f"is {start.diameter_mm:g}, allowed is up to {WIDEST_HEAP} times the size of a part, {widest:.4g}",
+            key=f"part[{table}].start.diameter_mm",
+        )
     pitch = 2.0 * (kind.size + APART)
     reach = max(0.0, 0.5e-3 * start.diameter_mm - kind.size)
     n = math.ceil(reach / pitch) + 1

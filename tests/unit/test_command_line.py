@@ -50,6 +50,7 @@ def test_run_prints_one_json_object_and_fills_the_folder(scenario: Path, tmp_pat
     assert summary["simulated_s"] == pytest.approx(0.2, rel=0.03)
     assert summary["real_time_factor"] == pytest.approx(summary["simulated_s"] / summary["wall_s"])
     assert {p.name for p in (tmp_path / "run").iterdir()} == {
+        ".lock",
         "trajectory.h5",
         "replay.rrd",
         "summary.json",

@@ -42,7 +42,7 @@ def advance_alone(parts, kinds, wall, drive, notes, clock, frames, work):
     clock: time from which windows count, number of the window under way, and when the part is to be looked at next.
     The wall is None without a tube.
     """
-    kinds, wall, work = borrow(kinds), borrow(wall), borrow(work)
+    kinds, wall, work, frames = borrow(kinds), borrow(wall), borrow(work), borrow(frames)
     part, kind, surface = parts[0], kinds.record[0], drive.surface
     top = 0.0  # in a tube, contacts are told apart by the usual step
     if wall is None:
@@ -52,6 +52,8 @@ def advance_alone(parts, kinds, wall, drive, notes, clock, frames, work):
     bounds = bound_window(acting, drive.antinode, start, end, drive.step, top)
     for frame in range(frames.time.shape[0]):
         while clock[DUE] < frames.time[frame]:
+            if frames.interrupt[0] != 0:
+                return
             if clock[DUE] >= end:
                 clock[NUMBER] += 1.0
                 start, end = end, clock[ORIGIN] + (clock[NUMBER] + 1.0) * drive.window

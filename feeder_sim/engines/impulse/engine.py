@@ -58,8 +58,16 @@ class ImpulseEngine:
     name = "impulse"
     frames_per_block = BLOCK_FRAMES
 
-    def __init__(self, scene: Scene, rng: np.random.Generator, *, threads: int = 1) -> None:
+    def __init__(
+        self,
+        scene: Scene,
+        rng: np.random.Generator,
+        *,
+        threads: int = 1,
+        interrupt: NDArray[np.int64] | None = None,
+    ) -> None:
         self._scene = scene
+        self._interrupt = np.zeros(1, np.int64) if interrupt is None else interrupt
         self._kinds = kinds = read_kinds(scene)
         self._n = len(scene.parts)
         self._wall = read_wall(scene.guides[0])
@@ -110,10 +118,12 @@ class ImpulseEngine:
                 self._notes = self._notes._replace(log=room_for(self._notes.log, room))
             drive = Drive(self._surface, self._antinode, scene.timestep, WINDOW_ALONE)
             work = self._tools[0].work
-            frames = FrameRows(times, rows)
+            frames = FrameRows(times, rows, self._interrupt)
             advance_alone(self._parts, self._kinds, self._wall, drive, self._notes, self._clock, frames, work)
         else:
             self._advance_crowd(times, rows)
+        if self._interrupt[0]:
+            return self.current()
         self._frame += n_frames
         self._row = rows[-1].copy()
         return self._frames(rows, self._frame - n_frames + 1)
@@ -122,17 +132,24 @@ class ImpulseEngine:
         """Compute the windows that the frames lie in, or end with; the one under way may hold some of them."""
         done = int(np.searchsorted(times, self._span[1], side="right"))
         if done:
-            self._compute_window(self._span[1], FrameRows(times[:done], rows[:done]))
+            self._compute_window(self._span[1], times[:done], rows[:done])
         while done < len(times):
             start = self._span[1]
             self._span[:] = start, start + WINDOW
             self._keep_begin_of_window()
             last = int(np.searchsorted(times, self._span[1], side="right"))
-            self._compute_window(self._span[1], FrameRows(times[done:last], rows[done:last]))
+            self._compute_window(self._span[1], times[done:last], rows[done:last])
+            if self._interrupt[0]:
+                break
             done = last
 
-    def _compute_window(self, until: float, frames: FrameRows) -> None:
-        """Compute the window under way from its begin until a time in it [s]."""
+    def _compute_window(
+        self, until: float, times: NDArray[np.float64] | None = None, rows: NDArray[np.float64] | None = None
+    ) -> None:
+        """Compute the window under way from its begin until a time in it [s], and the rows of the frames at times."""
+        if times is None or rows is None:
+            times, rows = np.empty(0), np.empty((0, self._n, ROW))
+        frames = FrameRows(times, rows, self._interrupt)
         parts, start = self._opened.copy(), self._span[0]
         place = (self._kinds, self._surface, self._antinode, (start, self._span[1]), self._scene.timestep)
         acting, bounds, reach = open_window(parts, self._n, *place)
@@ -143,7 +160,8 @@ class ImpulseEngine:
             self._forget_unresolved()
             pairs, islands = find_neighbours(parts, self._n, self._kinds, self._surface, reach, self._pairs_before)
             crowd = Crowd(parts, begun["position"].copy(), pairs, self._kinds, islands)
-            if not self._advance_islands(crowd, Plate(acting, bounds), Span(start, until, reach), frames):
+            left = self._advance_islands(crowd, Plate(acting, bounds), Span(start, until, reach), frames)
+            if not left or self._interrupt[0]:
                 break
             farthest = float(np.linalg.norm(parts["position"] - begun["position"], axis=1).max())
             if not np.isfinite(farthest):
@@ -174,7 +192,7 @@ class ImpulseEngine:
             self._parts["clock"] = now
             return
         if now < self._span[1]:
-            self._compute_window(now, FrameRows(np.empty(0), np.empty((0, self._n, ROW))))
+            self._compute_window(now)
         self._span[:] = now, now
         self._keep_begin_of_window()
 
@@ -223,7 +241,7 @@ class ImpulseEngine:
         self._pairs["a"], self._pairs["b"], self._pairs["axis"] = *state["pair"].T, state["pair_axis"]
         self._opened, self._pairs_before = self._parts.copy(), self._pairs
         if not self._alone and self._span[1] > self._span[0]:
-            self._compute_window(self._span[1], FrameRows(np.empty(0), np.empty((0, self._n, ROW))))
+            self._compute_window(self._span[1])
 
     @property
     def unresolved_impacts(self) -> int:

@@ -104,7 +104,7 @@ def _advance_island(island, crowd, plate, tools, span, frames):
     left = False
     for frame in range(frames.time.shape[0] + 1):
         stop = frames.time[frame] if frame < frames.time.shape[0] else span.end
-        while tree[1] < stop:
+        while tree[1] < stop and frames.interrupt[0] == 0:
             t, event = tree[1], _earliest(tree)
             if event < n:
                 left |= _look_at_part(event, t, agenda, crowd, plate, tools.work, span.reach)

@@ -100,10 +100,14 @@ class Bounds(NamedTuple):
 
 
 class FrameRows(NamedTuple):
-    """Times of frames (m,) [s], and the rows (m, parts, ROW) that the states then are written to."""
+    """Times of frames (m,) [s], and the rows (m, parts, ROW) that the states then are written to.
+
+    interrupt: (1,), not 0 as soon as another thread wants the computation to end where it is.
+    """
 
     time: NDArray[np.float64]
     row: NDArray[np.float64]
+    interrupt: NDArray[np.int64]
 
 
 class Scratch(NamedTuple):

@@ -55,6 +55,7 @@ class Addresses(NamedTuple):
     vertical: int
     factor: float
     touch: NDArray[np.float64]
+    interrupt: NDArray[np.int64]
     mocap: bool
     mocap_pos: NDArray[np.float64]
     mocap_quat: NDArray[np.float64]
@@ -122,6 +123,8 @@ def _advance(at, surface, log, timestep, first_step, steps_per_frame, qpos_out, 
     modal_motion(step * timestep, *drive, q_next, unused)
     for frame in range(qpos_out.shape[0]):
         for _ in range(steps_per_frame):
+            if at.interrupt[0] != 0:
+                return step
             step += 1
             q[:] = q_next
             modal_motion(step * timestep, *drive, q_next, unused)
@@ -152,7 +155,14 @@ class MujocoEngine:
     name = "mujoco"
     frames_per_block = BLOCK_FRAMES
 
-    def __init__(self, scene: Scene, rng: np.random.Generator, *, threads: int = 1) -> None:
+    def __init__(
+        self,
+        scene: Scene,
+        rng: np.random.Generator,
+        *,
+        threads: int = 1,
+        interrupt: NDArray[np.int64] | None = None,
+    ) -> None:
         del threads  # it steps a scene on one
         self.model = build_mjcf(scene).compile()
         self.data = mujoco.MjData(self.model)
@@ -179,6 +189,7 @@ class MujocoEngine:
             vertical=0 if self._slide else 2,
             factor=float(self._slide.axis[2]) if self._slide else 1.0,
             touch=self.data.sensordata,
+            interrupt=np.zeros(1, np.int64) if interrupt is None else interrupt,
             mocap=mocap,
             mocap_pos=self.data.mocap_pos,
             mocap_quat=self.data.mocap_quat,
@@ -225,6 +236,8 @@ class MujocoEngine:
         timestep = scene.timestep * self._units.time
         arguments = (self._at, self._surface, self._log, timestep, first, scene.steps_per_frame)
         self._step = _advance(*arguments, qpos, qvel)
+        if self._at.interrupt[0]:
+            return self.current()
         return self._frames(qpos, qvel, first + scene.steps_per_frame)
 
     def remove(self, parts: NDArray[np.int64]) -> None:

@@ -24,8 +24,15 @@ class SlideEngine:
     name = "impulse"
     frames_per_block = 20 * BLOCK_FRAMES
 
-    def __init__(self, scene: Scene, rng: np.random.Generator, *, threads: int = 1) -> None:
-        del threads  # one coordinate needs one
+    def __init__(
+        self,
+        scene: Scene,
+        rng: np.random.Generator,
+        *,
+        threads: int = 1,
+        interrupt: NDArray[np.int64] | None = None,
+    ) -> None:
+        del threads, interrupt  # one coordinate needs one, and is soon done
         (pose,) = start_poses(scene, rng)
         guide = scene.guides[0]
         assert guide is not None

@@ -1,0 +1,75 @@
+"""What is asked of an HDF5 file before anything in it is read: that it holds its data itself, and no more than fits.
+
+A file may come from anybody. HDF5 follows links to other files, takes the bytes of a dataset from any file or pipe, and
+makes room for whatever size a file claims.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from feeder_sim.errors import InputError
+
+FILTERS = (1, 2, 3)  # deflate, shuffle, Fletcher's checksum: what the package writes with, and needs no plugin
+MOST_PACKED = 1100  # times; deflate reaches 1032
+UNWRITTEN = 2**28  # [bytes] that may be missing: a killed writer has made room for what it had not yet written
+
+
+def check_trusted(file: Any, path: Path) -> None:
+    """Refuse an opened HDF5 file that points outside itself or claims more data than it can hold.
+
+    Raises:
+        InputError: what it holds that no file of this package does; `path` names it in the message.
+    """
+    import h5py
+
+    claimed = missing = 0
+    for name, entry in _entries(file, path):
+        if not isinstance(entry, h5py.Dataset):
+            continue
+        if entry.external or entry.is_virtual:
+            raise InputError(
+                "takes its data from another file, allowed is data in the file itself", file=path, key=name
+            )
+        filters = entry.id.get_create_plist()
+        if any(filters.get_filter(k)[0] not in FILTERS for k in range(filters.get_nfilters())):
+            raise InputError("is packed in an unknown way, allowed is gzip", file=path, key=name)
+        claimed += entry.nbytes
+        missing += max(0, entry.nbytes - MOST_PACKED * entry.id.get_storage_size())
+    if missing > UNWRITTEN or claimed > _memory():
+        raise InputError(
+            f"claims to hold {claimed / 1e9:.2g} GB, allowed is what it can and this machine has", file=path
+        )
+
+
+def _entries(file: Any, path: Path) -> Iterator[tuple[str, Any]]:
+    """Every group and dataset once, with its name."""
+    import h5py
+
+    seen = set()
+    waiting = [("", file)]
+    while waiting:
+        above, group = waiting.pop()
+        for last in group:
+            name = f"{above}/{last}"
+            if not isinstance(group.get(last, getlink=True), h5py.HardLink):
+                raise InputError("is a link to somewhere else, allowed is data in the file itself", file=path, key=name)
+            entry = group[last]
+            address = h5py.h5o.get_info(entry.id).addr
+            if address in seen:
+                continue
+            seen.add(address)
+            yield name, entry
+            if isinstance(entry, h5py.Group):
+                waiting.append((name, entry))
+
+
+def _memory() -> float:
+    """Memory of the machine [bytes]."""
+    try:
+        return float(os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE"))
+    except (AttributeError, ValueError, OSError):  # no such question on this system
+        return float("inf")

@@ -1,0 +1,58 @@
+"""The files of a run in its folder: told from those of others, and written by one process at a time."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from feeder_sim.errors import InputError, not_written
+
+CHECKPOINTS = "checkpoints"  # folder in a run folder
+LOCK = ".lock"
+_OWN = re.compile(
+    rf"(trajectory\.h5|replay(_seed_\d+)?\.rrd|summary\.json|scenario\.toml|scene\.xml|(failure_)?seed_\d+\.npz"
+    rf"|{CHECKPOINTS})(\.new|\.partial)?|{re.escape(LOCK)}"
+)
+
+
+def is_own(name: str) -> bool:
+    """Whether a run gives this name to a file, or to a folder, in its folder."""
+    return _OWN.fullmatch(name) is not None
+
+
+def check_no_links(folder: Path) -> None:
+    """Refuse a run folder that holds links in place of files of the run: they would be read and written elsewhere.
+
+    Raises:
+        InputError: a link by the name of a file of the run.
+    """
+    for inside in (folder, folder / CHECKPOINTS):
+        for path in sorted(inside.iterdir()) if inside.is_dir() else ():
+            if path.is_symlink() and is_own(path.name):
+                raise InputError("is a link, allowed is a file of the run itself", file=path)
+
+
+@contextmanager
+def locked(folder: Path) -> Iterator[None]:
+    """Keep other processes from writing into a run folder; the operating system lets go when this one ends, or dies.
+
+    Raises:
+        InputError: another process writes into it, or nobody can.
+    """
+    from filelock import FileLock, Timeout
+
+    path = folder / LOCK
+    check_no_links(folder)
+    lock = FileLock(path, timeout=0)
+    try:
+        lock.acquire()
+    except Timeout:
+        raise InputError("is in use, allowed is one process that writes into it at a time", file=folder) from None
+    except OSError as error:
+        raise not_written(path, error) from error
+    try:
+        yield
+    finally:
+        lock.release()

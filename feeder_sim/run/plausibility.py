@@ -1,0 +1,81 @@
+"""Scenes that can be computed and that nobody can mean: they are refused, or said to be doubtful.
+
+The stress of a bending wave is sqrt(3) rho c v at the surface, with the plate's density, its speed of sound c =
+sqrt(E / rho) and the largest velocity v of its antinodes (Hunt, J. Acoust. Soc. Am. 32 (1960) 1123).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+import numpy as np
+
+from feeder_sim.errors import InputError
+from feeder_sim.run.energy import largest_at_once
+from feeder_sim.scenario import Rectangle, Strip, resolve_material
+from feeder_sim.scene.scene import Scene
+
+FASTEST = 100.0  # [m/s] of the surface; plates of feeders reach 1 m/s
+BREAKS = 1e8  # [Pa] of alternating stress, at which plates of aluminium and steel do not live long
+
+
+def check_plausible(scene: Scene) -> None:
+    """Refuse what no plate or part can be.
+
+    Raises:
+        InputError: the drives together bend the plate by more than its thickness or move it absurdly fast, a drive
+            never acts, or a part is larger than its plate.
+    """
+    scenario, surface = scene.scenario, scene.surface
+    keys = [key for key, _ in scenario.excitations]
+    amplitude = np.array([drive.amplitude for drive in scene.drives])
+    together = largest_at_once(scene, amplitude)
+    if together > surface.thickness:
+        raise InputError(
+            f"adds up to {1e6 * together:.4g} um of drives that act at once, allowed is up to the plate's thickness, "
+            f"{1e6 * surface.thickness:g} um",
+            key=f"{keys[0]}, ...",
+        )
+    speed = _fastest(scene)
+    if speed > FASTEST:
+        raise InputError(
+            f"moves the surface at {speed:.3g} m/s, allowed is up to {FASTEST:g} m/s with all drives", key=keys[0]
+        )
+    for i, drive in enumerate(scenario.drive):
+        if drive.start_s >= scene.times.duration:
+            raise InputError(
+                f"is {drive.start_s:g}, allowed is before the end of the run at {scene.times.duration:g} s",
+                key=f"drive[{i}].start_s",
+            )
+    diagonal = math.hypot(surface.length, surface.width)
+    for i, kind in enumerate(scene.kinds):
+        if 2.0 * kind.size > diagonal:
+            raise InputError(
+                f"is {2e3 * kind.size:.4g} mm large, allowed is up to the plate's diagonal, {1e3 * diagonal:.4g} mm",
+                key=f"part[{i}]",
+            )
+
+
+def doubts(scene: Scene) -> Iterator[str]:
+    """Lines about what one may mean, but hardly does."""
+    plate = scene.scenario.plate
+    if isinstance(plate, Strip) or (isinstance(plate, Rectangle) and plate.mode_file is None):
+        material = resolve_material(plate.material or "aluminium")
+        speed = _fastest(scene)
+        stress = math.sqrt(3.0 * material.density * material.youngs_modulus) * speed
+        if stress > BREAKS:
+            yield (
+                f"drive: moves the surface at {speed:.2g} m/s, which bends the plate with {1e-6 * stress:.0f} MPa: it "
+                "would break before long"
+            )
+    shorter = min(scene.surface.length, scene.surface.width)
+    for i, kind in enumerate(scene.kinds):
+        if 2.0 * kind.size > shorter:
+            yield f"part[{i}]: is {2e3 * kind.size:.3g} mm large, more than the plate's side of {1e3 * shorter:.3g} mm"
+
+
+def _fastest(scene: Scene) -> float:
+    """Largest velocity amplitude of the surface [m/s]."""
+    speeds = [2.0 * math.pi * drive.drive_frequency * drive.amplitude for drive in scene.drives]
+    return largest_at_once(scene, np.array(speeds))

@@ -1,0 +1,202 @@
+"""Scenes at the ends of what is allowed: refused in one line, computed as they should be, and stopped when asked."""
+
+from __future__ import annotations
+
+import os
+import threading
+import time
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+import pytest
+from command_line import check_refused, feeder_sim, in_new_process
+from threadpoolctl import threadpool_limits
+
+from feeder_sim.engines.lookup import engine_class
+from feeder_sim.errors import InputError
+from feeder_sim.plate.materials import MATERIALS
+from feeder_sim.plate.modes import RectangularPlate, plate_modes
+from feeder_sim.run.guard import Guard
+from feeder_sim.run.plan import plan_run
+from feeder_sim.run.prepare import prepare
+from feeder_sim.run.simulation import simulate
+from feeder_sim.scenario import Scenario
+from feeder_sim.scenario.tables import validated
+
+REST = """
+plate = { kind = "piston" }
+part = [{ shape = "hex_nut", size = "M2.5" }]
+run = { duration_s = 1.0 }
+"""
+Engine = Literal["impulse", "mujoco"]
+
+
+def scenario_of(**changes: Any) -> Scenario:
+    """A nut over a piston, with other tables."""
+    raw = {
+        "plate": {"kind": "piston"},
+        "drive": [{"frequency_hz": 500.0, "amplitude_um": 5.0}],
+        "part": [{"shape": "hex_nut", "size": "M2.5"}],
+        "run": {"duration_s": 0.2, "seeds": 1},
+    }
+    return validated(raw | changes, Scenario, Path("scenario.toml"))
+
+
+@pytest.mark.parametrize("engine", ["impulse", "mujoco"])
+@pytest.mark.parametrize("frequency_hz", [0.5, 2.0, 5.0])
+def test_a_nut_rests_on_a_plate_that_is_driven_slowly_or_not(engine: Engine, frequency_hz: float) -> None:
+    """A step of a fortieth of the period let it sink in by 0.8 mm, or fall through."""
+    scenario = scenario_of(
+        drive=[{"frequency_hz": frequency_hz, "amplitude_um": 0.0}],
+        run={"duration_s": 1.0, "seeds": 1, "engine": engine},
+    )
+    result = simulate(scenario)
+    assert not result.failures
+    guard = Guard(result.prepared, result.seeds[0].frames[slice(1)])
+    assert guard.depth(result.seeds[0].frames).max() < 4e-5
+
+
+def test_a_step_is_no_longer_than_a_fast_part_allows() -> None:
+    """A share of a part is what it may enter; the guard's limit follows the step."""
+    slow, fast = (
+        prepare(scenario_of(part=[{"shape": "ball", "diameter_mm": 0.5, "start": {"drop_height_mm": height}}]))
+        for height in (0.1, 1000.0)
+    )
+    assert slow.scene.timestep == pytest.approx(1.0 / (500.0 * 40))
+    assert fast.scene.timestep * np.sqrt(2 * 9.81) < 0.25 * 0.5e-3 < slow.scene.timestep * np.sqrt(2 * 9.81)
+
+
+def test_modes_are_the_same_bits_on_any_number_of_threads() -> None:
+    plate = RectangularPlate(0.18, 0.16, 0.003, MATERIALS["aluminium"])
+    found = []
+    for threads in (1, 2):
+        with threadpool_limits(threads):
+            found.append(plate_modes(plate, highest_frequency=3000.0))
+    one, two = found
+    assert np.array_equal(one.natural_frequency, two.natural_frequency)
+    assert np.array_equal(one.coefficients, two.coefficients)
+
+
+@pytest.mark.parametrize("engine", ["impulse", "mujoco"])
+@pytest.mark.parametrize("count", [1, 5])
+def test_an_engine_is_interrupted_within_an_advance_and_goes_on_to_the_same_bits(engine: Engine, count: int) -> None:
+    start = {"kind": "scattered"} if count > 1 else {"kind": "point"}
+    scenario = scenario_of(
+        part=[{"shape": "hex_nut", "size": "M2.5", "count": count, "start": start}],
+        run={"duration_s": 1.0, "seeds": 1, "engine": engine},
+    )
+    prepared, interrupt = prepare(scenario), np.zeros(1, np.int64)
+    make = engine_class(prepared.engine)
+    undisturbed = make(prepared.scene, np.random.default_rng(0))
+    disturbed = make(prepared.scene, np.random.default_rng(0), interrupt=interrupt)
+    first = [one.advance(10).position for one in (undisturbed, disturbed)]
+    assert np.array_equal(*first)
+    state = disturbed.state()
+    asking = threading.Timer(0.3, interrupt.fill, [1])
+    asking.start()
+    disturbed.advance(300_000)  # ten minutes of simulated time
+    interrupt[0] = 0
+    disturbed.restore(state)
+    assert np.array_equal(undisturbed.advance(50).position, disturbed.advance(50).position)
+
+
+def test_a_run_whose_frames_take_for_ever_ends_when_asked(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A frame that takes minutes: between two looks of the time loop nothing else could end it."""
+    scenario = scenario_of(run={"duration_s": 3600.0, "seeds": 2, "frames_per_second": 1.0})
+    monkeypatch.setattr("feeder_sim.run.seed_run.FIRST_PIECE", 3000)
+    stop = threading.Event()
+    threading.Timer(0.5, stop.set).start()
+    started = time.perf_counter()
+    result = simulate(scenario, stop=stop)
+    assert result.interrupted
+    assert time.perf_counter() - started < 60.0  # of an hour of a nut in flight
+
+
+NONSENSE: dict[str, tuple[dict[str, Any], str]] = {
+    "drives that add up": ({"drive": [{"frequency_hz": 1.0, "amplitude_um": 3000.0}] * 20}, "adds up to 6e+04 um"),
+    "a piston faster than sound": ({"drive": [{"frequency_hz": 1e6, "amplitude_um": 3000.0}]}, "allowed is up to 100"),
+    "a part larger than its plate": (
+        {"plate": {"kind": "piston", "length_mm": 3.0, "width_mm": 3.0}},
+        "allowed is up to the plate's diagonal",
+    ),
+    "a plate of a micrometre": ({"plate": {"kind": "piston", "length_mm": 1e-3, "width_mm": 1e-3}}, "diagonal"),
+    "a drive that begins after the end": (
+        {"drive": [{"frequency_hz": 500.0, "amplitude_um": 5.0, "start_s": 1e9}]},
+        "drive[0].start_s: is 1e+09, allowed is before the end",
+    ),
+    "a heap as wide as a hall": (
+        {
+            "plate": {"kind": "piston", "length_mm": 1e5, "width_mm": 1e5},
+            "part": [{"shape": "hex_nut", "size": "M2.5", "count": 9, "start": {"kind": "heap", "diameter_mm": 1e5}}],
+        },
+        "diameter_mm: is 100000, allowed is up to 500 times",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", NONSENSE)
+def test_what_nobody_can_mean_is_refused(name: str) -> None:
+    changes, said = NONSENSE[name]
+    scenario = scenario_of(**changes)
+    with pytest.raises(InputError) as refused:
+        simulate(scenario)
+    assert said in str(refused.value)
+
+
+def test_what_hardly_anybody_means_is_said() -> None:
+    plate = {"kind": "strip", "thickness_mm": 3.0, "width_mm": 4.0}
+    prepared = prepare(scenario_of(plate=plate, drive=[{"frequency_hz": 4750.0, "amplitude_um": 300.0}]))
+    assert any("would break before long" in line for line in prepared.cautions)
+    assert any("more than the plate's side of 4 mm" in line for line in prepared.cautions)
+    assert not prepare(scenario_of(plate=plate | {"width_mm": 60.0})).cautions
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("a." * 60_000 + "a = 1\n", "nested too deep"),
+        ("x = {" + "a." * 60_000 + "a = 1}\n", "nested too deep"),
+        ("a = " + "[" * 3000 + "]" * 3000 + "\n", "nested too deep"),
+        ("a = " + "9" * 6000 + "\n", "digits"),
+        ('title = "' + "x" * 3_000_000 + '"\n', "3.0 MB long"),
+        ("".join(f"k{i} = 1\n" for i in range(100_000)), "unknown key"),
+        (REST + "[[drive]]\nfrequency_hz = 1.0\namplitude_um = 0.0\n" * 10_000, "at most 100 items"),
+        (
+            REST + "[schedule]\ncycles = 10000\n" + "[[schedule.stage]]\nduration_s = 1.0\n" * 1000,
+            "allowed are up to 100000",
+        ),
+    ],
+    ids=["key", "key in a table", "lists", "digits", "text", "keys", "drives", "stages"],
+)
+def test_absurdly_large_scenarios_are_refused_at_once(text: str, said: str, tmp_path: Path) -> None:
+    """Some of them took minutes; that is seen by the time limit of the process."""
+    (tmp_path / "large.toml").write_text(text)
+    check_refused(in_new_process("check", tmp_path / "large.toml"), said)
+
+
+def test_a_title_of_many_dots_is_no_nesting(tmp_path: Path) -> None:
+    file = tmp_path / "dots.toml"
+    text = "# " + "." * 300 + "\n" + 'title = "' + "." * 300 + '"\nplate = { kind = "piston" }\n'
+    file.write_text(text)
+    check_refused(feeder_sim("check", file), "part: is missing")
+
+
+@pytest.mark.parametrize("command", ["check", "run", "modes", "list", "replay"])
+def test_a_pipe_is_not_read(command: str, tmp_path: Path) -> None:
+    """Nobody writes to it: opening it waits for ever."""
+    (tmp_path / "scenarios").mkdir()
+    pipe = tmp_path / "scenarios" / "pipe.toml"
+    os.mkfifo(pipe)
+    done = in_new_process(command, tmp_path if command == "list" else pipe)
+    if command == "list":
+        assert done.returncode == 0 and "unusable" in done.stdout
+    else:
+        check_refused(done, "pipe.toml")
+
+
+def test_a_long_schedule_of_short_stages_is_planned() -> None:
+    """Its trial is of one stage, which is shorter than a frame."""
+    stage = {"duration_s": 1e-3, "drive": [{"frequency_hz": 500.0, "amplitude_um": 5.0}]}
+    scenario = scenario_of(schedule={"cycles": 100, "stage": [stage]}, drive=[], run={"seeds": 1})
+    assert plan_run(prepare(scenario))["estimated_wall_s"] > 0.0
