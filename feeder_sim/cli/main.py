@@ -296,10 +296,10 @@ def _stop_on_signal() -> Iterator[_Stop]:
             signal.signal(s, handler)
 
     def ask(*_: object) -> None:
-        if not stop.computing:
-            raise KeyboardInterrupt
         stop.set()
         restore()  # the second signal does what it always does
+        if not stop.computing:
+            raise KeyboardInterrupt
 
     previous = {s: signal.signal(s, ask) for s in (signal.SIGINT, signal.SIGTERM)}
     try:

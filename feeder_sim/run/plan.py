@@ -20,7 +20,7 @@ from feeder_sim.plate.drive import ModalDrive
 from feeder_sim.replay.wave import PERIODS, PICTURES, POINTS
 from feeder_sim.run.advice import recommendations
 from feeder_sim.run.run_folder import DISPLAY_POINTS
-from feeder_sim.run.simulation import available_cores
+from feeder_sim.run.simulation import available_cores, compile_engine
 from feeder_sim.scenario import PartSpec, Schedule
 from feeder_sim.scenario.engine_choice import Choice
 from feeder_sim.scene.driven_plate import DrivenMode
@@ -193,13 +193,9 @@ def _busiest(scene: Scene) -> Scene:
 def _trial_cost(scene: Scene, choice: Choice) -> float:
     """Wall time [s] of a step of one seed on one core, after compilation."""
     scene = _busiest(scene)
-    interrupt = np.ones(1, np.int64)
+    compile_engine(choice, scene)
+    interrupt = np.zeros(1, np.int64)
     engine = engine_class(choice)(scene, np.random.default_rng(0), interrupt=interrupt)
-    start = engine.state()
-    engine.advance(1)  # which compiles it, and computes nothing
-    engine.restore(start)
-    engine.take_impacts(end=False)
-    interrupt[0] = 0
     frames, most, piece = 0, min(scene.n_frames, max(1, TRIAL_STEPS // scene.steps_per_frame)), 1
     started = time.perf_counter()
     with ThreadPoolExecutor(1) as pool:  # this thread hears of Ctrl-C

@@ -27,7 +27,7 @@ from feeder_sim.run.prepare import prepare
 from feeder_sim.run.provenance import input_hashes, library_versions
 from feeder_sim.run.recorder import RunRecorder
 from feeder_sim.run.seed_record import Begun
-from feeder_sim.run.simulation import Result, check_starts, simulate
+from feeder_sim.run.simulation import Result, announced, check_starts, simulate
 from feeder_sim.scenario import Scenario, load_scenario, parse_scenario
 from feeder_sim.scene.prepared import Prepared
 from feeder_sim.scene.scene import Scene
@@ -179,17 +179,18 @@ def _run_into(
     """Simulate a scene into a folder; what has begun is copied into the new trajectory file first."""
     scenario, new = prepared.scenario, folder / f"{TRAJECTORY}.new"
     new.unlink(missing_ok=True)
-    writer = TrajectoryWriter(
-        new,
-        engine=prepared.engine.name,
-        seed=scenario.run.seed,
-        n_seeds=scenario.run.seeds,
-        scenario_text=text,
-        libraries=library_versions(),
-        inputs=input_hashes(scenario),
-        plate=plate_record(prepared),
-        parts=[PartRecord(part.name, part.vertices, part.faces) for part in prepared.scene.parts],
-    )
+    with announced(f"making the file for {scenario.run.seeds} seeds", notify):
+        writer = TrajectoryWriter(
+            new,
+            engine=prepared.engine.name,
+            seed=scenario.run.seed,
+            n_seeds=scenario.run.seeds,
+            scenario_text=text,
+            libraries=library_versions(),
+            inputs=input_hashes(scenario),
+            plate=plate_record(prepared),
+            parts=[PartRecord(part.name, part.vertices, part.faces) for part in prepared.scene.parts],
+        )
     checkpoints = CheckpointFolder(folder, _identity(text, scenario))
     recorder = RunRecorder(folder, writer, checkpoints, wall_s_before=wall_s_before)
     try:

@@ -24,6 +24,7 @@ from feeder_sim.run.prepare import prepare
 from feeder_sim.run.seed_record import Begun, Recorder, SeedResult
 from feeder_sim.run.seed_run import SeedRun
 from feeder_sim.scenario import Scenario
+from feeder_sim.scenario.engine_choice import Choice
 from feeder_sim.scene.prepared import Prepared
 from feeder_sim.scene.scene import Scene
 from feeder_sim.scene.start import start_poses
@@ -170,7 +171,7 @@ def check_starts(scene: Scene, notify: Callable[[str], None] | None = None) -> N
         InputError: there is no room for the parts.
     """
     seeds, parts = scene.scenario.run.seeds, len(scene.parts)
-    with _announced(f"looking for places of {parts} parts in {seeds} seeds", notify):
+    with announced(f"looking for places of {parts} parts in {seeds} seeds", notify):
         for rng in _generators(scene):
             start_poses(scene, rng)
 
@@ -186,14 +187,36 @@ def available_cores() -> int:
 
 
 def _warm_up(prepared: Prepared, notify: Callable[[str], None] | None) -> None:
-    """Import and compile the engine before the threads need it, and compute nothing; say so when that takes long."""
-    with _announced(COMPILING, notify):
-        start, interrupted = engine_class(prepared.engine), np.ones(1, np.int64)
-        start(prepared.scene, np.random.default_rng(0), interrupt=interrupted).advance(1)
+    """Compile the engine before the threads need it; say so when that takes long."""
+    with announced(COMPILING, notify):
+        compile_engine(prepared.engine, prepared.scene)
+
+
+def compile_engine(choice: Choice, scene: Scene) -> None:
+    """Import and compile all of an engine that a scene needs, and compute nothing.
+
+    The compiler works in a thread that ends with the process: it takes long, and in the main one Ctrl-C might be lost
+    in it.
+    """
+    failures: list[BaseException] = []
+
+    def compile_all() -> None:
+        try:
+            start, interrupted = engine_class(choice), np.ones(1, np.int64)
+            start(scene, np.random.default_rng(0), interrupt=interrupted).advance(1)
+        except BaseException as error:
+            failures.append(error)
+
+    thread = threading.Thread(target=compile_all, daemon=True)
+    thread.start()
+    while thread.is_alive():
+        thread.join(0.1)
+    if failures:
+        raise failures[0]
 
 
 @contextlib.contextmanager
-def _announced(line: str, notify: Callable[[str], None] | None) -> Iterator[None]:
+def announced(line: str, notify: Callable[[str], None] | None) -> Iterator[None]:
     """Tell the user what is being done, if it takes long."""
     note = threading.Timer(ANNOUNCED_S, lambda: notify and notify(line))
     note.start()
