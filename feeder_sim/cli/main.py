@@ -8,10 +8,7 @@ from __future__ import annotations
 import contextlib
 import json
 import os
-import signal
 import sys
-import threading
-from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, NoReturn
 
@@ -21,11 +18,11 @@ from feeder_sim.cli.chart import chart
 from feeder_sim.cli.files import naming, new_picture, scenario_of, writable
 from feeder_sim.cli.plate import modes, sequence, wave
 from feeder_sim.cli.report import as_lines, print_boundaries, print_result
+from feeder_sim.cli.terminal import notify, progress_bar, stop_on_signal
 from feeder_sim.errors import (
     LONGEST_MESSAGE,
     FeederSimError,
     InputError,
-    Interrupted,
     RecordingFailed,
     cause_of,
     of_a_name,
@@ -76,8 +73,8 @@ def run(
             )
         from feeder_sim.run.run_folder import resume_run
 
-        with _stop_on_signal() as stop, _progress(str(resume), stop) as progress:
-            result = resume_run(resume, progress=progress, stop=stop, notify=_notify)
+        with stop_on_signal() as stop, progress_bar(str(resume), stop) as progress:
+            result = resume_run(resume, progress=progress, stop=stop, notify=notify)
         _finish_run(result, resume, as_json)
         return
     if scenario_file is None:
@@ -93,8 +90,8 @@ def run(
             return
         folder = out or fresh_folder(scenario_file.stem)
         try:
-            with _stop_on_signal() as stop, _progress(scenario.title or scenario_file.stem, stop) as progress:
-                result = record_run(scenario, folder, progress=progress, stop=stop, notify=_notify)
+            with stop_on_signal() as stop, progress_bar(scenario.title or scenario_file.stem, stop) as progress:
+                result = record_run(scenario, folder, progress=progress, stop=stop, notify=notify)
         except BaseException:
             if out is None:
                 with contextlib.suppress(OSError):  # it holds something
@@ -167,7 +164,7 @@ def bifurcation(
         writable(data)
         if picture == data:
             raise InputError("is the same file as --picture, allowed is another one", file=data, key="--data")
-    with naming(scenario_file), _progress(scenario.title or scenario_file.stem) as progress:
+    with naming(scenario_file), progress_bar(scenario.title or scenario_file.stem) as progress:
         import numpy as np
 
         from feeder_sim.studies.bifurcation import SETTLE, sweep_amplitude, write_sweep
@@ -275,60 +272,3 @@ def _print_plan(scenario: Scenario, as_json: bool) -> None:
 
     plan = plan_run(prepare(scenario))
     print(json.dumps(plan) if as_json else as_lines(plan))
-
-
-class _Stop(threading.Event):
-    """Asks a run to stop."""
-
-    computing = False  # whether it has come so far that it will listen
-
-
-@contextlib.contextmanager
-def _stop_on_signal() -> Iterator[_Stop]:
-    """Ctrl-C or a polite kill ends the run within a second, with everything recorded kept.
-
-    Once it computes, that is: before, there is nothing to keep.
-    """
-    stop = _Stop()
-
-    def restore() -> None:
-        for s, handler in previous.items():
-            signal.signal(s, handler)
-
-    def ask(*_: object) -> None:
-        stop.set()
-        restore()  # the second signal does what it always does
-        if not stop.computing:
-            raise KeyboardInterrupt
-
-    previous = {s: signal.signal(s, ask) for s in (signal.SIGINT, signal.SIGTERM)}
-    try:
-        yield stop
-    except KeyboardInterrupt:
-        raise Interrupted("interrupted") from None
-    finally:
-        restore()
-
-
-def _notify(line: str) -> None:
-    """Say what takes long, also off a terminal, where there is no progress bar."""
-    print(f"feeder-sim: {printable(line)}", file=sys.stderr, flush=True)
-
-
-@contextlib.contextmanager
-def _progress(title: str, stop: _Stop | None = None) -> Iterator[Callable[[float], None]]:
-    """Progress bar with the time left, on stderr and only on a terminal; tells `stop` that the run computes."""
-    from rich.console import Console
-    from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
-
-    console = Console(stderr=True)
-    columns = (TextColumn("{task.description}", markup=False), BarColumn(), TaskProgressColumn(), TimeRemainingColumn())
-    with Progress(*columns, console=console, disable=not console.is_terminal, transient=True) as bars:
-        task = bars.add_task(printable(title), total=1.0)
-
-        def show(fraction: float) -> None:
-            if stop:
-                stop.computing = True
-            bars.update(task, completed=fraction)
-
-        yield show

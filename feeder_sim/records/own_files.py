@@ -50,6 +50,8 @@ def locked(folder: Path) -> Iterator[None]:
         lock.acquire()
     except Timeout:
         raise InputError("is in use, allowed is one process that writes into it at a time", file=folder) from None
+    except NotImplementedError:  # on a file system without locks it is better to work without one than not at all
+        pass
     except OSError as error:
         raise not_written(path, error) from error
     try:

@@ -12,7 +12,7 @@ from feeder_sim.errors import SimulationDiverged
 from feeder_sim.records.checkpoint import Checkpoint, CheckpointFolder
 from feeder_sim.records.last_states import LastStates, save_last_states
 from feeder_sim.records.trajectory import Record, Status, WallTime
-from feeder_sim.records.trajectory_file import TrajectoryWriter
+from feeder_sim.records.trajectory_writer import TrajectoryWriter
 
 
 class RunRecorder:

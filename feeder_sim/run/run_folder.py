@@ -20,7 +20,8 @@ from feeder_sim.errors import InputError, RecordingFailed, cause_of, not_written
 from feeder_sim.records.checkpoint import CheckpointFolder, run_identity
 from feeder_sim.records.own_files import LOCK, locked
 from feeder_sim.records.trajectory import PartRecord, PlateRecord, Record, Recording, Status, WallTime
-from feeder_sim.records.trajectory_file import TRAJECTORY, TrajectoryWriter, recording_of
+from feeder_sim.records.trajectory_file import TRAJECTORY, recording_of
+from feeder_sim.records.trajectory_writer import TrajectoryWriter
 from feeder_sim.records.whole_file import partial_of, write_whole
 from feeder_sim.replay.replay import REPLAY, build_replay, remove_replays
 from feeder_sim.run.prepare import prepare

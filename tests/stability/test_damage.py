@@ -25,7 +25,8 @@ from feeder_sim.records.checkpoint import Checkpoint, CheckpointFolder, run_iden
 from feeder_sim.records.impacts import Impacts
 from feeder_sim.records.removals import Removals
 from feeder_sim.records.trajectory import FRAME_FIELDS, Frames, PartRecord, PlateRecord, Record, Status, WallTime
-from feeder_sim.records.trajectory_file import TRAJECTORY, TrajectoryWriter, read_recording
+from feeder_sim.records.trajectory_file import TRAJECTORY, read_recording
+from feeder_sim.records.trajectory_writer import TrajectoryWriter
 from feeder_sim.records.unclosed_file import closed_head, lookup3
 from feeder_sim.run import run_folder
 from feeder_sim.run.provenance import library_versions

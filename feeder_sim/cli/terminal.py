@@ -1,0 +1,68 @@
+"""What a command says while it works, and how it is asked to end."""
+
+from __future__ import annotations
+
+import contextlib
+import signal
+import sys
+import threading
+from collections.abc import Callable, Iterator
+
+from feeder_sim.errors import Interrupted, printable
+
+
+class Stop(threading.Event):
+    """Asks a run to stop."""
+
+    computing = False  # whether it has come so far that it will listen
+
+
+@contextlib.contextmanager
+def stop_on_signal() -> Iterator[Stop]:
+    """Ctrl-C or a polite kill ends the run within a second, with everything recorded kept.
+
+    Once it computes, that is: before, there is nothing to keep.
+    """
+    stop = Stop()
+
+    def restore() -> None:
+        for s, handler in previous.items():
+            signal.signal(s, handler)
+
+    def ask(*_: object) -> None:
+        stop.set()
+        restore()  # the second signal does what it always does
+        if not stop.computing:
+            raise KeyboardInterrupt
+
+    previous = {s: signal.signal(s, ask) for s in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        yield stop
+    except KeyboardInterrupt:
+        raise Interrupted("interrupted") from None
+    finally:
+        restore()
+
+
+def notify(line: str) -> None:
+    """Say what takes long, also off a terminal, where there is no progress bar."""
+    print(f"feeder-sim: {printable(line)}", file=sys.stderr, flush=True)
+
+
+@contextlib.contextmanager
+def progress_bar(title: str, stop: Stop | None = None) -> Iterator[Callable[[float], None]]:
+    """Progress bar with the time left, on stderr and only on a terminal; tells `stop` that the run computes."""
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
+
+    console = Console(stderr=True)
+    columns = (TextColumn("{task.description}", markup=False), BarColumn(), TaskProgressColumn(), TimeRemainingColumn())
+    with Progress(*columns, console=console, disable=not console.is_terminal, transient=True) as bars:
+        task = bars.add_task(printable(title), total=1.0)
+
+        def show(fraction: float) -> None:
+            if stop:
+                stop.computing = True
+            bars.update(task, completed=fraction)
+
+        yield show
