@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from dataclasses import dataclass
 
@@ -16,6 +17,7 @@ from feeder_sim.scene.scene import FREE_TILT, UPRIGHT, Scene
 APART = 1e-4  # [m]; smallest distance between the bounding spheres of two parts at the start
 WIDEST_HEAP = 500  # parts side by side
 MAX_TRIES = 20_000  # places drawn for one part before the rectangle counts as full
+MAX_TRIES_OF_ALL = 200_000  # and for all parts of a table
 
 
 @dataclass(frozen=True)
@@ -44,9 +46,10 @@ def start_poses(scene: Scene, rng: np.random.Generator) -> list[Pose]:
         InputError: there is no room for the parts.
     """
     poses: list[Pose] = []
-    placed = _Spheres()
+    placed = _Spheres(max(kind.size for kind in scene.kinds))
     first = 0
     for i, (spec, kind) in enumerate(zip(scene.scenario.part, scene.kinds, strict=True)):
+        tries = [MAX_TRIES_OF_ALL]
         if isinstance(spec.start, Heap):
             centres = _column(spec.start, kind, spec.count, table=i)
         for n in range(spec.count):
@@ -60,7 +63,7 @@ def start_poses(scene: Scene, rng: np.random.Generator) -> list[Pose]:
                 if not placed.free(position, kind.size):
                     raise InputError("overlaps another part", key=f"part[{i}].start.position_mm")
             elif isinstance(spec.start, Scattered):
-                place = _free_place(scene, spec.start, kind, height, placed, rng, table=i)
+                place = _free_place(scene, spec.start, kind, height, placed, rng, tries, table=i)
                 position = np.array([*place, height])
             else:
                 position = centres[n] + [0.0, 0.0, 1e-3 * spec.start.drop_height_mm[0]]
@@ -95,20 +98,29 @@ def _height_and_attitude(
 
 
 class _Spheres:
-    """Bounding spheres of the parts that already have a place."""
+    """Bounding spheres of the parts that already have a place, in cells as wide as the largest."""
 
-    def __init__(self) -> None:
-        self._centres = np.empty((0, 3))
-        self._radii = np.empty(0)
+    def __init__(self, largest: float) -> None:
+        self._cell = 2.0 * largest + APART
+        self._held: dict[tuple[int, int, int], list[tuple[list[float], float]]] = {}
 
     def free(self, position: NDArray[np.float64], radius: float) -> bool:
         """Whether a sphere at a position (3,) [m] with a radius [m] is `APART` or more from all others."""
-        distance = np.linalg.norm(self._centres - position, axis=1)
-        return bool((distance > self._radii + radius + APART).all())
+        wanted = position.tolist()
+        x, y, z = self._cell_of(wanted)
+        for place in itertools.product((x - 1, x, x + 1), (y - 1, y, y + 1), (z - 1, z, z + 1)):
+            for centre, other in self._held.get(place, ()):
+                if math.dist(centre, wanted) <= other + radius + APART:
+                    return False
+        return True
 
     def add(self, position: NDArray[np.float64], radius: float) -> None:
-        self._centres = np.vstack([self._centres, position])
-        self._radii = np.append(self._radii, radius)
+        centre = position.tolist()
+        self._held.setdefault(self._cell_of(centre), []).append((centre, radius))
+
+    def _cell_of(self, centre: list[float]) -> tuple[int, int, int]:
+        x, y, z = centre
+        return math.floor(x / self._cell), math.floor(y / self._cell), math.floor(z / self._cell)
 
 
 def _free_place(
@@ -118,19 +130,22 @@ def _free_place(
     height: float,
     placed: _Spheres,
     rng: np.random.Generator,
+    tries: list[int],
     *,
     table: int,
 ) -> NDArray[np.float64]:
-    """Draw places (2,) [m] in the rectangle of a scattered start until one is free.
+    """Draw places (2,) [m] in the rectangle of a scattered start until one is free; `tries` are left for its table.
 
     Raises:
-        InputError: none of `MAX_TRIES` places is free; the message names the part table of this index.
+        InputError: none of `MAX_TRIES` places is free, or none of those that are left; the message names the part table
+            of this index.
     """
     plate = np.array([scene.surface.length, scene.surface.width])
     size = 1e-3 * np.array(start.size_mm) if start.size_mm else plate
     half = 0.5 * np.maximum(size - 2.0 * kind.size, 0.0)
     centre = 1e-3 * np.array(start.centre_mm)
-    for _ in range(MAX_TRIES):
+    for _ in range(min(MAX_TRIES, tries[0])):
+        tries[0] -= 1
         place = centre + rng.uniform(-half, half)
         if placed.free(np.array([*place, height]), kind.size):
             return np.asarray(place)
