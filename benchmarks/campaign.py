@@ -357,10 +357,11 @@ def attack_files(campaign: Campaign, work: Path, rng: random.Random, count: int)
     (work / "scenario.toml").write_text(SCENARIO)
     whole, killed = work / "whole", work / "killed"
     problem = Ended("run", work / "scenario.toml", "--out", whole).problem((0,))
-    after = 1.6
+    after = 0.8
     while not list(killed.glob("checkpoints/*.npz")):
         shutil.rmtree(killed, ignore_errors=True)
-        Ended("run", work / "scenario.toml", "--out", killed, signals=(after, signal.SIGKILL))
+        ended = Ended("run", work / "scenario.toml", "--out", killed, signals=(after, signal.SIGKILL))
+        assert ended.code != 0, "the run ends before it can be killed: make it longer"
         after += 0.1
     (killed / ".lock").unlink(missing_ok=True)
     assert not problem, problem

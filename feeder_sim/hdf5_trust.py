@@ -15,6 +15,7 @@ from feeder_sim.errors import InputError
 
 FILTERS = (1, 2, 3)  # deflate, shuffle, Fletcher's checksum: what the package writes with, and needs no plugin
 MOST_PACKED = 1100  # times; deflate reaches 1032
+DEEPEST, MOST_ENTRIES = 3, 1_000_000  # levels of groups, and all entries; a run of 10,000 seeds has 200,000
 UNWRITTEN = 2**28  # [bytes] that may be missing: a killed writer has made room for what it had not yet written
 
 
@@ -46,24 +47,22 @@ def check_trusted(file: Any, path: Path) -> None:
 
 
 def _entries(file: Any, path: Path) -> Iterator[tuple[str, Any]]:
-    """Every group and dataset once, with its name."""
+    """Every group and dataset by every name it has: what has several is read as often."""
     import h5py
 
-    seen = set()
+    count = 0
     waiting = [("", file)]
     while waiting:
         above, group = waiting.pop()
         for last in group:
-            name = f"{above}/{last}"
+            name, count = f"{above}/{last}", count + 1
             if not isinstance(group.get(last, getlink=True), h5py.HardLink):
                 raise InputError("is a link to somewhere else, allowed is data in the file itself", file=path, key=name)
             entry = group[last]
-            address = h5py.h5o.get_info(entry.id).addr
-            if address in seen:
-                continue
-            seen.add(address)
             yield name, entry
             if isinstance(entry, h5py.Group):
+                if name.count("/") > DEEPEST or count > MOST_ENTRIES:  # it may contain itself
+                    raise InputError(f"has too many groups, or deeper than {DEEPEST} levels as allowed", file=path)
                 waiting.append((name, entry))
 
 

@@ -62,7 +62,7 @@ def progress_bar(title: str, stop: Stop | None = None) -> Iterator[Callable[[flo
 
         def show(fraction: float) -> None:
             if stop:
-                stop.computing = True
+                stop.computing = fraction < 1.0
             bars.update(task, completed=fraction)
 
         yield show

@@ -192,8 +192,8 @@ def seed_flights(scene: Scene, seeds: Sequence[Impacts]) -> list[Flights]:
 
 
 def _plate_period(scene: Scene) -> float:
-    """Period of the first drive [s]."""
-    return 1.0 / scene.scenario.drive[0].frequency_hz
+    """Period of the first excitation [s]."""
+    return 1.0 / scene.scenario.excitations[0][1].frequency_hz
 
 
 def settling_time(scene: Scene) -> float:

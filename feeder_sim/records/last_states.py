@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import io
 import itertools
 from dataclasses import dataclass, fields
@@ -12,8 +11,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from feeder_sim.errors import InputError, RecordingFailed, SimulationDiverged
+from feeder_sim.errors import InputError, SimulationDiverged
 from feeder_sim.records.trajectory import Frames
+from feeder_sim.records.whole_file import write_whole
 
 LAST_FRAMES = 100  # kept of a block that failed, at most: half of them before the first one that is not valid
 STATE_PREFIX = "state_"  # of the engine's arrays among the last states of a seed that diverged
@@ -70,16 +70,11 @@ def save_last_states(folder: Path, failure: SimulationDiverged, last: LastStates
     stem = f"failure_seed_{failure.seed}"
     for name in itertools.chain([f"{stem}.npz"], (f"{stem}_{number}.npz" for number in itertools.count(2))):
         path = folder / name
+        if path.is_symlink() or (path.exists() and not path.is_file()):
+            continue
         if path.exists() and path.read_bytes() != held.getvalue():
             continue
-        partial = path.with_suffix(".partial")
-        try:
-            partial.write_bytes(held.getvalue())
-            partial.replace(path)
-        except OSError as error:
-            with contextlib.suppress(OSError):
-                partial.unlink(missing_ok=True)
-            raise RecordingFailed(f"{path}: cannot be written, is the disk full? ({error})") from error
+        write_whole(path, held.getvalue())
         return name
     raise AssertionError("unreachable")
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import re
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -11,8 +12,9 @@ from feeder_sim.errors import InputError, not_written
 
 CHECKPOINTS = "checkpoints"  # folder in a run folder
 LOCK = ".lock"
+NO_LOCKS = (errno.ENOSYS, errno.ENOLCK, errno.EOPNOTSUPP, errno.ENOTSUP)  # what network file systems say
 _OWN = re.compile(
-    rf"(trajectory\.h5|replay(_seed_\d+)?\.rrd|summary\.json|scenario\.toml|scene\.xml|(failure_)?seed_\d+\.npz"
+    rf"(trajectory\.h5|replay(_seed_\d+)?\.rrd|summary\.json|scenario\.toml|scene\.xml|seed_\d+\.npz|failure_seed_\d+(_\d+)?\.npz"
     rf"|{CHECKPOINTS})(\.new|\.partial)?|{re.escape(LOCK)}"
 )
 
@@ -45,15 +47,16 @@ def locked(folder: Path) -> Iterator[None]:
 
     path = folder / LOCK
     check_no_links(folder)
-    lock = FileLock(path, timeout=0)
+    lock = FileLock(path, timeout=0, fallback_to_soft=False)  # a lock that lies in the file outlives its process
     try:
         lock.acquire()
     except Timeout:
         raise InputError("is in use, allowed is one process that writes into it at a time", file=folder) from None
-    except NotImplementedError:  # on a file system without locks it is better to work without one than not at all
-        pass
+    except NotImplementedError:
+        pass  # on a file system without locks it is better to work without one than not at all
     except OSError as error:
-        raise not_written(path, error) from error
+        if error.errno not in NO_LOCKS:
+            raise not_written(path, error) from error
     try:
         yield
     finally:

@@ -28,7 +28,8 @@ def write_whole(path: Path, content: bytes) -> None:
     """
     partial = partial_of(path)
     try:
-        with open(partial, "wb", opener=_opened_itself) as file:
+        partial.unlink(missing_ok=True)
+        with open(partial, "xb", opener=_opened_itself) as file:
             file.write(content)
             file.flush()
             os.fsync(file.fileno())

@@ -43,8 +43,10 @@ def replay_file(run: Path, *, seed: int = 0, rebuild: bool = False) -> Path:
         return replay
     with contextlib.ExitStack() as held:
         try:
+            if not os.access(folder, os.W_OK):
+                raise InputError("cannot be written to", file=folder)
             held.enter_context(locked(folder))
-        except InputError:
+        except FeederSimError:
             replay = Path(tempfile.mkdtemp(prefix="feeder_sim_")) / name
         build_replay(trajectory, replay, shown_seed=seed)
     return replay

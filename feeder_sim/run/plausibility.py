@@ -9,12 +9,10 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 
-import numpy as np
-
 from feeder_sim.errors import InputError
-from feeder_sim.run.energy import largest_at_once
 from feeder_sim.scenario import Rectangle, Strip, resolve_material
 from feeder_sim.scene.scene import Scene
+from feeder_sim.scene.timetable import largest_together
 
 FASTEST = 100.0  # [m/s] of the surface; plates of feeders reach 1 m/s
 BREAKS = 1e8  # [Pa] of alternating stress, at which plates of aluminium and steel do not live long
@@ -25,19 +23,18 @@ def check_plausible(scene: Scene) -> None:
 
     Raises:
         InputError: the drives together bend the plate by more than its thickness or move it absurdly fast, a drive
-            never acts, or a part is larger than its plate.
+            never acts, or a part is longer than its plate.
     """
     scenario, surface = scene.scenario, scene.surface
     keys = [key for key, _ in scenario.excitations]
-    amplitude = np.array([drive.amplitude for drive in scene.drives])
-    together = largest_at_once(scene, amplitude)
+    together = largest_together(scene.times, scene.drives)
     if together > surface.thickness:
         raise InputError(
             f"adds up to {1e6 * together:.4g} um of drives that act at once, allowed is up to the plate's thickness, "
             f"{1e6 * surface.thickness:g} um",
             key=f"{keys[0]}, ...",
         )
-    speed = _fastest(scene)
+    speed = largest_together(scene.times, scene.drives, speeds=True)
     if speed > FASTEST:
         raise InputError(
             f"moves the surface at {speed:.3g} m/s, allowed is up to {FASTEST:g} m/s with all drives", key=keys[0]
@@ -49,10 +46,10 @@ def check_plausible(scene: Scene) -> None:
                 key=f"drive[{i}].start_s",
             )
     diagonal = math.hypot(surface.length, surface.width)
-    for i, kind in enumerate(scene.kinds):
-        if 2.0 * kind.size > diagonal:
+    for i, (spec, kind) in enumerate(zip(scenario.part, scene.kinds, strict=True)):
+        if spec.guide is None and kind.longest > diagonal:  # a guided part stands on the plate
             raise InputError(
-                f"is {2e3 * kind.size:.4g} mm large, allowed is up to the plate's diagonal, {1e3 * diagonal:.4g} mm",
+                f"is {1e3 * kind.longest:.4g} mm long, allowed is up to the plate's diagonal, {1e3 * diagonal:.4g} mm",
                 key=f"part[{i}]",
             )
 
@@ -62,7 +59,7 @@ def doubts(scene: Scene) -> Iterator[str]:
     plate = scene.scenario.plate
     if isinstance(plate, Strip) or (isinstance(plate, Rectangle) and plate.mode_file is None):
         material = resolve_material(plate.material or "aluminium")
-        speed = _fastest(scene)
+        speed = largest_together(scene.times, scene.drives, speeds=True)
         stress = math.sqrt(3.0 * material.density * material.youngs_modulus) * speed
         if stress > BREAKS:
             yield (
@@ -70,12 +67,6 @@ def doubts(scene: Scene) -> Iterator[str]:
                 "would break before long"
             )
     shorter = min(scene.surface.length, scene.surface.width)
-    for i, kind in enumerate(scene.kinds):
-        if 2.0 * kind.size > shorter:
-            yield f"part[{i}]: is {2e3 * kind.size:.3g} mm large, more than the plate's side of {1e3 * shorter:.3g} mm"
-
-
-def _fastest(scene: Scene) -> float:
-    """Largest velocity amplitude of the surface [m/s]."""
-    speeds = [2.0 * math.pi * drive.drive_frequency * drive.amplitude for drive in scene.drives]
-    return largest_at_once(scene, np.array(speeds))
+    for i, (spec, kind) in enumerate(zip(scene.scenario.part, scene.kinds, strict=True)):
+        if spec.guide is None and kind.longest > shorter:
+            yield f"part[{i}]: is {1e3 * kind.longest:.3g} mm long, more than the plate's side, {1e3 * shorter:.3g} mm"

@@ -108,6 +108,7 @@ def _resume(folder: Path, **how: Any) -> Result:
         scenario = load_scenario(folder / RESOLVED)
         prepared = prepare(scenario)
         check_starts(prepared.scene, how["notify"])
+        _write_mjcf(prepared.scene, folder / MJCF, how["notify"])
         return _run_into(folder, prepared, scenario_toml(scenario), {}, **how)
     recording = recording_of(folder)
     if all(status != Status.UNFINISHED for status in recording.status) and (folder / SUMMARY).exists():

@@ -120,17 +120,20 @@ class SeedRun:
 
     def _open(self, rng: np.random.Generator) -> None:
         """Start the engine, at t = 0 or where the seed was left."""
+        begun = self._begun if self._begun is not None and len(self._begun.frames) else None
+        if begun is not None and len(begun.stops):
+            self._scene = self._scene.stopped(begun.stops.tolist())
         start = engine_class(self._prepared.engine)
         engine: Engine = start(self._scene, rng, threads=self._threads, interrupt=self._interrupt)
         first = engine.current()
         self._engine, self._guard = engine, Guard(self._prepared, first)
-        if self._begun is None or not len(self._begun.frames):
+        if begun is None:
             self._keep(History.first(first.as_stored()))
             return
-        engine.restore(self._begun.state)
-        self._guard.remember(self._begun.frames)
-        self._history.append(self._begun)
-        self._follow_stops(self._begun.stops)
+        engine.restore(begun.state)
+        self._guard.redrive(self._scene)
+        self._guard.remember(begun.frames)
+        self._history.append(begun)
 
     def _close(self, status: Status, failure: SimulationDiverged | None, wall_s: float) -> SeedResult:
         """Record how it ended; returns everything."""

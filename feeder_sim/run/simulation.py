@@ -40,7 +40,7 @@ class Result:
 
     Attributes:
         prepared: what was simulated.
-        seeds: one result per seed, in order.
+        seeds: one result per seed, in order; of a run that was interrupted, the seeds that had begun.
         wall_s: elapsed wall time of the ensemble [s], that before a break included.
     """
 
@@ -139,14 +139,16 @@ def simulate(
     cores = workers or available_cores()
     threads = max(1, cores // run.seeds)  # for one seed, where there are fewer seeds than cores
 
-    def run_seed(index: int) -> SeedResult:
+    def run_seed(index: int) -> SeedResult | None:
         left = begun.get(index) if begun else None
+        if stop.is_set() and index > 0 and left is None:
+            return None  # of a seed that has not begun there is nothing; the first stands for the others
         seed = SeedRun(prepared, index, recorder=recorder, begun=left, threads=threads, interrupt=interrupt)
         return seed.run(generators[index], done, stop)
 
     with ThreadPoolExecutor(cores) as pool:
-        pending = set(futures := [pool.submit(run_seed, index) for index in range(run.seeds)])
         try:
+            pending = set(futures := [pool.submit(run_seed, index) for index in range(run.seeds)])
             while pending:
                 finished, pending = wait(pending, timeout=0.1, return_when=FIRST_COMPLETED)
                 if stop.is_set():
@@ -160,7 +162,7 @@ def simulate(
             stop.set()
             interrupt[0] = 1
             raise
-    results = tuple(future.result() for future in futures)
+    results = tuple(seed for seed in (future.result() for future in futures) if seed is not None)
     return Result(prepared, results, wall_s_before + time.perf_counter() - started)
 
 

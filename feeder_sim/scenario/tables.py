@@ -56,7 +56,9 @@ T = TypeVar("T", bound=Table)
 
 DEEPEST = 20  # tables and lists in each other; scenarios need five
 MOST_DOTS = 100  # in a key; the parser takes minutes for tens of thousands
-_OUTSIDE_KEYS = re.compile(r"""[=,{}\[\]\n]|"[^"\n]*"|'[^'\n]*'|\#[^\n]*""")
+_OUTSIDE_KEYS = re.compile(
+    r"""\"{3}.*?\"{3}|'{3}.*?'{3}|"(?:\\.|[^"\\\n])*"|'[^'\n]*'|\#[^\n]*|[=,{}\[\]\n]""", re.DOTALL
+)
 LONGEST_TEXT = 2_000_000  # bytes; the longest scenarios have thousands of lines
 LARGEST_WHOLE = 10**300  # nothing that is checked here reaches it, and it can still be shown
 

@@ -61,6 +61,11 @@ class RigidPart:
         return float(np.linalg.norm(self.corners, axis=1).max() + self.corner_radius)
 
     @property
+    def longest(self) -> float:
+        """Largest extent along a principal axis [m]."""
+        return float(np.ptp(self.corners, axis=0).max() + 2.0 * self.corner_radius)
+
+    @property
     def thinnest(self) -> float:
         """Smallest extent along a principal axis [m]; that of a part in a plane lies in it."""
         extent = np.ptp(self.corners, axis=0)

@@ -16,7 +16,7 @@ from feeder_sim.scenario import Heap, PartSpec, Scattered, Scenario, Start, Tube
 from feeder_sim.scene.driven_plate import DrivenMode, DrivenPlate, assemble_plate
 from feeder_sim.scene.guide import Guide, build_guide
 from feeder_sim.scene.rigid_part import RigidPart, build_part, outline
-from feeder_sim.scene.timetable import TimedStage, Timetable, timed, timetable
+from feeder_sim.scene.timetable import TimedStage, Timetable, largest_together, timed, timetable
 
 GRAVITY = 9.81  # [m/s^2]
 DIAMETER_ROUND_OFF = 1e-9  # relative, of a tube that is just as wide as its part
@@ -106,7 +106,8 @@ def build_scene(scenario: Scenario) -> Scene:
         _check_in_tube(spec, kind, i)
     _check_goal(scenario, plate.surface)
     run, times = scenario.run, timetable(scenario)
-    timestep = min(1.0 / (scenario.highest_frequency_hz * run.steps_per_period), _longest_step(scenario, plate, kinds))
+    timestep = 1.0 / (scenario.highest_frequency_hz * run.steps_per_period)
+    timestep = min(timestep, _longest_step(scenario, plate, times, kinds))
     kind_of = np.repeat(np.arange(len(kinds)), [spec.count for spec in scenario.part])
     digits = len(str(len(kind_of) - 1))
     guides = [
@@ -133,10 +134,10 @@ def build_scene(scenario: Scenario) -> Scene:
     return scene
 
 
-def _longest_step(scenario: Scenario, plate: DrivenPlate, kinds: Sequence[RigidPart]) -> float:
+def _longest_step(scenario: Scenario, plate: DrivenPlate, times: Timetable, kinds: Sequence[RigidPart]) -> float:
     """Longest step [s] at any frequency: one at rest falls by a micrometre, a fast one enters by a share of itself."""
     shortest = LONGEST_STEP
-    plate_speed = sum(2.0 * math.pi * mode.drive.drive_frequency * mode.drive.amplitude for mode in plate.driven)
+    plate_speed = largest_together(times, [mode.drive for mode in plate.driven], speeds=True)
     for spec, kind in zip(scenario.part, kinds, strict=True):
         start = spec.start
         thrown = 1e-3 * math.hypot(*start.velocity_mm_s) if isinstance(start, Start) else 0.0

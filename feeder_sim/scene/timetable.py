@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import cmath
+import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -52,6 +54,31 @@ class Timetable:
     stages: tuple[TimedStage, ...]
     occurrences: tuple[Occurrence, ...]
     duration: float
+
+
+def largest_together(times: Timetable, drives: Sequence[ModalDrive], *, speeds: bool = False) -> float:
+    """Largest deflection [m], or speed [m/s], that drives which act at the same time add up to at most.
+
+    Drives of one mode and one frequency add up as phasors, all others may meet at their largest. What still rings after
+    a drive is left out.
+    """
+    largest = 0.0
+    acting: set[int] = set()
+    sets: set[frozenset[int]] = set()
+    changes = [(o.start, True, o.excitation) for o in times.occurrences]
+    changes += [(o.stop, False, o.excitation) for o in times.occurrences]
+    for _, simultaneous in itertools.groupby(sorted(changes), key=lambda change: change[0]):  # stops come first
+        for _, begins, excitation in simultaneous:
+            (acting.add if begins else acting.discard)(excitation)
+        sets.add(frozenset(acting))
+    for excitations in sets:
+        together: dict[tuple[int, float], complex] = {}
+        for drive in (drives[i] for i in excitations):
+            kind = (drive.shape, drive.drive_frequency)
+            rate = 2.0 * math.pi * drive.drive_frequency if speeds else 1.0
+            together[kind] = together.get(kind, 0.0) + cmath.rect(rate * drive.amplitude, drive.phase)
+        largest = max(largest, sum(abs(amount) for amount in together.values()))
+    return largest
 
 
 def timetable(scenario: Scenario, stops: Sequence[float] = ()) -> Timetable:

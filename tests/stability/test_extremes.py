@@ -100,6 +100,24 @@ def test_an_engine_is_interrupted_within_an_advance_and_goes_on_to_the_same_bits
     assert np.array_equal(undisturbed.advance(50).position, disturbed.advance(50).position)
 
 
+def test_what_acts_on_the_parts_is_computed_whole_also_when_interrupted() -> None:
+    """What has been taken out at a frame acts from there on; a window that is cut short would be kept as it is."""
+    start = {"kind": "scattered"}
+    prepared = prepare(scenario_of(part=[{"shape": "hex_nut", "size": "M2.5", "count": 5, "start": start}]))
+    states = []
+    for asked in (0, 1):
+        interrupt = np.zeros(1, np.int64)
+        engine = engine_class(prepared.engine)(prepared.scene, np.random.default_rng(0), interrupt=interrupt)
+        engine.advance(41)
+        interrupt[0] = asked
+        engine.remove(np.array([0]))
+        states.append(engine.state())
+        engine.restore(states[-1])
+        states.append(engine.state())
+    for name in states[0]:
+        assert len({state[name].tobytes() for state in states}) == 1, name
+
+
 def test_a_run_whose_frames_take_for_ever_ends_when_asked(monkeypatch: pytest.MonkeyPatch) -> None:
     """A frame that takes minutes: between two looks of the time loop nothing else could end it."""
     scenario = scenario_of(run={"duration_s": 3600.0, "seeds": 2, "frames_per_second": 1.0})
@@ -143,11 +161,34 @@ def test_what_nobody_can_mean_is_refused(name: str) -> None:
     assert said in str(refused.value)
 
 
+def test_what_somebody_may_mean_is_not_refused() -> None:
+    """Drives after each other, or a quarter of a period apart; long parts in a guide."""
+    after = [
+        {"frequency_hz": 5.0, "amplitude_um": 2000.0, "duration_s": 0.05},
+        {"frequency_hz": 7.0, "amplitude_um": 2000.0, "start_s": 0.1},
+    ]
+    apart = [{"frequency_hz": 5.0, "amplitude_um": 2000.0, "phase_deg": angle} for angle in (0.0, 90.0)]
+    for drive in (after, apart):
+        prepare(scenario_of(drive=drive))
+    rod = {"shape": "cylinder", "diameter_mm": 3.0, "height_mm": 260.0, "guide": {"kind": "slide"}}
+    prepare(scenario_of(part=[rod]))
+
+
+def test_the_step_does_not_depend_on_how_many_stages_there_are() -> None:
+    disc = {"shape": "cylinder", "diameter_mm": 6.0, "height_mm": 0.5}
+    stage = {"duration_s": 0.1, "drive": [{"frequency_hz": 500.0, "amplitude_um": 60.0}]}
+    steps = [
+        prepare(scenario_of(schedule={"stage": [stage] * n}, drive=[], part=[disc], run={})).scene.timestep
+        for n in (1, 100)
+    ]
+    assert steps[0] == steps[1] == 1.0 / (500.0 * 40)
+
+
 def test_what_hardly_anybody_means_is_said() -> None:
     plate = {"kind": "strip", "thickness_mm": 3.0, "width_mm": 4.0}
     prepared = prepare(scenario_of(plate=plate, drive=[{"frequency_hz": 4750.0, "amplitude_um": 300.0}]))
     assert any("would break before long" in line for line in prepared.cautions)
-    assert any("more than the plate's side of 4 mm" in line for line in prepared.cautions)
+    assert any("more than the plate's side, 4 mm" in line for line in prepared.cautions)
     assert not prepare(scenario_of(plate=plate | {"width_mm": 60.0})).cautions
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import errno
+import fcntl
 import hashlib
 import json
 import os
@@ -10,6 +12,7 @@ import subprocess
 import sys
 import time
 from pathlib import Path
+from typing import Any
 from zipfile import ZIP_DEFLATED, ZipFile
 
 import h5py
@@ -23,6 +26,7 @@ from feeder_sim.records.checkpoint import Checkpoint, CheckpointFolder
 from feeder_sim.records.own_files import LOCK, locked
 from feeder_sim.records.trajectory import Status
 from feeder_sim.records.trajectory_file import read_recording
+from feeder_sim.records.whole_file import write_whole
 from feeder_sim.replay import viewer
 from feeder_sim.run import run_folder
 from feeder_sim.run.run_folder import record_run, resume_run
@@ -196,15 +200,24 @@ def test_links_in_a_run_folder_are_not_followed(
     assert (contents(mine) if mine.is_dir() else mine.read_bytes()) == held
 
 
-def test_a_link_by_the_name_of_a_file_under_way_is_not_followed(tmp_path: Path) -> None:
-    from feeder_sim.records.whole_file import write_whole
-
+@pytest.mark.parametrize("make", [os.symlink, os.link, lambda mine, name: os.mkfifo(name)])
+def test_what_has_the_name_of_a_file_under_way_is_not_written_to(make: Any, tmp_path: Path) -> None:
+    """Neither is a pipe waited for."""
     mine = tmp_path / "mine"
     mine.write_text("mine")
-    (tmp_path / "summary.json.partial").symlink_to(mine)
-    with pytest.raises(InputError):
-        write_whole(tmp_path / "summary.json", b"{}")
-    assert mine.read_text() == "mine"
+    make(mine, tmp_path / "summary.json.partial")
+    write_whole(tmp_path / "summary.json", b"{}")
+    assert mine.read_text() == "mine" and (tmp_path / "summary.json").read_text() == "{}"
+    assert not (tmp_path / "summary.json").is_symlink()
+
+
+def test_a_file_system_without_locks_is_worked_on_without_one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def none(*_: object) -> None:
+        raise OSError(errno.ENOLCK, "No locks available")
+
+    monkeypatch.setattr(fcntl, "flock", none)
+    with locked(tmp_path):
+        pass
 
 
 @pytest.fixture(scope="module")
@@ -244,12 +257,18 @@ def a_bomb(file: h5py.File, secret: Path) -> None:
 
 
 def itself(file: h5py.File, secret: Path) -> None:
-    """A group in itself is walked through once; without the checks it would never end."""
+    """Without a limit of the depth, a walk through a group in itself never ends."""
     file["seeds/000/again"] = file["/"]
-    del file["seeds/000/time"]
 
 
-@pytest.mark.parametrize("spoil", [another_file, another_name, another_storage, a_pipe, a_bomb, itself])
+def many_names(file: h5py.File, secret: Path) -> None:
+    """Read as often as it is named."""
+    file.create_dataset("bomb", data=np.zeros(3 * 10**6), chunks=(10**5,), compression="gzip")
+    for number in range(10, 10_000):
+        file[f"parts/part_{number}/vertices"] = file["bomb"]
+
+
+@pytest.mark.parametrize("spoil", [another_file, another_name, another_storage, a_pipe, a_bomb, itself, many_names])
 def test_a_recording_that_points_elsewhere_or_claims_too_much_is_refused(
     spoil: object, recorded: Path, tmp_path: Path
 ) -> None:

@@ -21,7 +21,7 @@ from feeder_sim.records.trajectory import Frames
 from feeder_sim.records.trajectory_file import TRAJECTORY, read_recording
 from feeder_sim.run.run_folder import record_run, resume_run
 from feeder_sim.run.simulation import simulate
-from feeder_sim.scenario import Excitation, HexNut, PistonPlate, Run, Scenario, Start, Strip
+from feeder_sim.scenario import Excitation, HexNut, PistonPlate, Run, Scattered, Scenario, Start, Strip
 from feeder_sim.scenario.schedule import Goal, Pick, Schedule, Settled, Stage
 from feeder_sim.scene.scene import Scene, build_scene
 from feeder_sim.scene.timetable import timetable
@@ -137,9 +137,13 @@ class StopsAfter(threading.Event):
         return self._left < 0 or super().is_set()
 
 
-@pytest.mark.parametrize("looks", [2, 5])
-def test_a_resumed_run_ends_its_stages_at_the_same_times(looks: int, tmp_path: Path) -> None:
+@pytest.mark.parametrize(("looks", "count"), [(2, 1), (5, 1), (7, 1), (8, 1), (4, 4), (5, 4), (6, 4)])
+def test_a_resumed_run_ends_its_stages_at_the_same_times(looks: int, count: int, tmp_path: Path) -> None:
+    """Broken before a stage has ended by its parts, at that moment, and after it."""
     wanted = scenario(start_mm=16.9)
+    if count > 1:
+        start = Scattered(kind="scattered", centre_mm=(18.0, 0.0), size_mm=(9.0, 50.0))
+        wanted = wanted.model_copy(update={"part": (HexNut(size="M2.5", count=count, start=start),)})
     record_run(wanted, tmp_path / "whole", replay=False)
     begun = record_run(wanted, tmp_path / "broken", stop=StopsAfter(looks), replay=False)
     assert begun.interrupted

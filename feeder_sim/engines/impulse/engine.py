@@ -132,24 +132,24 @@ class ImpulseEngine:
         """Compute the windows that the frames lie in, or end with; the one under way may hold some of them."""
         done = int(np.searchsorted(times, self._span[1], side="right"))
         if done:
-            self._compute_window(self._span[1], times[:done], rows[:done])
+            self._compute_window(self._span[1], FrameRows(times[:done], rows[:done], self._interrupt))
         while done < len(times):
             start = self._span[1]
             self._span[:] = start, start + WINDOW
             self._keep_begin_of_window()
             last = int(np.searchsorted(times, self._span[1], side="right"))
-            self._compute_window(self._span[1], times[done:last], rows[done:last])
+            self._compute_window(self._span[1], FrameRows(times[done:last], rows[done:last], self._interrupt))
             if self._interrupt[0]:
                 break
             done = last
 
-    def _compute_window(
-        self, until: float, times: NDArray[np.float64] | None = None, rows: NDArray[np.float64] | None = None
-    ) -> None:
-        """Compute the window under way from its begin until a time in it [s], and the rows of the frames at times."""
-        if times is None or rows is None:
-            times, rows = np.empty(0), np.empty((0, self._n, ROW))
-        frames = FrameRows(times, rows, self._interrupt)
+    def _compute_window(self, until: float, frames: FrameRows | None = None) -> None:
+        """Compute the window under way from its begin until a time in it [s].
+
+        Without frames to write it is not interrupted: what it comes to is kept.
+        """
+        if frames is None:
+            frames = FrameRows(np.empty(0), np.empty((0, self._n, ROW)), np.zeros(1, np.int64))
         parts, start = self._opened.copy(), self._span[0]
         place = (self._kinds, self._surface, self._antinode, (start, self._span[1]), self._scene.timestep)
         acting, bounds, reach = open_window(parts, self._n, *place)
@@ -161,7 +161,7 @@ class ImpulseEngine:
             pairs, islands = find_neighbours(parts, self._n, self._kinds, self._surface, reach, self._pairs_before)
             crowd = Crowd(parts, begun["position"].copy(), pairs, self._kinds, islands)
             left = self._advance_islands(crowd, Plate(acting, bounds), Span(start, until, reach), frames)
-            if not left or self._interrupt[0]:
+            if not left or frames.interrupt[0]:
                 break
             farthest = float(np.linalg.norm(parts["position"] - begun["position"], axis=1).max())
             if not np.isfinite(farthest):
