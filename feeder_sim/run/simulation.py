@@ -141,7 +141,7 @@ def simulate(
 
     def run_seed(index: int) -> SeedResult | None:
         left = begun.get(index) if begun else None
-        if stop.is_set() and index > 0 and left is None:
+        if index > 0 and left is None and stop.is_set():
             return None  # of a seed that has not begun there is nothing; the first stands for the others
         seed = SeedRun(prepared, index, recorder=recorder, begun=left, threads=threads, interrupt=interrupt)
         return seed.run(generators[index], done, stop)

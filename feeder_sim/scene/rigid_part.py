@@ -7,6 +7,7 @@ taken out of mass and inertia. Nut dimensions: ISO 4032 (width across flats s, l
 from __future__ import annotations
 
 import math
+import warnings
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -203,7 +204,8 @@ def _closed_mesh(spec: MeshPart) -> Any:
     if not spec.file.is_file():
         raise refusal("no such mesh file")
     try:
-        mesh = trimesh.load_mesh(spec.file, resolver={}, skip_materials=True)
+        with warnings.catch_warnings(action="ignore"):  # of numbers that are refused below
+            mesh = trimesh.load_mesh(spec.file, resolver={}, skip_materials=True)
     except ImportError as error:  # of a module that guesses the alphabet of a text
         raise refusal("not a readable mesh: damaged, or its text is not in UTF-8") from error
     except Exception as error:  # the readers of the formats raise what they like

@@ -133,12 +133,12 @@ def test_interrupted_run_goes_on_to_the_same_bits(looks: int, whole: Path, tmp_p
 
 def test_run_interrupted_again_and_again(whole: Path, tmp_path: Path) -> None:
     folder = tmp_path / "run"
-    result = record_run(nuts(), folder, stop=StopsAfter(2), replay=False)
+    result = record_run(nuts(), folder, stop=StopsAfter(3), replay=False)
     breaks = 0
     while result.interrupted:
         breaks += 1
         assert breaks < 50
-        result = resume_run(folder, stop=StopsAfter(2), replay=False)
+        result = resume_run(folder, stop=StopsAfter(3), replay=False)
     assert breaks > 1
     check_same(folder, whole)
 
