@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import os
+import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -73,6 +74,18 @@ def ready(scene: Scene) -> Prepared:
 def from_python(function: Any) -> Any:
     """A function that is compiled for other compiled ones, to be called by a test."""
     return entry_point(function.py_func)
+
+
+class StopsAfter(threading.Event):
+    """Is set once it has been looked at so many times."""
+
+    def __init__(self, looks: int) -> None:
+        super().__init__()
+        self._left = looks
+
+    def is_set(self) -> bool:
+        self._left -= 1
+        return self._left < 0 or super().is_set()
 
 
 @contextmanager

@@ -63,7 +63,9 @@ class Result:
 
     @property
     def interrupted(self) -> bool:
-        return any(seed.status == Status.UNFINISHED for seed in self.seeds)
+        """Whether a seed has not ended, or not even begun."""
+        missing = len(self.seeds) < self.prepared.scenario.run.seeds
+        return missing or any(seed.status == Status.UNFINISHED for seed in self.seeds)
 
     @cached_property
     def findings(self) -> tuple[tuple[Measure[Any], Any], ...]:

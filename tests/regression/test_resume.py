@@ -6,7 +6,6 @@ import json
 import signal
 import subprocess
 import sys
-import threading
 import time
 from dataclasses import fields
 from pathlib import Path
@@ -16,6 +15,7 @@ import h5py
 import numpy as np
 import pytest
 from command_line import check_refused, feeder_sim
+from conftest import StopsAfter
 
 from feeder_sim.engines.impulse.engine import ImpulseEngine
 from feeder_sim.errors import Divergence, InputError, SimulationDiverged
@@ -51,19 +51,6 @@ def nuts(
         part=(HexNut(size="M2.5", count=count, start=start or Scattered(kind="scattered")),),
         run=Run(engine=engine, seeds=2, seed=3, frames_per_second=frames_per_second),
     )
-
-
-class StopsAfter(threading.Event):
-    """Is set once it has been looked at so many times."""
-
-    def __init__(self, looks: int) -> None:
-        super().__init__()
-        self._left, self._guard = looks, threading.Lock()
-
-    def is_set(self) -> bool:
-        with self._guard:
-            self._left -= 1
-            return self._left < 0 or super().is_set()
 
 
 def held(folder: Path) -> dict[str, Any]:

@@ -8,14 +8,13 @@ import resource
 import signal
 import subprocess
 import sys
-import threading
 from pathlib import Path
 from typing import Any
 
 import h5py
 import numpy as np
 import pytest
-from conftest import REPOSITORY
+from conftest import REPOSITORY, StopsAfter
 
 import feeder_sim.run.recorder as recorder
 from feeder_sim.errors import InputError
@@ -57,18 +56,6 @@ def ball(**run: Any) -> Scenario:
         part=(Ball(shape="ball", diameter_mm=3.0, guide=Slide(kind="slide")),),
         run=Run(**({"duration_s": 20.0, "seeds": 2} | run)),
     )
-
-
-class StopsAfter(threading.Event):
-    """Is set once it has been looked at so many times."""
-
-    def __init__(self, looks: int) -> None:
-        super().__init__()
-        self._left = looks
-
-    def is_set(self) -> bool:
-        self._left -= 1
-        return self._left < 0 or super().is_set()
 
 
 def block(number: int, n_parts: int = 1) -> Record:

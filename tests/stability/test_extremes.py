@@ -11,12 +11,14 @@ from typing import Any, Literal
 import numpy as np
 import pytest
 from command_line import check_refused, feeder_sim, in_new_process
+from conftest import StopsAfter
 from threadpoolctl import threadpool_limits
 
 from feeder_sim.engines.lookup import engine_class
 from feeder_sim.errors import InputError
 from feeder_sim.plate.materials import MATERIALS
 from feeder_sim.plate.modes import RectangularPlate, plate_modes
+from feeder_sim.records.trajectory import Status
 from feeder_sim.run.guard import Guard
 from feeder_sim.run.plan import plan_run
 from feeder_sim.run.prepare import prepare
@@ -128,6 +130,18 @@ def test_a_run_whose_frames_take_for_ever_ends_when_asked(monkeypatch: pytest.Mo
     result = simulate(scenario, stop=stop)
     assert result.interrupted
     assert time.perf_counter() - started < 60.0  # of an hour of a nut in flight
+
+
+def test_a_run_of_which_seeds_have_not_begun_is_interrupted() -> None:
+    """Also where those that had begun have ended."""
+    scenario = scenario_of(run={"duration_s": 0.05, "seeds": 5})
+    ended = []
+    for looks in range(16):
+        result = simulate(scenario, stop=StopsAfter(looks), workers=1)
+        done = [seed.status == Status.DONE for seed in result.seeds]
+        assert result.interrupted == (done != [True] * 5)
+        ended.append(sum(done))
+    assert {*range(1, 5)} & {*ended}
 
 
 NONSENSE: dict[str, tuple[dict[str, Any], str]] = {

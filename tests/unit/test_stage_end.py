@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import json
 import math
-import threading
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from conftest import ready
+from conftest import StopsAfter, ready
 from pydantic import ValidationError
 
 from feeder_sim.errors import InputError
@@ -123,18 +122,6 @@ def test_a_stage_that_nothing_settles_in_lasts_to_its_limit() -> None:
     (seed,) = simulate(scenario(start_mm=2.0, within_mm=0.01, for_s=1.0)).seeds
     assert len(seed.stops) == 0
     assert seed.frames.time[-1] == pytest.approx(0.1 + LONG + PAUSE + 0.2, abs=0.01)
-
-
-class StopsAfter(threading.Event):
-    """Is set once it has been looked at so many times."""
-
-    def __init__(self, looks: int) -> None:
-        super().__init__()
-        self._left = looks
-
-    def is_set(self) -> bool:
-        self._left -= 1
-        return self._left < 0 or super().is_set()
 
 
 @pytest.mark.parametrize(("looks", "count"), [(2, 1), (5, 1), (7, 1), (8, 1), (4, 4), (5, 4), (6, 4)])
