@@ -77,14 +77,15 @@ def from_python(function: Any) -> Any:
 
 
 class StopsAfter(threading.Event):
-    """Is set once it has been looked at so many times."""
+    """Is set once the seeds have looked at it so many times; how often the main thread does is chance."""
 
     def __init__(self, looks: int) -> None:
         super().__init__()
         self._left = looks
 
     def is_set(self) -> bool:
-        self._left -= 1
+        if threading.current_thread() is not threading.main_thread():
+            self._left -= 1
         return self._left < 0 or super().is_set()
 
 

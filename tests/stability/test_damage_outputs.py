@@ -10,8 +10,8 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from conftest import REPOSITORY
-from test_damage import StopsAfter, ball, block, check_one_line, feeder_sim, limited, writer
+from conftest import REPOSITORY, StopsAfter
+from test_damage import ball, block, check_one_line, feeder_sim, limited, writer
 
 import feeder_sim.cli.main as command_line
 from feeder_sim.errors import InputError, RecordingFailed
