@@ -23,6 +23,7 @@ from feeder_sim.errors import (
     LONGEST_MESSAGE,
     FeederSimError,
     InputError,
+    Interrupted,
     RecordingFailed,
     cause_of,
     of_a_name,
@@ -34,7 +35,6 @@ if TYPE_CHECKING:
     from feeder_sim.run.simulation import Result
     from feeder_sim.scenario import Scenario
 
-INTERRUPTED = 130
 
 app = typer.Typer(
     add_completion=False,
@@ -110,7 +110,7 @@ def _finish_run(result: Result, folder: Path, as_json: bool) -> None:
     if result.interrupted:
         name = printable(str(folder))
         print(f"feeder-sim: interrupted; what was computed is in {name}, --resume {name} goes on", file=sys.stderr)
-        raise typer.Exit(INTERRUPTED)
+        raise typer.Exit(Interrupted.exit_code)
     if result.failures:
         raise typer.Exit(1)
 
@@ -244,6 +244,7 @@ def vibrometer(
 
 def main() -> NoReturn:
     """Entry point: every error a user can act on becomes one line on stderr and an exit code."""
+    sys.unraisablehook = _silent_interrupt
     try:
         try:
             app()
@@ -251,8 +252,10 @@ def main() -> NoReturn:
             sys.stdout.flush()  # here, where a full disk can still be told
     except FeederSimError as error:
         print(f"feeder-sim: {error}", file=sys.stderr, flush=True)
-        if isinstance(error, RecordingFailed):
-            os._exit(error.exit_code)  # HDF5 would crash in its own clean-up of the file it could not write
+        # HDF5 would crash in its own clean-up of a file it could not write, and so would Python's of threads that still
+        # compile when a run is interrupted.
+        if isinstance(error, RecordingFailed | Interrupted):
+            os._exit(error.exit_code)
         sys.exit(error.exit_code)
     except OSError as error:  # a file or folder that cannot be read, made or written
         name = error.filename or "standard output or a file"
@@ -262,8 +265,14 @@ def main() -> NoReturn:
         os._exit(FeederSimError.exit_code)  # Python would try once more to write what it could not
     except KeyboardInterrupt:
         print("feeder-sim: interrupted", file=sys.stderr, flush=True)
-        sys.exit(INTERRUPTED)
+        os._exit(Interrupted.exit_code)
     sys.exit(0)
+
+
+def _silent_interrupt(failure: sys.UnraisableHookArgs) -> None:
+    """Ctrl-C just as objects are cleaned up, when everything is done, is no failure."""
+    if failure.exc_type is not KeyboardInterrupt:
+        sys.__unraisablehook__(failure)
 
 
 def _print_plan(scenario: Scenario, as_json: bool) -> None:

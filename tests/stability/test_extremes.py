@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import os
+import subprocess
+import sys
 import threading
 import time
 from pathlib import Path
@@ -254,3 +256,21 @@ def test_a_long_schedule_of_short_stages_is_planned() -> None:
     stage = {"duration_s": 1e-3, "drive": [{"frequency_hz": 500.0, "amplitude_um": 5.0}]}
     scenario = scenario_of(schedule={"cycles": 100, "stage": [stage]}, drive=[], run={"seeds": 1})
     assert plan_run(prepare(scenario))["estimated_wall_s"] > 0.0
+
+
+def test_ctrl_c_while_objects_are_cleaned_up_is_not_reported() -> None:
+    """What is raised in a clean-up cannot go anywhere; Python would print a traceback of a run that is complete."""
+    script = """
+import sys
+from feeder_sim.cli import main
+
+class Closing:
+    def __init__(self, error): self.error = error
+    def __del__(self): raise self.error
+
+main.app = lambda: (Closing(KeyboardInterrupt()), Closing(ValueError("a fault"))) and None
+main.main()
+"""
+    ended = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False)
+    assert ended.returncode == 0
+    assert "KeyboardInterrupt" not in ended.stderr and "a fault" in ended.stderr
