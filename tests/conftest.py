@@ -15,8 +15,10 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # before numpy: small matric
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from feeder_sim.engines.impulse.engine import COLUMNS, ImpulseEngine
+from feeder_sim.engines.impulse.state import ARM, FRICTION, NORMAL, RESTITUTION, VELOCITY
 from feeder_sim.machine_code import entry_point
 from feeder_sim.records.trajectory import Frames
 from feeder_sim.scenario import Contact, Drive, HexNut, PistonPlate, Run, Scenario, Start, Strip
@@ -76,6 +78,26 @@ def from_python(function: Any) -> Any:
     return entry_point(function.py_func)
 
 
+def symmetric(matrix: NDArray[np.float64]) -> tuple[float, ...]:
+    """A symmetric matrix (3, 3) as compiled code takes it."""
+    return tuple(float(matrix[i, j]) for i in range(3) for j in range(i, 3))
+
+
+def contacts(
+    arm: NDArray[np.float64], normal: NDArray[np.float64], surface_velocity: NDArray[np.float64], e: float, mu: float
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Contacts (5, n, 3) and their laws (5, n) as compiled code takes them, from arrays (n, 3)."""
+    contact, law = np.zeros((5, *arm.shape)), np.zeros((5, len(arm)))
+    contact[ARM], contact[NORMAL], contact[VELOCITY] = arm, normal, surface_velocity
+    law[RESTITUTION], law[FRICTION] = e, mu
+    return contact, law
+
+
+def rows(matrix: NDArray[np.float64]) -> tuple[tuple[float, ...], ...]:
+    """The rows of a matrix as compiled code takes vectors."""
+    return tuple(tuple(map(float, row)) for row in matrix)
+
+
 class StopsAfter(threading.Event):
     """Is set once the seeds have looked at it so many times; how often the main thread does is chance."""
 
@@ -105,15 +127,17 @@ def changing(engine: ImpulseEngine) -> Iterator[dict[str, NDArray[Any]]]:
     """The parts of an engine as they were at the begin of its window, to be changed: it goes on from there."""
     state = engine.state()
     yield state
+    inertia = engine._kinds.record["inertia"][engine._parts["kind"]]
     rows = np.concatenate([state[name].reshape(len(state[name]), -1) for name in COLUMNS], axis=1)
-    state["row"][:] = rows[: len(state["row"])]
+    spin = np.einsum("pij,pj,pkj,pk->pi", state["attitude"], 1 / inertia, state["attitude"], state["momentum"])
+    quaternion = Rotation.from_matrix(state["attitude"]).as_quat(scalar_first=True)
+    state["row"][:] = np.concatenate([rows, quaternion, spin], axis=1)[: len(state["row"])]
     engine.restore(state)
 
 
 def hull_distances(scene: Scene, frames: Frames) -> NDArray[np.float64]:
     """Distance of all hulls that are near each other, over all frames [m]."""
     from scipy.spatial import cKDTree
-    from scipy.spatial.transform import Rotation
 
     from feeder_sim.engines.impulse.hulls import HullLibrary, hull_distance
     from feeder_sim.engines.impulse.state import new_parts

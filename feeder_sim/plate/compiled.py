@@ -1,10 +1,15 @@
-"""`ModalTerms.phasor` and the interpolation of `Surface` again, as compiled functions for the engines' inner loops."""
+"""`ModalTerms.phasor` and the interpolation of `Surface` again, as compiled functions for the engines' inner loops.
+
+All in scalars and tuples, which stay in registers.
+"""
 
 from __future__ import annotations
 
 import math
 
 from feeder_sim.machine_code import compiled, inlined
+
+W, BETA_X, BETA_Y = range(3)  # components of the table of a `Surface`
 
 
 @inlined
@@ -28,89 +33,81 @@ def modal_motion(t, term_shape, term_start, term_stop, coefficient, rate, q, vel
 
 
 @inlined
-def grid_cell(position, origin, spacing, n, weight):
-    """Write four cubic Lagrange weights [1] into weight (4,) and return the index of the first of the four grid points.
+def grid_cell(position, grid):
+    """Index of the first of the four points of a uniform grid [m] around a position [m], and its distance [spacings].
 
-    The grid has n points, the first at origin [m]. A position [m] outside the grid is moved to its end.
+    A position outside the grid is moved to its end.
     """
-    u = min(max((position - origin) / spacing, 0.0), n - 1.0)
-    first = min(max(int(u) - 1, 0), n - 4)
-    a = u - first
-    b, c, d = a - 1.0, a - 2.0, a - 3.0
-    weight[0] = -b * c * d / 6.0
-    weight[1] = a * c * d / 2.0
-    weight[2] = -a * b * d / 2.0
-    weight[3] = a * b * c / 6.0
-    return first
-
-
-@compiled
-def surface_modes(x, y, grid_x, grid_y, table, weight, modes):
-    """Interpolate (w [1], beta_x, beta_y [1/m]) of every mode shape at (x, y) [m] into modes (n_shapes, 3).
-
-    The grids and the table are those of `Surface`; weight (2, 4) is overwritten.
-    """
-    weight_x, weight_y = weight[0], weight[1]
-    first_x = grid_cell(x, grid_x[0], grid_x[1] - grid_x[0], grid_x.shape[0], weight_x)
-    first_y = grid_cell(y, grid_y[0], grid_y[1] - grid_y[0], grid_y.shape[0], weight_y)
-    modes[:] = 0.0
-    for shape in range(table.shape[0]):
-        for i in range(4):
-            for j in range(4):
-                share = weight_x[i] * weight_y[j]
-                for component in range(3):
-                    modes[shape, component] += share * table[shape, first_x + i, first_y + j, component]
+    n = grid.shape[0]
+    u = min(max((position - grid[0]) / (grid[1] - grid[0]), 0.0), n - 1.0)
+    first = max(min(int(u) - 1, n - 4), 0)
+    return first, u - first
 
 
 @inlined
-def surface_deflection(shape, first_x, first_y, weight_x, weight_y, table):
-    """Deflection w [1] of one mode shape from the weights and first indices of `grid_cell`."""
-    w = 0.0
-    for i in range(4):
-        along_y = 0.0
-        for j in range(4):
-            along_y += weight_y[j] * table[shape, first_x + i, first_y + j, 0]
-        w += weight_x[i] * along_y
-    return w
-
-
-@compiled
-def grid_slope(position, origin, spacing, n, weight):
-    """Write the derivatives [1/m] of the weights of `grid_cell` into weight (4,); return the first grid index."""
-    u = min(max((position - origin) / spacing, 0.0), n - 1.0)
-    first = min(max(int(u) - 1, 0), n - 4)
-    a = u - first
+def cubic_weights(a):
+    """Cubic Lagrange weights [1] of four grid points, at a distance a from the first [spacings]."""
     b, c, d = a - 1.0, a - 2.0, a - 3.0
-    weight[0] = -(b * c + b * d + c * d) / (6.0 * spacing)
-    weight[1] = (a * c + a * d + c * d) / (2.0 * spacing)
-    weight[2] = -(a * b + a * d + b * d) / (2.0 * spacing)
-    weight[3] = (a * b + a * c + b * c) / (6.0 * spacing)
-    return first
+    return -b * c * d / 6.0, a * c * d / 2.0, -a * b * d / 2.0, a * b * c / 6.0
+
+
+@inlined
+def cubic_slopes(a, spacing):
+    """The derivatives [1/m] of the weights of `cubic_weights`."""
+    b, c, d = a - 1.0, a - 2.0, a - 3.0
+    return (
+        -(b * c + b * d + c * d) / (6.0 * spacing),
+        (a * c + a * d + c * d) / (2.0 * spacing),
+        -(a * b + a * d + b * d) / (2.0 * spacing),
+        (a * b + a * c + b * c) / (6.0 * spacing),
+    )
+
+
+@inlined
+def interpolate(table, shape, component, first_x, first_y, weight_x, weight_y):
+    """Weighted sum of one component of a mode shape over 4 x 4 grid points."""
+    return (
+        weight_x[0] * _along_y(table, shape, component, first_x, first_y, weight_y)
+        + weight_x[1] * _along_y(table, shape, component, first_x + 1, first_y, weight_y)
+        + weight_x[2] * _along_y(table, shape, component, first_x + 2, first_y, weight_y)
+        + weight_x[3] * _along_y(table, shape, component, first_x + 3, first_y, weight_y)
+    )
+
+
+@inlined
+def _along_y(table, shape, component, x, first_y, weight_y):
+    return (
+        weight_y[0] * table[shape, component, x, first_y]
+        + weight_y[1] * table[shape, component, x, first_y + 1]
+        + weight_y[2] * table[shape, component, x, first_y + 2]
+        + weight_y[3] * table[shape, component, x, first_y + 3]
+    )
 
 
 @compiled
-def surface_normal(x, y, grid_x, grid_y, table, q, weight, normal):
-    """Write the unit normal of the deflected surface at (x, y) [m] into normal (3,).
+def surface_modes(x, y, grid_x, grid_y, table, modes):
+    """Interpolate (w [1], beta_x, beta_y [1/m]) of every mode shape at (x, y) [m] into modes (n_shapes, 3).
 
-    The modal coordinates q (n_shapes,) are in [m]; weight (2, 4) is overwritten.
+    The grids and the table are those of `Surface`.
     """
-    weight_x, weight_y = weight[0], weight[1]
-    first_x = grid_slope(x, grid_x[0], grid_x[1] - grid_x[0], grid_x.shape[0], weight_x)
-    first_y = grid_cell(y, grid_y[0], grid_y[1] - grid_y[0], grid_y.shape[0], weight_y)
-    slope_x = _weighted_deflection(table, q, first_x, first_y, weight_x, weight_y)
-    grid_cell(x, grid_x[0], grid_x[1] - grid_x[0], grid_x.shape[0], weight_x)
-    grid_slope(y, grid_y[0], grid_y[1] - grid_y[0], grid_y.shape[0], weight_y)
-    slope_y = _weighted_deflection(table, q, first_x, first_y, weight_x, weight_y)
-    size = math.sqrt(1.0 + slope_x * slope_x + slope_y * slope_y)
-    normal[0], normal[1], normal[2] = -slope_x / size, -slope_y / size, 1.0 / size
+    first_x, a = grid_cell(x, grid_x)
+    first_y, b = grid_cell(y, grid_y)
+    weight_x, weight_y = cubic_weights(a), cubic_weights(b)
+    for shape in range(table.shape[0]):
+        for component in range(3):
+            modes[shape, component] = interpolate(table, shape, component, first_x, first_y, weight_x, weight_y)
 
 
 @compiled
-def _weighted_deflection(table, q, first_x, first_y, weight_x, weight_y):
-    """Sum of q times the weighted deflection of all mode shapes over 4 x 4 grid points."""
-    total = 0.0
+def surface_normal(x, y, grid_x, grid_y, table, q):
+    """The unit normal of the deflected surface at (x, y) [m], for modal coordinates q (n_shapes,) [m]."""
+    first_x, a = grid_cell(x, grid_x)
+    first_y, b = grid_cell(y, grid_y)
+    weight_x, weight_y = cubic_weights(a), cubic_weights(b)
+    change_x, change_y = cubic_slopes(a, grid_x[1] - grid_x[0]), cubic_slopes(b, grid_y[1] - grid_y[0])
+    slope_x = slope_y = 0.0
     for shape in range(table.shape[0]):
-        for i in range(4):
-            for j in range(4):
-                total += q[shape] * weight_x[i] * weight_y[j] * table[shape, first_x + i, first_y + j, 0]
-    return total
+        slope_x += q[shape] * interpolate(table, shape, W, first_x, first_y, change_x, weight_y)
+        slope_y += q[shape] * interpolate(table, shape, W, first_x, first_y, weight_x, change_y)
+    size = math.sqrt(1.0 + slope_x * slope_x + slope_y * slope_y)
+    return -slope_x / size, -slope_y / size, 1.0 / size

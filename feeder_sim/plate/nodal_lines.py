@@ -41,7 +41,7 @@ def nodal_lines(surface: Surface, shape: int = 0) -> NodalLines:
     """Nodal lines of one mode shape, as contours w = 0 on the grid of the surface."""
     from contourpy import contour_generator
 
-    w = surface.table[shape, :, :, 0]
+    w = surface.table[shape, 0]
     traced = contour_generator(surface.x, surface.y, w.T).lines(0.0)
     return NodalLines(tuple(np.asarray(line) for line in traced if len(line) > 1))
 

@@ -14,6 +14,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,7 +35,7 @@ class Surface:
     Attributes:
         length, width, thickness: [m]; x runs along the length.
         x, y: uniform grids [m], shapes (nx,) and (ny,).
-        table: (w [1], beta_x [1/m], beta_y [1/m]) of each shape, shape (n_shapes, nx, ny, 3).
+        table: (w [1], beta_x [1/m], beta_y [1/m]) of each shape, shape (n_shapes, 3, nx, ny).
         terms: the modal coordinates in time.
     """
 
@@ -49,6 +50,12 @@ class Surface:
     @property
     def n_shapes(self) -> int:
         return len(self.table)
+
+    @cached_property
+    def extremes(self) -> NDArray[np.float64]:
+        """Largest deflection [1] and slope [1/m] of every shape, shape (2, n_shapes)."""
+        along_x, along_y = np.gradient(self.table[:, 0], self.x, self.y, axis=(1, 2))
+        return np.stack([np.abs(self.table[:, 0]).max(axis=(1, 2)), np.hypot(along_x, along_y).max(axis=(1, 2))])
 
     def displacement(self, points: NDArray[np.float64], t: float) -> NDArray[np.float64]:
         """Displacement [m] of surface points (n, 2) [m] at time t [s], shape (n, 3)."""
@@ -79,8 +86,8 @@ class Surface:
         ix, weight_x = lagrange_weights(points[:, 0], self.x)
         iy, weight_y = lagrange_weights(points[:, 1], self.y)
         steps = np.arange(4)
-        patch = self.table[:, (ix[:, None] + steps)[:, :, None], (iy[:, None] + steps)[:, None, :]]
-        return np.einsum("spabc,pa,pb->spc", patch, weight_x, weight_y)
+        patch = self.table[:, :, (ix[:, None] + steps)[:, :, None], (iy[:, None] + steps)[:, None, :]]
+        return np.einsum("scpab,pa,pb->spc", patch, weight_x, weight_y)
 
 
 @single_threaded
@@ -117,7 +124,7 @@ def tabulate(
         )
     x = np.linspace(-0.5 * length, 0.5 * length, max(4, 1 + math.ceil(length / spacing)))
     y = np.linspace(-0.5 * width, 0.5 * width, 4 if uniform_y else max(4, 1 + math.ceil(width / spacing)))
-    table = np.stack([np.moveaxis(shape.evaluate_grid(x, y), 0, -1) for shape in shapes])
+    table = np.stack([shape.evaluate_grid(x, y) for shape in shapes])
     return Surface(length, width, thickness, x, y, np.ascontiguousarray(table), terms)
 
 

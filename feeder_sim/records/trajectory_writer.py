@@ -26,7 +26,8 @@ from feeder_sim.records.trajectory_file import (
     seed_name,
 )
 
-PACKED: dict[str, Any] = {"compression": "gzip", "shuffle": True, "fletcher32": True}  # of what grows
+# Of what grows; more effort than the least makes files of noise no smaller.
+PACKED: dict[str, Any] = {"compression": "gzip", "compression_opts": 1, "shuffle": True, "fletcher32": True}
 EVENT_CHUNK = 256  # rows of impacts and removals
 FRAME_CHUNK_PARTS = 500  # parts times frames in a chunk, about: small chunks can be written while little is computed
 

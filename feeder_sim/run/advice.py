@@ -91,6 +91,6 @@ def recommendations(scene: Scene) -> list[str]:
             lines.append(f"ring_up = false is enough: {slowest:.2g} s against {shortest:.3g} s of driving")
         elif slowest > shortest:
             lines.append(f"keep ring_up: it takes {slowest:.2g} s, the shortest stage {shortest:.2g} s")
-    if float(np.ptp(scene.surface.table[..., 0], axis=2).max()) > UNEVEN_WIDTH:
+    if float(np.ptp(scene.surface.table[:, 0], axis=2).max()) > UNEVEN_WIDTH:
         lines.append("keep the plate's own modes: a strip of the same frequency is off by more than a half")
     return lines or ["nothing: this is the simplest model that carries the effects"]

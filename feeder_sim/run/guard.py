@@ -69,7 +69,7 @@ class Guard:
         self._crest = float(amplitude.sum())
         self._energy = Energy(scene, first)
         self._edge = PlateEdge(scene, first, self._crest)
-        self._antinode = np.abs(scene.surface.table[..., 0]).max(axis=(1, 2))
+        self._antinode = scene.surface.extremes[0]
         self._tangent = scene.scenario.run.tangent_surface or prepared.engine.name == "mujoco"
         self._sizes = np.array([kind.size for kind in scene.kinds])[scene.kind_of]
         # At the last frame of the block before:

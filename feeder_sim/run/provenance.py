@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import hashlib
 import importlib.metadata
 from pathlib import Path
@@ -15,7 +16,12 @@ LIBRARIES = ("mujoco-core", "mujoco", "numpy", "scipy", "numba", "h5py")
 
 def library_versions() -> dict[str, str]:
     """Versions of the libraries that decide the numbers, and of this package with a hash of its sources."""
-    versions = {"feeder_sim": f"{__version__}+{source_hash()}"}
+    return {"feeder_sim": f"{__version__}+{source_hash()}"} | _installed()
+
+
+@functools.cache
+def _installed() -> dict[str, str]:
+    versions = {}
     for name in LIBRARIES:
         try:
             versions[name] = importlib.metadata.version(name)

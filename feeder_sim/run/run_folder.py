@@ -198,6 +198,7 @@ def _run_into(
     try:
         for index, seed in begun.items():
             recorder.append(index, seed)
+            recorder.write(index)
             writer.note_wall_time(index, WallTime(seed.wall_s, wall_s_before))
             if seed.status != Status.UNFINISHED:
                 writer.finish(index, seed.status, seed.unresolved_impacts)

@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from conftest import from_python, moving_part
+from conftest import contacts, from_python, moving_part, rows, symmetric
 from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
@@ -90,10 +90,9 @@ class Touch:
 
     def hit(self, body: Body, e: float, mu: float) -> None:
         n = len(self.arm)
-        contact = np.stack([self.arm, self.normal, self.surface])
-        law = np.stack([np.full(n, e), np.full(n, mu)])
+        contact, law = contacts(self.arm, self.normal, self.surface, e, mu)
         with moving_part(body.velocity, body.momentum) as part:
-            resolve_impact(part, 1 / body.part.mass, body.inverse_inertia, contact, law, n)
+            resolve_impact(part, 1 / body.part.mass, symmetric(body.inverse_inertia), contact, law, n)
 
 
 def landing(seed: int, touching: int, *, uneven: float) -> tuple[Body, Touch]:
@@ -170,10 +169,10 @@ def meeting(seed: int) -> tuple[Body, Body, np.ndarray, np.ndarray]:
 
 
 def collide(a: Body, b: Body, arms: np.ndarray, normal: np.ndarray, e: float, mu: float) -> None:
-    inverse_mass = np.array([1 / a.part.mass, 1 / b.part.mass])
-    inverse_inertia = np.stack([a.inverse_inertia, b.inverse_inertia])
+    inverse_mass = 1 / a.part.mass, 1 / b.part.mass
+    inverse_inertia = symmetric(a.inverse_inertia), symmetric(b.inverse_inertia)
     with moving_part(a.velocity, a.momentum) as one, moving_part(b.velocity, b.momentum) as other:
-        assert resolve_single(one, other, inverse_mass, inverse_inertia, arms, normal, e, mu)
+        assert resolve_single(one, other, inverse_mass, inverse_inertia, rows(arms), tuple(normal), e, mu)
 
 
 @given(seed=chance, e=share, mu=share, moving=frame)
@@ -204,10 +203,10 @@ def test_a_wall_of_infinite_mass_is_a_surface(seed: int, e: float, mu: float, mo
     on_wall = body.seen_from(np.zeros(3))
     wall, still = surface.copy(), np.zeros(3)
     arms = np.stack([arm, np.zeros(3)])
-    inverse_mass = np.array([1 / on_wall.part.mass, 0.0])
-    inverse_inertia = np.stack([on_wall.inverse_inertia, np.zeros((3, 3))])
+    inverse_mass = 1 / on_wall.part.mass, 0.0
+    inverse_inertia = symmetric(on_wall.inverse_inertia), symmetric(np.zeros((3, 3)))
     with moving_part(on_wall.velocity, on_wall.momentum) as one, moving_part(wall, still) as other:
-        assert resolve_single(one, other, inverse_mass, inverse_inertia, arms, -normal, e, mu)
+        assert resolve_single(one, other, inverse_mass, inverse_inertia, rows(arms), tuple(-normal), e, mu)
     assert np.array_equal(wall, surface) and not still.any()
     Touch(arm[None], normal[None], surface[None]).hit(body, e, mu)
     # The direction of the slip is found to 1e-10 of a turn, along other tangents for either.

@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 import time
+from collections.abc import Iterator
 from dataclasses import fields
 from pathlib import Path
 from typing import Any, Literal
@@ -29,6 +30,14 @@ from feeder_sim.scene.scene import build_scene
 WALL_TIMES = ("wall_s", "real_time_factor", "wall_s_per_simulated_s_one_core")
 # A checkpoint after every block, not every few seconds, so that a kill finds one.
 EAGER = "import feeder_sim.run.seed_run as s; s.CHECKPOINT_S = 0.0; from feeder_sim.cli.main import main; main()"
+
+
+@pytest.fixture(autouse=True, scope="module")
+def short_blocks() -> Iterator[None]:
+    """So that a short run has several."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(ImpulseEngine, "frames_per_block", 100)
+        yield
 
 
 def nuts(

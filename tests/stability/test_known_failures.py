@@ -94,7 +94,7 @@ def slope(angle: float, engine: str, contact: Contact, impedance: Literal["hard"
     scenario = piston_scenario(start=start, contact=contact, **run)
     scene = build_scene(scenario.model_copy(update={"mujoco": MujocoSettings(impedance=impedance)}))
     table = np.zeros_like(scene.surface.table)
-    table[..., 0], table[..., 1] = np.tan(angle) * scene.surface.x[:, None], np.tan(angle)
+    table[:, 0], table[:, 1] = np.tan(angle) * scene.surface.x[:, None], np.tan(angle)
     always = ModalTerms(
         np.zeros(1, np.int64), np.zeros(1), np.full(1, np.inf), np.ones(1, complex), np.zeros(1, complex)
     )

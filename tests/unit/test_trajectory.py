@@ -70,7 +70,7 @@ def test_first_seeds_do_not_depend_on_how_many_follow() -> None:
 @pytest.mark.parametrize("sent", [signal.SIGKILL, signal.SIGINT])
 def test_stopped_run_leaves_a_readable_file(tmp_path: Path, repository: Path, sent: signal.Signals) -> None:
     folder = tmp_path / "run"
-    scenario = repository / "scenarios/drift_4750hz.toml"
+    scenario = repository / "scenarios/separation_100.toml"
     command = [sys.executable, "-m", "feeder_sim", "run", str(scenario), "--seeds", "2", "--out", str(folder)]
     process = subprocess.Popen(command, env=os.environ, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
     try:

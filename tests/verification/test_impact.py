@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from conftest import from_python, moving_part
+from conftest import contacts, from_python, moving_part, symmetric
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
@@ -29,12 +29,11 @@ class State:
     def hit(self, corners: np.ndarray, e: float, mu: float, slope: float = 0.0) -> np.ndarray:
         """Resolve an impact at some corners; returns their relative velocities before and after, (2, n, 3)."""
         normal = np.tile(np.array([-slope, 0.0, 1.0]) / np.hypot(1, slope), (len(corners), 1))
-        contact = np.stack([self.arm[corners], normal, np.zeros((len(corners), 3))])
+        contact, law = contacts(self.arm[corners], normal, np.zeros((len(corners), 3)), e, mu)
         before = self.at(corners)
         n = len(corners)
-        law = np.stack([np.full(n, e), np.full(n, mu)])
         with moving_part(self.velocity, self.momentum) as part:
-            resolve_impact(part, 1 / self.part.mass, self.inverse_inertia, contact, law, n)
+            resolve_impact(part, 1 / self.part.mass, symmetric(self.inverse_inertia), contact, law, n)
         return np.stack([before, self.at(corners)])
 
     def at(self, corners: np.ndarray) -> np.ndarray:

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from conftest import changing, from_python, hull_distances, moving_part
+from conftest import changing, from_python, hull_distances, moving_part, rows, symmetric
 from numba import njit
 from scipy.optimize import nnls
 from scipy.spatial import ConvexHull
@@ -61,10 +61,10 @@ class Body:
 
 
 def collide(a: Body, b: Body, arms: np.ndarray, normal: np.ndarray, e: float, mu: float) -> bool:
-    inverse_mass = np.array([1 / a.part.mass, 1 / b.part.mass])
-    inverse_inertia = np.stack([a.inverse_inertia, b.inverse_inertia])
+    inverse_mass = 1 / a.part.mass, 1 / b.part.mass
+    inverse_inertia = symmetric(a.inverse_inertia), symmetric(b.inverse_inertia)
     with moving_part(a.velocity, a.momentum) as one, moving_part(b.velocity, b.momentum) as other:
-        return bool(resolve_single(one, other, inverse_mass, inverse_inertia, arms, normal, e, mu))
+        return bool(resolve_single(one, other, inverse_mass, inverse_inertia, rows(arms), tuple(normal), e, mu))
 
 
 def random_pair(

@@ -10,7 +10,19 @@ from numpy.typing import NDArray
 from feeder_sim.engines.impact_log import ImpactLog, begin_contact, end_contact, in_contact
 from feeder_sim.engines.impulse.borrow import borrow
 from feeder_sim.engines.impulse.plate_contact import TOUCH, meet_plate
-from feeder_sim.engines.impulse.state import GAP, SURFACE_RATE, fly_to, orthonormalise_parts, write_row
+from feeder_sim.engines.impulse.rest import fall_asleep, wake
+from feeder_sim.engines.impulse.state import (
+    ASLEEP,
+    GAP,
+    SURFACE_RATE,
+    Kinds,
+    Plate,
+    Scratch,
+    Wall,
+    fly_to,
+    orthonormalise_parts,
+    write_row,
+)
 from feeder_sim.engines.impulse.window import acting_terms, bound_window, fastest_rate
 from feeder_sim.engines.surface_arrays import SurfaceArrays
 from feeder_sim.machine_code import compiled, entry_point
@@ -20,10 +32,10 @@ ORIGIN, NUMBER, DUE = range(3)  # of the clock
 
 
 class Drive(NamedTuple):
-    """The surface, the largest deflection of every mode shape, the step and the length of a window [s]."""
+    """The surface, the extremes of its shapes as in `Surface`, the step and the length of a window [s]."""
 
     surface: SurfaceArrays
-    antinode: NDArray[np.float64]
+    extremes: NDArray[np.float64]
     step: float
     window: float
 
@@ -35,43 +47,67 @@ class ContactNotes(NamedTuple):
     last: NDArray[np.float64]
 
 
+class Alone(NamedTuple):
+    """The part, as an array of one; its kind; the wall of its tube, None without one; and scratch space."""
+
+    parts: NDArray[np.void]
+    kinds: Kinds
+    wall: Wall | None
+    work: Scratch
+
+
 @entry_point
-def advance_alone(parts, kinds, wall, drive, notes, clock, frames, work):
+def advance_alone(alone, drive, notes, clock, frames):
     """Advance the part past the times of frames, and write its state at each.
 
     clock: time from which windows count, number of the window under way, and when the part is to be looked at next.
-    The wall is None without a tube.
     """
-    kinds, wall, work, frames = borrow(kinds), borrow(wall), borrow(work), borrow(frames)
-    part, kind, surface = parts[0], kinds.record[0], drive.surface
+    alone, frames = borrow(alone), borrow(frames)
+    part, kind, surface = alone.parts[0], alone.kinds.record[0], drive.surface
     top = 0.0  # in a tube, contacts are told apart by the usual step
-    if wall is None:
+    if alone.wall is None:
         top = fastest_rate(surface)
     start, end = clock[ORIGIN] + clock[NUMBER] * drive.window, clock[ORIGIN] + (clock[NUMBER] + 1.0) * drive.window
     acting = acting_terms(surface, start, end)
-    bounds = bound_window(acting, drive.antinode, start, end, drive.step, top)
+    bounds = bound_window(acting, drive.extremes, start, end, drive.step, top)
     for frame in range(frames.time.shape[0]):
         while clock[DUE] < frames.time[frame]:
-            if frames.interrupt[0] != 0:
-                return
             if clock[DUE] >= end:
                 clock[NUMBER] += 1.0
                 start, end = end, clock[ORIGIN] + (clock[NUMBER] + 1.0) * drive.window
                 acting = acting_terms(surface, start, end)
-                bounds = bound_window(acting, drive.antinode, start, end, drive.step, top)
+                bounds = bound_window(acting, drive.extremes, start, end, drive.step, top)
                 fly_to(part, kind, start)
-                orthonormalise_parts(parts, 1)
+                orthonormalise_parts(alone.parts, 1)
+                if not bounds.calm:
+                    wake(part)
                 clock[DUE] = start
-                continue
-            t = clock[DUE]
-            fly_to(part, kind, t)
-            before = part.velocity[2]
-            leap, hit = meet_plate(part, kinds, wall, acting, bounds, t, work)
-            if wall is not None:  # noqa: SIM102 - numba leaves out what follows a plain test of None only
-                if hit:
-                    _note_contact(part, before, kind.corner_to - kind.corner_from, notes, t, drive.step, work)
-            clock[DUE] = t + leap
-        write_row(parts, 0, kinds, frames.time[frame], frames.row[frame, 0])
+            plate = Plate(borrow(acting), borrow(bounds))
+            clock[DUE] = _advance_until(
+                min(end, frames.time[frame]), clock[DUE], alone, plate, notes, drive.step, frames
+            )
+            if frames.interrupt[0] != 0:
+                return
+        write_row(alone.parts, 0, alone.kinds, frames.time[frame], frames.row[frame, 0])
+
+
+@compiled
+def _advance_until(until, t, alone, plate, notes, step, frames):
+    """Look at the part again and again until a time [s]; returns when it is due after that."""
+    part, kind = alone.parts[0], alone.kinds.record[0]
+    while t < until and frames.interrupt[0] == 0:
+        if part.there == ASLEEP:
+            return plate.bounds.end
+        fly_to(part, kind, t)
+        before = part.velocity[2]
+        leap, hit = meet_plate(part, alone.kinds, alone.wall, plate.surface, plate.bounds, t, alone.work)
+        t += leap
+        if hit:
+            if alone.wall is not None:
+                _note_contact(part, before, kind.corner_to - kind.corner_from, notes, t - leap, step, alone.work)
+            elif plate.bounds.calm:
+                fall_asleep(part, alone.kinds, alone.work)
+    return t
 
 
 @compiled

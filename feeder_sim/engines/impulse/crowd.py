@@ -21,14 +21,14 @@ from feeder_sim.scene.scene import GRAVITY
 
 
 @entry_point
-def open_window(parts, n_free, kinds, surface, antinode, span, step):
+def open_window(parts, n_free, kinds, surface, extremes, span, step):
     """Terms that act and bounds of a window from span[0] to span[1] [s], and the reach of parts in it [m].
 
     Wakes all parts unless the plate is calm.
     """
     start, end = span
     acting = acting_terms(surface, start, end)
-    bounds = bound_window(acting, antinode, start, end, step, fastest_rate(surface))
+    bounds = bound_window(acting, extremes, start, end, step, fastest_rate(surface))
     if not bounds.calm:
         for i in range(n_free):
             wake(parts[i])

@@ -20,16 +20,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from feeder_sim.engines.impact_log import new_log, room_for, take_impacts
-from feeder_sim.engines.impulse.alone import SAME_CONTACT, ContactNotes, Drive, advance_alone
+from feeder_sim.engines.impulse.alone import SAME_CONTACT, Alone, ContactNotes, Drive, advance_alone
 from feeder_sim.engines.impulse.crowd import find_neighbours, open_window, share_out
 from feeder_sim.engines.impulse.hulls import HullLibrary
-from feeder_sim.engines.impulse.island import Crowd, Plate, Share, Span, Tools, advance_islands
+from feeder_sim.engines.impulse.island import Crowd, Share, Span, Tools, advance_islands
 from feeder_sim.engines.impulse.kinds import read_kinds, rim_walls
 from feeder_sim.engines.impulse.pair_contact import PAIR
 from feeder_sim.engines.impulse.state import (
     ABSENT,
+    ATTITUDE,
+    MOMENTUM,
+    MOVES,
+    POSITION,
+    QUATERNION,
     ROW,
+    SPIN,
     FrameRows,
+    Plate,
     new_parts,
     new_scratch,
     read_wall,
@@ -41,9 +48,9 @@ from feeder_sim.scene.scene import Scene
 from feeder_sim.scene.start import start_poses
 
 WINDOW = 1e-3  # [s], where parts can meet: shorter ones find the pairs too often, longer ones find too many
-WINDOW_ALONE = 2e-3  # [s], of a single part: for bounds on the plate that follow its ring-up
+WINDOW_ALONE = 1e-2  # [s], of a single part: for bounds on the plate that follow its ring-up
 WIDER = 1.5  # times the way of the farthest part: its reach when a window is computed again
-COLUMNS = {"position": slice(0, 3), "velocity": slice(3, 6), "attitude": slice(6, 15), "momentum": slice(15, 18)}
+COLUMNS = {"position": POSITION, "velocity": MOVES, "attitude": ATTITUDE, "momentum": MOMENTUM}
 STATE = ("position", "velocity", "attitude", "momentum", "clock", "there")
 
 
@@ -56,7 +63,7 @@ class ImpulseEngine:
     """
 
     name = "impulse"
-    frames_per_block = BLOCK_FRAMES
+    frames_per_block = 3 * BLOCK_FRAMES
 
     def __init__(
         self,
@@ -73,7 +80,6 @@ class ImpulseEngine:
         self._wall = read_wall(scene.guides[0])
         self._notes = ContactNotes(new_log(1), np.zeros(2))
         self._surface = surface_arrays(scene.surface, scene.scenario.run)
-        self._antinode = np.abs(scene.surface.table[..., 0]).max(axis=(1, 2))
         self._threads = max(1, threads)
         self._alone = self._n == 1 and not scene.rim
         corners = [] if self._alone else np.split(kinds.corners, kinds.record["corner_from"][1:])
@@ -85,7 +91,7 @@ class ImpulseEngine:
         self._pool = ThreadPoolExecutor(self._threads) if self._threads > 1 else None
         self._parts = self._start(rng)
         self._frame = self._unresolved = 0
-        self._row = _rows_of(self._parts[: self._n])  # the state at the last frame
+        self._row = self._first_row(self._parts[: self._n])  # the state at the last frame
         self._clock = np.zeros(3)  # of a single part: see `advance_alone`
         self._opened = self._parts.copy()
         self._span = np.zeros(2)  # the window of many parts: its begin and end [s]
@@ -116,10 +122,10 @@ class ImpulseEngine:
             if self._wall is not None:  # each contact takes a step at least
                 room = n_frames * (scene.steps_per_frame + 1) + 1
                 self._notes = self._notes._replace(log=room_for(self._notes.log, room))
-            drive = Drive(self._surface, self._antinode, scene.timestep, WINDOW_ALONE)
+            drive = Drive(self._surface, self._scene.surface.extremes, scene.timestep, WINDOW_ALONE)
             work = self._tools[0].work
             frames = FrameRows(times, rows, self._interrupt)
-            advance_alone(self._parts, self._kinds, self._wall, drive, self._notes, self._clock, frames, work)
+            advance_alone(Alone(self._parts, self._kinds, self._wall, work), drive, self._notes, self._clock, frames)
         else:
             self._advance_crowd(times, rows)
         if self._interrupt[0]:
@@ -151,11 +157,11 @@ class ImpulseEngine:
         if frames is None:
             frames = FrameRows(np.empty(0), np.empty((0, self._n, ROW)), np.zeros(1, np.int64))
         parts, start = self._opened.copy(), self._span[0]
-        place = (self._kinds, self._surface, self._antinode, (start, self._span[1]), self._scene.timestep)
+        place = (self._kinds, self._surface, self._scene.surface.extremes, (start, self._span[1]), self._scene.timestep)
         acting, bounds, reach = open_window(parts, self._n, *place)
         begun = parts.copy()
         absent = np.flatnonzero(parts["there"][: self._n] == ABSENT)
-        frames.row[:, absent] = _rows_of(parts[absent])
+        frames.row[:, absent] = self._row[absent]
         while True:
             self._forget_unresolved()
             pairs, islands = find_neighbours(parts, self._n, self._kinds, self._surface, reach, self._pairs_before)
@@ -253,26 +259,23 @@ class ImpulseEngine:
         over = since > SAME_CONTACT * self._scene.timestep
         return take_impacts(log, end=end, over=(float(last[0]), float(last[1])) if over else None)
 
-    def _frames(self, rows: NDArray[np.float64], first: int) -> Frames:
+    def _first_row(self, parts: NDArray[np.void]) -> NDArray[np.float64]:
+        """The state of parts that have not moved yet, shape (parts, ROW)."""
         from scipy.spatial.transform import Rotation
 
+        row = np.zeros((len(parts), ROW))
+        for name, columns in COLUMNS.items():
+            row[:, columns] = parts[name].reshape(len(parts), -1)
+        row[:, QUATERNION] = Rotation.from_matrix(parts["attitude"]).as_quat(scalar_first=True)
+        return row
+
+    def _frames(self, rows: NDArray[np.float64], first: int) -> Frames:
         n = len(rows)
-        attitude = rows[..., 6:15].reshape(n, self._n, 3, 3)
-        body_momentum = np.einsum("npij,npi->npj", attitude, rows[..., 15:18])
-        inertia = self._kinds.record["inertia"][self._parts["kind"][: self._n]]
-        spin = np.einsum("npij,npj->npi", attitude, body_momentum / inertia)
-        finite = np.asarray(np.isfinite(attitude).all(axis=(2, 3)))
-        turned = Rotation.from_matrix(np.where(finite[..., None, None], attitude, np.eye(3)).reshape(-1, 3, 3))
         return Frames(
             time=np.asarray((first + np.arange(n)) * self._scene.frame_interval, float),
-            position=rows[..., 0:3],
-            quaternion=np.asarray(turned.as_quat(scalar_first=True)).reshape(n, self._n, 4),
-            velocity=rows[..., 3:6],
-            angular_velocity=spin,
+            position=rows[..., POSITION],
+            quaternion=rows[..., QUATERNION],
+            velocity=rows[..., MOVES],
+            angular_velocity=rows[..., SPIN],
             present=np.tile(self._parts["there"][: self._n] != ABSENT, (n, 1)),
         )
-
-
-def _rows_of(parts: NDArray[np.void]) -> NDArray[np.float64]:
-    """The state of parts as it is, shape (parts, ROW)."""
-    return np.concatenate([parts[name].reshape(len(parts), 9 if name == "attitude" else 3) for name in COLUMNS], axis=1)

@@ -21,12 +21,13 @@ import math
 
 import numpy as np
 
-from feeder_sim.machine_code import compiled
+from feeder_sim.machine_code import compiled, inlined
 
 SYMMETRY_TOLERANCE = 1e-6  # moments closer than this, relative to the largest, count as equal
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(8)
 _PANEL = 0.5  # of the elliptic argument: 8 nodes resolve it to round-off
 AGM_STEPS = 12
+SMALL_ANGLE = 0.05  # [rad]
 
 
 def symmetry_axis(inertia: np.ndarray) -> int:
@@ -63,6 +64,18 @@ def rotate_freely(attitude, momentum, inertia, axis, duration):
         _rotate_general(attitude, momentum, size, inertia, duration)
 
 
+@inlined
+def _turned(angle):
+    """Cosine and sine of an angle [rad]; of a small one, as most are, by their series to round-off."""
+    if abs(angle) > SMALL_ANGLE:
+        return math.cos(angle), math.sin(angle)
+    x = angle * angle
+    return (
+        1.0 - x * (0.5 - x * (1.0 / 24.0 - x * (1.0 / 720.0 - x / 40320.0))),
+        angle * (1.0 - x * (1.0 / 6.0 - x * (1.0 / 120.0 - x * (1.0 / 5040.0 - x / 362880.0)))),
+    )
+
+
 @compiled
 def rotate_symmetric(attitude, momentum, inertia, axis, duration):
     """As `rotate_freely`, for a body whose moments about the two other axes than `axis` are equal."""
@@ -73,14 +86,14 @@ def rotate_symmetric(attitude, momentum, inertia, axis, duration):
     transverse = 0.5 * (inertia[a] + inertia[b])
     along = momentum[0] * attitude[0, axis] + momentum[1] * attitude[1, axis] + momentum[2] * attitude[2, axis]
     spin = along / inertia[axis] * (1.0 - inertia[axis] / transverse) * duration
-    c, s = math.cos(spin), math.sin(spin)
+    c, s = _turned(spin)
     for i in range(3):  # attitude Rot(axis, spin): turns the two transverse columns
         u, v = attitude[i, a], attitude[i, b]
         attitude[i, a] = c * u + s * v
         attitude[i, b] = c * v - s * u
     x, y, z = momentum[0] / size, momentum[1] / size, momentum[2] / size
     precession = size / transverse * duration
-    c, s = math.cos(precession), math.sin(precession)
+    c, s = _turned(precession)
     for column in range(3):  # Rot(L, precession) attitude, by Rodrigues
         p, q, r = attitude[0, column], attitude[1, column], attitude[2, column]
         along = (x * p + y * q + z * r) * (1.0 - c)

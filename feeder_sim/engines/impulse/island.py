@@ -20,8 +20,7 @@ from feeder_sim.engines.impulse.neighbours import Islands
 from feeder_sim.engines.impulse.pair_contact import meet, meeting_bound
 from feeder_sim.engines.impulse.plate_contact import meet_plate
 from feeder_sim.engines.impulse.rest import fall_asleep, wake
-from feeder_sim.engines.impulse.state import ASLEEP, Bounds, Kinds, Scratch, fly_to, write_row
-from feeder_sim.engines.surface_arrays import SurfaceArrays
+from feeder_sim.engines.impulse.state import ASLEEP, Kinds, Scratch, fly_to, write_row
 from feeder_sim.machine_code import compiled, entry_point, inlined
 
 
@@ -33,13 +32,6 @@ class Crowd(NamedTuple):
     pairs: NDArray[np.void]
     kinds: Kinds
     islands: Islands
-
-
-class Plate(NamedTuple):
-    """The plate in a window: the terms that act, and what they can do at most."""
-
-    surface: SurfaceArrays
-    bounds: Bounds
 
 
 class Tools(NamedTuple):

@@ -16,7 +16,8 @@ import numpy as np
 
 from feeder_sim.engines.impulse.hulls import hull_distance
 from feeder_sim.engines.impulse.single_impact import resolve_single
-from feeder_sim.engines.impulse.state import flies, fly_to, invert_inertia, point, turning_speed
+from feeder_sim.engines.impulse.state import flies, fly_to, inverse_inertia, point, turning_speed
+from feeder_sim.engines.impulse.vectors import difference, vector
 from feeder_sim.machine_code import compiled
 from feeder_sim.scene.scene import GRAVITY
 
@@ -25,7 +26,7 @@ SLACK = 1e-6  # [m]; hulls this close touch, and may enter each other this far b
 DEEP = 2e-6  # [m]; how deep parts may enter each other before they are looked at again, where a step is longer
 PUSHED = 0.1  # of that time, while parts are deep in each other: a heap that falls in needs many pushes
 MAX_ROUNDS = 8  # of impacts at the points of one contact
-FAR = 1e-3  # [m]; no distance beyond this is asked of the library
+FAR = 1e3  # [m]; no distance beyond this is asked of the library: every answer gives the pair a better axis
 
 
 # Two parts that can meet within a window: their numbers a < b, and the axis from a to b.
@@ -68,7 +69,7 @@ def meeting_bound(pair, parts, kinds, t, bounds):
         _crossing_time(b, kind_b, kinds, axis, -1.0, bottom, (-drift, room, fall)),
     )
     speed = _relative_speed(a, kind_a, b, kind_b)
-    shortest = min(bounds.step, DEEP / speed)
+    shortest = min(max(bounds.step, SLACK / speed), DEEP / speed)
     if gap < -DEEP:  # pushed into each other by what lies beside them
         wait, shortest = 0.0, PUSHED * shortest
     else:
@@ -241,19 +242,16 @@ def _collide(a, kind_a, b, kind_b, points, n, axis, distance):
     At points that one impact makes approach again there are further ones, until all of them separate.
     """
     fixed = kind_b.mass == np.inf
-    inverse, inverse_mass, arms = np.empty((2, 3, 3)), np.empty(2), np.empty((2, 3))
-    inverse_mass[0], inverse_mass[1] = 1.0 / kind_a.mass, 1.0 / kind_b.mass
-    invert_inertia(a.attitude, kind_a.inertia, inverse[0])
-    invert_inertia(b.attitude, kind_b.inertia, inverse[1])
+    inverse_mass = 1.0 / kind_a.mass, 1.0 / kind_b.mass
+    inverse, normal = (inverse_inertia(a, kind_a), inverse_inertia(b, kind_b)), vector(axis)
     law = 0 if fixed else 1
     hit = False
     for _ in range(MAX_ROUNDS):
         again = False
         for i in range(n):
-            for k in range(3):
-                arms[0, k], arms[1, k] = points[i, k] - a.position[k], points[i, k] - b.position[k]
+            arms = difference(points[i], a.position), difference(points[i], b.position)
             again |= resolve_single(
-                a, b, inverse_mass, inverse, arms, axis, kind_a.restitution[law], kind_a.friction[law]
+                a, b, inverse_mass, inverse, arms, normal, kind_a.restitution[law], kind_a.friction[law]
             )
         hit |= again
         if not again:

@@ -1,10 +1,11 @@
 """One free part over the plate: gaps, approach, impact, and how long it may fly without looking again.
 
-proximity   height of every corner above the surface, and how fast it approaches
-impact      corners that touch and approach get impulses, together (impact.py)
+look        height of every corner above the surface, and how fast it approaches
+impact      a corner that touches and approaches gets an impulse (single_impact.py), several together (impact.py)
 leap        the longest flight during which no corner can touch: with gap g, approach speed -u and a bound a on the
 relative acceleration, no contact before t = (u + sqrt(u^2 + 2 a g)) / a; never shorter than the step,
 or than a fast part takes to enter the surface by micrometres
+forecast    as the motion of the surface is known, many such leaps are made before the part is looked at again
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ import numpy as np
 
 from feeder_sim.engines.impulse.impact import resolve_impact
 from feeder_sim.engines.impulse.plate_edge import edge_leap, with_points_on_edge
+from feeder_sim.engines.impulse.single_impact import resolve_free
 from feeder_sim.engines.impulse.state import (
     ARM,
     FRICTION,
@@ -25,13 +27,28 @@ from feeder_sim.engines.impulse.state import (
     SURFACE_ACCELERATION,
     SURFACE_RATE,
     VELOCITY,
-    invert_inertia,
-    point,
+    arm_of,
+    height_of,
+    inverse_inertia,
+    spin_of,
     top_speed,
+    turning_speed,
 )
 from feeder_sim.engines.impulse.tube_contact import approach_wall, gather_wall, leap_to_wall, meeting_time
+from feeder_sim.engines.impulse.vectors import dot
 from feeder_sim.machine_code import compiled, inlined
-from feeder_sim.plate.compiled import grid_cell, modal_motion, surface_deflection, surface_modes, surface_normal
+from feeder_sim.plate.compiled import (
+    BETA_X,
+    BETA_Y,
+    W,
+    cubic_slopes,
+    cubic_weights,
+    grid_cell,
+    interpolate,
+    modal_motion,
+    surface_modes,
+    surface_normal,
+)
 from feeder_sim.scene.scene import GRAVITY
 
 DEPTH = 1e-6  # [m]; how deep a part may enter a surface that is no longer driven
@@ -39,6 +56,8 @@ DEEP = 5e-6  # [m]; how deep a fast part may enter the surface
 TOUCH = 1e-9  # [m]; corners this close count as touching, so that a flat landing is one impact and not six
 ON_EDGE = 1e-9  # [m]; a point this far off the plate is still on its edge
 BESIDE = 2e-4  # [m]; a point that far below the surface is beside the plate or under it
+MAX_LEAPS = 30  # of a forecast
+NEVER = 1e9  # [s]; the flight of a part that is not over the plate
 
 
 @compiled
@@ -58,81 +77,82 @@ def meet_plate(part, kinds, wall, surface, bounds, t, work):
             return max((rising + math.sqrt(rising * rising + 2.0 * GRAVITY * height)) / GRAVITY, bounds.step), False
     n_corners = kind.corner_to - kind.corner_from
     corners = with_points_on_edge(part, kind, kinds, surface, work)
-    _proximity(part, kind, corners, surface, bounds, t, work)
-    on_plate = _approach(part, kind, corners, work)
-    on_wall = 0
-    if wall is not None:
+    on_plate, last = _look(part, kind, corners, surface, bounds, t, work)
+    if wall is None:
+        if on_plate == 1:
+            _impact_at(last, part, kind, corners, surface, work)
+        elif on_plate > 1:
+            _impact(part, kind, corners, None, surface, work)
+    else:
         on_wall = approach_wall(part, kind, corners, wall, TOUCH, work)
-    if on_plate + on_wall > 0:
-        _impact(part, kind, corners, wall, surface, work)
-        _approach(part, kind, corners, work)
-        if wall is not None:
+        if on_plate + on_wall > 0:
+            _impact(part, kind, corners, wall, surface, work)
             approach_wall(part, kind, corners, wall, TOUCH, work)
-    leap = _leap(part, kind, corners, work)
+    leap, to_crest, own = _leap(part, kind, corners, work)
     if wall is not None:  # in a play of micrometres a part must not fly a whole step into the wall
         wall_leap = leap_to_wall(part, kind, corners, wall, work)
         return max(min(leap, wall_leap), meeting_time(work, corners.shape[0], bounds.step)), on_plate > 0
+    shortest = _shortest_flight(part, kind, bounds)
     if corners.shape[0] > n_corners:
-        leap = min(leap, edge_leap(part, kind, corners, n_corners, bounds.step, work))
-    return max(leap, _shortest_flight(part, kind, bounds)), on_plate > 0
-
-
-@compiled
-def _shortest_flight(part, kind, bounds):
-    """The step [s]; less for a part so fast that it would enter the surface deeply, more for one that hardly moves."""
-    fastest = top_speed(part, kind)
-    return max(min(bounds.step, DEEP / fastest), min(bounds.rest_step, DEPTH / fastest))
+        to_crest = min(to_crest, edge_leap(part, kind, corners, n_corners, bounds.step, work))
+    if leap < to_crest:
+        leap = _forecast(part, kind, corners, surface, bounds, t, (max(leap, shortest), shortest, own, to_crest), work)
+    return max(min(leap, to_crest), shortest), on_plate > 0
 
 
 @inlined
-def _proximity(part, kind, corners, surface, bounds, t, work):
-    """Fill gap and surface part of every corner.
+def _look(part, kind, corners, surface, bounds, t, work):
+    """Fill gap, rate and surface part of every corner; returns how many touch and approach, and the last of them.
 
     Above the crest the gap is to the crest and the surface counts as still; below it, to the surface itself. A corner
     beyond the edge of the plate has nothing under it.
     """
-    moved = False
+    lowest, rising, turning = part.position[2] - kind.radius, part.velocity[2], _turning(part, kind)
+    moved, touching, last = False, 0, -1
     for i in range(corners.shape[0]):
-        height = part.position[2] - kind.radius
-        for axis in range(3):
-            height += part.attitude[2, axis] * corners[i, axis]
-        work.corner[i, GAP] = height - bounds.crest
-        work.corner[i, SURFACE_RATE] = work.corner[i, SURFACE_ACCELERATION] = 0.0
-        if work.corner[i, GAP] > 2.0 * TOUCH:  # a gap to the crest must never pass for a touch
-            continue
-        if not moved:
-            _move_surface(surface, t, work)
-            moved = True
-        _measure_gap(part, kind, corners, surface, bounds, height, i, work)
+        bottom, rate = lowest + height_of(part, corners, i), rising + dot(turning, corners[i])
+        gap, surface_rate, acceleration = bottom - bounds.crest, 0.0, 0.0
+        if gap <= 2.0 * TOUCH:  # a gap to the crest must never pass for a touch
+            if not moved:
+                _move_surface(part, surface, t, work)
+                moved = True
+            arm = arm_of(part, corners, i)
+            x, y = part.position[0] + arm[0], part.position[1] + arm[1]
+            height, surface_rate, acceleration = _surface_under(x, y, i, part, surface, bounds, work)
+            gap, rate = bottom - height, rate - surface_rate
+            outside = abs(x) > surface.grid_x[-1] + ON_EDGE or abs(y) > surface.grid_y[-1] + ON_EDGE
+            if outside or gap < -BESIDE:
+                gap = np.inf
+            if gap <= TOUCH and rate < 0.0:
+                touching += 1
+                last = i
+        work.corner[i, GAP], work.corner[i, RATE] = gap, rate
+        work.corner[i, SURFACE_RATE], work.corner[i, SURFACE_ACCELERATION] = surface_rate, acceleration
+    return touching, last
+
+
+@inlined
+def _turning(part, kind):
+    """A corner r, in body axes, rises by r . (z x w) because the part turns; this is z x w there [rad/s]."""
+    r, spin = part.attitude, spin_of(part, kind)
+    return (
+        spin[0] * r[1, 0] - spin[1] * r[0, 0],
+        spin[0] * r[1, 1] - spin[1] * r[0, 1],
+        spin[0] * r[1, 2] - spin[1] * r[0, 2],
+    )
 
 
 @inlined
 def _approach(part, kind, corners, work):
-    """Fill the vertical rate of every corner relative to the surface; returns how many touch and approach."""
-    # (w x r)_z = r . (z x w), taken in body axes once instead of for every corner.
-    wx = wy = 0.0
-    for axis in range(3):
-        along = 0.0
-        for k in range(3):
-            along += part.attitude[k, axis] * part.momentum[k]
-        along /= kind.inertia[axis]
-        wx += part.attitude[0, axis] * along
-        wy += part.attitude[1, axis] * along
-    x = wx * part.attitude[1, 0] - wy * part.attitude[0, 0]
-    y = wx * part.attitude[1, 1] - wy * part.attitude[0, 1]
-    z = wx * part.attitude[1, 2] - wy * part.attitude[0, 2]
-    touching = 0
+    """Fill the rate of every corner relative to the surface anew, after an impact."""
+    rising, turning = part.velocity[2], _turning(part, kind)
     for i in range(corners.shape[0]):
-        turning = x * corners[i, 0] + y * corners[i, 1] + z * corners[i, 2]
-        work.corner[i, RATE] = part.velocity[2] + turning - work.corner[i, SURFACE_RATE]
-        if work.corner[i, GAP] <= TOUCH and work.corner[i, RATE] < 0.0:
-            touching += 1
-    return touching
+        work.corner[i, RATE] = rising + dot(turning, corners[i]) - work.corner[i, SURFACE_RATE]
 
 
 @inlined
-def _move_surface(surface, t, work):
-    """Modal coordinates and their rates at time t."""
+def _move_surface(part, surface, t, work):
+    """Modal coordinates and their rates at time t; on a tangent surface, the mode shapes under the part's centre."""
     modal_motion(
         t,
         surface.term_shape,
@@ -143,79 +163,86 @@ def _move_surface(surface, t, work):
         work.modal[0],
         work.modal[1],
     )
+    if surface.tangent:
+        x, y = part.position[0], part.position[1]
+        surface_modes(x, y, surface.grid_x, surface.grid_y, surface.table, work.modes)
 
 
 @inlined
-def _measure_gap(part, kind, corners, surface, bounds, height, i, work):
-    """Gap of one corner to the surface under it, the surface's rate, and a bound on its acceleration."""
-    x, y = point(part, corners, i, 0), point(part, corners, i, 1)
-    if abs(x) > surface.grid_x[-1] + ON_EDGE or abs(y) > surface.grid_y[-1] + ON_EDGE:
-        work.corner[i, GAP] = np.inf
-        return
-    n_x, n_y = surface.grid_x.shape[0], surface.grid_y.shape[0]
-    first_x, first_y = 0, 0
-    if surface.tangent:
-        _modes_at(part, surface, x, y, work)
-    else:
-        first_x = grid_cell(x, surface.grid_x[0], surface.grid_x[1] - surface.grid_x[0], n_x, work.weight[0])
-        first_y = grid_cell(y, surface.grid_y[0], surface.grid_y[1] - surface.grid_y[0], n_y, work.weight[1])
-    gap, rate, acceleration = height, 0.0, 0.0
+def _surface_under(x, y, i, part, surface, bounds, work):
+    """Height of the surface under corner i, at (x, y) [m]; its rate [m/s], and a bound on its acceleration [m/s^2]."""
+    height = rate = acceleration = 0.0
+    first_x, a = grid_cell(x, surface.grid_x)
+    first_y, b = grid_cell(y, surface.grid_y)
+    weight_x, weight_y = cubic_weights(a), cubic_weights(b)
     for s in range(work.modal.shape[1]):
         if bounds.acceleration[s] == 0.0:  # at rest in this window
             continue
         if surface.tangent:
             w = work.modes[s, 0]
+            w += work.modes[s, 1] * (x - part.position[0]) + work.modes[s, 2] * (y - part.position[1])
         else:
-            w = surface_deflection(s, first_x, first_y, work.weight[0], work.weight[1], surface.table)
-        gap -= w * work.modal[0, s]
+            w = interpolate(surface.table, s, W, first_x, first_y, weight_x, weight_y)
+        work.under[i, s] = w
+        height += w * work.modal[0, s]
         rate += w * work.modal[1, s]
         acceleration += abs(w) * bounds.acceleration[s]
-    work.corner[i, GAP], work.corner[i, SURFACE_RATE] = gap, rate
-    work.corner[i, SURFACE_ACCELERATION] = acceleration
-    if work.corner[i, GAP] < -BESIDE:
-        work.corner[i, GAP] = np.inf
+    return height, rate, acceleration
 
 
-@compiled
-def _modes_at(part, surface, x, y, work):
-    """Mode shapes at a point; on a tangent surface, those under the centre, continued along their slopes."""
-    if not surface.tangent:
-        surface_modes(x, y, surface.grid_x, surface.grid_y, surface.table, work.weight, work.modes)
-        return
-    cx, cy = part.position[0], part.position[1]
-    surface_modes(cx, cy, surface.grid_x, surface.grid_y, surface.table, work.weight, work.modes)
-    for s in range(work.modes.shape[0]):
-        work.modes[s, 0] += work.modes[s, 1] * (x - cx) + work.modes[s, 2] * (y - cy)
-
-
-@compiled
-def _gather_plate(part, kind, corners, surface, work):
-    """Collect the corners that touch the plate and approach it; returns their number and the deepest penetration."""
-    n, depth = 0, 0.0
-    for i in range(corners.shape[0]):
-        if work.corner[i, GAP] > TOUCH or work.corner[i, RATE] >= 0.0:
-            continue
-        depth = max(depth, -work.corner[i, GAP])
-        x, y = point(part, corners, i, 0), point(part, corners, i, 1)
-        _modes_at(part, surface, x, y, work)
-        for k in range(3):
-            work.contact[VELOCITY, n, k] = 0.0
+@inlined
+def _surface_touched(x, y, surface_rate, part, surface, work):
+    """Velocity [m/s] and unit normal of the surface at (x, y) [m], where it rises at `surface_rate` [m/s]."""
+    vx = vy = 0.0
+    if surface.tangent:
         for s in range(work.modal.shape[1]):
-            for k in range(2):
-                slide = surface.half_thickness * work.modes[s, 1 + k] * work.modal[1, s] * surface.in_plane
-                work.contact[VELOCITY, n, k] -= slide
-            work.contact[VELOCITY, n, 2] += work.modes[s, 0] * work.modal[1, s]
-        if surface.tangent:
-            x, y = part.position[0], part.position[1]
-        normal = work.contact[NORMAL, n]
-        surface_normal(x, y, surface.grid_x, surface.grid_y, surface.table, work.modal[0], work.weight, normal)
-        for k in range(3):
-            work.contact[ARM, n, k] = (
-                point(part, corners, i, k) - part.position[k] - kind.radius * work.contact[NORMAL, n, k]
-            )
-        work.law[RESTITUTION, n], work.law[FRICTION, n] = kind.restitution[0], kind.friction[0]
-        n += 1
-    return n, depth
+            vx -= work.modes[s, 1] * work.modal[1, s]
+            vy -= work.modes[s, 2] * work.modal[1, s]
+        normal = surface_normal(
+            part.position[0], part.position[1], surface.grid_x, surface.grid_y, surface.table, work.modal[0]
+        )
+    else:
+        first_x, a = grid_cell(x, surface.grid_x)
+        first_y, b = grid_cell(y, surface.grid_y)
+        weight_x, weight_y = cubic_weights(a), cubic_weights(b)
+        change_x = cubic_slopes(a, surface.grid_x[1] - surface.grid_x[0])
+        change_y = cubic_slopes(b, surface.grid_y[1] - surface.grid_y[0])
+        slope_x = slope_y = 0.0
+        for s in range(work.modal.shape[1]):
+            q, rate, table = work.modal[0, s], work.modal[1, s], surface.table
+            if q == 0.0 and rate == 0.0:
+                continue
+            vx -= rate * interpolate(table, s, BETA_X, first_x, first_y, weight_x, weight_y)
+            vy -= rate * interpolate(table, s, BETA_Y, first_x, first_y, weight_x, weight_y)
+            slope_x += q * interpolate(table, s, W, first_x, first_y, change_x, weight_y)
+            slope_y += q * interpolate(table, s, W, first_x, first_y, weight_x, change_y)
+        size = math.sqrt(1.0 + slope_x * slope_x + slope_y * slope_y)
+        normal = (-slope_x / size, -slope_y / size, 1.0 / size)
+    moves = surface.half_thickness * surface.in_plane
+    return (moves * vx, moves * vy, surface_rate), normal
+
+
+@inlined
+def _contact_of(i, part, kind, corners, surface, work):
+    """Arm, normal and surface velocity of a corner that touches the plate."""
+    arm = arm_of(part, corners, i)
+    x, y = part.position[0] + arm[0], part.position[1] + arm[1]
+    velocity, normal = _surface_touched(x, y, work.corner[i, SURFACE_RATE], part, surface, work)
+    r = kind.radius
+    return (arm[0] - r * normal[0], arm[1] - r * normal[1], arm[2] - r * normal[2]), normal, velocity
+
+
+@inlined
+def _impact_at(i, part, kind, corners, surface, work):
+    """As `_impact`, of a corner that touches the plate alone."""
+    arm, normal, velocity = _contact_of(i, part, kind, corners, surface, work)
+    inverse_mass, turns = 1.0 / kind.mass, inverse_inertia(part, kind)
+    e, mu = kind.restitution[0], kind.friction[0]
+    if not resolve_free(part, inverse_mass, turns, arm, normal, velocity, e, mu):
+        _impact(part, kind, corners, None, surface, work)
+        return
+    _put_back(part, corners, max(-work.corner[i, GAP], 0.0), work)
+    _approach(part, kind, corners, work)
 
 
 @compiled
@@ -224,28 +251,111 @@ def _impact(part, kind, corners, wall, surface, work):
 
     What a corner covered inside the surface within one step would otherwise add up, and a resting part would sink.
     """
-    n, depth = _gather_plate(part, kind, corners, surface, work)
+    n, depth = 0, 0.0
+    for i in range(corners.shape[0]):
+        if work.corner[i, GAP] > TOUCH or work.corner[i, RATE] >= 0.0:
+            continue
+        depth = max(depth, -work.corner[i, GAP])
+        arm, normal, velocity = _contact_of(i, part, kind, corners, surface, work)
+        for k in range(3):
+            work.contact[ARM, n, k] = arm[k]
+            work.contact[NORMAL, n, k] = normal[k]
+            work.contact[VELOCITY, n, k] = velocity[k]
+        work.law[RESTITUTION, n], work.law[FRICTION, n] = kind.restitution[0], kind.friction[0]
+        n += 1
     if wall is not None:
         n = gather_wall(part, kind, corners, wall, TOUCH, n, work)
+    if not resolve_impact(part, 1.0 / kind.mass, inverse_inertia(part, kind), work.contact, work.law, n):
+        work.unresolved[0] += 1
+    _put_back(part, corners, depth, work)
+    _approach(part, kind, corners, work)
+
+
+@inlined
+def _put_back(part, corners, depth, work):
+    """Lift a part out of the surface."""
     part.position[2] += depth
     for i in range(corners.shape[0]):
         work.corner[i, GAP] += depth
-    inverse_inertia = np.empty((3, 3))
-    invert_inertia(part.attitude, kind.inertia, inverse_inertia)
-    if not resolve_impact(part, 1.0 / kind.mass, inverse_inertia, work.contact, work.law, n):
-        work.unresolved[0] += 1
 
 
 @inlined
 def _leap(part, kind, corners, work):
-    """Longest flight [s] during which no corner can touch."""
+    """Longest flight during which no corner can touch, and none above the crest can come below it [s].
+
+    The third value is a bound on the acceleration of the corners by themselves [m/s^2].
+    """
     # |dw/dt| <= |w| |L| / I_min for a torque-free body, so a corner accelerates by at most 2 reach (L / I_min)^2.
     least = min(kind.inertia[0], kind.inertia[1], kind.inertia[2])
-    squared = part.momentum[0] ** 2 + part.momentum[1] ** 2 + part.momentum[2] ** 2
-    own = GRAVITY + 2.0 * kind.reach * squared / (least * least)
-    shortest = np.inf
+    own = GRAVITY + 2.0 * kind.reach * dot(part.momentum, part.momentum) / (least * least)
+    leap = to_crest = NEVER
     for i in range(corners.shape[0]):
-        gap, rate, a = max(work.corner[i, GAP], 0.0), work.corner[i, RATE], own + work.corner[i, SURFACE_ACCELERATION]
-        if gap < np.inf:
-            shortest = min(shortest, (rate + math.sqrt(rate * rate + 2.0 * a * gap)) / a)
-    return shortest
+        gap, rate, moves = max(work.corner[i, GAP], 0.0), work.corner[i, RATE], work.corner[i, SURFACE_ACCELERATION]
+        if _touches_within(leap, gap, rate, own + moves):
+            leap = _no_contact(gap, rate, own + moves)
+        if moves == 0.0 and _touches_within(to_crest, gap, rate, own):
+            to_crest = _no_contact(gap, rate, own)
+    return leap, to_crest, own
+
+
+@inlined
+def _touches_within(time, gap, rate, a):
+    """Whether a corner can touch within a time [s], if it may be accelerated towards the surface by a [m/s^2]."""
+    return gap + time * (rate - 0.5 * a * time) <= 0.0
+
+
+@inlined
+def _no_contact(gap, rate, a):
+    """Time [s] before which a corner cannot touch."""
+    return (rate + math.sqrt(rate * rate + 2.0 * a * gap)) / a
+
+
+@inlined
+def _forecast(part, kind, corners, surface, bounds, t, flight, work):
+    """Leap again and again as the surface will move, until the first corner touches, or a corner reaches the crest.
+
+    flight: the first leap, the shortest [s], acceleration of the corners by themselves [m/s^2], when one can be below
+    the crest. Each corner stays over the place where it is now; what it moves to the side lowers it by the slope.
+    """
+    leap, shortest, own, to_crest = flight
+    v = part.velocity
+    slip = bounds.slope * (math.sqrt(v[0] * v[0] + v[1] * v[1]) + turning_speed(part, kind))
+    limit = min(to_crest, bounds.end - t)
+    for _ in range(MAX_LEAPS):
+        if leap >= limit:
+            return limit
+        modal_motion(
+            t + leap,
+            surface.term_shape,
+            surface.term_start,
+            surface.term_stop,
+            surface.coefficient,
+            surface.rate,
+            work.modal[2],
+            work.modal[3],
+        )
+        further = NEVER
+        for i in range(corners.shape[0]):
+            moves = work.corner[i, SURFACE_ACCELERATION]
+            if moves == 0.0:
+                continue
+            rate = work.corner[i, RATE] + work.corner[i, SURFACE_RATE] - slip
+            gap = max(work.corner[i, GAP], 0.0) + leap * (rate - 0.5 * own * leap)
+            rate -= own * leap
+            for s in range(work.modal.shape[1]):
+                if bounds.acceleration[s] != 0.0:
+                    gap -= work.under[i, s] * (work.modal[2, s] - work.modal[0, s])
+                    rate -= work.under[i, s] * work.modal[3, s]
+            if gap <= 0.0:
+                return leap
+            if _touches_within(further, gap, rate, own + moves):
+                further = _no_contact(gap, rate, own + moves)
+        leap += max(further, shortest)
+    return leap
+
+
+@inlined
+def _shortest_flight(part, kind, bounds):
+    """The step [s]; less for a part so fast that it would enter the surface deeply, more for one that hardly moves."""
+    fastest = top_speed(part, kind)
+    return max(min(bounds.step, DEEP / fastest), min(bounds.rest_step, DEPTH / fastest))

@@ -10,14 +10,25 @@ from numba.extending import overload
 from numpy.typing import ArrayLike, NDArray
 
 from feeder_sim.engines.impulse.free_flight import orthonormalise, rotate_freely, rotate_symmetric
+from feeder_sim.engines.impulse.vectors import times, vector
+from feeder_sim.engines.surface_arrays import SurfaceArrays
 from feeder_sim.machine_code import compiled, inlined
 from feeder_sim.scene.guide import Guide
 from feeder_sim.scene.scene import GRAVITY
 
 GAP, RATE, SURFACE_RATE, SURFACE_ACCELERATION, WALL_GAP, WALL_RATE = range(6)  # columns of Scratch.corner
-ARM, NORMAL, VELOCITY = range(3)  # of Scratch.contact
-RESTITUTION, FRICTION = range(2)  # of Scratch.law
-ROW = 18  # numbers per part and frame: position, velocity, attitude, momentum
+ARM, NORMAL, VELOCITY, BEFORE, IMPULSE = range(5)  # of Scratch.contact
+RESTITUTION, FRICTION, TARGET, STEP_NORMAL, STEP_TANGENT = range(5)  # of Scratch.law
+# Columns of a row, the numbers per part and frame.
+POSITION, MOVES, ATTITUDE, MOMENTUM, QUATERNION, SPIN = (
+    slice(0, 3),
+    slice(3, 6),
+    slice(6, 15),
+    slice(15, 18),
+    slice(18, 22),
+    slice(22, 25),
+)
+ROW = 25
 ABSENT, AWAKE, ASLEEP = range(3)  # in PART, there
 
 
@@ -87,16 +98,26 @@ class Wall(NamedTuple):
 class Bounds(NamedTuple):
     """What the surface can do at most within a window of time.
 
-    crest: height [m]; acceleration: of every mode shape at its antinode [m/s^2]; speed: of any point [m/s]; step: the
-    shortest flight [s] that is followed, and rest_step that of a part that hardly moves; calm: parts may fall asleep.
+    end: of the window [s]; crest: height [m]; slope: steepest [1]; acceleration: of every mode shape at its antinode
+    [m/s^2]; speed: of any point [m/s]; step: the shortest flight [s] that is followed, and rest_step that of a part
+    that hardly moves; calm: parts may fall asleep.
     """
 
+    end: float
     crest: float
+    slope: float
     acceleration: NDArray[np.float64]
     speed: float
     step: float
     rest_step: float
     calm: bool
+
+
+class Plate(NamedTuple):
+    """The plate in a window: the terms that act, and what they can do at most."""
+
+    surface: SurfaceArrays
+    bounds: Bounds
 
 
 class FrameRows(NamedTuple):
@@ -114,18 +135,18 @@ class Scratch(NamedTuple):
     """Few arrays, since every one of them makes each call of a compiled function dearer.
 
     corner: (n, 6), columns GAP over what it can touch, RATE of approach, what the surface adds to rate and acceleration
-    bound, WALL_GAP, WALL_RATE. contact: (3, 2 n, 3), ARM, NORMAL and surface VELOCITY of each contact of an impact.
-    law: (2, 2 n), RESTITUTION and FRICTION of each. modal: (2, n_shapes), q and dq/dt. modes: (n_shapes, 3). weight:
-    (2, 4) of the interpolation in x and y. points: (n, 3), corners and crossings of hull edges with the plate's edge.
-    unresolved: (1,), impacts whose sweeps did not settle.
+    bound, WALL_GAP, WALL_RATE. contact: (5, 2 n, 3), ARM, NORMAL and surface VELOCITY of each contact of an impact, and
+    more in impact.py. law: (5, 2 n), RESTITUTION and FRICTION of each, and more. modal: (4, n_shapes), q and dq/dt, now
+    and as they will be. under: (n, n_shapes), deflections under each corner. modes: (n_shapes, 3). points: (n, 3),
+    corners and crossings of hull edges with the plate's edge. unresolved: (1,), impacts whose sweeps did not settle.
     """
 
     corner: NDArray[np.float64]
     contact: NDArray[np.float64]
     law: NDArray[np.float64]
     modal: NDArray[np.float64]
+    under: NDArray[np.float64]
     modes: NDArray[np.float64]
-    weight: NDArray[np.float64]
     points: NDArray[np.float64]
     unresolved: NDArray[np.int64]
 
@@ -153,9 +174,9 @@ def new_scratch(kinds: Kinds, n_shapes: int) -> Scratch:
     """Room for any part: each of its corners can touch plate and wall, each of its edges the edge of the plate."""
     of = kinds.record
     n = int((of["corner_to"] - of["corner_from"] + 2 * (of["edge_to"] - of["edge_from"])).max())
-    sizes = ((n, 6), (3, 2 * n, 3), (2, 2 * n), (2, n_shapes), (n_shapes, 3), (2, 4), (n, 3))
-    corner, contact, law, modal, modes, weight, points = (np.zeros(size) for size in sizes)
-    return Scratch(corner, contact, law, modal, modes, weight, points, np.zeros(1, np.int64))
+    sizes = ((n, 6), (5, 2 * n, 3), (5, 2 * n), (4, n_shapes), (n, n_shapes), (n_shapes, 3), (n, 3))
+    corner, contact, law, modal, under, modes, points = (np.zeros(size) for size in sizes)
+    return Scratch(corner, contact, law, modal, under, modes, points, np.zeros(1, np.int64))
 
 
 @inlined
@@ -197,19 +218,42 @@ def _rotate_by_kind(attitude, momentum, kind, duration):
 
 @compiled
 def write_row(parts, i, kinds, t, row):
-    """Write position, velocity, attitude and momentum of a part at time t [s], as it flies until then, into row (ROW,).
+    """Write the state of a part at time t [s], as it flies until then, into row (ROW,): see POSITION to SPIN.
 
     The part itself is left as it is.
     """
     seen = np.empty(1, PART)
     seen[0] = parts[i]
     part = seen[0]
-    fly_to(part, kinds.record[part.kind], t)
+    kind = kinds.record[part.kind]
+    fly_to(part, kind, t)
+    spin = spin_of(part, kind)
+    row[22], row[23], row[24] = spin
+    row[18], row[19], row[20], row[21] = _quaternion(part.attitude)
     for k in range(3):
         row[k], row[3 + k], row[15 + k] = part.position[k], part.velocity[k], part.momentum[k]
         for axis in range(3):
             row[6 + 3 * k + axis] = part.attitude[k, axis]
     return seen.shape[0]  # a record holds no reference to its array, which must live until here
+
+
+@inlined
+def _quaternion(r):
+    """Unit quaternion of a rotation matrix (3, 3), w first; its largest component is positive.
+
+    Shepperd, J. Guidance and Control 1 (1978) 223.
+    """
+    trace = r[0, 0] + r[1, 1] + r[2, 2]
+    if trace >= max(r[0, 0], r[1, 1], r[2, 2]):
+        q = 1.0 + trace, r[2, 1] - r[1, 2], r[0, 2] - r[2, 0], r[1, 0] - r[0, 1]
+    elif r[0, 0] >= r[1, 1] and r[0, 0] >= r[2, 2]:
+        q = r[2, 1] - r[1, 2], 1.0 - trace + 2.0 * r[0, 0], r[0, 1] + r[1, 0], r[0, 2] + r[2, 0]
+    elif r[1, 1] >= r[2, 2]:
+        q = r[0, 2] - r[2, 0], r[0, 1] + r[1, 0], 1.0 - trace + 2.0 * r[1, 1], r[1, 2] + r[2, 1]
+    else:
+        q = r[1, 0] - r[0, 1], r[0, 2] + r[2, 0], r[1, 2] + r[2, 1], 1.0 - trace + 2.0 * r[2, 2]
+    size = math.sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3])
+    return q[0] / size, q[1] / size, q[2] / size, q[3] / size
 
 
 @compiled
@@ -220,14 +264,18 @@ def orthonormalise_parts(parts, n):
             orthonormalise(parts[i].attitude)
 
 
-@compiled
-def invert_inertia(attitude, inertia, out):
-    """Write the inverse inertia tensor in world axes into out (3, 3) [1/(kg m^2)]; zero for infinite inertia."""
-    for i in range(3):
-        for j in range(3):
-            out[i, j] = 0.0
-            for k in range(3):
-                out[i, j] += attitude[i, k] * attitude[j, k] / inertia[k]
+@inlined
+def inverse_inertia(part, kind):
+    """Inverse inertia tensor in world axes, a symmetric matrix [1/(kg m^2)]; zero for infinite inertia."""
+    r, a, b, c = part.attitude, 1.0 / kind.inertia[0], 1.0 / kind.inertia[1], 1.0 / kind.inertia[2]
+    return (
+        a * r[0, 0] * r[0, 0] + b * r[0, 1] * r[0, 1] + c * r[0, 2] * r[0, 2],
+        a * r[0, 0] * r[1, 0] + b * r[0, 1] * r[1, 1] + c * r[0, 2] * r[1, 2],
+        a * r[0, 0] * r[2, 0] + b * r[0, 1] * r[2, 1] + c * r[0, 2] * r[2, 2],
+        a * r[1, 0] * r[1, 0] + b * r[1, 1] * r[1, 1] + c * r[1, 2] * r[1, 2],
+        a * r[1, 0] * r[2, 0] + b * r[1, 1] * r[2, 1] + c * r[1, 2] * r[2, 2],
+        a * r[2, 0] * r[2, 0] + b * r[2, 1] * r[2, 1] + c * r[2, 2] * r[2, 2],
+    )
 
 
 @inlined
@@ -237,6 +285,24 @@ def point(part, corners, i, k):
     for axis in range(3):
         value += part.attitude[k, axis] * corners[i, axis]
     return value
+
+
+@inlined
+def arm_of(part, corners, i):
+    """The way from the centre of mass to corner i, in world axes [m]."""
+    r, x, y, z = part.attitude, corners[i, 0], corners[i, 1], corners[i, 2]
+    return (
+        r[0, 0] * x + r[0, 1] * y + r[0, 2] * z,
+        r[1, 0] * x + r[1, 1] * y + r[1, 2] * z,
+        r[2, 0] * x + r[2, 1] * y + r[2, 2] * z,
+    )
+
+
+@inlined
+def height_of(part, corners, i):
+    """Height of corner i over the centre of mass [m]."""
+    r = part.attitude
+    return r[2, 0] * corners[i, 0] + r[2, 1] * corners[i, 1] + r[2, 2] * corners[i, 2]
 
 
 @compiled
@@ -254,27 +320,7 @@ def top_speed(part, kind):
     return math.sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]) + turning_speed(part, kind) + 1e-12
 
 
-@compiled
-def spin_of(part, kind, spin):
-    """Write the angular velocity in world axes [rad/s] into spin (3,)."""
-    spin[:] = 0.0
-    for axis in range(3):
-        along = 0.0
-        for k in range(3):
-            along += part.attitude[k, axis] * part.momentum[k]
-        for k in range(3):
-            spin[k] += part.attitude[k, axis] * along / kind.inertia[axis]
-
-
 @inlined
-def relative_velocity(v, w, arm, surface_velocity, out):
-    """Velocity of a body point relative to the surface: v + w x arm - surface_velocity."""
-    out[0] = v[0] + w[1] * arm[2] - w[2] * arm[1] - surface_velocity[0]
-    out[1] = v[1] + w[2] * arm[0] - w[0] * arm[2] - surface_velocity[1]
-    out[2] = v[2] + w[0] * arm[1] - w[1] * arm[0] - surface_velocity[2]
-
-
-@inlined
-def dot(a, b):
-    """Scalar product of two vectors (3,)."""
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+def spin_of(part, kind):
+    """Angular velocity in world axes [rad/s]."""
+    return times(inverse_inertia(part, kind), vector(part.momentum))

@@ -20,9 +20,11 @@ from feeder_sim.engines.impulse.state import (
     VELOCITY,
     WALL_GAP,
     WALL_RATE,
+    arm_of,
     point,
     spin_of,
 )
+from feeder_sim.engines.impulse.vectors import cross, dot
 from feeder_sim.machine_code import compiled
 from feeder_sim.scene.scene import GRAVITY
 
@@ -46,18 +48,12 @@ def _from_axis(part, corners, wall, i, across):
 @compiled
 def approach_wall(part, kind, corners, wall, touch, work):
     """Fill gap and rate of every corner at the wall; returns how many touch (gap up to `touch` [m]) and approach."""
-    across, spin, arm = np.empty(3), np.empty(3), np.empty(3)
-    spin_of(part, kind, spin)
+    across, spin = np.empty(3), spin_of(part, kind)
     touching = 0
     for i in range(corners.shape[0]):
         rho = _from_axis(part, corners, wall, i, across)
         work.corner[i, WALL_GAP] = wall.radius - rho - kind.radius
-        for k in range(3):
-            arm[k] = point(part, corners, i, k) - part.position[k]
-        outwards = 0.0
-        for k in range(3):
-            a, b = (k + 1) % 3, (k + 2) % 3
-            outwards += (part.velocity[k] + spin[a] * arm[b] - spin[b] * arm[a]) * across[k]
+        outwards = dot(part.velocity, across) + dot(cross(spin, arm_of(part, corners, i)), across)
         work.corner[i, WALL_RATE] = -outwards / rho if rho > 0.0 else 0.0
         if work.corner[i, WALL_GAP] <= touch and work.corner[i, WALL_RATE] < 0.0:
             touching += 1

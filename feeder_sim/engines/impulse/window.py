@@ -15,18 +15,21 @@ BEAT = 1e-4  # relative; damping alone shifts the frequency of the transient by 
 ALLOWANCE = 1.01  # on envelopes, which are looked at on both ends of the window
 MUCH_FASTER = 1.5  # than all that act: from here on longer steps pay
 CALM = 3e-3, 1e-6  # [m/s], [m]; a plate that is not driven and moves no faster and no farther lets parts sleep
+FAINT = 1e-13  # [m]; what has come down to that has died out
 SAG = 1e-7  # [m]; how far a surface that is no longer driven may move relative to a part within one step
 
 
 @compiled
 def acting_terms(surface, start, stop):
-    """The surface with those terms alone that act between two times [s]."""
+    """The surface with those terms alone that act between two times [s] and have not died out."""
     n = 0
     chosen = np.empty(surface.term_shape.shape[0], np.int64)
     for k in range(surface.term_shape.shape[0]):
         if surface.term_start[k] < stop and surface.term_stop[k] >= start:
-            chosen[n] = k
-            n += 1
+            age = max(start - surface.term_start[k], 0.0)
+            if abs(surface.coefficient[k]) * math.exp(surface.rate[k].real * age) > FAINT:
+                chosen[n] = k
+                n += 1
     shape, begin, end = np.empty(n, np.int64), np.empty(n), np.empty(n)
     coefficient, rate = np.empty(n, np.complex128), np.empty(n, np.complex128)
     for k in range(n):
@@ -58,8 +61,8 @@ def fastest_rate(surface):
 
 
 @compiled
-def bound_window(acting, antinode, start, stop, step, top):
-    """Bound the surface between two times [s]; antinode: largest deflection of every shape.
+def bound_window(acting, extremes, start, stop, step, top):
+    """Bound the surface between two times [s]; extremes: largest deflection [1] and slope [1/m] of every shape.
 
     step [s] belongs to the fastest of all terms, of the rate `top` [rad/s]; while only much slower ones act, steps are
     as much longer. Terms of one mode and one frequency add up as phasors (a ring-up begins at nothing), others as
@@ -68,9 +71,10 @@ def bound_window(acting, antinode, start, stop, step, top):
     now = fastest_rate(acting)
     if now > 0.0 and top > MUCH_FASTER * now:
         step *= top / now
+    antinode, steepest = extremes[0], extremes[1]
     n_shapes = antinode.shape[0]
     acceleration = np.zeros(n_shapes)
-    crest = speed = together = 0.0
+    crest = slope = speed = together = 0.0
     driven = False
     for k in range(acting.term_shape.shape[0]):
         driven = driven or (acting.rate[k].real == 0.0 and acting.coefficient[k] != 0.0)
@@ -84,11 +88,12 @@ def bound_window(acting, antinode, start, stop, step, top):
         envelope *= ALLOWANCE
         acceleration[shape] = envelope * fastest * fastest
         crest += envelope * antinode[shape]
+        slope += envelope * steepest[shape]
         speed += envelope * fastest * antinode[shape]
         together += acceleration[shape] * antinode[shape]
     rest_step = step if driven else max(step, math.sqrt(2.0 * SAG / (GRAVITY + together)))
     calm = not driven and speed <= CALM[0] and crest <= CALM[1]
-    return Bounds(crest, acceleration, speed, step, rest_step, calm)
+    return Bounds(stop, crest, slope, acceleration, speed, step, rest_step, calm)
 
 
 @compiled

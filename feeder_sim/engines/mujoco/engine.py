@@ -63,11 +63,11 @@ class Addresses(NamedTuple):
 
 
 @compiled
-def _place_patches(at, surface, q, rate, weight, modes):
+def _place_patches(at, surface, q, rate, modes):
     """Put every patch on the tangent plane under its part; rate is dq/dt."""
     for part in range(at.part_qpos.shape[0]):
         x, y = at.qpos[at.part_qpos[part]], at.qpos[at.part_qpos[part] + 1]
-        surface_modes(x, y, surface.grid_x, surface.grid_y, surface.table, weight, modes)
+        surface_modes(x, y, surface.grid_x, surface.grid_y, surface.table, modes)
         w = bx = by = w_rate = bx_rate = by_rate = 0.0
         for s in range(q.shape[0]):
             w += modes[s, 0] * q[s]
@@ -117,7 +117,7 @@ def _advance(at, surface, log, timestep, first_step, steps_per_frame, qpos_out, 
     """Step the scene; after every `steps_per_frame` steps copy the state into a row of qpos_out and qvel_out."""
     n_shapes = surface.table.shape[0]
     q, q_next, rate, unused = np.zeros(n_shapes), np.zeros(n_shapes), np.zeros(n_shapes), np.zeros(n_shapes)
-    weight, modes = np.zeros((2, 4)), np.zeros((n_shapes, 3))
+    modes = np.zeros((n_shapes, 3))
     drive = (surface.term_shape, surface.term_start, surface.term_stop, surface.coefficient, surface.rate)
     step = first_step
     modal_motion(step * timestep, *drive, q_next, unused)
@@ -133,7 +133,7 @@ def _advance(at, surface, log, timestep, first_step, steps_per_frame, qpos_out, 
                 _place_piston(at, surface, q, rate)
                 _step_guided(at, log, (step - 1) * timestep)
             else:
-                _place_patches(at, surface, q, rate, weight, modes)
+                _place_patches(at, surface, q, rate, modes)
                 _mj_step(at.model, at.data)
         qpos_out[frame] = at.qpos
         qvel_out[frame] = at.qvel

@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import NamedTuple
 
+import numpy as np
+
 from feeder_sim.plate.drive import ModalTerms
 from feeder_sim.scene.scene import Scene
 
@@ -31,7 +33,7 @@ def converted(scene: Scene) -> Scene:
         thickness=s.thickness * length,
         x=s.x * length,
         y=s.y * length,
-        table=s.table * [1.0, 1.0 / length, 1.0 / length],
+        table=s.table * np.array([1.0, 1.0 / length, 1.0 / length])[:, None, None],
         terms=ModalTerms(t.shape, t.start * time, t.stop * time, t.coefficient * length, t.rate / time),
     )
     kinds = tuple(
