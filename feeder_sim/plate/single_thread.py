@@ -1,10 +1,13 @@
-"""Linear algebra on one thread, so that its last bits do not depend on the number of cores."""
+"""Linear algebra on one thread: its last bits must not depend on the number of cores.
+
+For small matrices further threads only cost time: they wait for work in a loop.
+"""
 
 from __future__ import annotations
 
 import functools
 from collections.abc import Callable
-from typing import ParamSpec, TypeVar
+from typing import Any, ParamSpec, TypeVar
 
 P = ParamSpec("P")
 T = TypeVar("T")
@@ -15,10 +18,16 @@ def single_threaded(function: Callable[P, T]) -> Callable[P, T]:
 
     @functools.wraps(function)
     def alone(*args: P.args, **kwargs: P.kwargs) -> T:
-        import scipy.linalg  # noqa: F401 - only libraries that are loaded can be limited
-        from threadpoolctl import threadpool_limits
-
-        with threadpool_limits(limits=1, user_api="blas"):
+        with _libraries().limit(limits=1):
             return function(*args, **kwargs)
 
     return alone
+
+
+@functools.cache
+def _libraries() -> Any:
+    """The libraries of linear algebra that NumPy and SciPy have loaded."""
+    import scipy.linalg  # noqa: F401 - only libraries that are loaded can be limited
+    from threadpoolctl import ThreadpoolController
+
+    return ThreadpoolController().select(user_api="blas")

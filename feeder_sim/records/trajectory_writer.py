@@ -26,8 +26,7 @@ from feeder_sim.records.trajectory_file import (
     seed_name,
 )
 
-# Of what grows; more effort than the least makes files of noise no smaller.
-PACKED: dict[str, Any] = {"compression": "gzip", "compression_opts": 1, "shuffle": True, "fletcher32": True}
+GROWING: dict[str, Any] = {"fletcher32": True}  # not packed: of motion that is noise packing saves a sixth
 EVENT_CHUNK = 256  # rows of impacts and removals
 FRAME_CHUNK_PARTS = 500  # parts times frames in a chunk, about: small chunks can be written while little is computed
 
@@ -157,7 +156,7 @@ class TrajectoryWriter:
                 maxshape=(None, *tail),
                 chunks=(max(1, min(BLOCK_FRAMES, FRAME_CHUNK_PARTS // n_parts)), *tail),
                 dtype=dtype,
-                **PACKED,
+                **GROWING,
             )
             put_text(dataset.attrs, {"unit": unit})
         events = {f"impacts/{name}": (unit, "f8") for name, unit in IMPACT_FIELDS.items()}
@@ -166,7 +165,7 @@ class TrajectoryWriter:
         for name, (unit, dtype) in events.items():
             name = f"{seed_name(index)}/{name}"
             dataset = self._file.create_dataset(
-                name, (0,), maxshape=(None,), chunks=(EVENT_CHUNK,), dtype=dtype, **PACKED
+                name, (0,), maxshape=(None,), chunks=(EVENT_CHUNK,), dtype=dtype, **GROWING
             )
             put_text(dataset.attrs, {"unit": unit})
         put_array(self._file, f"{seed_name(index)}/status", np.array([int(Status.UNFINISHED)]), "1")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from feeder_sim.plate.single_thread import single_threaded
 from feeder_sim.run.advice import cautions
 from feeder_sim.run.plausibility import check_plausible, doubts
 from feeder_sim.scenario import Scenario
@@ -11,6 +12,7 @@ from feeder_sim.scene.prepared import Prepared
 from feeder_sim.scene.scene import build_scene
 
 
+@single_threaded
 def prepare(scenario: Scenario) -> Prepared:
     """Resolve a scenario.
 

@@ -17,6 +17,7 @@ from feeder_sim import __version__
 from feeder_sim.engines.lookup import engine_class
 from feeder_sim.engines.mujoco.mjcf import build_mjcf
 from feeder_sim.errors import InputError, RecordingFailed, cause_of, not_written, shortened
+from feeder_sim.plate.single_thread import single_threaded
 from feeder_sim.records.checkpoint import CheckpointFolder, run_identity
 from feeder_sim.records.own_files import LOCK, locked
 from feeder_sim.records.trajectory import PartRecord, PlateRecord, Record, Recording, Status, WallTime
@@ -38,6 +39,7 @@ DISPLAY_POINTS = 121  # per axis of the plate: enough for the shortest wave of t
 MJCF_PARTS = 200  # that scene.xml is written for; it names every pair of parts, a hundred thousand of 500
 
 
+@single_threaded
 def record_run(
     scenario: Scenario,
     folder: str | Path,
@@ -77,6 +79,7 @@ def record_run(
         return _run_into(folder, prepared, text, {}, progress=progress, stop=stop, replay=replay, notify=notify)
 
 
+@single_threaded
 def resume_run(
     folder: str | Path,
     *,

@@ -28,6 +28,7 @@ from feeder_sim.scene.scene import Scene
 
 BLOCK_STEPS = 500_000  # solver steps and parts between two looks at guard, stop rule and stop event, about
 LEAST_BLOCK = 20  # frames: shorter blocks would cost more to write than to compute
+PASSAGE_LOOK = 10  # frames from one look whether the part has passed to the next
 LOOK_S = 0.1  # [s] between two looks whether the parts have settled
 FIRST_PIECE = 2  # frames, before it is known how long one takes
 PIECE_S = 0.3  # [s] of wall time between two looks whether to stop, about
@@ -250,7 +251,8 @@ class SeedRun:
         cell = self._prepared.cell
         if self._prepared.scenario.run.stop != "passage" or cell is None or not len(frames):
             return False
-        return bool((cell.way(frames) <= PASSAGE_TO).any())
+        looked_at = frames[slice(None, None, -PASSAGE_LOOK)]  # the last frame among them
+        return bool((cell.way(looked_at) <= PASSAGE_TO).any())
 
     def _record(self, block: Block) -> None:
         """Record the block; the stage under way ends with it where its parts have settled."""

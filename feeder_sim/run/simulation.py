@@ -19,6 +19,7 @@ from feeder_sim.engines.lookup import engine_class
 from feeder_sim.errors import SimulationDiverged
 from feeder_sim.measures.catalogue import MEASURES
 from feeder_sim.measures.protocol import Measure, as_json
+from feeder_sim.plate.single_thread import single_threaded
 from feeder_sim.records.trajectory import Frames, Status
 from feeder_sim.run.prepare import prepare
 from feeder_sim.run.seed_record import Begun, Recorder, SeedResult
@@ -104,6 +105,7 @@ class Result:
         }
 
 
+@single_threaded  # the seeds take all cores; threads of linear algebra only wait for small matrices
 def simulate(
     scenario: Scenario | Prepared,
     *,

@@ -25,7 +25,7 @@ from feeder_sim.engines.impulse.state import (
 )
 from feeder_sim.engines.impulse.window import acting_terms, bound_window, fastest_rate
 from feeder_sim.engines.surface_arrays import SurfaceArrays
-from feeder_sim.machine_code import compiled, entry_point
+from feeder_sim.machine_code import compiled, entry_point, uncounted
 
 SAME_CONTACT = 1.5  # steps between two impacts that count as one contact
 ORIGIN, NUMBER, DUE = range(3)  # of the clock
@@ -91,7 +91,7 @@ def advance_alone(alone, drive, notes, clock, frames):
         write_row(alone.parts, 0, alone.kinds, frames.time[frame], frames.row[frame, 0])
 
 
-@compiled
+@uncounted
 def _advance_until(until, t, alone, plate, notes, step, frames):
     """Look at the part again and again until a time [s]; returns when it is due after that."""
     part, kind = alone.parts[0], alone.kinds.record[0]

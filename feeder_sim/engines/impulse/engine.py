@@ -82,12 +82,10 @@ class ImpulseEngine:
         self._surface = surface_arrays(scene.surface, scene.scenario.run)
         self._threads = max(1, threads)
         self._alone = self._n == 1 and not scene.rim
-        corners = [] if self._alone else np.split(kinds.corners, kinds.record["corner_from"][1:])
-        self._libraries = [
-            HullLibrary(corners, list(kinds.record["radius"][: len(corners)])) for _ in range(self._threads)
-        ]
-        scratch = [new_scratch(kinds, scene.surface.n_shapes) for _ in range(self._threads)]
-        self._tools = [Tools(library.hulls(), work) for library, work in zip(self._libraries, scratch, strict=True)]
+        self._work = [new_scratch(kinds, scene.surface.n_shapes) for _ in range(self._threads)]
+        corners, radii = np.split(kinds.corners, kinds.record["corner_from"][1:]), list(kinds.record["radius"])
+        self._libraries = [HullLibrary(corners, radii) for _ in range(0 if self._alone else self._threads)]
+        self._tools = [Tools(library.hulls(), work) for library, work in zip(self._libraries, self._work, strict=False)]
         self._pool = ThreadPoolExecutor(self._threads) if self._threads > 1 else None
         self._parts = self._start(rng)
         self._frame = self._unresolved = 0
@@ -123,9 +121,10 @@ class ImpulseEngine:
                 room = n_frames * (scene.steps_per_frame + 1) + 1
                 self._notes = self._notes._replace(log=room_for(self._notes.log, room))
             drive = Drive(self._surface, self._scene.surface.extremes, scene.timestep, WINDOW_ALONE)
-            work = self._tools[0].work
             frames = FrameRows(times, rows, self._interrupt)
-            advance_alone(Alone(self._parts, self._kinds, self._wall, work), drive, self._notes, self._clock, frames)
+            advance_alone(
+                Alone(self._parts, self._kinds, self._wall, self._work[0]), drive, self._notes, self._clock, frames
+            )
         else:
             self._advance_crowd(times, rows)
         if self._interrupt[0]:
@@ -209,8 +208,8 @@ class ImpulseEngine:
 
     def _forget_unresolved(self) -> None:
         """Count the impacts of the window under way anew."""
-        for tools in self._tools:
-            tools.work.unresolved[0] = 0
+        for work in self._work:
+            work.unresolved[0] = 0
 
     def remove(self, parts: NDArray[np.int64]) -> None:
         self._begin_window_now()
@@ -251,7 +250,7 @@ class ImpulseEngine:
 
     @property
     def unresolved_impacts(self) -> int:
-        return self._unresolved + sum(int(tools.work.unresolved[0]) for tools in self._tools)
+        return self._unresolved + sum(int(work.unresolved[0]) for work in self._work)
 
     def take_impacts(self, *, end: bool) -> Impacts:
         log, last = self._notes

@@ -82,7 +82,7 @@ def advance_islands(share, crowd, plate, tools, span, frames):
     return left
 
 
-@inlined
+@compiled
 def _advance_island(island, crowd, plate, tools, span, frames):
     islands, parts, kinds = crowd.islands, crowd.parts, crowd.kinds
     first, last = islands.first_part[island], islands.first_part[island + 1]
@@ -101,7 +101,7 @@ def _advance_island(island, crowd, plate, tools, span, frames):
             if event < n:
                 left |= _look_at_part(event, t, agenda, crowd, plate, tools.work, span.reach)
             else:
-                left |= _look_at_pair(event, t, agenda, crowd, plate.bounds, tools.hulls, span.reach)
+                left |= _look_at_pair(event, t, agenda, crowd, plate.bounds, tools, span.reach)
         for k in range(first, last):
             i = islands.part[k]
             if frame < frames.time.shape[0]:
@@ -129,7 +129,7 @@ def _look_at_part(event, t, agenda, crowd, plate, work, reach):
 
 
 @inlined
-def _look_at_pair(event, t, agenda, crowd, bounds, hulls, reach):
+def _look_at_pair(event, t, agenda, crowd, bounds, tools, reach):
     """A pair of parts; returns whether one of them has come farther than its reach."""
     parts, kinds, islands = crowd.parts, crowd.kinds, crowd.islands
     p = islands.pair[agenda.first_pair + event - agenda.n_parts]
@@ -137,7 +137,7 @@ def _look_at_pair(event, t, agenda, crowd, bounds, hulls, reach):
     left = False
     due, near = meeting_bound(pair, parts, kinds, t, bounds)
     if near:
-        hit = meet(pair, parts, kinds, hulls)
+        hit = meet(pair, parts, kinds, tools.hulls, tools.work.points)
         if hit:
             wake(parts[pair.a])
             wake(parts[pair.b])

@@ -16,9 +16,9 @@ import numpy as np
 
 from feeder_sim.engines.impulse.hulls import hull_distance
 from feeder_sim.engines.impulse.single_impact import resolve_single
-from feeder_sim.engines.impulse.state import flies, fly_to, inverse_inertia, point, turning_speed
-from feeder_sim.engines.impulse.vectors import difference, vector
-from feeder_sim.machine_code import compiled
+from feeder_sim.engines.impulse.state import arm_of, flies, fly_to, inverse_inertia, turning_speed
+from feeder_sim.engines.impulse.vectors import difference, dot, plus, vector, write_to
+from feeder_sim.machine_code import compiled, inlined, uncounted
 from feeder_sim.scene.scene import GRAVITY
 
 ROUND_OFF = 1e-7  # [m]; more than the library's tolerance
@@ -33,7 +33,7 @@ FAR = 1e3  # [m]; no distance beyond this is asked of the library: every answer 
 PAIR = np.dtype([("a", "i8"), ("b", "i8"), ("axis", "f8", 3)], align=True)
 
 
-@compiled
+@uncounted
 def meeting_bound(pair, parts, kinds, t, bounds):
     """Earliest time [s] at which a pair has to be looked at again, and whether it may touch now; not before a step.
 
@@ -113,7 +113,7 @@ def _spheres_meet(a, kind_a, b, kind_b, t):
     return True, (distance - reach * reach) / (-closing + math.sqrt(discriminant))
 
 
-@compiled
+@inlined
 def _along_body_axis(part, vector, n):
     """Component of a vector along body axis n."""
     attitude = part.attitude
@@ -180,11 +180,12 @@ def _crossing_time(part, kind, kinds, axis, sign, support, plane):
     return shortest
 
 
-@compiled
-def meet(pair, parts, kinds, hulls):
+@uncounted
+def meet(pair, parts, kinds, hulls, points):
     """Ask for the distance of a pair and, where its parts touch and approach each other, give them impulses.
 
-    Both parts are at the same time. Returns whether their motion has changed.
+    Both parts are at the same time; points: room for the corners of both and one more. Returns whether their motion has
+    changed.
     """
     a, b = parts[pair.a], parts[pair.b]
     axis, witness = pair.axis, hulls.witness
@@ -200,8 +201,6 @@ def meet(pair, parts, kinds, hulls):
     if distance > SLACK:
         return False
     kind_a, kind_b = kinds.record[a.kind], kinds.record[b.kind]
-    most = 1 + kind_a.corner_to - kind_a.corner_from + kind_b.corner_to - kind_b.corner_from
-    points = np.empty((most, 3))
     for k in range(3):
         points[0, k] = 0.5 * (witness[k] + witness[3 + k])
     n = _corners_inside(a, kind_a, b, kind_b, kinds, points, 1)
@@ -214,23 +213,18 @@ def _corners_inside(a, kind_a, b, kind_b, kinds, points, n):
     """Append the corners of part a that are inside the hull of part b, or as good as touch it; returns their number."""
     if kind_a.corner_to - kind_a.corner_from == 1:
         return n
-    at, local = np.empty(3), np.empty(3)
     for c in range(kind_a.corner_from, kind_a.corner_to):
-        for k in range(3):
-            at[k] = point(a, kinds.corners, c, k)
-        for m in range(3):
-            local[m] = 0.0
-            for k in range(3):
-                local[m] += b.attitude[k, m] * (at[k] - b.position[k])
+        at = plus(a.position, 1.0, arm_of(a, kinds.corners, c))
+        from_b = difference(at, b.position)
+        local = _along_body_axis(b, from_b, 0), _along_body_axis(b, from_b, 1), _along_body_axis(b, from_b, 2)
         inside = kind_b.plane_to > kind_b.plane_from
         for f in range(kind_b.plane_from, kind_b.plane_to):
             plane = kinds.planes[f]
-            if plane[0] * local[0] + plane[1] * local[1] + plane[2] * local[2] + plane[3] > SLACK:
+            if dot(plane, local) + plane[3] > SLACK:
                 inside = False
                 break
         if inside:
-            for k in range(3):
-                points[n, k] = at[k]
+            write_to(points[n], at)
             n += 1
     return n
 

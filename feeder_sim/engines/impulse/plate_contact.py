@@ -15,7 +15,7 @@ import math
 import numpy as np
 
 from feeder_sim.engines.impulse.impact import resolve_impact
-from feeder_sim.engines.impulse.plate_edge import edge_leap, with_points_on_edge
+from feeder_sim.engines.impulse.plate_edge import edge_leap, points_on_edge
 from feeder_sim.engines.impulse.single_impact import resolve_free
 from feeder_sim.engines.impulse.state import (
     ARM,
@@ -60,7 +60,7 @@ MAX_LEAPS = 30  # of a forecast
 NEVER = 1e9  # [s]; the flight of a part that is not over the plate
 
 
-@compiled
+@inlined
 def meet_plate(part, kinds, wall, surface, bounds, t, work):
     """Impacts of one part at time t [s], and how long it may fly then.
 
@@ -76,7 +76,10 @@ def meet_plate(part, kinds, wall, surface, bounds, t, work):
             rising = part.velocity[2]
             return max((rising + math.sqrt(rising * rising + 2.0 * GRAVITY * height)) / GRAVITY, bounds.step), False
     n_corners = kind.corner_to - kind.corner_from
-    corners = with_points_on_edge(part, kind, kinds, surface, work)
+    further = points_on_edge(part, kind, kinds, surface, work)
+    corners = kinds.corners[kind.corner_from : kind.corner_to]
+    if further > 0:
+        corners = work.points[: n_corners + further]
     on_plate, last = _look(part, kind, corners, surface, bounds, t, work)
     if wall is None:
         if on_plate == 1:
@@ -93,7 +96,7 @@ def meet_plate(part, kinds, wall, surface, bounds, t, work):
         wall_leap = leap_to_wall(part, kind, corners, wall, work)
         return max(min(leap, wall_leap), meeting_time(work, corners.shape[0], bounds.step)), on_plate > 0
     shortest = _shortest_flight(part, kind, bounds)
-    if corners.shape[0] > n_corners:
+    if further > 0:
         to_crest = min(to_crest, edge_leap(part, kind, corners, n_corners, bounds.step, work))
     if leap < to_crest:
         leap = _forecast(part, kind, corners, surface, bounds, t, (max(leap, shortest), shortest, own, to_crest), work)

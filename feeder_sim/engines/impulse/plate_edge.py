@@ -15,13 +15,16 @@ EDGE_STEPS = 10  # a point on the edge moves along the hull: its leaps are estim
 
 
 @compiled
-def with_points_on_edge(part, kind, kinds, surface, work):
-    """The part's corners, and a further one wherever an edge of its hull crosses the plane of a side of the plate."""
+def points_on_edge(part, kind, kinds, surface, work):
+    """How many edges of the part's hull cross the plane of a side of the plate, each in a further point.
+
+    If any does, work.points holds the corners, and these points after them.
+    """
     corners = kinds.corners[kind.corner_from : kind.corner_to]
     reach = kind.reach + kind.radius
     half_x, half_y = surface.grid_x[-1], surface.grid_y[-1]
     if abs(part.position[0]) + reach < half_x and abs(part.position[1]) + reach < half_y:
-        return corners
+        return 0
     n = corners.shape[0]
     for i in range(n):
         for c in range(3):
@@ -39,7 +42,7 @@ def with_points_on_edge(part, kind, kinds, surface, work):
                 for c in range(3):
                     work.points[n, c] = corners[i, c] + share * (corners[j, c] - corners[i, c])
                 n += 1
-    return work.points[:n]
+    return n - corners.shape[0]
 
 
 @compiled

@@ -138,7 +138,7 @@ class Scratch(NamedTuple):
     bound, WALL_GAP, WALL_RATE. contact: (5, 2 n, 3), ARM, NORMAL and surface VELOCITY of each contact of an impact, and
     more in impact.py. law: (5, 2 n), RESTITUTION and FRICTION of each, and more. modal: (4, n_shapes), q and dq/dt, now
     and as they will be. under: (n, n_shapes), deflections under each corner. modes: (n_shapes, 3). points: (n, 3),
-    corners and crossings of hull edges with the plate's edge. unresolved: (1,), impacts whose sweeps did not settle.
+    points of the hull on the plate's edge, or of two that meet. unresolved: (1,), impacts whose sweeps did not settle.
     """
 
     corner: NDArray[np.float64]
@@ -173,8 +173,10 @@ def read_wall(guide: Guide | None) -> Wall | None:
 def new_scratch(kinds: Kinds, n_shapes: int) -> Scratch:
     """Room for any part: each of its corners can touch plate and wall, each of its edges the edge of the plate."""
     of = kinds.record
-    n = int((of["corner_to"] - of["corner_from"] + 2 * (of["edge_to"] - of["edge_from"])).max())
-    sizes = ((n, 6), (5, 2 * n, 3), (5, 2 * n), (4, n_shapes), (n, n_shapes), (n_shapes, 3), (n, 3))
+    corners = of["corner_to"] - of["corner_from"]
+    n = int((corners + 2 * (of["edge_to"] - of["edge_from"])).max())
+    together = max(n, 1 + 2 * int(corners.max()))  # points of two parts that meet
+    sizes = ((n, 6), (5, 2 * n, 3), (5, 2 * n), (4, n_shapes), (n, n_shapes), (n_shapes, 3), (together, 3))
     corner, contact, law, modal, under, modes, points = (np.zeros(size) for size in sizes)
     return Scratch(corner, contact, law, modal, under, modes, points, np.zeros(1, np.int64))
 

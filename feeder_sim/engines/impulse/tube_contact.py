@@ -21,39 +21,32 @@ from feeder_sim.engines.impulse.state import (
     WALL_GAP,
     WALL_RATE,
     arm_of,
-    point,
     spin_of,
 )
-from feeder_sim.engines.impulse.vectors import cross, dot
-from feeder_sim.machine_code import compiled
+from feeder_sim.engines.impulse.vectors import add_to, cross, difference, dot, plus, write_to
+from feeder_sim.machine_code import compiled, inlined
 from feeder_sim.scene.scene import GRAVITY
 
 FINEST = 1.0 / 32.0  # of a step: rattling between two impacts is followed no further
 
 
-@compiled
-def _from_axis(part, corners, wall, i, across):
-    """Write the vector from the axis to corner i into across (3,); returns its length rho."""
-    along = 0.0
-    for k in range(3):
-        across[k] = point(part, corners, i, k) - wall.foot[k]
-        along += across[k] * wall.axis[k]
-    squared = 0.0
-    for k in range(3):
-        across[k] -= along * wall.axis[k]
-        squared += across[k] * across[k]
-    return math.sqrt(squared)
+@inlined
+def _from_axis(arm, part, wall):
+    """The vector from the axis to the end of an arm from the centre of mass [m], and its length rho."""
+    r = difference(plus(part.position, 1.0, arm), wall.foot)
+    across = plus(r, -dot(r, wall.axis), wall.axis)
+    return across, math.sqrt(dot(across, across))
 
 
 @compiled
 def approach_wall(part, kind, corners, wall, touch, work):
     """Fill gap and rate of every corner at the wall; returns how many touch (gap up to `touch` [m]) and approach."""
-    across, spin = np.empty(3), spin_of(part, kind)
-    touching = 0
+    spin, touching = spin_of(part, kind), 0
     for i in range(corners.shape[0]):
-        rho = _from_axis(part, corners, wall, i, across)
+        arm = arm_of(part, corners, i)
+        across, rho = _from_axis(arm, part, wall)
         work.corner[i, WALL_GAP] = wall.radius - rho - kind.radius
-        outwards = dot(part.velocity, across) + dot(cross(spin, arm_of(part, corners, i)), across)
+        outwards = dot(part.velocity, across) + dot(cross(spin, arm), across)
         work.corner[i, WALL_RATE] = -outwards / rho if rho > 0.0 else 0.0
         if work.corner[i, WALL_GAP] <= touch and work.corner[i, WALL_RATE] < 0.0:
             touching += 1
@@ -63,27 +56,22 @@ def approach_wall(part, kind, corners, wall, touch, work):
 @compiled
 def gather_wall(part, kind, corners, wall, touch, n, work):
     """Append the corners that touch the wall and approach it to the n contacts there are; put the part back inside."""
-    across, back = np.empty(3), np.zeros(3)
-    deepest = 0.0
+    deepest, back = 0.0, (0.0, 0.0, 0.0)
     for i in range(corners.shape[0]):
         if work.corner[i, WALL_GAP] > touch or work.corner[i, WALL_RATE] >= 0.0:
             continue
-        rho = _from_axis(part, corners, wall, i, across)
-        for k in range(3):
-            work.contact[NORMAL, n, k] = -across[k] / rho
-            work.contact[ARM, n, k] = (
-                point(part, corners, i, k) - part.position[k] - kind.radius * work.contact[NORMAL, n, k]
-            )
+        arm = arm_of(part, corners, i)
+        across, rho = _from_axis(arm, part, wall)
+        normal = (-across[0] / rho, -across[1] / rho, -across[2] / rho)
+        write_to(work.contact[NORMAL, n], normal)
+        write_to(work.contact[ARM, n], plus(arm, -kind.radius, normal))
+        write_to(work.contact[VELOCITY, n], (0.0, 0.0, 0.0))
+        work.law[RESTITUTION, n], work.law[FRICTION, n] = wall.restitution, wall.friction
         if -work.corner[i, WALL_GAP] > deepest:
             deepest = -work.corner[i, WALL_GAP]
-            for k in range(3):
-                back[k] = deepest * work.contact[NORMAL, n, k]
-        for k in range(3):
-            work.contact[VELOCITY, n, k] = 0.0
-        work.law[RESTITUTION, n], work.law[FRICTION, n] = wall.restitution, wall.friction
+            back = (deepest * normal[0], deepest * normal[1], deepest * normal[2])
         n += 1
-    for k in range(3):
-        part.position[k] += back[k]
+    add_to(part.position, 1.0, back)
     return n
 
 
