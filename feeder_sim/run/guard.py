@@ -75,6 +75,8 @@ class Guard:
         # At the last frame of the block before:
         self._last_speeds = self._speeds(first)[-1]
         self._last_clear = self._edge.clear_of(first)[-1]
+        # Of the block that was checked last, the same for all its frames:
+        self._checked: tuple[Floats, NDArray[np.bool_]] | None = None
 
     def redrive(self, scene: Scene) -> None:
         """Go on in the same scene, in which drives stop at other times."""
@@ -107,13 +109,15 @@ class Guard:
         return self._edge.lost(frames)
 
     def remember(self, frames: Frames) -> None:
-        """Go on to the next block of frames."""
+        """Go on to the next block; frames: what is kept of the last one, or of one that was not checked."""
         if len(frames):
-            last = frames[slice(-1, None)]
-            allowed = self.depth_limit(last)
-            self._last_clear = (self._edge.clear_of(last) & (self.depth(last, allowed) <= allowed))[0]
+            if self._checked is None:
+                self._too_deep(frames, _rotations(frames.quaternion), frames.present)
+            assert self._checked is not None
+            speed, clear = self._checked
+            self._last_speeds, self._last_clear = speed[len(frames) - 1], clear[len(frames) - 1]
             self._edge.remember(frames)
-            self._last_speeds = self._speeds(last)[0]
+        self._checked = None
 
     def energy(self, frames: Frames) -> Floats:
         """Kinetic energy of translation and spin, and potential energy over the resting plate [J], shape (n, parts)."""
@@ -156,7 +160,10 @@ class Guard:
         Both engines let a corner enter by the distance that it moves in a step. Its speed between two frames is at most
         the larger of those that a part can reach from the frame before and from this one.
         """
-        speed = self._speeds(frames)
+        return self._depth_limit(frames, self._speeds(frames))
+
+    def _depth_limit(self, frames: Frames, speed: Floats) -> Floats:
+        """`depth_limit` with the largest speeds (n, parts) of the parts [m/s]."""
         speed = np.maximum(speed, np.concatenate([self._last_speeds[None], speed[:-1]]))
         steps = self.DEPTH_STEPS * self._scene.timestep
         allowed = self.DEPTH_FLOOR + self.DEPTH_FRACTION * self._amplitude + steps * speed
@@ -197,11 +204,13 @@ class Guard:
 
     def _too_deep(self, frames: Frames, rotation: Floats, present: NDArray[np.bool_]) -> Violation:
         """Where a corner is too deep, among the frames and parts (n, parts) that are present."""
-        allowed = self.depth_limit(frames)
+        speed = self._speeds(frames)
+        allowed = self._depth_limit(frames, speed)
         depth = self._depth(frames, rotation, allowed)
         # A part that has tipped over the edge and swung back may be inside the plate's side. So only a part counts that
         # was away from the edge, and not too deep, at the frame before.
         clear = self._edge.clear_of(frames) & (depth <= allowed)
+        self._checked = speed, clear
         clear_before = np.concatenate([self._last_clear[None], clear[:-1]])
 
         def detail(row: int, part: int) -> str:

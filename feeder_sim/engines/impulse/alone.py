@@ -70,6 +70,8 @@ def advance_alone(alone, drive, notes, clock, frames):
     start, end = clock[ORIGIN] + clock[NUMBER] * drive.window, clock[ORIGIN] + (clock[NUMBER] + 1.0) * drive.window
     acting = acting_terms(surface, start, end)
     bounds = bound_window(acting, drive.extremes, start, end, drive.step, top)
+    if not bounds.calm:  # the drive may have changed since
+        wake(part)
     for frame in range(frames.time.shape[0]):
         while clock[DUE] < frames.time[frame]:
             if clock[DUE] >= end:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import functools
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -23,8 +25,8 @@ def read_kinds(scene: Scene) -> Kinds:
     mass = [kind.mass for kind in kinds]
     inertia = [kind.inertia for kind in kinds]
     corners = [np.asarray(kind.corners, float) for kind in kinds]
-    edges = [hull_edges(points) for points in corners]
-    planes = [hull_planes(points) for points in corners]
+    edges = [_hull(points.tobytes())[0] for points in corners]
+    planes = [_hull(points.tobytes())[1] for points in corners]
     radius = [kind.corner_radius or CORNER_RADIUS for kind in kinds]
     if scene.rim:
         mass.append(np.inf)
@@ -44,6 +46,13 @@ def read_kinds(scene: Scene) -> Kinds:
         ends = np.cumsum([len(rows) for rows in hulls])
         record[f"{name}_from"], record[f"{name}_to"] = [0, *ends[:-1]], ends
     return Kinds(record, np.concatenate(corners), np.concatenate(edges), np.concatenate(planes))
+
+
+@functools.lru_cache(maxsize=64)  # the same parts for every seed
+def _hull(corners: bytes) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    """Edges and planes of a hull, from its corners as they lie in memory."""
+    points = np.frombuffer(corners).reshape(-1, 3)
+    return hull_edges(points), hull_planes(points)
 
 
 def hull_edges(corners: NDArray[np.float64]) -> NDArray[np.int64]:
