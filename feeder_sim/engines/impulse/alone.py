@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from feeder_sim.engines.impact_log import ImpactLog, begin_contact, end_contact, in_contact
 from feeder_sim.engines.impulse.borrow import borrow
+from feeder_sim.engines.impulse.frame_rows import write_row
 from feeder_sim.engines.impulse.plate_contact import TOUCH, meet_plate
 from feeder_sim.engines.impulse.rest import fall_asleep, wake
 from feeder_sim.engines.impulse.state import (
@@ -21,7 +22,6 @@ from feeder_sim.engines.impulse.state import (
     Wall,
     fly_to,
     orthonormalise_parts,
-    write_row,
 )
 from feeder_sim.engines.impulse.window import acting_terms, bound_window, fastest_rate
 from feeder_sim.engines.surface_arrays import SurfaceArrays

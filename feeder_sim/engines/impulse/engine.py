@@ -22,25 +22,21 @@ from numpy.typing import NDArray
 from feeder_sim.engines.impact_log import new_log, room_for, take_impacts
 from feeder_sim.engines.impulse.alone import SAME_CONTACT, Alone, ContactNotes, Drive, advance_alone
 from feeder_sim.engines.impulse.crowd import find_neighbours, open_window, share_out
-from feeder_sim.engines.impulse.hulls import HullLibrary
-from feeder_sim.engines.impulse.island import Crowd, Share, Span, Tools, advance_islands
-from feeder_sim.engines.impulse.kinds import read_kinds, rim_walls
-from feeder_sim.engines.impulse.pair_contact import PAIR
-from feeder_sim.engines.impulse.state import (
-    ABSENT,
+from feeder_sim.engines.impulse.frame_rows import (
     ATTITUDE,
     MOMENTUM,
-    MOVES,
     POSITION,
     QUATERNION,
     ROW,
     SPIN,
+    VELOCITY,
     FrameRows,
-    Plate,
-    new_parts,
-    new_scratch,
-    read_wall,
 )
+from feeder_sim.engines.impulse.hulls import HullLibrary
+from feeder_sim.engines.impulse.island import Crowd, Share, Span, Tools, advance_islands
+from feeder_sim.engines.impulse.kinds import read_kinds, rim_walls
+from feeder_sim.engines.impulse.pair_contact import PAIR
+from feeder_sim.engines.impulse.state import ABSENT, Plate, new_parts, new_scratch, read_wall
 from feeder_sim.engines.surface_arrays import surface_arrays
 from feeder_sim.records.impacts import Impacts
 from feeder_sim.records.trajectory import BLOCK_FRAMES, Frames
@@ -50,7 +46,7 @@ from feeder_sim.scene.start import start_poses
 WINDOW = 1e-3  # [s], where parts can meet: shorter ones find the pairs too often, longer ones find too many
 WINDOW_ALONE = 1e-2  # [s], of a single part: for bounds on the plate that follow its ring-up
 WIDER = 1.5  # times the way of the farthest part: its reach when a window is computed again
-COLUMNS = {"position": POSITION, "velocity": MOVES, "attitude": ATTITUDE, "momentum": MOMENTUM}
+COLUMNS = {"position": POSITION, "velocity": VELOCITY, "attitude": ATTITUDE, "momentum": MOMENTUM}
 STATE = ("position", "velocity", "attitude", "momentum", "clock", "there")
 
 
@@ -274,7 +270,7 @@ class ImpulseEngine:
             time=np.asarray((first + np.arange(n)) * self._scene.frame_interval, float),
             position=rows[..., POSITION],
             quaternion=rows[..., QUATERNION],
-            velocity=rows[..., MOVES],
+            velocity=rows[..., VELOCITY],
             angular_velocity=rows[..., SPIN],
             present=np.tile(self._parts["there"][: self._n] != ABSENT, (n, 1)),
         )

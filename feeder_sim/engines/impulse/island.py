@@ -15,12 +15,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from feeder_sim.engines.impulse.borrow import borrow, borrowed
+from feeder_sim.engines.impulse.frame_rows import write_row
 from feeder_sim.engines.impulse.hulls import Hulls
 from feeder_sim.engines.impulse.neighbours import Islands
 from feeder_sim.engines.impulse.pair_contact import meet, meeting_bound
 from feeder_sim.engines.impulse.plate_contact import meet_plate
 from feeder_sim.engines.impulse.rest import fall_asleep, wake
-from feeder_sim.engines.impulse.state import ASLEEP, Kinds, Scratch, fly_to, write_row
+from feeder_sim.engines.impulse.state import ASLEEP, Kinds, Scratch, fly_to
 from feeder_sim.machine_code import compiled, entry_point, inlined
 
 

@@ -1,11 +1,8 @@
-"""One free part over the plate: gaps, approach, impact, and how long it may fly without looking again.
+"""One free part over the plate: gaps, approach, impact.
 
 look        height of every corner above the surface, and how fast it approaches
 impact      a corner that touches and approaches gets an impulse (single_impact.py), several together (impact.py)
-leap        the longest flight during which no corner can touch: with gap g, approach speed -u and a bound a on the
-relative acceleration, no contact before t = (u + sqrt(u^2 + 2 a g)) / a; never shorter than the step,
-or than a fast part takes to enter the surface by micrometres
-forecast    as the motion of the surface is known, many such leaps are made before the part is looked at again
+flight      until a corner can touch (flight_time.py)
 """
 
 from __future__ import annotations
@@ -14,6 +11,7 @@ import math
 
 import numpy as np
 
+from feeder_sim.engines.impulse.flight_time import forecast, longest_leap, shortest_flight
 from feeder_sim.engines.impulse.impact import resolve_impact
 from feeder_sim.engines.impulse.plate_edge import edge_leap, points_on_edge
 from feeder_sim.engines.impulse.single_impact import resolve_free
@@ -31,8 +29,6 @@ from feeder_sim.engines.impulse.state import (
     height_of,
     inverse_inertia,
     spin_of,
-    top_speed,
-    turning_speed,
 )
 from feeder_sim.engines.impulse.tube_contact import approach_wall, gather_wall, leap_to_wall, meeting_time
 from feeder_sim.engines.impulse.vectors import dot
@@ -51,13 +47,9 @@ from feeder_sim.plate.compiled import (
 )
 from feeder_sim.scene.scene import GRAVITY
 
-DEPTH = 1e-6  # [m]; how deep a part may enter a surface that is no longer driven
-DEEP = 5e-6  # [m]; how deep a fast part may enter the surface
 TOUCH = 1e-9  # [m]; corners this close count as touching, so that a flat landing is one impact and not six
 ON_EDGE = 1e-9  # [m]; a point this far off the plate is still on its edge
 BESIDE = 2e-4  # [m]; a point that far below the surface is beside the plate or under it
-MAX_LEAPS = 30  # of a forecast
-NEVER = 1e9  # [s]; the flight of a part that is not over the plate
 
 
 @inlined
@@ -91,15 +83,15 @@ def meet_plate(part, kinds, wall, surface, bounds, t, work):
         if on_plate + on_wall > 0:
             _impact(part, kind, corners, wall, surface, work)
             approach_wall(part, kind, corners, wall, TOUCH, work)
-    leap, to_crest, own = _leap(part, kind, corners, work)
+    leap, to_crest, own = longest_leap(part, kind, corners, work)
     if wall is not None:  # in a play of micrometres a part must not fly a whole step into the wall
         wall_leap = leap_to_wall(part, kind, corners, wall, work)
         return max(min(leap, wall_leap), meeting_time(work, corners.shape[0], bounds.step)), on_plate > 0
-    shortest = _shortest_flight(part, kind, bounds)
+    shortest = shortest_flight(part, kind, bounds)
     if further > 0:
         to_crest = min(to_crest, edge_leap(part, kind, corners, n_corners, bounds.step, work))
     if leap < to_crest:
-        leap = _forecast(part, kind, corners, surface, bounds, t, (max(leap, shortest), shortest, own, to_crest), work)
+        leap = forecast(part, kind, corners, surface, bounds, t, (max(leap, shortest), shortest, own, to_crest), work)
     return max(min(leap, to_crest), shortest), on_plate > 0
 
 
@@ -280,85 +272,3 @@ def _put_back(part, corners, depth, work):
     part.position[2] += depth
     for i in range(corners.shape[0]):
         work.corner[i, GAP] += depth
-
-
-@inlined
-def _leap(part, kind, corners, work):
-    """Longest flight during which no corner can touch, and none above the crest can come below it [s].
-
-    The third value is a bound on the acceleration of the corners by themselves [m/s^2].
-    """
-    # |dw/dt| <= |w| |L| / I_min for a torque-free body, so a corner accelerates by at most 2 reach (L / I_min)^2.
-    least = min(kind.inertia[0], kind.inertia[1], kind.inertia[2])
-    own = GRAVITY + 2.0 * kind.reach * dot(part.momentum, part.momentum) / (least * least)
-    leap = to_crest = NEVER
-    for i in range(corners.shape[0]):
-        gap, rate, moves = max(work.corner[i, GAP], 0.0), work.corner[i, RATE], work.corner[i, SURFACE_ACCELERATION]
-        if _touches_within(leap, gap, rate, own + moves):
-            leap = _no_contact(gap, rate, own + moves)
-        if moves == 0.0 and _touches_within(to_crest, gap, rate, own):
-            to_crest = _no_contact(gap, rate, own)
-    return leap, to_crest, own
-
-
-@inlined
-def _touches_within(time, gap, rate, a):
-    """Whether a corner can touch within a time [s], if it may be accelerated towards the surface by a [m/s^2]."""
-    return gap + time * (rate - 0.5 * a * time) <= 0.0
-
-
-@inlined
-def _no_contact(gap, rate, a):
-    """Time [s] before which a corner cannot touch."""
-    return (rate + math.sqrt(rate * rate + 2.0 * a * gap)) / a
-
-
-@inlined
-def _forecast(part, kind, corners, surface, bounds, t, flight, work):
-    """Leap again and again as the surface will move, until the first corner touches, or a corner reaches the crest.
-
-    flight: the first leap, the shortest [s], acceleration of the corners by themselves [m/s^2], when one can be below
-    the crest. Each corner stays over the place where it is now; what it moves to the side lowers it by the slope.
-    """
-    leap, shortest, own, to_crest = flight
-    v = part.velocity
-    slip = bounds.slope * (math.sqrt(v[0] * v[0] + v[1] * v[1]) + turning_speed(part, kind))
-    limit = min(to_crest, bounds.end - t)
-    for _ in range(MAX_LEAPS):
-        if leap >= limit:
-            return limit
-        modal_motion(
-            t + leap,
-            surface.term_shape,
-            surface.term_start,
-            surface.term_stop,
-            surface.coefficient,
-            surface.rate,
-            work.modal[2],
-            work.modal[3],
-        )
-        further = NEVER
-        for i in range(corners.shape[0]):
-            moves = work.corner[i, SURFACE_ACCELERATION]
-            if moves == 0.0:
-                continue
-            rate = work.corner[i, RATE] + work.corner[i, SURFACE_RATE] - slip
-            gap = max(work.corner[i, GAP], 0.0) + leap * (rate - 0.5 * own * leap)
-            rate -= own * leap
-            for s in range(work.modal.shape[1]):
-                if bounds.acceleration[s] != 0.0:
-                    gap -= work.under[i, s] * (work.modal[2, s] - work.modal[0, s])
-                    rate -= work.under[i, s] * work.modal[3, s]
-            if gap <= 0.0:
-                return leap
-            if _touches_within(further, gap, rate, own + moves):
-                further = _no_contact(gap, rate, own + moves)
-        leap += max(further, shortest)
-    return leap
-
-
-@inlined
-def _shortest_flight(part, kind, bounds):
-    """The step [s]; less for a part so fast that it would enter the surface deeply, more for one that hardly moves."""
-    fastest = top_speed(part, kind)
-    return max(min(bounds.step, DEEP / fastest), min(bounds.rest_step, DEPTH / fastest))

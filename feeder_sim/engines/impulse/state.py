@@ -19,16 +19,6 @@ from feeder_sim.scene.scene import GRAVITY
 GAP, RATE, SURFACE_RATE, SURFACE_ACCELERATION, WALL_GAP, WALL_RATE = range(6)  # columns of Scratch.corner
 ARM, NORMAL, VELOCITY, BEFORE, IMPULSE = range(5)  # of Scratch.contact
 RESTITUTION, FRICTION, TARGET, STEP_NORMAL, STEP_TANGENT = range(5)  # of Scratch.law
-# Columns of a row, the numbers per part and frame.
-POSITION, MOVES, ATTITUDE, MOMENTUM, QUATERNION, SPIN = (
-    slice(0, 3),
-    slice(3, 6),
-    slice(6, 15),
-    slice(15, 18),
-    slice(18, 22),
-    slice(22, 25),
-)
-ROW = 25
 ABSENT, AWAKE, ASLEEP = range(3)  # in PART, there
 
 
@@ -120,17 +110,6 @@ class Plate(NamedTuple):
     bounds: Bounds
 
 
-class FrameRows(NamedTuple):
-    """Times of frames (m,) [s], and the rows (m, parts, ROW) that the states then are written to.
-
-    interrupt: (1,), not 0 as soon as another thread wants the computation to end where it is.
-    """
-
-    time: NDArray[np.float64]
-    row: NDArray[np.float64]
-    interrupt: NDArray[np.int64]
-
-
 class Scratch(NamedTuple):
     """Few arrays, since every one of them makes each call of a compiled function dearer.
 
@@ -216,46 +195,6 @@ def _rotate_by_kind(attitude, momentum, kind, duration):
     return lambda attitude, momentum, kind, duration: rotate_symmetric(
         attitude, momentum, kind.inertia, kind.axis, duration
     )
-
-
-@compiled
-def write_row(parts, i, kinds, t, row):
-    """Write the state of a part at time t [s], as it flies until then, into row (ROW,): see POSITION to SPIN.
-
-    The part itself is left as it is.
-    """
-    seen = np.empty(1, PART)
-    seen[0] = parts[i]
-    part = seen[0]
-    kind = kinds.record[part.kind]
-    fly_to(part, kind, t)
-    spin = spin_of(part, kind)
-    row[22], row[23], row[24] = spin
-    row[18], row[19], row[20], row[21] = _quaternion(part.attitude)
-    for k in range(3):
-        row[k], row[3 + k], row[15 + k] = part.position[k], part.velocity[k], part.momentum[k]
-        for axis in range(3):
-            row[6 + 3 * k + axis] = part.attitude[k, axis]
-    return seen.shape[0]  # a record holds no reference to its array, which must live until here
-
-
-@inlined
-def _quaternion(r):
-    """Unit quaternion of a rotation matrix (3, 3), w first; its largest component is positive.
-
-    Shepperd, J. Guidance and Control 1 (1978) 223.
-    """
-    trace = r[0, 0] + r[1, 1] + r[2, 2]
-    if trace >= max(r[0, 0], r[1, 1], r[2, 2]):
-        q = 1.0 + trace, r[2, 1] - r[1, 2], r[0, 2] - r[2, 0], r[1, 0] - r[0, 1]
-    elif r[0, 0] >= r[1, 1] and r[0, 0] >= r[2, 2]:
-        q = r[2, 1] - r[1, 2], 1.0 - trace + 2.0 * r[0, 0], r[0, 1] + r[1, 0], r[0, 2] + r[2, 0]
-    elif r[1, 1] >= r[2, 2]:
-        q = r[0, 2] - r[2, 0], r[0, 1] + r[1, 0], 1.0 - trace + 2.0 * r[1, 1], r[1, 2] + r[2, 1]
-    else:
-        q = r[1, 0] - r[0, 1], r[0, 2] + r[2, 0], r[1, 2] + r[2, 1], 1.0 - trace + 2.0 * r[2, 2]
-    size = math.sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3])
-    return q[0] / size, q[1] / size, q[2] / size, q[3] / size
 
 
 @compiled
