@@ -81,9 +81,9 @@ size = "M2.5"
 count = 6
 start = { kind = "scattered", size_mm = [30.0, 30.0] }
 [run]
-duration_s = 3.0
+duration_s = 10.0
 seeds = 3
-frames_per_second = 200.0
+frames_per_second = 500.0
 """
 RECTANGLE = """
 [plate]
