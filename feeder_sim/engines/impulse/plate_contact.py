@@ -217,7 +217,7 @@ def _surface_touched(x, y, surface_rate, part, surface, work):
     return (moves * vx, moves * vy, surface_rate), normal
 
 
-@inlined
+@compiled
 def _contact_of(i, part, kind, corners, surface, work):
     """Arm, normal and surface velocity of a corner that touches the plate."""
     arm = arm_of(part, corners, i)
