@@ -420,6 +420,17 @@ def finish(run: Path, scenario: Path) -> Ended:
     return Ended("run", "--resume", run) if begun else Ended("run", scenario, "--out", run)
 
 
+def conclude(campaign: Campaign, run: Path, problem: str, reference: list[bytes], well: str) -> None:
+    """Compare a run that was attacked with one that was not, note how the attack went, and remove the run."""
+    if not problem and frames_of(run) != reference:
+        problem = "other numbers"
+    if problem:
+        campaign.fail(f"{well.split(':')[0]}: {problem}", run)
+    else:
+        campaign.note(well)
+    shutil.rmtree(run, ignore_errors=True)
+
+
 def attack_by_kills(campaign: Campaign, work: Path, rng: random.Random, count: int) -> None:
     scenario, reference = reference_run(work)
 
@@ -433,13 +444,7 @@ def attack_by_kills(campaign: Campaign, work: Path, rng: random.Random, count: i
         if ended.code != 0:
             ended = finish(run, scenario)
         problem = ended.problem((0, 2) if "has ended" in ended.err else (0,))
-        if not problem and frames_of(run) != reference:
-            problem = "other numbers"
-        if problem:
-            campaign.fail(f"kill: {problem}", run)
-        else:
-            campaign.note(f"{signal.Signals(number).name}: same bits")
-        shutil.rmtree(run, ignore_errors=True)
+        conclude(campaign, run, problem, reference, f"{signal.Signals(number).name}: same bits")
 
     share_out(attack, rng, count)
 
@@ -455,13 +460,7 @@ def attack_by_disks(campaign: Campaign, work: Path, rng: random.Random, count: i
         if not problem and ended.code == 1:
             ended = finish(run, scenario)
             problem = ended.problem((0, 2) if "has ended" in ended.err else (0,))
-        if not problem and frames_of(run) != reference:
-            problem = "other numbers"
-        if problem:
-            campaign.fail(f"full disk: {problem}", run)
-        else:
-            campaign.note("full disk: same bits")
-        shutil.rmtree(run, ignore_errors=True)
+        conclude(campaign, run, problem, reference, "full disk: same bits")
 
     share_out(attack, rng, count)
 
@@ -481,13 +480,7 @@ def attack_by_pairs(campaign: Campaign, work: Path, rng: random.Random, count: i
         problem = "".join(ended.problem((0, 2)) for ended in both)
         if not problem and sorted(ended.code for ended in both) not in ([0, 2], [2, 2]):
             problem = f"exit codes {[ended.code for ended in both]}"
-        if not problem and frames_of(run) != reference:
-            problem = "other numbers"
-        if problem:
-            campaign.fail(f"pair: {problem}", run)
-        else:
-            campaign.note("pair: one recorded")
-        shutil.rmtree(run, ignore_errors=True)
+        conclude(campaign, run, problem, reference, "pair: one recorded")
 
     share_out(attack, rng, count)
 

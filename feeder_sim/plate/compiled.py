@@ -107,6 +107,8 @@ def surface_normal(x, y, grid_x, grid_y, table, q):
     change_x, change_y = cubic_slopes(a, grid_x[1] - grid_x[0]), cubic_slopes(b, grid_y[1] - grid_y[0])
     slope_x = slope_y = 0.0
     for shape in range(table.shape[0]):
+        if q[shape] == 0.0:
+            continue
         slope_x += q[shape] * interpolate(table, shape, W, first_x, first_y, change_x, weight_y)
         slope_y += q[shape] * interpolate(table, shape, W, first_x, first_y, weight_x, change_y)
     size = math.sqrt(1.0 + slope_x * slope_x + slope_y * slope_y)

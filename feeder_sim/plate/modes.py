@@ -22,7 +22,7 @@ from numpy.polynomial import legendre
 from numpy.typing import ArrayLike, NDArray
 
 from feeder_sim.plate.materials import Material
-from feeder_sim.plate.single_thread import single_threaded
+from feeder_sim.single_thread import single_threaded
 
 SHEAR_FACTOR = 5.0 / 6.0  # kappa
 TERMS_PER_AXIS = 24  # Legendre polynomials

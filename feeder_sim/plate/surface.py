@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from feeder_sim.errors import InputError
 from feeder_sim.plate.drive import ModalTerms
 from feeder_sim.plate.mode_shapes import ModeShape
-from feeder_sim.plate.single_thread import single_threaded
+from feeder_sim.single_thread import single_threaded
 
 POINTS_PER_WAVELENGTH = 80
 MAX_GRID_POINTS = 20_000_000  # of all shapes together; half a gigabyte

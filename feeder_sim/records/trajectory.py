@@ -16,7 +16,7 @@ from feeder_sim.records.impacts import Impacts
 from feeder_sim.records.removals import Removals
 
 SAME_TIME = 1e-9  # [s]; times this close are the same but for round-off
-BLOCK_FRAMES = 100  # frames per block and per HDF5 chunk: whole blocks compress once and waste nothing
+BLOCK_FRAMES = 100  # frames per HDF5 chunk; blocks of a multiple of it waste nothing
 
 
 class Status(IntEnum):

@@ -21,7 +21,7 @@ Layout, schema version 3 (SI units, in the `unit` attribute of every dataset):
     /seeds/NNN/impacts/time, until, approach_speed, departure_velocity   of a part in a guide; see feeder_sim.impacts
 
 Quaternions have w first; velocities are in world axes. The file is written in HDF5's single-writer mode and flushed
-after every block: a killed run leaves everything up to its last block readable. Structure and data are under checksums.
+about twice a second: a killed run leaves everything before that readable. Structure and data are under checksums.
 """
 
 from __future__ import annotations

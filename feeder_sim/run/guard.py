@@ -44,6 +44,22 @@ class Violation(NamedTuple):
     detail: Callable[[int, int], str]
 
 
+class Depths(NamedTuple):
+    """How deep the parts are in the plate, all of shape (frames, parts).
+
+    Attributes:
+        speed: largest of a point of the part [m/s], see `Guard._speeds`.
+        depth: of its deepest corner [m].
+        allowed: largest depth [m].
+        clear: away from the edge, and not too deep.
+    """
+
+    speed: Floats
+    depth: Floats
+    allowed: Floats
+    clear: NDArray[np.bool_]
+
+
 class Guard:
     """Checks one seed, block after block of frames; parts that have been taken out do not count.
 
@@ -75,8 +91,7 @@ class Guard:
         # At the last frame of the block before:
         self._last_speeds = self._speeds(first)[-1]
         self._last_clear = self._edge.clear_of(first)[-1]
-        # Of the block that was checked last, the same for all its frames:
-        self._checked: tuple[Floats, NDArray[np.bool_]] | None = None
+        self._checked: Depths | None = None  # of the block that was checked last
 
     def redrive(self, scene: Scene) -> None:
         """Go on in the same scene, in which drives stop at other times."""
@@ -109,13 +124,14 @@ class Guard:
         return self._edge.lost(frames)
 
     def remember(self, frames: Frames) -> None:
-        """Go on to the next block; frames: what is kept of the last one, or of one that was not checked."""
+        """Go on to the next block; frames: what is kept of the one that was checked last, or all before a break."""
         if len(frames):
             if self._checked is None:
-                self._too_deep(frames, _rotations(frames.quaternion), frames.present)
-            assert self._checked is not None
-            speed, clear = self._checked
-            self._last_speeds, self._last_clear = speed[len(frames) - 1], clear[len(frames) - 1]
+                last = frames[slice(-2, None)]  # with the one before it, from which a part has come
+                depths, row = self._depths(last, _rotations(last.quaternion)), -1
+            else:
+                depths, row = self._checked, len(frames) - 1
+            self._last_speeds, self._last_clear = depths.speed[row], depths.clear[row]
             self._edge.remember(frames)
         self._checked = None
 
@@ -204,13 +220,9 @@ class Guard:
 
     def _too_deep(self, frames: Frames, rotation: Floats, present: NDArray[np.bool_]) -> Violation:
         """Where a corner is too deep, among the frames and parts (n, parts) that are present."""
-        speed = self._speeds(frames)
-        allowed = self._depth_limit(frames, speed)
-        depth = self._depth(frames, rotation, allowed)
+        self._checked = _, depth, allowed, clear = self._depths(frames, rotation)
         # A part that has tipped over the edge and swung back may be inside the plate's side. So only a part counts that
         # was away from the edge, and not too deep, at the frame before.
-        clear = self._edge.clear_of(frames) & (depth <= allowed)
-        self._checked = speed, clear
         clear_before = np.concatenate([self._last_clear[None], clear[:-1]])
 
         def detail(row: int, part: int) -> str:
@@ -220,6 +232,12 @@ class Guard:
             )
 
         return Violation(Divergence.TOO_DEEP, present & clear_before & (depth > allowed), detail)
+
+    def _depths(self, frames: Frames, rotation: Floats) -> Depths:
+        speed = self._speeds(frames)
+        allowed = self._depth_limit(frames, speed)
+        depth = self._depth(frames, rotation, allowed)
+        return Depths(speed, depth, allowed, self._edge.clear_of(frames) & (depth <= allowed))
 
     def _speeds(self, frames: Frames) -> Floats:
         """Largest speed [m/s] of a point of each part against the plate after a fall from its height, (n, parts)."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from feeder_sim.plate.single_thread import single_threaded
 from feeder_sim.run.advice import cautions
 from feeder_sim.run.plausibility import check_plausible, doubts
 from feeder_sim.scenario import Scenario
@@ -10,6 +9,7 @@ from feeder_sim.scenario.engine_choice import choose_engine
 from feeder_sim.scene.cell import check_stop_rule, transport_cell
 from feeder_sim.scene.prepared import Prepared
 from feeder_sim.scene.scene import build_scene
+from feeder_sim.single_thread import single_threaded
 
 
 @single_threaded

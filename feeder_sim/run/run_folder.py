@@ -17,7 +17,6 @@ from feeder_sim import __version__
 from feeder_sim.engines.lookup import engine_class
 from feeder_sim.engines.mujoco.mjcf import build_mjcf
 from feeder_sim.errors import InputError, RecordingFailed, cause_of, not_written, shortened
-from feeder_sim.plate.single_thread import single_threaded
 from feeder_sim.records.checkpoint import CheckpointFolder, run_identity
 from feeder_sim.records.own_files import LOCK, locked
 from feeder_sim.records.trajectory import PartRecord, PlateRecord, Record, Recording, Status, WallTime
@@ -33,6 +32,7 @@ from feeder_sim.run.simulation import Result, announced, check_starts, simulate
 from feeder_sim.scenario import Scenario, load_scenario, parse_scenario
 from feeder_sim.scene.prepared import Prepared
 from feeder_sim.scene.scene import Scene
+from feeder_sim.single_thread import single_threaded
 
 SUMMARY, RESOLVED, MJCF = "summary.json", "scenario.toml", "scene.xml"
 DISPLAY_POINTS = 121  # per axis of the plate: enough for the shortest wave of the catalogue, small enough to scrub

@@ -19,7 +19,6 @@ from feeder_sim.engines.lookup import engine_class
 from feeder_sim.errors import SimulationDiverged
 from feeder_sim.measures.catalogue import MEASURES
 from feeder_sim.measures.protocol import Measure, as_json
-from feeder_sim.plate.single_thread import single_threaded
 from feeder_sim.records.trajectory import Frames, Status
 from feeder_sim.run.prepare import prepare
 from feeder_sim.run.seed_record import Begun, Recorder, SeedResult
@@ -29,6 +28,7 @@ from feeder_sim.scenario.engine_choice import Choice
 from feeder_sim.scene.prepared import Prepared
 from feeder_sim.scene.scene import Scene
 from feeder_sim.scene.start import start_poses
+from feeder_sim.single_thread import single_threaded
 
 GRACE_S = 0.3  # [s] from the wish to stop until blocks under way are given up
 ANNOUNCED_S = 1.5  # [s]; what takes longer is announced

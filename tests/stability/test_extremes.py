@@ -185,9 +185,11 @@ def test_what_somebody_may_mean_is_not_refused() -> None:
     ]
     apart = [{"frequency_hz": 5.0, "amplitude_um": 2000.0, "phase_deg": angle} for angle in (0.0, 90.0)]
     for drive in (after, apart):
-        prepare(scenario_of(drive=drive))
+        assert [d.drive_frequency for d in prepare(scenario_of(drive=drive)).scene.drives] == [
+            entry["frequency_hz"] for entry in drive
+        ]
     rod = {"shape": "cylinder", "diameter_mm": 3.0, "height_mm": 260.0, "guide": {"kind": "slide"}}
-    prepare(scenario_of(part=[rod]))
+    assert prepare(scenario_of(part=[rod])).scene.guides[0] is not None
 
 
 def test_the_step_does_not_depend_on_how_many_stages_there_are() -> None:

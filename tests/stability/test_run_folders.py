@@ -212,12 +212,15 @@ def test_what_has_the_name_of_a_file_under_way_is_not_written_to(make: Any, tmp_
 
 
 def test_a_file_system_without_locks_is_worked_on_without_one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    asked = []
+
     def none(*_: object) -> None:
+        asked.append("a lock")
         raise OSError(errno.ENOLCK, "No locks available")
 
     monkeypatch.setattr(fcntl, "flock", none)
     with locked(tmp_path):
-        pass
+        assert asked
 
 
 @pytest.fixture(scope="module")

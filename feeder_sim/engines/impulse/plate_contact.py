@@ -37,7 +37,6 @@ from feeder_sim.plate.compiled import (
     BETA_X,
     BETA_Y,
     W,
-    cubic_slopes,
     cubic_weights,
     grid_cell,
     interpolate,
@@ -188,31 +187,23 @@ def _surface_under(x, y, i, part, surface, bounds, work):
 @inlined
 def _surface_touched(x, y, surface_rate, part, surface, work):
     """Velocity [m/s] and unit normal of the surface at (x, y) [m], where it rises at `surface_rate` [m/s]."""
+    first_x, a = grid_cell(x, surface.grid_x)
+    first_y, b = grid_cell(y, surface.grid_y)
+    weight_x, weight_y = cubic_weights(a), cubic_weights(b)
     vx = vy = 0.0
-    if surface.tangent:
-        for s in range(work.modal.shape[1]):
-            vx -= work.modes[s, 1] * work.modal[1, s]
-            vy -= work.modes[s, 2] * work.modal[1, s]
-        normal = surface_normal(
-            part.position[0], part.position[1], surface.grid_x, surface.grid_y, surface.table, work.modal[0]
-        )
-    else:
-        first_x, a = grid_cell(x, surface.grid_x)
-        first_y, b = grid_cell(y, surface.grid_y)
-        weight_x, weight_y = cubic_weights(a), cubic_weights(b)
-        change_x = cubic_slopes(a, surface.grid_x[1] - surface.grid_x[0])
-        change_y = cubic_slopes(b, surface.grid_y[1] - surface.grid_y[0])
-        slope_x = slope_y = 0.0
-        for s in range(work.modal.shape[1]):
-            q, rate, table = work.modal[0, s], work.modal[1, s], surface.table
-            if q == 0.0 and rate == 0.0:
-                continue
-            vx -= rate * interpolate(table, s, BETA_X, first_x, first_y, weight_x, weight_y)
-            vy -= rate * interpolate(table, s, BETA_Y, first_x, first_y, weight_x, weight_y)
-            slope_x += q * interpolate(table, s, W, first_x, first_y, change_x, weight_y)
-            slope_y += q * interpolate(table, s, W, first_x, first_y, weight_x, change_y)
-        size = math.sqrt(1.0 + slope_x * slope_x + slope_y * slope_y)
-        normal = (-slope_x / size, -slope_y / size, 1.0 / size)
+    for s in range(work.modal.shape[1]):
+        rate = work.modal[1, s]
+        if rate == 0.0:
+            continue
+        if surface.tangent:
+            vx -= rate * work.modes[s, BETA_X]
+            vy -= rate * work.modes[s, BETA_Y]
+        else:
+            vx -= rate * interpolate(surface.table, s, BETA_X, first_x, first_y, weight_x, weight_y)
+            vy -= rate * interpolate(surface.table, s, BETA_Y, first_x, first_y, weight_x, weight_y)
+    if surface.tangent:  # the plane is that under the centre
+        x, y = part.position[0], part.position[1]
+    normal = surface_normal(x, y, surface.grid_x, surface.grid_y, surface.table, work.modal[0])
     moves = surface.half_thickness * surface.in_plane
     return (moves * vx, moves * vy, surface_rate), normal
 
