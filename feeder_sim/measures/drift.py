@@ -9,7 +9,7 @@ seed is 0.6 d0 divided by the time between the first passages of distance 0.8 d0
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -33,6 +33,21 @@ class DriftFindings:
     highest_rise_mm: Statistic
     antinode_to_node_mm: float | None
 
+    @staticmethod
+    def of(
+        speeds: Iterable[float], velocities: Iterable[NDArray[np.float64]], rises: Iterable[float], cell: Cell | None
+    ) -> DriftFindings:
+        """Findings from transport speed [m/s], mean horizontal velocity (2,) [m/s] and highest rise [m] of seeds."""
+        speed, velocity = Statistic.of(1e3 * value for value in speeds), [1e3 * value for value in velocities]
+        return DriftFindings(
+            transport_speed_mm_s=speed,
+            drift_velocity_x_mm_s=Statistic.of(x for x, _ in velocity),
+            drift_velocity_y_mm_s=Statistic.of(y for _, y in velocity),
+            arrived=speed.n,
+            highest_rise_mm=Statistic.of(1e3 * rise for rise in rises),
+            antinode_to_node_mm=1e3 * cell.reach if cell else None,
+        )
+
 
 class Drift:
     """Transport speed, drift velocity and highest rise of a scenario without a schedule."""
@@ -42,16 +57,9 @@ class Drift:
 
     def compute(self, prepared: Prepared, seeds: Sequence[SeedRecord]) -> DriftFindings:
         frames, cell = [seed.frames for seed in ended(seeds)], prepared.cell
-        velocities = [1e3 * drift_velocity(seed) for seed in frames]
-        speeds = [1e3 * transport_speed(seed, cell) for seed in frames] if cell else []
-        return DriftFindings(
-            transport_speed_mm_s=Statistic.of(speeds),
-            drift_velocity_x_mm_s=Statistic.of(velocity[0] for velocity in velocities),
-            drift_velocity_y_mm_s=Statistic.of(velocity[1] for velocity in velocities),
-            arrived=sum(math.isfinite(speed) for speed in speeds),
-            highest_rise_mm=Statistic.of(1e3 * highest_rise(seed) for seed in frames),
-            antinode_to_node_mm=1e3 * cell.reach if cell else None,
-        )
+        speeds = [transport_speed(seed, cell) for seed in frames] if cell else []
+        velocities = [drift_velocity(seed) for seed in frames]
+        return DriftFindings.of(speeds, velocities, [highest_rise(seed) for seed in frames], cell)
 
     def lines(self, prepared: Prepared, findings: DriftFindings) -> list[str]:
         speed, lines = findings.transport_speed_mm_s, []

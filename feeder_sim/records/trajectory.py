@@ -16,7 +16,7 @@ from feeder_sim.records.impacts import Impacts
 from feeder_sim.records.removals import Removals
 
 SAME_TIME = 1e-9  # [s]; times this close are the same but for round-off
-BLOCK_FRAMES = 100  # frames per HDF5 chunk; blocks of a multiple of it waste nothing
+BLOCK_FRAMES = 300  # frames per HDF5 chunk, and about as many are computed between two looks of the guard
 
 
 class Status(IntEnum):

@@ -60,8 +60,9 @@ class TrajectoryWriter:
                 self._file.attrs.update(schema_version=SCHEMA_VERSION, seed=seed)
                 write_plate(self._file, plate)
                 self._write_parts(parts)
-                for index in range(n_seeds):
-                    self._create_seed(index, len(parts))
+                self._create_seed(0, len(parts))
+                for index in range(1, n_seeds):
+                    self._file.copy(self._file[seed_name(0)], self._file, seed_name(index))
                 self._file.swmr_mode = True  # from here on nothing is created, only appended
         except RecordingFailed:
             path.unlink(missing_ok=True)

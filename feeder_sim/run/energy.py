@@ -3,64 +3,71 @@
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from feeder_sim.machine_code import inlined
 from feeder_sim.records.trajectory import Frames
 from feeder_sim.scenario import Contact
 from feeder_sim.scene.scene import GRAVITY, Scene
 
-Floats = NDArray[np.float64]
 
+class EnergyLimit(NamedTuple):
+    """What bounds the energy of a part.
 
-class Energy:
-    """Energies of the parts of one seed.
-
-    Args:
-        scene: has the parts and the drives.
-        first: frames with the state at the start.
-
-    Attributes:
-        plate_speed: largest speed of the surface [m/s].
+    plate_speed: largest of the surface [m/s]; start_speed: largest of a part that falls from where it starts [m/s];
+    restitution [1]; factor: allowed over what the plate can give.
     """
 
-    def __init__(self, scene: Scene, first: Frames) -> None:
-        speed = [2 * np.pi * max(d.drive_frequency, d.natural_frequency) * d.amplitude for d in scene.drives]
-        self.plate_speed = largest_at_once(scene, np.array(speed))
-        height = float(np.abs(first.position[..., 2]).max())
-        self._start_speed = float(np.linalg.norm(first.velocity, axis=-1).max()) + math.sqrt(2.0 * GRAVITY * height)
-        self._restitution = _restitution(scene.scenario.contact)
-        self._mass = np.array([kind.mass for kind in scene.kinds])[scene.kind_of]
-        self._inertia = np.array([kind.inertia for kind in scene.kinds])[scene.kind_of]
-
-    def of(self, frames: Frames, rotation: Floats) -> Floats:
-        """Kinetic energy of translation and spin, and potential energy over the resting plate [J], shape (n, parts).
-
-        `rotation` has the rotation matrices of the parts, shape (n, parts, 3, 3).
-        """
-        spin = np.einsum("npij,npi->npj", rotation, frames.angular_velocity)  # in the principal axes
-        squared_speed = (frames.velocity**2).sum(axis=-1)
-        spin_term = (self._inertia * spin**2).sum(axis=-1)
-        kinetic = 0.5 * (self._mass * squared_speed + spin_term)
-        return np.asarray(kinetic + self._mass * GRAVITY * frames.position[..., 2])
-
-    def limit(self, time: Floats) -> Floats:
-        """Largest energy [J] that a part can have of its start and of the plate at times (n,) [s], shape (n, parts).
-
-        A part that meets a plate of speed u at its fastest at every impact has v = e v + (1 + e) u in the end, which is
-        v = u (1 + e) / (1 - e). For e -> 1 that is without limit, but takes time: the mean force between plate and part
-        is the weight, so that the plate gives m g u t until the time t, and m u v for the momentum that the part still
-        has. With the energy m v^2 / 2 this makes v^2 = 2 u (v + g t). The smaller of both speeds counts.
-        """
-        speed, e = self.plate_speed, self._restitution
-        from_plate = speed + np.sqrt(speed**2 + 2.0 * GRAVITY * speed * time)
-        if e < 1.0:
-            from_plate = np.minimum(from_plate, speed * (1.0 + e) / (1.0 - e))
-        return np.asarray(0.5 * self._mass * (from_plate + self._start_speed)[:, None] ** 2)
+    plate_speed: float
+    start_speed: float
+    restitution: float
+    factor: float
 
 
-def largest_at_once(scene: Scene, amounts: Floats) -> float:
+def energy_limit(scene: Scene, first: Frames, factor: float) -> EnergyLimit:
+    """Bound the energy of the parts of one seed; first: frames with the state at the start."""
+    speed = [2 * np.pi * max(d.drive_frequency, d.natural_frequency) * d.amplitude for d in scene.drives]
+    height = float(np.abs(first.position[..., 2]).max())
+    start_speed = float(np.linalg.norm(first.velocity, axis=-1).max()) + math.sqrt(2.0 * GRAVITY * height)
+    plate_speed = largest_at_once(scene, np.array(speed))
+    return EnergyLimit(plate_speed, start_speed, _restitution(scene.scenario.contact), factor)
+
+
+@inlined
+def energy_of(mass, inertia, height, velocity, spin, turned):
+    """Kinetic energy of translation and spin, and potential energy over the resting plate [J], of one part.
+
+    turned: its rotation matrix, row by row; spin in world axes.
+    """
+    energy = 0.5 * mass * (velocity[0] ** 2 + velocity[1] ** 2 + velocity[2] ** 2) + mass * GRAVITY * height
+    for axis in range(3):
+        about = 0.0
+        for k in range(3):
+            about += turned[k][axis] * spin[k]
+        energy += 0.5 * inertia[axis] * about * about
+    return energy
+
+
+@inlined
+def largest_energy(mass, t, limit):
+    """Largest energy [J] that a part may have at time t [s], of its start and of the plate.
+
+    A part that meets a plate of speed u at its fastest at every impact has v = e v + (1 + e) u in the end, which is
+    v = u (1 + e) / (1 - e). For e -> 1 that is without limit, but takes time: the mean force between plate and part
+    is the weight, so that the plate gives m g u t until the time t, and m u v for the momentum that the part still
+    has. With the energy m v^2 / 2 this makes v^2 = 2 u (v + g t). The smaller of both speeds counts.
+    """
+    speed, e = limit.plate_speed, limit.restitution
+    from_plate = speed + math.sqrt(speed * speed + 2.0 * GRAVITY * speed * t)
+    if e < 1.0:
+        from_plate = min(from_plate, speed * (1.0 + e) / (1.0 - e))
+    return limit.factor * 0.5 * mass * (from_plate + limit.start_speed) ** 2
+
+
+def largest_at_once(scene: Scene, amounts: NDArray[np.float64]) -> float:
     """Largest sum of an amount per drive (amplitude or speed) over the drives that act or still ring at the same time.
 
     A mode that is driven again while it rings gets the larger of both amounts.

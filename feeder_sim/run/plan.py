@@ -9,7 +9,7 @@ import math
 import time
 from concurrent.futures import ThreadPoolExecutor
 from concurrent.futures import TimeoutError as FutureTimeoutError
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -22,7 +22,6 @@ from feeder_sim.run.advice import recommendations
 from feeder_sim.run.run_folder import DISPLAY_POINTS
 from feeder_sim.run.simulation import available_cores, compile_engine
 from feeder_sim.scenario import PartSpec, Schedule
-from feeder_sim.scenario.engine_choice import Choice
 from feeder_sim.scene.driven_plate import DrivenMode
 from feeder_sim.scene.prepared import Prepared
 from feeder_sim.scene.rigid_part import RigidPart
@@ -109,7 +108,7 @@ def make_plan(prepared: Prepared) -> Plan:
     """Describe a run; a short trial of its engine gives the cost of a step."""
     scene, cell, engine = prepared.scene, prepared.cell, prepared.engine
     run, surface = scene.scenario.run, scene.surface
-    cost = _trial_cost(scene, engine)
+    cost = _trial_cost(prepared)
     return Plan(
         title=scene.scenario.title,
         engine=engine.name,
@@ -190,12 +189,12 @@ def _busiest(scene: Scene) -> Scene:
     return build_scene(scene.scenario.model_copy(update={"schedule": Schedule(stage=(stage,))}))
 
 
-def _trial_cost(scene: Scene, choice: Choice) -> float:
+def _trial_cost(prepared: Prepared) -> float:
     """Wall time [s] of a step of one seed on one core, after compilation."""
-    scene = _busiest(scene)
-    compile_engine(choice, scene)
+    scene = _busiest(prepared.scene)
+    compile_engine(replace(prepared, scene=scene))
     interrupt = np.zeros(1, np.int64)
-    engine = engine_class(choice)(scene, np.random.default_rng(0), interrupt=interrupt)
+    engine = engine_class(prepared.engine)(scene, np.random.default_rng(0), interrupt=interrupt)
     frames, most, piece = 0, min(scene.n_frames, max(1, TRIAL_STEPS // scene.steps_per_frame)), 1
     started = time.perf_counter()
     with ThreadPoolExecutor(1) as pool:  # this thread hears of Ctrl-C

@@ -7,60 +7,61 @@ until it rises above the resting surface again. It is *lost* once it is off the 
 
 from __future__ import annotations
 
-import numpy as np
-from numpy.typing import NDArray
+from typing import NamedTuple
 
-from feeder_sim.records.trajectory import Frames
+from feeder_sim.machine_code import inlined
 from feeder_sim.scene.scene import Scene
 
 
-class PlateEdge:
-    """Follows the parts of one seed, block after block of frames.
+class Edge(NamedTuple):
+    """The edge of a plate and what is around it.
 
-    Args:
-        scene: has the plate and the parts.
-        first: frames with the state at the start.
-        crest: largest height of the surface over the resting plate [m].
+    half_x, half_y: half the sides [m]; crest: largest height of the surface over the resting plate [m]; floor: its
+    height [m]; rim: no part gets beside the plate; enclosed: no part can get over the edge; swing: by how much a part
+    may swing under the plate [m]; frame_interval [s].
     """
 
-    def __init__(self, scene: Scene, first: Frames, crest: float) -> None:
-        self._rim, self._crest = scene.rim, crest
-        self._floor = 1e-3 * scene.scenario.run.floor_mm
-        self._half_sides = 0.5 * np.array([scene.surface.length, scene.surface.width])
-        self._frame_interval = scene.frame_interval
-        self._sizes = np.array([kind.size for kind in scene.kinds])[scene.kind_of]
-        self._enclosed = scene.rim or any(scene.guides)  # no part can get over the edge
-        self.last_fallen = np.zeros(first.position.shape[1], bool)  # at the last frame of the block before
+    half_x: float
+    half_y: float
+    crest: float
+    floor: float
+    rim: bool
+    enclosed: bool
+    swing: float
+    frame_interval: float
 
-    def over(self, position: NDArray[np.float64]) -> NDArray[np.bool_]:
-        """Whether positions (..., 3) [m] are above or below the area of the plate, shape (...)."""
-        return np.asarray((np.abs(position[..., :2]) < self._half_sides).all(axis=-1))
 
-    def clear_of(self, frames: Frames) -> NDArray[np.bool_]:
-        """Frames and parts (n, parts) so far from the edge that they cannot have been over it since the last frame."""
-        margin = self._sizes[:, None] * np.ones(2)
-        if not self._enclosed:
-            margin = 2.0 * self._sizes.max() + np.abs(frames.velocity[..., :2]) * self._frame_interval
-        return np.asarray((np.abs(frames.position[..., :2]) < self._half_sides - margin).all(axis=-1))
+def edge_of(scene: Scene, crest: float) -> Edge:
+    """The edge of the plate of a scene whose surface rises by up to `crest` [m]."""
+    return Edge(
+        half_x=0.5 * scene.surface.length,
+        half_y=0.5 * scene.surface.width,
+        crest=crest,
+        floor=1e-3 * scene.scenario.run.floor_mm,
+        rim=scene.rim,
+        enclosed=scene.rim or any(scene.guides),
+        swing=2.0 * max(kind.size for kind in scene.kinds),
+        frame_interval=scene.frame_interval,
+    )
 
-    def fallen(self, frames: Frames) -> NDArray[np.bool_]:
-        """Frames and parts (n, parts) that have come down beside the plate and have not risen above it since."""
-        height = frames.position[..., 2]
-        below = height < -self._crest
-        if self._rim or not (below.any() or self.last_fallen.any()):
-            return np.zeros(below.shape, bool)
-        beside = below & ~self.clear_of(frames)
-        fallen = np.empty(beside.shape, bool)
-        before = self.last_fallen
-        for row in range(len(fallen)):
-            fallen[row] = before = (before & (height[row] < 0.0)) | beside[row]
-        return fallen
 
-    def lost(self, frames: Frames) -> NDArray[np.bool_]:
-        """Frames and parts (n, parts) that are off the plate and below the floor level."""
-        off = ~self.over(frames.position) | self.fallen(frames)
-        return np.asarray(frames.present & off & (frames.position[..., 2] < self._floor))
+@inlined
+def over_plate(x, y, edge):
+    """Whether a place is above or below the area of the plate."""
+    return abs(x) < edge.half_x and abs(y) < edge.half_y
 
-    def remember(self, frames: Frames) -> None:
-        """Go on to the next block of frames; this one has at least one frame."""
-        self.last_fallen = self.fallen(frames)[-1]
+
+@inlined
+def clear_of_edge(x, y, velocity_x, velocity_y, size, edge):
+    """Whether a part is so far from the edge that it cannot have been over it since the last frame."""
+    margin_x = margin_y = size
+    if not edge.enclosed:
+        margin_x = edge.swing + abs(velocity_x) * edge.frame_interval
+        margin_y = edge.swing + abs(velocity_y) * edge.frame_interval
+    return abs(x) < edge.half_x - margin_x and abs(y) < edge.half_y - margin_y
+
+
+@inlined
+def has_fallen(z, clear, before, edge):
+    """Whether a part has come down beside the plate and not risen above it since; before: at the frame before."""
+    return not edge.rim and ((before and z < 0.0) or (z < -edge.crest and not clear))

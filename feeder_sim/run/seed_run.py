@@ -31,6 +31,7 @@ LEAST_BLOCK = 20  # frames: shorter blocks would cost more to write than to comp
 PASSAGE_LOOK = 10  # frames from one look whether the part has passed to the next
 LOOK_S = 0.1  # [s] between two looks whether the parts have settled
 FIRST_PIECE = 2  # frames, before it is known how long one takes
+GROWTH = 8.0  # of pieces, at most
 PIECE_S = 0.3  # [s] of wall time between two looks whether to stop, about
 CHECKPOINT_S = 5.0  # [s] of wall time between two checkpoints, at least
 
@@ -133,7 +134,7 @@ class SeedRun:
             return
         engine.restore(begun.state)
         self._guard.redrive(self._scene)
-        self._guard.remember(begun.frames)
+        self._guard.catch_up(begun.frames)
         self._history.append(begun)
 
     def _close(self, status: Status, failure: SimulationDiverged | None, wall_s: float) -> SeedResult:
@@ -198,7 +199,7 @@ class SeedRun:
             computed += piece
             took = time.perf_counter() - started
             done[self._index] = (self._history.n_frames + computed) / self._scene.n_frames
-            self._piece = max(1, int(piece * min(2.0, PIECE_S / max(took, 1e-9))))
+            self._piece = max(1, int(piece * min(GROWTH, PIECE_S / max(took, 1e-9))))
             piece = min(size - computed, self._piece)
         return Block(Frames.joined(pieces) if len(pieces) > 1 else pieces[0], size, state)
 
@@ -211,16 +212,14 @@ class SeedRun:
 
     def _take_lost(self, block: Block) -> None:
         """Take out what has reached the floor; it is gone from the frames after that."""
-        frames = block.frames
-        if not len(frames):
+        frames, lost = block.frames, self._guard.lost(len(block.frames))
+        if not lost.any():
             return
-        lost = self._guard.lost(frames)
         parts = np.flatnonzero(lost.any(axis=0))
         rows = lost[:, parts].argmax(axis=0)
         for part, row in zip(parts, rows, strict=True):
             frames.present[row + 1 :, part] = False
-        if len(parts):
-            self._engine.remove(parts)
+        self._engine.remove(parts)
         for k in np.argsort(rows, kind="stable"):
             block.removals.append(Removals.of(float(frames.time[rows[k]]), parts[k : k + 1], Cause.LOST))
 
@@ -259,7 +258,7 @@ class SeedRun:
         impacts = self._engine.take_impacts(end=block.status != Status.UNFINISHED)
         if len(block.frames) < block.computed:
             impacts = impacts[impacts.time <= (block.frames.time[-1] if len(block.frames) else 0.0)]
-        self._guard.remember(block.frames)
+        self._guard.remember(len(block.frames))
         frames = block.frames.as_stored()
         stops = self._stops_of_settled(frames) if block.status == Status.UNFINISHED else np.empty(0)
         self._keep(Record(frames, impacts, Removals.joined(block.removals), stops))

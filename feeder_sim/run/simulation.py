@@ -20,11 +20,11 @@ from feeder_sim.errors import SimulationDiverged
 from feeder_sim.measures.catalogue import MEASURES
 from feeder_sim.measures.protocol import Measure, as_json
 from feeder_sim.records.trajectory import Frames, Status
+from feeder_sim.run.guard import Guard
 from feeder_sim.run.prepare import prepare
 from feeder_sim.run.seed_record import Begun, Recorder, SeedResult
 from feeder_sim.run.seed_run import SeedRun
 from feeder_sim.scenario import Scenario
-from feeder_sim.scenario.engine_choice import Choice
 from feeder_sim.scene.prepared import Prepared
 from feeder_sim.scene.scene import Scene
 from feeder_sim.scene.start import start_poses
@@ -135,7 +135,7 @@ def simulate(
     prepared = scenario if isinstance(scenario, Prepared) else prepare(scenario)
     run = prepared.scenario.run
     stop = stop or threading.Event()
-    generators = _generators(prepared.scene)
+    random = generators(prepared.scene)
     done = np.zeros(run.seeds)
     _warm_up(prepared, notify)
     started = time.perf_counter()
@@ -148,7 +148,7 @@ def simulate(
         if index > 0 and left is None and stop.is_set():
             return None  # of a seed that has not begun there is nothing; the first stands for the others
         seed = SeedRun(prepared, index, recorder=recorder, begun=left, threads=threads, interrupt=interrupt)
-        return seed.run(generators[index], done, stop)
+        return seed.run(random[index], done, stop)
 
     with ThreadPoolExecutor(cores) as pool:
         try:
@@ -178,11 +178,12 @@ def check_starts(scene: Scene, notify: Callable[[str], None] | None = None) -> N
     """
     seeds, parts = scene.scenario.run.seeds, len(scene.parts)
     with announced(f"looking for places of {parts} parts in {seeds} seeds", notify):
-        for rng in _generators(scene):
+        for rng in generators(scene):
             start_poses(scene, rng)
 
 
-def _generators(scene: Scene) -> list[np.random.Generator]:
+def generators(scene: Scene) -> list[np.random.Generator]:
+    """The random numbers of every seed."""
     run = scene.scenario.run
     return [np.random.default_rng(s) for s in np.random.SeedSequence(run.seed).spawn(run.seeds)]
 
@@ -195,25 +196,34 @@ def available_cores() -> int:
 def _warm_up(prepared: Prepared, notify: Callable[[str], None] | None) -> None:
     """Compile the engine before the threads need it; say so when that takes long."""
     with announced(COMPILING, notify):
-        compile_engine(prepared.engine, prepared.scene)
+        compile_engine(prepared)
 
 
-def compile_engine(choice: Choice, scene: Scene) -> None:
-    """Import and compile all of an engine that a scene needs, and compute nothing.
+def compile_engine(prepared: Prepared) -> None:
+    """Import and compile all of an engine and the guard that a scene needs, and compute nothing."""
 
-    The compiler works in a thread that ends with the process: it takes long, and in the main one Ctrl-C might be lost
-    in it.
+    def compile_all() -> None:
+        start, interrupted = engine_class(prepared.engine), np.ones(1, np.int64)
+        engine = start(prepared.scene, np.random.default_rng(0), interrupt=interrupted)
+        Guard(prepared, engine.advance(1))
+
+    in_daemon_thread(compile_all)
+
+
+def in_daemon_thread(function: Callable[[], None]) -> None:
+    """Call what makes numba compile in a thread that ends with the process.
+
+    The compiler takes long, and in the main thread Ctrl-C might be lost in it.
     """
     failures: list[BaseException] = []
 
-    def compile_all() -> None:
+    def call() -> None:
         try:
-            start, interrupted = engine_class(choice), np.ones(1, np.int64)
-            start(scene, np.random.default_rng(0), interrupt=interrupted).advance(1)
+            function()
         except BaseException as error:
             failures.append(error)
 
-    thread = threading.Thread(target=compile_all, daemon=True)
+    thread = threading.Thread(target=call, daemon=True)
     thread.start()
     while thread.is_alive():
         thread.join(0.1)

@@ -173,10 +173,11 @@ def test_a_seed_that_diverged_before_the_break_is_still_a_failure(
     check = Guard.check
 
     def spoilt(self: Guard, frames: Frames, seed_index: int) -> tuple[int, SimulationDiverged | None]:
+        found = check(self, frames, seed_index)
         if seed_index == 1:
             at = float(frames.time[5])
             return 5, SimulationDiverged(Divergence.TOO_DEEP, time_s=at, part="part_0", seed=1, detail="spoilt")
-        return check(self, frames, seed_index)
+        return found
 
     monkeypatch.setattr(Guard, "check", spoilt)
     assert len(record_run(nuts(), tmp_path / "whole", replay=False).failures) == 1

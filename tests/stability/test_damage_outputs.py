@@ -51,7 +51,7 @@ def full(*names: str) -> Callable[[int], None]:
 def test_full_disk_at_a_checkpoint_ends_the_run_as_a_failure(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """In one line that names the checkpoint; the one before stays, and the run goes on from there."""
     run = tmp_path / "run"
-    record_run(ball(), run, stop=StopsAfter(3), replay=False)
+    record_run(ball(), run, stop=StopsAfter(6), replay=False)
     before = {path: path.read_bytes() for path in run.glob("checkpoints/*")}
     assert len(before) == 2
     with monkeypatch.context() as patch:

@@ -25,6 +25,7 @@ from feeder_sim.run.guard import Guard
 from feeder_sim.run.plan import plan_run
 from feeder_sim.run.prepare import prepare
 from feeder_sim.run.simulation import simulate
+from feeder_sim.run.state_check import DEPTH
 from feeder_sim.scenario import Scenario
 from feeder_sim.scenario.tables import validated
 
@@ -58,7 +59,7 @@ def test_a_nut_rests_on_a_plate_that_is_driven_slowly_or_not(engine: Engine, fre
     result = simulate(scenario)
     assert not result.failures
     guard = Guard(result.prepared, result.seeds[0].frames[slice(1)])
-    assert guard.depth(result.seeds[0].frames).max() < 4e-5
+    assert guard.states(result.seeds[0].frames).of_frames(DEPTH).max() < 4e-5
 
 
 def test_a_step_is_no_longer_than_a_fast_part_allows() -> None:

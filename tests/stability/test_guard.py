@@ -15,9 +15,10 @@ from feeder_sim.engines.mujoco.engine import MujocoEngine
 from feeder_sim.errors import Divergence
 from feeder_sim.records.trajectory import Frames, Status
 from feeder_sim.records.trajectory_file import read_recording
-from feeder_sim.run.guard import Guard
+from feeder_sim.run.guard import ENERGY_FACTOR, Guard
 from feeder_sim.run.prepare import prepare
 from feeder_sim.run.simulation import simulate
+from feeder_sim.run.state_check import ALLOWED, DEPTH, ENERGY, FALLEN, MOST_ENERGY
 from feeder_sim.scenario import Contact, Drive, Excitation, Run, Scenario, Start
 from feeder_sim.scenario.schedule import Schedule, Stage
 from feeder_sim.scenario.tables import validated
@@ -146,7 +147,7 @@ def test_energy_is_that_of_motion_height_and_spin_about_the_principal_axes() -> 
     side = [np.sqrt(0.5), np.sqrt(0.5), 0.0, 0.0]  # the bore, z, points along -y
     frames = frames_at(scene, 3, velocity=np.array([0.3, 0.0, 0.4]), quaternion=np.array([LEVEL, side, side])[:, None])
     frames.angular_velocity[:, 0] = [[0.0, 0.0, 100.0], [0.0, 0.0, 100.0], [0.0, 100.0, 0.0]]
-    found = Guard(ready(scene), frames[slice(1)]).energy(frames)[:, 0]
+    found = Guard(ready(scene), frames[slice(1)]).states(frames).of_frames(ENERGY)[:, 0]
     common = kind.mass * (0.5 * 0.5**2 + 9.81 * 2e-3)
     assert kind.inertia[2] > 1.3 * kind.inertia[1]
     assert found == pytest.approx(common + 0.5e4 * kind.inertia[[2, 1, 2]], rel=1e-12)
@@ -159,8 +160,8 @@ def test_energy_beyond_what_the_plate_can_give_is_a_failure_in_any_form(form: st
     (kind,) = scene.kinds
     frames = frames_at(scene)
     guard = Guard(ready(scene), frames[slice(1)])
-    limit = guard.ENERGY_FACTOR * guard.energy_limit(frames.time)[6, 0]
-    rest = guard.energy(frames)[6, 0]
+    states = guard.states(frames)
+    limit, rest = states.of_frames(MOST_ENERGY)[6, 0], states.of_frames(ENERGY)[6, 0]
     assert 10.0 * rest < limit
     if form == "motion":
         frames.velocity[6, 0, 1] = np.sqrt(2.0 * (factor * limit - rest) / kind.mass)
@@ -183,12 +184,14 @@ def test_a_part_thrown_through_the_plate_and_off_it_within_a_frame_is_noticed() 
 
 def test_the_plate_gives_elastic_parts_more_and_more_and_others_no_more() -> None:
     """Momentum: an elastic ball in step with a plate of speed u comes to v^2 = 2 u (v + g t), others to 1.5 u."""
-    first, last = np.array([0.0]), np.array([100.0])
     given = {}
     for e in (0.2, 1.0):
         scene = build_scene(piston_scenario(amplitude_um=1.0, contact=Contact(restitution=e), start=Start()))
-        guard = Guard(ready(scene), frames_at(scene, 1, position=np.zeros(3)))
-        given[e] = [float(np.sqrt(2.0 * guard.energy_limit(t)[0, 0] / scene.kinds[0].mass)) for t in (first, last)]
+        frames = frames_at(scene, 2, position=np.zeros(3))
+        frames.time[:] = 0.0, 100.0
+        guard = Guard(ready(scene), frames[slice(1)])
+        limit = guard.states(frames).of_frames(MOST_ENERGY)[:, 0] / ENERGY_FACTOR
+        given[e] = np.sqrt(2.0 * limit / scene.kinds[0].mass)
     u = 2 * np.pi * 4750.0 * 1e-6
     assert given[0.2] == pytest.approx([1.5 * u] * 2)
     v = given[1.0][1]
@@ -222,9 +225,9 @@ def test_corner_deeper_in_the_moving_plate_than_allowed_is_a_failure(factor: flo
     height = np.array([scene.surface.displacement(np.zeros((1, 2)), t)[0, 2] for t in frames.time])
     frames.position[:, 0, 2] = 1e-3 + height  # the nut is 2 mm high
     guard = Guard(ready(scene), frames[slice(1)])
-    assert np.ptp(height) > 1.9 * 60e-6 and np.abs(guard.depth(frames)).max() < 1e-15
+    assert np.ptp(height) > 1.9 * 60e-6 and np.abs(guard.states(frames).of_frames(DEPTH)).max() < 1e-15
     for _ in range(9):  # the limit depends on the height, a little
-        allowed = guard.depth_limit(frames)[81, 0]
+        allowed = guard.states(frames).of_frames(ALLOWED)[81, 0]
         frames.position[81, 0, 2] = 1e-3 + surface - factor * allowed
     assert 1e-5 < allowed < 6e-5
     expected = (
@@ -244,7 +247,9 @@ def test_depth_is_that_of_the_deepest_corner_below_the_surface_the_engine_uses(t
     frames = frames_at(scene, 400)
     frames.position[:, 0] = np.column_stack([rng.uniform(-5e-3, 5e-3, (400, 2)), rng.uniform(1e-3, 2e-3, 400)])
     frames.quaternion[:, 0] = Rotation.random(400, random_state=2).as_quat(scalar_first=True)
-    found = Guard(ready(scene), frames[slice(1)]).depth(frames)[:, 0]
+    guard = Guard(ready(scene), frames[slice(1)])
+    states = guard.states(frames)
+    found = states.of_frames(DEPTH)[:, 0]
     expected = []
     for t, centre, turned in zip(frames.time, frames.position[:, 0], frames.quaternion[:, 0], strict=True):
         corners = centre + Rotation.from_quat(turned, scalar_first=True).apply(kind.corners)
@@ -255,10 +260,17 @@ def test_depth_is_that_of_the_deepest_corner_below_the_surface_the_engine_uses(t
         expected.append(max(0.0, float((height - corners[:, 2]).max())))
     assert (found > 0.0).mean() > 0.3
     assert found == pytest.approx(expected, abs=1e-15)
-    needed = 1e-3
-    some = Guard(ready(scene), frames[slice(1)]).depth(frames, needed)[:, 0]
-    assert 0.05 < (found > needed).mean() < 0.95
-    assert some[found > needed] == pytest.approx(found[found > needed], abs=1e-15)
+    guard = Guard(ready(scene), frames_at(scene, 1))
+    failed = []
+    for row in range(400):  # what the check finds, which leaves out most of the work
+        alone = frames[slice(row, row + 1)]
+        failure = guard.check(alone, 0)[1]
+        failed.append(failure is not None)
+        if failure is not None:
+            assert f"a corner lies {1e6 * found[row]:.1f} um" in failure.cause
+        else:
+            assert found[row] <= guard.states(alone).of_frames(ALLOWED)[0, 0]
+    assert 0.1 < np.mean(failed) < 0.99
 
 
 def test_centre_below_the_surface_is_said_before_its_corners_are() -> None:
@@ -297,7 +309,7 @@ def test_what_has_come_into_the_plate_over_its_edge_is_no_failure() -> None:
         frames.position[0, 0] = [1e-3 * first_mm, 0.0, 2e-3]
         guard = Guard(ready(scene), frames[slice(1)])
         assert guard.check(frames, 0)[0] == (1 if fails else 10)
-        guard.remember(frames[slice(3)])
+        guard.remember(3)
         if not fails:
             assert guard.check(frames[slice(3, 10)], 0)[0] == 7
 
@@ -307,7 +319,7 @@ def test_soft_contact_lets_a_part_in_by_what_it_covers_in_its_time_constant() ->
     for update in ({}, {"contact": Contact(model="compliant", time_constant_us=1000.0, damping_ratio=1.0)}):
         scene = moving_piston(**update)
         frames = frames_at(scene, velocity=np.array([0.0, 0.0, -0.5]))
-        limits.append(Guard(ready(scene), frames[slice(1)]).depth_limit(frames)[3, 0])
+        limits.append(Guard(ready(scene), frames[slice(1)]).states(frames).of_frames(ALLOWED)[3, 0])
     pace = np.sqrt(0.5**2 + 2 * 9.81 * 2e-3) + 2 * np.pi * 500.0 * 60e-6
     assert limits[1] - limits[0] == pytest.approx(1e-3 * (pace + 9.81 * 1e-3))
 
@@ -352,8 +364,8 @@ def test_a_part_below_the_plate_is_lost_if_it_has_fallen_past_the_edge_else_a_fa
     failures, lost = [], []
     for rows in (slice(0, 50), slice(50, 100)):
         failures.append(guard.check(frames[rows], 0)[1])
-        lost += guard.lost(frames[rows])[:, 0].tolist()
-        guard.remember(frames[rows])
+        lost += guard.lost(50)[:, 0].tolist()
+        guard.remember(50)
     assert [failure is None for failure in failures] == [falls_at_mm > 0.0] * 2
     assert lost == [falls_at_mm > 0.0 and z < -0.05 for z in position[:, 0, 2]]
 
@@ -365,7 +377,7 @@ def test_a_part_that_dips_beside_the_edge_and_comes_back_is_watched_again() -> N
     level = np.tile([1.0, 0.0, 0.0, 0.0], (3, 1, 1))
     frames = Frames(0.002 * np.arange(3.0), position, level, still, still, np.ones((3, 1), bool))
     guard = Guard(ready(scene), frames[slice(1)])
-    assert guard.fallen(frames)[:, 0].tolist() == [True, False, False]
+    assert guard.states(frames).mark[1:, 0, FALLEN].tolist() == [1, 0, 0]
     assert guard.check(frames, 0)[0] == 2
 
 

@@ -52,9 +52,10 @@ def fail_at(monkeypatch: pytest.MonkeyPatch, time_s: float, seed: int | None = N
     check = Guard.check
 
     def spoilt(self: Guard, frames: Frames, seed_index: int) -> tuple[int, SimulationDiverged | None]:
+        found = check(self, frames, seed_index)
         late = np.flatnonzero(frames.time >= time_s)
         if not len(late) or seed not in (None, seed_index):
-            return check(self, frames, seed_index)
+            return found
         at = float(frames.time[late[0]])
         return int(late[0]), SimulationDiverged(
             Divergence.TOO_DEEP, time_s=at, part="part_0", seed=seed_index, detail="spoilt"

@@ -12,8 +12,8 @@ from scipy.optimize import nnls
 from scipy.spatial import ConvexHull
 from scipy.spatial.transform import Rotation
 
+from feeder_sim.borrow import borrow
 from feeder_sim.engines.impulse import hulls, single_impact
-from feeder_sim.engines.impulse.borrow import borrow
 from feeder_sim.engines.impulse.engine import COLUMNS, ImpulseEngine
 from feeder_sim.engines.impulse.hulls import HullLibrary
 from feeder_sim.engines.impulse.kinds import read_kinds

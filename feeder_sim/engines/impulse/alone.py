@@ -7,8 +7,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from feeder_sim.borrow import borrow
 from feeder_sim.engines.impact_log import ImpactLog, begin_contact, end_contact, in_contact
-from feeder_sim.engines.impulse.borrow import borrow
 from feeder_sim.engines.impulse.frame_rows import write_row
 from feeder_sim.engines.impulse.plate_contact import TOUCH, meet_plate
 from feeder_sim.engines.impulse.rest import fall_asleep, wake
@@ -62,6 +62,12 @@ def advance_alone(alone, drive, notes, clock, frames):
 
     clock: time from which windows count, number of the window under way, and when the part is to be looked at next.
     """
+    advance_part(alone, drive, notes, clock, frames)
+
+
+@compiled
+def advance_part(alone, drive, notes, clock, frames):
+    """`advance_alone` for compiled functions."""
     alone, frames = borrow(alone), borrow(frames)
     part, kind, surface = alone.parts[0], alone.kinds.record[0], drive.surface
     top = 0.0  # in a tube, contacts are told apart by the usual step

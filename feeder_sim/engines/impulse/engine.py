@@ -60,7 +60,7 @@ class ImpulseEngine:
     """
 
     name = "impulse"
-    frames_per_block = 3 * BLOCK_FRAMES
+    frames_per_block = BLOCK_FRAMES
 
     def __init__(
         self,
@@ -273,5 +273,5 @@ class ImpulseEngine:
             quaternion=rows[..., QUATERNION],
             velocity=rows[..., VELOCITY],
             angular_velocity=rows[..., SPIN],
-            present=np.tile(self._parts["there"][: self._n] != ABSENT, (n, 1)),
+            present=np.broadcast_to(self._parts["there"][: self._n] != ABSENT, (n, self._n)).copy(),
         )

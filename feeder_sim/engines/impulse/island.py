@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from feeder_sim.engines.impulse.borrow import borrow, borrowed
+from feeder_sim.borrow import borrow, borrowed
 from feeder_sim.engines.impulse.frame_rows import write_row
 from feeder_sim.engines.impulse.hulls import Hulls
 from feeder_sim.engines.impulse.neighbours import Islands

@@ -153,7 +153,7 @@ class MujocoEngine:
     """
 
     name = "mujoco"
-    frames_per_block = BLOCK_FRAMES
+    frames_per_block = BLOCK_FRAMES // 3
 
     def __init__(
         self,

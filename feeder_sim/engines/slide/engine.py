@@ -22,7 +22,7 @@ class SlideEngine:
     """
 
     name = "impulse"
-    frames_per_block = 20 * BLOCK_FRAMES
+    frames_per_block = 6 * BLOCK_FRAMES
 
     def __init__(
         self,

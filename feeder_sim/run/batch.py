@@ -1,0 +1,240 @@
+"""Many ensembles of one free part, measured in compiled code without frames: for maps over frequency and amplitude.
+
+An ensemble costs the engine's time and little else, and every seed drifts as the same seed of `simulate` does.
+"""
+
+from __future__ import annotations
+
+import itertools
+import threading
+import time
+from collections import deque
+from collections.abc import Callable, Iterable
+from concurrent.futures import Future, ThreadPoolExecutor, wait
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from feeder_sim.engines.impact_log import new_log
+from feeder_sim.engines.impulse.alone import Alone, ContactNotes, Drive
+from feeder_sim.engines.impulse.engine import WINDOW_ALONE
+from feeder_sim.engines.impulse.kinds import read_kinds
+from feeder_sim.engines.impulse.state import Kinds, new_parts, new_scratch
+from feeder_sim.engines.surface_arrays import surface_arrays
+from feeder_sim.errors import InputError
+from feeder_sim.measures.drift import DriftFindings
+from feeder_sim.records.trajectory import Frames, Status
+from feeder_sim.run.drift_kernel import Outcome, Recording, Way, measure_drifts, new_outcome, new_room
+from feeder_sim.run.guard import what_holds
+from feeder_sim.run.prepare import prepare
+from feeder_sim.run.simulation import COMPILING, announced, available_cores, generators, in_daemon_thread
+from feeder_sim.scenario import Scenario
+from feeder_sim.scene.cell import PASSAGE_FROM, PASSAGE_TO, Cell
+from feeder_sim.scene.prepared import Prepared
+from feeder_sim.scene.scene import Scene
+from feeder_sim.scene.start import start_poses
+from feeder_sim.single_thread import single_threaded
+
+AHEAD = 3  # ensembles per core that are prepared before they are run
+
+
+@dataclass(frozen=True)
+class Ensemble:
+    """What is known of an ensemble of which no frame was kept.
+
+    Attributes:
+        prepared: what was run.
+        findings: as the measure of drift has them.
+        status: how every seed ended.
+        simulated_s: of all seeds [s].
+        kernel_s: processor time spent in compiled code [s].
+    """
+
+    prepared: Prepared
+    findings: DriftFindings
+    status: tuple[Status, ...]
+    simulated_s: float
+    kernel_s: float
+
+
+@single_threaded
+def measure_drift(
+    scenarios: Iterable[Scenario | Prepared],
+    *,
+    workers: int | None = None,
+    progress: Callable[[int], None] | None = None,
+    stop: threading.Event | None = None,
+    notify: Callable[[str], None] | None = None,
+) -> list[Ensemble]:
+    """Run all seeds of many scenarios and measure their drift.
+
+    Args:
+        scenarios: each with one free part on a plate without rim and without a schedule. They are prepared one by one
+            while others run.
+        workers: threads. Default: all cores.
+        progress: called with the number of ensembles done, from this thread.
+        stop: set it to end within a second; ensembles that have not ended are left out.
+        notify: takes a line for the user, such as that the engine is being compiled.
+
+    Raises:
+        InputError: a scenario cannot be built, or is not of that kind.
+    """
+    stop, interrupt = stop or threading.Event(), np.zeros(1, np.int64)
+    cores = workers or available_cores()
+    done: list[Ensemble] = []
+    under_way: deque[_UnderWay] = deque()
+    starts = _Starts()
+
+    def take_first() -> None:
+        ensemble = under_way[0].result(stop)
+        if ensemble is not None:
+            under_way.popleft()
+            done.append(ensemble)
+            if progress:
+                progress(len(done))
+
+    with ThreadPoolExecutor(cores) as pool:
+        try:
+            for scenario in scenarios:
+                prepared = scenario if isinstance(scenario, Prepared) else prepare(scenario)
+                check_batch(prepared)
+                seeds = _Seeds(prepared, starts.of(prepared.scene))
+                if not done and not under_way:
+                    with announced(COMPILING, notify):
+                        in_daemon_thread(seeds.compile)
+                under_way.append(_UnderWay.begin(seeds, pool, cores, interrupt))
+                while len(under_way) > AHEAD * cores and not stop.is_set():
+                    take_first()
+                if stop.is_set():
+                    break
+            while under_way and not stop.is_set():
+                take_first()
+        finally:
+            interrupt[0] = len(under_way)  # stopped, or an error: what is left ends where it is
+    return done
+
+
+def check_batch(prepared: Prepared) -> None:
+    """Refuse what cannot be measured without frames.
+
+    Raises:
+        InputError: not one free part on a plate without rim and without a schedule, or not the impulse engine.
+    """
+    scene, scenario = prepared.scene, prepared.scenario
+    why = "where drifts are measured without frames"
+    if len(scene.parts) > 1:
+        raise InputError(f"has {len(scene.parts)} parts, allowed is one {why}", key="part")
+    if scene.guides[0] is not None:
+        raise InputError(f"is given, allowed is none {why}", key="part[0].guide")
+    if scene.rim:
+        raise InputError(f"is true, allowed is false {why}", key="plate.rim")
+    if scenario.schedule is not None:
+        raise InputError(f"is given, allowed is none {why}", key="schedule")
+    if prepared.engine.method != "impulse":
+        raise InputError(f'is "{prepared.engine.name}", allowed is "impulse" {why}', key="run.engine")
+
+
+class _Starts:
+    """Parts at their starts, which many scenarios have in common."""
+
+    def __init__(self) -> None:
+        self._key: object = None
+        self._parts = new_parts(np.empty((0, 3)), np.empty((0, 3, 3)), np.empty(0))
+
+    def of(self, scene: Scene) -> NDArray[np.void]:
+        """One part for each seed, as the engine starts it."""
+        from scipy.spatial.transform import Rotation
+
+        scenario = scene.scenario
+        key = scenario.part, scenario.plate, scenario.run.seed, scenario.run.seeds, scenario.run.planar
+        if key != self._key:
+            poses = [start_poses(scene, rng)[0] for rng in generators(scene)]
+            turned = Rotation.from_quat([pose.quaternion for pose in poses], scalar_first=True).as_matrix()
+            position, velocity = ([getattr(pose, name) for pose in poses] for name in ("position", "velocity"))
+            self._parts = new_parts(position, turned, np.zeros(len(poses), np.int64), velocity)
+            self._key = key
+        return self._parts.copy()
+
+
+class _Seeds:
+    """The seeds of a scenario as compiled code takes them."""
+
+    def __init__(self, prepared: Prepared, parts: NDArray[np.void]) -> None:
+        self.prepared, self._parts, scene = prepared, parts, prepared.scene
+        n = len(parts)
+        self._kinds: Kinds = read_kinds(scene)
+        self._drive = Drive(
+            surface_arrays(scene.surface, scene.scenario.run), scene.surface.extremes, scene.timestep, WINDOW_ALONE
+        )
+        self._recording = Recording(scene.frame_interval, scene.n_frames)
+        level, still = np.tile([1.0, 0.0, 0.0, 0.0], (1, n, 1)), np.zeros((1, n, 3))
+        position, velocity = parts["position"][None], parts["velocity"][None]
+        first = Frames(np.zeros(1), position, level, velocity, still, np.ones((1, n), bool))
+        self._held = what_holds(prepared, first)
+        self._way = _way(prepared)
+        self.outcome = new_outcome(n)
+
+    def compile(self) -> None:
+        self.run(slice(0), np.ones(1, np.int64))
+
+    def run(self, some: slice, interrupt: NDArray[np.int64]) -> float:
+        """Run some of the seeds; returns the processor time [s] that it took."""
+        work = new_scratch(self._kinds, self.prepared.scene.surface.n_shapes)
+        alone = Alone(self._parts[some], self._kinds, None, work)
+        notes, outcome = ContactNotes(new_log(1), np.zeros(2)), self.outcome.some(some)
+        room = new_room()
+        started = time.thread_time()
+        measure_drifts(alone, self._drive, notes, self._recording, self._held, self._way, interrupt, room, outcome)
+        return time.thread_time() - started
+
+
+@dataclass(frozen=True)
+class _UnderWay:
+    """The seeds of a scenario in the hands of threads, some of them in each task."""
+
+    seeds: _Seeds
+    tasks: list[Future[float]]
+
+    @staticmethod
+    def begin(seeds: _Seeds, pool: ThreadPoolExecutor, cores: int, interrupt: NDArray[np.int64]) -> _UnderWay:
+        n = len(seeds.outcome.status)
+        ends = [n * i // cores for i in range(cores + 1)]
+        pieces = [slice(*piece) for piece in itertools.pairwise(ends) if piece[1] > piece[0]]
+        return _UnderWay(seeds, [pool.submit(seeds.run, piece, interrupt) for piece in pieces])
+
+    def result(self, stop: threading.Event) -> Ensemble | None:
+        """Wait for the seeds; None if that is to stop before."""
+        while wait(self.tasks, timeout=0.1).not_done:
+            if stop.is_set():
+                return None
+        kernel_s = sum(task.result() for task in self.tasks)
+        outcome, prepared = self.seeds.outcome, self.seeds.prepared
+        ended = outcome.status == Status.DONE
+        velocities = outcome.moved[ended] / np.maximum(outcome.time[ended], 1e-300)[:, None]
+        speeds = _transport_speeds(outcome, prepared.cell)[ended] if prepared.cell else ()
+        findings = DriftFindings.of(speeds, velocities, outcome.rise[ended], prepared.cell)
+        status = tuple(Status(int(value)) for value in outcome.status)
+        return Ensemble(prepared, findings, status, float(outcome.time.sum()), kernel_s)
+
+
+def _way(prepared: Prepared) -> Way:
+    """The nodal lines as segments."""
+    cell = prepared.cell
+    lines = cell.lines.lines if cell else ()
+    segments = [np.concatenate([line[:-1], line[1:]], axis=1) for line in lines]
+    return Way(
+        np.concatenate(segments) if segments else np.empty((0, 4)),
+        cell.reach if cell else 1.0,
+        np.array([PASSAGE_FROM, PASSAGE_TO]),
+        cell is not None and prepared.scenario.run.stop == "passage",
+    )
+
+
+def _transport_speeds(outcome: Outcome, cell: Cell) -> NDArray[np.float64]:
+    """Speed [m/s] of every seed between the levels; NaN where it has not passed both."""
+    duration = outcome.passed[:, 1] - outcome.passed[:, 0]
+    passed = (outcome.passed >= 0.0).all(axis=1) & (duration > 0.0)
+    speed = np.full(len(duration), np.nan)
+    speed[passed] = (PASSAGE_FROM - PASSAGE_TO) * cell.reach / duration[passed]
+    return speed
