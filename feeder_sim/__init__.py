@@ -17,6 +17,7 @@ __version__ = "0.1.0"
 if TYPE_CHECKING:
     from feeder_sim.records.trajectory_file import read_recording as read_recording
     from feeder_sim.replay.replay import build_replay as build_replay
+    from feeder_sim.run.batch import measure_drift as measure_drift
     from feeder_sim.run.prepare import prepare as prepare
     from feeder_sim.run.run_folder import record_run as record_run
     from feeder_sim.run.simulation import simulate as simulate
@@ -30,6 +31,7 @@ _PUBLIC = {
     "build_scene": "scene.scene",
     "prepare": "run.prepare",
     "simulate": "run.simulation",
+    "measure_drift": "run.batch",
     "record_run": "run.run_folder",
     "read_recording": "records.trajectory_file",
     "build_replay": "replay.replay",
