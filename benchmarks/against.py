@@ -12,6 +12,8 @@ crowd            wall time per simulated second of separation_100, two seeds on 
 phases           processor time per simulated second in the stages of separation_100, one seed; the worst of them
 ensemble         64 seeds of drift_8775hz: share of all cores that is put to use
 rest             processor time per simulated second of a cube that is dropped on a plate at rest
+mujoco           processor time per simulated second of both drifts in the MuJoCo engine
+compilation      processor time of the first 0.02 s of a drift and of separation_100 where nothing is compiled yet
 """
 
 from __future__ import annotations
@@ -64,14 +66,17 @@ def separation(seeds: int, cycles: int) -> Any:
     return scenario.model_copy(update={"schedule": scenario.schedule.model_copy(update={"cycles": cycles})})
 
 
+def one_stage() -> Any:
+    """The first 0.02 s of a cycle."""
+    scenario = separation(1, 1)
+    stage = scenario.schedule.stage[0].model_copy(update={"duration_s": 0.02})
+    return scenario.model_copy(update={"schedule": scenario.schedule.model_copy(update={"stage": (stage,)})})
+
+
 def compile_crowd() -> None:
     import feeder_sim
 
-    scenario = separation(1, 1)
-    stage = scenario.schedule.stage[0].model_copy(update={"duration_s": 0.02})
-    feeder_sim.simulate(
-        scenario.model_copy(update={"schedule": scenario.schedule.model_copy(update={"stage": (stage,)})})
-    )
+    feeder_sim.simulate(one_stage())
 
 
 def crowd(cycles: int = 10) -> dict[str, float]:
@@ -151,6 +156,35 @@ def rest(duration: float = 2.0) -> dict[str, float]:
         return {"cpu": (time.process_time() - started) / simulated(result)}
 
 
+def mujoco() -> dict[str, float]:
+    import feeder_sim
+
+    costs = {}
+    for name in ("drift_4750hz", "drift_8775hz"):
+        scenario = scenario_of(name, engine="mujoco", seeds=2, duration_s=1.0, stop="time")
+        feeder_sim.simulate(scenario.model_copy(update={"run": scenario.run.model_copy(update={"duration_s": 0.02})}))
+        started = time.process_time()
+        result = feeder_sim.simulate(scenario)
+        costs[f"cpu {name}"] = (time.process_time() - started) / simulated(result)
+    return costs
+
+
+def compilation() -> dict[str, float]:
+    """In a cache of its own; what the second scenario shares with the first is compiled once."""
+    with tempfile.TemporaryDirectory() as folder:
+        os.environ["NUMBA_CACHE_DIR"] = folder
+        import feeder_sim
+
+        costs = {}
+        drift, crowd = scenario_of("drift_8775hz", duration_s=0.02, seeds=1), one_stage()
+        for name, scenario in (("drift", drift), ("crowd", crowd)):
+            feeder_sim.prepare(scenario)
+            started = time.process_time()
+            feeder_sim.simulate(scenario)
+            costs[f"cpu {name}"] = time.process_time() - started
+    return costs
+
+
 def compile_all() -> dict[str, float]:
     """Leave machine code in the cache."""
     import feeder_sim
@@ -167,6 +201,8 @@ WORKS: dict[str, Callable[[], dict[str, float]]] = {
     "phases": phases,
     "ensemble": ensemble,
     "rest": rest,
+    "mujoco": mujoco,
+    "compilation": compilation,
 }
 
 

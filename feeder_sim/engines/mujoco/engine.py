@@ -6,6 +6,7 @@ At each step from t to t + dt the patch of a part at (x, y) gets
     velocity  mean over the step at that point:    (q(t + dt) - q(t)) / dt  times the same shapes
 
 so that a part resting on the surface follows it without drift; the hinges make the horizontal velocity -h/2 beta q'.
+A lone part in the air is stepped without MuJoCo (free_flight.py).
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ from numba import types
 from numpy.typing import NDArray
 
 from feeder_sim.engines.impact_log import begin_contact, end_contact, in_contact, new_log, room_for, take_impacts
+from feeder_sim.engines.mujoco.free_flight import flight_of, leap
 from feeder_sim.engines.mujoco.mjcf import build_mjcf
 from feeder_sim.engines.mujoco.units import UNITS, converted
 from feeder_sim.engines.mujoco_library import load_mujoco_symbols, silence_mujoco
@@ -113,19 +115,27 @@ def _step_guided(at, log, t):
 
 
 @entry_point
-def _advance(at, surface, log, timestep, first_step, steps_per_frame, qpos_out, qvel_out):
+def _advance(at, surface, flight, log, timestep, first_step, steps_per_frame, qpos_out, qvel_out):
     """Step the scene; after every `steps_per_frame` steps copy the state into a row of qpos_out and qvel_out."""
     n_shapes = surface.table.shape[0]
     q, q_next, rate, unused = np.zeros(n_shapes), np.zeros(n_shapes), np.zeros(n_shapes), np.zeros(n_shapes)
     modes = np.zeros((n_shapes, 3))
     drive = (surface.term_shape, surface.term_start, surface.term_stop, surface.coefficient, surface.rate)
-    step = first_step
-    modal_motion(step * timestep, *drive, q_next, unused)
+    place, motion = at.qpos[at.part_qpos[0] : at.part_qpos[0] + 7], at.qvel[at.part_qvel[0] : at.part_qvel[0] + 6]
+    step, known = first_step, -1  # the step for which q_next is known
     for frame in range(qpos_out.shape[0]):
-        for _ in range(steps_per_frame):
+        last = first_step + (frame + 1) * steps_per_frame
+        while step < last:
             if at.interrupt[0] != 0:
                 return step
+            flown = leap(place, motion, flight, timestep, last - step)
+            if flown > 0:
+                step += flown
+                continue
+            if known != step:
+                modal_motion(step * timestep, *drive, q_next, unused)
             step += 1
+            known = step
             q[:] = q_next
             modal_motion(step * timestep, *drive, q_next, unused)
             rate[:] = (q_next - q) / timestep
@@ -196,6 +206,7 @@ class MujocoEngine:
             depth=-float(self.model.body(f"plate_{scene.parts[0].name}").pos[2]),
         )
         self._surface = surface_arrays(converted(scene).surface, scene.scenario.run)
+        self._flight = flight_of(scene, self._units)
         self._log = new_log(1)
         self._there = np.ones(len(scene.parts), bool)
         self._last_pose = np.zeros((len(scene.parts), 7))
@@ -234,8 +245,9 @@ class MujocoEngine:
             self._log = room_for(self._log, n_frames * scene.steps_per_frame // 2 + 1)
         first = self._step
         timestep = scene.timestep * self._units.time
-        arguments = (self._at, self._surface, self._log, timestep, first, scene.steps_per_frame)
+        arguments = (self._at, self._surface, self._flight, self._log, timestep, first, scene.steps_per_frame)
         self._step = _advance(*arguments, qpos, qvel)
+        self.data.time = self._step * timestep
         if self._at.interrupt[0]:
             return self.current()
         return self._frames(qpos, qvel, first + scene.steps_per_frame)
@@ -251,6 +263,7 @@ class MujocoEngine:
     def redrive(self, scene: Scene) -> None:
         self._scene = scene
         self._surface = surface_arrays(converted(scene).surface, scene.scenario.run)
+        self._flight = flight_of(scene, self._units)
 
     def state(self) -> dict[str, NDArray[np.float64]]:
         kind = mujoco.mjtState.mjSTATE_INTEGRATION
