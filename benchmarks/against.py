@@ -178,7 +178,6 @@ def compilation() -> dict[str, float]:
         costs = {}
         drift, crowd = scenario_of("drift_8775hz", duration_s=0.02, seeds=1), one_stage()
         for name, scenario in (("drift", drift), ("crowd", crowd)):
-            feeder_sim.prepare(scenario)
             started = time.process_time()
             feeder_sim.simulate(scenario)
             costs[f"cpu {name}"] = time.process_time() - started
