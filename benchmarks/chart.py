@@ -1,8 +1,9 @@
 """Remake the chart of speed against accuracy, the model ladder and the stability maps, with other simulators beside.
 
-    python benchmarks/chart.py [--quick] [--out benchmarks/chart] [--no-peers]
+    python benchmarks/chart.py [--quick] [--out benchmarks/chart] [--no-peers] [--before COMMIT]
 
 The other simulators (benchmarks/peers) get a virtual environment of their own, .venv-peers, made on the first call.
+With --before the chart also shows the default of every case as an older commit of this repository computes it.
 Exits with 1 unless the default of every case is on its front, and is the fastest of all methods within 5 % on both
 drifts. Takes less than half an hour on two cores.
 """
@@ -10,14 +11,17 @@ drifts. Takes less than half an hour on two cores.
 from __future__ import annotations
 
 import argparse
+import csv
 import json
+import os
 import subprocess
 import sys
+import tempfile
 import venv
 from pathlib import Path
 from typing import Any
 
-from feeder_sim.studies.chart.points import ALIKE
+from feeder_sim.studies.chart.points import ALIKE, PEER_COLUMNS
 
 ROOT = Path(__file__).parents[1]
 PEERS = Path(__file__).parent / "peers"
@@ -27,8 +31,29 @@ REMADE = [f"{part}{end}" for part in ("methods", "ladder", "stability") for end 
 DRIFTS = ("drift_4750", "drift_8775")
 
 
-def run_peers(out: Path, quick: bool) -> Path:
-    """Run the other simulators; returns their table."""
+# What the package of any commit is asked for; its rooms have had other names.
+DEFAULTS = """
+import json, math
+try:
+    from feeder_sim.studies.chart import cases, methods, points
+except ImportError:
+    from feeder_sim.chart import cases, methods, points
+rows = []
+for case in cases.CASES:
+    for method in methods.METHODS:
+        for setting in method.settings_for(case, quick=False):
+            probe = points.Point(case.name, method.name, setting, 0.0, math.nan, 1, 0.0, 0.0, 1.0, "")
+            if points.is_default(probe):
+                p = points.measure(case, method, setting, (1.0, 0.0), quick=False)
+                rows.append({name: getattr(p, name) for name in ("case", "setting", "n", "failure")}
+                    | {name: None if math.isnan(getattr(p, name)) else getattr(p, name)
+                       for name in ("value", "se", "wall_s_per_simulated_s")})
+print(json.dumps(rows))
+"""
+
+
+def run_peers(table: Path, quick: bool) -> None:
+    """Run the other simulators and write their table."""
     python = ENVIRONMENT / "bin" / "python"
     if not python.exists():
         venv.create(ENVIRONMENT, with_pip=True)
@@ -44,11 +69,36 @@ def run_peers(out: Path, quick: bool) -> Path:
             str(PEERS / "requirements.txt"),
         ]
         subprocess.run(install, check=True)
-    table = out / "peers.csv"
     subprocess.run(
         [str(python), str(PEERS / "run.py"), "--out", str(table), *(["--quick"] if quick else [])], check=True
     )
-    return table
+
+
+def default_before(commit: str, table: Path) -> None:
+    """Add the default of every case, computed by the package of an older commit, to the table of other simulators."""
+    with tempfile.TemporaryDirectory() as folder:
+        tree = Path(folder) / "tree"
+        git = ["git", "-C", str(ROOT), "worktree"]
+        subprocess.run([*git, "add", "--detach", str(tree), commit], check=True, capture_output=True)
+        try:
+            found = subprocess.run(
+                [sys.executable, "-c", DEFAULTS],
+                check=True,
+                cwd=folder,
+                env=os.environ | {"PYTHONPATH": str(tree)},
+                stdout=subprocess.PIPE,
+                text=True,
+            )
+        finally:
+            subprocess.run([*git, "remove", "--force", str(tree)], check=True, capture_output=True)
+    rows = json.loads(found.stdout.splitlines()[-1])
+    new = not table.exists()
+    with table.open("a", newline="", encoding="utf-8") as file:
+        writer = csv.DictWriter(file, PEER_COLUMNS)
+        if new:
+            writer.writeheader()
+        for row in rows:
+            writer.writerow(row | {"method": f"default at {commit}", "details": "of this package"})
 
 
 def broken_claims(points: list[dict[str, Any]]) -> list[str]:
@@ -72,14 +122,20 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--quick", action="store_true", help="few seeds and coarse maps")
     parser.add_argument("--no-peers", action="store_true", help="the package alone")
+    parser.add_argument("--before", metavar="COMMIT", help="also show the default of every case at this commit")
     parser.add_argument("--out", type=Path, default=Path(__file__).parent / "chart")
     arguments = parser.parse_args()
     arguments.out.mkdir(parents=True, exist_ok=True)
     for name in REMADE:
         (arguments.out / name).unlink(missing_ok=True)
     command = [sys.executable, "-m", "feeder_sim", "chart", "--out", str(arguments.out)]
+    table = arguments.out / "peers.csv"
     if not arguments.no_peers:
-        command += ["--peers", str(run_peers(arguments.out, arguments.quick))]
+        run_peers(table, arguments.quick)
+    if arguments.before:
+        default_before(arguments.before, table)
+    if table.exists():
+        command += ["--peers", str(table)]
     if arguments.quick:
         command.append("--quick")
     subprocess.run(command, check=True)

@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from feeder_sim.engines.impulse import frame_rows
 from feeder_sim.engines.impulse.alone import Alone, advance_part
 from feeder_sim.engines.impulse.frame_rows import ROW, FrameRows, write_row
 from feeder_sim.machine_code import compiled, entry_point
@@ -35,6 +36,10 @@ Floats = NDArray[np.float64]
 BLOCK = 300  # frames between two looks of the guard
 DONE, DIVERGED, LEFT_PLATE = range(1, 4)  # as in `Status`; 0 for a seed that was interrupted
 NOT_PASSED = -1.0  # in place of a time
+# First columns of the engine's rows:
+ROW_VELOCITY, ROW_QUATERNION, ROW_SPIN = (
+    columns.start for columns in (frame_rows.VELOCITY, frame_rows.QUATERNION, frame_rows.SPIN)
+)
 
 
 class Way(NamedTuple):
@@ -167,10 +172,10 @@ def _take_motion(rows, n, motion):
     for k in range(n):
         row, state = rows[k, 0], motion.state[k, 0]
         for axis in range(3):
-            state[POSITION + axis], state[VELOCITY + axis] = row[axis], row[3 + axis]
-            state[SPIN + axis] = row[22 + axis]
+            state[POSITION + axis], state[VELOCITY + axis] = row[axis], row[ROW_VELOCITY + axis]
+            state[SPIN + axis] = row[ROW_SPIN + axis]
         for axis in range(4):
-            state[QUATERNION + axis] = row[18 + axis]
+            state[QUATERNION + axis] = row[ROW_QUATERNION + axis]
 
 
 @compiled
