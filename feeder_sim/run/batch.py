@@ -36,6 +36,7 @@ from feeder_sim.scene.scene import Scene
 from feeder_sim.scene.start import start_poses
 from feeder_sim.single_thread import single_threaded
 
+PIECES = 4  # of an ensemble per core: seeds take different times
 AHEAD = 3  # ensembles per core that are prepared before they are run
 
 
@@ -199,7 +200,7 @@ class _UnderWay:
     @staticmethod
     def begin(seeds: _Seeds, pool: ThreadPoolExecutor, cores: int, interrupt: NDArray[np.int64]) -> _UnderWay:
         n = len(seeds.outcome.status)
-        ends = [n * i // cores for i in range(cores + 1)]
+        ends = [n * i // (PIECES * cores) for i in range(PIECES * cores + 1)]
         pieces = [slice(*piece) for piece in itertools.pairwise(ends) if piece[1] > piece[0]]
         return _UnderWay(seeds, [pool.submit(seeds.run, piece, interrupt) for piece in pieces])
 
