@@ -44,7 +44,8 @@ for case in cases.CASES:
         for setting in method.settings_for(case, quick=False):
             probe = points.Point(case.name, method.name, setting, 0.0, math.nan, 1, 0.0, 0.0, 1.0, "")
             if points.is_default(probe):
-                p = points.measure(case, method, setting, (1.0, 0.0), quick=False)
+                p = (points._ensemble(case, method, setting, case.seeds[0]) if case.by_chance
+                    else points._once(case, method, setting))
                 rows.append({name: getattr(p, name) for name in ("case", "setting", "n", "failure")}
                     | {name: None if math.isnan(getattr(p, name)) else getattr(p, name)
                        for name in ("value", "se", "wall_s_per_simulated_s")})
@@ -74,8 +75,8 @@ def run_peers(table: Path, quick: bool) -> None:
     )
 
 
-def default_before(commit: str, table: Path) -> None:
-    """Add the default of every case, computed by the package of an older commit, to the table of other simulators."""
+def default_before(commit: str) -> list[dict[str, Any]]:
+    """The default of every case, computed by the package of an older commit, as rows of a table of simulators."""
     with tempfile.TemporaryDirectory() as folder:
         tree = Path(folder) / "tree"
         git = ["git", "-C", str(ROOT), "worktree"]
@@ -91,14 +92,8 @@ def default_before(commit: str, table: Path) -> None:
             )
         finally:
             subprocess.run([*git, "remove", "--force", str(tree)], check=True, capture_output=True)
-    rows = json.loads(found.stdout.splitlines()[-1])
-    new = not table.exists()
-    with table.open("a", newline="", encoding="utf-8") as file:
-        writer = csv.DictWriter(file, PEER_COLUMNS)
-        if new:
-            writer.writeheader()
-        for row in rows:
-            writer.writerow(row | {"method": f"default at {commit}", "details": "of this package"})
+    label = {"method": f"default at {commit}", "details": "of this package"}
+    return [row | label for row in json.loads(found.stdout.splitlines()[-1])]
 
 
 def broken_claims(points: list[dict[str, Any]]) -> list[str]:
@@ -129,16 +124,24 @@ def main() -> int:
     for name in REMADE:
         (arguments.out / name).unlink(missing_ok=True)
     command = [sys.executable, "-m", "feeder_sim", "chart", "--out", str(arguments.out)]
-    table = arguments.out / "peers.csv"
+    others: list[dict[str, Any]] = []
     if not arguments.no_peers:
-        run_peers(table, arguments.quick)
+        run_peers(arguments.out / "peers.csv", arguments.quick)
+        with (arguments.out / "peers.csv").open(newline="", encoding="utf-8") as file:
+            others += csv.DictReader(file)
     if arguments.before:
-        default_before(arguments.before, table)
-    if table.exists():
-        command += ["--peers", str(table)]
-    if arguments.quick:
-        command.append("--quick")
-    subprocess.run(command, check=True)
+        others += default_before(arguments.before)
+    with tempfile.TemporaryDirectory() as folder:
+        if others:
+            table = Path(folder) / "others.csv"
+            with table.open("w", newline="", encoding="utf-8") as file:
+                writer = csv.DictWriter(file, PEER_COLUMNS)
+                writer.writeheader()
+                writer.writerows(others)
+            command += ["--peers", str(table)]
+        if arguments.quick:
+            command.append("--quick")
+        subprocess.run(command, check=True)
     broken = broken_claims(json.loads((arguments.out / "methods.json").read_text()))
     for claim in broken:
         print(claim, file=sys.stderr)

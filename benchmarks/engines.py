@@ -17,6 +17,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from feeder_sim.run.batch import measure_drift
+from feeder_sim.run.prepare import prepare
 from feeder_sim.run.simulation import available_cores, simulate
 from feeder_sim.scenario import Scenario, load_scenario, with_run
 
@@ -62,7 +63,7 @@ def main() -> int:
         scenario = load_scenario(SCENARIOS / f"{name}.toml")
         print(f"{scenario.title}, {scenario.run.steps_per_period} steps per period")
         ratio = compare(scenario)
-        ensemble = with_run(scenario, engine="impulse", seeds=ENSEMBLE)
+        ensemble = prepare(with_run(scenario, engine="impulse", seeds=ENSEMBLE))
         measure_drift([ensemble])  # compiled
         with_frames = efficiency(functools.partial(simulate, ensemble))
         without = efficiency(functools.partial(measure_drift, [ensemble]))

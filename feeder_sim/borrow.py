@@ -45,7 +45,7 @@ def _borrow(fields):
             if kind.layout != "C":  # a bare address says nothing of strides
                 raise TypingError(f"{tuple_class.__name__}.{name} is not a contiguous array in C order")
             lent.append(f"borrowed(fields.{name})")
-        elif isinstance(kind, types.NamedTuple):  # which no numbers alone make
+        elif isinstance(kind, types.NamedTuple) or isinstance(getattr(kind, "dtype", None), types.Array):
             lent.append(f"borrow(fields.{name})")
         else:
             lent.append(f"fields.{name}")

@@ -36,6 +36,11 @@ LIBRARIES = ("numba", "llvmlite", "numpy", "mujoco-core", "mujoco")
 KEY_LENGTH = 24
 OPTIONS = {"nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True}  # nothing calls them from C
 
+# Parts of numba's inside that an ingredient replaces; without them inner functions are compiled as any other.
+INGREDIENTS = all(
+    hasattr(JITCodeLibrary, name)
+    for name in ("_optimize_final_module", "_finalize_final_module", "_finalize_dynamic_globals", "_ensure_finalized")
+) and tuple(map(int, numba.__version__.split(".")[:2])) >= (0, 62)
 DAMAGED = (EOFError, ValueError, pickle.UnpicklingError)  # what reading a damaged file of the cache ends in
 _njit: Any = numba.njit  # whose stubs do not know all options
 F = TypeVar("F", bound=Callable[..., Any])
@@ -95,7 +100,7 @@ class _Inner(CPUDispatcher):
         return super().get_call_template([types.unliteral(kind) for kind in args], kws)
 
     def compile(self, sig: Any) -> Any:
-        with _compiled_into(self, _Ingredient):
+        with _compiled_into(self, _Ingredient if INGREDIENTS else JITCodeLibrary):
             return super().compile(sig)
 
     def __call__(self, *_: Any) -> Any:

@@ -29,7 +29,7 @@ COLOURS = {
     "MuJoCo, discrete integrator": "#888888",
     "MuJoCo, contact of one step": "#bbbbbb",
 }
-PEER_COLOURS = ("#d4a017", "#6b8e23", "#c77daa", "#8b5a2b", "#20808d", "#a0522d")
+PEER_COLOURS = ("#d4a017", "#6b8e23", "#c77daa", "#8b5a2b", "#20808d", "#a0522d", "#111111")
 MARKERS = "os^Dv<>pPX*hd"
 STATE_COLOURS = {
     State.STABLE: "#8fbf7f",

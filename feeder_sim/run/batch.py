@@ -1,6 +1,8 @@
 """Many ensembles of one free part, measured in compiled code without frames: for maps over frequency and amplitude.
 
-An ensemble costs the engine's time and little else, and every seed drifts as the same seed of `simulate` does.
+An ensemble costs the engine's time and little else, and every seed moves as the same seed of `simulate` does. With
+stop = "passage" it ends at the passage, where `simulate` records its block of frames to the end: the transport speed is
+the same, what is measured over the whole run is not quite.
 """
 
 from __future__ import annotations
@@ -70,12 +72,16 @@ def measure_drift(
 ) -> list[Ensemble]:
     """Run all seeds of many scenarios and measure their drift.
 
+    Every seed moves as the same seed of `simulate` does. With stop = "passage" it ends at that frame, where `simulate`
+    records some hundred more, so that only the transport speed is the same.
+
     Args:
         scenarios: each with one free part on a plate without rim and without a schedule. They are prepared one by one
             while others run.
         workers: threads. Default: all cores.
         progress: called with the number of ensembles done, from this thread.
-        stop: set it to end within a second; ensembles that have not ended are left out.
+        stop: set it to end within a second; ensembles that have not ended then are left out, and those that have ended
+            after them.
         notify: takes a line for the user, such as that the engine is being compiled.
 
     Raises:
@@ -112,7 +118,7 @@ def measure_drift(
             while under_way and not stop.is_set():
                 take_first()
         finally:
-            interrupt[0] = len(under_way)  # stopped, or an error: what is left ends where it is
+            interrupt[0] = 1  # stopped, or an error: what is left ends where it is
     return done
 
 
@@ -148,7 +154,8 @@ class _Starts:
         from scipy.spatial.transform import Rotation
 
         scenario = scene.scenario
-        key = scenario.part, scenario.plate, scenario.run.seed, scenario.run.seeds, scenario.run.planar
+        plate = scene.surface.length, scene.surface.width  # that of a strip goes with the frequency
+        key = scenario.part, plate, scenario.run.seed, scenario.run.seeds, scenario.run.planar
         if key != self._key:
             poses = [start_poses(scene, rng)[0] for rng in generators(scene)]
             turned = Rotation.from_quat([pose.quaternion for pose in poses], scalar_first=True).as_matrix()

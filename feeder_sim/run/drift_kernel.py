@@ -1,6 +1,6 @@
 """Many runs of one free part in one compiled call: the drift of each is measured on the way, and no frame is kept.
 
-The same engine, frames and guard as for a run that is recorded, so that the same seed gives the same drift.
+The same engine, frames and guard as for a run that is recorded, so that the same seed moves in the same way.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ from feeder_sim.engines.impulse import frame_rows
 from feeder_sim.engines.impulse.alone import Alone, advance_part
 from feeder_sim.engines.impulse.frame_rows import ROW, FrameRows, write_row
 from feeder_sim.machine_code import compiled, entry_point
+from feeder_sim.run.energy import EnergyLimit
 from feeder_sim.run.state_check import (
     CLEAR,
     DEPTH,
@@ -26,11 +27,13 @@ from feeder_sim.run.state_check import (
     SPEED,
     SPIN,
     VELOCITY,
+    Held,
     Motion,
     States,
     check_frames,
     no_states,
 )
+from feeder_sim.scene.scene import GRAVITY
 
 Floats = NDArray[np.float64]
 BLOCK = 300  # frames between two looks of the guard
@@ -125,8 +128,9 @@ def measure_drifts(alone, drive, notes, recording, held, way, interrupt, room, o
         motion.time[0] = 0.0
         write_row(part.parts, 0, part.kinds, 0.0, rows[0, 0])
         _take_motion(rows, 1, motion)
-        _start(motion, held, states)
         start = motion.state[0, 0]
+        limits = _limits_of(start, held)
+        _start(motion, limits, states)
         x, y, z = start[0], start[1], start[2]
         course = _begin_way(x, y, way, outcome.passed[seed])
         status, lowest, highest, done = DONE, z, z, 1
@@ -139,9 +143,8 @@ def measure_drifts(alone, drive, notes, recording, held, way, interrupt, room, o
             if interrupt[0] != 0:
                 return
             _take_motion(rows, n, motion)
-            valid = check_frames(_first(motion, n), held, states, False)
-            if valid < n:
-                status = DIVERGED
+            valid = check_frames(_first(motion, n), limits, states, False)
+            status = DONE if valid == n else DIVERGED
             for k in range(valid):
                 here = motion.state[k, 0]
                 here_x, here_y, height = here[0], here[1], here[2]
@@ -152,12 +155,22 @@ def measure_drifts(alone, drive, notes, recording, held, way, interrupt, room, o
                     status = LEFT_PLATE
                     break
                 if way.ends and outcome.passed[seed, 1] >= 0.0:
+                    status = DONE  # whatever comes after
                     break
             _keep_last(states, valid)
             done += n
         outcome.time[seed], outcome.rise[seed] = last_time, highest - lowest
         outcome.moved[seed, 0], outcome.moved[seed, 1] = last_x - x, last_y - y
         outcome.status[seed] = status
+
+
+@compiled
+def _limits_of(start, held):
+    """What the states of one seed are held against: its energy is that of its own start."""
+    v = start[VELOCITY : VELOCITY + 3]
+    speed = math.sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]) + math.sqrt(2.0 * GRAVITY * abs(start[POSITION + 2]))
+    energy = EnergyLimit(held.energy.plate_speed, speed, held.energy.restitution, held.energy.factor)
+    return Held(held.bodies, held.surface, held.antinode, held.edge, energy, held.depth)
 
 
 @compiled

@@ -46,7 +46,9 @@ class Motion(NamedTuple):
 
 
 class Bodies(NamedTuple):
-    """Mass [kg], principal inertia (parts, 3) and size [m] of every part; which rows of `corners` (m, 3) [m] it has."""
+    """Mass [kg], principal inertia (parts, 3) [kg m^2], size and corner radius [m] of every part; which rows of
+    `corners` (m, 3) [m] it has.
+    """
 
     mass: Floats
     inertia: Floats
@@ -58,7 +60,7 @@ class Bodies(NamedTuple):
 
 
 class DepthLimit(NamedTuple):
-    """How deep a corner may be: see `Guard`.
+    """How deep a corner may be: see `_allowed_depth`.
 
     least: [m]; steps: times the speed of the part [s]; heap: added for several parts [m]; time_constant [s] and
     damping_ratio of compliant contact, 0 without.
@@ -268,7 +270,7 @@ def _depth(centre, turned, i, bodies, surface, antinode, q, modes, needed):
     for k in range(bodies.corner_from[i], bodies.corner_to[i]):
         c = bodies.corners[k]
         z = centre[2] + turned[2][0] * c[0] + turned[2][1] * c[1] + turned[2][2] * c[2]
-        if z - radius >= highest:
+        if not surface.tangent and z - radius >= highest:  # a plane may be higher than the surface ever is
             continue
         dx = turned[0][0] * c[0] + turned[0][1] * c[1] + turned[0][2] * c[2]
         dy = turned[1][0] * c[0] + turned[1][1] * c[1] + turned[1][2] * c[2]

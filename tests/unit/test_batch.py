@@ -43,7 +43,13 @@ def test_many_ensembles_drift_as_the_same_seeds_that_keep_their_frames() -> None
     )
     tilted = Cylinder(shape="cylinder", diameter_mm=3.0, height_mm=4.0, start=Start(tilt_deg=(0.0, 60.0)))
     toppled = passing.model_copy(update={"part": (tilted,)})
-    scenarios = [passing, lasting, plate, with_run(toppled, duration_s=0.5, stop="time", seed=3)]
+    scattered = [
+        strip_scenario(frequency_hz=hertz, duration_s=0.1, seeds=2).model_copy(
+            update={"part": (HexNut(size="M2.5", start=Scattered(kind="scattered")),)}
+        )
+        for hertz in (4750.0, 8775.0)  # the strip is as long as the wave asks for
+    ]
+    scenarios = [*scattered, passing, lasting, plate, with_run(toppled, duration_s=0.5, stop="time", seed=3)]
     for scenario, ensemble in zip(scenarios, measure_drift(scenarios, workers=2), strict=True):
         kept = simulate(scenario)
         found, expected = ensemble.findings, kept.findings[0][1]
