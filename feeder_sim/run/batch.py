@@ -22,7 +22,7 @@ from feeder_sim.engines.impact_log import new_log
 from feeder_sim.engines.impulse.alone import Alone, ContactNotes, Drive
 from feeder_sim.engines.impulse.engine import WINDOW_ALONE
 from feeder_sim.engines.impulse.kinds import read_kinds
-from feeder_sim.engines.impulse.state import Kinds, new_parts, new_scratch
+from feeder_sim.engines.impulse.state import PART, Kinds, new_parts, new_scratch
 from feeder_sim.engines.surface_arrays import surface_arrays
 from feeder_sim.errors import InputError
 from feeder_sim.measures.drift import DriftFindings
@@ -38,7 +38,7 @@ from feeder_sim.scene.scene import Scene
 from feeder_sim.scene.start import start_poses
 from feeder_sim.single_thread import single_threaded
 
-PIECES = 4  # of an ensemble per core: seeds take different times
+PIECES = 16  # of an ensemble per core: seeds take different times
 AHEAD = 3  # ensembles per core that are prepared before they are run
 
 
@@ -91,7 +91,7 @@ def measure_drift(
     cores = workers or available_cores()
     done: list[Ensemble] = []
     under_way: deque[_UnderWay] = deque()
-    starts = _Starts()
+    starts: _Starts | None = None
 
     def take_first() -> None:
         ensemble = under_way[0].result(stop)
@@ -106,7 +106,9 @@ def measure_drift(
             for scenario in scenarios:
                 prepared = scenario if isinstance(scenario, Prepared) else prepare(scenario)
                 check_batch(prepared)
-                seeds = _Seeds(prepared, starts.of(prepared.scene))
+                if starts is None or starts.key != _Starts.key_of(prepared.scene):
+                    starts = _Starts(prepared.scene)
+                seeds = _Seeds(prepared, starts)
                 if not done and not under_way:
                     with announced(COMPILING, notify):
                         in_daemon_thread(seeds.compile)
@@ -143,45 +145,50 @@ def check_batch(prepared: Prepared) -> None:
 
 
 class _Starts:
-    """Parts at their starts, which many scenarios have in common."""
+    """Parts at their starts, one for each seed, drawn when they are asked for; many scenarios have them in common."""
 
-    def __init__(self) -> None:
-        self._key: object = None
-        self._parts = new_parts(np.empty((0, 3)), np.empty((0, 3, 3)), np.empty(0))
+    def __init__(self, scene: Scene) -> None:
+        self._scene, self._random, self.key = scene, generators(scene), _Starts.key_of(scene)
+        self._parts, self._drawn = np.zeros(len(self._random), PART), np.zeros(len(self._random), bool)
+        self._lock = threading.Lock()
 
-    def of(self, scene: Scene) -> NDArray[np.void]:
-        """One part for each seed, as the engine starts it."""
-        from scipy.spatial.transform import Rotation
-
+    @staticmethod
+    def key_of(scene: Scene) -> object:
+        """What the starts go by."""
         scenario = scene.scenario
         plate = scene.surface.length, scene.surface.width  # that of a strip goes with the frequency
-        key = scenario.part, plate, scenario.run.seed, scenario.run.seeds, scenario.run.planar
-        if key != self._key:
-            poses = [start_poses(scene, rng)[0] for rng in generators(scene)]
-            turned = Rotation.from_quat([pose.quaternion for pose in poses], scalar_first=True).as_matrix()
-            position, velocity = ([getattr(pose, name) for pose in poses] for name in ("position", "velocity"))
-            self._parts = new_parts(position, turned, np.zeros(len(poses), np.int64), velocity)
-            self._key = key
-        return self._parts.copy()
+        return scenario.part, plate, scenario.run.seed, scenario.run.seeds, scenario.run.planar
+
+    def of(self, some: slice) -> NDArray[np.void]:
+        """The parts of some seeds, as the engine starts them."""
+        from scipy.spatial.transform import Rotation
+
+        with self._lock:
+            for seed in range(*some.indices(len(self._parts))):
+                if not self._drawn[seed]:
+                    pose = start_poses(self._scene, self._random[seed])[0]
+                    turned = Rotation.from_quat([pose.quaternion], scalar_first=True).as_matrix()
+                    self._parts[seed] = new_parts([pose.position], turned, [0], [pose.velocity])[0]
+                    self._drawn[seed] = True
+            return self._parts[some].copy()
 
 
 class _Seeds:
     """The seeds of a scenario as compiled code takes them."""
 
-    def __init__(self, prepared: Prepared, parts: NDArray[np.void]) -> None:
-        self.prepared, self._parts, scene = prepared, parts, prepared.scene
-        n = len(parts)
+    def __init__(self, prepared: Prepared, starts: _Starts) -> None:
+        self.prepared, self._starts, scene = prepared, starts, prepared.scene
         self._kinds: Kinds = read_kinds(scene)
         self._drive = Drive(
             surface_arrays(scene.surface, scene.scenario.run), scene.surface.extremes, scene.timestep, WINDOW_ALONE
         )
         self._recording = Recording(scene.frame_interval, scene.n_frames)
-        level, still = np.tile([1.0, 0.0, 0.0, 0.0], (1, n, 1)), np.zeros((1, n, 3))
-        position, velocity = parts["position"][None], parts["velocity"][None]
-        first = Frames(np.zeros(1), position, level, velocity, still, np.ones((1, n), bool))
+        still, level = np.zeros((1, 1, 3)), np.array([[[1.0, 0.0, 0.0, 0.0]]])
+        # Of the limits only that of the energy goes by the start; the kernel takes that of every seed.
+        first = Frames(np.zeros(1), still, level, still, still, np.ones((1, 1), bool))
         self._held = what_holds(prepared, first)
         self._way = _way(prepared)
-        self.outcome = new_outcome(n)
+        self.outcome = new_outcome(scene.scenario.run.seeds)
 
     def compile(self) -> None:
         self.run(slice(0), np.ones(1, np.int64))
@@ -189,7 +196,7 @@ class _Seeds:
     def run(self, some: slice, interrupt: NDArray[np.int64]) -> float:
         """Run some of the seeds; returns the processor time [s] that it took."""
         work = new_scratch(self._kinds, self.prepared.scene.surface.n_shapes)
-        alone = Alone(self._parts[some], self._kinds, None, work)
+        alone = Alone(self._starts.of(some), self._kinds, None, work)
         notes, outcome = ContactNotes(new_log(1), np.zeros(2)), self.outcome.some(some)
         room = new_room()
         started = time.thread_time()
