@@ -86,7 +86,7 @@ def print_modes(mode_file: ModeFile, as_json: bool) -> None:
             {
                 "mode": i + 1,
                 "natural_frequency_hz": float(frequency),
-                "symmetry": "".join(["even", "odd"][p][0] for p in parity),
+                "symmetry": "".join(("e", "o", "-")[p] for p in parity),
                 "measured_hz": resonance.frequency if resonance else None,
                 "deviation_percent": 100.0 * (frequency / resonance.frequency - 1.0) if resonance else None,
             }

@@ -1,10 +1,10 @@
 """Plate modes in HDF5, self-describing and checked on reading.
 
-Layout, schema version 2 (SI units, named in the `unit` attribute of every dataset):
+Layout, schema version 3 (SI units, named in the `unit` attribute of every dataset):
 
     /            schema, schema_version, creator, libraries, method, normalisation, sign_convention
     /plate       length, width, thickness, density, youngs_modulus, poisson_ratio   (attributes)
-    /modes       natural_frequency (n,)  coefficients (n, 3, terms, terms)  parity (n, 2)
+    /modes       natural_frequency (n,)  coefficients (n, 3, terms, terms)  parity (n, 2)  modal_mass (n,)
     /resonances  mode (m,)  frequency (m,)  damping_ratio (m,)  gain (m,)  driven_point (m, 2)   measured; may be empty
 """
 
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     import h5py
 
 SCHEMA = "feeder_sim/plate_modes"
-SCHEMA_VERSION = 2
+SCHEMA_VERSION = 3
 
 
 @dataclass(frozen=True)
@@ -97,6 +97,7 @@ def write_mode_file(path: Path, modes: PlateModes, resonances: Sequence[Resonanc
         put_array(file, "modes/natural_frequency", modes.natural_frequency, "Hz")
         put_array(file, "modes/coefficients", modes.coefficients, "1, 1/m, 1/m")
         put_array(file, "modes/parity", modes.parity, "1")
+        put_array(file, "modes/modal_mass", modes.modal_mass, "kg")
         put_array(file, "resonances/mode", np.array([r.mode for r in resonances], np.int64), "0-based index")
         put_array(file, "resonances/frequency", np.array([r.frequency for r in resonances], float), "Hz")
         put_array(file, "resonances/damping_ratio", np.array([r.damping_ratio for r in resonances], float), "1")
@@ -157,6 +158,7 @@ def _checked(file: h5py.File, path: Path) -> ModeFile:
     shapes = {
         "modes/coefficients": (n, 3, terms, terms),
         "modes/parity": (n, 2),
+        "modes/modal_mass": (n,),
         "resonances/driven_point": (m, 2),
         **{f"resonances/{name}": (m,) for name in ("frequency", "damping_ratio", "gain")},
     }
@@ -170,7 +172,7 @@ def _checked(file: h5py.File, path: Path) -> ModeFile:
         raise InputError("holds a mode without deflection", file=path, key="modes/coefficients")
     if (data["resonances/mode"] >= n).any():
         raise InputError(f"names a mode that is not there, allowed is below {n}", file=path, key="resonances/mode")
-    modes = PlateModes(plate, frequency, coefficients, data["modes/parity"].astype(np.int64))
+    modes = PlateModes(plate, frequency, coefficients, data["modes/parity"].astype(np.int64), data["modes/modal_mass"])
     columns = [
         data[f"resonances/{name}"].tolist() for name in ("mode", "frequency", "damping_ratio", "gain", "driven_point")
     ]
@@ -183,7 +185,8 @@ _PLATE_KEYS = ("length", "width", "thickness", "density", "youngs_modulus", "poi
 _DATASETS: dict[str, tuple[str, int, float, float, bool]] = {
     "modes/natural_frequency": ("f", 1, 1e-9, 1e12, False),
     "modes/coefficients": ("f", 4, -1e12, 1e12, False),
-    "modes/parity": ("iu", 2, 0, 1, False),
+    "modes/parity": ("iu", 2, -1, 1, False),
+    "modes/modal_mass": ("f", 1, 1e-15, 1e9, True),
     "resonances/mode": ("iu", 1, 0, 1e9, False),
     "resonances/frequency": ("f", 1, 1e-9, 1e12, False),
     "resonances/damping_ratio": ("f", 1, 1e-9, 1.0, True),

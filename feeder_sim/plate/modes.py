@@ -14,7 +14,7 @@ thin plate is the same energy under the constraint beta = grad w, which the poly
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -80,13 +80,15 @@ class PlateModes:
         natural_frequency: [Hz], shape (n_modes,).
         coefficients: of orthonormal Legendre products, shape (n_modes, 3, terms, terms): field (w, beta_x [1/m],
             beta_y [1/m]), order in x, order in y.
-        parity: shape (n_modes, 2): 0 when w is even, 1 when it is odd, along x and y.
+        parity: shape (n_modes, 2): 0 when w is even, 1 when it is odd, -1 when it is neither, along x and y.
+        modal_mass: twice the kinetic energy over the square of the modal velocity [kg], shape (n_modes,).
     """
 
     plate: RectangularPlate
     natural_frequency: NDArray[np.float64]
     coefficients: NDArray[np.float64]
     parity: NDArray[np.int64]
+    modal_mass: NDArray[np.float64]
 
     def __len__(self) -> int:
         return len(self.natural_frequency)
@@ -161,11 +163,14 @@ def plate_modes(
         solutions += [(f, c, parity) for f, c in zip(frequencies[wanted], coefficients[wanted], strict=True)]
     # The frequencies of a degenerate pair differ by round-off: sorted by parity, their numbering is reproducible.
     solutions.sort(key=lambda mode: (float(f"{mode[0]:.6g}"), mode[2]))
+    coefficients = np.array([c for _, c, _ in solutions]).reshape(-1, 3, terms_per_axis, terms_per_axis)
+    density = np.array([plate.mass_per_area, plate.rotary_inertia, plate.rotary_inertia])
     modes = PlateModes(
         plate=plate,
         natural_frequency=np.array([f for f, _, _ in solutions]),
-        coefficients=np.array([c for _, c, _ in solutions]).reshape(-1, 3, terms_per_axis, terms_per_axis),
+        coefficients=coefficients,
         parity=np.array([p for _, _, p in solutions], dtype=np.int64).reshape(-1, 2),
+        modal_mass=0.25 * plate.length * plate.width * (coefficients**2).sum(axis=(2, 3)) @ density,
     )
     return _normalised(modes)
 
@@ -257,8 +262,9 @@ def _normalised(modes: PlateModes) -> PlateModes:
     """Scale to max |w| = 1, sampled on a grid that includes the corners, and to w > 0 at the corner (+, +)."""
     x = np.linspace(-0.5, 0.5, 181) * modes.plate.length
     y = np.linspace(-0.5, 0.5, 181) * modes.plate.width
-    scaled = modes.coefficients.copy()
+    coefficients, modal_mass = modes.coefficients.copy(), modes.modal_mass.copy()
     for index in range(len(modes)):
         w = modes.evaluate_grid(index, x, y)[0]
-        scaled[index] *= np.sign(w[-1, -1]) / np.abs(w).max()
-    return PlateModes(modes.plate, modes.natural_frequency, scaled, modes.parity)
+        coefficients[index] *= np.sign(w[-1, -1]) / np.abs(w).max()
+        modal_mass[index] /= np.abs(w).max() ** 2
+    return replace(modes, coefficients=coefficients, modal_mass=modal_mass)
