@@ -27,6 +27,7 @@ from feeder_sim.single_thread import single_threaded
 SHEAR_FACTOR = 5.0 / 6.0  # kappa
 TERMS_PER_AXIS = 24  # Legendre polynomials
 CONVERGENCE_CUT = 4  # terms left out to see whether a mode is resolved
+NODE = 1e-6  # of the antinode; a smaller deflection is round-off
 CONVERGED = 5e-3  # relative change of a resolved natural frequency without these terms
 Theory = Literal["mindlin", "kirchhoff"]
 Fields = tuple[tuple[NDArray[np.int64], NDArray[np.int64]], ...]  # orders in x and y of w, beta_x, beta_y
@@ -73,7 +74,8 @@ class RectangularPlate:
 class PlateModes:
     """Elastic modes of a plate, sorted by frequency; mode number 1 is index 0.
 
-    Mode shapes are scaled to max |w| = 1 over the plate and are positive at the corner (+length/2, +width/2).
+    Mode shapes are scaled to max |w| = 1 over the plate and are positive at the corner (+length/2, +width/2), or, with a
+    node there, next to it on the side at +length/2.
 
     Attributes:
         plate: the plate.
@@ -259,12 +261,17 @@ def _orthonormal_legendre(xi: NDArray[np.float64], terms: int) -> NDArray[np.flo
 
 
 def _normalised(modes: PlateModes) -> PlateModes:
-    """Scale to max |w| = 1, sampled on a grid that includes the corners, and to w > 0 at the corner (+, +)."""
+    """Scale to max |w| = 1, sampled on a grid that includes the corners, and to w > 0 at the corner (+, +).
+
+    A mode with a node in the corner has w > 0 next to it on the side at +length/2.
+    """
     x = np.linspace(-0.5, 0.5, 181) * modes.plate.length
     y = np.linspace(-0.5, 0.5, 181) * modes.plate.width
     coefficients, modal_mass = modes.coefficients.copy(), modes.modal_mass.copy()
     for index in range(len(modes)):
         w = modes.evaluate_grid(index, x, y)[0]
-        coefficients[index] *= np.sign(w[-1, -1]) / np.abs(w).max()
-        modal_mass[index] /= np.abs(w).max() ** 2
+        largest = np.abs(w).max()
+        side = w[-1, ::-1]
+        coefficients[index] *= np.sign(side[np.argmax(np.abs(side) > NODE * largest)]) / largest
+        modal_mass[index] /= largest**2
     return replace(modes, coefficients=coefficients, modal_mass=modal_mass)
