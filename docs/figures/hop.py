@@ -17,7 +17,7 @@ from matplotlib.figure import Figure
 
 from feeder_sim.plate.materials import MATERIALS
 from feeder_sim.plate.mode_shapes import standing_wave
-from feeder_sim.plate.modes import RectangularPlate
+from feeder_sim.plate.rectangle import RectangularPlate
 
 PLATE = RectangularPlate(1.0, 1.0, 3e-3, MATERIALS["aluminium"])
 FREQUENCY = 4750.0

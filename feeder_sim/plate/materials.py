@@ -7,17 +7,43 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Material:
-    """An isotropic elastic solid, in SI units.
+    """An elastic solid, in SI units: isotropic, or orthotropic with its axes along x and y of the plate.
 
     Attributes:
         density: [kg/m^3].
-        youngs_modulus: [Pa].
-        poisson_ratio: dimensionless, between 0 and 0.5.
+        youngs_modulus: [Pa]; along x if orthotropic.
+        poisson_ratio: dimensionless, between 0 and 0.5; if orthotropic, contraction along y over stretch along x.
+        youngs_modulus_y, shear_modulus: [Pa] of an orthotropic solid, both or none; the shear modulus is taken for
+            shear in the plane and through the thickness.
     """
 
     density: float
     youngs_modulus: float
     poisson_ratio: float
+    youngs_modulus_y: float | None = None
+    shear_modulus: float | None = None
+
+    @property
+    def isotropic(self) -> bool:
+        """Whether it has one modulus and one Poisson's ratio."""
+        return self.youngs_modulus_y is None or self.shear_modulus is None
+
+    @property
+    def in_plane_shear_modulus(self) -> float:
+        """G = E / 2 (1 + nu), or the given one [Pa]."""
+        if self.shear_modulus is not None:
+            return self.shear_modulus
+        return self.youngs_modulus / (2.0 * (1.0 + self.poisson_ratio))
+
+    @property
+    def plane_stress(self) -> tuple[float, float, float, float]:
+        """Q11, Q12, Q22, Q66 [Pa], stress per strain in a plane of free surface (Jones, Mechanics of Composite
+        Materials, 2nd ed., 1999, eq. 2.66); Q66 is the shear modulus.
+        """
+        e_x, nu = self.youngs_modulus, self.poisson_ratio
+        e_y = e_x if self.youngs_modulus_y is None else self.youngs_modulus_y
+        compliance = 1.0 - nu**2 * e_y / e_x
+        return e_x / compliance, nu * e_y / compliance, e_y / compliance, self.in_plane_shear_modulus
 
 
 MATERIALS = {
@@ -27,4 +53,6 @@ MATERIALS = {
     "brass": Material(density=8500.0, youngs_modulus=105.0e9, poisson_ratio=0.35),
     "acrylic": Material(density=1190.0, youngs_modulus=3.2e9, poisson_ratio=0.37),
     "nylon": Material(density=1140.0, youngs_modulus=2.8e9, poisson_ratio=0.39),
+    # A wafer with its flat along <110>, x and y along <110> (Hopcroft, Nix and Kenny, J. MEMS 19 (2010) 229).
+    "silicon": Material(2329.0, 169.0e9, 0.064, youngs_modulus_y=169.0e9, shear_modulus=50.9e9),
 }

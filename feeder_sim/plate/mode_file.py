@@ -25,7 +25,8 @@ from feeder_sim.errors import InputError, not_written
 from feeder_sim.hdf5_text import get_text, put_array, put_text
 from feeder_sim.hdf5_trust import check_trusted
 from feeder_sim.plate.materials import Material
-from feeder_sim.plate.modes import PlateModes, RectangularPlate
+from feeder_sim.plate.modes import PlateModes
+from feeder_sim.plate.rectangle import RectangularPlate
 
 if TYPE_CHECKING:
     import h5py
@@ -78,7 +79,7 @@ def write_mode_file(path: Path, modes: PlateModes, resonances: Sequence[Resonanc
         "libraries": f"numpy {np.__version__}, h5py {h5py.__version__}",
         "method": "Mindlin plate, Ritz with orthonormal Legendre products, shear factor 5/6",
         "normalisation": "max |w| = 1 over the plate",
-        "sign_convention": "w > 0 at or next to (+length/2, +width/2); a top surface point moves by (-h/2 bx, -h/2 by, w) q",
+        "sign_convention": "w > 0 at or next to (+length/2, +width/2); the top surface moves by (-h/2 bx, -h/2 by, w) q",
     }
     buffer = io.BytesIO()  # HDF5 crashes when it closes a file that it could not write
     with h5py.File(buffer, "w", libver="latest") as file:

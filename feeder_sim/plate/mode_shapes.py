@@ -17,7 +17,8 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from feeder_sim.plate.modes import PlateModes, RectangularPlate
+from feeder_sim.plate.modes import PlateModes
+from feeder_sim.plate.rectangle import RectangularPlate
 
 
 class ModeShape(Protocol):

@@ -14,68 +14,40 @@ thin plate is the same energy under the constraint beta = grad w, which the poly
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Literal
 
 import numpy as np
-from numpy.polynomial import legendre
 from numpy.typing import ArrayLike, NDArray
 
-from feeder_sim.plate.materials import Material
+from feeder_sim.plate.attachments import Attachment, attached_matrices, parity_classes
+from feeder_sim.plate.rectangle import RectangularPlate
+from feeder_sim.plate.ritz import (
+    Parity,
+    basis_of,
+    orthonormal_legendre,
+    plate_matrices,
+    rigid_count,
+    thin_plate_basis,
+)
 from feeder_sim.single_thread import single_threaded
 
-SHEAR_FACTOR = 5.0 / 6.0  # kappa
 TERMS_PER_AXIS = 24  # Legendre polynomials
 CONVERGENCE_CUT = 4  # terms left out to see whether a mode is resolved
 NODE = 1e-6  # of the antinode; a smaller deflection is round-off
+RESOLVED_BEYOND = 1.5  # of the highest frequency asked for, up to which a coarse series is looked at
 CONVERGED = 5e-3  # relative change of a resolved natural frequency without these terms
 Theory = Literal["mindlin", "kirchhoff"]
-Fields = tuple[tuple[NDArray[np.int64], NDArray[np.int64]], ...]  # orders in x and y of w, beta_x, beta_y
-
-
-@dataclass(frozen=True)
-class RectangularPlate:
-    """A uniform rectangular plate with free edges, centred on the origin; x along `length`.
-
-    Attributes:
-        length, width, thickness: [m].
-        material: elastic constants and density.
-    """
-
-    length: float
-    width: float
-    thickness: float
-    material: Material
-
-    @property
-    def bending_stiffness(self) -> float:
-        """D = E h^3 / 12 (1 - nu^2) [N m]."""
-        m = self.material
-        return m.youngs_modulus * self.thickness**3 / (12.0 * (1.0 - m.poisson_ratio**2))
-
-    @property
-    def shear_stiffness(self) -> float:
-        """S = kappa G h [N/m]."""
-        m = self.material
-        return SHEAR_FACTOR * m.youngs_modulus / (2.0 * (1.0 + m.poisson_ratio)) * self.thickness
-
-    @property
-    def mass_per_area(self) -> float:
-        """Rho h [kg/m^2]."""
-        return self.material.density * self.thickness
-
-    @property
-    def rotary_inertia(self) -> float:
-        """Rho h^3 / 12 [kg]."""
-        return self.material.density * self.thickness**3 / 12.0
 
 
 @dataclass(frozen=True, eq=False)  # compared and hashed by identity, since arrays have no hash
 class PlateModes:
     """Elastic modes of a plate, sorted by frequency; mode number 1 is index 0.
 
-    Mode shapes are scaled to max |w| = 1 over the plate and are positive at the corner (+length/2, +width/2), or, with a
-    node there, next to it on the side at +length/2.
+    Mode shapes are scaled to max |w| = 1 over the plate. They are positive at the corner (+length/2, +width/2), or, with
+    a node there, next to it on the side at +length/2.
 
     Attributes:
         plate: the plate.
@@ -121,8 +93,8 @@ class PlateModes:
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         terms = self.coefficients.shape[-1]
         return (
-            _orthonormal_legendre(2.0 * x / self.plate.length, terms),
-            _orthonormal_legendre(2.0 * y / self.plate.width, terms),
+            orthonormal_legendre(2.0 * x / self.plate.length, terms),
+            orthonormal_legendre(2.0 * y / self.plate.width, terms),
         )
 
 
@@ -134,6 +106,7 @@ def plate_modes(
     theory: Theory = "mindlin",
     terms_per_axis: int = TERMS_PER_AXIS,
     uniform_width: bool = False,
+    attachments: Sequence[Attachment] = (),
 ) -> PlateModes:
     """Compute every elastic mode up to a frequency.
 
@@ -144,6 +117,7 @@ def plate_modes(
             falls to 16 thicknesses.
         terms_per_axis: Legendre polynomials per axis and field.
         uniform_width: only modes that do not vary across the width, the bending of a strip (into a cylinder).
+        attachments: what is fixed to the plate. They break the symmetry in x or y unless they have it, too.
 
     Returns:
         The modes, none if the lowest lies above `highest_frequency`.
@@ -153,111 +127,60 @@ def plate_modes(
             has `CONVERGENCE_CUT` terms less, as happens for many half waves along a slender plate.
     """
     solutions = []
-    for parity in ((0, 0), (1, 0)) if uniform_width else ((0, 0), (0, 1), (1, 0), (1, 1)):
-        frequencies, coefficients = _solve_parity_class(plate, parity, theory, terms_per_axis, uniform_width)
-        coarse, _ = _solve_parity_class(plate, parity, theory, terms_per_axis - CONVERGENCE_CUT, uniform_width)
+    for parity in ((0, 0), (1, 0)) if uniform_width else parity_classes(attachments):
+        solve = partial(_solve_class, plate, parity, theory, attachments, uniform_width, highest_frequency)
+        frequencies, coefficients, masses = solve(terms_per_axis)
+        coarse, _, _ = solve(terms_per_axis - CONVERGENCE_CUT)
         wanted = frequencies <= highest_frequency
         unresolved = coarse[: len(frequencies)] / frequencies[: len(coarse)] - 1.0 > CONVERGED
         if (wanted[: len(unresolved)] & unresolved).any() or wanted.sum() > len(unresolved):
             first = int(np.argmax(unresolved)) if unresolved.any() else len(unresolved) - 1
             resolved = frequencies[first]
             raise ValueError(f"modes above {resolved:.0f} Hz are not resolved by {terms_per_axis} terms per axis")
-        solutions += [(f, c, parity) for f, c in zip(frequencies[wanted], coefficients[wanted], strict=True)]
+        own = tuple(-1 if p is None else p for p in parity)
+        rows = zip(frequencies[wanted], coefficients[wanted], masses[wanted], strict=True)
+        solutions += [(f, own, c, m) for f, c, m in rows]
     # The frequencies of a degenerate pair differ by round-off: sorted by parity, their numbering is reproducible.
-    solutions.sort(key=lambda mode: (float(f"{mode[0]:.6g}"), mode[2]))
-    coefficients = np.array([c for _, c, _ in solutions]).reshape(-1, 3, terms_per_axis, terms_per_axis)
-    density = np.array([plate.mass_per_area, plate.rotary_inertia, plate.rotary_inertia])
+    solutions.sort(key=lambda mode: (float(f"{mode[0]:.6g}"), mode[1]))
     modes = PlateModes(
         plate=plate,
-        natural_frequency=np.array([f for f, _, _ in solutions]),
-        coefficients=coefficients,
-        parity=np.array([p for _, _, p in solutions], dtype=np.int64).reshape(-1, 2),
-        modal_mass=0.25 * plate.length * plate.width * (coefficients**2).sum(axis=(2, 3)) @ density,
+        natural_frequency=np.array([f for f, _, _, _ in solutions]),
+        coefficients=np.array([c for _, _, c, _ in solutions]).reshape(-1, 3, terms_per_axis, terms_per_axis),
+        parity=np.array([p for _, p, _, _ in solutions], dtype=np.int64).reshape(-1, 2),
+        modal_mass=np.array([m for _, _, _, m in solutions]),
     )
     return _normalised(modes)
 
 
-def _solve_parity_class(
-    plate: RectangularPlate, parity: tuple[int, int], theory: Theory, terms: int, uniform_width: bool
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Solve the Ritz eigenproblem for one parity of w; return elastic frequencies [Hz] and coefficients."""
+def _solve_class(
+    plate: RectangularPlate,
+    parity: Parity,
+    theory: Theory,
+    attachments: Sequence[Attachment],
+    uniform_width: bool,
+    highest_frequency: float,
+    terms: int,
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """Solve the Ritz eigenproblem of one parity; return elastic frequencies [Hz], coefficients, modal masses [kg]."""
     from scipy.linalg import eigh
 
-    even, odd = np.arange(0, terms, 2), np.arange(1, terms, 2)
-    x_w, y_w = (odd if p else even for p in parity)
-    x_b, y_b = (even if p else odd for p in parity)  # beta_x ~ w,x swaps the parity in x, beta_y in y
-    if uniform_width:
-        y_w, y_b = y_w[:1], y_b[:0]
-    fields = ((x_w, y_w), (x_b, y_w), (x_w, y_b))
+    basis = basis_of(parity, terms, uniform_width=uniform_width)
     # Under the constraint beta = grad w the shear energy is zero. Without the term its round-off is absent, too.
     shear_stiffness = plate.shear_stiffness if theory == "mindlin" else 0.0
-    stiffness, mass = _ritz_matrices(plate, shear_stiffness, fields, terms)
-    basis = np.eye(len(mass)) if theory == "mindlin" else _thin_plate_basis(plate, fields, terms)
-    squared, vectors = eigh(basis.T @ stiffness @ basis, basis.T @ (mass[:, None] * basis))
-    rigid = _rigid_count(parity)
-    squared, vectors = squared[rigid:], (basis @ vectors)[:, rigid:]
-    coefficients = np.zeros((len(squared), 3, terms, terms))
-    start = 0
-    for field, (ix, iy) in enumerate(fields):
-        block = vectors[start : start + len(ix) * len(iy)].T.reshape(len(squared), len(ix), len(iy))
-        coefficients[:, field, ix[:, None], iy[None, :]] = block
-        start += len(ix) * len(iy)
-    return np.sqrt(squared) / (2.0 * np.pi), coefficients
-
-
-def _thin_plate_basis(plate: RectangularPlate, fields: Fields, terms: int) -> NDArray[np.float64]:
-    """Columns (w, dw/dx, dw/dy) for each polynomial product of w: they span what satisfies beta = grad w."""
-    (x_w, y_w), (x_b, _), (_, y_b) = fields
-    _, slope, _ = _legendre_integrals(terms)  # P_j' = sum_i slope[i, j] P_i
-    dx = 2.0 / plate.length * np.kron(slope[np.ix_(x_b, x_w)], np.eye(len(y_w)))
-    dy = 2.0 / plate.width * np.kron(np.eye(len(x_w)), slope[np.ix_(y_b, y_w)])
-    return np.vstack([np.eye(len(x_w) * len(y_w)), dx, dy])
-
-
-def _rigid_count(parity: tuple[int, int]) -> int:
-    """Number of rigid motions in a parity class: heave is even-even, pitch and roll are odd along one axis."""
-    return 0 if parity == (1, 1) else 1
-
-
-def _ritz_matrices(
-    plate: RectangularPlate, shear_stiffness: float, fields: Fields, terms: int
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Assemble the stiffness (n, n) and the diagonal of the mass (n,), both divided by (length/2)(width/2)."""
-    d, s, nu = plate.bending_stiffness, shear_stiffness, plate.material.poisson_ratio
-    gram, value_slope, slope_slope = _legendre_integrals(terms)
-    lx, ly = 2.0 / plate.length, 2.0 / plate.width
-
-    def integral(a: int, b: int, x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.float64]:
-        (ax, ay), (bx, by) = fields[a], fields[b]
-        return np.asarray(np.kron(x[np.ix_(ax, bx)], y[np.ix_(ay, by)]), dtype=np.float64)
-
-    g, c, k = gram, value_slope, slope_slope  # int PP, int P P', int P' P'
-    ww = s * (lx**2 * integral(0, 0, k, g) + ly**2 * integral(0, 0, g, k))
-    w_bx = -s * lx * integral(0, 1, c.T, g)
-    w_by = -s * ly * integral(0, 2, g, c.T)
-    shear = 0.5 * (1.0 - nu) * d
-    bx_bx = d * lx**2 * integral(1, 1, k, g) + shear * ly**2 * integral(1, 1, g, k) + s * integral(1, 1, g, g)
-    by_by = d * ly**2 * integral(2, 2, g, k) + shear * lx**2 * integral(2, 2, k, g) + s * integral(2, 2, g, g)
-    bx_by = lx * ly * (nu * d * integral(1, 2, c.T, c) + shear * integral(1, 2, c, c.T))
-    stiffness = np.block([[ww, w_bx, w_by], [w_bx.T, bx_bx, bx_by], [w_by.T, bx_by.T, by_by]])
-    sizes = [len(ix) * len(iy) for ix, iy in fields]
-    mass = np.repeat([plate.mass_per_area, plate.rotary_inertia, plate.rotary_inertia], sizes)
-    return stiffness, mass
-
-
-def _legendre_integrals(terms: int) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """Return int P_i P_j, int P_i P_j' and int P_i' P_j' over [-1, 1] of the orthonormal Legendre polynomials."""
-    nodes, weights = legendre.leggauss(terms + 1)
-    value = _orthonormal_legendre(nodes, terms)
-    scale = np.sqrt(np.arange(terms) + 0.5)
-    slope = np.stack([legendre.legval(nodes, legendre.legder(row)) for row in np.diag(scale)], axis=1)
-    weighted: NDArray[np.float64] = weights[:, None] * slope
-    return np.eye(terms, dtype=np.float64), value.T @ weighted, slope.T @ weighted
-
-
-def _orthonormal_legendre(xi: NDArray[np.float64], terms: int) -> NDArray[np.float64]:
-    """Values of the first orthonormal Legendre polynomials at xi, shape (len(xi), terms)."""
-    return np.asarray(legendre.legvander(xi, terms - 1) * np.sqrt(np.arange(terms) + 0.5))
+    stiffness, diagonal = plate_matrices(plate, shear_stiffness, basis)
+    mass = np.diag(diagonal)
+    if attachments:
+        added = attached_matrices(plate, attachments, basis, with_shear=theory == "mindlin")
+        stiffness, mass = stiffness + added[0], mass + added[1]
+    columns = np.eye(len(mass)) if theory == "mindlin" else thin_plate_basis(plate, basis)
+    # Without a parity the matrices are large: only the modes that are asked for are computed.
+    highest = (2.0 * np.pi * RESOLVED_BEYOND * highest_frequency) ** 2
+    chosen = {"subset_by_value": (-np.inf, highest)} if None in parity else {}
+    squared, vectors = eigh(columns.T @ stiffness @ columns, columns.T @ mass @ columns, **chosen)
+    rigid = rigid_count(parity)
+    squared, vectors = squared[rigid:], (columns @ vectors)[:, rigid:]
+    masses = 0.25 * plate.length * plate.width * (vectors * (mass @ vectors)).sum(axis=0)
+    return np.sqrt(squared) / (2.0 * np.pi), basis.unpacked(vectors), masses
 
 
 def _normalised(modes: PlateModes) -> PlateModes:

@@ -11,7 +11,8 @@ from feeder_sim.errors import InputError
 from feeder_sim.plate.drive import ModalDrive, modal_terms
 from feeder_sim.plate.mode_file import ModeFile, read_mode_file
 from feeder_sim.plate.mode_shapes import ModeShape, Piston, RitzShape, StandingWave, standing_wave
-from feeder_sim.plate.modes import PlateModes, RectangularPlate, plate_modes
+from feeder_sim.plate.modes import PlateModes, plate_modes
+from feeder_sim.plate.rectangle import RectangularPlate
 from feeder_sim.plate.surface import Surface, tabulate
 from feeder_sim.scenario import Excitation, PistonPlate, Rectangle, Scenario, Strip, resolve_material
 from feeder_sim.scene.timetable import Timetable, timed, timetable

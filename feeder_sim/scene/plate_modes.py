@@ -8,7 +8,8 @@ import numpy as np
 
 from feeder_sim.errors import InputError
 from feeder_sim.plate.mode_file import ModeFile, Resonance
-from feeder_sim.plate.modes import PlateModes, RectangularPlate, plate_modes
+from feeder_sim.plate.modes import PlateModes, plate_modes
+from feeder_sim.plate.rectangle import RectangularPlate
 from feeder_sim.scenario import MeasuredResonance, PlateFile, resolve_material
 
 RESONANCE_MATCH = 0.02  # largest relative difference between a measured resonance and its computed mode

@@ -6,7 +6,8 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 from feeder_sim.errors import InputError
-from feeder_sim.plate.modes import RectangularPlate, plate_modes
+from feeder_sim.plate.modes import plate_modes
+from feeder_sim.plate.rectangle import RectangularPlate
 from feeder_sim.plate.sequences import Route, Search, find_routes, nodes_on_line
 from feeder_sim.scenario import PlateFile, resolve_material
 

@@ -19,7 +19,8 @@ from feeder_sim.engines.mujoco.mjcf import build_mjcf
 from feeder_sim.errors import InputError
 from feeder_sim.plate.materials import Material
 from feeder_sim.plate.mode_file import Resonance, read_mode_file, write_mode_file
-from feeder_sim.plate.modes import PlateModes, RectangularPlate, plate_modes
+from feeder_sim.plate.modes import PlateModes, plate_modes
+from feeder_sim.plate.rectangle import RectangularPlate
 from feeder_sim.run.run_folder import scenario_toml
 from feeder_sim.scenario import Scenario, parse_scenario
 from feeder_sim.scene.scene import build_scene

@@ -19,7 +19,8 @@ from threadpoolctl import threadpool_limits
 from feeder_sim.engines.lookup import engine_class
 from feeder_sim.errors import InputError
 from feeder_sim.plate.materials import MATERIALS
-from feeder_sim.plate.modes import RectangularPlate, plate_modes
+from feeder_sim.plate.modes import plate_modes
+from feeder_sim.plate.rectangle import RectangularPlate
 from feeder_sim.records.trajectory import Status
 from feeder_sim.run.guard import Guard
 from feeder_sim.run.plan import plan_run

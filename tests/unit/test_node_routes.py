@@ -15,7 +15,8 @@ from typer.testing import CliRunner
 from feeder_sim.cli.main import app
 from feeder_sim.errors import InputError
 from feeder_sim.plate.materials import Material
-from feeder_sim.plate.modes import PlateModes, RectangularPlate, plate_modes
+from feeder_sim.plate.modes import PlateModes, plate_modes
+from feeder_sim.plate.rectangle import RectangularPlate
 from feeder_sim.plate.sequences import LineNodes, Route, Search, find_routes, follow, nodes_on_line
 from feeder_sim.scenario import load_plate_file
 from feeder_sim.scene.plate_modes import compute_modes

@@ -27,7 +27,8 @@ from skfem import Basis, BilinearForm, ElementTriArgyris, ElementTriP4, ElementV
 from skfem.helpers import dd, ddot, div, dot, grad, sym_grad, trace
 
 from feeder_sim.plate.materials import Material
-from feeder_sim.plate.modes import RectangularPlate, plate_modes
+from feeder_sim.plate.modes import plate_modes
+from feeder_sim.plate.rectangle import RectangularPlate
 
 # The elastic constants are written out here, so that those of RectangularPlate are verified too.
 E, NU, RHO, H = 71.0e9, 0.33, 2770.0, 0.003
