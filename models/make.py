@@ -15,15 +15,14 @@ from feeder_sim.scene.scene import build_scene
 MODELS = Path(__file__).parent
 SCENARIOS = MODELS.parent / "scenarios"
 
-PLATES = ("plate_180", "strip_160")
+PLATES = ("plate_180", "plate_180_piezos", "strip_160")
 # Scene folder: the scenario it shows.
 SCENES = {"plate_180": "drift_2797hz_plate", "strip_3mm": "drift_4750hz"}
 
 
 def main() -> None:
     for folder in PLATES:
-        held = compute_modes(load_plate_file(MODELS / folder / "plate.toml"))
-        write_mode_file(MODELS / folder / "modes.h5", held.modes, held.resonances)
+        write_mode_file(MODELS / folder / "modes.h5", compute_modes(load_plate_file(MODELS / folder / "plate.toml")))
     for folder, scenario in SCENES.items():
         text = mjcf_text(build_scene(load_scenario(SCENARIOS / f"{scenario}.toml")))
         _write(MODELS / folder / "scene.xml", text)

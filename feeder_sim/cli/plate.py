@@ -30,7 +30,7 @@ def modes(
     if out is not None:
         from feeder_sim.plate.mode_file import write_mode_file
 
-        write_mode_file(writable(out, force=force), mode_file.modes, mode_file.resonances)
+        write_mode_file(writable(out, force=force), mode_file)
     if picture is not None:
         if mode > len(mode_file.modes):
             raise InputError(f"is {mode}, allowed is 1 to {len(mode_file.modes)}", file=source, key="--mode")

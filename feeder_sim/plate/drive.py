@@ -53,6 +53,20 @@ class ModalDrive:
             return 0.0
         return 1.0 / (self.damping_ratio * 2.0 * math.pi * self.natural_frequency)
 
+    @property
+    def steady_amplitude(self) -> float:
+        """Amplitude [m] of the stationary motion: `amplitude` at resonance, else what the oscillator leaves of it."""
+        if self.damping_ratio is None:
+            return self.amplitude
+        return abs(_steady(self))
+
+    @property
+    def largest(self) -> float:
+        """Bound on the motion [m]: the stationary one, and the transient, which starts of the same place and speed."""
+        return min(
+            self.amplitude, (1.0 + max(1.0, self.drive_frequency / self.natural_frequency)) * self.steady_amplitude
+        )
+
 
 @dataclass(frozen=True)
 class ModalTerms:
@@ -105,8 +119,7 @@ def _terms_of(drive: ModalDrive) -> list[tuple[int, float, float, complex, compl
     if zeta is None:
         steady = -1j * drive.amplitude * cmath.exp(1j * drive.phase)
         return [(drive.shape, drive.start, drive.stop, steady, 1j * omega)]
-    force = 2.0 * zeta * omega_n**2 * drive.amplitude * cmath.exp(1j * drive.phase)
-    steady = force / (omega_n**2 - omega**2 + 2j * zeta * omega_n * omega)
+    steady = _steady(drive)
     free = complex(-zeta * omega_n, omega_n * math.sqrt(1.0 - zeta**2))
     transient = _free_motion(-steady.real, -(1j * omega * steady).real, free)
     decay_time = DECAY_LENGTH / (zeta * omega_n)
@@ -120,6 +133,15 @@ def _terms_of(drive: ModalDrive) -> list[tuple[int, float, float, complex, compl
         q, velocity = (moving + fading).real, (1j * omega * moving + free * fading).real
         terms.append((drive.shape, drive.stop, drive.stop + decay_time, _free_motion(q, velocity, free), free))
     return terms
+
+
+def _steady(drive: ModalDrive) -> complex:
+    """Complex amplitude [m] of the stationary motion of a damped mode."""
+    omega, omega_n = 2.0 * math.pi * drive.drive_frequency, 2.0 * math.pi * drive.natural_frequency
+    zeta = drive.damping_ratio
+    assert zeta is not None
+    force = 2.0 * zeta * omega_n**2 * drive.amplitude * cmath.exp(1j * drive.phase)
+    return force / (omega_n**2 - omega**2 + 2j * zeta * omega_n * omega)
 
 
 def _free_motion(q: float, velocity: float, rate: complex) -> complex:

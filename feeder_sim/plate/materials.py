@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 
 @dataclass(frozen=True)
@@ -27,6 +27,14 @@ class Material:
     def isotropic(self) -> bool:
         """Whether it has one modulus and one Poisson's ratio."""
         return self.youngs_modulus_y is None or self.shear_modulus is None
+
+    @property
+    def turned(self) -> Material:
+        """The same solid with x and y exchanged."""
+        e_x, e_y = self.youngs_modulus, self.youngs_modulus_y
+        if e_y is None:
+            return self
+        return replace(self, youngs_modulus=e_y, youngs_modulus_y=e_x, poisson_ratio=self.poisson_ratio * e_y / e_x)
 
     @property
     def in_plane_shear_modulus(self) -> float:

@@ -4,16 +4,21 @@ Layout, schema version 3 (SI units, named in the `unit` attribute of every datas
 
     /            schema, schema_version, creator, libraries, method, normalisation, sign_convention
     /plate       length, width, thickness, density, youngs_modulus, poisson_ratio   (attributes)
+                 youngs_modulus_y, shear_modulus   (attributes; of an orthotropic plate)
     /modes       natural_frequency (n,)  coefficients (n, 3, terms, terms)  parity (n, 2)  modal_mass (n,)
     /resonances  mode (m,)  frequency (m,)  damping_ratio (m,)  gain (m,)  driven_point (m, 2)   measured; may be empty
+                 driven_by (m, a)   1 for the actuators that were driven, else 0
+    /actuators   name (attribute, one per line)  centre (a, 2)  size (a, 2)  angle (a,)  thickness (a,)  side (a,)
+                 density (a,)  youngs_modulus (a,)  poisson_ratio (a,)  moment_per_volt (a,)  shear_lag (a,)
+                 capacitance (a,)  loss_tangent (a,)
 """
 
 from __future__ import annotations
 
 import contextlib
 import io
-from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -24,6 +29,8 @@ from feeder_sim import __version__
 from feeder_sim.errors import InputError, not_written
 from feeder_sim.hdf5_text import get_text, put_array, put_text
 from feeder_sim.hdf5_trust import check_trusted
+from feeder_sim.plate.actuator_group import read_actuators, write_actuators
+from feeder_sim.plate.actuators import Actuator
 from feeder_sim.plate.materials import Material
 from feeder_sim.plate.modes import PlateModes
 from feeder_sim.plate.rectangle import RectangularPlate
@@ -45,6 +52,7 @@ class Resonance:
         damping_ratio: measured [1]; NaN when unknown.
         gain: deflection amplitude at the driven point per drive voltage [m / V peak to peak]; NaN when unknown.
         driven_point: (x, y) where the amplitude was measured [m].
+        actuators: names of those that were driven; empty when unknown.
     """
 
     mode: int
@@ -52,18 +60,27 @@ class Resonance:
     damping_ratio: float
     gain: float
     driven_point: tuple[float, float]
+    actuators: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
 class ModeFile:
-    """What a mode file contains: the computed modes and the resonances measured on the plate."""
+    """What a mode file contains: the modes of a plate, the resonances measured on it, and its actuators."""
 
     modes: PlateModes
     resonances: tuple[Resonance, ...] = ()
+    actuators: tuple[Actuator, ...] = ()
+
+    @cached_property
+    def force_per_volt(self) -> NDArray[np.float64]:
+        """Modal force over the voltage [N/V], shape (n_modes, n_actuators)."""
+        if not self.actuators:
+            return np.zeros((len(self.modes), 0))
+        return np.stack([actuator.force_per_volt(self.modes) for actuator in self.actuators], axis=1)
 
 
-def write_mode_file(path: Path, modes: PlateModes, resonances: Sequence[Resonance] = ()) -> None:
-    """Write modes and measured resonances; an existing file is replaced only when the new one is complete.
+def write_mode_file(path: Path, held: ModeFile) -> None:
+    """Write a mode file; an existing one is replaced only when the new one is complete.
 
     Raises:
         RecordingFailed: it cannot be written, as when the disk is full.
@@ -71,6 +88,7 @@ def write_mode_file(path: Path, modes: PlateModes, resonances: Sequence[Resonanc
     """
     import h5py
 
+    modes, resonances = held.modes, held.resonances
     plate, material = modes.plate, modes.plate.material
     partial = path.with_name(path.name + ".partial")
     attributes = {
@@ -79,7 +97,7 @@ def write_mode_file(path: Path, modes: PlateModes, resonances: Sequence[Resonanc
         "libraries": f"numpy {np.__version__}, h5py {h5py.__version__}",
         "method": "Mindlin plate, Ritz with orthonormal Legendre products, shear factor 5/6",
         "normalisation": "max |w| = 1 over the plate",
-        "sign_convention": "w > 0 at or next to (+length/2, +width/2); the top surface moves by (-h/2 bx, -h/2 by, w) q",
+        "sign_convention": "w > 0 at or next to (+length/2, +width/2); the top moves by (-h/2 bx, -h/2 by, w) q",
     }
     buffer = io.BytesIO()  # HDF5 crashes when it closes a file that it could not write
     with h5py.File(buffer, "w", libver="latest") as file:
@@ -94,6 +112,8 @@ def write_mode_file(path: Path, modes: PlateModes, resonances: Sequence[Resonanc
             youngs_modulus=material.youngs_modulus,
             poisson_ratio=material.poisson_ratio,
         )
+        if material.youngs_modulus_y is not None and material.shear_modulus is not None:
+            group.attrs.update(youngs_modulus_y=material.youngs_modulus_y, shear_modulus=material.shear_modulus)
         put_text(group.attrs, {"unit": "SI: m, kg/m^3, Pa"})
         put_array(file, "modes/natural_frequency", modes.natural_frequency, "Hz")
         put_array(file, "modes/coefficients", modes.coefficients, "1, 1/m, 1/m")
@@ -105,6 +125,10 @@ def write_mode_file(path: Path, modes: PlateModes, resonances: Sequence[Resonanc
         put_array(file, "resonances/gain", np.array([r.gain for r in resonances], float), "m/V peak to peak")
         points = np.array([r.driven_point for r in resonances], float).reshape(-1, 2)
         put_array(file, "resonances/driven_point", points, "m")
+        names = [actuator.name for actuator in held.actuators]
+        driven = np.array([[name in r.actuators for name in names] for r in resonances], np.int64)
+        put_array(file, "resonances/driven_by", driven.reshape(len(resonances), len(names)), "1")
+        write_actuators(file, held.actuators)
     try:
         partial.write_bytes(buffer.getvalue())
         partial.replace(path)
@@ -150,9 +174,11 @@ def _checked(file: h5py.File, path: Path) -> ModeFile:
     if schema != SCHEMA or version is None:
         raise InputError(f"is {schema!r}, allowed is a mode file ({SCHEMA!r})", file=path, key="schema")
     values = {name: _number(file, name, path) for name in _PLATE_KEYS}
-    material = Material(values["density"], values["youngs_modulus"], values["poisson_ratio"])
+    orthotropic = {name: _number(file, name, path) for name in _ORTHOTROPIC_KEYS if name in file["plate"].attrs}
+    material = Material(values["density"], values["youngs_modulus"], values["poisson_ratio"], **orthotropic)
     plate = RectangularPlate(values["length"], values["width"], values["thickness"], material)
     data = {name: _array(file, name, path) for name in _DATASETS}
+    actuators = read_actuators(file, path)
     n, m = len(data["modes/natural_frequency"]), len(data["resonances/mode"])
     coefficients = data["modes/coefficients"]
     terms = coefficients.shape[-1]
@@ -161,6 +187,7 @@ def _checked(file: h5py.File, path: Path) -> ModeFile:
         "modes/parity": (n, 2),
         "modes/modal_mass": (n,),
         "resonances/driven_point": (m, 2),
+        "resonances/driven_by": (m, len(actuators)),
         **{f"resonances/{name}": (m,) for name in ("frequency", "damping_ratio", "gain")},
     }
     for name, shape in shapes.items():
@@ -177,11 +204,16 @@ def _checked(file: h5py.File, path: Path) -> ModeFile:
     columns = [
         data[f"resonances/{name}"].tolist() for name in ("mode", "frequency", "damping_ratio", "gain", "driven_point")
     ]
+    columns.append(
+        [tuple(a.name for a, d in zip(actuators, row, strict=True) if d) for row in data["resonances/driven_by"]]
+    )
     rows = zip(*columns, strict=True)
-    return ModeFile(modes, tuple(Resonance(mode, f, z, g, (p[0], p[1])) for mode, f, z, g, p in rows))
+    resonances = tuple(Resonance(mode, f, z, g, (p[0], p[1]), names) for mode, f, z, g, p, names in rows)
+    return ModeFile(modes, resonances, actuators)
 
 
 _PLATE_KEYS = ("length", "width", "thickness", "density", "youngs_modulus", "poisson_ratio")
+_ORTHOTROPIC_KEYS = ("youngs_modulus_y", "shear_modulus")
 # name: (kinds of NumPy dtype, number of dimensions, least, largest, whether NaN may stand for "unknown")
 _DATASETS: dict[str, tuple[str, int, float, float, bool]] = {
     "modes/natural_frequency": ("f", 1, 1e-9, 1e12, False),
@@ -193,6 +225,7 @@ _DATASETS: dict[str, tuple[str, int, float, float, bool]] = {
     "resonances/damping_ratio": ("f", 1, 1e-9, 1.0, True),
     "resonances/gain": ("f", 1, 0.0, 1.0, True),
     "resonances/driven_point": ("f", 2, -1e3, 1e3, False),
+    "resonances/driven_by": ("iu", 2, 0, 1, False),
 }
 
 

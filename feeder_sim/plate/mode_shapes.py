@@ -97,3 +97,12 @@ def standing_wave(plate: RectangularPlate, frequency: float) -> StandingWave:
     c = -m * squared_omega * (s - j * squared_omega)
     k = math.sqrt((-b + math.sqrt(b * b - 4.0 * a * c)) / (2.0 * a))
     return StandingWave(wavenumber=k, rotation=k - m * squared_omega / (s * k))
+
+
+def shortest_wavelength(plate: RectangularPlate, frequency: float) -> float:
+    """The shorter bending wavelength [m] of a plate at a frequency [Hz], of those along x and along y.
+
+    Raises:
+        ValueError: as for `standing_wave`.
+    """
+    return min(standing_wave(along, frequency).wavelength for along in (plate, plate.turned))

@@ -46,8 +46,8 @@ Theory = Literal["mindlin", "kirchhoff"]
 class PlateModes:
     """Elastic modes of a plate, sorted by frequency; mode number 1 is index 0.
 
-    Mode shapes are scaled to max |w| = 1 over the plate. They are positive at the corner (+length/2, +width/2), or, with
-    a node there, next to it on the side at +length/2.
+    Mode shapes are scaled to max |w| = 1 over the plate. They are positive at the corner (+length/2, +width/2), or,
+    with a node there, next to it on the side at +length/2.
 
     Attributes:
         plate: the plate.

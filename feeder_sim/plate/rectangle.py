@@ -41,6 +41,11 @@ class RectangularPlate:
         return q11, q12, q22, q66
 
     @property
+    def turned(self) -> RectangularPlate:
+        """The same plate with x and y exchanged."""
+        return RectangularPlate(self.width, self.length, self.thickness, self.material.turned)
+
+    @property
     def shear_stiffness(self) -> float:
         """S = kappa G h [N/m]."""
         m = self.material

@@ -6,7 +6,6 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from feeder_sim.machine_code import inlined
 from feeder_sim.records.trajectory import Frames
@@ -29,10 +28,9 @@ class EnergyLimit(NamedTuple):
 
 def energy_limit(scene: Scene, first: Frames, factor: float) -> EnergyLimit:
     """Bound the energy of the parts of one seed; first: frames with the state at the start."""
-    speed = [2 * np.pi * max(d.drive_frequency, d.natural_frequency) * d.amplitude for d in scene.drives]
     height = float(np.abs(first.position[..., 2]).max())
     start_speed = float(np.linalg.norm(first.velocity, axis=-1).max()) + math.sqrt(2.0 * GRAVITY * height)
-    plate_speed = largest_at_once(scene, np.array(speed))
+    plate_speed = largest_at_once(scene, speeds=True)
     return EnergyLimit(plate_speed, start_speed, _restitution(scene.scenario.contact), factor)
 
 
@@ -67,20 +65,21 @@ def largest_energy(mass, t, limit):
     return limit.factor * 0.5 * mass * (from_plate + limit.start_speed) ** 2
 
 
-def largest_at_once(scene: Scene, amounts: NDArray[np.float64]) -> float:
-    """Largest sum of an amount per drive (amplitude or speed) over the drives that act or still ring at the same time.
+def largest_at_once(scene: Scene, *, speeds: bool = False) -> float:
+    """Largest sum of amplitudes [m], or speeds [m/s], over the drives that act or still ring at the same time.
 
     A mode that is driven again while it rings gets the larger of both amounts.
     """
     decay = np.full(scene.surface.n_shapes, 1e9)  # [1/s]; without a damping ratio the motion stops at once
-    for drive in scene.drives:
+    for drive in (drive for drives in scene.all_drives for drive in drives):
         rate = (drive.damping_ratio or math.inf) * 2.0 * math.pi * drive.natural_frequency
         decay[drive.shape] = min(decay[drive.shape], rate)
     largest, level = 0.0, np.zeros(len(decay))
     for stage in scene.times.stages:
         driven = np.zeros(len(decay))
-        for i in stage.excitations:
-            driven[scene.drives[i].shape] += amounts[i]
+        for drive in (drive for i in stage.excitations for drive in scene.all_drives[i]):
+            fastest = 2.0 * np.pi * max(drive.drive_frequency, drive.natural_frequency)
+            driven[drive.shape] += fastest * drive.largest if speeds else drive.largest
         largest = max(largest, float(np.maximum(level, driven).sum()))
         duration = 0.0 if stage.until else stage.stop - stage.start  # a stage with a condition may stop at once
         level = np.maximum(level * np.exp(-decay * duration), driven) * np.exp(-decay * (stage.end - stage.stop))

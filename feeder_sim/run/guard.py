@@ -142,10 +142,9 @@ class Guard:
 def what_holds(prepared: Prepared, first: Frames) -> Held:
     """What the states of a seed are held against; first: frames with the state at the start, of one seed or of many."""
     scene = prepared.scene
-    amplitude = np.array([drive.amplitude for drive in scene.drives])
     contact, compliant = scene.scenario.contact, scene.scenario.contact.time_constant_us is not None
     depth = DepthLimit(
-        least=DEPTH_FLOOR + DEPTH_FRACTION * largest_at_once(scene, amplitude),
+        least=DEPTH_FLOOR + DEPTH_FRACTION * largest_at_once(scene),
         steps=DEPTH_STEPS * scene.timestep,
         heap=HEAP_DEPTH if len(scene.parts) > 1 else 0.0,
         time_constant=1e-6 * (contact.time_constant_us or 0.0),
@@ -156,7 +155,7 @@ def what_holds(prepared: Prepared, first: Frames) -> Held:
         bodies=_bodies(scene),
         surface=surface_arrays(scene.surface, scene.scenario.run)._replace(tangent=tangent),
         antinode=scene.surface.extremes[0],
-        edge=edge_of(scene, float(amplitude.sum())),
+        edge=edge_of(scene, sum(drive.largest for drives in scene.all_drives for drive in drives)),
         energy=energy_limit(scene, first, ENERGY_FACTOR),
         depth=depth,
     )

@@ -22,7 +22,7 @@ from feeder_sim.run.advice import recommendations
 from feeder_sim.run.run_folder import DISPLAY_POINTS
 from feeder_sim.run.simulation import available_cores, compile_engine
 from feeder_sim.scenario import PartSpec, Schedule
-from feeder_sim.scene.driven_plate import DrivenMode
+from feeder_sim.scene.driven_mode import DrivenMode
 from feeder_sim.scene.prepared import Prepared
 from feeder_sim.scene.rigid_part import RigidPart
 from feeder_sim.scene.scene import GRAVITY, Scene, build_scene

@@ -27,14 +27,14 @@ def check_plausible(scene: Scene) -> None:
     """
     scenario, surface = scene.scenario, scene.surface
     keys = [key for key, _ in scenario.excitations]
-    together = largest_together(scene.times, scene.drives)
+    together = largest_together(scene.times, scene.all_drives)
     if together > surface.thickness:
         raise InputError(
             f"adds up to {1e6 * together:.4g} um of drives that act at once, allowed is up to the plate's thickness, "
             f"{1e6 * surface.thickness:g} um",
             key=f"{keys[0]}, ...",
         )
-    speed = largest_together(scene.times, scene.drives, speeds=True)
+    speed = largest_together(scene.times, scene.all_drives, speeds=True)
     if speed > FASTEST:
         raise InputError(
             f"moves the surface at {speed:.3g} m/s, allowed is up to {FASTEST:g} m/s with all drives", key=keys[0]
@@ -59,7 +59,7 @@ def doubts(scene: Scene) -> Iterator[str]:
     plate = scene.scenario.plate
     if isinstance(plate, Strip) or (isinstance(plate, Rectangle) and plate.mode_file is None):
         material = resolve_material(plate.material or "aluminium")
-        speed = largest_together(scene.times, scene.drives, speeds=True)
+        speed = largest_together(scene.times, scene.all_drives, speeds=True)
         stress = math.sqrt(3.0 * material.density * material.youngs_modulus) * speed
         if stress > BREAKS:
             yield (

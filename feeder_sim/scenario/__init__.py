@@ -1,8 +1,9 @@
 """Scenario files: TOML -> frozen, validated values. The only room that knows pydantic; keys carry their units."""
 
+from feeder_sim.scenario.attachments import Actuator, Bar, BondedLayer, Mass
+from feeder_sim.scenario.material import CustomMaterial, resolve_material
 from feeder_sim.scenario.part import Ball, Cylinder, Heap, HexNut, MeshPart, PartSpec, Scattered, Slide, Start, Tube
 from feeder_sim.scenario.plate import (
-    CustomMaterial,
     Drive,
     Excitation,
     MeasuredResonance,
@@ -11,14 +12,16 @@ from feeder_sim.scenario.plate import (
     PlateFile,
     Rectangle,
     Strip,
-    resolve_material,
 )
 from feeder_sim.scenario.run import Contact, MujocoSettings, Run
 from feeder_sim.scenario.scenario import Scenario, load_plate_file, load_scenario, parse_scenario, with_run
 from feeder_sim.scenario.schedule import Goal, Pick, Schedule, Settled, Stage
 
 __all__ = [
+    "Actuator",
     "Ball",
+    "Bar",
+    "BondedLayer",
     "Contact",
     "CustomMaterial",
     "Cylinder",
@@ -27,6 +30,7 @@ __all__ = [
     "Goal",
     "Heap",
     "HexNut",
+    "Mass",
     "MeasuredResonance",
     "MeshPart",
     "MujocoSettings",

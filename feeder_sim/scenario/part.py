@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import Discriminator, Field, Tag, model_validator
 
-from feeder_sim.scenario.plate import MaterialChoice
+from feeder_sim.scenario.material import MaterialChoice
 from feeder_sim.scenario.tables import AngleRange, DropHeightRange, LengthMm, NonNegative, PointMm, Table, VelocityMmS
 
 MAX_PARTS = 5000

@@ -1,44 +1,17 @@
-"""Tables of a scenario and of a plate file that describe plates: material, shape, excitation, measured resonances."""
+"""Tables of a scenario and of a plate file that describe plates: shape, excitation, measured resonances."""
 
 from __future__ import annotations
 
 from pathlib import Path
 from typing import Annotated, Literal, Self
 
-from pydantic import AfterValidator, Discriminator, Field, Tag, model_validator
+from pydantic import Field, model_validator
 
-from feeder_sim.plate.materials import MATERIALS, Material
+from feeder_sim.scenario.attachments import Actuator, Bar, Mass, Name
+from feeder_sim.scenario.material import MaterialChoice
 from feeder_sim.scenario.tables import AngleDeg, Flag, FrequencyHz, LengthMm, NonNegative, PointMm, Positive, Table
 
 MOST_DRIVES = 100  # at once; a plate has about so many modes below 20 kHz
-
-
-class CustomMaterial(Table):
-    """A material that is not in the list."""
-
-    density_kg_m3: Annotated[float, Field(ge=1, le=1e5, strict=True)]
-    youngs_modulus_gpa: Annotated[float, Field(ge=1e-4, le=1e4, strict=True)]
-    poisson_ratio: Annotated[float, Field(ge=0, lt=0.5, strict=True)]
-
-
-def _known_material(value: str) -> str:
-    if value not in MATERIALS:
-        names = ", ".join(sorted(MATERIALS))
-        raise ValueError(f"allowed is one of {names}, or a table of density_kg_m3, youngs_modulus_gpa, poisson_ratio")
-    return value
-
-
-MaterialChoice = Annotated[
-    Annotated[str, AfterValidator(_known_material), Tag("name")] | Annotated[CustomMaterial, Tag("table")],
-    Discriminator(lambda value: "name" if isinstance(value, str) else "table"),
-]
-
-
-def resolve_material(choice: MaterialChoice) -> Material:
-    """Look a material up by name, or convert a custom one to SI."""
-    if isinstance(choice, str):
-        return MATERIALS[choice]
-    return Material(choice.density_kg_m3, choice.youngs_modulus_gpa * 1e9, choice.poisson_ratio)
 
 
 class Strip(Table):
@@ -95,7 +68,8 @@ class Excitation(Table):
 
     The amplitude is the one reached at resonance, at `at_mm` or else at the highest antinode of the mode (of a free
     rectangular plate usually a corner). A drive is at resonance unless `natural_frequency_hz` differs from
-    `frequency_hz`. `voltage_vpp` uses the gain measured on the plate (mode file).
+    `frequency_hz`. `voltage_vpp` uses the gain measured on the plate, or the actuators in its mode file. `modes` are
+    those that move: the driven one, all, or those whose share of the motion is above a number.
     """
 
     frequency_hz: FrequencyHz
@@ -107,6 +81,24 @@ class Excitation(Table):
     damping_ratio: Annotated[float, Field(ge=1e-6, lt=1, strict=True)] | None = None
     ring_up: Flag = True
     phase_deg: AngleDeg = 0.0
+    actuator: Annotated[tuple[Name, ...], Field(min_length=1, max_length=MOST_DRIVES)] | None = None
+    actuator_phase_deg: Annotated[tuple[AngleDeg, ...], Field(max_length=MOST_DRIVES)] | None = None
+    modes: Literal["driven", "all"] | Annotated[float, Field(gt=0, lt=1, strict=True)] = "driven"
+
+    @model_validator(mode="after")
+    def _actuators_take_a_voltage(self) -> Self:
+        if self.actuator is not None and self.voltage_vpp is None:
+            raise ValueError("actuator belongs to voltage_vpp, which is missing")
+        if self.actuator_phase_deg is not None and len(self.actuator_phase_deg) != len(self.actuator or ()):
+            raise ValueError(
+                f"actuator_phase_deg has {len(self.actuator_phase_deg)} numbers, allowed are as many as actuators, "
+                f"{len(self.actuator or ())}"
+            )
+        if self.modes != "driven" and self.voltage_vpp is None:
+            raise ValueError(f"modes is {self.modes!r}, allowed is 'driven' without voltage_vpp")
+        if self.modes != "driven" and not self.ring_up:
+            raise ValueError(f"modes is {self.modes!r}, allowed is 'driven' with ring_up = false")
+        return self
 
     @model_validator(mode="after")
     def _one_level(self) -> Self:
@@ -145,10 +137,29 @@ class MeasuredResonance(Table):
     damping_ratio: Annotated[float, Field(ge=1e-6, lt=1, strict=True)] | None = None
     amplitude_um_per_vpp: Positive | None = None
     driven_point_mm: PointMm = (0.0, 0.0)
+    actuator: Annotated[tuple[Name, ...], Field(max_length=MOST_DRIVES)] = ()
 
 
 class PlateFile(Table):
     """A plate as `feeder-sim modes` reads it."""
 
     plate: PlateBody
+    actuator: Annotated[tuple[Actuator, ...], Field(max_length=MOST_DRIVES)] = ()
+    bar: Annotated[tuple[Bar, ...], Field(max_length=MOST_DRIVES)] = ()
+    mass: Annotated[tuple[Mass, ...], Field(max_length=MOST_DRIVES)] = ()
     resonance: tuple[MeasuredResonance, ...] = ()
+
+    @model_validator(mode="after")
+    def _names(self) -> Self:
+        names = [actuator.name for actuator in self.actuator]
+        for i, name in enumerate(names):
+            if name in names[:i]:
+                raise ValueError(f"actuator[{i}].name is {name!r}, allowed is a name of its own")
+        for i, resonance in enumerate(self.resonance):
+            for name in resonance.actuator:
+                if name not in names:
+                    known = ", ".join(names) or "none"
+                    raise ValueError(f"resonance[{i}].actuator is {name!r}, allowed are the actuators: {known}")
+        if self.plate.uniform_width and (self.actuator or self.bar or self.mass):
+            raise ValueError("plate.uniform_width is true, allowed is false with actuators, bars and masses")
+        return self

@@ -11,6 +11,7 @@ from feeder_sim.plate.mode_file import ModeFile, Resonance
 from feeder_sim.plate.modes import PlateModes, plate_modes
 from feeder_sim.plate.rectangle import RectangularPlate
 from feeder_sim.scenario import MeasuredResonance, PlateFile, resolve_material
+from feeder_sim.scene.attachments import build_actuators, build_attachments
 
 RESONANCE_MATCH = 0.02  # largest relative difference between a measured resonance and its computed mode
 
@@ -26,15 +27,23 @@ def compute_modes(file: PlateFile) -> ModeFile:
     plate = RectangularPlate(
         body.length_mm * 1e-3, body.width_mm * 1e-3, body.thickness_mm * 1e-3, resolve_material(body.material)
     )
+    actuators = build_actuators(file.actuator, plate)
+    attachments = build_attachments(file, plate, actuators)
     try:
-        modes = plate_modes(plate, highest_frequency=body.highest_frequency_hz, uniform_width=body.uniform_width)
+        modes = plate_modes(
+            plate,
+            highest_frequency=body.highest_frequency_hz,
+            uniform_width=body.uniform_width,
+            attachments=attachments,
+        )
     except ValueError as error:
         raise InputError(f"is {body.highest_frequency_hz:g}, {error}", key="plate.highest_frequency_hz") from error
     if not len(modes):
         raise InputError(
             f"is {body.highest_frequency_hz:g}, below the first mode of the plate", key="plate.highest_frequency_hz"
         )
-    return ModeFile(modes, tuple(_matched(measured, i, modes) for i, measured in enumerate(file.resonance)))
+    resonances = tuple(_matched(measured, i, modes) for i, measured in enumerate(file.resonance))
+    return ModeFile(modes, resonances, actuators)
 
 
 def _matched(measured: MeasuredResonance, i: int, modes: PlateModes) -> Resonance:
@@ -55,4 +64,5 @@ def _matched(measured: MeasuredResonance, i: int, modes: PlateModes) -> Resonanc
         damping_ratio=math.nan if measured.damping_ratio is None else measured.damping_ratio,
         gain=math.nan if gain is None else gain * 1e-6,
         driven_point=(x * 1e-3, y * 1e-3),
+        actuators=measured.actuator,
     )

@@ -10,13 +10,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from feeder_sim.errors import InputError
-from feeder_sim.plate.drive import ModalDrive, modal_terms
+from feeder_sim.plate.drive import ModalDrive
 from feeder_sim.plate.surface import Surface
 from feeder_sim.scenario import Heap, PartSpec, Scattered, Scenario, Start, Tube
-from feeder_sim.scene.driven_plate import DrivenMode, DrivenPlate, assemble_plate
+from feeder_sim.scene.driven_mode import DrivenMode
+from feeder_sim.scene.driven_plate import DrivenPlate, assemble_plate, motion_terms
 from feeder_sim.scene.guide import Guide, build_guide
 from feeder_sim.scene.rigid_part import RigidPart, build_part, outline
-from feeder_sim.scene.timetable import TimedStage, Timetable, largest_together, timed, timetable
+from feeder_sim.scene.timetable import TimedStage, Timetable, largest_together, timetable
 
 GRAVITY = 9.81  # [m/s^2]
 DIAMETER_ROUND_OFF = 1e-9  # relative, of a tube that is just as wide as its part
@@ -59,11 +60,15 @@ class Scene:
         """The modal drives, one per excitation of the scenario."""
         return tuple(mode.drive for mode in self.driven)
 
+    @property
+    def all_drives(self) -> tuple[tuple[ModalDrive, ...], ...]:
+        """For every excitation its modal drive, and those of the modes that follow it."""
+        return tuple(mode.drives for mode in self.driven)
+
     def stopped(self, stops: Sequence[float]) -> Scene:
         """The same scene, but the drives of the first stages stop at these times [s]."""
         times = timetable(self.scenario, stops)
-        terms = modal_terms(timed(self.drives, times))
-        return replace(self, times=times, surface=replace(self.surface, terms=terms))
+        return replace(self, times=times, surface=replace(self.surface, terms=motion_terms(self.driven, times)))
 
     def stages(self, stops: Sequence[float]) -> tuple[TimedStage, ...]:
         """All stages, when the drives of the first ones stop at these times [s]."""
@@ -106,7 +111,8 @@ def build_scene(scenario: Scenario) -> Scene:
         _check_in_tube(spec, kind, i)
     _check_goal(scenario, plate.surface)
     run, times = scenario.run, timetable(scenario)
-    timestep = 1.0 / (scenario.highest_frequency_hz * run.steps_per_period)
+    following = [follower.drive.natural_frequency for mode in plate.driven for follower in mode.followers]
+    timestep = 1.0 / (max(scenario.highest_frequency_hz, *following, 0.0) * run.steps_per_period)
     timestep = min(timestep, _longest_step(scenario, plate, times, kinds))
     kind_of = np.repeat(np.arange(len(kinds)), [spec.count for spec in scenario.part])
     digits = len(str(len(kind_of) - 1))
@@ -137,7 +143,7 @@ def build_scene(scenario: Scenario) -> Scene:
 def _longest_step(scenario: Scenario, plate: DrivenPlate, times: Timetable, kinds: Sequence[RigidPart]) -> float:
     """Longest step [s] at any frequency: one at rest falls by a micrometre, a fast one enters by a share of itself."""
     shortest = LONGEST_STEP
-    plate_speed = largest_together(times, [mode.drive for mode in plate.driven], speeds=True)
+    plate_speed = largest_together(times, [mode.drives for mode in plate.driven], speeds=True)
     for spec, kind in zip(scenario.part, kinds, strict=True):
         start = spec.start
         thrown = 1e-3 * math.hypot(*start.velocity_mm_s) if isinstance(start, Start) else 0.0

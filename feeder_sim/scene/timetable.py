@@ -56,11 +56,11 @@ class Timetable:
     duration: float
 
 
-def largest_together(times: Timetable, drives: Sequence[ModalDrive], *, speeds: bool = False) -> float:
+def largest_together(times: Timetable, drives: Sequence[Sequence[ModalDrive]], *, speeds: bool = False) -> float:
     """Largest deflection [m], or speed [m/s], that drives which act at the same time add up to at most.
 
-    Drives of one mode and one frequency add up as phasors, all others may meet at their largest. What still rings after
-    a drive is left out.
+    `drives` are all that belong to each excitation. Drives of one mode and one frequency add up as phasors, all others
+    may meet at their largest. What still rings after a drive is left out.
     """
     largest = 0.0
     acting: set[int] = set()
@@ -73,10 +73,10 @@ def largest_together(times: Timetable, drives: Sequence[ModalDrive], *, speeds: 
         sets.add(frozenset(acting))
     for excitations in sets:
         together: dict[tuple[int, float], complex] = {}
-        for drive in (drives[i] for i in excitations):
+        for drive in (drive for i in excitations for drive in drives[i]):
             kind = (drive.shape, drive.drive_frequency)
             rate = 2.0 * math.pi * drive.drive_frequency if speeds else 1.0
-            together[kind] = together.get(kind, 0.0) + cmath.rect(rate * drive.amplitude, drive.phase)
+            together[kind] = together.get(kind, 0.0) + cmath.rect(rate * drive.largest, drive.phase)
         largest = max(largest, sum(abs(amount) for amount in together.values()))
     return largest
 

@@ -18,7 +18,7 @@ from hypothesis import strategies as st
 from feeder_sim.engines.mujoco.mjcf import build_mjcf
 from feeder_sim.errors import InputError
 from feeder_sim.plate.materials import Material
-from feeder_sim.plate.mode_file import Resonance, read_mode_file, write_mode_file
+from feeder_sim.plate.mode_file import ModeFile, Resonance, read_mode_file, write_mode_file
 from feeder_sim.plate.modes import PlateModes, plate_modes
 from feeder_sim.plate.rectangle import RectangularPlate
 from feeder_sim.run.run_folder import scenario_toml
@@ -119,7 +119,7 @@ def small_modes() -> PlateModes:
 
 def test_mode_file_returns_what_was_written(small_modes: PlateModes, tmp_path: Path) -> None:
     resonance = Resonance(1, 1500.0, 0.002, 2e-7, (0.01, 0.0))
-    write_mode_file(tmp_path / "m.h5", small_modes, [resonance])
+    write_mode_file(tmp_path / "m.h5", ModeFile(small_modes, (resonance,)))
     read = read_mode_file(tmp_path / "m.h5")
     assert read.resonances == (resonance,)
     assert read.modes.plate == small_modes.plate

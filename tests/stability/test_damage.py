@@ -19,7 +19,7 @@ from conftest import REPOSITORY, StopsAfter
 import feeder_sim.run.recorder as recorder
 from feeder_sim.errors import InputError
 from feeder_sim.plate.drive import ModalDrive
-from feeder_sim.plate.mode_file import read_mode_file, write_mode_file
+from feeder_sim.plate.mode_file import ModeFile, read_mode_file, write_mode_file
 from feeder_sim.records.checkpoint import Checkpoint, CheckpointFolder, run_identity
 from feeder_sim.records.impacts import Impacts
 from feeder_sim.records.removals import Removals
@@ -230,11 +230,11 @@ def test_run_does_not_go_on_with_other_input_files(tmp_path: Path, monkeypatch: 
     plate = load_scenario(REPOSITORY / "scenarios/drift_2797hz_plate.toml")
     on_plate = plate.model_copy(update={"plate": plate.plate.model_copy(update={"mode_file": mode_file})})
     of_mesh = ball().model_copy(update={"part": (MeshPart(shape="mesh", file=mesh, guide=Slide(kind="slide")),)})
-    write_mode_file(mode_file, held.modes, held.resonances)
+    write_mode_file(mode_file, held)
     trimesh.creation.box((2.0, 3.0, 4.0)).export(mesh)
     for scenario, name in ((on_plate, "plate"), (of_mesh, "mesh")):
         interrupted(scenario, tmp_path / name, monkeypatch)
-    write_mode_file(mode_file, held.modes)  # without what was measured
+    write_mode_file(mode_file, ModeFile(held.modes))  # without what was measured
     trimesh.creation.box((2.0, 3.0, 5.0)).export(mesh)
     for name, key in (("plate", r"plate\.mode_file"), ("mesh", r"part\[0\]\.file")):
         with pytest.raises(InputError, match=f"{name}: --resume: was begun with another content of {key}, allowed"):

@@ -15,7 +15,7 @@ from test_damage import ball, block, check_one_line, feeder_sim, limited, writer
 
 import feeder_sim.cli.main as command_line
 from feeder_sim.errors import InputError, RecordingFailed
-from feeder_sim.plate.mode_file import read_mode_file, write_mode_file
+from feeder_sim.plate.mode_file import ModeFile, read_mode_file, write_mode_file
 from feeder_sim.records.own_files import LOCK
 from feeder_sim.records.trajectory_file import TRAJECTORY, read_recording
 from feeder_sim.replay.replay import REPLAY, build_replay, timeline_ends
@@ -76,11 +76,11 @@ def test_full_disk_leaves_no_part_of_a_mode_file(tmp_path: Path, monkeypatch: py
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
     held = read_mode_file(REPOSITORY / "models/plate_180/modes.h5")
-    write_mode_file(tmp_path / "modes.h5", held.modes)
+    write_mode_file(tmp_path / "modes.h5", ModeFile(held.modes))
     before = (tmp_path / "modes.h5").read_bytes()
     monkeypatch.setattr(Path, "write_bytes", fails)
     with pytest.raises(RecordingFailed, match=r"modes\.h5: cannot be written, is the disk full"):
-        write_mode_file(tmp_path / "modes.h5", held.modes)
+        write_mode_file(tmp_path / "modes.h5", ModeFile(held.modes))
     assert [path.read_bytes() for path in tmp_path.iterdir()] == [before]
 
 

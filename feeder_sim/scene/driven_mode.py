@@ -1,0 +1,241 @@
+"""One excitation of a scenario -> the mode it drives, how strongly, and the modes that follow off their resonance.
+
+A voltage becomes a modal amplitude in one of two ways. A gain measured on the plate goes before; it holds for the
+actuators it was measured with, and others are scaled to them by their computed forces. Without a gain the modal force
+F of the actuators counts, and the amplitude at resonance is F / (2 zeta m w^2).
+"""
+
+from __future__ import annotations
+
+import cmath
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from feeder_sim.errors import InputError, nearest
+from feeder_sim.plate.drive import ModalDrive
+from feeder_sim.plate.mode_file import ModeFile, Resonance
+from feeder_sim.plate.mode_shapes import ModeShape, RitzShape
+from feeder_sim.plate.modes import PlateModes
+from feeder_sim.plate.response import DEFAULT_DAMPING_RATIO, oscillators, voltages
+from feeder_sim.scenario import Excitation
+
+# A drive excites the mode nearest in frequency; farther off than this the plate has no such resonance.
+MODE_MATCH = 0.02
+NO_FORCE = 1e-9  # of the largest modal force; a smaller one is round-off
+ON_NODE = 0.01  # of the antinode; where a mode deflects less, no amplitude can be set
+
+
+@dataclass(frozen=True)
+class Follower:
+    """A mode that is moved by a drive of another one."""
+
+    shape: ModeShape
+    drive: ModalDrive
+
+
+@dataclass(frozen=True)
+class DrivenMode:
+    """What one excitation of the scenario came to.
+
+    Attributes:
+        label: for people, such as "mode 13 (2639.2 Hz computed)".
+        shape: the mode shape.
+        drive: its modal drive; when it acts is for the timetable to say.
+        followers: other modes that the scenario wants to move, too.
+        left_out: root of the sum of squares of the amplitudes [m] of all modes that follow in reality and are left
+            out here; None where it is not known, without actuators.
+    """
+
+    label: str
+    shape: ModeShape
+    drive: ModalDrive
+    followers: tuple[Follower, ...] = ()
+    left_out: float | None = None
+
+    @property
+    def drives(self) -> tuple[ModalDrive, ...]:
+        """The modal drive of the mode, then those of the followers."""
+        return (self.drive, *(follower.drive for follower in self.followers))
+
+
+def driven_mode(drive: Excitation, key: str, held: ModeFile) -> DrivenMode:
+    """Choose the mode of one drive, and its modal amplitude from an amplitude or a voltage; `key` names the drive.
+
+    Raises:
+        InputError: no such mode or actuator, no gain, or a point where the mode does not move.
+    """
+    modes = held.modes
+    index = _choose_mode(drive, key, modes)
+    measured = next((r for r in held.resonances if r.mode == index), None)
+    damping = drive.damping_ratio or _damping(measured)
+    label = _label(modes, index)
+    shape = RitzShape(modes, index)
+    if drive.voltage_vpp is None:
+        level = metres(drive.amplitude_um)
+        if drive.at_mm is not None:
+            level /= _deflection_at(modes, index, (drive.at_mm[0] * 1e-3, drive.at_mm[1] * 1e-3), f"{key}.at_mm")
+        return DrivenMode(label, shape, modal_drive(drive, level, damping))
+    names = _actuators(drive, f"mode {index + 1}", key, held, measured)
+    if not names:
+        assert measured is not None  # without a gain there is no drive without actuators
+        if drive.modes != "driven":
+            raise InputError(
+                f"is {drive.modes!r}, allowed is 'driven' for a plate file without actuators", key=f"{key}.modes"
+            )
+        level = measured.gain * drive.voltage_vpp
+        level /= _deflection_at(modes, index, measured.driven_point, f"{key}.voltage_vpp")
+        return DrivenMode(label, shape, modal_drive(drive, level, damping))
+    return _actuated(drive, key, held, index, names, damping)
+
+
+def _actuated(
+    drive: Excitation, key: str, held: ModeFile, index: int, names: tuple[str, ...], damping: float
+) -> DrivenMode:
+    """The mode of a drive and its followers, from the modal forces of actuators."""
+    assert drive.voltage_vpp is not None
+    phases = np.radians(drive.actuator_phase_deg or (0.0,) * len(names))
+    force = held.force_per_volt @ voltages(held, names, 0.5 * drive.voltage_vpp, phases.tolist())
+    every = oscillators(held)
+    natural, ratio = every.natural_frequency.copy(), every.damping_ratio.copy()
+    natural[index], ratio[index] = drive.natural_frequency_hz or drive.frequency_hz, damping
+    per_force = 1.0 / (2.0 * ratio * every.modal_mass * (2.0 * math.pi * natural) ** 2)
+    per_force[index] *= _calibration(held, index, float(per_force[index]))
+    level = force * per_force
+    if abs(force[index]) < NO_FORCE * np.abs(force).max():
+        raise InputError(f"is {', '.join(names)}, which does not drive mode {index + 1}", key=f"{key}.actuator")
+    drives = [
+        ModalDrive(
+            shape=0,
+            drive_frequency=drive.frequency_hz,
+            natural_frequency=float(natural[j]),
+            amplitude=abs(level[j]),
+            phase=math.radians(drive.phase_deg) + cmath.phase(level[j]),
+            damping_ratio=float(ratio[j]) if drive.ring_up else None,
+        )
+        for j in range(len(natural))
+    ]
+    amplitude = np.array([each.steady_amplitude for each in drives])
+    own = amplitude[index]
+    amplitude[index] = 0.0
+    least = {"driven": math.inf, "all": 0.0}[drive.modes] if isinstance(drive.modes, str) else drive.modes
+    follows = (amplitude > 0.0) & (amplitude >= least * own)
+    return DrivenMode(
+        label=_label(held.modes, index),
+        shape=RitzShape(held.modes, index),
+        drive=drives[index],
+        followers=tuple(Follower(RitzShape(held.modes, int(j)), drives[j]) for j in np.flatnonzero(follows)),
+        left_out=float(np.linalg.norm(amplitude[~follows])),
+    )
+
+
+def _actuators(drive: Excitation, mode: str, key: str, held: ModeFile, measured: Resonance | None) -> tuple[str, ...]:
+    """Names of the actuators behind a voltage; none for a gain that was measured with unknown ones.
+
+    Raises:
+        InputError: an unknown name, or neither a gain nor an actuator that could be meant.
+    """
+    known = [actuator.name for actuator in held.actuators]
+    if drive.actuator is not None:
+        for name in drive.actuator:
+            if name not in known:
+                raise InputError(
+                    f"is {name!r}{nearest(name, known)}, allowed are the actuators in the mode file: "
+                    f"{', '.join(known) or 'none'}",
+                    key=f"{key}.actuator",
+                )
+        if len(set(drive.actuator)) < len(drive.actuator):
+            raise InputError("names an actuator twice, allowed is once", key=f"{key}.actuator")
+        return drive.actuator
+    if measured is not None and math.isfinite(measured.gain):
+        return measured.actuators
+    if len(known) == 1:
+        return (known[0],)
+    gains = ", ".join(f"{r.frequency:g}" for r in held.resonances if math.isfinite(r.gain)) or "none"
+    raise InputError(
+        f"{mode} has no measured gain, allowed are the resonances at {gains} Hz"
+        + (f", or actuator = [...] of {', '.join(known)}" if known else ""),
+        key=f"{key}.voltage_vpp",
+    )
+
+
+def _calibration(held: ModeFile, index: int, per_force: float) -> float:
+    """Measured over computed amplitude of a mode; 1 unless its gain was measured with known actuators."""
+    measured = next((r for r in held.resonances if r.mode == index), None)
+    if measured is None or not math.isfinite(measured.gain) or not measured.actuators:
+        return 1.0
+    volt = voltages(held, measured.actuators, 0.5, [0.0] * len(measured.actuators))
+    computed = abs(held.force_per_volt[index] @ volt) * per_force
+    return measured.gain / (_deflection_at(held.modes, index, measured.driven_point, "resonance") * computed)
+
+
+def _label(modes: PlateModes, index: int) -> str:
+    return f"mode {index + 1}, {modes.natural_frequency[index]:.1f} Hz computed"
+
+
+def _damping(measured: Resonance | None) -> float:
+    if measured is not None and math.isfinite(measured.damping_ratio):
+        return measured.damping_ratio
+    return DEFAULT_DAMPING_RATIO
+
+
+def _choose_mode(drive: Excitation, key: str, modes: PlateModes) -> int:
+    frequencies = modes.natural_frequency
+    if drive.mode is not None:
+        if drive.mode > len(modes):
+            raise InputError(f"is {drive.mode}, allowed is 1 to {len(modes)}", key=f"{key}.mode")
+        computed = frequencies[drive.mode - 1]
+        if drive.natural_frequency_hz is None and abs(computed / drive.frequency_hz - 1.0) > MODE_MATCH:
+            raise InputError(
+                f"is {drive.frequency_hz:g}, but mode {drive.mode} lies at {computed:.1f} Hz; allowed is within "
+                f"{MODE_MATCH:.0%} of it, or a natural_frequency_hz to drive it off resonance",
+                key=f"{key}.frequency_hz",
+            )
+        return drive.mode - 1
+    target = drive.natural_frequency_hz or drive.frequency_hz
+    name = "natural_frequency_hz" if drive.natural_frequency_hz else "frequency_hz"
+    if target > frequencies[-1] * (1.0 + MODE_MATCH):
+        raise InputError(
+            f"is {target:g}, beyond the computed modes; allowed is up to {frequencies[-1] * (1 + MODE_MATCH):.0f}",
+            key=f"{key}.{name}",
+        )
+    index = int(np.argmin(np.abs(frequencies - target)))
+    if abs(frequencies[index] / target - 1.0) > MODE_MATCH:
+        raise InputError(
+            f"is {target:g}, no mode within {MODE_MATCH:.0%}; the nearest is mode {index + 1} at "
+            f"{frequencies[index]:.1f} Hz (or name a mode)",
+            key=f"{key}.{name}",
+        )
+    return index
+
+
+def _deflection_at(modes: PlateModes, index: int, point: tuple[float, float], key: str) -> float:
+    """|w| of a mode at a point [m] that has to lie on the plate and off the nodal lines; `key` names it in messages."""
+    x, y = point
+    if abs(x) > 0.5 * modes.plate.length or abs(y) > 0.5 * modes.plate.width:
+        raise InputError(f"({x * 1e3:g}, {y * 1e3:g}) mm lies outside the plate", key=key)
+    w = abs(float(modes.evaluate(index, x, y)[0]))
+    if w < ON_NODE:
+        raise InputError(
+            f"({x * 1e3:g}, {y * 1e3:g}) mm lies on a nodal line of mode {index + 1}, where no amplitude can be set",
+            key=key,
+        )
+    return w
+
+
+def modal_drive(drive: Excitation, amplitude: float, damping_ratio: float = DEFAULT_DAMPING_RATIO) -> ModalDrive:
+    """The modal drive of an excitation that reaches an amplitude [m] at resonance; its shape is not yet numbered."""
+    return ModalDrive(
+        shape=0,
+        drive_frequency=drive.frequency_hz,
+        natural_frequency=drive.natural_frequency_hz or drive.frequency_hz,
+        amplitude=amplitude,
+        phase=math.radians(drive.phase_deg),
+        damping_ratio=(drive.damping_ratio or damping_ratio) if drive.ring_up else None,
+    )
+
+
+def metres(micrometres: float | None) -> float:
+    """An amplitude in SI units; none is 0."""
+    return 0.0 if micrometres is None else micrometres * 1e-6
