@@ -18,6 +18,7 @@ from feeder_sim.cli.chart import chart
 from feeder_sim.cli.files import naming, new_picture, scenario_of, writable
 from feeder_sim.cli.plate import modes, sequence, wave
 from feeder_sim.cli.report import as_lines, print_boundaries, print_result
+from feeder_sim.cli.response import response
 from feeder_sim.cli.terminal import notify, progress_bar, stop_on_signal
 from feeder_sim.errors import (
     LONGEST_MESSAGE,
@@ -135,7 +136,7 @@ def check(
         _print_plan(scenario, as_json)
 
 
-for command in (modes, sequence, wave, chart):
+for command in (modes, response, sequence, wave, chart):
     app.command()(command)
 
 

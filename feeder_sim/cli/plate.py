@@ -9,6 +9,7 @@ import typer
 
 from feeder_sim.cli.files import modes_of, naming, new_picture, scenario_of, writable
 from feeder_sim.cli.report import print_modes, print_ratios, print_routes, print_waves
+from feeder_sim.cli.response import print_ranked
 from feeder_sim.errors import InputError
 
 if TYPE_CHECKING:
@@ -22,10 +23,17 @@ def modes(
     out: Annotated[Path | None, typer.Option("--out", help="Write the modes to this HDF5 file.")] = None,
     picture: Annotated[Path | None, typer.Option("--picture", help="Draw the mode of --mode to this file.")] = None,
     mode: Annotated[int, typer.Option("--mode", min=1, help="Mode number for --picture.")] = 1,
+    volts: Annotated[
+        float | None, typer.Option("--volts", help="Rank the modes by what this voltage does, peak to peak [V].")
+    ] = None,
+    near: Annotated[
+        str | None, typer.Option("--near", help="With --volts: amplitude at x,y [mm]; else at the highest antinode.")
+    ] = None,
+    gallery: Annotated[Path | None, typer.Option("--gallery", help="Draw all modes on one sheet to this file.")] = None,
     force: Annotated[bool, typer.Option("--force", help="Replace an existing --out file.")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout.")] = False,
 ) -> None:
-    """Compute or read plate modes; list, store and draw them."""
+    """Compute or read plate modes; list, rank, store and draw them."""
     mode_file = modes_of(source)
     if out is not None:
         from feeder_sim.plate.mode_file import write_mode_file
@@ -37,6 +45,15 @@ def modes(
         from feeder_sim.plots.pictures import draw_mode
 
         draw_mode(mode_file.modes, mode - 1, new_picture(picture))
+    if gallery is not None:
+        from feeder_sim.plots.response import draw_gallery
+
+        draw_gallery(mode_file, new_picture(gallery))
+    if near is not None and volts is None:
+        raise InputError("belongs to --volts, which is missing", file=source, key="--near")
+    if volts is not None:
+        print_ranked(mode_file, volts, near, source, as_json)
+        return
     print_modes(mode_file, as_json)
 
 

@@ -19,13 +19,18 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from feeder_sim.errors import InputError
 from feeder_sim.plate.mode_file import ModeFile
+from feeder_sim.plate.modes import PlateModes
 
 # Used where nothing says better: the middle of the range 0.0009 - 0.0027 measured on a plate of aluminium.
 DEFAULT_DAMPING_RATIO = 0.002
-POINTS_PER_BANDWIDTH = 20  # of a resonance
-BANDWIDTHS = 12  # on either side of it that are resolved so finely
-COARSE_POINTS = 800  # between resonances
+ON_NODE = 0.01  # of the antinode; where a mode deflects less, no amplitude can be set
+POINTS_PER_RESONANCE = 121  # of a response
+BANDWIDTHS = 12.0  # on either side of a resonance over which its points lie
+CROWDING = 4.5  # of these points toward the resonance: the middle ones are 0.02 bandwidths apart
+COARSE_POINTS = 800  # over the whole range
+BELONGS = 0.01  # of the frequency; a peak nearer than this to a natural frequency is that mode's
 FIELD_POINTS = 61  # per axis, among which the largest amplitude on the plate is searched
 
 
@@ -70,12 +75,51 @@ def oscillators(held: ModeFile, damping_ratio: float | None = None) -> Oscillato
     return Oscillators(frequency, damping, held.modes.modal_mass)
 
 
+def modal_forces(held: ModeFile) -> NDArray[np.float64]:
+    """Modal force over the voltage [N/V], shape (n_modes, n_actuators).
+
+    The forces of a mode whose gain was measured with known actuators are scaled so that these reach that gain.
+
+    Raises:
+        InputError: a gain was measured on a nodal line.
+    """
+    force = held.force_per_volt.copy()
+    modes = oscillators(held)
+    for resonance in held.resonances:
+        if not resonance.actuators or not math.isfinite(resonance.gain):
+            continue
+        j = resonance.mode
+        omega, damping = 2.0 * math.pi * modes.natural_frequency[j], modes.damping_ratio[j]
+        volt = voltages(held, resonance.actuators, 0.5, [0.0] * len(resonance.actuators))
+        computed = abs(force[j] @ volt) / (2.0 * damping * modes.modal_mass[j] * omega**2)
+        force[j] *= resonance.gain / (deflection_at(held.modes, j, resonance.driven_point, "driven_point") * computed)
+    return force
+
+
+def deflection_at(modes: PlateModes, index: int, point: tuple[float, float], key: str) -> float:
+    """|w| of a mode at a point [m], by which an amplitude there becomes that of the antinode.
+
+    Raises:
+        InputError: the point lies beside the plate or on a nodal line; `key` names it in the message.
+    """
+    x, y = point
+    if abs(x) > 0.5 * modes.plate.length or abs(y) > 0.5 * modes.plate.width:
+        raise InputError(f"({x * 1e3:g}, {y * 1e3:g}) mm lies outside the plate", key=key)
+    w = abs(float(modes.evaluate(index, x, y)[0]))
+    if w < ON_NODE:
+        raise InputError(
+            f"({x * 1e3:g}, {y * 1e3:g}) mm lies on a nodal line of mode {index + 1}, where no amplitude can be set",
+            key=key,
+        )
+    return w
+
+
 @dataclass(frozen=True)
 class Peak:
     """A maximum of a frequency response.
 
     Attributes:
-        mode: 0-based, the one with the largest share of it.
+        mode: 0-based, the one with the largest share of it among those within `BELONGS`, or else among all.
         frequency: [Hz]; amplitude: [m].
         damping_ratio: half the width at 1/sqrt(2) of the height over the frequency; NaN where the response does not
             fall so far on both sides.
@@ -125,8 +169,7 @@ def frequency_response(
         point: (x, y) [m] of the amplitude; None: the largest on the plate.
         damping_ratio: of all modes, instead of what the file says.
     """
-    modes = oscillators(held, damping_ratio)
-    coupling = held.force_per_volt
+    modes, coupling = oscillators(held, damping_ratio), modal_forces(held)
     frequency = _resolving_grid(modes, low, high)
     q = modes.modal_coordinates(frequency, coupling @ voltage)
     shapes = _deflections(held, point)
@@ -137,12 +180,14 @@ def frequency_response(
     current = 1j * omega * (capacitance * voltage + q @ coupling)
     power = 0.5 * np.real(current @ np.conj(voltage))
     share = np.abs(q) * np.abs(shapes).max(axis=1)
-    return Response(frequency, amplitude, current, power, _peaks(frequency, amplitude, share))
+    peaks = _peaks(frequency, amplitude, share, modes.natural_frequency)
+    return Response(frequency, amplitude, current, power, peaks)
 
 
 def _resolving_grid(modes: Oscillators, low: float, high: float) -> NDArray[np.float64]:
     """Frequencies from low to high [Hz], dense around every resonance."""
-    steps = np.arange(-BANDWIDTHS * POINTS_PER_BANDWIDTH, BANDWIDTHS * POINTS_PER_BANDWIDTH + 1) / POINTS_PER_BANDWIDTH
+    spread = np.sinh(CROWDING * np.linspace(-1.0, 1.0, POINTS_PER_RESONANCE)) / math.sinh(CROWDING)
+    steps = BANDWIDTHS * spread
     dense = modes.natural_frequency[:, None] * (1.0 + 2.0 * modes.damping_ratio[:, None] * steps)
     inside = dense[(dense > low) & (dense < high)]
     return np.unique(np.concatenate([np.linspace(low, high, COARSE_POINTS), inside]))
@@ -163,7 +208,10 @@ def _largest(q: NDArray[np.complex128], shapes: NDArray[np.float64]) -> NDArray[
 
 
 def _peaks(
-    frequency: NDArray[np.float64], amplitude: NDArray[np.float64], share: NDArray[np.float64]
+    frequency: NDArray[np.float64],
+    amplitude: NDArray[np.float64],
+    share: NDArray[np.float64],
+    natural_frequency: NDArray[np.float64],
 ) -> tuple[Peak, ...]:
     """The maxima of a response; share: amplitude of every mode by itself (n, n_modes)."""
     from scipy.signal import find_peaks
@@ -174,7 +222,9 @@ def _peaks(
         below = _crossing(frequency[i::-1], amplitude[i::-1], level)
         above = _crossing(frequency[i:], amplitude[i:], level)
         width = (above - below) / (2.0 * frequency[i])
-        peaks.append(Peak(int(share[i].argmax()), float(frequency[i]), float(amplitude[i]), width))
+        near = np.abs(natural_frequency / frequency[i] - 1.0) < BELONGS
+        mode = int(np.where(near, share[i], 0.0).argmax()) if near.any() else int(share[i].argmax())
+        peaks.append(Peak(mode, float(frequency[i]), float(amplitude[i]), width))
     return tuple(peaks)
 
 

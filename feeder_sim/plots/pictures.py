@@ -13,13 +13,13 @@ from feeder_sim.measures.bounces import seed_flights
 from feeder_sim.measures.circulation import StageWave
 from feeder_sim.plate.modes import PlateModes
 from feeder_sim.plate.sequences import Route
+from feeder_sim.plots.figure import MM, MS, UM, empty_figure
 from feeder_sim.records.trajectory import Recording
 from feeder_sim.scenario import parse_scenario
 from feeder_sim.scene.scene import GRAVITY, build_scene
 from feeder_sim.studies.bifurcation import Boundary, Diagram
 from feeder_sim.studies.width_ratios import RatioRoutes
 
-MM, UM, MS = 1e3, 1e6, 1e3  # per m, per m, per s
 LABEL_WIDTH = 0.02  # of the axis; labels of boundaries nearer to each other than this are staggered
 
 
@@ -29,7 +29,7 @@ def draw_mode(modes: PlateModes, index: int, path: Path) -> None:
     x = np.linspace(-0.5, 0.5, 241) * plate.length
     y = np.linspace(-0.5, 0.5, 241) * plate.width
     w = modes.evaluate_grid(index, x, y)[0]
-    figure = _figure(5.6, 4.8)
+    figure = empty_figure(5.6, 4.8)
     axes = figure.add_subplot()
     levels = np.linspace(-1.0, 1.0, 41)
     filled = axes.contourf(x * MM, y * MM, w.T, levels=levels, cmap="RdBu_r", extend="both")
@@ -47,7 +47,7 @@ def draw_mode(modes: PlateModes, index: int, path: Path) -> None:
 def draw_route(modes: PlateModes, route: Route, path: Path, *, y: float = 0.0) -> None:
     """Draw the profile of every mode of a route along its line at y [m], with the steps of the part as arrows."""
     n = len(route.steps)
-    figure = _figure(6.4, 1.0 + 1.05 * n)
+    figure = empty_figure(6.4, 1.0 + 1.05 * n)
     x = np.linspace(-0.5, 0.5, 801) * modes.plate.length
     for row, (step, axes) in enumerate(
         zip(route.steps, figure.subplots(n, 1, sharex=True, squeeze=False)[:, 0], strict=True)
@@ -76,7 +76,7 @@ def draw_route(modes: PlateModes, route: Route, path: Path, *, y: float = 0.0) -
 
 def draw_ratios(rows: Sequence[RatioRoutes], path: Path) -> None:
     """Draw the largest k of the best sequence over the length-to-width ratio, a curve per largest number of modes."""
-    figure = _figure(6.4, 4.0)
+    figure = empty_figure(6.4, 4.0)
     axes = figure.add_subplot()
     for n_modes in sorted({len(route.steps) for row in rows for route in row.routes}):
         best = [
@@ -93,7 +93,7 @@ def draw_ratios(rows: Sequence[RatioRoutes], path: Path) -> None:
 def draw_wave(stage_wave: StageWave, path: Path) -> None:
     """Draw the amplitude of a wave with its still points and the track of its crest; beside it the wave along it."""
     x, y, field = stage_wave.wave.on_grid(241)
-    figure = _figure(10.0, 4.6)
+    figure = empty_figure(10.0, 4.6)
     left, right = figure.subfigures(1, 2, width_ratios=[1.1, 1.0])
     axes = left.add_subplot()
     filled = axes.contourf(x * MM, y * MM, np.abs(field.T) * UM, levels=30, cmap="Blues")
@@ -120,7 +120,7 @@ def draw_wave(stage_wave: StageWave, path: Path) -> None:
 
 def draw_bifurcation(diagram: Diagram, path: Path) -> None:
     """Draw impact speeds over the amplitude, with the boundaries found by bisection and the exact ones."""
-    figure = _figure(9.0, 5.2)
+    figure = empty_figure(9.0, 5.2)
     axes = figure.add_subplot()
     for point in diagram.sweep:
         speeds = np.concatenate(point.impact_speed)
@@ -167,7 +167,7 @@ def draw_velocity(recording: Recording, path: Path, *, seed: int, start: float, 
         raise InputError(f"no frames between {start:g} and {stop:g} s", file=recording.path)
     scenario = parse_scenario(recording.scenario_text, file=recording.path)
     scene = build_scene(scenario)
-    figure = _figure(10.0, 3.8)
+    figure = empty_figure(10.0, 3.8)
     left, right = figure.subplots(1, 2, width_ratios=[3, 1])
     times = frames.time[in_window]
     left.plot(times, frames.velocity[in_window, 0, 2] * MM, linewidth=0.8, color="tab:orange")
@@ -210,10 +210,3 @@ def _draw_boundaries(axes: Any, boundaries: Sequence[Boundary]) -> None:
     axes.plot([], [], color="tab:red", linewidth=3.0, alpha=0.35, label="exact boundary")
     axes.plot([], [], color="tab:blue", linewidth=0.8, linestyle="--", label="found by bisection")
     axes.legend(loc="center left", fontsize=8)
-
-
-def _figure(width: float, height: float) -> Any:
-    """An empty figure of a size in inches; matplotlib is imported only where something is drawn."""
-    from matplotlib.figure import Figure
-
-    return Figure(figsize=(width, height), layout="constrained")

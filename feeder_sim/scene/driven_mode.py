@@ -18,13 +18,12 @@ from feeder_sim.plate.drive import ModalDrive
 from feeder_sim.plate.mode_file import ModeFile, Resonance
 from feeder_sim.plate.mode_shapes import ModeShape, RitzShape
 from feeder_sim.plate.modes import PlateModes
-from feeder_sim.plate.response import DEFAULT_DAMPING_RATIO, oscillators, voltages
+from feeder_sim.plate.response import DEFAULT_DAMPING_RATIO, deflection_at, modal_forces, oscillators, voltages
 from feeder_sim.scenario import Excitation
 
 # A drive excites the mode nearest in frequency; farther off than this the plate has no such resonance.
 MODE_MATCH = 0.02
 NO_FORCE = 1e-9  # of the largest modal force; a smaller one is round-off
-ON_NODE = 0.01  # of the antinode; where a mode deflects less, no amplitude can be set
 
 
 @dataclass(frozen=True)
@@ -75,7 +74,7 @@ def driven_mode(drive: Excitation, key: str, held: ModeFile) -> DrivenMode:
     if drive.voltage_vpp is None:
         level = metres(drive.amplitude_um)
         if drive.at_mm is not None:
-            level /= _deflection_at(modes, index, (drive.at_mm[0] * 1e-3, drive.at_mm[1] * 1e-3), f"{key}.at_mm")
+            level /= deflection_at(modes, index, (drive.at_mm[0] * 1e-3, drive.at_mm[1] * 1e-3), f"{key}.at_mm")
         return DrivenMode(label, shape, modal_drive(drive, level, damping))
     names = _actuators(drive, f"mode {index + 1}", key, held, measured)
     if not names:
@@ -85,7 +84,7 @@ def driven_mode(drive: Excitation, key: str, held: ModeFile) -> DrivenMode:
                 f"is {drive.modes!r}, allowed is 'driven' for a plate file without actuators", key=f"{key}.modes"
             )
         level = measured.gain * drive.voltage_vpp
-        level /= _deflection_at(modes, index, measured.driven_point, f"{key}.voltage_vpp")
+        level /= deflection_at(modes, index, measured.driven_point, f"{key}.voltage_vpp")
         return DrivenMode(label, shape, modal_drive(drive, level, damping))
     return _actuated(drive, key, held, index, names, damping)
 
@@ -96,12 +95,11 @@ def _actuated(
     """The mode of a drive and its followers, from the modal forces of actuators."""
     assert drive.voltage_vpp is not None
     phases = np.radians(drive.actuator_phase_deg or (0.0,) * len(names))
-    force = held.force_per_volt @ voltages(held, names, 0.5 * drive.voltage_vpp, phases.tolist())
+    force = modal_forces(held) @ voltages(held, names, 0.5 * drive.voltage_vpp, phases.tolist())
     every = oscillators(held)
     natural, ratio = every.natural_frequency.copy(), every.damping_ratio.copy()
     natural[index], ratio[index] = drive.natural_frequency_hz or drive.frequency_hz, damping
     per_force = 1.0 / (2.0 * ratio * every.modal_mass * (2.0 * math.pi * natural) ** 2)
-    per_force[index] *= _calibration(held, index, float(per_force[index]))
     level = force * per_force
     if abs(force[index]) < NO_FORCE * np.abs(force).max():
         raise InputError(f"is {', '.join(names)}, which does not drive mode {index + 1}", key=f"{key}.actuator")
@@ -160,16 +158,6 @@ def _actuators(drive: Excitation, mode: str, key: str, held: ModeFile, measured:
     )
 
 
-def _calibration(held: ModeFile, index: int, per_force: float) -> float:
-    """Measured over computed amplitude of a mode; 1 unless its gain was measured with known actuators."""
-    measured = next((r for r in held.resonances if r.mode == index), None)
-    if measured is None or not math.isfinite(measured.gain) or not measured.actuators:
-        return 1.0
-    volt = voltages(held, measured.actuators, 0.5, [0.0] * len(measured.actuators))
-    computed = abs(held.force_per_volt[index] @ volt) * per_force
-    return measured.gain / (_deflection_at(held.modes, index, measured.driven_point, "resonance") * computed)
-
-
 def _label(modes: PlateModes, index: int) -> str:
     return f"mode {index + 1}, {modes.natural_frequency[index]:.1f} Hz computed"
 
@@ -208,20 +196,6 @@ def _choose_mode(drive: Excitation, key: str, modes: PlateModes) -> int:
             key=f"{key}.{name}",
         )
     return index
-
-
-def _deflection_at(modes: PlateModes, index: int, point: tuple[float, float], key: str) -> float:
-    """|w| of a mode at a point [m] that has to lie on the plate and off the nodal lines; `key` names it in messages."""
-    x, y = point
-    if abs(x) > 0.5 * modes.plate.length or abs(y) > 0.5 * modes.plate.width:
-        raise InputError(f"({x * 1e3:g}, {y * 1e3:g}) mm lies outside the plate", key=key)
-    w = abs(float(modes.evaluate(index, x, y)[0]))
-    if w < ON_NODE:
-        raise InputError(
-            f"({x * 1e3:g}, {y * 1e3:g}) mm lies on a nodal line of mode {index + 1}, where no amplitude can be set",
-            key=key,
-        )
-    return w
 
 
 def modal_drive(drive: Excitation, amplitude: float, damping_ratio: float = DEFAULT_DAMPING_RATIO) -> ModalDrive:

@@ -1,0 +1,98 @@
+"""What the commands about actuators print: the peaks of a response, the ranking of modes."""
+
+from __future__ import annotations
+
+import csv
+import json
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from feeder_sim.plate.mode_file import ModeFile
+    from feeder_sim.plate.ranking import RankedMode
+    from feeder_sim.plate.response import Response
+
+
+def print_response(
+    found: Response,
+    held: ModeFile,
+    forces: NDArray[np.float64],
+    names: Sequence[str],
+    volts: float,
+    as_json: bool,
+) -> None:
+    """Print the peaks of a response, and with what force each actuator drives their modes (n_modes, n_actuators)."""
+    at_peak = [int(abs(found.frequency - peak.frequency).argmin()) for peak in found.peaks]
+    rows = [
+        {
+            "mode": peak.mode + 1,
+            "frequency_hz": peak.frequency,
+            "amplitude_um": 1e6 * peak.amplitude,
+            "damping_ratio": None if math.isnan(peak.damping_ratio) else peak.damping_ratio,
+            "current_ma": 1e3 * float(abs(found.current[i].sum())),
+            "power_w": float(found.power[i]),
+            "force_per_volt_n": dict(zip((a.name for a in held.actuators), forces[peak.mode].tolist(), strict=True)),
+        }
+        for peak, i in zip(found.peaks, at_peak, strict=True)
+    ]
+    if as_json:
+        print(json.dumps({"actuator": list(names), "voltage_vpp": volts, "peaks": rows}))
+        return
+    print(f"driven: {', '.join(names)} at {volts:g} V peak to peak")
+    headings = "  ".join(f"{'N/V ' + a.name:>12}" for a in held.actuators)
+    print(f"mode  frequency (Hz)  amplitude (um)  damping ratio  current (mA)  power (W)  {headings}")
+    for row, peak in zip(rows, found.peaks, strict=True):
+        damping = "-" if math.isnan(peak.damping_ratio) else f"{peak.damping_ratio:.5f}"
+        each = "  ".join(f"{force:>+12.4f}" for force in forces[peak.mode])
+        print(
+            f"{row['mode']:>4}  {row['frequency_hz']:>14.1f}  {row['amplitude_um']:>14.4g}  {damping:>13}  "
+            f"{row['current_ma']:>12.4g}  {row['power_w']:>9.3g}  {each}"
+        )
+    if not rows:
+        print("no peak in this range")
+
+
+def print_ranking(ranked: Sequence[RankedMode], as_json: bool) -> None:
+    """Print modes in the order of their amplitude at a place."""
+    rows = [
+        {
+            "mode": mode.mode + 1,
+            "frequency_hz": mode.frequency,
+            "actuator": mode.actuator,
+            "force_per_volt_n": mode.force_per_volt,
+            "amplitude_um": 1e6 * mode.amplitude,
+            "antinode_um": 1e6 * mode.antinode,
+            "peak_acceleration_g": mode.acceleration,
+            "hop_height_mm": 1e3 * mode.hop_height,
+            "neighbours": [neighbour + 1 for neighbour in mode.neighbours],
+        }
+        for mode in ranked
+    ]
+    if as_json:
+        print(json.dumps(rows))
+        return
+    print("mode  frequency (Hz)  amplitude (um)  antinode (um)  peak (g)  hop (mm)     N/V  actuator      within 2 %")
+    for mode, row in zip(ranked, rows, strict=True):
+        near = ", ".join(str(neighbour + 1) for neighbour in mode.neighbours)
+        print(
+            f"{row['mode']:>4}  {mode.frequency:>14.1f}  {row['amplitude_um']:>14.4g}  {row['antinode_um']:>13.4g}  "
+            f"{mode.acceleration:>8.4g}  {row['hop_height_mm']:>8.3g}  {mode.force_per_volt:>+6.3f}  "
+            f"{mode.actuator:<12}  {near}"
+        )
+
+
+def write_response(found: Response, names: Sequence[str], path: Path) -> None:
+    """Write a response as CSV: frequency, amplitude, power, and the current of every actuator."""
+    with path.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file)
+        writer.writerow(["frequency_hz", "amplitude_um", "power_w", *(f"current_{name}_ma" for name in names)])
+        for i, frequency in enumerate(found.frequency):
+            currents = [f"{1e3 * abs(current):.6g}" for current in found.current[i]]
+            numbers = [f"{frequency:.4f}", f"{1e6 * found.amplitude[i]:.6g}", f"{found.power[i]:.6g}"]
+            writer.writerow([*numbers, *currents])

@@ -1,0 +1,137 @@
+"""Commands about what actuators make of a plate: its frequency response, and which mode is worth its volts."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from feeder_sim.cli.files import modes_of, naming, new_picture, writable
+from feeder_sim.errors import InputError, nearest
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from feeder_sim.plate.mode_file import ModeFile
+
+VOLTS = 100.0  # peak to peak
+HIGHEST_VOLTS = 1e5
+
+
+def response(
+    source: Annotated[Path, typer.Argument(help="Plate file (.toml), or mode file (.h5).", show_default=False)],
+    *,
+    low: Annotated[float | None, typer.Option("--from", help="Lowest frequency [Hz]; else half of the first.")] = None,
+    high: Annotated[float | None, typer.Option("--to", help="Highest frequency [Hz]; else the last one.")] = None,
+    actuator: Annotated[
+        list[str] | None, typer.Option("--actuator", help="Drive this one; may be repeated. [the first of the plate]")
+    ] = None,
+    at: Annotated[
+        str | None, typer.Option("--at", help="Amplitude at x,y [mm]; else the largest on the plate.")
+    ] = None,
+    volts: Annotated[float, typer.Option("--volts", help="Voltage, peak to peak [V].")] = VOLTS,
+    damping: Annotated[
+        float | None, typer.Option("--damping", help="Damping ratio of all modes, over those of the file.")
+    ] = None,
+    picture: Annotated[Path | None, typer.Option("--picture", help="Draw the response to this file.")] = None,
+    data: Annotated[Path | None, typer.Option("--data", help="Write the response to this CSV file.")] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout.")] = False,
+) -> None:
+    """Compute how a plate answers its actuators: amplitude, current and power over the frequency, and the peaks."""
+    from feeder_sim.cli.report_response import print_response, write_response
+    from feeder_sim.plate.response import frequency_response, modal_forces
+
+    for path in (picture, data):
+        if path is not None:
+            (new_picture if path is picture else writable)(path)
+    held = modes_of(source)
+    _check_actuators(held, source)
+    frequencies = held.modes.natural_frequency
+    low = 0.5 * float(frequencies[0]) if low is None else low
+    high = float(frequencies[-1]) if high is None else high
+    if not 0.0 < low < high <= frequencies[-1] * 1.02:
+        raise InputError(
+            f"is {low:g} to {high:g}, allowed is a range within 0 to {frequencies[-1]:.0f} Hz, the last computed mode",
+            file=source,
+            key="--from, --to",
+        )
+    if damping is not None and not 1e-6 <= damping < 1.0:
+        raise InputError(f"is {damping:g}, allowed is 1e-06 to 1", file=source, key="--damping")
+    point = point_on_plate(at, held, source, "--at")
+    names = actuator or [held.actuators[0].name]
+    with naming(source):
+        voltage = amplitudes_of(held, names, volts, source)
+        found = frequency_response(held, voltage, low=low, high=high, point=point, damping_ratio=damping)
+        forces = modal_forces(held)
+    if data is not None:
+        write_response(found, [a.name for a in held.actuators], data)
+    if picture is not None:
+        from feeder_sim.plots.response import draw_response
+
+        draw_response(found, picture, title=f"Driven by {', '.join(names)} at {volts:g} V peak to peak", point=point)
+    print_response(found, held, forces, names, volts, as_json)
+
+
+def print_ranked(held: ModeFile, volts: float, near: str | None, source: Path, as_json: bool) -> None:
+    """Print the modes of a plate in the order of what a voltage, peak to peak, does near a point x,y [mm]."""
+    from feeder_sim.cli.report_response import print_ranking
+    from feeder_sim.plate.ranking import rank_modes
+
+    _check_actuators(held, source)
+    _check_volts(volts, source)
+    with naming(source):
+        ranked = rank_modes(held, 0.5 * volts, point_on_plate(near, held, source, "--near"))
+    print_ranking(ranked, as_json)
+
+
+def _check_actuators(held: ModeFile, source: Path) -> None:
+    if not held.actuators:
+        raise InputError("has no actuator, allowed is a plate with at least one [[actuator]]", file=source)
+
+
+def _check_volts(volts: float, source: Path) -> None:
+    if not 0.0 < volts <= HIGHEST_VOLTS:
+        raise InputError(f"is {volts:g}, allowed is above 0 and up to {HIGHEST_VOLTS:g}", file=source, key="--volts")
+
+
+def point_on_plate(text: str | None, held: ModeFile, source: Path, option: str) -> tuple[float, float] | None:
+    """The point x,y [mm] of an option in [m]; None where it is not given.
+
+    Raises:
+        InputError: it is no point, or not on the plate.
+    """
+    if text is None:
+        return None
+    plate = held.modes.plate
+    try:
+        x, y = (1e-3 * float(number) for number in text.split(","))
+    except ValueError:
+        x = y = math.nan
+    if not (abs(x) <= 0.5 * plate.length and abs(y) <= 0.5 * plate.width):
+        raise InputError(
+            f"is {text}, allowed is x,y within +-{500.0 * plate.length:g}, +-{500.0 * plate.width:g} mm",
+            file=source,
+            key=option,
+        )
+    return x, y
+
+
+def amplitudes_of(held: ModeFile, names: list[str], volts: float, source: Path) -> NDArray[np.complex128]:
+    """Complex amplitude [V] of every actuator when those named are driven in phase by `volts`, peak to peak.
+
+    Raises:
+        InputError: an unknown name, or a voltage that is not allowed.
+    """
+    from feeder_sim.plate.response import voltages
+
+    known = [each.name for each in held.actuators]
+    for name in names:
+        if name not in known:
+            raise InputError(
+                f"is {name!r}{nearest(name, known)}, allowed is {', '.join(known)}", file=source, key="--actuator"
+            )
+    _check_volts(volts, source)
+    return voltages(held, list(dict.fromkeys(names)), 0.5 * volts, [0.0] * len(set(names)))
