@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from feeder_sim.studies.width_ratios import RatioRoutes
 
 
+MOST_DRIVE_LINES = 12  # of a run with many stages
 LONGEST_TEXT = 300  # characters of a title or a line that holds one
 
 
@@ -34,7 +35,7 @@ def print_result(result: Result, folder: Path, as_json: bool) -> None:
         return
     from feeder_sim.measures.protocol import labelled
 
-    lines = result.lines()
+    lines = [*_lines_under_parts(result), *result.lines()]
     if summary["left_plate"]:
         lines.append(labelled("left the plate", f"{summary['left_plate']} of {summary['seeds']}"))
     if summary["unresolved_impacts"]:
@@ -45,6 +46,21 @@ def print_result(result: Result, folder: Path, as_json: bool) -> None:
     print(shortened(printable(summary["title"] or folder.name), LONGEST_TEXT))
     for line in lines:
         print(f"  {shortened(escaped(line), LONGEST_TEXT)}")
+
+
+def _lines_under_parts(result: Result) -> list[str]:
+    """How strongly the plate moves where parts start, a line for each drive and part table."""
+    from feeder_sim.measures.protocol import labelled
+    from feeder_sim.scene.under_parts import motion_under_parts
+
+    lines = []
+    for motion in motion_under_parts(result.scene):
+        label = "plate under part" if len(result.scene.kinds) == 1 else f"under part[{motion.part}]"
+        amplitude = f"{1e6 * motion.median:.3g} um"
+        if motion.largest > motion.least:
+            amplitude += f" (median; up to {1e6 * motion.largest:.3g} um)"
+        lines.append(labelled(label, f"{amplitude}, {motion.acceleration:.3g} g at {motion.frequency:g} Hz"))
+    return lines[:MOST_DRIVE_LINES]
 
 
 def print_boundaries(diagram: Diagram, as_json: bool) -> None:

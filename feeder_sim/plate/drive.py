@@ -54,11 +54,19 @@ class ModalDrive:
         return 1.0 / (self.damping_ratio * 2.0 * math.pi * self.natural_frequency)
 
     @property
+    def steady(self) -> complex:
+        """Complex amplitude [m] of the stationary motion, for q = Re[steady exp(i w (t - t_on))]."""
+        if self.damping_ratio is None:
+            return -1j * self.amplitude * cmath.exp(1j * self.phase)
+        omega, omega_n = 2.0 * math.pi * self.drive_frequency, 2.0 * math.pi * self.natural_frequency
+        zeta = self.damping_ratio
+        force = 2.0 * zeta * omega_n**2 * self.amplitude * cmath.exp(1j * self.phase)
+        return force / (omega_n**2 - omega**2 + 2j * zeta * omega_n * omega)
+
+    @property
     def steady_amplitude(self) -> float:
         """Amplitude [m] of the stationary motion: `amplitude` at resonance, else what the oscillator leaves of it."""
-        if self.damping_ratio is None:
-            return self.amplitude
-        return abs(_steady(self))
+        return abs(self.steady)
 
     @property
     def largest(self) -> float:
@@ -117,9 +125,8 @@ def _terms_of(drive: ModalDrive) -> list[tuple[int, float, float, complex, compl
     omega, omega_n = 2.0 * math.pi * drive.drive_frequency, 2.0 * math.pi * drive.natural_frequency
     zeta = drive.damping_ratio
     if zeta is None:
-        steady = -1j * drive.amplitude * cmath.exp(1j * drive.phase)
-        return [(drive.shape, drive.start, drive.stop, steady, 1j * omega)]
-    steady = _steady(drive)
+        return [(drive.shape, drive.start, drive.stop, drive.steady, 1j * omega)]
+    steady = drive.steady
     free = complex(-zeta * omega_n, omega_n * math.sqrt(1.0 - zeta**2))
     transient = _free_motion(-steady.real, -(1j * omega * steady).real, free)
     decay_time = DECAY_LENGTH / (zeta * omega_n)
@@ -133,15 +140,6 @@ def _terms_of(drive: ModalDrive) -> list[tuple[int, float, float, complex, compl
         q, velocity = (moving + fading).real, (1j * omega * moving + free * fading).real
         terms.append((drive.shape, drive.stop, drive.stop + decay_time, _free_motion(q, velocity, free), free))
     return terms
-
-
-def _steady(drive: ModalDrive) -> complex:
-    """Complex amplitude [m] of the stationary motion of a damped mode."""
-    omega, omega_n = 2.0 * math.pi * drive.drive_frequency, 2.0 * math.pi * drive.natural_frequency
-    zeta = drive.damping_ratio
-    assert zeta is not None
-    force = 2.0 * zeta * omega_n**2 * drive.amplitude * cmath.exp(1j * drive.phase)
-    return force / (omega_n**2 - omega**2 + 2j * zeta * omega_n * omega)
 
 
 def _free_motion(q: float, velocity: float, rate: complex) -> complex:

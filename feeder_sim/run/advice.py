@@ -12,12 +12,16 @@ import numpy as np
 
 from feeder_sim.scenario.engine_choice import Choice, known_failures
 from feeder_sim.scene.scene import GRAVITY, Scene
+from feeder_sim.scene.under_parts import motion_under_parts
 
 COMPLIANT_DEPTH = 0.37  # 1/e: largest depth of a critically damped contact, over speed times time constant
 THROUGH = 0.5  # of the thickness; a part that gets deeper into the plate may leave it on the lower side
 SHORT_RING_UP = 0.1  # of the time for which a drive acts; a shorter ring-up can be left out
 UNEVEN_WIDTH = 0.1  # of the antinode; a mode that varies more across the plate is not that of a strip
 FINE_STEPS = 40  # per period; more steps change the drift by a percent
+USUAL_SPEED = 0.06  # [m/s], velocity amplitude of plates under parts: 1 um at 8775 Hz, 3.4 um at 2797 Hz
+MUCH_FASTER = 5.0  # than usual: parts hop by a centimetre and more
+MOST_ACCELERATION = 2000.0  # [g]; what drives move plates with
 FEW_ITERATIONS = 5  # of MuJoCo's solver; fewer do not resolve contacts of several corners
 
 
@@ -25,7 +29,7 @@ def cautions(scene: Scene, engine: Choice) -> list[str]:
     """Settings of a scene that are known to give wrong numbers: key, value and effect, a line each."""
     scenario = scene.scenario
     run, contact, settings = scenario.run, scenario.contact, scenario.mujoco
-    lines = [*known_failures(scenario)]
+    lines = [*known_failures(scenario), *_cautions_of_motion(scene)]
     if not run.in_plane_velocity and scenario.plate.kind != "piston":
         lines.append("run.in_plane_velocity is false: drifts come out at a third of their speed or less")
     if scenario.plate.kind == "strip" and run.planar:
@@ -48,6 +52,20 @@ def cautions(scene: Scene, engine: Choice) -> list[str]:
         lines.append(f"mujoco.iterations is {settings.iterations}: contacts of several corners are not resolved")
     if settings.impedance == "default":
         lines.append('mujoco.impedance is "default": friction is soft, and what rests on a slope creeps')
+    return lines
+
+
+def _cautions_of_motion(scene: Scene) -> list[str]:
+    """A line for each drive that moves the parts of a table far more than feeders do."""
+    lines = []
+    keys = [key for key, _ in scene.scenario.excitations]
+    for motion in motion_under_parts(scene):
+        if motion.acceleration > MOST_ACCELERATION or motion.velocity > MUCH_FASTER * USUAL_SPEED:
+            lines.append(
+                f"{keys[motion.excitation]}: moves the plate under part[{motion.part}] by {1e6 * motion.median:.3g} um, "
+                f"{motion.acceleration:.0f} g and {motion.velocity:.2g} m/s; usual is {USUAL_SPEED:g} m/s, below "
+                f"{MOST_ACCELERATION:g} g"
+            )
     return lines
 
 

@@ -26,6 +26,7 @@ from feeder_sim.scene.driven_mode import DrivenMode
 from feeder_sim.scene.prepared import Prepared
 from feeder_sim.scene.rigid_part import RigidPart
 from feeder_sim.scene.scene import GRAVITY, Scene, build_scene
+from feeder_sim.scene.under_parts import motion_under_parts
 
 TRIAL_STEPS = 20_000  # of the engine, which are timed
 TRIAL_S, LONGEST_TRIAL_S = 1.0, 10.0  # [s] of it, and until it is given up
@@ -38,14 +39,29 @@ BYTES_PER_SURFACE_POINT = 60  # shape, mesh and colours of the plate, in both fi
 
 
 @dataclass(frozen=True)
+class UnderPartPlan:
+    """Amplitude of the plate where the parts of a table start: smallest, median and largest; peak of the median."""
+
+    part: str
+    amplitude_um: list[float]
+    peak_acceleration_g: float
+
+
+@dataclass(frozen=True)
 class DrivePlan:
-    """One drive and the motion of the plate that it causes; without ring-up `ring_up_s` is 0."""
+    """One drive and the motion of the plate that it causes; without ring-up `ring_up_s` is 0.
+
+    `following_modes` move, too; `left_out_um` is what other modes would move, None where it is not known.
+    """
 
     mode: str
     frequency_hz: float
     antinode_amplitude_um: float
     peak_acceleration_g: float
     ring_up_s: float
+    under_parts: list[UnderPartPlan]
+    following_modes: int
+    left_out_um: float | None
 
 
 @dataclass(frozen=True)
@@ -114,7 +130,7 @@ def make_plan(prepared: Prepared) -> Plan:
         engine=engine.name,
         engine_because=engine.reason,
         plate_mm=[round(1e3 * d, 3) for d in (surface.length, surface.width, surface.thickness)],
-        drives=[_drive_plan(mode) for mode in scene.driven],
+        drives=_drive_plans(scene),
         antinode_to_node_mm=1e3 * cell.reach if cell else None,
         parts=[_part_plan(spec, kind) for spec, kind in zip(scene.scenario.part, scene.kinds, strict=True)],
         timestep_us=1e6 * scene.timestep,
@@ -129,7 +145,17 @@ def make_plan(prepared: Prepared) -> Plan:
     )
 
 
-def _drive_plan(mode: DrivenMode) -> DrivePlan:
+def _drive_plans(scene: Scene) -> list[DrivePlan]:
+    """The driven modes of a scene, with the motion under its parts."""
+    under: list[list[UnderPartPlan]] = [[] for _ in scene.driven]
+    for motion in motion_under_parts(scene):
+        amplitudes = [1e6 * motion.least, 1e6 * motion.median, 1e6 * motion.largest]
+        part = UnderPartPlan(f"part_{motion.part}", amplitudes, motion.acceleration)
+        under[motion.excitation].append(part)
+    return [_drive_plan(mode, parts) for mode, parts in zip(scene.driven, under, strict=True)]
+
+
+def _drive_plan(mode: DrivenMode, under_parts: list[UnderPartPlan]) -> DrivePlan:
     """A driven mode in the units of the plan."""
     drive = mode.drive
     return DrivePlan(
@@ -138,6 +164,9 @@ def _drive_plan(mode: DrivenMode) -> DrivePlan:
         antinode_amplitude_um=1e6 * drive.amplitude,
         peak_acceleration_g=_throw_number(drive),
         ring_up_s=drive.ring_up_time,
+        under_parts=under_parts,
+        following_modes=len(mode.followers),
+        left_out_um=None if mode.left_out is None else 1e6 * mode.left_out,
     )
 
 

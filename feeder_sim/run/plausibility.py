@@ -45,11 +45,11 @@ def check_plausible(scene: Scene) -> None:
                 f"is {drive.start_s:g}, allowed is before the end of the run at {scene.times.duration:g} s",
                 key=f"drive[{i}].start_s",
             )
-    diagonal = math.hypot(surface.length, surface.width)
+    longer = max(surface.length, surface.width)
     for i, (spec, kind) in enumerate(zip(scenario.part, scene.kinds, strict=True)):
-        if spec.guide is None and kind.longest > diagonal:  # a guided part stands on the plate
+        if spec.guide is None and kind.longest > longer:  # a guided part stands on the plate
             raise InputError(
-                f"is {1e3 * kind.longest:.4g} mm long, allowed is up to the plate's diagonal, {1e3 * diagonal:.4g} mm",
+                f"is {1e3 * kind.longest:.4g} mm long, allowed is up to the plate's longer side, {1e3 * longer:.4g} mm",
                 key=f"part[{i}]",
             )
 
