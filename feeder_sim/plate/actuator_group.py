@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from feeder_sim.errors import InputError
 from feeder_sim.hdf5_text import get_text, put_array, put_text
@@ -14,6 +15,7 @@ from feeder_sim.plate.actuators import Actuator
 from feeder_sim.plate.attachments import Layer
 from feeder_sim.plate.materials import Material
 
+FORCE = "actuators/force_per_volt"
 # name: (unit, numbers of each actuator, least, largest)
 FIELDS = {
     "centre": ("m", 2, -1e3, 1e3),
@@ -31,8 +33,8 @@ FIELDS = {
 }
 
 
-def write_actuators(file: Any, actuators: Sequence[Actuator]) -> None:
-    """Write the actuators of a plate."""
+def write_actuators(file: Any, actuators: Sequence[Actuator], force_per_volt: NDArray[np.float64]) -> None:
+    """Write the actuators of a plate, and their modal forces [N/V], shape (n_modes, n_actuators)."""
     rows = [
         {
             "centre": a.layer.centre,
@@ -54,10 +56,11 @@ def write_actuators(file: Any, actuators: Sequence[Actuator]) -> None:
     for name, (unit, width, _, _) in FIELDS.items():
         shape = (len(rows), width) if width else (len(rows),)
         put_array(file, f"actuators/{name}", np.array([row[name] for row in rows], float).reshape(shape), unit)
+    put_array(file, FORCE, force_per_volt, "N/V")
 
 
-def read_actuators(file: Any, path: Path) -> tuple[Actuator, ...]:
-    """Read them back.
+def read_actuators(file: Any, path: Path) -> tuple[tuple[Actuator, ...], NDArray[np.float64]]:
+    """Read both back.
 
     Raises:
         InputError: something is missing, has another shape, or a number that is not allowed; `path` names the file.
@@ -76,7 +79,10 @@ def read_actuators(file: Any, path: Path) -> tuple[Actuator, ...]:
             raise InputError(f"holds a number outside {least:g} to {largest:g}", file=path, key=key)
         data[field] = values.tolist()
     rows = [dict(zip(data, row, strict=True)) for row in zip(*data.values(), strict=True)]
-    return tuple(_actuator(name, row) for name, row in zip(names, rows, strict=True))
+    force = np.asarray(file[FORCE][()]) if FORCE in file else np.empty(0)
+    if force.dtype.kind != "f" or force.ndim != 2 or not np.isfinite(force).all():
+        raise InputError("is missing or damaged, every mode file has it", file=path, key=FORCE)
+    return tuple(_actuator(name, row) for name, row in zip(names, rows, strict=True)), force
 
 
 def _actuator(name: str, row: dict[str, Any]) -> Actuator:

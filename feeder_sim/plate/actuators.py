@@ -17,6 +17,7 @@ The stress enters the patch over a short way from its edges. So it acts as if it
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -27,6 +28,9 @@ from feeder_sim.plate.attachments import Layer
 from feeder_sim.plate.modes import PlateModes
 from feeder_sim.plate.rectangle import RectangularPlate
 
+# Shear lag over the thickness of the plate, for a perfect bond and patches of a third to the whole of that thickness:
+# plane elasticity gives 0.28 for a third, 0.30 for two thirds, 0.21 for the whole. Glue makes it longer.
+SHEAR_LAG = 0.3
 EDGE_POINTS = 24  # of the line integral along an edge; exact for polynomials of degree 47
 VACUUM_PERMITTIVITY = 8.8541878128e-12  # [F/m]
 
@@ -54,11 +58,14 @@ class Actuator:
     def force_per_volt(self, modes: PlateModes) -> NDArray[np.float64]:
         """Modal force over the voltage [N/V] of every mode, shape (n_modes,)."""
         points, normals = edge_quadrature(self.layer, self.shear_lag)
-        stretch = np.empty(len(modes))
-        for index in range(len(modes)):
-            rotation = modes.evaluate(index, points[:, 0], points[:, 1])[1:]
-            stretch[index] = (rotation.T * normals).sum()
-        return -self.layer.side * self.moment_per_volt * stretch
+        rotation = modes.evaluate_whole(points)[:, 1:]
+        return -self.layer.side * self.moment_per_volt * np.einsum("mfp,pf->m", rotation, normals)
+
+
+def modal_force_table(modes: PlateModes, actuators: Sequence[Actuator]) -> NDArray[np.float64]:
+    """Modal force over the voltage [N/V] of all modes and actuators, shape (n_modes, n_actuators)."""
+    forces = [actuator.force_per_volt(modes) for actuator in actuators]
+    return np.array(forces).reshape(len(forces), len(modes)).T
 
 
 def edge_quadrature(layer: Layer, shortened: float = 0.0) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

@@ -10,15 +10,14 @@ Layout, schema version 3 (SI units, named in the `unit` attribute of every datas
                  driven_by (m, a)   1 for the actuators that were driven, else 0
     /actuators   name (attribute, one per line)  centre (a, 2)  size (a, 2)  angle (a,)  thickness (a,)  side (a,)
                  density (a,)  youngs_modulus (a,)  poisson_ratio (a,)  moment_per_volt (a,)  shear_lag (a,)
-                 capacitance (a,)  loss_tangent (a,)
+                 capacitance (a,)  loss_tangent (a,)  force_per_volt (n, a)
 """
 
 from __future__ import annotations
 
 import contextlib
 import io
-from dataclasses import dataclass
-from functools import cached_property
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -65,18 +64,19 @@ class Resonance:
 
 @dataclass(frozen=True)
 class ModeFile:
-    """What a mode file contains: the modes of a plate, the resonances measured on it, and its actuators."""
+    """What a mode file contains.
+
+    Attributes:
+        modes: of the plate.
+        resonances: measured on it.
+        actuators: bonded to it.
+        force_per_volt: modal force of every actuator over its voltage [N/V], shape (n_modes, n_actuators).
+    """
 
     modes: PlateModes
     resonances: tuple[Resonance, ...] = ()
     actuators: tuple[Actuator, ...] = ()
-
-    @cached_property
-    def force_per_volt(self) -> NDArray[np.float64]:
-        """Modal force over the voltage [N/V], shape (n_modes, n_actuators)."""
-        if not self.actuators:
-            return np.zeros((len(self.modes), 0))
-        return np.stack([actuator.force_per_volt(self.modes) for actuator in self.actuators], axis=1)
+    force_per_volt: NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, 0)))
 
 
 def write_mode_file(path: Path, held: ModeFile) -> None:
@@ -128,7 +128,7 @@ def write_mode_file(path: Path, held: ModeFile) -> None:
         names = [actuator.name for actuator in held.actuators]
         driven = np.array([[name in r.actuators for name in names] for r in resonances], np.int64)
         put_array(file, "resonances/driven_by", driven.reshape(len(resonances), len(names)), "1")
-        write_actuators(file, held.actuators)
+        write_actuators(file, held.actuators, held.force_per_volt)
     try:
         partial.write_bytes(buffer.getvalue())
         partial.replace(path)
@@ -178,7 +178,7 @@ def _checked(file: h5py.File, path: Path) -> ModeFile:
     material = Material(values["density"], values["youngs_modulus"], values["poisson_ratio"], **orthotropic)
     plate = RectangularPlate(values["length"], values["width"], values["thickness"], material)
     data = {name: _array(file, name, path) for name in _DATASETS}
-    actuators = read_actuators(file, path)
+    actuators, force = read_actuators(file, path)
     n, m = len(data["modes/natural_frequency"]), len(data["resonances/mode"])
     coefficients = data["modes/coefficients"]
     terms = coefficients.shape[-1]
@@ -209,7 +209,11 @@ def _checked(file: h5py.File, path: Path) -> ModeFile:
     )
     rows = zip(*columns, strict=True)
     resonances = tuple(Resonance(mode, f, z, g, (p[0], p[1]), names) for mode, f, z, g, p, names in rows)
-    return ModeFile(modes, resonances, actuators)
+    if force.shape != (n, len(actuators)):
+        raise InputError(
+            f"has shape {force.shape}, allowed is {(n, len(actuators))}", file=path, key="actuators/force_per_volt"
+        )
+    return ModeFile(modes, resonances, actuators, force)
 
 
 _PLATE_KEYS = ("length", "width", "thickness", "density", "youngs_modulus", "poisson_ratio")

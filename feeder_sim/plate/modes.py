@@ -7,7 +7,8 @@ orthonormal Legendre polynomials. With D = E h^3 / 12 (1 - nu^2), shear stiffnes
     2 T = omega^2 int rho h w^2 + rho h^3/12 (bx^2 + by^2) dA
 
 (Mindlin, J. Appl. Mech. 18 (1951) 31; Liew, Xiang and Kitipornchai, Comput. Struct. 49 (1993) 1, for the Ritz form.)
-Free edges are natural boundary conditions, so every polynomial is admissible. The four parity classes in x and y
+Free edges are natural boundary conditions, so every polynomial is admissible. What is fixed to the plate adds to both
+energies (feeder_sim.plate.attachments, feeder_sim.plate.local_field). The four parity classes in x and y
 decouple; solving them one by one also aligns the degenerate pairs of a square plate with the plate axes. Kirchhoff's
 thin plate is the same energy under the constraint beta = grad w, which the polynomials meet exactly.
 """
@@ -16,13 +17,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import partial
-from typing import Literal
+from functools import cached_property
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from feeder_sim.plate.attachments import Attachment, attached_matrices, parity_classes
+from feeder_sim.plate.attachments import Attachment, Layer, PointMass, parity_classes
+from feeder_sim.plate.fields import point_mass_form
+from feeder_sim.plate.local_field import LocalField, LocalMesh, joined, local_shapes, meshes_around
 from feeder_sim.plate.rectangle import RectangularPlate
 from feeder_sim.plate.ritz import (
     Parity,
@@ -38,6 +41,7 @@ TERMS_PER_AXIS = 24  # Legendre polynomials
 CONVERGENCE_CUT = 4  # terms left out to see whether a mode is resolved
 NODE = 1e-6  # of the antinode; a smaller deflection is round-off
 RESOLVED_BEYOND = 1.5  # of the highest frequency asked for, up to which a coarse series is looked at
+MADE_OF_SHAPES = 1e-6  # of a vector; the rest of it are shapes around layers
 CONVERGED = 5e-3  # relative change of a resolved natural frequency without these terms
 Theory = Literal["mindlin", "kirchhoff"]
 
@@ -56,6 +60,8 @@ class PlateModes:
             beta_y [1/m]), order in x, order in y.
         parity: shape (n_modes, 2): 0 when w is even, 1 when it is odd, -1 when it is neither, along x and y.
         modal_mass: twice the kinetic energy over the square of the modal velocity [kg], shape (n_modes,).
+        local: what layers add to the modes around them. `evaluate` has the polynomials that come nearest to the whole;
+            a mode file does not keep it.
     """
 
     plate: RectangularPlate
@@ -63,6 +69,7 @@ class PlateModes:
     coefficients: NDArray[np.float64]
     parity: NDArray[np.int64]
     modal_mass: NDArray[np.float64]
+    local: tuple[LocalField, ...] = ()
 
     def __len__(self) -> int:
         return len(self.natural_frequency)
@@ -87,6 +94,13 @@ class PlateModes:
         """Evaluate one mode on the product grid of x (nx,) and y (ny,) [m]; returns shape (3, nx, ny)."""
         px, py = self._polynomials(x, y)
         return px @ self.coefficients[index] @ py.T
+
+    def evaluate_whole(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Evaluate all modes with what layers add, at points (n, 2) [m]; returns shape (n_modes, 3, n)."""
+        px, py = self._polynomials(points[:, 0], points[:, 1])
+        polynomials = self.coefficients - sum(field.nearest for field in self.local)
+        smooth = np.einsum("ni,mfij,nj->mfn", px, polynomials, py, optimize=True)
+        return np.asarray(smooth + sum(field.evaluate(points) for field in self.local))
 
     def _polynomials(
         self, x: NDArray[np.float64], y: NDArray[np.float64]
@@ -126,61 +140,107 @@ def plate_modes(
         ValueError: a mode asked for is not resolved: its frequency changes by more than `CONVERGED` when the series
             has `CONVERGENCE_CUT` terms less, as happens for many half waves along a slender plate.
     """
-    solutions = []
-    for parity in ((0, 0), (1, 0)) if uniform_width else parity_classes(attachments):
-        solve = partial(_solve_class, plate, parity, theory, attachments, uniform_width, highest_frequency)
-        frequencies, coefficients, masses = solve(terms_per_axis)
-        coarse, _, _ = solve(terms_per_axis - CONVERGENCE_CUT)
+    problem = _Problem(plate, theory, tuple(attachments), uniform_width, highest_frequency)
+    found = [problem.solve(parity, terms_per_axis) for parity in problem.parities]
+    for modes, parity in zip(found, problem.parities, strict=True):
+        frequencies = modes.natural_frequency
+        coarse = problem.solve(parity, terms_per_axis - CONVERGENCE_CUT).natural_frequency
         wanted = frequencies <= highest_frequency
         unresolved = coarse[: len(frequencies)] / frequencies[: len(coarse)] - 1.0 > CONVERGED
         if (wanted[: len(unresolved)] & unresolved).any() or wanted.sum() > len(unresolved):
             first = int(np.argmax(unresolved)) if unresolved.any() else len(unresolved) - 1
             resolved = frequencies[first]
             raise ValueError(f"modes above {resolved:.0f} Hz are not resolved by {terms_per_axis} terms per axis")
-        own = tuple(-1 if p is None else p for p in parity)
-        rows = zip(frequencies[wanted], coefficients[wanted], masses[wanted], strict=True)
-        solutions += [(f, own, c, m) for f, c, m in rows]
+    return _normalised(_in_order(found, highest_frequency))
+
+
+@dataclass(frozen=True)
+class _Problem:
+    """The Ritz eigenproblem of a plate with what is fixed to it; parity by parity."""
+
+    plate: RectangularPlate
+    theory: Theory
+    attachments: tuple[Attachment, ...]
+    uniform_width: bool
+    highest_frequency: float
+
+    @property
+    def parities(self) -> list[Parity]:
+        return [(0, 0), (1, 0)] if self.uniform_width else parity_classes(self.attachments)
+
+    @cached_property
+    def meshes(self) -> list[LocalMesh]:
+        """Around the layers."""
+        return meshes_around(self.plate, [layer for layer in self.attachments if isinstance(layer, Layer)])
+
+    def solve(self, parity: Parity, terms: int) -> PlateModes:
+        """The elastic modes of one parity, not normalised."""
+        from scipy.linalg import eigh
+
+        plate, thin = self.plate, self.theory == "kirchhoff"
+        basis = basis_of(parity, terms, uniform_width=self.uniform_width)
+        # Under the constraint beta = grad w the shear energy is zero. Without the term its round-off is absent, too.
+        stiffness, diagonal = plate_matrices(plate, 0.0 if thin else plate.shear_stiffness, basis)
+        mass = np.diag(diagonal)
+        per_area = 4.0 / (plate.length * plate.width)
+        layers = [local_shapes(plate, basis, mesh, thin=thin) for mesh in self.meshes]
+        for layer in layers:
+            stiffness, mass = stiffness + per_area * layer.stiffness, mass + per_area * layer.mass
+        for point in self.attachments:
+            if isinstance(point, PointMass):
+                mass = mass + per_area * point_mass_form(plate, basis, point)
+        columns = thin_plate_basis(plate, basis) if thin else np.eye(len(mass))
+        stiffness, mass = columns.T @ stiffness @ columns, columns.T @ mass @ columns
+        polynomials = len(mass)
+        if layers and not thin:
+            stiffness, mass = joined(stiffness, layers, "stiffness", per_area), joined(mass, layers, "mass", per_area)
+        # Without a parity the matrices are large: only the modes that are asked for are computed.
+        highest = (2.0 * np.pi * RESOLVED_BEYOND * self.highest_frequency) ** 2
+        chosen = {"subset_by_value": (-np.inf, highest)} if None in parity else {}
+        squared, vectors = eigh(stiffness, mass, **chosen)
+        # Shapes around layers that have another parity make modes of their own, without polynomials.
+        of_plate = np.linalg.norm(vectors[:polynomials], axis=0) > MADE_OF_SHAPES * np.linalg.norm(vectors, axis=0)
+        squared, vectors = squared[of_plate][rigid_count(parity) :], vectors[:, of_plate][:, rigid_count(parity) :]
+        amounts = np.split(vectors[polynomials:], np.cumsum([layer.coefficients.shape[1] for layer in layers])[:-1])
+        local = tuple(layer.field(each, plate, basis) for layer, each in zip(layers, amounts, strict=False))
+        return PlateModes(
+            plate=plate,
+            natural_frequency=np.sqrt(squared) / (2.0 * np.pi),
+            coefficients=sum((field.nearest for field in local), basis.unpacked(columns @ vectors[:polynomials])),
+            parity=np.tile([-1 if p is None else p for p in parity], (len(squared), 1)),
+            modal_mass=(vectors * (mass @ vectors)).sum(axis=0) / per_area,
+            local=local,
+        )
+
+
+def _in_order(found: Sequence[PlateModes], highest_frequency: float) -> PlateModes:
+    """The modes of all parities up to a frequency [Hz], in order of frequency."""
+    rows = [
+        (float(f"{modes.natural_frequency[i]:.6g}"), tuple(modes.parity[i].tolist()), k, i)
+        for k, modes in enumerate(found)
+        for i in np.flatnonzero(modes.natural_frequency <= highest_frequency)
+    ]
     # The frequencies of a degenerate pair differ by round-off: sorted by parity, their numbering is reproducible.
-    solutions.sort(key=lambda mode: (float(f"{mode[0]:.6g}"), mode[1]))
-    modes = PlateModes(
-        plate=plate,
-        natural_frequency=np.array([f for f, _, _, _ in solutions]),
-        coefficients=np.array([c for _, _, c, _ in solutions]).reshape(-1, 3, terms_per_axis, terms_per_axis),
-        parity=np.array([p for _, p, _, _ in solutions], dtype=np.int64).reshape(-1, 2),
-        modal_mass=np.array([m for _, _, _, m in solutions]),
+    order = [(k, i) for _, _, k, i in sorted(rows)]
+
+    def gathered(name: str) -> NDArray[Any]:
+        return np.array([getattr(found[k], name)[i] for k, i in order])
+
+    terms = found[0].coefficients.shape[-1]
+    local = []
+    for number, first in enumerate(found[0].local):
+        fields = [(found[k].local[number], i) for k, i in order]
+        coefficients = np.array([field.coefficients[i] for field, i in fields])
+        nearest = np.array([field.nearest[i] for field, i in fields])
+        local.append(LocalField(first.mesh, coefficients, nearest))
+    return PlateModes(
+        plate=found[0].plate,
+        natural_frequency=gathered("natural_frequency"),
+        coefficients=gathered("coefficients").reshape(-1, 3, terms, terms),
+        parity=gathered("parity").astype(np.int64).reshape(-1, 2),
+        modal_mass=gathered("modal_mass"),
+        local=tuple(local),
     )
-    return _normalised(modes)
-
-
-def _solve_class(
-    plate: RectangularPlate,
-    parity: Parity,
-    theory: Theory,
-    attachments: Sequence[Attachment],
-    uniform_width: bool,
-    highest_frequency: float,
-    terms: int,
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """Solve the Ritz eigenproblem of one parity; return elastic frequencies [Hz], coefficients, modal masses [kg]."""
-    from scipy.linalg import eigh
-
-    basis = basis_of(parity, terms, uniform_width=uniform_width)
-    # Under the constraint beta = grad w the shear energy is zero. Without the term its round-off is absent, too.
-    shear_stiffness = plate.shear_stiffness if theory == "mindlin" else 0.0
-    stiffness, diagonal = plate_matrices(plate, shear_stiffness, basis)
-    mass = np.diag(diagonal)
-    if attachments:
-        added = attached_matrices(plate, attachments, basis, with_shear=theory == "mindlin")
-        stiffness, mass = stiffness + added[0], mass + added[1]
-    columns = np.eye(len(mass)) if theory == "mindlin" else thin_plate_basis(plate, basis)
-    # Without a parity the matrices are large: only the modes that are asked for are computed.
-    highest = (2.0 * np.pi * RESOLVED_BEYOND * highest_frequency) ** 2
-    chosen = {"subset_by_value": (-np.inf, highest)} if None in parity else {}
-    squared, vectors = eigh(columns.T @ stiffness @ columns, columns.T @ mass @ columns, **chosen)
-    rigid = rigid_count(parity)
-    squared, vectors = squared[rigid:], (columns @ vectors)[:, rigid:]
-    masses = 0.25 * plate.length * plate.width * (vectors * (mass @ vectors)).sum(axis=0)
-    return np.sqrt(squared) / (2.0 * np.pi), basis.unpacked(vectors), masses
 
 
 def _normalised(modes: PlateModes) -> PlateModes:
@@ -190,11 +250,15 @@ def _normalised(modes: PlateModes) -> PlateModes:
     """
     x = np.linspace(-0.5, 0.5, 181) * modes.plate.length
     y = np.linspace(-0.5, 0.5, 181) * modes.plate.width
-    coefficients, modal_mass = modes.coefficients.copy(), modes.modal_mass.copy()
+    factor = np.empty(len(modes))
     for index in range(len(modes)):
         w = modes.evaluate_grid(index, x, y)[0]
         largest = np.abs(w).max()
         side = w[-1, ::-1]
-        coefficients[index] *= np.sign(side[np.argmax(np.abs(side) > NODE * largest)]) / largest
-        modal_mass[index] /= largest**2
-    return replace(modes, coefficients=coefficients, modal_mass=modal_mass)
+        factor[index] = np.sign(side[np.argmax(np.abs(side) > NODE * largest)]) / largest
+    return replace(
+        modes,
+        coefficients=modes.coefficients * factor[:, None, None, None],
+        modal_mass=modes.modal_mass * factor**2,
+        local=tuple(field.scaled(factor) for field in modes.local),
+    )

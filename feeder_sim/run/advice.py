@@ -62,9 +62,9 @@ def _cautions_of_motion(scene: Scene) -> list[str]:
     for motion in motion_under_parts(scene):
         if motion.acceleration > MOST_ACCELERATION or motion.velocity > MUCH_FASTER * USUAL_SPEED:
             lines.append(
-                f"{keys[motion.excitation]}: moves the plate under part[{motion.part}] by {1e6 * motion.median:.3g} um, "
-                f"{motion.acceleration:.0f} g and {motion.velocity:.2g} m/s; usual is {USUAL_SPEED:g} m/s, below "
-                f"{MOST_ACCELERATION:g} g"
+                f"{keys[motion.excitation]}: moves the plate under part[{motion.part}] by "
+                f"{1e6 * motion.median:.3g} um, {motion.acceleration:.0f} g and {motion.velocity:.2g} m/s; usual is "
+                f"{USUAL_SPEED:g} m/s, below {MOST_ACCELERATION:g} g"
             )
     return lines
 

@@ -7,7 +7,7 @@ from typing import Annotated, Literal, Self
 from pydantic import Field, model_validator
 
 from feeder_sim.scenario.material import MaterialChoice
-from feeder_sim.scenario.tables import AngleDeg, CoordinateMm, LengthMm, NonNegative, PointMm, Positive, Table
+from feeder_sim.scenario.tables import AngleDeg, CoordinateMm, Flag, LengthMm, NonNegative, PointMm, Positive, Table
 
 MOST_LAYERS = 10_000  # of ceramic in one patch
 Side = Literal["below", "above"]
@@ -37,13 +37,14 @@ class Actuator(BondedLayer):
     layers: Annotated[int, Field(ge=1, le=MOST_LAYERS, strict=True)] = 1
     relative_permittivity: Annotated[float, Field(ge=1, le=1e6, strict=True)] = 1800.0
     loss_tangent: Annotated[float, Field(ge=0, le=1, strict=True)] = 0.02
-    shear_lag_mm: NonNegative = 0.0
+    shear_lag_mm: NonNegative | None = None
+    loads: Flag = True
 
     @model_validator(mode="after")
     def _acts(self) -> Self:
         if self.moment_per_volt_n is None and self.d31_pm_per_v is None:
             raise ValueError("moment_per_volt_n is missing, allowed is a number above 0, or d31_pm_per_v instead")
-        if 2.0 * self.shear_lag_mm >= min(self.size_mm):
+        if self.shear_lag_mm is not None and 2.0 * self.shear_lag_mm >= min(self.size_mm):
             raise ValueError(
                 f"shear_lag_mm is {self.shear_lag_mm:g}, allowed is less than half of the shorter side, "
                 f"{0.5 * min(self.size_mm):g}"

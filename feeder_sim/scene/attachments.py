@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from itertools import combinations
 
 from feeder_sim.errors import InputError
-from feeder_sim.plate.actuators import Actuator, clamped_capacitance, moment_of_strain
+from feeder_sim.plate.actuators import SHEAR_LAG, Actuator, clamped_capacitance, moment_of_strain
 from feeder_sim.plate.attachments import Attachment, Layer, PointMass
 from feeder_sim.plate.materials import Material
 from feeder_sim.plate.rectangle import RectangularPlate
@@ -34,7 +34,13 @@ def build_actuators(tables: Sequence[ActuatorTable], plate: RectangularPlate) ->
             strain_per_volt = table.d31_pm_per_v * 1e-12 * table.layers / layer.thickness
             moment = moment_of_strain(plate, layer) * strain_per_volt
         capacitance = clamped_capacitance(layer, table.relative_permittivity, table.layers)
-        lag = 1e-3 * table.shear_lag_mm
+        lag = SHEAR_LAG * plate.thickness if table.shear_lag_mm is None else 1e-3 * table.shear_lag_mm
+        if 2.0 * lag >= min(layer.size):
+            raise InputError(
+                f"is [{1e3 * layer.size[0]:g}, {1e3 * layer.size[1]:g}], allowed is above {2e3 * lag:.3g}, the way "
+                "over which stress enters the patch from two edges (or give shear_lag_mm)",
+                key=f"actuator[{i}].size_mm",
+            )
         actuators.append(Actuator(table.name, layer, moment, lag, capacitance, table.loss_tangent))
     return tuple(actuators)
 
@@ -42,12 +48,13 @@ def build_actuators(tables: Sequence[ActuatorTable], plate: RectangularPlate) ->
 def build_attachments(
     file: PlateFile, plate: RectangularPlate, actuators: Sequence[Actuator]
 ) -> tuple[Attachment, ...]:
-    """Everything that is fixed to a plate.
+    """Everything that is fixed to a plate and loads it.
 
     Raises:
         InputError: something reaches beyond the plate, or two layers overlap.
     """
     layers = {f"actuator[{i}]": actuator.layer for i, actuator in enumerate(actuators)}
+    silent = {f"actuator[{i}]" for i, table in enumerate(file.actuator) if not table.loads}
     for i, bar in enumerate(file.bar):
         key = f"bar[{i}]"
         layers[key] = _layer(bar, resolve_material(bar.material))
@@ -62,7 +69,7 @@ def build_attachments(
                 key=f"mass[{i}].at_mm",
             )
         masses.append(PointMass((1e-3 * x, 1e-3 * y), 1e-3 * mass.mass_g, 1e-3 * mass.offset_mm))
-    return (*layers.values(), *masses)
+    return (*(layer for key, layer in layers.items() if key not in silent), *masses)
 
 
 def _layer(table: BondedLayer, material: Material) -> Layer:

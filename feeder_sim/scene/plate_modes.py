@@ -7,6 +7,7 @@ import math
 import numpy as np
 
 from feeder_sim.errors import InputError
+from feeder_sim.plate.actuators import modal_force_table
 from feeder_sim.plate.mode_file import ModeFile, Resonance
 from feeder_sim.plate.modes import PlateModes, plate_modes
 from feeder_sim.plate.rectangle import RectangularPlate
@@ -43,7 +44,7 @@ def compute_modes(file: PlateFile) -> ModeFile:
             f"is {body.highest_frequency_hz:g}, below the first mode of the plate", key="plate.highest_frequency_hz"
         )
     resonances = tuple(_matched(measured, i, modes) for i, measured in enumerate(file.resonance))
-    return ModeFile(modes, resonances, actuators)
+    return ModeFile(modes, resonances, actuators, modal_force_table(modes, actuators))
 
 
 def _matched(measured: MeasuredResonance, i: int, modes: PlateModes) -> Resonance:
