@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from feeder_sim.engines.impulse.engine import WINDOW_ALONE, ImpulseEngine
+from feeder_sim.engines.impulse.engine import ImpulseEngine
 from feeder_sim.engines.impulse.frame_rows import FrameRows
 from feeder_sim.engines.impulse.island import Crowd, Span
 from feeder_sim.engines.impulse.reacting_crowd import Limits, advance_reacting, open_yielding_window
@@ -22,6 +22,8 @@ from feeder_sim.engines.reaction import reaction_of, set_reaction, with_reaction
 from feeder_sim.engines.surface_arrays import SurfaceArrays, surface_arrays
 from feeder_sim.scene.free_modes import free_modes
 from feeder_sim.scene.scene import Scene
+
+WINDOW_OF_ONE = 5e-2  # [s], of a single part, which meets nobody; its impacts make the bounds anew often enough
 
 
 class ReactingEngine(ImpulseEngine):
@@ -44,7 +46,7 @@ class ReactingEngine(ImpulseEngine):
         del threads  # impacts act on the plate in order of time
         super().__init__(scene, rng, interrupt=interrupt)
         if self._n == 1 and not scene.rim:
-            self._window = WINDOW_ALONE
+            self._window = WINDOW_OF_ONE
         modes, n = free_modes(scene.driven), scene.surface.n_shapes
         self._rate = modes.rate
         contacts = self._work[0].contact.shape[1]

@@ -1,0 +1,217 @@
+"""What parts do to the plate: each impulse acts on the driven modes, and no energy comes from nothing."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from conftest import REPOSITORY, StopsAfter, contacts, from_python, moving_part, symmetric
+from numpy.typing import NDArray
+from pydantic import ValidationError
+from scipy.spatial.transform import Rotation
+
+from feeder_sim import simulate
+from feeder_sim.engines.impulse import impact, yielding_impact
+from feeder_sim.engines.impulse.reacting_engine import ReactingEngine
+from feeder_sim.engines.impulse.yielding_contact import LIFTED, TAKEN, WORK
+from feeder_sim.engines.impulse.yielding_impact import Modes
+from feeder_sim.errors import InputError
+from feeder_sim.plate.mode_shapes import RitzShape
+from feeder_sim.records.trajectory import Status
+from feeder_sim.run.batch import measure_drift
+from feeder_sim.run.run_folder import record_run, resume_run
+from feeder_sim.scenario import HexNut, Scenario
+from feeder_sim.scene.free_modes import free_modes
+from feeder_sim.scene.rigid_part import build_part
+from feeder_sim.scene.scene import GRAVITY, build_scene
+
+PLATE = {"kind": "rectangle", "mode_file": REPOSITORY / "models" / "plate_180" / "modes.h5"}
+NUT = {"shape": "hex_nut", "size": "M2.5"}
+BALL = {"shape": "ball", "diameter_mm": 8.0}
+EXACT = 1e-6  # of the energy that the modes have got; what is left is round-off
+
+
+def on_plate(*parts: dict[str, Any], amplitude_um: float = 0.0, contact: Any = None, **run: Any) -> Scenario:
+    """Parts on the 180 mm plate with two of its modes: both rest, or the second one is driven."""
+    drive = [{"frequency_hz": f, "amplitude_um": a} for f, a in ((2646.0, 0.0), (2797.0, amplitude_um))]
+    raw = {"plate": PLATE, "drive": drive, "part": parts, "contact": contact or {}}
+    return Scenario.model_validate(raw | {"run": {"duration_s": 0.2, "seeds": 1, "reaction": True} | run})
+
+
+def at(x_mm: float, y_mm: float = 0.0, **start: Any) -> dict[str, Any]:
+    return {"start": {"position_mm": [x_mm, y_mm], "drop_height_mm": [1.0, 1.0], "tilt_deg": [5.0, 5.0]} | start}
+
+
+class Undamped:
+    """An engine over modes without damping, and the energies [J] in it at the begin of its window."""
+
+    def __init__(self, scenario: Scenario) -> None:
+        self.scene = build_scene(scenario)
+        self.engine, self.modes = ReactingEngine(self.scene, np.random.default_rng(0)), free_modes(self.scene.driven)
+        self.engine._surface.rate.real[-2:] = 0.0
+        self.engine._window = 1e-3  # at whose begins its state is
+
+    def of_parts(self) -> float:
+        state, total = self.engine.state(), 0.0
+        for i, kind in enumerate(self.scene.kind_of):
+            part, turned = self.scene.kinds[kind], state["attitude"][i]
+            inverse = turned @ np.diag(1 / part.inertia) @ turned.T
+            total += 0.5 * part.mass * state["velocity"][i] @ state["velocity"][i]
+            total += 0.5 * state["momentum"][i] @ inverse @ state["momentum"][i]
+            total += part.mass * GRAVITY * state["position"][i, 2]
+        return total
+
+    def of_modes(self) -> float:
+        z = self.engine.state()["reaction"]
+        squared = (self.modes.rate.imag * np.hypot(z[:, 0], z[:, 1])) ** 2
+        return float((0.5 * self.modes.modal_mass * squared).sum())
+
+    def books(self) -> NDArray[np.float64]:
+        return self.engine.state()["books"]
+
+
+@pytest.mark.parametrize("tangent", [False, True])
+def test_without_losses_the_modes_get_what_the_part_loses(tangent: bool) -> None:
+    """An elastic ball without friction, several bounces off the centre of a plate at rest."""
+    one = Undamped(
+        on_plate(BALL | at(2.0, 1.0), contact={"restitution": 1.0, "friction": 0.0}, tangent_surface=tangent)
+    )
+    before = one.of_parts()
+    one.engine.advance(80)
+    got, books = one.of_modes(), one.books()
+    assert got > 0.05 * before  # several percent, so that the equality says something
+    assert before - one.of_parts() + books[LIFTED] == pytest.approx(got, rel=EXACT)
+    assert -books[TAKEN] == pytest.approx(got, rel=EXACT)
+    assert abs(books[WORK]) < EXACT * got
+
+
+def test_with_losses_the_contact_law_dissipates_the_rest() -> None:
+    """Nuts that tumble: friction, several corners at once, and what one does to the plate the others feel."""
+    nuts = [NUT | at(x, y) for x, y in ((0.0, 0.0), (30.0, 10.0), (-40.0, 40.0))]
+    one = Undamped(on_plate(*nuts, contact={"restitution": 0.6, "friction": 0.3}))
+    start = last = one.of_parts()
+    for _ in range(12):
+        one.engine.advance(2)
+        books, modes = one.books(), one.of_modes()
+        assert one.of_parts() == pytest.approx(start + books.sum(), rel=1e-9)
+        assert -books[TAKEN] == pytest.approx(modes, rel=EXACT)
+        total = one.of_parts() + modes - books[LIFTED]
+        assert total <= last * (1 + 1e-12)
+        last = total
+    assert modes > 5e-5 * start and last < 0.8 * start
+
+
+def test_an_impulse_pushes_every_mode_by_its_share() -> None:
+    """The first impact of a ball that falls straight down: closed form."""
+    e, scenario = 0.5, on_plate(BALL | at(5.0), contact={"restitution": 0.5, "friction": 0.0})
+    one = Undamped(scenario)
+    height = 1e-3 * scenario.part[0].start.drop_height_mm[0]
+    frames = one.engine.advance(round(1.5 * np.sqrt(2 * height / GRAVITY) / one.scene.frame_interval))
+    ball = one.scene.kinds[0]
+    w = one.scene.surface.deflections(np.array([[5e-3, 0.0]]))[:, 0]
+    inverse = 1 / ball.mass + (w**2 / one.modes.modal_mass).sum()
+    impulse = (1 + e) * np.sqrt(2 * GRAVITY * height) / inverse
+    z = one.engine.state()["reaction"]
+    # A velocity v of a mode at the impact is -i v / w_d there: downwards where the mode shape is positive.
+    assert z[:, 1] * one.modes.rate.imag == pytest.approx(impulse * w / one.modes.modal_mass, rel=0.01)
+    assert np.abs(z[:, 0]).max() < 1e-9 * np.abs(z[:, 1]).max()
+    after = frames.velocity[-1, 0, 2] + GRAVITY * (frames.time[-1] - z[0, 2])
+    assert after == pytest.approx(-np.sqrt(2 * GRAVITY * height) + impulse / ball.mass, rel=0.01)
+
+
+@pytest.mark.parametrize("corners", [1, 6])
+def test_infinitely_heavy_modes_are_a_prescribed_motion(corners: int) -> None:
+    nut, rng = build_part(HexNut(size="M2.5")), np.random.default_rng(1)
+    turned = Rotation.from_rotvec(rng.normal(size=3) * 0.01).as_matrix()
+    arm = (nut.corners @ turned.T)[nut.corners[:, 2] < 0][:corners]
+    inverse = symmetric(turned @ np.diag(1 / nut.inertia) @ turned.T)
+    found = []
+    for function, further in ((impact.resolve_impact, ()), (yielding_impact.resolve_yielding, (modes_of(corners),))):
+        contact, law = contacts(arm, np.tile([0.0, 0.0, 1.0], (corners, 1)), np.full((corners, 3), 0.05), 0.2, 0.3)
+        velocity, momentum = np.array([0.1, 0.02, -0.2]), np.array([1e-8, -2e-8, 1e-8])
+        with moving_part(velocity, momentum) as part:
+            from_python(function)(part, 1 / nut.mass, inverse, contact, law, corners, *further)
+        found.append(np.concatenate([velocity, momentum]))
+    assert found[0] == pytest.approx(found[1], rel=1e-12, abs=1e-20)
+
+
+def modes_of(contacts_: int) -> Modes:
+    return Modes(np.zeros(2), np.ones((contacts_, 2, 3)), np.zeros(2))
+
+
+CROWD = on_plate(
+    NUT | {"count": 12, "start": {"kind": "scattered", "size_mm": [60.0, 60.0]}}, amplitude_um=15.0, duration_s=0.3
+)
+
+
+def test_result_does_not_depend_on_threads_or_breaks() -> None:
+    scene, frames = build_scene(CROWD), []
+    for threads in (1, 3):
+        engine = ReactingEngine(scene, np.random.default_rng(2), threads=threads)
+        engine.advance(60)
+        engine.remove(np.array([3]))
+        if threads > 1:
+            state, engine = engine.state(), ReactingEngine(scene, np.random.default_rng(0))
+            engine.restore(state)
+        frames.append((engine.advance(60), engine.state()))
+    (one, state), (other, others) = frames
+    assert one.position.tobytes() == other.position.tobytes()
+    assert all(state[name].tobytes() == others[name].tobytes() for name in state)
+    assert np.hypot(*state["reaction"][1, :2]) > 1e-7 and np.ptp(one.position[..., 2]) > 1e-4
+
+
+def test_a_run_with_a_break_is_the_same_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(ReactingEngine, "frames_per_block", 30)
+    whole = record_run(CROWD, tmp_path / "whole", replay=False)
+    begun = record_run(CROWD, tmp_path / "run", stop=StopsAfter(3), replay=False)
+    assert begun.interrupted
+    resumed = resume_run(tmp_path / "run", replay=False)
+    assert whole.seeds[0].status == Status.DONE
+    assert whole.seeds[0].frames.position.tobytes() == resumed.seeds[0].frames.position.tobytes()
+
+
+def test_a_heavy_part_lowers_the_amplitude_and_the_guard_stays_calm() -> None:
+    """A ball as heavy as a third of the mode takes most of its energy; no state is taken for diverged."""
+    heavy = {"shape": "ball", "diameter_mm": 15.0} | at(0.0)
+    scenario = on_plate(heavy, amplitude_um=10.0, duration_s=0.5)
+    assert simulate(scenario).seeds[0].status == Status.DONE
+    scene = build_scene(scenario)
+    engine = ReactingEngine(scene, np.random.default_rng(0))
+    engine.advance(200)
+    assert np.hypot(*engine.state()["reaction"][1, :2]) > 1e-6
+
+
+RING = [{"frequency_hz": 2797.0, "amplitude_um": 1.0}]
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"plate": {"kind": "strip", "thickness_mm": 3.0}}, ("plate.kind", "strip", "rectangle")),
+        ({"plate": {"kind": "piston"}}, ("plate.kind", "piston", "rectangle")),
+        (
+            {"plate": {"kind": "piston"}, "part": [BALL | {"guide": {"kind": "slide", "tilt_deg": 0.0}}]},
+            ("part[0].guide", "allowed is none"),
+        ),
+        ({"drive": [RING[0] | {"ring_up": False}]}, ("drive[0].ring_up", "false", "allowed is true")),
+    ],
+)
+def test_what_cannot_react_is_refused(change: dict[str, Any], words: tuple[str, ...]) -> None:
+    raw = {"plate": PLATE, "drive": RING, "part": [NUT], "run": {"duration_s": 0.1, "reaction": True}}
+    with pytest.raises(ValidationError) as error:
+        Scenario.model_validate(raw | change)
+    assert all(word in str(error.value) for word in words)
+
+
+def test_modes_without_mass_and_drifts_without_frames_are_refused() -> None:
+    scenario = on_plate(NUT)
+    with pytest.raises(InputError, match=r"run\.reaction.*allowed is false"):
+        measure_drift([scenario])
+    driven = build_scene(scenario).driven[0]
+    assert isinstance(driven.shape, RitzShape)
+    unknown = replace(driven.shape.modes, modal_mass=np.full(len(driven.shape.modes), np.nan))
+    with pytest.raises(InputError, match=r"no modal mass.*run\.reaction"):
+        free_modes([replace(driven, shape=replace(driven.shape, modes=unknown))])
