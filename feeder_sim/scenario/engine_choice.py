@@ -1,8 +1,8 @@
 """Which scenarios each engine can compute, which engine a scenario gets, and settings that are known to fail.
 
-Two engine names stand for four methods. `mujoco` has one. `impulse` has the general one, the same over a plate that
-takes the impulses of the parts (`reaction`), and `slide`, which finds every event of a part with one degree of freedom
-exactly. docs/engines.md describes them.
+Two engine names stand for several methods. `mujoco` has one; `impulse` has the general one and `slide`, which finds
+every event of a part with one degree of freedom exactly. Over a plate that takes the impulses of the parts both have a
+method of their own, `reaction`. docs/engines.md describes them.
 """
 
 from __future__ import annotations
@@ -38,14 +38,15 @@ def choose_engine(scenario: Scenario) -> Choice:
     """The engine of a checked scenario: the one it asks for, else the fastest that can compute it."""
     guide = scenario.guide
     method: Method = "reaction" if scenario.run.reaction else "impulse"
+    stepping: Method = "reaction" if scenario.run.reaction else "mujoco"
     if guide is not None and guide.kind == "slide":
         method = "slide"
     if scenario.run.engine == "mujoco":
-        return Choice("mujoco", "mujoco", "asked for")
+        return Choice("mujoco", stepping, "asked for")
     if scenario.run.engine == "impulse":
         return Choice("impulse", method, "asked for")
     if scenario.contact.model == "compliant":
-        return Choice("mujoco", "mujoco", "a compliant contact needs its spring-dampers")
+        return Choice("mujoco", stepping, "a compliant contact needs its spring-dampers")
     if method == "slide":
         return Choice("impulse", "slide", "one degree of freedom, whose impacts it finds exactly")
     return Choice("impulse", method, "rigid contact, which it covers and is the fastest at")

@@ -18,6 +18,7 @@ from feeder_sim.engines.impulse import impact, yielding_impact
 from feeder_sim.engines.impulse.reacting_engine import ReactingEngine
 from feeder_sim.engines.impulse.yielding_contact import LIFTED, TAKEN, WORK
 from feeder_sim.engines.impulse.yielding_impact import Modes
+from feeder_sim.engines.mujoco.reacting_engine import ReactingMujocoEngine
 from feeder_sim.errors import InputError
 from feeder_sim.plate.mode_shapes import RitzShape
 from feeder_sim.records.trajectory import Status
@@ -184,6 +185,40 @@ def test_a_heavy_part_lowers_the_amplitude_and_the_guard_stays_calm() -> None:
     assert np.hypot(*engine.state()["reaction"][1, :2]) > 1e-6
 
 
+@pytest.mark.parametrize("steps", [40, 160])
+def test_mujoco_keeps_the_energy_as_its_step_does(steps: int) -> None:
+    """The first bounce of an elastic ball; MuJoCo's own error of the rebound is proportional to the step."""
+    contact = {"restitution": 1.0, "friction": 0.0}
+    ball = BALL | at(2.0, 1.0)
+    scene = build_scene(on_plate(ball, contact=contact, engine="mujoco", steps_per_period=steps))
+    engine, modes = ReactingMujocoEngine(scene, np.random.default_rng(0)), free_modes(scene.driven)
+    engine._surface.rate.real[-2:] = 0.0
+
+    def energy() -> float:
+        now = engine.current()
+        return scene.parts[0].mass * float(
+            0.5 * now.velocity[0, 0] @ now.velocity[0, 0] + GRAVITY * now.position[0, 0, 2]
+        )
+
+    before = energy()
+    engine.advance(10)
+    z = engine.state()["reaction"]
+    got = 0.5 * float(modes.modal_mass @ (modes.rate.imag * np.hypot(z[:, 0], z[:, 1])) ** 2)
+    assert got > 0.02 * before and z[1, 1] > 0.0  # the antinode in the centre is pushed down
+    assert before - energy() == pytest.approx(got, rel=0.2 / steps)
+
+
+def test_mujoco_goes_on_to_the_same_bits() -> None:
+    scene = build_scene(CROWD.model_copy(update={"run": CROWD.run.model_copy(update={"engine": "mujoco"})}))
+    one, other = (ReactingMujocoEngine(scene, np.random.default_rng(2)) for _ in range(2))
+    one.advance(5)
+    one.advance(5)
+    state = one.state()
+    other.restore(state)
+    assert one.advance(5).position.tobytes() == other.advance(5).position.tobytes()
+    assert np.hypot(*state["reaction"][1, :2]) > 1e-9
+
+
 RING = [{"frequency_hz": 2797.0, "amplitude_um": 1.0}]
 
 
@@ -197,6 +232,10 @@ RING = [{"frequency_hz": 2797.0, "amplitude_um": 1.0}]
             ("part[0].guide", "allowed is none"),
         ),
         ({"drive": [RING[0] | {"ring_up": False}]}, ("drive[0].ring_up", "false", "allowed is true")),
+        (
+            {"mujoco": {"plate": "mocap"}, "run": {"duration_s": 0.1, "reaction": True, "engine": "mujoco"}},
+            ("mujoco.plate", "mocap", 'allowed is "patch" with run.reaction'),
+        ),
     ],
 )
 def test_what_cannot_react_is_refused(change: dict[str, Any], words: tuple[str, ...]) -> None:

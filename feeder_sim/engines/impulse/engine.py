@@ -177,7 +177,7 @@ class ImpulseEngine:
         """Terms that act and bounds of the window under way, and the reach of the parts in it [m]; wakes them."""
         start, end, extremes = *self._span, self._scene.surface.extremes
         place = (self._kinds, self._surface, extremes, (start, end), self._scene.timestep)
-        return open_window(parts, self._n, *place)  # type: ignore[no-any-return]
+        return open_window(parts, self._n, *place)
 
     def _advance_islands(self, crowd: Crowd, plate: Plate, span: Span, frames: FrameRows) -> bool:
         """Advance all islands, in parallel where there are threads; returns whether a part has left its reach."""

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from feeder_sim.borrow import borrow, borrowed
 from feeder_sim.engines.impulse.crowd import reach_of
+from feeder_sim.engines.impulse.flight_time import shortest_flight
 from feeder_sim.engines.impulse.frame_rows import write_row
 from feeder_sim.engines.impulse.island import (
     Agenda,
@@ -29,11 +30,10 @@ from feeder_sim.engines.impulse.island import (
     look_at_pair,
     set_due,
 )
-from feeder_sim.engines.impulse.flight_time import shortest_flight
 from feeder_sim.engines.impulse.rest import fall_asleep, wake
 from feeder_sim.engines.impulse.state import ABSENT, ASLEEP, Bounds, fly_to, orthonormalise_parts
 from feeder_sim.engines.impulse.window import SAG, acting_terms, bound_window
-from feeder_sim.engines.impulse.yielding_contact import Yielding, meet_yielding_plate
+from feeder_sim.engines.impulse.yielding_contact import meet_yielding_plate
 from feeder_sim.engines.surface_arrays import SurfaceArrays
 from feeder_sim.machine_code import compiled, entry_point
 from feeder_sim.scene.scene import GRAVITY
@@ -199,9 +199,7 @@ def _renewed(surface, bounds, t, yielding, limits):
     new = _bounds(surface, t, bounds.end, limits)
     for s in range(new.acceleration.shape[0]):
         bounds.acceleration[s] = new.acceleration[s]
-    return Bounds(
-        new.end, new.crest, new.slope, bounds.acceleration, new.speed, new.step, new.rest_step, new.calm
-    )
+    return Bounds(new.end, new.crest, new.slope, bounds.acceleration, new.speed, new.step, new.rest_step, new.calm)
 
 
 @compiled

@@ -65,7 +65,7 @@ class ReactingEngine(ImpulseEngine):
         start, end = self._span
         set_reaction(self._surface, self._reaction_opened)
         opened = open_yielding_window(parts, self._n, self._kinds, self._surface, (start, end), self._limits)
-        return opened  # type: ignore[no-any-return]
+        return opened
 
     def _advance_islands(self, crowd: Crowd, plate: Plate, span: Span, frames: FrameRows) -> bool:
         """Advance all parts from the begin of the window; it may have been computed before."""

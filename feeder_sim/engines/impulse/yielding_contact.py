@@ -107,7 +107,7 @@ def _impact(part, kind, corners, surface, t, work, yielding):
 
 @inlined
 def _find_carried(i, part, corners, surface, work, carried):
-    """How the surface at corner i moves with every mode, (n_shapes, 3): what `contact_of` multiplies with velocities."""
+    """How the surface at corner i moves with every mode, (n_shapes, 3), as `contact_of` has it."""
     arm = arm_of(part, corners, i)
     first_x, a = grid_cell(part.position[0] + arm[0], surface.grid_x)
     first_y, b = grid_cell(part.position[1] + arm[1], surface.grid_y)
