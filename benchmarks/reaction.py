@@ -36,27 +36,27 @@ RUNG_UP = 0.5  # of the amplitude that the drive reaches
 
 def main(
     seeds: Annotated[int, typer.Option(help="of one nut")] = 96,
-    crowds: Annotated[int, typer.Option(help="seeds of a hundred nuts")] = 8,
+    crowds: Annotated[int, typer.Option(help="seeds of a hundred nuts", min=2)] = 32,
     cycles: Annotated[int, typer.Option(help="of a hundred nuts")] = 1,
-    mujoco_seeds: Annotated[int, typer.Option(help="of one nut in MuJoCo; 0 for none")] = 0,
+    mujoco_seeds: Annotated[int, typer.Option(help="of one nut in MuJoCo; 0 for none")] = 12,
 ) -> None:
     nut = load_scenario(SCENARIOS / "drift_2797hz_plate.toml")
     for engine, n in (("impulse", seeds), ("mujoco", mujoco_seeds)):
         if n:
             print(f"{nut.title}, {engine}, {n} seeds", flush=True)
-            compare(with_run(nut, seeds=n, engine=engine), "transport_speed_mm_s")
+            compare(with_run(nut, seeds=n, engine=engine))
     amplitudes(with_run(nut, seeds=1, stop="time", duration_s=LOOKED_AT_S))
     hundred = load_scenario(SCENARIOS / "separation_100.toml")
     assert hundred.schedule is not None
     schedule = hundred.schedule.model_copy(update={"cycles": cycles})
     hundred = with_run(hundred.model_copy(update={"schedule": schedule}), seeds=crowds)
     print(f"{hundred.title}: {cycles} of them, {crowds} seeds", flush=True)
-    compare(hundred, None)
+    compare(hundred)
     amplitudes(with_run(hundred, seeds=min(crowds, 2)))
 
 
-def compare(scenario: Scenario, name: str | None) -> None:
-    """Print a measure, or the counts after every stage, and the processor time, without and with reaction."""
+def compare(scenario: Scenario) -> None:
+    """Print the transport speed, or the counts after every stage, and the processor time, without and with reaction."""
     before = math.nan
     for reaction in (False, True):
         prepared = prepare(with_run(scenario, reaction=reaction))
@@ -66,7 +66,7 @@ def compare(scenario: Scenario, name: str | None) -> None:
         simulated = sum(float(seed.frames.time[-1]) for seed in result.seeds)
         cost = 1e3 * (time.process_time() - started) / simulated
         found = result.measures()
-        values = {name: found[name]} if name else _of_stages(found["stages"])
+        values = _of_stages(found["stages"]) if "stages" in found else {"mm/s": found["transport_speed_mm_s"]}
         said = ", ".join(f"{key} {value['mean']:.3f} +- {value['se']:.3f}" for key, value in values.items())
         print(
             f"  {'reaction' if reaction else 'prescribed':<12} {said}; {cost:.1f} ms per simulated second", flush=True

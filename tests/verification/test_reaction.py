@@ -19,6 +19,7 @@ from feeder_sim.engines.impulse.reacting_engine import ReactingEngine
 from feeder_sim.engines.impulse.yielding_contact import LIFTED, TAKEN, WORK
 from feeder_sim.engines.impulse.yielding_impact import Modes
 from feeder_sim.engines.mujoco.reacting_engine import ReactingMujocoEngine
+from feeder_sim.engines.reaction import reaction_at
 from feeder_sim.errors import InputError
 from feeder_sim.plate.mode_shapes import RitzShape
 from feeder_sim.records.trajectory import Status
@@ -121,6 +122,48 @@ def test_an_impulse_pushes_every_mode_by_its_share() -> None:
     assert np.abs(z[:, 0]).max() < 1e-9 * np.abs(z[:, 1]).max()
     after = frames.velocity[-1, 0, 2] + GRAVITY * (frames.time[-1] - z[0, 2])
     assert after == pytest.approx(-np.sqrt(2 * GRAVITY * height) + impulse / ball.mass, rel=0.01)
+
+
+def test_a_surface_that_another_part_moves_is_met() -> None:
+    """A fast ball hits a plate at rest, which then throws a nut that was about to fall for milliseconds."""
+    ball = {"shape": "ball", "diameter_mm": 20.0} | at(0.0, velocity_mm_s=[0.0, 0.0, -3000.0])
+    low = {"position_mm": [20.0, 0.0], "drop_height_mm": [0.02, 0.02], "tilt_deg": [0.0, 0.0]}
+    scene = build_scene(on_plate(ball, NUT | {"start": low}, frames_per_second=1e5))
+    engine, rate = ReactingEngine(scene, np.random.default_rng(0)), free_modes(scene.driven).rate
+    frames = engine.advance(round(0.9e-3 / scene.frame_interval))  # in the first window
+    reaction, nut, found = engine._reaction, scene.kinds[1], []
+    assert np.hypot(*reaction[1, :2]) > 3e-5
+    for row in np.flatnonzero(frames.time > 0.4e-3):  # after the ball; the nut itself moves the plate little
+        turned = Rotation.from_quat(frames.quaternion[row, 1], scalar_first=True)
+        corners = turned.apply(nut.corners) + frames.position[row, 1]
+        q = reaction_at(reaction, rate, float(frames.time[row])).real
+        found.append((corners[:, 2] - q @ scene.surface.deflections(corners[:, :2])).min())
+    assert min(found) > -5e-6
+    assert frames.velocity[-1, 1, 2] > 0.1  # it has been thrown
+
+
+def test_the_drive_pays_for_what_parts_take() -> None:
+    """A drive that pushes with the same force all the time feeds damping and parts: a (1 - a) = P / P_0.
+
+    a is the amplitude over that without parts, P what they take on average, P_0 what damping takes without them.
+    """
+    scene = build_scene(on_plate(NUT | at(3.0), amplitude_um=5.0, duration_s=4.0))
+    engine, modes, drive = ReactingEngine(scene, np.random.default_rng(3)), free_modes(scene.driven), scene.drives[1]
+    zeta, omega = -modes.rate[1].real / abs(modes.rate[1]), abs(modes.rate[1])
+    damping = zeta * modes.modal_mass[1] * omega**3 * drive.amplitude**2
+    shares, taken, times = [], [], []
+    while engine.current().time[0] < 4.0:
+        engine.advance(10)
+        state = engine.state()
+        times.append(float(state["window"][0]))
+        taken.append(float(state["books"][TAKEN]))
+        alone = scene.surface.terms.phasor(times[-1], 2)[0, 1]
+        shares.append(abs(1.0 + reaction_at(state["reaction"], modes.rate, times[-1])[1] / alone))
+    rung_up = int(np.searchsorted(times, 0.4))
+    power = (taken[-1] - taken[rung_up]) / (times[-1] - times[rung_up])
+    a = np.mean(shares[rung_up:])
+    assert a < 0.995
+    assert a * (1 - a) == pytest.approx(power / damping, rel=0.1)
 
 
 @pytest.mark.parametrize("corners", [1, 6])
