@@ -25,7 +25,7 @@ from feeder_sim.plate.mode_shapes import RitzShape
 from feeder_sim.records.trajectory import Status
 from feeder_sim.run.batch import measure_drift
 from feeder_sim.run.run_folder import record_run, resume_run
-from feeder_sim.scenario import HexNut, Scenario
+from feeder_sim.scenario import HexNut, Scenario, with_run
 from feeder_sim.scene.free_modes import free_modes
 from feeder_sim.scene.rigid_part import build_part
 from feeder_sim.scene.scene import GRAVITY, build_scene
@@ -205,6 +205,17 @@ def test_result_does_not_depend_on_threads_or_breaks() -> None:
     assert one.position.tobytes() == other.position.tobytes()
     assert all(state[name].tobytes() == others[name].tobytes() for name in state)
     assert np.hypot(*state["reaction"][1, :2]) > 1e-7 and np.ptp(one.position[..., 2]) > 1e-4
+
+
+def test_frames_change_nothing() -> None:
+    few, many = (
+        ReactingEngine(build_scene(with_run(CROWD, frames_per_second=fps)), np.random.default_rng(2))
+        for fps in (250.0, 1000.0)
+    )
+    times = few._scene.steps_per_frame // many._scene.steps_per_frame
+    assert few._scene.steps_per_frame == times * many._scene.steps_per_frame and times > 2
+    difference = few.advance(40).position - many.advance(40 * times).position[times - 1 :: times]
+    assert np.abs(difference).max() < 1e-12
 
 
 def test_a_run_with_a_break_is_the_same_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
