@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from conftest import REPOSITORY, StopsAfter, contacts, from_python, moving_part, symmetric
+from conftest import REPOSITORY, contacts, from_python, moving_part, symmetric
 from numpy.typing import NDArray
-from pydantic import ValidationError
 from scipy.spatial.transform import Rotation
 
 from feeder_sim import simulate
@@ -20,12 +17,8 @@ from feeder_sim.engines.impulse.yielding_contact import LIFTED, TAKEN, WORK
 from feeder_sim.engines.impulse.yielding_impact import Modes
 from feeder_sim.engines.mujoco.reacting_engine import ReactingMujocoEngine
 from feeder_sim.engines.reaction import reaction_at
-from feeder_sim.errors import InputError
-from feeder_sim.plate.mode_shapes import RitzShape
 from feeder_sim.records.trajectory import Status
-from feeder_sim.run.batch import measure_drift
-from feeder_sim.run.run_folder import record_run, resume_run
-from feeder_sim.scenario import HexNut, Scenario, with_run
+from feeder_sim.scenario import HexNut, Scenario
 from feeder_sim.scene.free_modes import free_modes
 from feeder_sim.scene.rigid_part import build_part
 from feeder_sim.scene.scene import GRAVITY, build_scene
@@ -166,6 +159,21 @@ def test_the_drive_pays_for_what_parts_take() -> None:
     assert a * (1 - a) == pytest.approx(power / damping, rel=0.1)
 
 
+def test_a_part_that_rides_puts_the_mode_out_of_tune() -> None:
+    """A ball that hardly leaves the plate, below 1 g, adds its mass M w^2 to the mode; the drive stays as it was."""
+    ball = {"shape": "ball", "diameter_mm": 3.0} | at(0.0, drop_height_mm=[0.001, 0.001])
+    scene = build_scene(on_plate(ball, amplitude_um=0.02, contact={"restitution": 0.0}))
+    engine, modes = ReactingEngine(scene, np.random.default_rng(0)), free_modes(scene.driven)
+    engine.advance(140)  # nine times the time of the ring-up
+    state = engine.state()
+    t, zeta = float(state["window"][0]), -modes.rate[1].real / abs(modes.rate[1])
+    alone = scene.surface.terms.phasor(t, 2)[0, 1]
+    added = scene.parts[0].mass * scene.surface.deflections(np.zeros((1, 2)))[1, 0] ** 2 / modes.modal_mass[1]
+    expected = abs(2j * zeta / (2j * zeta - added))
+    assert expected < 0.95
+    assert abs(1.0 + reaction_at(state["reaction"], modes.rate, t)[1] / alone) == pytest.approx(expected, rel=0.05)
+
+
 @pytest.mark.parametrize("corners", [1, 6])
 def test_infinitely_heavy_modes_are_a_prescribed_motion(corners: int) -> None:
     nut, rng = build_part(HexNut(size="M2.5")), np.random.default_rng(1)
@@ -186,50 +194,8 @@ def modes_of(contacts_: int) -> Modes:
     return Modes(np.zeros(2), np.ones((contacts_, 2, 3)), np.zeros(2))
 
 
-CROWD = on_plate(
-    NUT | {"count": 12, "start": {"kind": "scattered", "size_mm": [60.0, 60.0]}}, amplitude_um=15.0, duration_s=0.3
-)
-
-
-def test_result_does_not_depend_on_threads_or_breaks() -> None:
-    scene, frames = build_scene(CROWD), []
-    for threads in (1, 3):
-        engine = ReactingEngine(scene, np.random.default_rng(2), threads=threads)
-        engine.advance(60)
-        engine.remove(np.array([3]))
-        if threads > 1:
-            state, engine = engine.state(), ReactingEngine(scene, np.random.default_rng(0))
-            engine.restore(state)
-        frames.append((engine.advance(60), engine.state()))
-    (one, state), (other, others) = frames
-    assert one.position.tobytes() == other.position.tobytes()
-    assert all(state[name].tobytes() == others[name].tobytes() for name in state)
-    assert np.hypot(*state["reaction"][1, :2]) > 1e-7 and np.ptp(one.position[..., 2]) > 1e-4
-
-
-def test_frames_change_nothing() -> None:
-    few, many = (
-        ReactingEngine(build_scene(with_run(CROWD, frames_per_second=fps)), np.random.default_rng(2))
-        for fps in (250.0, 1000.0)
-    )
-    times = few._scene.steps_per_frame // many._scene.steps_per_frame
-    assert few._scene.steps_per_frame == times * many._scene.steps_per_frame and times > 2
-    difference = few.advance(40).position - many.advance(40 * times).position[times - 1 :: times]
-    assert np.abs(difference).max() < 1e-12
-
-
-def test_a_run_with_a_break_is_the_same_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(ReactingEngine, "frames_per_block", 30)
-    whole = record_run(CROWD, tmp_path / "whole", replay=False)
-    begun = record_run(CROWD, tmp_path / "run", stop=StopsAfter(3), replay=False)
-    assert begun.interrupted
-    resumed = resume_run(tmp_path / "run", replay=False)
-    assert whole.seeds[0].status == Status.DONE
-    assert whole.seeds[0].frames.position.tobytes() == resumed.seeds[0].frames.position.tobytes()
-
-
 def test_a_heavy_part_lowers_the_amplitude_and_the_guard_stays_calm() -> None:
-    """A ball as heavy as a third of the mode takes most of its energy; no state is taken for diverged."""
+    """A ball nearly half as heavy as the mode; no state is taken for diverged."""
     heavy = {"shape": "ball", "diameter_mm": 15.0} | at(0.0)
     scenario = on_plate(heavy, amplitude_um=10.0, duration_s=0.5)
     assert simulate(scenario).seeds[0].status == Status.DONE
@@ -260,51 +226,3 @@ def test_mujoco_keeps_the_energy_as_its_step_does(steps: int) -> None:
     got = 0.5 * float(modes.modal_mass @ (modes.rate.imag * np.hypot(z[:, 0], z[:, 1])) ** 2)
     assert got > 0.02 * before and z[1, 1] > 0.0  # the antinode in the centre is pushed down
     assert before - energy() == pytest.approx(got, rel=0.2 / steps)
-
-
-def test_mujoco_goes_on_to_the_same_bits() -> None:
-    scene = build_scene(CROWD.model_copy(update={"run": CROWD.run.model_copy(update={"engine": "mujoco"})}))
-    one, other = (ReactingMujocoEngine(scene, np.random.default_rng(2)) for _ in range(2))
-    one.advance(5)
-    one.advance(5)
-    state = one.state()
-    other.restore(state)
-    assert one.advance(5).position.tobytes() == other.advance(5).position.tobytes()
-    assert np.hypot(*state["reaction"][1, :2]) > 1e-9
-
-
-RING = [{"frequency_hz": 2797.0, "amplitude_um": 1.0}]
-
-
-@pytest.mark.parametrize(
-    ("change", "words"),
-    [
-        ({"plate": {"kind": "strip", "thickness_mm": 3.0}}, ("plate.kind", "strip", "rectangle")),
-        ({"plate": {"kind": "piston"}}, ("plate.kind", "piston", "rectangle")),
-        (
-            {"plate": {"kind": "piston"}, "part": [BALL | {"guide": {"kind": "slide", "tilt_deg": 0.0}}]},
-            ("part[0].guide", "allowed is none"),
-        ),
-        ({"drive": [RING[0] | {"ring_up": False}]}, ("drive[0].ring_up", "false", "allowed is true")),
-        (
-            {"mujoco": {"plate": "mocap"}, "run": {"duration_s": 0.1, "reaction": True, "engine": "mujoco"}},
-            ("mujoco.plate", "mocap", 'allowed is "patch" with run.reaction'),
-        ),
-    ],
-)
-def test_what_cannot_react_is_refused(change: dict[str, Any], words: tuple[str, ...]) -> None:
-    raw = {"plate": PLATE, "drive": RING, "part": [NUT], "run": {"duration_s": 0.1, "reaction": True}}
-    with pytest.raises(ValidationError) as error:
-        Scenario.model_validate(raw | change)
-    assert all(word in str(error.value) for word in words)
-
-
-def test_modes_without_mass_and_drifts_without_frames_are_refused() -> None:
-    scenario = on_plate(NUT)
-    with pytest.raises(InputError, match=r"run\.reaction.*allowed is false"):
-        measure_drift([scenario])
-    driven = build_scene(scenario).driven[0]
-    assert isinstance(driven.shape, RitzShape)
-    unknown = replace(driven.shape.modes, modal_mass=np.full(len(driven.shape.modes), np.nan))
-    with pytest.raises(InputError, match=r"no modal mass.*run\.reaction"):
-        free_modes([replace(driven, shape=replace(driven.shape, modes=unknown))])
