@@ -103,7 +103,7 @@ def recommendations(scene: Scene) -> list[str]:
         lines.append(f"run.steps_per_period = {FINE_STEPS}: finer steps change the drift by a percent")
     ringing = [drive for drive in scene.drives if drive.damping_ratio is not None]
     shortest = min((stage.stop - stage.start for stage in scene.times.stages if stage.excitations), default=math.inf)
-    if ringing and shortest < math.inf:
+    if ringing and shortest < math.inf and not run.reaction:  # which needs the ring-up
         slowest = max(drive.ring_up_time for drive in ringing)
         if slowest < SHORT_RING_UP * shortest and len(ringing) == len(scene.drives):
             lines.append(f"ring_up = false is enough: {slowest:.2g} s against {shortest:.3g} s of driving")

@@ -140,6 +140,8 @@ def check_batch(prepared: Prepared) -> None:
         raise InputError(f"is true, allowed is false {why}", key="plate.rim")
     if scenario.schedule is not None:
         raise InputError(f"is given, allowed is none {why}", key="schedule")
+    if scenario.run.reaction:
+        raise InputError(f"is true, allowed is false {why}", key="run.reaction")
     if prepared.engine.method != "impulse":
         raise InputError(f'is "{prepared.engine.name}", allowed is "impulse" {why}', key="run.engine")
 

@@ -10,6 +10,7 @@ import numpy as np
 from feeder_sim.machine_code import inlined
 from feeder_sim.records.trajectory import Frames
 from feeder_sim.scenario import Contact
+from feeder_sim.scene.free_modes import free_modes
 from feeder_sim.scene.scene import GRAVITY, Scene
 
 
@@ -84,6 +85,18 @@ def largest_at_once(scene: Scene, *, speeds: bool = False) -> float:
         duration = 0.0 if stage.until else stage.stop - stage.start  # a stage with a condition may stop at once
         level = np.maximum(level * np.exp(-decay * duration), driven) * np.exp(-decay * (stage.end - stage.stop))
     return largest
+
+
+def largest_reaction(scene: Scene, amplitude: float, start_speed: float) -> float:
+    """Bound [m] on how far parts that act on the plate move its surface away from where the drives alone would have it.
+
+    Parts that take all energy from modes of an amplitude, or turn their phase, move it by twice that at most. Of their
+    own energy, M v^2 / 2 at the start, a mode of the mass m gets an amplitude of v sqrt(M / m) / w_n at most.
+    """
+    modes = free_modes(scene.driven)
+    mass = float(sum(part.mass for part in scene.parts))
+    own = start_speed * np.sqrt(mass / modes.modal_mass) / np.abs(modes.rate)
+    return 2.0 * amplitude + float(own.sum())
 
 
 def _restitution(contact: Contact) -> float:

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from feeder_sim.engines.surface_arrays import surface_arrays
 from feeder_sim.errors import Divergence, SimulationDiverged
 from feeder_sim.records.trajectory import Frames
-from feeder_sim.run.energy import energy_limit, largest_at_once
+from feeder_sim.run.energy import energy_limit, largest_at_once, largest_reaction
 from feeder_sim.run.plate_edge import edge_of
 from feeder_sim.run.state_check import (
     ALLOWED,
@@ -143,8 +143,12 @@ def what_holds(prepared: Prepared, first: Frames) -> Held:
     """What the states of a seed are held against; first: frames with the state at the start, of one seed or of many."""
     scene = prepared.scene
     contact, compliant = scene.scenario.contact, scene.scenario.contact.time_constant_us is not None
+    energy, largest = energy_limit(scene, first, ENERGY_FACTOR), largest_at_once(scene)
+    # The surface is the prescribed one. What parts make of it takes the plate's energy, so that its envelope falls and
+    # the limit of the energy holds; but the depth is wrong by as much as they move the surface.
+    reaction = largest_reaction(scene, largest, energy.start_speed) if scene.scenario.run.reaction else 0.0
     depth = DepthLimit(
-        least=DEPTH_FLOOR + DEPTH_FRACTION * largest_at_once(scene),
+        least=DEPTH_FLOOR + DEPTH_FRACTION * largest + reaction,
         steps=DEPTH_STEPS * scene.timestep,
         heap=HEAP_DEPTH if len(scene.parts) > 1 else 0.0,
         time_constant=1e-6 * (contact.time_constant_us or 0.0),
@@ -156,7 +160,7 @@ def what_holds(prepared: Prepared, first: Frames) -> Held:
         surface=surface_arrays(scene.surface, scene.scenario.run)._replace(tangent=tangent),
         antinode=scene.surface.extremes[0],
         edge=edge_of(scene, sum(drive.largest for drives in scene.all_drives for drive in drives)),
-        energy=energy_limit(scene, first, ENERGY_FACTOR),
+        energy=energy,
         depth=depth,
     )
 

@@ -1,7 +1,8 @@
 """Which scenarios each engine can compute, which engine a scenario gets, and settings that are known to fail.
 
-Two engine names stand for three methods. `mujoco` has one. `impulse` has the general one, and `slide`, which finds
-every event of a part with one degree of freedom exactly. docs/engines.md describes them.
+Two engine names stand for several methods. `mujoco` has one; `impulse` has the general one and `slide`, which finds
+every event of a part with one degree of freedom exactly. Over a plate that takes the impulses of the parts both have a
+method of their own, `reaction`. docs/engines.md describes them.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ MIN_STEPS_PER_PERIOD = 20
 MIN_STEPS_PER_TIME_CONSTANT = 5.0
 
 EngineName = Literal["impulse", "mujoco"]
-Method = Literal["impulse", "slide", "mujoco"]
+Method = Literal["impulse", "reaction", "slide", "mujoco"]
 
 
 class Choice(NamedTuple):
@@ -36,16 +37,19 @@ class Choice(NamedTuple):
 def choose_engine(scenario: Scenario) -> Choice:
     """The engine of a checked scenario: the one it asks for, else the fastest that can compute it."""
     guide = scenario.guide
-    method: Method = "slide" if guide is not None and guide.kind == "slide" else "impulse"
+    method: Method = "reaction" if scenario.run.reaction else "impulse"
+    stepping: Method = "reaction" if scenario.run.reaction else "mujoco"
+    if guide is not None and guide.kind == "slide":
+        method = "slide"
     if scenario.run.engine == "mujoco":
-        return Choice("mujoco", "mujoco", "asked for")
+        return Choice("mujoco", stepping, "asked for")
     if scenario.run.engine == "impulse":
         return Choice("impulse", method, "asked for")
     if scenario.contact.model == "compliant":
-        return Choice("mujoco", "mujoco", "a compliant contact needs its spring-dampers")
+        return Choice("mujoco", stepping, "a compliant contact needs its spring-dampers")
     if method == "slide":
         return Choice("impulse", "slide", "one degree of freedom, whose impacts it finds exactly")
-    return Choice("impulse", "impulse", "rigid contact, which it covers and is the fastest at")
+    return Choice("impulse", method, "rigid contact, which it covers and is the fastest at")
 
 
 def uncovered(scenario: Scenario) -> Iterator[str]:
@@ -75,6 +79,24 @@ def uncovered(scenario: Scenario) -> Iterator[str]:
         yield f"plate.rim is true, allowed is false {why}"
     if run.planar:
         yield from _uncovered_in_plane(scenario, in_mujoco=in_mujoco)
+    if run.reaction:
+        yield from _uncovered_with_reaction(scenario, in_mujoco=in_mujoco)
+
+
+def _uncovered_with_reaction(scenario: Scenario, *, in_mujoco: bool) -> Iterator[str]:
+    """What cannot be computed with run.reaction = true, as for `uncovered`."""
+    if scenario.guide is not None:
+        yield "part[0].guide is given, allowed is none with run.reaction = true"
+    if scenario.plate.kind != "rectangle":
+        yield (
+            f'plate.kind is "{scenario.plate.kind}", allowed is "rectangle" with run.reaction = true: '
+            "only its modes have a mass"
+        )
+    for key, drive in scenario.excitations:
+        if not drive.ring_up:
+            yield f"{key}.ring_up is false, allowed is true with run.reaction = true: it prescribes the motion"
+    if in_mujoco and scenario.mujoco.plate == "mocap":
+        yield 'mujoco.plate is "mocap", allowed is "patch" with run.reaction = true: no force acts on a mocap body'
 
 
 def _uncovered_in_plane(scenario: Scenario, *, in_mujoco: bool) -> Iterator[str]:

@@ -59,6 +59,7 @@ class Run(Table):
     `in_plane_velocity = false` leaves out the horizontal motion of the surface; `tangent_surface = true` makes the
     impulse engine replace the surface under a part by its tangent plane, as the MuJoCo engine always does;
     `planar = true` keeps a part in the plane y = 0 of a strip or piston, with the outline it has there.
+    `reaction = true` lets every impulse that the plate gives a part act on the driven modes of a rectangle too.
     `allow_unstable` runs settings that are known to fail. With a schedule the duration is that of its stages. A part
     that falls off the plate is computed down to `floor_mm`, and is lost there.
     """
@@ -74,4 +75,5 @@ class Run(Table):
     in_plane_velocity: Flag = True
     tangent_surface: Flag = False
     planar: Flag = False
+    reaction: Flag = False
     allow_unstable: Flag = False

@@ -15,6 +15,7 @@ from feeder_sim.plate.surface import Surface
 from feeder_sim.scenario import Heap, PartSpec, Scattered, Scenario, Start, Tube
 from feeder_sim.scene.driven_mode import DrivenMode
 from feeder_sim.scene.driven_plate import DrivenPlate, assemble_plate, motion_terms
+from feeder_sim.scene.free_modes import free_modes
 from feeder_sim.scene.guide import Guide, build_guide
 from feeder_sim.scene.rigid_part import RigidPart, build_part, outline
 from feeder_sim.scene.timetable import TimedStage, Timetable, largest_together, timetable
@@ -103,6 +104,8 @@ def build_scene(scenario: Scenario) -> Scene:
             does not fit the plate, the guide or the duration.
     """
     plate = assemble_plate(scenario)
+    if scenario.run.reaction:
+        free_modes(plate.driven)  # refuses modes that cannot react
     kinds = tuple(build_part(spec, name=f"part_{i}") for i, spec in enumerate(scenario.part))
     if scenario.run.planar:
         kinds = (outline(kinds[0], math.radians(scenario.part[0].start.yaw_deg[0])),)

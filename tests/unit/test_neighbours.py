@@ -17,7 +17,7 @@ from feeder_sim.scenario import Ball, Drive, HexNut, PistonPlate, Run, Scattered
 from feeder_sim.scene.scene import Scene, build_scene
 
 find_pairs, find_islands = from_python(neighbours.find_pairs), from_python(neighbours.find_islands)
-all_due, earliest, set_due = map(from_python, (island._all_due, island._earliest, island._set_due))
+all_due, earliest, set_due = map(from_python, (island.all_due, island.earliest_of, island.set_due))
 HALF = 0.1  # [m], of the plate
 NONE = np.empty(0, PAIR)
 Records = NDArray[np.void]

@@ -1,6 +1,6 @@
 """Piezo patches, bars and masses on a plate, against closed forms and finite elements.
 
-Finite elements: the Mindlin plate of test_plate_against_scikit_fem.py with stiffness and mass that differ under a patch,
+Finite elements: the Mindlin plate of test_plate_against_scikit_fem.py with more stiffness and mass under a patch,
 and plane strain of the section of a plate with a patch.
 """
 

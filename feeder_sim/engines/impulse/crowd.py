@@ -33,7 +33,7 @@ def open_window(parts, n_free, kinds, surface, extremes, span, step):
         for i in range(n_free):
             wake(parts[i])
     orthonormalise_parts(parts, n_free)
-    return acting, bounds, _reach(parts, n_free, bounds, kinds.record[0].restitution[0], end - start)
+    return acting, bounds, reach_of(parts, n_free, bounds, kinds.record[0].restitution[0], end - start)
 
 
 @entry_point
@@ -45,7 +45,7 @@ def find_neighbours(parts, n_free, kinds, surface, reach, pairs):
 
 
 @compiled
-def _reach(parts, n_free, bounds, e, duration):
+def reach_of(parts, n_free, bounds, e, duration):
     """How far any part comes within a window [m]: the plate adds (1 + e) times its own speed to the fastest."""
     fastest = 0.0
     for i in range(n_free):

@@ -37,8 +37,8 @@ from feeder_sim.engines.impulse.hulls import HullLibrary
 from feeder_sim.engines.impulse.island import Crowd, Share, Span, Tools, advance_islands
 from feeder_sim.engines.impulse.kinds import read_kinds, rim_walls
 from feeder_sim.engines.impulse.pair_contact import PAIR
-from feeder_sim.engines.impulse.state import ABSENT, Plate, new_parts, new_scratch, read_wall
-from feeder_sim.engines.surface_arrays import surface_arrays
+from feeder_sim.engines.impulse.state import ABSENT, Bounds, Plate, new_parts, new_scratch, read_wall
+from feeder_sim.engines.surface_arrays import SurfaceArrays, surface_arrays
 from feeder_sim.records.impacts import Impacts
 from feeder_sim.records.trajectory import BLOCK_FRAMES, Frames
 from feeder_sim.scene.scene import Scene
@@ -61,6 +61,8 @@ class ImpulseEngine:
 
     name = "impulse"
     frames_per_block = BLOCK_FRAMES
+    _single_apart = True  # a lone part has a loop of its own
+    _window = WINDOW
 
     def __init__(
         self,
@@ -78,7 +80,7 @@ class ImpulseEngine:
         self._notes = ContactNotes(new_log(1), np.zeros(2))
         self._surface = surface_arrays(scene.surface, scene.scenario.run)
         self._threads = max(1, threads)
-        self._alone = self._n == 1 and not scene.rim
+        self._alone = self._single_apart and self._n == 1 and not scene.rim
         self._work = [new_scratch(kinds, scene.surface.n_shapes) for _ in range(self._threads)]
         corners, radii = np.split(kinds.corners, kinds.record["corner_from"][1:]), list(kinds.record["radius"])
         self._libraries = [HullLibrary(corners, radii) for _ in range(0 if self._alone else self._threads)]
@@ -137,7 +139,7 @@ class ImpulseEngine:
             self._compute_window(self._span[1], FrameRows(times[:done], rows[:done], self._interrupt))
         while done < len(times):
             start = self._span[1]
-            self._span[:] = start, start + WINDOW
+            self._span[:] = start, start + self._window
             self._keep_begin_of_window()
             last = int(np.searchsorted(times, self._span[1], side="right"))
             self._compute_window(self._span[1], FrameRows(times[done:last], rows[done:last], self._interrupt))
@@ -153,8 +155,7 @@ class ImpulseEngine:
         if frames is None:
             frames = FrameRows(np.empty(0), np.empty((0, self._n, ROW)), np.zeros(1, np.int64))
         parts, start = self._opened.copy(), self._span[0]
-        place = (self._kinds, self._surface, self._scene.surface.extremes, (start, self._span[1]), self._scene.timestep)
-        acting, bounds, reach = open_window(parts, self._n, *place)
+        acting, bounds, reach = self._open_window(parts)
         begun = parts.copy()
         absent = np.flatnonzero(parts["there"][: self._n] == ABSENT)
         frames.row[:, absent] = self._row[absent]
@@ -171,6 +172,12 @@ class ImpulseEngine:
             reach = WIDER * max(reach, farthest)
             parts = begun.copy()
         self._parts, self._pairs = parts, pairs
+
+    def _open_window(self, parts: NDArray[np.void]) -> tuple[SurfaceArrays, Bounds, float]:
+        """Terms that act and bounds of the window under way, and the reach of the parts in it [m]; wakes them."""
+        start, end, extremes = *self._span, self._scene.surface.extremes
+        place = (self._kinds, self._surface, extremes, (start, end), self._scene.timestep)
+        return open_window(parts, self._n, *place)
 
     def _advance_islands(self, crowd: Crowd, plate: Plate, span: Span, frames: FrameRows) -> bool:
         """Advance all islands, in parallel where there are threads; returns whether a part has left its reach."""

@@ -87,21 +87,21 @@ def _solve(v, w, inverse_mass, inverse_inertia, contact, law, n, share):
         along = dot(normal, contact[BEFORE, i])
         scale, reach = max(scale, abs(along)), max(reach, math.sqrt(dot(arm, arm)))
         law[TARGET, i] = -share * law[RESTITUTION, i] * along
-        law[STEP_NORMAL, i], law[STEP_TANGENT, i] = _steps(inverse_mass, inverse_inertia, arm, normal)
+        law[STEP_NORMAL, i], law[STEP_TANGENT, i] = effective_masses(inverse_mass, inverse_inertia, arm, normal)
         write_to(contact[IMPULSE, i], (0.0, 0.0, 0.0))
     if n >= FLAT:  # a flat landing is nearly a shift: begin with what would stop it, shared out
         share_of_mass = 1.0 / (inverse_mass * n)
         for i in range(n):
-            _project(vector(contact[BEFORE, i]), share_of_mass, share_of_mass, contact, law, i)
+            project(vector(contact[BEFORE, i]), share_of_mass, share_of_mass, contact, law, i)
         for i in range(n):
-            v, w = _pushed(v, w, inverse_mass, inverse_inertia, contact[ARM, i], contact[IMPULSE, i])
+            v, w = pushed(v, w, inverse_mass, inverse_inertia, contact[ARM, i], contact[IMPULSE, i])
     tolerance = max(min(ENOUGH, SHARE * scale), LEAST) if n > 1 else ROUND_OFF * scale
     for _ in range(MAX_SWEEPS):
         last_v, last_w = v, w
         for i in range(n):
             u = _relative_velocity(v, w, contact, i)
-            change = _project(u, law[STEP_NORMAL, i], law[STEP_TANGENT, i], contact, law, i)
-            v, w = _pushed(v, w, inverse_mass, inverse_inertia, contact[ARM, i], change)
+            change = project(u, law[STEP_NORMAL, i], law[STEP_TANGENT, i], contact, law, i)
+            v, w = pushed(v, w, inverse_mass, inverse_inertia, contact[ARM, i], change)
         shifted, turned = difference(v, last_v), difference(w, last_w)
         if math.sqrt(dot(shifted, shifted)) + reach * math.sqrt(dot(turned, turned)) < tolerance:
             return v, w, True
@@ -109,7 +109,7 @@ def _solve(v, w, inverse_mass, inverse_inertia, contact, law, n, share):
 
 
 @inlined
-def _project(u, step_normal, step_tangent, contact, law, i):
+def project(u, step_normal, step_tangent, contact, law, i):
     """One Gauss-Seidel step of corner i, which moves at u: its impulse, changed freely, projected onto Coulomb's cone.
 
     Returns the change.
@@ -127,7 +127,7 @@ def _project(u, step_normal, step_tangent, contact, law, i):
 
 
 @compiled
-def _steps(inverse_mass, inverse_inertia, arm, normal):
+def effective_masses(inverse_mass, inverse_inertia, arm, normal):
     """Effective mass along the normal, and a tangential one small enough for the projection to converge.
 
     K = 1/m - [arm] I^-1 [arm] is the inverse effective mass; what its trace leaves beside the normal bounds the rest.
@@ -147,7 +147,7 @@ def _quadratic(matrix, a):
 
 
 @inlined
-def _pushed(v, w, inverse_mass, inverse_inertia, arm, impulse):
+def pushed(v, w, inverse_mass, inverse_inertia, arm, impulse):
     """Velocity and angular velocity after an impulse at the end of an arm."""
     turned = times(inverse_inertia, cross(arm, impulse))
     return plus(v, inverse_mass, impulse), plus(w, 1.0, turned)

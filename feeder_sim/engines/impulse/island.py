@@ -60,7 +60,7 @@ class Span(NamedTuple):
 class Agenda(NamedTuple):
     """When the events of one island are due: first those of its parts, then those of its pairs.
 
-    tree: see `_all_due`; first_part, first_pair: of the island, in `Islands`; n_parts: of the island.
+    tree: see `all_due`; first_part, first_pair: of the island, in `Islands`; n_parts: of the island.
     """
 
     tree: NDArray[np.float64]
@@ -89,27 +89,27 @@ def _advance_island(island, crowd, plate, tools, span, frames):
     first, last = islands.first_part[island], islands.first_part[island + 1]
     first_pair, last_pair = islands.first_pair[island], islands.first_pair[island + 1]
     n = last - first
-    tree = _all_due(n + last_pair - first_pair, span.start)
+    tree = all_due(n + last_pair - first_pair, span.start)
     agenda = Agenda(borrowed(tree), first, n, first_pair)
     for k in range(n):
         if parts[islands.part[first + k]].there == ASLEEP:
-            _set_due(tree, k, np.inf)
+            set_due(tree, k, np.inf)
     left = False
     for frame in range(frames.time.shape[0] + 1):
         stop = frames.time[frame] if frame < frames.time.shape[0] else span.end
         while tree[1] < stop and frames.interrupt[0] == 0:
-            t, event = tree[1], _earliest(tree)
+            t, event = tree[1], earliest_of(tree)
             if event < n:
                 left |= _look_at_part(event, t, agenda, crowd, plate, tools.work, span.reach)
             else:
-                left |= _look_at_pair(event, t, agenda, crowd, plate.bounds, tools, span.reach)
+                left |= look_at_pair(event, t, agenda, crowd, plate.bounds, tools, span.reach)
         for k in range(first, last):
             i = islands.part[k]
             if frame < frames.time.shape[0]:
                 write_row(parts, i, kinds, stop, frames.row[frame, i])
             else:
                 fly_to(parts[i], kinds.record[parts[i].kind], stop)
-                left |= _has_left(i, crowd, span.reach)
+                left |= has_left(i, crowd, span.reach)
     return left and tree.shape[0] > 0  # what was borrowed lives until here
 
 
@@ -119,18 +119,18 @@ def _look_at_part(event, t, agenda, crowd, plate, work, reach):
     i = crowd.islands.part[agenda.first_part + event]
     part = crowd.parts[i]
     fly_to(part, crowd.kinds.record[part.kind], t)
-    left = _has_left(i, crowd, reach)
+    left = has_left(i, crowd, reach)
     leap, hit = meet_plate(part, crowd.kinds, None, plate.surface, plate.bounds, t, work)
-    _set_due(agenda.tree, event, t + leap)
+    set_due(agenda.tree, event, t + leap)
     if hit:
         if plate.bounds.calm and fall_asleep(part, crowd.kinds, work):
-            _set_due(agenda.tree, event, np.inf)
-        _look_again_at_pairs(i, -1, t, agenda, crowd, plate.bounds)
+            set_due(agenda.tree, event, np.inf)
+        look_again_at_pairs(i, -1, t, agenda, crowd, plate.bounds)
     return left
 
 
 @inlined
-def _look_at_pair(event, t, agenda, crowd, bounds, tools, reach):
+def look_at_pair(event, t, agenda, crowd, bounds, tools, reach):
     """A pair of parts; returns whether one of them has come farther than its reach."""
     parts, kinds, islands = crowd.parts, crowd.kinds, crowd.islands
     p = islands.pair[agenda.first_pair + event - agenda.n_parts]
@@ -146,15 +146,15 @@ def _look_at_pair(event, t, agenda, crowd, bounds, tools, reach):
         if hit:
             for i in (pair.a, pair.b):
                 if i < islands.place.shape[0]:  # walls have no events
-                    left |= _has_left(i, crowd, reach)
-                    _set_due(agenda.tree, islands.place[i] - agenda.first_part, t)
-                    _look_again_at_pairs(i, p, t, agenda, crowd, bounds)
-    _set_due(agenda.tree, event, due)
+                    left |= has_left(i, crowd, reach)
+                    set_due(agenda.tree, islands.place[i] - agenda.first_part, t)
+                    look_again_at_pairs(i, p, t, agenda, crowd, bounds)
+    set_due(agenda.tree, event, due)
     return left
 
 
 @inlined
-def _look_again_at_pairs(i, except_pair, t, agenda, crowd, bounds):
+def look_again_at_pairs(i, except_pair, t, agenda, crowd, bounds):
     """Make the pairs of a part due anew after its velocity has changed at time t.
 
     For touching pairs keep the earlier of the old and new due time; otherwise frequent impacts on the plate postpone it
@@ -169,11 +169,11 @@ def _look_again_at_pairs(i, except_pair, t, agenda, crowd, bounds):
             event = agenda.n_parts + place - agenda.first_pair
             if near:
                 due = min(due, agenda.tree[agenda.tree.shape[0] // 2 + event])
-            _set_due(agenda.tree, event, due)
+            set_due(agenda.tree, event, due)
 
 
 @inlined
-def _has_left(i, crowd, reach):
+def has_left(i, crowd, reach):
     """Whether a part is farther from its place at the begin of the window than its neighbours were looked for."""
     squared = 0.0
     for k in range(3):
@@ -182,7 +182,7 @@ def _has_left(i, crowd, reach):
 
 
 @compiled
-def _all_due(n, t):
+def all_due(n, t):
     """Tournament tree over n events due at time t: node 1 holds the earliest, node k that of 2 k and 2 k + 1."""
     size = 1
     while size < n:
@@ -195,7 +195,7 @@ def _all_due(n, t):
 
 
 @compiled
-def _earliest(tree):
+def earliest_of(tree):
     """Number of the event that is due first; of several, the one with the lowest number."""
     k, size = 1, tree.shape[0] // 2
     while k < size:
@@ -206,7 +206,7 @@ def _earliest(tree):
 
 
 @compiled
-def _set_due(tree, event, t):
+def set_due(tree, event, t):
     k = tree.shape[0] // 2 + event
     tree[k] = t
     k //= 2

@@ -71,7 +71,7 @@ def meet_plate(part, kinds, wall, surface, bounds, t, work):
     corners = kinds.corners[kind.corner_from : kind.corner_to]
     if further > 0:
         corners = work.points[: n_corners + further]
-    on_plate, last = _look(part, kind, corners, surface, bounds, t, work)
+    on_plate, last = look(part, kind, corners, surface, bounds, t, work)
     if wall is None:
         if on_plate == 1:
             _impact_at(last, part, kind, corners, surface, work)
@@ -95,7 +95,7 @@ def meet_plate(part, kinds, wall, surface, bounds, t, work):
 
 
 @inlined
-def _look(part, kind, corners, surface, bounds, t, work):
+def look(part, kind, corners, surface, bounds, t, work):
     """Fill gap, rate and surface part of every corner; returns how many touch and approach, and the last of them.
 
     Above the crest the gap is to the crest and the surface counts as still; below it, to the surface itself. A corner
@@ -137,7 +137,7 @@ def _turning(part, kind):
 
 
 @inlined
-def _approach(part, kind, corners, work):
+def approach(part, kind, corners, work):
     """Fill the rate of every corner relative to the surface anew, after an impact."""
     rising, turning = part.velocity[2], _turning(part, kind)
     for i in range(corners.shape[0]):
@@ -209,7 +209,7 @@ def _surface_touched(x, y, surface_rate, part, surface, work):
 
 
 @compiled
-def _contact_of(i, part, kind, corners, surface, work):
+def contact_of(i, part, kind, corners, surface, work):
     """Arm, normal and surface velocity of a corner that touches the plate."""
     arm = arm_of(part, corners, i)
     x, y = part.position[0] + arm[0], part.position[1] + arm[1]
@@ -221,14 +221,14 @@ def _contact_of(i, part, kind, corners, surface, work):
 @inlined
 def _impact_at(i, part, kind, corners, surface, work):
     """As `_impact`, of a corner that touches the plate alone."""
-    arm, normal, velocity = _contact_of(i, part, kind, corners, surface, work)
+    arm, normal, velocity = contact_of(i, part, kind, corners, surface, work)
     inverse_mass, turns = 1.0 / kind.mass, inverse_inertia(part, kind)
     e, mu = kind.restitution[0], kind.friction[0]
     if not resolve_free(part, inverse_mass, turns, arm, normal, velocity, e, mu):
         _impact(part, kind, corners, None, surface, work)
         return
-    _put_back(part, corners, max(-work.corner[i, GAP], 0.0), work)
-    _approach(part, kind, corners, work)
+    put_back(part, corners, max(-work.corner[i, GAP], 0.0), work)
+    approach(part, kind, corners, work)
 
 
 @compiled
@@ -242,7 +242,7 @@ def _impact(part, kind, corners, wall, surface, work):
         if work.corner[i, GAP] > TOUCH or work.corner[i, RATE] >= 0.0:
             continue
         depth = max(depth, -work.corner[i, GAP])
-        arm, normal, velocity = _contact_of(i, part, kind, corners, surface, work)
+        arm, normal, velocity = contact_of(i, part, kind, corners, surface, work)
         for k in range(3):
             work.contact[ARM, n, k] = arm[k]
             work.contact[NORMAL, n, k] = normal[k]
@@ -253,12 +253,12 @@ def _impact(part, kind, corners, wall, surface, work):
         n = gather_wall(part, kind, corners, wall, TOUCH, n, work)
     if not resolve_impact(part, 1.0 / kind.mass, inverse_inertia(part, kind), work.contact, work.law, n):
         work.unresolved[0] += 1
-    _put_back(part, corners, depth, work)
-    _approach(part, kind, corners, work)
+    put_back(part, corners, depth, work)
+    approach(part, kind, corners, work)
 
 
 @inlined
-def _put_back(part, corners, depth, work):
+def put_back(part, corners, depth, work):
     """Lift a part out of the surface."""
     part.position[2] += depth
     for i in range(corners.shape[0]):

@@ -26,10 +26,10 @@ def resolve_free(part, inverse_mass, inverse_inertia, arm, normal, surface_veloc
     inverse_inertia: symmetric, in world axes [1/(kg m^2)]; arm: from the centre of mass to the point [m]. Same laws as
     `resolve_impact`. Returns False, with nothing changed, where the direct solution does not apply.
     """
-    u = difference(_velocity_of_point(part, inverse_inertia, arm), surface_velocity)
-    a, b = _tangents(normal)
-    k = _mobility(inverse_mass, inverse_inertia, arm, a, b, normal)
-    solved, p = _impulse(k, (dot(a, u), dot(b, u), dot(normal, u)), e, mu)
+    u = difference(velocity_of_point(part, inverse_inertia, arm), surface_velocity)
+    a, b = tangents(normal)
+    k = mobility(inverse_mass, inverse_inertia, arm, a, b, normal)
+    solved, p = impulse_at_point(k, (dot(a, u), dot(b, u), dot(normal, u)), e, mu)
     if solved:
         push = combine(p[0], a, p[1], b, p[2], normal)
         add_to(part.velocity, inverse_mass, push)
@@ -45,16 +45,16 @@ def resolve_single(a, b, inverse_mass, inverse_inertia, arms, normal, e, mu):
     to the contact point [m]; normal points from a to b. Same laws as `resolve_impact`. Returns False, with nothing
     changed, where the parts do not approach each other.
     """
-    velocity_a = _velocity_of_point(a, inverse_inertia[0], arms[0])
-    u = difference(_velocity_of_point(b, inverse_inertia[1], arms[1]), velocity_a)
+    velocity_a = velocity_of_point(a, inverse_inertia[0], arms[0])
+    u = difference(velocity_of_point(b, inverse_inertia[1], arms[1]), velocity_a)
     if dot(normal, u) >= 0.0:
         return False
-    s, t = _tangents(normal)
-    k = _sum(
-        _mobility(inverse_mass[0], inverse_inertia[0], arms[0], s, t, normal),
-        _mobility(inverse_mass[1], inverse_inertia[1], arms[1], s, t, normal),
+    s, t = tangents(normal)
+    k = added(
+        mobility(inverse_mass[0], inverse_inertia[0], arms[0], s, t, normal),
+        mobility(inverse_mass[1], inverse_inertia[1], arms[1], s, t, normal),
     )
-    _, p = _impulse(k, (dot(s, u), dot(t, u), dot(normal, u)), e, mu)
+    _, p = impulse_at_point(k, (dot(s, u), dot(t, u), dot(normal, u)), e, mu)
     push = combine(p[0], s, p[1], t, p[2], normal)
     add_to(a.velocity, -inverse_mass[0], push)
     add_to(a.momentum, -1.0, cross(arms[0], push))
@@ -65,14 +65,14 @@ def resolve_single(a, b, inverse_mass, inverse_inertia, arms, normal, e, mu):
 
 
 @inlined
-def _velocity_of_point(part, inverse_inertia, arm):
+def velocity_of_point(part, inverse_inertia, arm):
     """Velocity of a point of a part [m/s]."""
     turning = cross(times(inverse_inertia, vector(part.momentum)), arm)
     return part.velocity[0] + turning[0], part.velocity[1] + turning[1], part.velocity[2] + turning[2]
 
 
 @inlined
-def _tangents(normal):
+def tangents(normal):
     """Two unit vectors that make an orthonormal frame with the normal as its third."""
     size = math.sqrt(normal[0] * normal[0] + normal[2] * normal[2])
     if size > 0.1:
@@ -84,7 +84,7 @@ def _tangents(normal):
 
 
 @inlined
-def _mobility(inverse_mass, inverse_inertia, arm, a, b, normal):
+def mobility(inverse_mass, inverse_inertia, arm, a, b, normal):
     """Inverse effective mass 1/m - [arm] I^-1 [arm] in the frame (a, b, normal), a symmetric matrix [1/kg]."""
     r, s, t = cross(arm, a), cross(arm, b), cross(arm, normal)
     turned_r, turned_s, turned_t = times(inverse_inertia, r), times(inverse_inertia, s), times(inverse_inertia, t)
@@ -99,12 +99,12 @@ def _mobility(inverse_mass, inverse_inertia, arm, a, b, normal):
 
 
 @inlined
-def _sum(m, n):
+def added(m, n):
     return m[0] + n[0], m[1] + n[1], m[2] + n[2], m[3] + n[3], m[4] + n[4], m[5] + n[5]
 
 
 @compiled
-def _impulse(k, u, e, mu):
+def impulse_at_point(k, u, e, mu):
     """Whether the direct solution applies, and the impulse of a point that approaches; without friction where not.
 
     k: inverse effective mass, u: relative velocity, both in the frame of the contact, as the impulse.

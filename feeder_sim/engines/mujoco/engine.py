@@ -34,7 +34,7 @@ from feeder_sim.scene.start import start_poses
 silence_mujoco()
 load_mujoco_symbols()
 PARKED = -100.0  # [m]; height of the first part taken out
-_mj_step = types.ExternalFunction("mj_step", types.void(types.voidptr, types.voidptr))
+mj_step = types.ExternalFunction("mj_step", types.void(types.voidptr, types.voidptr))
 
 
 class Addresses(NamedTuple):
@@ -65,7 +65,7 @@ class Addresses(NamedTuple):
 
 
 @compiled
-def _place_patches(at, surface, q, rate, modes):
+def place_patches(at, surface, q, rate, modes):
     """Put every patch on the tangent plane under its part; rate is dq/dt."""
     for part in range(at.part_qpos.shape[0]):
         x, y = at.qpos[at.part_qpos[part]], at.qpos[at.part_qpos[part] + 1]
@@ -106,7 +106,7 @@ def _step_guided(at, log, t):
     """Step a scene with a guided part, and note its contacts with the plate."""
     before = at.factor * at.qvel[at.part_qvel[0] + at.vertical]
     plate = at.qvel[at.patch_qvel[0]]
-    _mj_step(at.model, at.data)
+    mj_step(at.model, at.data)
     if at.touch[0] > 0.0:
         if not in_contact(log):
             begin_contact(log, t, max(plate - before, 0.0))
@@ -143,8 +143,8 @@ def _advance(at, surface, flight, log, timestep, first_step, steps_per_frame, qp
                 _place_piston(at, surface, q, rate)
                 _step_guided(at, log, (step - 1) * timestep)
             else:
-                _place_patches(at, surface, q, rate, modes)
-                _mj_step(at.model, at.data)
+                place_patches(at, surface, q, rate, modes)
+                mj_step(at.model, at.data)
         qpos_out[frame] = at.qpos
         qvel_out[frame] = at.qvel
         if not np.isfinite(at.qpos.sum()):
@@ -245,12 +245,16 @@ class MujocoEngine:
             self._log = room_for(self._log, n_frames * scene.steps_per_frame // 2 + 1)
         first = self._step
         timestep = scene.timestep * self._units.time
-        arguments = (self._at, self._surface, self._flight, self._log, timestep, first, scene.steps_per_frame)
-        self._step = _advance(*arguments, qpos, qvel)
+        self._step = self._step_on(timestep, qpos, qvel)
         self.data.time = self._step * timestep
         if self._at.interrupt[0]:
             return self.current()
         return self._frames(qpos, qvel, first + scene.steps_per_frame)
+
+    def _step_on(self, timestep: float, qpos: NDArray[np.float64], qvel: NDArray[np.float64]) -> int:
+        """Step, and write the states at the frames into the rows of qpos and qvel; returns the step then."""
+        arguments = (self._at, self._surface, self._flight, self._log, timestep)
+        return _advance(*arguments, self._step, self._scene.steps_per_frame, qpos, qvel)
 
     def remove(self, parts: NDArray[np.int64]) -> None:
         for part in parts:

@@ -1,0 +1,97 @@
+"""Engine `impulse` over a plate that takes the impulses of the parts (`reaction = true`).
+
+Windows, pairs and contacts are those of the engine over a plate with a prescribed motion. Here all parts advance
+together, in order of time (reacting_crowd.py), as each impact changes the surface for all of them.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from feeder_sim.engines.impulse.engine import ImpulseEngine
+from feeder_sim.engines.impulse.frame_rows import FrameRows
+from feeder_sim.engines.impulse.island import Crowd, Span
+from feeder_sim.engines.impulse.reacting_crowd import Limits, advance_reacting, open_yielding_window
+from feeder_sim.engines.impulse.state import Bounds, Plate
+from feeder_sim.engines.impulse.yielding_contact import Yielding
+from feeder_sim.engines.impulse.yielding_impact import Modes
+from feeder_sim.engines.reaction import reaction_of, set_reaction, with_reaction
+from feeder_sim.engines.surface_arrays import SurfaceArrays, surface_arrays
+from feeder_sim.scene.free_modes import free_modes
+from feeder_sim.scene.scene import Scene
+
+WINDOW_OF_ONE = 5e-2  # [s], of a single part, which meets nobody; its impacts make the bounds anew often enough
+
+
+class ReactingEngine(ImpulseEngine):
+    """Rigid impulses that act on the plate as well.
+
+    Its state holds more than that of `ImpulseEngine`: `reaction`, see `reaction_of`, and `books`, the energies [J] that
+    parts have got from the plate's modes, from the contact law (negative) and by being put back on the surface.
+    """
+
+    _single_apart = False
+
+    def __init__(
+        self,
+        scene: Scene,
+        rng: np.random.Generator,
+        *,
+        threads: int = 1,
+        interrupt: NDArray[np.int64] | None = None,
+    ) -> None:
+        del threads  # impacts act on the plate in order of time
+        super().__init__(scene, rng, interrupt=interrupt)
+        if self._n == 1 and not scene.rim:
+            self._window = WINDOW_OF_ONE
+        modes, n = free_modes(scene.driven), scene.surface.n_shapes
+        self._rate = modes.rate
+        contacts = self._work[0].contact.shape[1]
+        room = Modes(1.0 / modes.modal_mass, np.zeros((contacts, n, 3)), np.zeros(n))
+        self._yielding = Yielding(room, np.zeros(n, complex), np.zeros(3))
+        self._surface = with_reaction(self._surface, self._rate)
+        self._limits = self._limits_of(scene)
+        self._reaction = self._reaction_opened = reaction_of(self._surface)
+        self._books_opened = self._yielding.books.copy()
+
+    def _limits_of(self, scene: Scene) -> Limits:
+        top = float(np.abs(self._surface.rate.imag).max())
+        return Limits(scene.surface.extremes, scene.timestep, top, np.zeros(scene.surface.n_shapes))
+
+    def _open_window(self, parts: NDArray[np.void]) -> tuple[SurfaceArrays, Bounds, float]:
+        start, end = self._span
+        set_reaction(self._surface, self._reaction_opened)
+        opened = open_yielding_window(parts, self._n, self._kinds, self._surface, (start, end), self._limits)
+        return opened
+
+    def _advance_islands(self, crowd: Crowd, plate: Plate, span: Span, frames: FrameRows) -> bool:
+        """Advance all parts from the begin of the window; it may have been computed before."""
+        set_reaction(plate.surface, self._reaction_opened)
+        self._yielding.books[:] = self._books_opened
+        bounds = plate.bounds._replace(acceleration=plate.bounds.acceleration.copy())  # which are made anew
+        margins = self._limits._replace(margin=self._limits.margin.copy())
+        opened = Plate(plate.surface, bounds)
+        left = advance_reacting(crowd, opened, self._tools[0], span, frames, self._yielding, margins)
+        self._reaction = reaction_of(plate.surface)
+        return bool(left)
+
+    def _keep_begin_of_window(self) -> None:
+        super()._keep_begin_of_window()
+        self._reaction_opened, self._books_opened = self._reaction, self._yielding.books.copy()
+
+    def redrive(self, scene: Scene) -> None:
+        super().redrive(scene)
+        self._surface = with_reaction(surface_arrays(scene.surface, scene.scenario.run), self._rate)
+        self._limits = self._limits_of(scene)
+
+    def state(self) -> dict[str, NDArray[Any]]:
+        return super().state() | {"reaction": self._reaction_opened.copy(), "books": self._books_opened.copy()}
+
+    def restore(self, state: dict[str, NDArray[Any]]) -> None:
+        self._reaction = self._reaction_opened = state["reaction"].copy()
+        self._books_opened = state["books"].copy()
+        self._yielding.books[:] = self._books_opened
+        super().restore(state)
