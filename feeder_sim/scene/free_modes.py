@@ -46,7 +46,8 @@ def free_modes(driven: Sequence[DrivenMode]) -> FreeModes:
         known = float(shape.modes.modal_mass[shape.index]) if isinstance(shape, RitzShape) else math.nan
         if zeta is None or not math.isfinite(known):
             raise InputError(
-                f"the mode at {drive.natural_frequency:g} Hz has no modal mass or no damping, allowed with run.reaction = true are the modes of a "
+                f"the mode at {drive.natural_frequency:g} Hz has no modal mass or no damping, allowed with "
+                "run.reaction = true are the modes of a "
                 "rectangle with both",
                 key="plate",
             )
