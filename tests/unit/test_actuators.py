@@ -1,0 +1,299 @@
+"""Voltages and actuators: plate files, mode files, drives, the commands, and one line for what cannot be meant."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from command_line import check_refused, feeder_sim
+
+from feeder_sim.plate.mode_file import ModeFile, read_mode_file, write_mode_file
+from feeder_sim.plate.response import frequency_response, modal_forces, oscillators, voltages
+from feeder_sim.scenario import load_plate_file, load_scenario
+from feeder_sim.scene.plate_modes import compute_modes
+from feeder_sim.scene.scene import Scene, build_scene
+
+PLATE = """
+[plate]
+length_mm = 120.0
+width_mm = 90.0
+thickness_mm = 2.0
+highest_frequency_hz = 4000.0
+[[actuator]]
+name = "left"
+at_mm = [-20.0, 10.0]
+size_mm = [12.0, 10.0]
+thickness_mm = 1.0
+d31_pm_per_v = 180.0
+[[actuator]]
+name = "right"
+at_mm = [25.0, 5.0]
+size_mm = [12.0, 10.0]
+angle_deg = 30.0
+thickness_mm = 1.0
+moment_per_volt_n = 0.01
+loads = false
+[[bar]]
+at_mm = [0.0, -35.0]
+size_mm = [100.0, 8.0]
+thickness_mm = 3.0
+[[mass]]
+at_mm = [50.0, 40.0]
+mass_g = 2.0
+offset_mm = 3.0
+"""
+SCENARIO = """
+[plate]
+kind = "rectangle"
+mode_file = "modes.h5"
+[[drive]]
+frequency_hz = {frequency:.4f}
+voltage_vpp = 40.0
+{drive}
+[[part]]
+shape = "hex_nut"
+size = "M2.5"
+[run]
+duration_s = 0.1
+"""
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with the plate file and its mode file."""
+    path = tmp_path_factory.mktemp("plate")
+    (path / "plate.toml").write_text(PLATE)
+    write_mode_file(path / "modes.h5", compute_modes(load_plate_file(path / "plate.toml")))
+    return path
+
+
+@pytest.fixture(scope="module")
+def held(folder: Path) -> ModeFile:
+    return read_mode_file(folder / "modes.h5")
+
+
+def best_mode(held: ModeFile, actuator: int) -> int:
+    """Index of the mode that an actuator moves most."""
+    every = oscillators(held)
+    level = np.abs(modal_forces(held)[:, actuator]) / (every.modal_mass * every.natural_frequency**2)
+    return int(level.argmax())
+
+
+def scene_of(folder: Path, frequency: float, drive: str) -> Scene:
+    path = folder / "scenario.toml"
+    path.write_text(SCENARIO.format(frequency=frequency, drive=drive))
+    return build_scene(load_scenario(path))
+
+
+def test_mode_file_keeps_actuators_and_their_forces(folder: Path, held: ModeFile) -> None:
+    computed = compute_modes(load_plate_file(folder / "plate.toml"))
+    assert held.actuators == computed.actuators and held.actuators[1].layer.angle == pytest.approx(math.radians(30.0))
+    np.testing.assert_array_equal(held.force_per_volt, computed.force_per_volt)
+    assert np.abs(held.force_per_volt).max(axis=0).min() > 0.0
+
+
+def test_bars_and_masses_change_the_modes(folder: Path, held: ModeFile, tmp_path: Path) -> None:
+    bare = tmp_path / "bare.toml"
+    bare.write_text(
+        PLATE[: PLATE.index("[[bar]]")].replace("d31_pm_per_v = 180.0", "d31_pm_per_v = 180.0\nloads = false")
+    )
+    change = held.modes.natural_frequency[:5] / compute_modes(load_plate_file(bare)).modes.natural_frequency[:5] - 1.0
+    assert np.abs(change).max() > 0.02
+
+
+def test_voltage_drives_the_mode_by_the_force_of_the_actuator(folder: Path, held: ModeFile) -> None:
+    j = best_mode(held, 0)
+    scene = scene_of(folder, held.modes.natural_frequency[j], 'actuator = ["left"]\ndamping_ratio = 0.003')
+    omega, mass = 2.0 * math.pi * held.modes.natural_frequency[j], held.modes.modal_mass[j]
+    expected = abs(held.force_per_volt[j, 0]) * 20.0 / (2.0 * 0.003 * mass * omega**2)
+    assert scene.drives[0].amplitude == pytest.approx(expected, rel=1e-6)
+    assert scene.drives[0].steady_amplitude == pytest.approx(expected, rel=1e-4)
+
+
+def test_actuators_add_up_with_their_phases(folder: Path, held: ModeFile) -> None:
+    j = best_mode(held, 0)
+    frequency, force = held.modes.natural_frequency[j], held.force_per_volt[j]
+
+    def amplitude(drive: str) -> float:
+        return scene_of(folder, frequency, drive).drives[0].amplitude
+
+    left, right = amplitude('actuator = ["left"]'), amplitude('actuator = ["right"]')
+    both = amplitude('actuator = ["left", "right"]')
+    opposed = amplitude('actuator = ["left", "right"]\nactuator_phase_deg = [0.0, 180.0]')
+    assert right / left == pytest.approx(abs(force[1] / force[0]), rel=1e-9)
+    assert both == pytest.approx(left * abs(1.0 + force[1] / force[0]), rel=1e-9)
+    assert opposed == pytest.approx(left * abs(1.0 - force[1] / force[0]), rel=1e-9)
+
+
+def test_all_modes_follow_as_in_the_frequency_response(folder: Path, held: ModeFile) -> None:
+    """The stationary motion at a point is that of `frequency_response` at the frequency of the drive."""
+    j = best_mode(held, 0)
+    frequency, point = 1.003 * float(held.modes.natural_frequency[j]), (0.03, 0.02)
+    drive = f'actuator = ["left"]\nmodes = "all"\nnatural_frequency_hz = {held.modes.natural_frequency[j]:.6f}'
+    scene = scene_of(folder, frequency, drive)
+    assert len(scene.driven[0].followers) == len(held.modes) - 1 and scene.driven[0].left_out == 0.0
+    deflection = scene.surface.deflections(np.array([point]))[:, 0]
+    motion = abs(sum(drive.steady * deflection[drive.shape] for drive in scene.all_drives[0]))
+    volt = voltages(held, ["left"], 20.0, [0.0])
+    response = frequency_response(held, volt, low=0.9 * frequency, high=1.1 * frequency, point=point)
+    expected = np.interp(frequency, response.frequency, response.amplitude)
+    assert motion == pytest.approx(expected, rel=1e-3)
+    own = scene_of(folder, frequency, drive.replace('"all"', '"driven"'))
+    few = scene_of(folder, frequency, drive.replace('"all"', "0.01"))
+    assert own.driven[0].left_out is not None and 0 < len(few.driven[0].followers) < len(held.modes) - 1
+    assert 0.0 < (few.driven[0].left_out or 0.0) < own.driven[0].left_out
+
+
+def test_power_is_what_damping_takes(held: ModeFile) -> None:
+    """1/2 Re V* I without dielectric loss = sum of zeta_j w_j m_j w^2 |q_j|^2, at every frequency."""
+    lossless = ModeFile(
+        held.modes,
+        (),
+        tuple(type(a)(a.name, a.layer, a.moment_per_volt, a.shear_lag, a.capacitance, 0.0) for a in held.actuators),
+        held.force_per_volt,
+    )
+    volt = voltages(lossless, ["left", "right"], 30.0, [0.0, 1.0])
+    response = frequency_response(lossless, volt, low=300.0, high=3000.0)
+    modes, omega = oscillators(lossless), 2.0 * math.pi * response.frequency[:, None]
+    q = modes.modal_coordinates(response.frequency, lossless.force_per_volt @ volt)
+    omega_n = 2.0 * math.pi * modes.natural_frequency
+    taken = (modes.damping_ratio * omega_n * modes.modal_mass * omega**2 * np.abs(q) ** 2).sum(axis=1)
+    np.testing.assert_allclose(response.power, taken, rtol=1e-9)
+
+
+def test_measured_gain_goes_before_and_scales_other_actuators(folder: Path, held: ModeFile, tmp_path: Path) -> None:
+    j = best_mode(held, 0)
+    frequency = held.modes.natural_frequency[j]
+    measured = f"""
+[[resonance]]
+frequency_hz = {frequency:.4f}
+damping_ratio = 0.004
+amplitude_um_per_vpp = 0.05
+driven_point_mm = [-20.0, 10.0]
+actuator = ["left"]
+"""
+    (tmp_path / "plate.toml").write_text(PLATE + measured)
+    write_mode_file(tmp_path / "modes.h5", compute_modes(load_plate_file(tmp_path / "plate.toml")))
+    w = abs(float(held.modes.evaluate(j, -0.02, 0.01)[0]))
+    for drive, ratio in (
+        ("", 1.0),
+        ('actuator = ["left"]', 1.0),
+        ('actuator = ["right"]', abs(held.force_per_volt[j, 1] / held.force_per_volt[j, 0])),
+    ):
+        drives = scene_of(tmp_path, frequency, drive).drives
+        assert drives[0].amplitude == pytest.approx(40.0 * 0.05e-6 / w * ratio, rel=1e-6)
+
+
+REFUSED_PLATES = {
+    "patch off the plate": ("at_mm = [-20.0, 10.0]", "at_mm = [-58.0, 10.0]", ["actuator[0].at_mm", "[-58, 10]", "60"]),
+    "overlapping patches": (
+        "at_mm = [25.0, 5.0]",
+        "at_mm = [-12.0, 9.0]",
+        ["actuator[1].at_mm", "overlaps actuator[0]"],
+    ),
+    "bar over a patch": ("at_mm = [0.0, -35.0]", "at_mm = [0.0, 3.0]", ["bar[0].at_mm", "overlaps actuator[0]"]),
+    "mass off the plate": (
+        "at_mm = [50.0, 40.0]",
+        "at_mm = [70.0, 40.0]",
+        ["mass[0].at_mm", "[70, 40]", "on the plate"],
+    ),
+    "two of a name": ('name = "right"', 'name = "left"', ["actuator[1].name", "'left'", "of its own"]),
+    "no moment": ("d31_pm_per_v = 180.0", "", ["actuator[0]", "moment_per_volt_n is missing", "d31_pm_per_v"]),
+    "all lag": ("d31_pm_per_v = 180.0", "d31_pm_per_v = 180.0\nshear_lag_mm = 5.0", ["shear_lag_mm is 5", "5"]),
+    "tiny patch": (
+        "size_mm = [12.0, 10.0]\nthickness_mm = 1.0\nd31",
+        "size_mm = [1.0, 1.0]\nthickness_mm = 1.0\nd31",
+        ["actuator[0].size_mm", "1.2"],
+    ),
+    "no such side": ('name = "left"', 'name = "left"\nside = "beside"', ["actuator[0].side", "'beside'", "below"]),
+    "unknown key": ('name = "left"', 'name = "left"\nd33 = 3', ["actuator[0].d33", "unknown key"]),
+    "half an orthotropic material": (
+        "thickness_mm = 2.0",
+        "thickness_mm = 2.0\nmaterial = { density_kg_m3 = 600, youngs_modulus_gpa = 12, poisson_ratio = 0.3, "
+        "youngs_modulus_y_gpa = 1.0 }",
+        ["plate.material", "shear_modulus_gpa", "together"],
+    ),
+}
+
+
+@pytest.mark.parametrize("case", REFUSED_PLATES)
+def test_plate_that_cannot_be_meant_is_refused(case: str, tmp_path: Path) -> None:
+    old, new, expected = REFUSED_PLATES[case]
+    assert old in PLATE
+    (tmp_path / "plate.toml").write_text(PLATE.replace(old, new, 1))
+    check_refused(feeder_sim("modes", tmp_path / "plate.toml"), "plate.toml", *expected)
+
+
+REFUSED_DRIVES = {
+    "unknown actuator": ('actuator = ["lift"]', ["drive[0].actuator", "'lift'", "did you mean", "left, right"]),
+    "no actuator": ("", ["drive[0].voltage_vpp", "no measured gain", "left, right"]),
+    "twice": ('actuator = ["left", "left"]', ["drive[0].actuator", "twice"]),
+    "phases": ('actuator = ["left"]\nactuator_phase_deg = [0.0, 90.0]', ["drive[0]", "2 numbers", "1"]),
+    "share": ('actuator = ["left"]\nmodes = 1.5', ["drive[0].modes", "1.5"]),
+    "at once": ('actuator = ["left"]\nmodes = "all"\nring_up = false', ["drive[0]", "modes", "ring_up"]),
+}
+
+
+@pytest.mark.parametrize("case", REFUSED_DRIVES)
+def test_drive_that_cannot_be_meant_is_refused(case: str, folder: Path, held: ModeFile) -> None:
+    drive, expected = REFUSED_DRIVES[case]
+    path = folder / "refused.toml"
+    path.write_text(SCENARIO.format(frequency=held.modes.natural_frequency[best_mode(held, 0)], drive=drive))
+    check_refused(feeder_sim("check", path), "refused.toml", *expected)
+
+
+def test_response_and_ranking_from_the_command_line(folder: Path, held: ModeFile, tmp_path: Path) -> None:
+    source = folder / "modes.h5"
+    done = feeder_sim(
+        "response", source, "--actuator", "left", "--at", "-20,10", "--volts", 40, "--damping", 0.003, "--json",
+        "--picture", tmp_path / "r.png", "--data", tmp_path / "r.csv",
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    highest = max(json.loads(done.stdout)["peaks"], key=lambda peak: peak["amplitude_um"])
+    assert highest["damping_ratio"] == pytest.approx(0.003, rel=0.05)
+    lines = (tmp_path / "r.csv").read_text().splitlines()
+    assert lines[0] == "frequency_hz,amplitude_um,power_w,current_left_ma,current_right_ma"
+    largest = max(float(line.split(",")[1]) for line in lines[1:])
+    assert largest == pytest.approx(highest["amplitude_um"], rel=1e-4)
+    ranked = feeder_sim("modes", source, "--volts", 40, "--near", "-20,10", "--json", "--gallery", tmp_path / "g.png")
+    assert ranked.returncode == 0, ranked.stderr
+    rows = json.loads(ranked.stdout)
+    assert [row["amplitude_um"] for row in rows] == sorted((row["amplitude_um"] for row in rows), reverse=True)
+    left = next(row for row in rows if row["mode"] == highest["mode"])
+    assert left["peak_acceleration_g"] == pytest.approx(
+        left["amplitude_um"] * 1e-6 * (2.0 * math.pi * left["frequency_hz"]) ** 2 / 9.81, rel=1e-9
+    )
+    assert all((tmp_path / name).stat().st_size > 10_000 for name in ("r.png", "g.png"))
+
+
+@pytest.mark.parametrize(
+    ("options", "expected"),
+    [
+        (["response", "--at", "0,100"], ["--at", "0,100", "+-60"]),
+        (["response", "--actuator", "middle"], ["--actuator", "'middle'", "left, right"]),
+        (["response", "--from", "5000"], ["--from, --to", "5000"]),
+        (["response", "--volts", "-3"], ["--volts", "-3", "above 0"]),
+        (["response", "--damping", "2"], ["--damping", "2"]),
+        (["modes", "--near", "0,0"], ["--near", "--volts"]),
+        (["modes", "--volts", "10", "--near", "here"], ["--near", "here", "x,y"]),
+    ],
+)
+def test_options_that_cannot_be_meant_are_refused(options: list[str], expected: list[str], folder: Path) -> None:
+    command, *rest = options
+    check_refused(feeder_sim(command, folder / "modes.h5", *rest), "modes.h5", *expected)
+
+
+def test_check_says_what_moves_under_the_part_and_what_is_left_out(folder: Path, held: ModeFile) -> None:
+    path = folder / "checked.toml"
+    frequency = held.modes.natural_frequency[best_mode(held, 0)]
+    path.write_text(SCENARIO.format(frequency=frequency, drive='actuator = ["left"]'))
+    done = feeder_sim("check", path, "--json")
+    assert done.returncode == 0, done.stderr
+    drive = json.loads(done.stdout)["drives"][0]
+    scene = build_scene(load_scenario(path))
+    at_part = abs(float(scene.surface.deflection(0, np.zeros((1, 2)))[0])) * scene.drives[0].steady_amplitude
+    assert drive["under_parts"][0]["amplitude_um"] == pytest.approx([1e6 * at_part] * 3)
+    assert drive["left_out_um"] == pytest.approx(1e6 * (scene.driven[0].left_out or 0.0)) and drive["left_out_um"] > 0.0
