@@ -18,7 +18,7 @@ from reference_layouts import file_layout
 from reference_tables import table_reference
 from sphinx.util import logging
 
-GENERATED = re.compile(r"^<!-- generated: (\w+) (\S+) -->$", re.MULTILINE)
+GENERATED = re.compile(r"^<!-- generated: (\w+) (\S+(?: \S+)?) -->$", re.MULTILINE)
 MAKERS: dict[str, Callable[[str], str]] = {
     "tables": table_reference,
     "options": command_options,

@@ -10,12 +10,14 @@ import json
 import os
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, NoReturn
+from typing import TYPE_CHECKING, Annotated, Any, NoReturn
 
 import typer
+from typer.core import TyperGroup
 
 from feeder_sim.cli.chart import chart
 from feeder_sim.cli.files import naming, new_picture, scenario_of, writable
+from feeder_sim.cli.import_modes import import_modes_command
 from feeder_sim.cli.plate import modes, sequence, wave
 from feeder_sim.cli.report import as_lines, print_boundaries, print_result
 from feeder_sim.cli.response import response
@@ -37,7 +39,17 @@ if TYPE_CHECKING:
     from feeder_sim.scenario import Scenario
 
 
+class _Commands(TyperGroup):
+    """The commands; `modes import` is one of two words beside `modes`, which takes a file there."""
+
+    def resolve_command(self, ctx: Any, args: list[str]) -> Any:
+        if args[:2] == ["modes", "import"]:
+            args = ["modes import", *args[2:]]
+        return super().resolve_command(ctx, args)
+
+
 app = typer.Typer(
+    cls=_Commands,
     add_completion=False,
     no_args_is_help=True,
     rich_markup_mode=None,
@@ -136,7 +148,9 @@ def check(
         _print_plan(scenario, as_json)
 
 
-for command in (modes, response, sequence, wave, chart):
+app.command()(modes)
+app.command("modes import")(import_modes_command)
+for command in (response, sequence, wave, chart):
     app.command()(command)
 
 

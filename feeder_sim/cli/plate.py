@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -33,7 +34,9 @@ def modes(
     force: Annotated[bool, typer.Option("--force", help="Replace an existing --out file.")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout.")] = False,
 ) -> None:
-    """Compute or read plate modes; list, rank, store and draw them."""
+    """Compute or read plate modes; list, rank, store and draw them. Your own are brought in by `modes import`."""
+    from feeder_sim.scene.plate_modes import far_resonances
+
     mode_file = modes_of(source)
     if out is not None:
         from feeder_sim.plate.mode_file import write_mode_file
@@ -55,6 +58,8 @@ def modes(
         print_ranked(mode_file, volts, near, source, as_json)
         return
     print_modes(mode_file, as_json)
+    for _, caution in far_resonances(mode_file):
+        print(f"feeder-sim: caution: {caution}", file=sys.stderr)
 
 
 def sequence(

@@ -7,14 +7,16 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from feeder_sim.engines.outline_arrays import OutlineArrays, outline_arrays
 from feeder_sim.plate.surface import Surface
 from feeder_sim.scenario import Run
 
 
 class SurfaceArrays(NamedTuple):
-    """Grid, table and terms of a `Surface`, half the thickness, and the switches of the scenario.
+    """Grid, table and terms of a `Surface`, half the thickness, the switches of the scenario, and the outline.
 
-    in_plane: 1 when the surface moves in its plane, else 0; tangent: take it for a plane under the part.
+    in_plane: 1 when the surface moves in its plane, else 0; tangent: take it for a plane under the part;
+    outline: None on a whole rectangle.
     """
 
     grid_x: NDArray[np.float64]
@@ -28,6 +30,7 @@ class SurfaceArrays(NamedTuple):
     half_thickness: float
     in_plane: float
     tangent: bool
+    outline: OutlineArrays | None
 
 
 def surface_arrays(surface: Surface, run: Run) -> SurfaceArrays:
@@ -45,4 +48,5 @@ def surface_arrays(surface: Surface, run: Run) -> SurfaceArrays:
         0.5 * surface.thickness,
         1.0 if run.in_plane_velocity else 0.0,
         run.tangent_surface,
+        outline_arrays(surface.outline),
     )

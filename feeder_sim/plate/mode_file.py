@@ -2,7 +2,8 @@
 
 Layout, schema version 3 (SI units, named in the `unit` attribute of every dataset):
 
-    /            schema, schema_version, creator, libraries, method, normalisation, sign_convention
+    /            schema, schema_version, creator, libraries, method, normalisation, sign_convention;
+                 of imported modes also imported_from, shift (2,)   from the coordinates there to those here
     /plate       length, width, thickness, density, youngs_modulus, poisson_ratio   (attributes)
                  youngs_modulus_y, shear_modulus   (attributes; of an orthotropic plate)
     /modes       natural_frequency (n,)  coefficients (n, 3, terms, terms)  parity (n, 2)  modal_mass (n,)
@@ -11,6 +12,7 @@ Layout, schema version 3 (SI units, named in the `unit` attribute of every datas
     /actuators   name (attribute, one per line)  centre (a, 2)  size (a, 2)  angle (a,)  thickness (a,)  side (a,)
                  density (a,)  youngs_modulus (a,)  poisson_ratio (a,)  moment_per_volt (a,)  shear_lag (a,)
                  capacitance (a,)  loss_tangent (a,)  force_per_volt (n, a)
+    /outline     point (k, 2)  ring (k,)   of a plate that is no rectangle: ring 0 is its outer edge, others are holes
 """
 
 from __future__ import annotations
@@ -32,6 +34,7 @@ from feeder_sim.plate.actuator_group import read_actuators, write_actuators
 from feeder_sim.plate.actuators import Actuator
 from feeder_sim.plate.materials import Material
 from feeder_sim.plate.modes import PlateModes
+from feeder_sim.plate.outline_group import read_outline, write_outline
 from feeder_sim.plate.rectangle import RectangularPlate
 
 if TYPE_CHECKING:
@@ -39,6 +42,7 @@ if TYPE_CHECKING:
 
 SCHEMA = "feeder_sim/plate_modes"
 SCHEMA_VERSION = 3
+IMPORTED = "imported mode shapes at points, least squares in orthonormal Legendre products with a bending energy"
 
 
 @dataclass(frozen=True)
@@ -63,6 +67,14 @@ class Resonance:
 
 
 @dataclass(frozen=True)
+class Origin:
+    """Where imported modes come from: the name of the file, and the shift (x, y) [m] from its coordinates."""
+
+    imported_from: str
+    shift: tuple[float, float]
+
+
+@dataclass(frozen=True)
 class ModeFile:
     """What a mode file contains.
 
@@ -71,12 +83,14 @@ class ModeFile:
         resonances: measured on it.
         actuators: bonded to it.
         force_per_volt: modal force of every actuator over its voltage [N/V], shape (n_modes, n_actuators).
+        origin: where modes were imported from; None for computed ones.
     """
 
     modes: PlateModes
     resonances: tuple[Resonance, ...] = ()
     actuators: tuple[Actuator, ...] = ()
     force_per_volt: NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, 0)))
+    origin: Origin | None = None
 
 
 def write_mode_file(path: Path, held: ModeFile) -> None:
@@ -88,14 +102,14 @@ def write_mode_file(path: Path, held: ModeFile) -> None:
     """
     import h5py
 
-    modes, resonances = held.modes, held.resonances
+    modes, resonances, origin = held.modes, held.resonances, held.origin
     plate, material = modes.plate, modes.plate.material
     partial = path.with_name(path.name + ".partial")
     attributes = {
         "schema": SCHEMA,
         "creator": f"feeder_sim {__version__}",
         "libraries": f"numpy {np.__version__}, h5py {h5py.__version__}",
-        "method": "Mindlin plate, Ritz with orthonormal Legendre products, shear factor 5/6",
+        "method": IMPORTED if origin else "Mindlin plate, Ritz with orthonormal Legendre products, shear factor 5/6",
         "normalisation": "max |w| = 1 over the plate",
         "sign_convention": "w > 0 at or next to (+length/2, +width/2); the top moves by (-h/2 bx, -h/2 by, w) q",
     }
@@ -103,6 +117,11 @@ def write_mode_file(path: Path, held: ModeFile) -> None:
     with h5py.File(buffer, "w", libver="latest") as file:
         put_text(file.attrs, attributes)
         file.attrs["schema_version"] = SCHEMA_VERSION
+        if origin is not None:
+            put_text(file.attrs, {"imported_from": origin.imported_from})
+            file.attrs["shift"] = origin.shift
+        if modes.outline is not None:
+            write_outline(file, "outline", modes.outline)
         group = file.create_group("plate")
         group.attrs.update(
             length=plate.length,
@@ -128,7 +147,7 @@ def write_mode_file(path: Path, held: ModeFile) -> None:
         names = [actuator.name for actuator in held.actuators]
         driven = np.array([[name in r.actuators for name in names] for r in resonances], np.int64)
         put_array(file, "resonances/driven_by", driven.reshape(len(resonances), len(names)), "1")
-        write_actuators(file, held.actuators, held.force_per_volt)
+        write_actuators(file, held.actuators, held.force_per_volt.reshape(len(modes), len(names)))
     try:
         partial.write_bytes(buffer.getvalue())
         partial.replace(path)
@@ -200,7 +219,9 @@ def _checked(file: h5py.File, path: Path) -> ModeFile:
         raise InputError("holds a mode without deflection", file=path, key="modes/coefficients")
     if (data["resonances/mode"] >= n).any():
         raise InputError(f"names a mode that is not there, allowed is below {n}", file=path, key="resonances/mode")
-    modes = PlateModes(plate, frequency, coefficients, data["modes/parity"].astype(np.int64), data["modes/modal_mass"])
+    outline = read_outline(file, "outline", (plate.length, plate.width), path)
+    parity = data["modes/parity"].astype(np.int64)
+    modes = PlateModes(plate, frequency, coefficients, parity, data["modes/modal_mass"], outline=outline)
     columns = [
         data[f"resonances/{name}"].tolist() for name in ("mode", "frequency", "damping_ratio", "gain", "driven_point")
     ]
@@ -213,7 +234,17 @@ def _checked(file: h5py.File, path: Path) -> ModeFile:
         raise InputError(
             f"has shape {force.shape}, allowed is {(n, len(actuators))}", file=path, key="actuators/force_per_volt"
         )
-    return ModeFile(modes, resonances, actuators, force)
+    return ModeFile(modes, resonances, actuators, force, _origin(file, path))
+
+
+def _origin(file: h5py.File, path: Path) -> Origin | None:
+    """Where modes were imported from; None for computed ones."""
+    name, shift = get_text(file.attrs, "imported_from"), file.attrs.get("shift")
+    if name is None and shift is None:
+        return None
+    if name is None or np.shape(shift) != (2,) or not (np.abs(np.asarray(shift, float)) <= 1e6).all():
+        raise InputError("is damaged, allowed is a name, with a shift of two numbers", file=path, key="imported_from")
+    return Origin(name, (float(shift[0]), float(shift[1])))
 
 
 _PLATE_KEYS = ("length", "width", "thickness", "density", "youngs_modulus", "poisson_ratio")

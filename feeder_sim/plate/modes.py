@@ -26,6 +26,7 @@ from numpy.typing import ArrayLike, NDArray
 from feeder_sim.plate.attachments import Attachment, Layer, PointMass, parity_classes
 from feeder_sim.plate.fields import point_mass_form
 from feeder_sim.plate.local_field import LocalField, LocalMesh, joined, local_shapes, meshes_around
+from feeder_sim.plate.outline import Outline
 from feeder_sim.plate.rectangle import RectangularPlate
 from feeder_sim.plate.ritz import (
     Parity,
@@ -62,6 +63,8 @@ class PlateModes:
         modal_mass: twice the kinetic energy over the square of the modal velocity [kg], shape (n_modes,).
         local: what layers add to the modes around them. `evaluate` has the polynomials that come nearest to the whole;
             a mode file does not keep it.
+        outline: of a plate that is not the whole rectangle, which then is its bounding box; what the coefficients say
+            outside means nothing. None for a rectangle.
     """
 
     plate: RectangularPlate
@@ -70,6 +73,7 @@ class PlateModes:
     parity: NDArray[np.int64]
     modal_mass: NDArray[np.float64]
     local: tuple[LocalField, ...] = ()
+    outline: Outline | None = None
 
     def __len__(self) -> int:
         return len(self.natural_frequency)

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from feeder_sim.plate.outline import Outline
 from feeder_sim.plate.surface import Surface
 
 
@@ -38,18 +39,21 @@ class NodalLines:
 
 
 def nodal_lines(surface: Surface, shape: int = 0) -> NodalLines:
-    """Nodal lines of one mode shape, as contours w = 0 on the grid of the surface."""
+    """Nodal lines of one mode shape on the plate, as contours w = 0 on the grid of the surface."""
     from contourpy import contour_generator
 
     w = surface.table[shape, 0]
     traced = contour_generator(surface.x, surface.y, w.T).lines(0.0)
-    return NodalLines(tuple(np.asarray(line) for line in traced if len(line) > 1))
+    lines = tuple(np.asarray(line) for line in traced if len(line) > 1)
+    return NodalLines(lines if surface.outline is None or not lines else surface.outline.kept(lines))
 
 
 def antinode_near(surface: Surface, shape: int, point: tuple[float, float]) -> NDArray[np.float64]:
     """Antinode of the cell in which a point (x, y) [m] lies, shape (2,) [m]: the maximum of |w| next to the point."""
     from scipy.optimize import minimize
 
+    if surface.outline is not None:
+        return _antinode_on(surface, surface.outline, shape, point)
     sign = np.sign(surface.deflection(shape, np.array([point]))[0]) or 1.0
     half = np.array([0.5 * surface.length, 0.5 * surface.width])
     optimum = minimize(  # in units of half the plate, for which the optimiser's default step sizes are right
@@ -59,3 +63,19 @@ def antinode_near(surface: Surface, shape: int, point: tuple[float, float]) -> N
         bounds=[(-1.0, 1.0), (-1.0, 1.0)],
     )
     return np.asarray(optimum.x) * half
+
+
+def _antinode_on(surface: Surface, outline: Outline, shape: int, point: tuple[float, float]) -> NDArray[np.float64]:
+    """As `antinode_near`, among the points of the grid that are on the plate and in one piece with the point."""
+    from scipy.ndimage import label
+
+    w = surface.table[shape, 0]
+    places = np.stack(np.meshgrid(surface.x, surface.y, indexing="ij"), axis=-1)
+    sign = np.sign(surface.deflection(shape, np.array([point]))[0]) or 1.0
+    inside = outline.holds(places)
+    pieces, _ = label((sign * w > 0.0) & inside)
+    away = np.where(pieces > 0, ((places - np.array(point)) ** 2).sum(axis=-1), np.inf)
+    if not np.isfinite(away).any():
+        return np.array(point)
+    own = pieces.ravel()[np.argmin(away)]
+    return np.asarray(places.reshape(-1, 2)[np.where(pieces == own, np.abs(w), -1.0).argmax()])

@@ -103,7 +103,8 @@ def deflection_at(modes: PlateModes, index: int, point: tuple[float, float], key
         InputError: the point lies beside the plate or on a nodal line; `key` names it in the message.
     """
     x, y = point
-    if abs(x) > 0.5 * modes.plate.length or abs(y) > 0.5 * modes.plate.width:
+    beside = modes.outline is not None and not modes.outline.holds(np.array([x, y]))
+    if abs(x) > 0.5 * modes.plate.length or abs(y) > 0.5 * modes.plate.width or beside:
         raise InputError(f"({x * 1e3:g}, {y * 1e3:g}) mm lies outside the plate", key=key)
     w = abs(float(modes.evaluate(index, x, y)[0]))
     if w < ON_NODE:

@@ -108,8 +108,12 @@ class Route:
 
 
 def nodes_on_line(modes: PlateModes, *, y: float = 0.0) -> list[LineNodes]:
-    """Nodes of every mode along the line at y [m] from edge to edge in x; a mode without nodes is left out."""
+    """Nodes of every mode along the line at y [m] from edge to edge in x; a mode without nodes is left out.
+
+    Where a hole or the outline of the plate interrupts the line, a cell ends.
+    """
     x = np.linspace(-0.5, 0.5, SAMPLES) * modes.plate.length
+    pieces = _pieces(modes, x, y)
     nodes = []
     for mode, frequency in enumerate(modes.natural_frequency):
         w = modes.evaluate(mode, x, y)[0]
@@ -120,14 +124,31 @@ def nodes_on_line(modes: PlateModes, *, y: float = 0.0) -> list[LineNodes]:
         )
         if not len(crossing):
             continue
-        fraction = w[crossing] / (w[crossing] - w[crossing + 1])
-        position = x[crossing] + fraction * (x[1] - x[0])
-        antinodes = [_antinode(x, w, a, b) for a, b in itertools.pairwise(crossing.tolist())]
-        ends = np.array([x[0], *antinodes, x[-1]])
+        on_plate = [crossing[(first <= crossing) & (crossing < last)] for first, last in pieces]
+        kept = np.concatenate([crossing[:0], *on_plate])
+        if not len(kept):
+            continue
+        fraction = w[kept] / (w[kept] - w[kept + 1])
+        position = x[kept] + fraction * (x[1] - x[0])
+        cells = []
+        for (first, last), own in zip(pieces, on_plate, strict=True):
+            antinodes = [_antinode(x, w, a, b) for a, b in itertools.pairwise(own.tolist())]
+            ends = np.array([x[first], *antinodes, x[last]])
+            if len(own):
+                cells.append(np.column_stack([ends[:-1], ends[1:]]))
         quarter = 0.25 * standing_wave(modes.plate, float(frequency)).wavelength
-        cells = np.column_stack([ends[:-1], ends[1:]])
-        nodes.append(LineNodes(mode, position, cells, quarter, x, _growth_rate(modes, mode, x, y, w)))
+        growth = _growth_rate(modes, mode, x, y, w)
+        nodes.append(LineNodes(mode, position, np.concatenate(cells), quarter, x, growth))
     return nodes
+
+
+def _pieces(modes: PlateModes, x: NDArray[np.float64], y: float) -> list[tuple[int, int]]:
+    """First and last sample of every piece of the line x (m,), y [m] that is on the plate."""
+    if modes.outline is None:
+        return [(0, len(x) - 1)]
+    on_plate = modes.outline.holds(np.column_stack([x, np.full_like(x, y)]))
+    change = np.flatnonzero(np.diff(np.concatenate([[False], on_plate, [False]]).astype(int)))
+    return [(int(a), int(b) - 1) for a, b in change.reshape(-1, 2) if b - a > 1]
 
 
 def _growth_rate(

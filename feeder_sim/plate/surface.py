@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 from feeder_sim.errors import InputError
 from feeder_sim.plate.drive import ModalTerms
 from feeder_sim.plate.mode_shapes import ModeShape
+from feeder_sim.plate.outline import Outline
 from feeder_sim.single_thread import single_threaded
 
 POINTS_PER_WAVELENGTH = 80
@@ -37,6 +38,7 @@ class Surface:
         x, y: uniform grids [m], shapes (nx,) and (ny,).
         table: (w [1], beta_x [1/m], beta_y [1/m]) of each shape, shape (n_shapes, 3, nx, ny).
         terms: the modal coordinates in time.
+        outline: of a plate that is not the whole rectangle; beyond it there is nothing, whatever the table says.
     """
 
     length: float
@@ -46,6 +48,7 @@ class Surface:
     y: NDArray[np.float64]
     table: NDArray[np.float64]
     terms: ModalTerms
+    outline: Outline | None = None
 
     @property
     def n_shapes(self) -> int:
@@ -55,7 +58,15 @@ class Surface:
     def extremes(self) -> NDArray[np.float64]:
         """Largest deflection [1] and slope [1/m] of every shape, shape (2, n_shapes)."""
         along_x, along_y = np.gradient(self.table[:, 0], self.x, self.y, axis=(1, 2))
-        return np.stack([np.abs(self.table[:, 0]).max(axis=(1, 2)), np.hypot(along_x, along_y).max(axis=(1, 2))])
+        values = np.stack([np.abs(self.table[:, 0]), np.hypot(along_x, along_y)])
+        if self.outline is not None:
+            values = np.where(self._near_plate(self.outline), values, 0.0)
+        return np.asarray(values.max(axis=(2, 3)))
+
+    def _near_plate(self, outline: Outline) -> NDArray[np.bool_]:
+        """Grid points (nx, ny) that the surface of the plate is interpolated from."""
+        spacing = max(self.x[1] - self.x[0], self.y[1] - self.y[0])
+        return outline.distance(np.stack(np.meshgrid(self.x, self.y, indexing="ij"), axis=-1)) > -3.0 * spacing
 
     def displacement(self, points: NDArray[np.float64], t: float) -> NDArray[np.float64]:
         """Displacement [m] of surface points (n, 2) [m] at time t [s], shape (n, 3)."""

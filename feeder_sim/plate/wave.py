@@ -46,7 +46,10 @@ class Wave:
     @property
     def standing_share(self) -> float:
         """|int W^2| / int |W|^2 over the plate: 1 for a standing wave, 0 for a purely travelling one."""
-        return standing_share(self.on_grid()[2])
+        x, y, field = self.on_grid()
+        if self.surface.outline is not None:
+            field = field * self.surface.outline.holds(np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1))
+        return standing_share(field)
 
     def on_grid(self, n: int = FIELD_POINTS) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.complex128]]:
         """W [m] on n x n points of the plate: x (n,), y (n,) [m] and W (n, n)."""
@@ -132,7 +135,9 @@ def still_points(wave: Wave) -> NDArray[np.float64]:
         MultiLineString([line for line in contour_generator(x, y, part.T).lines(0.0) if len(line) > 1])
         for part in (field.real, field.imag)
     ]
-    return np.asarray(get_coordinates(intersection(*parts)))
+    found = np.asarray(get_coordinates(intersection(*parts)))
+    outline = wave.surface.outline
+    return found if outline is None else found[outline.holds(found)]
 
 
 def crest_track(wave: Wave, centre: NDArray[np.float64]) -> Track:
@@ -145,6 +150,8 @@ def crest_track(wave: Wave, centre: NDArray[np.float64]) -> Track:
     direction = np.stack([np.cos(angle), np.sin(angle)], axis=1)
     half = 0.5 * np.array([wave.surface.length, wave.surface.width])
     reach = float((half - np.abs(centre)).min())
+    if wave.surface.outline is not None:
+        reach = min(reach, float(wave.surface.outline.distance(centre)))
     radius = np.arange(1.0, reach / RADIAL_STEP) * RADIAL_STEP
     amplitude = np.abs(wave.at((centre + radius[:, None, None] * direction).reshape(-1, 2))).reshape(len(radius), -1)
     falls = amplitude[1:] < amplitude[:-1]

@@ -14,6 +14,7 @@ from feeder_sim.measures.circulation import StageWave
 from feeder_sim.plate.modes import PlateModes
 from feeder_sim.plate.sequences import Route
 from feeder_sim.plots.figure import MM, MS, UM, empty_figure
+from feeder_sim.plots.outline import cut_to_plate
 from feeder_sim.records.trajectory import Recording
 from feeder_sim.scenario import parse_scenario
 from feeder_sim.scene.scene import GRAVITY, build_scene
@@ -33,7 +34,8 @@ def draw_mode(modes: PlateModes, index: int, path: Path) -> None:
     axes = figure.add_subplot()
     levels = np.linspace(-1.0, 1.0, 41)
     filled = axes.contourf(x * MM, y * MM, w.T, levels=levels, cmap="RdBu_r", extend="both")
-    axes.contour(x * MM, y * MM, w.T, levels=[0.0], colors="black", linewidths=1.4)
+    lines = axes.contour(x * MM, y * MM, w.T, levels=[0.0], colors="black", linewidths=1.4)
+    cut_to_plate(axes, modes.outline, filled, lines)
     figure.colorbar(filled, ax=axes, label="deflection, antinode = 1", ticks=[-1, -0.5, 0, 0.5, 1])
     axes.set(
         aspect="equal",
@@ -96,9 +98,14 @@ def draw_wave(stage_wave: StageWave, path: Path) -> None:
     figure = empty_figure(10.0, 4.6)
     left, right = figure.subfigures(1, 2, width_ratios=[1.1, 1.0])
     axes = left.add_subplot()
-    filled = axes.contourf(x * MM, y * MM, np.abs(field.T) * UM, levels=30, cmap="Blues")
+    amplitude, outline = np.abs(field), stage_wave.wave.surface.outline
+    if outline is not None:  # what is beside the plate is cut off, and must not set the colours
+        on_plate = outline.holds(np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1))
+        amplitude = np.minimum(amplitude, amplitude[on_plate].max())
+    filled = axes.contourf(x * MM, y * MM, amplitude.T * UM, levels=30, cmap="Blues")
     left.colorbar(filled, ax=axes, label="amplitude (um)")
     still = stage_wave.still
+    cut_to_plate(axes, outline, filled)
     axes.plot(*(still.T * MM), "o", color="#be3434", markersize=6, label=f"{len(still)} still points")
     track = stage_wave.track
     if track is not None:
@@ -108,9 +115,9 @@ def draw_wave(stage_wave: StageWave, path: Path) -> None:
             arrow = {"arrowstyle": "->", "color": "#e08a1e", "lw": 2.0}
             axes.annotate("", track.points[i] * MM + ahead, track.points[i] * MM, arrowprops=arrow)
         way = np.linspace(0.0, track.length * MM, len(track.points) + 1)
-        amplitude, phase = right.subplots(2, 1, sharex=True)
-        amplitude.plot(way, np.abs(np.append(track.amplitude, track.amplitude[0])) * UM, color="#e08a1e")
-        amplitude.set(ylabel="amplitude (um)", ylim=(0.0, None))
+        along, phase = right.subplots(2, 1, sharex=True)
+        along.plot(way, np.abs(np.append(track.amplitude, track.amplitude[0])) * UM, color="#e08a1e")
+        along.set(ylabel="amplitude (um)", ylim=(0.0, None))
         phase.plot(way, track.phase_deg - track.phase_deg[0], color="#e08a1e")
         phase.set(xlabel="along the crest's track, counter-clockwise (mm)", ylabel="phase (deg)")
     axes.set(aspect="equal", xlabel="x (mm)", ylabel="y (mm)")

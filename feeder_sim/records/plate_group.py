@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from feeder_sim.hdf5_text import put_array, put_text
 from feeder_sim.plate.drive import ModalDrive
+from feeder_sim.plate.outline_group import read_outline, write_outline
 from feeder_sim.records.trajectory import PlateRecord
 
 DRIVE_FIELDS = {
@@ -34,13 +36,19 @@ def write_plate(file: Any, plate: PlateRecord) -> None:
     put_array(file, "plate/nodal_point", points, "m")
     put_array(file, "plate/nodal_line", numbers.astype(np.int64), "1")
     put_array(file, "plate/antinode", plate.antinode, "m")
+    if plate.outline is not None:
+        write_outline(file, "plate/outline", plate.outline)
     for name, unit in DRIVE_FIELDS.items():
         values = [getattr(drive, name) for drive in plate.drives]
         put_array(file, f"drive/{name}", np.array([np.nan if value is None else value for value in values]), unit)
 
 
 def read_plate(file: Any) -> PlateRecord:
-    """Read it back."""
+    """Read it back.
+
+    Raises:
+        InputError: its outline is damaged.
+    """
     group = file["plate"]
     points, numbers = group["nodal_point"][()], group["nodal_line"][()]
     return PlateRecord(
@@ -53,6 +61,12 @@ def read_plate(file: Any) -> PlateRecord:
         nodal_lines=tuple(points[numbers == i] for i in np.unique(numbers)),
         antinode=group["antinode"][()],
         drives=_read_drives(file["drive"]),
+        outline=read_outline(
+            group,
+            "outline",
+            (float(group.attrs["length"]), float(group.attrs["width"])),
+            Path(str(file.filename)) if hasattr(file, "filename") else Path("trajectory.h5"),
+        ),
     )
 
 

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from feeder_sim.plate.drive import ModalDrive
+from feeder_sim.plate.outline import Outline
 from feeder_sim.records.impacts import Impacts
 from feeder_sim.records.removals import Removals
 
@@ -28,14 +29,17 @@ class Status(IntEnum):
     LEFT_PLATE = 3
 
 
-class RectangularArea(Protocol):
-    """What has a length along x and a width along y [m], centred on the origin."""
+class PlateArea(Protocol):
+    """What has a length along x and a width along y [m], centred on the origin, and perhaps an outline within."""
 
     @property
     def length(self) -> float: ...
 
     @property
     def width(self) -> float: ...
+
+    @property
+    def outline(self) -> Outline | None: ...
 
 
 @dataclass(frozen=True)
@@ -69,10 +73,12 @@ class Frames:
     def __getitem__(self, rows: slice) -> Frames:
         return Frames(*(getattr(self, field.name)[rows] for field in fields(self)))
 
-    def on_plate(self, plate: RectangularArea) -> NDArray[np.bool_]:
+    def on_plate(self, plate: PlateArea) -> NDArray[np.bool_]:
         """Which parts are on a plate, shape (n, parts): not taken out, with their centres over it and above it."""
         half = 0.5 * np.array([plate.length, plate.width])
         over = (np.abs(self.position[..., :2]) < half).all(axis=-1)
+        if plate.outline is not None:
+            over &= plate.outline.holds(np.nan_to_num(self.position[..., :2], nan=np.inf))
         return np.asarray(self.present & over & (self.position[..., 2] > 0.0))
 
     def row_at(self, time: float) -> int:
@@ -151,6 +157,7 @@ class PlateRecord:
         nodal_lines: of the first shape, each (n, 2) [m]; empty where no transport is measured.
         antinode: that the part starts from, shape (2,) [m]; NaN without nodal lines.
         drives: one per excitation of the scenario.
+        outline: of a plate that is no whole rectangle.
     """
 
     length: float
@@ -162,6 +169,7 @@ class PlateRecord:
     nodal_lines: tuple[NDArray[np.float64], ...]
     antinode: NDArray[np.float64]
     drives: tuple[ModalDrive, ...]
+    outline: Outline | None = None
 
 
 @dataclass(frozen=True)

@@ -109,6 +109,8 @@ def _log_stages(stream: Any, plate: PlateRecord, stages: Sequence[TimedStage], l
         [np.asarray(line) for line in contour_generator(plate.x, plate.y, shape.T).lines(0.0) if len(line) > 1]
         for shape in plate.mode_shape
     ]
+    if plate.outline is not None:
+        lines_of_shape = [list(plate.outline.kept(lines)) if lines else [] for lines in lines_of_shape]
     for number, stage in enumerate(stages):
         if stage.start > last:
             break

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from feeder_sim.plate.drive import ModalTerms
 from feeder_sim.plate.wave import standing_share
 from feeder_sim.records.trajectory import PlateRecord
+from feeder_sim.replay.area import area_of, body_mesh
 
 TIMELINE = "sim_time"
 MM = 1e3
@@ -33,26 +34,35 @@ def log_plate(stream: Any, plate: PlateRecord, terms: ModalTerms, last: float) -
     import rerun as rr
 
     half = np.array([plate.length, plate.width, plate.thickness]) * 0.5 * MM
-    body = rr.Boxes3D(
-        centers=[[0, 0, -half[2] - BODY_GAP_MM]], half_sizes=[half], colors=[PLATE_GREY], fill_mode="solid"
-    )
+    area = area_of(plate.x, plate.y, plate.outline)
+    if plate.outline is None:
+        body: Any = rr.Boxes3D(
+            centers=[[0, 0, -half[2] - BODY_GAP_MM]], half_sizes=[half], colors=[PLATE_GREY], fill_mode="solid"
+        )
+    else:
+        corners, faces = body_mesh(area, plate.outline, plate.thickness, BODY_GAP_MM / MM)
+        body = rr.Mesh3D(vertex_positions=MM * corners, triangle_indices=faces, albedo_factor=PLATE_GREY)
     stream.log("plate/body", body, static=True)
-    grid_x, grid_y = np.meshgrid(plate.x * MM, plate.y * MM, indexing="ij")
-    vertices = np.column_stack([grid_x.ravel(), grid_y.ravel(), np.zeros(grid_x.size)])
+    vertices = np.column_stack([MM * area.points, np.zeros(len(area.points))])
     mesh = rr.Mesh3D(
         vertex_positions=vertices,
-        triangle_indices=grid_triangles(len(plate.x), len(plate.y)),
+        triangle_indices=area.triangles,
         vertex_normals=np.tile([0.0, 0.0, 1.0], (len(vertices), 1)),
     )
     stream.log("plate/surface", mesh, static=True)  # only the vertex colours below change in time
     times = np.linspace(0.0, last, ENVELOPE_POINTS)
     phasors = terms.phasor(times, len(plate.mode_shape))
     rows, groups = _colour_rows(np.abs(phasors)), _driven_together(plate)
-    fields = {row: sum(_amplitude(phasors[row, group], plate.mode_shape[group]) for group in groups) for row in rows}
+    fields = {
+        row: area.carried(
+            np.sum([_amplitude(phasors[row, group], plate.mode_shape[group]) for group in groups], axis=0)
+        )
+        for row in rows
+    }
     largest = max(max(float(np.abs(field).max()) for field in fields.values()), 1e-300)
     for row, field in fields.items():
         stream.set_time(TIMELINE, duration=float(times[row]))
-        stream.log("plate/surface", rr.Mesh3D.from_fields(vertex_colors=diverging(np.ravel(field) / largest)))
+        stream.log("plate/surface", rr.Mesh3D.from_fields(vertex_colors=diverging(field / largest)))
     if plate.nodal_lines:
         stream.log("plate/nodal_lines", drawn_lines(plate.nodal_lines), static=True)
 
@@ -88,14 +98,6 @@ def drawn_lines(lines: Sequence[NDArray[np.float64]]) -> Any:
 
     raised = [np.column_stack([line * MM, np.full(len(line), NODE_HEIGHT_MM)]) for line in lines]
     return rr.LineStrips3D(raised, colors=[NODE], radii=[0.12])
-
-
-def grid_triangles(nx: int, ny: int) -> NDArray[np.int64]:
-    """Vertex indices (m, 3) of two triangles per cell of an (nx, ny) grid, counter-clockwise seen from above."""
-    corner = (np.arange(nx - 1)[:, None] * ny + np.arange(ny - 1)).ravel()
-    lower = np.column_stack([corner, corner + ny, corner + ny + 1])
-    upper = np.column_stack([corner, corner + ny + 1, corner + 1])
-    return np.concatenate([lower, upper])
 
 
 def _colour_rows(amplitude: NDArray[np.float64]) -> list[int]:

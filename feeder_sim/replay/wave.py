@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from feeder_sim.plate.drive import ModalDrive, ModalTerms
 from feeder_sim.records.trajectory import PlateRecord
-from feeder_sim.replay.plate import MM, TIMELINE, diverging, grid_triangles
+from feeder_sim.replay.area import area_of
+from feeder_sim.replay.plate import MM, TIMELINE, diverging
 from feeder_sim.scene.timetable import TimedStage
 
 SLOW = "slow_motion"
@@ -41,15 +42,14 @@ def log_wave(
     import rerun as rr
 
     rows, columns = (_thinned(len(axis)) for axis in (plate.x, plate.y))
-    x, y = np.meshgrid(plate.x[rows] * MM, plate.y[columns] * MM, indexing="ij")
-    shapes = plate.mode_shape[:, rows[:, None], columns]
-    triangles = grid_triangles(len(rows), len(columns))
+    area = area_of(plate.x[rows], plate.y[columns], plate.outline)
+    shapes = np.stack([area.carried(shape) for shape in plate.mode_shape[:, rows[:, None], columns]])
 
     def log(field: NDArray[np.float64]) -> None:
-        """Log a deflection (nx, ny), whose largest value over time is 1."""
+        """Log a deflection (n,), whose largest value over time is 1."""
         scale = HEIGHT * plate.length * MM
-        vertices = np.column_stack([x.ravel(), y.ravel(), scale * field.ravel()])
-        mesh = rr.Mesh3D(vertex_positions=vertices, triangle_indices=triangles, vertex_colors=diverging(field.ravel()))
+        vertices = np.column_stack([MM * area.points, scale * field])
+        mesh = rr.Mesh3D(vertex_positions=vertices, triangle_indices=area.triangles, vertex_colors=diverging(field))
         stream.log("wave/surface", mesh)
 
     slow_stages: dict[frozenset[ModalDrive], tuple[float, float]] = {}
@@ -61,7 +61,7 @@ def log_wave(
         motion = np.tensordot(terms.phasor(times, len(shapes)).real, shapes, axes=1)
         motion /= max(float(np.abs(motion).max()), 1e-300)
         stream.set_time(TIMELINE, duration=stage.start)
-        log(motion[np.abs(motion).max(axis=(1, 2)).argmax()])
+        log(motion[np.abs(motion).max(axis=1).argmax()])
         stream.reset_time()
         if (drives := frozenset(plate.drives[i] for i in stage.excitations)) in slow_stages:
             continue

@@ -158,7 +158,8 @@ class _Starts:
     def key_of(scene: Scene) -> object:
         """What the starts go by."""
         scenario = scene.scenario
-        plate = scene.surface.length, scene.surface.width  # that of a strip goes with the frequency
+        surface, outline = scene.surface, scene.surface.outline
+        plate = surface.length, surface.width, outline and outline.key  # that of a strip goes with the frequency
         return scenario.part, plate, scenario.run.seed, scenario.run.seeds, scenario.run.planar
 
     def of(self, some: slice) -> NDArray[np.void]:

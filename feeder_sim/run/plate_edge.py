@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+from feeder_sim.engines.outline_arrays import OutlineArrays, edge_distance, off_plate, outline_arrays
 from feeder_sim.machine_code import inlined
 from feeder_sim.scene.scene import Scene
 
@@ -18,7 +19,7 @@ class Edge(NamedTuple):
 
     half_x, half_y: half the sides [m]; crest: largest height of the surface over the resting plate [m]; floor: its
     height [m]; rim: no part gets beside the plate; enclosed: no part can get over the edge; swing: by how much a part
-    may swing under the plate [m]; frame_interval [s].
+    may swing under the plate [m]; frame_interval [s]; outline: of a plate that is no whole rectangle, else None.
     """
 
     half_x: float
@@ -29,6 +30,7 @@ class Edge(NamedTuple):
     enclosed: bool
     swing: float
     frame_interval: float
+    outline: OutlineArrays | None
 
 
 def edge_of(scene: Scene, crest: float) -> Edge:
@@ -42,13 +44,14 @@ def edge_of(scene: Scene, crest: float) -> Edge:
         enclosed=scene.rim or any(scene.guides),
         swing=2.0 * max(kind.size for kind in scene.kinds),
         frame_interval=scene.frame_interval,
+        outline=outline_arrays(scene.surface.outline),
     )
 
 
 @inlined
 def over_plate(x, y, edge):
     """Whether a place is above or below the area of the plate."""
-    return abs(x) < edge.half_x and abs(y) < edge.half_y
+    return abs(x) < edge.half_x and abs(y) < edge.half_y and not off_plate(edge.outline, x, y)
 
 
 @inlined
@@ -58,7 +61,9 @@ def clear_of_edge(x, y, velocity_x, velocity_y, size, edge):
     if not edge.enclosed:
         margin_x = edge.swing + abs(velocity_x) * edge.frame_interval
         margin_y = edge.swing + abs(velocity_y) * edge.frame_interval
-    return abs(x) < edge.half_x - margin_x and abs(y) < edge.half_y - margin_y
+    margin = max(margin_x, margin_y)
+    far = edge_distance(edge.outline, x, y, margin) > margin
+    return abs(x) < edge.half_x - margin_x and abs(y) < edge.half_y - margin_y and far
 
 
 @inlined

@@ -57,6 +57,9 @@ def check_plausible(scene: Scene) -> None:
 def doubts(scene: Scene) -> Iterator[str]:
     """Lines about what one may mean, but hardly does."""
     plate = scene.scenario.plate
+    for (key, _), mode in zip(scene.scenario.excitations, scene.driven, strict=True):
+        if mode.doubt:
+            yield f"{key}: {mode.doubt}"
     if isinstance(plate, Strip) or (isinstance(plate, Rectangle) and plate.mode_file is None):
         material = resolve_material(plate.material or "aluminium")
         speed = largest_together(scene.times, scene.all_drives, speeds=True)

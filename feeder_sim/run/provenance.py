@@ -9,7 +9,7 @@ from pathlib import Path
 
 from feeder_sim import __version__
 from feeder_sim.machine_code import source_hash
-from feeder_sim.scenario import MeshPart, Rectangle, Scenario
+from feeder_sim.scenario import MeshPart, ModePlate, Rectangle, Scenario
 
 LIBRARIES = ("mujoco-core", "mujoco", "numpy", "scipy", "numba", "h5py")
 
@@ -33,7 +33,7 @@ def _installed() -> dict[str, str]:
 def input_hashes(scenario: Scenario) -> dict[str, str]:
     """SHA-256 of the files that a scenario reads, by its keys: the mode file and the meshes of parts."""
     files: dict[str, Path] = {}
-    if isinstance(scenario.plate, Rectangle) and scenario.plate.mode_file is not None:
+    if isinstance(scenario.plate, Rectangle | ModePlate) and scenario.plate.mode_file is not None:
         files["plate.mode_file"] = scenario.plate.mode_file
     for i, part in enumerate(scenario.part):
         if isinstance(part, MeshPart):

@@ -301,4 +301,5 @@ def plate_record(prepared: Prepared) -> PlateRecord:
         nodal_lines=cell.lines.lines if cell else (),
         antinode=cell.antinode if cell else np.full(2, np.nan),
         drives=prepared.scene.drives,
+        outline=surface.outline,
     )

@@ -7,6 +7,7 @@ from feeder_sim.scenario.plate import (
     Drive,
     Excitation,
     MeasuredResonance,
+    ModePlate,
     PistonPlate,
     PlateBody,
     PlateFile,
@@ -14,7 +15,14 @@ from feeder_sim.scenario.plate import (
     Strip,
 )
 from feeder_sim.scenario.run import Contact, MujocoSettings, Run
-from feeder_sim.scenario.scenario import Scenario, load_plate_file, load_scenario, parse_scenario, with_run
+from feeder_sim.scenario.scenario import (
+    Scenario,
+    load_outline_file,
+    load_plate_file,
+    load_scenario,
+    parse_scenario,
+    with_run,
+)
 from feeder_sim.scenario.schedule import Goal, Pick, Schedule, Settled, Stage
 
 __all__ = [
@@ -33,6 +41,7 @@ __all__ = [
     "Mass",
     "MeasuredResonance",
     "MeshPart",
+    "ModePlate",
     "MujocoSettings",
     "PartSpec",
     "Pick",
@@ -50,6 +59,7 @@ __all__ = [
     "Start",
     "Strip",
     "Tube",
+    "load_outline_file",
     "load_plate_file",
     "load_scenario",
     "parse_scenario",

@@ -87,9 +87,9 @@ def _uncovered_with_reaction(scenario: Scenario, *, in_mujoco: bool) -> Iterator
     """What cannot be computed with run.reaction = true, as for `uncovered`."""
     if scenario.guide is not None:
         yield "part[0].guide is given, allowed is none with run.reaction = true"
-    if scenario.plate.kind != "rectangle":
+    if scenario.plate.kind not in ("rectangle", "modes"):
         yield (
-            f'plate.kind is "{scenario.plate.kind}", allowed is "rectangle" with run.reaction = true: '
+            f'plate.kind is "{scenario.plate.kind}", allowed is "rectangle" or "modes" with run.reaction = true: '
             "only its modes have a mass"
         )
     for key, drive in scenario.excitations:
@@ -99,13 +99,22 @@ def _uncovered_with_reaction(scenario: Scenario, *, in_mujoco: bool) -> Iterator
         yield 'mujoco.plate is "mocap", allowed is "patch" with run.reaction = true: no force acts on a mocap body'
 
 
+def uncovered_outline(scenario: Scenario) -> Iterator[str]:
+    """What cannot be computed on a plate that is no whole rectangle, which only its mode file says; as `uncovered`."""
+    if choose_engine(scenario).name == "mujoco":
+        why = "a plate with holes or an outline of its own: its parts meet whole rectangles"
+        yield f'run.engine is "mujoco", allowed is "impulse" on {why}'
+    if getattr(scenario.plate, "rim", False):
+        yield "plate.rim is true, allowed is false on a plate with holes or an outline of its own"
+
+
 def _uncovered_in_plane(scenario: Scenario, *, in_mujoco: bool) -> Iterator[str]:
     """What cannot be computed with run.planar = true, as for `uncovered`."""
     part = scenario.part[0]
     if in_mujoco:
         yield "run.planar is true, allowed is false in MuJoCo"
-    if scenario.plate.kind == "rectangle":
-        yield 'plate.kind is "rectangle", allowed is "strip" or "piston" with run.planar = true'
+    if scenario.plate.kind in ("rectangle", "modes"):
+        yield f'plate.kind is "{scenario.plate.kind}", allowed is "strip" or "piston" with run.planar = true'
     if scenario.n_parts > 1 or part.guide is not None or not isinstance(part.start, Start):
         yield "run.planar is true, allowed is false for many parts and for a part in a guide"
         return

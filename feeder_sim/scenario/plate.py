@@ -60,7 +60,18 @@ class PistonPlate(Table):
     rim: Flag = False
 
 
-Plate = Annotated[Strip | Rectangle | PistonPlate, Field(discriminator="kind")]
+class ModePlate(Table):
+    """A plate of any outline, with holes, all of it from a mode file; parts fall off its edge and through its holes.
+
+    A `rim` is only for a plate that is a whole rectangle; see `Rectangle`.
+    """
+
+    kind: Literal["modes"]
+    mode_file: Path
+    rim: Flag = False
+
+
+Plate = Annotated[Strip | Rectangle | ModePlate | PistonPlate, Field(discriminator="kind")]
 
 
 class Excitation(Table):
@@ -138,6 +149,7 @@ class MeasuredResonance(Table):
     amplitude_um_per_vpp: Positive | None = None
     driven_point_mm: PointMm = (0.0, 0.0)
     actuator: Annotated[tuple[Name, ...], Field(max_length=MOST_DRIVES)] = ()
+    mode: Annotated[int, Field(ge=1, strict=True)] | None = None
 
 
 class PlateFile(Table):

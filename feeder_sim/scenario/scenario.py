@@ -15,8 +15,9 @@ from typing import Annotated, Any, Self
 from pydantic import Field, model_validator
 
 from feeder_sim.scenario.engine_choice import known_failures, uncovered
+from feeder_sim.scenario.outline import OutlineFile
 from feeder_sim.scenario.part import MAX_PARTS, MeshPart, PartSpec, Slide, Tube
-from feeder_sim.scenario.plate import MOST_DRIVES, Drive, Excitation, Plate, PlateFile, Rectangle
+from feeder_sim.scenario.plate import MOST_DRIVES, Drive, Excitation, ModePlate, Plate, PlateFile, Rectangle
 from feeder_sim.scenario.run import Contact, MujocoSettings, Run
 from feeder_sim.scenario.schedule import Goal, Schedule
 from feeder_sim.scenario.tables import Table, parse, read_text, validated
@@ -145,10 +146,15 @@ def load_plate_file(path: Path) -> PlateFile:
     return parse(read_text(path), PlateFile, path)
 
 
+def load_outline_file(path: Path) -> OutlineFile:
+    """Read and check an outline file; errors as for `load_scenario`."""
+    return parse(read_text(path), OutlineFile, path)
+
+
 def _anchor_paths(scenario: Scenario, folder: Path) -> Scenario:
     """Make the file names in a scenario absolute."""
     plate, parts = scenario.plate, list(scenario.part)
-    if isinstance(plate, Rectangle) and plate.mode_file is not None:
+    if isinstance(plate, Rectangle | ModePlate) and plate.mode_file is not None:
         plate = plate.model_copy(update={"mode_file": folder / plate.mode_file})
     for i, part in enumerate(parts):
         if isinstance(part, MeshPart):

@@ -63,8 +63,8 @@ LONGEST_TEXT = 2_000_000  # bytes; the longest scenarios have thousands of lines
 LARGEST_WHOLE = 10**300  # nothing that is checked here reaches it, and it can still be shown
 
 
-def read_text(path: Path) -> str:
-    """Read a text file.
+def read_text(path: Path, longest: int = LONGEST_TEXT) -> str:
+    """Read a text file of up to so many bytes.
 
     Raises:
         InputError: missing, unreadable, too long, or no file but a folder, a device or a pipe, which may never end.
@@ -73,9 +73,9 @@ def read_text(path: Path) -> str:
         held = path.stat()
         if not stat.S_ISREG(held.st_mode):
             raise InputError("is no file, allowed is a text file", file=path)
-        if held.st_size > LONGEST_TEXT:
+        if held.st_size > longest:
             raise InputError(
-                f"is {held.st_size / 1e6:.1f} MB long, allowed are up to {LONGEST_TEXT / 1e6:g} MB of text", file=path
+                f"is {held.st_size / 1e6:.1f} MB long, allowed are up to {longest / 1e6:g} MB of text", file=path
             )
         return path.read_text(encoding="utf-8")
     except FileNotFoundError as error:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import cmath
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -17,9 +17,9 @@ from feeder_sim.errors import InputError, nearest
 from feeder_sim.plate.drive import ModalDrive
 from feeder_sim.plate.mode_file import ModeFile, Resonance
 from feeder_sim.plate.mode_shapes import ModeShape, RitzShape
-from feeder_sim.plate.modes import PlateModes
 from feeder_sim.plate.response import DEFAULT_DAMPING_RATIO, deflection_at, modal_forces, oscillators, voltages
 from feeder_sim.scenario import Excitation
+from feeder_sim.scene.plate_modes import far_resonances
 
 # A drive excites the mode nearest in frequency; farther off than this the plate has no such resonance.
 MODE_MATCH = 0.02
@@ -45,6 +45,7 @@ class DrivenMode:
         followers: other modes that the scenario wants to move, too.
         left_out: root of the sum of squares of the amplitudes [m] of all modes that follow in reality and are left
             out here; None where it is not known, without actuators.
+        doubt: what is odd about it, for people; "" for nothing.
     """
 
     label: str
@@ -52,6 +53,7 @@ class DrivenMode:
     drive: ModalDrive
     followers: tuple[Follower, ...] = ()
     left_out: float | None = None
+    doubt: str = ""
 
     @property
     def drives(self) -> tuple[ModalDrive, ...]:
@@ -65,11 +67,17 @@ def driven_mode(drive: Excitation, key: str, held: ModeFile) -> DrivenMode:
     Raises:
         InputError: no such mode or actuator, no gain, or a point where the mode does not move.
     """
+    index = _choose_mode(drive, key, held)
+    doubt = "; ".join(line for mode, line in far_resonances(held) if mode == index)
+    return replace(_driven(drive, key, held, index), doubt=doubt)
+
+
+def _driven(drive: Excitation, key: str, held: ModeFile, index: int) -> DrivenMode:
+    """As `driven_mode`, of a mode that is chosen."""
     modes = held.modes
-    index = _choose_mode(drive, key, modes)
     measured = next((r for r in held.resonances if r.mode == index), None)
     damping = drive.damping_ratio or _damping(measured)
-    label = _label(modes, index)
+    label = _label(held, index)
     shape = RitzShape(modes, index)
     if drive.voltage_vpp is None:
         level = metres(drive.amplitude_um)
@@ -120,7 +128,7 @@ def _actuated(
     least = {"driven": math.inf, "all": 0.0}[drive.modes] if isinstance(drive.modes, str) else drive.modes
     follows = (amplitude > 0.0) & (amplitude >= least * own)
     return DrivenMode(
-        label=_label(held.modes, index),
+        label=_label(held, index),
         shape=RitzShape(held.modes, index),
         drive=drives[index],
         followers=tuple(Follower(RitzShape(held.modes, int(j)), drives[j]) for j in np.flatnonzero(follows)),
@@ -158,8 +166,9 @@ def _actuators(drive: Excitation, mode: str, key: str, held: ModeFile, measured:
     )
 
 
-def _label(modes: PlateModes, index: int) -> str:
-    return f"mode {index + 1}, {modes.natural_frequency[index]:.1f} Hz computed"
+def _label(held: ModeFile, index: int) -> str:
+    kind = "imported" if held.origin else "computed"
+    return f"mode {index + 1}, {held.modes.natural_frequency[index]:.1f} Hz {kind}"
 
 
 def _damping(measured: Resonance | None) -> float:
@@ -168,15 +177,18 @@ def _damping(measured: Resonance | None) -> float:
     return DEFAULT_DAMPING_RATIO
 
 
-def _choose_mode(drive: Excitation, key: str, modes: PlateModes) -> int:
+def _choose_mode(drive: Excitation, key: str, held: ModeFile) -> int:
+    modes = held.modes
     frequencies = modes.natural_frequency
     if drive.mode is not None:
         if drive.mode > len(modes):
             raise InputError(f"is {drive.mode}, allowed is 1 to {len(modes)}", key=f"{key}.mode")
-        computed = frequencies[drive.mode - 1]
-        if drive.natural_frequency_hz is None and abs(computed / drive.frequency_hz - 1.0) > MODE_MATCH:
+        resonances = [frequencies[drive.mode - 1], *(r.frequency for r in held.resonances if r.mode == drive.mode - 1)]
+        off = min(abs(resonance / drive.frequency_hz - 1.0) for resonance in resonances)
+        if drive.natural_frequency_hz is None and off > MODE_MATCH:
+            lies = " Hz, or ".join(f"{resonance:.1f}" for resonance in resonances)
             raise InputError(
-                f"is {drive.frequency_hz:g}, but mode {drive.mode} lies at {computed:.1f} Hz; allowed is within "
+                f"is {drive.frequency_hz:g}, but mode {drive.mode} lies at {lies} Hz; allowed is within "
                 f"{MODE_MATCH:.0%} of it, or a natural_frequency_hz to drive it off resonance",
                 key=f"{key}.frequency_hz",
             )

@@ -15,7 +15,8 @@ from feeder_sim.plate.mode_shapes import ModeShape, Piston, RitzShape, StandingW
 from feeder_sim.plate.modes import plate_modes
 from feeder_sim.plate.rectangle import RectangularPlate
 from feeder_sim.plate.surface import Surface, tabulate
-from feeder_sim.scenario import Excitation, PistonPlate, Rectangle, Scenario, Strip, resolve_material
+from feeder_sim.scenario import Excitation, ModePlate, PistonPlate, Rectangle, Scenario, Strip, resolve_material
+from feeder_sim.scenario.engine_choice import uncovered_outline
 from feeder_sim.scene.driven_mode import DrivenMode, driven_mode, metres, modal_drive
 from feeder_sim.scene.timetable import Timetable, timetable
 
@@ -44,8 +45,12 @@ def assemble_plate(scenario: Scenario) -> DrivenPlate:
     plate, times = scenario.plate, timetable(scenario)
     if isinstance(plate, Strip):
         return _strip(plate, scenario.excitations, times)
-    if isinstance(plate, Rectangle):
-        return _rectangle(plate, scenario.excitations, times)
+    if isinstance(plate, Rectangle | ModePlate):
+        held = _modes_for(plate, scenario.excitations)
+        if held.modes.outline is not None:
+            for problem in uncovered_outline(scenario):
+                raise InputError(problem)
+        return _from_modes(held, scenario.excitations, times)
     return _piston(plate, scenario.excitations, times)
 
 
@@ -76,8 +81,7 @@ def _piston(plate: PistonPlate, drives: Excitations, times: Timetable) -> Driven
     return _tabulated(driven, drives, times, *size, math.inf, uniform_y=True)
 
 
-def _rectangle(plate: Rectangle, drives: Excitations, times: Timetable) -> DrivenPlate:
-    held = _modes_for(plate, drives)
+def _from_modes(held: ModeFile, drives: Excitations, times: Timetable) -> DrivenPlate:
     modes = held.modes
     driven = [driven_mode(drive, key, held) for key, drive in drives]
     highest = [float(modes.natural_frequency[_indices(mode)].max()) for mode in driven]
@@ -87,7 +91,8 @@ def _rectangle(plate: Rectangle, drives: Excitations, times: Timetable) -> Drive
     except ValueError as error:
         raise InputError(f"is {drive.frequency_hz:g}, {error}", key=f"{key}.frequency_hz") from error
     size = (modes.plate.length, modes.plate.width, modes.plate.thickness)
-    return _tabulated(driven, drives, times, *size, shortest)
+    placed = _tabulated(driven, drives, times, *size, shortest)
+    return replace(placed, surface=replace(placed.surface, outline=modes.outline))
 
 
 def _indices(mode: DrivenMode) -> list[int]:
@@ -96,9 +101,15 @@ def _indices(mode: DrivenMode) -> list[int]:
     return [shape.index for shape in shapes if isinstance(shape, RitzShape)]
 
 
-def _modes_for(plate: Rectangle, drives: Excitations) -> ModeFile:
+def _modes_for(plate: Rectangle | ModePlate, drives: Excitations) -> ModeFile:
     if plate.mode_file is not None:
-        return read_mode_file(plate.mode_file)
+        held = read_mode_file(plate.mode_file)
+        if held.modes.outline is not None and not isinstance(plate, ModePlate):
+            raise InputError(
+                'is "rectangle", but the mode file has an outline of its own; allowed with it is "modes"',
+                key="plate.kind",
+            )
+        return held
     if plate.length_mm is None or plate.width_mm is None or plate.thickness_mm is None:
         raise InputError("length_mm, width_mm and thickness_mm are needed without mode_file", key="plate")
     material = resolve_material(plate.material or "aluminium")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 
 import numpy as np
 
@@ -47,14 +48,30 @@ def compute_modes(file: PlateFile) -> ModeFile:
     return ModeFile(modes, resonances, actuators, modal_force_table(modes, actuators))
 
 
+def far_resonances(held: ModeFile) -> Iterator[tuple[int, str]]:
+    """Modes (0-based) whose measured resonance is farther than `RESONANCE_MATCH` from them, and a line about each."""
+    for resonance in held.resonances:
+        lies = held.modes.natural_frequency[resonance.mode]
+        if abs(lies / resonance.frequency - 1.0) > RESONANCE_MATCH:
+            yield (
+                resonance.mode,
+                f"mode {resonance.mode + 1}: lies at {lies:.1f} Hz, but its resonance was measured at "
+                f"{resonance.frequency:g} Hz, more than {RESONANCE_MATCH:.0%} from it: is it the right mode?",
+            )
+
+
 def _matched(measured: MeasuredResonance, i: int, modes: PlateModes) -> Resonance:
-    """The i-th measured resonance in SI units, with the index of the mode nearest in frequency."""
+    """The i-th measured resonance in SI units, with the index of its mode: the one it names or the nearest."""
+    if measured.mode is not None and measured.mode > len(modes):
+        raise InputError(f"is {measured.mode}, allowed is 1 to {len(modes)}", key=f"resonance[{i}].mode")
     index = int(np.argmin(np.abs(modes.natural_frequency - measured.frequency_hz)))
     nearest = modes.natural_frequency[index]
-    if abs(nearest / measured.frequency_hz - 1.0) > RESONANCE_MATCH:
+    if measured.mode is not None:
+        index = measured.mode - 1
+    elif abs(nearest / measured.frequency_hz - 1.0) > RESONANCE_MATCH:
         raise InputError(
-            f"is {measured.frequency_hz:g}, allowed is within {RESONANCE_MATCH:.0%} of a computed mode; the nearest is "
-            f"{nearest:.1f}",
+            f"is {measured.frequency_hz:g}, allowed is within {RESONANCE_MATCH:.0%} of a computed mode (or name a "
+            f"mode); the nearest is {nearest:.1f}",
             key=f"resonance[{i}].frequency_hz",
         )
     gain = measured.amplitude_um_per_vpp

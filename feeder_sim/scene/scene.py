@@ -167,12 +167,19 @@ def _check_on_plate(spec: PartSpec, kind: RigidPart, surface: Surface, key: str)
     if abs(x) > half[0] or abs(y) > half[1]:
         message = f"is [{x:g}, {y:g}], allowed is +-{half[0]:.1f}, +-{half[1]:.1f} (on the plate)"
         raise InputError(message, key=f"{key}.{name}")
+    away = math.inf if surface.outline is None else float(surface.outline.distance(1e-3 * np.array([x, y])))
+    if away < 0.0 and not isinstance(start, Scattered):
+        raise InputError(
+            f"is [{x:g}, {y:g}], {-1e3 * away:.3g} mm off the plate or over a hole, allowed is a place on the plate",
+            key=f"{key}.{name}",
+        )
     size = (0.0, 0.0)
     if isinstance(start, Heap):
         size, name = (start.diameter_mm, start.diameter_mm), "diameter_mm"
     elif isinstance(start, Scattered) and start.size_mm is not None:
         size, name = start.size_mm, "size_mm"
-    if abs(x) + 0.5 * size[0] > half[0] or abs(y) + 0.5 * size[1] > half[1]:
+    over_edge = isinstance(start, Heap) and 0.5e-3 * start.diameter_mm > away
+    if abs(x) + 0.5 * size[0] > half[0] or abs(y) + 0.5 * size[1] > half[1] or over_edge:
         raise InputError(
             f"is {_size_text(size)}, allowed is what lies on the plate around its centre", key=f"{key}.{name}"
         )

@@ -144,9 +144,12 @@ def _free_place(
     size = 1e-3 * np.array(start.size_mm) if start.size_mm else plate
     half = 0.5 * np.maximum(size - 2.0 * kind.size, 0.0)
     centre = 1e-3 * np.array(start.centre_mm)
+    outline = scene.surface.outline
     for _ in range(min(MAX_TRIES, tries[0])):
         tries[0] -= 1
         place = centre + rng.uniform(-half, half)
+        if outline is not None and outline.distance(place) < kind.size:
+            continue
         if placed.free(np.array([*place, height]), kind.size):
             return np.asarray(place)
     raise InputError(

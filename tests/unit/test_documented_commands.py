@@ -120,9 +120,9 @@ def inline_commands(page: str) -> list[Command]:
 
 
 @cache
-def options_of(command: str) -> frozenset[str]:
+def options_of(*command: str) -> frozenset[str]:
     """All options that the help of a command lists."""
-    done = feeder_sim(command, "--help")
+    done = feeder_sim(*command, "--help")
     assert done.returncode == 0, f"there is no command {command}"
     return frozenset(re.findall(r"(?<![\w-])--?[a-z][a-z-]*", done.stdout))
 
@@ -131,7 +131,7 @@ def check_arguments(command: Command) -> None:
     """Every option of a feeder-sim command exists; words in capitals stand for something else."""
     if command.words[1:] == ("--help",) or command.words[1] == "COMMAND":
         return
-    allowed = options_of(command.words[1])
+    allowed = options_of(*command.words[1 : 3 if command.words[1:3] == ("modes", "import") else 2])
     for option in command.options:
         assert option in allowed, f"{command}: no option {option}, there are {', '.join(sorted(allowed))}"
 

@@ -114,7 +114,7 @@ def _advance_until(until, t, alone, plate, notes, step, frames):
             if alone.wall is not None:
                 _note_contact(part, before, kind.corner_to - kind.corner_from, notes, t - leap, step, alone.work)
             elif plate.bounds.calm:
-                fall_asleep(part, alone.kinds, alone.work)
+                fall_asleep(part, alone.kinds, plate.surface, alone.work)
     return t
 
 

@@ -123,7 +123,7 @@ def _look_at_part(event, t, agenda, crowd, plate, work, reach):
     leap, hit = meet_plate(part, crowd.kinds, None, plate.surface, plate.bounds, t, work)
     set_due(agenda.tree, event, t + leap)
     if hit:
-        if plate.bounds.calm and fall_asleep(part, crowd.kinds, work):
+        if plate.bounds.calm and fall_asleep(part, crowd.kinds, plate.surface, work):
             set_due(agenda.tree, event, np.inf)
         look_again_at_pairs(i, -1, t, agenda, crowd, plate.bounds)
     return left

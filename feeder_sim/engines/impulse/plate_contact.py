@@ -32,6 +32,7 @@ from feeder_sim.engines.impulse.state import (
 )
 from feeder_sim.engines.impulse.tube_contact import approach_wall, gather_wall, leap_to_wall, meeting_time
 from feeder_sim.engines.impulse.vectors import dot
+from feeder_sim.engines.outline_arrays import ON_EDGE, off_plate
 from feeder_sim.machine_code import compiled, inlined
 from feeder_sim.plate.compiled import (
     BETA_X,
@@ -47,7 +48,6 @@ from feeder_sim.plate.compiled import (
 from feeder_sim.scene.scene import GRAVITY
 
 TOUCH = 1e-9  # [m]; corners this close count as touching, so that a flat landing is one impact and not six
-ON_EDGE = 1e-9  # [m]; a point this far off the plate is still on its edge
 BESIDE = 2e-4  # [m]; a point that far below the surface is beside the plate or under it
 
 
@@ -115,7 +115,7 @@ def look(part, kind, corners, surface, bounds, t, work):
             height, surface_rate, acceleration = _surface_under(x, y, i, part, surface, bounds, work)
             gap, rate = bottom - height, rate - surface_rate
             outside = abs(x) > surface.grid_x[-1] + ON_EDGE or abs(y) > surface.grid_y[-1] + ON_EDGE
-            if outside or gap < -BESIDE:
+            if outside or off_plate(surface.outline, x, y) or gap < -BESIDE:
                 gap = np.inf
             if gap <= TOUCH and rate < 0.0:
                 touching += 1

@@ -1,25 +1,76 @@
 """Hulls over the edge of the plate.
 
 A hull rests on the plate's edge too: where its own edges cross the plane of a side of the plate it gets a further
-point, for the moment, that meets the plate like a corner.
+point, for the moment, that meets the plate like a corner. Of a plate with an outline of its own it gets these where its
+edges cross that outline, seen from above. A corner of the outline under a face of the hull is left out.
 """
 
 from __future__ import annotations
 
 import numpy as np
+from numba.core import types
+from numba.extending import overload
 
-from feeder_sim.engines.impulse.state import GAP, point, top_speed
+from feeder_sim.engines.impulse.state import GAP, arm_of, point, top_speed
+from feeder_sim.engines.outline_arrays import edge_distance
 from feeder_sim.machine_code import compiled
 
+MOST_CROSSINGS = 2  # of an edge of the hull with the outline that have room in the scratch space
 EDGE_STEPS = 10  # a point on the edge moves along the hull: its leaps are estimates, and at least this long
 
 
-@compiled
 def points_on_edge(part, kind, kinds, surface, work):
-    """How many edges of the part's hull cross the plane of a side of the plate, each in a further point.
+    """How many further points the part's hull has on the edge of the plate.
 
-    If any does, work.points holds the corners, and these points after them.
+    If any, work.points holds the corners, and these points after them.
     """
+    raise NotImplementedError("for compiled code only")
+
+
+@overload(points_on_edge)
+def _points_on_edge(part, kind, kinds, surface, work):
+    """A plate without an outline has the four sides of its grid."""
+    outline = surface.types[surface.fields.index("outline")]
+    if isinstance(outline, types.NoneType):
+        return lambda part, kind, kinds, surface, work: _points_on_sides(part, kind, kinds, surface, work)
+    return lambda part, kind, kinds, surface, work: _points_on_outline(part, kind, kinds, surface.outline, work)
+
+
+@compiled
+def _points_on_outline(part, kind, kinds, outline, work):
+    """Where edges of the part's hull cross those of the outline, seen from above."""
+    corners = kinds.corners[kind.corner_from : kind.corner_to]
+    reach = kind.reach + kind.radius
+    if abs(edge_distance(outline, part.position[0], part.position[1], reach)) > reach:
+        return 0
+    n = corners.shape[0]
+    for i in range(n):
+        for c in range(3):
+            work.points[i, c] = corners[i, c]
+    for k in range(outline.edges.shape[0]):
+        ax, ay = outline.edges[k, 0] - part.position[0], outline.edges[k, 1] - part.position[1]
+        bx, by = outline.edges[k, 2] - part.position[0], outline.edges[k, 3] - part.position[1]
+        if min(ax, bx) > reach or max(ax, bx) < -reach or min(ay, by) > reach or max(ay, by) < -reach:
+            continue
+        for e in range(kind.edge_from, kind.edge_to):
+            i, j = kinds.edges[e, 0], kinds.edges[e, 1]
+            first, second = arm_of(part, corners, i), arm_of(part, corners, j)
+            # Which side of the outline's edge the ends are on, and of the hull's edge those of the outline's.
+            p = (bx - ax) * (first[1] - ay) - (by - ay) * (first[0] - ax)
+            q = (bx - ax) * (second[1] - ay) - (by - ay) * (second[0] - ax)
+            r = (second[0] - first[0]) * (ay - first[1]) - (second[1] - first[1]) * (ax - first[0])
+            s = (second[0] - first[0]) * (by - first[1]) - (second[1] - first[1]) * (bx - first[0])
+            if p * q < 0.0 and r * s <= 0.0 and n < corners.shape[0] + MOST_CROSSINGS * (kind.edge_to - kind.edge_from):
+                share = p / (p - q)
+                for c in range(3):
+                    work.points[n, c] = corners[i, c] + share * (corners[j, c] - corners[i, c])
+                n += 1
+    return n - corners.shape[0]
+
+
+@compiled
+def _points_on_sides(part, kind, kinds, surface, work):
+    """Where edges of the part's hull cross the plane of a side of the plate."""
     corners = kinds.corners[kind.corner_from : kind.corner_to]
     reach = kind.reach + kind.radius
     half_x, half_y = surface.grid_x[-1], surface.grid_y[-1]

@@ -83,6 +83,7 @@ def _acting_terms(surface, start, end, n_shapes):
             surface.half_thickness,
             surface.in_plane,
             surface.tangent,
+            surface.outline,
         ),
         start,
         end,
@@ -99,6 +100,7 @@ def _acting_terms(surface, start, end, n_shapes):
         surface.half_thickness,
         surface.in_plane,
         surface.tangent,
+        surface.outline,
     )
 
 
@@ -179,7 +181,7 @@ def _advance(crowd, surface, bounds, tools, span, frames, yielding, limits):
             if _has_changed(yielding.changed, limits.margin):
                 bounds = _renewed(surface, bounds, t, yielding, limits)
                 _look_again(t, agenda, crowd, bounds)
-            if bounds.calm and fall_asleep(part, kinds, tools.work):
+            if bounds.calm and fall_asleep(part, kinds, surface, tools.work):
                 set_due(tree, event, np.inf)
             look_again_at_pairs(i, -1, t, agenda, crowd, bounds)
         for k in range(n):

@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 
 from feeder_sim.engines.impulse.state import ASLEEP, AWAKE, GAP, point, top_speed
+from feeder_sim.engines.outline_arrays import off_plate
 from feeder_sim.machine_code import compiled
 
 SLOW = 5e-3  # [m/s]; a hop of a micrometre
@@ -19,13 +20,13 @@ CARRIES = 1e-6  # [m]; corners this close to the surface carry
 
 
 @compiled
-def fall_asleep(part, kinds, work):
+def fall_asleep(part, kinds, surface, work):
     """Put a part to sleep if it lies still on the plate, and say so; work holds the gaps of its corners."""
     kind = kinds.record[part.kind]
     corners = kinds.corners[kind.corner_from : kind.corner_to]
     sliding = math.sqrt(part.velocity[0] ** 2 + part.velocity[1] ** 2)
     sliding += kind.reach * abs(part.momentum[2]) / min(kind.inertia[0], kind.inertia[1], kind.inertia[2])
-    if sliding > SLIDES or top_speed(part, kind) > SLOW or not _carried(part, corners, work):
+    if sliding > SLIDES or top_speed(part, kind) > SLOW or not _carried(part, corners, surface, work):
         return False
     for k in range(3):
         part.velocity[k] = part.momentum[k] = 0.0
@@ -41,7 +42,7 @@ def wake(part):
 
 
 @compiled
-def _carried(part, corners, work):
+def _carried(part, corners, surface, work):
     """Whether the corners on the plate surround the centre of mass: from each the next one is less than half a turn on.
 
     Seen from above; a part that stands on an edge lies on two corners, and neither follows the other in that sense.
@@ -49,13 +50,13 @@ def _carried(part, corners, work):
     n = corners.shape[0]
     on_plate = 0
     for i in range(n):
-        if work.corner[i, GAP] > CARRIES:
+        if work.corner[i, GAP] > CARRIES or _over_hole(part, corners, i, surface):
             continue
         on_plate += 1
         x, y = point(part, corners, i, 0) - part.position[0], point(part, corners, i, 1) - part.position[1]
         followed = False
         for j in range(n):
-            if work.corner[j, GAP] > CARRIES:
+            if work.corner[j, GAP] > CARRIES or _over_hole(part, corners, j, surface):
                 continue
             u = point(part, corners, j, 0) - part.position[0]
             v = point(part, corners, j, 1) - part.position[1]
@@ -65,3 +66,9 @@ def _carried(part, corners, work):
         if not followed:
             return False
     return on_plate > 2
+
+
+@compiled
+def _over_hole(part, corners, i, surface):
+    """Whether a corner is off the outline of the plate, over which its gap may be that to the crest."""
+    return off_plate(surface.outline, point(part, corners, i, 0), point(part, corners, i, 1))

@@ -48,6 +48,7 @@ def acting_terms(surface, start, stop):
         surface.half_thickness,
         surface.in_plane,
         surface.tangent,
+        surface.outline,
     )
 
 

@@ -1,0 +1,277 @@
+"""Modes of any plate from its mode shapes at points: smooth shapes, slopes, modal masses, and how good all that is.
+
+The points are moved so that the bounding box of the plate is centred on the origin. Every shape is fitted in the
+package's own basis over that box (scattered_fit.py). Where no rotations are given, they are grad w times the ratio B/k
+of a Mindlin plate's wave at that frequency (mode_shapes.py), which is 1 for a thin plate.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from feeder_sim.errors import InputError
+from feeder_sim.plate.materials import Material
+from feeder_sim.plate.measured_shapes import LARGEST_COORDINATE, MeasuredShapes
+from feeder_sim.plate.mode_file import ModeFile, Origin, Resonance
+from feeder_sim.plate.mode_shapes import standing_wave
+from feeder_sim.plate.modes import TERMS_PER_AXIS, PlateModes
+from feeder_sim.plate.outline import Outline
+from feeder_sim.plate.outline_of_points import distinct, outline_of_points
+from feeder_sim.plate.rectangle import RectangularPlate
+from feeder_sim.plate.resemblance import Resemblance, resemblances
+from feeder_sim.plate.scattered_fit import Fit, fit_scattered, slopes
+
+LEAST_POINTS = 4.0  # per half wavelength, with which a shape can be told from another
+OFF_PLATE = 0.02  # of the size of the plate; how far a point may lie beside a given outline
+SAME_LINE = 2e-6  # [m]; a corner that close to the line between its neighbours only costs time
+SAMPLES = 241  # per axis, where shapes are scaled and masses integrated
+ROUGH = 0.05  # residual over the antinode from which on a shape is doubtful
+COMPLEX = 0.9  # collinearity below which a mode is
+MASS_FACTOR = 2.0  # a modal mass of the file farther from that of the shape is not in its units
+CLEAR_OF_NODE = 0.02  # of the antinode; a smaller deflection decides on no sign
+
+
+@dataclass(frozen=True)
+class ImportedMode:
+    """How good one imported mode is.
+
+    Attributes:
+        residual: root mean square of what the shape misses the points by, over the antinode [1].
+        condition: number of the least squares.
+        points_per_half_wavelength: of the plate's bending wave at that frequency.
+        collinearity: of the mode as it was given; 1: real.
+        with_rotations: whether the file gave them.
+        mass_of_file: whether it gave the modal mass.
+        resembles: mode of the plain rectangle that it is most alike; None where these cannot be computed.
+    """
+
+    residual: float
+    condition: float
+    points_per_half_wavelength: float
+    collinearity: float
+    with_rotations: bool
+    mass_of_file: bool
+    resembles: Resemblance | None
+
+
+@dataclass(frozen=True)
+class Imported:
+    """Modes ready for a mode file, and what a user has to look at.
+
+    Attributes:
+        mode_file: the modes; their damping ratios as measured resonances.
+        quality: of every mode.
+        points: where shapes were given [m], in the coordinates of the mode file (n, 2).
+        values: the deflections given there over the antinode (modes, n).
+        outline: of the plate, also where it is a rectangle.
+        cautions: a line each.
+    """
+
+    mode_file: ModeFile
+    quality: tuple[ImportedMode, ...]
+    points: NDArray[np.float64]
+    values: NDArray[np.float64]
+    outline: Outline
+    cautions: tuple[str, ...]
+
+
+def import_modes(
+    shapes: MeasuredShapes, *, thickness: float, material: Material, outline: Outline | None, source: str
+) -> Imported:
+    """Make modes of shapes at points.
+
+    Args:
+        shapes: as read from a file.
+        thickness: of the plate [m].
+        material: of the plate.
+        outline: in the coordinates of the file [m]; None: from the points.
+        source: name of the file, for the record.
+
+    Raises:
+        InputError: too few points for a mode, or points that are not on the plate.
+    """
+    places = _checked_places(shapes.points)
+    cautions = []
+    if outline is None:
+        try:
+            outline, gap = outline_of_points(places)
+        except ValueError as error:
+            raise InputError(str(error)) from error
+        if len(outline.exterior) > 4 or outline.holes:
+            cautions.append(
+                f"the outline is that of the points, {len(outline.exterior)} corners and {len(outline.holes)} holes; "
+                "look at it with --picture, or give it with --outline"
+            )
+        if gap > 0.0:
+            cautions.append(
+                f"gaps between the points of up to {1e3 * gap:.2g} mm are taken for plate; give holes with --outline"
+            )
+    outline = outline.simplified(SAME_LINE)
+    shift = -0.5 * (outline.exterior.min(axis=0) + outline.exterior.max(axis=0))
+    outline, points, places = outline.moved(shift), shapes.points + shift, places + shift
+    plate = RectangularPlate(*outline.size, thickness, material)
+    _check_on_plate(places, outline)
+    per_half_wave = [_points_per_half_wave(plate, f, outline, places) for f in shapes.frequency.tolist()]
+    fit = fit_scattered(points, shapes.deflection, outline.size, TERMS_PER_AXIS)
+    coefficients = np.concatenate([fit.coefficients[:, None], _rotations(shapes, points, plate, fit)], axis=1)
+    whole = (
+        len(outline.exterior) == 4
+        and not outline.holes
+        and outline.polygon.area > (1.0 - 1e-9) * math.prod(outline.size)
+    )
+    modes = PlateModes(
+        plate=plate,
+        natural_frequency=shapes.frequency,
+        coefficients=coefficients,
+        parity=np.full((len(shapes), 2), -1),
+        modal_mass=np.full(len(shapes), np.nan),
+        outline=None if whole else outline,
+    )
+    modes, scale, of_file = _scaled(modes, shapes.modal_mass, outline, cautions)
+    alike = resemblances(plate, shapes.frequency, points, shapes.deflection)
+    quality = tuple(
+        ImportedMode(
+            residual=float(fit.residual[i] * abs(scale[i])),
+            condition=float(fit.condition[i]),
+            points_per_half_wavelength=per_half_wave[i],
+            collinearity=float(shapes.collinearity[i]),
+            with_rotations=bool(np.isfinite(shapes.rotation[i]).all()),
+            mass_of_file=of_file[i],
+            resembles=alike[i],
+        )
+        for i in range(len(shapes))
+    )
+    resonances = tuple(
+        Resonance(mode=i, frequency=float(f), damping_ratio=float(z), gain=math.nan, driven_point=(0.0, 0.0))
+        for i, (f, z) in enumerate(zip(shapes.frequency, shapes.damping_ratio, strict=True))
+        if math.isfinite(z)
+    )
+    cautions += _doubts(quality)
+    held = ModeFile(modes, resonances, origin=Origin(source, (float(shift[0]), float(shift[1]))))
+    return Imported(held, quality, points, shapes.deflection * scale[:, None], outline, tuple(cautions))
+
+
+def _checked_places(points: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The distinct ones of points (n, 2) [m]."""
+    if len(points) < 3:
+        raise InputError(f"has {len(points)} points, allowed are at least 3")
+    if np.abs(points).max() > LARGEST_COORDINATE:
+        raise InputError(
+            f"has a point at {np.abs(points).max():g} m, allowed is up to {LARGEST_COORDINATE:g} m; is the unit right?"
+        )
+    return distinct(points)
+
+
+def _check_on_plate(places: NDArray[np.float64], outline: Outline) -> None:
+    beside = -outline.distance(places)
+    if beside.max() > OFF_PLATE * max(outline.size):
+        raise InputError(
+            f"has {int((beside > OFF_PLATE * max(outline.size)).sum())} points beside the outline, the farthest by "
+            f"{1e3 * beside.max():.3g} mm; allowed are points on it, in the same coordinates",
+            key="--outline",
+        )
+
+
+def _points_per_half_wave(
+    plate: RectangularPlate, frequency: float, outline: Outline, places: NDArray[np.float64]
+) -> float:
+    """How many points the plate has per half wavelength at a frequency [Hz].
+
+    Raises:
+        InputError: too few, no such wave in the plate, or a gap between them as wide as half a wave.
+    """
+    from scipy.spatial import cKDTree
+
+    try:
+        half_wave = 0.5 * standing_wave(plate, frequency).wavelength
+    except ValueError as error:
+        raise InputError(f"has a mode at {frequency:g} Hz, but {error}; is the thickness right?") from error
+    per_half_wave = half_wave / math.sqrt(outline.polygon.area / len(places))
+    name = f"the mode at {frequency:g} Hz, whose half wave is {1e3 * half_wave:.3g} mm,"
+    if per_half_wave < LEAST_POINTS:
+        raise InputError(f"{name} has {per_half_wave:.2g} points per half wave, allowed are at least {LEAST_POINTS:g}")
+    on_plate = _grid(outline, 61)[2]
+    gap = 2.0 * float(cKDTree(places).query(on_plate)[0].max())
+    if gap > half_wave:
+        raise InputError(f"{name} has a gap of {1e3 * gap:.3g} mm without points, allowed is up to half a wave")
+    return per_half_wave
+
+
+def _rotations(
+    shapes: MeasuredShapes, points: NDArray[np.float64], plate: RectangularPlate, fit: Fit
+) -> NDArray[np.float64]:
+    """Coefficients (modes, 2, terms, terms) of the rotations: fitted where they are given, else from the slopes."""
+    size = (plate.length, plate.width)
+    found = slopes(fit.coefficients, size)
+    for i, frequency in enumerate(shapes.frequency.tolist()):
+        if np.isfinite(shapes.rotation[i]).all():
+            found[i] = fit_scattered(points, shapes.rotation[i], size, TERMS_PER_AXIS).coefficients
+        else:
+            wave = standing_wave(plate, frequency)
+            found[i] *= wave.rotation / wave.wavenumber
+    return found
+
+
+def _grid(
+    outline: Outline, n: int
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], NDArray[np.bool_]]:
+    """Middles of n x n cells of the box: x, y [m], those on the plate (m, 2), and which ones they are (n, n)."""
+    x, y = (((np.arange(n) + 0.5) / n - 0.5) * side for side in outline.size)
+    places = np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1)
+    inside = outline.holds(places)
+    return x, y, places[inside], inside
+
+
+def _scaled(
+    modes: PlateModes, mass_of_file: NDArray[np.float64], outline: Outline, cautions: list[str]
+) -> tuple[PlateModes, NDArray[np.float64], list[bool]]:
+    """The modes with max |w| = 1 on the plate and w > 0 next to the corner (+, +), with their modal masses.
+
+    Returns:
+        the modes; the factor of each; whether its mass is that of the file.
+    """
+    x, y, _, inside = _grid(outline, SAMPLES)
+    edge = outline.edge_points(max(outline.size) / SAMPLES)
+    order = np.argsort(-(edge / np.array(outline.size)).sum(axis=1), kind="stable")  # the corner (+, +) first
+    share = outline.polygon.area * inside / inside.sum()
+    plate, coefficients = modes.plate, modes.coefficients.copy()
+    scale, masses, of_file = np.ones(len(modes)), np.zeros(len(modes)), [False] * len(modes)
+    for i in range(len(modes)):
+        values = modes.evaluate_grid(i, x, y)
+        along = modes.evaluate(i, *edge[order].T)[0]
+        largest = max(np.abs(values[0][inside]).max(), np.abs(along).max())
+        decides = along[np.argmax(np.abs(along) > CLEAR_OF_NODE * largest)]
+        scale[i] = (np.sign(decides) or 1.0) / largest
+        coefficients[i] *= scale[i]
+        w, bx, by = (share * (scale[i] * field) ** 2 for field in values)
+        masses[i] = plate.mass_per_area * w.sum() + plate.rotary_inertia * (bx.sum() + by.sum())
+        given = mass_of_file[i] / largest**2
+        if math.isnan(given):
+            continue
+        if masses[i] / MASS_FACTOR < given < masses[i] * MASS_FACTOR:
+            masses[i], of_file[i] = given, True
+        else:
+            cautions.append(
+                f"mode {i + 1}: the modal mass of the file would be {1e3 * given:.3g} g, that of its shape is "
+                f"{1e3 * masses[i]:.3g} g, which is taken"
+            )
+    held = PlateModes(plate, modes.natural_frequency, coefficients, modes.parity, masses, outline=modes.outline)
+    return held, scale, of_file
+
+
+def _doubts(quality: Sequence[ImportedMode]) -> list[str]:
+    lines = []
+    for i, mode in enumerate(quality):
+        if mode.residual > ROUGH:
+            lines.append(
+                f"mode {i + 1}: the smooth shape misses the points by {mode.residual:.2g} of the antinode; noise, or a "
+                "shape too fine for the points"
+            )
+        if mode.collinearity < COMPLEX:
+            lines.append(f"mode {i + 1}: is complex, collinearity {mode.collinearity:.2g}; only its real part is kept")
+    return lines

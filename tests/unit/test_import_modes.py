@@ -1,0 +1,306 @@
+"""`feeder-sim modes import`: what is brought in comes out as it was, and what cannot be used is refused in one line."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from command_line import check_refused, feeder_sim, said
+from numpy.typing import NDArray
+from own_modes import nodes_2411, places, plate_180, shape_55, units_164, values_at, write_table, write_universal
+
+from feeder_sim.plate.measured_shapes import made_real
+from feeder_sim.plate.mode_file import read_mode_file
+from feeder_sim.plate.modes import PlateModes
+from feeder_sim.plate.scattered_fit import slopes
+
+WHICH = [0, 7, 12, 13]  # of the 180 mm plate: 299, 1418, 2639, 2776 Hz
+
+
+def imported(source: Path, *options: object) -> tuple[PlateModes, dict[str, Any], list[str]]:
+    """The modes in the file that comes out, what is printed about them, and lines on stderr."""
+    out = source.with_suffix(".h5")
+    done = feeder_sim("modes", "import", source, "--thickness", 3, "--out", out, "--json", *options)
+    assert done.returncode == 0, done.stderr
+    return read_mode_file(out).modes, json.loads(done.stdout), said(done)
+
+
+def errors(found: PlateModes, k: int, expected: PlateModes, i: int) -> tuple[float, float]:
+    """Largest error of the deflection over the antinode, and root mean square error of the slopes over the largest."""
+    x = np.linspace(-0.5, 0.5, 91) * expected.plate.length
+    px, py = expected._polynomials(x, x)
+    size = (expected.plate.length, expected.plate.width)
+    grad = [slopes(modes.coefficients[[index], 0], size)[0] for modes, index in ((found, k), (expected, i))]
+    error, slope = (px @ field @ py.T for field in (grad[0] - grad[1], grad[1]))
+    difference = found.evaluate_grid(k, x, x)[0] - expected.evaluate_grid(i, x, x)[0]
+    return float(np.abs(difference).max()), float(np.sqrt((error**2).mean()) / np.abs(slope).max())
+
+
+@pytest.fixture(scope="module")
+def grid() -> NDArray[np.float64]:
+    return places()
+
+
+def test_table_gives_the_package_s_own_modes_back(tmp_path: Path, grid: NDArray[np.float64]) -> None:
+    held = plate_180()
+    modes = held.modes
+    w = -3.0 * values_at(modes, WHICH, grid)[:, 0]  # any sign and scale
+    file = write_table(
+        tmp_path / "own.csv",
+        modes.natural_frequency[WHICH].tolist(),
+        grid,
+        w,
+        "# damping_ratio, 0.002,,0.001,",
+        "# a word",
+    )
+    found, report, lines = imported(file)
+    assert lines == [] and found.outline is None
+    np.testing.assert_allclose(found.natural_frequency, modes.natural_frequency[WHICH])
+    for k, i in enumerate(WHICH):
+        deflection, slope = errors(found, k, modes, i)
+        assert deflection < 1e-4 and slope < 1e-3
+        row = report["modes"][k]
+        assert row["mac"] > 0.999 and i + 1 in row["resembles"] and row["residual"] < 1e-6
+        # The rotations come from the slopes: of a free plate's wave those are proportional, but not along its edges.
+        assert found.modal_mass[k] == pytest.approx(modes.modal_mass[i], rel=2e-3)
+    np.testing.assert_allclose(report["shift_mm"], [-90.0, -90.0], atol=1e-9)
+    read = read_mode_file(file.with_suffix(".h5"))
+    assert [(r.mode, r.damping_ratio) for r in read.resonances] == [(0, 0.002), (2, 0.001)]
+    assert read.origin is not None and read.origin.imported_from == "own.csv"
+    np.testing.assert_allclose(read.origin.shift, [-0.09, -0.09])
+
+
+def test_universal_file_gives_them_back(tmp_path: Path, grid: NDArray[np.float64]) -> None:
+    modes = plate_180().modes
+    w, bx, by = np.moveaxis(values_at(modes, WHICH, grid), 1, 0)
+    zero = np.zeros_like(w[0])
+    # In millimetres, with rotations; a number that is no length stays as it is. Modal masses are in tonnes then.
+    shapes = [
+        shape_55(
+            float(modes.natural_frequency[i]),
+            np.stack([zero, zero, 2.0 * w[k], 2e-3 * by[k], -2e-3 * bx[k], zero]),
+            modal_m=4.0 * 1e-3 * float(modes.modal_mass[i]),
+            modal_damp_vis=0.002,
+        )
+        for k, i in enumerate(WHICH)
+    ]
+    file = write_universal(tmp_path / "own.unv", units_164(), nodes_2411(grid), *shapes)
+    found, report, lines = imported(file)
+    assert lines == [] and found.outline is None
+    assert found.plate.length == pytest.approx(0.18)
+    x = np.linspace(-0.5, 0.5, 61) * modes.plate.length
+    for k, i in enumerate(WHICH):
+        deflection, slope = errors(found, k, modes, i)
+        assert deflection < 5e-4 and slope < 1e-3  # six digits
+        rotation, expected = found.evaluate_grid(k, x, x)[1:], modes.evaluate_grid(i, x, x)[1:]
+        assert np.sqrt(((rotation - expected) ** 2).mean()) < 1e-3 * np.abs(expected).max()
+        row = report["modes"][k]
+        assert row["rotations_of_file"] and row["modal_mass_of_file"] and row["damping_ratio"] == pytest.approx(0.002)
+        assert row["modal_mass_g"] == pytest.approx(1e3 * modes.modal_mass[i], rel=1e-3)
+
+
+def test_units_by_option_and_modes_by_frequency(tmp_path: Path, grid: NDArray[np.float64]) -> None:
+    modes = plate_180().modes
+    w = values_at(modes, [0, 13], grid)[:, 0]
+    shapes = [
+        shape_55(float(modes.natural_frequency[i]), np.stack([0 * v, 0 * v, v]))
+        for i, v in zip((13, 0), w[::-1], strict=True)
+    ]
+    file = write_universal(tmp_path / "own.uff", nodes_2411(grid, 1.0), *shapes)
+    found, report, _ = imported(file, "--unit", "m")
+    assert found.plate.length == pytest.approx(0.18) and [row["resembles"] for row in report["modes"]] == [[1], [14]]
+    check_refused(feeder_sim("modes", "import", file, "--thickness", 3), "own.uff", "--unit")
+
+
+def test_complex_modes_become_real(tmp_path: Path, grid: NDArray[np.float64]) -> None:
+    modes = plate_180().modes
+    w, other = values_at(modes, [13, 12], grid)[:, 0]
+    shape = np.exp(0.7j) * (w + 0.1j * other)
+    real, _, collinearity = made_real(shape)
+    assert abs(np.corrcoef(real, w)[0, 1]) > 0.9999 and 0.9 < collinearity < 1.0
+    assert made_real(np.exp(1.9j) * w)[2] == pytest.approx(1.0)
+    file = write_universal(
+        tmp_path / "c.unv",
+        units_164(),
+        nodes_2411(grid),
+        shape_55(
+            0.0,
+            np.stack([0 * shape, 0 * shape, shape]),
+            analysis_type=3,
+            eig=complex(-35.0, 17442.0),
+            modal_a=1j,
+            modal_b=1j,
+        ),
+    )
+    found, report, _ = imported(file)
+    row = report["modes"][0]
+    assert row["frequency_hz"] == pytest.approx(2776.0, abs=1.0) and row["damping_ratio"] == pytest.approx(
+        0.002, rel=0.01
+    )
+    assert row["collinearity"] == pytest.approx(collinearity, abs=1e-4)
+    assert errors(found, 0, modes, 13)[0] < 2e-3
+
+
+def test_noise_is_smoothed(tmp_path: Path, grid: NDArray[np.float64]) -> None:
+    modes = plate_180().modes
+    w = values_at(modes, [13], grid)[:, 0]
+    noise = 0.02 * np.random.default_rng(0).standard_normal(w.shape)
+    found, report, _ = imported(write_table(tmp_path / "noisy.csv", [2776.0], grid, w + noise))
+    assert report["modes"][0]["residual"] == pytest.approx(0.02, rel=0.2)
+    x = np.linspace(-0.5, 0.5, 61) * modes.plate.length
+    off = found.evaluate_grid(0, x, x)[0] - modes.evaluate_grid(13, x, x)[0]
+    assert np.sqrt((off**2).mean()) < 0.01  # less than half of the noise
+
+
+def test_a_hole_is_found_in_the_points_or_given(tmp_path: Path, grid: NDArray[np.float64]) -> None:
+    w = values_at(plate_180().modes, [0], grid)[:, 0]
+    kept = np.hypot(*(grid - 0.03).T) > 0.02
+    file = write_table(tmp_path / "hole.csv", [298.9], grid[kept], w[:, kept])
+    found, report, lines = imported(file)
+    assert report["holes"] == 1 and found.outline is not None and "--picture" in lines[0]
+    hole = found.outline.holes[0]
+    np.testing.assert_allclose(hole.mean(axis=0), [0.03, 0.03], atol=2e-3)
+    assert np.hypot(*(hole - 0.03).T).max() < 0.02 + 0.006  # the spacing of the points
+    outline = tmp_path / "outline.toml"
+    outline.write_text(
+        "[exterior]\nsize_mm = [180, 180]\ncentre_mm = [90, 90]\n[[hole]]\ncentre_mm = [120, 120]\ndiameter_mm = 40\n"
+    )
+    found, report, lines = imported(file, "--outline", outline, "--force")
+    assert lines == [] and found.outline is not None
+    assert report["area_mm2"] == pytest.approx(180.0**2 - np.pi * 20.0**2, rel=1e-6)
+    np.testing.assert_allclose(found.outline.holes[0].mean(axis=0), [0.03, 0.03], atol=1e-9)
+
+
+def test_picture_and_table_for_people(tmp_path: Path, grid: NDArray[np.float64]) -> None:
+    file = write_table(tmp_path / "own.csv", [2776.0], grid, values_at(plate_180().modes, [13], grid)[:, 0])
+    done = feeder_sim("modes", "import", file, "--thickness", 3, "--picture", tmp_path / "sheet.png")
+    assert done.returncode == 0 and (tmp_path / "sheet.png").stat().st_size > 10_000
+    assert "moved by (-90, -90) mm" in done.stdout and "14, 2776 Hz" in done.stdout
+
+
+def test_both_commands_have_their_help() -> None:
+    assert "--thickness" in feeder_sim("modes", "import", "--help").stdout
+    assert "--mode" in feeder_sim("modes", "--help").stdout and "import" in feeder_sim("modes", "--help").stdout
+    assert "modes import" in feeder_sim("--help").stdout
+
+
+TABLE = [
+    "# frequency_hz, 299.0",
+    "x_mm, y_mm, mode_1",
+    *(f"{x}, {y}, {x * y}" for x in range(0, 60, 4) for y in range(0, 60, 4)),
+]
+
+
+@pytest.mark.parametrize(
+    ("line", "text", "expected"),
+    [
+        (0, "# frequency_hz, fast", ["line 1", "frequency_hz", "'fast'"]),
+        (0, "# frequency_hz, 299, 300", ["frequency_hz", "2 values", "1"]),
+        (0, "# nothing", ["frequency_hz", "is missing"]),
+        (0, "# frequency_hz, 59000", ["points per half wave", "4"]),
+        (1, "x_mm, y_mm, w_1", ["line 2", "'w_1'", "mode_1"]),
+        (1, "x_mm, y_mm, mode_2", ["line 2", "mode_1 is missing"]),
+        (1, "x_mm, y_mm, mode_1, slope_x_1_per_mm", ["slope_x_1_per_mm needs slope_y_1_per_mm"]),
+        (5, "0, 12", ["line 6", "2 values"]),
+        (5, "0, 12, nan", ["line 6", "mode_1", "'nan'"]),
+        (5, "0, 12, inf", ["line 6", "mode_1", "'inf'"]),
+        (5, "0, twelve, 1", ["line 6", "y_mm", "'twelve'"]),
+        (5, "0, 1e9, 1", ["line 6", "y_mm"]),
+        (5, "0, 500, 1", ["gap"]),
+    ],
+)
+def test_tables_that_are_refused(tmp_path: Path, line: int, text: str, expected: list[str]) -> None:
+    file = tmp_path / "broken.csv"
+    file.write_text("\n".join([*TABLE[:line], text, *TABLE[line + 1 :]]))
+    check_refused(feeder_sim("modes", "import", file, "--thickness", 3), "broken.csv", *expected)
+
+
+def test_tables_without_enough(tmp_path: Path) -> None:
+    file = tmp_path / "short.csv"
+    for rows, expected in ((TABLE[:2], "0 points"), (TABLE[:4], "2 points"), (TABLE[:1], "names of columns"), ([], "")):
+        file.write_text("\n".join(rows))
+        check_refused(feeder_sim("modes", "import", file, "--thickness", 3), "short.csv", expected)
+    line = [TABLE[0], TABLE[1], *(f"{x}, 0, 1" for x in range(50))]
+    file.write_text("\n".join(line))
+    check_refused(feeder_sim("modes", "import", file, "--thickness", 3), "not on a line")
+    file.write_bytes(bytes(range(256)))
+    check_refused(feeder_sim("modes", "import", file, "--thickness", 3), "short.csv")
+
+
+def test_options_that_are_refused(tmp_path: Path) -> None:
+    file = tmp_path / "own.csv"
+    file.write_text("\n".join(TABLE))
+    check_refused(feeder_sim("modes", "import", file), "--thickness", "is missing")
+    for options, expected in (
+        (["--thickness", 0], "--thickness"),
+        (["--thickness", 3, "--material", "alu"], "--material"),
+        (["--thickness", 3, "--unit", "mm"], "--unit"),
+        (["--thickness", 3, "--out", file], "exists already"),
+        (["--thickness", 3, "--picture", tmp_path / "a.xyz"], "--picture"),
+        (["--thickness", 3, "--outline", tmp_path / "none.toml"], "none.toml"),
+        (["--thickness", 80_000], "thickness right"),
+    ):
+        check_refused(feeder_sim("modes", "import", file, *options), expected)
+    check_refused(feeder_sim("modes", "import", tmp_path / "own.txt", "--thickness", 3), "own.txt", ".unv")
+    check_refused(feeder_sim("modes", "import", tmp_path / "no.unv", "--thickness", 3), "no.unv")
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("[exterior]\npoints_mm = [[0, 0], [60, 60], [60, 0], [0, 60]]", "crosses itself"),
+        ("[exterior]\nsize_mm = [60, 60]\ncentre_mm = [300, 30]", "beside the outline"),
+        ("[exterior]\nsize_mm = [60, 60]\ndiameter_mm = 3", "size_mm"),
+        ("[exterior]\npoints_mm = [[0, 0], [60, 60]]", "points_mm"),
+        ("[exterior]\nsize_mm = [60, 60]\n[[hole]]\ndiameter_mm = 10\ncentre_mm = [30, 0]", "hole 1 is not within"),
+        ("[exterior]\nsize_mm = [60, 60]\n[[hole]]\ndiameter_mm = 9\n[[hole]]\ndiameter_mm = 8", "hole 2 meets hole 1"),
+        ("[[hole]]\ndiameter_mm = 10", "exterior"),
+    ],
+)
+def test_outlines_that_are_refused(tmp_path: Path, text: str, expected: str) -> None:
+    file, outline = tmp_path / "own.csv", tmp_path / "outline.toml"
+    file.write_text("\n".join(TABLE))
+    outline.write_text(text)
+    check_refused(feeder_sim("modes", "import", file, "--thickness", 3, "--outline", outline), expected)
+
+
+def test_universal_files_that_are_refused(tmp_path: Path) -> None:
+    grid = places(9, 0.05)
+    w = np.stack([0 * grid[:, 0], 0 * grid[:, 0], grid[:, 0] * grid[:, 1]])
+    shape, nodes, unit = shape_55(299.0, w), nodes_2411(grid), units_164()
+    other = nodes_2411(grid)
+    other["z"] = [30.0 * i for i in range(len(grid))]
+    cases = [
+        ([unit, shape], "no nodes"),
+        ([unit, nodes], "no dataset 55"),
+        ([nodes, shape], "does not say its units"),
+        ([unit, units_164(1.0), nodes, shape], "mixes units"),
+        ([unit, nodes, shape_55(299.0, w, nodes=range(100, 100 + len(grid)))], "node 100"),
+        ([unit, nodes, shape, shape_55(300.0, w[:, :-1])], "other nodes"),
+        ([unit, nodes, shape_55(0.0, w)], "frequency of 0 Hz"),
+        ([unit, nodes, shape_55(299.0, w[[2, 0, 1]])], "does not move along z"),
+        ([unit, other, shape], "over a height"),
+    ]
+    for i, (datasets, expected) in enumerate(cases):
+        file = write_universal(tmp_path / f"{i}.unv", *datasets)
+        check_refused(feeder_sim("modes", "import", file, "--thickness", 3), f"{i}.unv", expected)
+    good = write_universal(tmp_path / "good.unv", unit, nodes, shape)
+    assert feeder_sim("modes", "import", good, "--thickness", 3).returncode == 0
+    check_refused(feeder_sim("modes", "import", good, "--thickness", 3, "--unit", "m"), "--unit", "dataset 164")
+    check_refused(feeder_sim("modes", "import", good, "--thickness", 3, "--unit", "km"), "--unit", "mm")
+    text = good.read_text()
+    for i, broken in enumerate((text[: len(text) // 2], text.replace("299", "abc"), "no universal file", "")):
+        file = tmp_path / f"broken_{i}.unv"
+        file.write_text(broken)
+        check_refused(feeder_sim("modes", "import", file, "--thickness", 3), f"broken_{i}.unv")
+
+
+def test_without_pyuff_the_extra_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    file = tmp_path / "own.unv"
+    file.write_text("    -1\n")
+    monkeypatch.setitem(sys.modules, "pyuff", None)
+    check_refused(feeder_sim("modes", "import", file, "--thickness", 3), "feeder_sim[unv]")
