@@ -1,6 +1,6 @@
 """What the separation experiment gives when the inputs that its source does not say stay uncertain.
 
-    python benchmarks/separation_prediction.py [--samples 96] [--data picks.csv] [--picture picks.png]
+    python benchmarks/separation_prediction.py [--samples 128] [--data picks.csv] [--picture picks.png]
     python benchmarks/separation_prediction.py --drifts
 
 The first draws restitution and friction (0.2 to 0.5 each, the same on the plate and between nuts) and a rim or none
@@ -157,7 +157,7 @@ def allowed_by_drifts() -> None:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--samples", type=int, default=96)
+    parser.add_argument("--samples", type=int, default=128)
     parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("--data", type=Path, default=Path("separation_prediction.csv"))
     parser.add_argument("--picture", type=Path)
