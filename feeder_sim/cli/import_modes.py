@@ -32,6 +32,9 @@ def import_modes_command(
     outline: Annotated[
         Path | None, typer.Option("--outline", help="Outline file (.toml) [the outline of the points].")
     ] = None,
+    actuators: Annotated[
+        Path | None, typer.Option("--actuators", help="File (.toml) of [[actuator]] tables, places as in FILE.")
+    ] = None,
     unit: Annotated[
         str | None, typer.Option("--unit", help="Length of a universal file without units: m, mm, cm, in.")
     ] = None,
@@ -61,10 +64,17 @@ def import_modes_command(
     shapes = _read(source, unit, 1e-3 * thickness)
     with naming(source):
         imported = import_modes(shapes, thickness=1e-3 * thickness, material=of, outline=edge, source=source.name)
+    held = imported.mode_file
+    if actuators is not None:
+        from feeder_sim.scenario import load_actuator_file
+        from feeder_sim.scene.attachments import with_actuators
+
+        with naming(actuators):
+            held = with_actuators(held, load_actuator_file(actuators).actuator)
     if out is not None:
         from feeder_sim.plate.mode_file import write_mode_file
 
-        write_mode_file(out, imported.mode_file)
+        write_mode_file(out, held)
     if picture is not None:
         from feeder_sim.plots.imported import draw_imported
 

@@ -17,6 +17,7 @@ from feeder_sim.scenario.plate import (
 from feeder_sim.scenario.run import Contact, MujocoSettings, Run
 from feeder_sim.scenario.scenario import (
     Scenario,
+    load_actuator_file,
     load_outline_file,
     load_plate_file,
     load_scenario,
@@ -59,6 +60,7 @@ __all__ = [
     "Start",
     "Strip",
     "Tube",
+    "load_actuator_file",
     "load_outline_file",
     "load_plate_file",
     "load_scenario",

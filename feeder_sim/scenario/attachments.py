@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
@@ -10,6 +11,7 @@ from feeder_sim.scenario.material import MaterialChoice
 from feeder_sim.scenario.tables import AngleDeg, CoordinateMm, Flag, LengthMm, NonNegative, PointMm, Positive, Table
 
 MOST_LAYERS = 10_000  # of ceramic in one patch
+MOST_ACTUATORS = 100
 Side = Literal["below", "above"]
 SizeMm = tuple[LengthMm, LengthMm]
 Name = Annotated[str, Field(min_length=1, max_length=60, pattern=r"^[^\x00-\x1f]+$")]
@@ -50,6 +52,29 @@ class Actuator(BondedLayer):
                 f"{0.5 * min(self.size_mm):g}"
             )
         return self
+
+
+class ActuatorFile(Table):
+    """Actuators of a plate whose modes are imported, in the coordinates of its modes."""
+
+    actuator: Annotated[tuple[Actuator, ...], Field(min_length=1, max_length=MOST_ACTUATORS)]
+
+    @model_validator(mode="after")
+    def _own_names(self) -> Self:
+        check_names(self.actuator)
+        return self
+
+
+def check_names(actuators: Sequence[Actuator]) -> None:
+    """Refuse two actuators of one name.
+
+    Raises:
+        ValueError: there are.
+    """
+    names = [actuator.name for actuator in actuators]
+    for i, name in enumerate(names):
+        if name in names[:i]:
+            raise ValueError(f"actuator[{i}].name is {name!r}, allowed is a name of its own")
 
 
 class Bar(BondedLayer):

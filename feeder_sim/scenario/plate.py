@@ -7,7 +7,7 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
-from feeder_sim.scenario.attachments import Actuator, Bar, Mass, Name
+from feeder_sim.scenario.attachments import MOST_ACTUATORS, Actuator, Bar, Mass, Name, check_names
 from feeder_sim.scenario.material import MaterialChoice
 from feeder_sim.scenario.tables import AngleDeg, Flag, FrequencyHz, LengthMm, NonNegative, PointMm, Positive, Table
 
@@ -156,17 +156,15 @@ class PlateFile(Table):
     """A plate as `feeder-sim modes` reads it."""
 
     plate: PlateBody
-    actuator: Annotated[tuple[Actuator, ...], Field(max_length=MOST_DRIVES)] = ()
-    bar: Annotated[tuple[Bar, ...], Field(max_length=MOST_DRIVES)] = ()
-    mass: Annotated[tuple[Mass, ...], Field(max_length=MOST_DRIVES)] = ()
+    actuator: Annotated[tuple[Actuator, ...], Field(max_length=MOST_ACTUATORS)] = ()
+    bar: Annotated[tuple[Bar, ...], Field(max_length=MOST_ACTUATORS)] = ()
+    mass: Annotated[tuple[Mass, ...], Field(max_length=MOST_ACTUATORS)] = ()
     resonance: tuple[MeasuredResonance, ...] = ()
 
     @model_validator(mode="after")
     def _names(self) -> Self:
+        check_names(self.actuator)
         names = [actuator.name for actuator in self.actuator]
-        for i, name in enumerate(names):
-            if name in names[:i]:
-                raise ValueError(f"actuator[{i}].name is {name!r}, allowed is a name of its own")
         for i, resonance in enumerate(self.resonance):
             for name in resonance.actuator:
                 if name not in names:

@@ -14,6 +14,7 @@ from typing import Annotated, Any, Self
 
 from pydantic import Field, model_validator
 
+from feeder_sim.scenario.attachments import ActuatorFile
 from feeder_sim.scenario.engine_choice import known_failures, uncovered
 from feeder_sim.scenario.outline import OutlineFile
 from feeder_sim.scenario.part import MAX_PARTS, MeshPart, PartSpec, Slide, Tube
@@ -144,6 +145,11 @@ def with_run(scenario: Scenario, *, file: Path = Path("scenario"), **changes: An
 def load_plate_file(path: Path) -> PlateFile:
     """Read and check a plate file; errors as for `load_scenario`."""
     return parse(read_text(path), PlateFile, path)
+
+
+def load_actuator_file(path: Path) -> ActuatorFile:
+    """Read and check a file of actuators; errors as for `load_scenario`."""
+    return parse(read_text(path), ActuatorFile, path)
 
 
 def load_outline_file(path: Path) -> OutlineFile:

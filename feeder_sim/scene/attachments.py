@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from itertools import combinations
 
 from feeder_sim.errors import InputError
-from feeder_sim.plate.actuators import SHEAR_LAG, Actuator, clamped_capacitance, moment_of_strain
+from feeder_sim.plate.actuators import SHEAR_LAG, Actuator, clamped_capacitance, modal_force_table, moment_of_strain
 from feeder_sim.plate.attachments import Attachment, Layer, PointMass
 from feeder_sim.plate.materials import Material
+from feeder_sim.plate.mode_file import ModeFile
 from feeder_sim.plate.rectangle import RectangularPlate
 from feeder_sim.scenario import Actuator as ActuatorTable
 from feeder_sim.scenario import BondedLayer, PlateFile, resolve_material
@@ -43,6 +45,36 @@ def build_actuators(tables: Sequence[ActuatorTable], plate: RectangularPlate) ->
             )
         actuators.append(Actuator(table.name, layer, moment, lag, capacitance, table.loss_tangent))
     return tuple(actuators)
+
+
+def with_actuators(held: ModeFile, tables: Sequence[ActuatorTable]) -> ModeFile:
+    """Imported modes with actuators, whose places are in the coordinates of the file that the modes come from.
+
+    The modes are taken to be those of the plate with its patches.
+
+    Raises:
+        InputError: a patch reaches beyond the plate or over a hole, or two overlap.
+    """
+    from shapely import Polygon, box
+
+    modes = held.modes
+    half_x, half_y = 0.5 * modes.plate.length, 0.5 * modes.plate.width
+    area = modes.outline.polygon if modes.outline else box(-half_x, -half_y, half_x, half_y)
+    x, y = held.origin.shift if held.origin else (0.0, 0.0)
+    moved = [
+        table.model_copy(update={"at_mm": (table.at_mm[0] + 1e3 * x, table.at_mm[1] + 1e3 * y)}) for table in tables
+    ]
+    for i, table in enumerate(moved):
+        layer = _layer(table, Material(table.density_kg_m3, 1.0, table.poisson_ratio))
+        if not area.covers(Polygon(layer.corners(TOUCHING))):
+            raise InputError(
+                f"is [{tables[i].at_mm[0]:g}, {tables[i].at_mm[1]:g}], from where it reaches beyond the plate, allowed is "
+                f"a place on it; its middle is at [{-1e3 * x:g}, {-1e3 * y:g}] in the file of the modes",
+                key=f"actuator[{i}].at_mm",
+            )
+    actuators = build_actuators(moved, modes.plate)
+    _check_apart({f"actuator[{i}]": actuator.layer for i, actuator in enumerate(actuators)})
+    return replace(held, actuators=actuators, force_per_volt=modal_force_table(modes, actuators))
 
 
 def build_attachments(

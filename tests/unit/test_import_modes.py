@@ -9,7 +9,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from command_line import check_refused, feeder_sim, said
+from command_line import Done, check_refused, feeder_sim, said
+from conftest import REPOSITORY
 from numpy.typing import NDArray
 from own_modes import nodes_2411, places, plate_180, shape_55, units_164, values_at, write_table, write_universal
 
@@ -304,3 +305,44 @@ def test_without_pyuff_the_extra_is_named(tmp_path: Path, monkeypatch: pytest.Mo
     file.write_text("    -1\n")
     monkeypatch.setitem(sys.modules, "pyuff", None)
     check_refused(feeder_sim("modes", "import", file, "--thickness", 3), "feeder_sim[unv]")
+
+
+ACTUATORS = """
+[[actuator]]
+name = "left"
+at_mm = [40.0, 60.0]
+size_mm = [12.0, 12.0]
+thickness_mm = 1.0
+moment_per_volt_n = 0.05
+"""
+
+
+def with_actuators(text: str, folder: Path, *options: object) -> Done:
+    """Import the plate with a hole and these actuators."""
+    (folder / "actuators.toml").write_text(text)
+    hole = REPOSITORY / "models/plate_hole"
+    given = ("--thickness", 3, "--outline", hole / "outline.toml", "--actuators", folder / "actuators.toml")
+    return feeder_sim("modes", "import", hole / "modes.csv", *given, *options)
+
+
+def test_imported_modes_take_actuators_in_the_coordinates_of_their_file(tmp_path: Path) -> None:
+    done = with_actuators(ACTUATORS, tmp_path, "--out", tmp_path / "modes.h5")
+    assert done.returncode == 0, done.stderr
+    held = read_mode_file(tmp_path / "modes.h5")
+    assert held.actuators[0].layer.centre == pytest.approx((-0.04, 0.0))
+    np.testing.assert_allclose(held.force_per_volt[:, 0], held.actuators[0].force_per_volt(held.modes), rtol=1e-12)
+    response = feeder_sim("response", tmp_path / "modes.h5", "--json")
+    assert response.returncode == 0 and json.loads(response.stdout)["peaks"], response.stderr
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "expected"),
+    [
+        ("[40.0, 60.0]", "[110.0, 60.0]", ["actuator[0].at_mm", "[110, 60]", "beyond the plate", "[80, 60]"]),
+        ("[40.0, 60.0]", "[0.0, 0.0]", ["actuator[0].at_mm", "[0, 0]", "beyond the plate"]),
+        ('name = "left"', 'nam = "left"', ["actuator[0].nam", "unknown key"]),
+        ("[[actuator]]", "[[actuators]]", ["actuators", "unknown key"]),
+    ],
+)
+def test_actuators_that_cannot_be_meant_are_refused(old: str, new: str, expected: list[str], tmp_path: Path) -> None:
+    check_refused(with_actuators(ACTUATORS.replace(old, new), tmp_path), "actuators.toml", *expected)
