@@ -68,8 +68,8 @@ def with_actuators(held: ModeFile, tables: Sequence[ActuatorTable]) -> ModeFile:
         layer = _layer(table, Material(table.density_kg_m3, 1.0, table.poisson_ratio))
         if not area.covers(Polygon(layer.corners(TOUCHING))):
             raise InputError(
-                f"is [{tables[i].at_mm[0]:g}, {tables[i].at_mm[1]:g}], from where it reaches beyond the plate, allowed is "
-                f"a place on it; its middle is at [{-1e3 * x:g}, {-1e3 * y:g}] in the file of the modes",
+                f"is [{tables[i].at_mm[0]:g}, {tables[i].at_mm[1]:g}], from where it reaches beyond the plate, allowed "
+                f"is a place on it; its middle is at [{-1e3 * x:g}, {-1e3 * y:g}] in the file of the modes",
                 key=f"actuator[{i}].at_mm",
             )
     actuators = build_actuators(moved, modes.plate)

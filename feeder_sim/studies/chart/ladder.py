@@ -5,7 +5,8 @@ compared.
 
     strip, 4750 and 8775 Hz   impulses, six degrees of freedom, curved surface; one simplification per rung
     MuJoCo, 4750 Hz           contact set: hull against a sphere at every corner
-    plate, 2797 Hz            mode of the 180 mm plate: curved, tangent plane, strip of the same frequency and amplitude
+    plate, 2797 Hz            mode of the 180 mm plate: curved, tangent plane, strip of the same frequency and
+                              amplitude; and what the full model leaves out, the reaction of the nut on the plate
 """
 
 from __future__ import annotations
@@ -128,6 +129,7 @@ LADDERS: dict[str, dict[str, Callable[[], Raw]]] = {
         "full": _plate,
         "tangent plane": lambda: _plate(tangent_surface=True),
         "strip": _plate_as_strip,
+        "with reaction": lambda: _plate(reaction=True),
     },
 }
 
