@@ -24,7 +24,7 @@ def nut(modes: str | float, seeds: int) -> Scenario:
     """scenarios/drift_2797hz_plate.toml, driven by the patch in the centre at the same voltage."""
     raw = load_scenario(ROOT / "scenarios/drift_2797hz_plate.toml").model_dump()
     raw["plate"]["mode_file"] = PLATE
-    raw["drive"][0] |= {"actuator": ["centre"], "modes": modes}
+    raw["drive"] = [raw["drive"][0] | {"actuator": ["centre"], "modes": modes}]
     raw["run"]["seeds"] = seeds
     return Scenario.model_validate(raw)
 
