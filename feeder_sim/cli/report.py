@@ -60,7 +60,8 @@ def _lines_under_parts(result: Result) -> list[str]:
         if motion.largest > motion.least:
             amplitude += f" (median; up to {1e6 * motion.largest:.3g} um)"
         lines.append(labelled(label, f"{amplitude}, {motion.acceleration:.3g} g at {motion.frequency:g} Hz"))
-    return lines[:MOST_DRIVE_LINES]
+    more = len(lines) - MOST_DRIVE_LINES
+    return lines if more <= 0 else [*lines[:MOST_DRIVE_LINES], f"and under {more} more drives, as check says"]
 
 
 def print_boundaries(diagram: Diagram, as_json: bool) -> None:

@@ -49,7 +49,7 @@ def print_response(
     print(f"mode  frequency (Hz)  amplitude (um)  damping ratio  current (mA)  power (W)  {headings}")
     for row, peak in zip(rows, found.peaks, strict=True):
         damping = "-" if math.isnan(peak.damping_ratio) else f"{peak.damping_ratio:.5f}"
-        each = "  ".join(f"{force:>+12.4f}" for force in forces[peak.mode])
+        each = "  ".join(f"{force:>+12.3g}" for force in forces[peak.mode])
         print(
             f"{row['mode']:>4}  {row['frequency_hz']:>14.1f}  {row['amplitude_um']:>14.4g}  {damping:>13}  "
             f"{row['current_ma']:>12.4g}  {row['power_w']:>9.3g}  {each}"
@@ -77,12 +77,14 @@ def print_ranking(ranked: Sequence[RankedMode], as_json: bool) -> None:
     if as_json:
         print(json.dumps(rows))
         return
-    print("mode  frequency (Hz)  amplitude (um)  antinode (um)  peak (g)  hop (mm)     N/V  actuator      within 2 %")
+    print(
+        "mode  frequency (Hz)  amplitude (um)  antinode (um)  peak (g)  hop (mm)        N/V  actuator      within 2 %"
+    )
     for mode, row in zip(ranked, rows, strict=True):
         near = ", ".join(str(neighbour + 1) for neighbour in mode.neighbours)
         print(
             f"{row['mode']:>4}  {mode.frequency:>14.1f}  {row['amplitude_um']:>14.4g}  {row['antinode_um']:>13.4g}  "
-            f"{mode.acceleration:>8.4g}  {row['hop_height_mm']:>8.3g}  {mode.force_per_volt:>+6.3f}  "
+            f"{mode.acceleration:>8.4g}  {row['hop_height_mm']:>8.3g}  {mode.force_per_volt:>+9.3g}  "
             f"{mode.actuator:<12}  {near}"
         )
 

@@ -92,13 +92,6 @@ def moment_of_strain(plate: RectangularPlate, layer: Layer) -> float:
     return float((held * z - coupling @ np.linalg.solve(stretch, held)).mean())
 
 
-def thin_patch_moment(layer: Layer, plate_thickness: float) -> float:
-    """The same for a patch too thin to stiffen the plate: E t (h + t) / 2 (1 - nu) [N]."""
-    material = layer.material
-    force = material.youngs_modulus * layer.thickness / (1.0 - material.poisson_ratio)
-    return 0.5 * force * (plate_thickness + layer.thickness)
-
-
 def clamped_capacitance(layer: Layer, relative_permittivity: float, layers: int) -> float:
     """Capacitance [F] of a patch of so many layers of ceramic, which are connected in parallel."""
     area = layer.size[0] * layer.size[1]

@@ -69,11 +69,22 @@ class ModalDrive:
         return abs(self.steady)
 
     @property
+    def largest_speed(self) -> float:
+        """Bound on the rate of the motion [m/s]; the transient moves at the natural frequency."""
+        return 2.0 * math.pi * max(self.drive_frequency, self.natural_frequency) * self.largest
+
+    @property
     def largest(self) -> float:
-        """Bound on the motion [m]: the stationary one, and the transient, which starts of the same place and speed."""
-        return min(
-            self.amplitude, (1.0 + max(1.0, self.drive_frequency / self.natural_frequency)) * self.steady_amplitude
-        )
+        """Bound on the motion [m]: the stationary one, and the transient, which starts with its place and speed.
+
+        After a stop both go on at the natural frequency, slower drives from their place, faster ones from their speed.
+        With strong damping a free motion may overshoot its start by `slack`.
+        """
+        if self.damping_ratio is None:
+            return self.amplitude
+        slack = math.sqrt((1.0 + self.damping_ratio) / (1.0 - self.damping_ratio))
+        faster = max(1.0, self.drive_frequency / self.natural_frequency)
+        return min(slack * self.amplitude, (1.0 + slack) * faster * self.steady_amplitude)
 
 
 @dataclass(frozen=True)

@@ -26,6 +26,8 @@ from feeder_sim.plate.rectangle import RectangularPlate
 from feeder_sim.plate.resemblance import Resemblance, resemblances
 from feeder_sim.plate.scattered_fit import Fit, fit_scattered, slopes
 
+LEAST_DEFLECTION = 1e-100  # in the unit of the file; its square would be none
+MISSED = 0.9  # residual over the deflection, from which on the points contradict each other
 LEAST_POINTS = 4.0  # per half wavelength, with which a shape can be told from another
 OFF_PLATE = 0.02  # of the size of the plate; how far a point may lie beside a given outline
 SAME_LINE = 2e-6  # [m]; a corner that close to the line between its neighbours only costs time
@@ -96,7 +98,10 @@ def import_modes(
         InputError: too few points for a mode, or points that are not on the plate.
     """
     places = _checked_places(shapes.points)
-    cautions = []
+    for i, deflection in enumerate(shapes.deflection):
+        if np.abs(deflection).max() < LEAST_DEFLECTION:
+            raise InputError(f"mode {i + 1} does not move, allowed is a mode with a deflection")
+    cautions: list[str] = []
     if outline is None:
         try:
             outline, gap = outline_of_points(places)
@@ -118,6 +123,12 @@ def import_modes(
     _check_on_plate(places, outline)
     per_half_wave = [_points_per_half_wave(plate, f, outline, places) for f in shapes.frequency.tolist()]
     fit = fit_scattered(points, shapes.deflection, outline.size, TERMS_PER_AXIS)
+    missed = fit.residual / np.sqrt((shapes.deflection**2).mean(axis=1))
+    for i in np.flatnonzero(~(missed < MISSED)):
+        raise InputError(
+            f"mode {i + 1} is no smooth shape, it would miss the points by {missed[i]:.2g} of their deflection; allowed "
+            f"is below {MISSED:g}. Do points at one place have different deflections?"
+        )
     coefficients = np.concatenate([fit.coefficients[:, None], _rotations(shapes, points, plate, fit)], axis=1)
     whole = (
         len(outline.exterior) == 4

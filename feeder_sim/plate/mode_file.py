@@ -217,6 +217,8 @@ def _checked(file: h5py.File, path: Path) -> ModeFile:
         raise InputError("must hold modes in ascending order", file=path, key="modes/natural_frequency")
     if not np.abs(coefficients[:, 0]).reshape(n, -1).max(axis=1, initial=0.0).all():
         raise InputError("holds a mode without deflection", file=path, key="modes/coefficients")
+    if len(np.unique(data["resonances/mode"])) < m:
+        raise InputError("names a mode twice, allowed is one resonance of each mode", file=path, key="resonances/mode")
     if (data["resonances/mode"] >= n).any():
         raise InputError(f"names a mode that is not there, allowed is below {n}", file=path, key="resonances/mode")
     outline = read_outline(file, "outline", (plate.length, plate.width), path)

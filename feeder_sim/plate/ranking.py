@@ -7,7 +7,6 @@ A part that lands on the plate at its fastest leaves with (1 + e) times the plat
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -46,22 +45,18 @@ class RankedMode:
     neighbours: tuple[int, ...]
 
 
-def rank_modes(
-    held: ModeFile, voltage: float, point: tuple[float, float] | None, names: Sequence[str] = ()
-) -> list[RankedMode]:
+def rank_modes(held: ModeFile, voltage: float, point: tuple[float, float] | None) -> list[RankedMode]:
     """Rank all modes by their amplitude at a point.
 
     Args:
         held: modes and actuators of a plate.
         voltage: amplitude at the actuator [V].
         point: (x, y) [m]; None: the highest antinode of each mode.
-        names: of the actuators that may be chosen; none: all.
     """
     every, forces = oscillators(held), modal_forces(held)
-    chosen = [i for i, actuator in enumerate(held.actuators) if not names or actuator.name in names]
     ranked = []
     for j, frequency in enumerate(every.natural_frequency):
-        best = max(chosen, key=lambda i: abs(forces[j, i]))
+        best = int(np.abs(forces[j]).argmax())
         omega = 2.0 * math.pi * frequency
         antinode = abs(forces[j, best]) * voltage / (2.0 * every.damping_ratio[j] * every.modal_mass[j] * omega**2)
         share = 1.0 if point is None else abs(float(held.modes.evaluate(j, *point)[0]))

@@ -25,6 +25,7 @@ from feeder_sim.plate.modes import PlateModes
 
 # Used where nothing says better: the middle of the range 0.0009 - 0.0027 measured on a plate of aluminium.
 DEFAULT_DAMPING_RATIO = 0.002
+NO_FORCE = 1e-9  # of the largest modal force; a smaller one is round-off
 ON_NODE = 0.01  # of the antinode; where a mode deflects less, no amplitude can be set
 POINTS_PER_RESONANCE = 121  # of a response
 BANDWIDTHS = 12.0  # on either side of a resonance over which its points lie
@@ -81,7 +82,7 @@ def modal_forces(held: ModeFile) -> NDArray[np.float64]:
     The forces of a mode whose gain was measured with known actuators are scaled so that these reach that gain.
 
     Raises:
-        InputError: a gain was measured on a nodal line.
+        InputError: a gain was measured on a nodal line, or with actuators that do not drive the mode.
     """
     force = held.force_per_volt.copy()
     modes = oscillators(held)
@@ -91,8 +92,15 @@ def modal_forces(held: ModeFile) -> NDArray[np.float64]:
         j = resonance.mode
         omega, damping = 2.0 * math.pi * modes.natural_frequency[j], modes.damping_ratio[j]
         volt = voltages(held, resonance.actuators, 0.5, [0.0] * len(resonance.actuators))
+        if abs(force[j] @ volt) <= NO_FORCE * np.abs(force).max() * np.abs(volt).sum():
+            raise InputError(
+                f"is {', '.join(resonance.actuators)}, which by its place does not drive mode {j + 1}, allowed are "
+                "actuators that do",
+                key="resonance.actuator",
+            )
         computed = abs(force[j] @ volt) / (2.0 * damping * modes.modal_mass[j] * omega**2)
-        force[j] *= resonance.gain / (deflection_at(held.modes, j, resonance.driven_point, "driven_point") * computed)
+        w = deflection_at(held.modes, j, resonance.driven_point, "resonance.driven_point_mm")
+        force[j] *= resonance.gain / (w * computed)
     return force
 
 
@@ -200,7 +208,10 @@ def _deflections(held: ModeFile, point: tuple[float, float] | None) -> NDArray[n
     if point is not None:
         return np.array([[float(modes.evaluate(i, *point)[0])] for i in range(len(modes))])
     x, y = (np.linspace(-0.5, 0.5, FIELD_POINTS) * side for side in (plate.length, plate.width))
-    return np.stack([modes.evaluate_grid(i, x, y)[0].ravel() for i in range(len(modes))])
+    shapes = np.stack([modes.evaluate_grid(i, x, y)[0].ravel() for i in range(len(modes))])
+    if modes.outline is None:
+        return shapes
+    return shapes[:, modes.outline.holds(np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1).reshape(-1, 2))]
 
 
 def _largest(q: NDArray[np.complex128], shapes: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -60,8 +60,7 @@ def read_universal_file(path: Path, unit: str | None, thickness: float) -> Measu
     read = [_mode(shape, i, numbers, length, path) for i, shape in enumerate(shapes)]
     frequency, damping, deflection, rotation, collinearity = (list(column) for column in zip(*read, strict=True))
     mass = [_given(shape.get("modal_m")) * length / force for shape in shapes]
-    # For a deflection in units of the file: T = m/2 (dq/dt)^2 there, and (w in m) = (w of the file) / length.
-    masses = np.array(mass) * np.ones(len(shapes))
+    masses = np.array(mass)  # of a deflection in metres, as the shape is taken
     return MeasuredShapes(
         points,
         np.array(frequency),

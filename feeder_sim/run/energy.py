@@ -79,8 +79,7 @@ def largest_at_once(scene: Scene, *, speeds: bool = False) -> float:
     for stage in scene.times.stages:
         driven = np.zeros(len(decay))
         for drive in (drive for i in stage.excitations for drive in scene.all_drives[i]):
-            fastest = 2.0 * np.pi * max(drive.drive_frequency, drive.natural_frequency)
-            driven[drive.shape] += fastest * drive.largest if speeds else drive.largest
+            driven[drive.shape] += drive.largest_speed if speeds else drive.largest
         largest = max(largest, float(np.maximum(level, driven).sum()))
         duration = 0.0 if stage.until else stage.stop - stage.start  # a stage with a condition may stop at once
         level = np.maximum(level * np.exp(-decay * duration), driven) * np.exp(-decay * (stage.end - stage.stop))
@@ -88,10 +87,11 @@ def largest_at_once(scene: Scene, *, speeds: bool = False) -> float:
 
 
 def largest_reaction(scene: Scene, amplitude: float, start_speed: float) -> float:
-    """Bound [m] on how far parts that act on the plate move its surface away from where the drives alone would have it.
+    """How far parts that act on the plate may move its surface away from where the drives alone would have it [m].
 
-    Parts that take all energy from modes of an amplitude, or turn their phase, move it by twice that at most. Of their
-    own energy, M v^2 / 2 at the start, a mode of the mass m gets an amplitude of v sqrt(M / m) / w_n at most.
+    An estimate for a limit. Parts that take all energy from modes of an amplitude, or turn their phase, move it by
+    twice that. Of their own energy, M v^2 / 2 at the start, a mode of the mass m gets an amplitude of
+    v sqrt(M / m) / w_n at most. What parts carry from one mode to a slower one is left out.
     """
     modes = free_modes(scene.driven)
     mass = float(sum(part.mass for part in scene.parts))

@@ -88,8 +88,10 @@ def build_attachments(
     layers = {f"actuator[{i}]": actuator.layer for i, actuator in enumerate(actuators)}
     silent = {f"actuator[{i}]" for i, table in enumerate(file.actuator) if not table.loads}
     for i, bar in enumerate(file.bar):
-        key = f"bar[{i}]"
-        layers[key] = _layer(bar, resolve_material(bar.material))
+        key, material = f"bar[{i}]", resolve_material(bar.material)
+        if not material.isotropic:
+            raise InputError("is orthotropic, allowed for a bar is an isotropic material", key=f"{key}.material")
+        layers[key] = _layer(bar, material)
         check_on_plate(layers[key], plate, key)
     _check_apart(layers)
     masses = []

@@ -17,13 +17,19 @@ from feeder_sim.errors import InputError, nearest
 from feeder_sim.plate.drive import ModalDrive
 from feeder_sim.plate.mode_file import ModeFile, Resonance
 from feeder_sim.plate.mode_shapes import ModeShape, RitzShape
-from feeder_sim.plate.response import DEFAULT_DAMPING_RATIO, deflection_at, modal_forces, oscillators, voltages
+from feeder_sim.plate.response import (
+    DEFAULT_DAMPING_RATIO,
+    NO_FORCE,
+    deflection_at,
+    modal_forces,
+    oscillators,
+    voltages,
+)
 from feeder_sim.scenario import Excitation
 from feeder_sim.scene.plate_modes import far_resonances
 
 # A drive excites the mode nearest in frequency; farther off than this the plate has no such resonance.
 MODE_MATCH = 0.02
-NO_FORCE = 1e-9  # of the largest modal force; a smaller one is round-off
 
 
 @dataclass(frozen=True)
@@ -109,8 +115,9 @@ def _actuated(
     natural[index], ratio[index] = drive.natural_frequency_hz or drive.frequency_hz, damping
     per_force = 1.0 / (2.0 * ratio * every.modal_mass * (2.0 * math.pi * natural) ** 2)
     level = force * per_force
+    key_of_names = f"{key}.{'voltage_vpp' if drive.actuator is None else 'actuator'}"
     if abs(force[index]) < NO_FORCE * np.abs(force).max():
-        raise InputError(f"is {', '.join(names)}, which does not drive mode {index + 1}", key=f"{key}.actuator")
+        raise InputError(f"is {', '.join(names)}, which does not drive mode {index + 1}", key=key_of_names)
     drives = [
         ModalDrive(
             shape=0,
@@ -158,11 +165,11 @@ def _actuators(drive: Excitation, mode: str, key: str, held: ModeFile, measured:
         return measured.actuators
     if len(known) == 1:
         return (known[0],)
-    gains = ", ".join(f"{r.frequency:g}" for r in held.resonances if math.isfinite(r.gain)) or "none"
+    gains = ", ".join(f"{r.frequency:g}" for r in held.resonances if math.isfinite(r.gain))
+    allowed = [f"the resonances at {gains} Hz"] if gains else []
+    allowed += [f"actuator = [...] of {', '.join(known)}"] if known else []
     raise InputError(
-        f"{mode} has no measured gain, allowed are the resonances at {gains} Hz"
-        + (f", or actuator = [...] of {', '.join(known)}" if known else ""),
-        key=f"{key}.voltage_vpp",
+        f"{mode} has no measured gain, allowed is {' or '.join(allowed) or 'amplitude_um'}", key=f"{key}.voltage_vpp"
     )
 
 

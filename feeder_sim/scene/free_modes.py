@@ -47,8 +47,7 @@ def free_modes(driven: Sequence[DrivenMode]) -> FreeModes:
         if zeta is None or not math.isfinite(known):
             raise InputError(
                 f"the mode at {drive.natural_frequency:g} Hz has no modal mass or no damping, allowed with "
-                "run.reaction = true are the modes of a "
-                "rectangle with both",
+                "run.reaction = true are modes with both",
                 key="plate",
             )
         mass.append(known)

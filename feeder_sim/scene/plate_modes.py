@@ -12,6 +12,7 @@ from feeder_sim.plate.actuators import modal_force_table
 from feeder_sim.plate.mode_file import ModeFile, Resonance
 from feeder_sim.plate.modes import PlateModes, plate_modes
 from feeder_sim.plate.rectangle import RectangularPlate
+from feeder_sim.plate.response import modal_forces
 from feeder_sim.scenario import MeasuredResonance, PlateFile, resolve_material
 from feeder_sim.scene.attachments import build_actuators, build_attachments
 
@@ -45,7 +46,17 @@ def compute_modes(file: PlateFile) -> ModeFile:
             f"is {body.highest_frequency_hz:g}, below the first mode of the plate", key="plate.highest_frequency_hz"
         )
     resonances = tuple(_matched(measured, i, modes) for i, measured in enumerate(file.resonance))
-    return ModeFile(modes, resonances, actuators, modal_force_table(modes, actuators))
+    for i, resonance in enumerate(resonances):
+        same = [k for k in range(i) if resonances[k].mode == resonance.mode]
+        if same:
+            raise InputError(
+                f"is {resonance.frequency:g}, and belongs to mode {resonance.mode + 1} as resonance[{same[0]}] does; "
+                "allowed is one of each mode (or name the mode)",
+                key=f"resonance[{i}].frequency_hz",
+            )
+    held = ModeFile(modes, resonances, actuators, modal_force_table(modes, actuators))
+    modal_forces(held)  # refuses gains that cannot be those of their actuators
+    return held
 
 
 def far_resonances(held: ModeFile) -> Iterator[tuple[int, str]]:

@@ -59,24 +59,28 @@ class Timetable:
 def largest_together(times: Timetable, drives: Sequence[Sequence[ModalDrive]], *, speeds: bool = False) -> float:
     """Largest deflection [m], or speed [m/s], that drives which act at the same time add up to at most.
 
-    `drives` are all that belong to each excitation. Drives of one mode and one frequency add up as phasors, all others
-    may meet at their largest. What still rings after a drive is left out.
+    `drives` are all that belong to each excitation. Drives that move a mode alike from the same moment on add up as
+    phasors, all others may meet at their largest. What still rings after a drive is left out.
     """
     largest = 0.0
-    acting: set[int] = set()
-    sets: set[frozenset[int]] = set()
-    changes = [(o.start, True, o.excitation) for o in times.occurrences]
-    changes += [(o.stop, False, o.excitation) for o in times.occurrences]
-    for _, simultaneous in itertools.groupby(sorted(changes), key=lambda change: change[0]):  # stops come first
-        for _, begins, excitation in simultaneous:
-            (acting.add if begins else acting.discard)(excitation)
+    acting: set[Occurrence] = set()
+    sets: set[frozenset[Occurrence]] = set()
+    changes = [(o.start, True, o) for o in times.occurrences] + [(o.stop, False, o) for o in times.occurrences]
+    # Stops come first.
+    for _, simultaneous in itertools.groupby(
+        sorted(changes, key=lambda change: change[:2]), key=lambda change: change[0]
+    ):
+        for _, begins, occurrence in simultaneous:
+            (acting.add if begins else acting.discard)(occurrence)
         sets.add(frozenset(acting))
-    for excitations in sets:
-        together: dict[tuple[int, float], complex] = {}
-        for drive in (drive for i in excitations for drive in drives[i]):
-            kind = (drive.shape, drive.drive_frequency)
-            rate = 2.0 * math.pi * drive.drive_frequency if speeds else 1.0
-            together[kind] = together.get(kind, 0.0) + cmath.rect(rate * drive.largest, drive.phase)
+    for occurrences in sets:
+        together: dict[tuple[float | None, ...], complex] = {}
+        for occurrence in occurrences:
+            for drive in drives[occurrence.excitation]:
+                oscillator = (drive.shape, drive.natural_frequency, drive.damping_ratio)
+                kind = (*oscillator, drive.drive_frequency, occurrence.start)
+                amount = drive.largest_speed if speeds else drive.largest
+                together[kind] = together.get(kind, 0.0) + cmath.rect(amount, drive.phase)
         largest = max(largest, sum(abs(amount) for amount in together.values()))
     return largest
 

@@ -70,4 +70,5 @@ def _starting_points(spec: PartSpec, scene: Scene) -> NDArray[np.float64]:
     steps = np.linspace(-0.5, 0.5, POINTS)
     x, y = (values.ravel() for values in np.meshgrid(steps, steps, indexing="ij"))
     inside = np.hypot(x, y) <= 0.5 if isinstance(start, Heap) else np.full(len(x), True)
-    return 1e-3 * np.array(start.centre_mm) + np.stack([x, y], axis=1)[inside] * size
+    points = 1e-3 * np.array(start.centre_mm) + np.stack([x, y], axis=1)[inside] * size
+    return points if scene.surface.outline is None else points[scene.surface.outline.holds(points)]

@@ -209,6 +209,22 @@ REFUSED_PLATES = {
         ["actuator[0].size_mm", "1.2"],
     ),
     "no such side": ('name = "left"', 'name = "left"\nside = "beside"', ["actuator[0].side", "'beside'", "below"]),
+    "a gain of an actuator that cannot": (
+        "[[mass]]",
+        "[[resonance]]\nfrequency_hz = 4000.0\nmode = 1\namplitude_um_per_vpp = 0.1\ndriven_point_mm = [50.0, 40.0]\n"
+        'actuator = ["nobody"]\n[[mass]]',
+        ["resonance[0].actuator", "'nobody'", "left, right"],
+    ),
+    "two resonances of a mode": (
+        "[[mass]]",
+        "[[resonance]]\nfrequency_hz = 700.0\nmode = 2\n[[resonance]]\nfrequency_hz = 710.0\nmode = 2\n[[mass]]",
+        ["resonance[1].frequency_hz", "710", "mode 2", "resonance[0]"],
+    ),
+    "orthotropic bar": (
+        "size_mm = [100.0, 8.0]",
+        "size_mm = [100.0, 8.0]\nmaterial = 'silicon'",
+        ["bar[0].material", "orthotropic"],
+    ),
     "unknown key": ('name = "left"', 'name = "left"\nd33 = 3', ["actuator[0].d33", "unknown key"]),
     "half an orthotropic material": (
         "thickness_mm = 2.0",
@@ -225,6 +241,17 @@ def test_plate_that_cannot_be_meant_is_refused(case: str, tmp_path: Path) -> Non
     assert old in PLATE
     (tmp_path / "plate.toml").write_text(PLATE.replace(old, new, 1))
     check_refused(feeder_sim("modes", tmp_path / "plate.toml"), "plate.toml", *expected)
+
+
+def test_gain_of_an_actuator_that_does_not_drive_the_mode_is_refused(tmp_path: Path) -> None:
+    """A patch in the middle of a bare plate does not drive its first mode, which is odd in x and y."""
+    centre = 'name = "centre"\nat_mm = [0.0, 0.0]\nsize_mm = [10.0, 10.0]\nthickness_mm = 1.0\nd31_pm_per_v = 180.0'
+    (tmp_path / "plate.toml").write_text(
+        "[plate]\nlength_mm = 100.0\nwidth_mm = 80.0\nthickness_mm = 2.0\nhighest_frequency_hz = 1500.0\n"
+        f"[[actuator]]\n{centre}\nloads = false\n[[resonance]]\nfrequency_hz = 820.0\nmode = 1\n"
+        "amplitude_um_per_vpp = 0.1\ndriven_point_mm = [45.0, 35.0]\nactuator = ['centre']\n"
+    )
+    check_refused(feeder_sim("modes", tmp_path / "plate.toml"), "plate.toml", "resonance", "centre", "does not drive")
 
 
 REFUSED_DRIVES = {

@@ -71,3 +71,18 @@ def test_compiled_motion_equals_the_numpy_one() -> None:
         modal_motion(t, terms.shape, terms.start, terms.stop, terms.coefficient, terms.rate, q, velocity)
         assert q == pytest.approx(terms.phasor(t, 2)[0].real, abs=1e-12)
         assert velocity == pytest.approx(rates.phasor(t, 2)[0].real, abs=1e-9)
+
+
+@pytest.mark.parametrize("ratio", [0.002, 0.1, 0.5, 0.9])
+def test_motion_stays_within_its_bounds(ratio: float) -> None:
+    """Place and speed of a mode from its start to after its stop, against `largest` and `largest_speed`."""
+    for detuning in (0.1, 0.5, 0.95, 1.0, 1.05, 2.0, 10.0):
+        for phase in np.linspace(0.0, 2.0 * math.pi, 7):
+            for periods in (0.3, 3.1, 200.0):
+                drive = ModalDrive(0, 1000.0 * detuning, 1000.0, 1e-6, float(phase), ratio, stop=periods * 1e-3)
+                terms = modal_terms([drive])
+                t = np.concatenate([np.linspace(0.0, 3.0 * drive.stop, 2000), np.linspace(0.0, 0.02, 2000)])
+                place = np.abs(terms.phasor(t, 1)[:, 0].real)
+                rates = ModalTerms(terms.shape, terms.start, terms.stop, terms.coefficient * terms.rate, terms.rate)
+                assert place.max() <= 1.0001 * drive.largest
+                assert np.abs(rates.phasor(t, 1)[:, 0].real).max() <= 1.0001 * drive.largest_speed

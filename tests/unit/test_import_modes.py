@@ -220,6 +220,21 @@ def test_tables_that_are_refused(tmp_path: Path, line: int, text: str, expected:
     check_refused(feeder_sim("modes", "import", file, "--thickness", 3), "broken.csv", *expected)
 
 
+@pytest.mark.parametrize(
+    ("column", "expected"),
+    [("0", "mode 1 does not move"), ("1e-200", "mode 1 does not move"), ("twice", "mode 1 is no smooth shape")],
+)
+def test_columns_that_are_no_mode(tmp_path: Path, column: str, expected: str) -> None:
+    """Nothing, next to nothing, and two points at one place that contradict each other."""
+    file = tmp_path / "still.csv"
+    rows = [*TABLE[:2], *(f"{x}, {y}, {column}" for x in range(0, 60, 4) for y in range(0, 60, 4))]
+    if column == "twice":
+        places = [(x, y) for x in range(0, 60, 4) for y in range(0, 60, 4)]
+        rows = [*TABLE[:2], *(f"{x}, {y}, {sign}" for x, y in places for sign in (1, -1))]
+    file.write_text("\n".join(rows))
+    check_refused(feeder_sim("modes", "import", file, "--thickness", 3), "still.csv", expected)
+
+
 def test_tables_without_enough(tmp_path: Path) -> None:
     file = tmp_path / "short.csv"
     for rows, expected in ((TABLE[:2], "0 points"), (TABLE[:4], "2 points"), (TABLE[:1], "names of columns"), ([], "")):

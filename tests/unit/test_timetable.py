@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
 from conftest import REPOSITORY, strip_scenario
 
+from feeder_sim.plate.drive import ModalDrive
 from feeder_sim.scenario import Drive, Excitation, HexNut, PistonPlate, Rectangle, Run, Scattered, Scenario, Strip
 from feeder_sim.scenario.schedule import Pick, Schedule, Stage
 from feeder_sim.scene.scene import build_scene
-from feeder_sim.scene.timetable import TimedStage, timed, timetable
+from feeder_sim.scene.timetable import Occurrence, TimedStage, Timetable, largest_together, timed, timetable
 
 FREQUENCY = 4750.0
 ON, OFF = 0.02, 0.004  # [s] of the pulses below; the strip rings down with a time constant of 17 ms
@@ -160,3 +162,14 @@ def test_nothing_moves_before_the_first_drive() -> None:
     scene = build_scene(scheduled(Schedule(cycles=2, prepare=(Stage(duration_s=0.1),), stage=(stage,))))
     q = np.abs(scene.surface.terms.phasor(np.array([0.05, 0.1 + 0.9 * ON]), 1)[:, 0])
     assert q[0] == 0.0 and q[1] > 0.5e-6
+
+
+def test_drives_that_begin_apart_do_not_cancel() -> None:
+    """The same drive in antiphase from the same moment on is stillness; half a period later it doubles the motion."""
+    first = ModalDrive(0, 500.0, 500.0, 1e-6)
+    other = replace(first, phase=math.pi)
+    together = Timetable((), (Occurrence(0, 0.0, 1.0), Occurrence(1, 0.0, 1.0)), 1.0)
+    apart = Timetable((), (Occurrence(0, 0.0, 1.0), Occurrence(1, 1e-3, 1.0)), 1.0)
+    assert largest_together(together, [[first], [other]]) == pytest.approx(0.0, abs=1e-18)
+    assert largest_together(apart, [[first], [other]]) == pytest.approx(2e-6)
+    assert largest_together(apart, [[first], [other]], speeds=True) == pytest.approx(2e-6 * 2.0 * math.pi * 500.0)
