@@ -126,8 +126,8 @@ def import_modes(
     missed = fit.residual / np.sqrt((shapes.deflection**2).mean(axis=1))
     for i in np.flatnonzero(~(missed < MISSED)):
         raise InputError(
-            f"mode {i + 1} is no smooth shape, it would miss the points by {missed[i]:.2g} of their deflection; allowed "
-            f"is below {MISSED:g}. Do points at one place have different deflections?"
+            f"mode {i + 1} is no smooth shape, it would miss the points by {missed[i]:.2g} of their deflection; "
+            f"allowed is below {MISSED:g}. Do points at one place have different deflections?"
         )
     coefficients = np.concatenate([fit.coefficients[:, None], _rotations(shapes, points, plate, fit)], axis=1)
     whole = (
