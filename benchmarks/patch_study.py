@@ -17,9 +17,9 @@ from typing import Any
 
 import numpy as np
 
-from feeder_sim.plate.attachments import Layer
 from feeder_sim.plate.materials import MATERIALS, Material
 from feeder_sim.plate.rectangle import RectangularPlate
+from feeder_sim.plate.ritz.attachments import Layer
 from feeder_sim.studies.patch_study import (
     PatchCase,
     compare_patches,

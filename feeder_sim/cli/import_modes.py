@@ -13,9 +13,9 @@ from feeder_sim.cli.files import naming, new_picture, writable
 from feeder_sim.errors import InputError, nearest, printable
 
 if TYPE_CHECKING:
-    from feeder_sim.plate.imported_modes import Imported
+    from feeder_sim.plate.imported.measured_shapes import MeasuredShapes
+    from feeder_sim.plate.imported.modes import Imported
     from feeder_sim.plate.materials import Material
-    from feeder_sim.plate.measured_shapes import MeasuredShapes
 
 UNIVERSAL, TABLE = (".unv", ".uff"), ".csv"
 LONGEST_TABLE = 500_000_000  # bytes
@@ -54,7 +54,7 @@ def import_modes_command(
         writable(out, force=force)
     if picture is not None:
         new_picture(picture)
-    from feeder_sim.plate.imported_modes import import_modes
+    from feeder_sim.plate.imported.modes import import_modes
 
     edge = None
     if outline is not None:
@@ -95,7 +95,7 @@ def _material(name: str) -> Material:
 
 def _read(source: Path, unit: str | None, thickness: float) -> MeasuredShapes:
     """The shapes in a file, by the suffix of its name."""
-    from feeder_sim.plate.universal_file import LENGTHS, read_universal_file
+    from feeder_sim.plate.imported.universal_file import LENGTHS, read_universal_file
 
     suffix = source.suffix.lower()
     if suffix not in (*UNIVERSAL, TABLE):
@@ -108,7 +108,7 @@ def _read(source: Path, unit: str | None, thickness: float) -> MeasuredShapes:
         if not source.is_file():
             raise InputError("no such file", file=source)
         return read_universal_file(source, unit, thickness)
-    from feeder_sim.plate.shapes_csv import read_shapes_csv
+    from feeder_sim.plate.imported.shapes_csv import read_shapes_csv
     from feeder_sim.scenario.tables import read_text
 
     return read_shapes_csv(read_text(source, LONGEST_TABLE), source)

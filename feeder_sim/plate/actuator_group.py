@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from feeder_sim.errors import InputError
 from feeder_sim.hdf5_text import get_text, put_array, put_text
 from feeder_sim.plate.actuators import Actuator
-from feeder_sim.plate.attachments import Layer
 from feeder_sim.plate.materials import Material
+from feeder_sim.plate.ritz.attachments import Layer
 
 FORCE = "actuators/force_per_volt"
 # name: (unit, numbers of each actuator, least, largest)

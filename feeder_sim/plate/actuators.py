@@ -8,7 +8,7 @@ edge. The modal force is
 over the area of the patch (Crawley and de Luis, AIAA J. 25 (1987) 1373; Dimitriadis, Fuller and Rogers, J. Vib.
 Acoust. 113 (1991) 100). M is positive for a patch below the plate that stretches. In a laminate without a force in the
 plane, with N = E e t / (1 - nu) the force per length of the held patch, z its distance from the mid-plane, and A, B as
-in feeder_sim.plate.attachments,
+in feeder_sim.plate.ritz.attachments,
 
     M = N (z - B / A),    for a thin patch N (h + t) / 2,    e = d31 n V / t with n layers of ceramic.
 
@@ -24,9 +24,9 @@ import numpy as np
 from numpy.polynomial import legendre
 from numpy.typing import NDArray
 
-from feeder_sim.plate.attachments import Layer
 from feeder_sim.plate.modes import PlateModes
 from feeder_sim.plate.rectangle import RectangularPlate
+from feeder_sim.plate.ritz.attachments import Layer
 
 # Shear lag over the thickness of the plate, for a perfect bond and patches of a third to the whole of that thickness:
 # plane elasticity gives 0.28 for a third, 0.30 for two thirds, 0.21 for the whole. Glue makes it longer.

@@ -8,7 +8,7 @@ orthonormal Legendre polynomials. With D = E h^3 / 12 (1 - nu^2), shear stiffnes
 
 (Mindlin, J. Appl. Mech. 18 (1951) 31; Liew, Xiang and Kitipornchai, Comput. Struct. 49 (1993) 1, for the Ritz form.)
 Free edges are natural boundary conditions, so every polynomial is admissible. What is fixed to the plate adds to both
-energies (feeder_sim.plate.attachments, feeder_sim.plate.local_field). The four parity classes in x and y
+energies (feeder_sim.plate.ritz.attachments, feeder_sim.plate.ritz.local_field). The four parity classes in x and y
 decouple; solving them one by one also aligns the degenerate pairs of a square plate with the plate axes. Kirchhoff's
 thin plate is the same energy under the constraint beta = grad w, which the polynomials meet exactly.
 """
@@ -23,12 +23,12 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from feeder_sim.plate.attachments import Attachment, Layer, PointMass, parity_classes
-from feeder_sim.plate.fields import point_mass_form
-from feeder_sim.plate.local_field import LocalField, LocalMesh, joined, local_shapes, meshes_around
 from feeder_sim.plate.outline import Outline
 from feeder_sim.plate.rectangle import RectangularPlate
-from feeder_sim.plate.ritz import (
+from feeder_sim.plate.ritz.attachments import Attachment, Layer, PointMass, parity_classes
+from feeder_sim.plate.ritz.fields import point_mass_form
+from feeder_sim.plate.ritz.local_field import LocalField, LocalMesh, joined, local_shapes, meshes_around
+from feeder_sim.plate.ritz.matrices import (
     Parity,
     basis_of,
     orthonormal_legendre,

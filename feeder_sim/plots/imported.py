@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from feeder_sim.plate.imported_modes import Imported
+from feeder_sim.plate.imported.modes import Imported
 from feeder_sim.plots.outline import cut_to_plate
 
 MM = 1e3

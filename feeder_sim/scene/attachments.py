@@ -9,10 +9,10 @@ from itertools import combinations
 
 from feeder_sim.errors import InputError
 from feeder_sim.plate.actuators import SHEAR_LAG, Actuator, clamped_capacitance, modal_force_table, moment_of_strain
-from feeder_sim.plate.attachments import Attachment, Layer, PointMass
 from feeder_sim.plate.materials import Material
 from feeder_sim.plate.mode_file import ModeFile
 from feeder_sim.plate.rectangle import RectangularPlate
+from feeder_sim.plate.ritz.attachments import Attachment, Layer, PointMass
 from feeder_sim.scenario import Actuator as ActuatorTable
 from feeder_sim.scenario import BondedLayer, PlateFile, resolve_material
 

@@ -15,9 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from feeder_sim.plate.actuators import SHEAR_LAG, Actuator, moment_of_strain
-from feeder_sim.plate.attachments import Layer
 from feeder_sim.plate.modes import PlateModes, plate_modes
 from feeder_sim.plate.rectangle import RectangularPlate
+from feeder_sim.plate.ritz.attachments import Layer
 
 SAME_SHAPE = 0.8  # of the correlation of two deflections that belong to the same mode of both plates
 

@@ -14,10 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from feeder_sim.plate.actuators import modal_force_table
-from feeder_sim.plate.attachments import Layer
 from feeder_sim.plate.mode_file import ModeFile
 from feeder_sim.plate.modes import plate_modes
 from feeder_sim.plate.response import Oscillators, oscillators
+from feeder_sim.plate.ritz.attachments import Layer
 from feeder_sim.scenario import PlateFile
 from feeder_sim.scene.plate_modes import compute_modes
 

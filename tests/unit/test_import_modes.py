@@ -14,10 +14,10 @@ from conftest import REPOSITORY
 from numpy.typing import NDArray
 from own_modes import nodes_2411, places, plate_180, shape_55, units_164, values_at, write_table, write_universal
 
-from feeder_sim.plate.measured_shapes import made_real
+from feeder_sim.plate.imported.measured_shapes import made_real
+from feeder_sim.plate.imported.scattered_fit import slopes
 from feeder_sim.plate.mode_file import read_mode_file
 from feeder_sim.plate.modes import PlateModes
-from feeder_sim.plate.scattered_fit import slopes
 
 WHICH = [0, 7, 12, 13]  # of the 180 mm plate: 299, 1418, 2639, 2776 Hz
 

@@ -31,10 +31,10 @@ from skfem import (
 from skfem.helpers import ddot, div, dot, grad, sym_grad, trace
 
 from feeder_sim.plate.actuators import SHEAR_LAG, Actuator, moment_of_strain
-from feeder_sim.plate.attachments import Layer, PointMass, added_section, bare_section
 from feeder_sim.plate.materials import MATERIALS, Material
 from feeder_sim.plate.modes import PlateModes, plate_modes
 from feeder_sim.plate.rectangle import RectangularPlate
+from feeder_sim.plate.ritz.attachments import Layer, PointMass, added_section, bare_section
 
 ALUMINIUM = MATERIALS["aluminium"]
 CERAMIC = Material(7700.0, 1.0 / 13e-12, 0.31)

@@ -11,10 +11,11 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from feeder_sim import simulate
-from feeder_sim.engines.impulse import impact, yielding_impact
-from feeder_sim.engines.impulse.reacting_engine import ReactingEngine
-from feeder_sim.engines.impulse.yielding_contact import LIFTED, TAKEN, WORK
-from feeder_sim.engines.impulse.yielding_impact import Modes
+from feeder_sim.engines.impulse import impact
+from feeder_sim.engines.impulse.reaction import yielding_impact
+from feeder_sim.engines.impulse.reaction.engine import ReactingEngine
+from feeder_sim.engines.impulse.reaction.yielding_contact import LIFTED, TAKEN, WORK
+from feeder_sim.engines.impulse.reaction.yielding_impact import Modes
 from feeder_sim.engines.mujoco.reacting_engine import ReactingMujocoEngine
 from feeder_sim.engines.reaction import reaction_at
 from feeder_sim.records.trajectory import Status

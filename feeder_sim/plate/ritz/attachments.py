@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from feeder_sim.plate.materials import Material
 from feeder_sim.plate.rectangle import SHEAR_FACTOR, RectangularPlate
-from feeder_sim.plate.ritz import Parity
+from feeder_sim.plate.ritz.matrices import Parity
 
 MIRRORED = 1e-9  # [m], [kg]; what differs by less from its mirror image is its own
 

@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from feeder_sim.errors import InputError, quoted
-from feeder_sim.plate.measured_shapes import LARGEST_COORDINATE, MOST_MODES, MOST_POINTS, MeasuredShapes
+from feeder_sim.plate.imported.measured_shapes import LARGEST_COORDINATE, MOST_MODES, MOST_POINTS, MeasuredShapes
 
 HEADERS = ("frequency_hz", "damping_ratio", "modal_mass_kg")
 LIMITS = {"frequency_hz": (0.1, 1e7), "damping_ratio": (1e-6, 0.999999), "modal_mass_kg": (1e-12, 1e6)}

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from feeder_sim.engines.impulse.flight_time import forecast, longest_leap, shortest_flight
 from feeder_sim.engines.impulse.plate_contact import TOUCH, approach, contact_of, look, put_back
 from feeder_sim.engines.impulse.plate_edge import edge_leap, points_on_edge
+from feeder_sim.engines.impulse.reaction.yielding_impact import Modes, resolve_yielding
 from feeder_sim.engines.impulse.state import (
     ARM,
     FRICTION,
@@ -25,7 +26,6 @@ from feeder_sim.engines.impulse.state import (
     inverse_inertia,
 )
 from feeder_sim.engines.impulse.vectors import write_to
-from feeder_sim.engines.impulse.yielding_impact import Modes, resolve_yielding
 from feeder_sim.engines.reaction import react
 from feeder_sim.machine_code import compiled, inlined
 from feeder_sim.plate.compiled import BETA_X, BETA_Y, cubic_weights, grid_cell, interpolate

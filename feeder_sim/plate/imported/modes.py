@@ -2,7 +2,7 @@
 
 The points are moved so that the bounding box of the plate is centred on the origin. Every shape is fitted in the
 package's own basis over that box (scattered_fit.py). Where no rotations are given, they are grad w times the ratio B/k
-of a Mindlin plate's wave at that frequency (mode_shapes.py), which is 1 for a thin plate.
+of a Mindlin plate's wave at that frequency (feeder_sim.plate.mode_shapes), which is 1 for a thin plate.
 """
 
 from __future__ import annotations
@@ -15,16 +15,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from feeder_sim.errors import InputError
+from feeder_sim.plate.imported.measured_shapes import LARGEST_COORDINATE, MeasuredShapes
+from feeder_sim.plate.imported.outline_of_points import distinct, outline_of_points
+from feeder_sim.plate.imported.resemblance import Resemblance, resemblances
+from feeder_sim.plate.imported.scattered_fit import Fit, fit_scattered, slopes
 from feeder_sim.plate.materials import Material
-from feeder_sim.plate.measured_shapes import LARGEST_COORDINATE, MeasuredShapes
 from feeder_sim.plate.mode_file import ModeFile, Origin, Resonance
 from feeder_sim.plate.mode_shapes import standing_wave
 from feeder_sim.plate.modes import TERMS_PER_AXIS, PlateModes
 from feeder_sim.plate.outline import Outline
-from feeder_sim.plate.outline_of_points import distinct, outline_of_points
 from feeder_sim.plate.rectangle import RectangularPlate
-from feeder_sim.plate.resemblance import Resemblance, resemblances
-from feeder_sim.plate.scattered_fit import Fit, fit_scattered, slopes
 
 LEAST_DEFLECTION = 1e-100  # in the unit of the file; its square would be none
 MISSED = 0.9  # residual over the deflection, from which on the points contradict each other
@@ -124,9 +124,10 @@ def import_modes(
     per_half_wave = [_points_per_half_wave(plate, f, outline, places) for f in shapes.frequency.tolist()]
     fit = fit_scattered(points, shapes.deflection, outline.size, TERMS_PER_AXIS)
     missed = fit.residual / np.sqrt((shapes.deflection**2).mean(axis=1))
-    for i in np.flatnonzero(~(missed < MISSED)):
+    if not (missed < MISSED).all():
+        worst = int(missed.argmax())
         raise InputError(
-            f"mode {i + 1} is no smooth shape, it would miss the points by {missed[i]:.2g} of their deflection; "
+            f"mode {worst + 1} is no smooth shape, it would miss the points by {missed[worst]:.2g} of them; "
             f"allowed is below {MISSED:g}. Do points at one place have different deflections?"
         )
     coefficients = np.concatenate([fit.coefficients[:, None], _rotations(shapes, points, plate, fit)], axis=1)

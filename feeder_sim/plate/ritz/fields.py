@@ -13,9 +13,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from feeder_sim.plate.attachments import PointMass, Section
 from feeder_sim.plate.rectangle import RectangularPlate
-from feeder_sim.plate.ritz import Basis, legendre_slopes, orthonormal_legendre
+from feeder_sim.plate.ritz.attachments import PointMass, Section
+from feeder_sim.plate.ritz.matrices import Basis, legendre_slopes, orthonormal_legendre
 
 Matrix = NDArray[np.float64]
 

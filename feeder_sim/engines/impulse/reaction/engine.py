@@ -1,7 +1,7 @@
 """Engine `impulse` over a plate that takes the impulses of the parts (`reaction = true`).
 
 Windows, pairs and contacts are those of the engine over a plate with a prescribed motion. Here all parts advance
-together, in order of time (reacting_crowd.py), as each impact changes the surface for all of them.
+together, in order of time (crowd.py), as each impact changes the surface for all of them.
 """
 
 from __future__ import annotations
@@ -14,10 +14,10 @@ from numpy.typing import NDArray
 from feeder_sim.engines.impulse.engine import ImpulseEngine
 from feeder_sim.engines.impulse.frame_rows import FrameRows
 from feeder_sim.engines.impulse.island import Crowd, Span
-from feeder_sim.engines.impulse.reacting_crowd import Limits, advance_reacting, open_yielding_window
+from feeder_sim.engines.impulse.reaction.crowd import Limits, advance_reacting, open_yielding_window
+from feeder_sim.engines.impulse.reaction.yielding_contact import Yielding
+from feeder_sim.engines.impulse.reaction.yielding_impact import Modes
 from feeder_sim.engines.impulse.state import Bounds, Plate
-from feeder_sim.engines.impulse.yielding_contact import Yielding
-from feeder_sim.engines.impulse.yielding_impact import Modes
 from feeder_sim.engines.reaction import reaction_of, set_reaction, with_reaction
 from feeder_sim.engines.surface_arrays import SurfaceArrays, surface_arrays
 from feeder_sim.scene.free_modes import free_modes

@@ -23,10 +23,10 @@ import numpy as np
 from numpy.polynomial import legendre
 from numpy.typing import NDArray
 
-from feeder_sim.plate.attachments import Layer, Section, added_section, bare_section
-from feeder_sim.plate.fields import Fields, Matrix, mass_form, over_fields, polynomial_fields, stiffness_form
 from feeder_sim.plate.rectangle import RectangularPlate
-from feeder_sim.plate.ritz import Basis
+from feeder_sim.plate.ritz.attachments import Layer, Section, added_section, bare_section
+from feeder_sim.plate.ritz.fields import Fields, Matrix, mass_form, over_fields, polynomial_fields, stiffness_form
+from feeder_sim.plate.ritz.matrices import Basis
 
 ELEMENTS = 4  # per axis over the layer
 MARGIN = (0.2, 0.55, 1.0)  # ends of the elements beside it, of the width of the margin

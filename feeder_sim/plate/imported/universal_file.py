@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from feeder_sim.errors import InputError
-from feeder_sim.plate.measured_shapes import (
+from feeder_sim.plate.imported.measured_shapes import (
     MOST_MODES,
     MOST_POINTS,
     MeasuredShapes,

@@ -30,10 +30,10 @@ from feeder_sim.engines.impulse.island import (
     look_at_pair,
     set_due,
 )
+from feeder_sim.engines.impulse.reaction.yielding_contact import meet_yielding_plate
 from feeder_sim.engines.impulse.rest import fall_asleep, wake
 from feeder_sim.engines.impulse.state import ABSENT, ASLEEP, Bounds, fly_to, orthonormalise_parts
 from feeder_sim.engines.impulse.window import SAG, acting_terms, bound_window
-from feeder_sim.engines.impulse.yielding_contact import meet_yielding_plate
 from feeder_sim.engines.surface_arrays import SurfaceArrays
 from feeder_sim.machine_code import compiled, entry_point
 from feeder_sim.scene.scene import GRAVITY
