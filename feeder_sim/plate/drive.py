@@ -22,6 +22,7 @@ from numpy.typing import ArrayLike, NDArray
 
 # A free decay ends when it has fallen to exp(-DECAY_LENGTH) of its start, 4e-18, which is below round-off.
 DECAY_LENGTH = 40.0
+STRONG_DAMPING = 0.02  # ratio from which on a free motion may swing visibly beyond its start
 
 
 @dataclass(frozen=True)
@@ -82,7 +83,8 @@ class ModalDrive:
         """
         if self.damping_ratio is None:
             return self.amplitude
-        slack = math.sqrt((1.0 + self.damping_ratio) / (1.0 - self.damping_ratio))
+        zeta = self.damping_ratio
+        slack = math.sqrt((1.0 + zeta) / (1.0 - zeta)) if zeta > STRONG_DAMPING else 1.0
         faster = max(1.0, self.drive_frequency / self.natural_frequency)
         return min(slack * self.amplitude, (1.0 + slack) * faster * self.steady_amplitude)
 

@@ -253,9 +253,10 @@ def test_run_does_not_go_on_with_another_version(changed: str, tmp_path: Path, m
 
 
 def test_cost_of_a_run_that_goes_on_counts_all_stretches(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    scenario = ball(seeds=1)  # of two seeds one may have all the looks to itself, and the other not have begun
     with monkeypatch.context() as patch:  # as if the first stretch had taken hours
         patch.setattr(recorder, "WallTime", lambda seed, ensemble: WallTime(seed + 1000.0, ensemble + 5000.0))
-        first = record_run(ball(), tmp_path, stop=StopsAfter(3), replay=False)
+        first = record_run(scenario, tmp_path, stop=StopsAfter(3), replay=False)
     assert first.interrupted and all(seed.wall_s < 1000.0 for seed in first.seeds)
     stored = read_recording(tmp_path / TRAJECTORY).wall_times
     assert all(time.seed > 1000.0 and time.ensemble > 5000.0 for time in stored)
@@ -266,6 +267,6 @@ def test_cost_of_a_run_that_goes_on_counts_all_stretches(tmp_path: Path, monkeyp
     result = resume_run(tmp_path, replay=False)
     summary = json.loads((tmp_path / SUMMARY).read_text())
     assert not result.interrupted and summary["wall_s"] == result.wall_s > second.wall_s
-    assert sum(seed.wall_s for seed in result.seeds) > sum(seed.wall_s for seed in second.seeds) > 2000.0
+    assert sum(seed.wall_s for seed in result.seeds) > sum(seed.wall_s for seed in second.seeds) > 1000.0
     one_core = summary["wall_s_per_simulated_s_one_core"] * summary["simulated_s"]
     assert one_core == pytest.approx(sum(seed.wall_s for seed in result.seeds))

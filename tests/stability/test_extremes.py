@@ -153,9 +153,9 @@ NONSENSE: dict[str, tuple[dict[str, Any], str]] = {
     "a piston faster than sound": ({"drive": [{"frequency_hz": 1e6, "amplitude_um": 3000.0}]}, "allowed is up to 100"),
     "a part larger than its plate": (
         {"plate": {"kind": "piston", "length_mm": 3.0, "width_mm": 3.0}},
-        "allowed is up to the plate's diagonal",
+        "allowed is up to the plate's longer side",
     ),
-    "a plate of a micrometre": ({"plate": {"kind": "piston", "length_mm": 1e-3, "width_mm": 1e-3}}, "diagonal"),
+    "a plate of a micrometre": ({"plate": {"kind": "piston", "length_mm": 1e-3, "width_mm": 1e-3}}, "longer side"),
     "a drive that begins after the end": (
         {"drive": [{"frequency_hz": 500.0, "amplitude_um": 5.0, "start_s": 1e9}]},
         "drive[0].start_s: is 1e+09, allowed is before the end",

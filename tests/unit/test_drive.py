@@ -73,7 +73,7 @@ def test_compiled_motion_equals_the_numpy_one() -> None:
         assert velocity == pytest.approx(rates.phasor(t, 2)[0].real, abs=1e-9)
 
 
-@pytest.mark.parametrize("ratio", [0.002, 0.1, 0.5, 0.9])
+@pytest.mark.parametrize("ratio", [0.002, 0.02, 0.1, 0.5, 0.9])
 def test_motion_stays_within_its_bounds(ratio: float) -> None:
     """Place and speed of a mode from its start to after its stop, against `largest` and `largest_speed`."""
     for detuning in (0.1, 0.5, 0.95, 1.0, 1.05, 2.0, 10.0):
