@@ -253,7 +253,7 @@ def test_run_does_not_go_on_with_another_version(changed: str, tmp_path: Path, m
 
 
 def test_cost_of_a_run_that_goes_on_counts_all_stretches(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    scenario = ball(seeds=1)  # of two seeds one may have all the looks to itself, and the other not have begun
+    scenario = ball(seeds=1, duration_s=60.0)  # of two seeds one may have all the looks, and the other not have begun
     with monkeypatch.context() as patch:  # as if the first stretch had taken hours
         patch.setattr(recorder, "WallTime", lambda seed, ensemble: WallTime(seed + 1000.0, ensemble + 5000.0))
         first = record_run(scenario, tmp_path, stop=StopsAfter(3), replay=False)
