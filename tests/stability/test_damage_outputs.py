@@ -95,7 +95,7 @@ def test_full_disk_leaves_no_cut_replay(tmp_path: Path) -> None:
     assert sorted(path.name for path in run.iterdir()) == [LOCK, "scenario.toml", "scene.xml", SUMMARY, TRAJECTORY]
     build_replay(run / TRAJECTORY, run / REPLAY)
     size = (run / REPLAY).stat().st_size
-    for largest in (1000, size // 2, size - 100):
+    for largest in (1000, size // 2, size - 2000):  # from one writing to the next it differs by some hundred bytes
         program = f"from pathlib import Path; from feeder_sim.replay.replay import *; p = Path({str(run)!r})"
         command = [sys.executable, "-c", f"{program}; build_replay(p / 'trajectory.h5', p / 'replay.rrd')"]
         done = limited(command, largest)
