@@ -218,8 +218,22 @@ def random_scenario(rng: random.Random) -> dict[str, Any]:
         )
 
     def excitation() -> dict[str, Any]:
+        if "mode_file" in plate and rng.random() < 0.9:
+            return resonance()
         keys = {key: random_value(rng, key) for key in ("frequency_hz", "amplitude_um")}
         return keys | some("phase_deg", "natural_frequency_hz", "damping_ratio", "mode", "voltage_vpp", share=0.02)
+
+    def resonance() -> dict[str, Any]:
+        """A drive of a plate in a mode file, by a voltage or an amplitude."""
+        frequency = rng.choice([558.0, 597.2, 1420.0, 2646.0, 2797.0, 6788.0]) * rng.choice([1.0, 1.0, 1.001, 1.03])
+        if rng.random() < 0.3:
+            return {"frequency_hz": frequency, "amplitude_um": random_value(rng, "amplitude_um")}
+        keys: dict[str, Any] = {"frequency_hz": frequency, "voltage_vpp": random_value(rng, "voltage_vpp")}
+        names = ["centre", "back", "front", "beside"]
+        keys |= {"actuator": rng.sample(names, rng.choice([1, 1, 2, 3]))} if rng.random() < 0.8 else {}
+        keys |= {"actuator_phase_deg": [0.0, rng.uniform(-400, 400)]} if rng.random() < 0.2 else {}
+        keys |= {"modes": rng.choice(["all", "driven", 0.01, 0.3, 2.0])} if rng.random() < 0.5 else {}
+        return keys | some("natural_frequency_hz", "damping_ratio", "mode", "at_mm", share=0.03)
 
     plate: dict[str, Any] = rng.choice(
         [
@@ -229,6 +243,10 @@ def random_scenario(rng: random.Random) -> dict[str, Any]:
             {"kind": "rectangle"} | some("length_mm", "width_mm", "thickness_mm", "mode_file", share=0.7),
         ][: rng.choice([2, 2, 2, 3, 4])]
     )
+    if rng.random() < 0.25:
+        model = rng.choice(["plate_180", "plate_180_piezos", "plate_180_piezos", "plate_hole"])
+        kind = rng.choice(["rectangle", "modes", "modes"])
+        plate = {"kind": kind, "mode_file": str(ROOT / "models" / model / "modes.h5")} | some("rim", share=0.05)
     part: dict[str, Any] = rng.choice(
         [
             {"shape": "hex_nut", "size": rng.choice(["M2", "M2.5", "M3", "M5"] * 5 + ["M9"])},
@@ -246,6 +264,7 @@ def random_scenario(rng: random.Random) -> dict[str, Any]:
     raw: dict[str, Any] = {"plate": plate, "part": [part] * rng.choice([1, 1, 1, 2 if several else 1])}
     raw["run"] = {"duration_s": random_value(rng, "duration_s")} | some("frames_per_second", share=0.1)
     raw["run"] |= {"engine": rng.choice(["auto", "impulse", "mujoco"])} if rng.random() < 0.4 else {}
+    raw["run"] |= {"reaction": True} if rng.random() < 0.2 else {}
     if rng.random() < 0.15:
         stage = {"duration_s": random_value(rng, "duration_s"), "drive": [excitation()]} | some("pause_s")
         raw["schedule"] = {"stage": [stage] * rng.choice([1, 2, 30]), "cycles": rng.choice([1, 3, 10_000])}
