@@ -162,9 +162,7 @@ def run_ladders(*, quick: bool, note: Callable[[str], None] = lambda _: None) ->
 
 def _rung(ladder: str, model: str, full_model: str, rounds: Sequence[Round]) -> Rung:
     """Compare a model with the full model of its ladder."""
-    speeds, full_speeds = (
-        [value for results in rounds for value in results[name][0]] for name in (model, full_model)
-    )
+    speeds, full_speeds = ([value for results in rounds for value in results[name][0]] for name in (model, full_model))
     mean, full = Statistic.of(speeds), Statistic.of(full_speeds)
     ratio = mean.mean / full.mean
     ratio_se = ratio * math.hypot(mean.se / mean.mean, full.se / full.mean)
@@ -183,7 +181,7 @@ def _rung(ladder: str, model: str, full_model: str, rounds: Sequence[Round]) -> 
 
 
 def _run(raw: Raw, number: int, *, quick: bool) -> tuple[list[float], float]:
-    """Transport speeds [mm/s] of a model in one round, NaN for seeds that did not arrive; wall time per simulated time."""
+    """Transport speeds [mm/s] of a model in one round, NaN for seeds that did not arrive; wall over simulated time."""
     slow = raw["run"].get("engine") == "mujoco"
     seeds = QUICK_SEEDS if quick else SLOW_SEEDS if slow else SEEDS
     raw["run"] |= {"seeds": seeds, "seed": number}

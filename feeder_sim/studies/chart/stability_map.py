@@ -265,7 +265,10 @@ def fill(
                 result = _run(raw, seeds)
                 state, deviation, why = classify(result, reference)
                 cells.append(MapCell(stability_map.name, x, y, state, deviation.mean, deviation.se, why))
-                note(f"{stability_map.title}, {stability_map.x.label} {x:g}, {stability_map.y.label} {y:g}: {state} {why}")
+                note(
+                    f"{stability_map.title}, {stability_map.x.label} {x:g}, "
+                    f"{stability_map.y.label} {y:g}: {state} {why}"
+                )
     return cells
 
 
