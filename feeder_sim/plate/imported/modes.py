@@ -102,47 +102,21 @@ def import_modes(
         if np.abs(deflection).max() < LEAST_DEFLECTION:
             raise InputError(f"mode {i + 1} does not move, allowed is a mode with a deflection")
     cautions: list[str] = []
-    if outline is None:
-        try:
-            outline, gap = outline_of_points(places)
-        except ValueError as error:
-            raise InputError(str(error)) from error
-        if len(outline.exterior) > 4 or outline.holes:
-            cautions.append(
-                f"the outline is that of the points, {len(outline.exterior)} corners and {len(outline.holes)} holes; "
-                "look at it with --picture, or give it with --outline"
-            )
-        if gap > 0.0:
-            cautions.append(
-                f"gaps between the points of up to {1e3 * gap:.2g} mm are taken for plate; give holes with --outline"
-            )
-    outline = outline.simplified(SAME_LINE)
+    outline = (outline or _outline_of(places, cautions)).simplified(SAME_LINE)
     shift = -0.5 * (outline.exterior.min(axis=0) + outline.exterior.max(axis=0))
     outline, points, places = outline.moved(shift), shapes.points + shift, places + shift
     plate = RectangularPlate(*outline.size, thickness, material)
     _check_on_plate(places, outline)
     per_half_wave = [_points_per_half_wave(plate, f, outline, places) for f in shapes.frequency.tolist()]
     fit = fit_scattered(points, shapes.deflection, outline.size, TERMS_PER_AXIS)
-    missed = fit.residual / np.sqrt((shapes.deflection**2).mean(axis=1))
-    if not (missed < MISSED).all():
-        worst = int(missed.argmax())
-        raise InputError(
-            f"mode {worst + 1} is no smooth shape, it would miss the points by {missed[worst]:.2g} of them; "
-            f"allowed is below {MISSED:g}. Do points at one place have different deflections?"
-        )
-    coefficients = np.concatenate([fit.coefficients[:, None], _rotations(shapes, points, plate, fit)], axis=1)
-    whole = (
-        len(outline.exterior) == 4
-        and not outline.holes
-        and outline.polygon.area > (1.0 - 1e-9) * math.prod(outline.size)
-    )
+    _check_smooth(fit, shapes)
     modes = PlateModes(
         plate=plate,
         natural_frequency=shapes.frequency,
-        coefficients=coefficients,
+        coefficients=np.concatenate([fit.coefficients[:, None], _rotations(shapes, points, plate, fit)], axis=1),
         parity=np.full((len(shapes), 2), -1),
         modal_mass=np.full(len(shapes), np.nan),
-        outline=None if whole else outline,
+        outline=None if _is_rectangle(outline) else outline,
     )
     modes, scale, of_file = _scaled(modes, shapes.modal_mass, outline, cautions)
     alike = resemblances(plate, shapes.frequency, points, shapes.deflection)
@@ -158,14 +132,56 @@ def import_modes(
         )
         for i in range(len(shapes))
     )
-    resonances = tuple(
+    cautions += _doubts(quality)
+    held = ModeFile(modes, _resonances(shapes), origin=Origin(source, (float(shift[0]), float(shift[1]))))
+    return Imported(held, quality, points, shapes.deflection * scale[:, None], outline, tuple(cautions))
+
+
+def _outline_of(places: NDArray[np.float64], cautions: list[str]) -> Outline:
+    """The outline of points (n, 2) [m]; adds what there is to look at to the cautions."""
+    try:
+        outline, gap = outline_of_points(places)
+    except ValueError as error:
+        raise InputError(str(error)) from error
+    if len(outline.exterior) > 4 or outline.holes:
+        cautions.append(
+            f"the outline is that of the points, {len(outline.exterior)} corners and {len(outline.holes)} holes; "
+            "look at it with --picture, or give it with --outline"
+        )
+    if gap > 0.0:
+        cautions.append(
+            f"gaps between the points of up to {1e3 * gap:.2g} mm are taken for plate; give holes with --outline"
+        )
+    return outline
+
+
+def _is_rectangle(outline: Outline) -> bool:
+    fills_its_box = outline.polygon.area > (1.0 - 1e-9) * math.prod(outline.size)
+    return len(outline.exterior) == 4 and not outline.holes and fills_its_box
+
+
+def _check_smooth(fit: Fit, shapes: MeasuredShapes) -> None:
+    """Refuse shapes that no smooth one comes near to.
+
+    Raises:
+        InputError: the fit of a mode misses nearly all of its deflection.
+    """
+    missed = fit.residual / np.sqrt((shapes.deflection**2).mean(axis=1))
+    if not (missed < MISSED).all():
+        worst = int(missed.argmax())
+        raise InputError(
+            f"mode {worst + 1} is no smooth shape, the nearest one misses {missed[worst]:.2g} of its deflection; "
+            f"allowed is below {MISSED:g}. Do points at one place have different deflections?"
+        )
+
+
+def _resonances(shapes: MeasuredShapes) -> tuple[Resonance, ...]:
+    """The modes with a damping ratio, as measured resonances."""
+    return tuple(
         Resonance(mode=i, frequency=float(f), damping_ratio=float(z), gain=math.nan, driven_point=(0.0, 0.0))
         for i, (f, z) in enumerate(zip(shapes.frequency, shapes.damping_ratio, strict=True))
         if math.isfinite(z)
     )
-    cautions += _doubts(quality)
-    held = ModeFile(modes, resonances, origin=Origin(source, (float(shift[0]), float(shift[1]))))
-    return Imported(held, quality, points, shapes.deflection * scale[:, None], outline, tuple(cautions))
 
 
 def _checked_places(points: NDArray[np.float64]) -> NDArray[np.float64]:
