@@ -8,8 +8,8 @@ from feeder_sim.engines.mujoco.mjcf import build_part_mjcf
 from feeder_sim.plate.mode_file import write_mode_file
 from feeder_sim.run.run_folder import mjcf_text
 from feeder_sim.scenario import HexNut, load_plate_file, load_scenario
+from feeder_sim.scene.part import build_part
 from feeder_sim.scene.plate_modes import compute_modes
-from feeder_sim.scene.rigid_part import build_part
 from feeder_sim.scene.scene import build_scene
 
 MODELS = Path(__file__).parent

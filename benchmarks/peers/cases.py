@@ -21,7 +21,7 @@ from feeder_sim.plate.mode_shapes import StandingWave
 from feeder_sim.records.trajectory import Frames
 from feeder_sim.scenario import Ball, HexNut, load_scenario, with_run
 from feeder_sim.scene.cell import PASSAGE_TO, Cell, transport_cell
-from feeder_sim.scene.rigid_part import build_part
+from feeder_sim.scene.part import build_part
 from feeder_sim.scene.scene import GRAVITY, Scene, build_scene
 from feeder_sim.scene.start import start_poses
 from feeder_sim.studies.chart.cases import (

@@ -5,10 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 
 from feeder_sim.errors import FeederSimError
+from feeder_sim.part.solids import ISO_4032
 from feeder_sim.plate.materials import MATERIALS
 from feeder_sim.plate.mode_file import read_mode_file
 from feeder_sim.scenario import load_scenario
-from feeder_sim.scene.rigid_part import ISO_4032
 
 ENGINES = {
     "impulse": "rigid contact by impulses, flight in closed form; exact on a slide",

@@ -49,7 +49,7 @@ class Frames:
     Attributes:
         time: [s], shape (n,).
         position: of the centres of mass [m], shape (n, parts, 3).
-        quaternion: w first, shape (n, parts, 4).
+        quaternion: attitude of the axes that each part was drawn in, w first, shape (n, parts, 4).
         velocity: [m/s], shape (n, parts, 3).
         angular_velocity: [rad/s], shape (n, parts, 3).
         present: False once a part has been taken out of the scene, shape (n, parts).
@@ -174,11 +174,20 @@ class PlateRecord:
 
 @dataclass(frozen=True)
 class PartRecord:
-    """What a recording holds about a part: its drawn mesh [m]."""
+    """What a recording holds about a part, in the axes it was drawn in.
+
+    Attributes:
+        name: of the part.
+        vertices, faces: drawn mesh, from the centre of mass, shapes (n, 3) [m] and (m, 3).
+        centre: of mass, from the origin of its file, shape (3,) [m].
+        principal_axes: their attitude, quaternion (4,), w first.
+    """
 
     name: str
     vertices: NDArray[np.float64]
     faces: NDArray[np.int64]
+    centre: NDArray[np.float64]
+    principal_axes: NDArray[np.float64]
 
 
 class WallTime(NamedTuple):

@@ -1,6 +1,6 @@
 """The HDF5 file that is the record of truth of a run.
 
-Layout, schema version 3 (SI units, in the `unit` attribute of every dataset):
+Layout, schema version 4 (SI units, in the `unit` attribute of every dataset):
 
     /                     schema, schema_version, creator, engine, seed, scenario (resolved TOML),
                           libraries (versions), inputs (SHA-256 of mode file and meshes) (JSON)
@@ -13,7 +13,8 @@ Layout, schema version 3 (SI units, in the `unit` attribute of every dataset):
     /plate/outline/point, ring   (k, 2), (k,)   of a plate that is no rectangle: ring 0 is its outer edge
     /drive/shape          (k,)                mode shape that each excitation of the scenario drives
     /drive/drive_frequency, natural_frequency, amplitude, phase, damping_ratio   (k,)  NaN: no ring-up
-    /parts/NAME/vertices, faces
+    /parts/NAME/vertices, faces               drawn mesh from the centre of mass, in the axes of its file
+    /parts/NAME/centre, principal_axes        (3,), (4,): of mass in the file; attitude of the principal axes in it
     /seeds/NNN/time, position, quaternion, velocity, angular_velocity, present, status
     /seeds/NNN/unresolved_impacts  (1,)       impacts whose iteration was given up
     /seeds/NNN/wall_time  (2,)                of the seed, and of the ensemble when that was noted
@@ -21,8 +22,9 @@ Layout, schema version 3 (SI units, in the `unit` attribute of every dataset):
     /seeds/NNN/stops      (s,)                when the drives of the stages stopped; the others keep to the schedule
     /seeds/NNN/impacts/time, until, approach_speed, departure_velocity   of a part in a guide; see feeder_sim.impacts
 
-Quaternions have w first; velocities are in world axes. The file is written in HDF5's single-writer mode and flushed
-about twice a second: a killed run leaves everything before that readable. Structure and data are under checksums.
+Positions are those of centres of mass, quaternions (w first) attitudes of the axes that a part was drawn in; velocities
+are in world axes. The file is written in HDF5's single-writer mode and flushed about twice a second: a killed run
+leaves everything before that readable. Structure and data are under checksums.
 """
 
 from __future__ import annotations
@@ -54,7 +56,7 @@ from feeder_sim.records.unclosed_file import read_hdf5
 
 TRAJECTORY = "trajectory.h5"  # its name in a run folder
 SCHEMA = "feeder_sim/trajectory"
-SCHEMA_VERSION = 3
+SCHEMA_VERSION = 4
 IMPACT_FIELDS = {"time": "s", "until": "s", "approach_speed": "m/s", "departure_velocity": "m/s"}
 REMOVAL_FIELDS = {"time": ("s", "f8"), "part": ("1", "i8"), "cause": ("1", "i8")}
 
@@ -79,7 +81,8 @@ def _recording(path: Path, file: Any) -> Recording:
     check_trusted(file, path)
     found, version = get_text(file.attrs, "schema"), file.attrs.get("schema_version")
     if version is not None and version != SCHEMA_VERSION:  # first: the text of version 1 is not to be read
-        raise InputError(f"is {version!r}, allowed is {SCHEMA_VERSION}", file=path, key="schema_version")
+        message = f"is {version!r}, allowed is {SCHEMA_VERSION}: its scenario has to be run again"
+        raise InputError(message, file=path, key="schema_version")
     if found != SCHEMA or version is None:
         raise InputError(f"is {found!r}, allowed is a trajectory ({SCHEMA!r})", file=path, key="schema")
     groups = [file[f"seeds/{name}"] for name in sorted(file["seeds"], key=int)]
@@ -145,7 +148,8 @@ def _part_number(name: str) -> int:
 
 
 def _read_part(name: str, group: Any) -> PartRecord:
-    return PartRecord(name, group["vertices"][()], group["faces"][()])
+    names = ("vertices", "faces", "centre", "principal_axes")
+    return PartRecord(name, *(group[name][()] for name in names))
 
 
 def seed_name(index: int) -> str:

@@ -94,6 +94,8 @@ class TrajectoryWriter:
             if first == part.name:
                 put_array(self._file, f"parts/{part.name}/vertices", part.vertices, "m")
                 put_array(self._file, f"parts/{part.name}/faces", part.faces, "1")
+                put_array(self._file, f"parts/{part.name}/centre", part.centre, "m")
+                put_array(self._file, f"parts/{part.name}/principal_axes", part.principal_axes, "1")
             else:
                 self._file[f"parts/{part.name}"] = self._file[f"parts/{first}"]
 

@@ -170,7 +170,8 @@ class _Starts:
             for seed in range(*some.indices(len(self._parts))):
                 if not self._drawn[seed]:
                     pose = start_poses(self._scene, self._random[seed])[0]
-                    turned = Rotation.from_quat([pose.quaternion], scalar_first=True).as_matrix()
+                    attitude = self._scene.principal_attitudes(pose.quaternion[None])
+                    turned = Rotation.from_quat(attitude, scalar_first=True).as_matrix()
                     self._parts[seed] = new_parts([pose.position], turned, [0], [pose.velocity])[0]
                     self._drawn[seed] = True
             return self._parts[some].copy()

@@ -74,6 +74,7 @@ class Guard:
     """
 
     def __init__(self, prepared: Prepared, first: Frames) -> None:
+        self._scene = prepared.scene
         self._parts = [part.name for part in prepared.scene.parts]
         self._held = what_holds(prepared, first)
         self._checked = self._states(first[slice(-1, None)], no_states(1, len(self._parts)))  # the last block
@@ -93,7 +94,7 @@ class Guard:
         `seed_index` is for the message.
         """
         self._checked = states = new_states(len(frames), self._before)
-        valid = check_states(_motion(frames), self._held, states, False)
+        valid = check_states(_motion(self._scene, frames), self._held, states, False)
         if valid == len(frames):
             return valid, None
         last = valid + 1  # row of the states
@@ -135,7 +136,7 @@ class Guard:
 
     def _states(self, frames: Frames, before: States) -> States:
         states = new_states(len(frames), before)
-        check_states(_motion(frames), self._held, states, True)
+        check_states(_motion(self._scene, frames), self._held, states, True)
         return states
 
 
@@ -175,12 +176,12 @@ def _bodies(scene: Scene) -> Bodies:
         radius=np.array([kind.corner_radius for kind in kinds], float)[of],
         corner_from=np.array([0, *ends[:-1]], np.int64)[of],
         corner_to=np.array(ends, np.int64)[of],
-        corners=np.concatenate([np.asarray(kind.corners, float) for kind in kinds]),
+        corners=np.concatenate([np.asarray(kind.in_principal_axes(kind.corners), float) for kind in kinds]),
     )
 
 
-def _motion(frames: Frames) -> Motion:
-    states = (frames.position, frames.quaternion, frames.velocity, frames.angular_velocity)
-    return Motion(
-        np.ascontiguousarray(frames.time), np.concatenate(states, axis=-1), np.ascontiguousarray(frames.present)
-    )
+def _motion(scene: Scene, frames: Frames) -> Motion:
+    """Frames as the pass takes them, with the attitudes of the principal axes."""
+    states = (frames.position, scene.principal_attitudes(frames.quaternion), frames.velocity, frames.angular_velocity)
+    state = np.ascontiguousarray(np.concatenate(states, axis=-1))
+    return Motion(np.ascontiguousarray(frames.time), state, np.ascontiguousarray(frames.present))

@@ -16,6 +16,7 @@ import numpy as np
 
 from feeder_sim.engines.lookup import engine_class
 from feeder_sim.measures.protocol import as_json
+from feeder_sim.part.rigid_part import RigidPart
 from feeder_sim.plate.drive import ModalDrive
 from feeder_sim.replay.wave import PERIODS, PICTURES, POINTS
 from feeder_sim.run.advice import recommendations
@@ -24,7 +25,6 @@ from feeder_sim.run.simulation import available_cores, compile_engine
 from feeder_sim.scenario import PartSpec, Schedule
 from feeder_sim.scene.driven_mode import DrivenMode
 from feeder_sim.scene.prepared import Prepared
-from feeder_sim.scene.rigid_part import RigidPart
 from feeder_sim.scene.scene import GRAVITY, Scene, build_scene
 from feeder_sim.scene.under_parts import motion_under_parts
 
@@ -66,14 +66,20 @@ class DrivePlan:
 
 @dataclass(frozen=True)
 class PartPlan:
-    """One part table; the inertia is about the principal axes."""
+    """One part table.
+
+    `centre_mm` is the centre of mass in the part's file, `inertia_g_mm2` the principal moments of inertia, and
+    `principal_axes` the attitude of their axes in the file, a quaternion with w first.
+    """
 
     name: str
     shape: str
     count: int
     guide: str | None
     mass_g: float
+    centre_mm: list[float]
     inertia_g_mm2: list[float]
+    principal_axes: list[float]
     corners: int
 
 
@@ -178,7 +184,9 @@ def _part_plan(spec: PartSpec, kind: RigidPart) -> PartPlan:
         count=spec.count,
         guide=spec.guide.kind if spec.guide else None,
         mass_g=1e3 * kind.mass,
+        centre_mm=[1e3 * c for c in kind.centre.tolist()],
         inertia_g_mm2=[1e9 * moment for moment in kind.inertia],
+        principal_axes=kind.principal_axes.tolist(),
         corners=len(kind.corners),
     )
 

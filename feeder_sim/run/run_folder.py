@@ -194,7 +194,10 @@ def _run_into(
             libraries=library_versions(),
             inputs=input_hashes(scenario),
             plate=plate_record(prepared),
-            parts=[PartRecord(part.name, part.vertices, part.faces) for part in prepared.scene.parts],
+            parts=[
+                PartRecord(part.name, part.vertices, part.faces, part.centre, part.principal_axes)
+                for part in prepared.scene.parts
+            ],
         )
     checkpoints = CheckpointFolder(folder, _identity(text, scenario))
     recorder = RunRecorder(folder, writer, checkpoints, wall_s_before=wall_s_before)

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from feeder_sim.errors import InputError
+from feeder_sim.part.rigid_part import RigidPart, outline
 from feeder_sim.plate.drive import ModalDrive
 from feeder_sim.plate.surface import Surface
 from feeder_sim.scenario import Heap, PartSpec, Scattered, Scenario, Start, Tube
@@ -17,7 +18,7 @@ from feeder_sim.scene.driven_mode import DrivenMode
 from feeder_sim.scene.driven_plate import DrivenPlate, assemble_plate, motion_terms
 from feeder_sim.scene.free_modes import free_modes
 from feeder_sim.scene.guide import Guide, build_guide
-from feeder_sim.scene.rigid_part import RigidPart, build_part, outline
+from feeder_sim.scene.part import build_part
 from feeder_sim.scene.timetable import TimedStage, Timetable, largest_together, timetable
 
 GRAVITY = 9.81  # [m/s^2]
@@ -89,6 +90,27 @@ class Scene:
     def rim(self) -> bool:
         """Whether a wall stands around the plate."""
         return bool(getattr(self.scenario.plate, "rim", False))
+
+    def principal_attitudes(self, quaternion: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Attitudes (..., parts, 4) of the parts' principal axes, from those of the parts; w first."""
+        return self._by_kind(quaternion, RigidPart.principal_attitude)
+
+    def attitudes(self, principal: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Attitudes (..., parts, 4) of the parts, from those of their principal axes; w first."""
+        return self._by_kind(principal, RigidPart.attitude)
+
+    def _by_kind(
+        self,
+        quaternion: NDArray[np.float64],
+        turned: Callable[[RigidPart, NDArray[np.float64]], NDArray[np.float64]],
+    ) -> NDArray[np.float64]:
+        if not any(kind.is_turned for kind in self.kinds):
+            return quaternion
+        result = np.array(quaternion, float)
+        for k, kind in enumerate(self.kinds):
+            members = self.kind_of == k
+            result[..., members, :] = turned(kind, result[..., members, :])
+        return result
 
     @property
     def n_steps(self) -> int:

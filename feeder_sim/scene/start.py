@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from feeder_sim.errors import InputError
+from feeder_sim.part.rigid_part import RigidPart
 from feeder_sim.scenario import Heap, PartSpec, Scattered, Start
-from feeder_sim.scene.rigid_part import RigidPart
 from feeder_sim.scene.scene import FREE_TILT, UPRIGHT, Scene
 
 APART = 1e-4  # [m]; smallest distance between the bounding spheres of two parts at the start

@@ -16,11 +16,13 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from feeder_sim.errors import LONGEST_MESSAGE, FeederSimError, InputError, quoted
+from feeder_sim.part.mesh_part import MESH_SUFFIXES
+from feeder_sim.part.rigid_part import RigidPart
 from feeder_sim.records import checkpoint
 from feeder_sim.records.checkpoint import Checkpoint, CheckpointFolder, run_identity
 from feeder_sim.scenario import MeshPart, Scenario, parse_scenario
 from feeder_sim.scenario.tables import validated
-from feeder_sim.scene.rigid_part import MESH_SUFFIXES, RigidPart, build_part
+from feeder_sim.scene.part import build_part
 from feeder_sim.scene.scene import build_scene
 
 FILE = Path("scenario.toml")

@@ -15,8 +15,9 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from feeder_sim.engines.impulse import impact, single_impact
+from feeder_sim.part.rigid_part import RigidPart
 from feeder_sim.scenario import Ball, Cylinder, HexNut
-from feeder_sim.scene.rigid_part import RigidPart, build_part
+from feeder_sim.scene.part import build_part
 
 resolve_impact, resolve_single = from_python(impact.resolve_impact), from_python(single_impact.resolve_single)
 NUT, LARGE_NUT = build_part(HexNut(size="M2.5")), build_part(HexNut(size="M5"))

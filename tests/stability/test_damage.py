@@ -80,7 +80,10 @@ def writer(path: Path, scenario: Scenario) -> TrajectoryWriter:
         libraries={},
         inputs={},
         plate=PlateRecord(0.1, 0.1, 3e-3, grid, grid, np.ones((1, 30, 30)), (), np.full(2, np.nan), tuple(drives)),
-        parts=[PartRecord(f"part_{i}", np.eye(3), np.array([[0, 1, 2]])) for i in range(scenario.n_parts)],
+        parts=[
+            PartRecord(f"part_{i}", np.eye(3), np.array([[0, 1, 2]]), np.zeros(3), np.eye(4)[0])
+            for i in range(scenario.n_parts)
+        ],
     )
 
 

@@ -7,8 +7,10 @@ import pytest
 import trimesh
 
 from feeder_sim.errors import InputError
+from feeder_sim.part.mesh_part import MAX_CORNERS
+from feeder_sim.part.solids import ISO_4032
 from feeder_sim.scenario import Ball, Cylinder, HexNut, MeshPart
-from feeder_sim.scene.rigid_part import ISO_4032, MAX_CORNERS, build_part
+from feeder_sim.scene.part import build_part
 
 
 def test_nut_of_the_source_weighs_what_it_should() -> None:
@@ -55,7 +57,7 @@ def test_mesh_file_keeps_mass_and_finds_principal_axes(tmp_path: Path) -> None:
     expected = mass / 12 * np.array([4 + 9, 4 + 25, 9 + 25]) * 1e-6
     assert part.mass == pytest.approx(mass, rel=1e-5)
     assert part.inertia == pytest.approx(expected, rel=1e-5)
-    assert np.sort(np.ptp(part.corners, axis=0)) == pytest.approx([2e-3, 3e-3, 5e-3], rel=1e-5)
+    assert np.sort(np.ptp(part.in_principal_axes(part.corners), axis=0)) == pytest.approx([2e-3, 3e-3, 5e-3], rel=1e-5)
 
 
 def test_hull_of_a_fine_mesh_is_thinned_evenly(tmp_path: Path) -> None:

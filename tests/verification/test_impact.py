@@ -10,8 +10,9 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from feeder_sim.engines.impulse import impact
+from feeder_sim.part.rigid_part import RigidPart
 from feeder_sim.scenario import HexNut
-from feeder_sim.scene.rigid_part import RigidPart, build_part
+from feeder_sim.scene.part import build_part
 
 resolve_impact = from_python(impact.resolve_impact)
 NUT = build_part(HexNut(size="M2.5"))

@@ -19,6 +19,7 @@ from feeder_sim.engines.impulse.hulls import HullLibrary
 from feeder_sim.engines.impulse.kinds import read_kinds
 from feeder_sim.engines.impulse.state import new_parts, new_scratch
 from feeder_sim.engines.surface_arrays import surface_arrays
+from feeder_sim.part.rigid_part import RigidPart
 from feeder_sim.records.trajectory import Frames
 from feeder_sim.scenario import (
     Ball,
@@ -33,7 +34,7 @@ from feeder_sim.scenario import (
     Scenario,
     Start,
 )
-from feeder_sim.scene.rigid_part import RigidPart, build_part
+from feeder_sim.scene.part import build_part
 from feeder_sim.scene.scene import GRAVITY, Scene, build_scene
 
 hull_distance, resolve_single = from_python(hulls.hull_distance), from_python(single_impact.resolve_single)

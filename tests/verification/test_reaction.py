@@ -21,7 +21,7 @@ from feeder_sim.engines.reaction import reaction_at
 from feeder_sim.records.trajectory import Status
 from feeder_sim.scenario import HexNut, Scenario
 from feeder_sim.scene.free_modes import free_modes
-from feeder_sim.scene.rigid_part import build_part
+from feeder_sim.scene.part import build_part
 from feeder_sim.scene.scene import GRAVITY, build_scene
 
 PLATE = {"kind": "rectangle", "mode_file": REPOSITORY / "models" / "plate_180" / "modes.h5"}

@@ -100,7 +100,8 @@ class ImpulseEngine:
 
         poses = start_poses(self._scene, rng)
         centres, attitudes = rim_walls(self._scene)
-        turned = Rotation.from_quat([pose.quaternion for pose in poses], scalar_first=True).as_matrix()
+        principal = self._scene.principal_attitudes(np.array([pose.quaternion for pose in poses]))
+        turned = Rotation.from_quat(principal, scalar_first=True).as_matrix()
         velocity = np.concatenate([[pose.velocity for pose in poses], np.zeros_like(centres)])
         return new_parts(
             np.concatenate([[pose.position for pose in poses], centres]),
@@ -277,7 +278,7 @@ class ImpulseEngine:
         return Frames(
             time=np.asarray((first + np.arange(n)) * self._scene.frame_interval, float),
             position=rows[..., POSITION],
-            quaternion=rows[..., QUATERNION],
+            quaternion=self._scene.attitudes(rows[..., QUATERNION]),
             velocity=rows[..., VELOCITY],
             angular_velocity=rows[..., SPIN],
             present=np.broadcast_to(self._parts["there"][: self._n] != ABSENT, (n, self._n)).copy(),

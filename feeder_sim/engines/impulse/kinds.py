@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from feeder_sim.engines.impulse.free_flight import symmetry_axis
 from feeder_sim.engines.impulse.state import GENERAL_KIND, KIND, Kinds
-from feeder_sim.scene.rigid_part import CORNER_RADIUS
+from feeder_sim.part.rigid_part import CORNER_RADIUS
 from feeder_sim.scene.scene import Scene
 
 RIM_HEIGHT, RIM_THICKNESS = 0.5, 0.02  # [m]; above and below the plate
@@ -24,7 +24,7 @@ def read_kinds(scene: Scene) -> Kinds:
     kinds, contact = scene.kinds, scene.scenario.contact
     mass = [kind.mass for kind in kinds]
     inertia = [kind.inertia for kind in kinds]
-    corners = [np.asarray(kind.corners, float) for kind in kinds]
+    corners = [np.asarray(kind.in_principal_axes(kind.corners), float) for kind in kinds]
     edges = [_hull(points.tobytes())[0] for points in corners]
     planes = [_hull(points.tobytes())[1] for points in corners]
     radius = [kind.corner_radius or CORNER_RADIUS for kind in kinds]

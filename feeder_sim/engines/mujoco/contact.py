@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from feeder_sim.engines.mujoco.units import UNITS
+from feeder_sim.part.rigid_part import RigidPart
 from feeder_sim.scenario import Contact, MujocoSettings
-from feeder_sim.scene.rigid_part import RigidPart
 
 HARD = [0.9999, 0.9999, 1e-3, 0.5, 2.0]  # solimp with MuJoCo's largest impedance: as hard as the solver allows
 MUJOCO_IMPEDANCE = [0.9, 0.95, 1e-3, 0.5, 2.0]  # its default: what rests on a slope creeps

@@ -211,13 +211,14 @@ class MujocoEngine:
         self._there = np.ones(len(scene.parts), bool)
         self._last_pose = np.zeros((len(scene.parts), 7))
         self._poses = start_poses(scene, rng)
-        for start, pose, part in zip(self._part_qpos, self._poses, scene.parts, strict=True):
+        attitudes = scene.principal_attitudes(np.array([pose.quaternion for pose in self._poses]))
+        for start, pose, attitude, part in zip(self._part_qpos, self._poses, attitudes, scene.parts, strict=True):
             if self._slide:
-                self._turn_on_slide(part.name, pose.quaternion)
+                self._turn_on_slide(part.name, attitude)
                 self.data.qpos[start] = (pose.position - self.model.body(part.name).pos) @ self._slide.axis
             else:
                 self.data.qpos[start : start + 3] = pose.position * self._units.length
-                self.data.qpos[start + 3 : start + 7] = pose.quaternion
+                self.data.qpos[start + 3 : start + 7] = attitude
         if self._slide is None:
             for start, pose in zip(self._part_qvel, self._poses, strict=True):
                 self.data.qvel[start : start + 3] = pose.velocity * self._units.length / self._units.time
@@ -305,7 +306,7 @@ class MujocoEngine:
         return Frames(
             time=self._times(len(qpos), first_step),
             position=pose[..., :3] / self._units.length,
-            quaternion=quaternion,
+            quaternion=self._scene.attitudes(quaternion),
             velocity=motion[..., :3] * (self._units.time / self._units.length),
             angular_velocity=turned.reshape(spin.shape) * self._units.time,
             present=np.tile(self._there, (len(qpos), 1)),

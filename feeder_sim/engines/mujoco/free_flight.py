@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from feeder_sim.engines.mujoco.units import Units
 from feeder_sim.machine_code import inlined, uncounted
-from feeder_sim.scene.rigid_part import CORNER_RADIUS
+from feeder_sim.part.rigid_part import CORNER_RADIUS
 from feeder_sim.scene.scene import GRAVITY, Scene
 
 ABOVE = 1e-6  # [m] over the crest: a part comes down to it in steps of MuJoCo's own, from whose state its solver starts
@@ -49,7 +49,7 @@ def flight_of(scene: Scene, units: Units) -> Flight:
     per_metre = antinode[terms.shape] + 2.0 * kind.size * steepest[terms.shape]
     crest = float(np.abs(terms.coefficient) @ per_metre) + ABOVE
     return Flight(
-        corners=units.length * np.asarray(kind.corners, float) if alone else np.empty((0, 3)),
+        corners=units.length * np.asarray(kind.in_principal_axes(kind.corners), float) if alone else np.empty((0, 3)),
         radius=units.length * (kind.corner_radius or CORNER_RADIUS),
         reach=units.length * kind.size,
         inertia=np.asarray(kind.inertia, float),

@@ -21,9 +21,9 @@ import numpy as np
 from feeder_sim.engines.mujoco.contact import HARD, contact_parameters, corner_name, hull_name, part_contact
 from feeder_sim.engines.mujoco.units import UNITS, converted
 from feeder_sim.engines.mujoco.walls import add_rim, add_tube, leaning
+from feeder_sim.part.rigid_part import CORNER_RADIUS, LEVEL, RigidPart
 from feeder_sim.plate.surface import Surface
 from feeder_sim.scene.guide import Guide
-from feeder_sim.scene.rigid_part import CORNER_RADIUS, RigidPart
 from feeder_sim.scene.scene import GRAVITY, Scene
 
 PATCH_MASS_RATIO = 1e6  # patch over part: the part moves its patch by a millionth of its own motion
@@ -105,7 +105,7 @@ def _add_patch(spec: Any, scene: Scene, part: RigidPart, guide: Guide | None) ->
     moment = mass * (0.5 * max(surface.length, surface.width)) ** 2
     # Its acceleration within a step must be zero: its motion is prescribed, gravity included.
     body = spec.worldbody.add_body(name=f"plate_{part.name}", pos=[0.0, 0.0, -top], gravcomp=1.0)
-    _set_inertia(body, mass, [moment, moment, moment])
+    _set_inertia(body, mass, [moment, moment, moment], LEVEL)
     slide, hinge = mujoco.mjtJoint.mjJNT_SLIDE, mujoco.mjtJoint.mjJNT_HINGE
     body.mocap = scene.scenario.mujoco.plate == "mocap"
     if not body.mocap:
@@ -126,10 +126,10 @@ def _add_patch(spec: Any, scene: Scene, part: RigidPart, guide: Guide | None) ->
     return 0.0 if body.mocap else mass + 2.0 * moment
 
 
-def _set_inertia(body: Any, mass: float, inertia: Any) -> None:
+def _set_inertia(body: Any, mass: float, inertia: Any, axes: Any) -> None:
     # An MjsBody whose ipos is left alone gets its centre of mass at the body's own `pos`, not at its origin.
     body.explicitinertial, body.mass, body.inertia = True, mass, inertia
-    body.ipos, body.iquat = [0.0, 0.0, 0.0], [1.0, 0.0, 0.0, 0.0]
+    body.ipos, body.iquat = [0.0, 0.0, 0.0], axes
 
 
 def build_part_mjcf(part: RigidPart) -> Any:
@@ -174,7 +174,7 @@ def _add_part(
 
     lift = -part.corners[:, 2].min() + part.corner_radius
     body = spec.worldbody.add_body(name=part.name, pos=[0.0, 0.0, lift])
-    _set_inertia(body, part.mass, part.inertia)
+    _set_inertia(body, part.mass, part.inertia, part.principal_axes)
     if guide and guide.slides:
         body.pos = [*guide.foot, 0.0] + lift / guide.axis[2] * guide.axis
         body.quat = leaning(guide)

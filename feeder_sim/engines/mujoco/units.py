@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from feeder_sim.part.rigid_part import LEVEL
 from feeder_sim.plate.drive import ModalTerms
 from feeder_sim.scene.scene import Scene
 
@@ -23,7 +24,7 @@ UNITS = {"SI": Units(1.0, 1.0, 1.0), "mm-g-ms": Units(1e3, 1e3, 1e3)}
 
 
 def converted(scene: Scene) -> Scene:
-    """The scene with surface, free parts and timestep in the units of its MuJoCo settings."""
+    """The scene with surface, parts and timestep in the units of its MuJoCo settings; parts in principal axes."""
     length, mass, time = UNITS[scene.scenario.mujoco.units]
     s, t = scene.surface, scene.surface.terms
     surface = replace(
@@ -41,9 +42,11 @@ def converted(scene: Scene) -> Scene:
             kind,
             mass=kind.mass * mass,
             inertia=kind.inertia * mass * length**2,
-            corners=kind.corners * length,
+            corners=kind.in_principal_axes(kind.corners) * length,
             corner_radius=kind.corner_radius * length,
-            vertices=kind.vertices * length,
+            vertices=kind.in_principal_axes(kind.vertices) * length,
+            principal_axes=np.array(LEVEL),
+            pieces=tuple(kind.in_principal_axes(piece) * length for piece in kind.pieces),
         )
         for kind in scene.kinds
     )

@@ -21,9 +21,9 @@ import numpy as np
 from feeder_sim.measures.drift import transport_speed
 from feeder_sim.measures.separation import stage_reports
 from feeder_sim.measures.stage_lines import stage_lines
+from feeder_sim.part.rigid_part import CORNER_RADIUS
 from feeder_sim.records.trajectory import Record
 from feeder_sim.scene.prepared import Prepared
-from feeder_sim.scene.rigid_part import CORNER_RADIUS
 from feeder_sim.scene.scene import GRAVITY, Scene
 
 Raw = dict[str, Any]  # the tables of a scenario file, which methods change

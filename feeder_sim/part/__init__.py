@@ -1,0 +1,1 @@
+"""Rigid parts: their shape, mass, contact corners and stable poses; knows no scenario."""

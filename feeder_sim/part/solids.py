@@ -1,0 +1,92 @@
+"""Parts by dimensions: hexagon nuts, balls, cylinders; their principal axes are those they are drawn in.
+
+Formulas: regular hexagon of circumradius R, area 3 sqrt(3)/2 R^2, polar second moment 5 sqrt(3)/8 R^4; the bore is
+taken out of mass and inertia. Nut dimensions: ISO 4032 (width across flats s, largest height m), bore = nominal size.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from feeder_sim.part.rigid_part import RigidPart
+
+# size: (across flats, height, bore) [mm]
+ISO_4032 = {
+    "M2": (4.0, 1.6, 2.0),
+    "M2.5": (5.0, 2.0, 2.5),
+    "M3": (5.5, 2.4, 3.0),
+    "M4": (7.0, 3.2, 4.0),
+    "M5": (8.0, 4.7, 5.0),
+}
+RIM_CORNERS = 32  # a cylinder touches at this many corners per rim: 0.5 % of the radius inside the true rim, at most
+
+
+def hex_nut(across: float, height: float, bore: float, density: float, name: str) -> RigidPart:
+    """Hexagonal prism with a cylindrical bore along z; the corners are those of the prism.
+
+    Width across flats, height, bore [m]; density [kg/m^3].
+    """
+    radius = across / math.sqrt(3.0)
+    area = 1.5 * math.sqrt(3.0) * radius**2
+    prism, core = density * area * height, density * math.pi * bore**2 / 4.0 * height
+    polar = 5.0 * math.sqrt(3.0) / 8.0 * radius**4 / area  # of the hexagon, per unit mass
+    axial = prism * polar - core * bore**2 / 8.0
+    transverse = prism * (polar / 2.0 + height**2 / 12.0) - core * (bore**2 / 16.0 + height**2 / 12.0)
+    angle = np.arange(6) * math.pi / 3.0
+    rim = radius * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    corners = np.concatenate([np.column_stack([rim, np.full(6, z)]) for z in (-height / 2, height / 2)])
+    vertices, faces = _ring_mesh(rim, bore / 2.0, height)
+    inertia = np.array([transverse, transverse, axial])
+    return RigidPart(name, prism - core, inertia, corners, 0.0, vertices, faces)
+
+
+def ball(diameter: float, density: float, name: str) -> RigidPart:
+    """Solid sphere of a diameter [m] and a density [kg/m^3]."""
+    import trimesh
+
+    radius = diameter / 2.0
+    mass = density * 4.0 / 3.0 * math.pi * radius**3
+    drawn = trimesh.creation.icosphere(subdivisions=3, radius=radius)
+    inertia = np.full(3, 0.4 * mass * radius**2)
+    return RigidPart(name, mass, inertia, np.zeros((1, 3)), radius, np.array(drawn.vertices), np.array(drawn.faces))
+
+
+def cylinder(diameter: float, height: float, density: float, name: str) -> RigidPart:
+    """Solid circular cylinder along z, touching at corners around both rims; lengths [m], density [kg/m^3]."""
+    radius = diameter / 2.0
+    mass = density * math.pi * radius**2 * height
+    transverse = mass * (3.0 * radius**2 + height**2) / 12.0
+    angle = 2.0 * math.pi * np.arange(RIM_CORNERS) / RIM_CORNERS
+    rim = radius * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    corners = np.concatenate([np.column_stack([rim, np.full(RIM_CORNERS, z)]) for z in (-height / 2, height / 2)])
+    vertices, faces = _ring_mesh(rim, 0.0, height)
+    inertia = np.array([transverse, transverse, mass * radius**2 / 2.0])
+    return RigidPart(name, mass, inertia, corners, 0.0, vertices, faces)
+
+
+def _ring_mesh(
+    rim: NDArray[np.float64], bore_radius: float, height: float, per_side: int = 8
+) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    """Closed mesh of a prism over a convex outline (n, 2) with a round bore; radius 0 closes it to the axis."""
+    sides = len(rim)
+    fraction = np.arange(per_side) / per_side
+    outline = np.concatenate([rim[i] + fraction[:, None] * (rim[(i + 1) % sides] - rim[i]) for i in range(sides)])
+    inner = bore_radius * outline / np.linalg.norm(outline, axis=1, keepdims=True)
+    n = len(outline)
+    rings = [(outline, -height / 2), (outline, height / 2), (inner, height / 2), (inner, -height / 2)]
+    vertices = np.concatenate([np.column_stack([ring, np.full(n, z)]) for ring, z in rings])
+    faces = []
+    for a, b in ((0, 1), (1, 2), (2, 3), (3, 0)):
+        i, j = np.arange(n), (np.arange(n) + 1) % n
+        faces += [
+            np.column_stack([a * n + i, a * n + j, b * n + j]),
+            np.column_stack([a * n + i, b * n + j, b * n + i]),
+        ]
+    import trimesh
+
+    mesh = trimesh.Trimesh(vertices, np.concatenate(faces), process=True)
+    mesh.update_faces(mesh.nondegenerate_faces())
+    return np.array(mesh.vertices), np.array(mesh.faces)

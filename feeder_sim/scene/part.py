@@ -1,0 +1,46 @@
+"""Part tables of a scenario -> rigid parts."""
+
+from __future__ import annotations
+
+from feeder_sim.errors import InputError
+from feeder_sim.part.mesh_part import mesh_part
+from feeder_sim.part.rigid_part import RigidPart
+from feeder_sim.part.solids import ISO_4032, ball, cylinder, hex_nut
+from feeder_sim.scenario import Ball, Cylinder, HexNut, PartSpec, resolve_material
+
+LEAST_INERTIA = 1e-15  # [kg], [kg m^2]: what MuJoCo takes for zero; a steel ball of 0.3 mm has just more
+
+
+def build_part(spec: PartSpec, *, name: str = "part") -> RigidPart:
+    """Turn a part of the scenario into a rigid body.
+
+    Raises:
+        InputError: a mesh file that is missing, unreadable, not closed or without volume; a part too small.
+    """
+    part = _shaped(spec, resolve_material(spec.material).density, name)
+    if min(part.mass, part.inertia.min()) < LEAST_INERTIA:
+        raise InputError(
+            f"has a mass of {part.mass:.3g} kg and a moment of inertia of {part.inertia.min():.3g} kg m2, allowed is "
+            f"at least {LEAST_INERTIA:g} each (MuJoCo's limit)",
+            key="part",
+        )
+    return part
+
+
+def _shaped(spec: PartSpec, density: float, name: str) -> RigidPart:
+    if isinstance(spec, HexNut):
+        across, height, bore = (1e-3 * d for d in nut_dimensions(spec))
+        return hex_nut(across, height, bore, density, name)
+    if isinstance(spec, Ball):
+        return ball(spec.diameter_mm * 1e-3, density, name)
+    if isinstance(spec, Cylinder):
+        return cylinder(spec.diameter_mm * 1e-3, spec.height_mm * 1e-3, density, name)
+    return mesh_part(spec.file, spec.file_unit_mm, density, name)
+
+
+def nut_dimensions(spec: HexNut) -> tuple[float, float, float]:
+    """Across flats, height, bore [mm]."""
+    if spec.size is not None:
+        return ISO_4032[spec.size]
+    assert spec.across_flats_mm is not None and spec.height_mm is not None and spec.bore_mm is not None
+    return spec.across_flats_mm, spec.height_mm, spec.bore_mm
