@@ -79,7 +79,7 @@ def _stages_to_first_pick(stages: Sequence[TimedStage]) -> set[int]:
         if stage.cycle == stages[-1].cycle:
             if stage.excitations:
                 numbers.add(number)
-            if stage.clearance is not None:
+            if stage.picks:
                 break
     return numbers
 

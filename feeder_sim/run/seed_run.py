@@ -22,6 +22,7 @@ from feeder_sim.records.trajectory import Frames, Record, Status
 from feeder_sim.run.guard import Guard
 from feeder_sim.run.history import History
 from feeder_sim.run.seed_record import Begun, Recorder, SeedResult
+from feeder_sim.scenario import Pick
 from feeder_sim.scene.cell import PASSAGE_TO
 from feeder_sim.scene.prepared import Prepared
 from feeder_sim.scene.scene import Scene
@@ -226,11 +227,11 @@ class SeedRun:
     def _take_picked(self, block: Block) -> None:
         """Pick at the last frame of the block, if it is time to."""
         last_frame = self._history.n_frames + block.computed - 1
-        clearance = pick_frames(self._scene).get(last_frame)
-        if block.failure or clearance is None:
+        picks = pick_frames(self._scene).get(last_frame)
+        if block.failure or picks is None:
             return
         last = block.frames[slice(-1, None)]
-        picked = pickable(last.position[0], last.on_plate(self._scene.surface)[0], clearance)
+        picked = pickable(self._scene, picks, last)
         if len(picked):
             self._engine.remove(picked)
         block.removals.append(Removals.of(float(last.time[0]), picked, Cause.PICKED))
@@ -305,11 +306,11 @@ def _fields(record: Record) -> dict[str, Any]:
     return {entry.name: getattr(record, entry.name) for entry in fields(Record)}
 
 
-def pick_frames(scene: Scene) -> dict[int, float]:
-    """Frame and clearance [m] of every pick: the first frame at or after the end of its stage, or the last one."""
+def pick_frames(scene: Scene) -> dict[int, tuple[Pick, ...]]:
+    """What is picked at which frame: the first at or after the end of the stage, or the last one."""
     last = scene.n_frames - 1
     return {
-        min(last, math.ceil(stage.end / scene.frame_interval - 1e-6)): stage.clearance
+        min(last, math.ceil(stage.end / scene.frame_interval - 1e-6)): stage.picks
         for stage in scene.times.stages
-        if stage.clearance is not None
+        if stage.picks
     }

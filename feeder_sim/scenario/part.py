@@ -87,6 +87,7 @@ GuideSpec = Annotated[Slide | Tube, Field(discriminator="kind")]
 class _Part(Table):
     """Keys that parts of every shape have."""
 
+    name: Annotated[str, Field(pattern="^[A-Za-z0-9_-]{1,40}$")] | None = None
     material: MaterialChoice = "steel"
     count: Annotated[int, Field(ge=1, le=MAX_PARTS, strict=True)] = 1
     start: StartSpec = Start()

@@ -20,7 +20,7 @@ from feeder_sim.scenario.outline import OutlineFile
 from feeder_sim.scenario.part import MAX_PARTS, MeshPart, PartSpec, Slide, Tube
 from feeder_sim.scenario.plate import MOST_DRIVES, Drive, Excitation, ModePlate, Plate, PlateFile, Rectangle
 from feeder_sim.scenario.run import Contact, MujocoSettings, Run
-from feeder_sim.scenario.schedule import Goal, Schedule
+from feeder_sim.scenario.schedule import Goal, Schedule, Stage
 from feeder_sim.scenario.tables import Table, parse, read_text, validated
 
 
@@ -41,6 +41,15 @@ class Scenario(Table):
     def n_parts(self) -> int:
         """Number of parts of all tables together."""
         return sum(part.count for part in self.part)
+
+    @property
+    def kind_names(self) -> tuple[str, ...]:
+        """Name of the parts of every table: the given one, else the shape, with a number where that is not enough."""
+        names = [part.name or part.shape for part in self.part]
+        return tuple(
+            name if part.name or names.count(name) == 1 else f"{name}_{i}"
+            for i, (part, name) in enumerate(zip(self.part, names, strict=True))
+        )
 
     @property
     def guide(self) -> Slide | Tube | None:
@@ -84,6 +93,22 @@ class Scenario(Table):
             raise ValueError(f"part.count adds up to {self.n_parts}, allowed is up to {MAX_PARTS}")
         if self.n_parts > 1 and self.run.stop != "time":
             raise ValueError(f'run.stop is "{self.run.stop}", allowed is "time" with more than one part')
+        return self
+
+    @model_validator(mode="after")
+    def _picks_of_kinds(self) -> Self:
+        names = self.kind_names
+        for i, name in enumerate(names):
+            if name in names[:i]:
+                raise ValueError(f'part[{i}].name is "{name}", which part[{names.index(name)}] has already')
+        for group in ("prepare", "stage") if self.schedule else ():
+            for i, stage in enumerate(getattr(self.schedule, group)):
+                for pick in stage.pick:
+                    key, kinds = f"schedule.{group}[{i}].pick", ", ".join(names)
+                    if pick.part is not None and pick.part not in names:
+                        raise ValueError(f'{key}.part is "{pick.part}", allowed is {kinds}')
+                    if pick.up and pick.part is None and len(names) > 1:
+                        raise ValueError(f"{key}.up needs the kind whose poses are meant, part: {kinds}")
         return self
 
     @model_validator(mode="after")
@@ -159,10 +184,24 @@ def load_outline_file(path: Path) -> OutlineFile:
 
 def _anchor_paths(scenario: Scenario, folder: Path) -> Scenario:
     """Make the file names in a scenario absolute."""
-    plate, parts = scenario.plate, list(scenario.part)
+    plate, parts, schedule = scenario.plate, list(scenario.part), scenario.schedule
     if isinstance(plate, Rectangle | ModePlate) and plate.mode_file is not None:
         plate = plate.model_copy(update={"mode_file": folder / plate.mode_file})
     for i, part in enumerate(parts):
         if isinstance(part, MeshPart):
             parts[i] = part.model_copy(update={"file": folder / part.file})
-    return scenario.model_copy(update={"plate": plate, "part": tuple(parts)})
+    if schedule is not None:
+        groups = {
+            group: tuple(_anchored_stage(stage, folder) for stage in getattr(schedule, group))
+            for group in ("prepare", "stage")
+        }
+        schedule = schedule.model_copy(update=groups)
+    return scenario.model_copy(update={"plate": plate, "part": tuple(parts), "schedule": schedule})
+
+
+def _anchored_stage(stage: Stage, folder: Path) -> Stage:
+    """The stage with absolute names of the shapes of its grippers."""
+    picks = tuple(
+        pick if pick.shape is None else pick.model_copy(update={"shape": folder / pick.shape}) for pick in stage.pick
+    )
+    return stage.model_copy(update={"pick": picks})

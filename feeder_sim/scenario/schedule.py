@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Self
+from pathlib import Path
+from typing import Annotated, Any, Self
 
-from pydantic import Field, model_validator
+from pydantic import BeforeValidator, Field, model_validator
 
 from feeder_sim.scenario.plate import MOST_DRIVES, Excitation
 from feeder_sim.scenario.tables import LengthMm, NonNegative, Positive, Table
@@ -13,9 +14,29 @@ MOST_STAGES = 100_000  # of all cycles together
 
 
 class Pick(Table):
-    """Take out every part whose centre is farther than the clearance from the centres of all others in plan view."""
+    """Take out every part with room around it: of one kind or all, in some poses or all.
 
-    clearance_mm: LengthMm
+    There is room where the centre of the part is farther than `clearance_mm` from the centres of all others in plan
+    view, and where the fingers of a gripper, `shape`, meet no other part.
+    """
+
+    clearance_mm: LengthMm | None = None
+    shape: Path | None = None
+    up: Annotated[tuple[str, ...], Field(max_length=100)] = ()
+    part: str | None = None
+
+    @model_validator(mode="after")
+    def _needs_room(self) -> Self:
+        if self.clearance_mm is None and self.shape is None:
+            raise ValueError("exactly what room is needed is missing, allowed is clearance_mm, shape or both")
+        return self
+
+
+def _as_list(value: Any) -> Any:
+    return (value,) if isinstance(value, dict | Pick) else value
+
+
+Picks = Annotated[tuple[Pick, ...], BeforeValidator(_as_list), Field(max_length=100)]
 
 
 class Settled(Table):
@@ -26,7 +47,7 @@ class Settled(Table):
 
 
 class Stage(Table):
-    """Modes that are driven together, then a pause without drives, then a pick if there is one.
+    """Modes that are driven together, then a pause without drives, then a pick, or several as a list.
 
     With `until` the drives stop as soon as the parts have settled, and after `duration_s` at the latest. After a drive
     has stopped the plate rings down, also during the stages that follow.
@@ -37,7 +58,7 @@ class Stage(Table):
     duration_s: Positive
     until: Settled | None = None
     pause_s: NonNegative = 0.0
-    pick: Pick | None = None
+    pick: Picks = ()
 
     @model_validator(mode="after")
     def _settles_over_a_drive(self) -> Self:

@@ -5,18 +5,21 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from feeder_sim.errors import InputError
 from feeder_sim.part.rigid_part import RigidPart, outline
+from feeder_sim.part.stable_poses import NONE, PoseTable, stable_poses
 from feeder_sim.plate.drive import ModalDrive
 from feeder_sim.plate.surface import Surface
 from feeder_sim.scenario import Heap, PartSpec, Scattered, Scenario, Start, Tube
 from feeder_sim.scene.driven_mode import DrivenMode
 from feeder_sim.scene.driven_plate import DrivenPlate, assemble_plate, motion_terms
 from feeder_sim.scene.free_modes import free_modes
+from feeder_sim.scene.gripper import read_gripper
 from feeder_sim.scene.guide import Guide, build_guide
 from feeder_sim.scene.part import build_part
 from feeder_sim.scene.timetable import TimedStage, Timetable, largest_together, timetable
@@ -90,6 +93,24 @@ class Scene:
     def rim(self) -> bool:
         """Whether a wall stands around the plate."""
         return bool(getattr(self.scenario.plate, "rim", False))
+
+    @cached_property
+    def poses(self) -> tuple[PoseTable, ...]:
+        """The stable poses of every kind."""
+        return tuple(stable_poses(kind) for kind in self.kinds)
+
+    def pose_numbers(self, quaternion: NDArray[np.float64]) -> NDArray[np.int64]:
+        """Index of the stable pose that each part lies in, or NONE, (..., parts), at attitudes (..., parts, 4)."""
+        number = np.full(quaternion.shape[:-1], NONE)
+        for k, table in enumerate(self.poses):
+            members = self.kind_of == k
+            number[..., members] = table.number(quaternion[..., members, :])
+        return number
+
+    def pose_names(self, quaternion: NDArray[np.float64]) -> list[str | None]:
+        """Name of the stable pose that each part lies in, or None, at attitudes (parts, 4)."""
+        numbers = zip(self.pose_numbers(quaternion), self.kind_of, strict=True)
+        return [None if n == NONE else self.poses[kind].names[n] for n, kind in numbers]
 
     def principal_attitudes(self, quaternion: NDArray[np.float64]) -> NDArray[np.float64]:
         """Attitudes (..., parts, 4) of the parts' principal axes, from those of the parts; w first."""
@@ -211,11 +232,26 @@ def _check_picks(scene: Scene) -> None:
     """Refuse a pause in which no frame is left for the pick after its parts have settled.
 
     Raises:
-        InputError: a stage with `until` and `pick` has a pause shorter than two frames.
+        InputError: a stage with `until` and `pick` has a pause shorter than two frames, or a pick names a pose that
+            its part does not have, or a gripper that cannot be used.
     """
+    names, schedule = scene.scenario.kind_names, scene.scenario.schedule
+    stages = (("prepare", schedule.prepare), ("stage", schedule.stage)) if schedule else ()
+    for group, stage_tables in stages:
+        for i, stage_table in enumerate(stage_tables):
+            for pick in stage_table.pick:
+                if pick.shape is not None:
+                    read_gripper(pick.shape)
+                kind = names.index(pick.part) if pick.part is not None else 0
+                if wrong := [name for name in pick.up if name not in scene.poses[kind].names]:
+                    allowed = ", ".join(scene.poses[kind].names) or "none, for it has no side up"
+                    raise InputError(
+                        f'has "{wrong[0]}", allowed is {allowed} (poses of {names[kind]}, see feeder-sim part)',
+                        key=f"schedule.{group}[{i}].pick.up",
+                    )
     least = 2.0 * scene.frame_interval
     for stage in scene.times.stages:
-        if stage.until and stage.clearance is not None and stage.end - stage.stop < least:
+        if stage.until and stage.picks and stage.end - stage.stop < least:
             raise InputError(
                 f"is {stage.end - stage.stop:g}, allowed is at least two frames, {least:.2g} s, with until and pick",
                 key=f"schedule.{'stage' if stage.cycle else 'prepare'}[{stage.number}].pause_s",

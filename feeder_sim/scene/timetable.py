@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 
 from feeder_sim.plate.drive import ModalDrive
 from feeder_sim.scenario import Scenario
-from feeder_sim.scenario.schedule import Settled, Stage
+from feeder_sim.scenario.schedule import Pick, Settled, Stage
 
 
 @dataclass(frozen=True)
@@ -23,7 +23,7 @@ class TimedStage:
         number: of the stage in its cycle, from 0.
         start, stop, end: begin of the stage, end of its drives, end of its pause [s].
         excitations: indices into `Scenario.excitations`.
-        clearance: of the pick at the end [m]; None without a pick.
+        picks: at the end.
         until: condition that ends the drives before `stop`; None without one.
     """
 
@@ -34,8 +34,13 @@ class TimedStage:
     stop: float
     end: float
     excitations: tuple[int, ...]
-    clearance: float | None
+    picks: tuple[Pick, ...]
     until: Settled | None = None
+
+    @property
+    def clearance(self) -> float | None:
+        """Largest clearance [m] that a pick at the end asks for; None where none does."""
+        return max((1e-3 * pick.clearance_mm for pick in self.picks if pick.clearance_mm is not None), default=None)
 
 
 @dataclass(frozen=True)
@@ -97,7 +102,7 @@ def timetable(scenario: Scenario, stops: Sequence[float] = ()) -> Timetable:
     if schedule is None:
         duration = scenario.run.duration_s
         assert duration is not None  # the scenario's own check
-        stage = TimedStage("", 0, 0, 0.0, duration, duration, tuple(range(len(scenario.drive))), None, None)
+        stage = TimedStage("", 0, 0, 0.0, duration, duration, tuple(range(len(scenario.drive))), (), None)
         stops = [d.start_s + d.duration_s if d.duration_s else math.inf for d in scenario.drive]
         acting = [Occurrence(i, d.start_s, stop) for i, (d, stop) in enumerate(zip(scenario.drive, stops, strict=True))]
         return Timetable((stage,), tuple(acting), duration)
@@ -120,9 +125,8 @@ def _append(
         driven = tuple(range(first_excitation, first_excitation + len(stage.drive)))
         first_excitation += len(stage.drive)
         name = stage.name or f"{'prepare' if cycle == 0 else 'stage'} {number + 1}"
-        clearance = stage.pick.clearance_mm * 1e-3 if stage.pick else None
         end = stop + stage.pause_s
-        stages.append(TimedStage(name, cycle, number, start, stop, end, driven, clearance, stage.until))
+        stages.append(TimedStage(name, cycle, number, start, stop, end, driven, stage.pick, stage.until))
 
 
 def timed(drives: Sequence[ModalDrive], times: Timetable) -> list[ModalDrive]:

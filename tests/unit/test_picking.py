@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from feeder_sim.measures.picking import nearest_neighbours, pickable
+from feeder_sim.measures.picking import isolated, nearest_neighbours
 
 # A pair 4 mm apart, a part 10 mm from the pair's second one, and one far away [mm].
 PLACES = 1e-3 * np.array([[0.0, 0.0, 1.0], [4.0, 0.0, 1.0], [4.0, 10.0, 1.0], [50.0, 0.0, 1.0]])
@@ -37,23 +37,23 @@ def test_parts_in_one_place_are_no_distance_apart() -> None:
     [(3.0, [0, 1, 2, 3]), (4.5, [2, 3]), (9.9, [2, 3]), (10.1, [3]), (46.1, [])],
 )
 def test_what_is_farther_than_the_clearance_is_picked(clearance_mm: float, expected: list[int]) -> None:
-    assert list(pickable(PLACES, ALL, 1e-3 * clearance_mm)) == expected
+    assert np.flatnonzero(isolated(PLACES, ALL, 1e-3 * clearance_mm)).tolist() == expected
 
 
 def test_who_stands_exactly_at_the_clearance_is_not_picked() -> None:
     apart = np.array([[0.0, 0.0, 0.0], [0.25, 0.0, 0.0]])
-    assert list(pickable(apart, np.ones(2, bool), 0.25)) == []
-    assert list(pickable(apart, np.ones(2, bool), np.nextafter(0.25, 0.0))) == [0, 1]
+    assert np.flatnonzero(isolated(apart, np.ones(2, bool), 0.25)).tolist() == []
+    assert np.flatnonzero(isolated(apart, np.ones(2, bool), np.nextafter(0.25, 0.0))).tolist() == [0, 1]
 
 
 def test_distance_is_seen_from_above() -> None:
     stacked = PLACES.copy()
     stacked[3] = [0.0, 0.0, 0.5]  # far above the first one
-    assert list(pickable(stacked, ALL, 9e-3)) == [2]
+    assert np.flatnonzero(isolated(stacked, ALL, 9e-3)).tolist() == [2]
 
 
 def test_parts_that_are_gone_are_neither_picked_nor_in_the_way() -> None:
     there = np.array([True, False, True, True])
-    assert list(pickable(PLACES, there, 9.9e-3)) == [0, 2, 3]
-    assert list(pickable(PLACES, np.array([False, False, True, False]), 1.0)) == [2]
-    assert list(pickable(PLACES, np.zeros(4, bool), 1e-3)) == []
+    assert np.flatnonzero(isolated(PLACES, there, 9.9e-3)).tolist() == [0, 2, 3]
+    assert np.flatnonzero(isolated(PLACES, np.array([False, False, True, False]), 1.0)).tolist() == [2]
+    assert np.flatnonzero(isolated(PLACES, np.zeros(4, bool), 1e-3)).tolist() == []

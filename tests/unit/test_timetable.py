@@ -41,7 +41,7 @@ def two_cycles() -> Scenario:
             prepare=(Stage(drive=(low,), duration_s=1.0, pause_s=0.5), Stage(name="rest", duration_s=0.25)),
             stage=(
                 Stage(name="gather", drive=(high, low), duration_s=2.0),
-                Stage(drive=(low,), duration_s=0.5, pause_s=0.25, pick=Pick(clearance_mm=7.0)),
+                Stage(drive=(low,), duration_s=0.5, pause_s=0.25, pick=(Pick(clearance_mm=7.0),)),
             ),
         ),
         plate=PistonPlate(kind="piston"),
@@ -51,12 +51,12 @@ def two_cycles() -> Scenario:
 def test_stages_follow_one_another_over_the_cycles() -> None:
     found = timetable(two_cycles())
     assert found.stages == (
-        TimedStage("prepare 1", 0, 0, 0.0, 1.0, 1.5, (0,), None),
-        TimedStage("rest", 0, 1, 1.5, 1.75, 1.75, (), None),
-        TimedStage("gather", 1, 0, 1.75, 3.75, 3.75, (1, 2), None),
-        TimedStage("stage 2", 1, 1, 3.75, 4.25, 4.5, (3,), 7e-3),
-        TimedStage("gather", 2, 0, 4.5, 6.5, 6.5, (1, 2), None),
-        TimedStage("stage 2", 2, 1, 6.5, 7.0, 7.25, (3,), 7e-3),
+        TimedStage("prepare 1", 0, 0, 0.0, 1.0, 1.5, (0,), ()),
+        TimedStage("rest", 0, 1, 1.5, 1.75, 1.75, (), ()),
+        TimedStage("gather", 1, 0, 1.75, 3.75, 3.75, (1, 2), ()),
+        TimedStage("stage 2", 1, 1, 3.75, 4.25, 4.5, (3,), (Pick(clearance_mm=7.0),)),
+        TimedStage("gather", 2, 0, 4.5, 6.5, 6.5, (1, 2), ()),
+        TimedStage("stage 2", 2, 1, 6.5, 7.0, 7.25, (3,), (Pick(clearance_mm=7.0),)),
     )
     assert found.duration == 7.25
 
@@ -93,7 +93,7 @@ def test_drives_without_a_schedule_are_one_stage() -> None:
     scenario = strip_scenario(duration_s=0.3)
     late = Drive(frequency_hz=FREQUENCY, amplitude_um=1.0, start_s=0.1, duration_s=0.15)
     found = timetable(scenario.model_copy(update={"drive": (*scenario.drive, late)}))
-    assert found.stages == (TimedStage("", 0, 0, 0.0, 0.3, 0.3, (0, 1), None),)
+    assert found.stages == (TimedStage("", 0, 0, 0.0, 0.3, 0.3, (0, 1), ()),)
     assert [(o.excitation, o.start, o.stop) for o in found.occurrences] == [(0, 0.0, math.inf), (1, 0.1, 0.25)]
     assert found.duration == 0.3
 
