@@ -8,7 +8,8 @@ from feeder_sim.measures.arrivals import Arrivals
 from feeder_sim.measures.bounces import Bounces
 from feeder_sim.measures.circulation import Circulation
 from feeder_sim.measures.drift import Drift
+from feeder_sim.measures.poses import Poses
 from feeder_sim.measures.protocol import Measure
 from feeder_sim.measures.separation import Separation
 
-MEASURES: tuple[Measure[Any], ...] = (Drift(), Bounces(), Separation(), Arrivals(), Circulation())
+MEASURES: tuple[Measure[Any], ...] = (Drift(), Bounces(), Separation(), Poses(), Arrivals(), Circulation())

@@ -11,6 +11,7 @@ from typing import NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from feeder_sim.part.stable_poses import PoseTable
 from feeder_sim.plate.drive import ModalDrive
 from feeder_sim.plate.outline import Outline
 from feeder_sim.records.impacts import Impacts
@@ -181,6 +182,7 @@ class PartRecord:
         vertices, faces: drawn mesh, from the centre of mass, shapes (n, 3) [m] and (m, 3).
         centre: of mass, from the origin of its file, shape (3,) [m].
         principal_axes: their attitude, quaternion (4,), w first.
+        poses: its stable poses.
     """
 
     name: str
@@ -188,6 +190,7 @@ class PartRecord:
     faces: NDArray[np.int64]
     centre: NDArray[np.float64]
     principal_axes: NDArray[np.float64]
+    poses: PoseTable
 
 
 class WallTime(NamedTuple):

@@ -15,6 +15,8 @@ Layout, schema version 4 (SI units, in the `unit` attribute of every dataset):
     /drive/drive_frequency, natural_frequency, amplitude, phase, damping_ratio   (k,)  NaN: no ring-up
     /parts/NAME/vertices, faces               drawn mesh from the centre of mass, in the axes of its file
     /parts/NAME/centre, principal_axes        (3,), (4,): of mass in the file; attitude of the principal axes in it
+    /parts/NAME/poses/height, chance, yaws    of every stable pose, from A on
+    /parts/NAME/poses/pose, down, attitude    (k,), (k, 3), (k, 4): directions that point down in a pose; see PoseTable
     /seeds/NNN/time, position, quaternion, velocity, angular_velocity, present, status
     /seeds/NNN/unresolved_impacts  (1,)       impacts whose iteration was given up
     /seeds/NNN/wall_time  (2,)                of the seed, and of the ensemble when that was noted
@@ -41,12 +43,12 @@ from feeder_sim.hdf5_text import get_text
 from feeder_sim.hdf5_trust import check_trusted
 from feeder_sim.records.impacts import Impacts
 from feeder_sim.records.own_files import check_no_links
+from feeder_sim.records.part_group import read_part
 from feeder_sim.records.plate_group import read_plate
 from feeder_sim.records.removals import Removals
 from feeder_sim.records.trajectory import (
     FRAME_FIELDS,
     Frames,
-    PartRecord,
     Record,
     Recording,
     Status,
@@ -93,7 +95,7 @@ def _recording(path: Path, file: Any) -> Recording:
         libraries=dict(json.loads(str(get_text(file.attrs, "libraries")))),
         inputs=dict(json.loads(str(get_text(file.attrs, "inputs")))),
         plate=read_plate(file),
-        parts=tuple(_read_part(name, file["parts"][name]) for name in sorted(file["parts"], key=_part_number)),
+        parts=tuple(read_part(name, file["parts"][name]) for name in sorted(file["parts"], key=_part_number)),
         records=tuple(read_record(group) for group in groups),
         status=tuple(Status(int(group["status"][0])) for group in groups),
         unresolved_impacts=tuple(int(group["unresolved_impacts"][0]) for group in groups),
@@ -145,11 +147,6 @@ def read_record(group: Any) -> Record:
 
 def _part_number(name: str) -> int:
     return int(name.rpartition("_")[2])
-
-
-def _read_part(name: str, group: Any) -> PartRecord:
-    names = ("vertices", "faces", "centre", "principal_axes")
-    return PartRecord(name, *(group[name][()] for name in names))
 
 
 def seed_name(index: int) -> str:

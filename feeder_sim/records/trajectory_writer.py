@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from feeder_sim import __version__
 from feeder_sim.errors import RecordingFailed, cause_of
 from feeder_sim.hdf5_text import put_array, put_text
+from feeder_sim.records.part_group import write_part
 from feeder_sim.records.plate_group import write_plate
 from feeder_sim.records.trajectory import BLOCK_FRAMES, FRAME_FIELDS, PartRecord, PlateRecord, Record, Status, WallTime
 from feeder_sim.records.trajectory_file import (
@@ -92,10 +93,7 @@ class TrajectoryWriter:
         for part in parts:
             first = written.setdefault(id(part.vertices), part.name)
             if first == part.name:
-                put_array(self._file, f"parts/{part.name}/vertices", part.vertices, "m")
-                put_array(self._file, f"parts/{part.name}/faces", part.faces, "1")
-                put_array(self._file, f"parts/{part.name}/centre", part.centre, "m")
-                put_array(self._file, f"parts/{part.name}/principal_axes", part.principal_axes, "1")
+                write_part(self._file, part)
             else:
                 self._file[f"parts/{part.name}"] = self._file[f"parts/{first}"]
 

@@ -182,7 +182,7 @@ def _run_into(
     wall_s_before: float = 0.0,
 ) -> Result:
     """Simulate a scene into a folder; what has begun is copied into the new trajectory file first."""
-    scenario, new = prepared.scenario, folder / f"{TRAJECTORY}.new"
+    scenario, scene, new = prepared.scenario, prepared.scene, folder / f"{TRAJECTORY}.new"
     new.unlink(missing_ok=True)
     with announced(f"making the file for {scenario.run.seeds} seeds", notify):
         writer = TrajectoryWriter(
@@ -195,8 +195,8 @@ def _run_into(
             inputs=input_hashes(scenario),
             plate=plate_record(prepared),
             parts=[
-                PartRecord(part.name, part.vertices, part.faces, part.centre, part.principal_axes)
-                for part in prepared.scene.parts
+                PartRecord(part.name, part.vertices, part.faces, part.centre, part.principal_axes, scene.poses[kind])
+                for part, kind in zip(scene.parts, scene.kind_of, strict=True)
             ],
         )
     checkpoints = CheckpointFolder(folder, _identity(text, scenario))

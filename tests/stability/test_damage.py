@@ -18,6 +18,7 @@ from conftest import REPOSITORY, StopsAfter
 
 import feeder_sim.run.recorder as recorder
 from feeder_sim.errors import InputError
+from feeder_sim.part.stable_poses import PoseTable
 from feeder_sim.plate.drive import ModalDrive
 from feeder_sim.plate.mode_file import ModeFile, read_mode_file, write_mode_file
 from feeder_sim.records.checkpoint import Checkpoint, CheckpointFolder, run_identity
@@ -81,7 +82,7 @@ def writer(path: Path, scenario: Scenario) -> TrajectoryWriter:
         inputs={},
         plate=PlateRecord(0.1, 0.1, 3e-3, grid, grid, np.ones((1, 30, 30)), (), np.full(2, np.nan), tuple(drives)),
         parts=[
-            PartRecord(f"part_{i}", np.eye(3), np.array([[0, 1, 2]]), np.zeros(3), np.eye(4)[0])
+            PartRecord(f"part_{i}", np.eye(3), np.array([[0, 1, 2]]), np.zeros(3), np.eye(4)[0], PoseTable(()))
             for i in range(scenario.n_parts)
         ],
     )

@@ -1,0 +1,150 @@
+"""Poses: which side up the parts of each kind lie, at the end of every stage and when they are picked."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from feeder_sim.measures.protocol import ended, labelled
+from feeder_sim.measures.statistic import Statistic
+from feeder_sim.part.stable_poses import NONE
+from feeder_sim.records.removals import Cause
+from feeder_sim.records.trajectory import SeedRecord
+from feeder_sim.scene.prepared import Prepared
+from feeder_sim.scene.scene import Scene
+
+
+@dataclass(frozen=True)
+class PoseShares:
+    """The poses of one kind at the end of one stage, over the seeds; shares are of its parts on the plate.
+
+    Attributes:
+        cycle, stage: as in the schedule; without one, the end of the run.
+        end_s: time of the end.
+        shares: of every pose in the order of its name [1].
+        other: share of parts in none of them, as those that lean on others [1].
+        changed: parts in another pose than at the end of the stage before.
+    """
+
+    cycle: int
+    stage: str
+    end_s: Statistic
+    shares: tuple[Statistic, ...]
+    other: Statistic
+    changed: Statistic
+
+
+@dataclass(frozen=True)
+class KindPoses:
+    """The poses of one kind of parts.
+
+    Attributes:
+        kind: its name.
+        names, heights_mm: of its poses, and the heights of the centre of mass in them.
+        stages: one entry for each end of a stage.
+        picked: parts picked in every pose, in the whole run.
+        picked_other: parts picked in none of them.
+    """
+
+    kind: str
+    names: tuple[str, ...]
+    heights_mm: tuple[float, ...]
+    stages: tuple[PoseShares, ...]
+    picked: tuple[Statistic, ...]
+    picked_other: Statistic
+
+
+@dataclass(frozen=True)
+class PoseFindings:
+    """One entry for each kind of parts that has stable poses."""
+
+    pose_kinds: tuple[KindPoses, ...]
+
+
+class Poses:
+    """Which side up many parts lie."""
+
+    def applies(self, prepared: Prepared) -> bool:
+        scene = prepared.scene
+        many = prepared.scenario.schedule is not None or len(scene.parts) > 1
+        return many and not prepared.scenario.run.planar and any(table.poses for table in scene.poses)
+
+    def compute(self, prepared: Prepared, seeds: Sequence[SeedRecord]) -> PoseFindings:
+        scene, counted = prepared.scene, ended(seeds, left_plate=True)
+        seen = [_Seen(scene, seed) for seed in counted]
+        names = prepared.scenario.kind_names
+        return PoseFindings(
+            tuple(_of_kind(scene, k, name, seen) for k, name in enumerate(names) if scene.poses[k].poses)
+        )
+
+    def lines(self, prepared: Prepared, findings: PoseFindings) -> list[str]:
+        lines = []
+        for kind in findings.pose_kinds:
+            last = kind.stages[-1]
+            shares = [f"{name} {_percent(share)}" for name, share in zip(kind.names, last.shares, strict=True)]
+            if any(share.n for share in last.shares):
+                lines.append(labelled(f"{kind.kind} lie", ", ".join([*shares, f"else {_percent(last.other)}"])))
+        return lines
+
+
+def _percent(share: Statistic) -> str:
+    interval = f" +- {100.0 * share.se:.0f}" if share.n > 1 else ""
+    return f"{100.0 * share.mean:.0f}{interval} %"
+
+
+class _Seen:
+    """What one seed shows: the pose of every part at the end of each stage reached, and at its pick."""
+
+    def __init__(self, scene: Scene, seed: SeedRecord) -> None:
+        frames, removals = seed.frames, seed.removals
+        stages = scene.stages(seed.stops.tolist())
+        self.end = [s.end for s in stages if s.end <= float(frames.time[-1]) + scene.frame_interval]
+        rows = np.array([frames.row_at(end) for end in self.end], np.int64)
+        self.number: NDArray[np.int64] = scene.pose_numbers(frames.quaternion[rows])
+        self.before: NDArray[np.int64] = scene.pose_numbers(frames.quaternion[np.append(0, rows)[:-1]])
+        self.there = np.array([frames[slice(row, row + 1)].on_plate(scene.surface)[0] for row in rows], bool)
+        picked = removals.cause == Cause.PICKED
+        self.picked = removals.part[picked]
+        at = [frames.row_at(time) for time in removals.time[picked]]
+        self.picked_number = np.array(
+            [scene.pose_numbers(frames.quaternion[row])[part] for row, part in zip(at, self.picked, strict=True)],
+            np.int64,
+        )
+
+
+def _of_kind(scene: Scene, kind: int, name: str, seen: list[_Seen]) -> KindPoses:
+    """Findings about one kind of parts."""
+    table, members = scene.poses[kind], scene.kind_of == kind
+    stages = []
+    for n, stage in enumerate(scene.times.stages):
+        reached = [seed for seed in seen if len(seed.end) > n]
+        of_kind = [seed.there[n] & members for seed in reached]
+        number = [seed.number[n][there] for seed, there in zip(reached, of_kind, strict=True)]
+        before = [seed.before[n][there] for seed, there in zip(reached, of_kind, strict=True)]
+        stages.append(
+            PoseShares(
+                cycle=stage.cycle,
+                stage=stage.name,
+                end_s=Statistic.of(seed.end[n] for seed in reached),
+                shares=tuple(_share(number, pose) for pose in range(len(table.poses))),
+                other=_share(number, NONE),
+                changed=Statistic.of(float((a != b).sum()) for a, b in zip(number, before, strict=True)),
+            )
+        )
+    taken = [seed.picked_number[members[seed.picked]] for seed in seen]
+    return KindPoses(
+        kind=name,
+        names=table.names,
+        heights_mm=tuple(1e3 * pose.height for pose in table.poses),
+        stages=tuple(stages),
+        picked=tuple(Statistic.of(float((n == pose).sum()) for n in taken) for pose in range(len(table.poses))),
+        picked_other=Statistic.of(float((n == NONE).sum()) for n in taken),
+    )
+
+
+def _share(numbers: list[NDArray[np.int64]], pose: int) -> Statistic:
+    """Share of a pose, over the seeds with parts on the plate."""
+    return Statistic.of(float((number == pose).mean()) for number in numbers if len(number))

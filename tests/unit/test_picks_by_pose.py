@@ -1,0 +1,186 @@
+"""Picks of one kind, the right side up, with room for a gripper; and shares of poses, on parts placed by hand."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import trimesh
+from scipy.spatial.transform import Rotation
+
+from feeder_sim.errors import InputError
+from feeder_sim.measures.picking import pickable
+from feeder_sim.measures.poses import Poses
+from feeder_sim.records.impacts import Impacts
+from feeder_sim.records.removals import Cause, Removals
+from feeder_sim.records.trajectory import Frames, SeedRecord, Status
+from feeder_sim.run.prepare import prepare
+from feeder_sim.scenario import Scenario
+from feeder_sim.scenario.schedule import Pick
+from feeder_sim.scenario.tables import validated
+from feeder_sim.scene.scene import Scene, build_scene
+
+FLAT, EDGE = 0.0, 90.0  # [deg]; tilt of a nut
+END = 50
+
+
+def scenario(picks: Any = None, **nuts: Any) -> Scenario:
+    """Three nuts and two rods, driven for 0.05 s, pause 0.05 s, pick."""
+    scattered = {"kind": "scattered"}
+    raw: dict[str, Any] = {
+        "plate": {"kind": "strip", "thickness_mm": 3.0, "length_mm": 110.0},
+        "schedule": {
+            "stage": [
+                {
+                    "drive": [{"frequency_hz": 4750.0, "amplitude_um": 1.0}],
+                    "duration_s": 0.05,
+                    "pause_s": 0.05,
+                    "pick": picks or {"clearance_mm": 1.0},
+                }
+            ]
+        },
+        "part": [
+            {"shape": "hex_nut", "size": "M2.5", "count": 3, "start": scattered} | nuts,
+            {"shape": "cylinder", "name": "rod", "diameter_mm": 2.0, "height_mm": 8.0, "count": 2, "start": scattered},
+        ],
+        "run": {"seeds": 1},
+    }
+    return validated(raw, Scenario, Path("scenario.toml"))
+
+
+PLACES_MM = [(-40.0, 0.0), (-20.0, 0.0), (0.0, 0.0), (20.0, 0.0), (40.0, 0.0)]
+
+
+def lying(scene: Scene, tilts_deg: list[float], places_mm: list[tuple[float, float]], yaw_deg: float = 0.0) -> Frames:
+    """Parts that lie still, turned over by a tilt about x, at the height of that attitude."""
+    tilts = np.radians(tilts_deg)[:, None] * [1.0, 0.0, 0.0]
+    turn = Rotation.from_euler("z", yaw_deg, degrees=True) * Rotation.from_rotvec(tilts)
+    attitude = turn.as_quat(scalar_first=True)
+    height = [-part.lowest(q) for part, q in zip(scene.parts, attitude, strict=True)]
+    position = np.column_stack([1e-3 * np.array(places_mm), height])
+    n = scene.n_frames
+    still, there = np.zeros((n, len(scene.parts), 3)), np.ones((n, len(scene.parts)), bool)
+    time = scene.frame_interval * np.arange(n, dtype=float)
+    return Frames(time, np.tile(position, (n, 1, 1)), np.tile(attitude, (n, 1, 1)), still, still, there)
+
+
+@pytest.mark.parametrize(
+    ("pick", "taken"),
+    [
+        ({"part": "hex_nut"}, [0, 1, 2]),
+        ({"part": "rod"}, [3, 4]),
+        ({"part": "hex_nut", "up": ["A"]}, [0, 2]),
+        ({"part": "hex_nut", "up": ["B"]}, [1]),
+        ({"part": "hex_nut", "up": ["A", "B"]}, [0, 1, 2]),
+        ({"part": "rod", "up": ["B"]}, [4]),  # upright; lying it is lower, A
+        ({}, [0, 1, 2, 3, 4]),
+    ],
+)
+def test_kind_and_side_up(pick: dict[str, Any], taken: list[int]) -> None:
+    scene = build_scene(scenario())
+    frames = lying(scene, [FLAT, EDGE, 180.0, EDGE, 0.0], PLACES_MM)
+    assert pickable(scene, [Pick.model_validate({"clearance_mm": 5.0} | pick)], frames).tolist() == taken
+
+
+def test_others_are_in_the_way_whatever_their_kind() -> None:
+    scene = build_scene(scenario())
+    frames = lying(scene, [FLAT, EDGE, FLAT, EDGE, 0.0], [(-40.0, 0.0), (-34.0, 0.0), (0.0, 0.0), (7.0, 0.0), (30, 0)])
+    pick = Pick.model_validate({"clearance_mm": 8.0, "part": "hex_nut", "up": ["A"]})
+    assert pickable(scene, [pick], frames).tolist() == []
+    assert pickable(scene, [pick, Pick(clearance_mm=5.0, part="rod")], frames).tolist() == [3, 4]
+
+
+def fingers(folder: Path, gap_mm: float = 6.0, *, along: str = "x") -> Path:
+    """Two fingers of 1 x 4 mm on either side, 20 mm high."""
+    bodies = []
+    for side in (-1.0, 1.0):
+        body = trimesh.creation.box(extents=[1.0, 4.0, 20.0] if along == "x" else [4.0, 1.0, 20.0])
+        shift = 0.5 * (gap_mm + 1.0) * side
+        body.apply_translation([shift, 0.0, 10.0] if along == "x" else [0.0, shift, 10.0])
+        bodies.append(body)
+    path = folder / f"gripper_{along}.stl"
+    trimesh.util.concatenate(bodies).export(path)
+    return path
+
+
+def test_a_gripper_needs_room_for_its_fingers(tmp_path: Path) -> None:
+    scene = build_scene(scenario())
+    # The second rod, upright, stands where a finger beside the first nut would be; at other yaws there is room.
+    frames = lying(scene, [FLAT, EDGE, FLAT, EDGE, 0.0], [(0.0, 0.0), (-20.0, 0.0), (20.0, 0.0), (40.0, 0), (0.0, 4.0)])
+    gripper = Pick(shape=fingers(tmp_path), part="hex_nut", up=("A",))
+    assert pickable(scene, [gripper], frames).tolist() == [0, 2]
+    # Two rods side by side along x: one stands between the fingers' way on either side of the other at both yaws.
+    rods = lying(scene, [FLAT, FLAT, FLAT, EDGE, EDGE], [(-40.0, 0), (-30.0, 0), (45.0, 0), (0.0, 0.0), (4.0, 0.0)])
+    across = Pick(shape=fingers(tmp_path, 4.0), part="rod")
+    assert pickable(scene, [across], rods).tolist() == []
+    apart = lying(scene, [FLAT, FLAT, FLAT, EDGE, EDGE], [(-40.0, 0), (-30.0, 0), (45.0, 0), (0.0, 0.0), (8.0, 0.0)])
+    assert pickable(scene, [across], apart).tolist() == [3, 4]
+
+
+def test_fingers_turn_with_the_part(tmp_path: Path) -> None:
+    """A rod on its side is gripped across: what lies at its ends is not in the way, at any yaw of both together."""
+    scene = build_scene(scenario())
+    way = np.array([0.0, 1.0]) * 7.0
+    for yaw in (0.0, 33.0, 120.0):
+        c, s = np.cos(np.radians(yaw)), np.sin(np.radians(yaw))
+        end = (float(c * way[0] - s * way[1]), float(s * way[0] + c * way[1]))  # beyond its end
+        side = (-end[1] * 0.6, end[0] * 0.6)
+        for beside, taken in ((end, True), (side, False)):
+            places = [(-40.0, 10.0), (-40.0, -10.0), beside, (0.0, 0.0), (40.0, 0.0)]
+            frames = lying(scene, [FLAT, FLAT, FLAT, EDGE, EDGE], places, yaw)
+            axis = Rotation.from_quat(frames.quaternion[0, 3], scalar_first=True).apply([0.0, 0.0, 1.0])
+            assert abs(axis[:2] @ np.array(end)) == pytest.approx(7.0, abs=1e-6)
+            level = scene.poses[1].poses[0].attitude[0]  # which way the rod points at yaw 0
+            x, y, _ = Rotation.from_quat(level, scalar_first=True).apply([0.0, 0.0, 1.0])
+            across = "x" if abs(y) > abs(x) else "y"
+            assert max(abs(x), abs(y)) > 0.99
+            found = pickable(scene, [Pick(shape=fingers(tmp_path, 3.0, along=across), part="rod")], frames)
+            assert (3 in found) == taken
+
+
+@pytest.mark.parametrize(
+    ("pick", "line"),
+    [
+        ({"clearance_mm": 5.0, "part": "nut"}, r'pick\.part is "nut", allowed is hex_nut, rod'),
+        ({"clearance_mm": 5.0, "up": ["A"]}, r"pick\.up needs the kind whose poses are meant, part: hex_nut, rod"),
+        ({"clearance_mm": 5.0, "part": "rod", "up": ["C"]}, r'pick\.up: has "C", allowed is A, B \(poses of rod'),
+        ({"up": ["A"]}, r"allowed is clearance_mm, shape or both"),
+    ],
+)
+def test_bad_picks_are_one_line(pick: dict[str, Any], line: str) -> None:
+    with pytest.raises(InputError, match=line):
+        build_scene(scenario(pick))
+
+
+def test_names_of_kinds_are_their_own() -> None:
+    with pytest.raises(InputError, match=r'part\[1\]\.name is "rod", which part\[0\] has already'):
+        scenario(name="rod")
+    assert scenario().kind_names == ("hex_nut", "rod")
+
+
+def test_a_gripper_whose_fingers_are_one_body_is_refused(tmp_path: Path) -> None:
+    fork = trimesh.creation.annulus(r_min=3.0, r_max=4.0, height=5.0)
+    fork.export(tmp_path / "ring.stl")
+    with pytest.raises(InputError, match=r"ring\.stl: pick\.shape: holds a body whose hull has .* convex bodies"):
+        build_scene(scenario({"shape": str(tmp_path / "ring.stl")}))
+
+
+def test_shares_of_poses_by_hand() -> None:
+    prepared = prepare(scenario())
+    first = lying(prepared.scene, [FLAT, EDGE, FLAT, EDGE, 40.0], PLACES_MM)
+    over = lying(prepared.scene, [FLAT, EDGE, EDGE, EDGE, 0.0], PLACES_MM)
+    frames = Frames.joined([first[slice(0, 10)], over[slice(10, None)]])  # a nut and a rod change over
+    picked = Removals.of(float(frames.time[-1]), np.array([0, 2, 3]), Cause.PICKED)
+    seed = SeedRecord(frames, Impacts.none(), picked, np.empty(0), Status.DONE)
+    nuts, rods = Poses().compute(prepared, [seed]).pose_kinds
+    assert [share.mean for share in nuts.stages[0].shares] == pytest.approx([1 / 3, 2 / 3])
+    assert nuts.stages[0].other.mean == 0.0
+    assert nuts.stages[0].changed.mean == 1.0
+    assert [n.mean for n in nuts.picked] == [1.0, 1.0]
+    assert [share.mean for share in rods.stages[0].shares] == [0.5, 0.5]
+    assert [n.mean for n in rods.picked] == [1.0, 0.0]
+    assert nuts.heights_mm == pytest.approx((1.0, 2.5))
+    lines = Poses().lines(prepared, Poses().compute(prepared, [seed]))
+    assert lines == ["hex_nut lie      A 33 %, B 67 %, else 0 %", "rod lie          A 50 %, B 50 %, else 0 %"]
