@@ -9,12 +9,16 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 
+import numpy as np
+
 from feeder_sim.errors import InputError
-from feeder_sim.scenario import Rectangle, Strip, resolve_material
+from feeder_sim.scenario import Placed, Rectangle, Strip, resolve_material
 from feeder_sim.scene.scene import Scene
+from feeder_sim.scene.start import reaching_hulls, start_poses
 from feeder_sim.scene.timetable import largest_together
 
 FASTEST = 100.0  # [m/s] of the surface; plates of feeders reach 1 m/s
+MOST_PLACED = 100  # parts, whose overlap at the start is looked at
 BREAKS = 1e8  # [Pa] of alternating stress, at which plates of aluminium and steel do not live long
 
 
@@ -69,6 +73,12 @@ def doubts(scene: Scene) -> Iterator[str]:
                 f"drive: moves the surface at {speed:.2g} m/s, which bends the plate with {1e-6 * stress:.0f} MPa: it "
                 "would break before long"
             )
+    if any(isinstance(spec.start, Placed) for spec in scene.scenario.part) and len(scene.parts) <= MOST_PLACED:
+        reaching = reaching_hulls(scene, start_poses(scene, np.random.default_rng(scene.scenario.run.seed)))
+        if reaching:
+            a, b = reaching[0]
+            more = f", and {len(reaching) - 1} more pairs" if len(reaching) > 1 else ""
+            yield f"part.start: the hulls of {a} and {b} overlap{more}: contact will push them apart"
     shorter = min(scene.surface.length, scene.surface.width)
     for i, (spec, kind) in enumerate(zip(scene.scenario.part, scene.kinds, strict=True)):
         if spec.guide is None and kind.longest > shorter:

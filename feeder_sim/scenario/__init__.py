@@ -2,7 +2,19 @@
 
 from feeder_sim.scenario.attachments import Actuator, Bar, BondedLayer, Mass
 from feeder_sim.scenario.material import CustomMaterial, resolve_material
-from feeder_sim.scenario.part import Ball, Cylinder, Heap, HexNut, MeshPart, PartSpec, Scattered, Slide, Start, Tube
+from feeder_sim.scenario.part import (
+    Ball,
+    Cylinder,
+    Heap,
+    HexNut,
+    MeshPart,
+    PartSpec,
+    Placed,
+    Scattered,
+    Slide,
+    Start,
+    Tube,
+)
 from feeder_sim.scenario.plate import (
     Drive,
     Excitation,
@@ -45,6 +57,7 @@ __all__ = [
     "ModePlate",
     "MujocoSettings",
     "PartSpec",
+    "Placed",
     "Pick",
     "PistonPlate",
     "PlateBody",

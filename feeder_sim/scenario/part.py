@@ -8,7 +8,17 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import Discriminator, Field, Tag, model_validator
 
 from feeder_sim.scenario.material import MaterialChoice
-from feeder_sim.scenario.tables import AngleRange, DropHeightRange, LengthMm, NonNegative, PointMm, Table, VelocityMmS
+from feeder_sim.scenario.tables import (
+    AngleDeg,
+    AngleRange,
+    CoordinateMm,
+    DropHeightRange,
+    LengthMm,
+    NonNegative,
+    PointMm,
+    Table,
+    VelocityMmS,
+)
 
 MAX_PARTS = 5000
 # From the vertical. A guide that is nearly horizontal would not stand on the plate.
@@ -52,13 +62,28 @@ class Heap(_Turned):
     tilt_deg: AngleRange | None = (0.0, 180.0)
 
 
+class Placed(Table):
+    """Parts laid down one by one: x, y and yaw of each. One may reach into another where their shapes do not meet.
+
+    Without `tilt_deg` they lie as drawn.
+    """
+
+    kind: Literal["placed"]
+    places_mm_deg: Annotated[tuple[tuple[CoordinateMm, CoordinateMm, AngleDeg], ...], Field(min_length=1)]
+    drop_height_mm: DropHeightRange = (0.01, 0.01)
+    tilt_deg: AngleRange = (0.0, 0.0)
+
+
 def _start_kind(value: Any) -> Any:
     """Kind of a start for pydantic's choice of its table; "point" where a scenario names none."""
     return value.get("kind", "point") if isinstance(value, dict) else getattr(value, "kind", None)
 
 
 StartSpec = Annotated[
-    Annotated[Start, Tag("point")] | Annotated[Scattered, Tag("scattered")] | Annotated[Heap, Tag("heap")],
+    Annotated[Start, Tag("point")]
+    | Annotated[Scattered, Tag("scattered")]
+    | Annotated[Heap, Tag("heap")]
+    | Annotated[Placed, Tag("placed")],
     Discriminator(_start_kind),
 ]
 
@@ -93,10 +118,22 @@ class _Part(Table):
     start: StartSpec = Start()
     guide: GuideSpec | None = None
 
+    @model_validator(mode="before")
+    @classmethod
+    def _as_many_as_places(cls, value: Any) -> Any:
+        start = value.get("start") if isinstance(value, dict) else None
+        places = start.get("places_mm_deg") if isinstance(start, dict) else getattr(start, "places_mm_deg", None)
+        if isinstance(places, list | tuple) and "count" not in value:
+            return value | {"count": len(places)}
+        return value
+
     @model_validator(mode="after")
     def _room_for_all(self) -> Self:
+        if isinstance(self.start, Placed) and len(self.start.places_mm_deg) != self.count:
+            raise ValueError(f"count is {self.count}, allowed is {len(self.start.places_mm_deg)}, as many as places")
         if self.count > 1 and isinstance(self.start, Start):
-            raise ValueError(f'start.kind is "point", allowed is "scattered" or "heap" with count = {self.count}')
+            kinds = '"scattered", "heap" or "placed"'
+            raise ValueError(f'start.kind is "point", allowed is {kinds} with count = {self.count}')
         if self.guide is not None and not isinstance(self.start, Start):
             raise ValueError(f'start.kind is "{self.start.kind}", allowed is "point" for a part in a guide')
         if self.guide is not None and isinstance(self.start, Start) and any(self.start.velocity_mm_s):

@@ -15,7 +15,7 @@ from feeder_sim.part.rigid_part import RigidPart, outline
 from feeder_sim.part.stable_poses import NONE, PoseTable, stable_poses
 from feeder_sim.plate.drive import ModalDrive
 from feeder_sim.plate.surface import Surface
-from feeder_sim.scenario import Heap, PartSpec, Scattered, Scenario, Start, Tube
+from feeder_sim.scenario import Heap, PartSpec, Placed, Scattered, Scenario, Start, Tube
 from feeder_sim.scene.driven_mode import DrivenMode
 from feeder_sim.scene.driven_plate import DrivenPlate, assemble_plate, motion_terms
 from feeder_sim.scene.free_modes import free_modes
@@ -150,7 +150,7 @@ def build_scene(scenario: Scenario) -> Scene:
     if scenario.run.reaction:
         free_modes(plate.driven)  # refuses modes that cannot react
     kinds = tuple(build_part(spec, name=f"part_{i}") for i, spec in enumerate(scenario.part))
-    if scenario.run.planar:
+    if scenario.run.planar and isinstance(scenario.part[0].start, Start):
         kinds = (outline(kinds[0], math.radians(scenario.part[0].start.yaw_deg[0])),)
     for i, (spec, kind) in enumerate(zip(scenario.part, kinds, strict=True)):
         _check_on_plate(spec, kind, plate.surface, f"part[{i}].start")
@@ -205,6 +205,13 @@ def _check_on_plate(spec: PartSpec, kind: RigidPart, surface: Surface, key: str)
         InputError: its position, or the rectangle or circle around it, reaches beyond the plate's edge.
     """
     start, half = spec.start, (0.5e3 * surface.length, 0.5e3 * surface.width)
+    if isinstance(start, Placed):
+        for n, (x, y, _) in enumerate(start.places_mm_deg):
+            off = surface.outline is not None and not surface.outline.holds(1e-3 * np.array([x, y]))
+            if abs(x) > half[0] or abs(y) > half[1] or off:
+                message = f"is [{x:g}, {y:g}], allowed is +-{half[0]:.1f}, +-{half[1]:.1f} (on the plate)"
+                raise InputError(message, key=f"{key}.places_mm_deg[{n}]")
+        return
     x, y = start.position_mm if isinstance(start, Start) else start.centre_mm
     name = "position_mm" if isinstance(start, Start) else "centre_mm"
     if abs(x) > half[0] or abs(y) > half[1]:

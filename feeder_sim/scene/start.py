@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,7 +12,8 @@ from numpy.typing import NDArray
 
 from feeder_sim.errors import InputError
 from feeder_sim.part.rigid_part import RigidPart
-from feeder_sim.scenario import Heap, PartSpec, Scattered, Start
+from feeder_sim.scenario import Heap, MeshPart, PartSpec, Placed, Scattered, Start
+from feeder_sim.scene.overlap import parts_overlap
 from feeder_sim.scene.scene import FREE_TILT, UPRIGHT, Scene
 
 APART = 1e-4  # [m]; smallest distance between the bounding spheres of two parts at the start
@@ -54,7 +56,7 @@ def start_poses(scene: Scene, rng: np.random.Generator) -> list[Pose]:
             centres = _column(spec.start, kind, spec.count, table=i)
         for n in range(spec.count):
             # A heap does not use the height, but the draw is part of its random sequence.
-            height, quaternion = _height_and_attitude(scene, first + n, spec, kind, rng)
+            height, quaternion = _height_and_attitude(scene, first + n, spec, kind, rng, place=n)
             if isinstance(spec.start, Start):
                 position = np.array([*(1e-3 * c for c in spec.start.position_mm), height])
                 guide = scene.guides[first + n]
@@ -62,6 +64,10 @@ def start_poses(scene: Scene, rng: np.random.Generator) -> list[Pose]:
                     position[:2] += guide.axis[:2] / guide.axis[2] * height
                 if not placed.free(position, kind.size):
                     raise InputError("overlaps another part", key=f"part[{i}].start.position_mm")
+            elif isinstance(spec.start, Placed):
+                x, y, _ = spec.start.places_mm_deg[n]
+                position = np.array([1e-3 * x, 1e-3 * y, height])
+                check_apart(scene, first + n, Pose(position, quaternion, np.zeros(3)), poses)
             elif isinstance(spec.start, Scattered):
                 place = _free_place(scene, spec.start, kind, height, placed, rng, tries, table=i)
                 position = np.array([*place, height])
@@ -77,13 +83,17 @@ def start_poses(scene: Scene, rng: np.random.Generator) -> list[Pose]:
 
 
 def _height_and_attitude(
-    scene: Scene, part: int, spec: PartSpec, kind: RigidPart, rng: np.random.Generator
+    scene: Scene, part: int, spec: PartSpec, kind: RigidPart, rng: np.random.Generator, *, place: int
 ) -> tuple[float, NDArray[np.float64]]:
-    """Draw the height of the centre [m] over the resting plate and the quaternion (4,) of one part."""
+    """Draw the height of the centre [m] over the resting plate and the quaternion (4,) of one part.
+
+    place: number of the part in its table.
+    """
     from scipy.spatial.transform import Rotation
 
     start, guide = spec.start, scene.guides[part]
-    yaw = np.radians(rng.uniform(*start.yaw_deg))
+    yaw_deg = (start.places_mm_deg[place][2],) * 2 if isinstance(start, Placed) else start.yaw_deg
+    yaw = np.radians(rng.uniform(*yaw_deg))
     tilt = np.radians(rng.uniform(*(start.tilt_deg or (UPRIGHT if guide else FREE_TILT))))
     direction = rng.uniform(0.0, 2.0 * np.pi)
     drop = 1e-3 * rng.uniform(*start.drop_height_mm)
@@ -95,6 +105,40 @@ def _height_and_attitude(
         rotation = Rotation.from_rotvec([0.0, guide.tilt, 0.0]) * rotation
     quaternion = np.asarray(rotation.as_quat(scalar_first=True))
     return drop - kind.lowest(quaternion), quaternion
+
+
+def check_apart(scene: Scene, part: int, pose: Pose, before: Sequence[Pose]) -> None:
+    """Refuse a part laid down in another one.
+
+    The hull of a mesh that stands for a concave part may reach into others; see `reaching_hulls`.
+
+    Raises:
+        InputError: it overlaps one of those with a pose before it.
+    """
+    kind, table = scene.parts[part], int(scene.kind_of[part])
+    if _is_hull(scene, part):
+        return
+    for other, placed in enumerate(before):
+        if not _is_hull(scene, other) and parts_overlap(
+            kind, (pose.position, pose.quaternion), scene.parts[other], (placed.position, placed.quaternion)
+        ):
+            key = f"part[{table}].start.places_mm_deg[{part - int((scene.kind_of < table).sum())}]"
+            raise InputError(f"overlaps {scene.parts[other].name}, allowed is a place of its own", key=key)
+
+
+def reaching_hulls(scene: Scene, poses: Sequence[Pose]) -> list[tuple[str, str]]:
+    """Names of the parts whose hulls overlap in their poses; contact will push them apart."""
+    placed = [(pose.position, pose.quaternion) for pose in poses]
+    return [
+        (scene.parts[a].name, scene.parts[b].name)
+        for a, b in itertools.combinations(range(len(poses)), 2)
+        if parts_overlap(scene.parts[a], placed[a], scene.parts[b], placed[b])
+    ]
+
+
+def _is_hull(scene: Scene, part: int) -> bool:
+    """Whether the hull of a mesh stands for a part, which may be concave."""
+    return isinstance(scene.scenario.part[scene.kind_of[part]], MeshPart) and not scene.parts[part].pieces
 
 
 class _Spheres:

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from feeder_sim.scenario import Heap, PartSpec, Start
+from feeder_sim.scenario import Heap, PartSpec, Placed, Start
 from feeder_sim.scene.scene import GRAVITY, Scene
 
 POINTS = 41  # per axis of the area in which parts start
@@ -62,6 +62,8 @@ def _starting_points(spec: PartSpec, scene: Scene) -> NDArray[np.float64]:
     start = spec.start
     if isinstance(start, Start):
         return 1e-3 * np.array([start.position_mm])
+    if isinstance(start, Placed):
+        return 1e-3 * np.array(start.places_mm_deg)[:, :2]
     size = np.array([scene.surface.length, scene.surface.width])
     if isinstance(start, Heap):
         size = np.full(2, 1e-3 * start.diameter_mm)
