@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from parts import write_parts
+
 from feeder_sim.engines.mujoco.mjcf import build_part_mjcf
 from feeder_sim.plate.mode_file import write_mode_file
 from feeder_sim.run.run_folder import mjcf_text
@@ -29,6 +31,7 @@ def main() -> None:
     nut = build_part_mjcf(build_part(HexNut(size="M2.5"), name="hex_nut_m2_5"))
     nut.compile()
     _write(MODELS / "hex_nut_m2_5/hex_nut_m2_5.xml", nut.to_xml())
+    write_parts()
 
 
 def _write(path: Path, text: str) -> None:

@@ -1,0 +1,73 @@
+"""Makes the parts under models/ that are drawn as meshes [mm]: an L bracket, a screw, a hook."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+MODELS = Path(__file__).parent
+
+# x and z of the bracket: 12 long, 9 high, 1.5 thick, base down
+BRACKET = ((0.0, 0.0), (12.0, 0.0), (12.0, 1.5), (1.5, 1.5), (1.5, 9.0), (0.0, 9.0))
+BRACKET_WIDTH = 8.0
+# radius and z of a cap screw M3 x 8 without thread and socket, from the tip to the head
+SCREW = ((0.0, 0.0), (1.5, 0.0), (1.5, 8.0), (2.75, 8.0), (2.75, 11.0), (0.0, 11.0))
+SCREW_SIDES = 48
+# x and y of the middle of the hook's wire: an S whose mouths are wide enough for the wire of another hook
+HOOK = ((-3.75, 1.5), (-3.75, 5.25), (0.0, 5.25), (0.0, -5.25), (3.75, -5.25), (3.75, -1.5))
+HOOK_WIRE = 1.5  # square
+
+
+def part_meshes() -> dict[str, Any]:
+    """The meshes by name, closed and outside out."""
+    import shapely
+    import trimesh
+
+    upright = np.array([[1.0, 0.0, 0.0, 0.0], [0.0, 0.0, -1.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0]])
+    bracket = prism(shapely.Polygon(BRACKET), BRACKET_WIDTH)
+    bracket.apply_transform(upright).apply_translation([0.0, BRACKET_WIDTH, 0.0])
+    wire = shapely.LineString(HOOK).buffer(0.5 * HOOK_WIRE, cap_style="flat", join_style="mitre")
+    return {
+        "bracket": bracket,
+        "screw": trimesh.creation.revolve(np.array(SCREW), sections=SCREW_SIDES),
+        "hook": prism(wire, HOOK_WIRE),
+    }
+
+
+def prism(outline: Any, height: float) -> Any:
+    """The mesh of a prism over a polygon without holes, from z = 0 up to a height."""
+    import shapely
+    import trimesh
+
+    corners = np.array(shapely.orient_polygons(outline).exterior.coords)[:-1]
+    number = {tuple(corner): i for i, corner in enumerate(corners.tolist())}
+    triangles = shapely.get_parts(shapely.constrained_delaunay_triangles(outline))
+    top = np.array([[number[tuple(c)] for c in _counter_clockwise(t.exterior.coords[:3])] for t in triangles])
+    n = len(corners)
+    i, j = np.arange(n), (np.arange(n) + 1) % n
+    sides = np.concatenate([np.column_stack([i, j, j + n]), np.column_stack([i, j + n, i + n])])
+    vertices = np.concatenate([np.column_stack([corners, np.full(n, z)]) for z in (0.0, height)])
+    return trimesh.Trimesh(vertices, np.concatenate([top[:, ::-1], top + n, sides]))
+
+
+def _counter_clockwise(triangle: ArrayLike) -> list[list[float]]:
+    points = np.array(triangle)
+    a, b = points[1] - points[0], points[2] - points[0]
+    ordered = points if a[0] * b[1] - a[1] * b[0] > 0.0 else points[::-1]
+    return [[float(c) for c in point] for point in ordered]
+
+
+def write_parts() -> None:
+    """Write each mesh as STL into the folder of its name."""
+    for name, mesh in part_meshes().items():
+        assert mesh.is_watertight and mesh.is_winding_consistent and mesh.volume > 0.0, name
+        file = MODELS / name / f"{name}.stl"
+        file.parent.mkdir(exist_ok=True)
+        mesh.export(file)
+
+
+if __name__ == "__main__":
+    write_parts()
