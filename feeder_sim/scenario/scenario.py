@@ -17,8 +17,9 @@ from pydantic import Field, model_validator
 from feeder_sim.scenario.attachments import ActuatorFile
 from feeder_sim.scenario.engine_choice import known_failures, uncovered
 from feeder_sim.scenario.outline import OutlineFile
-from feeder_sim.scenario.part import MAX_PARTS, MeshPart, PartSpec, Slide, Tube
+from feeder_sim.scenario.part import MAX_PARTS, Heap, MeshPart, PartSpec, Scattered, Slide, Start, Tube
 from feeder_sim.scenario.plate import MOST_DRIVES, Drive, Excitation, ModePlate, Plate, PlateFile, Rectangle
+from feeder_sim.scenario.refill import Refill, Robot, refused_around_plate
 from feeder_sim.scenario.run import Contact, MujocoSettings, Run
 from feeder_sim.scenario.schedule import Goal, Schedule
 from feeder_sim.scenario.tables import Table, parse, read_text, validated
@@ -35,12 +36,36 @@ class Scenario(Table):
     contact: Contact = Contact()
     mujoco: MujocoSettings = MujocoSettings()
     goal: Goal | None = None
+    refill: Refill | None = None
+    robot: Robot | None = None
     run: Run
 
     @property
     def n_parts(self) -> int:
         """Number of parts of all tables together."""
         return sum(part.count for part in self.part)
+
+    @property
+    def kind_names(self) -> tuple[str, ...]:
+        """What the kinds of parts are called: their names, else their shapes, numbered as the tables where needed."""
+        shapes = [part.shape for part in self.part]
+        return tuple(
+            part.name or (part.shape if shapes.count(part.shape) == 1 else f"{part.shape}_{i}")
+            for i, part in enumerate(self.part)
+        )
+
+    @property
+    def parts_at_once(self) -> int:
+        """How many parts are on the plate at the start, and at most after a refill."""
+        return (self.refill.to if self.refill else None) or self.n_parts
+
+    @property
+    def pour(self) -> Scattered | Heap | None:
+        """Where new parts start; None without a refill."""
+        if self.refill is None:
+            return None
+        start = self.refill.start or self.part[0].start
+        return None if isinstance(start, Start) else start
 
     @property
     def guide(self) -> Slide | Tube | None:
@@ -84,6 +109,21 @@ class Scenario(Table):
             raise ValueError(f"part.count adds up to {self.n_parts}, allowed is up to {MAX_PARTS}")
         if self.n_parts > 1 and self.run.stop != "time":
             raise ValueError(f'run.stop is "{self.run.stop}", allowed is "time" with more than one part')
+        return self
+
+    @model_validator(mode="after")
+    def _own_names(self) -> Self:
+        names = self.kind_names
+        for i, name in enumerate(names):
+            if name in names[:i]:
+                number = i if self.part[i].name else names.index(name)
+                raise ValueError(f"part[{number}].name is {name!r}, allowed is a name of its own")
+        return self
+
+    @model_validator(mode="after")
+    def _hopper_and_robot_fit(self) -> Self:
+        for problem in refused_around_plate(self):
+            raise ValueError(problem)
         return self
 
     @model_validator(mode="after")
