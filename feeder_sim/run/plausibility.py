@@ -13,8 +13,9 @@ import numpy as np
 
 from feeder_sim.errors import InputError
 from feeder_sim.scenario import Placed, Rectangle, Strip, resolve_material
+from feeder_sim.scene.overlap import reaching_hulls
 from feeder_sim.scene.scene import Scene
-from feeder_sim.scene.start import reaching_hulls, start_poses
+from feeder_sim.scene.start import start_poses
 from feeder_sim.scene.timetable import largest_together
 
 FASTEST = 100.0  # [m/s] of the surface; plates of feeders reach 1 m/s
@@ -74,7 +75,8 @@ def doubts(scene: Scene) -> Iterator[str]:
                 "would break before long"
             )
     if any(isinstance(spec.start, Placed) for spec in scene.scenario.part) and len(scene.parts) <= MOST_PLACED:
-        reaching = reaching_hulls(scene, start_poses(scene, np.random.default_rng(scene.scenario.run.seed)))
+        poses = start_poses(scene, np.random.default_rng(scene.scenario.run.seed))
+        reaching = reaching_hulls(scene, [(pose.position, pose.quaternion) for pose in poses])
         if reaching:
             a, b = reaching[0]
             more = f", and {len(reaching) - 1} more pairs" if len(reaching) > 1 else ""

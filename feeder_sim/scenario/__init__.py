@@ -26,6 +26,7 @@ from feeder_sim.scenario.plate import (
     Rectangle,
     Strip,
 )
+from feeder_sim.scenario.refill import Refill, Robot
 from feeder_sim.scenario.run import Contact, MujocoSettings, Run
 from feeder_sim.scenario.scenario import (
     Scenario,
@@ -63,6 +64,8 @@ __all__ = [
     "PlateBody",
     "PlateFile",
     "Rectangle",
+    "Refill",
+    "Robot",
     "Run",
     "Scattered",
     "Scenario",

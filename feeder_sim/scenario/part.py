@@ -74,7 +74,7 @@ class Placed(Table):
     tilt_deg: AngleRange = (0.0, 0.0)
 
 
-def _start_kind(value: Any) -> Any:
+def start_kind(value: Any) -> Any:
     """Kind of a start for pydantic's choice of its table; "point" where a scenario names none."""
     return value.get("kind", "point") if isinstance(value, dict) else getattr(value, "kind", None)
 
@@ -84,7 +84,7 @@ StartSpec = Annotated[
     | Annotated[Scattered, Tag("scattered")]
     | Annotated[Heap, Tag("heap")]
     | Annotated[Placed, Tag("placed")],
-    Discriminator(_start_kind),
+    Discriminator(start_kind),
 ]
 
 
@@ -112,7 +112,7 @@ GuideSpec = Annotated[Slide | Tube, Field(discriminator="kind")]
 class _Part(Table):
     """Keys that parts of every shape have."""
 
-    name: Annotated[str, Field(pattern="^[A-Za-z0-9_-]{1,40}$")] | None = None
+    name: Annotated[str, Field(min_length=1, max_length=40, pattern=r"^[A-Za-z0-9_-]+$")] | None = None
     material: MaterialChoice = "steel"
     count: Annotated[int, Field(ge=1, le=MAX_PARTS, strict=True)] = 1
     start: StartSpec = Start()

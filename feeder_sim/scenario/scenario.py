@@ -17,8 +17,9 @@ from pydantic import Field, model_validator
 from feeder_sim.scenario.attachments import ActuatorFile
 from feeder_sim.scenario.engine_choice import known_failures, uncovered
 from feeder_sim.scenario.outline import OutlineFile
-from feeder_sim.scenario.part import MAX_PARTS, MeshPart, PartSpec, Slide, Tube
+from feeder_sim.scenario.part import MAX_PARTS, Heap, MeshPart, PartSpec, Scattered, Slide, Tube
 from feeder_sim.scenario.plate import MOST_DRIVES, Drive, Excitation, ModePlate, Plate, PlateFile, Rectangle
+from feeder_sim.scenario.refill import Refill, Robot, refused_around_plate
 from feeder_sim.scenario.run import Contact, MujocoSettings, Run
 from feeder_sim.scenario.schedule import Goal, Schedule, Stage
 from feeder_sim.scenario.tables import Table, parse, read_text, validated
@@ -35,6 +36,8 @@ class Scenario(Table):
     contact: Contact = Contact()
     mujoco: MujocoSettings = MujocoSettings()
     goal: Goal | None = None
+    refill: Refill | None = None
+    robot: Robot | None = None
     run: Run
 
     @property
@@ -44,12 +47,25 @@ class Scenario(Table):
 
     @property
     def kind_names(self) -> tuple[str, ...]:
-        """Name of the parts of every table: the given one, else the shape, with a number where that is not enough."""
-        names = [part.name or part.shape for part in self.part]
+        """What the kinds of parts are called: their names, else their shapes, numbered as the tables where needed."""
+        shapes = [part.shape for part in self.part]
         return tuple(
-            name if part.name or names.count(name) == 1 else f"{name}_{i}"
-            for i, (part, name) in enumerate(zip(self.part, names, strict=True))
+            part.name or (part.shape if shapes.count(part.shape) == 1 else f"{part.shape}_{i}")
+            for i, part in enumerate(self.part)
         )
+
+    @property
+    def parts_at_once(self) -> int:
+        """How many parts are on the plate at the start, and at most after a refill."""
+        return (self.refill.to if self.refill else None) or self.n_parts
+
+    @property
+    def pour(self) -> Scattered | Heap | None:
+        """Where new parts start; None without a refill."""
+        if self.refill is None:
+            return None
+        start = self.refill.start or self.part[0].start
+        return start if isinstance(start, Scattered | Heap) else None
 
     @property
     def guide(self) -> Slide | Tube | None:
@@ -96,11 +112,17 @@ class Scenario(Table):
         return self
 
     @model_validator(mode="after")
-    def _picks_of_kinds(self) -> Self:
+    def _own_names(self) -> Self:
         names = self.kind_names
         for i, name in enumerate(names):
             if name in names[:i]:
-                raise ValueError(f'part[{i}].name is "{name}", which part[{names.index(name)}] has already')
+                number = i if self.part[i].name else names.index(name)
+                raise ValueError(f'part[{number}].name is "{name}", allowed is a name of its own')
+        return self
+
+    @model_validator(mode="after")
+    def _picks_of_kinds(self) -> Self:
+        names = self.kind_names
         for group in ("prepare", "stage") if self.schedule else ():
             for i, stage in enumerate(getattr(self.schedule, group)):
                 for pick in stage.pick:
@@ -109,6 +131,12 @@ class Scenario(Table):
                         raise ValueError(f'{key}.part is "{pick.part}", allowed is {kinds}')
                     if pick.up and pick.part is None and len(names) > 1:
                         raise ValueError(f"{key}.up needs the kind whose poses are meant, part: {kinds}")
+        return self
+
+    @model_validator(mode="after")
+    def _hopper_and_robot_fit(self) -> Self:
+        for problem in refused_around_plate(self):
+            raise ValueError(problem)
         return self
 
     @model_validator(mode="after")

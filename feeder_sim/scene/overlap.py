@@ -3,25 +3,62 @@
 from __future__ import annotations
 
 import itertools
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
+from feeder_sim.errors import InputError
 from feeder_sim.part.rigid_part import RigidPart
+from feeder_sim.scenario import MeshPart
+from feeder_sim.scene.scene import Scene
 
+Place = tuple[NDArray[np.float64], NDArray[np.float64]]  # position (3,) [m], attitude (4,), w first
 PARTED = 1e-7  # [m]; pieces that a gap of this width parts do not overlap
 
 
-def parts_overlap(
-    a: RigidPart,
-    pose_a: tuple[NDArray[np.float64], NDArray[np.float64]],
-    b: RigidPart,
-    pose_b: tuple[NDArray[np.float64], NDArray[np.float64]],
-) -> bool:
-    """Whether two parts overlap, each at a position (3,) [m] and an attitude (4,), w first."""
-    if np.linalg.norm(pose_a[0] - pose_b[0]) > a.size + b.size:
+def check_apart(scene: Scene, part: int, place: Place, before: Sequence[Place]) -> None:
+    """Refuse a part laid down in another one.
+
+    The hull of a mesh that stands for a concave part may reach into others; see `reaching_hulls`.
+
+    Args:
+        scene: has the parts.
+        part: number of the part.
+        place: of the part.
+        before: places of the parts of lower numbers.
+
+    Raises:
+        InputError: it overlaps one of them.
+    """
+    if _is_hull(scene, part):
+        return
+    table = int(scene.kind_of[part])
+    for other, taken in enumerate(before):
+        if not _is_hull(scene, other) and parts_overlap(scene.parts[part], place, scene.parts[other], taken):
+            key = f"part[{table}].start.places_mm_deg[{part - int((scene.kind_of < table).sum())}]"
+            raise InputError(f"overlaps {scene.parts[other].name}, allowed is a place of its own", key=key)
+
+
+def reaching_hulls(scene: Scene, places: Sequence[Place]) -> list[tuple[str, str]]:
+    """Names of the parts whose shapes or hulls overlap at their places; contact will push them apart."""
+    return [
+        (scene.parts[a].name, scene.parts[b].name)
+        for a, b in itertools.combinations(range(len(places)), 2)
+        if parts_overlap(scene.parts[a], places[a], scene.parts[b], places[b])
+    ]
+
+
+def _is_hull(scene: Scene, part: int) -> bool:
+    """Whether the hull of a mesh stands for a part, which may be concave."""
+    return isinstance(scene.scenario.part[scene.kind_of[part]], MeshPart) and not scene.parts[part].pieces
+
+
+def parts_overlap(a: RigidPart, place_a: Place, b: RigidPart, place_b: Place) -> bool:
+    """Whether two parts overlap at their places."""
+    if np.linalg.norm(place_a[0] - place_b[0]) > a.size + b.size:
         return False
-    pieces = itertools.product(_pieces(a, *pose_a), _pieces(b, *pose_b))
+    pieces = itertools.product(_pieces(a, *place_a), _pieces(b, *place_b))
     return any(not _parted(first, second, a.corner_radius + b.corner_radius) for first, second in pieces)
 
 

@@ -16,6 +16,7 @@ from feeder_sim.part.stable_poses import NONE, PoseTable, stable_poses
 from feeder_sim.plate.drive import ModalDrive
 from feeder_sim.plate.surface import Surface
 from feeder_sim.scenario import Heap, PartSpec, Placed, Scattered, Scenario, Start, Tube
+from feeder_sim.scene.column import check_width
 from feeder_sim.scene.driven_mode import DrivenMode
 from feeder_sim.scene.driven_plate import DrivenPlate, assemble_plate, motion_terms
 from feeder_sim.scene.free_modes import free_modes
@@ -26,6 +27,7 @@ from feeder_sim.scene.timetable import TimedStage, Timetable, largest_together, 
 
 GRAVITY = 9.81  # [m/s^2]
 DIAMETER_ROUND_OFF = 1e-9  # relative, of a tube that is just as wide as its part
+FRAME_AT = 1e-6  # of a frame interval, by which a frame may be before a time that it is at
 FRAME_ROUND_OFF = 1e-9  # of a frame interval, where the duration is a whole number of intervals
 LONGEST_STEP = 5e-4  # [s], in which a part at rest falls by a micrometre
 ENTERED = 0.25  # of the thinnest part; what a fast part enters the plate in the longest step
@@ -88,6 +90,10 @@ class Scene:
     def n_frames(self) -> int:
         """Recorded frames of a full-length run, the first at t = 0."""
         return 1 + math.floor(self.times.duration / self.frame_interval + FRAME_ROUND_OFF)
+
+    def frame_at(self, time: float) -> int:
+        """Number of the first frame at or after a time [s], or of the last one."""
+        return min(self.n_frames - 1, math.ceil(time / self.frame_interval - FRAME_AT))
 
     @property
     def rim(self) -> bool:
@@ -153,8 +159,9 @@ def build_scene(scenario: Scenario) -> Scene:
     if scenario.run.planar and isinstance(scenario.part[0].start, Start):
         kinds = (outline(kinds[0], math.radians(scenario.part[0].start.yaw_deg[0])),)
     for i, (spec, kind) in enumerate(zip(scenario.part, kinds, strict=True)):
-        _check_on_plate(spec, kind, plate.surface, f"part[{i}].start")
+        _check_on_plate(spec.start, plate.surface, f"part[{i}].start")
         _check_in_tube(spec, kind, i)
+    _check_refill(scenario, plate.surface, kinds)
     _check_goal(scenario, plate.surface)
     run, times = scenario.run, timetable(scenario)
     following = [follower.drive.natural_frequency for mode in plate.driven for follower in mode.followers]
@@ -190,21 +197,22 @@ def _longest_step(scenario: Scenario, plate: DrivenPlate, times: Timetable, kind
     """Longest step [s] at any frequency: one at rest falls by a micrometre, a fast one enters by a share of itself."""
     shortest = LONGEST_STEP
     plate_speed = largest_together(times, [mode.drives for mode in plate.driven], speeds=True)
-    for spec, kind in zip(scenario.part, kinds, strict=True):
-        start = spec.start
+    falls = [(spec.start, kind) for spec, kind in zip(scenario.part, kinds, strict=True)]
+    falls += [(scenario.pour, kind) for kind in kinds] if scenario.pour else []
+    for start, kind in falls:
         thrown = 1e-3 * math.hypot(*start.velocity_mm_s) if isinstance(start, Start) else 0.0
         fall = math.sqrt(2.0 * GRAVITY * 1e-3 * start.drop_height_mm[1])
         shortest = min(shortest, ENTERED * kind.thinnest / (plate_speed + thrown + fall + 1e-9))
     return shortest
 
 
-def _check_on_plate(spec: PartSpec, kind: RigidPart, surface: Surface, key: str) -> None:
+def _check_on_plate(start: Start | Scattered | Heap | Placed, surface: Surface, key: str) -> None:
     """Refuse a start that is not on the plate.
 
     Raises:
         InputError: its position, or the rectangle or circle around it, reaches beyond the plate's edge.
     """
-    start, half = spec.start, (0.5e3 * surface.length, 0.5e3 * surface.width)
+    half = (0.5e3 * surface.length, 0.5e3 * surface.width)
     if isinstance(start, Placed):
         for n, (x, y, _) in enumerate(start.places_mm_deg):
             off = surface.outline is not None and not surface.outline.holds(1e-3 * np.array([x, y]))
@@ -233,6 +241,20 @@ def _check_on_plate(spec: PartSpec, kind: RigidPart, surface: Surface, key: str)
         raise InputError(
             f"is {_size_text(size)}, allowed is what lies on the plate around its centre", key=f"{key}.{name}"
         )
+
+
+def _check_refill(scenario: Scenario, surface: Surface, kinds: Sequence[RigidPart]) -> None:
+    """Refuse a refill that is not on the plate, or absurdly wide.
+
+    Raises:
+        InputError: as said.
+    """
+    start = scenario.refill.start if scenario.refill else None  # else that of a part
+    if start is None:
+        return
+    _check_on_plate(start, surface, "refill.start")
+    if isinstance(start, Heap):
+        check_width(start, min(kind.size for kind in kinds), key="refill.start")
 
 
 def _check_picks(scene: Scene) -> None:

@@ -155,7 +155,7 @@ def test_bad_picks_are_one_line(pick: dict[str, Any], line: str) -> None:
 
 
 def test_names_of_kinds_are_their_own() -> None:
-    with pytest.raises(InputError, match=r'part\[1\]\.name is "rod", which part\[0\] has already'):
+    with pytest.raises(InputError, match=r'part\[1\]\.name is "rod", allowed is a name of its own'):
         scenario(name="rod")
     assert scenario().kind_names == ("hex_nut", "rod")
 

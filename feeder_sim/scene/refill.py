@@ -1,0 +1,105 @@
+"""A refill: new parts over those that are on the plate, at the end of a cycle."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from feeder_sim.records.trajectory import Frames
+from feeder_sim.scenario import Heap, Scattered
+from feeder_sim.scene.column import column
+from feeder_sim.scene.hopper import next_parts
+from feeder_sim.scene.scene import Scene
+from feeder_sim.scene.start import Pose, Spheres, free_place, height_and_attitude
+
+MAX_TRIES_OF_REFILL = 20_000  # places drawn for all parts of one refill before the plate counts as full
+
+
+def refill_frames(scene: Scene) -> dict[int, int]:
+    """Frames at whose end parts are filled in, and the cycle that ends there; none after the last cycle."""
+    if scene.scenario.refill is None:
+        return {}
+    ends = {stage.cycle: stage.end for stage in scene.times.stages if stage.cycle}
+    last = scene.times.stages[-1].cycle
+    return {scene.frame_at(end): cycle for cycle, end in ends.items() if cycle < last}
+
+
+def wanted(scene: Scene, on_plate: int) -> int:
+    """How many parts are to come when so many are on the plate."""
+    refill = scene.scenario.refill
+    if refill is None:
+        return 0
+    full = scene.scenario.parts_at_once
+    return full - on_plate if on_plate < (refill.below or full) else 0
+
+
+def refill(scene: Scene, now: Frames, rng: np.random.Generator) -> tuple[NDArray[np.int64], list[Pose]]:
+    """Parts, by their indices, that come onto the plate, and their poses; fewer than wanted where there is no room.
+
+    Args:
+        scene: has the refill.
+        now: one frame, after picks.
+        rng: as of `hopper.generator`.
+    """
+    start, there = scene.scenario.pour, now.present[0]
+    number = wanted(scene, int(now.on_plate(scene.surface).sum()))
+    parts = next_parts(scene, ~there, number, rng)
+    if start is None or not len(parts):
+        return np.empty(0, np.int64), []
+    poses = (_pour if isinstance(start, Heap) else _scatter)(scene, start, parts, now.position[0], there, rng)  # type: ignore[arg-type]
+    return parts[: len(poses)], poses
+
+
+def _pour(
+    scene: Scene,
+    start: Heap,
+    parts: NDArray[np.int64],
+    position: NDArray[np.float64],
+    there: NDArray[np.bool_],
+    rng: np.random.Generator,
+) -> list[Pose]:
+    """Poses in a column over the highest part under it, or over the plate; arguments as for `_scatter`."""
+    sizes = np.array([kind.size for kind in scene.kinds])[scene.kind_of]
+    size = float(sizes[parts].max())
+    away = np.hypot(*(position[there, :2] - 1e-3 * np.array(start.centre_mm)).T)
+    under = away < np.maximum(0.5e-3 * start.diameter_mm, size) + sizes[there]
+    top = max([0.0, *(position[there, 2] + sizes[there])[under].tolist()])
+    lift = np.array([0.0, 0.0, top + 1e-3 * start.drop_height_mm[0]])
+    centres = column(start, size, len(parts), key="refill.start") + lift
+    turned = [height_and_attitude(start, scene.kinds[scene.kind_of[part]], rng)[1] for part in parts]
+    return [Pose(centre, attitude, np.zeros(3)) for centre, attitude in zip(centres, turned, strict=True)]
+
+
+def _scatter(
+    scene: Scene,
+    start: Scattered,
+    parts: NDArray[np.int64],
+    position: NDArray[np.float64],
+    there: NDArray[np.bool_],
+    rng: np.random.Generator,
+) -> list[Pose]:
+    """Poses at random places away from all parts, up to the first part for which there is none.
+
+    Args:
+        scene: has the parts and the plate.
+        start: where they are to come.
+        parts: that are to come (n,).
+        position: of all parts (parts, 3) [m].
+        there: which of them are in the scene (parts,).
+        rng: draws.
+    """
+    placed = Spheres(max(kind.size for kind in scene.kinds))
+    for part in np.flatnonzero(there):
+        placed.add(position[part], scene.parts[part].size)
+    poses: list[Pose] = []
+    tries = [MAX_TRIES_OF_REFILL]
+    for part in parts:
+        kind = scene.kinds[scene.kind_of[part]]
+        height, quaternion = height_and_attitude(start, kind, rng)
+        place = free_place(scene, start, kind, height, placed, rng, tries)
+        if place is None:
+            break
+        centre = np.array([*place, height])
+        placed.add(centre, kind.size)
+        poses.append(Pose(centre, quaternion, np.zeros(3)))
+    return poses
