@@ -181,7 +181,7 @@ def has_left(i, crowd, reach):
 
 @inlined
 def _squared_way(part, begun, kind):
-    """Square of the way that a part has come [m^2]; of one with pieces, of what their centres have at most, by turning."""
+    """Square of the way that a part has come [m^2]; or of what the centres of its pieces have at most, by turning."""
     squared = 0.0
     for k in range(3):
         squared += (part.position[k] - begun.position[k]) ** 2

@@ -31,8 +31,8 @@ MAX_ROUNDS = 8  # of impacts at the points of one contact
 FAR = 1e3  # [m]; no distance beyond this is asked of the library: every answer gives the pair a better axis
 
 
-# Pieces of two parts that can meet within a window: the numbers of the parts, a < b, those of the pieces in `Kinds`, and
-# the axis from a to b.
+# Pieces of two parts that can meet within a window: the numbers of the parts, a < b, those of the pieces in `Kinds`,
+# and the axis from a to b.
 PAIR = np.dtype([("a", "i8"), ("b", "i8"), ("piece_a", "i8"), ("piece_b", "i8"), ("axis", "f8", 3)], align=True)
 
 

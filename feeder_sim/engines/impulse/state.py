@@ -39,8 +39,8 @@ PART = np.dtype(
 )
 # What parts of one kind have in common: mass [kg], infinite for what stands still, and principal inertia; axis of
 # symmetry or -1; radius [m] around its corners, their reach from the centre of mass; restitution and friction on the
-# plate (0) and between parts (1), the same for all kinds; where its corners and edges are in `Kinds`, and the pieces that
-# meet those of other parts.
+# plate (0) and between parts (1), the same for all kinds; where its corners and edges are in `Kinds`, and the
+# pieces that meet those of other parts.
 KIND_FIELDS: list[Any] = [
     ("mass", "f8"),
     ("inertia", "f8", 3),
