@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import itertools
 import os
 import threading
 from collections.abc import Iterator
@@ -136,13 +137,15 @@ def changing(engine: ImpulseEngine) -> Iterator[dict[str, NDArray[Any]]]:
 
 
 def hull_distances(scene: Scene, frames: Frames) -> NDArray[np.float64]:
-    """Distance of all hulls that are near each other, over all frames [m]."""
+    """Distance of all parts that are near each other, piece by piece, over all frames [m]."""
     from scipy.spatial import cKDTree
 
     from feeder_sim.engines.impulse.hulls import HullLibrary, hull_distance
     from feeder_sim.engines.impulse.state import new_parts
 
-    library = HullLibrary([kind.corners for kind in scene.kinds], [kind.corner_radius for kind in scene.kinds])
+    pieces = [(k, points) for k, kind in enumerate(scene.kinds) for points in kind.pieces or (kind.corners,)]
+    library = HullLibrary([points for _, points in pieces], [scene.kinds[k].corner_radius for k, _ in pieces])
+    of_kind = [[number for number, (k, _) in enumerate(pieces) if k == kind] for kind in range(len(scene.kinds))]
     distance, largest = from_python(hull_distance), 2.0 * max(kind.size for kind in scene.kinds)
     hulls, found = library.hulls(), []
     for row in range(len(frames)):
@@ -151,5 +154,6 @@ def hull_distances(scene: Scene, frames: Frames) -> NDArray[np.float64]:
         turned = Rotation.from_quat(frames.quaternion[row, there], scalar_first=True).as_matrix()
         parts = new_parts(position, turned, scene.kind_of[there])
         for a, b in cKDTree(position).query_pairs(largest):
-            found.append(distance(hulls, parts[a], parts[b], 1e-3))
+            for one, other in itertools.product(of_kind[parts[a]["kind"]], of_kind[parts[b]["kind"]]):
+                found.append(distance(hulls, parts[a], one, parts[b], other, 1e-3))
     return np.array(found)

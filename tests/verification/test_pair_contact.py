@@ -164,7 +164,7 @@ class TwoParts:
 
     def distance(self, positions: np.ndarray, attitudes: np.ndarray, reach: float = 1.0) -> float:
         state = new_parts(positions, attitudes, [0, 1])
-        return float(hull_distance(self.hulls, state[0], state[1], reach))
+        return float(hull_distance(self.hulls, state[0], 0, state[1], 1, reach))
 
     def expected(self, positions: np.ndarray, attitudes: np.ndarray) -> float:
         a, b = (part.corners @ r.T + x for part, x, r in zip(self.parts, positions, attitudes, strict=True))

@@ -14,7 +14,7 @@ import numpy as np
 
 from feeder_sim.engines.impulse.neighbours import Room, find_islands, find_pairs
 from feeder_sim.engines.impulse.rest import wake
-from feeder_sim.engines.impulse.state import orthonormalise_parts
+from feeder_sim.engines.impulse.state import in_pieces, orthonormalise_parts, turning_speed
 from feeder_sim.engines.impulse.window import acting_terms, bound_window, fastest_rate
 from feeder_sim.machine_code import compiled, entry_point
 from feeder_sim.scene.scene import GRAVITY
@@ -33,7 +33,7 @@ def open_window(parts, n_free, kinds, surface, extremes, span, step):
         for i in range(n_free):
             wake(parts[i])
     orthonormalise_parts(parts, n_free)
-    return acting, bounds, reach_of(parts, n_free, bounds, kinds.record[0].restitution[0], end - start)
+    return acting, bounds, reach_of(parts, n_free, kinds, bounds, end - start)
 
 
 @entry_point
@@ -45,13 +45,15 @@ def find_neighbours(parts, n_free, kinds, surface, reach, pairs):
 
 
 @compiled
-def reach_of(parts, n_free, bounds, e, duration):
+def reach_of(parts, n_free, kinds, bounds, duration):
     """How far any part comes within a window [m]: the plate adds (1 + e) times its own speed to the fastest."""
-    fastest = 0.0
+    fastest, e = 0.0, kinds.record[0].restitution[0]
     for i in range(n_free):
         if parts[i].there:
-            v = parts[i].velocity
+            v, kind = parts[i].velocity, kinds.record[parts[i].kind]
             fastest = max(fastest, v[0] * v[0] + v[1] * v[1] + v[2] * v[2])
+            if in_pieces(kind):
+                fastest = max(fastest, turning_speed(parts[i], kind) ** 2)
     return (math.sqrt(fastest) + (1.0 + e) * bounds.speed + GRAVITY * duration) * duration
 
 

@@ -34,7 +34,7 @@ from feeder_sim.engines.impulse.frame_rows import (
     FrameRows,
 )
 from feeder_sim.engines.impulse.hulls import HullLibrary
-from feeder_sim.engines.impulse.island import Crowd, Share, Span, Tools, advance_islands
+from feeder_sim.engines.impulse.island import Crowd, Share, Span, Tools, advance_islands, farthest
 from feeder_sim.engines.impulse.kinds import read_kinds, rim_walls
 from feeder_sim.engines.impulse.pair_contact import PAIR
 from feeder_sim.engines.impulse.state import ABSENT, Bounds, Plate, new_parts, new_scratch, read_wall
@@ -49,6 +49,7 @@ WINDOW_ALONE = 1e-2  # [s], of a single part: for bounds on the plate that follo
 WIDER = 1.5  # times the way of the farthest part: its reach when a window is computed again
 COLUMNS = {"position": POSITION, "velocity": VELOCITY, "attitude": ATTITUDE, "momentum": MOMENTUM}
 STATE = ("position", "velocity", "attitude", "momentum", "clock", "there")
+MEMBERS = ("a", "b", "piece_a", "piece_b")  # of a pair
 
 
 class ImpulseEngine:
@@ -82,7 +83,8 @@ class ImpulseEngine:
         self._threads = max(1, threads)
         self._alone = self._single_apart and self._n == 1 and not scene.rim
         self._work = [new_scratch(kinds, scene.surface.n_shapes) for _ in range(self._threads)]
-        corners, radii = np.split(kinds.corners, kinds.record["corner_from"][1:]), list(kinds.record["radius"])
+        corners = np.split(kinds.corners, kinds.piece["corner_from"][1:])
+        radii = [*kinds.record["radius"], *np.zeros(len(corners) - len(kinds.record))]  # only a hull is a ball
         self._libraries = [HullLibrary(corners, radii) for _ in range(0 if self._alone else self._threads)]
         self._tools = [Tools(library.hulls(), work) for library, work in zip(self._libraries, self._work, strict=False)]
         self._pool = ThreadPoolExecutor(self._threads) if self._threads > 1 else None
@@ -163,14 +165,14 @@ class ImpulseEngine:
         while True:
             self._forget_unresolved()
             pairs, islands = find_neighbours(parts, self._n, self._kinds, self._surface, reach, self._pairs_before)
-            crowd = Crowd(parts, begun["position"].copy(), pairs, self._kinds, islands)
+            crowd = Crowd(parts, begun, pairs, self._kinds, islands)
             left = self._advance_islands(crowd, Plate(acting, bounds), Span(start, until, reach), frames)
             if not left or frames.interrupt[0]:
                 break
-            farthest = float(np.linalg.norm(parts["position"] - begun["position"], axis=1).max())
-            if not np.isfinite(farthest):
+            way = farthest(parts, begun, self._kinds)
+            if not np.isfinite(way):
                 break  # for the guard to see
-            reach = WIDER * max(reach, farthest)
+            reach = WIDER * max(reach, way)
             parts = begun.copy()
         self._parts, self._pairs = parts, pairs
 
@@ -233,7 +235,7 @@ class ImpulseEngine:
             "contact": np.array([*log.current, *last]),
             "clock_alone": self._clock.copy(),
             "window": self._span.copy(),
-            "pair": np.stack([pairs["a"], pairs["b"]], axis=-1),
+            "pair": np.stack([pairs[name] for name in MEMBERS], axis=-1),
             "pair_axis": pairs["axis"].copy(),
             "frame": np.array(self._frame),
             "row": self._row.copy(),
@@ -248,7 +250,9 @@ class ImpulseEngine:
         self._row, self._unresolved = state["row"].copy(), int(state["unresolved"])
         self._forget_unresolved()
         self._pairs = np.empty(len(state["pair"]), PAIR)
-        self._pairs["a"], self._pairs["b"], self._pairs["axis"] = *state["pair"].T, state["pair_axis"]
+        for name, numbers in zip(MEMBERS, state["pair"].T, strict=True):
+            self._pairs[name] = numbers
+        self._pairs["axis"] = state["pair_axis"]
         self._opened, self._pairs_before = self._parts.copy(), self._pairs
         if not self._alone and self._span[1] > self._span[0]:
             self._compute_window(self._span[1])

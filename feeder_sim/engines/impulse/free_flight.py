@@ -11,8 +11,9 @@ Mechanics, section 37); the angle of precession about L is the integral of
 
     |L| (I1 w1^2 + I2 w2^2) / (I1^2 w1^2 + I2^2 w2^2),
 
-by Gauss-Legendre quadrature. The attitude is built from L and these components, so that angular momentum and energy
-are constant to round-off whatever the length of the flight.
+by Gauss-Legendre quadrature. What these functions are at the begin the state itself says, and how they go on their
+addition theorem with series of small arguments. The attitude is built from L and these components, so that angular
+momentum and energy are constant to round-off whatever the length of the flight.
 """
 
 from __future__ import annotations
@@ -21,13 +22,26 @@ import math
 
 import numpy as np
 
+from feeder_sim.engines.impulse.vectors import cross, dot, plus
 from feeder_sim.machine_code import compiled, inlined
 
 SYMMETRY_TOLERANCE = 1e-6  # moments closer than this, relative to the largest, count as equal
-_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(8)
-_PANEL = 0.5  # of the elliptic argument: 8 nodes resolve it to round-off
-AGM_STEPS = 12
 SMALL_ANGLE = 0.05  # [rad]
+SMALL_ARGUMENT = 0.03  # of elliptic functions: five terms of the series are exact to round-off
+# A body that turns by this much [rad] at most: three nodes of a Gauss-Legendre rule are exact to round-off, six in a panel.
+SHORT, PANEL = 0.02, 0.25
+MOST_PANELS = 1_000_000
+
+
+def _rule(n: int) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    """Nodes and weights of n points on [0, 1], filled up with zeros to six."""
+    nodes, weights = np.polynomial.legendre.leggauss(n)
+    none = (0.0,) * (6 - n)
+    return (*(0.5 + 0.5 * nodes).tolist(), *none), (*(0.5 * weights).tolist(), *none)
+
+
+_FEW, _FEW_WEIGHTS = _rule(3)
+_MANY, _MANY_WEIGHTS = _rule(6)
 
 
 def symmetry_axis(inertia: np.ndarray) -> int:
@@ -39,17 +53,6 @@ def symmetry_axis(inertia: np.ndarray) -> int:
         if abs(a - b) <= SYMMETRY_TOLERANCE * inertia.max():
             return axis
     return -1
-
-
-@compiled
-def turn(axis, angle, vector, out):
-    """Rotate a vector (3,) about a unit axis (3,) by an angle [rad] (Rodrigues)."""
-    c, s = math.cos(angle), math.sin(angle)
-    along = (axis[0] * vector[0] + axis[1] * vector[1] + axis[2] * vector[2]) * (1.0 - c)
-    x = c * vector[0] + s * (axis[1] * vector[2] - axis[2] * vector[1]) + along * axis[0]
-    y = c * vector[1] + s * (axis[2] * vector[0] - axis[0] * vector[2]) + along * axis[1]
-    z = c * vector[2] + s * (axis[0] * vector[1] - axis[1] * vector[0]) + along * axis[2]
-    out[0], out[1], out[2] = x, y, z
 
 
 @compiled
@@ -106,87 +109,153 @@ def rotate_symmetric(attitude, momentum, inertia, axis, duration):
 def _rotate_general(attitude, momentum, size, inertia, duration):
     """Landau-Lifshitz solution; axes sorted so that axis 3 is the one the body momentum circles around.
 
-    Written out component by component: array operators would take far longer to compile than to run.
+    Everything is a number or a tuple: no array is made. Products and differences of the moments are taken where
+    nothing cancels, so that a spin about nearly a principal axis is as exact as any other.
     """
-    order, body = np.empty(3, np.int64), np.empty(3)
-    twice_energy = 0.0
-    for axis in range(3):
-        rank = 0
-        for other in range(3):
-            if inertia[other] < inertia[axis] or (inertia[other] == inertia[axis] and other < axis):
-                rank += 1
-        order[rank] = axis
-        body[axis] = 0.0
-        for k in range(3):
-            body[axis] += attitude[k, axis] * momentum[k]
-        twice_energy += body[axis] * body[axis] / inertia[axis]
-    if size * size < twice_energy * inertia[order[1]]:
-        order[0], order[2] = order[2], order[0]
-    i1, i2, i3 = inertia[order[0]], inertia[order[1]], inertia[order[2]]
-    handed = 1.0 if (order[1] - order[0]) % 3 == 1 else -1.0  # an odd permutation mirrors axis 2
-    m1, m2, m3 = body[order[0]], handed * body[order[1]], body[order[2]]
-    side = 1.0 if m3 >= 0.0 else -1.0
+    x, y, z = _sorted_axes(inertia)
+    along = _along(attitude, momentum, 0), _along(attitude, momentum, 1), _along(attitude, momentum, 2)
+    m1, m3 = along[x], along[z]
+    if m3 * m3 / inertia[z] * (inertia[z] - inertia[y]) < m1 * m1 / inertia[x] * (inertia[y] - inertia[x]):
+        x, z = z, x
+    i1, i2, i3 = inertia[x], inertia[y], inertia[z]
+    handed = 1.0 if (y - x) % 3 == 1 else -1.0  # an odd permutation mirrors axis 2
+    w1, w2, w3 = along[x] / i1, handed * along[y] / i2, along[z] / i3
+    high = i1 * (i3 - i1) * w1 * w1 + i2 * (i3 - i2) * w2 * w2  # 2 T I3 - L^2
+    low = i2 * (i2 - i1) * w2 * w2 + i3 * (i3 - i1) * w3 * w3  # L^2 - 2 T I1
+    side = 1.0 if w3 >= 0.0 else -1.0
     sense = side if i3 > i2 else -side  # Euler's equation of axis 1 fixes the sign of component 2
-    high, low = twice_energy * i3 - size**2, size**2 - twice_energy * i1
-    a1 = math.sqrt(max(high / (i1 * (i3 - i1)), 0.0))
-    a2 = math.sqrt(max(high / (i2 * (i3 - i2)), 0.0))
-    a3 = math.sqrt(max(low / (i3 * (i3 - i1)), 0.0))
+    a1, a2 = math.sqrt(high / (i1 * (i3 - i1))), math.sqrt(high / (i2 * (i3 - i2)))
+    a3 = math.sqrt(low / (i3 * (i3 - i1)))
     rate = math.sqrt((i3 - i2) * low / (i1 * i2 * i3))
-    modulus = min(max((i2 - i1) * high / ((i3 - i2) * low), 0.0), 1.0)
-    phase = math.atan2(sense * m2 / i2 * a1, m1 / i1 * a2)
-    start = elliptic_f(phase, modulus)
-    panels = int(abs(rate * duration) / _PANEL) + 1
-    precession = 0.0
-    for panel in range(panels):
-        for node in range(len(_NODES)):
-            at = duration * (panel + 0.5 + 0.5 * _NODES[node]) / panels
-            sn, cn, _ = jacobi(start + rate * at, modulus)
-            w1, w2 = (a1 * cn) ** 2, (a2 * sn) ** 2
-            below = i1 * i1 * w1 + i2 * i2 * w2
-            speed = (i1 * w1 + i2 * w2) / below if below > 0.0 else 1.0 / i3
-            precession += 0.5 * duration / panels * _WEIGHTS[node] * size * speed
-    sn, cn, dn = jacobi(start + rate * duration, modulus)
-    after = np.empty(3)
-    after[order[0]], after[order[1]], after[order[2]] = i1 * a1 * cn, handed * i2 * sense * a2 * sn, i3 * side * a3 * dn
-    direction = np.empty(3)
-    _normalise(body, body)
-    _normalise(after, after)
-    _normalise(momentum, direction)
-    _align(attitude, direction, body, after, order[2], precession)
+    modulus = min((i2 - i1) * high / ((i3 - i2) * low), 1.0)
+    if high > 0.0 or high < 0.0:
+        now = sense * w2 / a2, w1 / a1, abs(w3) / a3
+    else:  # it spins about axis 3
+        now = 0.0, 1.0, 1.0
+    then, precession = _precession(now, (i1, i2, i3), modulus, rate * duration, size / min(i1, i2, i3) * duration)
+    precession *= size * duration
+    after = i1 * a1 * then[1], handed * i2 * sense * a2 * then[0], i3 * side * a3 * then[2]
+    if after[0] == 0.0 and after[1] == 0.0:
+        precession = size / i3 * duration
+    _align(attitude, momentum, (x, y, z), handed, (along[x], along[y], along[z]), after, precession)
+
+
+@inlined
+def _sorted_axes(inertia):
+    """The axes from the smallest to the largest moment."""
+    x, y, z = 0, 1, 2
+    if inertia[y] < inertia[x]:
+        x, y = y, x
+    if inertia[z] < inertia[y]:
+        y, z = z, y
+    if inertia[y] < inertia[x]:
+        x, y = y, x
+    return x, y, z
+
+
+@inlined
+def _along(attitude, momentum, axis):
+    """Component of the momentum along a body axis."""
+    return attitude[0, axis] * momentum[0] + attitude[1, axis] * momentum[1] + attitude[2, axis] * momentum[2]
 
 
 @compiled
-def _align(attitude, direction, before, after, polar, precession):
-    """Turn the body so that its momentum direction goes from `before` to `after` (body axes) and precesses by an angle.
+def _precession(now, moments, m, argument, turned):
+    """Elliptic functions after an argument has been covered, and the mean of the precession over it, by |L| [1/I].
+
+    now: sn, cn, dn at the begin. In between they follow by the addition theorem, panel by panel; `turned` bounds the
+    angle that the body turns by meanwhile [rad], on which the width of the panels goes.
+    """
+    panels = int(min(turned / PANEL, MOST_PANELS)) + 1
+    nodes, weights = (_FEW, _FEW_WEIGHTS) if turned < SHORT else (_MANY, _MANY_WEIGHTS)
+    i1, i2, i3 = moments
+    p, q = i3 - i2, i3 - i1
+    total = 0.0
+    width = argument / panels
+    for panel in range(panels):
+        for k in range(6):
+            if weights[k] == 0.0:
+                break
+            s, c, _ = _added(now, _from_zero(width * nodes[k], m), m)
+            total += weights[k] * (p * c * c + q * s * s) / (i1 * p * c * c + i2 * q * s * s)
+        s, c, d = _added(now, _from_zero(width, m), m)
+        size = math.sqrt(s * s + c * c)
+        s, c = s / size, c / size
+        now = s, c, math.sqrt(1.0 - m * s * s) if d > 0.1 else d  # which takes out the round-off of many panels
+    return now, total / panels
+
+
+@inlined
+def _added(a, b, m):
+    """sn, cn, dn of the sum of two arguments (Abramowitz and Stegun 16.17)."""
+    share = 1.0 / (1.0 - m * a[0] * a[0] * b[0] * b[0])
+    return (
+        (a[0] * b[1] * b[2] + b[0] * a[1] * a[2]) * share,
+        (a[1] * b[1] - a[0] * a[2] * b[0] * b[2]) * share,
+        (a[2] * b[2] - m * a[0] * a[1] * b[0] * b[1]) * share,
+    )
+
+
+@inlined
+def _from_zero(u, m):
+    """sn, cn, dn of an argument: their series for a small one (Abramowitz and Stegun 16.22), else by doubling."""
+    doublings = 0
+    while abs(u) > SMALL_ARGUMENT:
+        u *= 0.5
+        doublings += 1
+    x = u * u
+    s = 1.0 + m * (1228.0 + m * (5478.0 + m * (1228.0 + m)))
+    s = (1.0 + m * (135.0 + m * (135.0 + m))) / 5040.0 - x * s / 362880.0
+    s = (1.0 + m * (14.0 + m)) / 120.0 - x * s
+    s = u * (1.0 - x * ((1.0 + m) / 6.0 - x * s))
+    found = s, math.sqrt(1.0 - s * s), math.sqrt(1.0 - m * s * s)
+    for _ in range(doublings):
+        found = _added(found, found, m)
+    return found
+
+
+@inlined
+def _align(attitude, momentum, axes, handed, before, after, precession):
+    """Turn the body so that its momentum goes from `before` to `after` (sorted body axes) and precesses by an angle.
 
     The frame (L, polar axis) precesses: its basis in the body is known before and after, and its turn.
     """
-    first, second, space = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
-    across = np.empty(3)
-    _momentum_frame(before, polar, first)
-    _momentum_frame(after, polar, second)
-    for i in range(3):  # the axis across the momentum, in space
-        across[i] = attitude[i, 0] * first[0, 0] + attitude[i, 1] * first[0, 1] + attitude[i, 2] * first[0, 2]
-    turn(direction, precession, across, across)
-    _complete(direction, across, space)
+    x, y, z = axes
+    first, _, _ = _momentum_frame(before, handed)
+    across, beside, along = _momentum_frame(after, handed)
+    direction = _unit((momentum[0], momentum[1], momentum[2]))
+    u = (  # the axis across the momentum, in space
+        attitude[0, x] * first[0] + attitude[0, y] * first[1] + attitude[0, z] * first[2],
+        attitude[1, x] * first[0] + attitude[1, y] * first[1] + attitude[1, z] * first[2],
+        attitude[2, x] * first[0] + attitude[2, y] * first[1] + attitude[2, z] * first[2],
+    )
+    u = _unit(plus(u, -dot(u, direction), direction))
+    v = cross(direction, u)
+    c, s = _turned(precession)
     for i in range(3):
-        for j in range(3):
-            attitude[i, j] = space[0, i] * second[0, j] + space[1, i] * second[1, j] + space[2, i] * second[2, j]
+        p, q = c * u[i] + s * v[i], c * v[i] - s * u[i]
+        attitude[i, x] = p * across[0] + q * beside[0] + direction[i] * along[0]
+        attitude[i, y] = p * across[1] + q * beside[1] + direction[i] * along[1]
+        attitude[i, z] = p * across[2] + q * beside[2] + direction[i] * along[2]
 
 
-@compiled
-def _momentum_frame(direction, polar, frame):
-    """Orthonormal rows in body axes: polar axis made perpendicular to `direction`, cross product, `direction`."""
-    across = np.empty(3)
-    for k in range(3):
-        across[k] = -direction[polar] * direction[k]
-    across[polar] += 1.0
-    if across[0] ** 2 + across[1] ** 2 + across[2] ** 2 < 1e-24:
-        # Spinning about the polar axis: any perpendicular will do, it stays in the body.
-        for k in range(3):
-            across[k] = 1.0 if k == (polar + 1) % 3 else 0.0
-    _normalise(across, across)
-    _complete(direction, across, frame)
+@inlined
+def _momentum_frame(momentum, handed):
+    """Orthonormal vectors in body axes: the third axis made perpendicular to the momentum, cross product, momentum."""
+    d = _unit(momentum)
+    side = d[0] * d[0] + d[1] * d[1]
+    if side > 0.0:
+        across = _unit((-d[2] * d[0], -d[2] * d[1], side))
+    else:  # it spins about that axis: any perpendicular will do, it stays in the body
+        across = (1.0, 0.0, 0.0)
+    beside = cross(d, across)
+    return across, (handed * beside[0], handed * beside[1], handed * beside[2]), d
+
+
+@inlined
+def _unit(a):
+    size = math.sqrt(dot(a, a))
+    return a[0] / size, a[1] / size, a[2] / size
 
 
 @compiled
@@ -222,54 +291,3 @@ def orthonormalise(attitude):
     for i in range(3):
         for j in range(3):
             attitude[i, j] = frame[j, i]
-
-
-@compiled
-def jacobi(u, m):
-    """Jacobi elliptic sn, cn, dn of argument u and parameter m = k^2 in [0, 1] (Abramowitz and Stegun 16.4, AGM)."""
-    if m < 1e-16:
-        return math.sin(u), math.cos(u), 1.0
-    if m > 1.0 - 1e-16:
-        return math.tanh(u), 1.0 / math.cosh(u), 1.0 / math.cosh(u)
-    a, b = np.empty(AGM_STEPS + 1), math.sqrt(1.0 - m)
-    c = np.empty(AGM_STEPS + 1)
-    a[0], c[0] = 1.0, math.sqrt(m)
-    n = 0
-    while n < AGM_STEPS and abs(c[n]) > 1e-16:
-        a[n + 1] = 0.5 * (a[n] + b)
-        c[n + 1] = 0.5 * (a[n] - b)
-        b = math.sqrt(a[n] * b)
-        n += 1
-    phi = 2.0**n * a[n] * u
-    for i in range(n, 0, -1):
-        phi = 0.5 * (phi + math.asin(min(max(c[i] * math.sin(phi) / a[i], -1.0), 1.0)))
-    sn = math.sin(phi)
-    return sn, math.cos(phi), math.sqrt(1.0 - m * sn * sn)
-
-
-@compiled
-def elliptic_f(phi, m):
-    """Incomplete elliptic integral of the first kind for |phi| <= pi, through Carlson's R_F."""
-    turns = math.floor(phi / math.pi + 0.5)
-    rest = phi - turns * math.pi
-    s, c = math.sin(rest), math.cos(rest)
-    value = s * _carlson_rf(c * c, 1.0 - m * s * s, 1.0)
-    if turns != 0.0:
-        value += 2.0 * turns * _carlson_rf(0.0, 1.0 - m, 1.0)
-    return value
-
-
-@compiled
-def _carlson_rf(x, y, z):
-    """Carlson's symmetric integral R_F by duplication (Carlson, Numer. Algorithms 10 (1995) 13)."""
-    for _ in range(60):
-        mean = (x + y + z) / 3.0
-        if max(abs(x - mean), abs(y - mean), abs(z - mean)) < 1e-4 * abs(mean):
-            break
-        shift = math.sqrt(x * y) + math.sqrt(y * z) + math.sqrt(z * x)
-        x, y, z = 0.25 * (x + shift), 0.25 * (y + shift), 0.25 * (z + shift)
-    mean = (x + y + z) / 3.0
-    dx, dy = 1.0 - x / mean, 1.0 - y / mean
-    dz = -dx - dy
-    e2, e3 = dx * dy - dz * dz, dx * dy * dz
-    return (1.0 - e2 / 10.0 + e3 / 14.0 + e2 * e2 / 24.0 - 3.0 * e2 * e3 / 44.0) / math.sqrt(mean)

@@ -23,11 +23,11 @@ _geom_distance = types.ExternalFunction(
 
 
 class Hulls(NamedTuple):
-    """Two copies of every kind's hull in a MuJoCo model; one set per thread, since a query moves them.
+    """Two copies of every convex piece in a MuJoCo model; one set per thread, since a query moves them.
 
-    model, data: addresses; position (2 kinds, 3), attitude (2 kinds, 9): where the library looks for the hulls;
-    offset (kinds, 3), turn (kinds, 3, 3): of the library's frame of a hull in that of the part; witness (6,): a point
-    of either hull.
+    model, data: addresses; position (2 pieces, 3), attitude (2 pieces, 9): where the library looks for the hulls;
+    offset (pieces, 3), turn (pieces, 3, 3): of the library's frame of a piece in that of its part; witness (6,): a
+    point of either hull.
     """
 
     model: int
@@ -43,22 +43,22 @@ class HullLibrary:
     """Owns MuJoCo's model and data behind `Hulls`.
 
     Args:
-        corners: of every kind, (n, 3) [m] each; a single corner is a ball.
+        corners: of every piece, (n, 3) [m] each; a single corner is a ball.
         radii: around the corner of a ball [m]; not used for hulls.
     """
 
     def __init__(self, corners: list[NDArray[np.float64]], radii: list[float]) -> None:
         spec = mujoco.MjSpec()
         spec.option.ccd_tolerance, spec.option.ccd_iterations = TOLERANCE, ITERATIONS
-        for kind, (points, radius) in enumerate(zip(corners, radii, strict=True)):
+        for piece, (points, radius) in enumerate(zip(corners, radii, strict=True)):
             if len(points) > 1:
                 spec.add_mesh(
-                    name=f"hull_{kind}", uservert=points.ravel(), inertia=mujoco.mjtMeshInertia.mjMESH_INERTIA_CONVEX
+                    name=f"hull_{piece}", uservert=points.ravel(), inertia=mujoco.mjtMeshInertia.mjMESH_INERTIA_CONVEX
                 )
             for copy in range(2):
-                body = spec.worldbody.add_body(name=f"{kind}_{copy}", mocap=True)
+                body = spec.worldbody.add_body(name=f"{piece}_{copy}", mocap=True)
                 if len(points) > 1:
-                    body.add_geom(type=mujoco.mjtGeom.mjGEOM_MESH, meshname=f"hull_{kind}")
+                    body.add_geom(type=mujoco.mjtGeom.mjGEOM_MESH, meshname=f"hull_{piece}")
                 else:
                     body.add_geom(type=mujoco.mjtGeom.mjGEOM_SPHERE, size=[radius, 0.0, 0.0])
         self._model = spec.compile()
@@ -74,21 +74,21 @@ class HullLibrary:
 
 
 @compiled
-def hull_distance(hulls, a, b, reach):
-    """Signed distance [m] of the hulls of two parts (`PART`), or `reach` if larger; points in hulls.witness."""
-    first, second = 2 * a.kind, 2 * b.kind + 1
-    _place(hulls, first, a.kind, a.position, a.attitude)
-    _place(hulls, second, b.kind, b.position, b.attitude)
+def hull_distance(hulls, a, piece_a, b, piece_b, reach):
+    """Signed distance [m] of pieces of two parts (`PART`), or `reach` if larger; points in hulls.witness."""
+    first, second = 2 * piece_a, 2 * piece_b + 1
+    _place(hulls, first, piece_a, a.position, a.attitude)
+    _place(hulls, second, piece_b, b.position, b.attitude)
     return _geom_distance(hulls.model, hulls.data, first, second, reach, hulls.witness.ctypes)
 
 
 @compiled
-def _place(hulls, geom, kind, position, attitude):
+def _place(hulls, geom, piece, position, attitude):
     for i in range(3):
         hulls.position[geom, i] = position[i]
         for j in range(3):
-            hulls.position[geom, i] += attitude[i, j] * hulls.offset[kind, j]
+            hulls.position[geom, i] += attitude[i, j] * hulls.offset[piece, j]
             value = 0.0
             for k in range(3):
-                value += attitude[i, k] * hulls.turn[kind, k, j]
+                value += attitude[i, k] * hulls.turn[piece, k, j]
             hulls.attitude[geom, 3 * i + j] = value

@@ -9,6 +9,7 @@ What is recorded changes nothing: at the time of a frame the state of each part 
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -21,15 +22,15 @@ from feeder_sim.engines.impulse.neighbours import Islands
 from feeder_sim.engines.impulse.pair_contact import meet, meeting_bound
 from feeder_sim.engines.impulse.plate_contact import meet_plate
 from feeder_sim.engines.impulse.rest import fall_asleep, wake
-from feeder_sim.engines.impulse.state import ASLEEP, Kinds, Scratch, fly_to
+from feeder_sim.engines.impulse.state import ASLEEP, Kinds, Scratch, fly_to, in_pieces
 from feeder_sim.machine_code import compiled, entry_point, inlined
 
 
 class Crowd(NamedTuple):
-    """The parts of a window: state of each, places (n, 3) [m] at its begin, pairs that can meet, and their islands."""
+    """The parts of a window: state of each, now and at its begin, pairs that can meet, and their islands."""
 
     parts: NDArray[np.void]
-    origin: NDArray[np.float64]
+    begun: NDArray[np.void]
     pairs: NDArray[np.void]
     kinds: Kinds
     islands: Islands
@@ -175,10 +176,34 @@ def look_again_at_pairs(i, except_pair, t, agenda, crowd, bounds):
 @inlined
 def has_left(i, crowd, reach):
     """Whether a part is farther from its place at the begin of the window than its neighbours were looked for."""
+    return _squared_way(crowd.parts[i], crowd.begun[i], crowd.kinds.record[crowd.parts[i].kind]) > reach * reach
+
+
+@inlined
+def _squared_way(part, begun, kind):
+    """Square of the way that a part has come [m^2]; or of what the centres of its pieces have at most, by turning."""
     squared = 0.0
     for k in range(3):
-        squared += (crowd.parts[i].position[k] - crowd.origin[i, k]) ** 2
-    return squared > reach * reach
+        squared += (part.position[k] - begun.position[k]) ** 2
+    if in_pieces(kind):
+        turned = 0.0
+        for i in range(3):
+            for k in range(3):
+                turned += (part.attitude[i, k] - begun.attitude[i, k]) ** 2
+        squared = max(squared, turned * kind.reach * kind.reach)
+    return squared
+
+
+@entry_point
+def farthest(parts, begun, kinds):
+    """The longest way of any part in a window [m]; NaN where a position is not finite."""
+    most = 0.0
+    for i in range(parts.shape[0]):
+        squared = _squared_way(parts[i], begun[i], kinds.record[parts[i].kind])
+        if math.isnan(squared):
+            return squared
+        most = max(most, squared)
+    return math.sqrt(most)
 
 
 @compiled

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import functools
+from collections.abc import Sequence, Sized
 
 import numpy as np
 from numpy.typing import NDArray
 
 from feeder_sim.engines.impulse.free_flight import symmetry_axis
-from feeder_sim.engines.impulse.state import GENERAL_KIND, KIND, Kinds
+from feeder_sim.engines.impulse.state import GENERAL_KIND, KIND, PIECE, Kinds
 from feeder_sim.part.rigid_part import CORNER_RADIUS
 from feeder_sim.scene.scene import Scene
 
@@ -27,6 +28,7 @@ def read_kinds(scene: Scene) -> Kinds:
     corners = [np.asarray(kind.in_principal_axes(kind.corners), float) for kind in kinds]
     edges = [_hull(points.tobytes())[0] for points in corners]
     planes = [_hull(points.tobytes())[1] for points in corners]
+    pieces = [[np.asarray(kind.in_principal_axes(piece), float) for piece in kind.pieces] for kind in kinds]
     radius = [kind.corner_radius or CORNER_RADIUS for kind in kinds]
     if scene.rim:
         mass.append(np.inf)
@@ -34,6 +36,7 @@ def read_kinds(scene: Scene) -> Kinds:
         corners.append(_rim_box(scene))
         edges.append(np.empty((0, 2), np.int64))
         planes.append(hull_planes(corners[-1]))
+        pieces.append([])
         radius.append(0.0)
     axis = [symmetry_axis(moments) for moments in inertia]
     symmetric = all(a >= 0 or np.isinf(m) for a, m in zip(axis, mass, strict=True))  # walls do not turn
@@ -42,10 +45,34 @@ def read_kinds(scene: Scene) -> Kinds:
     record["reach"] = [np.linalg.norm(points, axis=1).max() for points in corners]
     record["restitution"] = contact.restitution, contact.part_restitution
     record["friction"] = contact.friction, contact.part_friction
-    for name, hulls in (("corner", corners), ("edge", edges), ("plane", planes)):
-        ends = np.cumsum([len(rows) for rows in hulls])
-        record[f"{name}_from"], record[f"{name}_to"] = [0, *ends[:-1]], ends
-    return Kinds(record, np.concatenate(corners), np.concatenate(edges), np.concatenate(planes))
+    record["corner_from"], record["corner_to"] = _places(corners)
+    record["edge_from"], record["edge_to"] = _places(edges)
+    first, last = _places(pieces)
+    has, own = np.array([len(of) > 0 for of in pieces]), np.arange(len(mass))  # else its hull is its only piece
+    record["piece_from"] = np.where(has, len(mass) + first, own)
+    record["piece_to"] = np.where(has, len(mass) + last, own + 1)
+    bodies = corners + [points for of in pieces for points in of]
+    planes += [_hull(points.tobytes())[1] for of in pieces for points in of]
+    piece = _piece_records(bodies, planes)
+    piece["centre"][: len(mass)], piece["reach"][: len(mass)] = 0.0, record["reach"]
+    return Kinds(record, np.concatenate(bodies), np.concatenate(edges), np.concatenate(planes), piece)
+
+
+def _piece_records(corners: list[NDArray[np.float64]], planes: list[NDArray[np.float64]]) -> NDArray[np.void]:
+    """Records `PIECE` of convex bodies with these corners (n, 3) and planes (f, 4)."""
+    piece = np.zeros(len(corners), PIECE)
+    piece["corner_from"], piece["corner_to"] = _places(corners)
+    piece["plane_from"], piece["plane_to"] = _places(planes)
+    piece["centre"] = [0.5 * (points.min(axis=0) + points.max(axis=0)) for points in corners]
+    apart = zip(corners, piece["centre"], strict=True)
+    piece["reach"] = [np.linalg.norm(points - centre, axis=1).max() for points, centre in apart]
+    return piece
+
+
+def _places(lists: Sequence[Sized]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Where each of several lists begins and ends when they stand one behind the other."""
+    ends = np.cumsum([len(rows) for rows in lists])
+    return np.concatenate([[0], ends[:-1]]), ends
 
 
 @functools.lru_cache(maxsize=64)  # the same parts for every seed

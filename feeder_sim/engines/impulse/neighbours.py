@@ -1,7 +1,8 @@
 """Which parts can meet within a window of time, and the islands they form; found with a grid over the plate.
 
 A part covers at most `range` [m] in the window. Parts whose bounding spheres, grown by it, are apart cannot meet; those
-that are linked by such pairs make an island, and islands advance independently of each other.
+that are linked by such pairs make an island, and islands advance independently of each other. Of concave parts each two
+pieces that can meet are a pair of their own; the centre of a piece covers that range once more as its part turns.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from feeder_sim.engines.impulse.pair_contact import PAIR
+from feeder_sim.engines.impulse.state import in_pieces, piece_centre
 from feeder_sim.machine_code import compiled
 
 
@@ -57,7 +59,8 @@ class Room(NamedTuple):
 def find_pairs(parts, kinds, n_free, room, old):
     """Pairs (a, b), sorted, that can meet within the window; those of `old` keep their axis.
 
-    Parts from n_free on are walls: beside every part within reach of a side of the plate. None where a position is not
+    Parts from n_free on are walls: beside every part within reach of a side of the plate; as they are flat, they meet
+    the hull of a part whatever pieces it has. None where a position is not
     finite, which is for the guard to see.
     """
     n = n_free
@@ -69,7 +72,7 @@ def find_pairs(parts, kinds, n_free, room, old):
                     return np.empty(0, PAIR)
             largest = max(largest, kinds.record[parts[i].kind].reach + kinds.record[parts[i].kind].radius)
     grid = _sort_into_cells(parts, n, 2.0 * (largest + room.reach))
-    found = np.empty((0, 2), np.int64)
+    found = np.empty((0, 4), np.int64)
     for counting in range(2):  # count, then fill
         m = 0
         for i in range(n):
@@ -77,21 +80,32 @@ def find_pairs(parts, kinds, n_free, room, old):
                 continue
             m = _pairs_of(parts, kinds, i, n_free, room, grid, m, found)
         if counting == 0:
-            found = np.empty((m, 2), np.int64)
+            found = np.empty((m, 4), np.int64)
     pairs = np.empty(m, PAIR)
     o = 0
     for p in range(m):
-        a, b = found[p, 0], found[p, 1]
         pair = pairs[p]
-        pair.a, pair.b = a, b
-        while o < old.shape[0] and (old[o].a < a or (old[o].a == a and old[o].b < b)):
+        pair.a, pair.b, pair.piece_a, pair.piece_b = found[p, 0], found[p, 1], found[p, 2], found[p, 3]
+        while o < old.shape[0] and _order(old[o], pair) < 0:
             o += 1
-        if o < old.shape[0] and old[o].a == a and old[o].b == b:
+        if o < old.shape[0] and _order(old[o], pair) == 0:
             for k in range(3):
                 pair.axis[k] = old[o].axis[k]
         else:
-            _first_axis(parts, kinds, a, b, pair.axis)
+            _first_axis(parts, kinds, pair)
     return pairs
+
+
+@compiled
+def _order(pair, other):
+    """Which of two pairs comes first: negative for this one, 0 if they are the same."""
+    if pair.a != other.a:
+        return pair.a - other.a
+    if pair.b != other.b:
+        return pair.b - other.b
+    if pair.piece_a != other.piece_a:
+        return pair.piece_a - other.piece_a
+    return pair.piece_b - other.piece_b
 
 
 @compiled
@@ -134,15 +148,41 @@ def _pairs_of(parts, kinds, a, n_free, room, grid, m, found):
             for place in range(grid.first[c * rows + r], grid.first[c * rows + r + 1]):
                 b = grid.order[place]
                 if b > a and _near(parts, kinds, a, b, room.reach):
-                    m = _insert(found, begin, m, a, b)
+                    m = _insert_pieces(parts, kinds, a, b, room.reach, begin, m, found)
     reach = kinds.record[parts[a].kind].reach + kinds.record[parts[a].kind].radius + room.reach
     for wall in range(n_free, parts.shape[0]):
         side = wall - n_free  # walls at +y, -y, +x, -x
         distance = room.half_y if side < 2 else room.half_x
         along = parts[a].position[1] if side < 2 else parts[a].position[0]
         if (along if side % 2 == 0 else -along) + reach > distance:
-            m = _insert(found, begin, m, a, wall)
+            m = _insert(found, begin, m, a, wall, parts[a].kind, parts[wall].kind)
     return m
+
+
+@compiled
+def _insert_pieces(parts, kinds, a, b, range_of_each, begin, m, found):
+    """Append the pairs of pieces of two parts that can meet, in order; returns the number of all pairs."""
+    kind_a, kind_b = kinds.record[parts[a].kind], kinds.record[parts[b].kind]
+    concave = in_pieces(kind_a) or in_pieces(kind_b)
+    for piece_a in range(kind_a.piece_from, kind_a.piece_to):
+        for piece_b in range(kind_b.piece_from, kind_b.piece_to):
+            if not concave or _pieces_near(parts, kinds, (a, b), (piece_a, piece_b), range_of_each):
+                m = _insert(found, begin, m, a, b, piece_a, piece_b)
+    return m
+
+
+@compiled
+def _pieces_near(parts, kinds, pair, pieces, range_of_each):
+    reach, squared = 0.0, 0.0
+    for end in range(2):
+        kind = kinds.record[parts[pair[end]].kind]
+        turns = range_of_each if in_pieces(kind) else 0.0
+        reach += kinds.piece[pieces[end]].reach + kind.radius + range_of_each + turns
+    first, second = parts[pair[0]], parts[pair[1]]
+    for k in range(3):
+        apart = piece_centre(first, kinds.piece[pieces[0]], k) - piece_centre(second, kinds.piece[pieces[1]], k)
+        squared += apart * apart
+    return squared < reach * reach
 
 
 @compiled
@@ -156,31 +196,33 @@ def _near(parts, kinds, a, b, range_of_each):
 
 
 @compiled
-def _insert(found, begin, m, a, b):
+def _insert(found, begin, m, a, b, piece_a, piece_b):
     if m >= found.shape[0]:
         return m + 1
     k = m
     while k > begin and found[k - 1, 1] > b:
-        found[k, 0], found[k, 1] = found[k - 1, 0], found[k - 1, 1]
+        for column in range(4):
+            found[k, column] = found[k - 1, column]
         k -= 1
-    found[k, 0], found[k, 1] = a, b
+    found[k, 0], found[k, 1], found[k, 2], found[k, 3] = a, b, piece_a, piece_b
     return m + 1
 
 
 @compiled
-def _first_axis(parts, kinds, a, b, axis):
+def _first_axis(parts, kinds, pair):
     """From centre to centre; to a wall, across it."""
+    axis, a, b = pair.axis, parts[pair.a], parts[pair.b]
     size = 0.0
-    if kinds.record[parts[b].kind].mass == np.inf:
+    if kinds.record[b.kind].mass == np.inf:
         for k in range(3):
-            axis[k] = parts[b].attitude[k, 1]
-            size += axis[k] * (parts[b].position[k] - parts[a].position[k])
+            axis[k] = b.attitude[k, 1]
+            size += axis[k] * (b.position[k] - a.position[k])
         if size < 0.0:
             for k in range(3):
                 axis[k] = -axis[k]
         return
     for k in range(3):
-        axis[k] = parts[b].position[k] - parts[a].position[k]
+        axis[k] = piece_centre(b, kinds.piece[pair.piece_b], k) - piece_centre(a, kinds.piece[pair.piece_a], k)
         size += axis[k] * axis[k]
     size = math.sqrt(size)
     for k in range(3):

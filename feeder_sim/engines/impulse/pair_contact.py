@@ -1,5 +1,7 @@
 """Contact of two parts: when they can meet at the earliest, and their impact.
 
+Parts meet by convex pieces: a concave part has several, any other is one. A pair is one piece of each.
+
 Of two parts that fly gravity does not change the relative motion; walls, and parts asleep, stand. Each pair keeps an
 axis, the direction in which its hulls were last found apart. The plane across it between both hulls parts them for as
 long as no corner of either can have crossed it, which bounds the time of their meeting from below by arithmetic on
@@ -29,8 +31,9 @@ MAX_ROUNDS = 8  # of impacts at the points of one contact
 FAR = 1e3  # [m]; no distance beyond this is asked of the library: every answer gives the pair a better axis
 
 
-# Two parts that can meet within a window: their numbers a < b, and the axis from a to b.
-PAIR = np.dtype([("a", "i8"), ("b", "i8"), ("axis", "f8", 3)], align=True)
+# Pieces of two parts that can meet within a window: the numbers of the parts, a < b, those of the pieces in `Kinds`,
+# and the axis from a to b.
+PAIR = np.dtype([("a", "i8"), ("b", "i8"), ("piece_a", "i8"), ("piece_b", "i8"), ("axis", "f8", 3)], align=True)
 
 
 @uncounted
@@ -49,9 +52,9 @@ def meeting_bound(pair, parts, kinds, t, bounds):
             return t + max(wait, min(bounds.step, DEEP / fastest)), False
     fly_to(a, kind_a, t)
     fly_to(b, kind_b, t)
-    axis = pair.axis
-    top = _extent(a, kind_a, kinds, axis, 1.0)
-    bottom = _extent(b, kind_b, kinds, axis, -1.0)
+    axis, piece_a, piece_b = pair.axis, kinds.piece[pair.piece_a], kinds.piece[pair.piece_b]
+    top = _extent(a, kind_a, piece_a, kinds, axis, 1.0)
+    bottom = _extent(b, kind_b, piece_b, kinds, axis, -1.0)
     gap = -bottom - top
     # The plane moves with both hulls' mean speed along the axis; each has half of the gap to itself.
     # Gravity changes nothing between two that fly; beside a wall or a part asleep the plane stands and the other falls.
@@ -65,8 +68,8 @@ def meeting_bound(pair, parts, kinds, t, bounds):
             drift += 0.5 * axis[k] * (a.velocity[k] + b.velocity[k])
     room = 0.5 * (max(gap, 0.0) + SLACK)
     wait = min(
-        _crossing_time(a, kind_a, kinds, axis, 1.0, top, (drift, room, fall)),
-        _crossing_time(b, kind_b, kinds, axis, -1.0, bottom, (-drift, room, fall)),
+        _crossing_time(a, kind_a, piece_a, kinds, axis, 1.0, top, (drift, room, fall)),
+        _crossing_time(b, kind_b, piece_b, kinds, axis, -1.0, bottom, (-drift, room, fall)),
     )
     speed = _relative_speed(a, kind_a, b, kind_b)
     shortest = min(max(bounds.step, SLACK / speed), DEEP / speed)
@@ -121,17 +124,17 @@ def _along_body_axis(part, vector, n):
 
 
 @compiled
-def _extent(part, kind, kinds, axis, sign):
-    """Largest coordinate of a part along sign * axis [m]."""
+def _extent(part, kind, piece, kinds, axis, sign):
+    """Largest coordinate of a piece of a part along sign * axis [m]."""
     x, y, z = (
         _along_body_axis(part, axis, 0),
         _along_body_axis(part, axis, 1),
         _along_body_axis(part, axis, 2),
     )
     largest = -np.inf
-    for c in range(kind.corner_from, kind.corner_to):
+    for c in range(piece.corner_from, piece.corner_to):
         largest = max(largest, sign * (x * kinds.corners[c, 0] + y * kinds.corners[c, 1] + z * kinds.corners[c, 2]))
-    if kind.corner_to - kind.corner_from == 1:
+    if piece.corner_to - piece.corner_from == 1:
         largest += kind.radius
     for n in range(3):
         largest += sign * axis[n] * part.position[n]
@@ -139,8 +142,8 @@ def _extent(part, kind, kinds, axis, sign):
 
 
 @compiled
-def _crossing_time(part, kind, kinds, axis, sign, support, plane):
-    """Time [s] before which no corner of a part can come `room` farther along sign * axis than its support.
+def _crossing_time(part, kind, piece, kinds, axis, sign, support, plane):
+    """Time [s] before which no corner of a piece can come `room` farther along sign * axis than its support.
 
     The plane (drift, room, fall) it must not cross moves at `drift` [m/s]; a corner accelerates by at most
     2 reach (L / I)^2 by turning and by `fall` [m/s^2] relative to the plane.
@@ -164,13 +167,13 @@ def _crossing_time(part, kind, kinds, axis, sign, support, plane):
         speed += sign * axis[n] * part.velocity[n]
         centre += sign * axis[n] * part.position[n]
         squared += momentum[n] * momentum[n]
-    ball = kind.corner_to - kind.corner_from == 1
+    ball = piece.corner_to - piece.corner_from == 1
     if ball:
         centre += kind.radius
     least = min(inertia[0], inertia[1], inertia[2])
     a = fall + (0.0 if ball else 2.0 * kind.reach * squared / (least * least))
     shortest = np.inf
-    for c in range(kind.corner_from, kind.corner_to):
+    for c in range(piece.corner_from, piece.corner_to):
         rx, ry, rz = kinds.corners[c, 0], kinds.corners[c, 1], kinds.corners[c, 2]
         gap = support - centre - sign * (x * rx + y * ry + z * rz) + room
         rate = speed + sign * (turn_x * rx + turn_y * ry + turn_z * rz)
@@ -189,7 +192,7 @@ def meet(pair, parts, kinds, hulls, points):
     """
     a, b = parts[pair.a], parts[pair.b]
     axis, witness = pair.axis, hulls.witness
-    distance = hull_distance(hulls, a, b, FAR)
+    distance = hull_distance(hulls, a, pair.piece_a, b, pair.piece_b, FAR)
     if distance >= FAR:
         return False
     if abs(distance) > ROUND_OFF:  # of closest points that coincide the direction is round-off
@@ -200,25 +203,25 @@ def meet(pair, parts, kinds, hulls, points):
             axis[k] /= size
     if distance > SLACK:
         return False
-    kind_a, kind_b = kinds.record[a.kind], kinds.record[b.kind]
+    piece_a, piece_b = kinds.piece[pair.piece_a], kinds.piece[pair.piece_b]
     for k in range(3):
         points[0, k] = 0.5 * (witness[k] + witness[3 + k])
-    n = _corners_inside(a, kind_a, b, kind_b, kinds, points, 1)
-    n = _corners_inside(b, kind_b, a, kind_a, kinds, points, n)
-    return _collide(a, kind_a, b, kind_b, points, n, axis, distance)
+    n = _corners_inside(a, piece_a, b, piece_b, kinds, points, 1)
+    n = _corners_inside(b, piece_b, a, piece_a, kinds, points, n)
+    return _collide(a, kinds.record[a.kind], b, kinds.record[b.kind], points, n, axis, distance)
 
 
 @compiled
-def _corners_inside(a, kind_a, b, kind_b, kinds, points, n):
-    """Append the corners of part a that are inside the hull of part b, or as good as touch it; returns their number."""
-    if kind_a.corner_to - kind_a.corner_from == 1:
+def _corners_inside(a, piece_a, b, piece_b, kinds, points, n):
+    """Append the corners of a's piece that are inside that of b, or as good as touch it; returns their number."""
+    if piece_a.corner_to - piece_a.corner_from == 1:
         return n
-    for c in range(kind_a.corner_from, kind_a.corner_to):
+    for c in range(piece_a.corner_from, piece_a.corner_to):
         at = plus(a.position, 1.0, arm_of(a, kinds.corners, c))
         from_b = difference(at, b.position)
         local = _along_body_axis(b, from_b, 0), _along_body_axis(b, from_b, 1), _along_body_axis(b, from_b, 2)
-        inside = kind_b.plane_to > kind_b.plane_from
-        for f in range(kind_b.plane_from, kind_b.plane_to):
+        inside = piece_b.plane_to > piece_b.plane_from
+        for f in range(piece_b.plane_from, piece_b.plane_to):
             plane = kinds.planes[f]
             if dot(plane, local) + plane[3] > SLACK:
                 inside = False

@@ -39,7 +39,8 @@ PART = np.dtype(
 )
 # What parts of one kind have in common: mass [kg], infinite for what stands still, and principal inertia; axis of
 # symmetry or -1; radius [m] around its corners, their reach from the centre of mass; restitution and friction on the
-# plate (0) and between parts (1), the same for all kinds; where its corners, edges and planes are in `Kinds`.
+# plate (0) and between parts (1), the same for all kinds; where its corners and edges are in `Kinds`, and the
+# pieces that meet those of other parts.
 KIND_FIELDS: list[Any] = [
     ("mass", "f8"),
     ("inertia", "f8", 3),
@@ -52,8 +53,8 @@ KIND_FIELDS: list[Any] = [
     ("corner_to", "i8"),
     ("edge_from", "i8"),
     ("edge_to", "i8"),
-    ("plane_from", "i8"),
-    ("plane_to", "i8"),
+    ("piece_from", "i8"),
+    ("piece_to", "i8"),
 ]
 KIND = np.dtype(KIND_FIELDS, align=True)
 # The same in a scene with a general top; the further field is a mark that compilation goes by. It comes first: numba
@@ -62,17 +63,34 @@ GENERAL = "general"
 GENERAL_KIND = np.dtype([(GENERAL, "i8"), *KIND_FIELDS], align=True)
 
 
+# A convex body: where its corners and planes are in `Kinds`; centre of a sphere around it, in principal axes from the
+# centre of mass of its part, and the radius of that sphere, both [m].
+PIECE = np.dtype(
+    [
+        ("corner_from", "i8"),
+        ("corner_to", "i8"),
+        ("plane_from", "i8"),
+        ("plane_to", "i8"),
+        ("centre", "f8", 3),
+        ("reach", "f8"),
+    ],
+    align=True,
+)
+
+
 class Kinds(NamedTuple):
-    """All kinds of parts: one record `KIND` each, and their hulls one behind the other.
+    """All kinds of parts: one record `KIND` each, and their convex bodies one behind the other.
 
     corners: (n, 3) [m]; edges: pairs of corners, counted from the first of their kind, (m, 2); planes of the faces:
-    (outward unit normal, offset) with normal . x + offset <= 0 inside, (f, 4).
+    (outward unit normal, offset) with normal . x + offset <= 0 inside, (f, 4). piece: a record `PIECE` each, first the
+    hull of every kind, by the number of the kind, then the pieces of concave ones.
     """
 
     record: NDArray[np.void]
     corners: NDArray[np.float64]
     edges: NDArray[np.int64]
     planes: NDArray[np.float64]
+    piece: NDArray[np.void]
 
 
 class Wall(NamedTuple):
@@ -152,9 +170,9 @@ def read_wall(guide: Guide | None) -> Wall | None:
 def new_scratch(kinds: Kinds, n_shapes: int) -> Scratch:
     """Room for any part: each of its corners can touch plate and wall, each of its edges the edge of the plate."""
     of = kinds.record
-    corners = of["corner_to"] - of["corner_from"]
-    n = int((corners + 2 * (of["edge_to"] - of["edge_from"])).max())
-    together = max(n, 1 + 2 * int(corners.max()))  # points of two parts that meet
+    n = int((of["corner_to"] - of["corner_from"] + 2 * (of["edge_to"] - of["edge_from"])).max())
+    of_piece = kinds.piece["corner_to"] - kinds.piece["corner_from"]
+    together = max(n, 1 + 2 * int(of_piece.max()))  # points of two parts that meet
     sizes = ((n, 6), (5, 2 * n, 3), (5, 2 * n), (4, n_shapes), (n, n_shapes), (n_shapes, 3), (together, 3))
     corner, contact, law, modal, under, modes, points = (np.zeros(size) for size in sizes)
     return Scratch(corner, contact, law, modal, under, modes, points, np.zeros(1, np.int64))
@@ -164,6 +182,12 @@ def new_scratch(kinds: Kinds, n_shapes: int) -> Scratch:
 def flies(part, kind):
     """Whether a part moves at all; walls and parts asleep do not."""
     return part.there == AWAKE and kind.mass < np.inf
+
+
+@inlined
+def in_pieces(kind):
+    """Whether parts of a kind meet others by pieces, of which each has a place of its own."""
+    return kind.piece_to - kind.piece_from > 1
 
 
 @compiled
@@ -226,6 +250,13 @@ def point(part, corners, i, k):
     for axis in range(3):
         value += part.attitude[k, axis] * corners[i, axis]
     return value
+
+
+@inlined
+def piece_centre(part, piece, k):
+    """Coordinate k of the centre of a piece in space [m]."""
+    r, centre = part.attitude, piece.centre
+    return part.position[k] + (r[k, 0] * centre[0] + r[k, 1] * centre[1] + r[k, 2] * centre[2])
 
 
 @inlined

@@ -37,8 +37,13 @@ def contact_parameters(
 
 
 def hull_name(part: RigidPart) -> str:
-    """The geom that other parts and walls meet: a ball's only corner has its radius."""
+    """The geom that walls meet: a ball's only corner has its radius."""
     return corner_name(part, 0) if part.corner_radius else f"{part.name}_hull"
+
+
+def piece_names(part: RigidPart) -> list[str]:
+    """The geoms that other parts meet: the convex pieces of a part that has any, else its hull."""
+    return [f"{part.name}_piece_{i}" for i in range(len(part.pieces))] or [hull_name(part)]
 
 
 def corner_name(part: RigidPart, i: int) -> str:

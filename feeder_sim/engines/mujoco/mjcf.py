@@ -7,18 +7,28 @@ mid-plane make the horizontal surface velocity -h/2 beta' by themselves. Under a
 whose patch needs the slide alone.
 
 Contact set: one small sphere at each corner of the part against its patch, as explicit pairs. (MuJoCo's own prism-box
-contact keeps four of six corners and makes a flat part spin.) Restitution: `solref = "0 -(1+e)/dt"` reverses the
-normal velocity within one step, `solreffriction = "0 -1/dt"` keeps the restitution out of the tangential direction.
+contact keeps four of six corners and makes a flat part spin.) Parts meet each other by their
+convex pieces, walls by their hulls. Restitution: `solref = "0 -(1+e)/dt"` reverses the normal velocity within one step,
+`solreffriction = "0 -1/dt"` keeps the restitution out of the tangential direction.
 """
 
 from __future__ import annotations
 
+import itertools
 import math
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from feeder_sim.engines.mujoco.contact import HARD, contact_parameters, corner_name, hull_name, part_contact
+from feeder_sim.engines.mujoco.contact import (
+    HARD,
+    contact_parameters,
+    corner_name,
+    hull_name,
+    part_contact,
+    piece_names,
+)
 from feeder_sim.engines.mujoco.units import UNITS, converted
 from feeder_sim.engines.mujoco.walls import add_rim, add_tube, leaning
 from feeder_sim.part.rigid_part import CORNER_RADIUS, LEVEL, RigidPart
@@ -63,13 +73,16 @@ def build_mjcf(scene: Scene) -> Any:
         patch_trace += _add_patch(spec, scene, part, guide)
         part_trace += part.mass if guide and guide.slides else 3.0 * part.mass + part.inertia.sum()
     tube = any(guide and not guide.slides for guide in scene.guides)
-    with_hull = len(scene.parts) > 1 or scene.rim or tube or settings.contact_set == "hull"
+    with_pieces = len(scene.parts) > 1
+    with_hull = scene.rim or tube or settings.contact_set == "hull"
     for kind in scene.kinds:
-        _add_meshes(spec, kind, with_hull=with_hull)
+        _add_meshes(spec, kind, with_hull=with_hull, with_pieces=with_pieces)
     for number, (part, guide) in enumerate(zip(scene.parts, scene.guides, strict=True)):
         radius = units.length * CORNER_RADIUS
         kind = scene.kinds[scene.kind_of[number]]
-        _add_part(spec, part, kind, guide, scene.timestep, radius, with_hull=with_hull)
+        body = _add_part(spec, part, guide, scene.timestep)
+        _add_hulls(body, part, kind, with_hull=with_hull, with_pieces=with_pieces)
+        _add_surface(body, part, kind, radius)
         _pair_with_patch(spec, scene, part, guide)
         if guide and not guide.slides:
             add_tube(spec, scene, part, guide)
@@ -139,33 +152,39 @@ def build_part_mjcf(part: RigidPart) -> Any:
     spec = mujoco.MjSpec()
     spec.modelname = part.name
     _add_meshes(spec, part)
-    _add_part(spec, part, part)
+    _add_surface(_add_part(spec, part), part, part)
     return spec
 
 
-def _add_meshes(spec: Any, kind: RigidPart, *, with_hull: bool = False) -> None:
-    """Add the drawn mesh of a kind of part, and its hull where something else than the plate meets it."""
+def _add_meshes(spec: Any, kind: RigidPart, *, with_hull: bool = False, with_pieces: bool = False) -> None:
+    """Add the drawn mesh of a kind of part, its hull where walls meet it, and what other parts meet."""
     import mujoco
 
     mesh = spec.add_mesh(name=kind.name)
     mesh.uservert, mesh.userface = kind.vertices.ravel(), kind.faces.ravel()
     mesh.inertia = mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL
-    if with_hull and not kind.corner_radius:
-        hull = spec.add_mesh(name=f"{kind.name}_hull")
-        hull.uservert, hull.inertia = kind.corners.ravel(), mujoco.mjtMeshInertia.mjMESH_INERTIA_CONVEX
+    for name, corners in _hulls(kind, with_hull=with_hull, with_pieces=with_pieces):
+        hull = spec.add_mesh(name=name)
+        hull.uservert, hull.inertia = corners.ravel(), mujoco.mjtMeshInertia.mjMESH_INERTIA_CONVEX
+
+
+def _hulls(part: RigidPart, *, with_hull: bool, with_pieces: bool) -> list[tuple[str, NDArray[np.float64]]]:
+    """Names and corners (n, 3) of the convex bodies that a part meets walls and other parts with; a ball has none."""
+    if part.corner_radius:
+        return []
+    found = {hull_name(part): part.corners} if with_hull else {}
+    if with_pieces:
+        found |= dict(zip(piece_names(part), part.pieces or (part.corners,), strict=True))
+    return list(found.items())
 
 
 def _add_part(
     spec: Any,
     part: RigidPart,
-    kind: RigidPart,
     guide: Guide | None = None,
     timestep: float = math.inf,
-    radius: float = CORNER_RADIUS,
-    *,
-    with_hull: bool = False,
-) -> None:
-    """Add one part: drawn mesh, hull, and a small sphere at each corner; they collide only where a pair says so.
+) -> Any:
+    """Add the body of one part, without geoms, and return it.
 
     It has a free joint, or on a slide one slide joint with the friction of its own weight, which turns within one
     timestep [s] (MuJoCo's own default would take 20 ms).
@@ -184,13 +203,26 @@ def _add_part(
         joint.solref_friction, joint.solimp_friction = [0.0, -1.0 / timestep], HARD
     else:
         body.add_freejoint(name=part.name)
+    return body
+
+
+def _add_hulls(body: Any, part: RigidPart, kind: RigidPart, *, with_hull: bool, with_pieces: bool) -> None:
+    """Add what a part meets walls and other parts with; it collides only where a pair says so."""
+    import mujoco
+
     mesh_geom = mujoco.mjtGeom.mjGEOM_MESH
-    if with_hull and not part.corner_radius:
-        hull, name = f"{kind.name}_hull", hull_name(part)
-        body.add_geom(name=name, type=mesh_geom, meshname=hull, contype=0, conaffinity=0, group=3)
+    own, meshes = (_hulls(p, with_hull=with_hull, with_pieces=with_pieces) for p in (part, kind))
+    for (name, _), (mesh, _) in zip(own, meshes, strict=True):
+        body.add_geom(name=name, type=mesh_geom, meshname=mesh, contype=0, conaffinity=0, group=3)
+
+
+def _add_surface(body: Any, part: RigidPart, kind: RigidPart, radius: float = CORNER_RADIUS) -> None:
+    """Add the drawn mesh of a part, and a small sphere at each corner; they collide only where a pair says so."""
+    import mujoco
+
     body.add_geom(
         name=f"{part.name}_drawn",
-        type=mesh_geom,
+        type=mujoco.mjtGeom.mjGEOM_MESH,
         meshname=kind.name,
         contype=0,
         conaffinity=0,
@@ -214,9 +246,9 @@ def _pair_with_patch(spec: Any, scene: Scene, part: RigidPart, guide: Guide | No
 
 
 def _pair_parts(spec: Any, scene: Scene) -> None:
-    """Let the hulls of all parts meet each other."""
+    """Let all parts meet each other, piece by piece."""
     parameters = contact_parameters(part_contact(scene.scenario.contact), scene.timestep, scene.scenario.mujoco)
-    names = [hull_name(part) for part in scene.parts]
-    for i, first in enumerate(names):
-        for second in names[i + 1 :]:
+    names = [piece_names(part) for part in scene.parts]
+    for one, other in itertools.combinations(names, 2):
+        for first, second in itertools.product(one, other):
             spec.add_pair(name=f"{first}_{second}", geomname1=first, geomname2=second, condim=3, **parameters)

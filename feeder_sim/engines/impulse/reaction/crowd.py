@@ -63,7 +63,7 @@ def open_yielding_window(parts, n_free, kinds, surface, span, limits):
         for i in range(n_free):
             wake(parts[i])
     orthonormalise_parts(parts, n_free)
-    return acting, bounds, reach_of(parts, n_free, bounds, kinds.record[0].restitution[0], end - start)
+    return acting, bounds, reach_of(parts, n_free, kinds, bounds, end - start)
 
 
 @compiled

@@ -1,0 +1,64 @@
+"""Concave parts meet each other by their pieces, in both engines."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from hooks import S_HOOK, U_HOOK, of_boxes, piece_distances, with_parts
+
+from feeder_sim.engines.impulse import engine as impulse
+from feeder_sim.engines.lookup import engine_class
+from feeder_sim.engines.mujoco import engine as mujoco
+from feeder_sim.scenario import Contact, Drive, HexNut, PistonPlate, Run, Scattered, Scenario
+from feeder_sim.scenario.engine_choice import choose_engine
+from feeder_sim.scene.scene import Scene, build_scene
+from feeder_sim.scene.start import Pose
+
+DEEPEST = 50e-6  # [m] that pieces may be found inside each other at a frame
+HOOK = of_boxes(U_HOOK)
+ENGINES = ("impulse", "mujoco")
+
+
+def plate(count: int, engine: str, *, amplitude_um: float = 0.0, contact: dict[str, float], **run: Any) -> Scene:
+    """Hooks over a plate that moves up and down."""
+    start = Scattered(kind="scattered", drop_height_mm=(0.2, 6.0), tilt_deg=(0.0, 90.0))
+    scenario = Scenario(
+        plate=PistonPlate(kind="piston", length_mm=90.0, width_mm=90.0, rim=count > 2),
+        drive=(Drive(frequency_hz=500.0, amplitude_um=amplitude_um, ring_up=False),),
+        part=(HexNut(size="M5", count=count, start=start),),
+        contact=Contact(**contact),
+        run=Run(**({"duration_s": 0.3, "seeds": 1, "engine": engine, "frames_per_second": 500.0} | run)),
+    )
+    return build_scene(scenario)
+
+
+def advanced(scene: Scene, n_frames: int, seed: int = 0) -> Any:
+    return engine_class(choose_engine(scene.scenario))(scene, np.random.default_rng(seed)).advance(n_frames)
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_a_hook_takes_along_another_that_it_is_hooked_into(engine: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A prong of either is in the gap of the other; on a smooth plate one moves across the prongs at 5 cm/s."""
+    scene = plate(2, engine, contact={"friction": 0.0, "restitution": 0.0, "part_friction": 0.0})
+    scene = with_parts(scene, HOOK)
+    level, turned = np.array([1.0, 0.0, 0.0, 0.0]), np.array([0.0, 0.0, 0.0, 1.0])
+    speed, gap, up = 0.05, 1.5e-3, 1.5e-3 + 1e-6
+    middle = (1e-3 * np.array([6.0, 6.0, 0.0]) - HOOK.centre) * [1.0, 1.0, 0.0]  # of the U, from its centre of mass
+    first, other = [0.0, 0.0, up] - middle, [5e-3, 4.5e-3, up] + middle
+    poses = [Pose(first, level, np.array([0.0, speed, 0.0])), Pose(other, turned, np.zeros(3))]
+    for module in (impulse, mujoco):
+        monkeypatch.setattr(module, "start_poses", lambda scene, rng: poses)
+    frames = advanced(scene, 100)
+    apart = piece_distances(scene, frames)
+    assert apart.min() > -DEEPEST
+    assert apart[0] == pytest.approx(gap - speed * frames.time[0], abs=1e-6) and apart.min() < 1e-5
+    along = frames.velocity[..., 1]
+    assert along.sum(axis=1) == pytest.approx(np.full(100, speed), abs=1e-4 * speed)
+    assert along[-1, 1] > 0.2 * speed
+    assert np.abs(frames.position[0] - np.array([first, other])).max() < 1e-3 * speed * 5
+    hulls = with_parts(scene, replace(HOOK, pieces=()))
+    thrown = advanced(hulls, 1)
+    assert np.abs(thrown.position[0] - np.array([first, other])).max() > 1e-3
