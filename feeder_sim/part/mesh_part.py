@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import warnings
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -54,6 +55,24 @@ def mesh_part(path: Path, unit_mm: float, density: float, name: str, *, key: str
         principal_axes=axes,
         centre=centre,
     )
+
+
+@dataclass(frozen=True)
+class Solid:
+    """Volume of the drawn mesh of a part [m^3], and that of its convex hull over it [1]."""
+
+    volume: float
+    hull_over_volume: float
+
+
+def solid(part: RigidPart) -> Solid:
+    """What the drawn mesh of a part encloses."""
+    from scipy.spatial import ConvexHull
+
+    a, b, c = np.moveaxis(part.vertices[part.faces], 1, 0)
+    volume = float(np.einsum("ij,ij->", a, np.cross(b, c)) / 6.0)
+    size = part.size
+    return Solid(volume, float(ConvexHull(part.vertices / size).volume) * size**3 / volume)
 
 
 def principal_axes(tensor: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
