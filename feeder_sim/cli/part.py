@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from feeder_sim.cli.files import new_picture
+from feeder_sim.cli.files import new_picture, writable
 from feeder_sim.cli.report import as_lines
 from feeder_sim.cli.terminal import notify, progress_bar, stop_on_signal
-from feeder_sim.errors import printable
+from feeder_sim.errors import InputError, printable
 
 if TYPE_CHECKING:
     from feeder_sim.part.rigid_part import RigidPart
@@ -32,6 +32,13 @@ def part(
     restitution: Annotated[float | None, typer.Option("--restitution", help="Of part and plate [0.2].")] = None,
     friction: Annotated[float | None, typer.Option("--friction", help="Of part and plate [0.3].")] = None,
     seed: Annotated[int, typer.Option("--seed", min=0, help="Root of the random attitudes.")] = 0,
+    pieces: Annotated[
+        bool, typer.Option("--pieces", help="Cut it into convex pieces and write them to STEM_pieces.obj beside it.")
+    ] = False,
+    piece_error: Annotated[
+        float | None, typer.Option("--piece-error-mm", help="Error of the pieces [mm]; else 1 % of the longest side.")
+    ] = None,
+    force: Annotated[bool, typer.Option("--force", help="Replace existing pieces.")] = False,
     picture: Annotated[Path | None, typer.Option("--picture", help="Draw the stable poses to this file.")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout.")] = False,
 ) -> None:
@@ -40,7 +47,11 @@ def part(
 
     if picture is not None:
         new_picture(picture)
+    if piece_error is not None and not pieces:
+        raise InputError("belongs to --pieces, which is missing", file=file, key="--piece-error-mm")
     spec, contact = _spec(file, material, unit), _contact(file, engine, restitution, friction)
+    if pieces:
+        spec = _cut(spec, piece_error, force=force)
     body = build_part(spec, name=printable(file.stem))
     study = _dropped(body, drops, contact, engine, seed) if drops else None
     if picture is not None:
@@ -62,6 +73,18 @@ def _spec(file: Path, material: str, unit: float) -> MeshPart:
     return validated(values, MeshPart, file)
 
 
+def _cut(spec: MeshPart, error_mm: float | None, *, force: bool) -> MeshPart:
+    """Write the convex pieces of a part beside its mesh; returns the part with them."""
+    from feeder_sim.part.mesh_part import closed_mesh
+    from feeder_sim.part.pieces import make_pieces, pieces_beside, write_pieces
+
+    path = writable(pieces_beside(spec.file), force=force)
+    mesh = closed_mesh(spec.file, spec.file_unit_mm)
+    made, how = make_pieces(mesh, spec.file_unit_mm, error_mm)
+    write_pieces(path, made, spec.file, how)
+    return spec.model_copy(update={"contact": "parts", "pieces": path})
+
+
 def _contact(file: Path, engine: str, restitution: float | None, friction: float | None) -> Contact:
     """The contact that the options ask for.
 
@@ -73,8 +96,6 @@ def _contact(file: Path, engine: str, restitution: float | None, friction: float
     from feeder_sim.studies.drops import ENGINES
 
     if engine not in ENGINES:
-        from feeder_sim.errors import InputError
-
         raise InputError(f"is {engine!r}, allowed is {', '.join(ENGINES)}", key="--engine")
     options = {"restitution": restitution, "friction": friction}
     return validated({name: value for name, value in options.items() if value is not None}, Contact, file)
@@ -146,6 +167,7 @@ def describe(body: RigidPart, spec: MeshPart, study: DropStudy | None) -> dict[s
         "facets": len(body.faces),
         "corners": len(body.corners),
         "hull_over_volume": shape.hull_over_volume,
+        "pieces": len(body.pieces),
         "stable_poses": poses,
         "drops": {
             "drops": len(study.pose),
