@@ -8,6 +8,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from feeder_sim.part.mesh_part import closed_mesh
+from feeder_sim.part.pieces import make_pieces, pieces_beside, write_pieces
+
 MODELS = Path(__file__).parent
 
 # x and z of the bracket: 12 long, 9 high, 1.5 thick, base down
@@ -61,12 +64,15 @@ def _counter_clockwise(triangle: ArrayLike) -> list[list[float]]:
 
 
 def write_parts() -> None:
-    """Write each mesh as STL into the folder of its name."""
+    """Write each mesh as STL into the folder of its name, and the convex pieces of the hook."""
     for name, mesh in part_meshes().items():
         assert mesh.is_watertight and mesh.is_winding_consistent and mesh.volume > 0.0, name
         file = MODELS / name / f"{name}.stl"
         file.parent.mkdir(exist_ok=True)
         mesh.export(file)
+    hook = MODELS / "hook" / "hook.stl"
+    pieces, made_by = make_pieces(closed_mesh(hook, 1.0), 1.0)
+    write_pieces(pieces_beside(hook), pieces, hook, made_by)
 
 
 if __name__ == "__main__":

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import warnings
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from feeder_sim.errors import InputError
+from feeder_sim.part.pieces import read_pieces
 from feeder_sim.part.rigid_part import LEVEL, RigidPart
 
 MESH_SUFFIXES = (".stl", ".obj", ".ply", ".off")
@@ -18,7 +20,9 @@ MAX_CORNERS = 64  # hull vertices beyond this many add cost and no contact
 ALIGNED = 1e-9  # of a moment of inertia over the largest: products of inertia that small are round-off
 
 
-def mesh_part(path: Path, unit_mm: float, density: float, name: str, *, key: str = "part.file") -> RigidPart:
+def mesh_part(
+    path: Path, unit_mm: float, density: float, name: str, *, pieces: Path | None = None, key: str = "part.file"
+) -> RigidPart:
     """A part from a file with one closed mesh; `key` names the file in messages.
 
     Args:
@@ -26,12 +30,14 @@ def mesh_part(path: Path, unit_mm: float, density: float, name: str, *, key: str
         unit_mm: its unit of length [mm].
         density: [kg/m^3].
         name: of the part.
+        pieces: file of its convex pieces, by which parts meet each other; without it they do by its hull.
         key: of the scenario.
 
     Raises:
-        InputError: it is missing, unreadable, not closed, without volume or not one body.
+        InputError: it is missing, unreadable, not closed, without volume or not one body; pieces that are not its own.
     """
     mesh = closed_mesh(path, unit_mm, key=key)
+    held = [] if pieces is None else read_pieces(pieces, path, mesh)
     mesh.apply_scale(unit_mm * 1e-3)
     mesh.fix_normals()
     mesh.density = density
@@ -53,7 +59,26 @@ def mesh_part(path: Path, unit_mm: float, density: float, name: str, *, key: str
         np.array(mesh.faces),
         principal_axes=axes,
         centre=centre,
+        pieces=tuple(spread_corners(points * unit_mm * 1e-3 - centre) for points in held),
     )
+
+
+@dataclass(frozen=True)
+class Solid:
+    """Volume of the drawn mesh of a part [m^3], and that of its convex hull over it [1]."""
+
+    volume: float
+    hull_over_volume: float
+
+
+def solid(part: RigidPart) -> Solid:
+    """What the drawn mesh of a part encloses."""
+    from scipy.spatial import ConvexHull
+
+    a, b, c = np.moveaxis(part.vertices[part.faces], 1, 0)
+    volume = float(np.einsum("ij,ij->", a, np.cross(b, c)) / 6.0)
+    size = part.size
+    return Solid(volume, float(ConvexHull(part.vertices / size).volume) * size**3 / volume)
 
 
 def principal_axes(tensor: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

@@ -31,13 +31,15 @@ def _installed() -> dict[str, str]:
 
 
 def input_hashes(scenario: Scenario) -> dict[str, str]:
-    """SHA-256 of the files that a scenario reads, by its keys: the mode file, the meshes of parts and of grippers."""
+    """SHA-256 of the files that a scenario reads, by its keys: mode file, meshes of parts, their pieces, grippers."""
     files: dict[str, Path] = {}
     if isinstance(scenario.plate, Rectangle | ModePlate) and scenario.plate.mode_file is not None:
         files["plate.mode_file"] = scenario.plate.mode_file
     for i, part in enumerate(scenario.part):
         if isinstance(part, MeshPart):
             files[f"part[{i}].file"] = part.file
+            if part.pieces_file is not None:
+                files[f"part[{i}].pieces"] = part.pieces_file
     for stage in (*scenario.schedule.prepare, *scenario.schedule.stage) if scenario.schedule else ():
         files |= {f"pick.shape {pick.shape.name}": pick.shape for pick in stage.pick if pick.shape is not None}
     return {key: hashlib.sha256(file.read_bytes()).hexdigest() for key, file in files.items()}

@@ -7,6 +7,7 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import Discriminator, Field, Tag, model_validator
 
+from feeder_sim.part.pieces import pieces_beside
 from feeder_sim.scenario.material import MaterialChoice
 from feeder_sim.scenario.tables import (
     AngleDeg,
@@ -177,11 +178,30 @@ class Cylinder(_Part):
 
 
 class MeshPart(_Part):
-    """A closed triangle mesh; contact is with its convex hull, mass and inertia are those of the solid."""
+    """A closed triangle mesh; mass and inertia are those of the solid.
+
+    Its convex hull meets the plate, and other parts too; with `contact = "parts"` other parts meet the convex pieces
+    that `feeder-sim part FILE --pieces` has cut it into.
+    """
 
     shape: Literal["mesh"]
     file: Path
     file_unit_mm: Annotated[float, Field(ge=1e-6, le=1e6, strict=True)] = 1.0
+    contact: Literal["hull", "parts"] = "hull"
+    pieces: Path | None = None
+
+    @property
+    def pieces_file(self) -> Path | None:
+        """Where its convex pieces are; None where its hull meets other parts."""
+        if self.contact == "hull":
+            return None
+        return self.pieces or pieces_beside(self.file)
+
+    @model_validator(mode="after")
+    def _pieces_of_parts(self) -> Self:
+        if self.pieces is not None and self.contact == "hull":
+            raise ValueError('pieces is given, allowed is none with contact = "hull"')
+        return self
 
 
 PartSpec = Annotated[HexNut | Ball | Cylinder | MeshPart, Field(discriminator="shape")]

@@ -217,7 +217,9 @@ def _anchor_paths(scenario: Scenario, folder: Path) -> Scenario:
         plate = plate.model_copy(update={"mode_file": folder / plate.mode_file})
     for i, part in enumerate(parts):
         if isinstance(part, MeshPart):
-            parts[i] = part.model_copy(update={"file": folder / part.file})
+            pieces = part.pieces_file
+            held = {"file": folder / part.file, "pieces": folder / pieces if pieces else None}
+            parts[i] = part.model_copy(update=held)
     if schedule is not None:
         groups = {
             group: tuple(_anchored_stage(stage, folder) for stage in getattr(schedule, group))

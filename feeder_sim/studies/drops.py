@@ -1,0 +1,227 @@
+"""Drops: how often a part comes to lie in each of its stable poses when it falls on a plate at rest.
+
+Every drop begins at rest at an attitude of its own, all attitudes equally likely, at some height over a level plate.
+Both engines get the same starts.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+import threading
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor, wait
+from dataclasses import dataclass, replace
+from typing import Literal, TypeAlias, get_args
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from feeder_sim.engines.impact_log import new_log
+from feeder_sim.engines.impulse.alone import Alone, ContactNotes
+from feeder_sim.engines.impulse.alone import Drive as MovingPlate
+from feeder_sim.engines.impulse.drops import advance_to_rest
+from feeder_sim.engines.impulse.engine import WINDOW_ALONE
+from feeder_sim.engines.impulse.kinds import read_kinds
+from feeder_sim.engines.impulse.state import new_parts, new_scratch
+from feeder_sim.engines.surface_arrays import surface_arrays
+from feeder_sim.errors import InputError, Interrupted
+from feeder_sim.part.rigid_part import RigidPart
+from feeder_sim.part.stable_poses import NONE, StablePose, stable_poses
+from feeder_sim.run.simulation import COMPILING, announced, in_daemon_thread
+from feeder_sim.scenario import Ball, Contact, Drive, PistonPlate, Run, Scenario
+from feeder_sim.scene.scene import Scene, build_scene
+from feeder_sim.single_thread import single_threaded
+
+DROPS = 2000
+HEIGHT = 1.0  # of the lowest point at the start, over the part's largest extent
+LONGEST_S = 3.0  # [s]; a part that still moves then lies in no pose
+INTERVAL_S = 0.01  # [s] between two looks at a part
+LOOKS = 5  # in a row at which a part has to lie still: one on edge stays there for less
+STILL = 2e-3  # [m/s]; no point of a part that lies still is faster
+STEP_S, STEPS = 1e-4, 40  # solver step [s], and how many there are in a period of the plate, were it driven
+PLATE_MM = 1e4
+PIECES = 16  # of the drops per thread
+Engine = Literal["impulse", "mujoco"]
+ENGINES: tuple[Engine, ...] = get_args(Engine)
+Ended: TypeAlias = tuple[NDArray[np.float64], NDArray[np.float64]]
+
+
+@dataclass(frozen=True)
+class Share:
+    """How many of a number of drops ended in one pose."""
+
+    pose: StablePose
+    hits: int
+    drops: int
+
+    @property
+    def value(self) -> float:
+        return self.hits / self.drops
+
+    @property
+    def standard_error(self) -> float:
+        """Of the share; never 0, since what has not happened in n drops may still happen (Laplace)."""
+        likely = (self.hits + 1) / (self.drops + 2)
+        return math.sqrt(likely * (1.0 - likely) / self.drops)
+
+
+@dataclass(frozen=True)
+class DropStudy:
+    """What came of many drops.
+
+    Attributes:
+        part: that was dropped.
+        engine: that computed it.
+        contact: of part and plate.
+        pose: index of the pose that each drop ended in, or `NONE`, shape (drops,).
+        rest_s: when each part lay still [s], NaN for one that did not, shape (drops,).
+    """
+
+    part: RigidPart
+    engine: Engine
+    contact: Contact
+    pose: NDArray[np.int64]
+    rest_s: NDArray[np.float64]
+
+    @property
+    def shares(self) -> tuple[Share, ...]:
+        """Of the stable poses, in their order."""
+        poses = stable_poses(self.part).poses
+        return tuple(Share(pose, int((self.pose == i).sum()), len(self.pose)) for i, pose in enumerate(poses))
+
+    @property
+    def other(self) -> int:
+        """Drops that ended in no stable pose."""
+        return int((self.pose == NONE).sum())
+
+    @property
+    def moving(self) -> int:
+        """Drops that did not end: parts that roll."""
+        return int(np.isnan(self.rest_s).sum())
+
+
+@single_threaded
+def drop(
+    part: RigidPart,
+    drops: int = DROPS,
+    *,
+    contact: Contact | None = None,
+    engine: Engine = "impulse",
+    seed: int = 0,
+    workers: int = 1,
+    stop: threading.Event | None = None,
+    progress: Callable[[float], None] | None = None,
+    notify: Callable[[str], None] | None = None,
+) -> DropStudy:
+    """Drop a part many times on a plate at rest and see how it comes to lie.
+
+    Args:
+        part: any rigid part with stable poses.
+        drops: how many.
+        contact: of part and plate; default as in a scenario.
+        engine: that computes the drops.
+        seed: of the attitudes.
+        workers: threads, which do not change the result.
+        stop: set it to give up.
+        progress: called with the share of the drops done, from this thread.
+        notify: takes a line for the user, such as that the engine is being compiled.
+
+    Raises:
+        InputError: the part has no stable poses (a ball), or no drops are asked for.
+        Interrupted: it was given up.
+    """
+    table = stable_poses(part)
+    if not table.poses:
+        raise InputError("has no stable poses: it lies on any side", key=part.name)
+    if drops < 1:
+        raise InputError(f"is {drops}, allowed is at least 1", key="drops")
+    scene = still_plate(part, contact or Contact(), engine)
+    starts = Rotation.random(drops, rng=np.random.default_rng(seed))
+    ends = [drops * i // (PIECES * workers) for i in range(PIECES * workers + 1)]
+    pieces = [slice(*piece) for piece in itertools.pairwise(ends) if piece[1] > piece[0]]
+    compute = _impulse_drops if engine == "impulse" else _mujoco_drops
+
+    def compile_engine() -> None:
+        compute(scene, starts[:1], np.ones(1, np.int64))
+
+    with announced(COMPILING, notify):
+        in_daemon_thread(compile_engine)
+    attitude, rest_s, interrupt = np.empty((drops, 4)), np.empty(drops), np.zeros(1, np.int64)
+    with ThreadPoolExecutor(workers) as pool:
+        tasks = [pool.submit(compute, scene, starts[piece], interrupt) for piece in pieces]
+        try:
+            for piece, task in zip(pieces, tasks, strict=True):
+                while not wait([task], timeout=0.1).done:
+                    if stop is not None and stop.is_set():
+                        raise Interrupted("interrupted")
+                attitude[piece], rest_s[piece] = task.result()
+                if progress:
+                    progress(piece.stop / drops)
+        finally:
+            interrupt[0] = 1  # given up, or an error: what is left ends where it is
+    number = np.where(np.isnan(rest_s), NONE, table.number(attitude))
+    return DropStudy(part, engine, scene.scenario.contact, number, rest_s)
+
+
+def still_plate(part: RigidPart, contact: Contact, engine: Engine) -> Scene:
+    """A scene with one part on a large plate that nothing moves.
+
+    The scene of a ball over a piston of no amplitude, with the part in the place of the ball.
+    """
+    scenario = Scenario(
+        plate=PistonPlate(kind="piston", length_mm=PLATE_MM, width_mm=PLATE_MM),
+        drive=(Drive(frequency_hz=1.0 / (STEPS * STEP_S), amplitude_um=0.0, ring_up=False),),
+        part=(Ball(shape="ball", diameter_mm=1e3 * part.longest),),
+        contact=contact,
+        run=Run(engine=engine, duration_s=LONGEST_S, steps_per_period=STEPS, frames_per_second=1.0 / INTERVAL_S),
+    )
+    return replace(build_scene(scenario), kinds=(part,), parts=(replace(part, name="part_0"),))
+
+
+def _places(part: RigidPart, starts: Rotation) -> NDArray[np.float64]:
+    """Centres of mass (drops, 3) [m] of a part whose lowest point is so high as it is long."""
+    turned = np.einsum("nij,kj->nki", starts.as_matrix(), part.corners)
+    place = np.zeros((len(starts), 3))
+    place[:, 2] = HEIGHT * part.longest - turned[:, :, 2].min(axis=1)
+    return place
+
+
+def _impulse_drops(scene: Scene, starts: Rotation, interrupt: NDArray[np.int64]) -> Ended:
+    """Attitudes (drops, 4) of the part at its end, and when it lay still (drops,) [s]."""
+    part, kinds = scene.kinds[0], read_kinds(scene)
+    principal = scene.principal_attitudes(starts.as_quat(scalar_first=True)[:, None])[:, 0]
+    turned = Rotation.from_quat(principal, scalar_first=True).as_matrix()
+    parts = new_parts(_places(part, starts), turned, np.zeros(len(starts), np.int64))
+    alone = Alone(parts, kinds, None, new_scratch(kinds, scene.surface.n_shapes))
+    surface = surface_arrays(scene.surface, scene.scenario.run)
+    drive = MovingPlate(surface, scene.surface.extremes, scene.timestep, WINDOW_ALONE)
+    rested = np.empty(len(parts))
+    notes = ContactNotes(new_log(1), np.zeros(2))
+    advance_to_rest(alone, drive, notes, INTERVAL_S, LONGEST_S, interrupt, rested)
+    ended = Rotation.from_matrix(parts["attitude"]).as_quat(scalar_first=True)
+    return scene.attitudes(ended[:, None])[:, 0], rested
+
+
+def _mujoco_drops(scene: Scene, starts: Rotation, interrupt: NDArray[np.int64]) -> Ended:
+    """As `_impulse_drops`, by MuJoCo."""
+    from feeder_sim.engines.mujoco.engine import MujocoEngine
+
+    part = scene.kinds[0]
+    engine = MujocoEngine(scene, np.random.default_rng(0), interrupt=interrupt)
+    begin, joint = engine.state(), engine.data.joint(scene.parts[0].name)
+    attitude, rested = np.empty((len(starts), 4)), np.full(len(starts), np.nan)
+    principal = scene.principal_attitudes(starts.as_quat(scalar_first=True)[:, None])[:, 0]
+    for k, place in enumerate(_places(part, starts)):
+        engine.restore(begin)
+        joint.qpos[:3], joint.qpos[3:] = place, principal[k]
+        looks = 0
+        while looks < LOOKS and engine.current().time[0] < LONGEST_S and not interrupt[0]:
+            frame = engine.advance(1)
+            speed = np.linalg.norm(frame.velocity[0, 0]) + part.size * np.linalg.norm(frame.angular_velocity[0, 0])
+            looks = looks + 1 if speed < STILL else 0
+        attitude[k] = engine.current().quaternion[0, 0]
+        if looks == LOOKS:
+            rested[k] = engine.current().time[0] - (LOOKS - 1) * INTERVAL_S
+    return attitude, rested
