@@ -26,7 +26,7 @@ def replay(
     speed: Annotated[
         float | None, typer.Option("--speed", help="Times as fast as it was, 0.1: slow motion [1, or 20 s of film].")
     ] = None,
-    fps: Annotated[float | None, typer.Option("--fps", help="Frames of the film per second [30].")] = None,
+    fps: Annotated[float | None, typer.Option("--fps", help="Frames of the film per second [25].")] = None,
     size: Annotated[str | None, typer.Option("--size", help="Of the film [1280x720].")] = None,
     slow: Annotated[bool, typer.Option("--slow-motion", help="Times are those of the slow-motion timeline.")] = False,
     show_seed: Annotated[int, typer.Option("--show-seed", min=0, help="Index of the seed shown in 3D.")] = 0,

@@ -17,7 +17,7 @@ from feeder_sim.records.removals import Cause, Removals
 from feeder_sim.records.trajectory import Frames, PlateRecord, Recording
 from feeder_sim.replay.colours import Colours
 from feeder_sim.replay.labels import log_stage_texts, plate_box, stage_texts
-from feeder_sim.replay.layout import layout, wave_view
+from feeder_sim.replay.layout import Style, layout, scene_eye, wave_view
 from feeder_sim.replay.parts import NUT, drawn_part
 from feeder_sim.replay.picks import log_picks
 from feeder_sim.replay.plate import MM, TIMELINE, drawn_lines
@@ -192,12 +192,13 @@ def _log_way(stream: Any, recording: Recording, shown_seed: int) -> None:
         stream.send_columns(name, indexes=[rr.TimeColumn(TIMELINE, duration=frames.time)], columns=place)
 
 
-def crowd_blueprint(recording: Recording, shown_seed: int, *, bare: bool) -> Any:
+def crowd_blueprint(recording: Recording, shown_seed: int, *, style: Style) -> Any:
     """Layout of the viewer: the plate seen obliquely from above; beside it counts, the slow wave and the stages."""
     import rerun as rr
     import rerun.blueprint as rrb
 
     scenario = parse_scenario(recording.scenario_text, file=recording.path)
+    bare = style != "viewer"
     box, goal = plate_box(recording.plate), scenario.goal
     title = "Parts picked, lost, on the plate, isolated"
     if goal is not None:
@@ -211,9 +212,11 @@ def crowd_blueprint(recording: Recording, shown_seed: int, *, bare: bool) -> Any
         plot_legend=rrb.PlotLegend(visible=bare or goal is None),
         overrides=dict.fromkeys(others, unnamed) if bare and goal is not None else None,
     )
-    views, shares = [counts, wave_view(box, bare=bare)], [1.0, 1.0]
-    if not bare:
+    views, shares = [counts, wave_view(box, style=style)], [1.0, 1.0]
+    if style == "slow_motion":
+        del views[0], shares[0]
+    if style == "viewer":
         views.append(rrb.TextLogView(origin="/stage", name="Stages"))
         shares.append(0.5)
     scene = "Scene (mm), colour = displacement amplitude, lines = nodal lines of the stage"
-    return layout(box, len(scenario.part), views, shares, title=scene, bare=bare)
+    return layout(box, scene_eye(box, len(scenario.part)), views, shares, title=scene, style=style)

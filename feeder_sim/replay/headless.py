@@ -25,8 +25,10 @@ import numpy as np
 from feeder_sim.errors import FeederSimError
 from feeder_sim.records.trajectory import Recording
 from feeder_sim.records.whole_file import write_whole
+from feeder_sim.replay.layout import Style
 from feeder_sim.replay.plate import TIMELINE
 from feeder_sim.replay.replay import REPLAY, replay_content
+from feeder_sim.replay.wave import SLOW
 
 if TYPE_CHECKING:
     from PIL.Image import Image
@@ -42,19 +44,19 @@ ZOOM_STEP, LARGEST_ZOOM = 0.1, 3.0
 class Camera:
     """A viewer that shows one replay."""
 
-    def __init__(self, client: Any, size: tuple[int, int], zoom: float) -> None:
-        self._client, self._size, self._zoom = client, size, zoom
+    def __init__(self, client: Any, size: tuple[int, int], zoom: float, timeline: str) -> None:
+        self._client, self._size, self._zoom, self._timeline = client, size, zoom, timeline
 
-    def picture(self, at: float, timeline: str = TIMELINE) -> Image:
-        """The content at a time [s] of a timeline."""
-        self._client.set_time(timeline, duration=at, play_state="paused")
+    def picture(self, at: float) -> Image:
+        """The content at a time [s]."""
+        self._client.set_time(self._timeline, duration=at, play_state="paused")
         whole = self._whole()
         edge, bar = _pixels(EDGE, self._zoom), _pixels(BAR, self._zoom)
         return whole.crop((edge, bar, edge + self._size[0], bar + self._size[1]))
 
-    def settle(self, at: float, timeline: str = TIMELINE) -> None:
+    def settle(self, at: float) -> None:
         """Draw until the notes are gone and nothing moves any more."""
-        self._client.set_time(timeline, duration=at, play_state="paused")
+        self._client.set_time(self._timeline, duration=at, play_state="paused")
         deadline, alike, before = time.monotonic() + NOTES_TIMEOUT_S, 0, b""
         while alike < SETTLED and time.monotonic() < deadline:
             whole = self._whole()
@@ -75,8 +77,8 @@ class Camera:
 
 
 @contextlib.contextmanager
-def camera(recording: Recording, *, seed: int, size: tuple[int, int]) -> Iterator[Camera]:
-    """A viewer without a screen that shows the replay of a seed in pictures of a size [pixels].
+def camera(recording: Recording, *, seed: int, size: tuple[int, int], timeline: str = TIMELINE) -> Iterator[Camera]:
+    """A viewer without a screen that shows a timeline of the replay of a seed in pictures of a size [pixels].
 
     It shows a replay of its own: another layout than that in the file is taken up only with its recording.
 
@@ -89,13 +91,14 @@ def camera(recording: Recording, *, seed: int, size: tuple[int, int]) -> Iterato
         os.environ.setdefault("XDG_RUNTIME_DIR", folder)
         os.environ.setdefault("RUST_LOG", "error")  # the viewer talks a lot on stderr
         replay = Path(folder) / REPLAY
-        write_whole(replay, replay_content(recording, seed, bare=True))
+        style: Style = "slow_motion" if timeline == SLOW else "picture"
+        write_whole(replay, replay_content(recording, seed, style=style))
         try:
             with _viewer(window) as client:
                 _open(client, replay)
                 for _ in range(abs(round((zoom - 1.0) / ZOOM_STEP))):
                     client.run_command("ui.zoom_in_ui" if zoom > 1.0 else "ui.zoom_out_ui")
-                yield Camera(client, size, zoom)
+                yield Camera(client, size, zoom, timeline)
         except (RuntimeError, ConnectionError, TimeoutError, ValueError) as error:
             raise FeederSimError(
                 f"{recording.path}: the rerun viewer drew no picture; without a GPU it needs a software driver "

@@ -16,7 +16,7 @@ from feeder_sim.scene.timetable import TimedStage, Timetable
 
 WHITE, BLACK = (255, 255, 255), (0, 0, 0)
 PAUSE = "pause"
-FAR, NEAR = 0.13, 0.045  # of the larger side of a box: from its edges to the text behind it and to the bar before it
+FAR, NEAR = 0.15, 0.045  # of the larger side of a box: from its edges to the text behind it and to the bar before it
 BELOW = 0.055  # of the larger side: what the text below the bar takes
 LARGEST_BAR = 0.25  # of the length of a box
 DRIVES_PER_LINE = 2
@@ -73,7 +73,7 @@ def log_labels(stream: Any, box: Box, legend: Sequence[Entry]) -> None:
     strip = [left + tick, left - tick, left, right, right + tick, right - tick]
     rim = rr.LineStrips3D([strip], colors=[BLACK], radii=[-2.5])  # so that it shows on a light plate, too
     stream.log("labels/scale_bar/rim", rim, static=True)
-    raised = [point + [0.0, 0.0, 0.002 * box.size] for point in strip]
+    raised = strip + np.array([0.0, 0.0, 0.002 * box.size])
     drawn = rr.LineStrips3D([raised], colors=[WHITE], radii=[-1.2], labels=[f"{bar:g} mm"], show_labels=True)
     stream.log("labels/scale_bar", drawn, static=True)
     if len(legend) > 1:
@@ -88,7 +88,7 @@ def legend_places(box: Box, entries: int) -> NDArray[np.float64]:
     number = np.arange(entries)
     column, line = number % LEGEND_PER_LINE, number // LEGEND_PER_LINE
     left = box.bar_place[0] + 0.4 * (box.high[0] - box.low[0])
-    step = (box.high[0] - 0.06 * box.size - left) / (LEGEND_PER_LINE - 1)
+    step = (box.high[0] - 0.1 * box.size - left) / (LEGEND_PER_LINE - 1)
     skipped = LEGEND_PER_LINE - min(entries, LEGEND_PER_LINE)  # few entries stand at the right end
     y = box.bar_place[1] - line * BELOW * box.size
     return np.column_stack([left + (column + skipped) * step, y, np.zeros(entries)])

@@ -1,18 +1,22 @@
 """Layout of the viewer: the scene, and beside it, or below it where the plate is long, plots and other views.
 
-A bare layout is for pictures and films: content only, without the titles and panels by which people work the viewer.
+Pictures and films have a style of their own: content only, without the titles and panels by which people work the
+viewer, and in slow motion without the plots, which know no such time.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, Literal
 
-from feeder_sim.replay.eye import Eye, framing
+from numpy.typing import ArrayLike
+
+from feeder_sim.replay.eye import OBLIQUE, Eye, framing
 from feeder_sim.replay.labels import Box, legend_lines
 from feeder_sim.replay.plate import TIMELINE
 from feeder_sim.replay.wave import HEIGHT, PERIOD_S, SLOW
 
+Style = Literal["viewer", "picture", "slow_motion"]
 BACKGROUND = (24, 27, 31)
 LONG = 2.2  # length over depth of a box, from which on the scene has the whole width
 ASPECT, LONG_ASPECT = 1.05, 2.9  # of the pane of the scene, in a window of 16 : 9 without panels
@@ -21,9 +25,10 @@ WAVE_DIRECTION = (0.0, -1.0, 0.6)
 CONTENTS = ("plate", "guide", "parts", "shadows", "drop_lines", "paths", "picked", "labels")
 
 
-def scene_eye(box: Box, entries: int) -> Eye:
+def scene_eye(box: Box, entries: int, direction: ArrayLike = OBLIQUE) -> Eye:
     """The eye of the scene, for a box with so many entries in its legend."""
-    return framing(box.framed(legend_lines(entries)), LONG_ASPECT if is_long(box) else ASPECT)
+    aspect = LONG_ASPECT if is_long(box) else ASPECT
+    return framing(box.framed(legend_lines(entries)), aspect, direction=direction)
 
 
 def is_long(box: Box) -> bool:
@@ -32,20 +37,21 @@ def is_long(box: Box) -> bool:
     return bool(length > LONG * depth)
 
 
-def layout(box: Box, entries: int, beside: Sequence[Any], shares: Sequence[float], *, title: str, bare: bool) -> Any:
+def layout(box: Box, eye: Eye, beside: Sequence[Any], shares: Sequence[float], *, title: str, style: Style) -> Any:
     """The blueprint.
 
     Args:
         box: what the scene shows.
-        entries: of its legend.
+        eye: of the scene.
         beside: the other views.
         shares: of each of them.
         title: of the scene.
-        bare: content only.
+        style: what it is for.
     """
     import rerun.blueprint as rrb
 
-    scene = spatial_view("/", [f"+ /{name}/**" for name in CONTENTS], title, scene_eye(box, entries), bare=bare)
+    bare = style != "viewer"
+    scene = spatial_view("/", [f"+ /{name}/**" for name in CONTENTS], title, eye, style=style)
     if is_long(box):
         views: Any = rrb.Vertical(scene, rrb.Horizontal(*beside, column_shares=shares), row_shares=[3, 2])
     else:
@@ -67,17 +73,17 @@ def layout(box: Box, entries: int, beside: Sequence[Any], shares: Sequence[float
     )
 
 
-def wave_view(box: Box, *, bare: bool) -> Any:
+def wave_view(box: Box, *, style: Style) -> Any:
     """The view of the surface, magnified."""
     height = HEIGHT * float(box.high[0] - box.low[0])
     raised = Box(box.low * [1.0, 1.0, 0.0] - [0.0, 0.0, height], box.high * [1.0, 1.0, 0.0] + [0.0, 0.0, height])
     below = [0.0, 1.25 * float(box.low[1]), -height]  # the caption
     eye = framing([*raised.corners, below], LONG_WAVE_ASPECT if is_long(box) else WAVE_ASPECT, direction=WAVE_DIRECTION)
     title = f"Surface, magnified; timeline {SLOW}: one period in {PERIOD_S:g} s"
-    return spatial_view("/wave", ["+ /wave/**"], title, eye, bare=bare)
+    return spatial_view("/wave", ["+ /wave/**"], title, eye, style=style)
 
 
-def spatial_view(origin: str, contents: Sequence[str], title: str, eye: Eye, *, bare: bool) -> Any:
+def spatial_view(origin: str, contents: Sequence[str], title: str, eye: Eye, *, style: Style) -> Any:
     """A view in 3D."""
     import rerun.blueprint as rrb
 
@@ -85,7 +91,7 @@ def spatial_view(origin: str, contents: Sequence[str], title: str, eye: Eye, *, 
         origin=origin,
         contents=contents,
         name=title,
-        titlebar=not bare,
+        titlebar=style == "viewer",
         eye_controls=rrb.EyeControls3D(position=eye.position, look_target=eye.target, eye_up=[0.0, 0.0, 1.0]),
         line_grid=False,
         background=BACKGROUND,

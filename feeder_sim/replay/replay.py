@@ -18,6 +18,7 @@ from feeder_sim.records.whole_file import write_whole
 from feeder_sim.replay.colours import Colour, colours_of
 from feeder_sim.replay.crowd import crowd_blueprint, log_crowd
 from feeder_sim.replay.labels import log_labels, log_stage_texts, plate_box, stage_texts
+from feeder_sim.replay.layout import Style
 from feeder_sim.replay.plate import TIMELINE, log_plate
 from feeder_sim.replay.shadows import log_shadow_plane
 from feeder_sim.replay.single import log_single, single_blueprint, single_box
@@ -62,8 +63,8 @@ def build_replay(trajectory: Path, replay: Path, *, shown_seed: int = 0, colour:
     write_whole(replay, replay_content(recording, shown_seed, colour=colour))
 
 
-def replay_content(recording: Recording, shown_seed: int, *, colour: Colour = "kind", bare: bool = False) -> bytes:
-    """The whole .rrd; with a bare layout, for pictures, the viewer shows content only.
+def replay_content(recording: Recording, shown_seed: int, *, colour: Colour = "kind", style: Style = "viewer") -> bytes:
+    """The whole .rrd, with the layout for the viewer or for pictures.
 
     Raises:
         InputError: there is no such seed, or nothing of it.
@@ -80,7 +81,7 @@ def replay_content(recording: Recording, shown_seed: int, *, colour: Colour = "k
     box = plate_box(recording.plate) if crowd else single_box(recording, shown_seed)
     held = stream.memory_recording()
     blueprint = crowd_blueprint if crowd else single_blueprint
-    stream.send_blueprint(blueprint(recording, shown_seed, bare=bare), make_active=False, make_default=True)
+    stream.send_blueprint(blueprint(recording, shown_seed, style=style), make_active=False, make_default=True)
     log_plate(stream, recording.plate, terms, max(f.time[-1] for f in recording.seeds if len(f)))
     log_labels(stream, box, colours.entries)
     texts = stage_texts(recording.plate, times, float(recording.seeds[shown_seed].time[-1]))

@@ -73,7 +73,7 @@ def log_shadows(
     if not high.any():
         return
     top = position[high]
-    strips = np.stack([top, top * [1.0, 1.0, 0.0]], axis=1)
+    strips = list(np.stack([top, top * [1.0, 1.0, 0.0]], axis=1))
     columns = rr.LineStrips3D.columns(strips=strips).partition(high.sum(axis=1))
     stream.log(f"drop_lines/{entity}", rr.LineStrips3D.from_fields(colors=[DROP_LINE], radii=[-1.0]), static=True)
     stream.send_columns(f"drop_lines/{entity}", indexes=times, columns=columns)

@@ -8,8 +8,9 @@ import numpy as np
 
 from feeder_sim.plate.nodal_lines import NodalLines
 from feeder_sim.records.trajectory import Frames, Recording
+from feeder_sim.replay.eye import OBLIQUE
 from feeder_sim.replay.labels import Box, plate_box
-from feeder_sim.replay.layout import layout
+from feeder_sim.replay.layout import Style, layout, scene_eye
 from feeder_sim.replay.parts import NUT, drawn_part, radius_of
 from feeder_sim.replay.plate import MM, TIMELINE
 from feeder_sim.replay.shadows import log_shadows
@@ -19,7 +20,8 @@ from feeder_sim.scene.guide import Guide, build_guide
 LINE_GREY, PATH = (150, 150, 150), (30, 110, 60)
 GLASS = (110, 160, 190)
 GUIDE_HEIGHT = 18.0  # [mm], as drawn
-GUIDE_AROUND = 8.0  # [mm], shown on each side of a guide
+GUIDE_AROUND = 6.0  # [mm], shown on each side of a guide
+GUIDE_DIRECTION = (0.0, -1.0, 0.5)  # from a guide to the eye
 WINDOW_S = 1.0  # of the plots of a guided part, whose hops are many
 LARGE = 30.0  # side of a plate over the radius of a part, from which on only a cell of the plate is shown
 CELL = 1.15  # of the way from antinode to nodal line, shown around antinode and way
@@ -128,7 +130,7 @@ def _log_plots(stream: Any, recording: Recording, shown_seed: int) -> None:
             stream.send_columns(f"plots/{plot}/{name}", indexes=[time], columns=rr.Scalars.columns(scalars=values))
 
 
-def single_blueprint(recording: Recording, shown_seed: int, *, bare: bool) -> Any:
+def single_blueprint(recording: Recording, shown_seed: int, *, style: Style) -> Any:
     """Open ready to watch: the 3D scene and the plots, playing along sim_time."""
     frames, largest = recording.seeds[shown_seed], {}
     if recording.plate.nodal_lines:
@@ -140,10 +142,12 @@ def single_blueprint(recording: Recording, shown_seed: int, *, bare: bool) -> An
     largest["height_mm"] = float(np.ptp(frames.position[:, 0, 2])) * MM
     others = [seed for seed in range(len(recording.seeds)) if seed != shown_seed]
     plots = [
-        _plot(name, value, others, window=WINDOW_S if guided else None, bare=bare) for name, value in largest.items()
+        _plot(name, value, others, window=WINDOW_S if guided else None, bare=style != "viewer")
+        for name, value in largest.items()
     ]
     title = "Scene (mm), colour = displacement amplitude"
-    return layout(single_box(recording, shown_seed), 1, plots, [1.0] * len(plots), title=title, bare=bare)
+    box, direction = single_box(recording, shown_seed), GUIDE_DIRECTION if guided else OBLIQUE
+    return layout(box, scene_eye(box, 1, direction), plots, [1.0] * len(plots), title=title, style=style)
 
 
 def _plot(name: str, largest: float, others: list[int], *, window: float | None, bare: bool) -> Any:

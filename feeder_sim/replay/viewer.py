@@ -57,9 +57,7 @@ def time_shown(run: Path, at: float | None, *, seed: int = 0, slow: bool = False
     Raises:
         InputError: the record ends before, or has no slow motion.
     """
-    ends = timeline_ends(read_recording(trajectory_of(run)), seed)
-    if slow and SLOW not in ends:
-        raise InputError("is not allowed here, the record of one part has none", file=run, key="--slow-motion")
+    ends = ends_shown(run, seed, slow=slow)
     end = ends[SLOW if slow else TIMELINE]
     if at is None:
         return min(DEFAULT_TIME, end)
@@ -71,6 +69,18 @@ def time_shown(run: Path, at: float | None, *, seed: int = 0, slow: bool = False
             key="--at",
         )
     return at
+
+
+def ends_shown(run: Path, seed: int, *, slow: bool) -> dict[str, float]:
+    """Last time [s] on each timeline of the replay of a run.
+
+    Raises:
+        InputError: there is no such run or seed, or slow motion is asked for and there is none.
+    """
+    ends = timeline_ends(read_recording(trajectory_of(run)), seed)
+    if slow and SLOW not in ends:
+        raise InputError("is not allowed here, the record of one part has none", file=run, key="--slow-motion")
+    return ends
 
 
 def open_viewer(replay: Path) -> None:
@@ -97,9 +107,9 @@ def take_screenshot(run: Path, picture: Path, *, at: float, timeline: str = TIME
         RecordingFailed: the picture cannot be written.
     """
     recording = read_recording(trajectory_of(run))
-    with camera(recording, seed=seed, size=SIZE) as viewer:
-        viewer.settle(at, timeline)
-        drawn = viewer.picture(at, timeline)
+    with camera(recording, seed=seed, size=SIZE, timeline=timeline) as viewer:
+        viewer.settle(at)
+        drawn = viewer.picture(at)
     content = io.BytesIO()
     drawn.save(content, format=FORMATS[picture.suffix.lower()])
     write_whole(picture, content.getvalue())
