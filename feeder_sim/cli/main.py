@@ -20,6 +20,7 @@ from feeder_sim.cli.files import naming, new_picture, scenario_of, writable
 from feeder_sim.cli.import_modes import import_modes_command
 from feeder_sim.cli.part import part
 from feeder_sim.cli.plate import modes, sequence, wave
+from feeder_sim.cli.replay import replay
 from feeder_sim.cli.report import as_lines, print_boundaries, print_result
 from feeder_sim.cli.response import response
 from feeder_sim.cli.terminal import notify, progress_bar, stop_on_signal
@@ -214,30 +215,7 @@ def list_(
             print(f"  {printable(name):<32} {shortened(printable(text), LONGEST_MESSAGE)}")
 
 
-@app.command()
-def replay(
-    folder: Annotated[Path, typer.Argument(help="Run folder, or its trajectory.h5.", show_default=False)],
-    screenshot: Annotated[Path | None, typer.Option("--screenshot", help="Write a picture; needs no screen.")] = None,
-    at: Annotated[float | None, typer.Option("--at", min=0.0, help="Time shown in the screenshot [1 s].")] = None,
-    slow: Annotated[bool, typer.Option("--slow-motion", help="--at is a time of the slow-motion timeline.")] = False,
-    show_seed: Annotated[int, typer.Option("--show-seed", min=0, help="Index of the seed shown in 3D.")] = 0,
-    rebuild: Annotated[bool, typer.Option("--rebuild", help="Build the .rrd again from the trajectory.")] = False,
-) -> None:
-    """Open a recorded run in the rerun viewer, or take a screenshot of it."""
-    from feeder_sim.replay.viewer import open_viewer, replay_file, take_screenshot, time_shown
-
-    if slow and screenshot is None:
-        raise InputError("belongs to --screenshot; in the viewer choose the timeline", key="--slow-motion")
-    if screenshot is None:
-        open_viewer(replay_file(folder, seed=show_seed, rebuild=rebuild))
-        return
-    from feeder_sim.replay.plate import TIMELINE
-    from feeder_sim.replay.wave import SLOW
-
-    writable(screenshot)
-    moment = time_shown(folder, at, seed=show_seed, slow=slow)
-    recording = replay_file(folder, seed=show_seed, rebuild=rebuild)
-    take_screenshot(recording, screenshot, at=moment, timeline=SLOW if slow else TIMELINE)
+app.command()(replay)
 
 
 @app.command()

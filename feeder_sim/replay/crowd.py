@@ -1,4 +1,4 @@
-"""Many parts in a replay: poses of all parts, nodal lines of the stage, flashing parts before a pick, counts.
+"""Many parts in a replay: poses of all parts, nodal lines of the stage, rings before a pick, counts.
 
 Timelines: `sim_time`, `cycle` (0 before the first one) and `stage` (number over the whole run).
 """
@@ -14,22 +14,31 @@ from numpy.typing import NDArray
 from feeder_sim.measures.picking import nearest_neighbours
 from feeder_sim.plate.drive import ModalTerms
 from feeder_sim.records.removals import Cause, Removals
-from feeder_sim.records.trajectory import Frames, PartRecord, PlateRecord, Recording
+from feeder_sim.records.trajectory import Frames, PlateRecord, Recording
+from feeder_sim.replay.colours import Colours
+from feeder_sim.replay.labels import log_stage_texts, plate_box, stage_texts
+from feeder_sim.replay.layout import Style, layout, scene_eye, wave_view
 from feeder_sim.replay.parts import NUT, drawn_part
+from feeder_sim.replay.picks import log_picks
 from feeder_sim.replay.plate import MM, TIMELINE, drawn_lines
-from feeder_sim.replay.wave import PERIOD_S, SLOW, log_wave
-from feeder_sim.scenario import Scenario
+from feeder_sim.replay.shadows import log_instances, log_shadows
+from feeder_sim.replay.wave import SLOW, log_wave
+from feeder_sim.scenario import Scenario, parse_scenario
 from feeder_sim.scene.timetable import TimedStage, Timetable
 
-FLASH_S, FLASH_PERIOD_S = 0.4, 0.1  # [s]; how long, and with which period, parts flash before they are picked
-FLASH = (40, 200, 60, 150)
 OTHER_SEEDS = (150, 150, 150, 140)
 CLEARANCE = 0.01  # [m]; of isolated parts in a schedule without picks
-COUNTS = {"picked": (40, 160, 60), "lost": (190, 60, 60), "on_plate": (120, 120, 130), "isolated": (40, 90, 190)}
+COUNTS = {"picked": (40, 160, 60), "lost": (190, 60, 60), "on_the_plate": (120, 120, 130), "isolated": (40, 90, 190)}
 
 
 def log_crowd(
-    stream: Any, recording: Recording, scenario: Scenario, times: Timetable, terms: ModalTerms, shown_seed: int
+    stream: Any,
+    recording: Recording,
+    scenario: Scenario,
+    times: Timetable,
+    terms: ModalTerms,
+    shown_seed: int,
+    colours: Colours,
 ) -> None:
     """Log the parts of one seed, its stages and its counts.
 
@@ -40,6 +49,7 @@ def log_crowd(
         times: timetable of the shown seed.
         terms: modal coordinates of the shown seed in time.
         shown_seed: index of the seed.
+        colours: of the parts.
     """
     import rerun as rr
 
@@ -50,13 +60,17 @@ def log_crowd(
     first = 0
     for kind, part in enumerate(scenario.part):
         members = list(range(first, first + part.count))
-        _log_kind(stream, kind, recording.parts[first], frames, members, columns)
+        _log_kind(stream, kind, recording, colours, frames, members, columns)
         for begin, moment in slow_stages:
             row = frames.row_at(moment)
-            _log_kind(stream, kind, None, frames[slice(row, row + 1)], members, [rr.TimeColumn(SLOW, duration=[begin])])
+            still = frames[slice(row, row + 1)]
+            _log_kind(stream, kind, recording, colours, still, members, [rr.TimeColumn(SLOW, duration=[begin])])
         first += part.count
+    box, texts = plate_box(recording.plate), stage_texts(recording.plate, times, float(frames.time[-1]))
+    slow_texts = [(begin, [text for time, text in texts if time < moment][-1]) for begin, moment in slow_stages]
+    log_stage_texts(stream, box, slow_texts, SLOW)
     _log_stages(stream, recording.plate, stages, float(frames.time[-1]))
-    _log_flashes(stream, frames, removals, recording.parts[0])
+    log_picks(stream, frames, removals, recording.parts)
     if scenario.goal is not None:
         _log_way(stream, recording, shown_seed)
     else:
@@ -83,21 +97,22 @@ def _time_columns(frames: Frames, stages: Sequence[TimedStage]) -> list[Any]:
 
 
 def _log_kind(
-    stream: Any, kind: int, part: PartRecord | None, frames: Frames, members: list[int], times: list[Any]
+    stream: Any,
+    kind: int,
+    recording: Recording,
+    colours: Colours,
+    frames: Frames,
+    members: list[int],
+    times: list[Any],
 ) -> None:
-    """Log all parts of a kind as instances of one mesh; parts that have been taken out get the scale 0."""
-    import rerun as rr
-
-    if part is not None:
-        stream.log(f"parts/{kind}", drawn_part(part), static=True)
-    present = frames.present[:, members].astype(np.float32)
-    position = frames.position[:, members] * MM
-    poses = rr.InstancePoses3D.columns(
-        translations=position.reshape(-1, 3),
-        quaternions=frames.quaternion[:, members][..., [1, 2, 3, 0]].reshape(-1, 4),
-        scales=np.repeat(present.reshape(-1, 1), 3, axis=1),
-    )
-    stream.send_columns(f"parts/{kind}", indexes=times, columns=poses.partition(np.full(len(frames), len(members))))
+    """Log all parts of a kind and their shadows, as instances of one mesh for each colour that they take."""
+    part = recording.parts[members[0]]
+    present, entry = frames.present[:, members], colours.index(frames, members)
+    for i in np.unique(entry):
+        entity = f"parts/{kind}/{i}"
+        stream.log(entity, drawn_part(part, colours.entries[i].colour), static=True)
+        log_instances(stream, entity, frames, members, present & (entry == i), times)
+    log_shadows(stream, recording.plate, str(kind), part, frames, members, times)
 
 
 def _log_stages(stream: Any, plate: PlateRecord, stages: Sequence[TimedStage], last: float) -> None:
@@ -121,24 +136,6 @@ def _log_stages(stream: Any, plate: PlateRecord, stages: Sequence[TimedStage], l
         stream.log("plate/nodal_lines", drawn_lines(lines) if lines else rr.Clear(recursive=False))
         text = f"cycle {stage.cycle}, {stage.name}" if stage.cycle else stage.name
         stream.log("stage", rr.TextLog(text))
-    stream.reset_time()
-
-
-def _log_flashes(stream: Any, frames: Frames, removals: Removals, part: PartRecord) -> None:
-    """Log spheres that flash around the parts about to be picked; `part` gives their size."""
-    import rerun as rr
-
-    picked, size = removals.cause == Cause.PICKED, 1.2 * MM * float(np.linalg.norm(part.vertices, axis=1).max())
-    for time in np.unique(removals.time[picked]):
-        parts = removals.part[picked & (removals.time == time)]
-        rows = np.flatnonzero((frames.time > time - FLASH_S) & (frames.time <= time + 1e-9))
-        for row in rows:
-            lit = int((time - frames.time[row]) / (0.5 * FLASH_PERIOD_S)) % 2 == 0
-            stream.set_time(TIMELINE, duration=float(frames.time[row]))
-            centres = frames.position[row, parts] * MM if lit else np.empty((0, 3))
-            stream.log("picked", rr.Points3D(centres, radii=size, colors=[FLASH]))
-        stream.set_time(TIMELINE, duration=float(time) + 0.5 * FLASH_PERIOD_S)
-        stream.log("picked", rr.Clear(recursive=False))
     stream.reset_time()
 
 
@@ -167,11 +164,11 @@ def _log_counts(
     values = {
         "picked": removed[Cause.PICKED],
         "lost": removed[Cause.LOST],
-        "on_plate": on_plate.sum(axis=1),
+        "on_the_plate": on_plate.sum(axis=1),
         "isolated": np.array(isolated),
     }
     for name, colour in COUNTS.items():
-        style = rr.SeriesLines(colors=[colour], names=[name], widths=[2.0])
+        style = rr.SeriesLines(colors=[colour], names=[name.replace("_", " ")], widths=[2.0])
         stream.log(f"counts/{name}", style, static=True)
         stream.send_columns(
             f"counts/{name}", indexes=times, columns=rr.Scalars.columns(scalars=values[name].astype(float))
@@ -186,49 +183,40 @@ def _log_way(stream: Any, recording: Recording, shown_seed: int) -> None:
         shown = seed == shown_seed
         name = "counts/shown" if shown else f"counts/others/seed_{seed:03d}"
         style = rr.SeriesLines(
-            colors=[NUT if shown else OTHER_SEEDS], widths=[2.0 if shown else 1.0], names=[f"seed {seed}"]
+            colors=[NUT if shown else OTHER_SEEDS],
+            widths=[2.0 if shown else 1.0],
+            names=["mean x of the parts (mm)" if shown else f"seed {seed}"],
         )
         stream.log(name, style, static=True)
         place = rr.Scalars.columns(scalars=frames.position[..., 0].mean(axis=1) * MM)
         stream.send_columns(name, indexes=[rr.TimeColumn(TIMELINE, duration=frames.time)], columns=place)
 
 
-def crowd_blueprint(recording: Recording, scenario: Scenario) -> Any:
+def crowd_blueprint(recording: Recording, shown_seed: int, *, style: Style) -> Any:
     """Layout of the viewer: the plate seen obliquely from above; beside it counts, the slow wave and the stages."""
+    import rerun as rr
     import rerun.blueprint as rrb
 
-    plate = recording.plate
-    far = 1.05 * MM * max(plate.length, plate.width)
-    eye = rrb.EyeControls3D(
-        position=[0.0, -0.62 * far, 0.95 * far], look_target=[0.0, 0.0, 0.0], eye_up=[0.0, 0.0, 1.0]
-    )
-    scene = rrb.Spatial3DView(
-        origin="/",
-        contents=["+ /plate/**", "+ /parts/**", "+ /picked"],
-        name="Scene (mm), colour = displacement amplitude, lines = nodal lines of the stage",
-        eye_controls=eye,
-        line_grid=False,
-        background=[245, 245, 247],
-    )
+    scenario = parse_scenario(recording.scenario_text, file=recording.path)
+    bare = style != "viewer"
+    box, goal = plate_box(recording.plate), scenario.goal
     title = "Parts picked, lost, on the plate, isolated"
-    if scenario.goal is not None:
-        title = f"x (mm): shown seed orange, others grey; the goal is {scenario.goal.x_mm:g}"
-    counts = rrb.TimeSeriesView(origin="/counts", name=title, plot_legend=rrb.PlotLegend(visible=scenario.goal is None))
-    wave_eye = rrb.EyeControls3D(position=[0.0, -far, 0.6 * far], look_target=[0.0, 0.0, 0.0], eye_up=[0.0, 0.0, 1.0])
-    wave = rrb.Spatial3DView(
-        origin="/wave",
-        name=f"Surface, magnified; timeline {SLOW}: one period in {PERIOD_S:g} s",
-        eye_controls=wave_eye,
-        line_grid=False,
-        background=[245, 245, 247],
+    if goal is not None:
+        title = f"x (mm): shown seed orange, others grey; the goal is {goal.x_mm:g}"
+    others = [f"/counts/others/seed_{seed:03d}" for seed in range(len(recording.seeds)) if seed != shown_seed]
+    unnamed = rr.SeriesLines.from_fields(names=[""])
+    counts = rrb.TimeSeriesView(
+        origin="/counts",
+        name=title,
+        titlebar=not bare,
+        plot_legend=rrb.PlotLegend(visible=bare or goal is None),
+        overrides=dict.fromkeys(others, unnamed) if bare and goal is not None else None,
     )
-    return rrb.Blueprint(
-        rrb.Horizontal(
-            scene,
-            rrb.Vertical(counts, wave, rrb.TextLogView(origin="/stage", name="Stages"), row_shares=[2, 2, 1]),
-            column_shares=[3, 2],
-        ),
-        rrb.TimePanel(state="collapsed", timeline=TIMELINE, play_state="playing", loop_mode="all"),
-        rrb.BlueprintPanel(state="hidden"),
-        rrb.SelectionPanel(state="hidden"),
-    )
+    views, shares = [counts, wave_view(box, style=style)], [1.0, 1.0]
+    if style == "slow_motion":
+        del views[0], shares[0]
+    if style == "viewer":
+        views.append(rrb.TextLogView(origin="/stage", name="Stages"))
+        shares.append(0.5)
+    scene = "Scene (mm), colour = displacement amplitude, lines = nodal lines of the stage"
+    return layout(box, scene_eye(box, len(scenario.part)), views, shares, title=scene, style=style)

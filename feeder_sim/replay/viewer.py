@@ -3,26 +3,25 @@
 from __future__ import annotations
 
 import contextlib
+import io
 import os
-import shutil
-import socket
 import subprocess
-import sys
 import tempfile
-import time
 from pathlib import Path
 
 from feeder_sim.errors import FeederSimError, InputError
 from feeder_sim.records.own_files import check_no_links, locked
 from feeder_sim.records.trajectory_file import read_recording, trajectory_of
+from feeder_sim.records.whole_file import write_whole
+from feeder_sim.replay.headless import camera, viewer_program
 from feeder_sim.replay.plate import TIMELINE
 from feeder_sim.replay.replay import build_replay, replay_name, timeline_ends
 from feeder_sim.replay.wave import SLOW
 
 DEFAULT_TIME = 1.0  # [s], of a screenshot
-LOADING_TIMEOUT_S = 60.0
 STARTING_S = 2.0
-SETTLING_S = 6.0  # the viewer's start-up messages fade and its views finish drawing
+SIZE = 1920, 1080  # [pixels], of a screenshot
+FORMATS = {".png": "PNG", ".jpg": "JPEG"}  # of a screenshot
 
 
 def replay_file(run: Path, *, seed: int = 0, rebuild: bool = False) -> Path:
@@ -58,9 +57,7 @@ def time_shown(run: Path, at: float | None, *, seed: int = 0, slow: bool = False
     Raises:
         InputError: the record ends before, or has no slow motion.
     """
-    ends = timeline_ends(read_recording(trajectory_of(run)), seed)
-    if slow and SLOW not in ends:
-        raise InputError("is not allowed here, the record of one part has none", file=run, key="--slow-motion")
+    ends = ends_shown(run, seed, slow=slow)
     end = ends[SLOW if slow else TIMELINE]
     if at is None:
         return min(DEFAULT_TIME, end)
@@ -74,13 +71,25 @@ def time_shown(run: Path, at: float | None, *, seed: int = 0, slow: bool = False
     return at
 
 
+def ends_shown(run: Path, seed: int, *, slow: bool) -> dict[str, float]:
+    """Last time [s] on each timeline of the replay of a run.
+
+    Raises:
+        InputError: there is no such run or seed, or slow motion is asked for and there is none.
+    """
+    ends = timeline_ends(read_recording(trajectory_of(run)), seed)
+    if slow and SLOW not in ends:
+        raise InputError("is not allowed here, the record of one part has none", file=run, key="--slow-motion")
+    return ends
+
+
 def open_viewer(replay: Path) -> None:
     """Open the viewer and return once it stands.
 
     Raises:
         FeederSimError: it did not start, as on a machine without a screen.
     """
-    viewer = subprocess.Popen([_rerun(), str(replay)], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    viewer = subprocess.Popen([viewer_program(), str(replay)], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
     try:
         code = viewer.wait(timeout=STARTING_S)
     except subprocess.TimeoutExpired:
@@ -89,44 +98,18 @@ def open_viewer(replay: Path) -> None:
         raise FeederSimError(f"{replay}: the rerun viewer did not open (no screen? --screenshot needs none)")
 
 
-def take_screenshot(replay: Path, picture: Path, *, at: float, timeline: str = TIMELINE) -> None:
-    """Render the opened replay at a time [s] of a timeline, without a screen.
+def take_screenshot(run: Path, picture: Path, *, at: float, timeline: str = TIMELINE, seed: int = 0) -> None:
+    """Draw the replay of a run at a time [s] of a timeline, without a screen.
 
     Raises:
+        InputError: there is no such run, or its trajectory cannot be read.
         FeederSimError: the viewer did not start (it finds no graphics driver, not even a software one) or draw.
+        RecordingFailed: the picture cannot be written.
     """
-    with tempfile.TemporaryDirectory() as runtime_folder:
-        os.environ.setdefault("XDG_RUNTIME_DIR", runtime_folder)
-        os.environ.setdefault("RUST_LOG", "error")  # the viewer talks a lot on stderr
-        try:
-            _draw(replay.resolve(), picture.resolve(), at, timeline)
-        except (RuntimeError, ConnectionError, TimeoutError, ValueError) as error:
-            raise FeederSimError(
-                f"{picture}: the rerun viewer wrote no picture; without a GPU it needs a software driver "
-                f"(Debian: mesa-vulkan-drivers libvulkan1): {str(error).splitlines()[0]}"
-            ) from error
-
-
-def _draw(replay: Path, picture: Path, at: float, timeline: str) -> None:
-    from rerun.experimental import ViewerClient
-
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        port = probe.getsockname()[1]
-    with ViewerClient.spawn(headless=True, port=port, hide_welcome_screen=True, executable_path=_rerun()) as viewer:
-        viewer.open(str(replay))
-        deadline = time.monotonic() + LOADING_TIMEOUT_S
-        while viewer.get_state().loading and time.monotonic() < deadline:
-            time.sleep(0.2)
-        viewer.set_time(timeline, duration=at, play_state="paused")
-        time.sleep(SETTLING_S)
-        viewer.save_screenshot(str(picture))
-
-
-def _rerun() -> str:
-    """The viewer that came with rerun-sdk: beside this Python, else on the path."""
-    beside = shutil.which("rerun", path=str(Path(sys.executable).parent))
-    found = beside or shutil.which("rerun")
-    if found is None:
-        raise FeederSimError("the rerun viewer is not installed (pip install rerun-sdk)")
-    return found
+    recording = read_recording(trajectory_of(run))
+    with camera(recording, seed=seed, size=SIZE, timeline=timeline) as viewer:
+        viewer.settle(at)
+        drawn = viewer.picture(at)
+    content = io.BytesIO()
+    drawn.save(content, format=FORMATS[picture.suffix.lower()])
+    write_whole(picture, content.getvalue())

@@ -45,13 +45,17 @@ def log_wave(
     area = area_of(plate.x[rows], plate.y[columns], plate.outline)
     shapes = np.stack([area.carried(shape) for shape in plate.mode_shape[:, rows[:, None], columns]])
 
+    scale = HEIGHT * plate.length * MM
+
     def log(field: NDArray[np.float64]) -> None:
         """Log a deflection (n,), whose largest value over time is 1."""
-        scale = HEIGHT * plate.length * MM
         vertices = np.column_stack([MM * area.points, scale * field])
         mesh = rr.Mesh3D(vertex_positions=vertices, triangle_indices=area.triangles, vertex_colors=diverging(field))
         stream.log("wave/surface", mesh)
 
+    front = [[0.0, -0.56 * MM * plate.width, -scale]]
+    caption = rr.Points3D(front, radii=[0.0], colors=[(255, 255, 255)], labels=["surface, magnified"], show_labels=True)
+    stream.log("wave/caption", caption, static=True)
     slow_stages: dict[frozenset[ModalDrive], tuple[float, float]] = {}
     for stage in stages:
         if not stage.excitations or stage.start > last:

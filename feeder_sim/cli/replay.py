@@ -1,0 +1,82 @@
+"""The command `replay`: a recorded run in the viewer, as a picture or as a film."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from feeder_sim.cli.files import writable
+from feeder_sim.cli.terminal import progress_bar
+from feeder_sim.errors import InputError, quoted
+
+Folder = Annotated[Path, typer.Argument(help="Run folder, or its trajectory.h5.", show_default=False)]
+
+
+def replay(
+    folder: Folder,
+    screenshot: Annotated[
+        Path | None, typer.Option("--screenshot", help="Write a picture (.png, .jpg); needs no screen.")
+    ] = None,
+    at: Annotated[float | None, typer.Option("--at", min=0.0, help="Time shown in the screenshot [1 s].")] = None,
+    video: Annotated[Path | None, typer.Option("--video", help="Write a film (.mp4); needs no screen.")] = None,
+    begin: Annotated[float | None, typer.Option("--from", min=0.0, help="Begin of the film [0 s].")] = None,
+    end: Annotated[float | None, typer.Option("--to", min=0.0, help="End of the film [that of the record].")] = None,
+    speed: Annotated[
+        float | None, typer.Option("--speed", help="Times as fast as it was, 0.1: slow motion [1, or 20 s of film].")
+    ] = None,
+    fps: Annotated[float | None, typer.Option("--fps", help="Frames of the film per second [25].")] = None,
+    size: Annotated[str | None, typer.Option("--size", help="Of the film [1280x720].")] = None,
+    slow: Annotated[bool, typer.Option("--slow-motion", help="Times are those of the slow-motion timeline.")] = False,
+    show_seed: Annotated[int, typer.Option("--show-seed", min=0, help="Index of the seed shown in 3D.")] = 0,
+    rebuild: Annotated[bool, typer.Option("--rebuild", help="Build the .rrd again from the trajectory.")] = False,
+) -> None:
+    """Open a recorded run in the rerun viewer, take a picture of it or make a film."""
+    from feeder_sim.replay.plate import TIMELINE
+    from feeder_sim.replay.viewer import FORMATS, open_viewer, replay_file, take_screenshot, time_shown
+    from feeder_sim.replay.wave import SLOW
+
+    if screenshot is not None and video is not None:
+        raise InputError("is not allowed together with --screenshot", key="--video")
+    if at is not None and screenshot is None:
+        raise InputError("belongs to --screenshot", key="--at")
+    of_films = {"--from": begin, "--to": end, "--speed": speed, "--fps": fps, "--size": size}
+    given = [key for key, value in of_films.items() if value is not None]
+    if given and video is None:
+        raise InputError("belongs to --video", key=given[0])
+    timeline = SLOW if slow else TIMELINE
+    if video is not None:
+        from feeder_sim.replay.video import check_library, film_of, make_film
+
+        check_library()
+        _check_new(video, "--video", (".mp4",))
+        film = film_of(folder, begin, end, speed=speed, fps=fps, size=_size(size), seed=show_seed, slow=slow)
+        with progress_bar(str(video)) as progress:
+            make_film(folder, video, film, seed=show_seed, progress=progress)
+        return
+    if screenshot is not None:
+        _check_new(screenshot, "--screenshot", tuple(FORMATS))
+        moment = time_shown(folder, at, seed=show_seed, slow=slow)
+        take_screenshot(folder, screenshot, at=moment, timeline=timeline, seed=show_seed)
+        return
+    if slow:
+        raise InputError("belongs to --screenshot and --video; in the viewer choose the timeline", key="--slow-motion")
+    open_viewer(replay_file(folder, seed=show_seed, rebuild=rebuild))
+
+
+def _check_new(path: Path, key: str, suffixes: tuple[str, ...]) -> None:
+    """Refuse a path that cannot be written, or to which no such file can be."""
+    if path.suffix.lower() not in suffixes:
+        raise InputError(f"is {quoted(path.suffix)}, allowed is {', '.join(suffixes)}", file=path, key=key)
+    writable(path)
+
+
+def _size(text: str | None) -> tuple[int, int] | None:
+    """Width and height [pixels] of a text as 1280x720."""
+    if text is None:
+        return None
+    numbers = text.split("x")
+    if len(numbers) != 2 or not all(n.isascii() and n.isdigit() and len(n) <= 5 for n in numbers):
+        raise InputError(f"is {quoted(text)}, allowed is WIDTHxHEIGHT, such as 1280x720", key="--size")
+    return int(numbers[0]), int(numbers[1])

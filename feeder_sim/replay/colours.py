@@ -1,0 +1,82 @@
+"""The colours of parts in a replay, and what they mean.
+
+All instances of a mesh have one colour, so a part changes its colour by changing to another mesh. `Colours` therefore
+says which entry of the legend a part belongs to, part by part and frame by frame.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import PurePath
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from feeder_sim.records.trajectory import Frames
+from feeder_sim.replay.parts import NUT
+from feeder_sim.scenario import Ball, Cylinder, HexNut, PartSpec, Scenario
+
+Colour = Literal["kind"]  # what colours stand for; another meaning is a word here and a branch in `colours_of`
+# Okabe and Ito's colours, which people with any colour vision tell apart, without black and with their blue last: it is
+# near to that of the plate.
+PALETTE = (
+    (230, 159, 0),
+    (0, 158, 115),
+    (204, 121, 167),
+    (240, 228, 66),
+    (86, 180, 233),
+    (213, 94, 0),
+    (0, 114, 178),
+)
+
+
+@dataclass(frozen=True)
+class Entry:
+    """An entry of the legend: its text and its colour."""
+
+    name: str
+    colour: tuple[int, int, int]
+
+
+@dataclass(frozen=True)
+class Colours:
+    """What colour parts have.
+
+    Attributes:
+        entries: of the legend; a single one is not worth a legend.
+        index: makes of frames and the indices of parts (m,) the entry of each part in each frame, shape (n, m).
+    """
+
+    entries: tuple[Entry, ...]
+    index: Callable[[Frames, Sequence[int]], NDArray[np.int64]]
+
+
+def colours_of(scenario: Scenario, colour: Colour) -> Colours:
+    """Colours of all parts of a scenario; parts of one table are of one kind."""
+    kind_of_part = np.repeat(np.arange(len(scenario.part)), [part.count for part in scenario.part])
+    names = kind_names(scenario.part)
+    palette = PALETTE if len(names) > 1 else (NUT,)
+    entries = tuple(Entry(name, palette[i % len(palette)]) for i, name in enumerate(names))
+
+    def index(frames: Frames, members: Sequence[int]) -> NDArray[np.int64]:
+        return np.tile(kind_of_part[np.asarray(members)], (len(frames), 1))
+
+    return Colours(entries, index)
+
+
+def kind_names(parts: Sequence[PartSpec]) -> list[str]:
+    """Names of the kinds of parts; kinds of the same name have their numbers added."""
+    names = [_kind_name(part) for part in parts]
+    return [f"{name} ({i + 1})" if names.count(name) > 1 else name for i, name in enumerate(names)]
+
+
+def _kind_name(part: PartSpec) -> str:
+    if isinstance(part, HexNut):
+        return f"nut {part.size or f'{part.across_flats_mm:g} x {part.height_mm:g} mm'}"
+    if isinstance(part, Ball):
+        return f"ball {part.diameter_mm:g} mm"
+    if isinstance(part, Cylinder):
+        return f"cylinder {part.diameter_mm:g} x {part.height_mm:g} mm"
+    return PurePath(part.file).stem

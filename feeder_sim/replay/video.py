@@ -1,0 +1,167 @@
+"""A film of a replay: pictures of the viewer without a screen, one after the other, and ffmpeg."""
+
+from __future__ import annotations
+
+import contextlib
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from feeder_sim.errors import FeederSimError, InputError, not_written
+from feeder_sim.records.trajectory_file import read_recording, trajectory_of
+from feeder_sim.records.whole_file import partial_of
+from feeder_sim.replay.headless import camera
+from feeder_sim.replay.plate import TIMELINE
+from feeder_sim.replay.viewer import ends_shown
+from feeder_sim.replay.wave import SLOW
+
+FPS, SIZE = 25.0, (1280, 720)
+LONGEST_S = 20.0  # of a film whose speed is not given
+MOST_FRAMES = 100_000
+SMALLEST, LARGEST = 320, 3840  # [pixels], of either side
+QUALITY = 8  # of 10; lines and text stay sharp
+
+
+@dataclass(frozen=True)
+class Film:
+    """What is filmed.
+
+    Attributes:
+        timeline: of the replay.
+        begin, end: [s] on that timeline.
+        speed: seconds of the timeline per second of film.
+        fps: frames per second of film.
+        size: width and height [pixels].
+    """
+
+    timeline: str
+    begin: float
+    end: float
+    speed: float
+    fps: float
+    size: tuple[int, int]
+
+    @property
+    def times(self) -> NDArray[np.float64]:
+        """Of the frames on the timeline [s], from begin on and not beyond end."""
+        step = self.speed / self.fps
+        steps = np.arange(math.floor((self.end - self.begin) / step * (1.0 + 1e-12)) + 1)
+        return np.asarray(np.minimum(self.begin + step * steps, self.end), float)
+
+
+def check_library() -> None:
+    """Refuse to make a film without the extra `video`.
+
+    Raises:
+        InputError: imageio-ffmpeg is not there.
+    """
+    try:
+        import imageio_ffmpeg  # noqa: F401
+    except ImportError:
+        raise InputError("needs the library imageio-ffmpeg: pip install 'feeder_sim[video]'", key="--video") from None
+
+
+def film_of(
+    run: Path,
+    begin: float | None,
+    end: float | None,
+    *,
+    speed: float | None = None,
+    fps: float | None = None,
+    size: tuple[int, int] | None = None,
+    seed: int = 0,
+    slow: bool = False,
+) -> Film:
+    """What to film of a run; without a speed, its true speed, or one that makes a film of 20 s.
+
+    Raises:
+        InputError: there is no such run, or a value is not allowed.
+    """
+    fps, size = FPS if fps is None else fps, size or SIZE
+    ends = ends_shown(run, seed, slow=slow)
+    last = ends[SLOW if slow else TIMELINE]
+    begin, end = 0.0 if begin is None else begin, last if end is None else end
+    if not 0.0 <= begin < end <= last:
+        problem = (
+            f"are {begin:g} and {end:g}, allowed is 0 <= --from < --to <= {last:g}, which seed {seed} is recorded for"
+        )
+        raise InputError(problem, file=run, key="--from, --to")
+    if speed is None:
+        speed = max(1.0, (end - begin) / LONGEST_S)
+    if not 1e-6 <= speed <= 1e6:
+        raise InputError(f"is {speed:g}, allowed is 1e-6 to 1e6", key="--speed")
+    if not 1.0 <= fps <= 240.0:
+        raise InputError(f"is {fps:g}, allowed is 1 to 240", key="--fps")
+    if not all(SMALLEST <= side <= LARGEST and side % 2 == 0 for side in size):
+        problem = f"is {size[0]}x{size[1]}, allowed are even numbers from {SMALLEST} to {LARGEST}"
+        raise InputError(problem, key="--size")
+    frames = (end - begin) / speed * fps
+    if frames > MOST_FRAMES:
+        raise InputError(f"makes a film of {frames:.0f} frames, allowed are up to {MOST_FRAMES}", key="--speed, --fps")
+    return Film(SLOW if slow else TIMELINE, begin, end, speed, fps, size)
+
+
+def make_film(
+    run: Path, file: Path, film: Film, *, seed: int = 0, progress: Callable[[float], None] = lambda _: None
+) -> None:
+    """Film a run; the file is there as a whole or not at all.
+
+    Args:
+        run: its folder.
+        file: to write (.mp4).
+        film: what is filmed.
+        seed: index of the seed.
+        progress: is told the fraction that is done.
+
+    Raises:
+        InputError: there is no such run, or its trajectory cannot be read.
+        FeederSimError: the viewer or ffmpeg failed.
+        RecordingFailed: the film cannot be written.
+    """
+    recording, times = read_recording(trajectory_of(run)), film.times
+    with camera(recording, seed=seed, size=film.size, timeline=film.timeline) as viewer, _written(file, film) as write:
+        viewer.settle(float(times[0]))
+        for i, time in enumerate(times):
+            write(viewer.picture(float(time)).tobytes())
+            progress((i + 1) / len(times))
+
+
+@contextlib.contextmanager
+def _written(file: Path, film: Film) -> Iterator[Callable[[bytes], Any]]:
+    """Takes the frames of a film; the file gets its name at the end."""
+    import imageio_ffmpeg
+
+    partial, frames = partial_of(file), 0
+    writer = imageio_ffmpeg.write_frames(
+        str(partial),
+        film.size,
+        fps=film.fps,
+        quality=QUALITY,
+        macro_block_size=2,
+        ffmpeg_log_level="error",
+        output_params=["-f", "mp4", "-movflags", "+faststart"],
+    )
+
+    def write(frame: bytes) -> None:
+        nonlocal frames
+        writer.send(frame)
+        frames += 1
+
+    try:
+        try:
+            writer.send(None)
+            yield write
+        finally:
+            writer.close()
+        if imageio_ffmpeg.count_frames_and_secs(str(partial))[0] != frames:
+            raise FeederSimError(f"{file}: ffmpeg has not written all frames, is the disk full?")
+        partial.replace(file)
+    except OSError as error:
+        raise not_written(file, error) from error
+    finally:
+        partial.unlink(missing_ok=True)
