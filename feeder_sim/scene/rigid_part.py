@@ -46,6 +46,8 @@ class RigidPart:
         corners: points that can touch the plate, shape (n, 3) [m]; one point at the origin for a ball.
         corner_radius: radius of the sphere around each corner [m], 0 for true corners.
         vertices, faces: closed mesh for drawing, shapes (n, 3) [m] and (m, 3).
+        circle_radius: of a cylinder along z that meets the plate with the circles around its ends [m], on which its
+            corners lie; 0 for what meets it with its corners.
     """
 
     name: str
@@ -55,6 +57,7 @@ class RigidPart:
     corner_radius: float
     vertices: NDArray[np.float64]
     faces: NDArray[np.int64]
+    circle_radius: float = 0.0
 
     @property
     def size(self) -> float:
@@ -77,6 +80,9 @@ class RigidPart:
         from scipy.spatial.transform import Rotation
 
         turned = Rotation.from_quat(quaternion, scalar_first=True).apply(self.corners)
+        if self.circle_radius > 0.0:
+            x, y, z = Rotation.from_quat(quaternion, scalar_first=True).as_matrix()[2]
+            return float(-self.circle_radius * math.hypot(x, y) - self.corners[:, 2].max() * abs(z))
         return float(turned[:, 2].min() - self.corner_radius)
 
 
@@ -91,7 +97,7 @@ def outline(part: RigidPart, yaw: float) -> RigidPart:
     flat = np.unique(np.column_stack([corners[:, 0], 0.0 * corners[:, 1], corners[:, 2]]).round(9), axis=0) + 0.0
     about_y = float((turn @ np.diag(part.inertia) @ turn.T)[1, 1])
     moments = np.array([STEADY * about_y, about_y, STEADY * about_y])
-    return replace(part, corners=flat, inertia=moments, vertices=part.vertices @ turn.T)
+    return replace(part, corners=flat, inertia=moments, vertices=part.vertices @ turn.T, circle_radius=0.0)
 
 
 def build_part(spec: PartSpec, *, name: str = "part") -> RigidPart:
@@ -101,6 +107,8 @@ def build_part(spec: PartSpec, *, name: str = "part") -> RigidPart:
         InputError: a mesh file that is missing, unreadable, not closed or without volume; a part too small.
     """
     part = _shaped(spec, resolve_material(spec.material).density, name)
+    if spec.guide is not None:  # the wall of a tube is met with corners
+        part = replace(part, circle_radius=0.0)
     if min(part.mass, part.inertia.min()) < LEAST_INERTIA:
         raise InputError(
             f"has a mass of {part.mass:.3g} kg and a moment of inertia of {part.inertia.min():.3g} kg m2, allowed is "
@@ -166,7 +174,7 @@ def cylinder(diameter: float, height: float, density: float, name: str) -> Rigid
     corners = np.concatenate([np.column_stack([rim, np.full(RIM_CORNERS, z)]) for z in (-height / 2, height / 2)])
     vertices, faces = _ring_mesh(rim, 0.0, height)
     inertia = np.array([transverse, transverse, mass * radius**2 / 2.0])
-    return RigidPart(name, mass, inertia, corners, 0.0, vertices, faces)
+    return RigidPart(name, mass, inertia, corners, 0.0, vertices, faces, radius)
 
 
 def mesh_part(spec: MeshPart, density: float, name: str) -> RigidPart:

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 
+from feeder_sim.engines.impulse.circles import count_of, is_round
 from feeder_sim.engines.impulse.state import ASLEEP, AWAKE, GAP, point, top_speed
 from feeder_sim.engines.outline_arrays import off_plate
 from feeder_sim.machine_code import compiled
@@ -24,6 +25,8 @@ def fall_asleep(part, kinds, surface, work):
     """Put a part to sleep if it lies still on the plate, and say so; work holds the gaps of its corners."""
     kind = kinds.record[part.kind]
     corners = kinds.corners[kind.corner_from : kind.corner_to]
+    if is_round(kind):
+        corners = work.points[: count_of(kind)]
     sliding = math.sqrt(part.velocity[0] ** 2 + part.velocity[1] ** 2)
     sliding += kind.reach * abs(part.momentum[2]) / min(kind.inertia[0], kind.inertia[1], kind.inertia[2])
     if sliding > SLIDES or top_speed(part, kind) > SLOW or not _carried(part, corners, surface, work):
