@@ -2,7 +2,8 @@
 
 A hull rests on the plate's edge too: where its own edges cross the plane of a side of the plate it gets a further
 point, for the moment, that meets the plate like a corner. Of a plate with an outline of its own it gets these where its
-edges cross that outline, seen from above. A corner of the outline under a face of the hull is left out.
+edges cross that outline, seen from above. A corner of the outline under a face of the hull is left out. A cylinder gets
+these points in closed form (circle_crossings.py).
 """
 
 from __future__ import annotations
@@ -11,7 +12,8 @@ import numpy as np
 from numba.core import types
 from numba.extending import overload
 
-from feeder_sim.engines.impulse.circles import lay_out
+from feeder_sim.engines.impulse.circle_crossings import cross_circles
+from feeder_sim.engines.impulse.circles import is_round, lay_out
 from feeder_sim.engines.impulse.state import GAP, arm_of, point, top_speed
 from feeder_sim.engines.outline_arrays import edge_distance
 from feeder_sim.machine_code import compiled
@@ -50,6 +52,10 @@ def _points_on_outline(part, kind, kinds, outline, work):
         bx, by = outline.edges[k, 2] - part.position[0], outline.edges[k, 3] - part.position[1]
         if min(ax, bx) > reach or max(ax, bx) < -reach or min(ay, by) > reach or max(ay, by) < -reach:
             continue
+        if is_round(kind):
+            begin, end = (outline.edges[k, 0], outline.edges[k, 1]), (outline.edges[k, 2], outline.edges[k, 3])
+            n = cross_circles(part, kind, begin, end, n, work)
+            continue
         for e in range(kind.edge_from, kind.edge_to):
             i, j = kinds.edges[e, 0], kinds.edges[e, 1]
             one, other = arm_of(part, corners, i), arm_of(part, corners, j)
@@ -80,6 +86,12 @@ def _points_on_sides(part, kind, kinds, surface, work):
         if abs(part.position[axis]) + reach < half or abs(part.position[axis]) - reach > half:
             continue
         side = half if part.position[axis] > 0.0 else -half
+        if is_round(kind):
+            if axis == 0:
+                n = cross_circles(part, kind, (side, -half_y), (side, half_y), n, work)
+            else:
+                n = cross_circles(part, kind, (-half_x, side), (half_x, side), n, work)
+            continue
         for e in range(kind.edge_from, kind.edge_to):
             i, j = kinds.edges[e, 0], kinds.edges[e, 1]
             a, b = point(part, corners, i, axis) - side, point(part, corners, j, axis) - side
