@@ -36,6 +36,8 @@ class RigidPart:
         principal_axes: attitude of the principal axes in the part's axes, quaternion (4,), w first.
         centre: the centre of mass in the axes and from the origin of the file that it was drawn in, shape (3,) [m].
         pieces: corners (n, 3) [m] of each convex piece that parts meet each other with; none: the hull of all corners.
+        circle_radius: of a cylinder along z that meets the plate with the circles around its ends [m], on which its
+            corners lie; 0 for what meets it with its corners.
     """
 
     name: str
@@ -48,6 +50,7 @@ class RigidPart:
     principal_axes: NDArray[np.float64] = field(default_factory=_as_drawn)
     centre: NDArray[np.float64] = field(default_factory=lambda: np.zeros(3))
     pieces: tuple[NDArray[np.float64], ...] = ()
+    circle_radius: float = 0.0
 
     @property
     def size(self) -> float:
@@ -74,7 +77,11 @@ class RigidPart:
         """Height of the lowest point relative to the centre of mass [m] at an attitude (w first)."""
         from scipy.spatial.transform import Rotation
 
-        turned = Rotation.from_quat(quaternion, scalar_first=True).apply(self.corners)
+        turn = Rotation.from_quat(quaternion, scalar_first=True)
+        if self.circle_radius > 0.0:
+            x, y, z = turn.as_matrix()[2]
+            return float(-self.circle_radius * math.hypot(x, y) - self.corners[:, 2].max() * abs(z))
+        turned = turn.apply(self.corners)
         return float(turned[:, 2].min() - self.corner_radius)
 
     def in_principal_axes(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -130,5 +137,11 @@ def outline(part: RigidPart, yaw: float) -> RigidPart:
     about_y = float((axes @ np.diag(part.inertia) @ axes.T)[1, 1])
     moments = np.array([STEADY * about_y, about_y, STEADY * about_y])
     return replace(
-        part, corners=flat, inertia=moments, vertices=part.vertices @ turn.T, principal_axes=_as_drawn(), pieces=()
+        part,
+        corners=flat,
+        inertia=moments,
+        vertices=part.vertices @ turn.T,
+        principal_axes=_as_drawn(),
+        pieces=(),
+        circle_radius=0.0,
     )

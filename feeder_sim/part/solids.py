@@ -64,7 +64,7 @@ def cylinder(diameter: float, height: float, density: float, name: str) -> Rigid
     corners = np.concatenate([np.column_stack([rim, np.full(RIM_CORNERS, z)]) for z in (-height / 2, height / 2)])
     vertices, faces = _ring_mesh(rim, 0.0, height)
     inertia = np.array([transverse, transverse, mass * radius**2 / 2.0])
-    return RigidPart(name, mass, inertia, corners, 0.0, vertices, faces)
+    return RigidPart(name, mass, inertia, corners, 0.0, vertices, faces, circle_radius=radius)
 
 
 def _ring_mesh(

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from feeder_sim.errors import InputError
 from feeder_sim.part.mesh_part import mesh_part
 from feeder_sim.part.rigid_part import RigidPart
@@ -18,6 +20,8 @@ def build_part(spec: PartSpec, *, name: str = "part") -> RigidPart:
         InputError: a mesh file that is missing, unreadable, not closed or without volume; a part too small.
     """
     part = _shaped(spec, resolve_material(spec.material).density, name)
+    if spec.guide is not None:  # the wall of a tube is met with corners
+        part = replace(part, circle_radius=0.0)
     if min(part.mass, part.inertia.min()) < LEAST_INERTIA:
         raise InputError(
             f"has a mass of {part.mass:.3g} kg and a moment of inertia of {part.inertia.min():.3g} kg m2, allowed is "

@@ -10,11 +10,11 @@ from __future__ import annotations
 
 import math
 
+from feeder_sim.engines.impulse.circles import ahead, further_of_circles
 from feeder_sim.engines.impulse.state import (
     GAP,
     RATE,
     SURFACE_ACCELERATION,
-    SURFACE_RATE,
     top_speed,
     turning_speed,
 )
@@ -61,11 +61,12 @@ def _no_contact(gap, rate, a):
 
 
 @inlined
-def forecast(part, kind, corners, surface, bounds, t, flight, work):
+def forecast(part, kind, corners, surface, bounds, t, flight, tilt, work):
     """Leap again and again as the surface will move, until the first corner touches, or a corner reaches the crest.
 
     flight: the first leap, the shortest [s], acceleration of the corners by themselves [m/s^2], when one can be below
     the crest. Each corner stays over the place where it is now; what it moves to the side lowers it by the slope.
+    tilt: of a part with circles.
     """
     leap, shortest, own, to_crest = flight
     v = part.velocity
@@ -89,17 +90,14 @@ def forecast(part, kind, corners, surface, bounds, t, flight, work):
             moves = work.corner[i, SURFACE_ACCELERATION]
             if moves == 0.0:
                 continue
-            rate = work.corner[i, RATE] + work.corner[i, SURFACE_RATE] - slip
-            gap = max(work.corner[i, GAP], 0.0) + leap * (rate - 0.5 * own * leap)
-            rate -= own * leap
-            for s in range(work.modal.shape[1]):
-                if bounds.acceleration[s] != 0.0:
-                    gap -= work.under[i, s] * (work.modal[2, s] - work.modal[0, s])
-                    rate -= work.under[i, s] * work.modal[3, s]
+            gap, rate = ahead(i, leap, slip, own, bounds, work)
             if gap <= 0.0:
                 return leap
             if _touches_within(further, gap, rate, own + moves):
                 further = _no_contact(gap, rate, own + moves)
+        further = further_of_circles(tilt, kind, bounds, (leap, slip, own), further, work)
+        if further < 0.0:
+            return leap
         leap += max(further, shortest)
     return leap
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from feeder_sim.engines.impulse.free_flight import symmetry_axis
-from feeder_sim.engines.impulse.state import GENERAL_KIND, KIND, PIECE, Kinds
+from feeder_sim.engines.impulse.state import PIECE, Kinds, kind_type
 from feeder_sim.part.rigid_part import CORNER_RADIUS
 from feeder_sim.scene.scene import Scene
 
@@ -40,7 +40,11 @@ def read_kinds(scene: Scene) -> Kinds:
         radius.append(0.0)
     axis = [symmetry_axis(moments) for moments in inertia]
     symmetric = all(a >= 0 or np.isinf(m) for a, m in zip(axis, mass, strict=True))  # walls do not turn
-    record = np.zeros(len(mass), KIND if symmetric else GENERAL_KIND)
+    circles = np.zeros((len(mass), 2))
+    circles[: len(kinds)] = [(kind.circle_radius, kind.corners[:, 2].max()) for kind in kinds]
+    record = np.zeros(len(mass), kind_type(general=not symmetric, circles=bool(circles[:, 0].any())))
+    if circles[:, 0].any():
+        record["circle_radius"], record["circle_height"] = circles.T
     record["mass"], record["inertia"], record["radius"], record["axis"] = mass, inertia, radius, axis
     record["reach"] = [np.linalg.norm(points, axis=1).max() for points in corners]
     record["restitution"] = contact.restitution, contact.part_restitution

@@ -11,8 +11,10 @@ import math
 
 import numpy as np
 
+from feeder_sim.engines.impulse.circles import count_of, is_round, leap_of_circles, lowest_points, tilt_of
 from feeder_sim.engines.impulse.flight_time import forecast, longest_leap, shortest_flight
 from feeder_sim.engines.impulse.impact import resolve_impact
+from feeder_sim.engines.impulse.moving_surface import move_surface
 from feeder_sim.engines.impulse.plate_edge import edge_leap, points_on_edge
 from feeder_sim.engines.impulse.single_impact import resolve_free
 from feeder_sim.engines.impulse.state import (
@@ -41,8 +43,6 @@ from feeder_sim.plate.compiled import (
     cubic_weights,
     grid_cell,
     interpolate,
-    modal_motion,
-    surface_modes,
     surface_normal,
 )
 from feeder_sim.scene.scene import GRAVITY
@@ -66,12 +66,12 @@ def meet_plate(part, kinds, wall, surface, bounds, t, work):
         if height > 2.0 * TOUCH:
             rising = part.velocity[2]
             return max((rising + math.sqrt(rising * rising + 2.0 * GRAVITY * height)) / GRAVITY, bounds.step), False
-    n_corners = kind.corner_to - kind.corner_from
+    moved, lowest = lowest_points(part, kind, surface, bounds, 2.0 * TOUCH, t, work)
     further = points_on_edge(part, kind, kinds, surface, work)
-    corners = kinds.corners[kind.corner_from : kind.corner_to]
-    if further > 0:
+    corners, n_corners = kinds.corners[kind.corner_from : kind.corner_to], count_of(kind)
+    if further > 0 or is_round(kind):
         corners = work.points[: n_corners + further]
-    on_plate, last = look(part, kind, corners, surface, bounds, t, work)
+    on_plate, last = look(part, kind, corners, surface, bounds, t, moved, work)
     if wall is None:
         if on_plate == 1:
             _impact_at(last, part, kind, corners, surface, work)
@@ -86,29 +86,34 @@ def meet_plate(part, kinds, wall, surface, bounds, t, work):
     if wall is not None:  # in a play of micrometres a part must not fly a whole step into the wall
         wall_leap = leap_to_wall(part, kind, corners, wall, work)
         return max(min(leap, wall_leap), meeting_time(work, corners.shape[0], bounds.step)), on_plate > 0
+    tilt = tilt_of(lowest, part, kind, work)
+    leap, to_crest = leap_of_circles(tilt, kind, bounds, own, leap, to_crest, work)
     shortest = shortest_flight(part, kind, bounds)
     if further > 0:
         to_crest = min(to_crest, edge_leap(part, kind, corners, n_corners, bounds.step, work))
     if leap < to_crest:
-        leap = forecast(part, kind, corners, surface, bounds, t, (max(leap, shortest), shortest, own, to_crest), work)
+        flight = max(leap, shortest), shortest, own, to_crest
+        leap = forecast(part, kind, corners, surface, bounds, t, flight, tilt, work)
     return max(min(leap, to_crest), shortest), on_plate > 0
 
 
 @inlined
-def look(part, kind, corners, surface, bounds, t, work):
+def look(part, kind, corners, surface, bounds, t, moved, work):
     """Fill gap, rate and surface part of every corner; returns how many touch and approach, and the last of them.
+
+    moved: whether the surface has been moved to time t.
 
     Above the crest the gap is to the crest and the surface counts as still; below it, to the surface itself. A corner
     beyond the edge of the plate has nothing under it.
     """
     lowest, rising, turning = part.position[2] - kind.radius, part.velocity[2], _turning(part, kind)
-    moved, touching, last = False, 0, -1
+    touching, last = 0, -1
     for i in range(corners.shape[0]):
         bottom, rate = lowest + height_of(part, corners, i), rising + dot(turning, corners[i])
         gap, surface_rate, acceleration = bottom - bounds.crest, 0.0, 0.0
         if gap <= 2.0 * TOUCH:  # a gap to the crest must never pass for a touch
             if not moved:
-                _move_surface(part, surface, t, work)
+                move_surface(part, surface, t, work)
                 moved = True
             arm = arm_of(part, corners, i)
             x, y = part.position[0] + arm[0], part.position[1] + arm[1]
@@ -142,24 +147,6 @@ def approach(part, kind, corners, work):
     rising, turning = part.velocity[2], _turning(part, kind)
     for i in range(corners.shape[0]):
         work.corner[i, RATE] = rising + dot(turning, corners[i]) - work.corner[i, SURFACE_RATE]
-
-
-@inlined
-def _move_surface(part, surface, t, work):
-    """Modal coordinates and their rates at time t; on a tangent surface, the mode shapes under the part's centre."""
-    modal_motion(
-        t,
-        surface.term_shape,
-        surface.term_start,
-        surface.term_stop,
-        surface.coefficient,
-        surface.rate,
-        work.modal[0],
-        work.modal[1],
-    )
-    if surface.tangent:
-        x, y = part.position[0], part.position[1]
-        surface_modes(x, y, surface.grid_x, surface.grid_y, surface.table, work.modes)
 
 
 @inlined

@@ -2,7 +2,7 @@
 
 A plate that is no longer driven and has come down to millimetres per second can throw parts up by a micrometre at
 most; nothing comes of that but cost. A part that then lies on three corners or more around its centre of mass and is
-about as slow itself falls asleep where it is, unless it slides. A part that hits it or enters it wakes it, and so does
+about as slow itself falls asleep where it is, unless it slides; so does a cylinder that lies on its side. A part that hits it or enters it wakes it, and so does
 a plate that moves again.
 """
 
@@ -10,6 +10,8 @@ from __future__ import annotations
 
 import math
 
+from feeder_sim.engines.impulse.circles import QUARTERS, count_of, is_round
+from feeder_sim.engines.impulse.plate_edge import points_on_edge
 from feeder_sim.engines.impulse.state import ASLEEP, AWAKE, GAP, point, top_speed
 from feeder_sim.engines.outline_arrays import off_plate
 from feeder_sim.machine_code import compiled
@@ -24,9 +26,15 @@ def fall_asleep(part, kinds, surface, work):
     """Put a part to sleep if it lies still on the plate, and say so; work holds the gaps of its corners."""
     kind = kinds.record[part.kind]
     corners = kinds.corners[kind.corner_from : kind.corner_to]
+    if is_round(kind):
+        corners = work.points[: count_of(kind) + points_on_edge(part, kind, kinds, surface, work)]
     sliding = math.sqrt(part.velocity[0] ** 2 + part.velocity[1] ** 2)
     sliding += kind.reach * abs(part.momentum[2]) / min(kind.inertia[0], kind.inertia[1], kind.inertia[2])
-    if sliding > SLIDES or top_speed(part, kind) > SLOW or not _carried(part, corners, surface, work):
+    if sliding > SLIDES or top_speed(part, kind) > SLOW:
+        return False
+    if not (is_round(kind) and _on_its_side(part, corners, surface, work)) and not _carried(
+        part, corners, surface, work
+    ):
         return False
     for k in range(3):
         part.velocity[k] = part.momentum[k] = 0.0
@@ -66,6 +74,15 @@ def _carried(part, corners, surface, work):
         if not followed:
             return False
     return on_plate > 2
+
+
+@compiled
+def _on_its_side(part, points, surface, work):
+    """Whether both circles of a cylinder are on the plate where they are lowest; nothing rolls it then."""
+    for i in (0, QUARTERS):
+        if work.corner[i, GAP] > CARRIES or _over_hole(part, points, i, surface):
+            return False
+    return True
 
 
 @compiled

@@ -57,10 +57,12 @@ KIND_FIELDS: list[Any] = [
     ("piece_to", "i8"),
 ]
 KIND = np.dtype(KIND_FIELDS, align=True)
-# The same in a scene with a general top; the further field is a mark that compilation goes by. It comes first: numba
-# takes a record with more fields at its end for one of the shorter kind.
-GENERAL = "general"
-GENERAL_KIND = np.dtype([(GENERAL, "i8"), *KIND_FIELDS], align=True)
+# The same in a scene with a general top, or with free cylinders; the further fields are marks that compilation goes by.
+# They come first: numba takes a record with more fields at its end for one of the shorter kind.
+GENERAL, CIRCLE = "general", "circle_radius"
+GENERAL_FIELDS: list[Any] = [(GENERAL, "i8")]
+# Radius of the two circles of a cylinder, 0 for other kinds, and their height over its centre [m].
+CIRCLE_FIELDS: list[Any] = [(CIRCLE, "f8"), ("circle_height", "f8")]
 
 
 # A convex body: where its corners and planes are in `Kinds`; centre of a sphere around it, in principal axes from the
@@ -146,6 +148,12 @@ class Scratch(NamedTuple):
     modes: NDArray[np.float64]
     points: NDArray[np.float64]
     unresolved: NDArray[np.int64]
+
+
+def kind_type(*, general: bool, circles: bool) -> np.dtype[np.void]:
+    """Type of the records of all kinds: `KIND`, with marks where one is a general top or has circles."""
+    marks = GENERAL_FIELDS * general + CIRCLE_FIELDS * circles
+    return np.dtype([*marks, *KIND_FIELDS], align=True)
 
 
 def new_parts(position: ArrayLike, attitude: ArrayLike, kind: ArrayLike, velocity: ArrayLike = 0.0) -> NDArray[np.void]:

@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from feeder_sim.engines.impulse.circles import count_of, is_round, leap_of_circles, lowest_points, tilt_of
 from feeder_sim.engines.impulse.flight_time import forecast, longest_leap, shortest_flight
 from feeder_sim.engines.impulse.plate_contact import TOUCH, approach, contact_of, look, put_back
 from feeder_sim.engines.impulse.plate_edge import edge_leap, points_on_edge
@@ -54,20 +55,23 @@ def meet_yielding_plate(part, kinds, surface, bounds, t, work, yielding):
     if height > 2.0 * TOUCH:
         rising = part.velocity[2]
         return max((rising + math.sqrt(rising * rising + 2.0 * GRAVITY * height)) / GRAVITY, bounds.step), False
-    n_corners = kind.corner_to - kind.corner_from
+    moved, lowest = lowest_points(part, kind, surface, bounds, 2.0 * TOUCH, t, work)
     further = points_on_edge(part, kind, kinds, surface, work)
-    corners = kinds.corners[kind.corner_from : kind.corner_to]
-    if further > 0:
+    corners, n_corners = kinds.corners[kind.corner_from : kind.corner_to], count_of(kind)
+    if further > 0 or is_round(kind):
         corners = work.points[: n_corners + further]
-    on_plate, _ = look(part, kind, corners, surface, bounds, t, work)
+    on_plate, _ = look(part, kind, corners, surface, bounds, t, moved, work)
     if on_plate > 0:
         _impact(part, kind, corners, surface, t, work, yielding)
     leap, to_crest, own = longest_leap(part, kind, corners, work)
+    tilt = tilt_of(lowest, part, kind, work)
+    leap, to_crest = leap_of_circles(tilt, kind, bounds, own, leap, to_crest, work)
     shortest = shortest_flight(part, kind, bounds)
     if further > 0:
         to_crest = min(to_crest, edge_leap(part, kind, corners, n_corners, bounds.step, work))
     if leap < to_crest:
-        leap = forecast(part, kind, corners, surface, bounds, t, (max(leap, shortest), shortest, own, to_crest), work)
+        flight = max(leap, shortest), shortest, own, to_crest
+        leap = forecast(part, kind, corners, surface, bounds, t, flight, tilt, work)
     return max(min(leap, to_crest), shortest), on_plate > 0
 
 

@@ -1,0 +1,283 @@
+"""A free cylinder over the plate: it touches with the circles around its two ends, exactly.
+
+points      at every look each circle gets four points, a quarter of a turn apart, the first where the circle is lowest
+            over the plane that is tangent to the surface; they meet the plate like corners
+leaps       what the circles can do between these points until the next look. Over a plane, the lowest point of a circle
+            of radius R is R |s| below its centre, where s is the part of the plane's normal in the plane of the
+            circle. With s(t) = s + u t and a bound a on the acceleration of the circle's points, the point that
+            is at e in that plane now, with gap g and rate v, and the whole circle with it, touch nothing while
+
+                g + v t - a t^2/2 - R (|s + u t| + (s + u t).e) >= 0
+
+            which is a concave function of t with one root
+
+In a scene without free cylinders nothing of this is compiled.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba.core import types
+from numba.extending import overload
+
+from feeder_sim.engines.impulse.moving_surface import move_surface, slope_under
+from feeder_sim.engines.impulse.state import CIRCLE, GAP, RATE, SURFACE_ACCELERATION, SURFACE_RATE, spin_of
+from feeder_sim.engines.impulse.vectors import cross
+from feeder_sim.machine_code import compiled, inlined
+
+QUARTERS = 4  # points on each circle: four that lie on a plane share a flat landing evenly
+POINTS = 2 * QUARTERS
+CLOSE = 1e-12  # [m]; a circle this close to touching is as good as that
+NARROW = 1e-2  # of a leap: how closely the root of a circle's gap is bracketed
+MAX_NARROWINGS = 12
+
+
+def lowest_points(part, kind, surface, bounds, near, t, work):
+    """Find the points of a cylinder at time t [s], in work.points; nothing for a kind that has corners.
+
+    near: height over the crest [m] below which the slope of the surface counts.
+
+    Returns:
+        whether the surface has been moved to time t; whether the part has circles, and the slopes under it [1]; None in
+        place of the last where no kind has circles.
+    """
+    raise NotImplementedError("for compiled code only")
+
+
+def is_round(kind):
+    """Whether a kind has circles in place of corners."""
+    raise NotImplementedError("for compiled code only")
+
+
+def tilt_of(lowest, part, kind, work):
+    """How circles lie over the surface and turn: (whether the part has any, s, u [1/s], e); None as for `lowest`."""
+    raise NotImplementedError("for compiled code only")
+
+
+def leap_of_circles(tilt, kind, bounds, own, leap, to_crest, work):
+    """As `longest_leap`, with the circles of a part."""
+    raise NotImplementedError("for compiled code only")
+
+
+def further_of_circles(tilt, kind, bounds, flight, further, work):
+    """Time further [s] in a forecast, with the circles; negative where one may touch.
+
+    flight: the leap so far, what moving to the side lowers a point by [m/s], own acceleration [m/s^2].
+    """
+    raise NotImplementedError("for compiled code only")
+
+
+@overload(lowest_points)
+def _lowest_points_by_kind(part, kind, surface, bounds, near, t, work):
+    if CIRCLE not in kind.fields:
+        return lambda part, kind, surface, bounds, near, t, work: (False, None)
+    return lambda part, kind, surface, bounds, near, t, work: _lowest_points(part, kind, surface, bounds, near, t, work)
+
+
+@overload(is_round)
+def _round_by_kind(kind):
+    if CIRCLE not in kind.fields:
+        return lambda kind: False
+    return lambda kind: kind.circle_radius > 0.0
+
+
+@overload(tilt_of)
+def _tilt_by_kind(lowest, part, kind, work):
+    if isinstance(lowest, types.NoneType):
+        return lambda lowest, part, kind, work: None
+    return lambda lowest, part, kind, work: _tilt_of(lowest, part, kind, work)
+
+
+@overload(leap_of_circles)
+def _leap_by_tilt(tilt, kind, bounds, own, leap, to_crest, work):
+    if isinstance(tilt, types.NoneType):
+        return lambda tilt, kind, bounds, own, leap, to_crest, work: (leap, to_crest)
+    return lambda tilt, kind, bounds, own, leap, to_crest, work: _leap_of_circles(
+        tilt, kind, bounds, own, leap, to_crest, work
+    )
+
+
+@overload(further_of_circles)
+def _further_by_tilt(tilt, kind, bounds, flight, further, work):
+    if isinstance(tilt, types.NoneType):
+        return lambda tilt, kind, bounds, flight, further, work: further
+    return lambda tilt, kind, bounds, flight, further, work: _further_of_circles(
+        tilt, kind, bounds, flight, further, work
+    )
+
+
+@inlined
+def count_of(kind):
+    """Number of corners, or of points on circles."""
+    return POINTS if is_round(kind) else kind.corner_to - kind.corner_from
+
+
+@inlined
+def lay_out(kind, kinds, work):
+    """Put the corners of a kind into work.points, where those on circles already are; returns their number."""
+    n = count_of(kind)
+    if not is_round(kind):
+        for i in range(n):
+            for c in range(3):
+                work.points[i, c] = kinds.corners[kind.corner_from + i, c]
+    return n
+
+
+@compiled
+def _lowest_points(part, kind, surface, bounds, near, t, work):
+    radius, height, r = kind.circle_radius, kind.circle_height, part.attitude
+    if radius == 0.0:
+        return False, (False, 0.0, 0.0)
+    moved, slope_x, slope_y = False, 0.0, 0.0
+    x, y = r[2, 0], r[2, 1]  # how the surface's normal lies in the plane of the circles
+    across = math.sqrt(x * x + y * y)
+    bottom = part.position[2] - kind.radius - radius * across - height * abs(r[2, 2])
+    if bounds.crest > 0.0 and bottom - bounds.crest <= near:
+        move_surface(part, surface, t, work)
+        moved = True
+        u, v, w = 0.0, 0.0, (-height if r[2, 2] > 0.0 else height)  # the lowest point
+        if across > 0.0:
+            u, v = -radius * x / across, -radius * y / across
+        slope_x, slope_y = slope_under(
+            part.position[0] + r[0, 0] * u + r[0, 1] * v + r[0, 2] * w,
+            part.position[1] + r[1, 0] * u + r[1, 1] * v + r[1, 2] * w,
+            surface,
+            work,
+        )
+        x -= slope_x * r[0, 0] + slope_y * r[1, 0]
+        y -= slope_x * r[0, 1] + slope_y * r[1, 1]
+        across = math.sqrt(x * x + y * y)
+    c, s = 1.0, 0.0  # of a circle that is level any point will do
+    if across > 0.0:
+        c, s = -x / across, -y / across
+    for quarter in range(QUARTERS):
+        for end in range(2):
+            i = quarter + end * QUARTERS
+            work.points[i, 0], work.points[i, 1] = radius * c, radius * s
+            work.points[i, 2] = height if end == 0 else -height
+        c, s = -s, c
+    return moved, (True, slope_x, slope_y)
+
+
+@inlined
+def _tilt_of(lowest, part, kind, work):
+    round_part, slope_x, slope_y = lowest
+    if not round_part:
+        return False, (0.0, 0.0), (0.0, 0.0), (0.0, 0.0)
+    r = part.attitude
+    turning = cross((-slope_x, -slope_y, 1.0), spin_of(part, kind))
+    return (
+        True,
+        (
+            r[2, 0] - slope_x * r[0, 0] - slope_y * r[1, 0],
+            r[2, 1] - slope_x * r[0, 1] - slope_y * r[1, 1],
+        ),
+        (
+            turning[0] * r[0, 0] + turning[1] * r[1, 0] + turning[2] * r[2, 0],
+            turning[0] * r[0, 1] + turning[1] * r[1, 1] + turning[2] * r[2, 1],
+        ),
+        (work.points[0, 0] / kind.circle_radius, work.points[0, 1] / kind.circle_radius),
+    )
+
+
+@compiled
+def _leap_of_circles(tilt, kind, bounds, own, leap, to_crest, work):
+    round_part, s, u, e = tilt
+    if not round_part:
+        return leap, to_crest
+    for first in (0, QUARTERS):
+        gap, rate = max(work.corner[first, GAP], 0.0), work.corner[first, RATE]
+        if gap == np.inf:  # off the plate
+            continue
+        if work.corner[first, SURFACE_ACCELERATION] == 0.0:
+            to_crest = _time_apart(gap, rate, own, s, u, e, kind.circle_radius, 0.0, to_crest)
+            leap = min(leap, to_crest)
+        else:
+            a = own + _most_moved(first, work)
+            leap = _time_apart(gap, rate, a, s, u, e, kind.circle_radius, 2.0 * bounds.slope, leap)
+    return leap, to_crest
+
+
+@compiled
+def _further_of_circles(tilt, kind, bounds, flight, further, work):
+    round_part, s, u, e = tilt
+    if not round_part:
+        return further
+    leap, slip, own = flight
+    s = s[0] + leap * u[0], s[1] + leap * u[1]
+    for first in (0, QUARTERS):
+        if work.corner[first, SURFACE_ACCELERATION] == 0.0 or work.corner[first, GAP] == np.inf:
+            continue
+        gap, rate = ahead(first, leap, slip, own, bounds, work)
+        a = own + _most_moved(first, work)
+        further = _time_apart(gap, rate, a, s, u, e, kind.circle_radius, 2.0 * bounds.slope, further)
+        if further <= 0.0:
+            return -1.0
+    return further
+
+
+@inlined
+def ahead(i, leap, slip, own, bounds, work):
+    """Gap [m] and rate [m/s] of point i after a leap [s], at least; see `forecast`."""
+    rate = work.corner[i, RATE] + work.corner[i, SURFACE_RATE] - slip
+    gap = max(work.corner[i, GAP], 0.0) + leap * (rate - 0.5 * own * leap)
+    rate -= own * leap
+    for s in range(work.modal.shape[1]):
+        if bounds.acceleration[s] != 0.0:
+            gap -= work.under[i, s] * (work.modal[2, s] - work.modal[0, s])
+            rate -= work.under[i, s] * work.modal[3, s]
+    return gap, rate
+
+
+@inlined
+def _most_moved(first, work):
+    """The largest acceleration of the surface under the points of a circle, as far as it is known [m/s^2]."""
+    most = 0.0
+    for i in range(first, first + QUARTERS):
+        most = max(most, work.corner[i, SURFACE_ACCELERATION])
+    return most
+
+
+@compiled
+def _time_apart(gap, rate, a, s, u, e, radius, turns, longest):
+    """Time [s], up to the longest, before which a circle cannot touch; 0 where it may do so now.
+
+    turns: how far the slope under the circle may change meanwhile [1]. With a change d, |d| <= D, the circle is lower
+    than without by 2 R D at most, and for D << |s| by R D^2 / (2 |s|); 2 R D^2 / (|s| + D) is more than both.
+    """
+    if gap <= 0.0:
+        return 0.0
+    high = (rate + math.sqrt(rate * rate + 2.0 * a * gap)) / a  # of the one point
+    high = min(high, longest)
+    if turns > 0.0:
+        steepest = max(math.sqrt(s[0] * s[0] + s[1] * s[1]) - high * math.sqrt(u[0] * u[0] + u[1] * u[1]), 0.0)
+        gap -= 2.0 * radius * turns * turns / (steepest + turns)
+    low, at_low = 0.0, _gap_after(0.0, gap, rate, a, s, u, e, radius)
+    if at_low <= 0.0:
+        return 0.0
+    at_high = _gap_after(high, gap, rate, a, s, u, e, radius)
+    for _ in range(MAX_NARROWINGS):
+        if at_high >= -CLOSE:
+            return high
+        if high - low <= NARROW * high:
+            break
+        # The chord of a concave function lies below it, and its middle, where it is negative, brings the end nearer.
+        chord = low + at_low * (high - low) / (at_low - at_high)
+        at_chord = _gap_after(chord, gap, rate, a, s, u, e, radius)
+        if at_chord >= 0.0:
+            low, at_low = chord, at_chord
+        middle = 0.5 * (low + high)
+        at_middle = _gap_after(middle, gap, rate, a, s, u, e, radius)
+        if at_middle >= 0.0:
+            low, at_low = middle, at_middle
+        else:
+            high, at_high = middle, at_middle
+    return low
+
+
+@inlined
+def _gap_after(t, gap, rate, a, s, u, e, radius):
+    x, y = s[0] + t * u[0], s[1] + t * u[1]
+    return gap + t * (rate - 0.5 * a * t) - radius * (math.sqrt(x * x + y * y) + x * e[0] + y * e[1])
