@@ -7,6 +7,7 @@ import itertools
 import json
 import threading
 from collections.abc import Callable
+from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
@@ -165,8 +166,8 @@ def _identity(text: str, scenario: Scenario) -> str:
 def _begun(
     record: Record, status: Status, state: dict[str, NDArray[np.float64]], wall_time: WallTime, unresolved: int = 0
 ) -> Begun:
-    frames, impacts, removals, stops = record.frames, record.impacts, record.removals, record.stops
-    return Begun(frames, impacts, removals, stops, status, state, wall_time.seed, unresolved)
+    held = {entry.name: getattr(record, entry.name) for entry in fields(Record)}
+    return Begun(**held, status=status, state=state, wall_s=wall_time.seed, unresolved_impacts=unresolved)
 
 
 def _run_into(
