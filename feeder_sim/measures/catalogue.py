@@ -9,6 +9,8 @@ from feeder_sim.measures.bounces import Bounces
 from feeder_sim.measures.circulation import Circulation
 from feeder_sim.measures.drift import Drift
 from feeder_sim.measures.protocol import Measure
+from feeder_sim.measures.rate import Rate
+from feeder_sim.measures.refills import Refills
 from feeder_sim.measures.separation import Separation
 
-MEASURES: tuple[Measure[Any], ...] = (Drift(), Bounces(), Separation(), Arrivals(), Circulation())
+MEASURES: tuple[Measure[Any], ...] = (Drift(), Bounces(), Separation(), Refills(), Rate(), Arrivals(), Circulation())

@@ -18,6 +18,7 @@ from feeder_sim import __version__
 from feeder_sim.engines.lookup import engine_class
 from feeder_sim.engines.mujoco.mjcf import build_mjcf
 from feeder_sim.errors import InputError, RecordingFailed, cause_of, not_written, shortened
+from feeder_sim.measures.picks import picks_csv
 from feeder_sim.records.checkpoint import CheckpointFolder, run_identity
 from feeder_sim.records.own_files import LOCK, locked
 from feeder_sim.records.trajectory import PartRecord, PlateRecord, Record, Recording, Status, WallTime
@@ -35,7 +36,7 @@ from feeder_sim.scene.prepared import Prepared
 from feeder_sim.scene.scene import Scene
 from feeder_sim.single_thread import single_threaded
 
-SUMMARY, RESOLVED, MJCF = "summary.json", "scenario.toml", "scene.xml"
+SUMMARY, PICKS, RESOLVED, MJCF = "summary.json", "picks.csv", "scenario.toml", "scene.xml"
 DISPLAY_POINTS = 121  # per axis of the plate: enough for the shortest wave of the catalogue, small enough to scrub
 MJCF_PARTS = 200  # that scene.xml is written for; it names every pair of parts, a hundred thousand of 500
 
@@ -228,6 +229,8 @@ def _run_into(
     summary = result.summary() | {"version": __version__, "libraries": library_versions()}
     write_whole(folder / SUMMARY, f"{json.dumps(summary, indent=2)}\n".encode())
     if not result.interrupted:
+        if any(stage.clearance is not None for stage in prepared.scene.times.stages):
+            write_whole(folder / PICKS, picks_csv(prepared.scene, result.seeds).encode())
         checkpoints.clear(scenario.run.seeds)
     if replay and not result.interrupted and len(result.seeds[0].frames):
         build_replay(folder / TRAJECTORY, folder / REPLAY)
@@ -244,7 +247,7 @@ def check_free(folder: Path) -> None:
         raise InputError("is not a folder", file=folder, key="--out")
     held = {path.name for path in folder.iterdir()} if folder.exists() else set()
     held -= {LOCK, partial_of(folder / RESOLVED).name}  # of a process that was killed before it had begun
-    if held & {TRAJECTORY, REPLAY, SUMMARY, RESOLVED, MJCF}:
+    if held & {TRAJECTORY, REPLAY, SUMMARY, PICKS, RESOLVED, MJCF}:
         raise InputError("already holds a run, allowed is a new or an empty folder", file=folder, key="--out")
     if held:
         name = shortened(min(held), 40)
