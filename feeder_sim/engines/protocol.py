@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
@@ -11,6 +12,7 @@ if TYPE_CHECKING:
     from feeder_sim.records.impacts import Impacts
     from feeder_sim.records.trajectory import Frames
     from feeder_sim.scene.scene import Scene
+    from feeder_sim.scene.start import Pose
 
 
 class Engine(Protocol):
@@ -57,7 +59,11 @@ class Engine(Protocol):
         ...
 
     def remove(self, parts: NDArray[np.int64]) -> None:
-        """Take parts, by their indices, out of the scene for good."""
+        """Take parts, by their indices, out of the scene."""
+        ...
+
+    def add(self, parts: NDArray[np.int64], poses: Sequence[Pose]) -> None:
+        """Put parts, by their indices, that are not in the scene into it, after the last frame."""
         ...
 
     def redrive(self, scene: Scene) -> None:

@@ -10,6 +10,17 @@ from feeder_sim.measures.circulation import Circulation
 from feeder_sim.measures.drift import Drift
 from feeder_sim.measures.poses import Poses
 from feeder_sim.measures.protocol import Measure
+from feeder_sim.measures.rate import Rate
+from feeder_sim.measures.refills import Refills
 from feeder_sim.measures.separation import Separation
 
-MEASURES: tuple[Measure[Any], ...] = (Drift(), Bounces(), Separation(), Poses(), Arrivals(), Circulation())
+MEASURES: tuple[Measure[Any], ...] = (
+    Drift(),
+    Bounces(),
+    Separation(),
+    Poses(),
+    Refills(),
+    Rate(),
+    Arrivals(),
+    Circulation(),
+)

@@ -39,7 +39,7 @@ class StageReport:
         touching_pairs: pairs whose bounding spheres overlap; an upper bound of pairs that touch.
         on_nodal_line: parts within 5 mm of nodal lines of all of the stage's modes.
         dead: parts in dead positions.
-        flipped: parts with another side up than at the end of the stage before.
+        flipped: parts with another side up than at the end of the stage before, those excepted that came after it.
         picked, lost: parts taken out after the end of the stage before, up to the end of this one.
         nearest_mm: median distance to the nearest neighbour; NaN for fewer than two parts.
     """
@@ -116,6 +116,8 @@ def _report(
     dead = np.full(len(points), bool(cycle))
     for driven in cycle:
         dead &= lines.near(driven, points, DEAD_POSITION)
+    came = np.zeros(len(position), bool)
+    came[record.arrivals.parts(start=start, end=end)] = True
     return StageReport(
         end_s=stage.end,
         on_plate=int(on_plate.sum()),
@@ -123,7 +125,7 @@ def _report(
         touching_pairs=_touching_pairs(scene, position, on_plate),
         on_nodal_line=int(lines.near(number, points, ON_LINE).sum()),
         dead=int(dead.sum()),
-        flipped=int((_side_up(frames, row)[on_plate] != _side_up(frames, before or 0)[on_plate]).sum()),
+        flipped=int((_side_up(frames, row) != _side_up(frames, before or 0))[on_plate & ~came].sum()),
         picked=len(removals.parts(Cause.PICKED, start=start, end=end)),
         lost=len(removals.parts(Cause.LOST, start=start, end=end)),
         nearest_mm=1e3 * float(np.median(nearest)) if len(points) > 1 else float("nan"),
@@ -216,6 +218,7 @@ class Separation:
         ):
             if statistic.n:
                 spread = f", SD {statistic.sd:.1f}" if statistic.n > 1 else ""
-                text = f"{statistic.mean:.1f} of {findings.parts}{spread}, n = {statistic.n} seeds"
+                of_all = "" if prepared.scenario.refill else f" of {findings.parts}"
+                text = f"{statistic.mean:.1f}{of_all}{spread}, n = {statistic.n} seeds"
                 lines.append(labelled(label, text))
         return lines

@@ -14,7 +14,7 @@ CHECKPOINTS = "checkpoints"  # folder in a run folder
 LOCK = ".lock"
 NO_LOCKS = (errno.ENOSYS, errno.ENOLCK, errno.EOPNOTSUPP, errno.ENOTSUP)  # what network file systems say
 _OWN = re.compile(
-    rf"(trajectory\.h5|replay(_seed_\d+)?\.rrd|summary\.json|scenario\.toml|scene\.xml|seed_\d+\.npz|failure_seed_\d+(_\d+)?\.npz"
+    rf"(trajectory\.h5|replay(_seed_\d+)?\.rrd|summary\.json|picks\.csv|scenario\.toml|scene\.xml|seed_\d+\.npz|failure_seed_\d+(_\d+)?\.npz"
     rf"|{CHECKPOINTS})(\.new|\.partial)?|{re.escape(LOCK)}"
 )
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 from enum import IntEnum
 from pathlib import Path
 from typing import NamedTuple, Protocol
@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from feeder_sim.part.stable_poses import PoseTable
 from feeder_sim.plate.drive import ModalDrive
 from feeder_sim.plate.outline import Outline
+from feeder_sim.records.arrivals import Arrivals
 from feeder_sim.records.impacts import Impacts
 from feeder_sim.records.removals import Removals
 
@@ -53,7 +54,7 @@ class Frames:
         quaternion: attitude of the axes that each part was drawn in, w first, shape (n, parts, 4).
         velocity: [m/s], shape (n, parts, 3).
         angular_velocity: [rad/s], shape (n, parts, 3).
-        present: False once a part has been taken out of the scene, shape (n, parts).
+        present: False while a part is not in the scene: taken out, or not come yet; shape (n, parts).
     """
 
     time: NDArray[np.float64]
@@ -72,7 +73,7 @@ class Frames:
         return Frames(**{name: v if v.dtype == bool else v.astype(float) for name, v in stored.items()})
 
     def __getitem__(self, rows: slice) -> Frames:
-        return Frames(*(getattr(self, field.name)[rows] for field in fields(self)))
+        return Frames(*(getattr(self, entry.name)[rows] for entry in fields(self)))
 
     def on_plate(self, plate: PlateArea) -> NDArray[np.bool_]:
         """Which parts are on a plate, shape (n, parts): not taken out, with their centres over it and above it."""
@@ -89,7 +90,7 @@ class Frames:
     @staticmethod
     def joined(blocks: Sequence[Frames]) -> Frames:
         """Concatenate blocks in time."""
-        return Frames(*(np.concatenate([getattr(b, field.name) for b in blocks]) for field in fields(Frames)))
+        return Frames(*(np.concatenate([getattr(b, entry.name) for b in blocks]) for entry in fields(Frames)))
 
 
 # name: (unit, stored type, shape per part); single precision is ample for what no measure differentiates.
@@ -112,22 +113,30 @@ class Record:
         impacts: contacts of a guided part with the plate.
         removals: parts picked or lost.
         stops: when the drives of the stages stopped, in order [s]; those not listed keep to the schedule.
+        arrivals: parts of refills.
     """
 
     frames: Frames
     impacts: Impacts
     removals: Removals
     stops: NDArray[np.float64]
+    arrivals: Arrivals = field(default_factory=Arrivals.none, kw_only=True)
 
     @property
-    def sizes(self) -> tuple[int, int, int, int]:
+    def sizes(self) -> tuple[int, int, int, int, int]:
         """Rows of each."""
-        return len(self.frames), len(self.impacts), len(self.removals), len(self.stops)
+        return len(self.frames), len(self.impacts), len(self.removals), len(self.stops), len(self.arrivals)
 
     def begin(self, sizes: Sequence[int]) -> Record:
         """The first rows of each."""
-        frames, impacts, removals, stops = (slice(size) for size in sizes)
-        return Record(self.frames[frames], self.impacts[impacts], self.removals[removals], self.stops[stops])
+        frames, impacts, removals, stops, arrivals = (slice(size) for size in sizes)
+        return Record(
+            self.frames[frames],
+            self.impacts[impacts],
+            self.removals[removals],
+            self.stops[stops],
+            arrivals=self.arrivals[arrivals],
+        )
 
     @staticmethod
     def joined(blocks: Sequence[Record]) -> Record:
@@ -137,6 +146,7 @@ class Record:
             Impacts.joined([block.impacts for block in blocks]),
             Removals.joined([block.removals for block in blocks]),
             np.concatenate([block.stops for block in blocks]),
+            arrivals=Arrivals.joined([block.arrivals for block in blocks]),
         )
 
 

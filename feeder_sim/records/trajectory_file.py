@@ -21,6 +21,7 @@ Layout, schema version 4 (SI units, in the `unit` attribute of every dataset):
     /seeds/NNN/unresolved_impacts  (1,)       impacts whose iteration was given up
     /seeds/NNN/wall_time  (2,)                of the seed, and of the ensemble when that was noted
     /seeds/NNN/removals/time, part, cause   of parts picked or lost; see feeder_sim.removals
+    /seeds/NNN/arrivals/time, part, cycle, height   of parts that came with a refill; see feeder_sim.records.arrivals
     /seeds/NNN/stops      (s,)                when the drives of the stages stopped; the others keep to the schedule
     /seeds/NNN/impacts/time, until, approach_speed, departure_velocity   of a part in a guide; see feeder_sim.impacts
 
@@ -41,6 +42,7 @@ from numpy.typing import NDArray
 from feeder_sim.errors import InputError
 from feeder_sim.hdf5_text import get_text
 from feeder_sim.hdf5_trust import check_trusted
+from feeder_sim.records.arrivals import Arrivals
 from feeder_sim.records.impacts import Impacts
 from feeder_sim.records.own_files import check_no_links
 from feeder_sim.records.part_group import read_part
@@ -61,6 +63,7 @@ SCHEMA = "feeder_sim/trajectory"
 SCHEMA_VERSION = 4
 IMPACT_FIELDS = {"time": "s", "until": "s", "approach_speed": "m/s", "departure_velocity": "m/s"}
 REMOVAL_FIELDS = {"time": ("s", "f8"), "part": ("1", "i8"), "cause": ("1", "i8")}
+ARRIVAL_FIELDS = {"time": ("s", "f8"), "part": ("1", "i8"), "cycle": ("1", "i8"), "height": ("m", "f8")}
 
 
 def read_recording(path: Path) -> Recording:
@@ -142,6 +145,7 @@ def read_record(group: Any) -> Record:
         Impacts(**columns(IMPACT_FIELDS, "impacts/")),
         Removals(**columns(REMOVAL_FIELDS, "removals/")),
         group["stops"][()],
+        arrivals=Arrivals(**columns(ARRIVAL_FIELDS, "arrivals/")),
     )
 
 

@@ -19,6 +19,7 @@ from feeder_sim.records.part_group import write_part
 from feeder_sim.records.plate_group import write_plate
 from feeder_sim.records.trajectory import BLOCK_FRAMES, FRAME_FIELDS, PartRecord, PlateRecord, Record, Status, WallTime
 from feeder_sim.records.trajectory_file import (
+    ARRIVAL_FIELDS,
     IMPACT_FIELDS,
     REMOVAL_FIELDS,
     SCHEMA,
@@ -114,6 +115,8 @@ class TrajectoryWriter:
             _extend(group[f"impacts/{name}"], getattr(block.impacts, name))
         for name in REMOVAL_FIELDS if len(block.removals) else ():
             _extend(group[f"removals/{name}"], getattr(block.removals, name))
+        for name in ARRIVAL_FIELDS if len(block.arrivals) else ():
+            _extend(group[f"arrivals/{name}"], getattr(block.arrivals, name))
         if len(block.stops):
             _extend(group["stops"], block.stops)
 
@@ -162,6 +165,7 @@ class TrajectoryWriter:
             put_text(dataset.attrs, {"unit": unit})
         events = {f"impacts/{name}": (unit, "f8") for name, unit in IMPACT_FIELDS.items()}
         events |= {f"removals/{name}": described for name, described in REMOVAL_FIELDS.items()}
+        events |= {f"arrivals/{name}": described for name, described in ARRIVAL_FIELDS.items()}
         events["stops"] = ("s", "f8")
         for name, (unit, dtype) in events.items():
             name = f"{seed_name(index)}/{name}"

@@ -30,9 +30,14 @@ class EnergyLimit(NamedTuple):
 def energy_limit(scene: Scene, first: Frames, factor: float) -> EnergyLimit:
     """Bound the energy of the parts of one seed; first: frames with the state at the start."""
     height = float(np.abs(first.position[..., 2]).max())
-    start_speed = float(np.linalg.norm(first.velocity, axis=-1).max()) + math.sqrt(2.0 * GRAVITY * height)
+    start_speed = float(np.linalg.norm(first.velocity, axis=-1).max()) + fall_speed(height)
     plate_speed = largest_at_once(scene, speeds=True)
     return EnergyLimit(plate_speed, start_speed, _restitution(scene.scenario.contact), factor)
+
+
+def fall_speed(height: float) -> float:
+    """Speed [m/s] after a fall from a height [m]."""
+    return math.sqrt(2.0 * GRAVITY * height)
 
 
 @inlined

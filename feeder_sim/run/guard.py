@@ -17,8 +17,9 @@ from numpy.typing import NDArray
 
 from feeder_sim.engines.surface_arrays import surface_arrays
 from feeder_sim.errors import Divergence, SimulationDiverged
-from feeder_sim.records.trajectory import Frames
-from feeder_sim.run.energy import energy_limit, largest_at_once, largest_reaction
+from feeder_sim.records.arrivals import Arrivals
+from feeder_sim.records.trajectory import SAME_TIME, Frames
+from feeder_sim.run.energy import EnergyLimit, energy_limit, fall_speed, largest_at_once, largest_reaction
 from feeder_sim.run.plate_edge import edge_of
 from feeder_sim.run.state_check import (
     ALLOWED,
@@ -74,14 +75,19 @@ class Guard:
     """
 
     def __init__(self, prepared: Prepared, first: Frames) -> None:
-        self._scene = prepared.scene
+        self._prepared, self._scene = prepared, prepared.scene
         self._parts = [part.name for part in prepared.scene.parts]
         self._held = what_holds(prepared, first)
-        self._checked = self._states(first[slice(-1, None)], no_states(1, len(self._parts)))  # the last block
-        self._checked.mark[:, :, FALLEN] = 0
-        # One that starts too deep in the plate counts.
-        self._checked.mark[:, :, CLEAR] |= self._checked.value[:, :, DEPTH] > 0.0
+        self._checked = self._at_start(first[slice(-1, None)])  # the last block
         self._before = self._checked  # its last row is the last frame of the block before
+
+    def _at_start(self, first: Frames) -> States:
+        """States of parts that have just been let go, in one frame."""
+        states = self._states(first, no_states(1, len(self._parts)))
+        states.mark[:, :, FALLEN] = 0
+        # One that starts too deep in the plate counts.
+        states.mark[:, :, CLEAR] |= states.value[:, :, DEPTH] > 0.0
+        return states
 
     def redrive(self, scene: Scene) -> None:
         """Go on in the same scene, in which drives stop at other times."""
@@ -125,6 +131,18 @@ class Guard:
         """Go on to the next block; n: frames that are kept of the one checked last."""
         self._before = self._checked.first(n + 1)
 
+    def arrive(self, arrivals: Arrivals, now: Frames) -> None:
+        """Go on with the parts of refills so far; now: one frame, with those that came last as they were let go."""
+        if not len(arrivals):
+            return
+        fall = max(self._held.energy.start_speed, fall_speed(float(arrivals.height.max())))
+        energy = self._held.energy._replace(start_speed=fall)
+        self._held = self._held._replace(energy=energy, depth=_depth_limit(self._prepared, energy))
+        parts, started = arrivals.parts(start=float(now.time[-1]) - SAME_TIME, end=np.inf), self._at_start(now)
+        before = States(self._before.value[-1:].copy(), self._before.mark[-1:].copy())
+        before.value[0, parts], before.mark[0, parts] = started.value[-1, parts], started.mark[-1, parts]
+        self._before = before
+
     def catch_up(self, frames: Frames) -> None:
         """Go on after all frames of a seed before a break."""
         for begin in range(0, len(frames), CAUGHT_UP):
@@ -143,18 +161,7 @@ class Guard:
 def what_holds(prepared: Prepared, first: Frames) -> Held:
     """What the states of a seed are held against; first: frames with the state at the start, of one seed or of many."""
     scene = prepared.scene
-    contact, compliant = scene.scenario.contact, scene.scenario.contact.time_constant_us is not None
-    energy, largest = energy_limit(scene, first, ENERGY_FACTOR), largest_at_once(scene)
-    # The surface is the prescribed one. What parts make of it takes the plate's energy, so that its envelope falls and
-    # the limit of the energy holds; but the depth is wrong by as much as they move the surface.
-    reaction = largest_reaction(scene, largest, energy.start_speed) if scene.scenario.run.reaction else 0.0
-    depth = DepthLimit(
-        least=DEPTH_FLOOR + DEPTH_FRACTION * largest + reaction,
-        steps=DEPTH_STEPS * scene.timestep,
-        heap=HEAP_DEPTH if len(scene.parts) > 1 else 0.0,
-        time_constant=1e-6 * (contact.time_constant_us or 0.0),
-        damping_ratio=contact.damping_ratio if compliant else 0.0,
-    )
+    energy = energy_limit(scene, first, ENERGY_FACTOR)
     tangent = scene.scenario.run.tangent_surface or prepared.engine.name == "mujoco"
     return Held(
         bodies=_bodies(scene),
@@ -162,7 +169,24 @@ def what_holds(prepared: Prepared, first: Frames) -> Held:
         antinode=scene.surface.extremes[0],
         edge=edge_of(scene, sum(drive.largest for drives in scene.all_drives for drive in drives)),
         energy=energy,
-        depth=depth,
+        depth=_depth_limit(prepared, energy),
+    )
+
+
+def _depth_limit(prepared: Prepared, energy: EnergyLimit) -> DepthLimit:
+    """How deep a corner may be."""
+    scene = prepared.scene
+    contact, compliant = scene.scenario.contact, scene.scenario.contact.time_constant_us is not None
+    largest = largest_at_once(scene)
+    # The surface is the prescribed one. What parts make of it takes the plate's energy, so that its envelope falls and
+    # the limit of the energy holds; but the depth is wrong by as much as they move the surface.
+    reaction = largest_reaction(scene, largest, energy.start_speed) if scene.scenario.run.reaction else 0.0
+    return DepthLimit(
+        least=DEPTH_FLOOR + DEPTH_FRACTION * largest + reaction,
+        steps=DEPTH_STEPS * scene.timestep,
+        heap=HEAP_DEPTH if len(scene.parts) > 1 else 0.0,
+        time_constant=1e-6 * (contact.time_constant_us or 0.0),
+        damping_ratio=contact.damping_ratio if compliant else 0.0,
     )
 
 

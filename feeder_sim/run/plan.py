@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from feeder_sim.engines.lookup import engine_class
+from feeder_sim.measures.picks import robot_of
 from feeder_sim.measures.protocol import as_json
 from feeder_sim.part.rigid_part import RigidPart
 from feeder_sim.plate.drive import ModalDrive
@@ -25,6 +26,7 @@ from feeder_sim.run.simulation import available_cores, compile_engine
 from feeder_sim.scenario import PartSpec, Schedule
 from feeder_sim.scene.driven_mode import DrivenMode
 from feeder_sim.scene.prepared import Prepared
+from feeder_sim.scene.refill import refill_frames
 from feeder_sim.scene.scene import GRAVITY, Scene, build_scene
 from feeder_sim.scene.under_parts import motion_under_parts
 
@@ -95,6 +97,10 @@ class Plan:
         antinode_to_node_mm: length of the transport cell; None without one.
         parts: one per part table of the scenario.
         timestep_us: solver step.
+        parts_at_once: on the plate at the start, and after a refill at most.
+        refills_at_most: in a seed.
+        simulated_s, looks_s: duration of the schedule of a seed at most, and what its pictures take besides; a pick
+            takes `robot.pick_s` more.
         steps_per_seed, seeds, frames_per_seed: numbers.
         estimated_wall_s: on this machine, with all cores.
         estimated_file_size_mb: of the run folder.
@@ -109,6 +115,10 @@ class Plan:
     drives: list[DrivePlan]
     antinode_to_node_mm: float | None
     parts: list[PartPlan]
+    parts_at_once: int
+    refills_at_most: int
+    simulated_s: float
+    looks_s: float
     timestep_us: float
     steps_per_seed: int
     seeds: int
@@ -139,6 +149,10 @@ def make_plan(prepared: Prepared) -> Plan:
         drives=_drive_plans(scene),
         antinode_to_node_mm=1e3 * cell.reach if cell else None,
         parts=[_part_plan(spec, kind) for spec, kind in zip(scene.scenario.part, scene.kinds, strict=True)],
+        parts_at_once=scene.scenario.parts_at_once,
+        refills_at_most=len(refill_frames(scene)),
+        simulated_s=scene.times.duration,
+        looks_s=robot_of(scene).look_s * sum(bool(stage.picks) for stage in scene.times.stages),
         timestep_us=1e6 * scene.timestep,
         steps_per_seed=scene.n_steps,
         seeds=run.seeds,

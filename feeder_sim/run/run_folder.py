@@ -7,6 +7,7 @@ import itertools
 import json
 import threading
 from collections.abc import Callable
+from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +18,7 @@ from feeder_sim import __version__
 from feeder_sim.engines.lookup import engine_class
 from feeder_sim.engines.mujoco.mjcf import build_mjcf
 from feeder_sim.errors import InputError, RecordingFailed, cause_of, not_written, shortened
+from feeder_sim.measures.picks import picks_csv
 from feeder_sim.records.checkpoint import CheckpointFolder, run_identity
 from feeder_sim.records.own_files import LOCK, locked
 from feeder_sim.records.trajectory import PartRecord, PlateRecord, Record, Recording, Status, WallTime
@@ -34,7 +36,7 @@ from feeder_sim.scene.prepared import Prepared
 from feeder_sim.scene.scene import Scene
 from feeder_sim.single_thread import single_threaded
 
-SUMMARY, RESOLVED, MJCF = "summary.json", "scenario.toml", "scene.xml"
+SUMMARY, PICKS, RESOLVED, MJCF = "summary.json", "picks.csv", "scenario.toml", "scene.xml"
 DISPLAY_POINTS = 121  # per axis of the plate: enough for the shortest wave of the catalogue, small enough to scrub
 MJCF_PARTS = 200  # that scene.xml is written for; it names every pair of parts, a hundred thousand of 500
 
@@ -165,8 +167,8 @@ def _identity(text: str, scenario: Scenario) -> str:
 def _begun(
     record: Record, status: Status, state: dict[str, NDArray[np.float64]], wall_time: WallTime, unresolved: int = 0
 ) -> Begun:
-    frames, impacts, removals, stops = record.frames, record.impacts, record.removals, record.stops
-    return Begun(frames, impacts, removals, stops, status, state, wall_time.seed, unresolved)
+    held = {entry.name: getattr(record, entry.name) for entry in fields(Record)}
+    return Begun(**held, status=status, state=state, wall_s=wall_time.seed, unresolved_impacts=unresolved)
 
 
 def _run_into(
@@ -227,6 +229,8 @@ def _run_into(
     summary = result.summary() | {"version": __version__, "libraries": library_versions()}
     write_whole(folder / SUMMARY, f"{json.dumps(summary, indent=2)}\n".encode())
     if not result.interrupted:
+        if any(stage.picks for stage in prepared.scene.times.stages):
+            write_whole(folder / PICKS, picks_csv(prepared.scene, result.seeds).encode())
         checkpoints.clear(scenario.run.seeds)
     if replay and not result.interrupted and len(result.seeds[0].frames):
         build_replay(folder / TRAJECTORY, folder / REPLAY)
@@ -243,7 +247,7 @@ def check_free(folder: Path) -> None:
         raise InputError("is not a folder", file=folder, key="--out")
     held = {path.name for path in folder.iterdir()} if folder.exists() else set()
     held -= {LOCK, partial_of(folder / RESOLVED).name}  # of a process that was killed before it had begun
-    if held & {TRAJECTORY, REPLAY, SUMMARY, RESOLVED, MJCF}:
+    if held & {TRAJECTORY, REPLAY, SUMMARY, PICKS, RESOLVED, MJCF}:
         raise InputError("already holds a run, allowed is a new or an empty folder", file=folder, key="--out")
     if held:
         name = shortened(min(held), 40)

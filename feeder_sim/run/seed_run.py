@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import threading
 import time
 from dataclasses import dataclass, field, fields
@@ -16,6 +15,7 @@ from feeder_sim.engines.protocol import Engine
 from feeder_sim.errors import SimulationDiverged
 from feeder_sim.measures.picking import pickable
 from feeder_sim.measures.stage_lines import StageLines, settled, stage_lines
+from feeder_sim.records.arrivals import Arrivals
 from feeder_sim.records.last_states import LastStates
 from feeder_sim.records.removals import Cause, Removals
 from feeder_sim.records.trajectory import Frames, Record, Status
@@ -24,7 +24,9 @@ from feeder_sim.run.history import History
 from feeder_sim.run.seed_record import Begun, Recorder, SeedResult
 from feeder_sim.scenario import Pick
 from feeder_sim.scene.cell import PASSAGE_TO
+from feeder_sim.scene.hopper import generator
 from feeder_sim.scene.prepared import Prepared
+from feeder_sim.scene.refill import refill, refill_frames
 from feeder_sim.scene.scene import Scene
 
 BLOCK_STEPS = 500_000  # solver steps and parts between two looks at guard, stop rule and stop event, about
@@ -46,6 +48,7 @@ class Block:
         computed: how many were computed.
         state: of the engine before them.
         removals: parts taken out in them.
+        arrivals: parts that come in after them.
         failure: what is wrong with the frame after the last one, None for nothing.
         status: of the seed after them.
     """
@@ -54,6 +57,7 @@ class Block:
     computed: int
     state: dict[str, NDArray[np.float64]]
     removals: list[Removals] = field(default_factory=list)
+    arrivals: Arrivals = field(default_factory=Arrivals.none)
     failure: SimulationDiverged | None = None
     status: Status = Status.UNFINISHED
 
@@ -136,6 +140,7 @@ class SeedRun:
         engine.restore(begun.state)
         self._guard.redrive(self._scene)
         self._guard.catch_up(begun.frames)
+        self._guard.arrive(begun.arrivals, engine.current())
         self._history.append(begun)
 
     def _close(self, status: Status, failure: SimulationDiverged | None, wall_s: float) -> SeedResult:
@@ -173,6 +178,7 @@ class SeedRun:
         self._check(block)
         self._take_lost(block)
         self._take_picked(block)
+        self._fill_in(block)
         self._judge(block)
         self._record(block)
         return block
@@ -236,12 +242,24 @@ class SeedRun:
             self._engine.remove(picked)
         block.removals.append(Removals.of(float(last.time[0]), picked, Cause.PICKED))
 
+    def _fill_in(self, block: Block) -> None:
+        """Refill after the last frame of the block, if a cycle ends there and parts are missing."""
+        cycle = refill_frames(self._scene).get(self._history.n_frames + block.computed - 1)
+        if block.failure or cycle is None:
+            return
+        rng = generator(self._scene, self._index, cycle)
+        parts, poses = refill(self._scene, self._engine.current(), rng)
+        if len(parts):
+            self._engine.add(parts, poses)
+            heights = np.array([pose.position[2] for pose in poses])
+            block.arrivals = Arrivals.of(float(block.frames.time[-1]), parts, cycle, heights)
+
     def _judge(self, block: Block) -> None:
         """How the seed stands after the block."""
         removals = Removals.joined([self._history.removals, *block.removals])
         if block.failure:
             block.status = Status.DIVERGED
-        elif len(removals) == len(self._scene.parts):
+        elif len(removals) == len(self._scene.parts) and self._scene.scenario.refill is None:
             block.status = Status.LEFT_PLATE if (removals.cause == Cause.LOST).all() else Status.DONE
         elif self._history.n_frames + len(block.frames) >= self._scene.n_frames or self._has_passed(block.frames):
             block.status = Status.DONE
@@ -260,9 +278,10 @@ class SeedRun:
         if len(block.frames) < block.computed:
             impacts = impacts[impacts.time <= (block.frames.time[-1] if len(block.frames) else 0.0)]
         self._guard.remember(len(block.frames))
+        self._guard.arrive(block.arrivals, self._engine.current())
         frames = block.frames.as_stored()
         stops = self._stops_of_settled(frames) if block.status == Status.UNFINISHED else np.empty(0)
-        self._keep(Record(frames, impacts, Removals.joined(block.removals), stops))
+        self._keep(Record(frames, impacts, Removals.joined(block.removals), stops, arrivals=block.arrivals))
         self._follow_stops(stops)
 
     def _keep(self, block: Record) -> None:
@@ -295,7 +314,7 @@ class SeedRun:
         scene, n_done = self._scene, self._history.n_frames
         least = LEAST_BLOCK if len(scene.parts) > 1 else 2
         longest = max(least, BLOCK_STEPS // (scene.steps_per_frame * len(scene.parts)))
-        ahead = [frame - n_done + 1 for frame in pick_frames(scene) if frame >= n_done]
+        ahead = [frame - n_done + 1 for frame in (*pick_frames(scene), *refill_frames(scene)) if frame >= n_done]
         if self._lines is not None:
             look = max(1, round(LOOK_S / scene.frame_interval))
             ahead.append(look - (n_done - 1) % look)
@@ -308,9 +327,4 @@ def _fields(record: Record) -> dict[str, Any]:
 
 def pick_frames(scene: Scene) -> dict[int, tuple[Pick, ...]]:
     """What is picked at which frame: the first at or after the end of the stage, or the last one."""
-    last = scene.n_frames - 1
-    return {
-        min(last, math.ceil(stage.end / scene.frame_interval - 1e-6)): stage.picks
-        for stage in scene.times.stages
-        if stage.picks
-    }
+    return {scene.frame_at(stage.end): stage.picks for stage in scene.times.stages if stage.picks}

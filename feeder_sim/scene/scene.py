@@ -122,6 +122,14 @@ class Scene:
         """Attitudes (..., parts, 4) of the parts' principal axes, from those of the parts; w first."""
         return self._by_kind(quaternion, RigidPart.principal_attitude)
 
+    def principal_attitudes_of(
+        self, parts: NDArray[np.int64], quaternion: Sequence[NDArray[np.float64]]
+    ) -> NDArray[np.float64]:
+        """As `principal_attitudes`, (n, 4), of some parts (n,)."""
+        of_all = np.tile([1.0, 0.0, 0.0, 0.0], (len(self.parts), 1))
+        of_all[parts] = quaternion
+        return self.principal_attitudes(of_all)[parts]
+
     def attitudes(self, principal: NDArray[np.float64]) -> NDArray[np.float64]:
         """Attitudes (..., parts, 4) of the parts, from those of their principal axes; w first."""
         return self._by_kind(principal, RigidPart.attitude)
@@ -258,11 +266,11 @@ def _check_refill(scenario: Scenario, surface: Surface, kinds: Sequence[RigidPar
 
 
 def _check_picks(scene: Scene) -> None:
-    """Refuse a pause in which no frame is left for the pick after its parts have settled.
+    """Refuse a pause in which no frame is left for the pick, or the refill, after its parts have settled.
 
     Raises:
-        InputError: a stage with `until` and `pick` has a pause shorter than two frames, or a pick names a pose that
-            its part does not have, or a gripper that cannot be used.
+        InputError: a stage with `until`, and a pick or a refill at its end, has a pause shorter than two frames, or a pick
+            names a pose that its part does not have, or a gripper that cannot be used.
     """
     names, schedule = scene.scenario.kind_names, scene.scenario.schedule
     stages = (("prepare", schedule.prepare), ("stage", schedule.stage)) if schedule else ()
@@ -279,10 +287,13 @@ def _check_picks(scene: Scene) -> None:
                         key=f"schedule.{group}[{i}].pick.up",
                     )
     least = 2.0 * scene.frame_interval
+    last = len(schedule.stage) - 1 if schedule and scene.scenario.refill else None  # of a cycle, before a refill
     for stage in scene.times.stages:
-        if stage.until and stage.picks and stage.end - stage.stop < least:
+        refilled = stage.cycle > 0 and stage.number == last
+        if stage.until and (stage.picks or refilled) and stage.end - stage.stop < least:
+            what = "pick" if stage.picks else "a refill after it"
             raise InputError(
-                f"is {stage.end - stage.stop:g}, allowed is at least two frames, {least:.2g} s, with until and pick",
+                f"is {stage.end - stage.stop:g}, allowed is at least two frames, {least:.2g} s, with until and {what}",
                 key=f"schedule.{'stage' if stage.cycle else 'prepare'}[{stage.number}].pause_s",
             )
 

@@ -21,9 +21,10 @@ from conftest import StopsAfter
 from feeder_sim.engines.impulse.engine import ImpulseEngine
 from feeder_sim.errors import Divergence, InputError, SimulationDiverged
 from feeder_sim.records.trajectory import Frames
+from feeder_sim.records.trajectory_file import read_recording
 from feeder_sim.run.guard import Guard
 from feeder_sim.run.run_folder import record_run, resume_run, scenario_toml
-from feeder_sim.scenario import Excitation, Heap, HexNut, PistonPlate, Run, Scattered, Scenario
+from feeder_sim.scenario import Excitation, Heap, HexNut, PistonPlate, Refill, Run, Scattered, Scenario
 from feeder_sim.scenario.schedule import Pick, Schedule, Stage
 from feeder_sim.scene.scene import build_scene
 
@@ -50,6 +51,7 @@ def nuts(
     clearance_mm: float = 14.0,
     frames_per_second: float = 500.0,
     start: Scattered | Heap | None = None,
+    refill: Refill | None = None,
 ) -> Scenario:
     """Nuts thrown about by a piston, with a pick after every cycle."""
     drive = Excitation(frequency_hz=500.0, amplitude_um=20.0)
@@ -58,6 +60,7 @@ def nuts(
         plate=PistonPlate(kind="piston", length_mm=side_mm, width_mm=side_mm),
         schedule=Schedule(cycles=cycles, stage=(stage,)),
         part=(HexNut(size="M2.5", count=count, start=start or Scattered(kind="scattered")),),
+        refill=refill,
         run=Run(engine=engine, seeds=2, seed=3, frames_per_second=frames_per_second),
     )
 
@@ -164,6 +167,34 @@ def test_mujoco_goes_on_to_the_same_bits(tmp_path: Path) -> None:
     assert begun.interrupted
     resume_run(tmp_path / "run", replay=False)
     check_same(tmp_path / "run", tmp_path / "whole")
+
+
+@pytest.mark.parametrize(
+    ("engine", "start"),
+    [
+        ("impulse", Heap(kind="heap", diameter_mm=25.0)),
+        ("mujoco", Scattered(kind="scattered", drop_height_mm=(3.0, 3.0))),
+    ],
+)
+def test_refilled_run_goes_on_to_the_same_bits(
+    engine: Literal["impulse", "mujoco"], start: Heap | Scattered, tmp_path: Path
+) -> None:
+    """Also from a checkpoint that is taken with the new parts still where they were let go."""
+    scenario = nuts(
+        count=6, engine=engine, cycles=3, duration_s=0.1, clearance_mm=8.0, refill=Refill(to=5, start=start)
+    )
+    record_run(scenario, tmp_path / "whole", replay=False)
+    refills = [len(set(record.arrivals.cycle)) for record in read_recording(tmp_path / "whole/trajectory.h5").records]
+    assert min(refills) > 0
+    result = record_run(scenario, tmp_path / "run", stop=StopsAfter(2), replay=False)
+    breaks = 0
+    while result.interrupted:
+        breaks += 1
+        assert breaks < 50
+        result = resume_run(tmp_path / "run", stop=StopsAfter(2), replay=False)
+    assert breaks > 2
+    check_same(tmp_path / "run", tmp_path / "whole")
+    assert (tmp_path / "run/picks.csv").read_bytes() == (tmp_path / "whole/picks.csv").read_bytes()
 
 
 def test_a_seed_that_diverged_before_the_break_is_still_a_failure(

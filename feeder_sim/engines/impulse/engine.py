@@ -15,6 +15,7 @@ shared out over threads, which changes nothing in the result.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
@@ -42,7 +43,7 @@ from feeder_sim.engines.surface_arrays import SurfaceArrays, surface_arrays
 from feeder_sim.records.impacts import Impacts
 from feeder_sim.records.trajectory import BLOCK_FRAMES, Frames
 from feeder_sim.scene.scene import Scene
-from feeder_sim.scene.start import start_poses
+from feeder_sim.scene.start import Pose, start_poses
 
 WINDOW = 1e-3  # [s], where parts can meet: shorter ones find the pairs too often, longer ones find too many
 WINDOW_ALONE = 1e-2  # [s], of a single part: for bounds on the plate that follow its ring-up
@@ -81,7 +82,7 @@ class ImpulseEngine:
         self._notes = ContactNotes(new_log(1), np.zeros(2))
         self._surface = surface_arrays(scene.surface, scene.scenario.run)
         self._threads = max(1, threads)
-        self._alone = self._single_apart and self._n == 1 and not scene.rim
+        self._alone = self._single_apart and self._n == 1 and not scene.rim and scene.scenario.refill is None
         self._work = [new_scratch(kinds, scene.surface.n_shapes) for _ in range(self._threads)]
         corners = np.split(kinds.corners, kinds.piece["corner_from"][1:])
         radii = [*kinds.record["radius"], *np.zeros(len(corners) - len(kinds.record))]  # only a hull is a ball
@@ -105,12 +106,14 @@ class ImpulseEngine:
         principal = self._scene.principal_attitudes(np.array([pose.quaternion for pose in poses]))
         turned = Rotation.from_quat(principal, scalar_first=True).as_matrix()
         velocity = np.concatenate([[pose.velocity for pose in poses], np.zeros_like(centres)])
-        return new_parts(
+        parts = new_parts(
             np.concatenate([[pose.position for pose in poses], centres]),
             np.concatenate([turned, attitudes]),
             np.concatenate([self._scene.kind_of, np.full(len(centres), len(self._scene.kinds))]),
             velocity,
         )
+        parts["there"][: len(poses)][[not pose.present for pose in poses]] = ABSENT
+        return parts
 
     def current(self) -> Frames:
         return self._frames(self._row[None], self._frame)
@@ -162,6 +165,9 @@ class ImpulseEngine:
         begun = parts.copy()
         absent = np.flatnonzero(parts["there"][: self._n] == ABSENT)
         frames.row[:, absent] = self._row[absent]
+        if len(absent) == self._n:
+            self._parts, self._pairs = parts, np.empty(0, PAIR)
+            return
         while True:
             self._forget_unresolved()
             pairs, islands = find_neighbours(parts, self._n, self._kinds, self._surface, reach, self._pairs_before)
@@ -221,6 +227,23 @@ class ImpulseEngine:
     def remove(self, parts: NDArray[np.int64]) -> None:
         self._begin_window_now()
         self._parts["there"][parts] = self._opened["there"][parts] = ABSENT
+
+    def add(self, parts: NDArray[np.int64], poses: Sequence[Pose]) -> None:
+        from scipy.spatial.transform import Rotation
+
+        self._begin_window_now()
+        principal = self._scene.principal_attitudes_of(parts, [pose.quaternion for pose in poses])
+        added = new_parts(
+            [pose.position for pose in poses],
+            Rotation.from_quat(principal, scalar_first=True).as_matrix(),
+            self._scene.kind_of[parts],
+            [pose.velocity for pose in poses],
+        )
+        added["clock"] = self._frame * self._scene.frame_interval
+        self._parts[parts] = self._opened[parts] = added
+        self._row[parts] = self._first_row(added)
+        known = self._pairs_before  # of another part in the same place nothing is known
+        self._pairs = self._pairs_before = known[~np.isin(known["a"], parts) & ~np.isin(known["b"], parts)]
 
     def redrive(self, scene: Scene) -> None:
         self._begin_window_now()

@@ -11,6 +11,7 @@ A lone part in the air is stepped without MuJoCo (free_flight.py).
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import mujoco
@@ -29,7 +30,7 @@ from feeder_sim.plate.compiled import modal_motion, surface_modes
 from feeder_sim.records.impacts import Impacts
 from feeder_sim.records.trajectory import BLOCK_FRAMES, Frames
 from feeder_sim.scene.scene import Scene
-from feeder_sim.scene.start import start_poses
+from feeder_sim.scene.start import Pose, start_poses
 
 silence_mujoco()
 load_mujoco_symbols()
@@ -222,6 +223,7 @@ class MujocoEngine:
         if self._slide is None:
             for start, pose in zip(self._part_qvel, self._poses, strict=True):
                 self.data.qvel[start : start + 3] = pose.velocity * self._units.length / self._units.time
+        self.remove(np.array([part for part, pose in enumerate(self._poses) if not pose.present], np.int64))
 
     def _turn_on_slide(self, name: str, quaternion: NDArray[np.float64]) -> None:
         """Give the part on the slide its attitude for good; the joint's axis is in the part's own frame."""
@@ -264,6 +266,17 @@ class MujocoEngine:
             self.data.qpos[start + 2] = PARKED - part  # where it falls on without meeting anything
             self.data.qvel[speed : speed + 6] = 0.0
         self._there[parts] = False
+
+    def add(self, parts: NDArray[np.int64], poses: Sequence[Pose]) -> None:
+        attitudes = self._scene.principal_attitudes_of(parts, [pose.quaternion for pose in poses])
+        for part, pose, attitude in zip(parts, poses, attitudes, strict=True):
+            start, speed = self._part_qpos[part], self._part_qvel[part]
+            self.data.qpos[start : start + 3] = pose.position * self._units.length
+            self.data.qpos[start + 3 : start + 7] = attitude
+            self.data.qvel[speed : speed + 6] = 0.0
+            self.data.qvel[speed : speed + 3] = pose.velocity * self._units.length / self._units.time
+            self.data.qacc_warmstart[speed : speed + 6] = 0.0
+        self._there[parts] = True
 
     def redrive(self, scene: Scene) -> None:
         self._scene = scene

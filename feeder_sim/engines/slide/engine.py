@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -10,7 +12,7 @@ from feeder_sim.engines.slide.motion import Law, Plate, V, Z, advance
 from feeder_sim.records.impacts import Impacts
 from feeder_sim.records.trajectory import BLOCK_FRAMES, Frames
 from feeder_sim.scene.scene import GRAVITY, Scene
-from feeder_sim.scene.start import start_poses
+from feeder_sim.scene.start import Pose, start_poses
 
 LOG_ROWS = 20_000
 
@@ -73,6 +75,9 @@ class SlideEngine:
 
     def remove(self, parts: NDArray[np.int64]) -> None:
         raise NotImplementedError("nothing takes a part off its slide")
+
+    def add(self, parts: NDArray[np.int64], poses: Sequence[Pose]) -> None:
+        raise NotImplementedError("nothing puts a part on a slide")
 
     def redrive(self, scene: Scene) -> None:
         self._scene, self._plate = scene, _plate(scene)

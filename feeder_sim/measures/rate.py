@@ -1,0 +1,167 @@
+"""Picks per minute, of each kind and pose, and where the time goes.
+
+The clock has the simulated time of the cycles, and that of the camera and the robot, during which the plate rests.
+Stages that prepare the parts do not count. With a refill the first cycle does not either, if there are more: it begins
+with parts as the scenario places them, the others with what picks and refills leave.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from feeder_sim.measures.picks import IN_NO_POSE, Picks, picks_of, robot_of
+from feeder_sim.measures.protocol import ended, labelled
+from feeder_sim.measures.statistic import Statistic
+from feeder_sim.part.stable_poses import stable_poses
+from feeder_sim.records.trajectory import SeedRecord
+from feeder_sim.scene.prepared import Prepared
+from feeder_sim.scene.scene import Scene
+
+MINUTE = 60.0  # [s]
+
+
+@dataclass(frozen=True)
+class Clock:
+    """Time of one seed that counts [s]: drives act, the plate rests, the camera looks, the robot picks."""
+
+    driving: float
+    pauses: float
+    looks: float
+    picks: float
+
+    @property
+    def total(self) -> float:
+        return self.driving + self.pauses + self.looks + self.picks
+
+
+@dataclass(frozen=True)
+class PoseRate:
+    """Picks per minute of one kind in one stable pose; "none" for parts in no pose."""
+
+    pose: str
+    picks_per_minute: Statistic
+
+
+@dataclass(frozen=True)
+class KindRate:
+    """Picks per minute of one kind; no poses for a kind that has none."""
+
+    kind: str
+    picks_per_minute: Statistic
+    poses: tuple[PoseRate, ...]
+
+
+@dataclass(frozen=True)
+class TimeShares:
+    """Shares of the time on the clock [1], see `Clock`."""
+
+    driving: Statistic
+    pauses: Statistic
+    looks: Statistic
+    picks: Statistic
+
+
+@dataclass(frozen=True)
+class RateFindings:
+    """Findings over the seeds that ran to their end.
+
+    Attributes:
+        counted_from_cycle: first cycle that counts.
+        counted_s: time on the clock.
+        picks_per_minute: of all kinds together.
+        picks_per_minute_of_kind: of each kind.
+        time_shares: where the time goes.
+    """
+
+    counted_from_cycle: int
+    counted_s: Statistic
+    picks_per_minute: Statistic
+    picks_per_minute_of_kind: tuple[KindRate, ...]
+    time_shares: TimeShares
+
+
+class Rate:
+    """Picks per minute of a schedule with picks."""
+
+    def applies(self, prepared: Prepared) -> bool:
+        return any(bool(stage.picks) for stage in prepared.scene.times.stages if stage.cycle)
+
+    def compute(self, prepared: Prepared, seeds: Sequence[SeedRecord]) -> RateFindings:
+        scene, counted = prepared.scene, ended(seeds, left_plate=True)
+        picks = [picks_of(scene, seed) for seed in counted]
+        clocks = [clock_of(scene, seed, picked) for seed, picked in zip(counted, picks, strict=True)]
+        first = first_cycle(scene)
+
+        def rate(which: Callable[[Picks], np.ndarray]) -> Statistic:
+            """Of those picks of every seed that `which` marks."""
+            numbers = (int((which(picked) & (picked.cycle >= first)).sum()) for picked in picks)
+            return Statistic.of(_ratio(MINUTE * n, clock.total) for n, clock in zip(numbers, clocks, strict=True))
+
+        return RateFindings(
+            counted_from_cycle=first,
+            counted_s=Statistic.of(clock.total for clock in clocks),
+            picks_per_minute=rate(lambda picked: picked.kind >= 0),
+            picks_per_minute_of_kind=tuple(_of_kind(scene, kind, rate) for kind in range(len(scene.kinds))),
+            time_shares=TimeShares(
+                driving=Statistic.of(_ratio(clock.driving, clock.total) for clock in clocks),
+                pauses=Statistic.of(_ratio(clock.pauses, clock.total) for clock in clocks),
+                looks=Statistic.of(_ratio(clock.looks, clock.total) for clock in clocks),
+                picks=Statistic.of(_ratio(clock.picks, clock.total) for clock in clocks),
+            ),
+        )
+
+    def lines(self, prepared: Prepared, findings: RateFindings) -> list[str]:
+        rate = findings.picks_per_minute
+        if not rate.n:
+            return []
+        interval = f" +- {rate.se:.2f} (SE), SD {rate.sd:.2f}" if rate.n > 1 else ""
+        begin = f", from cycle {findings.counted_from_cycle} on" if findings.counted_from_cycle > 1 else ""
+        lines = [labelled("picks per minute", f"{rate.mean:.2f}{interval}, n = {rate.n} seeds{begin}")]
+        for entry in findings.picks_per_minute_of_kind:
+            poses = [f"{pose.pose} {pose.picks_per_minute.mean:.2f}" for pose in entry.poses]
+            spread = f" +- {entry.picks_per_minute.se:.2f}" if rate.n > 1 else ""
+            in_poses = f" (in pose {', '.join(poses)})" if poses else ""
+            lines.append(labelled(f"of {entry.kind}", f"{entry.picks_per_minute.mean:.2f}{spread}{in_poses}"))
+        shares = [f"{name} {100.0 * share.mean:.0f} %" for name, share in vars(findings.time_shares).items()]
+        lines.append(labelled("time", ", ".join(shares)))
+        return lines
+
+
+def first_cycle(scene: Scene) -> int:
+    """The first cycle that counts."""
+    return 2 if scene.scenario.refill and scene.times.stages[-1].cycle > 1 else 1
+
+
+def clock_of(scene: Scene, seed: SeedRecord, picks: Picks) -> Clock:
+    """Where the time of one seed has gone, in the stages of the cycles that count and that it came to the end of."""
+    robot, reached = robot_of(scene), float(seed.frames.time[-1]) + scene.frame_interval
+    first = first_cycle(scene)
+    stages = [s for s in scene.stages(seed.stops.tolist()) if s.cycle >= first and s.end <= reached]
+    driving = sum(stage.stop - stage.start for stage in stages if stage.excitations)
+    return Clock(
+        driving=driving,
+        pauses=sum(stage.end - stage.start for stage in stages) - driving,
+        looks=robot.look_s * sum(bool(stage.picks) for stage in stages),
+        picks=robot.pick_s * int((picks.cycle >= first).sum()),
+    )
+
+
+def _of_kind(scene: Scene, kind: int, rate: Callable[[Callable[[Picks], np.ndarray]], Statistic]) -> KindRate:
+    """The rate of one kind in all, and in each of its poses."""
+    names = stable_poses(scene.kinds[kind]).names
+    return KindRate(
+        kind=scene.scenario.kind_names[kind],
+        picks_per_minute=rate(lambda picked: picked.kind == kind),
+        poses=tuple(
+            PoseRate(name, rate(lambda picked, name=name: (picked.kind == kind) & (picked.pose == name)))  # type: ignore[misc]
+            for name in ((*names, IN_NO_POSE) if names else ())
+        ),
+    )
+
+
+def _ratio(value: float, whole: float) -> float:
+    return value / whole if whole > 0.0 else math.nan

@@ -1,0 +1,67 @@
+"""Refills of a run: how many, of how many parts, and what there was no room for."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from feeder_sim.measures.protocol import ended, labelled
+from feeder_sim.measures.statistic import Statistic
+from feeder_sim.records.removals import Cause
+from feeder_sim.records.trajectory import SeedRecord
+from feeder_sim.scene.prepared import Prepared
+from feeder_sim.scene.refill import refill_frames, wanted
+from feeder_sim.scene.scene import Scene
+
+
+@dataclass(frozen=True)
+class RefillFindings:
+    """Findings over the seeds that ran to their end.
+
+    Attributes:
+        refills: that brought parts.
+        refilled: parts that came with them.
+        not_refilled: parts that were wanted and did not come, for want of room or of a free place in the scene.
+    """
+
+    refills: Statistic
+    refilled: Statistic
+    not_refilled: Statistic
+
+
+class Refills:
+    """Parts that came while a run went on."""
+
+    def applies(self, prepared: Prepared) -> bool:
+        return prepared.scenario.refill is not None
+
+    def compute(self, prepared: Prepared, seeds: Sequence[SeedRecord]) -> RefillFindings:
+        counted = ended(seeds)
+        return RefillFindings(
+            refills=Statistic.of(float(len(np.unique(seed.arrivals.cycle))) for seed in counted),
+            refilled=Statistic.of(float(len(seed.arrivals)) for seed in counted),
+            not_refilled=Statistic.of(float(asked(prepared.scene, seed) - len(seed.arrivals)) for seed in counted),
+        )
+
+    def lines(self, prepared: Prepared, findings: RefillFindings) -> list[str]:
+        if not findings.refills.n:
+            return []
+        text = f"{findings.refilled.mean:.1f} parts in {findings.refills.mean:.1f} refills"
+        if findings.not_refilled.mean > 0.0:
+            text += f"; {findings.not_refilled.mean:.1f} found no room"
+        return [labelled("refilled", f"{text}, n = {findings.refills.n} seeds")]
+
+
+def asked(scene: Scene, seed: SeedRecord) -> int:
+    """How many parts all refills of a seed were to bring."""
+    frames, number, half = seed.frames, 0, 0.5 * scene.frame_interval
+    timed = scene.stopped(seed.stops.tolist()) if len(seed.stops) else scene
+    for frame in refill_frames(timed):
+        if frame < len(frames):
+            left = frames[slice(frame, frame + 1)].on_plate(scene.surface)[0]
+            time = float(frames.time[frame])
+            left[seed.removals.parts(Cause.PICKED, start=time - half, end=time + half)] = False
+            number += wanted(scene, int(left.sum()))
+    return number

@@ -1,0 +1,225 @@
+"""Runs with refills: who is on the plate when, and picks per minute as counted by hand."""
+
+from __future__ import annotations
+
+import csv
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+import pytest
+from conftest import hull_distances
+
+from feeder_sim.engines.lookup import engine_class
+from feeder_sim.measures.picks import picks_of
+from feeder_sim.part.stable_poses import stable_poses
+from feeder_sim.records.removals import Cause
+from feeder_sim.records.trajectory import Status
+from feeder_sim.run.prepare import prepare
+from feeder_sim.run.run_folder import record_run
+from feeder_sim.run.simulation import Result, simulate
+from feeder_sim.scenario import (
+    Ball,
+    Excitation,
+    Heap,
+    HexNut,
+    Pick,
+    PistonPlate,
+    Rectangle,
+    Refill,
+    Robot,
+    Run,
+    Scattered,
+    Scenario,
+    Schedule,
+    Stage,
+)
+from feeder_sim.scene.hopper import generator
+from feeder_sim.scene.refill import refill, refill_frames
+
+EngineName = Literal["impulse", "mujoco"]
+SPREAD = Scattered(kind="scattered")
+HEAP = Heap(kind="heap", diameter_mm=12.0, drop_height_mm=(1.0, 1.0))
+TO, BELOW, CYCLES = 6, 5, 5
+SHAKE = Stage(
+    drive=(Excitation(frequency_hz=500.0, amplitude_um=20.0),),
+    duration_s=0.15,
+    pause_s=0.05,
+    pick=(Pick(clearance_mm=7.0),),
+)
+
+
+def scenario(engine: EngineName = "impulse", **changes: Any) -> Scenario:
+    """Nuts and balls on a piston from which some fall; the picks leave those that lie near each other."""
+    held: dict[str, Any] = {
+        "plate": PistonPlate(kind="piston", length_mm=32.0, width_mm=32.0),
+        "schedule": Schedule(cycles=CYCLES, prepare=(SHAKE.model_copy(update={"pick": None}),), stage=(SHAKE,)),
+        "part": (
+            HexNut(size="M2.5", count=6, start=SPREAD),
+            Ball(shape="ball", diameter_mm=4.0, count=3, start=SPREAD, name="pearl"),
+        ),
+        "refill": Refill(to=TO, below=BELOW, start=HEAP),
+        "robot": Robot(pick_s=0.8, look_s=0.25),
+        "run": Run(engine=engine, seeds=3, frames_per_second=200.0),
+    }
+    return Scenario(**held | changes)
+
+
+@pytest.fixture(scope="module")
+def result() -> Result:
+    return simulate(scenario())
+
+
+def test_every_part_comes_and_goes_as_recorded(result: Result) -> None:
+    """Frames, removals and arrivals say the same, and the refills bring what they are to bring."""
+    came = 0
+    for seed in result.seeds:
+        assert seed.status == Status.DONE and len(seed.frames) == result.scene.n_frames
+        present = seed.frames.present.copy()
+        assert present[0].sum() == TO
+        for frame in range(1, len(present)):
+            expected = present[frame - 1].copy()
+            time = seed.frames.time[frame - 1]
+            expected[seed.removals.part[np.abs(seed.removals.time - time) < 1e-9]] = False
+            expected[seed.arrivals.part[np.abs(seed.arrivals.time - time) < 1e-9]] = True
+            assert (present[frame] == expected).all()
+        for frame, cycle in refill_frames(result.scene).items():
+            there = seed.frames[slice(frame, frame + 1)].on_plate(result.scene.surface)[0]
+            picked = seed.removals.parts(Cause.PICKED, start=seed.frames.time[frame - 1], end=seed.frames.time[frame])
+            there[picked] = False
+            arrived = seed.arrivals.part[seed.arrivals.cycle == cycle]
+            assert len(arrived) == (TO - there.sum() if there.sum() < BELOW else 0)
+            came += len(arrived)
+    assert came > 10
+    assert result.measures()["refilled"]["mean"] == pytest.approx(came / 3)
+    assert result.measures()["not_refilled"]["mean"] == 0.0
+
+
+def test_picks_per_minute_as_counted_by_hand(result: Result) -> None:
+    """From the second cycle on, over simulated time and that of robot and camera."""
+    found, rates, clocks = result.measures(), [], []
+    for seed in result.seeds:
+        late = (seed.removals.cause == Cause.PICKED) & (seed.removals.time > 0.2 + 0.2 + 0.02)
+        clocks.append((CYCLES - 1) * (0.15 + 0.05 + 0.25) + 0.8 * late.sum())
+        rates.append(60.0 * late.sum() / clocks[-1])
+    assert found["counted_from_cycle"] == 2
+    assert found["counted_s"]["mean"] == pytest.approx(np.mean(clocks))
+    assert found["picks_per_minute"]["mean"] == pytest.approx(np.mean(rates)) and np.mean(rates) > 10.0
+    assert found["picks_per_minute"]["sd"] == pytest.approx(np.std(rates, ddof=1))
+    nuts, pearls = found["picks_per_minute_of_kind"]
+    assert (nuts["kind"], pearls["kind"]) == ("hex_nut", "pearl") and pearls["poses"] == []
+    total = sum(kind["picks_per_minute"]["mean"] for kind in (nuts, pearls))
+    assert total == pytest.approx(np.mean(rates))
+    in_poses = sum(pose["picks_per_minute"]["mean"] for pose in nuts["poses"])
+    assert in_poses == pytest.approx(nuts["picks_per_minute"]["mean"])
+    shares = {name: share["mean"] for name, share in found["time_shares"].items()}
+    assert sum(shares.values()) == pytest.approx(1.0)
+    assert shares["driving"] == pytest.approx(np.mean([(CYCLES - 1) * 0.15 / clock for clock in clocks]))
+    assert shares["looks"] == pytest.approx(np.mean([(CYCLES - 1) * 0.25 / clock for clock in clocks]))
+
+
+def test_threads_and_a_run_folder_change_nothing(result: Result, tmp_path: Path) -> None:
+    recorded = record_run(scenario(), tmp_path / "run", replay=False)
+    other = simulate(scenario(), workers=6)  # two threads for each seed
+    for one, same, threaded in zip(result.seeds, recorded.seeds, other.seeds, strict=True):
+        assert one.frames.position.tobytes() == same.frames.position.tobytes() == threaded.frames.position.tobytes()
+        assert one.arrivals.height.tobytes() == same.arrivals.height.tobytes() == threaded.arrivals.height.tobytes()
+    with (tmp_path / "run/picks.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert len(rows) == sum(int((seed.removals.cause == Cause.PICKED).sum()) for seed in result.seeds)
+    robot, last = {"pick_s": 0.8, "look_s": 0.25}, {}
+    nut = stable_poses(result.scene.kinds[0])
+    for row in rows:
+        seed = result.seeds[int(row["seed"])]
+        last[row["seed"]] = last.get(row["seed"], 0) + 1
+        looks = int(row["cycle"])  # the stage that prepares has none
+        clock = float(row["time_s"]) + looks * robot["look_s"] + last[row["seed"]] * robot["pick_s"]
+        assert float(row["clock_s"]) == pytest.approx(clock, abs=1e-3)
+        assert float(row["time_s"]) == pytest.approx(0.2 + 0.2 * looks, abs=0.006)
+        frame = seed.frames.row_at(float(row["time_s"]) - 1e-4)
+        part = int(
+            np.abs(1e3 * seed.frames.position[frame, :, :2] - [float(row["x_mm"]), float(row["y_mm"])]).sum(1).argmin()
+        )
+        assert row["kind"] == ("hex_nut" if part < 6 else "pearl")
+        attitude = seed.frames.quaternion[frame, part]
+        if part >= 6:
+            assert row["pose"] == ""
+        else:
+            number = int(nut.number(attitude))
+            assert row["pose"] == ("none" if number < 0 else nut.names[number])
+            assert float(row["yaw_deg"]) == pytest.approx(np.degrees(nut.yaw(attitude[None])[0]), abs=0.06)
+    assert {row["kind"] for row in rows} == {"hex_nut", "pearl"}
+
+
+@pytest.mark.parametrize(
+    ("engine", "reaction"), [("impulse", False), ("mujoco", False), ("impulse", True), ("mujoco", True)]
+)
+def test_parts_that_are_added_move_as_parts_do(engine: EngineName, reaction: bool) -> None:
+    """They fall from where they were let go onto others and the plate, into which nothing sinks; none is in another."""
+    plate = Rectangle(kind="rectangle", length_mm=60.0, width_mm=60.0, thickness_mm=3.0)
+    drive = Excitation(frequency_hz=5000.0, amplitude_um=2.0)
+    stage = Stage(drive=(drive,), duration_s=0.04, pause_s=0.02, pick=(Pick(clearance_mm=8.0),))
+    run = Run(engine=engine, seeds=1, frames_per_second=1000.0, reaction=reaction)
+    varied = scenario(plate=plate, schedule=Schedule(cycles=3, stage=(stage,)), refill=Refill(start=HEAP), run=run)
+    (seed,) = simulate(varied).seeds
+    scene = prepare(varied).scene
+    assert seed.status == Status.DONE and len(seed.arrivals) > 2
+    assert hull_distances(scene, seed.frames).min() > -1.5e-4
+    for time, part, height in zip(seed.arrivals.time, seed.arrivals.part, seed.arrivals.height, strict=True):
+        after = seed.frames.row_at(time) + 1
+        fallen = np.array([0.5 * 9.81 * (k * scene.frame_interval) ** 2 for k in (1, 2, 3)])
+        assert seed.frames.position[after : after + 3, part, 2] == pytest.approx(height - fallen, abs=1e-5)
+
+
+@pytest.mark.parametrize("engine", ["impulse", "mujoco"])
+@pytest.mark.parametrize("count", [1, 3])
+def test_a_plate_that_has_been_emptied_is_filled_again(engine: EngineName, count: int) -> None:
+    """Everything is picked in the first stage of a cycle; nothing is there in the second; then all parts are back."""
+    alone = SHAKE.model_copy(update={"duration_s": 0.03, "pick": Pick(clearance_mm=0.001)})
+    rest = Stage(drive=alone.drive, duration_s=0.03)
+    varied = scenario(
+        engine,
+        part=(HexNut(size="M2.5", count=count, start=SPREAD),),
+        schedule=Schedule(cycles=3, stage=(alone, rest)),
+        refill=Refill(start=SPREAD),
+        run=Run(engine=engine, seeds=1, frames_per_second=500.0),
+    )
+    found = simulate(varied)
+    (seed,) = found.seeds
+    assert seed.status == Status.DONE
+    middle = [seed.frames.row_at(t) for t in (0.05, 0.10, 0.16, 0.21, 0.27, 0.32)]
+    assert seed.frames.present[middle].sum(axis=1).tolist() == [count, 0, count, 0, count, 0]
+    assert found.measures()["picks_per_minute"]["mean"] == pytest.approx(
+        60 * 2 * count / (2 * (0.11 + 0.25) + 1.6 * count)
+    )
+
+
+def test_what_is_added_at_once_is_added_in_an_engine_of_another_state() -> None:
+    """An engine that restores the state after `add` goes on as the one it is of."""
+    prepared = prepare(scenario())
+    start, scene = engine_class(prepared.engine), prepared.scene
+    one, other = (start(scene, np.random.default_rng(seed)) for seed in (0, 1))
+    one.advance(7)
+    gone = np.flatnonzero(one.current().present[0])[:4]
+    one.remove(gone)
+    parts, poses = refill(scene, one.current(), generator(scene, 0, 1))
+    one.add(parts, poses)
+    assert len(parts) == 4
+    now = one.current()
+    assert now.present[0].sum() == TO
+    for part, pose in zip(parts, poses, strict=True):
+        assert now.position[0, part] == pytest.approx(pose.position, abs=1e-12)
+        assert now.quaternion[0, part] == pytest.approx(
+            pose.quaternion * np.sign(pose.quaternion @ now.quaternion[0, part])
+        )
+    other.restore(one.state())
+    assert one.advance(30).position.tobytes() == other.advance(30).position.tobytes()
+
+
+def test_picks_without_a_robot_are_on_the_simulated_clock() -> None:
+    found = simulate(scenario(robot=None, refill=None))
+    for seed in found.seeds:
+        picks = picks_of(found.scene, seed)
+        assert (picks.clock == picks.time).all()
+    assert found.measures()["counted_from_cycle"] == 1
+    assert found.measures()["time_shares"]["picks"]["mean"] == 0.0
