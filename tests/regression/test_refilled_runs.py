@@ -175,7 +175,7 @@ def test_parts_that_are_added_move_as_parts_do(engine: EngineName, reaction: boo
 @pytest.mark.parametrize("count", [1, 3])
 def test_a_plate_that_has_been_emptied_is_filled_again(engine: EngineName, count: int) -> None:
     """Everything is picked in the first stage of a cycle; nothing is there in the second; then all parts are back."""
-    alone = SHAKE.model_copy(update={"duration_s": 0.03, "pick": Pick(clearance_mm=0.001)})
+    alone = SHAKE.model_copy(update={"duration_s": 0.03, "pick": (Pick(clearance_mm=0.001),)})
     rest = Stage(drive=alone.drive, duration_s=0.03)
     varied = scenario(
         engine,
