@@ -56,7 +56,7 @@ def scenario(engine: EngineName = "impulse", **changes: Any) -> Scenario:
     """Nuts and balls on a piston from which some fall; the picks leave those that lie near each other."""
     held: dict[str, Any] = {
         "plate": PistonPlate(kind="piston", length_mm=32.0, width_mm=32.0),
-        "schedule": Schedule(cycles=CYCLES, prepare=(SHAKE.model_copy(update={"pick": None}),), stage=(SHAKE,)),
+        "schedule": Schedule(cycles=CYCLES, prepare=(SHAKE.model_copy(update={"pick": ()}),), stage=(SHAKE,)),
         "part": (
             HexNut(size="M2.5", count=6, start=SPREAD),
             Ball(shape="ball", diameter_mm=4.0, count=3, start=SPREAD, name="pearl"),
@@ -179,7 +179,7 @@ def test_parts_that_are_added_move_as_parts_do(engine: EngineName, reaction: boo
 @pytest.mark.parametrize("count", [1, 3])
 def test_a_plate_that_has_been_emptied_is_filled_again(engine: EngineName, count: int) -> None:
     """Everything is picked in the first stage of a cycle; nothing is there in the second; then all parts are back."""
-    alone = SHAKE.model_copy(update={"duration_s": 0.03, "pick": Pick(clearance_mm=0.001)})
+    alone = SHAKE.model_copy(update={"duration_s": 0.03, "pick": (Pick(clearance_mm=0.001),)})
     rest = Stage(drive=alone.drive, duration_s=0.03)
     varied = scenario(
         engine,
