@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from feeder_sim.part.stable_poses import NONE, stable_poses
+from feeder_sim.part.stable_poses import NONE
 from feeder_sim.records.removals import Cause
 from feeder_sim.records.trajectory import Record, SeedRecord
 from feeder_sim.scenario import Robot
@@ -81,7 +81,7 @@ def _lying(
     """Names of the poses (n,) and yaws (n,) [rad] of parts (n,) at attitudes (n, 4)."""
     pose, yaw = np.full(len(part), "", "U8"), np.zeros(len(part))
     for kind in np.unique(scene.kind_of[part]):
-        table, of_kind = stable_poses(scene.kinds[kind]), scene.kind_of[part] == kind
+        table, of_kind = scene.poses[kind], scene.kind_of[part] == kind
         yaw[of_kind] = table.yaw(quaternion[of_kind])
         if table.poses:
             number = table.number(quaternion[of_kind])

@@ -26,7 +26,7 @@ class PoseShares:
         end_s: time of the end.
         shares: of every pose in the order of its name [1].
         other: share of parts in none of them, as those that lean on others [1].
-        changed: parts in another pose than at the end of the stage before.
+        changed: parts in another pose than at the end of the stage before, those excepted that came after it.
     """
 
     cycle: int
@@ -105,6 +105,10 @@ class _Seen:
         rows = np.array([frames.row_at(end) for end in self.end], np.int64)
         self.number: NDArray[np.int64] = scene.pose_numbers(frames.quaternion[rows])
         self.before: NDArray[np.int64] = scene.pose_numbers(frames.quaternion[np.append(0, rows)[:-1]])
+        times = np.append(-np.inf, frames.time[rows])
+        for n in range(len(rows)):  # a part that came after the stage before has not changed
+            came = seed.arrivals.parts(start=times[n], end=times[n + 1])
+            self.before[n, came] = self.number[n, came]
         self.there = np.array([frames[slice(row, row + 1)].on_plate(scene.surface)[0] for row in rows], bool)
         picked = removals.cause == Cause.PICKED
         self.picked = removals.part[picked]

@@ -16,7 +16,6 @@ import numpy as np
 from feeder_sim.measures.picks import IN_NO_POSE, Picks, picks_of, robot_of
 from feeder_sim.measures.protocol import ended, labelled
 from feeder_sim.measures.statistic import Statistic
-from feeder_sim.part.stable_poses import stable_poses
 from feeder_sim.records.trajectory import SeedRecord
 from feeder_sim.scene.prepared import Prepared
 from feeder_sim.scene.scene import Scene
@@ -152,7 +151,7 @@ def clock_of(scene: Scene, seed: SeedRecord, picks: Picks) -> Clock:
 
 def _of_kind(scene: Scene, kind: int, rate: Callable[[Callable[[Picks], np.ndarray]], Statistic]) -> KindRate:
     """The rate of one kind in all, and in each of its poses."""
-    names = stable_poses(scene.kinds[kind]).names
+    names = scene.poses[kind].names
     return KindRate(
         kind=scene.scenario.kind_names[kind],
         picks_per_minute=rate(lambda picked: picked.kind == kind),

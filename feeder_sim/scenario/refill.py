@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Self
 
 from pydantic import Discriminator, Field, Tag, model_validator
 
-from feeder_sim.scenario.part import MAX_PARTS, Heap, Scattered, start_kind
+from feeder_sim.scenario.part import MAX_PARTS, Heap, Placed, Scattered, start_kind
 from feeder_sim.scenario.tables import NonNegative, Table
 
 if TYPE_CHECKING:
@@ -55,6 +55,8 @@ def refused_around_plate(scenario: Scenario) -> Iterator[str]:
     for key, number in (("to", refill.to), ("below", refill.below)):
         if number is not None and number > scenario.n_parts:
             yield f"refill.{key} is {number}, allowed is up to {scenario.n_parts}, the parts of all tables together"
+    if scenario.parts_at_once < scenario.n_parts and any(isinstance(part.start, Placed) for part in scenario.part):
+        yield f"refill.to is {refill.to}, allowed is {scenario.n_parts}, all parts, where some are placed one by one"
     if scenario.guide is not None:
         yield "part[0].guide is given, allowed is none with [refill]"
     if scenario.run.planar:
@@ -62,4 +64,4 @@ def refused_around_plate(scenario: Scenario) -> Iterator[str]:
     if scenario.goal is not None:
         yield "goal is given, allowed is none with [refill]"
     if scenario.pour is None:
-        yield 'refill.start is missing, allowed is a table with kind "scattered" or "heap": part[0] starts at a point'
+        yield 'refill.start is missing, allowed is a table with kind "scattered" or "heap": part[0] starts at one place'

@@ -269,8 +269,8 @@ def _check_picks(scene: Scene) -> None:
     """Refuse a pause in which no frame is left for the pick, or the refill, after its parts have settled.
 
     Raises:
-        InputError: a stage with `until`, and a pick or a refill at its end, has a pause shorter than two frames, or a pick
-            names a pose that its part does not have, or a gripper that cannot be used.
+        InputError: a stage with `until`, and a pick or a refill at its end, has a pause shorter than two frames, or a
+            pick names a pose that its part does not have, or a gripper that cannot be used.
     """
     names, schedule = scene.scenario.kind_names, scene.scenario.schedule
     stages = (("prepare", schedule.prepare), ("stage", schedule.stage)) if schedule else ()

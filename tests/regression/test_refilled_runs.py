@@ -11,10 +11,13 @@ import pytest
 from conftest import hull_distances
 
 from feeder_sim.engines.lookup import engine_class
+from feeder_sim.errors import Divergence
 from feeder_sim.measures.picks import picks_of
 from feeder_sim.part.stable_poses import stable_poses
+from feeder_sim.records.arrivals import Arrivals
 from feeder_sim.records.removals import Cause
 from feeder_sim.records.trajectory import Status
+from feeder_sim.run.guard import Guard
 from feeder_sim.run.prepare import prepare
 from feeder_sim.run.run_folder import record_run
 from feeder_sim.run.simulation import Result, simulate
@@ -53,7 +56,7 @@ def scenario(engine: EngineName = "impulse", **changes: Any) -> Scenario:
     """Nuts and balls on a piston from which some fall; the picks leave those that lie near each other."""
     held: dict[str, Any] = {
         "plate": PistonPlate(kind="piston", length_mm=32.0, width_mm=32.0),
-        "schedule": Schedule(cycles=CYCLES, prepare=(SHAKE.model_copy(update={"pick": None}),), stage=(SHAKE,)),
+        "schedule": Schedule(cycles=CYCLES, prepare=(SHAKE.model_copy(update={"pick": ()}),), stage=(SHAKE,)),
         "part": (
             HexNut(size="M2.5", count=6, start=SPREAD),
             Ball(shape="ball", diameter_mm=4.0, count=3, start=SPREAD, name="pearl"),
@@ -127,7 +130,8 @@ def test_threads_and_a_run_folder_change_nothing(result: Result, tmp_path: Path)
     with (tmp_path / "run/picks.csv").open() as file:
         rows = list(csv.DictReader(file))
     assert len(rows) == sum(int((seed.removals.cause == Cause.PICKED).sum()) for seed in result.seeds)
-    robot, last = {"pick_s": 0.8, "look_s": 0.25}, {}
+    robot = {"pick_s": 0.8, "look_s": 0.25}
+    last: dict[str, int] = {}
     nut = stable_poses(result.scene.kinds[0])
     for row in rows:
         seed = result.seeds[int(row["seed"])]
@@ -214,6 +218,28 @@ def test_what_is_added_at_once_is_added_in_an_engine_of_another_state() -> None:
         )
     other.restore(one.state())
     assert one.advance(30).position.tobytes() == other.advance(30).position.tobytes()
+
+
+def test_the_guard_knows_how_high_new_parts_start() -> None:
+    """Also when it takes a run up after a break; without the arrivals it finds energy from nowhere."""
+    still = SHAKE.model_copy(update={"drive": (Excitation(frequency_hz=500.0, amplitude_um=0.01),)})
+    high = Scattered(kind="scattered", drop_height_mm=(100.0, 100.0))
+    schedule = Schedule(cycles=2, stage=(still,))
+    varied = scenario(schedule=schedule, refill=Refill(start=high), run=Run(seeds=1, frames_per_second=200.0))
+    (seed,) = simulate(varied).seeds
+    assert seed.status == Status.DONE and len(seed.arrivals) > 0
+    prepared = prepare(varied)
+    engine = engine_class(prepared.engine)(prepared.scene, np.random.default_rng(0))
+    frame = seed.frames.row_at(seed.arrivals.time[0])
+    now = engine.current()
+    now.time[:] = seed.frames.time[frame]
+    now.position[0, seed.arrivals.part, 2] = seed.arrivals.height
+    for arrivals, cause in ((seed.arrivals, None), (Arrivals.none(), Divergence.TOO_MUCH_ENERGY)):
+        guard = Guard(prepared, seed.frames[slice(0, 1)])
+        guard.catch_up(seed.frames[slice(0, frame + 1)])
+        guard.arrive(arrivals, now)
+        failure = guard.check(seed.frames[slice(frame + 1, None)], 0)[1]
+        assert (failure.divergence if failure else None) == cause
 
 
 def test_picks_without_a_robot_are_on_the_simulated_clock() -> None:

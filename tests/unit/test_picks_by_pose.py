@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,7 @@ from scipy.spatial.transform import Rotation
 from feeder_sim.errors import InputError
 from feeder_sim.measures.picking import pickable
 from feeder_sim.measures.poses import Poses
+from feeder_sim.records.arrivals import Arrivals
 from feeder_sim.records.impacts import Impacts
 from feeder_sim.records.removals import Cause, Removals
 from feeder_sim.records.trajectory import Frames, SeedRecord, Status
@@ -182,5 +184,8 @@ def test_shares_of_poses_by_hand() -> None:
     assert [share.mean for share in rods.stages[0].shares] == [0.5, 0.5]
     assert [n.mean for n in rods.picked] == [1.0, 0.0]
     assert nuts.heights_mm == pytest.approx((1.0, 2.5))
+    came = Arrivals.of(float(frames.time[5]), np.array([2]), 1, np.zeros(1))  # then it was another nut before
+    (after_refill, _) = Poses().compute(prepared, [replace(seed, arrivals=came)]).pose_kinds
+    assert after_refill.stages[0].changed.mean == 0.0
     lines = Poses().lines(prepared, Poses().compute(prepared, [seed]))
     assert lines == ["hex_nut lie      A 33 %, B 67 %, else 0 %", "rod lie          A 50 %, B 50 %, else 0 %"]

@@ -18,6 +18,7 @@ from feeder_sim.scenario import (
     HexNut,
     Pick,
     PistonPlate,
+    Placed,
     Refill,
     Run,
     Scattered,
@@ -57,7 +58,7 @@ def scene_of(*parts: Any, filled: Refill | None, cycles: int = 3, side_mm: float
         Scenario(
             plate=PistonPlate(kind="piston", length_mm=side_mm, width_mm=side_mm),
             schedule=Schedule(
-                cycles=cycles, stage=(Stage(drive=(drive,), duration_s=0.1, pick=Pick(clearance_mm=5.0)),)
+                cycles=cycles, stage=(Stage(drive=(drive,), duration_s=0.1, pick=(Pick(clearance_mm=5.0),)),)
             ),
             part=parts,
             refill=filled,
@@ -118,6 +119,15 @@ def test_what_does_not_go_together_is_refused(old: str, new: str, expected: str)
     assert expected in str(caught.value) and "\n" not in str(caught.value)
 
 
+def test_parts_placed_one_by_one_are_all_there_at_the_start() -> None:
+    placed = nuts(2, Placed(kind="placed", places_mm_deg=((0.0, 0.0, 0.0), (9.0, 0.0, 0.0))))
+    assert all(
+        pose.present for pose in start_poses(scene_of(placed, filled=Refill(start=HEAP)), np.random.default_rng(0))
+    )
+    with pytest.raises(ValueError, match=r"refill\.to is 1, allowed is 2, all parts, where some are placed"):
+        scene_of(placed, filled=Refill(to=1, start=HEAP))
+
+
 def test_a_refill_off_the_plate_or_absurdly_wide_is_refused() -> None:
     for start, key in (
         (Heap(kind="heap", diameter_mm=20.0, centre_mm=(25.0, 0.0)), "refill.start.diameter_mm"),
@@ -142,7 +152,7 @@ def test_kinds_are_called_by_name_or_shape() -> None:
     assert scene_of(nuts(2), ball, filled=None).scenario.kind_names == ("hex_nut", "ball")
     three = scene_of(nuts(2), ball, nuts(1, name="small"), filled=None).scenario
     assert three.kind_names == ("hex_nut_0", "ball", "small")
-    with pytest.raises(ValueError, match=r"part\[2\]\.name is 'ball', allowed is a name of its own"):
+    with pytest.raises(ValueError, match=r'part\[2\]\.name is "ball", allowed is a name of its own'):
         scene_of(nuts(2), ball, nuts(1, name="ball"), filled=None)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ from conftest import ready
 
 from feeder_sim.measures.separation import Separation, StageReport, stage_reports
 from feeder_sim.measures.stage_lines import StageLines, stage_lines
+from feeder_sim.records.arrivals import Arrivals
 from feeder_sim.records.impacts import Impacts
 from feeder_sim.records.removals import Cause, Removals
 from feeder_sim.records.trajectory import Frames, SeedRecord, Status
@@ -130,6 +132,9 @@ def test_flipped_parts_are_counted_in_the_stage_that_turned_them(scene: Scene, l
     frames.quaternion[10:, 4] = leaning
     frames.quaternion[10:, 5] = yawed
     assert [report.flipped for report in reports(scene, lines, frames)] == [1, 2]
+    came = Arrivals.of(float(frames.time[50]), np.array([1]), 1, np.zeros(1))  # as the second stage began
+    refilled = replace(record(frames), arrivals=came)
+    assert [report.flipped for report in stage_reports(scene, lines, refilled)] == [1, 1]
 
 
 def test_picked_and_lost_parts_belong_to_the_stage_they_left_in(scene: Scene, lines: StageLines) -> None:
