@@ -1,15 +1,17 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 import trimesh
+from scipy.spatial.transform import Rotation
 
 from feeder_sim.errors import InputError
 from feeder_sim.part.mesh_part import MAX_CORNERS
 from feeder_sim.part.solids import ISO_4032
-from feeder_sim.scenario import Ball, Cylinder, HexNut, MeshPart
+from feeder_sim.scenario import Ball, Cylinder, HexNut, MeshPart, Tube
 from feeder_sim.scene.part import build_part
 
 
@@ -46,6 +48,18 @@ def test_ball_and_cylinder() -> None:
     mesh.density = 7850.0
     assert rod.mass == pytest.approx(mesh.mass, rel=1e-3)
     assert rod.inertia == pytest.approx(np.diag(mesh.moment_inertia), rel=1e-3)
+
+
+@pytest.mark.parametrize("tilt", [0.0, 0.4, 1.5])
+def test_a_free_cylinder_is_lowest_on_a_circle_and_a_guided_one_at_a_corner(tilt: float) -> None:
+    rod: dict[str, Any] = {"shape": "cylinder", "diameter_mm": 4.0, "height_mm": 6.0}
+    free, guided = Cylinder(**rod), Cylinder(**rod, guide=Tube(kind="tube", inner_diameter_mm=5.0))
+    turned = Rotation.from_euler("yz", [tilt, 0.3]) * Rotation.from_euler("z", 0.05)  # between two corners
+    quaternion = np.asarray(turned.as_quat(scalar_first=True))
+    lowest = -(0.002 * np.sin(tilt) + 0.003 * np.cos(tilt))
+    assert build_part(free).lowest(quaternion) == pytest.approx(lowest, abs=1e-15)
+    at_a_corner = build_part(guided).lowest(quaternion)
+    assert at_a_corner == pytest.approx(lowest + 0.002 * np.sin(tilt) * (1.0 - np.cos(0.05)), abs=1e-15)
 
 
 def test_mesh_file_keeps_mass_and_finds_principal_axes(tmp_path: Path) -> None:

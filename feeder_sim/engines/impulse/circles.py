@@ -244,16 +244,14 @@ def _most_moved(first, work):
 def _time_apart(gap, rate, a, s, u, e, radius, turns, longest):
     """Time [s], up to the longest, before which a circle cannot touch; 0 where it may do so now.
 
-    turns: how far the slope under the circle may change meanwhile [1]. With a change d, |d| <= D, the circle is lower
-    than without by 2 R D at most, and for D << |s| by R D^2 / (2 |s|); 2 R D^2 / (|s| + D) is more than both.
+    turns: how far the slope under the circle may change meanwhile [1].
     """
     if gap <= 0.0:
         return 0.0
     high = (rate + math.sqrt(rate * rate + 2.0 * a * gap)) / a  # of the one point
     high = min(high, longest)
     if turns > 0.0:
-        steepest = max(math.sqrt(s[0] * s[0] + s[1] * s[1]) - high * math.sqrt(u[0] * u[0] + u[1] * u[1]), 0.0)
-        gap -= 2.0 * radius * turns * turns / (steepest + turns)
+        gap -= radius * _lowered(s, u, e, turns, high)
     low, at_low = 0.0, _gap_after(0.0, gap, rate, a, s, u, e, radius)
     if at_low <= 0.0:
         return 0.0
@@ -275,6 +273,22 @@ def _time_apart(gap, rate, a, s, u, e, radius, turns, longest):
         else:
             high, at_high = middle, at_middle
     return low
+
+
+@inlined
+def _lowered(s, u, e, turns, time):
+    """By how much, over the radius, a circle may be lower within a time [s] because the slope changes by `turns` [1].
+
+    With F(v) = |v| + v.e, it is F(v - d) - F(v) <= min(2 D, D |v/|v| + e| + D^2 / |v|), the second for |v| > 2 D. The
+    angle between v = s + u t and -e, which is none at the look, only grows.
+    """
+    least = math.sqrt(s[0] * s[0] + s[1] * s[1]) - time * math.sqrt(u[0] * u[0] + u[1] * u[1])
+    if least <= 2.0 * turns:
+        return 2.0 * turns
+    x, y = s[0] + time * u[0], s[1] + time * u[1]
+    size = math.sqrt(x * x + y * y)
+    x, y = x / size + e[0], y / size + e[1]
+    return turns * min(2.0, math.sqrt(x * x + y * y) + turns / least)
 
 
 @inlined

@@ -2,8 +2,8 @@
 
 A plate that is no longer driven and has come down to millimetres per second can throw parts up by a micrometre at
 most; nothing comes of that but cost. A part that then lies on three corners or more around its centre of mass and is
-about as slow itself falls asleep where it is, unless it slides; so does a cylinder that lies on its side. A part that hits it or enters it wakes it, and so does
-a plate that moves again.
+about as slow itself falls asleep where it is, unless it slides; so does a cylinder that lies on its side. A part that
+hits it or enters it wakes it, and so does a plate that moves again.
 """
 
 from __future__ import annotations
@@ -79,7 +79,7 @@ def _carried(part, corners, surface, work):
 @compiled
 def _on_its_side(part, points, surface, work):
     """Whether both circles of a cylinder are on the plate where they are lowest; nothing rolls it then."""
-    for i in (0, QUARTERS):
+    for i in (0, QUARTERS):  # noqa: SIM110 - compiled
         if work.corner[i, GAP] > CARRIES or _over_hole(part, points, i, surface):
             return False
     return True
