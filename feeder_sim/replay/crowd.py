@@ -219,4 +219,4 @@ def crowd_blueprint(recording: Recording, shown_seed: int, *, style: Style) -> A
         views.append(rrb.TextLogView(origin="/stage", name="Stages"))
         shares.append(0.5)
     scene = "Scene (mm), colour = displacement amplitude, lines = nodal lines of the stage"
-    return layout(box, scene_eye(box, len(scenario.part)), views, shares, title=scene, style=style)
+    return layout(box, scene_eye(box, len(scenario.part), style), views, shares, title=scene, style=style)

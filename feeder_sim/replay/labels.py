@@ -16,11 +16,11 @@ from feeder_sim.scene.timetable import TimedStage, Timetable
 
 WHITE, BLACK = (255, 255, 255), (0, 0, 0)
 PAUSE = "pause"
-FAR, NEAR = 0.15, 0.045  # of the larger side of a box: from its edges to the text behind it and to the bar before it
-BELOW = 0.055  # of the larger side: what the text below the bar takes
+FAR, NEAR = 0.15, 0.045  # of the size of a box: from its edges to the text behind it and to the bar before it
+BELOW = 0.055  # of the size: what the text below the bar takes
 LARGEST_BAR = 0.25  # of the length of a box
 DRIVES_PER_LINE = 2
-LEGEND_PER_LINE = 4
+LEGEND_PER_LINE = 3
 
 
 @dataclass(frozen=True)
@@ -32,8 +32,8 @@ class Box:
 
     @property
     def size(self) -> float:
-        """The larger one of its length and width."""
-        return float((self.high - self.low)[:2].max())
+        """The side of a square as large as it is."""
+        return float(np.sqrt(np.prod((self.high - self.low)[:2])))
 
     @property
     def corners(self) -> NDArray[np.float64]:
@@ -43,7 +43,7 @@ class Box:
     @property
     def stage_place(self) -> NDArray[np.float64]:
         """Where the text about the stage hangs: behind the box."""
-        top = max(float(self.high[2]), 0.0)
+        top = (1.0 + FAR) * max(float(self.high[2]), 0.0)
         return np.array([0.5 * (self.low[0] + self.high[0]), self.high[1] + FAR * self.size, top])
 
     @property

@@ -19,16 +19,29 @@ from feeder_sim.replay.wave import HEIGHT, PERIOD_S, SLOW
 Style = Literal["viewer", "picture", "slow_motion"]
 BACKGROUND = (24, 27, 31)
 LONG = 2.2  # length over depth of a box, from which on the scene has the whole width
-ASPECT, LONG_ASPECT = 1.05, 2.9  # of the pane of the scene, in a window of 16 : 9 without panels
-WAVE_ASPECT, LONG_WAVE_ASPECT = 1.4, 2.0
+SHARES = {"viewer": (3, 2), "picture": (3, 2), "slow_motion": (2, 3)}  # of the scene, and of what is beside or below it
+WINDOW = 16.0 / 9.0  # width over height of a picture, and about that of the viewer's window
 WAVE_DIRECTION = (0.0, -1.0, 0.6)
 CONTENTS = ("plate", "guide", "parts", "shadows", "drop_lines", "paths", "picked", "labels")
 
 
-def scene_eye(box: Box, entries: int, direction: ArrayLike = OBLIQUE) -> Eye:
+def scene_eye(box: Box, entries: int, style: Style, direction: ArrayLike = OBLIQUE) -> Eye:
     """The eye of the scene, for a box with so many entries in its legend."""
-    aspect = LONG_ASPECT if is_long(box) else ASPECT
-    return framing(box.framed(legend_lines(entries)), aspect, direction=direction)
+    return framing(box.framed(legend_lines(entries)), scene_aspect(box, style), direction=direction)
+
+
+def scene_aspect(box: Box, style: Style) -> float:
+    """Width over height of the pane of the scene."""
+    share = SHARES[style][0] / sum(SHARES[style])
+    return WINDOW / share if is_long(box) else WINDOW * share
+
+
+def wave_aspect(box: Box, style: Style) -> float:
+    """Width over height of the pane of the surface, which is one of two panes except in slow motion."""
+    share, alone = SHARES[style][1] / sum(SHARES[style]), style == "slow_motion"
+    if is_long(box):
+        return WINDOW / share * (1.0 if alone else 0.5)
+    return WINDOW * share * (1.0 if alone else 2.0)
 
 
 def is_long(box: Box) -> bool:
@@ -53,9 +66,9 @@ def layout(box: Box, eye: Eye, beside: Sequence[Any], shares: Sequence[float], *
     bare = style != "viewer"
     scene = spatial_view("/", [f"+ /{name}/**" for name in CONTENTS], title, eye, style=style)
     if is_long(box):
-        views: Any = rrb.Vertical(scene, rrb.Horizontal(*beside, column_shares=shares), row_shares=[3, 2])
+        views: Any = rrb.Vertical(scene, rrb.Horizontal(*beside, column_shares=shares), row_shares=SHARES[style])
     else:
-        views = rrb.Horizontal(scene, rrb.Vertical(*beside, row_shares=shares), column_shares=[3, 2])
+        views = rrb.Horizontal(scene, rrb.Vertical(*beside, row_shares=shares), column_shares=SHARES[style])
     hidden = [rrb.TopPanel(state="hidden")] if bare else []
     return rrb.Blueprint(
         views,
@@ -78,7 +91,7 @@ def wave_view(box: Box, *, style: Style) -> Any:
     height = HEIGHT * float(box.high[0] - box.low[0])
     raised = Box(box.low * [1.0, 1.0, 0.0] - [0.0, 0.0, height], box.high * [1.0, 1.0, 0.0] + [0.0, 0.0, height])
     below = [0.0, 1.25 * float(box.low[1]), -height]  # the caption
-    eye = framing([*raised.corners, below], LONG_WAVE_ASPECT if is_long(box) else WAVE_ASPECT, direction=WAVE_DIRECTION)
+    eye = framing([*raised.corners, below], wave_aspect(box, style), direction=WAVE_DIRECTION)
     title = f"Surface, magnified; timeline {SLOW}: one period in {PERIOD_S:g} s"
     return spatial_view("/wave", ["+ /wave/**"], title, eye, style=style)
 

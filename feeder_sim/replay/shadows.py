@@ -6,6 +6,7 @@ tumbles. A mesh cannot be flat altogether, hence `FLAT`.
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Sequence
 from typing import Any
 
@@ -36,8 +37,11 @@ def shadow_mesh(part: PartRecord) -> Any:
     """What casts the shadow of a part: its convex hull, of which only the sides towards the light are drawn."""
     import rerun as rr
     import trimesh
+    from scipy.spatial import QhullError
 
-    hull = trimesh.Trimesh(part.vertices * MM, part.faces, process=False).convex_hull
+    hull = trimesh.Trimesh(part.vertices * MM, part.faces, process=False)
+    with contextlib.suppress(QhullError):  # a drawn mesh may be flat, and is its own hull then
+        hull = hull.convex_hull
     return rr.Mesh3D(
         vertex_positions=hull.vertices, triangle_indices=hull.faces, albedo_factor=SHADOW, face_rendering="Front"
     )

@@ -48,7 +48,7 @@ def single_box(recording: Recording, shown_seed: int) -> Box:
         around = np.array([GUIDE_AROUND, GUIDE_AROUND, 0.0])
         return Box(foot - around, foot + around + [0.0, 0.0, GUIDE_HEIGHT])
     box = plate_box(plate)
-    if not plate.nodal_lines or box.size < LARGE * radius_of(part):
+    if not plate.nodal_lines or (box.high - box.low).max() < LARGE * radius_of(part):
         return box
     cell = NodalLines(plate.nodal_lines).distance(plate.antinode[None])[0] * MM
     way = recording.seeds[shown_seed].position[:, 0, :2] * MM
@@ -147,7 +147,7 @@ def single_blueprint(recording: Recording, shown_seed: int, *, style: Style) -> 
     ]
     title = "Scene (mm), colour = displacement amplitude"
     box, direction = single_box(recording, shown_seed), GUIDE_DIRECTION if guided else OBLIQUE
-    return layout(box, scene_eye(box, 1, direction), plots, [1.0] * len(plots), title=title, style=style)
+    return layout(box, scene_eye(box, 1, style, direction), plots, [1.0] * len(plots), title=title, style=style)
 
 
 def _plot(name: str, largest: float, others: list[int], *, window: float | None, bare: bool) -> Any:

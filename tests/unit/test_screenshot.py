@@ -1,26 +1,33 @@
-"""The replay as a person sees it."""
+"""The replay as a person sees it, in pictures and in films."""
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 from conftest import strip_scenario
+from typer.testing import CliRunner
 
-from feeder_sim.replay.replay import REPLAY
+from feeder_sim.cli.main import app
+from feeder_sim.errors import InputError
+from feeder_sim.replay.video import check_library, film_of, make_film
 from feeder_sim.replay.viewer import take_screenshot
 from feeder_sim.run.run_folder import record_run
 
 DRIVERS = Path("/usr/share/vulkan/icd.d")
 
 
-@pytest.mark.skipif(not any(DRIVERS.glob("*.json")), reason="no graphics driver, not even a software one")
+drawn = pytest.mark.skipif(not any(DRIVERS.glob("*.json")), reason="no graphics driver, not even a software one")
+
+
+@drawn
 def test_replay_opens_with_a_coloured_plate_and_its_plots(tmp_path: Path) -> None:
     from matplotlib.image import imread
 
     record_run(strip_scenario(seeds=2, duration_s=0.5), tmp_path / "run")
-    take_screenshot(tmp_path / "run" / REPLAY, tmp_path / "shot.png", at=0.4)
+    take_screenshot(tmp_path / "run", tmp_path / "shot.png", at=0.4)
     rgb = imread(tmp_path / "shot.png")[..., :3]
     scene, plots = rgb[:, : rgb.shape[1] * 3 // 5], rgb[:, rgb.shape[1] * 3 // 5 :]
     red, green, blue = np.moveaxis(scene, -1, 0)
@@ -28,3 +35,71 @@ def test_replay_opens_with_a_coloured_plate_and_its_plots(tmp_path: Path) -> Non
     assert ((blue > 0.5) & (red < 0.6 * blue)).mean() > 0.03  # its neighbour in opposite phase
     orange = np.abs(plots - np.array([214, 140, 30]) / 255).max(axis=-1) < 0.15
     assert orange.sum() > 100
+    assert rgb.shape[:2] == (1080, 1920)
+    strips = rgb[:12, :1000], rgb[-30:-12, :1000]  # where the viewer's bars were; the eye leaves room there
+    assert all(np.ptp(strip, axis=(0, 1)).max() < 0.02 for strip in strips)
+
+
+@drawn
+def test_film_has_its_frames_and_nothing_else_is_left(tmp_path: Path) -> None:
+    imageio_ffmpeg = pytest.importorskip("imageio_ffmpeg")
+
+    record_run(strip_scenario(duration_s=0.5), tmp_path / "run")
+    done: list[float] = []
+    film = film_of(tmp_path / "run", 0.1, 0.3, fps=20.0, size=(640, 360))
+    make_film(tmp_path / "run", tmp_path / "film.mp4", film, progress=done.append)
+    assert imageio_ffmpeg.count_frames_and_secs(str(tmp_path / "film.mp4"))[0] == len(film.times) == 5
+    frames = imageio_ffmpeg.read_frames(str(tmp_path / "film.mp4"))
+    assert next(frames)["size"] == (640, 360)
+    first, *_, last = (np.frombuffer(frame, np.uint8).reshape(360, 640, 3).astype(int) for frame in frames)
+    assert np.abs(first - last)[:, 400:].max() > 60  # the cursor of the plots has moved on
+    assert done == pytest.approx([0.2, 0.4, 0.6, 0.8, 1.0])
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["film.mp4", "run"]
+
+
+class _NoMore(Exception):
+    pass
+
+
+@drawn
+def test_film_that_fails_half_way_leaves_no_file(tmp_path: Path) -> None:
+    pytest.importorskip("imageio_ffmpeg")
+    record_run(strip_scenario(duration_s=0.2), tmp_path / "run")
+
+    def stops(fraction: float) -> None:
+        raise _NoMore
+
+    with pytest.raises(_NoMore):
+        make_film(tmp_path / "run", tmp_path / "film.mp4", film_of(tmp_path / "run", None, None), progress=stops)
+    assert [path.name for path in tmp_path.iterdir()] == ["run"]
+
+
+def test_film_without_its_library_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "imageio_ffmpeg", None)
+    with pytest.raises(InputError, match=r"--video: needs .* pip install 'feeder_sim\[video\]'"):
+        check_library()
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (("--video", "film.avi"), "film.avi: --video: is '.avi', allowed is .mp4"),
+        (("--screenshot", "shot.gif"), "shot.gif: --screenshot: is '.gif', allowed is .png, .jpg"),
+        (("--video", "there.mp4"), "there.mp4: exists already, allowed is a new file"),
+        (("--video", "film.mp4", "--size", "big"), "--size: is 'big', allowed is WIDTHxHEIGHT"),
+        (("--video", "film.mp4", "--to", "9"), "--from, --to: are 0 and 9, allowed is"),
+        (("--fps", "10"), "--fps: belongs to --video"),
+        (("--at", "0.1", "--video", "film.mp4"), "--at: belongs to --screenshot"),
+        (("--screenshot", "shot.png", "--video", "film.mp4"), "--video: is not allowed together with --screenshot"),
+    ],
+)
+def test_wrong_options_are_refused_in_one_line(
+    options: tuple[str, ...], message: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    record_run(strip_scenario(duration_s=0.02), tmp_path / "run", replay=False)
+    (tmp_path / "there.mp4").touch()
+    monkeypatch.chdir(tmp_path)
+    refused = CliRunner().invoke(app, ["replay", "run", *options])
+    assert isinstance(refused.exception, InputError)
+    assert message in str(refused.exception) and "\n" not in str(refused.exception)
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["run", "there.mp4"]

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 from conftest import changing, from_python
-from feeder_sim.scene.rigid_part import CORNER_RADIUS, RigidPart
+from feeder_sim.part.rigid_part import CORNER_RADIUS, RigidPart
 from scipy.optimize import brentq
 from scipy.spatial.transform import Rotation
 

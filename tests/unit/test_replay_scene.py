@@ -1,0 +1,230 @@
+"""What a replay draws besides plate and parts: rings, shadows, text, colours, and the eye that sees them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from conftest import piston_scenario, strip_scenario
+
+from feeder_sim.errors import InputError
+from feeder_sim.plate.drive import ModalDrive
+from feeder_sim.records.trajectory import PlateRecord, Recording
+from feeder_sim.records.trajectory_file import TRAJECTORY, read_recording
+from feeder_sim.replay.colours import colours_of, kind_names
+from feeder_sim.replay.eye import framing
+from feeder_sim.replay.labels import Box, bar_length, legend_places, stage_texts
+from feeder_sim.replay.layout import scene_aspect, scene_eye
+from feeder_sim.replay.replay import build_replay
+from feeder_sim.replay.shadows import LIGHT, log_shadows
+from feeder_sim.replay.single import single_box
+from feeder_sim.replay.video import film_of
+from feeder_sim.run.run_folder import record_run
+from feeder_sim.scenario import (
+    Ball,
+    Excitation,
+    HexNut,
+    Pick,
+    PistonPlate,
+    Run,
+    Scattered,
+    Scenario,
+    Schedule,
+    Stage,
+    parse_scenario,
+)
+from feeder_sim.scene.timetable import timetable
+
+SMALL_MM, LARGE_MM = 3.0, 6.0
+FEW = 4  # parts of each kind
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Two kinds of balls on a plate that shakes and rests; those that lie alone are picked, twice."""
+    folder = tmp_path_factory.mktemp("replay") / "run"
+    shake = Stage(
+        name="shake",
+        drive=(Excitation(frequency_hz=500.0, amplitude_um=20.0), Excitation(frequency_hz=12500.0, amplitude_um=0.5)),
+        duration_s=0.1,
+        pause_s=0.1,
+        pick=Pick(clearance_mm=10.0),
+    )
+    start = Scattered(kind="scattered")
+    scenario = Scenario(
+        plate=PistonPlate(kind="piston", length_mm=60.0, width_mm=40.0),
+        schedule=Schedule(stage=(shake,), cycles=2),
+        part=(
+            Ball(shape="ball", diameter_mm=SMALL_MM, count=FEW, start=start),
+            Ball(shape="ball", diameter_mm=LARGE_MM, count=FEW, start=start),
+        ),
+        run=Run(seeds=1, frames_per_second=100.0),
+    )
+    record_run(scenario, folder, replay=False)
+    build_replay(folder / TRAJECTORY, folder / "replay.rrd")
+    return folder
+
+
+@pytest.fixture(scope="module")
+def recording(run: Path) -> Recording:
+    return read_recording(run / TRAJECTORY)
+
+
+def logged(replay: Path, entity: str, column: str) -> list[tuple[float | None, Any]]:
+    """Time [s] on sim_time, None for static data, and value of all rows of a column of an entity."""
+    from rerun.chunk import RrdReader
+
+    found: list[tuple[float | None, Any]] = []
+    for chunk in RrdReader(replay).stream():
+        batch = chunk.to_record_batch()
+        if str(chunk.entity_path).strip("/") != entity or column not in batch.schema.names:
+            continue
+        values = batch.column(column).to_pylist()
+        timed = "sim_time" in batch.schema.names
+        times = batch.column("sim_time").cast("int64").to_pylist() if timed else [None] * len(values)
+        found += [(t if t is None else t / 1e9, v) for t, v in zip(times, values, strict=True) if timed or t is None]
+    return found
+
+
+def test_rings_lie_on_the_plate_around_the_parts_to_be_picked_as_large_as_their_kind(
+    run: Path, recording: Recording
+) -> None:
+    frames, removals = recording.seeds[0], recording.records[0].removals
+    at = float(removals.time[0])
+    parts = removals.part[removals.time == at]
+    assert {part < FEW for part in parts} == {True, False}, "the test needs picks of both kinds"
+    rows = [strips for t, strips in logged(run / "replay.rrd", "picked", "LineStrips3D:strips") if t and t <= at + 1e-9]
+    rings = [np.array(ring) for ring in next(strips for strips in reversed(rows) if strips)]
+    assert len(rings) == len(parts)
+    centres = frames.position[frames.row_at(at), parts, :2] * 1e3
+    for ring, centre, part in zip(rings, centres, parts, strict=True):
+        radius = np.linalg.norm(ring[:, :2] - centre, axis=1)
+        assert radius == pytest.approx(1.35 * 0.5 * (SMALL_MM if part < FEW else LARGE_MM), rel=0.02)
+        assert (ring[:, 2] > 0.0).all() and (ring[:, 2] < 0.1).all()
+
+
+def test_text_tells_stage_cycle_and_drives_and_the_pause(run: Path) -> None:
+    texts = [(t, v[0]) for t, v in logged(run / "replay.rrd", "labels/stage", "Points3D:labels") if t is not None]
+    drives = "500 Hz, 20 µm + 12.5 kHz, 0.5 µm"
+    assert texts == [
+        (pytest.approx(time), f"shake, cycle {cycle} of 2\n{text}")
+        for time, cycle, text in ((0.0, 1, drives), (0.1, 1, "pause"), (0.2, 2, drives), (0.3, 2, "pause"))
+    ]
+
+
+def test_text_of_a_scene_without_schedule_follows_its_drives() -> None:
+    scenario = piston_scenario(amplitude_um=2.0, duration_s=1.0)
+    drive = scenario.drive[0].model_copy(update={"start_s": 0.2, "duration_s": 0.5})
+    scenario = scenario.model_copy(update={"drive": (drive,)})
+    grid = np.linspace(-1.0, 1.0, 2)
+    plate = PlateRecord(
+        0.1, 0.1, 3e-3, grid, grid, np.full((1, 2, 2), -0.5), (), grid, (ModalDrive(0, 4750.0, 4750.0, 4e-6),)
+    )
+    assert stage_texts(plate, timetable(scenario), 1.0) == [
+        (0.0, "pause"),
+        (0.2, "4750 Hz, 2 µm"),  # of the largest deflection on the plate
+        (pytest.approx(0.7), "pause"),
+    ]
+    assert len(stage_texts(plate, timetable(scenario), 0.5)) == 2  # not beyond the record
+
+
+def test_kinds_have_colours_and_a_legend(run: Path, recording: Recording) -> None:
+    names = [v for _, v in logged(run / "replay.rrd", "labels/legend", "Points3D:labels")]
+    assert names == [["ball 3 mm", "ball 6 mm"]]
+    colours = [logged(run / "replay.rrd", f"parts/{kind}/{kind}", "Mesh3D:albedo_factor")[0][1] for kind in (0, 1)]
+    legend = logged(run / "replay.rrd", "labels/legend", "Points3D:colors")[0][1]
+    assert [colour[0] for colour in colours] == legend and legend[0] != legend[1]
+    two = colours_of(parse_scenario(recording.scenario_text, file=recording.path), "kind")
+    assert two.index(recording.seeds[0], [FEW - 1, FEW]).tolist() == [[0, 1]] * len(recording.seeds[0])
+    assert kind_names([HexNut(size="M2.5"), HexNut(size="M3"), HexNut(size="M3")]) == [
+        "nut M2.5",
+        "nut M3 (2)",
+        "nut M3 (3)",
+    ]
+
+
+def test_one_kind_has_no_legend_and_bar_has_its_length(tmp_path: Path) -> None:
+    record_run(strip_scenario(duration_s=0.02), tmp_path / "run")
+    replay = tmp_path / "run" / "replay.rrd"
+    assert not logged(replay, "labels/legend", "Points3D:labels")
+    (_, strips), (_, text) = (
+        logged(replay, "labels/scale_bar", f"LineStrips3D:{name}")[0] for name in ("strips", "labels")
+    )
+    assert f"{np.ptp(np.array(strips[0])[:, 0]):g} mm" == text[0]
+    assert [bar_length(largest) for largest in (45.0, 20.0, 9.9, 0.7)] == [20.0, 20.0, 5.0, 0.5]
+
+
+def test_shadows_lie_flat_where_parts_are_over_the_plate(run: Path, recording: Recording) -> None:
+    frames = recording.seeds[0]
+    scales = logged(run / "replay.rrd", "shadows/1", "InstancePoses3D:scales")
+    timed = np.array([v for t, v in scales if t is not None])[..., 0]
+    assert (timed[: len(frames)] == frames.on_plate(recording.plate)[:, FEW:]).all() and not timed.all()
+    matrix = np.array(logged(run / "replay.rrd", "shadows", "Transform3D:mat3x3")[0][1][0]).reshape(3, 3).T
+    assert matrix @ [0.0, 0.0, 10.0] == pytest.approx([10.0 * LIGHT[0], 10.0 * LIGHT[1], 0.0], abs=0.01)
+    assert matrix @ [1.0, 2.0, 0.0] == pytest.approx([1.0, 2.0, 0.0])
+
+
+def test_only_a_part_high_above_the_plate_has_a_line_down_to_it(recording: Recording, tmp_path: Path) -> None:
+    import rerun as rr
+
+    frames = recording.seeds[0][slice(0, 2)]
+    frames.position[:, FEW:] = [0.0, 0.0, 0.5e-3 * LARGE_MM]
+    frames.position[1, FEW + 1] = [0.01, 0.005, 0.012]
+    stream = rr.RecordingStream("test")
+    held = stream.memory_recording()
+    time = rr.TimeColumn("sim_time", duration=frames.time)
+    log_shadows(stream, recording.plate, "1", recording.parts[FEW], frames, [FEW, FEW + 1, FEW + 2], [time])
+    (tmp_path / "lines.rrd").write_bytes(held.drain_as_bytes())
+    rows = [v for t, v in logged(tmp_path / "lines.rrd", "drop_lines/1", "LineStrips3D:strips") if t is not None]
+    assert [len(row) for row in rows] == [0, 1]
+    assert np.array(rows[1][0]) == pytest.approx(np.array([[10.0, 5.0, 12.0], [10.0, 5.0, 0.0]]))
+
+
+@pytest.mark.parametrize("sides", [(180.0, 180.0), (300.0, 40.0), (60.0, 200.0)])
+def test_plate_and_text_fill_the_pane(sides: tuple[float, float]) -> None:
+    half = 0.5 * np.array(sides)
+    box = Box(np.array([*-half, -3.0]), np.array([*half, 0.0]))
+    seen = scene_eye(box, 5, "picture").seen(
+        np.vstack([box.framed(2), legend_places(box, 5)]), scene_aspect(box, "picture")
+    )
+    assert np.abs(seen).max() < 1.0
+    assert np.abs(seen[:, 0]).max() > 0.95 or np.abs(seen[:, 1]).max() > 0.95
+
+
+def test_eye_is_as_near_as_it_can_be() -> None:
+    points = np.random.default_rng(1).uniform(-50.0, 50.0, (30, 3))
+    eye = framing(points, 1.3)
+    seen = eye.seen(points, 1.3)
+    assert np.abs(seen).max() == pytest.approx(0.96, abs=1e-6)
+    assert seen.max(axis=0) == pytest.approx(-seen.min(axis=0), abs=1e-6)
+
+
+def test_one_small_part_is_shown_in_its_cell(tmp_path: Path) -> None:
+    record_run(strip_scenario(duration_s=0.02), tmp_path / "run", replay=False)
+    recording = read_recording(tmp_path / "run" / TRAJECTORY)
+    box, half = single_box(recording, 0), 0.5e3 * recording.plate.length
+    assert -half < box.low[0] < -19.5 and 19.5 < box.high[0] < half  # both nodal lines beside the antinode
+    assert box.high[1] == pytest.approx(0.5e3 * recording.plate.width)
+
+
+def test_film_takes_the_record_in_twenty_seconds_or_what_is_asked_for(run: Path, recording: Recording) -> None:
+    end = float(recording.seeds[0].time[-1])
+    film = film_of(run, None, None)
+    assert film.speed == 1.0 and film.times[0] == 0.0 and end - 0.04 < film.times[-1] <= end
+    slow = film_of(run, 0.1, 0.2, speed=0.1, fps=20.0)
+    assert len(slow.times) == 21 and slow.times[[0, -1]] == pytest.approx([0.1, 0.2])
+    slow_motion = film_of(run, None, None, slow=True, fps=10.0)
+    assert slow_motion.times[-1] <= 3.9 + 1e-9 and len(slow_motion.times) == 40
+    for values, message in (
+        ({"end": 9.0}, r"--from, --to: are 0 and 9, allowed is 0 <= --from < --to <= 0\.4"),
+        ({"begin": 0.2, "end": 0.1}, "--from, --to"),
+        ({"speed": 0.0}, "--speed: is 0"),
+        ({"speed": float("nan")}, "--speed: is nan"),
+        ({"fps": 1000.0}, "--fps: is 1000, allowed is 1 to 240"),
+        ({"size": (1281, 720)}, "--size: is 1281x720, allowed are even numbers"),
+        ({"speed": 1e-5}, "--speed, --fps: makes a film of"),
+    ):
+        with pytest.raises(InputError, match=message):
+            film_of(run, **({"begin": None, "end": None} | values))
