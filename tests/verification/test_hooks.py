@@ -12,7 +12,7 @@ from hooks import U_HOOK, of_boxes, piece_distances, with_parts
 from feeder_sim.engines.impulse import engine as impulse
 from feeder_sim.engines.lookup import engine_class
 from feeder_sim.engines.mujoco import engine as mujoco
-from feeder_sim.scenario import Contact, Drive, HexNut, PistonPlate, Run, Scattered, Scenario
+from feeder_sim.scenario import Contact, Drive, Heap, HexNut, PistonPlate, Run, Scattered, Scenario
 from feeder_sim.scenario.engine_choice import choose_engine
 from feeder_sim.scene.scene import Scene, build_scene
 from feeder_sim.scene.start import Pose
@@ -24,10 +24,10 @@ ENGINES = ("impulse", "mujoco")
 
 def plate(count: int, engine: str, *, amplitude_um: float = 0.0, contact: dict[str, float], **run: Any) -> Scene:
     """Hooks over a plate that moves up and down."""
-    start = Scattered(kind="scattered", drop_height_mm=(0.2, 6.0), tilt_deg=(0.0, 90.0))
+    start = Heap(kind="heap", diameter_mm=30.0) if count > 2 else Scattered(kind="scattered")
     scenario = Scenario(
-        plate=PistonPlate(kind="piston", length_mm=90.0, width_mm=90.0, rim=count > 2),
-        drive=(Drive(frequency_hz=500.0, amplitude_um=amplitude_um, ring_up=False),),
+        plate=PistonPlate(kind="piston", length_mm=50.0, width_mm=50.0, rim=count > 2),
+        drive=(Drive(frequency_hz=2000.0, amplitude_um=amplitude_um, ring_up=False),),
         part=(HexNut(size="M5", count=count, start=start),),
         contact=Contact(**contact),
         run=Run(**({"duration_s": 0.3, "seeds": 1, "engine": engine, "frames_per_second": 500.0} | run)),
@@ -47,7 +47,7 @@ def test_a_hook_takes_along_another_that_it_is_hooked_into(engine: str, monkeypa
     level, turned = np.array([1.0, 0.0, 0.0, 0.0]), np.array([0.0, 0.0, 0.0, 1.0])
     speed, gap, up = 0.05, 1.5e-3, 1.5e-3 + 1e-6
     middle = (1e-3 * np.array([6.0, 6.0, 0.0]) - HOOK.centre) * [1.0, 1.0, 0.0]  # of the U, from its centre of mass
-    first, other = [0.0, 0.0, up] - middle, [5e-3, 4.5e-3, up] + middle
+    first, other = [0.0, 0.0, up] - middle, middle + [5e-3, 4.5e-3, up]
     poses = [Pose(first, level, np.array([0.0, speed, 0.0])), Pose(other, turned, np.zeros(3))]
     for module in (impulse, mujoco):
         monkeypatch.setattr(module, "start_poses", lambda scene, rng: poses)
@@ -56,9 +56,21 @@ def test_a_hook_takes_along_another_that_it_is_hooked_into(engine: str, monkeypa
     assert apart.min() > -DEEPEST
     assert apart[0] == pytest.approx(gap - speed * frames.time[0], abs=1e-6) and apart.min() < 1e-5
     along = frames.velocity[..., 1]
-    assert along.sum(axis=1) == pytest.approx(np.full(100, speed), abs=1e-4 * speed)
+    assert along.sum(axis=1) == pytest.approx(np.full(100, speed), abs=2e-3 * speed)
     assert along[-1, 1] > 0.2 * speed
     assert np.abs(frames.position[0] - np.array([first, other])).max() < 1e-3 * speed * 5
     hulls = with_parts(scene, replace(HOOK, pieces=()))
     thrown = advanced(hulls, 1)
     assert np.abs(thrown.position[0] - np.array([first, other])).max() > 1e-3
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_a_crowd_of_hooks_on_a_shaken_plate_does_not_enter_itself(engine: str) -> None:
+    """U and S hooks thrown about by a plate at 0.3 m/s and 100 g, between walls that keep them close."""
+    scene = plate(10, engine, amplitude_um=25.0, contact={})
+    for seed, boxes in enumerate((U_HOOK, S_HOOK)):
+        crowd = with_parts(scene, of_boxes(boxes))
+        frames = advanced(crowd, 150, seed)
+        apart = piece_distances(crowd, frames)
+        assert apart.min() > -DEEPEST
+        assert (apart < 2e-6).sum() > 20  # they do meet

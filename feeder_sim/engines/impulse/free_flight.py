@@ -28,7 +28,7 @@ from feeder_sim.machine_code import compiled, inlined
 SYMMETRY_TOLERANCE = 1e-6  # moments closer than this, relative to the largest, count as equal
 SMALL_ANGLE = 0.05  # [rad]
 SMALL_ARGUMENT = 0.03  # of elliptic functions: five terms of the series are exact to round-off
-# A body that turns by this much [rad] at most: three nodes of a Gauss-Legendre rule are exact to round-off, six in a panel.
+# [rad] that a body turns by at most: three nodes of a Gauss-Legendre rule are exact to round-off; six in a panel.
 SHORT, PANEL = 0.02, 0.25
 MOST_PANELS = 1_000_000
 
@@ -128,15 +128,11 @@ def _rotate_general(attitude, momentum, size, inertia, duration):
     a3 = math.sqrt(low / (i3 * (i3 - i1)))
     rate = math.sqrt((i3 - i2) * low / (i1 * i2 * i3))
     modulus = min((i2 - i1) * high / ((i3 - i2) * low), 1.0)
-    if high > 0.0 or high < 0.0:
-        now = sense * w2 / a2, w1 / a1, abs(w3) / a3
-    else:  # it spins about axis 3
-        now = 0.0, 1.0, 1.0
+    about_axis_3 = w1 == 0.0 and w2 == 0.0
+    now = (0.0, 1.0, 1.0) if about_axis_3 else (sense * w2 / a2, w1 / a1, abs(w3) / a3)
     then, precession = _precession(now, (i1, i2, i3), modulus, rate * duration, size / min(i1, i2, i3) * duration)
-    precession *= size * duration
+    precession = size / i3 * duration if about_axis_3 else size * duration * precession
     after = i1 * a1 * then[1], handed * i2 * sense * a2 * then[0], i3 * side * a3 * then[2]
-    if after[0] == 0.0 and after[1] == 0.0:
-        precession = size / i3 * duration
     _align(attitude, momentum, (x, y, z), handed, (along[x], along[y], along[z]), after, precession)
 
 
@@ -172,7 +168,7 @@ def _precession(now, moments, m, argument, turned):
     p, q = i3 - i2, i3 - i1
     total = 0.0
     width = argument / panels
-    for panel in range(panels):
+    for _ in range(panels):
         for k in range(6):
             if weights[k] == 0.0:
                 break
@@ -244,10 +240,8 @@ def _momentum_frame(momentum, handed):
     """Orthonormal vectors in body axes: the third axis made perpendicular to the momentum, cross product, momentum."""
     d = _unit(momentum)
     side = d[0] * d[0] + d[1] * d[1]
-    if side > 0.0:
-        across = _unit((-d[2] * d[0], -d[2] * d[1], side))
-    else:  # it spins about that axis: any perpendicular will do, it stays in the body
-        across = (1.0, 0.0, 0.0)
+    # Of a spin about that axis any perpendicular will do, it stays in the body.
+    across = _unit((-d[2] * d[0], -d[2] * d[1], side)) if side > 0.0 else (1.0, 0.0, 0.0)
     beside = cross(d, across)
     return across, (handed * beside[0], handed * beside[1], handed * beside[2]), d
 
