@@ -50,7 +50,7 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
         drive=(Excitation(frequency_hz=500.0, amplitude_um=20.0), Excitation(frequency_hz=12500.0, amplitude_um=0.5)),
         duration_s=0.1,
         pause_s=0.1,
-        pick=Pick(clearance_mm=10.0),
+        pick=(Pick(clearance_mm=10.0),),
     )
     start = Scattered(kind="scattered")
     scenario = Scenario(

@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 import pytest
 from conftest import changing, from_python
-from feeder_sim.part.rigid_part import CORNER_RADIUS, RigidPart
 from scipy.optimize import brentq
 from scipy.spatial.transform import Rotation
 
@@ -16,6 +15,7 @@ from feeder_sim.engines.impulse.circles import _time_apart
 from feeder_sim.engines.impulse.engine import ImpulseEngine
 from feeder_sim.engines.impulse.rest import CARRIES
 from feeder_sim.engines.impulse.state import ASLEEP, AWAKE
+from feeder_sim.part.rigid_part import CORNER_RADIUS, RigidPart
 from feeder_sim.records.trajectory import Frames
 from feeder_sim.scenario import Contact, Cylinder, Drive, PistonPlate, Run, Scenario, Start, Strip
 from feeder_sim.scene.scene import GRAVITY, build_scene

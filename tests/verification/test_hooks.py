@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hooks import U_HOOK, of_boxes, piece_distances, with_parts
+from hooks import S_HOOK, U_HOOK, of_boxes, piece_distances, with_parts
 
 from feeder_sim.engines.impulse import engine as impulse
 from feeder_sim.engines.lookup import engine_class
