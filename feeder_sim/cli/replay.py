@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, cast, get_args
 
 import typer
 
 from feeder_sim.cli.files import writable
 from feeder_sim.cli.terminal import progress_bar
 from feeder_sim.errors import InputError, quoted
+
+if TYPE_CHECKING:
+    from feeder_sim.replay.colours import Colour
 
 Folder = Annotated[Path, typer.Argument(help="Run folder, or its trajectory.h5.", show_default=False)]
 
@@ -30,6 +33,9 @@ def replay(
     size: Annotated[str | None, typer.Option("--size", help="Of the film [1280x720].")] = None,
     slow: Annotated[bool, typer.Option("--slow-motion", help="Times are those of the slow-motion timeline.")] = False,
     show_seed: Annotated[int, typer.Option("--show-seed", min=0, help="Index of the seed shown in 3D.")] = 0,
+    colour: Annotated[
+        str | None, typer.Option("--colour", help="Of parts: kind or pose [pose where picks ask for a side up].")
+    ] = None,
     rebuild: Annotated[bool, typer.Option("--rebuild", help="Build the .rrd again from the trajectory.")] = False,
 ) -> None:
     """Open a recorded run in the rerun viewer, take a picture of it or make a film."""
@@ -45,7 +51,7 @@ def replay(
     given = [key for key, value in of_films.items() if value is not None]
     if given and video is None:
         raise InputError("belongs to --video", key=given[0])
-    timeline = SLOW if slow else TIMELINE
+    meaning, timeline = _colour(colour), SLOW if slow else TIMELINE
     if video is not None:
         from feeder_sim.replay.video import check_library, film_of, make_film
 
@@ -53,16 +59,16 @@ def replay(
         _check_new(video, "--video", (".mp4",))
         film = film_of(folder, begin, end, speed=speed, fps=fps, size=_size(size), seed=show_seed, slow=slow)
         with progress_bar(str(video)) as progress:
-            make_film(folder, video, film, seed=show_seed, progress=progress)
+            make_film(folder, video, film, seed=show_seed, colour=meaning, progress=progress)
         return
     if screenshot is not None:
         _check_new(screenshot, "--screenshot", tuple(FORMATS))
         moment = time_shown(folder, at, seed=show_seed, slow=slow)
-        take_screenshot(folder, screenshot, at=moment, timeline=timeline, seed=show_seed)
+        take_screenshot(folder, screenshot, at=moment, timeline=timeline, seed=show_seed, colour=meaning)
         return
     if slow:
         raise InputError("belongs to --screenshot and --video; in the viewer choose the timeline", key="--slow-motion")
-    open_viewer(replay_file(folder, seed=show_seed, rebuild=rebuild))
+    open_viewer(replay_file(folder, seed=show_seed, colour=meaning, rebuild=rebuild))
 
 
 def _check_new(path: Path, key: str, suffixes: tuple[str, ...]) -> None:
@@ -70,6 +76,18 @@ def _check_new(path: Path, key: str, suffixes: tuple[str, ...]) -> None:
     if path.suffix.lower() not in suffixes:
         raise InputError(f"is {quoted(path.suffix)}, allowed is {', '.join(suffixes)}", file=path, key=key)
     writable(path)
+
+
+def _colour(text: str | None) -> Colour | None:
+    """What the colours of parts stand for."""
+    from feeder_sim.replay.colours import Colour
+
+    for meaning in get_args(Colour):
+        if text == meaning:
+            return cast("Colour", meaning)
+    if text is not None:
+        raise InputError(f"is {quoted(text)}, allowed is {' or '.join(get_args(Colour))}", key="--colour")
+    return None
 
 
 def _size(text: str | None) -> tuple[int, int] | None:

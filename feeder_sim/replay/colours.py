@@ -14,11 +14,13 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from feeder_sim.records.trajectory import Frames
+from feeder_sim.part.stable_poses import NONE
+from feeder_sim.records.trajectory import Frames, PartRecord
 from feeder_sim.replay.parts import NUT
 from feeder_sim.scenario import Ball, Cylinder, HexNut, PartSpec, Scenario
 
-Colour = Literal["kind"]  # what colours stand for; another meaning is a word here and a branch in `colours_of`
+Colour = Literal["kind", "pose"]  # what colours stand for
+IN_NO_POSE = (150, 150, 150)
 # Okabe and Ito's colours, which people with any colour vision tell apart, without black and with their blue last: it is
 # near to that of the plate.
 PALETTE = (
@@ -53,9 +55,20 @@ class Colours:
     index: Callable[[Frames, Sequence[int]], NDArray[np.int64]]
 
 
-def colours_of(scenario: Scenario, colour: Colour) -> Colours:
-    """Colours of all parts of a scenario; parts of one table are of one kind."""
+def default_colour(scenario: Scenario) -> Colour:
+    """Poses where a pick asks for the side up, else kinds."""
+    stages = (*scenario.schedule.prepare, *scenario.schedule.stage) if scenario.schedule else ()
+    return "pose" if any(pick.up for stage in stages for pick in stage.pick) else "kind"
+
+
+def colours_of(scenario: Scenario, colour: Colour | None, parts: Sequence[PartRecord]) -> Colours:
+    """Colours of all parts of a scenario, as recorded; parts of one table are of one kind.
+
+    Without a colour it is that of `default_colour`.
+    """
     kind_of_part = np.repeat(np.arange(len(scenario.part)), [part.count for part in scenario.part])
+    if (colour or default_colour(scenario)) == "pose":
+        return _by_pose(kind_names(scenario.part), kind_of_part, parts)
     names = kind_names(scenario.part)
     palette = PALETTE if len(names) > 1 else (NUT,)
     entries = tuple(Entry(name, palette[i % len(palette)]) for i, name in enumerate(names))
@@ -64,6 +77,24 @@ def colours_of(scenario: Scenario, colour: Colour) -> Colours:
         return np.tile(kind_of_part[np.asarray(members)], (len(frames), 1))
 
     return Colours(entries, index)
+
+
+def _by_pose(names: Sequence[str], kind_of_part: NDArray[np.int64], parts: Sequence[PartRecord]) -> Colours:
+    """An entry for every stable pose of each kind, and one for parts in none."""
+    entries, first = [Entry("in no pose", IN_NO_POSE)], []
+    for kind, name in enumerate(names):
+        first.append(len(entries))
+        prefix = f"{name} " if len(names) > 1 else ""
+        poses = parts[int(np.argmax(kind_of_part == kind))].poses.names
+        for pose in poses:
+            entries.append(Entry(prefix + pose, PALETTE[(len(entries) - 1) % len(PALETTE)]))
+
+    def index(frames: Frames, members: Sequence[int]) -> NDArray[np.int64]:
+        rows = [parts[m].poses.number(frames.quaternion[:, m]) for m in members]
+        number = np.stack(rows, axis=1) if rows else np.empty((len(frames), 0), np.int64)
+        return np.where(number == NONE, 0, number + np.array(first)[kind_of_part[np.asarray(members)]])
+
+    return Colours(tuple(entries), index)
 
 
 def kind_names(parts: Sequence[PartSpec]) -> list[str]:

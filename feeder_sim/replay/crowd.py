@@ -67,7 +67,7 @@ def log_crowd(
             _log_kind(stream, kind, recording, colours, still, members, [rr.TimeColumn(SLOW, duration=[begin])])
         first += part.count
     box, texts = plate_box(recording.plate), stage_texts(recording.plate, times, float(frames.time[-1]))
-    slow_texts = [(begin, [text for time, text in texts if time < moment][-1]) for begin, moment in slow_stages]
+    slow_texts = [(begin, [text for time, text in texts if time <= moment][-1]) for begin, moment in slow_stages]
     log_stage_texts(stream, box, slow_texts, SLOW)
     _log_stages(stream, recording.plate, stages, float(frames.time[-1]))
     log_picks(stream, frames, removals, recording.parts)

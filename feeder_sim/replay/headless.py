@@ -25,6 +25,7 @@ import numpy as np
 from feeder_sim.errors import FeederSimError
 from feeder_sim.records.trajectory import Recording
 from feeder_sim.records.whole_file import write_whole
+from feeder_sim.replay.colours import Colour
 from feeder_sim.replay.layout import Style
 from feeder_sim.replay.plate import TIMELINE
 from feeder_sim.replay.replay import REPLAY, replay_content
@@ -77,7 +78,14 @@ class Camera:
 
 
 @contextlib.contextmanager
-def camera(recording: Recording, *, seed: int, size: tuple[int, int], timeline: str = TIMELINE) -> Iterator[Camera]:
+def camera(
+    recording: Recording,
+    *,
+    seed: int,
+    size: tuple[int, int],
+    timeline: str = TIMELINE,
+    colour: Colour | None = None,
+) -> Iterator[Camera]:
     """A viewer without a screen that shows a timeline of the replay of a seed in pictures of a size [pixels].
 
     It shows a replay of its own: another layout than that in the file is taken up only with its recording.
@@ -92,7 +100,7 @@ def camera(recording: Recording, *, seed: int, size: tuple[int, int], timeline: 
         os.environ.setdefault("RUST_LOG", "error")  # the viewer talks a lot on stderr
         replay = Path(folder) / REPLAY
         style: Style = "slow_motion" if timeline == SLOW else "picture"
-        write_whole(replay, replay_content(recording, seed, style=style))
+        write_whole(replay, replay_content(recording, seed, colour=colour, style=style))
         try:
             with _viewer(window) as client:
                 _open(client, replay)

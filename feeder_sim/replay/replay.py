@@ -30,9 +30,11 @@ REPLAY = "replay.rrd"  # its name in a run folder
 RRD = b"RRF"  # begin of a file that rerun has made
 
 
-def replay_name(seed: int) -> str:
-    """Name in a run folder of the replay that shows a seed."""
-    return REPLAY if seed == 0 else f"replay_seed_{seed:03d}.rrd"
+def replay_name(seed: int, colour: Colour | None = None) -> str:
+    """Name in a run folder of the replay that shows a seed, with colours that are not the default ones."""
+    if seed == 0 and colour is None:
+        return REPLAY
+    return f"replay_seed_{seed:03d}{f'_{colour}' if colour else ''}.rrd"
 
 
 def remove_replays(folder: Path) -> None:
@@ -45,14 +47,14 @@ def remove_replays(folder: Path) -> None:
                 path.unlink()
 
 
-def build_replay(trajectory: Path, replay: Path, *, shown_seed: int = 0, colour: Colour = "kind") -> None:
+def build_replay(trajectory: Path, replay: Path, *, shown_seed: int = 0, colour: Colour | None = None) -> None:
     """Build an .rrd from a trajectory file; also works on the file of a run that was killed.
 
     Args:
         trajectory: HDF5 file of a run.
         replay: file to write, replaced when it exists.
         shown_seed: index of the seed shown in 3D; the plots show all of them.
-        colour: what the colours of parts stand for.
+        colour: what the colours of parts stand for; see `default_colour`.
 
     Raises:
         InputError: the trajectory cannot be read.
@@ -63,7 +65,9 @@ def build_replay(trajectory: Path, replay: Path, *, shown_seed: int = 0, colour:
     write_whole(replay, replay_content(recording, shown_seed, colour=colour))
 
 
-def replay_content(recording: Recording, shown_seed: int, *, colour: Colour = "kind", style: Style = "viewer") -> bytes:
+def replay_content(
+    recording: Recording, shown_seed: int, *, colour: Colour | None = None, style: Style = "viewer"
+) -> bytes:
     """The whole .rrd, with the layout for the viewer or for pictures.
 
     Raises:
@@ -77,7 +81,7 @@ def replay_content(recording: Recording, shown_seed: int, *, colour: Colour = "k
     times = timetable(scenario, recording.records[shown_seed].stops.tolist())
     terms = modal_terms(timed(recording.plate.drives, times))
     crowd = _is_crowd(scenario)
-    colours = colours_of(scenario, colour)
+    colours = colours_of(scenario, colour, recording.parts)
     box = plate_box(recording.plate) if crowd else single_box(recording, shown_seed)
     held = stream.memory_recording()
     blueprint = crowd_blueprint if crowd else single_blueprint

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from feeder_sim.errors import FeederSimError, InputError, not_written
 from feeder_sim.records.trajectory_file import read_recording, trajectory_of
 from feeder_sim.records.whole_file import partial_of
+from feeder_sim.replay.colours import Colour
 from feeder_sim.replay.headless import camera
 from feeder_sim.replay.plate import TIMELINE
 from feeder_sim.replay.viewer import ends_shown
@@ -107,7 +108,13 @@ def film_of(
 
 
 def make_film(
-    run: Path, file: Path, film: Film, *, seed: int = 0, progress: Callable[[float], None] = lambda _: None
+    run: Path,
+    file: Path,
+    film: Film,
+    *,
+    seed: int = 0,
+    colour: Colour | None = None,
+    progress: Callable[[float], None] = lambda _: None,
 ) -> None:
     """Film a run; the file is there as a whole or not at all.
 
@@ -116,6 +123,7 @@ def make_film(
         file: to write (.mp4).
         film: what is filmed.
         seed: index of the seed.
+        colour: what the colours of parts stand for; see `default_colour`.
         progress: is told the fraction that is done.
 
     Raises:
@@ -124,7 +132,8 @@ def make_film(
         RecordingFailed: the film cannot be written.
     """
     recording, times = read_recording(trajectory_of(run)), film.times
-    with camera(recording, seed=seed, size=film.size, timeline=film.timeline) as viewer, _written(file, film) as write:
+    shown = camera(recording, seed=seed, size=film.size, timeline=film.timeline, colour=colour)
+    with shown as viewer, _written(file, film) as write:
         viewer.settle(float(times[0]))
         for i, time in enumerate(times):
             write(viewer.picture(float(time)).tobytes())

@@ -13,6 +13,7 @@ from feeder_sim.errors import FeederSimError, InputError
 from feeder_sim.records.own_files import check_no_links, locked
 from feeder_sim.records.trajectory_file import read_recording, trajectory_of
 from feeder_sim.records.whole_file import write_whole
+from feeder_sim.replay.colours import Colour
 from feeder_sim.replay.headless import camera, viewer_program
 from feeder_sim.replay.plate import TIMELINE
 from feeder_sim.replay.replay import build_replay, replay_name, timeline_ends
@@ -24,7 +25,7 @@ SIZE = 1920, 1080  # [pixels], of a screenshot
 FORMATS = {".png": "PNG", ".jpg": "JPEG"}  # of a screenshot
 
 
-def replay_file(run: Path, *, seed: int = 0, rebuild: bool = False) -> Path:
+def replay_file(run: Path, *, seed: int = 0, colour: Colour | None = None, rebuild: bool = False) -> Path:
     """The .rrd of a run, built from its trajectory file when it is missing or older than that.
 
     Where it cannot be kept beside the trajectory, because the run is still under way or nobody may write there, it is
@@ -35,7 +36,7 @@ def replay_file(run: Path, *, seed: int = 0, rebuild: bool = False) -> Path:
         RecordingFailed: the disk is full.
     """
     trajectory = trajectory_of(run)
-    folder, name = trajectory.parent, replay_name(seed)
+    folder, name = trajectory.parent, replay_name(seed, colour)
     check_no_links(folder)
     replay = folder / name
     if not rebuild and replay.is_file() and replay.stat().st_mtime_ns >= trajectory.stat().st_mtime_ns:
@@ -47,7 +48,7 @@ def replay_file(run: Path, *, seed: int = 0, rebuild: bool = False) -> Path:
             held.enter_context(locked(folder))
         except FeederSimError:
             replay = Path(tempfile.mkdtemp(prefix="feeder_sim_")) / name
-        build_replay(trajectory, replay, shown_seed=seed)
+        build_replay(trajectory, replay, shown_seed=seed, colour=colour)
     return replay
 
 
@@ -98,7 +99,15 @@ def open_viewer(replay: Path) -> None:
         raise FeederSimError(f"{replay}: the rerun viewer did not open (no screen? --screenshot needs none)")
 
 
-def take_screenshot(run: Path, picture: Path, *, at: float, timeline: str = TIMELINE, seed: int = 0) -> None:
+def take_screenshot(
+    run: Path,
+    picture: Path,
+    *,
+    at: float,
+    timeline: str = TIMELINE,
+    seed: int = 0,
+    colour: Colour | None = None,
+) -> None:
     """Draw the replay of a run at a time [s] of a timeline, without a screen.
 
     Raises:
@@ -107,7 +116,7 @@ def take_screenshot(run: Path, picture: Path, *, at: float, timeline: str = TIME
         RecordingFailed: the picture cannot be written.
     """
     recording = read_recording(trajectory_of(run))
-    with camera(recording, seed=seed, size=SIZE, timeline=timeline) as viewer:
+    with camera(recording, seed=seed, size=SIZE, timeline=timeline, colour=colour) as viewer:
         viewer.settle(at)
         drawn = viewer.picture(at)
     content = io.BytesIO()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -10,10 +11,12 @@ import pytest
 from conftest import piston_scenario, strip_scenario
 
 from feeder_sim.errors import InputError
+from feeder_sim.part.solids import hex_nut
+from feeder_sim.part.stable_poses import PoseTable, stable_poses
 from feeder_sim.plate.drive import ModalDrive
 from feeder_sim.records.trajectory import PlateRecord, Recording
 from feeder_sim.records.trajectory_file import TRAJECTORY, read_recording
-from feeder_sim.replay.colours import colours_of, kind_names
+from feeder_sim.replay.colours import colours_of, default_colour, kind_names
 from feeder_sim.replay.eye import framing
 from feeder_sim.replay.labels import Box, bar_length, legend_places, stage_texts
 from feeder_sim.replay.layout import scene_aspect, scene_eye
@@ -136,13 +139,33 @@ def test_kinds_have_colours_and_a_legend(run: Path, recording: Recording) -> Non
     colours = [logged(run / "replay.rrd", f"parts/{kind}/{kind}", "Mesh3D:albedo_factor")[0][1] for kind in (0, 1)]
     legend = logged(run / "replay.rrd", "labels/legend", "Points3D:colors")[0][1]
     assert [colour[0] for colour in colours] == legend and legend[0] != legend[1]
-    two = colours_of(parse_scenario(recording.scenario_text, file=recording.path), "kind")
+    two = colours_of(parse_scenario(recording.scenario_text, file=recording.path), "kind", recording.parts)
     assert two.index(recording.seeds[0], [FEW - 1, FEW]).tolist() == [[0, 1]] * len(recording.seeds[0])
     assert kind_names([HexNut(size="M2.5"), HexNut(size="M3"), HexNut(size="M3")]) == [
         "nut M2.5",
         "nut M3 (2)",
         "nut M3 (3)",
     ]
+
+
+def test_poses_have_colours(recording: Recording) -> None:
+    """Nuts flat, on edge and leaning, beside a ball, which has no poses."""
+    nut = hex_nut(5e-3, 2e-3, 2.5e-3, 7850.0, "part_0")
+    poses = stable_poses(nut)
+    nuts, ball = (replace(recording.parts[0], poses=table) for table in (poses, PoseTable(())))
+    scenario = parse_scenario(recording.scenario_text, file=recording.path)
+    by_pose = colours_of(scenario, "pose", [nuts] * FEW + [ball] * FEW)
+    assert [entry.name for entry in by_pose.entries] == ["in no pose", "ball 3 mm A", "ball 3 mm B"]
+    assert len({entry.colour for entry in by_pose.entries}) == 3
+    frames = recording.seeds[0][slice(0, 1)]
+    attitude = frames.quaternion.copy()
+    tilts = np.radians([0.0, 90.0, 40.0])
+    attitude[0, :3] = np.column_stack([np.cos(tilts / 2), np.sin(tilts / 2), 0 * tilts, 0 * tilts])
+    assert by_pose.index(replace(frames, quaternion=attitude), [0, 1, 2, FEW]).tolist() == [[1, 2, 0, 0]]
+    # What a run is coloured by hangs on whether its picks ask for a side.
+    assert default_colour(scenario) == "kind"
+    picky = scenario.schedule.stage[0].model_copy(update={"pick": (Pick(clearance_mm=1.0, up=("A",)),)})  # type: ignore[union-attr]
+    assert default_colour(scenario.model_copy(update={"schedule": Schedule(stage=(picky,))})) == "pose"
 
 
 def test_one_kind_has_no_legend_and_bar_has_its_length(tmp_path: Path) -> None:
