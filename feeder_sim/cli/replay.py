@@ -30,7 +30,9 @@ def replay(
     size: Annotated[str | None, typer.Option("--size", help="Of the film [1280x720].")] = None,
     slow: Annotated[bool, typer.Option("--slow-motion", help="Times are those of the slow-motion timeline.")] = False,
     show_seed: Annotated[int, typer.Option("--show-seed", min=0, help="Index of the seed shown in 3D.")] = 0,
-    rebuild: Annotated[bool, typer.Option("--rebuild", help="Build the .rrd again from the trajectory.")] = False,
+    rebuild: Annotated[
+        bool, typer.Option("--rebuild", help="Build the .rrd again, as pictures and films always do.")
+    ] = False,
 ) -> None:
     """Open a recorded run in the rerun viewer, take a picture of it or make a film."""
     from feeder_sim.replay.plate import TIMELINE
