@@ -36,7 +36,9 @@ def replay(
     colour: Annotated[
         str | None, typer.Option("--colour", help="Of parts: kind or pose [pose where picks ask for a side up].")
     ] = None,
-    rebuild: Annotated[bool, typer.Option("--rebuild", help="Build the .rrd again from the trajectory.")] = False,
+    rebuild: Annotated[
+        bool, typer.Option("--rebuild", help="Build the .rrd again, as pictures and films always do.")
+    ] = False,
 ) -> None:
     """Open a recorded run in the rerun viewer, take a picture of it or make a film."""
     from feeder_sim.replay.plate import TIMELINE

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import contextlib
 import math
+import subprocess
+import tempfile
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from feeder_sim.errors import FeederSimError, InputError, not_written
+from feeder_sim.errors import FeederSimError, InputError, not_written, printable
 from feeder_sim.records.trajectory_file import read_recording, trajectory_of
 from feeder_sim.records.whole_file import partial_of
 from feeder_sim.replay.colours import Colour
@@ -25,7 +27,7 @@ FPS, SIZE = 25.0, (1280, 720)
 LONGEST_S = 20.0  # of a film whose speed is not given
 MOST_FRAMES = 100_000
 SMALLEST, LARGEST = 320, 3840  # [pixels], of either side
-QUALITY = 8  # of 10; lines and text stay sharp
+QUALITY = 18  # of x264's scale from 0 (best) to 51; lines and text stay sharp
 
 
 @dataclass(frozen=True)
@@ -142,35 +144,36 @@ def make_film(
 
 @contextlib.contextmanager
 def _written(file: Path, film: Film) -> Iterator[Callable[[bytes], Any]]:
-    """Takes the frames of a film; the file gets its name at the end."""
-    import imageio_ffmpeg
-
-    partial, frames = partial_of(file), 0
-    writer = imageio_ffmpeg.write_frames(
-        str(partial),
-        film.size,
-        fps=film.fps,
-        quality=QUALITY,
-        macro_block_size=2,
-        ffmpeg_log_level="error",
-        output_params=["-f", "mp4", "-movflags", "+faststart"],
-    )
-
-    def write(frame: bytes) -> None:
-        nonlocal frames
-        writer.send(frame)
-        frames += 1
-
-    try:
+    """Takes the frames of a film (RGB, row by row); the file gets its name at the end."""
+    partial = partial_of(file)
+    with tempfile.TemporaryFile() as said:
         try:
-            writer.send(None)
-            yield write
+            ffmpeg = subprocess.Popen(_command(film, partial), stdin=subprocess.PIPE, stdout=said, stderr=said)
+            assert ffmpeg.stdin is not None
+            try:
+                with contextlib.suppress(BrokenPipeError), ffmpeg.stdin:  # ffmpeg itself says why it ended
+                    yield ffmpeg.stdin.write
+            except BaseException:
+                ffmpeg.kill()
+                raise
+            finally:
+                ffmpeg.wait()
+            if ffmpeg.returncode:
+                said.seek(0)
+                lines = said.read().decode(errors="replace").splitlines() or ["it gave no reason"]
+                raise FeederSimError(f"{file}: ffmpeg has not written it: {printable(lines[-1])}")
+            partial.replace(file)
+        except OSError as error:
+            raise not_written(file, error) from error
         finally:
-            writer.close()
-        if imageio_ffmpeg.count_frames_and_secs(str(partial))[0] != frames:
-            raise FeederSimError(f"{file}: ffmpeg has not written all frames, is the disk full?")
-        partial.replace(file)
-    except OSError as error:
-        raise not_written(file, error) from error
-    finally:
-        partial.unlink(missing_ok=True)
+            partial.unlink(missing_ok=True)
+
+
+def _command(film: Film, file: Path) -> list[str]:
+    """What makes of raw frames a film that common players play."""
+    from imageio_ffmpeg import get_ffmpeg_exe
+
+    width, height = film.size
+    frames = ["-f", "rawvideo", "-pix_fmt", "rgb24", "-s", f"{width}x{height}", "-r", f"{film.fps:g}", "-i", "-"]
+    coded = ["-c:v", "libx264", "-pix_fmt", "yuv420p", "-crf", str(QUALITY), "-movflags", "+faststart"]
+    return [get_ffmpeg_exe(), "-y", "-loglevel", "error", *frames, *coded, "-f", "mp4", str(file.resolve())]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import subprocess
 import sys
 from pathlib import Path
 
@@ -11,7 +12,7 @@ from conftest import strip_scenario
 from typer.testing import CliRunner
 
 from feeder_sim.cli.main import app
-from feeder_sim.errors import InputError
+from feeder_sim.errors import FeederSimError, InputError
 from feeder_sim.replay.video import check_library, film_of, make_film
 from feeder_sim.replay.viewer import take_screenshot
 from feeder_sim.run.run_folder import record_run
@@ -48,10 +49,11 @@ def test_film_has_its_frames_and_nothing_else_is_left(tmp_path: Path) -> None:
     done: list[float] = []
     film = film_of(tmp_path / "run", 0.1, 0.3, fps=20.0, size=(640, 360))
     make_film(tmp_path / "run", tmp_path / "film.mp4", film, progress=done.append)
-    assert imageio_ffmpeg.count_frames_and_secs(str(tmp_path / "film.mp4"))[0] == len(film.times) == 5
-    frames = imageio_ffmpeg.read_frames(str(tmp_path / "film.mp4"))
-    assert next(frames)["size"] == (640, 360)
-    first, *_, last = (np.frombuffer(frame, np.uint8).reshape(360, 640, 3).astype(int) for frame in frames)
+    decode = [imageio_ffmpeg.get_ffmpeg_exe(), "-loglevel", "error", "-i", str(tmp_path / "film.mp4")]
+    raw = subprocess.run([*decode, "-f", "rawvideo", "-pix_fmt", "rgb24", "-"], capture_output=True, check=True).stdout
+    frames = np.frombuffer(raw, np.uint8).reshape(-1, 360, 640, 3).astype(int)
+    assert len(frames) == len(film.times) == 5
+    first, last = frames[0], frames[-1]
     assert np.abs(first - last)[:, 400:].max() > 60  # the cursor of the plots has moved on
     assert done == pytest.approx([0.2, 0.4, 0.6, 0.8, 1.0])
     assert sorted(path.name for path in tmp_path.iterdir()) == ["film.mp4", "run"]
@@ -72,6 +74,20 @@ def test_film_that_fails_half_way_leaves_no_file(tmp_path: Path) -> None:
     with pytest.raises(_NoMore):
         make_film(tmp_path / "run", tmp_path / "film.mp4", film_of(tmp_path / "run", None, None), progress=stops)
     assert [path.name for path in tmp_path.iterdir()] == ["run"]
+
+
+@drawn
+def test_film_on_a_full_disk_is_one_line_and_no_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    imageio_ffmpeg = pytest.importorskip("imageio_ffmpeg")
+    record_run(strip_scenario(duration_s=0.2), tmp_path / "run")
+    full = tmp_path / "ffmpeg"
+    full.write_text("#!/bin/sh\ntouch film.mp4.partial\necho 'film.mp4.partial: No space left on device' >&2\nexit 1\n")
+    full.chmod(0o755)
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(imageio_ffmpeg, "get_ffmpeg_exe", lambda: str(full))
+    with pytest.raises(FeederSimError, match=r"^film.mp4: ffmpeg has not written it: .*: No space left on device$"):
+        make_film(tmp_path / "run", Path("film.mp4"), film_of(tmp_path / "run", None, None))
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["ffmpeg", "run"]
 
 
 def test_film_without_its_library_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
