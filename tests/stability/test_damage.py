@@ -106,7 +106,7 @@ def killed(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_killed_run_is_read(killed: Path) -> None:
     recording = read_recording(killed / "killed.h5")
-    assert [record.sizes for record in recording.records] == [(3 * BLOCK, 21, 0, 0)] * 2
+    assert [record.sizes for record in recording.records] == [(3 * BLOCK, 21, 0, 0, 0)] * 2
     assert recording.status == (Status.UNFINISHED,) * 2 and recording.wall_times[1] == WallTime(2.0, 3.0)
     assert np.array_equal(recording.seeds[0].position[:BLOCK], block(0).frames.position)
     assert [len(frames) for frames in read_recording(killed / "closed.h5").seeds] == [4 * BLOCK, 3 * BLOCK]
