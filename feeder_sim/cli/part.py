@@ -75,7 +75,7 @@ def _spec(file: Path, material: str, unit: float) -> MeshPart:
 
 def _cut(spec: MeshPart, error_mm: float | None, *, force: bool) -> MeshPart:
     """Write the convex pieces of a part beside its mesh; returns the part with them."""
-    from feeder_sim.part.mesh_part import closed_mesh
+    from feeder_sim.part.mesh_file import closed_mesh
     from feeder_sim.part.pieces import make_pieces, pieces_beside, write_pieces
 
     path = writable(pieces_beside(spec.file), force=force)

@@ -2,20 +2,16 @@
 
 from __future__ import annotations
 
-import warnings
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from feeder_sim.errors import InputError
+from feeder_sim.part.mesh_file import closed_mesh
 from feeder_sim.part.pieces import read_pieces
 from feeder_sim.part.rigid_part import LEVEL, RigidPart
 
-MESH_SUFFIXES = (".stl", ".obj", ".ply", ".off")
-FARTHEST_MM = 1e5  # as for all lengths of a scenario
 MAX_CORNERS = 64  # hull vertices beyond this many add cost and no contact
 ALIGNED = 1e-9  # of a moment of inertia over the largest: products of inertia that small are round-off
 
@@ -34,21 +30,15 @@ def mesh_part(
         key: of the scenario.
 
     Raises:
-        InputError: it is missing, unreadable, not closed, without volume or not one body; pieces that are not its own.
+        InputError: the file is not one closed body of a likely size (mesh_file.py); pieces that are not its own.
     """
     mesh = closed_mesh(path, unit_mm, key=key)
     held = [] if pieces is None else read_pieces(pieces, path, mesh)
     mesh.apply_scale(unit_mm * 1e-3)
-    mesh.fix_normals()
     mesh.density = density
-    if not mesh.volume > 0.0:
-        raise InputError("encloses no volume", file=path, key=key)
     centre = np.array(mesh.center_mass, float)
     moments, axes = principal_axes(np.array(mesh.moment_inertia))
-    try:
-        hull = mesh.convex_hull
-    except Exception as error:  # as flat as the round-off
-        raise InputError("encloses no volume", file=path, key=key) from error
+    hull = mesh.convex_hull
     return RigidPart(
         name,
         float(mesh.mass),
@@ -93,40 +83,6 @@ def principal_axes(tensor: NDArray[np.float64]) -> tuple[NDArray[np.float64], ND
     moments, axes = np.linalg.eigh(tensor)
     axes = axes if np.linalg.det(axes) > 0 else -axes
     return moments, np.asarray(Rotation.from_matrix(axes).as_quat(scalar_first=True))
-
-
-def closed_mesh(path: Path, unit_mm: float, *, key: str = "part.file") -> Any:
-    """The one closed surface in a mesh file; what the file names besides, as colours and pictures, is left alone.
-
-    Raises:
-        InputError: it is missing, unreadable, empty, open, or of several bodies.
-    """
-    import trimesh
-
-    def refusal(problem: str) -> InputError:
-        return InputError(problem, file=path, key=key)
-
-    if path.suffix.lower() not in MESH_SUFFIXES:
-        raise refusal(f"is {path.suffix!r}, allowed is {', '.join(MESH_SUFFIXES)}")
-    if not path.is_file():
-        raise refusal("no such mesh file")
-    try:
-        with warnings.catch_warnings(action="ignore"):  # of numbers that are refused below
-            mesh = trimesh.load_mesh(path, resolver={}, skip_materials=True)
-    except ImportError as error:  # of a module that guesses the alphabet of a text
-        raise refusal("not a readable mesh: damaged, or its text is not in UTF-8") from error
-    except Exception as error:  # the readers of the formats raise what they like
-        raise refusal(f"not a readable mesh: {error}") from error
-    if not isinstance(mesh, trimesh.Trimesh) or len(mesh.faces) == 0:
-        raise refusal("holds no triangles")
-    reach = float(np.abs(mesh.vertices).max()) * unit_mm
-    if not reach <= FARTHEST_MM:
-        raise refusal(f"reaches {reach:g} mm from its origin, allowed is up to {FARTHEST_MM:g} mm")
-    if not mesh.is_watertight:
-        raise refusal("is an open mesh, allowed is a closed (watertight) one")
-    if mesh.body_count > 1:
-        raise refusal(f"holds {mesh.body_count} bodies or cavities, allowed is one body without closed cavities")
-    return mesh
 
 
 def spread_corners(points: NDArray[np.float64]) -> NDArray[np.float64]:
