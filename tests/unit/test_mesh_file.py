@@ -97,7 +97,8 @@ def test_touching_is_not_intersecting(tmp_path: Path) -> None:
     dented(-0.999).export(tmp_path / "dented.stl")
     closed_mesh(tmp_path / "dented.stl", 1.0)
     beside = [box(2.0, 2.0, 2.0), box(2.0, 2.0, 2.0).apply_translation([2.0, 0.5, 0.5])]  # with a common plane
-    assert first_crossing(np.asarray(trimesh.util.concatenate(beside).triangles)) is None
+    both: Any = trimesh.util.concatenate(beside)
+    assert first_crossing(np.asarray(both.triangles)) is None
     assert first_crossing(np.asarray(trimesh.creation.icosphere(subdivisions=4).triangles)) is None
 
 
@@ -107,7 +108,8 @@ def test_crossing_facets_are_found_wherever_they_are(seed: int) -> None:
     turn = trimesh.transformations.random_rotation_matrix(np.random.default_rng(seed).random(3))
     needle = box(0.2, 0.2, 9.0).apply_transform(turn)
     ball = trimesh.creation.icosphere(subdivisions=4, radius=3.0)
-    found = first_crossing(np.asarray(trimesh.util.concatenate([ball, needle]).apply_translation([50, 0, 9]).triangles))
+    both: Any = trimesh.util.concatenate([ball, needle])
+    found = first_crossing(np.asarray(both.apply_translation([50, 0, 9]).triangles))
     assert found is not None
     assert found[0] < len(ball.faces) <= found[1]
     assert np.linalg.norm(found[2] - [50, 0, 9]) == pytest.approx(3.0, abs=0.05)
