@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from feeder_sim.part.mesh_part import closed_mesh
+from feeder_sim.part.mesh_file import closed_mesh
 from feeder_sim.part.pieces import make_pieces, pieces_beside, write_pieces
 
 MODELS = Path(__file__).parent

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from feeder_sim.scenario import Contact, MeshPart
     from feeder_sim.studies.drops import DropStudy
 
+CORNER_ERROR_UM = 50.0  # as for the parts of a scenario
 MOST_POSES = 26  # printed; JSON has all
 MOST_DROPS = 1_000_000
 
@@ -32,6 +33,9 @@ def part(
     restitution: Annotated[float | None, typer.Option("--restitution", help="Of part and plate [0.2].")] = None,
     friction: Annotated[float | None, typer.Option("--friction", help="Of part and plate [0.3].")] = None,
     seed: Annotated[int, typer.Option("--seed", min=0, help="Root of the random attitudes.")] = 0,
+    corner_error: Annotated[
+        float, typer.Option("--corner-error", min=0.0, help="Of the contact corners [um].")
+    ] = CORNER_ERROR_UM,
     pieces: Annotated[
         bool, typer.Option("--pieces", help="Cut it into convex pieces and write them to STEM_pieces.obj beside it.")
     ] = False,
@@ -49,7 +53,7 @@ def part(
         new_picture(picture)
     if piece_error is not None and not pieces:
         raise InputError("belongs to --pieces, which is missing", file=file, key="--piece-error-mm")
-    spec, contact = _spec(file, material, unit), _contact(file, engine, restitution, friction)
+    spec, contact = _spec(file, material, unit, corner_error), _contact(file, engine, restitution, friction)
     if pieces:
         spec = _cut(spec, piece_error, force=force)
     body = build_part(spec, name=printable(file.stem))
@@ -65,17 +69,23 @@ def part(
     _print_poses(poses, drops_made)
 
 
-def _spec(file: Path, material: str, unit: float) -> MeshPart:
+def _spec(file: Path, material: str, unit: float, corner_error: float) -> MeshPart:
     from feeder_sim.scenario import MeshPart
     from feeder_sim.scenario.tables import validated
 
-    values = {"shape": "mesh", "file": file, "file_unit_mm": unit, "material": material}
+    values = {
+        "shape": "mesh",
+        "file": file,
+        "file_unit_mm": unit,
+        "material": material,
+        "corner_error_um": corner_error,
+    }
     return validated(values, MeshPart, file)
 
 
 def _cut(spec: MeshPart, error_mm: float | None, *, force: bool) -> MeshPart:
     """Write the convex pieces of a part beside its mesh; returns the part with them."""
-    from feeder_sim.part.mesh_part import closed_mesh
+    from feeder_sim.part.mesh_file import closed_mesh
     from feeder_sim.part.pieces import make_pieces, pieces_beside, write_pieces
 
     path = writable(pieces_beside(spec.file), force=force)
@@ -166,6 +176,7 @@ def describe(body: RigidPart, spec: MeshPart, study: DropStudy | None) -> dict[s
         "watertight": True,  # no other file is read
         "facets": len(body.faces),
         "corners": len(body.corners),
+        "corner_error_um": 1e6 * body.corner_error,
         "hull_over_volume": shape.hull_over_volume,
         "pieces": len(body.pieces),
         "stable_poses": poses,

@@ -2,65 +2,88 @@
 
 from __future__ import annotations
 
-import warnings
-from dataclasses import dataclass
+import functools
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from feeder_sim.errors import InputError
+from feeder_sim.part.corners import contact_corners
+from feeder_sim.part.mesh_file import closed_mesh
 from feeder_sim.part.pieces import read_pieces
 from feeder_sim.part.rigid_part import LEVEL, RigidPart
 
-MESH_SUFFIXES = (".stl", ".obj", ".ply", ".off")
-FARTHEST_MM = 1e5  # as for all lengths of a scenario
-MAX_CORNERS = 64  # hull vertices beyond this many add cost and no contact
 ALIGNED = 1e-9  # of a moment of inertia over the largest: products of inertia that small are round-off
 
 
 def mesh_part(
-    path: Path, unit_mm: float, density: float, name: str, *, pieces: Path | None = None, key: str = "part.file"
+    path: Path,
+    unit_mm: float,
+    density: float,
+    name: str,
+    *,
+    corner_error: float = 0.0,
+    pieces: Path | None = None,
+    key: str = "part.file",
 ) -> RigidPart:
-    """A part from a file with one closed mesh; `key` names the file in messages.
+    """A part from a file with one closed mesh.
 
     Args:
         path: of the file.
         unit_mm: its unit of length [mm].
         density: [kg/m^3].
         name: of the part.
+        corner_error: how far the hull of its corners may lie below that of the mesh [m].
         pieces: file of its convex pieces, by which parts meet each other; without it they do by its hull.
-        key: of the scenario.
+        key: of the scenario, for messages.
 
     Raises:
-        InputError: it is missing, unreadable, not closed, without volume or not one body; pieces that are not its own.
+        InputError: the file is not one closed body of a likely size (mesh_file.py); pieces that are not its own.
     """
+    read = _read if path.is_file() else _read.__wrapped__  # which says that there is none
+    part = read(path, _state(path), unit_mm, corner_error, pieces, _state(pieces), key)
+    return replace(part, name=name, mass=density * part.mass, inertia=density * part.inertia)
+
+
+def _state(path: Path | None) -> tuple[int, int] | None:
+    """What changes with a file."""
+    if path is None or not path.is_file():
+        return None
+    status = path.stat()
+    return status.st_mtime_ns, status.st_size
+
+
+@functools.lru_cache(maxsize=16)  # scenes are built many times of the same parts
+def _read(
+    path: Path, _: object, unit_mm: float, corner_error: float, pieces: Path | None, __: object, key: str
+) -> RigidPart:
+    """The part of a mesh file with a density of 1 kg/m^3; `_` and `__` tell states of the files apart."""
     mesh = closed_mesh(path, unit_mm, key=key)
     held = [] if pieces is None else read_pieces(pieces, path, mesh)
     mesh.apply_scale(unit_mm * 1e-3)
-    mesh.fix_normals()
-    mesh.density = density
-    if not mesh.volume > 0.0:
-        raise InputError("encloses no volume", file=path, key=key)
     centre = np.array(mesh.center_mass, float)
     moments, axes = principal_axes(np.array(mesh.moment_inertia))
-    try:
-        hull = mesh.convex_hull
-    except Exception as error:  # as flat as the round-off
-        raise InputError("encloses no volume", file=path, key=key) from error
+    corners, error = contact_corners(np.array(mesh.convex_hull.vertices) - centre, corner_error)
     return RigidPart(
-        name,
-        float(mesh.mass),
+        path.stem,
+        float(mesh.volume),
         moments,
-        spread_corners(np.array(hull.vertices) - centre),
+        corners,
         0.0,
         np.array(mesh.vertices) - centre,
         np.array(mesh.faces),
         principal_axes=axes,
         centre=centre,
-        pieces=tuple(spread_corners(points * unit_mm * 1e-3 - centre) for points in held),
+        corner_error=error,
+        pieces=tuple(_thinned(1e-3 * unit_mm * points - centre, corner_error) for points in held),
     )
+
+
+def _thinned(points: NDArray[np.float64], error: float) -> NDArray[np.float64]:
+    """Corners of a convex piece, (n, 3) [m], to an error [m]."""
+    middle = points.mean(axis=0)
+    return contact_corners(points - middle, error)[0] + middle
 
 
 @dataclass(frozen=True)
@@ -93,49 +116,3 @@ def principal_axes(tensor: NDArray[np.float64]) -> tuple[NDArray[np.float64], ND
     moments, axes = np.linalg.eigh(tensor)
     axes = axes if np.linalg.det(axes) > 0 else -axes
     return moments, np.asarray(Rotation.from_matrix(axes).as_quat(scalar_first=True))
-
-
-def closed_mesh(path: Path, unit_mm: float, *, key: str = "part.file") -> Any:
-    """The one closed surface in a mesh file; what the file names besides, as colours and pictures, is left alone.
-
-    Raises:
-        InputError: it is missing, unreadable, empty, open, or of several bodies.
-    """
-    import trimesh
-
-    def refusal(problem: str) -> InputError:
-        return InputError(problem, file=path, key=key)
-
-    if path.suffix.lower() not in MESH_SUFFIXES:
-        raise refusal(f"is {path.suffix!r}, allowed is {', '.join(MESH_SUFFIXES)}")
-    if not path.is_file():
-        raise refusal("no such mesh file")
-    try:
-        with warnings.catch_warnings(action="ignore"):  # of numbers that are refused below
-            mesh = trimesh.load_mesh(path, resolver={}, skip_materials=True)
-    except ImportError as error:  # of a module that guesses the alphabet of a text
-        raise refusal("not a readable mesh: damaged, or its text is not in UTF-8") from error
-    except Exception as error:  # the readers of the formats raise what they like
-        raise refusal(f"not a readable mesh: {error}") from error
-    if not isinstance(mesh, trimesh.Trimesh) or len(mesh.faces) == 0:
-        raise refusal("holds no triangles")
-    reach = float(np.abs(mesh.vertices).max()) * unit_mm
-    if not reach <= FARTHEST_MM:
-        raise refusal(f"reaches {reach:g} mm from its origin, allowed is up to {FARTHEST_MM:g} mm")
-    if not mesh.is_watertight:
-        raise refusal("is an open mesh, allowed is a closed (watertight) one")
-    if mesh.body_count > 1:
-        raise refusal(f"holds {mesh.body_count} bodies or cavities, allowed is one body without closed cavities")
-    return mesh
-
-
-def spread_corners(points: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Keep at most MAX_CORNERS hull vertices, each the farthest from those kept before it."""
-    if len(points) <= MAX_CORNERS:
-        return points
-    kept = [int(np.argmax(np.linalg.norm(points, axis=1)))]
-    distance = np.linalg.norm(points - points[kept[0]], axis=1)
-    while len(kept) < MAX_CORNERS:
-        kept.append(int(np.argmax(distance)))
-        distance = np.minimum(distance, np.linalg.norm(points - points[kept[-1]], axis=1))
-    return points[np.sort(kept)]

@@ -35,6 +35,7 @@ class RigidPart:
         vertices, faces: closed mesh for drawing, shapes (n, 3) [m] and (m, 3).
         principal_axes: attitude of the principal axes in the part's axes, quaternion (4,), w first.
         centre: the centre of mass in the axes and from the origin of the file that it was drawn in, shape (3,) [m].
+        corner_error: how far the hull of the corners lies below that of the mesh, at most [m].
         pieces: corners (n, 3) [m] of each convex piece that parts meet each other with; none: the hull of all corners.
         circle_radius: of a cylinder along z that meets the plate with the circles around its ends [m], on which its
             corners lie; 0 for what meets it with its corners.
@@ -49,6 +50,7 @@ class RigidPart:
     faces: NDArray[np.int64]
     principal_axes: NDArray[np.float64] = field(default_factory=_as_drawn)
     centre: NDArray[np.float64] = field(default_factory=lambda: np.zeros(3))
+    corner_error: float = 0.0
     pieces: tuple[NDArray[np.float64], ...] = ()
     circle_radius: float = 0.0
 

@@ -71,7 +71,8 @@ class PartPlan:
     """One part table.
 
     `centre_mm` is the centre of mass in the part's file, `inertia_g_mm2` the principal moments of inertia, and
-    `principal_axes` the attitude of their axes in the file, a quaternion with w first.
+    `principal_axes` the attitude of their axes in the file, a quaternion with w first. The hull of its `corners` lies
+    up to `corner_error_um` below that of the mesh; parts meet each other with `pieces` convex pieces.
     """
 
     name: str
@@ -83,6 +84,8 @@ class PartPlan:
     inertia_g_mm2: list[float]
     principal_axes: list[float]
     corners: int
+    corner_error_um: float
+    pieces: int
 
 
 @dataclass(frozen=True)
@@ -202,6 +205,8 @@ def _part_plan(spec: PartSpec, kind: RigidPart) -> PartPlan:
         inertia_g_mm2=[1e9 * moment for moment in kind.inertia],
         principal_axes=kind.principal_axes.tolist(),
         corners=len(kind.corners),
+        corner_error_um=1e6 * kind.corner_error,
+        pieces=max(1, len(kind.pieces)),
     )
 
 

@@ -12,7 +12,10 @@ from collections.abc import Iterator
 import numpy as np
 
 from feeder_sim.errors import InputError
-from feeder_sim.scenario import Placed, Rectangle, Strip, resolve_material
+from feeder_sim.part.corners import MOST_CORNERS
+from feeder_sim.part.mesh_part import solid
+from feeder_sim.part.rigid_part import RigidPart
+from feeder_sim.scenario import MeshPart, Placed, Rectangle, Strip, resolve_material
 from feeder_sim.scene.overlap import reaching_hulls
 from feeder_sim.scene.scene import Scene
 from feeder_sim.scene.start import start_poses
@@ -20,6 +23,7 @@ from feeder_sim.scene.timetable import largest_together
 
 FASTEST = 100.0  # [m/s] of the surface; plates of feeders reach 1 m/s
 MOST_PLACED = 100  # parts, whose overlap at the start is looked at
+HIDDEN = 1.1  # volume of a hull over that of its part, from which on what it hides may matter
 BREAKS = 1e8  # [Pa] of alternating stress, at which plates of aluminium and steel do not live long
 
 
@@ -85,3 +89,20 @@ def doubts(scene: Scene) -> Iterator[str]:
     for i, (spec, kind) in enumerate(zip(scene.scenario.part, scene.kinds, strict=True)):
         if spec.guide is None and kind.longest > shorter:
             yield f"part[{i}]: is {1e3 * kind.longest:.3g} mm long, more than the plate's side, {1e3 * shorter:.3g} mm"
+        if isinstance(spec, MeshPart):
+            yield from _doubts_of_contact(spec, kind, i, crowd=len(scene.parts) > 1)
+
+
+def _doubts_of_contact(spec: MeshPart, kind: RigidPart, i: int, *, crowd: bool) -> Iterator[str]:
+    """Lines about what the corners of a mesh leave out, and in a crowd its hull."""
+    if 1e6 * kind.corner_error > 1.001 * spec.corner_error_um:
+        yield (
+            f"part[{i}].corner_error_um: is {spec.corner_error_um:g}, {len(kind.corners)} corners leave "
+            f"{1e6 * kind.corner_error:.3g} um, and no part gets more than {MOST_CORNERS}"
+        )
+    hidden = solid(kind).hull_over_volume
+    if spec.contact == "hull" and crowd and hidden > HIDDEN:
+        yield (
+            f"part[{i}]: its hull has {hidden:.2g} times its volume: parts cannot hook or nest; contact = "
+            '"parts" keeps its shape'
+        )

@@ -22,6 +22,7 @@ from feeder_sim.scenario.tables import (
 )
 
 MAX_PARTS = 5000
+CORNER_ERROR_UM = 50.0  # of the corners of a mesh; see docs/parts.md for what it changes
 # From the vertical. A guide that is nearly horizontal would not stand on the plate.
 GuideTiltDeg = Annotated[float, Field(ge=0, le=60, strict=True)]
 
@@ -187,6 +188,7 @@ class MeshPart(_Part):
     shape: Literal["mesh"]
     file: Path
     file_unit_mm: Annotated[float, Field(ge=1e-6, le=1e6, strict=True)] = 1.0
+    corner_error_um: Annotated[float, Field(ge=0, le=1e4, strict=True)] = CORNER_ERROR_UM
     contact: Literal["hull", "parts"] = "hull"
     pieces: Path | None = None
 

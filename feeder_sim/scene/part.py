@@ -39,7 +39,8 @@ def _shaped(spec: PartSpec, density: float, name: str) -> RigidPart:
         return ball(spec.diameter_mm * 1e-3, density, name)
     if isinstance(spec, Cylinder):
         return cylinder(spec.diameter_mm * 1e-3, spec.height_mm * 1e-3, density, name)
-    return mesh_part(spec.file, spec.file_unit_mm, density, name, pieces=spec.pieces_file)
+    error = 1e-6 * spec.corner_error_um
+    return mesh_part(spec.file, spec.file_unit_mm, density, name, corner_error=error, pieces=spec.pieces_file)
 
 
 def nut_dimensions(spec: HexNut) -> tuple[float, float, float]:

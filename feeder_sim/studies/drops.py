@@ -31,12 +31,12 @@ from feeder_sim.part.rigid_part import RigidPart
 from feeder_sim.part.stable_poses import NONE, StablePose, stable_poses
 from feeder_sim.run.simulation import COMPILING, announced, in_daemon_thread
 from feeder_sim.scenario import Ball, Contact, Drive, PistonPlate, Run, Scenario
-from feeder_sim.scene.scene import Scene, build_scene
+from feeder_sim.scene.scene import GRAVITY, Scene, build_scene
 from feeder_sim.single_thread import single_threaded
 
 DROPS = 2000
 HEIGHT = 1.0  # of the lowest point at the start, over the part's largest extent
-LONGEST_S = 3.0  # [s]; a part that still moves then lies in no pose
+LONGEST = 25.0  # times the fall; a part that still rolls then counts to the pose that it rolls in
 INTERVAL_S = 0.01  # [s] between two looks at a part
 LOOKS = 5  # in a row at which a part has to lie still: one on edge stays there for less
 STILL = 2e-3  # [m/s]; no point of a part that lies still is faster
@@ -76,7 +76,7 @@ class DropStudy:
         engine: that computed it.
         contact: of part and plate.
         pose: index of the pose that each drop ended in, or `NONE`, shape (drops,).
-        rest_s: when each part lay still [s], NaN for one that did not, shape (drops,).
+        rest_s: when each part lay still [s], NaN for one that still rolled, shape (drops,).
     """
 
     part: RigidPart
@@ -98,7 +98,7 @@ class DropStudy:
 
     @property
     def moving(self) -> int:
-        """Drops that did not end: parts that roll."""
+        """Drops after which the part still rolled."""
         return int(np.isnan(self.rest_s).sum())
 
 
@@ -161,8 +161,7 @@ def drop(
                     progress(piece.stop / drops)
         finally:
             interrupt[0] = 1  # given up, or an error: what is left ends where it is
-    number = np.where(np.isnan(rest_s), NONE, table.number(attitude))
-    return DropStudy(part, engine, scene.scenario.contact, number, rest_s)
+    return DropStudy(part, engine, scene.scenario.contact, table.number(attitude), rest_s)
 
 
 def still_plate(part: RigidPart, contact: Contact, engine: Engine) -> Scene:
@@ -170,12 +169,13 @@ def still_plate(part: RigidPart, contact: Contact, engine: Engine) -> Scene:
 
     The scene of a ball over a piston of no amplitude, with the part in the place of the ball.
     """
+    longest = LONGEST * math.sqrt(2.0 * HEIGHT * part.longest / GRAVITY)
     scenario = Scenario(
         plate=PistonPlate(kind="piston", length_mm=PLATE_MM, width_mm=PLATE_MM),
         drive=(Drive(frequency_hz=1.0 / (STEPS * STEP_S), amplitude_um=0.0, ring_up=False),),
         part=(Ball(shape="ball", diameter_mm=1e3 * part.longest),),
         contact=contact,
-        run=Run(engine=engine, duration_s=LONGEST_S, steps_per_period=STEPS, frames_per_second=1.0 / INTERVAL_S),
+        run=Run(engine=engine, duration_s=longest, steps_per_period=STEPS, frames_per_second=1.0 / INTERVAL_S),
     )
     return replace(build_scene(scenario), kinds=(part,), parts=(replace(part, name="part_0"),))
 
@@ -199,7 +199,7 @@ def _impulse_drops(scene: Scene, starts: Rotation, interrupt: NDArray[np.int64])
     drive = MovingPlate(surface, scene.surface.extremes, scene.timestep, WINDOW_ALONE)
     rested = np.empty(len(parts))
     notes = ContactNotes(new_log(1), np.zeros(2))
-    advance_to_rest(alone, drive, notes, INTERVAL_S, LONGEST_S, interrupt, rested)
+    advance_to_rest(alone, drive, notes, INTERVAL_S, scene.times.duration, interrupt, rested)
     ended = Rotation.from_matrix(parts["attitude"]).as_quat(scalar_first=True)
     return scene.attitudes(ended[:, None])[:, 0], rested
 
@@ -217,7 +217,7 @@ def _mujoco_drops(scene: Scene, starts: Rotation, interrupt: NDArray[np.int64]) 
         engine.restore(begin)
         joint.qpos[:3], joint.qpos[3:] = place, principal[k]
         looks = 0
-        while looks < LOOKS and engine.current().time[0] < LONGEST_S and not interrupt[0]:
+        while looks < LOOKS and engine.current().time[0] < scene.times.duration and not interrupt[0]:
             frame = engine.advance(1)
             speed = np.linalg.norm(frame.velocity[0, 0]) + part.size * np.linalg.norm(frame.angular_velocity[0, 0])
             looks = looks + 1 if speed < STILL else 0

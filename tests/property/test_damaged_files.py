@@ -16,7 +16,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from feeder_sim.errors import LONGEST_MESSAGE, FeederSimError, InputError, quoted
-from feeder_sim.part.mesh_part import MESH_SUFFIXES
+from feeder_sim.part.mesh_file import MESH_SUFFIXES
 from feeder_sim.part.rigid_part import RigidPart
 from feeder_sim.records import checkpoint
 from feeder_sim.records.checkpoint import Checkpoint, CheckpointFolder, run_identity

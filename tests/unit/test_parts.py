@@ -9,7 +9,6 @@ import trimesh
 from scipy.spatial.transform import Rotation
 
 from feeder_sim.errors import InputError
-from feeder_sim.part.mesh_part import MAX_CORNERS
 from feeder_sim.part.solids import ISO_4032
 from feeder_sim.scenario import Ball, Cylinder, HexNut, MeshPart, Tube
 from feeder_sim.scene.part import build_part
@@ -72,16 +71,6 @@ def test_mesh_file_keeps_mass_and_finds_principal_axes(tmp_path: Path) -> None:
     assert part.mass == pytest.approx(mass, rel=1e-5)
     assert part.inertia == pytest.approx(expected, rel=1e-5)
     assert np.sort(np.ptp(part.in_principal_axes(part.corners), axis=0)) == pytest.approx([2e-3, 3e-3, 5e-3], rel=1e-5)
-
-
-def test_hull_of_a_fine_mesh_is_thinned_evenly(tmp_path: Path) -> None:
-    sphere = trimesh.creation.icosphere(subdivisions=4, radius=1.0)
-    sphere.export(tmp_path / "sphere.stl")
-    part = build_part(MeshPart(shape="mesh", file=tmp_path / "sphere.stl"))
-    assert len(part.corners) == MAX_CORNERS
-    directions = part.corners / np.linalg.norm(part.corners, axis=1, keepdims=True)
-    gap = np.arccos(np.clip((np.asarray(sphere.vertices) @ directions.T).max(axis=1), -1, 1)).max()
-    assert gap < np.radians(25)
 
 
 def test_open_mesh_is_refused(tmp_path: Path) -> None:

@@ -1,0 +1,187 @@
+"""Mesh files: reading one closed surface, and refusing in one line whatever is none, with what to do about it."""
+
+from __future__ import annotations
+
+import re
+import struct
+import warnings
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from feeder_sim.errors import InputError
+from feeder_sim.part.crossing_facets import first_crossing
+
+MESH_SUFFIXES = (".stl", ".obj", ".ply", ".off")
+FARTHEST_MM = 1e5  # as for all lengths of a scenario
+SHORTEST_MM, LONGEST_MM = 0.1, 300.0  # longest sides of parts that plates feed
+MOST_FACETS = 1_000_000  # read in 2 s and 1 GB
+MOST_BYTES = 300 * MOST_FACETS  # what as many facets take as text
+FLAT = 1e-6  # of the longest side
+NORMALS_AGREE = 1e-3  # share of the facets whose stored normals may point the other way: slivers
+HEADER, FACET = 84, 50  # [byte] of a binary STL file
+BINARY_FACET = np.dtype([("normal", "<f4", 3), ("corner", "<f4", (3, 3)), ("attribute", "<u2")])
+FEWER = "reduce them first (Blender: modifier Decimate; MeshLab: Quadric Edge Collapse Decimation)"
+TURN = "turn them outwards (Blender: Mesh > Normals > Recalculate Outside; MeshLab: Re-Orient All Faces Coherently)"
+
+Refusal = Callable[[str], InputError]
+
+
+def closed_mesh(path: Path, unit_mm: float, *, key: str = "part.file") -> Any:
+    """The one closed surface in a mesh file; what the file names besides, as colours and pictures, is left alone.
+
+    Args:
+        path: of the file.
+        unit_mm: its unit of length [mm].
+        key: of the scenario, for messages.
+
+    Returns:
+        A `trimesh.Trimesh` in the unit of the file, its facets turned outwards.
+
+    Raises:
+        InputError: the file is missing, unreadable or too large; its mesh is empty, of an unlikely size, flat, open,
+            inside out, of several bodies, or intersects itself.
+    """
+
+    def refusal(problem: str) -> InputError:
+        return InputError(problem, file=path, key=key)
+
+    if path.suffix.lower() not in MESH_SUFFIXES:
+        raise refusal(f"is {path.suffix!r}, allowed is {', '.join(MESH_SUFFIXES)}")
+    if not path.is_file():
+        raise refusal("no such mesh file")
+    _check_facets(path, refusal)
+    mesh = _loaded(path, refusal)
+    _check_size(mesh, unit_mm, refusal)
+    _check_closed(mesh, unit_mm, refusal)
+    _check_outside_out(mesh, path, refusal)
+    if mesh.body_count > 1:
+        raise refusal(f"holds {mesh.body_count} bodies or cavities, allowed is one body without closed cavities")
+    crossing = first_crossing(np.asarray(mesh.triangles))
+    if crossing is not None:
+        first, second, place = crossing
+        raise refusal(
+            f"intersects itself: facets {first} and {second} cross at {_place(place, unit_mm)}; unite what overlaps "
+            "(Blender: Boolean, Union) before it is written"
+        )
+    return mesh
+
+
+def _check_facets(path: Path, refusal: Refusal) -> None:
+    """Refuse a file of too many facets before it is read, where its header tells their number or its size does."""
+    size = path.stat().st_size
+    with path.open("rb") as file:
+        head = file.read(4096)
+    number = 0
+    if path.suffix.lower() == ".stl" and len(head) >= HEADER:
+        (told,) = struct.unpack("<I", head[80:HEADER])
+        number = told if size == HEADER + FACET * told else 0
+    elif path.suffix.lower() == ".ply":
+        found = re.search(rb"element face (\d{1,12})\s", head)
+        number = int(found.group(1)) if found else 0
+    if number > MOST_FACETS:
+        raise refusal(f"has {number} facets, allowed is up to {MOST_FACETS}: {FEWER}")
+    if size > MOST_BYTES:
+        raise refusal(f"has {1e-6 * size:.0f} MB, allowed is up to {1e-6 * MOST_BYTES:.0f} MB: {FEWER}")
+
+
+def _loaded(path: Path, refusal: Refusal) -> Any:
+    import trimesh
+
+    try:
+        with warnings.catch_warnings(action="ignore"):  # of numbers that are refused below
+            mesh = trimesh.load_mesh(path, resolver={}, skip_materials=True)
+    except ImportError as error:  # of a module that guesses the alphabet of a text
+        raise refusal("not a readable mesh: damaged, or its text is not in UTF-8") from error
+    except Exception as error:  # the readers of the formats raise what they like
+        raise refusal(f"not a readable mesh: {error}") from error
+    if not isinstance(mesh, trimesh.Trimesh) or len(mesh.faces) == 0:
+        raise refusal("holds no triangles")
+    if len(mesh.faces) > MOST_FACETS:
+        raise refusal(f"has {len(mesh.faces)} facets, allowed is up to {MOST_FACETS}: {FEWER}")
+    return mesh
+
+
+def _check_size(mesh: Any, unit_mm: float, refusal: Refusal) -> None:
+    """Refuse a size that no fed part has, as in a file of another unit."""
+    reach = float(np.abs(mesh.vertices).max()) * unit_mm
+    if not reach <= FARTHEST_MM:
+        raise refusal(f"reaches {reach:g} mm from its origin, allowed is up to {FARTHEST_MM:g} mm")
+    sides = np.ptp(mesh.vertices, axis=0) * unit_mm
+    longest = float(sides.max())
+    if not SHORTEST_MM <= longest <= LONGEST_MM:
+        raise refusal(
+            f"is {longest:.4g} mm long with file_unit_mm = {unit_mm:g}, allowed is {SHORTEST_MM:g} to {LONGEST_MM:g} "
+            "mm: file_unit_mm is 0.001 for a file in micrometres, 25.4 for inches, 1000 for metres"
+        )
+    if float(sides.min()) <= FLAT * longest:
+        size = " x ".join(f"{side:.4g}" for side in sides)
+        raise refusal(f"is flat and encloses no volume ({size} mm), allowed is the surface of a solid body")
+
+
+def _check_closed(mesh: Any, unit_mm: float, refusal: Refusal) -> None:
+    """Refuse a surface with open edges, or with edges of more than two facets; say where the first is."""
+    if mesh.is_watertight:
+        return
+    edges, facets = np.unique(mesh.edges_sorted, axis=0, return_counts=True)
+    for problem, wrong in (
+        ("is an open mesh, allowed is a closed (watertight) one: {} open edges", edges[facets == 1]),
+        ("has {} edges where more than two facets meet", edges[facets > 2]),
+    ):
+        if len(wrong):
+            place = np.asarray(mesh.vertices)[wrong[0]].mean(axis=0)
+            raise refusal(
+                f"{problem.format(len(wrong))}, the first at {_place(place, unit_mm)}; fill or mend it (Blender: 3D "
+                "Print Toolbox, Make Manifold)"
+            )
+    raise refusal("is an open mesh, allowed is a closed (watertight) one")
+
+
+def _check_outside_out(mesh: Any, path: Path, refusal: Refusal) -> None:
+    """Refuse a closed surface that does not say plainly which side of it is outside."""
+    if not mesh.is_winding_consistent:
+        raise refusal(f"has facets that are turned against their neighbours: {TURN}")
+    volume = float(mesh.volume)
+    if volume < 0.0:
+        raise refusal(f"is inside out, all its facets point inwards: {TURN}")
+    if not volume > FLAT * float(np.ptp(mesh.vertices, axis=0).prod()):
+        raise refusal("encloses no volume, allowed is the surface of a solid body")
+    wrong, of = stored_normals_against(path)
+    if wrong > NORMALS_AGREE * of:
+        raise refusal(
+            f"contradicts itself: {wrong} of {of} stored normals point against the order of the corners of their "
+            f"facets; {TURN}"
+        )
+
+
+def stored_normals_against(path: Path) -> tuple[int, int]:
+    """How many normals stored in an STL file point against the order of the corners, and how many there are.
+
+    Normals of no length, which many programs write, say nothing and are not counted.
+    """
+    if path.suffix.lower() != ".stl":
+        return 0, 0
+    data = path.read_bytes()
+    (told,) = struct.unpack("<I", data[80:HEADER]) if len(data) >= HEADER else (0,)
+    if len(data) == HEADER + FACET * told:
+        facets = np.frombuffer(data, BINARY_FACET, offset=HEADER)
+        normal, corner = facets["normal"].astype(float), facets["corner"].astype(float)
+    else:
+        number = rb"[-+.\deE]+"
+        normals = re.findall(rb"normal\s+(%b)\s+(%b)\s+(%b)" % (number, number, number), data)
+        corners = re.findall(rb"vertex\s+(%b)\s+(%b)\s+(%b)" % (number, number, number), data)
+        if 3 * len(normals) != len(corners):
+            return 0, 0
+        normal, corner = np.array(normals, float), np.array(corners, float).reshape(-1, 3, 3)
+    turned = np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])
+    along = (normal * turned).sum(axis=1)
+    said = np.isfinite(along) & (along != 0.0)
+    return int((along[said] < 0.0).sum()), int(said.sum())
+
+
+def _place(point: NDArray[np.float64], unit_mm: float) -> str:
+    """A point of the file in words."""
+    return "({:.4g}, {:.4g}, {:.4g}) mm".format(*(point * unit_mm))

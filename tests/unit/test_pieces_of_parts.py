@@ -1,0 +1,161 @@
+"""Convex pieces of a concave part: written, read back, and refused where they are not its own."""
+
+from __future__ import annotations
+
+import re
+import shutil
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import trimesh
+from conftest import REPOSITORY
+
+from feeder_sim.errors import InputError
+from feeder_sim.part.mesh_part import mesh_part, solid
+from feeder_sim.part.pieces import make_pieces, pieces_beside, read_pieces, write_pieces
+from feeder_sim.run.prepare import prepare
+from feeder_sim.run.provenance import input_hashes
+from feeder_sim.scenario import MeshPart, load_scenario, parse_scenario
+
+HOOK = REPOSITORY / "models/hook/hook.stl"
+SCENARIO = """
+plate = { kind = "strip", thickness_mm = 3.0 }
+drive = [{ frequency_hz = 4750.0, amplitude_um = 1.0 }]
+run = { duration_s = 0.1 }
+[[part]]
+shape = "mesh"
+file = "hook.stl"
+count = 2
+start = { kind = "scattered" }
+"""
+
+
+@pytest.fixture
+def hook(tmp_path: Path) -> Path:
+    for file in (HOOK, pieces_beside(HOOK)):
+        shutil.copy(file, tmp_path)
+    return tmp_path / "hook.stl"
+
+
+def read(hook: Path) -> list[Any]:
+    return read_pieces(pieces_beside(hook), hook, trimesh.load_mesh(hook))
+
+
+def test_pieces_make_up_the_part() -> None:
+    part = mesh_part(HOOK, 1.0, 7850.0, "hook", pieces=pieces_beside(HOOK), corner_error=50e-6)
+    volumes = [trimesh.Trimesh(1e3 * piece).convex_hull.volume for piece in part.pieces]
+    assert len(volumes) == 6
+    assert sum(volumes) == pytest.approx(1e9 * solid(part).volume, rel=2e-3)
+    assert 1e3 * np.concatenate(part.pieces).min(axis=0) == pytest.approx([-4.5, -6.0, -0.75], abs=1e-3)
+    assert mesh_part(HOOK, 1.0, 7850.0, "hook").pieces == ()
+
+
+def test_they_are_in_the_unit_of_the_mesh(hook: Path) -> None:
+    in_mm = mesh_part(hook, 1.0, 7850.0, "hook", pieces=pieces_beside(hook))
+    in_cm = mesh_part(hook, 10.0, 7850.0, "hook", pieces=pieces_beside(hook))
+    assert 10.0 * in_mm.pieces[0] == pytest.approx(in_cm.pieces[0])
+
+
+def test_a_part_is_cut_and_read_back(tmp_path: Path) -> None:
+    pytest.importorskip("coacd")
+    file = tmp_path / "bracket.stl"
+    shutil.copy(REPOSITORY / "models/bracket/bracket.stl", file)
+    mesh = trimesh.load_mesh(file)
+    pieces, made_by = make_pieces(mesh, 1.0)
+    assert made_by.startswith("coacd 1.")
+    write_pieces(pieces_beside(file), pieces, file, made_by)
+    back = read(file)
+    assert len(back) == len(pieces) == 2
+    for written, found in zip(pieces, back, strict=True):
+        assert found == pytest.approx(written[0], abs=1e-5)
+    with pytest.raises(InputError, match=r"--piece-error-mm: is 40, allowed is 0.06 to 3"):
+        make_pieces(mesh, 1.0, 40.0)
+
+
+def refusal(hook: Path) -> str:
+    with pytest.raises(InputError) as failure:
+        read(hook)
+    return failure.value.problem
+
+
+def edited(hook: Path, old: str, new: str) -> str:
+    """The message after a change of the file of pieces."""
+    file = pieces_beside(hook)
+    text = file.read_text()
+    assert old in text
+    file.write_text(text.replace(old, new))
+    return refusal(hook)
+
+
+def test_pieces_of_another_mesh(hook: Path) -> None:
+    trimesh.load_mesh(hook).apply_scale(1.01).export(hook)
+    problem = refusal(hook)
+    assert "was made of another hook.stl; make them again: feeder-sim part" in problem
+    assert problem.endswith("hook.stl --pieces --force")
+
+
+def test_no_pieces(hook: Path) -> None:
+    pieces_beside(hook).unlink()
+    assert "no such file, make it: feeder-sim part" in refusal(hook)
+
+
+def test_pieces_without_a_hash(hook: Path) -> None:
+    assert "has no line" in edited(hook, "# sha256", "# md5")
+
+
+def test_a_piece_that_is_not_convex(hook: Path) -> None:
+    """Two pieces in one object."""
+    assert "piece 0 is not convex: it lies" in edited(hook, "o piece_1\n", "")
+
+
+def test_a_piece_elsewhere(hook: Path) -> None:
+    file = pieces_beside(hook)
+    first, rest = file.read_text().split("o piece_1")
+    file.write_text(re.sub(r"(?m)^v (\S+)", lambda x: f"v {float(x.group(1)) - 0.5:.6f}", first) + "o piece_1" + rest)
+    assert "piece 0 reaches 0.5 out of the hull of the mesh" in refusal(hook)
+
+
+def test_a_piece_is_missing(hook: Path) -> None:
+    file = pieces_beside(hook)
+    file.write_text(file.read_text().split("o piece_5")[0])
+    assert "of the volume of the mesh" in refusal(hook)
+
+
+@pytest.mark.parametrize("line", ["v 1 2", "v 1 2 nan", "f 1 2 999", "f 1 x 3", "f 1 2"])
+def test_a_damaged_line(hook: Path, line: str) -> None:
+    assert f"is '{line}', which no OBJ file has" in edited(hook, "o piece_1\n", f"o piece_1\n{line}\n")
+
+
+def test_scenario_and_record_know_the_pieces(hook: Path) -> None:
+    file = hook.parent / "hooks.toml"
+    file.write_text(SCENARIO + 'contact = "parts"\n')
+    scenario = load_scenario(file)
+    part = scenario.part[0]
+    assert isinstance(part, MeshPart) and part.pieces == pieces_beside(hook)
+    assert set(input_hashes(scenario)) == {"part[0].file", "part[0].pieces"}
+    prepared = prepare(scenario)
+    assert len(prepared.scene.kinds[0].pieces) == 6
+    assert not [line for line in prepared.cautions if "hull" in line]
+
+
+def test_what_the_hull_hides_is_said(hook: Path) -> None:
+    scenario = parse_scenario(SCENARIO, file=hook.parent / "hooks.toml")
+    assert set(input_hashes(scenario)) == {"part[0].file"}
+    (line,) = [line for line in prepare(scenario).cautions if "hull" in line]
+    assert line.startswith("part[0]: its hull has 2.1 times its volume: parts cannot hook or nest")
+    alone = scenario.model_copy(update={"part": (scenario.part[0].model_copy(update={"count": 1}),)})
+    assert not [line for line in prepare(alone).cautions if "hull" in line]
+
+
+def test_pieces_with_a_hull_contact_are_refused(hook: Path) -> None:
+    with pytest.raises(InputError, match="pieces is given, allowed is none"):
+        parse_scenario(SCENARIO + 'pieces = "hook_pieces.obj"\n', file=hook.parent / "hooks.toml")
+
+
+def test_too_many_corners_are_said(tmp_path: Path) -> None:
+    trimesh.creation.icosphere(subdivisions=3, radius=3.0).export(tmp_path / "hook.stl")
+    scenario = parse_scenario(SCENARIO + "corner_error_um = 5.0\n", file=tmp_path / "hooks.toml")
+    (line,) = [line for line in prepare(scenario).cautions if "corner" in line]
+    assert line.startswith("part[0].corner_error_um: is 5, 128 corners leave 9")
