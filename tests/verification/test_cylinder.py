@@ -90,7 +90,10 @@ def test_a_cylinder_on_its_side_rolls_on(speed: float) -> None:
 
 @pytest.mark.parametrize("degrees", [10.0, 30.0])
 def test_a_coin_rolls_round_on_its_edge_with_its_centre_at_rest(degrees: float) -> None:
-    """Euler's disc without losses; the rate of its precession follows from dL/dt = torque with the centre at rest."""
+    """Euler's disc; the rate of its precession follows from dL/dt = torque with the centre at rest.
+
+    With 32 corners on each rim it lost half of its energy in 0.1 s.
+    """
     radius, half, tilt = 10e-3, 0.5e-3, math.radians(degrees)
     attitude = Rotation.from_euler("y", tilt)
     arm = attitude.apply([radius, 0.0, -half])  # to the contact, about which it turns
@@ -105,7 +108,7 @@ def test_a_coin_rolls_round_on_its_edge_with_its_centre_at_rest(degrees: float) 
     part = Thrown(attitude, place, spin=spin * turned, **shape)
     frames = part.engine.advance(200)
     energy, axes = part.energy(frames), attitudes(frames).as_matrix()[:, :, 2]
-    assert np.abs(energy / energy[0] - 1.0).max() < 1e-5
+    assert np.diff(energy).max() < 1e-6 * energy[0] and energy[-1] > 0.99 * energy[0]
     assert np.abs(np.degrees(np.arccos(axes[:, 2])) - degrees).max() < 0.05
     assert np.abs(frames.position[:, 0, 2] - below_centre(attitudes(frames), radius, half)).max() < 1e-8
     angle = np.unwrap(np.arctan2(axes[:, 1], axes[:, 0]))
@@ -113,12 +116,26 @@ def test_a_coin_rolls_round_on_its_edge_with_its_centre_at_rest(degrees: float) 
     assert rate == pytest.approx(spin * share, rel=2e-3)
 
 
+@pytest.mark.parametrize(
+    ("radius", "half", "degrees"), [(0.5e-3, 0.25e-3, 10.0), (1.5e-3, 1e-3, 5.0), (4e-3, 5e-4, 2.0)]
+)
+def test_a_coin_that_wobbles_gains_no_energy(radius: float, half: float, degrees: float) -> None:
+    """Lifted as a whole at its contact it gained up to 8 % in a second, and stood up."""
+    attitude = Rotation.from_euler("y", degrees, degrees=True)
+    arm, shape = attitude.apply([radius, 0.0, -half]), {"radius": radius, "half": half, "contact": (0.2, 0.5)}
+    spin = 40.0 * math.sqrt(2e-3 / radius) * arm / np.linalg.norm(arm)
+    part = Thrown(attitude, (0.0, 0.0, float(below_centre(attitude, radius, half))), spin=spin, **shape)  # type: ignore[arg-type]
+    energy = part.energy(part.engine.advance(1000))
+    assert np.maximum.accumulate(energy[::100])[-1] == energy[0]
+    assert (np.diff(energy[::100]) < 1e-4 * energy[0]).all()
+
+
 def test_a_coin_let_go_on_its_edge_rocks_and_falls_asleep() -> None:
     radius, half, attitude = 4e-3, 0.5e-3, Rotation.from_euler("y", 20.0, degrees=True)
     part = Thrown(attitude, (0.0, 0.0, below_centre(attitude, radius, half)), radius=radius, half=half)
     frames = part.engine.advance(300)
     energy = part.energy(frames)
-    assert np.diff(energy).max() < 1e-3 * energy[0]
+    assert np.diff(energy).max() < 3e-4 * energy[0]
     assert (below_centre(attitudes(frames), radius, half) - frames.position[:, 0, 2]).max() < 1e-7
     assert frames.position[-1, 0, 2] == pytest.approx(half + CORNER_RADIUS, abs=1e-6)
     assert part.engine.state()["there"][0] == ASLEEP

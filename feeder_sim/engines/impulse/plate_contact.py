@@ -11,6 +11,7 @@ import math
 
 import numpy as np
 
+from feeder_sim.engines.impulse.circle_lift import lift_by_turning
 from feeder_sim.engines.impulse.circles import count_of, is_round, leap_of_circles, lowest_points, tilt_of
 from feeder_sim.engines.impulse.flight_time import forecast, longest_leap, shortest_flight
 from feeder_sim.engines.impulse.impact import resolve_impact
@@ -214,7 +215,8 @@ def _impact_at(i, part, kind, corners, surface, work):
     if not resolve_free(part, inverse_mass, turns, arm, normal, velocity, e, mu):
         _impact(part, kind, corners, None, surface, work)
         return
-    put_back(part, corners, max(-work.corner[i, GAP], 0.0), work)
+    depth = lift_by_turning(part, kind, inverse_mass, turns, arm, max(-work.corner[i, GAP], 0.0))
+    put_back(part, corners, depth, work)
     approach(part, kind, corners, work)
 
 
