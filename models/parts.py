@@ -1,4 +1,4 @@
-"""Makes the parts under models/ that are drawn as meshes [mm]: an L bracket, a screw, a hook."""
+"""Makes the meshes under models/ [mm]: an L bracket, a screw, a hook, the fingers of a gripper."""
 
 from __future__ import annotations
 
@@ -22,6 +22,8 @@ SCREW_SIDES = 48
 # x and y of the middle of the hook's wire: an S whose mouths are wide enough for the wire of another hook
 HOOK = ((-3.75, 1.5), (-3.75, 5.25), (0.0, 5.25), (0.0, -5.25), (3.75, -5.25), (3.75, -1.5))
 HOOK_WIRE = 1.5  # square
+# fingers of a gripper, around the middle of the bracket as drawn: size of each, and how far they are open along y
+FINGER, OPENING = (4.0, 2.0, 25.0), 11.0
 
 
 def part_meshes() -> dict[str, Any]:
@@ -37,7 +39,16 @@ def part_meshes() -> dict[str, Any]:
         "bracket": bracket,
         "screw": trimesh.creation.revolve(np.array(SCREW), sections=SCREW_SIDES),
         "hook": prism(wire, HOOK_WIRE),
+        "fingers": trimesh.util.concatenate([_finger(side) for side in (-1.0, 1.0)]),
     }
+
+
+def _finger(side: float) -> Any:
+    """A finger on either side, standing on the plate."""
+    import trimesh
+
+    middle = [0.0, side * 0.5 * (OPENING + FINGER[1]), 0.5 * FINGER[2]]
+    return trimesh.creation.box(extents=FINGER).apply_translation(middle)
 
 
 def prism(outline: Any, height: float) -> Any:

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from feeder_sim.errors import InputError
-from feeder_sim.part.mesh_part import MESH_SUFFIXES
+from feeder_sim.part.mesh_file import MESH_SUFFIXES
 
 CONVEX = 1.02  # volume of a finger's hull over its own, at most
 
