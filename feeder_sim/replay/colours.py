@@ -58,7 +58,7 @@ class Colours:
 def default_colour(scenario: Scenario) -> Colour:
     """Poses where a pick asks for the side up, else kinds."""
     stages = (*scenario.schedule.prepare, *scenario.schedule.stage) if scenario.schedule else ()
-    return "pose" if any(pick.up for stage in stages for pick in stage.pick) else "kind"
+    return "pose" if any(pick.up for stage in stages for pick in stage.picks) else "kind"
 
 
 def colours_of(scenario: Scenario, colour: Colour | None, parts: Sequence[PartRecord]) -> Colours:

@@ -21,7 +21,7 @@ from feeder_sim.scenario.part import MAX_PARTS, Heap, MeshPart, PartSpec, Scatte
 from feeder_sim.scenario.plate import MOST_DRIVES, Drive, Excitation, ModePlate, Plate, PlateFile, Rectangle
 from feeder_sim.scenario.refill import Refill, Robot, refused_around_plate
 from feeder_sim.scenario.run import Contact, MujocoSettings, Run
-from feeder_sim.scenario.schedule import Goal, Schedule, Stage
+from feeder_sim.scenario.schedule import Goal, Pick, Schedule, Stage
 from feeder_sim.scenario.tables import Table, parse, read_text, validated
 
 
@@ -125,7 +125,7 @@ class Scenario(Table):
         names = self.kind_names
         for group in ("prepare", "stage") if self.schedule else ():
             for i, stage in enumerate(getattr(self.schedule, group)):
-                for pick in stage.pick:
+                for pick in stage.picks:
                     key, kinds = f"schedule.{group}[{i}].pick", ", ".join(names)
                     if pick.part is not None and pick.part not in names:
                         raise ValueError(f'{key}.part is "{pick.part}", allowed is {kinds}')
@@ -231,7 +231,10 @@ def _anchor_paths(scenario: Scenario, folder: Path) -> Scenario:
 
 def _anchored_stage(stage: Stage, folder: Path) -> Stage:
     """The stage with absolute names of the shapes of its grippers."""
-    picks = tuple(
-        pick if pick.shape is None else pick.model_copy(update={"shape": folder / pick.shape}) for pick in stage.pick
-    )
-    return stage.model_copy(update={"pick": picks})
+    if isinstance(stage.pick, Pick):
+        return stage.model_copy(update={"pick": _anchored_pick(stage.pick, folder)})
+    return stage.model_copy(update={"pick": tuple(_anchored_pick(pick, folder) for pick in stage.picks) or None})
+
+
+def _anchored_pick(pick: Pick, folder: Path) -> Pick:
+    return pick if pick.shape is None else pick.model_copy(update={"shape": folder / pick.shape})

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated, Any, Self
 
-from pydantic import BeforeValidator, Field, model_validator
+from pydantic import Discriminator, Field, Tag, model_validator
 
 from feeder_sim.scenario.plate import MOST_DRIVES, Excitation
 from feeder_sim.scenario.tables import LengthMm, NonNegative, Positive, Table
@@ -32,11 +32,15 @@ class Pick(Table):
         return self
 
 
-def _as_list(value: Any) -> Any:
-    return (value,) if isinstance(value, dict | Pick) else value
+def _how_many(value: Any) -> str:
+    """One pick or several, for pydantic's choice."""
+    return "several" if isinstance(value, list | tuple) else "one"
 
 
-Picks = Annotated[tuple[Pick, ...], BeforeValidator(_as_list), Field(max_length=100)]
+PickChoice = Annotated[
+    Annotated[Pick, Tag("one")] | Annotated[tuple[Pick, ...], Field(max_length=100), Tag("several")],
+    Discriminator(_how_many),
+]
 
 
 class Settled(Table):
@@ -58,7 +62,12 @@ class Stage(Table):
     duration_s: Positive
     until: Settled | None = None
     pause_s: NonNegative = 0.0
-    pick: Picks = ()
+    pick: PickChoice | None = None
+
+    @property
+    def picks(self) -> tuple[Pick, ...]:
+        """The picks at the end, none, one or several."""
+        return (self.pick,) if isinstance(self.pick, Pick) else self.pick or ()
 
     @model_validator(mode="after")
     def _settles_over_a_drive(self) -> Self:

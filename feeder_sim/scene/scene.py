@@ -276,7 +276,7 @@ def _check_picks(scene: Scene) -> None:
     stages = (("prepare", schedule.prepare), ("stage", schedule.stage)) if schedule else ()
     for group, stage_tables in stages:
         for i, stage_table in enumerate(stage_tables):
-            for pick in stage_table.pick:
+            for pick in stage_table.picks:
                 if pick.shape is not None:
                     read_gripper(pick.shape)
                 kind = names.index(pick.part) if pick.part is not None else 0

@@ -126,7 +126,7 @@ def _append(
         first_excitation += len(stage.drive)
         name = stage.name or f"{'prepare' if cycle == 0 else 'stage'} {number + 1}"
         end = stop + stage.pause_s
-        stages.append(TimedStage(name, cycle, number, start, stop, end, driven, stage.pick, stage.until))
+        stages.append(TimedStage(name, cycle, number, start, stop, end, driven, stage.picks, stage.until))
 
 
 def timed(drives: Sequence[ModalDrive], times: Timetable) -> list[ModalDrive]:

@@ -48,7 +48,7 @@ SHAKE = Stage(
     drive=(Excitation(frequency_hz=500.0, amplitude_um=20.0),),
     duration_s=0.15,
     pause_s=0.05,
-    pick=(Pick(clearance_mm=7.0),),
+    pick=Pick(clearance_mm=7.0),
 )
 
 
@@ -162,7 +162,7 @@ def test_parts_that_are_added_move_as_parts_do(engine: EngineName, reaction: boo
     """They fall from where they were let go onto others and the plate, into which nothing sinks; none is in another."""
     plate = Rectangle(kind="rectangle", length_mm=60.0, width_mm=60.0, thickness_mm=3.0)
     drive = Excitation(frequency_hz=5000.0, amplitude_um=2.0)
-    stage = Stage(drive=(drive,), duration_s=0.04, pause_s=0.02, pick=(Pick(clearance_mm=8.0),))
+    stage = Stage(drive=(drive,), duration_s=0.04, pause_s=0.02, pick=Pick(clearance_mm=8.0))
     run = Run(engine=engine, seeds=1, frames_per_second=1000.0, reaction=reaction)
     varied = scenario(plate=plate, schedule=Schedule(cycles=3, stage=(stage,)), refill=Refill(start=HEAP), run=run)
     (seed,) = simulate(varied).seeds
@@ -179,7 +179,7 @@ def test_parts_that_are_added_move_as_parts_do(engine: EngineName, reaction: boo
 @pytest.mark.parametrize("count", [1, 3])
 def test_a_plate_that_has_been_emptied_is_filled_again(engine: EngineName, count: int) -> None:
     """Everything is picked in the first stage of a cycle; nothing is there in the second; then all parts are back."""
-    alone = SHAKE.model_copy(update={"duration_s": 0.03, "pick": (Pick(clearance_mm=0.001),)})
+    alone = SHAKE.model_copy(update={"duration_s": 0.03, "pick": Pick(clearance_mm=0.001)})
     rest = Stage(drive=alone.drive, duration_s=0.03)
     varied = scenario(
         engine,

@@ -55,7 +55,7 @@ def nuts(
 ) -> Scenario:
     """Nuts thrown about by a piston, with a pick after every cycle."""
     drive = Excitation(frequency_hz=500.0, amplitude_um=20.0)
-    stage = Stage(drive=(drive,), duration_s=duration_s, pause_s=0.05, pick=(Pick(clearance_mm=clearance_mm),))
+    stage = Stage(drive=(drive,), duration_s=duration_s, pause_s=0.05, pick=Pick(clearance_mm=clearance_mm))
     return Scenario(
         plate=PistonPlate(kind="piston", length_mm=side_mm, width_mm=side_mm),
         schedule=Schedule(cycles=cycles, stage=(stage,)),

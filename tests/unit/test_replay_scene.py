@@ -53,7 +53,7 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
         drive=(Excitation(frequency_hz=500.0, amplitude_um=20.0), Excitation(frequency_hz=12500.0, amplitude_um=0.5)),
         duration_s=0.1,
         pause_s=0.1,
-        pick=(Pick(clearance_mm=10.0),),
+        pick=Pick(clearance_mm=10.0),
     )
     start = Scattered(kind="scattered")
     scenario = Scenario(
@@ -164,7 +164,7 @@ def test_poses_have_colours(recording: Recording) -> None:
     assert by_pose.index(replace(frames, quaternion=attitude), [0, 1, 2, FEW]).tolist() == [[1, 2, 0, 0]]
     # What a run is coloured by hangs on whether its picks ask for a side.
     assert default_colour(scenario) == "kind"
-    picky = scenario.schedule.stage[0].model_copy(update={"pick": (Pick(clearance_mm=1.0, up=("A",)),)})  # type: ignore[union-attr]
+    picky = scenario.schedule.stage[0].model_copy(update={"pick": Pick(clearance_mm=1.0, up=("A",))})  # type: ignore[union-attr]
     assert default_colour(scenario.model_copy(update={"schedule": Schedule(stage=(picky,))})) == "pose"
 
 

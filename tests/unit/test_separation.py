@@ -29,7 +29,7 @@ def scene() -> Scene:
     gather, separate = (Excitation(frequency_hz=f, amplitude_um=1.0) for f in (4750.0, 8775.0))
     stages = (
         Stage(name="gather", drive=(gather,), duration_s=0.1),
-        Stage(name="separate", drive=(separate,), duration_s=0.06, pause_s=0.04, pick=(Pick(clearance_mm=10.0),)),
+        Stage(name="separate", drive=(separate,), duration_s=0.06, pause_s=0.04, pick=Pick(clearance_mm=10.0)),
     )
     return build_scene(
         Scenario(

@@ -41,7 +41,7 @@ def two_cycles() -> Scenario:
             prepare=(Stage(drive=(low,), duration_s=1.0, pause_s=0.5), Stage(name="rest", duration_s=0.25)),
             stage=(
                 Stage(name="gather", drive=(high, low), duration_s=2.0),
-                Stage(drive=(low,), duration_s=0.5, pause_s=0.25, pick=(Pick(clearance_mm=7.0),)),
+                Stage(drive=(low,), duration_s=0.5, pause_s=0.25, pick=Pick(clearance_mm=7.0)),
             ),
         ),
         plate=PistonPlate(kind="piston"),
