@@ -257,12 +257,13 @@ def _check_refill(scenario: Scenario, surface: Surface, kinds: Sequence[RigidPar
     Raises:
         InputError: as said.
     """
-    start = scenario.refill.start if scenario.refill else None  # else that of a part
-    if start is None:
+    start = scenario.pour
+    if scenario.refill is None or start is None:
         return
-    _check_on_plate(start, surface, "refill.start")
+    key = "refill.start" if scenario.refill.start else "part[0].start"
+    _check_on_plate(start, surface, key)
     if isinstance(start, Heap):
-        check_width(start, min(kind.size for kind in kinds), key="refill.start")
+        check_width(start, min(kind.size for kind in kinds), key=key)
 
 
 def _check_picks(scene: Scene) -> None:
