@@ -27,7 +27,7 @@ ISO_4032 = {
     "M5": (8.0, 4.7, 5.0),
 }
 LEAST_INERTIA = 1e-15  # [kg], [kg m^2]: what MuJoCo takes for zero; a steel ball of 0.3 mm has just more
-RIM_CORNERS = 32  # a cylinder touches at this many corners per rim: 0.5 % of the radius inside the true rim, at most
+RIM_CORNERS = 32  # per rim of a cylinder, where it touches with corners: 0.5 % of the radius inside it, at most
 STEADY = 1e9  # moments of inertia about axes that a part in a plane does not turn about, over the one it turns about
 # [m]; MuJoCo's corners are spheres of this radius, and so are all others: the part rides this much higher everywhere.
 CORNER_RADIUS = 1e-6
@@ -165,7 +165,7 @@ def ball(diameter: float, density: float, name: str) -> RigidPart:
 
 
 def cylinder(diameter: float, height: float, density: float, name: str) -> RigidPart:
-    """Solid circular cylinder along z, touching at corners around both rims."""
+    """Solid circular cylinder along z, touching with both rims, or at corners around them."""
     radius = diameter / 2.0
     mass = density * math.pi * radius**2 * height
     transverse = mass * (3.0 * radius**2 + height**2) / 12.0
