@@ -1,7 +1,7 @@
 """How a cylinder that rolls on one circle is put back on the surface.
 
-Between two looks its contact point falls into the surface by nanometres. Lifted as a whole, as other parts are, it gains
-energy that rolling does not take from it again, up to 8 % per second: of second order in the time between two looks.
+Between two looks its contact point falls into the surface by nanometres. Lifted as a whole, as other parts are, it
+gains energy that rolling does not take from it again, up to 8 % per second: of second order in the time between looks.
 Lifted as an impulse at the point would do it, which turns it too, it loses energy, of first order. A share of the one
 in the other loses more than it gains, so that no cylinder speeds up on a plate at rest.
 """
