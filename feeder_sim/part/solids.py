@@ -21,7 +21,7 @@ ISO_4032 = {
     "M4": (7.0, 3.2, 4.0),
     "M5": (8.0, 4.7, 5.0),
 }
-RIM_CORNERS = 32  # a cylinder touches at this many corners per rim: 0.5 % of the radius inside the true rim, at most
+RIM_CORNERS = 32  # per rim of a cylinder, where it touches with corners: 0.5 % of the radius inside it, at most
 
 
 def hex_nut(across: float, height: float, bore: float, density: float, name: str) -> RigidPart:
@@ -55,7 +55,7 @@ def ball(diameter: float, density: float, name: str) -> RigidPart:
 
 
 def cylinder(diameter: float, height: float, density: float, name: str) -> RigidPart:
-    """Solid circular cylinder along z, touching at corners around both rims; lengths [m], density [kg/m^3]."""
+    """Solid circular cylinder along z, touching with both rims, or at corners around them; lengths [m], density [kg/m^3]."""
     radius = diameter / 2.0
     mass = density * math.pi * radius**2 * height
     transverse = mass * (3.0 * radius**2 + height**2) / 12.0

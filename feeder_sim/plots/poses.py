@@ -21,11 +21,11 @@ from feeder_sim.studies.drops import DropStudy
 Floats = NDArray[np.float64]
 
 MOST = 24  # poses in one picture, the most frequent ones
-PER_ROW = 4
+PER_ROW = 5
 PIXELS, FINER = 320, 2  # of a picture's side; samples per pixel and direction
 DENSITY = 1.5  # samples per step of the fine grid
 AZIMUTH_DEG, ELEVATION_DEG = -60.0, 28.0  # of the eye
-ACROSS_DEG = 28.0  # between what is long and the width of the picture
+ACROSS_DEG = (28.0, 15.0, 42.0, 0.0, 57.0)  # between what is long and the width of the picture, best first
 LIGHT = np.array([-0.35, -0.55, 1.0]) / np.linalg.norm([-0.35, -0.55, 1.0])
 STEEL, INK, PLATE, SHADOW = (0.47, 0.58, 0.72), (0.10, 0.13, 0.18), (0.93, 0.92, 0.89), (0.76, 0.75, 0.73)
 SHARP_DEG = 25.0  # edges between faces that meet at a larger angle are drawn
@@ -37,8 +37,8 @@ def draw_poses(part: RigidPart, poses: Sequence[StablePose], path: Path, study: 
     """Draw the stable poses of a part, with the shares of a drop study if there is one; the suffix is the file type."""
     shown = sorted(range(len(poses)), key=lambda i: -poses[i].chance)[:MOST]
     shown.sort()
-    columns = min(PER_ROW, len(shown))
-    rows = math.ceil(len(shown) / columns)
+    rows = math.ceil(len(shown) / PER_ROW)
+    columns = math.ceil(len(shown) / rows)
     figure = empty_figure(2.6 * columns, 2.4 * rows + 0.4)
     figure.suptitle(_heading(part, len(poses), len(shown), study), fontsize=10)
     for axes in figure.subplots(rows, columns, squeeze=False).ravel():
@@ -85,7 +85,7 @@ def render(part: RigidPart, attitude: Floats, height: float, reach: float) -> Fl
     from scipy.spatial.transform import Rotation
 
     at = Rotation.from_quat(attitude, scalar_first=True).apply(part.vertices)
-    at = _broadside(at + np.array([0.0, 0.0, height]))
+    at = _turned_to_be_seen(at + np.array([0.0, 0.0, height]), part.faces)
     triangles = at[part.faces]
     normal = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
     area = np.linalg.norm(normal, axis=1)
@@ -101,12 +101,23 @@ def render(part: RigidPart, attitude: Floats, height: float, reach: float) -> Fl
     return canvas.picture()
 
 
-def _broadside(points: Floats) -> Floats:
-    """Points (n, 3) turned about the vertical so that what is long lies across the view."""
+def _turned_to_be_seen(points: Floats, faces: NDArray[np.int64]) -> Floats:
+    """Points (n, 3) turned about the vertical: what is long lies across the view, and no large face is seen edge on."""
     long = np.linalg.svd(points[:, :2] - points[:, :2].mean(axis=0), full_matrices=False)[2][0]
-    turn = math.radians(AZIMUTH_DEG + 90.0 + ACROSS_DEG) - math.atan2(long[1], long[0])
-    c, s = math.cos(turn), math.sin(turn)
-    return points @ np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
+    a, b, c = np.moveaxis(points[faces], 1, 0)
+    normal = np.cross(b - a, c - a)[:, :2]
+    area, azimuth = np.linalg.norm(normal, axis=1), np.arctan2(normal[:, 1], normal[:, 0])
+
+    def turn(across: float) -> float:
+        return math.radians(AZIMUTH_DEG + 90.0 + across) - math.atan2(long[1], long[0])
+
+    def slanted(across: float) -> float:
+        to_eye = azimuth + turn(across) - math.radians(AZIMUTH_DEG)
+        return round(float((area * np.minimum(np.abs(np.sin(2.0 * to_eye)), 0.8)).sum() / area.sum()), 3)
+
+    angle = turn(max(ACROSS_DEG, key=slanted))
+    c, s = math.cos(angle), math.sin(angle)
+    return np.asarray(points @ np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]]))
 
 
 def _sharp_edges(part: RigidPart) -> NDArray[np.int64]:

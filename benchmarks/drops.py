@@ -1,0 +1,103 @@
+"""Drops of parts on a plate at rest: both engines against each other, and coins of all thicknesses.
+
+    python benchmarks/drops.py --drops 2000
+
+Shares of the stable poses of hexagon nuts, of an L bracket and of a screw by both engines: they have to be within three
+joint standard errors of each other (exit code 1 if not). Both start from the same attitudes.
+
+Then the share of a cylinder on its side over height / diameter, for several restitutions. A coin that is put down at a
+random attitude and does not bounce lies on its side in h / sqrt(h^2 + d^2) of all cases, in a third at h/d = 0.354 =
+1/sqrt(8) (Yong and Mahadevan, Am. J. Phys. 79 (2011) 1195, for a coin dropped without bouncing from a random attitude;
+1/sqrt(3) for one that spins fast). Coins that bounce fall on their side less often, and need to be thicker.
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+
+from feeder_sim.part.mesh_part import mesh_part
+from feeder_sim.part.rigid_part import RigidPart
+from feeder_sim.part.solids import cylinder, hex_nut
+from feeder_sim.run.simulation import available_cores
+from feeder_sim.scenario import Contact
+from feeder_sim.studies.drops import ENGINES, drop
+
+MODELS = Path(__file__).parents[1] / "models"
+STEEL = 7850.0
+ACROSS, BORE = 5e-3, 2.5e-3
+HEIGHTS = (0.3, 0.6, 0.9)  # of nuts, over their width across flats
+COINS = (0.2, 0.3, 0.354, 0.4, 0.5, 0.577, 0.7, 0.85)  # height over diameter
+RESTITUTIONS = (0.0, 0.2, 0.5)
+CORNER_ERROR = 50e-6
+
+
+def parts() -> dict[str, RigidPart]:
+    nuts = {f"nut {h:g}": hex_nut(ACROSS, h * ACROSS, BORE, STEEL, f"nut {h:g}") for h in HEIGHTS}
+    files = {
+        name: mesh_part(MODELS / name / f"{name}.stl", 1.0, STEEL, name, corner_error=CORNER_ERROR)
+        for name in ("bracket", "screw")
+    }
+    return nuts | files
+
+
+def compare_engines(drops: int, seed: int) -> bool:
+    """Print the shares of each pose by each engine; whether all agree."""
+    agree = True
+    print("part      pose  centre (mm)  put down    impulse         mujoco          difference / its se")
+    for name, part in parts().items():
+        studies, seconds = [], []
+        for engine in ENGINES:
+            began = time.perf_counter()
+            studies.append(drop(part, drops, engine=engine, seed=seed, workers=available_cores()))
+            seconds.append(time.perf_counter() - began)
+        for one, other in zip(studies[0].shares, studies[1].shares, strict=True):
+            together = math.hypot(one.standard_error, other.standard_error)
+            apart = (one.value - other.value) / together
+            agree &= abs(apart) <= 3.0
+            shares = "   ".join(f"{s.value:.3f} +- {s.standard_error:.3f}" for s in (one, other))
+            pose = one.pose
+            print(
+                f"{name:<9} {pose.name:<4}  {1e3 * pose.height:>11.3f}  {pose.chance:>8.3f}    {shares} {apart:+9.1f}"
+            )
+        rest = ", ".join(
+            f"{study.engine}: {study.other} in no pose, {study.moving} rolling, {s:.0f} s"
+            for study, s in zip(studies, seconds, strict=True)
+        )
+        print(f"{'':<9} {rest}", flush=True)
+    return agree
+
+
+def coins(drops: int, seed: int) -> None:
+    """Print the share of cylinders on their side over h/d."""
+    print("\nshare of a cylinder on its side; restitution, friction 0.3")
+    print("h/d     put down  " + "  ".join(f"e = {e:<11g}" for e in RESTITUTIONS))
+    for ratio in COINS:
+        part = cylinder(ACROSS, ratio * ACROSS, STEEL, "coin")
+        line = f"{ratio:<6g}  {ratio / math.hypot(1.0, ratio):>8.3f}"
+        for restitution in RESTITUTIONS:
+            study = drop(part, drops, contact=Contact(restitution=restitution), seed=seed, workers=available_cores())
+            (side,) = (share for share in study.shares if np.abs(share.pose.down[0][2]) < 0.5)
+            line += f"  {side.value:.3f} +- {side.standard_error:.3f}"
+        print(line, flush=True)
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--drops", type=int, default=2000, help="of each part by each engine [2000]")
+    parser.add_argument("--seed", type=int, default=0, help="of the attitudes [0]")
+    options = parser.parse_args()
+    agree = compare_engines(options.drops, options.seed)
+    coins(options.drops, options.seed)
+    if not agree:
+        print("the engines differ by more than three standard errors")
+    return 0 if agree else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())
