@@ -11,6 +11,7 @@ import math
 
 import numpy as np
 
+from feeder_sim.engines.impulse.far_corners import MANY, far_leap, gather_near
 from feeder_sim.engines.impulse.flight_time import forecast, longest_leap, shortest_flight
 from feeder_sim.engines.impulse.impact import resolve_impact
 from feeder_sim.engines.impulse.plate_edge import edge_leap, points_on_edge
@@ -69,8 +70,14 @@ def meet_plate(part, kinds, wall, surface, bounds, t, work):
     n_corners = kind.corner_to - kind.corner_from
     further = points_on_edge(part, kind, kinds, surface, work)
     corners = kinds.corners[kind.corner_from : kind.corner_to]
+    others = np.inf
     if further > 0:
         corners = work.points[: n_corners + further]
+    elif (
+        wall is None and n_corners > MANY and not bounds.calm
+    ):  # what comes to rest is looked at with all of its corners
+        near, others = gather_near(part, kind, corners, bounds, work)
+        corners = work.points[:near]
     on_plate, last = look(part, kind, corners, surface, bounds, t, work)
     if wall is None:
         if on_plate == 1:
@@ -87,6 +94,7 @@ def meet_plate(part, kinds, wall, surface, bounds, t, work):
         wall_leap = leap_to_wall(part, kind, corners, wall, work)
         return max(min(leap, wall_leap), meeting_time(work, corners.shape[0], bounds.step)), on_plate > 0
     shortest = shortest_flight(part, kind, bounds)
+    to_crest = min(to_crest, far_leap(part, kind, others, bounds))
     if further > 0:
         to_crest = min(to_crest, edge_leap(part, kind, corners, n_corners, bounds.step, work))
     if leap < to_crest:

@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from feeder_sim.engines.impulse.far_corners import MANY, far_leap, gather_near
 from feeder_sim.engines.impulse.flight_time import forecast, longest_leap, shortest_flight
 from feeder_sim.engines.impulse.plate_contact import TOUCH, approach, contact_of, look, put_back
 from feeder_sim.engines.impulse.plate_edge import edge_leap, points_on_edge
@@ -57,13 +58,18 @@ def meet_yielding_plate(part, kinds, surface, bounds, t, work, yielding):
     n_corners = kind.corner_to - kind.corner_from
     further = points_on_edge(part, kind, kinds, surface, work)
     corners = kinds.corners[kind.corner_from : kind.corner_to]
+    others = np.inf
     if further > 0:
         corners = work.points[: n_corners + further]
+    elif n_corners > MANY and not bounds.calm:
+        near, others = gather_near(part, kind, corners, bounds, work)
+        corners = work.points[:near]
     on_plate, _ = look(part, kind, corners, surface, bounds, t, work)
     if on_plate > 0:
         _impact(part, kind, corners, surface, t, work, yielding)
     leap, to_crest, own = longest_leap(part, kind, corners, work)
     shortest = shortest_flight(part, kind, bounds)
+    to_crest = min(to_crest, far_leap(part, kind, others, bounds))
     if further > 0:
         to_crest = min(to_crest, edge_leap(part, kind, corners, n_corners, bounds.step, work))
     if leap < to_crest:
