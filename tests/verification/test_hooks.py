@@ -47,7 +47,7 @@ def test_a_hook_takes_along_another_that_it_is_hooked_into(engine: str, monkeypa
     level, turned = np.array([1.0, 0.0, 0.0, 0.0]), np.array([0.0, 0.0, 0.0, 1.0])
     speed, gap, up = 0.05, 1.5e-3, 1.5e-3 + 1e-6
     middle = (1e-3 * np.array([6.0, 6.0, 0.0]) - HOOK.centre) * [1.0, 1.0, 0.0]  # of the U, from its centre of mass
-    first, other = [0.0, 0.0, up] - middle, middle + [5e-3, 4.5e-3, up]
+    first, other = np.array([0.0, 0.0, up]) - middle, np.array([5e-3, 4.5e-3, up]) + middle
     poses = [Pose(first, level, np.array([0.0, speed, 0.0])), Pose(other, turned, np.zeros(3))]
     for module in (impulse, mujoco):
         monkeypatch.setattr(module, "start_poses", lambda scene, rng: poses)

@@ -16,9 +16,9 @@ from feeder_sim.engines.impulse.state import (
     RATE,
     SURFACE_ACCELERATION,
     top_speed,
+    turning_acceleration,
     turning_speed,
 )
-from feeder_sim.engines.impulse.vectors import dot
 from feeder_sim.machine_code import inlined
 from feeder_sim.plate.compiled import modal_motion
 from feeder_sim.scene.scene import GRAVITY
@@ -35,9 +35,7 @@ def longest_leap(part, kind, corners, work):
 
     The third value is a bound on the acceleration of the corners by themselves [m/s^2].
     """
-    # |dw/dt| <= |w| |L| / I_min for a torque-free body, so a corner accelerates by at most 2 reach (L / I_min)^2.
-    least = min(kind.inertia[0], kind.inertia[1], kind.inertia[2])
-    own = GRAVITY + 2.0 * kind.reach * dot(part.momentum, part.momentum) / (least * least)
+    own = GRAVITY + turning_acceleration(part, kind)
     leap = to_crest = NEVER
     for i in range(corners.shape[0]):
         gap, rate, moves = max(work.corner[i, GAP], 0.0), work.corner[i, RATE], work.corner[i, SURFACE_ACCELERATION]

@@ -18,7 +18,7 @@ import numpy as np
 
 from feeder_sim.engines.impulse.hulls import hull_distance
 from feeder_sim.engines.impulse.single_impact import resolve_single
-from feeder_sim.engines.impulse.state import arm_of, flies, fly_to, inverse_inertia, turning_speed
+from feeder_sim.engines.impulse.state import arm_of, flies, fly_to, inverse_inertia, turning_acceleration, turning_speed
 from feeder_sim.engines.impulse.vectors import difference, dot, plus, vector, write_to
 from feeder_sim.machine_code import compiled, inlined, uncounted
 from feeder_sim.scene.scene import GRAVITY
@@ -28,6 +28,7 @@ SLACK = 1e-6  # [m]; hulls this close touch, and may enter each other this far b
 DEEP = 2e-6  # [m]; how deep parts may enter each other before they are looked at again, where a step is longer
 PUSHED = 0.1  # of that time, while parts are deep in each other: a heap that falls in needs many pushes
 MAX_ROUNDS = 8  # of impacts at the points of one contact
+SURELY = 1.0 + 1e-6  # beyond round-off
 FAR = 1e3  # [m]; no distance beyond this is asked of the library: every answer gives the pair a better axis
 
 
@@ -145,8 +146,8 @@ def _extent(part, kind, piece, kinds, axis, sign):
 def _crossing_time(part, kind, piece, kinds, axis, sign, support, plane):
     """Time [s] before which no corner of a piece can come `room` farther along sign * axis than its support.
 
-    The plane (drift, room, fall) it must not cross moves at `drift` [m/s]; a corner accelerates by at most
-    2 reach (L / I)^2 by turning and by `fall` [m/s^2] relative to the plane.
+    The plane (drift, room, fall) it must not cross moves at `drift` [m/s]; a corner accelerates by turning, and by
+    `fall` [m/s^2] relative to the plane.
     """
     drift, room, fall = plane
     if not flies(part, kind):
@@ -162,21 +163,21 @@ def _crossing_time(part, kind, piece, kinds, axis, sign, support, plane):
     spin_z = _along_body_axis(part, momentum, 2) / inertia[2]
     # n . (w x r) = r . (n x w)
     turn_x, turn_y, turn_z = y * spin_z - z * spin_y, z * spin_x - x * spin_z, x * spin_y - y * spin_x
-    speed, centre, squared = -drift, 0.0, 0.0
+    speed, centre = -drift, 0.0
     for n in range(3):
         speed += sign * axis[n] * part.velocity[n]
         centre += sign * axis[n] * part.position[n]
-        squared += momentum[n] * momentum[n]
     ball = piece.corner_to - piece.corner_from == 1
     if ball:
         centre += kind.radius
-    least = min(inertia[0], inertia[1], inertia[2])
-    a = fall + (0.0 if ball else 2.0 * kind.reach * squared / (least * least))
+    a = fall + (0.0 if ball else turning_acceleration(part, kind))
     shortest = np.inf
     for c in range(piece.corner_from, piece.corner_to):
         rx, ry, rz = kinds.corners[c, 0], kinds.corners[c, 1], kinds.corners[c, 2]
         gap = support - centre - sign * (x * rx + y * ry + z * rz) + room
         rate = speed + sign * (turn_x * rx + turn_y * ry + turn_z * rz)
+        if gap > SURELY * shortest * (rate + 0.5 * a * shortest):
+            continue  # it comes later than another
         root = rate + math.sqrt(rate * rate + 2.0 * a * gap)
         if root > 0.0:
             shortest = min(shortest, 2.0 * gap / root)

@@ -13,6 +13,7 @@ import numpy as np
 
 from feeder_sim.engines.impulse.circle_lift import lift_by_turning
 from feeder_sim.engines.impulse.circles import count_of, is_round, leap_of_circles, lowest_points, tilt_of
+from feeder_sim.engines.impulse.far_corners import MANY, far_leap, gather_near
 from feeder_sim.engines.impulse.flight_time import forecast, longest_leap, shortest_flight
 from feeder_sim.engines.impulse.impact import resolve_impact
 from feeder_sim.engines.impulse.moving_surface import move_surface
@@ -69,9 +70,12 @@ def meet_plate(part, kinds, wall, surface, bounds, t, work):
             return max((rising + math.sqrt(rising * rising + 2.0 * GRAVITY * height)) / GRAVITY, bounds.step), False
     moved, lowest = lowest_points(part, kind, surface, bounds, 2.0 * TOUCH, t, work)
     further = points_on_edge(part, kind, kinds, surface, work)
-    corners, n_corners = kinds.corners[kind.corner_from : kind.corner_to], count_of(kind)
+    corners, n_corners, others = kinds.corners[kind.corner_from : kind.corner_to], count_of(kind), np.inf
     if further > 0 or is_round(kind):
         corners = work.points[: n_corners + further]
+    elif wall is None and n_corners > MANY and not bounds.calm:  # what comes to rest is looked at with all corners
+        near, others = gather_near(part, kind, corners, bounds, work)
+        corners = work.points[:near]
     on_plate, last = look(part, kind, corners, surface, bounds, t, moved, work)
     if wall is None:
         if on_plate == 1:
@@ -90,6 +94,7 @@ def meet_plate(part, kinds, wall, surface, bounds, t, work):
     tilt = tilt_of(lowest, part, kind, work)
     leap, to_crest = leap_of_circles(tilt, kind, bounds, own, leap, to_crest, work)
     shortest = shortest_flight(part, kind, bounds)
+    to_crest = min(to_crest, far_leap(part, kind, others, bounds))
     if further > 0:
         to_crest = min(to_crest, edge_leap(part, kind, corners, n_corners, bounds.step, work))
     if leap < to_crest:

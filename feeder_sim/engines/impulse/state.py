@@ -10,7 +10,7 @@ from numba.extending import overload
 from numpy.typing import ArrayLike, NDArray
 
 from feeder_sim.engines.impulse.free_flight import orthonormalise, rotate_freely, rotate_symmetric
-from feeder_sim.engines.impulse.vectors import times, vector
+from feeder_sim.engines.impulse.vectors import dot, times, vector
 from feeder_sim.engines.surface_arrays import SurfaceArrays
 from feeder_sim.machine_code import compiled, inlined
 from feeder_sim.scene.guide import Guide
@@ -20,6 +20,7 @@ GAP, RATE, SURFACE_RATE, SURFACE_ACCELERATION, WALL_GAP, WALL_RATE = range(6)  #
 ARM, NORMAL, VELOCITY, BEFORE, IMPULSE = range(5)  # of Scratch.contact
 RESTITUTION, FRICTION, TARGET, STEP_NORMAL, STEP_TANGENT = range(5)  # of Scratch.law
 ABSENT, AWAKE, ASLEEP = range(3)  # in PART, there
+SLENDER = 4.0  # largest over smallest moment of inertia
 
 
 # State of one part in world axes at a time of its own, `clock` [s]: columns of the attitude are the body axes; momentum
@@ -290,7 +291,38 @@ def turning_speed(part, kind):
     """No point of a part moves faster about its centre [m/s]."""
     momentum, inertia = part.momentum, kind.inertia
     squared = momentum[0] ** 2 + momentum[1] ** 2 + momentum[2] ** 2
+    if _is_slender(kind):
+        return kind.reach * math.sqrt(_squared_spin(part, kind))
     return kind.reach * math.sqrt(squared) / min(inertia[0], inertia[1], inertia[2])
+
+
+@compiled
+def turning_acceleration(part, kind):
+    """No point of a part is accelerated more in free flight, but for gravity [m/s^2].
+
+    |dw/dt| <= |w| |L| / I_min for a torque-free body, so a point accelerates by at most 2 reach (L / I_min)^2.
+    """
+    momentum, inertia = part.momentum, kind.inertia
+    least = min(inertia[0], inertia[1], inertia[2])
+    if _is_slender(kind):  # |dw/dt| <= w^2 / sqrt(3), by Euler's equations and as I_i + I_j >= I_k
+        return 2.0 * kind.reach * _squared_spin(part, kind)
+    return 2.0 * kind.reach * dot(momentum, momentum) / (least * least)
+
+
+@inlined
+def _is_slender(kind):
+    """Whether |L| / I_min is far more than a part can turn by; else that is the cheaper bound."""
+    a, b, c = kind.inertia[0], kind.inertia[1], kind.inertia[2]
+    return max(a, b, c) > SLENDER * min(a, b, c) and kind.mass < np.inf
+
+
+@inlined
+def _squared_spin(part, kind):
+    """The square of the angular velocity [1/s^2]: it stays that of a symmetric top, of others this is a bound."""
+    spin = spin_of(part, kind)
+    if kind.axis >= 0:
+        return dot(spin, spin)
+    return dot(part.momentum, spin) / min(kind.inertia[0], kind.inertia[1], kind.inertia[2])
 
 
 @compiled

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from feeder_sim.engines.impulse.circles import count_of, is_round, leap_of_circles, lowest_points, tilt_of
+from feeder_sim.engines.impulse.far_corners import MANY, far_leap, gather_near
 from feeder_sim.engines.impulse.flight_time import forecast, longest_leap, shortest_flight
 from feeder_sim.engines.impulse.plate_contact import TOUCH, approach, contact_of, look, put_back
 from feeder_sim.engines.impulse.plate_edge import edge_leap, points_on_edge
@@ -57,9 +58,12 @@ def meet_yielding_plate(part, kinds, surface, bounds, t, work, yielding):
         return max((rising + math.sqrt(rising * rising + 2.0 * GRAVITY * height)) / GRAVITY, bounds.step), False
     moved, lowest = lowest_points(part, kind, surface, bounds, 2.0 * TOUCH, t, work)
     further = points_on_edge(part, kind, kinds, surface, work)
-    corners, n_corners = kinds.corners[kind.corner_from : kind.corner_to], count_of(kind)
+    corners, n_corners, others = kinds.corners[kind.corner_from : kind.corner_to], count_of(kind), np.inf
     if further > 0 or is_round(kind):
         corners = work.points[: n_corners + further]
+    elif n_corners > MANY and not bounds.calm:
+        near, others = gather_near(part, kind, corners, bounds, work)
+        corners = work.points[:near]
     on_plate, _ = look(part, kind, corners, surface, bounds, t, moved, work)
     if on_plate > 0:
         _impact(part, kind, corners, surface, t, work, yielding)
@@ -67,6 +71,7 @@ def meet_yielding_plate(part, kinds, surface, bounds, t, work, yielding):
     tilt = tilt_of(lowest, part, kind, work)
     leap, to_crest = leap_of_circles(tilt, kind, bounds, own, leap, to_crest, work)
     shortest = shortest_flight(part, kind, bounds)
+    to_crest = min(to_crest, far_leap(part, kind, others, bounds))
     if further > 0:
         to_crest = min(to_crest, edge_leap(part, kind, corners, n_corners, bounds.step, work))
     if leap < to_crest:
