@@ -18,11 +18,12 @@ Floats = NDArray[np.float64]
 Orbits = list[NDArray[np.int64]]
 
 MOST_CORNERS = 128
-MOST_LOOKED_AT = 2000  # vertices of a finer hull: those farthest along as many directions
+MOST_LOOKED_AT = 5000  # vertices of a finer hull: those farthest along as many directions
 ALIKE = 1e-4  # of the size: how far a turned vertex may be from another one (single precision of STL files)
 DOUBTFUL = 0.3  # of the error wanted: points less far over the planes of a hull are not farther from it than wanted
-WORST = 50  # vertices that stand out farthest
+WORST = 200  # vertices that stand out farthest, whose distance is computed exactly
 ROUNDS = 3  # of looking at more vertices of a fine hull
+UNEVEN = 1.5  # times the error is what it takes to prefer corners that are not lopsided
 LEAST_ORDER = 3  # of a rotation that keeps a part from becoming lopsided
 
 
@@ -61,9 +62,13 @@ def _fewest(points: Floats, wanted: float) -> NDArray[np.int64]:
     enough = [kept for kept in found if kept is not None and len(kept) <= MOST_CORNERS]
     if enough:
         return np.sort(min(enough, key=len))
-    found = [_greedy(points, orbits, 0.0, most=True) for orbits in (*_symmetries(points), _single(points))]
-    few = [kept for kept in found if kept is not None and len(kept) <= MOST_CORNERS]
-    return np.sort(min(few, key=lambda kept: _error(points, kept)))
+    single = _single(points)
+    choices = []
+    for orbits in (*_symmetries(points), single):
+        kept = _greedy(points, orbits, 0.0, most=True)
+        if kept is not None and len(kept) <= MOST_CORNERS:
+            choices.append((_error(points, kept) * (UNEVEN if len(orbits) == len(single) else 1.0), kept))
+    return np.sort(min(choices, key=lambda choice: choice[0])[1])
 
 
 def _farthest_along_directions(points: Floats) -> NDArray[np.int64]:
@@ -193,7 +198,8 @@ def _depths(points: Floats, kept: NDArray[np.int64], wanted: float) -> Floats:
     """
     hull = _hull_of(points[kept])
     depth = np.maximum(_over(points, hull), 0.0)
-    doubtful = np.flatnonzero(depth > DOUBTFUL * wanted)
+    doubtful = np.argsort(depth)[-WORST:]
+    doubtful = doubtful[depth[doubtful] > DOUBTFUL * wanted]
     if depth.max() <= wanted and len(doubtful):
         depth[doubtful] = _distances(points[doubtful], points[kept][hull.simplices])
     return depth
