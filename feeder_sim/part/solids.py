@@ -55,7 +55,7 @@ def ball(diameter: float, density: float, name: str) -> RigidPart:
 
 
 def cylinder(diameter: float, height: float, density: float, name: str) -> RigidPart:
-    """Solid circular cylinder along z that touches with both rims, or corners on them; lengths [m], density [kg/m^3]."""
+    """Solid circular cylinder along z that touches with both rims, or corners there; lengths [m], density [kg/m^3]."""
     radius = diameter / 2.0
     mass = density * math.pi * radius**2 * height
     transverse = mass * (3.0 * radius**2 + height**2) / 12.0

@@ -6,15 +6,9 @@ The fields of `Plan` and of its parts are the keys that `feeder-sim check --json
 from __future__ import annotations
 
 import math
-import time
-from concurrent.futures import ThreadPoolExecutor
-from concurrent.futures import TimeoutError as FutureTimeoutError
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
-
-from feeder_sim.engines.lookup import engine_class
 from feeder_sim.measures.picks import robot_of
 from feeder_sim.measures.protocol import as_json
 from feeder_sim.part.rigid_part import RigidPart
@@ -22,17 +16,15 @@ from feeder_sim.plate.drive import ModalDrive
 from feeder_sim.replay.wave import PERIODS, PICTURES, POINTS
 from feeder_sim.run.advice import recommendations
 from feeder_sim.run.run_folder import DISPLAY_POINTS
-from feeder_sim.run.simulation import available_cores, compile_engine
-from feeder_sim.scenario import PartSpec, Schedule
+from feeder_sim.run.simulation import available_cores
+from feeder_sim.run.trial import seed_seconds
+from feeder_sim.scenario import PartSpec
 from feeder_sim.scene.driven_mode import DrivenMode
 from feeder_sim.scene.prepared import Prepared
 from feeder_sim.scene.refill import refill_frames
-from feeder_sim.scene.scene import GRAVITY, Scene, build_scene
+from feeder_sim.scene.scene import GRAVITY, Scene
 from feeder_sim.scene.under_parts import motion_under_parts
 
-TRIAL_STEPS = 20_000  # of the engine, which are timed
-TRIAL_S, LONGEST_TRIAL_S = 1.0, 10.0  # [s] of it, and until it is given up
-TRIAL_FRAMES = 10  # of a stage that is shorter
 BYTES_PER_FRAME_AND_PART = 68  # of trajectory.h5, compressed
 BYTES_REPLAY = 80  # per frame, part and seed in the .rrd: a part and its shadow
 BYTES_FIXED = 150_000  # empty files, blueprint, meshes
@@ -140,10 +132,10 @@ def plan_run(prepared: Prepared) -> dict[str, Any]:
 
 
 def make_plan(prepared: Prepared) -> Plan:
-    """Describe a run; a short trial of its engine gives the cost of a step."""
+    """Describe a run; a short trial of its engine says how long it takes."""
     scene, cell, engine = prepared.scene, prepared.cell, prepared.engine
     run, surface = scene.scenario.run, scene.surface
-    cost = _trial_cost(prepared)
+    seconds = seed_seconds(prepared)
     return Plan(
         title=scene.scenario.title,
         engine=engine.name,
@@ -160,7 +152,7 @@ def make_plan(prepared: Prepared) -> Plan:
         steps_per_seed=scene.n_steps,
         seeds=run.seeds,
         frames_per_seed=scene.n_frames,
-        estimated_wall_s=cost * scene.n_steps * math.ceil(run.seeds / available_cores()),
+        estimated_wall_s=seconds * math.ceil(run.seeds / available_cores()),
         estimated_file_size_mb=1e-6 * _file_size(scene),
         cautions=list(prepared.cautions),
         recommended=recommendations(scene),
@@ -231,36 +223,3 @@ def _slow_pictures(scene: Scene) -> int:
         return 0
     different = {frozenset(scene.drives[i] for i in stage.excitations) for stage in scene.times.stages}
     return len(different - {frozenset()}) * PERIODS * PICTURES
-
-
-def _busiest(scene: Scene) -> Scene:
-    """The scene with only the stage of the highest frequency, whose steps are the shortest."""
-    schedule = scene.scenario.schedule
-    if schedule is None:
-        return scene
-    driven = [stage for stage in (*schedule.prepare, *schedule.stage) if stage.drive]
-    least = TRIAL_FRAMES / scene.scenario.run.frames_per_second
-    stage = max(driven, key=lambda s: max(max(d.frequency_hz, d.natural_frequency_hz or 0.0) for d in s.drive))
-    stage = stage.model_copy(update={"duration_s": max(stage.duration_s, least)})
-    return build_scene(scene.scenario.model_copy(update={"schedule": Schedule(stage=(stage,))}))
-
-
-def _trial_cost(prepared: Prepared) -> float:
-    """Wall time [s] of a step of one seed on one core, after compilation."""
-    scene = _busiest(prepared.scene)
-    compile_engine(replace(prepared, scene=scene))
-    interrupt = np.zeros(1, np.int64)
-    engine = engine_class(prepared.engine)(scene, np.random.default_rng(0), interrupt=interrupt)
-    frames, most, piece = 0, min(scene.n_frames, max(1, TRIAL_STEPS // scene.steps_per_frame)), 1
-    started = time.perf_counter()
-    with ThreadPoolExecutor(1) as pool:  # this thread hears of Ctrl-C
-        try:
-            while frames < most and time.perf_counter() - started < TRIAL_S:
-                piece = min(2 * piece, most - frames)
-                pool.submit(engine.advance, piece).result(timeout=LONGEST_TRIAL_S)
-                frames += piece
-        except FutureTimeoutError:
-            frames += 1  # a frame takes at least that long
-        finally:
-            interrupt[0] = 1
-    return (time.perf_counter() - started) / (max(1, frames) * scene.steps_per_frame)

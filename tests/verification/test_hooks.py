@@ -30,7 +30,7 @@ def plate(count: int, engine: str, *, amplitude_um: float = 0.0, contact: dict[s
         drive=(Drive(frequency_hz=2000.0, amplitude_um=amplitude_um, ring_up=False),),
         part=(HexNut(size="M5", count=count, start=start),),
         contact=Contact(**contact),
-        run=Run(**({"duration_s": 0.3, "seeds": 1, "engine": engine, "frames_per_second": 500.0} | run)),
+        run=Run.model_validate({"duration_s": 0.3, "seeds": 1, "engine": engine, "frames_per_second": 500.0} | run),
     )
     return build_scene(scenario)
 
@@ -60,8 +60,8 @@ def test_a_hook_takes_along_another_that_it_is_hooked_into(engine: str, monkeypa
     assert along[-1, 1] > 0.2 * speed
     assert np.abs(frames.position[0] - np.array([first, other])).max() < 1e-3 * speed * 5
     hulls = with_parts(scene, replace(HOOK, pieces=()))
-    thrown = advanced(hulls, 1)
-    assert np.abs(thrown.position[0] - np.array([first, other])).max() > 1e-3
+    thrown = advanced(hulls, 10)
+    assert np.abs(thrown.position[-1] - np.array([first, other])).max() > 1e-3
 
 
 @pytest.mark.parametrize("engine", ENGINES)

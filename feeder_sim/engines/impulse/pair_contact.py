@@ -27,8 +27,8 @@ ROUND_OFF = 1e-7  # [m]; more than the library's tolerance
 SLACK = 1e-6  # [m]; hulls this close touch, and may enter each other this far before anybody looks
 DEEP = 2e-6  # [m]; how deep parts may enter each other before they are looked at again, where a step is longer
 PUSHED = 0.1  # of that time, while parts are deep in each other: a heap that falls in needs many pushes
-# [m]; parts laid into each other so deep are parted little by little in every step: at once one would be put through the
-# plate. Parts that meet do not come to that; 80 um has been seen at the bottom of a poured heap.
+# [m]; parts laid into each other so deep are parted little by little, step by step: at once one would be put through
+# the plate. Parts that meet do not come to that; 80 um has been seen at the bottom of a poured heap.
 LAID_IN, LITTLE = 1.5e-4, 5e-6
 LEVEL = 0.1  # upward component of the axis of two parts, from which on one of them counts as the lower
 MAX_ROUNDS = 8  # of impacts at the points of one contact
