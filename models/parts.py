@@ -24,6 +24,7 @@ HOOK = ((-3.75, 1.5), (-3.75, 5.25), (0.0, 5.25), (0.0, -5.25), (3.75, -5.25), (
 HOOK_WIRE = 1.5  # square
 # fingers of a gripper, around the middle of the bracket as drawn: size of each, and how far they are open along y
 FINGER, OPENING = (4.0, 2.0, 25.0), 11.0
+CONCAVE = ("bracket", "screw", "hook")  # parts that get convex pieces
 
 
 def part_meshes() -> dict[str, Any]:
@@ -75,15 +76,16 @@ def _counter_clockwise(triangle: ArrayLike) -> list[list[float]]:
 
 
 def write_parts() -> None:
-    """Write each mesh as STL into the folder of its name, and the convex pieces of the hook."""
+    """Write each mesh as STL into the folder of its name, and the convex pieces of the parts."""
     for name, mesh in part_meshes().items():
         assert mesh.is_watertight and mesh.is_winding_consistent and mesh.volume > 0.0, name
         file = MODELS / name / f"{name}.stl"
         file.parent.mkdir(exist_ok=True)
         mesh.export(file)
-    hook = MODELS / "hook" / "hook.stl"
-    pieces, made_by = make_pieces(closed_mesh(hook, 1.0), 1.0)
-    write_pieces(pieces_beside(hook), pieces, hook, made_by)
+    for name in CONCAVE:
+        part = MODELS / name / f"{name}.stl"
+        pieces, made_by = make_pieces(closed_mesh(part, 1.0), 1.0)
+        write_pieces(pieces_beside(part), pieces, part, made_by)
 
 
 if __name__ == "__main__":
