@@ -42,8 +42,8 @@ def mesh_part(
         InputError: the file is not one closed body of a likely size (mesh_file.py); pieces that are not its own.
     """
     read = _read if path.is_file() else _read.__wrapped__  # which says that there is none
-    part = read(path, _state(path), unit_mm, corner_error, pieces, _state(pieces), key)
-    return replace(part, name=name, mass=density * part.mass, inertia=density * part.inertia)
+    part: RigidPart = read(path, _state(path), unit_mm, density, corner_error, pieces, _state(pieces), key)
+    return replace(part, name=name)
 
 
 def _state(path: Path | None) -> tuple[int, int] | None:
@@ -56,18 +56,26 @@ def _state(path: Path | None) -> tuple[int, int] | None:
 
 @functools.lru_cache(maxsize=16)  # scenes are built many times of the same parts
 def _read(
-    path: Path, _: object, unit_mm: float, corner_error: float, pieces: Path | None, __: object, key: str
+    path: Path,
+    _: object,
+    unit_mm: float,
+    density: float,
+    corner_error: float,
+    pieces: Path | None,
+    __: object,
+    key: str,
 ) -> RigidPart:
-    """The part of a mesh file with a density of 1 kg/m^3; `_` and `__` tell states of the files apart."""
+    """The part of a mesh file; `_` and `__` tell states of the files apart."""
     mesh = closed_mesh(path, unit_mm, key=key)
     held = [] if pieces is None else read_pieces(pieces, path, mesh)
     mesh.apply_scale(unit_mm * 1e-3)
+    mesh.density = density
     centre = np.array(mesh.center_mass, float)
     moments, axes = principal_axes(np.array(mesh.moment_inertia))
     corners, error = contact_corners(np.array(mesh.convex_hull.vertices) - centre, corner_error)
     return RigidPart(
         path.stem,
-        float(mesh.volume),
+        float(mesh.mass),
         moments,
         corners,
         0.0,
