@@ -46,7 +46,7 @@ def of_boxes(boxes: Sequence[Box], name: str = "hook") -> RigidPart:
     signs = np.array(list(itertools.product((-0.5, 0.5), repeat=3)))
     pieces = tuple(place - centre + signs * side for side, place in zip(sides, places, strict=True))
     corners = np.concatenate(pieces)
-    drawn = trimesh.util.concatenate([trimesh.convex.convex_hull(piece) for piece in pieces])
+    drawn: Any = trimesh.util.concatenate([trimesh.convex.convex_hull(piece) for piece in pieces])
     return RigidPart(
         name,
         float(mass.sum()),

@@ -22,15 +22,15 @@ HOOK = of_boxes(U_HOOK)
 ENGINES = ("impulse", "mujoco")
 
 
-def plate(count: int, engine: str, *, amplitude_um: float = 0.0, contact: dict[str, float], **run: Any) -> Scene:
+def plate(count: int, engine: str, *, amplitude_um: float = 0.0, contact: dict[str, float]) -> Scene:
     """Hooks over a plate that moves up and down."""
     start = Heap(kind="heap", diameter_mm=30.0) if count > 2 else Scattered(kind="scattered")
     scenario = Scenario(
         plate=PistonPlate(kind="piston", length_mm=50.0, width_mm=50.0, rim=count > 2),
         drive=(Drive(frequency_hz=2000.0, amplitude_um=amplitude_um, ring_up=False),),
         part=(HexNut(size="M5", count=count, start=start),),
-        contact=Contact(**contact),
-        run=Run(**({"duration_s": 0.3, "seeds": 1, "engine": engine, "frames_per_second": 500.0} | run)),
+        contact=Contact.model_validate(contact),
+        run=Run.model_validate({"duration_s": 0.3, "seeds": 1, "engine": engine, "frames_per_second": 500.0}),
     )
     return build_scene(scenario)
 
