@@ -2,7 +2,8 @@
 
 What a step costs changes with what the parts do: at first they fall and the plate rings up, later they lie together on
 nodal lines, and in a pause they come to rest. So the trial goes through one pass of all stages, each cut to two seconds
-at most; what is cut off counts at the cost of the second half of what was computed of it.
+at most; what is cut off counts at the cost of the second half of what was computed of it. A run without stages is
+followed for longer while that costs next to nothing.
 """
 
 from __future__ import annotations
@@ -27,6 +28,7 @@ from feeder_sim.scene.scene import Scene, build_scene
 
 LONGEST_STAGE_S = 2.0  # of the drives of a stage, and of a pause
 TRIAL_S, LONGEST_TRIAL_S = 2.0, 10.0  # [s] of wall time, and until a piece of it is given up
+CHEAP_S = 0.3  # [s] of wall time that a trial may take in any case
 PIECES = 8  # of a stretch, so that its second half is known by itself
 
 
@@ -88,8 +90,9 @@ def seed_seconds(prepared: Prepared) -> float:
             for stretch, end in _stretches(whole, scene):
                 found.append(stretch)
                 last = min(round(end / scene.frame_interval), scene.n_frames - 1)
-                piece = max(1, (last - frame) // PIECES)
-                while frame < last and time.perf_counter() - started < TRIAL_S:
+                enough = min(last, frame + round(LONGEST_STAGE_S / scene.frame_interval))
+                piece = max(1, (enough - frame) // PIECES)
+                while frame < last and time.perf_counter() - started < (TRIAL_S if frame < enough else CHEAP_S):
                     n = min(piece, last - frame) if frame else 1  # of the first frame nothing is known
                     begun = time.perf_counter()
                     for future in [pool.submit(seed.advance, n) for seed in seeds]:
@@ -125,7 +128,7 @@ def _stretches(scene: Scene, trial: Scene) -> Iterator[tuple[Stretch, float]]:
     """Drives and pauses of the trial in order, as they are in the scene, and their end in the trial [s]."""
     if scene.scenario.schedule is None:
         duration = scene.times.duration
-        yield Stretch(duration, 1, []), min(duration, LONGEST_STAGE_S)
+        yield Stretch(duration, 1, []), duration
         return
     cycles = scene.scenario.schedule.cycles
     for long, cut in zip(scene.times.stages, trial.times.stages, strict=False):
