@@ -1,8 +1,9 @@
 """How long a seed of a run will take, from a trial of its engine.
 
 What a step costs changes with what the parts do: at first they fall and the plate rings up, later they lie together on
-nodal lines, and in a pause they come to rest. So the trial goes through one pass of all stages, each cut to a second at
-most; what is cut off counts at the cost of the second half of what was computed of it.
+nodal lines, and in a pause they come to rest. So the trial goes through one pass of all stages, each cut to two seconds
+at most; what is cut off counts at the cost of the second half of what was computed of it. A run without stages is
+followed for longer while that costs next to nothing.
 """
 
 from __future__ import annotations
@@ -14,16 +15,20 @@ from concurrent.futures import TimeoutError as FutureTimeoutError
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from feeder_sim.engines.lookup import engine_class
+from feeder_sim.engines.protocol import Engine
+from feeder_sim.run.guard import Guard
 from feeder_sim.run.simulation import available_cores, compile_engine
 from feeder_sim.scenario import Schedule
 from feeder_sim.scenario.schedule import Stage
 from feeder_sim.scene.prepared import Prepared
 from feeder_sim.scene.scene import Scene, build_scene
 
-LONGEST_STAGE_S = 1.0  # of the drives of a stage, and of a pause
+LONGEST_STAGE_S = 2.0  # of the drives of a stage, and of a pause
 TRIAL_S, LONGEST_TRIAL_S = 2.0, 10.0  # [s] of wall time, and until a piece of it is given up
+CHEAP_S = 0.3  # [s] of wall time that a trial may take in any case
 PIECES = 8  # of a stretch, so that its second half is known by itself
 
 
@@ -54,25 +59,44 @@ class Stretch:
         return self.passes * wall + max(0.0, self.whole - self.passes * simulated) * self.rate
 
 
+class _Seed:
+    """A seed of the trial: an engine, and what looks at its frames."""
+
+    def __init__(self, prepared: Prepared, number: int, interrupt: NDArray[np.int64]) -> None:
+        start, rng = engine_class(prepared.engine), np.random.default_rng(number)
+        threads = max(1, available_cores() // prepared.scenario.run.seeds)
+        self._engine: Engine = start(prepared.scene, rng, threads=threads, interrupt=interrupt)
+        self._guard = Guard(prepared, self._engine.current())
+
+    def advance(self, n_frames: int) -> None:
+        frames = self._engine.advance(n_frames)
+        self._guard.check(frames, 0)
+        self._guard.remember(n_frames)
+        frames.as_stored()
+
+
 def seed_seconds(prepared: Prepared) -> float:
-    """Wall time [s] of one seed, with the cores that it has for itself, after compilation."""
+    """Wall time [s] of one seed beside those that run at the same time, after compilation."""
     scene = _cut(prepared.scene)
-    compile_engine(replace(prepared, scene=scene))
+    prepared, whole = replace(prepared, scene=scene), prepared.scene
+    compile_engine(prepared)
     interrupt = np.zeros(1, np.int64)
-    threads = max(1, available_cores() // scene.scenario.run.seeds)
-    engine = engine_class(prepared.engine)(scene, np.random.default_rng(0), threads=threads, interrupt=interrupt)
+    together = min(scene.scenario.run.seeds, available_cores())
+    seeds = [_Seed(prepared, number, interrupt) for number in range(together)]
     found: list[Stretch] = []
     started, frame = time.perf_counter(), 0
-    with ThreadPoolExecutor(1) as pool:  # this thread hears of Ctrl-C
+    with ThreadPoolExecutor(together) as pool:  # this thread hears of Ctrl-C
         try:
-            for stretch, end in _stretches(prepared.scene, scene):
+            for stretch, end in _stretches(whole, scene):
                 found.append(stretch)
                 last = min(round(end / scene.frame_interval), scene.n_frames - 1)
-                piece = max(1, (last - frame) // PIECES)
-                while frame < last and time.perf_counter() - started < TRIAL_S:
+                enough = min(last, frame + round(LONGEST_STAGE_S / scene.frame_interval))
+                piece = max(1, (enough - frame) // PIECES)
+                while frame < last and time.perf_counter() - started < (TRIAL_S if frame < enough else CHEAP_S):
                     n = min(piece, last - frame) if frame else 1  # of the first frame nothing is known
                     begun = time.perf_counter()
-                    pool.submit(engine.advance, n).result(timeout=LONGEST_TRIAL_S)
+                    for future in [pool.submit(seed.advance, n) for seed in seeds]:
+                        future.result(timeout=LONGEST_TRIAL_S)
                     stretch.computed.append((n * scene.frame_interval, time.perf_counter() - begun))
                     frame += n
         except FutureTimeoutError:  # a frame takes at least that long
@@ -82,7 +106,7 @@ def seed_seconds(prepared: Prepared) -> float:
     done = [stretch for stretch in found if stretch.computed]
     seconds = sum(stretch.seconds for stretch in done)
     reached = sum(stretch.whole for stretch in done)
-    return seconds * max(1.0, prepared.scene.times.duration / reached)  # of the rest nothing better is known
+    return seconds * max(1.0, whole.times.duration / reached)  # of the rest nothing better is known
 
 
 def _cut(scene: Scene) -> Scene:
@@ -104,7 +128,7 @@ def _stretches(scene: Scene, trial: Scene) -> Iterator[tuple[Stretch, float]]:
     """Drives and pauses of the trial in order, as they are in the scene, and their end in the trial [s]."""
     if scene.scenario.schedule is None:
         duration = scene.times.duration
-        yield Stretch(duration, 1, []), min(duration, LONGEST_STAGE_S)
+        yield Stretch(duration, 1, []), duration
         return
     cycles = scene.scenario.schedule.cycles
     for long, cut in zip(scene.times.stages, trial.times.stages, strict=False):

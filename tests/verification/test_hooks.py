@@ -22,15 +22,15 @@ HOOK = of_boxes(U_HOOK)
 ENGINES = ("impulse", "mujoco")
 
 
-def plate(count: int, engine: str, *, amplitude_um: float = 0.0, contact: dict[str, float], **run: Any) -> Scene:
+def plate(count: int, engine: str, *, amplitude_um: float = 0.0, contact: dict[str, float]) -> Scene:
     """Hooks over a plate that moves up and down."""
     start = Heap(kind="heap", diameter_mm=30.0) if count > 2 else Scattered(kind="scattered")
     scenario = Scenario(
         plate=PistonPlate(kind="piston", length_mm=50.0, width_mm=50.0, rim=count > 2),
         drive=(Drive(frequency_hz=2000.0, amplitude_um=amplitude_um, ring_up=False),),
         part=(HexNut(size="M5", count=count, start=start),),
-        contact=Contact(**contact),
-        run=Run.model_validate({"duration_s": 0.3, "seeds": 1, "engine": engine, "frames_per_second": 500.0} | run),
+        contact=Contact.model_validate(contact),
+        run=Run.model_validate({"duration_s": 0.3, "seeds": 1, "engine": engine, "frames_per_second": 500.0}),
     )
     return build_scene(scenario)
 
@@ -59,18 +59,22 @@ def test_a_hook_takes_along_another_that_it_is_hooked_into(engine: str, monkeypa
     assert along.sum(axis=1) == pytest.approx(np.full(100, speed), abs=2e-3 * speed)
     assert along[-1, 1] > 0.2 * speed
     assert np.abs(frames.position[0] - np.array([first, other])).max() < 1e-3 * speed * 5
+    # The hulls are in each other from the start: they are parted at once, or (in MuJoCo, whose contacts push nothing
+    # out) press on each other across the plane in which they lie, and nothing is taken along.
     hulls = with_parts(scene, replace(HOOK, pieces=()))
-    thrown = advanced(hulls, 10)
-    assert np.abs(thrown.position[-1] - np.array([first, other])).max() > 1e-3
+    frames = advanced(hulls, 50)
+    moved = np.abs(frames.position[-1] - np.array([first, other])).max()
+    assert moved > 1e-3 if engine == "impulse" else abs(frames.velocity[-1, 1, 1]) < 0.01 * speed
 
 
 @pytest.mark.parametrize("engine", ENGINES)
-def test_a_crowd_of_hooks_on_a_shaken_plate_does_not_enter_itself(engine: str) -> None:
+@pytest.mark.parametrize("count", [5, pytest.param(10, marks=pytest.mark.slow)])
+def test_a_crowd_of_hooks_on_a_shaken_plate_does_not_enter_itself(engine: str, count: int) -> None:
     """U and S hooks thrown about by a plate at 0.3 m/s and 100 g, between walls that keep them close."""
-    scene = plate(10, engine, amplitude_um=25.0, contact={})
+    scene = plate(count, engine, amplitude_um=25.0, contact={})
     for seed, boxes in enumerate((U_HOOK, S_HOOK)):
         crowd = with_parts(scene, of_boxes(boxes))
         frames = advanced(crowd, 150, seed)
         apart = piece_distances(crowd, frames)
         assert apart.min() > -DEEPEST
-        assert (apart < 2e-6).sum() > 20  # they do meet
+        assert (apart < 2e-6).sum() > 0.5 * count  # they do meet

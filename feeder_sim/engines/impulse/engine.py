@@ -35,7 +35,7 @@ from feeder_sim.engines.impulse.frame_rows import (
     FrameRows,
 )
 from feeder_sim.engines.impulse.hulls import HullLibrary
-from feeder_sim.engines.impulse.island import Crowd, Share, Span, Tools, advance_islands, farthest
+from feeder_sim.engines.impulse.island import Crowd, Share, Span, Tools, advance_islands
 from feeder_sim.engines.impulse.kinds import read_kinds, rim_walls
 from feeder_sim.engines.impulse.pair_contact import PAIR
 from feeder_sim.engines.impulse.state import ABSENT, Bounds, Plate, new_parts, new_scratch, read_wall
@@ -175,12 +175,20 @@ class ImpulseEngine:
             left = self._advance_islands(crowd, Plate(acting, bounds), Span(start, until, reach), frames)
             if not left or frames.interrupt[0]:
                 break
-            way = farthest(parts, begun, self._kinds)
+            way = self._longest_way(parts, begun)
             if not np.isfinite(way):
                 break  # for the guard to see
             reach = WIDER * max(reach, way)
             parts = begun.copy()
         self._parts, self._pairs = parts, pairs
+
+    def _longest_way(self, parts: NDArray[np.void], begun: NDArray[np.void]) -> float:
+        """The longest way of any part in the window [m], or of the centres of its pieces by turning; see `has_left`."""
+        way = np.linalg.norm(parts["position"] - begun["position"], axis=1)
+        kind = self._kinds.record[parts["kind"]]
+        several = kind["piece_to"] - kind["piece_from"] > 1
+        turned = np.linalg.norm(parts["attitude"] - begun["attitude"], axis=(1, 2)) * kind["reach"]
+        return float(np.maximum(way, np.where(several, turned, 0.0)).max())
 
     def _open_window(self, parts: NDArray[np.void]) -> tuple[SurfaceArrays, Bounds, float]:
         """Terms that act and bounds of the window under way, and the reach of the parts in it [m]; wakes them."""

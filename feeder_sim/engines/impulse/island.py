@@ -9,7 +9,6 @@ What is recorded changes nothing: at the time of a frame the state of each part 
 
 from __future__ import annotations
 
-import math
 from typing import NamedTuple
 
 import numpy as np
@@ -192,18 +191,6 @@ def _squared_way(part, begun, kind):
                 turned += (part.attitude[i, k] - begun.attitude[i, k]) ** 2
         squared = max(squared, turned * kind.reach * kind.reach)
     return squared
-
-
-@entry_point
-def farthest(parts, begun, kinds):
-    """The longest way of any part in a window [m]; NaN where a position is not finite."""
-    most = 0.0
-    for i in range(parts.shape[0]):
-        squared = _squared_way(parts[i], begun[i], kinds.record[parts[i].kind])
-        if math.isnan(squared):
-            return squared
-        most = max(most, squared)
-    return math.sqrt(most)
 
 
 @compiled
