@@ -8,8 +8,8 @@ from pathlib import Path
 from PIL import Image
 
 HERE = Path(__file__).parent
-SCENE = (0, 300, 1150, 900)  # of a screenshot, 1920 x 1080: the plate
-WHOLE = (0, 38, 1920, 1050)  # of it, without the viewer's bars
+SCENE = (0, 90, 1150, 1000)  # of a screenshot, 1920 x 1080: the plate
+WHOLE = (0, 0, 1920, 1080)
 
 
 def main(folder: Path) -> None:

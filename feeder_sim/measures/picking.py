@@ -13,6 +13,7 @@ from feeder_sim.scenario import Pick
 from feeder_sim.scene.gripper import Gripper, read_gripper
 from feeder_sim.scene.scene import Scene
 
+COVERED = 1e-4  # [m]; parts that overlap by less in plan view only touch
 MOST_YAWS = 12  # of a part that is round, at which its gripper is tried
 
 
@@ -87,7 +88,13 @@ class _Neighbours:
         self._tree = shapely.STRtree(outlines)
 
     def has_room(self, part: int, gripper: Gripper) -> bool:
-        """Whether the fingers meet no other part, at one of the yaws at which the part looks the same."""
+        """Whether the fingers meet no other part, at one of the yaws at which the part looks the same.
+
+        A part that lies over or under another one, as seen from above, would take it along.
+        """
+        own = self._outlines[int(np.flatnonzero(self._index == part)[0])].buffer(-COVERED)
+        if len(self._tree.query(own, predicate="intersects")) > 1:  # itself is one
+            return False
         table, attitude = self._scene.poses[self._scene.kind_of[part]], self._last.quaternion[0, part : part + 1]
         yaw, pose = float(table.yaw(attitude)[0]), int(table.number(attitude)[0])
         yaws = table.poses[pose].yaws if pose != NONE else 1

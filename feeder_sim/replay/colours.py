@@ -66,9 +66,9 @@ def colours_of(scenario: Scenario, colour: Colour | None, parts: Sequence[PartRe
 
     Without a colour it is that of `default_colour`.
     """
-    kind_of_part = np.repeat(np.arange(len(scenario.part)), [part.count for part in scenario.part])
     if (colour or default_colour(scenario)) == "pose":
-        return _by_pose(kind_names(scenario.part), kind_of_part, parts)
+        return _by_pose(parts)
+    kind_of_part = np.repeat(np.arange(len(scenario.part)), [part.count for part in scenario.part])
     names = kind_names(scenario.part)
     palette = PALETTE if len(names) > 1 else (NUT,)
     entries = tuple(Entry(name, palette[i % len(palette)]) for i, name in enumerate(names))
@@ -79,22 +79,17 @@ def colours_of(scenario: Scenario, colour: Colour | None, parts: Sequence[PartRe
     return Colours(entries, index)
 
 
-def _by_pose(names: Sequence[str], kind_of_part: NDArray[np.int64], parts: Sequence[PartRecord]) -> Colours:
-    """An entry for every stable pose of each kind, and one for parts in none."""
-    entries, first = [Entry("in no pose", IN_NO_POSE)], []
-    for kind, name in enumerate(names):
-        first.append(len(entries))
-        prefix = f"{name} " if len(names) > 1 else ""
-        poses = parts[int(np.argmax(kind_of_part == kind))].poses.names
-        for pose in poses:
-            entries.append(Entry(prefix + pose, PALETTE[(len(entries) - 1) % len(PALETTE)]))
+def _by_pose(parts: Sequence[PartRecord]) -> Colours:
+    """An entry for every letter that names a stable pose, whatever the kind, and one for parts in no pose."""
+    names = max((part.poses.names for part in parts), key=len, default=())
+    entries = [Entry(name, PALETTE[i % len(PALETTE)]) for i, name in enumerate(names)]
 
     def index(frames: Frames, members: Sequence[int]) -> NDArray[np.int64]:
         rows = [parts[m].poses.number(frames.quaternion[:, m]) for m in members]
         number = np.stack(rows, axis=1) if rows else np.empty((len(frames), 0), np.int64)
-        return np.where(number == NONE, 0, number + np.array(first)[kind_of_part[np.asarray(members)]])
+        return np.where(number == NONE, len(names), number)
 
-    return Colours(tuple(entries), index)
+    return Colours((*entries, Entry("in no pose", IN_NO_POSE)), index)
 
 
 def kind_names(parts: Sequence[PartSpec]) -> list[str]:

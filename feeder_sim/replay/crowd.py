@@ -192,7 +192,7 @@ def _log_way(stream: Any, recording: Recording, shown_seed: int) -> None:
         stream.send_columns(name, indexes=[rr.TimeColumn(TIMELINE, duration=frames.time)], columns=place)
 
 
-def crowd_blueprint(recording: Recording, shown_seed: int, *, style: Style) -> Any:
+def crowd_blueprint(recording: Recording, shown_seed: int, *, style: Style, entries: int) -> Any:
     """Layout of the viewer: the plate seen obliquely from above; beside it counts, the slow wave and the stages."""
     import rerun as rr
     import rerun.blueprint as rrb
@@ -219,4 +219,4 @@ def crowd_blueprint(recording: Recording, shown_seed: int, *, style: Style) -> A
         views.append(rrb.TextLogView(origin="/stage", name="Stages"))
         shares.append(0.5)
     scene = "Scene (mm), colour = displacement amplitude, lines = nodal lines of the stage"
-    return layout(box, scene_eye(box, len(scenario.part), style), views, shares, title=scene, style=style)
+    return layout(box, scene_eye(box, entries, style), views, shares, title=scene, style=style)

@@ -84,8 +84,11 @@ def replay_content(
     colours = colours_of(scenario, colour, recording.parts)
     box = plate_box(recording.plate) if crowd else single_box(recording, shown_seed)
     held = stream.memory_recording()
-    blueprint = crowd_blueprint if crowd else single_blueprint
-    stream.send_blueprint(blueprint(recording, shown_seed, style=style), make_active=False, make_default=True)
+    if crowd:
+        blueprint = crowd_blueprint(recording, shown_seed, style=style, entries=len(colours.entries))
+    else:
+        blueprint = single_blueprint(recording, shown_seed, style=style)
+    stream.send_blueprint(blueprint, make_active=False, make_default=True)
     log_plate(stream, recording.plate, terms, max(f.time[-1] for f in recording.seeds if len(f)))
     log_labels(stream, box, colours.entries)
     texts = stage_texts(recording.plate, times, float(recording.seeds[shown_seed].time[-1]))

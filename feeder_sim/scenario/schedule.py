@@ -34,11 +34,11 @@ class Pick(Table):
 
 def _how_many(value: Any) -> str:
     """One pick or several, for pydantic's choice."""
-    return "several" if isinstance(value, list | tuple) else "one"
+    return "list" if isinstance(value, list | tuple) else "table"
 
 
 PickChoice = Annotated[
-    Annotated[Pick, Tag("one")] | Annotated[tuple[Pick, ...], Field(max_length=100), Tag("several")],
+    Annotated[Pick, Tag("table")] | Annotated[tuple[Pick, ...], Field(max_length=100), Tag("list")],
     Discriminator(_how_many),
 ]
 

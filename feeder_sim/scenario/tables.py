@@ -224,7 +224,8 @@ def _variants(annotation: Any) -> _Variants:
         if isinstance(item, type) and issubclass(item, BaseModel):
             found.only = item
             found[item.__name__] = item
-            found["table"] = item  # the tag of a choice between a name and a table
+            # tags of a choice between a name and a table, or between a table and a list of them
+            found["table"] = found["list"] = item
             for tag in ("kind", "shape"):
                 if tag in item.model_fields:
                     found[get_args(item.model_fields[tag].annotation)[0]] = item

@@ -121,6 +121,15 @@ def test_a_gripper_needs_room_for_its_fingers(tmp_path: Path) -> None:
     assert pickable(scene, [across], apart).tolist() == [3, 4]
 
 
+def test_what_lies_over_or_under_another_part_is_left(tmp_path: Path) -> None:
+    scene = build_scene(scenario())
+    places = [(0.0, 0.0), (-20.0, 0.0), (20.0, 0.0), (2.0, 0.0), (40.0, 0.0)]
+    frames = lying(scene, [FLAT, EDGE, FLAT, EDGE, 0.0], places)
+    frames.position[:, 3, 2] += 2e-3  # a rod lies on the first nut
+    wide = Pick(shape=fingers(tmp_path, 30.0))
+    assert pickable(scene, [wide], frames).tolist() == [1, 2, 4]
+
+
 def test_fingers_turn_with_the_part(tmp_path: Path) -> None:
     """A rod on its side is gripped across: what lies at its ends is not in the way, at any yaw of both together."""
     scene = build_scene(scenario())

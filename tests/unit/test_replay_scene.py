@@ -155,13 +155,13 @@ def test_poses_have_colours(recording: Recording) -> None:
     nuts, ball = (replace(recording.parts[0], poses=table) for table in (poses, PoseTable(())))
     scenario = parse_scenario(recording.scenario_text, file=recording.path)
     by_pose = colours_of(scenario, "pose", [nuts] * FEW + [ball] * FEW)
-    assert [entry.name for entry in by_pose.entries] == ["in no pose", "ball 3 mm A", "ball 3 mm B"]
+    assert [entry.name for entry in by_pose.entries] == ["A", "B", "in no pose"]
     assert len({entry.colour for entry in by_pose.entries}) == 3
     frames = recording.seeds[0][slice(0, 1)]
     attitude = frames.quaternion.copy()
     tilts = np.radians([0.0, 90.0, 40.0])
     attitude[0, :3] = np.column_stack([np.cos(tilts / 2), np.sin(tilts / 2), 0 * tilts, 0 * tilts])
-    assert by_pose.index(replace(frames, quaternion=attitude), [0, 1, 2, FEW]).tolist() == [[1, 2, 0, 0]]
+    assert by_pose.index(replace(frames, quaternion=attitude), [0, 1, 2, FEW]).tolist() == [[0, 1, 2, 2]]
     # What a run is coloured by hangs on whether its picks ask for a side.
     assert default_colour(scenario) == "kind"
     picky = scenario.schedule.stage[0].model_copy(update={"pick": Pick(clearance_mm=1.0, up=("A",))})  # type: ignore[union-attr]
