@@ -46,7 +46,7 @@ SHOTS = (
     Shot("separation_100", (1.98, 2.48), "scenarios/separation_100.jpg", 1, SCENE, 490),
     Shot("drift_2797hz_plate", (3.0,), "scenarios/drift_2797hz_plate.jpg"),
     Shot("transport_strip", (12.0,), "scenarios/transport_strip.jpg"),
-    Shot("wave_gather", (3.0,), "scenarios/wave_gather.jpg"),
+    Shot("wave_gather", (20.0,), "scenarios/wave_gather.jpg"),
     Shot("brackets", (2.98,), "docs/figures/brackets.jpg", 3),
     Shot("screws", (2.98,), "docs/figures/screws.jpg", 3),
     Shot("mixture", (2.98,), "docs/figures/mixture.jpg", 3),

@@ -32,6 +32,7 @@ def hooked_pairs(result: Result, row: int) -> int:
     return sum(parts_overlap(hull, a, hull, b) for a, b in itertools.combinations(places, 2))
 
 
+@pytest.mark.slow
 def test_hooks_stay_hooked_by_their_shape_and_not_by_their_hulls() -> None:
     shapes, hulls = (simulate(tangle(contact)) for contact in ("parts", "hull"))
     assert hooked_pairs(shapes, 0) == hooked_pairs(hulls, 0) == 9

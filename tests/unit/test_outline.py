@@ -119,7 +119,7 @@ def test_a_nut_falls_through_a_hole_and_lies_over_a_smaller_one(tmp_path: Path) 
     assert status == Status.DONE and abs(place[0] - 20.0) < 2.0 and place[2] == pytest.approx(1.0, abs=0.01)
 
 
-@pytest.mark.parametrize("crowd", [False, True])
+@pytest.mark.parametrize("crowd", [False, pytest.param(True, marks=pytest.mark.slow)])
 def test_a_nut_tips_over_the_edge_of_a_hole_only_with_its_centre(tmp_path: Path, crowd: bool) -> None:
     hole = 1e-3 * np.array([[10.0, -20.0], [40, -20], [40, 20], [10, 20]])  # with a straight edge at x = 10 mm
     file = flat_plate(tmp_path / "p.h5", hole)
@@ -140,6 +140,7 @@ def test_a_nut_tips_over_the_edge_of_a_hole_only_with_its_centre(tmp_path: Path,
         assert not crowd or 1e3 * frames.position[-1, 1, 2] == pytest.approx(1.0, abs=0.01)
 
 
+@pytest.mark.slow
 def test_drifts_without_frames_are_those_with_them(tmp_path: Path) -> None:
     file = flat_plate(tmp_path / "p.h5", circle(0.005, 0.0, 0.006))
     start = Start(position_mm=(20.0, 0.0), velocity_mm_s=(-260.0, 0.0, 0.0), drop_height_mm=(0.0, 0.3))

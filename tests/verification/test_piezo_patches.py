@@ -136,6 +136,7 @@ def finite_elements(plate: RectangularPlate, layer: Layer, count: int) -> tuple[
     return np.sqrt(squared[order]) / (2.0 * np.pi), np.abs(stretch @ vectors[:, order])  # eigsh scales to mass 1
 
 
+@pytest.mark.slow
 def test_patch_against_finite_elements() -> None:
     frequencies, stretch = finite_elements(PLATE, PATCH, 12)
     modes = plate_modes(PLATE, highest_frequency=4000.0, attachments=[PATCH])
