@@ -1,6 +1,6 @@
 """Contact corners of a screw over the error that is allowed: their number, its height at rest, and how drops end.
 
-    python benchmarks/corner_error.py [--drops 300]
+python benchmarks/corner_error.py [--drops 300]
 """
 
 from __future__ import annotations

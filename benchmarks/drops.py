@@ -1,6 +1,6 @@
 """Drops of parts on a plate at rest: both engines against each other, and coins of all thicknesses.
 
-    python benchmarks/drops.py --drops 2000
+    python benchmarks/drops.py --drops 2000 [--only smooth|friction|coins]
 
 Shares of the stable poses of hexagon nuts, of a bracket and of a screw by both engines, from the same attitudes. They
 have to be within three joint standard errors of each other without friction (exit code 1 if not). With friction what is
@@ -95,10 +95,15 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--drops", type=int, default=2000, help="of each part by each engine [2000]")
     parser.add_argument("--seed", type=int, default=0, help="of the attitudes [0]")
+    parser.add_argument("--only", choices=("smooth", "friction", "coins"), help="one of the three parts of it")
     options = parser.parse_args()
-    agree = compare_engines(options.drops, options.seed, friction=0.0)
-    compare_engines(options.drops, options.seed, friction=Contact().friction)
-    coins(options.drops, options.seed)
+    agree = True
+    if options.only in (None, "smooth"):
+        agree = compare_engines(options.drops, options.seed, friction=0.0)
+    if options.only in (None, "friction"):
+        compare_engines(options.drops, options.seed, friction=Contact().friction)
+    if options.only in (None, "coins"):
+        coins(options.drops, options.seed)
     if not agree:
         print("the engines differ by more than three standard errors")
     return 0 if agree else 1

@@ -35,7 +35,7 @@ class StageReport:
     Attributes:
         end_s: end of the stage.
         on_plate: parts over the plate; the counts below are of these parts, except picked and lost.
-        isolated: parts farther than the clearance from all others; 0 without a pick.
+        isolated: parts farther than the clearance from all others; 0 where no pick asks for one.
         touching_pairs: pairs whose bounding spheres overlap; an upper bound of pairs that touch.
         on_nodal_line: parts within 5 mm of nodal lines of all of the stage's modes.
         dead: parts in dead positions.

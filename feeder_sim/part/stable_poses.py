@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import functools
 import itertools
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -28,6 +28,9 @@ BARRIER = 0.02  # of the height: what is in the way of rolling from one pose to 
 NEAREST_DEG = 30.0  # poses that a part can roll between at once
 ALIKE = 5e-3  # of the size: how far a turned part may stick out of itself
 ALIKE_INERTIA = 0.02  # of the largest moment of inertia
+MOST_POINTS = 600  # of a hull; of a finer one those farthest along as many directions
+NEIGHBOURS = 12  # directions next to one
+SAME_TURN = 0.01  # [rad]; turns this close are one
 ROUND = 24  # a part that looks the same at so many yaws is round
 
 
@@ -102,9 +105,9 @@ def downward(quaternion: NDArray[np.float64]) -> NDArray[np.float64]:
 
 def stable_poses(part: RigidPart) -> PoseTable:
     """The stable poses of a part."""
-    corners = np.ascontiguousarray(part.corners, float)
-    if len(corners) < 4 or (np.ptp(corners, axis=0) == 0.0).any():
+    if len(part.corners) < 4 or (np.ptp(part.corners, axis=0) == 0.0).any():
         return PoseTable(())
+    corners = _hull_points(part.vertices)
     axes = part.in_principal_axes(np.eye(3))
     inertia = axes @ np.diag(part.inertia) @ axes.T
     return _of_hull(corners.tobytes(), inertia.tobytes())
@@ -115,9 +118,10 @@ def _of_hull(corners: bytes, tensor: bytes) -> PoseTable:
     points, inertia = np.frombuffer(corners).reshape(-1, 3), np.frombuffer(tensor).reshape(3, 3)
     hull = _Hull(points, inertia)
     down, chance = _resting_faces(points)
-    groups = _grouped(len(down), lambda i, j: hull.rolls(down[i], down[j]))
+    groups = _grouped(len(down), _neighbours(down), lambda i, j: hull.rolls(down[i], down[j]))
     first = [max(group, key=lambda i: round(float(chance[i]), 6)) for group in groups]  # what stands for a group
-    alike = _grouped(len(first), lambda i, j: bool(hull.rotations(down[first[i]], down[first[j]])))
+    pairs = itertools.combinations(range(len(first)), 2)
+    alike = _grouped(len(first), pairs, lambda i, j: bool(hull.rotations(down[first[i]], down[first[j]])))
     poses = []
     for family in alike:
         root = first[family[0]]
@@ -194,21 +198,28 @@ class _Hull:
         near = np.abs(np.hypot(at_b[:, 0], at_b[:, 1]) - radius.max()) < ALIKE * self.size
         near &= np.abs(at_b[:, 2] - mark[2]) < ALIKE * self.size
         angles = np.arctan2(at_b[near, 1], at_b[near, 0]) - np.arctan2(mark[1], mark[0])
-        found: list[NDArray[np.float64]] = []
-        for angle in np.sort(angles % (2.0 * np.pi)):
+        found: list[tuple[float, float, NDArray[np.float64]]] = []  # angle, how far it sticks out, turn
+        for angle in np.unique((angles % (2.0 * np.pi)).round(6)):
             c, s = np.cos(angle), np.sin(angle)
             turn = second.T @ np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]]) @ first
-            if self._is_alike(turn):
-                found.append(turn)
-        return found
+            out = self._sticks_out(turn)
+            if out > ALIKE * self.size:
+                continue
+            if found and angle - found[-1][0] < SAME_TURN:
+                if out < found[-1][1]:
+                    found[-1] = angle, out, turn
+            else:
+                found.append((angle, out, turn))
+        if len(found) > 1 and found[0][0] + 2.0 * np.pi - found[-1][0] < SAME_TURN:
+            del found[0 if found[0][1] > found[-1][1] else -1]
+        return [turn for _, _, turn in found]
 
-    def _is_alike(self, turn: NDArray[np.float64]) -> bool:
-        """Whether the turned part is the part again."""
+    def _sticks_out(self, turn: NDArray[np.float64]) -> float:
+        """How far the turned part sticks out of itself [m]; infinite where its inertia is another."""
         changed = np.abs(turn @ self._inertia @ turn.T - self._inertia).max()
         if changed > ALIKE_INERTIA * np.abs(self._inertia).max():
-            return False
-        outside = (self._corners @ turn.T) @ self._normals.T + self._offsets
-        return bool(outside.max() <= ALIKE * self.size)
+            return np.inf
+        return float(((self._corners @ turn.T) @ self._normals.T + self._offsets).max())
 
 
 def _level(down: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -227,7 +238,7 @@ def _rolled(a: NDArray[np.float64], b: NDArray[np.float64], group: NDArray[np.fl
 
     if len(group) < 3:
         return _level(b).T @ _level(a)
-    axis = np.linalg.svd(group - group.mean(axis=0))[2][-1]
+    axis = np.linalg.eigh(np.cov(group.T))[1][:, 0]
     p, q = a - (a @ axis) * axis, b - (b @ axis) * axis
     about = Rotation.from_rotvec(np.arctan2(np.cross(p, q) @ axis, p @ q) * axis).as_matrix()
     rest = _level(b).T @ _level(about @ a)  # a group is not quite on a cone
@@ -240,12 +251,37 @@ def _quaternions(attitudes: list[NDArray[np.float64]]) -> NDArray[np.float64]:
     return np.asarray(Rotation.from_matrix(np.array(attitudes)).as_quat(scalar_first=True))
 
 
-def _grouped(n: int, together: Callable[[int, int], bool]) -> list[list[int]]:
-    """Numbers 0 to n - 1 in groups of those that a relation of two of them links."""
+def _hull_points(vertices: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Vertices of the convex hull of points (n, 3) [m], or enough of them to stand for it.
+
+    Not the contact corners: what is left of a fine mesh there need not be as symmetric as the part.
+    """
+    from scipy.spatial import ConvexHull
+
+    points = vertices[ConvexHull(vertices / np.abs(vertices).max()).vertices]
+    if len(points) > MOST_POINTS:
+        i = np.arange(MOST_POINTS)  # directions spread evenly, a Fibonacci lattice
+        z, turn = 1.0 - (2.0 * i + 1.0) / MOST_POINTS, np.pi * (3.0 - np.sqrt(5.0)) * i
+        flat = np.sqrt(1.0 - z * z)
+        directions = np.column_stack([flat * np.cos(turn), flat * np.sin(turn), z])
+        points = points[np.unique((points @ directions.T).argmax(axis=0))]
+    return np.ascontiguousarray(points, float)
+
+
+def _neighbours(down: NDArray[np.float64]) -> set[tuple[int, int]]:
+    """Pairs of directions (n, 3) next to each other; a part that rolls farther rolls through those between."""
+    from scipy.spatial import cKDTree
+
+    nearest = cKDTree(down).query(down, k=min(len(down), NEIGHBOURS + 1))[1].reshape(len(down), -1)
+    return {(min(i, j), max(i, j)) for i, row in enumerate(nearest.tolist()) for j in row if i != j}
+
+
+def _grouped(n: int, pairs: Iterable[tuple[int, int]], together: Callable[[int, int], bool]) -> list[list[int]]:
+    """Numbers 0 to n - 1 in groups of those that a relation links, of the pairs that are looked at."""
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
 
-    linked = [(i, j) for i, j in itertools.combinations(range(n), 2) if together(i, j)]
+    linked = [(i, j) for i, j in pairs if together(i, j)]
     rows, columns = np.array(linked, np.int64).reshape(-1, 2).T
     _, label = connected_components(coo_array((np.ones(len(rows)), (rows, columns)), shape=(n, n)), directed=False)
     return [np.flatnonzero(label == k).tolist() for k in range(label.max() + 1)]

@@ -27,7 +27,6 @@ from feeder_sim.scenario import Scenario, parse_scenario
 from feeder_sim.scene.timetable import TimedStage, Timetable
 
 OTHER_SEEDS = (150, 150, 150, 140)
-CLEARANCE = 0.01  # [m]; of isolated parts in a schedule without picks
 COUNTS = {"picked": (40, 160, 60), "lost": (190, 60, 60), "on_the_plate": (120, 120, 130), "isolated": (40, 90, 190)}
 
 
@@ -60,11 +59,14 @@ def log_crowd(
     first = 0
     for kind, part in enumerate(scenario.part):
         members = list(range(first, first + part.count))
-        _log_kind(stream, kind, recording, colours, frames, members, columns)
+        # A colour that no part has in a still is logged there, too, or its mesh would stand in the middle of the plate.
+        entries = np.unique(colours.index(frames, members)).tolist()
+        _log_kind(stream, kind, recording, colours, entries, frames, members, columns)
         for begin, moment in slow_stages:
             row = frames.row_at(moment)
             still = frames[slice(row, row + 1)]
-            _log_kind(stream, kind, recording, colours, still, members, [rr.TimeColumn(SLOW, duration=[begin])])
+            slow = [rr.TimeColumn(SLOW, duration=[begin])]
+            _log_kind(stream, kind, recording, colours, entries, still, members, slow)
         first += part.count
     box, texts = plate_box(recording.plate), stage_texts(recording.plate, times, float(frames.time[-1]))
     slow_texts = [(begin, [text for time, text in texts if time <= moment][-1]) for begin, moment in slow_stages]
@@ -101,14 +103,15 @@ def _log_kind(
     kind: int,
     recording: Recording,
     colours: Colours,
+    entries: list[int],
     frames: Frames,
     members: list[int],
     times: list[Any],
 ) -> None:
-    """Log all parts of a kind and their shadows, as instances of one mesh for each colour that they take."""
+    """Log all parts of a kind and their shadows, as instances of one mesh for each entry of the legend."""
     part = recording.parts[members[0]]
     present, entry = frames.present[:, members], colours.index(frames, members)
-    for i in np.unique(entry):
+    for i in entries:
         entity = f"parts/{kind}/{i}"
         stream.log(entity, drawn_part(part, colours.entries[i].colour), static=True)
         log_instances(stream, entity, frames, members, present & (entry == i), times)
@@ -147,28 +150,25 @@ def _log_counts(
     stages: Sequence[TimedStage],
     times: list[Any],
 ) -> None:
-    """Log the numbers of parts picked, lost, on the plate and isolated over time."""
+    """Log the numbers of parts picked, lost and on the plate over time; and isolated, where a pick has a clearance."""
     import rerun as rr
 
     clearances = [stage.clearance for stage in stages if stage.clearance is not None]
-    clearance = clearances[0] if clearances else CLEARANCE
     removed = {
         cause: np.searchsorted(np.sort(removals.time[removals.cause == cause]), frames.time, side="right")
         for cause in Cause
     }
     on_plate = frames.on_plate(plate)
-    isolated = [
-        int((nearest_neighbours(position[parts, :2]) > clearance).sum())
-        for position, parts in zip(frames.position, on_plate, strict=True)
-    ]
     values = {
         "picked": removed[Cause.PICKED],
         "lost": removed[Cause.LOST],
         "on_the_plate": on_plate.sum(axis=1),
-        "isolated": np.array(isolated),
     }
-    for name, colour in COUNTS.items():
-        style = rr.SeriesLines(colors=[colour], names=[name.replace("_", " ")], widths=[2.0])
+    if clearances:
+        nearest = [nearest_neighbours(p[parts, :2]) for p, parts in zip(frames.position, on_plate, strict=True)]
+        values["isolated"] = np.array([(distance > clearances[0]).sum() for distance in nearest])
+    for name in values:
+        style = rr.SeriesLines(colors=[COUNTS[name]], names=[name.replace("_", " ")], widths=[2.0])
         stream.log(f"counts/{name}", style, static=True)
         stream.send_columns(
             f"counts/{name}", indexes=times, columns=rr.Scalars.columns(scalars=values[name].astype(float))

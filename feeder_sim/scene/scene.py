@@ -290,7 +290,7 @@ def _check_picks(scene: Scene) -> None:
     least = 2.0 * scene.frame_interval
     last = len(schedule.stage) - 1 if schedule and scene.scenario.refill else None  # of a cycle, before a refill
     for stage in scene.times.stages:
-        refilled = stage.cycle > 0 and stage.number == last
+        refilled = 0 < stage.cycle < scene.times.stages[-1].cycle and stage.number == last
         if stage.until and (stage.picks or refilled) and stage.end - stage.stop < least:
             what = "pick" if stage.picks else "a refill after it"
             raise InputError(

@@ -144,7 +144,8 @@ def test_a_last_stage_that_may_end_at_once_needs_a_pause_before_a_refill() -> No
     )
     build_scene(parse_scenario(text.replace("500.0", "4750.0"), file=Path("fine.toml")))
     with pytest.raises(InputError, match=r"two frames.* with until and a refill after it"):
-        build_scene(parse_scenario(text.replace("500.0", "4750.0") + "[refill]\n", file=Path("bad.toml")))
+        twice = text.replace("[[schedule.stage]]", "[schedule]\ncycles = 2\n[[schedule.stage]]")
+        build_scene(parse_scenario(twice.replace("500.0", "4750.0") + "[refill]\n", file=Path("bad.toml")))
 
 
 def test_kinds_are_called_by_name_or_shape() -> None:

@@ -1,9 +1,15 @@
 from __future__ import annotations
 
+from itertools import product
+from pathlib import Path
+from typing import Any
+
 import numpy as np
 import pytest
+import trimesh
 from scipy.spatial.transform import Rotation
 
+from feeder_sim.part.mesh_part import mesh_part
 from feeder_sim.part.rigid_part import RigidPart
 from feeder_sim.part.solids import ball, cylinder, hex_nut
 from feeder_sim.part.stable_poses import NONE, PoseTable, stable_poses
@@ -87,3 +93,38 @@ def test_the_yaw_of_a_rod_on_its_side_is_that_of_its_axis() -> None:
     difference = (np.array(yaws) - axes) % np.pi
     spread = np.abs((difference - difference[0] + np.pi / 2) % np.pi - np.pi / 2)
     assert spread.max() < np.radians(6.0)  # half of what is between two of its corners
+
+
+def of_mesh(mesh: Any, folder: Path) -> RigidPart:
+    """As read from a file, with the contact corners of the usual error."""
+    mesh.export(folder / "part.stl")
+    return mesh_part(folder / "part.stl", 1.0, 7850.0, "part", corner_error=50e-6)
+
+
+def chamfered_cube(side: float, chamfer: float) -> Any:
+    """A cube [mm] whose corners are cut."""
+    full, less = 0.5 * side, 0.5 * side - chamfer
+    points = [np.roll([full, less, less], n) * signs for n in range(3) for signs in product((-1.0, 1.0), repeat=3)]
+    return trimesh.Trimesh(np.array(points)).convex_hull
+
+
+@pytest.mark.parametrize(
+    ("mesh", "faces", "yaws"),
+    [
+        (trimesh.creation.cylinder(radius=1.5, height=2.0, sections=100), 2, 100),
+        (trimesh.creation.annulus(1.0, 3.0, 1.0, sections=128), 2, 128),
+        (chamfered_cube(3.0, 0.01), 6, 4),
+        (trimesh.creation.box(extents=[10.0, 10.0, 0.03]), 2, 4),
+    ],
+    ids=["disc", "washer", "cube", "shim"],
+)
+def test_symmetry_is_that_of_the_mesh_whatever_its_contact_corners(
+    mesh: Any, faces: int, yaws: int, tmp_path: Path
+) -> None:
+    lowest = stable_poses(of_mesh(mesh, tmp_path)).poses[0]
+    assert (len(lowest.down), lowest.yaws) == (faces, yaws)
+
+
+def test_a_capsule_has_one_pose_that_it_rolls_in_and_a_ball_of_facets_one_as_well(tmp_path: Path) -> None:
+    for mesh in (trimesh.creation.capsule(height=4.0, radius=1.5), trimesh.creation.icosphere(subdivisions=3)):
+        assert len(stable_poses(of_mesh(mesh, tmp_path)).poses) == 1
