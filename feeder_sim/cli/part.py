@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -22,6 +24,17 @@ if TYPE_CHECKING:
 CORNER_ERROR_UM = 50.0  # as for the parts of a scenario
 MOST_POSES = 26  # printed; JSON has all
 MOST_DROPS = 1_000_000
+OPTIONS = {  # by the key that a scenario has for it; None: the file, which is named anyway
+    "file": None,
+    "part": None,
+    "part.file": None,
+    "part.pieces": "--pieces",
+    "file_unit_mm": "--unit",
+    "corner_error_um": "--corner-error",
+    "material": "--material",
+    "restitution": "--restitution",
+    "friction": "--friction",
+}
 
 
 def part(
@@ -53,10 +66,11 @@ def part(
         new_picture(picture)
     if piece_error is not None and not pieces:
         raise InputError("belongs to --pieces, which is missing", file=file, key="--piece-error-mm")
-    spec, contact = _spec(file, material, unit, corner_error), _contact(file, engine, restitution, friction)
-    if pieces:
-        spec = _cut(spec, piece_error, force=force)
-    body = build_part(spec, name=printable(file.stem))
+    with _naming_options(file):
+        spec, contact = _spec(file, material, unit, corner_error), _contact(file, engine, restitution, friction)
+        if pieces:
+            spec = _cut(spec, piece_error, force=force)
+        body = build_part(spec, name=printable(file.stem))
     study = _dropped(body, drops, contact, engine, seed) if drops else None
     if picture is not None:
         _draw(body, study, picture)
@@ -67,6 +81,17 @@ def part(
     poses, drops_made = facts.pop("stable_poses"), facts.pop("drops")
     print(as_lines(facts))
     _print_poses(poses, drops_made)
+
+
+@contextlib.contextmanager
+def _naming_options(file: Path) -> Iterator[None]:
+    """Let each InputError that is raised in the block name an option where it names a key of a scenario."""
+    try:
+        yield
+    except InputError as error:
+        key = None if error.key is None else OPTIONS.get(error.key, error.key)
+        named = file if error.key == "part" else error.file
+        raise InputError(error.problem.replace("file_unit_mm", "--unit"), file=named, key=key) from error
 
 
 def _spec(file: Path, material: str, unit: float, corner_error: float) -> MeshPart:
@@ -88,7 +113,10 @@ def _cut(spec: MeshPart, error_mm: float | None, *, force: bool) -> MeshPart:
     from feeder_sim.part.mesh_file import closed_mesh
     from feeder_sim.part.pieces import make_pieces, pieces_beside, write_pieces
 
-    path = writable(pieces_beside(spec.file), force=force)
+    path = pieces_beside(spec.file)
+    if path.is_file() and not force:
+        raise InputError("exists already, --force replaces it", file=path, key="--pieces")
+    writable(path, force=force)
     mesh = closed_mesh(spec.file, spec.file_unit_mm)
     made, how = make_pieces(mesh, spec.file_unit_mm, error_mm)
     write_pieces(path, made, spec.file, how)

@@ -49,12 +49,7 @@ def closed_mesh(path: Path, unit_mm: float, *, key: str = "part.file") -> Any:
     def refusal(problem: str) -> InputError:
         return InputError(problem, file=path, key=key)
 
-    if path.suffix.lower() not in MESH_SUFFIXES:
-        raise refusal(f"is {path.suffix!r}, allowed is {', '.join(MESH_SUFFIXES)}")
-    if not path.is_file():
-        raise refusal("no such mesh file")
-    _check_facets(path, refusal)
-    mesh = _loaded(path, refusal)
+    mesh = read_triangles(path, refusal)
     _check_size(mesh, unit_mm, refusal)
     _check_closed(mesh, unit_mm, refusal)
     _check_outside_out(mesh, path, refusal)
@@ -68,6 +63,28 @@ def closed_mesh(path: Path, unit_mm: float, *, key: str = "part.file") -> Any:
             "(Blender: Boolean, Union) before it is written"
         )
     return mesh
+
+
+def file_state(path: Path | None) -> tuple[int, int] | None:
+    """What changes with a file, for what is kept of it; None without one."""
+    if path is None or not path.is_file():
+        return None
+    status = path.stat()
+    return status.st_mtime_ns, status.st_size
+
+
+def read_triangles(path: Path, refusal: Refusal) -> Any:
+    """The `trimesh.Trimesh` in a mesh file, whatever its triangles enclose, in the unit of the file.
+
+    Raises:
+        InputError: made by `refusal`; the file is missing, unreadable, too large, or holds no triangles.
+    """
+    if path.suffix.lower() not in MESH_SUFFIXES:
+        raise refusal(f"is {path.suffix!r}, allowed is {', '.join(MESH_SUFFIXES)}")
+    if not path.is_file():
+        raise refusal("no such mesh file")
+    _check_facets(path, refusal)
+    return _loaded(path, refusal)
 
 
 def _check_facets(path: Path, refusal: Refusal) -> None:

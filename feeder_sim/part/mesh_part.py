@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from feeder_sim.part.corners import contact_corners
-from feeder_sim.part.mesh_file import closed_mesh
+from feeder_sim.part.mesh_file import closed_mesh, file_state
 from feeder_sim.part.pieces import read_pieces
 from feeder_sim.part.rigid_part import LEVEL, RigidPart
 
@@ -42,16 +42,8 @@ def mesh_part(
         InputError: the file is not one closed body of a likely size (mesh_file.py); pieces that are not its own.
     """
     read = _read if path.is_file() else _read.__wrapped__  # which says that there is none
-    part: RigidPart = read(path, _state(path), unit_mm, density, corner_error, pieces, _state(pieces), key)
+    part: RigidPart = read(path, file_state(path), unit_mm, density, corner_error, pieces, file_state(pieces), key)
     return replace(part, name=name)
-
-
-def _state(path: Path | None) -> tuple[int, int] | None:
-    """What changes with a file."""
-    if path is None or not path.is_file():
-        return None
-    status = path.stat()
-    return status.st_mtime_ns, status.st_size
 
 
 @functools.lru_cache(maxsize=16)  # scenes are built many times of the same parts

@@ -40,6 +40,6 @@ def input_hashes(scenario: Scenario) -> dict[str, str]:
             files[f"part[{i}].file"] = part.file
             if part.pieces_file is not None:
                 files[f"part[{i}].pieces"] = part.pieces_file
-    for stage in (*scenario.schedule.prepare, *scenario.schedule.stage) if scenario.schedule else ():
-        files |= {f"pick.shape {pick.shape.name}": pick.shape for pick in stage.picks if pick.shape is not None}
+    picks = scenario.schedule.picks if scenario.schedule else ()
+    files |= {f"{key}.shape": pick.shape for key, pick in picks if pick.shape is not None}
     return {key: hashlib.sha256(file.read_bytes()).hexdigest() for key, file in files.items()}

@@ -187,8 +187,8 @@ class MeshPart(_Part):
 
     shape: Literal["mesh"]
     file: Path
-    file_unit_mm: Annotated[float, Field(ge=1e-6, le=1e6, strict=True)] = 1.0
-    corner_error_um: Annotated[float, Field(ge=0, le=1e4, strict=True)] = CORNER_ERROR_UM
+    file_unit_mm: Annotated[float, Field(ge=1e-6, le=1e6, allow_inf_nan=False, strict=True)] = 1.0
+    corner_error_um: Annotated[float, Field(ge=0, le=1e4, allow_inf_nan=False, strict=True)] = CORNER_ERROR_UM
     contact: Literal["hull", "parts"] = "hull"
     pieces: Path | None = None
 

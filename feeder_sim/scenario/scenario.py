@@ -123,14 +123,12 @@ class Scenario(Table):
     @model_validator(mode="after")
     def _picks_of_kinds(self) -> Self:
         names = self.kind_names
-        for group in ("prepare", "stage") if self.schedule else ():
-            for i, stage in enumerate(getattr(self.schedule, group)):
-                for pick in stage.picks:
-                    key, kinds = f"schedule.{group}[{i}].pick", ", ".join(names)
-                    if pick.part is not None and pick.part not in names:
-                        raise ValueError(f'{key}.part is "{pick.part}", allowed is {kinds}')
-                    if pick.up and pick.part is None and len(names) > 1:
-                        raise ValueError(f"{key}.up needs the kind whose poses are meant, part: {kinds}")
+        kinds = ", ".join(names)
+        for key, pick in self.schedule.picks if self.schedule else ():
+            if pick.part is not None and pick.part not in names:
+                raise ValueError(f'{key}.part is "{pick.part}", allowed is {kinds}')
+            if pick.up and pick.part is None and len(names) > 1:
+                raise ValueError(f"{key}.up needs the kind whose poses are meant, part: {kinds}")
         return self
 
     @model_validator(mode="after")

@@ -83,6 +83,16 @@ class Schedule(Table):
     prepare: Annotated[tuple[Stage, ...], Field(max_length=1000)] = ()
     stage: Annotated[tuple[Stage, ...], Field(min_length=1, max_length=1000)]
 
+    @property
+    def picks(self) -> tuple[tuple[str, Pick], ...]:
+        """Every pick of all stages once, with its key in the file."""
+        return tuple(
+            (f"schedule.{group}[{i}].pick" + ("" if isinstance(stage.pick, Pick) else f"[{j}]"), pick)
+            for group in ("prepare", "stage")
+            for i, stage in enumerate(getattr(self, group))
+            for j, pick in enumerate(stage.picks)
+        )
+
     @model_validator(mode="after")
     def _not_too_many(self) -> Self:
         total = len(self.prepare) + self.cycles * len(self.stage)

@@ -167,14 +167,15 @@ def _first_error(error: ValidationError, root: type[BaseModel], file: Path) -> I
 
 
 def _lower(message: str) -> str:
+    message = _TABLE_WANTED.sub("allowed is a table", message)
     for words, plainly in _PLAIN_WORDS.items():
         message = message.replace(words, plainly)
     return message
 
 
+_TABLE_WANTED = re.compile(r"Input should be a valid dictionary or (object to extract fields from|instance of \w+)")
 _PLAIN_WORDS = {
     "Input should be a valid tuple": "allowed is a list (a table that may repeat is written [[...]])",
-    "Input should be a valid dictionary or object to extract fields from": "allowed is a table",
     "Input should be": "allowed is",
     "Tuple should have": "allowed is a list with",
 }

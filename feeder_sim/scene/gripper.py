@@ -11,9 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from feeder_sim.errors import InputError
-from feeder_sim.part.mesh_file import MESH_SUFFIXES
+from feeder_sim.part.mesh_file import FLAT, SHORTEST_MM, Refusal, file_state, read_triangles
 
 CONVEX = 1.02  # volume of a finger's hull over its own, at most
+FARTHEST_MM = 1000.0  # from the origin, which is below the part
+BELOW_MM = 0.01  # by which round-off in a drawing may put a finger below the plate
 
 
 @dataclass(frozen=True)
@@ -52,37 +54,72 @@ def _outline(corners: NDArray[np.float64], below: float) -> Any:
     return shapely.convex_hull(shapely.MultiPoint(np.concatenate(points)))
 
 
-@functools.lru_cache(maxsize=16)
-def read_gripper(path: Path) -> Gripper:
+def read_gripper(path: Path, *, key: str = "pick.shape") -> Gripper:
     """Read the fingers of a gripper from a mesh file in millimetres.
 
+    Args:
+        path: of the file.
+        key: of the scenario, for messages.
+
     Raises:
-        InputError: it is missing, unreadable, holds no closed body, or one that is not convex.
+        InputError: it is missing, unreadable or too large, of an unlikely size, partly below the plate, or holds a body
+            that is not closed, not convex, or flat.
     """
-    import trimesh
+    return _read(path, file_state(path), key)
+
+
+@functools.lru_cache(maxsize=16)  # it is read for every pick
+def _read(path: Path, _: object, key: str) -> Gripper:
+    """The gripper of a mesh file; `_` tells states of the file apart."""
 
     def refusal(problem: str) -> InputError:
-        return InputError(problem, file=path, key="pick.shape")
+        return InputError(problem, file=path, key=key)
 
-    if path.suffix.lower() not in MESH_SUFFIXES:
-        raise refusal(f"is {path.suffix!r}, allowed is {', '.join(MESH_SUFFIXES)}")
-    if not path.is_file():
-        raise refusal("no such mesh file")
+    mesh = read_triangles(path, refusal)
+    _check_size(np.asarray(mesh.vertices), refusal)
+    fingers = tuple(1e-3 * _finger(body, refusal) for body in mesh.split(only_watertight=False))
+    below = -float(mesh.vertices[:, 2].min())
+    if below > BELOW_MM:
+        raise refusal(
+            f"reaches {below:.3g} mm below the plate, allowed is z >= 0: shift it, its origin is on the plate below "
+            "the centre of the part"
+        )
+    return Gripper(fingers)
+
+
+def _check_size(vertices: NDArray[np.float64], refusal: Refusal) -> None:
+    """Refuse a size or a place (n, 3) [mm] that no gripper has, as in a file of another unit."""
+    reach = float(np.linalg.norm(vertices, axis=1).max())
+    if not reach <= FARTHEST_MM:
+        raise refusal(
+            f"reaches {reach:.4g} mm from its origin, allowed is up to {FARTHEST_MM:g} mm: write it in millimetres, "
+            "with the origin below the part"
+        )
+    longest = float(np.ptp(vertices, axis=0).max())
+    if longest < SHORTEST_MM:
+        raise refusal(
+            f"is {longest:.4g} mm long, allowed is at least {SHORTEST_MM:g} mm: write it in millimetres, not in metres"
+        )
+
+
+def _finger(body: Any, refusal: Refusal) -> NDArray[np.float64]:
+    """Corners (n, 3) [mm] of a finger."""
+    from scipy.spatial import QhullError
+
+    if not body.is_watertight:
+        raise refusal("holds an open mesh, allowed are closed (watertight) bodies")
+    flat = "holds a body that encloses no volume, allowed are solid bodies, one for each finger"
+    with np.errstate(divide="ignore", invalid="ignore"):  # its centre of mass, with the volume, divides by it
+        volume = abs(float(body.volume))
+    if not volume > FLAT * float(np.ptp(body.vertices, axis=0).prod()):
+        raise refusal(flat)
     try:
-        mesh = trimesh.load_mesh(path, resolver={}, skip_materials=True)
-    except Exception as error:  # the readers of the formats raise what they like
-        raise refusal(f"not a readable mesh: {error}") from error
-    if not isinstance(mesh, trimesh.Trimesh) or len(mesh.faces) == 0 or not np.isfinite(mesh.vertices).all():
-        raise refusal("holds no triangles")
-    fingers = []
-    for body in mesh.split(only_watertight=False):
-        if not body.is_watertight:
-            raise refusal("holds an open mesh, allowed are closed (watertight) bodies")
         hull = body.convex_hull
-        if not hull.volume <= CONVEX * abs(body.volume):
-            raise refusal(
-                f"holds a body whose hull has {hull.volume / abs(body.volume):.2f} times its volume, allowed are "
-                "convex bodies, one for each finger"
-            )
-        fingers.append(1e-3 * np.array(hull.vertices))
-    return Gripper(tuple(fingers))
+    except QhullError as error:
+        raise refusal(flat) from error
+    if not hull.volume <= CONVEX * volume:
+        raise refusal(
+            f"holds a body whose hull has {hull.volume / volume:.2f} times its volume, allowed are convex bodies, one "
+            "for each finger"
+        )
+    return np.array(hull.vertices)

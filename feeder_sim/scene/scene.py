@@ -274,19 +274,15 @@ def _check_picks(scene: Scene) -> None:
             pick names a pose that its part does not have, or a gripper that cannot be used.
     """
     names, schedule = scene.scenario.kind_names, scene.scenario.schedule
-    stages = (("prepare", schedule.prepare), ("stage", schedule.stage)) if schedule else ()
-    for group, stage_tables in stages:
-        for i, stage_table in enumerate(stage_tables):
-            for pick in stage_table.picks:
-                if pick.shape is not None:
-                    read_gripper(pick.shape)
-                kind = names.index(pick.part) if pick.part is not None else 0
-                if wrong := [name for name in pick.up if name not in scene.poses[kind].names]:
-                    allowed = ", ".join(scene.poses[kind].names) or "none, for it has no side up"
-                    raise InputError(
-                        f'has "{wrong[0]}", allowed is {allowed} (poses of {names[kind]}, see feeder-sim part)',
-                        key=f"schedule.{group}[{i}].pick.up",
-                    )
+    for key, pick in schedule.picks if schedule else ():
+        if pick.shape is not None:
+            read_gripper(pick.shape, key=f"{key}.shape")
+        kind = names.index(pick.part) if pick.part is not None else 0
+        if wrong := [name for name in pick.up if name not in scene.poses[kind].names]:
+            allowed = ", ".join(scene.poses[kind].names) or "none, for it has no side up"
+            raise InputError(
+                f'has "{wrong[0]}", allowed is {allowed} (poses of {names[kind]}, see feeder-sim part)', key=f"{key}.up"
+            )
     least = 2.0 * scene.frame_interval
     last = len(schedule.stage) - 1 if schedule and scene.scenario.refill else None  # of a cycle, before a refill
     for stage in scene.times.stages:

@@ -14,14 +14,17 @@ from scipy.spatial.transform import Rotation
 from feeder_sim.errors import InputError
 from feeder_sim.measures.picking import pickable
 from feeder_sim.measures.poses import Poses
+from feeder_sim.part import mesh_file
 from feeder_sim.records.arrivals import Arrivals
 from feeder_sim.records.impacts import Impacts
 from feeder_sim.records.removals import Cause, Removals
 from feeder_sim.records.trajectory import Frames, SeedRecord, Status
 from feeder_sim.run.prepare import prepare
+from feeder_sim.run.provenance import input_hashes
 from feeder_sim.scenario import Scenario
 from feeder_sim.scenario.schedule import Pick
 from feeder_sim.scenario.tables import validated
+from feeder_sim.scene.gripper import read_gripper
 from feeder_sim.scene.scene import Scene, build_scene
 
 FLAT, EDGE = 0.0, 90.0  # [deg]; tilt of a nut
@@ -158,9 +161,17 @@ def test_fingers_turn_with_the_part(tmp_path: Path) -> None:
         ({"clearance_mm": 5.0, "up": ["A"]}, r"pick\.up needs the kind whose poses are meant, part: hex_nut, rod"),
         ({"clearance_mm": 5.0, "part": "rod", "up": ["C"]}, r'pick\.up: has "C", allowed is A, B \(poses of rod'),
         ({"up": ["A"]}, r"allowed is clearance_mm, shape or both"),
+        (
+            [{"clearance_mm": 5.0}, {"clearance_mm": 5.0, "part": "nut"}],
+            r'pick\[1\]\.part is "nut", allowed is hex_nut',
+        ),
+        ([{"clearance_mm": 5.0}, {"clearance_mm": 5.0, "up": ["A"]}], r"pick\[1\]\.up needs the kind"),
+        ([{"clearance_mm": 5.0, "part": "rod", "up": ["C"]}], r'pick\[0\]\.up: has "C", allowed is A, B'),
+        ([{"clearance_mm": 5.0}, {"shape": "none.stl"}], r"stage\[0\]\.pick\[1\]\.shape: no such mesh file"),
+        (3, r"schedule\.stage\[0\]\.pick: is 3, allowed is a table$"),
     ],
 )
-def test_bad_picks_are_one_line(pick: dict[str, Any], line: str) -> None:
+def test_bad_picks_are_one_line(pick: Any, line: str) -> None:
     with pytest.raises(InputError, match=line):
         build_scene(scenario(pick))
 
@@ -174,8 +185,64 @@ def test_names_of_kinds_are_their_own() -> None:
 def test_a_gripper_whose_fingers_are_one_body_is_refused(tmp_path: Path) -> None:
     fork = trimesh.creation.annulus(r_min=3.0, r_max=4.0, height=5.0)
     fork.export(tmp_path / "ring.stl")
-    with pytest.raises(InputError, match=r"ring\.stl: pick\.shape: holds a body whose hull has .* convex bodies"):
+    with pytest.raises(
+        InputError, match=r"ring\.stl: schedule\.stage\[0\]\.pick\.shape: holds a body whose hull has .* convex bodies"
+    ):
         build_scene(scenario({"shape": str(tmp_path / "ring.stl")}))
+
+
+def flat() -> trimesh.Trimesh:
+    """Two facets back to back."""
+    return trimesh.Trimesh([[0, 0, 0], [9, 0, 0], [0, 9, 0]], [[0, 1, 2], [0, 2, 1]], process=False)
+
+
+@pytest.mark.parametrize(
+    ("scale", "shift_mm", "problem"),
+    [
+        (1e-3, 0.0, r"is 0\.02 mm long, allowed is at least 0\.1 mm: write it in millimetres"),
+        (1e3, 0.0, r"mm from its origin, allowed is up to 1000 mm: write it in millimetres"),
+        (1.0, -0.02, r"reaches 0\.02 mm below the plate, allowed is z >= 0"),
+    ],
+)
+def test_a_gripper_of_another_unit_or_place_is_refused(
+    tmp_path: Path, scale: float, shift_mm: float, problem: str
+) -> None:
+    path = fingers(tmp_path)
+    mesh = trimesh.load_mesh(path).apply_scale(scale)
+    mesh.apply_translation([0.0, 0.0, shift_mm]).export(path)
+    with pytest.raises(InputError, match=problem):
+        read_gripper(path)
+
+
+def test_a_finger_without_volume_and_too_many_facets_are_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    flat().export(tmp_path / "flat.ply")
+    with pytest.raises(InputError, match="encloses no volume"):
+        read_gripper(tmp_path / "flat.ply")
+    monkeypatch.setattr(mesh_file, "MOST_FACETS", 20)  # two boxes have 24
+    with pytest.raises(InputError, match="has 24 facets, allowed is up to 20"):
+        read_gripper(fingers(tmp_path))
+
+
+def test_a_gripper_that_has_changed_is_read_again(tmp_path: Path) -> None:
+    narrow = read_gripper(fingers(tmp_path, 6.0))
+    fingers(tmp_path, 10.25)
+    wide = read_gripper(tmp_path / "gripper_x.stl")
+    assert np.concatenate(wide.fingers)[:, 0].max() - np.concatenate(narrow.fingers)[:, 0].max() == pytest.approx(
+        2.125e-3
+    )
+
+
+def test_grippers_of_one_name_have_hashes_of_their_own(tmp_path: Path) -> None:
+    for name, gap in (("a", 6.0), ("b", 8.0)):
+        (tmp_path / name).mkdir()
+        fingers(tmp_path / name, gap)
+    shapes: Any = [{"shape": tmp_path / name / "gripper_x.stl"} for name in ("a", "b")]
+    found = input_hashes(scenario(shapes))
+    assert list(found) == ["schedule.stage[0].pick[0].shape", "schedule.stage[0].pick[1].shape"]
+    assert len(set(found.values())) == 2
+    assert list(input_hashes(scenario(shapes[0]))) == ["schedule.stage[0].pick.shape"]
 
 
 def test_shares_of_poses_by_hand() -> None:

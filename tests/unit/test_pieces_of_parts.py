@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import shutil
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +13,7 @@ import pytest
 import trimesh
 from conftest import REPOSITORY
 
+from feeder_sim.engines.impulse.kinds import read_kinds
 from feeder_sim.errors import InputError
 from feeder_sim.part.mesh_part import mesh_part, solid
 from feeder_sim.part.pieces import make_pieces, pieces_beside, read_pieces, write_pieces
@@ -160,3 +162,13 @@ def test_too_many_corners_are_said(tmp_path: Path) -> None:
     (line,) = [line for line in prepare(scenario).cautions if "corner" in line]
     found = re.fullmatch(r"part\[0\]\.corner_error_um: is 5, (\d+) corners leave (\d+) um, and no part .* 128", line)
     assert found is not None and int(found[1]) <= 128 and 50 < int(found[2]) < 200
+
+
+def test_a_piece_may_reach_farther_than_the_corners(hook: Path) -> None:
+    scene = prepare(parse_scenario(SCENARIO + 'contact = "parts"\n', file=hook.parent / "hooks.toml")).scene
+    (kind,) = scene.kinds
+    far = replace(kind, pieces=(*kind.pieces, 1.5 * kind.pieces[0]))
+    reach = max(np.linalg.norm(points, axis=1).max() for points in far.pieces)
+    assert reach > 1.01 * kind.size
+    assert read_kinds(replace(scene, kinds=(far,))).record["reach"][0] == pytest.approx(reach)
+    assert read_kinds(scene).record["reach"][0] == pytest.approx(kind.size, rel=0.05)

@@ -11,7 +11,7 @@ from conftest import from_python, strip_scenario
 from feeder_sim.engines.mujoco import free_flight
 from feeder_sim.engines.mujoco.engine import MujocoEngine
 from feeder_sim.engines.mujoco.free_flight import flight_of
-from feeder_sim.engines.mujoco.units import UNITS
+from feeder_sim.engines.mujoco.units import UNITS, converted
 from feeder_sim.scenario import Cylinder, HexNut, MujocoSettings, Start
 from feeder_sim.scene.scene import build_scene
 
@@ -74,3 +74,10 @@ def test_scenes_in_which_other_things_can_be_touched_are_left_to_mujoco() -> Non
     for change in changes:
         other = build_scene(scenario.model_copy(update=change))
         assert not len(flight_of(other, UNITS["SI"]).corners)
+
+
+def test_the_circle_of_a_cylinder_is_in_the_same_units_as_its_corners() -> None:
+    rod = Cylinder(shape="cylinder", diameter_mm=3.0, height_mm=5.0, start=Start())
+    (kind,) = converted(hopping("mm-g-ms", rod)).kinds
+    assert kind.circle_radius == pytest.approx(1.5)
+    assert np.hypot(*kind.corners[:, :2].T).max() == pytest.approx(1.5)

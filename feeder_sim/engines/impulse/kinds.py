@@ -46,7 +46,10 @@ def read_kinds(scene: Scene) -> Kinds:
     if circles[:, 0].any():
         record["circle_radius"], record["circle_height"] = circles.T
     record["mass"], record["inertia"], record["radius"], record["axis"] = mass, inertia, radius, axis
-    record["reach"] = [np.linalg.norm(points, axis=1).max() for points in corners]
+    record["reach"] = [  # pieces are thinned by themselves, and may reach farther than the corners
+        max(np.linalg.norm(points, axis=1).max() for points in (own, *of))
+        for own, of in zip(corners, pieces, strict=True)
+    ]
     record["restitution"] = contact.restitution, contact.part_restitution
     record["friction"] = contact.friction, contact.part_friction
     record["corner_from"], record["corner_to"] = _places(corners)

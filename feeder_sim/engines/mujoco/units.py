@@ -47,6 +47,7 @@ def converted(scene: Scene) -> Scene:
             vertices=kind.in_principal_axes(kind.vertices) * length,
             principal_axes=np.array(LEVEL),
             pieces=tuple(kind.in_principal_axes(piece) * length for piece in kind.pieces),
+            circle_radius=kind.circle_radius * length,
         )
         for kind in scene.kinds
     )
