@@ -15,23 +15,20 @@ from feeder_sim.part.rigid_part import RigidPart, outline
 from feeder_sim.part.stable_poses import NONE, PoseTable, stable_poses
 from feeder_sim.plate.drive import ModalDrive
 from feeder_sim.plate.surface import Surface
-from feeder_sim.scenario import Heap, PartSpec, Placed, Scattered, Scenario, Start, Tube
-from feeder_sim.scene.column import check_width
+from feeder_sim.scenario import Scenario, Start
 from feeder_sim.scene.driven_mode import DrivenMode
 from feeder_sim.scene.driven_plate import DrivenPlate, assemble_plate, motion_terms
+from feeder_sim.scene.fits import check_goal, check_in_tube, check_on_plate, check_picks, check_refill
 from feeder_sim.scene.free_modes import free_modes
-from feeder_sim.scene.gripper import read_gripper
 from feeder_sim.scene.guide import Guide, build_guide
 from feeder_sim.scene.part import build_part
 from feeder_sim.scene.timetable import TimedStage, Timetable, largest_together, timetable
 
 GRAVITY = 9.81  # [m/s^2]
-DIAMETER_ROUND_OFF = 1e-9  # relative, of a tube that is just as wide as its part
 FRAME_AT = 1e-6  # of a frame interval, by which a frame may be before a time that it is at
 FRAME_ROUND_OFF = 1e-9  # of a frame interval, where the duration is a whole number of intervals
 LONGEST_STEP = 5e-4  # [s], in which a part at rest falls by a micrometre
 ENTERED = 0.25  # of the thinnest part; what a fast part enters the plate in the longest step
-FREE_TILT, UPRIGHT = (0.0, 3.0), (0.0, 0.0)  # [deg]; tilt at the start of a free and of a guided part by default
 
 
 @dataclass(frozen=True)
@@ -167,10 +164,10 @@ def build_scene(scenario: Scenario) -> Scene:
     if scenario.run.planar and isinstance(scenario.part[0].start, Start):
         kinds = (outline(kinds[0], math.radians(scenario.part[0].start.yaw_deg[0])),)
     for i, (spec, kind) in enumerate(zip(scenario.part, kinds, strict=True)):
-        _check_on_plate(spec.start, plate.surface, f"part[{i}].start")
-        _check_in_tube(spec, kind, i)
-    _check_refill(scenario, plate.surface, kinds)
-    _check_goal(scenario, plate.surface)
+        check_on_plate(spec.start, plate.surface, f"part[{i}].start")
+        check_in_tube(spec, kind, i)
+    check_refill(scenario, plate.surface, kinds)
+    check_goal(scenario, plate.surface)
     run, times = scenario.run, timetable(scenario)
     following = [follower.drive.natural_frequency for mode in plate.driven for follower in mode.followers]
     timestep = 1.0 / (max(scenario.highest_frequency_hz, *following, 0.0) * run.steps_per_period)
@@ -193,7 +190,7 @@ def build_scene(scenario: Scenario) -> Scene:
         timestep=timestep,
         steps_per_frame=max(1, round(1.0 / (run.frames_per_second * timestep))),
     )
-    _check_picks(scene)
+    check_picks(scene)
     if scene.n_frames < 2:
         raise InputError(
             f"is {times.duration:g}, allowed is at least one frame, {scene.frame_interval:g} s", key="run.duration_s"
@@ -212,123 +209,3 @@ def _longest_step(scenario: Scenario, plate: DrivenPlate, times: Timetable, kind
         fall = math.sqrt(2.0 * GRAVITY * 1e-3 * start.drop_height_mm[1])
         shortest = min(shortest, ENTERED * kind.thinnest / (plate_speed + thrown + fall + 1e-9))
     return shortest
-
-
-def _check_on_plate(start: Start | Scattered | Heap | Placed, surface: Surface, key: str) -> None:
-    """Refuse a start that is not on the plate.
-
-    Raises:
-        InputError: its position, or the rectangle or circle around it, reaches beyond the plate's edge.
-    """
-    half = (0.5e3 * surface.length, 0.5e3 * surface.width)
-    if isinstance(start, Placed):
-        for n, (x, y, _) in enumerate(start.places_mm_deg):
-            off = surface.outline is not None and not surface.outline.holds(1e-3 * np.array([x, y]))
-            if abs(x) > half[0] or abs(y) > half[1] or off:
-                message = f"is [{x:g}, {y:g}], allowed is +-{half[0]:.1f}, +-{half[1]:.1f} (on the plate)"
-                raise InputError(message, key=f"{key}.places_mm_deg[{n}]")
-        return
-    x, y = start.position_mm if isinstance(start, Start) else start.centre_mm
-    name = "position_mm" if isinstance(start, Start) else "centre_mm"
-    if abs(x) > half[0] or abs(y) > half[1]:
-        message = f"is [{x:g}, {y:g}], allowed is +-{half[0]:.1f}, +-{half[1]:.1f} (on the plate)"
-        raise InputError(message, key=f"{key}.{name}")
-    away = math.inf if surface.outline is None else float(surface.outline.distance(1e-3 * np.array([x, y])))
-    if away < 0.0 and not isinstance(start, Scattered):
-        raise InputError(
-            f"is [{x:g}, {y:g}], {-1e3 * away:.3g} mm off the plate or over a hole, allowed is a place on the plate",
-            key=f"{key}.{name}",
-        )
-    size = (0.0, 0.0)
-    if isinstance(start, Heap):
-        size, name = (start.diameter_mm, start.diameter_mm), "diameter_mm"
-    elif isinstance(start, Scattered) and start.size_mm is not None:
-        size, name = start.size_mm, "size_mm"
-    over_edge = isinstance(start, Heap) and 0.5e-3 * start.diameter_mm > away
-    if abs(x) + 0.5 * size[0] > half[0] or abs(y) + 0.5 * size[1] > half[1] or over_edge:
-        raise InputError(
-            f"is {_size_text(size)}, allowed is what lies on the plate around its centre", key=f"{key}.{name}"
-        )
-
-
-def _check_refill(scenario: Scenario, surface: Surface, kinds: Sequence[RigidPart]) -> None:
-    """Refuse a refill that is not on the plate, or absurdly wide.
-
-    Raises:
-        InputError: as said.
-    """
-    start = scenario.pour
-    if scenario.refill is None or start is None:
-        return
-    key = "refill.start" if scenario.refill.start else "part[0].start"
-    _check_on_plate(start, surface, key)
-    if isinstance(start, Heap):
-        check_width(start, min(kind.size for kind in kinds), key=key)
-
-
-def _check_picks(scene: Scene) -> None:
-    """Refuse a pause in which no frame is left for the pick, or the refill, after its parts have settled.
-
-    Raises:
-        InputError: a stage with `until`, and a pick or a refill at its end, has a pause shorter than two frames, or a
-            pick names a pose that its part does not have, or a gripper that cannot be used.
-    """
-    names, schedule = scene.scenario.kind_names, scene.scenario.schedule
-    for key, pick in schedule.picks if schedule else ():
-        if pick.shape is not None:
-            read_gripper(pick.shape, key=f"{key}.shape")
-        kind = names.index(pick.part) if pick.part is not None else 0
-        if wrong := [name for name in pick.up if name not in scene.poses[kind].names]:
-            allowed = ", ".join(scene.poses[kind].names) or "none, for it has no side up"
-            raise InputError(
-                f'has "{wrong[0]}", allowed is {allowed} (poses of {names[kind]}, see feeder-sim part)', key=f"{key}.up"
-            )
-    least = 2.0 * scene.frame_interval
-    last = len(schedule.stage) - 1 if schedule and scene.scenario.refill else None  # of a cycle, before a refill
-    for stage in scene.times.stages:
-        refilled = 0 < stage.cycle < scene.times.stages[-1].cycle and stage.number == last
-        if stage.until and (stage.picks or refilled) and stage.end - stage.stop < least:
-            what = "pick" if stage.picks else "a refill after it"
-            raise InputError(
-                f"is {stage.end - stage.stop:g}, allowed is at least two frames, {least:.2g} s, with until and {what}",
-                key=f"schedule.{'stage' if stage.cycle else 'prepare'}[{stage.number}].pause_s",
-            )
-
-
-def _check_goal(scenario: Scenario, surface: Surface) -> None:
-    """Refuse a goal that is not on the plate.
-
-    Raises:
-        InputError: a coordinate of the goal lies beyond the plate's edge.
-    """
-    goal = scenario.goal
-    if goal is None:
-        return
-    for name, coordinate, size in (("x_mm", goal.x_mm, surface.length), ("y_mm", goal.y_mm, surface.width)):
-        if abs(coordinate or 0.0) > 0.5e3 * size:
-            raise InputError(
-                f"is {coordinate:g}, allowed is within +-{0.5e3 * size:g} (on the plate)", key=f"goal.{name}"
-            )
-
-
-def _size_text(size: tuple[float, float]) -> str:
-    """A size as it stands in a scenario: one diameter, or [length, width]."""
-    return f"{size[0]:g}" if size[0] == size[1] else f"[{size[0]:g}, {size[1]:g}]"
-
-
-def _check_in_tube(spec: PartSpec, part: RigidPart, i: int) -> None:
-    """Refuse a part that would overlap the wall of its tube at some tilt within its range.
-
-    Raises:
-        InputError: the tube is narrower than the part.
-    """
-    if not isinstance(spec.guide, Tube):
-        return
-    tilt = math.radians(max(abs(angle) for angle in spec.start.tilt_deg or UPRIGHT))
-    reach = np.hypot(*part.corners[:, :2].T) * math.cos(tilt) + np.abs(part.corners[:, 2]) * math.sin(tilt)
-    needed = 2e3 * float(reach.max() + part.corner_radius)
-    if needed > spec.guide.inner_diameter_mm * (1.0 + DIAMETER_ROUND_OFF):
-        raise InputError(
-            f"is {spec.guide.inner_diameter_mm:g}, allowed is at least {needed:.4g}, which the part takes at its start",
-            key=f"part[{i}].guide.inner_diameter_mm",
-        )

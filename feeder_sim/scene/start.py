@@ -14,10 +14,11 @@ from feeder_sim.errors import InputError
 from feeder_sim.part.rigid_part import RigidPart
 from feeder_sim.scenario import Heap, Placed, Scattered, Start
 from feeder_sim.scene.column import APART, column
+from feeder_sim.scene.fits import FREE_TILT, UPRIGHT
 from feeder_sim.scene.guide import Guide
 from feeder_sim.scene.hopper import next_parts
 from feeder_sim.scene.overlap import check_apart
-from feeder_sim.scene.scene import FREE_TILT, UPRIGHT, Scene
+from feeder_sim.scene.scene import Scene
 
 MAX_TRIES = 20_000  # places drawn for one part before the rectangle counts as full
 MAX_TRIES_OF_ALL = 200_000  # and for all parts of a table
