@@ -79,7 +79,7 @@ def meeting_bound(pair, parts, kinds, t, bounds):
     speed = _relative_speed(a, kind_a, b, kind_b)
     shortest = min(max(bounds.step, SLACK / speed), DEEP / speed)
     if gap < -DEEP:  # pushed into each other by what lies beside them
-        wait, shortest = 0.0, PUSHED * shortest if gap >= -LAID_IN else bounds.step
+        wait, shortest = 0.0, PUSHED * shortest
     else:
         shortest = max(shortest, min(bounds.rest_step, ROUND_OFF / speed))
     return t + max(wait, shortest), gap <= SLACK
