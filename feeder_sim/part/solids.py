@@ -1,4 +1,4 @@
-"""Parts by dimensions: hexagon nuts, balls, cylinders; their principal axes are those they are drawn in.
+"""Parts by dimensions: hexagon nuts, balls, cylinders, blocks; their principal axes are those they are drawn in.
 
 Formulas: regular hexagon of circumradius R, area 3 sqrt(3)/2 R^2, polar second moment 5 sqrt(3)/8 R^4; the bore is
 taken out of mass and inertia. Nut dimensions: ISO 4032 (width across flats s, largest height m), bore = nominal size.
@@ -65,6 +65,18 @@ def cylinder(diameter: float, height: float, density: float, name: str) -> Rigid
     vertices, faces = _ring_mesh(rim, 0.0, height)
     inertia = np.array([transverse, transverse, mass * radius**2 / 2.0])
     return RigidPart(name, mass, inertia, corners, 0.0, vertices, faces, circle_radius=radius)
+
+
+def box(sides: tuple[float, float, float], density: float, name: str) -> RigidPart:
+    """Solid block with sides along x, y and z [m], of a density [kg/m^3]."""
+    import trimesh
+
+    x, y, z = sides
+    mass = density * x * y * z
+    drawn = trimesh.creation.box(sides)
+    corners = 0.5 * np.array([[i * x, j * y, k * z] for i in (-1, 1) for j in (-1, 1) for k in (-1, 1)])
+    inertia = mass / 12.0 * np.array([y * y + z * z, z * z + x * x, x * x + y * y])
+    return RigidPart(name, mass, inertia, corners, 0.0, np.array(drawn.vertices), np.array(drawn.faces))
 
 
 def _ring_mesh(

@@ -16,6 +16,7 @@ from feeder_sim.scene.timetable import TimedStage, Timetable
 
 WHITE, BLACK = (255, 255, 255), (0, 0, 0)
 PAUSE = "pause"
+AT_REST = "plate at rest"
 FAR, NEAR = 0.15, 0.045  # of the size of a box: from its edges to the text behind it and to the bar before it
 BELOW = 0.055  # of the size: what the text below the bar takes
 LARGEST_BAR = 0.25  # of the length of a box
@@ -134,7 +135,7 @@ def stage_texts(plate: PlateRecord, times: Timetable, last: float) -> list[tuple
 def stage_text(plate: PlateRecord, stage: TimedStage, acting: Sequence[int], *, cycles: int) -> str:
     """Name and cycle of a stage, then frequency and largest amplitude on the plate of each drive that acts."""
     head = f"{stage.name}, cycle {stage.cycle} of {cycles}" if stage.cycle else stage.name
-    drives = [_drive_text(plate, i) for i in acting] or [PAUSE]
+    drives = [_drive_text(plate, i) for i in acting] or [PAUSE if plate.drives else AT_REST]
     groups = [drives[i : i + DRIVES_PER_LINE] for i in range(0, len(drives), DRIVES_PER_LINE)]
     return "\n".join(line for line in (head, *(" + ".join(group) for group in groups)) if line)
 

@@ -30,7 +30,7 @@ def cautions(scene: Scene, engine: Choice) -> list[str]:
     scenario = scene.scenario
     run, contact, settings = scenario.run, scenario.contact, scenario.mujoco
     lines = [*known_failures(scenario), *_cautions_of_motion(scene)]
-    if not run.in_plane_velocity and scenario.plate.kind != "piston":
+    if not run.in_plane_velocity and scenario.plate.kind not in ("piston", "still"):
         lines.append("run.in_plane_velocity is false: drifts come out at a third of their speed or less")
     if scenario.plate.kind == "strip" and run.planar:
         lines.append("run.planar is true: over short waves drifts change by some percent")
@@ -74,7 +74,7 @@ def _cautions_of_fall(scene: Scene) -> list[str]:
     lines = []
     for i, spec in enumerate(scene.scenario.part):
         drop = 1e-3 * spec.start.drop_height_mm[1]
-        thrown = abs(spec.start.velocity_mm_s[2]) * 1e-3 if spec.start.kind == "point" else 0.0
+        thrown = abs(spec.start.velocity_mm_s[2]) * 1e-3 if spec.start.kind in ("point", "state") else 0.0
         speed = math.hypot(math.sqrt(2.0 * GRAVITY * drop), thrown)
         constant = scene.scenario.contact.time_constant_us
         depth = speed * (scene.timestep if constant is None else COMPLIANT_DEPTH * 1e-6 * constant)

@@ -296,7 +296,7 @@ def plate_record(prepared: Prepared) -> PlateRecord:
     x = np.linspace(surface.x[0], surface.x[-1], min(len(surface.x), DISPLAY_POINTS))
     y = np.linspace(surface.y[0], surface.y[-1], min(len(surface.y), DISPLAY_POINTS))
     points = np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1).reshape(-1, 2)
-    own = 1 + max(drive.shape for drive in prepared.scene.drives)  # modes that only follow are not drawn
+    own = 1 + max((drive.shape for drive in prepared.scene.drives), default=0)  # modes that only follow are not drawn
     shapes = [surface.deflection(j, points).reshape(len(x), len(y)) for j in range(own)]
     return PlateRecord(
         length=surface.length,

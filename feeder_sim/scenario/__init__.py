@@ -4,7 +4,9 @@ from feeder_sim.scenario.attachments import Actuator, Bar, BondedLayer, Mass
 from feeder_sim.scenario.material import CustomMaterial, resolve_material
 from feeder_sim.scenario.part import (
     Ball,
+    Box,
     Cylinder,
+    GivenState,
     Heap,
     HexNut,
     MeshPart,
@@ -24,6 +26,7 @@ from feeder_sim.scenario.plate import (
     PlateBody,
     PlateFile,
     Rectangle,
+    StillPlate,
     Strip,
 )
 from feeder_sim.scenario.refill import Refill, Robot
@@ -44,11 +47,13 @@ __all__ = [
     "Ball",
     "Bar",
     "BondedLayer",
+    "Box",
     "Contact",
     "CustomMaterial",
     "Cylinder",
     "Drive",
     "Excitation",
+    "GivenState",
     "Goal",
     "Heap",
     "HexNut",
@@ -74,6 +79,7 @@ __all__ = [
     "Slide",
     "Stage",
     "Start",
+    "StillPlate",
     "Strip",
     "Tube",
     "load_actuator_file",

@@ -114,7 +114,8 @@ def _uncovered_in_plane(scenario: Scenario, *, in_mujoco: bool) -> Iterator[str]
     if in_mujoco:
         yield "run.planar is true, allowed is false in MuJoCo"
     if scenario.plate.kind in ("rectangle", "modes"):
-        yield f'plate.kind is "{scenario.plate.kind}", allowed is "strip" or "piston" with run.planar = true'
+        allowed = '"strip", "piston" or "still"'
+        yield f'plate.kind is "{scenario.plate.kind}", allowed is {allowed} with run.planar = true'
     if scenario.n_parts > 1 or part.guide is not None or not isinstance(part.start, Start):
         yield "run.planar is true, allowed is false for many parts and for a part in a guide"
         return

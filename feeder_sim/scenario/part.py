@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
@@ -17,6 +18,8 @@ from feeder_sim.scenario.tables import (
     LengthMm,
     NonNegative,
     PointMm,
+    Positive,
+    SpinRadS,
     Table,
     VelocityMmS,
 )
@@ -76,6 +79,36 @@ class Placed(Table):
     tilt_deg: AngleRange = (0.0, 0.0)
 
 
+UNIT_ERROR = 1e-3  # of the length of a quaternion, which has to be 1
+QuaternionNumber = Annotated[float, Field(ge=-1 - UNIT_ERROR, le=1 + UNIT_ERROR, strict=True)]
+
+
+class GivenState(Table):
+    """One part with its whole state; nothing of it is drawn.
+
+    The position is that of the centre of mass over the resting plate. The quaternion (w first) turns the part from the
+    axes that it was drawn in; the angular velocity is in the axes of the plate.
+    """
+
+    kind: Literal["state"]
+    position_mm: tuple[CoordinateMm, CoordinateMm, CoordinateMm]
+    quaternion: tuple[QuaternionNumber, QuaternionNumber, QuaternionNumber, QuaternionNumber] = (1.0, 0.0, 0.0, 0.0)
+    velocity_mm_s: VelocityMmS = (0.0, 0.0, 0.0)
+    angular_velocity_rad_s: tuple[SpinRadS, SpinRadS, SpinRadS] = (0.0, 0.0, 0.0)
+
+    @model_validator(mode="after")
+    def _unit_quaternion(self) -> Self:
+        length = math.hypot(*self.quaternion)
+        if abs(length - 1.0) > UNIT_ERROR:
+            raise ValueError(f"quaternion has length {length:.6g}, allowed is 1")
+        return self
+
+    @property
+    def drop_height_mm(self) -> tuple[float, float]:
+        """Between these lies the height of its lowest point."""
+        return (0.0, max(0.0, self.position_mm[2]))
+
+
 def start_kind(value: Any) -> Any:
     """Kind of a start for pydantic's choice of its table; "point" where a scenario names none."""
     return value.get("kind", "point") if isinstance(value, dict) else getattr(value, "kind", None)
@@ -85,7 +118,8 @@ StartSpec = Annotated[
     Annotated[Start, Tag("point")]
     | Annotated[Scattered, Tag("scattered")]
     | Annotated[Heap, Tag("heap")]
-    | Annotated[Placed, Tag("placed")],
+    | Annotated[Placed, Tag("placed")]
+    | Annotated[GivenState, Tag("state")],
     Discriminator(start_kind),
 ]
 
@@ -112,10 +146,16 @@ GuideSpec = Annotated[Slide | Tube, Field(discriminator="kind")]
 
 
 class _Part(Table):
-    """Keys that parts of every shape have."""
+    """Keys that parts of every shape have.
+
+    `mass_g` and `inertia_g_mm2` are for parts that have been weighed; without them both are those of a solid of its
+    material, and with the mass alone the moments of inertia follow it.
+    """
 
     name: Annotated[str, Field(min_length=1, max_length=40, pattern=r"^[A-Za-z0-9_-]+$")] | None = None
     material: MaterialChoice = "steel"
+    mass_g: Positive | None = None
+    inertia_g_mm2: tuple[Positive, Positive, Positive] | None = None
     count: Annotated[int, Field(ge=1, le=MAX_PARTS, strict=True)] = 1
     start: StartSpec = Start()
     guide: GuideSpec | None = None
@@ -133,13 +173,19 @@ class _Part(Table):
     def _room_for_all(self) -> Self:
         if isinstance(self.start, Placed) and len(self.start.places_mm_deg) != self.count:
             raise ValueError(f"count is {self.count}, allowed is {len(self.start.places_mm_deg)}, as many as places")
-        if self.count > 1 and isinstance(self.start, Start):
+        if self.count > 1 and isinstance(self.start, Start | GivenState):
             kinds = '"scattered", "heap" or "placed"'
-            raise ValueError(f'start.kind is "point", allowed is {kinds} with count = {self.count}')
+            raise ValueError(f'start.kind is "{self.start.kind}", allowed is {kinds} with count = {self.count}')
         if self.guide is not None and not isinstance(self.start, Start):
             raise ValueError(f'start.kind is "{self.start.kind}", allowed is "point" for a part in a guide')
         if self.guide is not None and isinstance(self.start, Start) and any(self.start.velocity_mm_s):
             raise ValueError("start.velocity_mm_s is not 0, which a part in a guide is released with")
+        return self
+
+    @model_validator(mode="after")
+    def _moments_of_a_body(self) -> Self:
+        if self.inertia_g_mm2 is not None and 2.0 * max(self.inertia_g_mm2) > sum(self.inertia_g_mm2) * (1 + 1e-9):
+            raise ValueError("inertia_g_mm2 has a moment above the sum of the other two, which no body has")
         return self
 
 
@@ -178,6 +224,13 @@ class Cylinder(_Part):
     height_mm: LengthMm
 
 
+class Box(_Part):
+    """Solid block, with its sides along x, y and z as drawn."""
+
+    shape: Literal["box"]
+    size_mm: tuple[LengthMm, LengthMm, LengthMm]
+
+
 class MeshPart(_Part):
     """A closed triangle mesh; mass and inertia are those of the solid.
 
@@ -206,4 +259,4 @@ class MeshPart(_Part):
         return self
 
 
-PartSpec = Annotated[HexNut | Ball | Cylinder | MeshPart, Field(discriminator="shape")]
+PartSpec = Annotated[HexNut | Ball | Cylinder | Box | MeshPart, Field(discriminator="shape")]

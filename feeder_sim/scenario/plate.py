@@ -71,7 +71,17 @@ class ModePlate(Table):
     rim: Flag = False
 
 
-Plate = Annotated[Strip | Rectangle | ModePlate | PistonPlate, Field(discriminator="kind")]
+class StillPlate(Table):
+    """A plate that nothing moves: no drive and no schedule; `rim` as for `Rectangle`."""
+
+    kind: Literal["still"]
+    thickness_mm: LengthMm = 3.0
+    length_mm: LengthMm = 180.0
+    width_mm: LengthMm = 180.0
+    rim: Flag = False
+
+
+Plate = Annotated[Strip | Rectangle | ModePlate | PistonPlate | StillPlate, Field(discriminator="kind")]
 
 
 class Excitation(Table):

@@ -24,6 +24,8 @@ from feeder_sim.scenario.run import Contact, MujocoSettings, Run
 from feeder_sim.scenario.schedule import Goal, Pick, Schedule, Stage
 from feeder_sim.scenario.tables import Table, parse, read_text, validated
 
+STILL_HZ = 250.0
+
 
 class Scenario(Table):
     """One experiment on one plate."""
@@ -86,13 +88,23 @@ class Scenario(Table):
 
     @property
     def highest_frequency_hz(self) -> float:
-        """Highest frequency of the plate's motion; a plate that rings moves at the natural frequency of the mode."""
+        """Highest frequency of the plate's motion; a plate that rings moves at the natural frequency of the mode.
+
+        A plate that stands still has the steps of one at `STILL_HZ`.
+        """
+        if self.plate.kind == "still":
+            return STILL_HZ
         return max(max(d.frequency_hz, d.natural_frequency_hz or 0.0) for _, d in self.excitations)
 
     @model_validator(mode="after")
     def _drives_or_schedule(self) -> Self:
-        if (len(self.drive) == 0) == (self.schedule is None):
-            raise ValueError("exactly one of [[drive]] and [schedule] is needed")
+        if self.plate.kind == "still":
+            if self.drive or self.schedule is not None:
+                raise ValueError('plate.kind is "still", allowed is no [[drive]] and no [schedule] with it')
+        elif (len(self.drive) == 0) == (self.schedule is None):
+            raise ValueError(
+                'exactly one of [[drive]] and [schedule] is needed, none of them with plate.kind = "still"'
+            )
         if self.schedule is not None and not self.excitations:
             raise ValueError("schedule.stage has no drive, allowed is at least one in all stages together")
         if (self.run.duration_s is None) == (self.schedule is None):

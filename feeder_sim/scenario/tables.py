@@ -26,6 +26,7 @@ CoordinateMm = Annotated[float, Field(ge=-1e5, le=1e5, allow_inf_nan=False, stri
 PointMm = tuple[CoordinateMm, CoordinateMm]
 SpeedMmS = Annotated[float, Field(ge=-1e5, le=1e5, allow_inf_nan=False, strict=True)]
 VelocityMmS = tuple[SpeedMmS, SpeedMmS, SpeedMmS]
+SpinRadS = Annotated[float, Field(ge=-1e5, le=1e5, allow_inf_nan=False, strict=True)]
 Flag = Annotated[bool, Field(strict=True)]
 
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from feeder_sim.errors import InputError
 from feeder_sim.plate.nodal_lines import NodalLines, antinode_near, nodal_lines
 from feeder_sim.records.trajectory import Frames
-from feeder_sim.scenario import Start
+from feeder_sim.scenario import GivenState, Start
 from feeder_sim.scene.scene import Scene
 
 PASSAGE_FROM, PASSAGE_TO = 0.8, 0.2  # fractions of d0 between which the transport speed is measured
@@ -43,12 +43,12 @@ def transport_cell(scene: Scene) -> Cell | None:
     starts on a nodal line.
     """
     start = scene.scenario.part[0].start
-    if len(scene.parts) > 1 or scene.scenario.schedule is not None or not isinstance(start, Start):
+    if len(scene.parts) > 1 or scene.scenario.schedule is not None or not isinstance(start, Start | GivenState):
         return None
     lines = nodal_lines(scene.surface)
     if not lines.lines:
         return None
-    x, y = start.position_mm
+    x, y = start.position_mm[:2]
     antinode = antinode_near(scene.surface, 0, (x * 1e-3, y * 1e-3))
     if abs(scene.surface.deflection(0, antinode[None])[0]) < LEAST_ANTINODE:
         return None
@@ -69,8 +69,8 @@ def check_stop_rule(scene: Scene, cell: Cell | None) -> None:
             key="run.stop",
         )
     start = scene.scenario.part[0].start
-    assert isinstance(start, Start)  # transport_cell gives a cell for no other start
-    x, y = start.position_mm
+    assert isinstance(start, Start | GivenState)  # transport_cell gives a cell for no other start
+    x, y = start.position_mm[:2]
     way = float(cell.lines.distance(np.array([[x, y]]) * 1e-3)[0]) / cell.reach
     if way <= PASSAGE_FROM:
         raise InputError(

@@ -15,7 +15,16 @@ from feeder_sim.plate.mode_shapes import ModeShape, Piston, RitzShape, StandingW
 from feeder_sim.plate.modes import plate_modes
 from feeder_sim.plate.rectangle import RectangularPlate
 from feeder_sim.plate.surface import Surface, tabulate
-from feeder_sim.scenario import Excitation, ModePlate, PistonPlate, Rectangle, Scenario, Strip, resolve_material
+from feeder_sim.scenario import (
+    Excitation,
+    ModePlate,
+    PistonPlate,
+    Rectangle,
+    Scenario,
+    StillPlate,
+    Strip,
+    resolve_material,
+)
 from feeder_sim.scenario.engine_choice import uncovered_outline
 from feeder_sim.scene.driven_mode import DrivenMode, driven_mode, metres, modal_drive
 from feeder_sim.scene.timetable import Timetable, timetable
@@ -51,6 +60,8 @@ def assemble_plate(scenario: Scenario) -> DrivenPlate:
             for problem in uncovered_outline(scenario):
                 raise InputError(problem)
         return _from_modes(held, scenario.excitations, times)
+    if isinstance(plate, StillPlate):
+        return _still(plate)
     return _piston(plate, scenario.excitations, times)
 
 
@@ -79,6 +90,14 @@ def _piston(plate: PistonPlate, drives: Excitations, times: Timetable) -> Driven
         driven.append(DrivenMode("piston", Piston(), modal_drive(drive, metres(drive.amplitude_um))))
     size = (plate.length_mm * 1e-3, plate.width_mm * 1e-3, plate.thickness_mm * 1e-3)
     return _tabulated(driven, drives, times, *size, math.inf, uniform_y=True)
+
+
+def _still(plate: StillPlate) -> DrivenPlate:
+    """A flat surface; engines want a shape, which nothing drives."""
+    length, width, thickness = (1e-3 * side for side in (plate.length_mm, plate.width_mm, plate.thickness_mm))
+    terms = modal_terms(())
+    surface = tabulate([Piston()], terms, length=length, width=width, thickness=thickness, uniform_y=True)
+    return DrivenPlate(surface, ())
 
 
 def _from_modes(held: ModeFile, drives: Excitations, times: Timetable) -> DrivenPlate:

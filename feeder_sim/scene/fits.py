@@ -11,7 +11,7 @@ import numpy as np
 from feeder_sim.errors import InputError
 from feeder_sim.part.rigid_part import RigidPart
 from feeder_sim.plate.surface import Surface
-from feeder_sim.scenario import Heap, PartSpec, Placed, Scattered, Scenario, Start, Tube
+from feeder_sim.scenario import GivenState, Heap, PartSpec, Placed, Scattered, Scenario, Start, Tube
 from feeder_sim.scene.column import check_width
 from feeder_sim.scene.gripper import read_gripper
 
@@ -22,7 +22,7 @@ DIAMETER_ROUND_OFF = 1e-9  # relative, of a tube that is just as wide as its par
 FREE_TILT, UPRIGHT = (0.0, 3.0), (0.0, 0.0)  # [deg]; tilt at the start of a free and of a guided part by default
 
 
-def check_on_plate(start: Start | Scattered | Heap | Placed, surface: Surface, key: str) -> None:
+def check_on_plate(start: Start | Scattered | Heap | Placed | GivenState, surface: Surface, key: str) -> None:
     """Refuse a start that is not on the plate.
 
     Raises:
@@ -36,8 +36,9 @@ def check_on_plate(start: Start | Scattered | Heap | Placed, surface: Surface, k
                 message = f"is [{x:g}, {y:g}], allowed is +-{half[0]:.1f}, +-{half[1]:.1f} (on the plate)"
                 raise InputError(message, key=f"{key}.places_mm_deg[{n}]")
         return
-    x, y = start.position_mm if isinstance(start, Start) else start.centre_mm
-    name = "position_mm" if isinstance(start, Start) else "centre_mm"
+    at_point = isinstance(start, Start | GivenState)
+    x, y = start.position_mm[:2] if isinstance(start, Start | GivenState) else start.centre_mm
+    name = "position_mm" if at_point else "centre_mm"
     if abs(x) > half[0] or abs(y) > half[1]:
         message = f"is [{x:g}, {y:g}], allowed is +-{half[0]:.1f}, +-{half[1]:.1f} (on the plate)"
         raise InputError(message, key=f"{key}.{name}")
@@ -130,7 +131,7 @@ def check_in_tube(spec: PartSpec, part: RigidPart, i: int) -> None:
     Raises:
         InputError: the tube is narrower than the part.
     """
-    if not isinstance(spec.guide, Tube):
+    if not isinstance(spec.guide, Tube) or not isinstance(spec.start, Start):
         return
     tilt = math.radians(max(abs(angle) for angle in spec.start.tilt_deg or UPRIGHT))
     reach = np.hypot(*part.corners[:, :2].T) * math.cos(tilt) + np.abs(part.corners[:, 2]) * math.sin(tilt)

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
+
 from feeder_sim.errors import InputError
 from feeder_sim.part.mesh_part import mesh_part
 from feeder_sim.part.rigid_part import RigidPart
-from feeder_sim.part.solids import ISO_4032, ball, cylinder, hex_nut
-from feeder_sim.scenario import Ball, Cylinder, HexNut, PartSpec, resolve_material
+from feeder_sim.part.solids import ISO_4032, ball, box, cylinder, hex_nut
+from feeder_sim.scenario import Ball, Box, Cylinder, HexNut, PartSpec, resolve_material
 
 LEAST_INERTIA = 1e-15  # [kg], [kg m^2]: what MuJoCo takes for zero; a steel ball of 0.3 mm has just more
 
@@ -19,7 +21,7 @@ def build_part(spec: PartSpec, *, name: str = "part") -> RigidPart:
     Raises:
         InputError: a mesh file that is missing, unreadable, not closed or without volume; a part too small.
     """
-    part = _shaped(spec, resolve_material(spec.material).density, name)
+    part = _weighed(_shaped(spec, resolve_material(spec.material).density, name), spec)
     if spec.guide is not None:  # the wall of a tube is met with corners
         part = replace(part, circle_radius=0.0)
     if min(part.mass, part.inertia.min()) < LEAST_INERTIA:
@@ -31,6 +33,16 @@ def build_part(spec: PartSpec, *, name: str = "part") -> RigidPart:
     return part
 
 
+def _weighed(part: RigidPart, spec: PartSpec) -> RigidPart:
+    """The part with the mass and the moments of inertia that its table gives."""
+    if spec.mass_g is not None:
+        mass = 1e-3 * spec.mass_g
+        part = replace(part, mass=mass, inertia=part.inertia * (mass / part.mass))
+    if spec.inertia_g_mm2 is not None:
+        part = replace(part, inertia=1e-9 * np.array(spec.inertia_g_mm2))
+    return part
+
+
 def _shaped(spec: PartSpec, density: float, name: str) -> RigidPart:
     if isinstance(spec, HexNut):
         across, height, bore = (1e-3 * d for d in nut_dimensions(spec))
@@ -39,6 +51,9 @@ def _shaped(spec: PartSpec, density: float, name: str) -> RigidPart:
         return ball(spec.diameter_mm * 1e-3, density, name)
     if isinstance(spec, Cylinder):
         return cylinder(spec.diameter_mm * 1e-3, spec.height_mm * 1e-3, density, name)
+    if isinstance(spec, Box):
+        x, y, z = (1e-3 * side for side in spec.size_mm)
+        return box((x, y, z), density, name)
     error = 1e-6 * spec.corner_error_um
     return mesh_part(spec.file, spec.file_unit_mm, density, name, corner_error=error, pieces=spec.pieces_file)
 

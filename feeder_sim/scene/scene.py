@@ -15,7 +15,7 @@ from feeder_sim.part.rigid_part import RigidPart, outline
 from feeder_sim.part.stable_poses import NONE, PoseTable, stable_poses
 from feeder_sim.plate.drive import ModalDrive
 from feeder_sim.plate.surface import Surface
-from feeder_sim.scenario import Scenario, Start
+from feeder_sim.scenario import GivenState, Scenario, Start
 from feeder_sim.scene.driven_mode import DrivenMode
 from feeder_sim.scene.driven_plate import DrivenPlate, assemble_plate, motion_terms
 from feeder_sim.scene.fits import check_goal, check_in_tube, check_on_plate, check_picks, check_refill
@@ -205,7 +205,9 @@ def _longest_step(scenario: Scenario, plate: DrivenPlate, times: Timetable, kind
     falls = [(spec.start, kind) for spec, kind in zip(scenario.part, kinds, strict=True)]
     falls += [(scenario.pour, kind) for kind in kinds] if scenario.pour else []
     for start, kind in falls:
-        thrown = 1e-3 * math.hypot(*start.velocity_mm_s) if isinstance(start, Start) else 0.0
+        thrown = 1e-3 * math.hypot(*start.velocity_mm_s) if isinstance(start, Start | GivenState) else 0.0
+        if isinstance(start, GivenState):
+            thrown += kind.size * math.hypot(*start.angular_velocity_rad_s)
         fall = math.sqrt(2.0 * GRAVITY * 1e-3 * start.drop_height_mm[1])
         shortest = min(shortest, ENTERED * kind.thinnest / (plate_speed + thrown + fall + 1e-9))
     return shortest

@@ -5,14 +5,14 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
 from feeder_sim.errors import InputError
 from feeder_sim.part.rigid_part import RigidPart
-from feeder_sim.scenario import Heap, Placed, Scattered, Start
+from feeder_sim.scenario import GivenState, Heap, Placed, Scattered, Start
 from feeder_sim.scene.column import APART, column
 from feeder_sim.scene.fits import FREE_TILT, UPRIGHT
 from feeder_sim.scene.guide import Guide
@@ -20,25 +20,28 @@ from feeder_sim.scene.hopper import next_parts
 from feeder_sim.scene.overlap import check_apart
 from feeder_sim.scene.scene import Scene
 
+INTO_PLATE = 1e-6  # [m]; round-off of a state that is given in decimals
 MAX_TRIES = 20_000  # places drawn for one part before the rectangle counts as full
 MAX_TRIES_OF_ALL = 200_000  # and for all parts of a table
 
 
 @dataclass(frozen=True)
 class Pose:
-    """State of a part at its start; it does not spin.
+    """State of a part at its start.
 
     Attributes:
         position: of the centre of mass, shape (3,) [m].
         quaternion: attitude, shape (4,), w first.
         velocity: of the centre of mass, shape (3,) [m/s].
         present: False for a part that is to come later.
+        angular_velocity: in world axes, shape (3,) [rad/s].
     """
 
     position: NDArray[np.float64]
     quaternion: NDArray[np.float64]
     velocity: NDArray[np.float64]
     present: bool = True
+    angular_velocity: NDArray[np.float64] = field(default_factory=lambda: np.zeros(3))
 
 
 def start_poses(scene: Scene, rng: np.random.Generator) -> list[Pose]:
@@ -63,6 +66,12 @@ def start_poses(scene: Scene, rng: np.random.Generator) -> list[Pose]:
         start, kind, guide = tables[i].start, scene.kinds[i], scene.guides[part]
         if not present[part]:
             poses.append(Pose(np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]), np.zeros(3), present=False))
+            continue
+        if isinstance(start, GivenState):
+            pose = given_pose(start, kind, f"part[{i}].start.position_mm")
+            check_apart(scene, part, (pose.position, pose.quaternion), [(p.position, p.quaternion) for p in poses])
+            placed.add(pose.position, kind.size)
+            poses.append(pose)
             continue
         # A heap does not use the height, but the draw is part of its random sequence.
         number = part - kind_begins[i]
@@ -120,6 +129,21 @@ def _columns(
             centres = centres[rng.permutation(len(centres))]
         columns[heap] = iter(centres)
     return columns
+
+
+def given_pose(start: GivenState, kind: RigidPart, key: str) -> Pose:
+    """The state that a scenario gives a part.
+
+    Raises:
+        InputError: the part reaches into the plate.
+    """
+    position, quaternion = 1e-3 * np.array(start.position_mm), np.array(start.quaternion)
+    quaternion /= np.linalg.norm(quaternion)
+    lowest = position[2] + kind.lowest(quaternion)
+    if lowest < -INTO_PLATE:
+        raise InputError(f"puts its lowest point {-1e3 * lowest:.4g} mm into the plate, allowed is over it", key=key)
+    velocity = 1e-3 * np.array(start.velocity_mm_s)
+    return Pose(position, quaternion, velocity, angular_velocity=np.array(start.angular_velocity_rad_s))
 
 
 def height_and_attitude(

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from feeder_sim.scenario import Heap, PartSpec, Placed, Start
+from feeder_sim.scenario import GivenState, Heap, PartSpec, Placed, Start
 from feeder_sim.scene.scene import GRAVITY, Scene
 
 POINTS = 41  # per axis of the area in which parts start
@@ -60,8 +60,8 @@ def motion_under_parts(scene: Scene) -> Iterator[UnderPart]:
 def _starting_points(spec: PartSpec, scene: Scene) -> NDArray[np.float64]:
     """Points (n, 2) [m] of the area in which the parts of a table start."""
     start = spec.start
-    if isinstance(start, Start):
-        return 1e-3 * np.array([start.position_mm])
+    if isinstance(start, Start | GivenState):
+        return 1e-3 * np.array([start.position_mm[:2]])
     if isinstance(start, Placed):
         return 1e-3 * np.array(start.places_mm_deg)[:, :2]
     size = np.array([scene.surface.length, scene.surface.width])

@@ -30,7 +30,7 @@ from feeder_sim.errors import InputError, Interrupted
 from feeder_sim.part.rigid_part import RigidPart
 from feeder_sim.part.stable_poses import NONE, StablePose, stable_poses
 from feeder_sim.run.simulation import COMPILING, announced, in_daemon_thread
-from feeder_sim.scenario import Ball, Contact, Drive, PistonPlate, Run, Scenario
+from feeder_sim.scenario import Ball, Contact, Run, Scenario, StillPlate
 from feeder_sim.scene.scene import GRAVITY, Scene, build_scene
 from feeder_sim.single_thread import single_threaded
 
@@ -40,7 +40,6 @@ LONGEST = 25.0  # times the fall; a part that still rolls then counts to the pos
 INTERVAL_S = 0.01  # [s] between two looks at a part
 LOOKS = 5  # in a row at which a part has to lie still: one on edge stays there for less
 STILL = 2e-3  # [m/s]; no point of a part that lies still is faster
-STEP_S, STEPS = 1e-4, 40  # solver step [s], and how many there are in a period of the plate, were it driven
 PLATE_MM = 1e4
 PIECES = 16  # of the drops per thread
 Engine = Literal["impulse", "mujoco"]
@@ -165,17 +164,13 @@ def drop(
 
 
 def still_plate(part: RigidPart, contact: Contact, engine: Engine) -> Scene:
-    """A scene with one part on a large plate that nothing moves.
-
-    The scene of a ball over a piston of no amplitude, with the part in the place of the ball.
-    """
+    """A scene with one part on a large plate that nothing moves: that of a ball, with the part in its place."""
     longest = LONGEST * math.sqrt(2.0 * HEIGHT * part.longest / GRAVITY)
     scenario = Scenario(
-        plate=PistonPlate(kind="piston", length_mm=PLATE_MM, width_mm=PLATE_MM),
-        drive=(Drive(frequency_hz=1.0 / (STEPS * STEP_S), amplitude_um=0.0, ring_up=False),),
+        plate=StillPlate(kind="still", length_mm=PLATE_MM, width_mm=PLATE_MM),
         part=(Ball(shape="ball", diameter_mm=1e3 * part.longest),),
         contact=contact,
-        run=Run(engine=engine, duration_s=longest, steps_per_period=STEPS, frames_per_second=1.0 / INTERVAL_S),
+        run=Run(engine=engine, duration_s=longest, frames_per_second=1.0 / INTERVAL_S),
     )
     return replace(build_scene(scenario), kinds=(part,), parts=(replace(part, name="part_0"),))
 

@@ -98,19 +98,23 @@ class ImpulseEngine:
         self._pairs = self._pairs_before = np.empty(0, PAIR)
 
     def _start(self, rng: np.random.Generator) -> NDArray[np.void]:
-        """Parts at rest in their poses, then the walls of a rim."""
+        """Parts as they start, then the walls of a rim."""
         from scipy.spatial.transform import Rotation
 
         poses = start_poses(self._scene, rng)
         centres, attitudes = rim_walls(self._scene)
         principal = self._scene.principal_attitudes(np.array([pose.quaternion for pose in poses]))
         turned = Rotation.from_quat(principal, scalar_first=True).as_matrix()
-        velocity = np.concatenate([[pose.velocity for pose in poses], np.zeros_like(centres)])
+        still = np.zeros_like(centres)
+        spin, momentum = np.array([pose.angular_velocity for pose in poses]), np.zeros((len(poses), 3))
+        for i in np.flatnonzero(spin.any(axis=1)):
+            momentum[i] = turned[i] @ (self._scene.parts[i].inertia * (turned[i].T @ spin[i]))
         parts = new_parts(
             np.concatenate([[pose.position for pose in poses], centres]),
             np.concatenate([turned, attitudes]),
             np.concatenate([self._scene.kind_of, np.full(len(centres), len(self._scene.kinds))]),
-            velocity,
+            np.concatenate([[pose.velocity for pose in poses], still]),
+            np.concatenate([momentum, still]),
         )
         parts["there"][: len(poses)][[not pose.present for pose in poses]] = ABSENT
         return parts
@@ -306,6 +310,10 @@ class ImpulseEngine:
         for name, columns in COLUMNS.items():
             row[:, columns] = parts[name].reshape(len(parts), -1)
         row[:, QUATERNION] = Rotation.from_matrix(parts["attitude"]).as_quat(scalar_first=True)
+        inertia = self._kinds.record["inertia"][parts["kind"]]
+        for i in np.flatnonzero(parts["momentum"].any(axis=1)):
+            turned = parts["attitude"][i]
+            row[i, SPIN] = turned @ (turned.T @ parts["momentum"][i] / inertia[i])
         return row
 
     def _frames(self, rows: NDArray[np.float64], first: int) -> Frames:

@@ -102,6 +102,9 @@ def forecast(part, kind, corners, surface, bounds, t, flight, tilt, work):
 
 @inlined
 def shortest_flight(part, kind, bounds):
-    """The step [s]; less for a part so fast that it would enter the surface deeply, more for one that hardly moves."""
-    fastest = top_speed(part, kind)
+    """The step [s]; less for a part so fast that it would enter the surface deeply, more for one that hardly moves.
+
+    What slides along a flat surface enters nothing.
+    """
+    fastest = top_speed(part, kind) if bounds.slope > 0.0 else abs(part.velocity[2]) + turning_speed(part, kind) + 1e-12
     return max(min(bounds.step, DEEP / fastest), min(bounds.rest_step, DEPTH / fastest))

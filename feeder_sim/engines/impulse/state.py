@@ -157,15 +157,21 @@ def kind_type(*, general: bool, circles: bool) -> np.dtype[np.void]:
     return np.dtype([*marks, *KIND_FIELDS], align=True)
 
 
-def new_parts(position: ArrayLike, attitude: ArrayLike, kind: ArrayLike, velocity: ArrayLike = 0.0) -> NDArray[np.void]:
-    """Parts (`PART`) without spin and awake at time 0.
+def new_parts(
+    position: ArrayLike,
+    attitude: ArrayLike,
+    kind: ArrayLike,
+    velocity: ArrayLike = 0.0,
+    momentum: ArrayLike = 0.0,
+) -> NDArray[np.void]:
+    """Parts (`PART`) awake at time 0.
 
-    Positions (n, 3) [m], attitudes (n, 3, 3), kinds (n,), velocities (n, 3) [m/s].
+    Positions (n, 3) [m], attitudes (n, 3, 3), kinds (n,), velocities (n, 3) [m/s], angular momenta (n, 3) [kg m2/s].
     """
     kind = np.asarray(kind)
     parts = np.zeros(len(kind), PART)
     parts["position"], parts["attitude"], parts["kind"], parts["there"] = position, attitude, kind, AWAKE
-    parts["velocity"] = velocity
+    parts["velocity"], parts["momentum"] = velocity, momentum
     return parts
 
 

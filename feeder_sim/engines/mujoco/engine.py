@@ -221,8 +221,13 @@ class MujocoEngine:
                 self.data.qpos[start : start + 3] = pose.position * self._units.length
                 self.data.qpos[start + 3 : start + 7] = attitude
         if self._slide is None:
-            for start, pose in zip(self._part_qvel, self._poses, strict=True):
+            from scipy.spatial.transform import Rotation
+
+            for start, pose, attitude in zip(self._part_qvel, self._poses, attitudes, strict=True):
                 self.data.qvel[start : start + 3] = pose.velocity * self._units.length / self._units.time
+                if pose.angular_velocity.any():  # in the body's own axes
+                    turned = Rotation.from_quat(attitude, scalar_first=True)
+                    self.data.qvel[start + 3 : start + 6] = turned.inv().apply(pose.angular_velocity / self._units.time)
         self.remove(np.array([part for part, pose in enumerate(self._poses) if not pose.present], np.int64))
 
     def _turn_on_slide(self, name: str, quaternion: NDArray[np.float64]) -> None:
