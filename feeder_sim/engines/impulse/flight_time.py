@@ -19,6 +19,7 @@ from feeder_sim.engines.impulse.state import (
     turning_acceleration,
     turning_speed,
 )
+from feeder_sim.engines.impulse.window import SAG
 from feeder_sim.machine_code import inlined
 from feeder_sim.plate.compiled import modal_motion
 from feeder_sim.scene.scene import GRAVITY
@@ -102,9 +103,21 @@ def forecast(part, kind, corners, surface, bounds, t, flight, tilt, work):
 
 @inlined
 def shortest_flight(part, kind, bounds):
-    """The step [s]; less for a part so fast that it would enter the surface deeply, more for one that hardly moves.
-
-    What slides along a flat surface enters nothing.
-    """
-    fastest = top_speed(part, kind) if bounds.slope > 0.0 else abs(part.velocity[2]) + turning_speed(part, kind) + 1e-12
+    """The step [s]; less for a part so fast that it would enter the surface deeply, more for one that hardly moves."""
+    fastest = top_speed(part, kind)
     return max(min(bounds.step, DEEP / fastest), min(bounds.rest_step, DEPTH / fastest))
+
+
+@inlined
+def flight_on_flat(corners, own, bounds, work):
+    """How long a part with these corners can slide or rock on a flat surface before one is in it by `SAG` [s].
+
+    own: bound on the acceleration of the corners by themselves [m/s^2]; work holds their gaps and rates.
+    """
+    flight = bounds.rest_step
+    for i in range(corners.shape[0]):
+        gap, rate = max(work.corner[i, GAP], 0.0) + SAG, work.corner[i, RATE]
+        a = own + work.corner[i, SURFACE_ACCELERATION]
+        if _touches_within(flight, gap, rate, a):
+            flight = _no_contact(gap, rate, a)
+    return flight

@@ -14,7 +14,7 @@ import numpy as np
 from feeder_sim.engines.impulse.circle_lift import lift_by_turning
 from feeder_sim.engines.impulse.circles import count_of, is_round, leap_of_circles, lowest_points, tilt_of
 from feeder_sim.engines.impulse.far_corners import MANY, far_leap, gather_near
-from feeder_sim.engines.impulse.flight_time import forecast, longest_leap, shortest_flight
+from feeder_sim.engines.impulse.flight_time import flight_on_flat, forecast, longest_leap, shortest_flight
 from feeder_sim.engines.impulse.impact import resolve_impact
 from feeder_sim.engines.impulse.moving_surface import move_surface
 from feeder_sim.engines.impulse.plate_edge import edge_leap, points_on_edge
@@ -94,6 +94,8 @@ def meet_plate(part, kinds, wall, surface, bounds, t, work):
     tilt = tilt_of(lowest, part, kind, work)
     leap, to_crest = leap_of_circles(tilt, kind, bounds, own, leap, to_crest, work)
     shortest = shortest_flight(part, kind, bounds)
+    if bounds.slope == 0.0 and further == 0 and not is_round(kind):
+        shortest = max(shortest, flight_on_flat(corners, own, bounds, work))
     to_crest = min(to_crest, far_leap(part, kind, others, bounds))
     if further > 0:
         to_crest = min(to_crest, edge_leap(part, kind, corners, n_corners, bounds.step, work))
