@@ -55,7 +55,7 @@ class Material:
 
 
 MATERIALS = {
-    # Aluminium: the rolled sheet of the plate in docs/validation.md. The other values come from handbooks.
+    # Aluminium: the rolled sheet of the plate in docs/evidence.md. The other values come from handbooks.
     "aluminium": Material(density=2770.0, youngs_modulus=71.0e9, poisson_ratio=0.33),
     "steel": Material(density=7850.0, youngs_modulus=210.0e9, poisson_ratio=0.30),
     "brass": Material(density=8500.0, youngs_modulus=105.0e9, poisson_ratio=0.35),

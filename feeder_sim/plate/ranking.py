@@ -1,7 +1,7 @@
 """Which modes of a plate are worth their volts at a place: amplitude, acceleration and hops of a part there.
 
 A part that lands on the plate at its fastest leaves with (1 + e) times the plate's velocity v, so that it hops by
-(v (1 + e))^2 / 2 g. Measured and simulated hops of balls agree with that within a fifth (docs/validation.md).
+(v (1 + e))^2 / 2 g. Measured and simulated hops of balls agree with that within a fifth (docs/evidence.md).
 """
 
 from __future__ import annotations
