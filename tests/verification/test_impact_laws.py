@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from conftest import changing, from_python, moving_part, symmetric
+from conftest import REPOSITORY, changing, from_python, moving_part, symmetric
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
@@ -25,8 +25,10 @@ from feeder_sim.plate.zener import (
     point_impedance,
     restitution,
 )
-from feeder_sim.scenario import Ball, Contact, Drive, PistonPlate, Run, Scenario, Start, Strip
+from feeder_sim.scenario import Ball, Contact, Drive, PistonPlate, Rectangle, Run, Scenario, Start, Strip
 from feeder_sim.scene.scene import GRAVITY, Scene, build_scene
+from feeder_sim.scene.zener import zener_inelasticities
+from feeder_sim.studies.zener_prediction import predict, yield_speed
 
 resolve_ball = from_python(impact_law.resolve_ball)
 RADIUS, MASS = 1.5e-3, 1.1e-4
@@ -134,6 +136,32 @@ def rebound(scene: Scene) -> np.ndarray:
     """Velocity (3,) after the first impact, at t = 0 [m/s]."""
     frames = ImpulseEngine(scene, np.random.default_rng(0)).advance(2)
     return np.asarray(frames.velocity[-1, 0] + [0.0, 0.0, GRAVITY * frames.time[-1]])
+
+
+def test_prediction_says_how_far_it_holds() -> None:
+    """A steel ball of 3 mm on 3 mm of aluminium: contact times and yield speeds by their own formulas."""
+    slow, fast = predict(STEEL, 3e-3, PLATE, [0.1, 1.0])
+    assert (slow.restitution, fast.restitution) == pytest.approx((0.912, 0.864), abs=1e-3)
+    assert fast.inelasticity / slow.inelasticity == pytest.approx(10.0**0.2, rel=1e-12)
+    # Hertz: 2.87 (m^2 / (R E*^2 v))^(1/5), for v = 1 m/s (Johnson, Contact Mechanics, 1985, eq. 11.24).
+    mass, reduced = 4 / 3 * np.pi * RADIUS**3 * 7850.0, 59.25e9
+    assert fast.contact_time == pytest.approx(2.87 * (mass**2 / (RADIUS * reduced**2)) ** 0.2, rel=2e-3)
+    assert 0.0 < fast.reach < slow.reach < 0.02
+    assert yield_speed(STEEL, ALUMINIUM, 500e6) / yield_speed(STEEL, ALUMINIUM, 250e6) == pytest.approx(2.0**2.5)
+    assert 7850.0 * yield_speed(STEEL, ALUMINIUM, 250e6) ** 2 / 250e6 == pytest.approx(
+        26.0 * (250e6 / reduced) ** 4, rel=2e-3
+    )
+
+
+@pytest.mark.slow
+def test_zener_finds_the_plate_of_a_mode_file() -> None:
+    """The 180 mm plate is 3 mm of aluminium, as the strip."""
+    plate = Rectangle(kind="rectangle", mode_file=REPOSITORY / "models/plate_180/modes.h5")
+    drive = Drive(frequency_hz=2797.0, amplitude_um=1.0)
+    ball = Ball(shape="ball", diameter_mm=2e3 * RADIUS)
+    contact, run = Contact(restitution="zener"), Run(duration_s=0.1, seeds=1)
+    scene = build_scene(Scenario(plate=plate, drive=(drive,), part=(ball,), contact=contact, run=run))
+    assert zener_inelasticities(scene) == pytest.approx([inelasticity(STEEL, RADIUS, PLATE)], rel=1e-9)
 
 
 @pytest.mark.slow
