@@ -14,6 +14,7 @@ from scipy.integrate import solve_ivp
 
 from feeder_sim.engines.impulse import impact_law
 from feeder_sim.engines.impulse.engine import ImpulseEngine
+from feeder_sim.engines.impulse.reaction.engine import ReactingEngine
 from feeder_sim.plate.materials import MATERIALS
 from feeder_sim.plate.rectangle import RectangularPlate
 from feeder_sim.plate.zener import (
@@ -175,6 +176,21 @@ def test_engine_rebounds_by_the_law_asked_for(speed: float) -> None:
     assert rebound(still(along, speed, along=(100.0 * speed, 0.0))) == pytest.approx(
         speed * np.array([0.1 * (5.0 - 2.0 * 0.3) / 7.0, 0.0, 0.8]), rel=1e-9
     )
+
+
+@pytest.mark.slow
+def test_restitution_falls_on_a_plate_that_gives_way_too() -> None:
+    """The plate's modes are some hundred times as heavy as the ball; the law holds for the velocity relative to it."""
+    start = Start(drop_height_mm=(0.0, 0.0), velocity_mm_s=(0.0, 0.0, -1e3))
+    scenario = Scenario(
+        plate=Rectangle(kind="rectangle", mode_file=REPOSITORY / "models/plate_180/modes.h5"),
+        drive=(Drive(frequency_hz=2797.0, amplitude_um=1e-3),),
+        part=(Ball(shape="ball", diameter_mm=2e3 * RADIUS, start=start),),
+        contact=Contact(restitution=0.4, restitution_exponent=0.25, restitution_speed_m_s=0.1),
+        run=Run(duration_s=1e-3, seeds=1, frames_per_second=1e5, reaction=True),
+    )
+    frames = ReactingEngine(build_scene(scenario), np.random.default_rng(0)).advance(2)
+    assert frames.velocity[-1, 0, 2] == pytest.approx(0.4 * 10.0**-0.25, rel=0.03)
 
 
 @pytest.mark.slow
