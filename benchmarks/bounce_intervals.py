@@ -47,7 +47,7 @@ def row(frequency: float, amplitude: float, intervals: int, **run: Any) -> Scena
     """The scenario at another frequency [Hz] and amplitude [um], long enough for that many intervals."""
     base = load_scenario(SCENARIO)
     drive = base.drive[0].model_copy(update={"frequency_hz": frequency, "amplitude_um": amplitude})
-    each = expected_interval(frequency, 1e-6 * amplitude, base.contact.restitution, GRAVITY)
+    each = expected_interval(frequency, 1e-6 * amplitude, base.contact.coefficient, GRAVITY)
     duration = 1.0 + 1.2 * intervals * each / SEEDS  # a second to ring up
     return with_run(base.model_copy(update={"drive": (drive,)}), duration_s=duration, seeds=SEEDS, **run)
 
@@ -93,7 +93,7 @@ def main(
         result = simulate(scenario)
         found = result.measures()
         interval, height = found["bounce_interval_ms"], found["flight_height_mm"]
-        estimate = expected_interval(frequency, 1e-6 * amplitude, scenario.contact.restitution, GRAVITY)
+        estimate = expected_interval(frequency, 1e-6 * amplitude, scenario.contact.coefficient, GRAVITY)
         mean, spread, long, rest = around(frequency, amplitude, estimate, intervals // 10, **run)
         ratios.append([mean / (1e3 * estimate), mean / source, long / source])
         print(

@@ -27,6 +27,7 @@ UNITS = {
     "um_per_vpp": "um per V peak to peak",
     "kg_m3": "kg/m3",
     "mm_s": "mm/s",
+    "m_s": "m/s",
     "mm": "mm",
     "um": "um",
     "hz": "Hz",

@@ -11,6 +11,7 @@ import json
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Literal, NamedTuple
 
+from feeder_sim.scenario.laws import uncovered_laws
 from feeder_sim.scenario.part import Start
 from feeder_sim.scenario.run import MujocoSettings
 
@@ -81,6 +82,7 @@ def uncovered(scenario: Scenario) -> Iterator[str]:
         yield from _uncovered_in_plane(scenario, in_mujoco=in_mujoco)
     if run.reaction:
         yield from _uncovered_with_reaction(scenario, in_mujoco=in_mujoco)
+    yield from uncovered_laws(scenario, in_mujoco=in_mujoco)
 
 
 def _uncovered_with_reaction(scenario: Scenario, *, in_mujoco: bool) -> Iterator[str]:

@@ -2,32 +2,74 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal, Self
+from typing import Annotated, Any, Literal, Self
 
-from pydantic import Field, model_validator
+from pydantic import Field, PlainValidator, model_validator
 
 from feeder_sim.scenario.tables import Flag, NonNegative, Positive, Table
+
+Share = Annotated[float, Field(ge=0, le=1, strict=True)]
+
+
+def _share_or_zener(value: Any) -> Any:
+    """A coefficient of restitution, or the name of the theory that makes it."""
+    if value == "zener":
+        return value
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise ValueError('allowed is a number from 0 to 1, or "zener"')
+    if not value >= 0.0:
+        raise ValueError("allowed is greater than or equal to 0")
+    if value > 1.0:
+        raise ValueError("allowed is less than or equal to 1")
+    return float(value)
 
 
 class Contact(Table):
     """Contact between part and plate, and of parts with each other (`part_restitution`, `part_friction`).
 
     `model = "restitution"` reverses the normal velocity within one step (Newton); "compliant" is MuJoCo's
-    spring-damper contact with a time constant, and has no coefficient of restitution.
+    spring-damper contact with a time constant, and has no coefficient of restitution. The impulse engine has laws
+    beyond one number ([Physics](physics.md#laws-of-impact)): a restitution that falls with the speed of the impact
+    (`restitution_exponent`), that of balls by Zener's theory, and a tangential one of balls.
     """
 
     model: Literal["restitution", "compliant"] = "restitution"
-    restitution: Annotated[float, Field(ge=0, le=1, strict=True)] = 0.2
+    restitution: Annotated[Share | Literal["zener"], PlainValidator(_share_or_zener)] = 0.2
     friction: NonNegative = 0.3
-    part_restitution: Annotated[float, Field(ge=0, le=1, strict=True)] = 0.2
+    part_restitution: Share = 0.2
     part_friction: NonNegative = 0.3
+    restitution_exponent: Share = 0.0
+    restitution_speed_m_s: Annotated[float, Field(ge=1e-3, le=100, strict=True)] = 1.0
+    tangential_restitution: Share | None = None
     time_constant_us: Positive | None = None
     damping_ratio: Positive = 1.0
+
+    @property
+    def coefficient(self) -> float:
+        """Coefficient of restitution on the plate [1].
+
+        Raises:
+            ValueError: it is no number but a theory.
+        """
+        if isinstance(self.restitution, str):
+            raise ValueError(f'restitution is "{self.restitution}", which is no number')
+        return self.restitution
 
     @model_validator(mode="after")
     def _time_constant(self) -> Self:
         if (self.model == "compliant") != (self.time_constant_us is not None):
             raise ValueError('time_constant_us belongs to model = "compliant", which needs it')
+        return self
+
+    @model_validator(mode="after")
+    def _falls_from_a_number(self) -> Self:
+        if self.restitution_exponent and self.restitution == "zener":
+            raise ValueError(
+                f'restitution_exponent is {self.restitution_exponent:g}, allowed is 0 with restitution = "zener", '
+                "which falls with the speed by itself"
+            )
+        if self.restitution_speed_m_s != 1.0 and not self.restitution_exponent:
+            raise ValueError("restitution_speed_m_s belongs to restitution_exponent above 0")
         return self
 
 

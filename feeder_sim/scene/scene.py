@@ -23,6 +23,7 @@ from feeder_sim.scene.free_modes import free_modes
 from feeder_sim.scene.guide import Guide, build_guide
 from feeder_sim.scene.part import build_part
 from feeder_sim.scene.timetable import TimedStage, Timetable, largest_together, timetable
+from feeder_sim.scene.zener import zener_inelasticities
 
 GRAVITY = 9.81  # [m/s^2]
 FRAME_AT = 1e-6  # of a frame interval, by which a frame may be before a time that it is at
@@ -191,6 +192,8 @@ def build_scene(scenario: Scenario) -> Scene:
         steps_per_frame=max(1, round(1.0 / (run.frames_per_second * timestep))),
     )
     check_picks(scene)
+    if scenario.contact.restitution == "zener":
+        zener_inelasticities(scene)  # refuses what has no modulus
     if scene.n_frames < 2:
         raise InputError(
             f"is {times.duration:g}, allowed is at least one frame, {scene.frame_interval:g} s", key="run.duration_s"

@@ -162,7 +162,7 @@ def theoretical_boundaries(scenario: Scenario) -> dict[str, float]:
     assert isinstance(scenario.guide, Slide)
     if scenario.guide.tilt_deg or scenario.contact.model != "restitution":
         return {}
-    e = scenario.contact.restitution
+    e = scenario.contact.coefficient
     per_throw_number = GRAVITY / (2.0 * np.pi * scenario.drive[0].frequency_hz) ** 2
     thresholds = {"1": period_one_threshold(e), "2": period_two_threshold(e)}
     return {name: threshold * per_throw_number for name, threshold in thresholds.items()}

@@ -128,7 +128,7 @@ def drop(
         notify: takes a line for the user, such as that the engine is being compiled.
 
     Raises:
-        InputError: the part has no stable poses (a ball), or no drops are asked for.
+        InputError: the part has no stable poses (a ball), no drops are asked for, or a law of impact for balls.
         Interrupted: it was given up.
     """
     table = stable_poses(part)
@@ -136,6 +136,8 @@ def drop(
         raise InputError("has no stable poses: it lies on any side", key=part.name)
     if drops < 1:
         raise InputError(f"is {drops}, allowed is at least 1", key="drops")
+    if contact is not None and contact.tangential_restitution is not None:
+        raise InputError("is given, allowed is none for drops: it is for balls", key="contact.tangential_restitution")
     scene = still_plate(part, contact or Contact(), engine)
     starts = Rotation.random(drops, rng=np.random.default_rng(seed))
     ends = [drops * i // (PIECES * workers) for i in range(PIECES * workers + 1)]

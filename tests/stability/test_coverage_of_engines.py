@@ -109,6 +109,65 @@ def test_friction_in_a_tube_goes_with_impulses_alone() -> None:
     assert choose_engine(accepted(raw(part={"guide": TUBE}, contact=COMPLIANT))).method == "mujoco"
 
 
+STRIP: Raw = {"kind": "strip", "thickness_mm": 3.0}
+SLIDE = {"kind": "slide"}
+NUT: Raw = {"shape": "hex_nut", "size": "M3"}
+EXPONENT = {"restitution": 0.3, "restitution_exponent": 0.2}
+TANGENTIAL, ZENER = {"tangential_restitution": 0.3}, {"restitution": "zener"}
+LAWS_REFUSED: dict[str, tuple[Raw, str]] = {
+    "a power in MuJoCo": ({"contact": EXPONENT, "run": {"engine": "mujoco"}}, "contact.restitution_exponent is 0.2"),
+    "a power, compliant": (
+        {"contact": EXPONENT | COMPLIANT},
+        "contact.restitution_exponent is 0.2, allowed is 0 in Mu",
+    ),
+    "a power on a slide": (
+        {"contact": EXPONENT, "part": {"guide": SLIDE}},
+        'allowed is 0 with part[0].guide.kind = "sl',
+    ),
+    "a power and Zener": (
+        {"contact": ZENER | {"restitution_exponent": 0.2}, "plate": STRIP},
+        "restitution_exponent is",
+    ),
+    "Zener in MuJoCo": (
+        {"contact": ZENER, "plate": STRIP, "run": {"engine": "mujoco"}},
+        "allowed is a number in MuJoCo",
+    ),
+    "Zener on a piston": ({"contact": ZENER}, 'plate.kind = "piston", which does not bend'),
+    "Zener of a nut": (
+        {"contact": ZENER, "plate": STRIP, "part": NUT},
+        'part[0].shape = "hex_nut": its law is for balls',
+    ),
+    "tangential in MuJoCo": ({"contact": TANGENTIAL, "run": {"engine": "mujoco"}}, "allowed is none in MuJoCo"),
+    "tangential of a nut": ({"contact": TANGENTIAL, "part": NUT}, 'allowed is none with part[0].shape = "hex_nut"'),
+    "tangential in a tube": ({"contact": TANGENTIAL, "part": {"guide": TUBE}}, "allowed is none with part[0].guide"),
+    "tangential in a plane": (
+        {"contact": TANGENTIAL, "part": {"start": ONE_YAW}, "run": {"planar": True}},
+        "allowed is none with run.planar = true",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", LAWS_REFUSED)
+def test_laws_of_impact_go_where_they_hold(name: str) -> None:
+    tables, line = LAWS_REFUSED[name]
+    part = tables.get("part", {})
+    case = raw(**tables | {"part": {}})
+    case["part"] = [part if "shape" in part else case["part"][0] | part]
+    case["plate"] = tables.get("plate", case["plate"])
+    assert line in refusal(case)
+
+
+def test_zener_needs_one_modulus_of_plate_and_balls() -> None:
+    silicon = raw(contact=ZENER)
+    silicon["plate"] = STRIP | {"material": "silicon"}
+    with pytest.raises(InputError, match="allowed is a number for an orthotropic material"):
+        build_scene(accepted(silicon))
+    plate = {"kind": "rectangle", "mode_file": "modes.h5"}
+    rim = raw(contact=ZENER) | {"plate": plate | {"rim": True}}
+    assert "plate.rim = true" in refusal(rim)
+    assert "run.reaction = true" in refusal(raw(contact=ZENER, run={"reaction": True}) | {"plate": plate})
+
+
 PLATES: list[Raw] = [
     {"kind": "piston"},
     {"kind": "piston", "rim": True},

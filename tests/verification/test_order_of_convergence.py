@@ -87,11 +87,11 @@ def single_impact(engine: str, steps_per_period: int, contact: Contact) -> Error
         approach = SWING.velocity(t) + GRAVITY * t
         row = int(np.searchsorted(frames.time, t + AFTER))
         flight = float(frames.time[row]) - t
-        leaving = SWING.velocity(t) + contact.restitution * approach
+        leaving = SWING.velocity(t) + contact.coefficient * approach
         if next_impact(SWING, arc(), t, SWING.height(t), leaving) < t + flight:
             continue  # where the plate falls away the ball leaves slowly, and is hit again
         heights.append(frames.position[row, 0, 2] - RADIUS - SWING.height(t) - arc().height(leaving, flight))
-        expected = ALONG - contact.friction * (1.0 + contact.restitution) * approach
+        expected = ALONG - contact.friction * (1.0 + contact.coefficient) * approach
         speeds.append(frames.velocity[row, 0, 0] - expected)
     assert len(heights) > 36
     return Errors(rms(heights), rms(speeds))

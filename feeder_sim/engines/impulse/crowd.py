@@ -12,6 +12,7 @@ import math
 
 import numpy as np
 
+from feeder_sim.engines.impulse.impact_law import largest_restitution
 from feeder_sim.engines.impulse.neighbours import Room, find_islands, find_pairs
 from feeder_sim.engines.impulse.rest import wake
 from feeder_sim.engines.impulse.state import in_pieces, orthonormalise_parts, turning_speed
@@ -47,7 +48,7 @@ def find_neighbours(parts, n_free, kinds, surface, reach, pairs):
 @compiled
 def reach_of(parts, n_free, kinds, bounds, duration):
     """How far any part comes within a window [m]: the plate adds (1 + e) times its own speed to the fastest."""
-    fastest, e = 0.0, kinds.record[0].restitution[0]
+    fastest, e = 0.0, largest_restitution(kinds.record[0])
     for i in range(n_free):
         if parts[i].there:
             v, kind = parts[i].velocity, kinds.record[parts[i].kind]

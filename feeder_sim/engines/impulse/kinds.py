@@ -4,14 +4,25 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Sequence, Sized
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from feeder_sim.engines.impulse.free_flight import symmetry_axis
-from feeder_sim.engines.impulse.state import PIECE, Kinds, kind_type
+from feeder_sim.engines.impulse.state import (
+    EXPONENT_FIELDS,
+    PIECE,
+    TANGENTIAL_FIELDS,
+    ZENER_FIELDS,
+    Kinds,
+    kind_type,
+)
 from feeder_sim.part.rigid_part import CORNER_RADIUS
+from feeder_sim.plate.zener import log_restitution_table
+from feeder_sim.scenario import Contact
 from feeder_sim.scene.scene import Scene
+from feeder_sim.scene.zener import zener_inelasticities
 
 RIM_HEIGHT, RIM_THICKNESS = 0.5, 0.02  # [m]; above and below the plate
 
@@ -42,7 +53,8 @@ def read_kinds(scene: Scene) -> Kinds:
     symmetric = all(a >= 0 or np.isinf(m) for a, m in zip(axis, mass, strict=True))  # walls do not turn
     circles = np.zeros((len(mass), 2))
     circles[: len(kinds)] = [(kind.circle_radius, kind.corners[:, 2].max()) for kind in kinds]
-    record = np.zeros(len(mass), kind_type(general=not symmetric, circles=bool(circles[:, 0].any())))
+    law = _law_fields(contact)
+    record = np.zeros(len(mass), kind_type(general=not symmetric, circles=bool(circles[:, 0].any()), law=law))
     if circles[:, 0].any():
         record["circle_radius"], record["circle_height"] = circles.T
     record["mass"], record["inertia"], record["radius"], record["axis"] = mass, inertia, radius, axis
@@ -50,8 +62,8 @@ def read_kinds(scene: Scene) -> Kinds:
         max(np.linalg.norm(points, axis=1).max() for points in (own, *of))
         for own, of in zip(corners, pieces, strict=True)
     ]
-    record["restitution"] = contact.restitution, contact.part_restitution
     record["friction"] = contact.friction, contact.part_friction
+    _write_restitution(record, scene)
     record["corner_from"], record["corner_to"] = _places(corners)
     record["edge_from"], record["edge_to"] = _places(edges)
     first, last = _places(pieces)
@@ -63,6 +75,28 @@ def read_kinds(scene: Scene) -> Kinds:
     piece = _piece_records(bodies, planes)
     piece["centre"][: len(mass)], piece["reach"][: len(mass)] = 0.0, record["reach"]
     return Kinds(record, np.concatenate(bodies), np.concatenate(edges), np.concatenate(planes), piece)
+
+
+def _law_fields(contact: Contact) -> list[Any]:
+    """Marks of the laws of impact that a contact asks for."""
+    fields = ZENER_FIELDS if contact.restitution == "zener" else []
+    fields = fields + (EXPONENT_FIELDS if contact.restitution_exponent else [])
+    return fields + (TANGENTIAL_FIELDS if contact.tangential_restitution is not None else [])
+
+
+def _write_restitution(record: NDArray[np.void], scene: Scene) -> None:
+    """Restitution on the plate and between parts, and what the laws of impact by choice need."""
+    contact = scene.scenario.contact
+    if contact.restitution == "zener":
+        record["restitution"] = 1.0, contact.part_restitution  # that on the plate bounds what comes of it
+        record["zener_inelasticity"], record["zener_table"] = zener_inelasticities(scene), log_restitution_table()
+    else:
+        record["restitution"] = contact.restitution, contact.part_restitution
+    if contact.restitution_exponent:
+        record["restitution_exponent"] = contact.restitution_exponent
+        record["restitution_speed"] = contact.restitution_speed_m_s
+    if contact.tangential_restitution is not None:
+        record["tangential_restitution"] = contact.tangential_restitution
 
 
 def _piece_records(corners: list[NDArray[np.float64]], planes: list[NDArray[np.float64]]) -> NDArray[np.void]:

@@ -17,7 +17,7 @@ import math
 import numpy as np
 
 from feeder_sim.engines.impulse.hulls import hull_distance
-from feeder_sim.engines.impulse.single_impact import resolve_single
+from feeder_sim.engines.impulse.impact_law import hit_part, restitution_of_pair
 from feeder_sim.engines.impulse.state import arm_of, flies, fly_to, inverse_inertia, turning_acceleration, turning_speed
 from feeder_sim.engines.impulse.vectors import difference, dot, plus, vector, write_to
 from feeder_sim.machine_code import compiled, inlined, uncounted
@@ -252,9 +252,8 @@ def _collide(a, kind_a, b, kind_b, points, n, axis, distance):
         again = False
         for i in range(n):
             arms = difference(points[i], a.position), difference(points[i], b.position)
-            again |= resolve_single(
-                a, b, inverse_mass, inverse, arms, normal, kind_a.restitution[law], kind_a.friction[law]
-            )
+            e = restitution_of_pair(a, b, kind_a, law, inverse, arms, normal)
+            again |= hit_part(a, b, kind_a, inverse_mass, inverse, arms, normal, e, kind_a.friction[law])
         hit |= again
         if not again:
             break

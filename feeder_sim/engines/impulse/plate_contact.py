@@ -16,9 +16,9 @@ from feeder_sim.engines.impulse.circles import count_of, is_round, leap_of_circl
 from feeder_sim.engines.impulse.far_corners import MANY, far_leap, gather_near
 from feeder_sim.engines.impulse.flight_time import flight_on_flat, forecast, longest_leap, shortest_flight
 from feeder_sim.engines.impulse.impact import resolve_impact
+from feeder_sim.engines.impulse.impact_law import hit_plate, restitution_on_plate
 from feeder_sim.engines.impulse.moving_surface import move_surface
 from feeder_sim.engines.impulse.plate_edge import edge_leap, points_on_edge
-from feeder_sim.engines.impulse.single_impact import resolve_free
 from feeder_sim.engines.impulse.state import (
     ARM,
     FRICTION,
@@ -218,8 +218,8 @@ def _impact_at(i, part, kind, corners, surface, work):
     """As `_impact`, of a corner that touches the plate alone."""
     arm, normal, velocity = contact_of(i, part, kind, corners, surface, work)
     inverse_mass, turns = 1.0 / kind.mass, inverse_inertia(part, kind)
-    e, mu = kind.restitution[0], kind.friction[0]
-    if not resolve_free(part, inverse_mass, turns, arm, normal, velocity, e, mu):
+    e, mu = restitution_on_plate(part, kind, arm, normal, velocity), kind.friction[0]
+    if not hit_plate(part, kind, inverse_mass, turns, arm, normal, velocity, e, mu):
         _impact(part, kind, corners, None, surface, work)
         return
     depth = lift_by_turning(part, kind, inverse_mass, turns, arm, max(-work.corner[i, GAP], 0.0))
@@ -243,7 +243,8 @@ def _impact(part, kind, corners, wall, surface, work):
             work.contact[ARM, n, k] = arm[k]
             work.contact[NORMAL, n, k] = normal[k]
             work.contact[VELOCITY, n, k] = velocity[k]
-        work.law[RESTITUTION, n], work.law[FRICTION, n] = kind.restitution[0], kind.friction[0]
+        work.law[RESTITUTION, n] = restitution_on_plate(part, kind, arm, normal, velocity)
+        work.law[FRICTION, n] = kind.friction[0]
         n += 1
     if wall is not None:
         n = gather_wall(part, kind, corners, wall, TOUCH, n, work)

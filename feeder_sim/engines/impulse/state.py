@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -13,6 +14,7 @@ from feeder_sim.engines.impulse.free_flight import orthonormalise, rotate_freely
 from feeder_sim.engines.impulse.vectors import dot, times, vector
 from feeder_sim.engines.surface_arrays import SurfaceArrays
 from feeder_sim.machine_code import compiled, inlined
+from feeder_sim.plate.zener import TABLE_POINTS
 from feeder_sim.scene.guide import Guide
 from feeder_sim.scene.scene import GRAVITY
 
@@ -64,6 +66,12 @@ GENERAL, CIRCLE = "general", "circle_radius"
 GENERAL_FIELDS: list[Any] = [(GENERAL, "i8")]
 # Radius of the two circles of a cylinder, 0 for other kinds, and their height over its centre [m].
 CIRCLE_FIELDS: list[Any] = [(CIRCLE, "f8"), ("circle_height", "f8")]
+# Laws of impact by choice (impact_law.py): restitution that falls with the speed by a power; by Zener's theory, with
+# the inelasticity at 1 m/s, 0 for the walls of a rim, and the table of log e; tangential restitution of balls.
+EXPONENT, ZENER, TANGENTIAL = "restitution_exponent", "zener_inelasticity", "tangential_restitution"
+EXPONENT_FIELDS: list[Any] = [(EXPONENT, "f8"), ("restitution_speed", "f8")]
+ZENER_FIELDS: list[Any] = [(ZENER, "f8"), ("zener_table", "f8", TABLE_POINTS)]
+TANGENTIAL_FIELDS: list[Any] = [(TANGENTIAL, "f8")]
 
 
 # A convex body: where its corners and planes are in `Kinds`; centre of a sphere around it, in principal axes from the
@@ -151,10 +159,13 @@ class Scratch(NamedTuple):
     unresolved: NDArray[np.int64]
 
 
-def kind_type(*, general: bool, circles: bool) -> np.dtype[np.void]:
-    """Type of the records of all kinds: `KIND`, with marks where one is a general top or has circles."""
+def kind_type(*, general: bool, circles: bool, law: Sequence[Any] = ()) -> np.dtype[np.void]:
+    """Type of the records of all kinds: `KIND`, with marks where one is a general top or has circles.
+
+    law: further marks, of laws of impact by choice.
+    """
     marks = GENERAL_FIELDS * general + CIRCLE_FIELDS * circles
-    return np.dtype([*marks, *KIND_FIELDS], align=True)
+    return np.dtype([*marks, *law, *KIND_FIELDS], align=True)
 
 
 def new_parts(

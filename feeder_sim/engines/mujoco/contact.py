@@ -26,7 +26,7 @@ def contact_parameters(
     if contact.time_constant_us is not None:
         solref, solreffriction = [contact.time_constant_us * 1e-6 * units.time, contact.damping_ratio], [0.0, 0.0]
     else:
-        solref, solreffriction = [0.0, -(1.0 + contact.restitution) / timestep], [0.0, -1.0 / timestep]
+        solref, solreffriction = [0.0, -(1.0 + contact.coefficient) / timestep], [0.0, -1.0 / timestep]
     solimp = HARD if settings.impedance == "hard" else MUJOCO_IMPEDANCE
     return {
         "friction": friction,

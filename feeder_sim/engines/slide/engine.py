@@ -40,7 +40,7 @@ class SlideEngine:
         assert guide is not None
         self._scene, self._pose, self._axis = scene, pose, guide.axis
         up, down = guide.deceleration(GRAVITY)
-        self._law = Law(up, down, scene.scenario.contact.restitution)
+        self._law = Law(up, down, scene.scenario.contact.coefficient)
         self._plate = _plate(scene)
         self._lowest = scene.parts[0].lowest(pose.quaternion)  # below the centre
         self._state = np.array([0.0, pose.position[2] + self._lowest, 0.0, 0.0, 0.0, 0.0])

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from feeder_sim.engines.impulse.circles import count_of, is_round, leap_of_circles, lowest_points, tilt_of
 from feeder_sim.engines.impulse.far_corners import MANY, far_leap, gather_near
 from feeder_sim.engines.impulse.flight_time import forecast, longest_leap, shortest_flight
+from feeder_sim.engines.impulse.impact_law import restitution_on_plate
 from feeder_sim.engines.impulse.plate_contact import TOUCH, approach, contact_of, look, put_back
 from feeder_sim.engines.impulse.plate_edge import edge_leap, points_on_edge
 from feeder_sim.engines.impulse.reaction.yielding_impact import Modes, resolve_yielding
@@ -93,7 +94,8 @@ def _impact(part, kind, corners, surface, t, work, yielding):
         write_to(work.contact[ARM, n], arm)
         write_to(work.contact[NORMAL, n], normal)
         write_to(work.contact[VELOCITY, n], velocity)
-        work.law[RESTITUTION, n], work.law[FRICTION, n] = kind.restitution[0], kind.friction[0]
+        work.law[RESTITUTION, n] = restitution_on_plate(part, kind, arm, normal, velocity)
+        work.law[FRICTION, n] = kind.friction[0]
         _find_carried(i, part, corners, surface, work, modes.carried[n])
         n += 1
     inverse = inverse_inertia(part, kind)

@@ -1,0 +1,190 @@
+"""Laws of impact by choice: restitution that depends on the speed, and a tangential one for balls.
+
+Marks in the records of the kinds say which of them a scene has (state.py). Without a mark each function here is a
+look-up of a constant, or a call of the usual law, and nothing else is compiled.
+
+    power of the speed    e = min(1, e0 (v / v0)^-p), v the normal approach speed of the impact
+    Zener                 e(lambda), lambda = (inelasticity at 1 m/s) v^(1/5), from a table (feeder_sim/plate/zener.py)
+    tangential            u_t' = -beta u_t, unless that takes more than mu times the normal impulse: then it slides
+                          (Walton 1993; Foerster, Louge, Chang and Allia, Phys. Fluids 6 (1994) 1108)
+"""
+
+from __future__ import annotations
+
+import math
+
+from numba.extending import overload
+
+from feeder_sim.engines.impulse.single_impact import (
+    added,
+    mobility,
+    resolve_free,
+    resolve_single,
+    tangents,
+    velocity_of_point,
+)
+from feeder_sim.engines.impulse.state import EXPONENT, TANGENTIAL, ZENER, inverse_inertia
+from feeder_sim.engines.impulse.vectors import add_to, combine, cross, difference, dot
+from feeder_sim.machine_code import compiled, inlined
+from feeder_sim.plate.zener import TABLE_STEP
+
+ON_PLATE = 0  # index of a restitution; 1 is that of parts among each other
+SLOWEST = 1e-12  # [m/s]; for what does not approach
+
+
+def restitution_on_plate(part, kind, arm, normal, velocity):
+    """Coefficient of restitution of an impact at the end of an arm, on a surface of this normal and velocity [m/s]."""
+    raise NotImplementedError("for compiled code only")
+
+
+def restitution_of_pair(a, b, kind, law, inverse_inertias, arms, normal):
+    """The same of two parts that meet, the kind being that of the first; law: 0 at what stands, 1 between parts."""
+    raise NotImplementedError("for compiled code only")
+
+
+def largest_restitution(kind):
+    """No impact on the plate has more restitution than this [1]."""
+    raise NotImplementedError("for compiled code only")
+
+
+def hit_plate(part, kind, inverse_mass, turns, arm, normal, velocity, e, mu):
+    """Impact of a part at one point of a surface, as `resolve_free`."""
+    raise NotImplementedError("for compiled code only")
+
+
+def hit_part(a, b, kind, inverse_mass, inverse_inertias, arms, normal, e, mu):
+    """Impact of two parts at one point, as `resolve_single`."""
+    raise NotImplementedError("for compiled code only")
+
+
+@overload(restitution_on_plate)
+def _on_plate_by_kind(part, kind, arm, normal, velocity):
+    if EXPONENT in kind.fields or ZENER in kind.fields:
+        return lambda part, kind, arm, normal, velocity: _restitution_at(
+            kind, ON_PLATE, _approach(part, kind, arm, normal, velocity)
+        )
+    return lambda part, kind, arm, normal, velocity: kind.restitution[0]
+
+
+@overload(restitution_of_pair)
+def _of_pair_by_kind(a, b, kind, law, inverse_inertias, arms, normal):
+    if EXPONENT in kind.fields:
+        return lambda a, b, kind, law, inverse_inertias, arms, normal: _restitution_at(
+            kind, law, _approach_of_pair(a, b, inverse_inertias, arms, normal)
+        )
+    return lambda a, b, kind, law, inverse_inertias, arms, normal: kind.restitution[law]
+
+
+@overload(largest_restitution)
+def _largest_by_kind(kind):
+    if EXPONENT in kind.fields:
+        return lambda kind: 1.0
+    return lambda kind: kind.restitution[0]
+
+
+@overload(hit_plate)
+def _hit_plate_by_kind(part, kind, inverse_mass, turns, arm, normal, velocity, e, mu):
+    if TANGENTIAL in kind.fields:
+        return lambda part, kind, inverse_mass, turns, arm, normal, velocity, e, mu: resolve_ball(
+            part, inverse_mass, turns, arm, normal, velocity, e, mu, kind.tangential_restitution
+        )
+    return lambda part, kind, inverse_mass, turns, arm, normal, velocity, e, mu: resolve_free(
+        part, inverse_mass, turns, arm, normal, velocity, e, mu
+    )
+
+
+@overload(hit_part)
+def _hit_part_by_kind(a, b, kind, inverse_mass, inverse_inertias, arms, normal, e, mu):
+    if TANGENTIAL in kind.fields:
+        return lambda a, b, kind, inverse_mass, inverse_inertias, arms, normal, e, mu: _resolve_balls(
+            a, b, inverse_mass, inverse_inertias, arms, normal, e, mu, kind.tangential_restitution
+        )
+    return lambda a, b, kind, inverse_mass, inverse_inertias, arms, normal, e, mu: resolve_single(
+        a, b, inverse_mass, inverse_inertias, arms, normal, e, mu
+    )
+
+
+@inlined
+def _approach(part, kind, arm, normal, velocity):
+    """Normal speed at which the end of an arm approaches a surface [m/s]."""
+    return -dot(normal, difference(velocity_of_point(part, inverse_inertia(part, kind), arm), velocity))
+
+
+@inlined
+def _approach_of_pair(a, b, inverse_inertias, arms, normal):
+    """Normal speed at which two parts approach each other at the ends of their arms [m/s]."""
+    of_a = velocity_of_point(a, inverse_inertias[0], arms[0])
+    return -dot(normal, difference(velocity_of_point(b, inverse_inertias[1], arms[1]), of_a))
+
+
+def _restitution_at(kind, law, speed):
+    """Coefficient of restitution at a normal approach speed [m/s]."""
+    raise NotImplementedError("for compiled code only")
+
+
+@overload(_restitution_at)
+def _restitution_by_kind(kind, law, speed):
+    if EXPONENT in kind.fields:
+        return lambda kind, law, speed: falling_restitution(
+            kind.restitution[law], kind.restitution_exponent, kind.restitution_speed, speed
+        )
+    return lambda kind, law, speed: _zener_restitution(kind.zener_inelasticity, kind.zener_table, speed)
+
+
+@compiled
+def falling_restitution(at_speed, exponent, reference, speed):
+    """Restitution that falls with the speed by a power, at most 1; at_speed: what it is at the reference [m/s]."""
+    return min(1.0, at_speed * (max(speed, SLOWEST) / reference) ** -exponent)
+
+
+@compiled
+def _zener_restitution(inelasticity, table, speed):
+    """Restitution of a ball by Zener's theory; inelasticity: at 1 m/s; table: log e over log(1 + lambda)."""
+    place = math.log1p(inelasticity * max(speed, SLOWEST) ** 0.2) / TABLE_STEP
+    i = min(int(place), table.shape[0] - 2)  # beyond its end e is below 1e-9
+    return math.exp(table[i] + (place - i) * (table[i + 1] - table[i]))
+
+
+@compiled
+def resolve_ball(part, inverse_mass, inverse_inertia, arm, normal, surface_velocity, e, mu, beta):
+    """As `resolve_free`, of a ball with tangential restitution."""
+    u = difference(velocity_of_point(part, inverse_inertia, arm), surface_velocity)
+    a, b = tangents(normal)
+    k = mobility(inverse_mass, inverse_inertia, arm, a, b, normal)
+    p = _ball_impulse(k, (dot(a, u), dot(b, u), dot(normal, u)), e, mu, beta)
+    push = combine(p[0], a, p[1], b, p[2], normal)
+    add_to(part.velocity, inverse_mass, push)
+    add_to(part.momentum, 1.0, cross(arm, push))
+    return True
+
+
+@compiled
+def _resolve_balls(a, b, inverse_mass, inverse_inertia, arms, normal, e, mu, beta):
+    """As `resolve_single`, of two balls, or a ball and a wall, with tangential restitution."""
+    velocity_a = velocity_of_point(a, inverse_inertia[0], arms[0])
+    u = difference(velocity_of_point(b, inverse_inertia[1], arms[1]), velocity_a)
+    if dot(normal, u) >= 0.0:
+        return False
+    s, t = tangents(normal)
+    k = added(
+        mobility(inverse_mass[0], inverse_inertia[0], arms[0], s, t, normal),
+        mobility(inverse_mass[1], inverse_inertia[1], arms[1], s, t, normal),
+    )
+    p = _ball_impulse(k, (dot(s, u), dot(t, u), dot(normal, u)), e, mu, beta)
+    push = combine(p[0], s, p[1], t, p[2], normal)
+    add_to(a.velocity, -inverse_mass[0], push)
+    add_to(a.momentum, -1.0, cross(arms[0], push))
+    if inverse_mass[1] > 0.0:
+        add_to(b.velocity, inverse_mass[1], push)
+        add_to(b.momentum, 1.0, cross(arms[1], push))
+    return True
+
+
+@inlined
+def _ball_impulse(k, u, e, mu, beta):
+    """Impulse of a ball, whose normal and tangential motions do not act on each other; neither can create energy."""
+    pressed = max(0.0, -(1.0 + e) * u[2] / k[5])
+    along, across = -(1.0 + beta) * u[0] / k[0], -(1.0 + beta) * u[1] / k[3]
+    size, limit = math.sqrt(along * along + across * across), mu * pressed
+    shrink = limit / size if size > limit else 1.0
+    return shrink * along, shrink * across, pressed

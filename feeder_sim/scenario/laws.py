@@ -1,0 +1,54 @@
+"""Which scenarios can have which of the laws of impact by choice."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from feeder_sim.scenario.scenario import Scenario
+
+
+def uncovered_laws(scenario: Scenario, *, in_mujoco: bool) -> Iterator[str]:
+    """What a scenario asks of its law of impact that cannot be computed, as for `engine_choice.uncovered`."""
+    contact = scenario.contact
+    exponent, beta, zener = contact.restitution_exponent, contact.tangential_restitution, contact.restitution == "zener"
+    if in_mujoco:
+        why = "in MuJoCo, whose contacts are set before it is known how fast they are"
+        if exponent:
+            yield f"contact.restitution_exponent is {exponent:g}, allowed is 0 {why}"
+        if zener:
+            yield f'contact.restitution is "zener", allowed is a number {why}'
+        if beta is not None:
+            yield f"contact.tangential_restitution is {beta:g}, allowed is none in MuJoCo, which has no such law"
+    if exponent and scenario.guide is not None and scenario.guide.kind == "slide":
+        yield (
+            f'contact.restitution_exponent is {exponent:g}, allowed is 0 with part[0].guide.kind = "slide": its '
+            "chatter is summed with one restitution"
+        )
+    if beta is not None:
+        for problem in _not_balls_on_a_plate(scenario):
+            yield f"contact.tangential_restitution is {beta:g}, allowed is none {problem}"
+        if scenario.run.reaction:
+            yield f"contact.tangential_restitution is {beta:g}, allowed is none with run.reaction = true"
+    if zener:
+        if scenario.plate.kind == "piston":
+            yield 'contact.restitution is "zener", allowed is a number with plate.kind = "piston", which does not bend'
+        for problem in _not_balls_on_a_plate(scenario):
+            yield f'contact.restitution is "zener", allowed is a number {problem}'
+        if getattr(scenario.plate, "rim", False):
+            yield 'contact.restitution is "zener", allowed is a number with plate.rim = true, whose walls do not bend'
+        if scenario.run.reaction:
+            why = "which would take the energy of the waves twice"
+            yield f'contact.restitution is "zener", allowed is a number with run.reaction = true, {why}'
+
+
+def _not_balls_on_a_plate(scenario: Scenario) -> Iterator[str]:
+    """Why laws for free balls do not hold; nothing where they do."""
+    for i, part in enumerate(scenario.part):
+        if part.shape != "ball":
+            yield f'with part[{i}].shape = "{part.shape}": its law is for balls'
+        if part.guide is not None:
+            yield f"with part[{i}].guide"
+    if scenario.run.planar:
+        yield "with run.planar = true"
