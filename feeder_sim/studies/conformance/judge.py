@@ -1,0 +1,292 @@
+"""Judging results of engines by the rows of the conformance set; reading both from CSV.
+
+A value passes if it lies in the interval, widened by two of its standard errors. A value by chance without a standard
+error, or with one so large that two of them are more than a tenth of the scale, decides nothing unless it fails.
+"""
+
+from __future__ import annotations
+
+import csv
+import math
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import asdict, dataclass, fields
+from pathlib import Path
+
+from feeder_sim.errors import InputError, nearest, not_written, quoted
+from feeder_sim.studies.conformance.cases import Row
+
+PASS, OFF, UNDECIDED = "pass", "off", "undecided"
+UNSURE = 0.1  # of the scale: two standard errors that are more say nothing
+
+
+@dataclass(frozen=True)
+class Result:
+    """What an engine gave.
+
+    Attributes:
+        case, quantity, value: as in the set; NaN where the engine gave none.
+        se: standard error; NaN for a value without chance.
+        engine: its name.
+        setting: steps per period, or per millisecond over a plate at rest; 0 if not said.
+        failure: why there is no value.
+    """
+
+    case: str
+    quantity: str
+    value: float
+    se: float = math.nan
+    engine: str = ""
+    setting: int = 0
+    failure: str = ""
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """A result judged by a row; `deviation` is in percent of the scale."""
+
+    row: Row
+    result: Result
+    outcome: str
+    deviation: float
+
+
+def judged(row: Row, result: Result) -> Verdict:
+    """The verdict on one result."""
+    if not math.isfinite(result.value):
+        return Verdict(row, result, OFF, math.nan)
+    deviation = 100.0 * (result.value - row.right) / row.scale
+    unsure = 2.0 * result.se if math.isfinite(result.se) else 0.0
+    if not row.low - unsure <= result.value <= row.high + unsure:
+        return Verdict(row, result, OFF if math.isfinite(result.se) or not row.chance else UNDECIDED, deviation)
+    decided = not row.chance or (math.isfinite(result.se) and unsure <= UNSURE * row.scale)
+    return Verdict(row, result, PASS if decided else UNDECIDED, deviation)
+
+
+# --- files ------------------------------------------------------------------------------------------------------------
+
+NEEDED, OPTIONAL = ("case", "quantity", "value", "se"), ("engine", "setting", "failure")
+ROW_COLUMNS = tuple(field.name for field in fields(Row))
+
+
+def write_set(rows: Sequence[Row], path: Path) -> None:
+    """Write the set.
+
+    Raises:
+        InputError: the file cannot be written.
+    """
+    table = [{name: _text(value) for name, value in asdict(row).items()} for row in rows]
+    _write(path, ROW_COLUMNS, table)
+
+
+def write_results(results: Sequence[Result], path: Path) -> None:
+    """Write results as `read_results` reads them.
+
+    Raises:
+        InputError: the file cannot be written.
+    """
+    columns = ("engine", "setting", *NEEDED, "failure")
+    _write(path, columns, [{name: _text(getattr(result, name)) for name in columns} for result in results])
+
+
+def _write(path: Path, columns: Sequence[str], table: Sequence[dict[str, str]]) -> None:
+    try:
+        with path.open("w", newline="", encoding="utf-8") as file:
+            writer = csv.DictWriter(file, columns, lineterminator="\n")
+            writer.writeheader()
+            writer.writerows(table)
+    except OSError as error:
+        raise not_written(path, error) from error
+
+
+def _text(value: object) -> str:
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if isinstance(value, float):
+        return f"{value:.6g}" if math.isfinite(value) else ""
+    return str(value)
+
+
+def _records(path: Path, needed: Sequence[str], allowed: Sequence[str]) -> list[tuple[int, dict[str, str]]]:
+    """Lines of a CSV file with their numbers; all needed columns and no unknown ones."""
+    try:
+        with path.open(newline="", encoding="utf-8-sig") as file:
+            reader = csv.DictReader(file, strict=True)
+            names = reader.fieldnames or []
+            for name in needed:
+                if name not in names:
+                    raise InputError(f"is missing, needed are the columns {', '.join(needed)}", file=path, key=name)
+            for name in names:
+                if name not in allowed:
+                    raise InputError(f"is unknown, allowed are {', '.join(allowed)}", file=path, key=f"column {name!r}")
+                if names.count(name) > 1:
+                    raise InputError("stands there twice, allowed is once", file=path, key=f"column {name!r}")
+            records = []
+            for record in reader:
+                if None in record or None in record.values():
+                    raise InputError(f"has not as many fields as the {len(names)} columns", **_at(path, reader.line_num))
+                records.append((reader.line_num, record))
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        raise InputError(f"cannot be read as CSV: {error}", file=path) from error
+    if not records:
+        raise InputError("has no rows, needed is one at least", file=path)
+    return records
+
+
+def _at(path: Path, line: int, column: str = "") -> dict[str, str]:
+    return {"file": str(path), "key": f"line {line}" + (f", column {column}" if column else "")}
+
+
+def _number(path: Path, line: int, record: dict[str, str], column: str, *, blank: bool = False) -> float:
+    text = record[column].strip()
+    if not text and blank:
+        return math.nan
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value):
+        allowed = "a finite number" + (" or nothing" if blank else "")
+        raise InputError(f"is {quoted(text)}, allowed is {allowed}", **_at(path, line, column))
+    return value
+
+
+def read_set(path: Path) -> list[Row]:
+    """Read the rows of the set.
+
+    Raises:
+        InputError: a file that cannot be read, a column that is missing, a value that is no number.
+    """
+    rows = []
+    for line, record in _records(path, ROW_COLUMNS, ROW_COLUMNS):
+        right, low, high, scale = (_number(path, line, record, name) for name in ("right", "low", "high", "scale"))
+        if not low <= right <= high:
+            raise InputError(f"is {right:g}, allowed is low to high, {low:g} to {high:g}", **_at(path, line, "right"))
+        if scale <= 0.0:
+            raise InputError(f"is {scale:g}, allowed is above 0", **_at(path, line, "scale"))
+        if record["chance"] not in ("yes", "no"):
+            raise InputError(f"is {quoted(record['chance'])}, allowed is yes or no", **_at(path, line, "chance"))
+        texts = {name: record[name] for name in ("case", "quantity", "unit", "source", "rule")}
+        chance = record["chance"] == "yes"
+        rows.append(Row(right=right, low=low, high=high, scale=scale, chance=chance, **texts))
+    return rows
+
+
+def read_results(path: Path, rows: Sequence[Row]) -> list[Result]:
+    """Read results of engines: columns case, quantity, value, se; if wanted engine, setting, failure.
+
+    Args:
+        path: CSV file; without the column `engine` its name is that of the engine.
+        rows: the set, whose cases and quantities are allowed.
+
+    Raises:
+        InputError: a file that cannot be read; a column that is missing or unknown; a case, a quantity or a value that
+            is not allowed; the same quantity twice.
+    """
+    quantities: dict[str, list[str]] = {}
+    for row in rows:
+        quantities.setdefault(row.case, []).append(row.quantity)
+    results, seen = [], set()
+    for line, record in _records(path, NEEDED, (*NEEDED, *OPTIONAL)):
+        case, quantity = record["case"].strip(), record["quantity"].strip()
+        for column, name, allowed in (("case", case, quantities), ("quantity", quantity, quantities.get(case, []))):
+            if name not in allowed:
+                names = ", ".join(dict.fromkeys(allowed))
+                problem = f"is {quoted(name)}, allowed are {names}{nearest(name, allowed)}"
+                raise InputError(problem, **_at(path, line, column))
+        failure = record.get("failure", "").strip()
+        value = _number(path, line, record, "value", blank=bool(failure))
+        se = _number(path, line, record, "se", blank=True)
+        if se < 0.0:
+            raise InputError(f"is {se:g}, allowed is 0 and more, or nothing", **_at(path, line, "se"))
+        setting = _number(path, line, record, "setting", blank=True) if "setting" in record else math.nan
+        if math.isfinite(setting) and (setting < 0.0 or setting != int(setting)):
+            raise InputError(f"is {setting:g}, allowed is a whole number", **_at(path, line, "setting"))
+        engine = record.get("engine", "").strip() or path.stem
+        steps = int(setting) if math.isfinite(setting) else 0
+        key = (engine, steps, case, quantity)
+        if key in seen:
+            raise InputError("stands there twice for this engine and setting, allowed is once", **_at(path, line))
+        seen.add(key)
+        results.append(Result(case, quantity, value, se, engine, steps, failure))
+    return results
+
+
+# --- the table --------------------------------------------------------------------------------------------------------
+
+
+def column_of(row: Row) -> str:
+    """Where a row stands in the table: measurements have columns of their own."""
+    return f"{row.case}, measured" if row.basis == "measurement" else row.case
+
+
+def cell(rows: Sequence[Row], results: Sequence[Result]) -> str:
+    """The verdict on one engine over the rows of one column, in words.
+
+    An engine passes from the coarsest setting on from which every finer one passes too, with all quantities. Where its
+    finest setting does not, the largest deviation there is given.
+    """
+    settings = sorted({result.setting for result in results})
+    if not settings:
+        return "not run"
+    outcomes = {setting: _at_setting(rows, results, setting) for setting in settings}
+    finest = settings[-1]
+    word, worst = outcomes[finest]
+    if word == PASS:
+        coarsest = finest
+        for setting in reversed(settings):
+            if outcomes[setting][0] != PASS:
+                break
+            coarsest = setting
+        return "pass" if not coarsest else f"pass from {coarsest}" if coarsest < finest else f"pass at {coarsest}"
+    at = f" at {finest}" if finest else ""
+    if word == UNDECIDED:
+        return f"undecided{at}"
+    if worst is None:
+        return f"**incomplete**{at}"
+    if not math.isfinite(worst.deviation):
+        return f"**{worst.result.failure or 'no value'}**{at}"
+    return f"**{worst.deviation:+.2g} %** {worst.row.quantity.replace('_', ' ')}{at}"
+
+
+def _at_setting(rows: Sequence[Row], results: Sequence[Result], setting: int) -> tuple[str, Verdict | None]:
+    """The outcome over all rows at one setting, and the worst verdict; None where a quantity is missing."""
+    verdicts = []
+    for row in rows:
+        found = [r for r in results if r.setting == setting and r.quantity == row.quantity]
+        if not found:
+            return OFF, None
+        verdicts.append(judged(row, found[0]))
+    for outcome in (OFF, UNDECIDED):
+        those = [verdict for verdict in verdicts if verdict.outcome == outcome]
+        if those:
+            return outcome, max(those, key=_size)
+    return PASS, max(verdicts, key=_size)
+
+
+def _size(verdict: Verdict) -> float:
+    return abs(verdict.deviation) if math.isfinite(verdict.deviation) else math.inf
+
+
+def table(rows: Sequence[Row], results: Sequence[Result]) -> str:
+    """Verdicts as a Markdown table, a row per case and a column per engine."""
+    engines = list(dict.fromkeys(result.engine for result in results))
+    lines = ["| case | " + " | ".join(engines) + " |", "|---" * (len(engines) + 1) + "|"]
+    for column in dict.fromkeys(column_of(row) for row in rows):
+        of_case = [row for row in rows if column_of(row) == column]
+        cells = [
+            cell(of_case, [r for r in results if r.engine == engine and r.case == of_case[0].case])
+            for engine in engines
+        ]
+        lines.append(f"| `{of_case[0].case}`{column.removeprefix(of_case[0].case)} | " + " | ".join(cells) + " |")
+    return "\n".join(lines) + "\n"
+
+
+def passes(rows: Iterable[Row], results: Sequence[Result], engine: str, at: Callable[[int], bool] = bool) -> bool:
+    """Whether every result of an engine at the settings chosen passes."""
+    of_case: dict[tuple[str, str], list[Row]] = {}
+    for row in rows:
+        of_case.setdefault((row.case, row.quantity), []).append(row)
+    chosen = [r for r in results if r.engine == engine and at(r.setting)]
+    return bool(chosen) and all(
+        judged(row, result).outcome == PASS for result in chosen for row in of_case[result.case, result.quantity]
+    )
