@@ -6,6 +6,7 @@ What is measured in the motion is `feeder_sim.studies.conformance.motions`, the 
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 from cases import SPIN, STATE, THROWN, UPRIGHT, VELOCITY, YAW, Body, Method, Setup, drift, steel_ball, steel_nut
@@ -69,7 +70,7 @@ def _setup(case: str, steps: int) -> tuple[Setup, int, NDArray[np.float64] | Non
         dt = 1e-3 / steps
         n = round(RISE_S / dt)
         return (
-            _ball_over_piston(ball, dt, PLATE_DROP, PLATE_SPEED, PLATE_SPEED * RISE_S),
+            replace(_ball_over_piston(ball, dt, PLATE_DROP, PLATE_SPEED, PLATE_SPEED * RISE_S), plate="rising"),
             n,
             PLATE_SPEED * dt * np.arange(n + 1),
         )
@@ -145,5 +146,5 @@ def results_of(method: Method, case: str, steps: int, seeds: int) -> list[Result
         found = {"transport_speed": Statistic.of(outcome.values)}
         failure = "; ".join(sorted(set(outcome.failures)))
     return [
-        Result(case, q, s.mean, s.se, method.name, steps, "" if s.n else failure) for q, s in found.items()
+        Result(case, q, s.mean, s.se, method.name, steps, s.n, "" if s.n else failure) for q, s in found.items()
     ]

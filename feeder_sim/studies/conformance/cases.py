@@ -64,6 +64,7 @@ class Row:
         right, low, high: the right value and the interval of acceptance.
         scale: what a deviation is a percentage of.
         chance: whether the value is a mean over seeds, which needs a standard error.
+        seed_sd: standard deviation of one seed, in the ensemble; 0 without chance.
         source: where the right value comes from.
         rule: where the interval comes from.
     """
@@ -76,6 +77,7 @@ class Row:
     high: float
     scale: float
     chance: bool
+    seed_sd: float
     source: str
     rule: str
 
@@ -90,7 +92,7 @@ def closed(case: str, quantity: str, unit: str, right: float, form: str, scale: 
     scale = scale or abs(right)
     half = CLOSED_FORM * scale
     rule = f"right +- {100 * CLOSED_FORM:g} % of the scale"
-    return Row(case, quantity, unit, right, right - half, right + half, scale, False, f"closed form: {form}", rule)
+    return Row(case, quantity, unit, right, right - half, right + half, scale, False, 0.0, f"closed form: {form}", rule)
 
 
 def closed_rows() -> list[Row]:
@@ -124,12 +126,12 @@ def throw_height(frequency: float = BALL_HZ, amplitude: float = 1e-6 * THROW_UM)
     return amplitude * sine + (amplitude * omega) ** 2 * (1.0 - sine**2) / (2.0 * GRAVITY)
 
 
-def zero_rows() -> list[Row]:
-    """Drift on the piston, in both directions."""
+def zero_rows(seed_sd: float) -> list[Row]:
+    """Drift on the piston, in both directions; seed_sd: of one seed [mm/s]."""
     half = CLOSED_FORM * ZERO_SCALE_MM_S
     rule = f"0 +- {100 * CLOSED_FORM:g} % of the drift on a standing wave of this frequency and amplitude"
     return [
-        Row("piston_zero", f"drift_{axis}", "mm/s", 0.0, -half, half, ZERO_SCALE_MM_S, True, "symmetry", rule)
+        Row("piston_zero", f"drift_{axis}", "mm/s", 0.0, -half, half, ZERO_SCALE_MM_S, True, seed_sd, "symmetry", rule)
         for axis in "xy"
     ]
 
@@ -145,17 +147,17 @@ def ensemble_row(case: str, curved: tuple[float, float, int], tangent: tuple[flo
         f" (SE) of {curved[2]} seeds, plane under the part {tangent[0]:.4f} +- {tangent[1]:.4f} of {tangent[2]}"
     )
     rule = "both means, the curved surface's and the plane's, +- 2 SE"
-    return Row(
-        case, "transport_speed", "mm/s", curved[0], min(ends), max(ends), abs(curved[0]), True, source, rule
-    )
+    mean, sd = curved[0], curved[1] * math.sqrt(curved[2])
+    return Row(case, "transport_speed", "mm/s", mean, min(ends), max(ends), abs(mean), True, sd, source, rule)
 
 
-def measured_rows() -> list[Row]:
-    """Transport speeds as measured."""
+def measured_rows(seed_sd: dict[str, float]) -> list[Row]:
+    """Transport speeds as measured; seed_sd: of one computed seed of each case [mm/s]."""
     rows = []
     for case, (mean, sd) in MEASURED.items():
         half = T_FIVE * sd / math.sqrt(6.0)
         source = f"measurement: {mean:g} +- {sd:g} (SD) of six runs, EPFL thesis 7124 (2016)"
         rule = "95 % interval of the mean by Student's t"
-        rows.append(Row(case, "transport_speed", "mm/s", mean, mean - half, mean + half, mean, True, source, rule))
+        interval = (mean - half, mean + half)
+        rows.append(Row(case, "transport_speed", "mm/s", mean, *interval, mean, True, seed_sd[case], source, rule))
     return rows

@@ -1,7 +1,8 @@
 """Judging results of engines by the rows of the conformance set; reading both from CSV.
 
-A value passes if it lies in the interval, widened by two of its standard errors. A value by chance without a standard
-error, or with one so large that two of them are more than a tenth of the scale, decides nothing unless it fails.
+A value passes if it lies in the interval, widened by three of its standard errors. Few seeds that happen to be alike have
+a standard error that is too small; with `n` it counts as no less than that of n seeds of the ensemble. A value by
+chance without a standard error, or with one of more than a twentieth of the scale, decides nothing unless it fails.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ from feeder_sim.errors import InputError, nearest, not_written, quoted
 from feeder_sim.studies.conformance.cases import Row
 
 PASS, OFF, UNDECIDED = "pass", "off", "undecided"
-UNSURE = 0.1  # of the scale: two standard errors that are more say nothing
+WIDER, UNSURE = 3.0, 0.05  # standard errors that widen the interval; those larger than this, of the scale, say nothing
 
 
 @dataclass(frozen=True)
@@ -28,6 +29,7 @@ class Result:
         se: standard error; NaN for a value without chance.
         engine: its name.
         setting: steps per period, or per millisecond over a plate at rest; 0 if not said.
+        n: number of seeds; 0 if not said.
         failure: why there is no value.
     """
 
@@ -37,6 +39,7 @@ class Result:
     se: float = math.nan
     engine: str = ""
     setting: int = 0
+    n: int = 0
     failure: str = ""
 
 
@@ -55,16 +58,25 @@ def judged(row: Row, result: Result) -> Verdict:
     if not math.isfinite(result.value):
         return Verdict(row, result, OFF, math.nan)
     deviation = 100.0 * (result.value - row.right) / row.scale
-    unsure = 2.0 * result.se if math.isfinite(result.se) else 0.0
-    if not row.low - unsure <= result.value <= row.high + unsure:
-        return Verdict(row, result, OFF if math.isfinite(result.se) or not row.chance else UNDECIDED, deviation)
-    decided = not row.chance or (math.isfinite(result.se) and unsure <= UNSURE * row.scale)
-    return Verdict(row, result, PASS if decided else UNDECIDED, deviation)
+    se = _standard_error(row, result)
+    wider = 0.0 if math.isnan(se) else WIDER * se
+    unsure = row.chance and not se <= UNSURE * row.scale
+    if row.low - wider <= result.value <= row.high + wider:
+        return Verdict(row, result, UNDECIDED if unsure else PASS, deviation)
+    return Verdict(row, result, UNDECIDED if row.chance and math.isnan(se) else OFF, deviation)
+
+
+def _standard_error(row: Row, result: Result) -> float:
+    """Of a result, not less than the ensemble's own scatter allows; NaN for none."""
+    if not row.chance or not result.n:
+        return result.se
+    least = row.seed_sd / math.sqrt(result.n)
+    return least if math.isnan(result.se) else max(result.se, least)
 
 
 # --- files ------------------------------------------------------------------------------------------------------------
 
-NEEDED, OPTIONAL = ("case", "quantity", "value", "se"), ("engine", "setting", "failure")
+NEEDED, OPTIONAL = ("case", "quantity", "value", "se"), ("engine", "setting", "n", "failure")
 ROW_COLUMNS = tuple(field.name for field in fields(Row))
 
 
@@ -84,7 +96,7 @@ def write_results(results: Sequence[Result], path: Path) -> None:
     Raises:
         InputError: the file cannot be written.
     """
-    columns = ("engine", "setting", *NEEDED, "failure")
+    columns = ("engine", "setting", *NEEDED, "n", "failure")
     _write(path, columns, [{name: _text(getattr(result, name)) for name in columns} for result in results])
 
 
@@ -150,6 +162,14 @@ def _number(path: Path, line: int, record: dict[str, str], column: str, *, blank
     return value
 
 
+def _count(path: Path, line: int, record: dict[str, str], column: str) -> int:
+    """A whole number, 0 where nothing stands."""
+    text = record.get(column, "").strip()
+    if not (text.isdecimal() and len(text) < 10) and text:
+        raise InputError(f"is {quoted(text)}, allowed is a whole number or nothing", **_at(path, line, column))
+    return int(text or 0)
+
+
 def read_set(path: Path) -> list[Row]:
     """Read the rows of the set.
 
@@ -158,7 +178,8 @@ def read_set(path: Path) -> list[Row]:
     """
     rows = []
     for line, record in _records(path, ROW_COLUMNS, ROW_COLUMNS):
-        right, low, high, scale = (_number(path, line, record, name) for name in ("right", "low", "high", "scale"))
+        names = ("right", "low", "high", "scale", "seed_sd")
+        right, low, high, scale, seed_sd = (_number(path, line, record, name) for name in names)
         if not low <= right <= high:
             raise InputError(f"is {right:g}, allowed is low to high, {low:g} to {high:g}", **_at(path, line, "right"))
         if scale <= 0.0:
@@ -167,7 +188,7 @@ def read_set(path: Path) -> list[Row]:
             raise InputError(f"is {quoted(record['chance'])}, allowed is yes or no", **_at(path, line, "chance"))
         texts = {name: record[name] for name in ("case", "quantity", "unit", "source", "rule")}
         chance = record["chance"] == "yes"
-        rows.append(Row(right=right, low=low, high=high, scale=scale, chance=chance, **texts))
+        rows.append(Row(right=right, low=low, high=high, scale=scale, chance=chance, seed_sd=seed_sd, **texts))
     return rows
 
 
@@ -198,16 +219,13 @@ def read_results(path: Path, rows: Sequence[Row]) -> list[Result]:
         se = _number(path, line, record, "se", blank=True)
         if se < 0.0:
             raise InputError(f"is {se:g}, allowed is 0 and more, or nothing", **_at(path, line, "se"))
-        setting = _number(path, line, record, "setting", blank=True) if "setting" in record else math.nan
-        if math.isfinite(setting) and (setting < 0.0 or setting != int(setting)):
-            raise InputError(f"is {setting:g}, allowed is a whole number", **_at(path, line, "setting"))
+        steps, n = (_count(path, line, record, column) for column in ("setting", "n"))
         engine = record.get("engine", "").strip() or path.stem
-        steps = int(setting) if math.isfinite(setting) else 0
         key = (engine, steps, case, quantity)
         if key in seen:
             raise InputError("stands there twice for this engine and setting, allowed is once", **_at(path, line))
         seen.add(key)
-        results.append(Result(case, quantity, value, se, engine, steps, failure))
+        results.append(Result(case, quantity, value, se, engine, steps, n, failure))
     return results
 
 
@@ -245,7 +263,8 @@ def cell(rows: Sequence[Row], results: Sequence[Result]) -> str:
         return f"**incomplete**{at}"
     if not math.isfinite(worst.deviation):
         return f"**{worst.result.failure or 'no value'}**{at}"
-    return f"**{worst.deviation:+.2g} %** {worst.row.quantity.replace('_', ' ')}{at}"
+    digits = 0 if abs(worst.deviation) >= 10.0 else 1
+    return f"**{worst.deviation:+.{digits}f} %** {worst.row.quantity.replace('_', ' ')}{at}"
 
 
 def _at_setting(rows: Sequence[Row], results: Sequence[Result], setting: int) -> tuple[str, Verdict | None]:

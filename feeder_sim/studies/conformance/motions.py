@@ -69,11 +69,11 @@ def ball_impact(motion: Motion) -> dict[str, float]:
 
 
 def slide_to_rest(motion: Motion) -> dict[str, float]:
-    """The way that a nut slid, and the speed [mm/s] at which it creeps once it has stopped."""
+    """The way that a nut slid along x from x = 0, and the speed [mm/s] at which it creeps once it has stopped."""
     stopped = int(np.searchsorted(motion.time, REST_S - 1e-9))
     crept = math.hypot(*(motion.position[-1, :2] - motion.position[stopped, :2]))
     return {
-        "distance": 1e3 * float(motion.position[stopped, 0] - motion.position[0, 0]),
+        "distance": 1e3 * float(motion.position[stopped, 0]),
         "creep": 1e3 * crept / float(motion.time[-1] - motion.time[stopped]),
     }
 
