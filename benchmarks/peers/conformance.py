@@ -1,10 +1,12 @@
 """The conformance set: make it, run the engines of this folder on it, judge the results of any engine.
 
-    python benchmarks/peers/conformance.py --results FILE.csv [--table FILE.md]   judge; exit code 1 if anything is off
-    python benchmarks/peers/conformance.py --run FILE.csv [--quick] [--only NAME] run what is installed, then judge
-    python benchmarks/peers/conformance.py --remake                               make conformance.csv again
-    python benchmarks/peers/conformance.py --check                                are its closed forms those of the code
+    python benchmarks/peers/conformance.py --results FILE.csv ... [--table FILE.md]
+    python benchmarks/peers/conformance.py --run FILE.csv [--quick] [--only NAME] [--table FILE.md]
+    python benchmarks/peers/conformance.py --remake
+    python benchmarks/peers/conformance.py --check
 
+The first judges results, with exit code 1 if anything is off; the second runs what is installed, and judges that; the
+third makes conformance.csv again; the last compares its closed forms with the code.
 README.md beside this file states the cases and the format.
 """
 
@@ -17,7 +19,8 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from feeder_sim.errors import FeederSimError, not_written
-from feeder_sim.studies.conformance.judge import Result, read_results, read_set, table, write_results, write_set
+from feeder_sim.studies.conformance.files import read_results, read_set, write_results, write_set
+from feeder_sim.studies.conformance.judge import Result, table
 
 FOLDER = Path(__file__).parent
 SET = FOLDER / "conformance.csv"
@@ -29,7 +32,7 @@ def run(path: Path, *, quick: bool, only: str | None) -> list[Result]:
     sys.path.insert(0, str(FOLDER))
     from conformance_cases import results_of
     from plans import plan
-    from run import methods_installed
+    from run import MODULES, methods_installed
 
     from feeder_sim.studies.conformance.cases import CASES
     from feeder_sim.studies.conformance.own import own_results
@@ -41,7 +44,7 @@ def run(path: Path, *, quick: bool, only: str | None) -> list[Result]:
             for case in CASES:
                 results += _noted(own_results(engine, [case], quick=quick), began)
                 write_results(results, path)
-    for method in methods_installed(only):
+    for method in methods_installed(only, MODULES | {"warp_engines": "newton and mujoco-warp"}):
         for case in CASES:
             for steps, seeds in plan(case, method, quick=quick):
                 results += _noted(results_of(method, case, steps, seeds), began)
@@ -96,7 +99,7 @@ def judge(results: Sequence[Result], target: Path | None) -> int:
 def main(arguments: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     task = parser.add_mutually_exclusive_group(required=True)
-    task.add_argument("--results", type=Path, metavar="FILE", help="judge the results in a CSV file")
+    task.add_argument("--results", type=Path, nargs="+", metavar="FILE", help="judge the results in CSV files")
     task.add_argument("--run", type=Path, metavar="FILE", help="run the engines installed, write and judge")
     task.add_argument("--remake", action="store_true", help="make conformance.csv again")
     task.add_argument("--check", action="store_true", help="compare conformance.csv with the code")
@@ -113,7 +116,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if options.run:
             results = run(options.run, quick=options.quick, only=options.only)
         else:
-            results = read_results(options.results, read_set(SET))
+            rows = read_set(SET)
+            results = [result for path in options.results for result in read_results(path, rows)]
         return judge(results, options.table)
     except FeederSimError as error:
         print(error, file=sys.stderr)

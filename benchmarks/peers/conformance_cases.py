@@ -55,7 +55,7 @@ def once(method: Method, case: str, steps: int) -> dict[str, float]:
         world.piston(height[:-1].tolist(), (np.diff(height) / setup.dt).tolist(), out)
     begin = np.concatenate([setup.position, setup.quaternion, setup.velocity, np.zeros(3)])
     rows = np.vstack([begin, out])
-    motion = Motion(setup.dt * np.arange(n + 1), rows[:, :3], rows[:, VELOCITY], rows[:, SPIN])
+    motion = Motion(_times(setup.dt, n), rows[:, :3], rows[:, VELOCITY], rows[:, SPIN])
     with np.errstate(invalid="ignore"):
         numbers = OBSERVERS[case](motion)
     return numbers if np.isfinite(rows).all() else dict.fromkeys(numbers, math.nan)
@@ -69,16 +69,17 @@ def _setup(case: str, steps: int) -> tuple[Setup, int, NDArray[np.float64] | Non
     if case == "rising_plate":
         dt = 1e-3 / steps
         n = round(RISE_S / dt)
-        return (
-            replace(_ball_over_piston(ball, dt, PLATE_DROP, PLATE_SPEED, PLATE_SPEED * RISE_S), plate="rising"),
-            n,
-            PLATE_SPEED * dt * np.arange(n + 1),
-        )
+        setup = _ball_over_piston(ball, dt, PLATE_DROP, PLATE_SPEED, PLATE_SPEED * RISE_S)
+        return replace(setup, plate="rising"), n, PLATE_SPEED * _times(dt, n)
     amplitude = 1e-6 * {"throw": THROW_UM, "bouncing_ball": BALL_UM}[case]
     dt, n = 1.0 / (BALL_HZ * steps), BALL_PERIODS * steps
     impact = GRAVITY / BALL_HZ / (1.0 + RESTITUTION)
     setup = _ball_over_piston(ball, dt, BALL_START, impact, amplitude)
-    return setup, n, amplitude * np.sin(2.0 * math.pi * BALL_HZ * dt * np.arange(n + 1))
+    return setup, n, amplitude * np.sin(2.0 * math.pi * BALL_HZ * _times(dt, n))
+
+
+def _times(dt: float, n: int) -> NDArray[np.float64]:
+    return np.asarray(dt * np.arange(n + 1), np.float64)
 
 
 def _ball_over_piston(ball: Body, dt: float, drop: float, impact: float, amplitude: float) -> Setup:
@@ -113,7 +114,8 @@ def piston_zero(method: Method, steps: int, seeds: int, seed_s: float = PISTON_S
 
 def _piston_seed(method: Method, steps: int, rng: np.random.Generator, seed_s: float) -> NDArray[np.float64]:
     body, dt, amplitude = steel_nut(), 1.0 / (PISTON_HZ * steps), 1e-6 * PISTON_UM
-    yaw, about, tilt = rng.uniform(0.0, 2.0 * math.pi, 2).tolist() + [math.radians(rng.uniform(0.0, 3.0))]
+    yaw, about = rng.uniform(0.0, 2.0 * math.pi), rng.uniform(0.0, 2.0 * math.pi)
+    tilt = math.radians(rng.uniform(0.0, 3.0))
     turn = Rotation.from_rotvec([tilt * math.cos(about), tilt * math.sin(about), 0.0]) * Rotation.from_euler("z", yaw)
     lowest = float(turn.apply(body.corners)[:, 2].min())
     position = np.array([0.0, 0.0, rng.uniform(0.2e-3, 0.5e-3) - lowest])
@@ -145,6 +147,4 @@ def results_of(method: Method, case: str, steps: int, seeds: int) -> list[Result
         outcome = drift(method, case, steps, seeds)
         found = {"transport_speed": Statistic.of(outcome.values)}
         failure = "; ".join(sorted(set(outcome.failures)))
-    return [
-        Result(case, q, s.mean, s.se, method.name, steps, s.n, "" if s.n else failure) for q, s in found.items()
-    ]
+    return [Result(case, q, s.mean, s.se, method.name, steps, s.n, "" if s.n else failure) for q, s in found.items()]

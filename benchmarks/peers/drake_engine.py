@@ -39,7 +39,8 @@ class Contact:
         approximation: "sap", "lagged", "similar" or "tamsi".
         nut: "feet" (small spheres at the corners), "convex" (point contact of the hull) or "hydroelastic".
         moving: stiffness of a contact on a plate that vibrates, times dt^2 over the mass that the contact feels.
-        at_rest: the same on a plate at rest or at constant speed, at 20 steps per ms; it falls with dt, so that contacts get more steps.
+        at_rest: the same on a plate at rest or at constant speed, at 20 steps per ms; it falls with dt, so that
+            contacts get more steps.
     """
 
     approximation: str = "tamsi"

@@ -8,10 +8,12 @@ from cases import DRIFTS, Method
 from feeder_sim.studies.conformance.cases import PISTON_HZ, PISTON_S
 
 SLOW_US = 50.0  # a step; from there on there is time for few seeds, and for none in a quick run
-PER_MS, PER_PERIOD, BY_CHANCE = (20, 40, 80, 160, 320), (20, 40, 80, 160, 320), (20, 40)
-LONG = "slide_to_rest"  # ten times as long as the impacts
-SECONDS = 25.0  # of wall time that the seeds of one setting may take
-MOST_SEEDS, FEWEST = 16, 4
+SLOWEST_US = 1000.0  # a step; from there on there is none for any seeds
+PER_MS, BY_CHANCE = (20, 40, 80, 160, 320), (20, 40)  # steps per millisecond or per slow period; per fast period
+LONG, PERIODIC = "slide_to_rest", ("throw", "bouncing_ball")  # ten times as long as the impacts; thousands of steps
+SECONDS = 12.0  # of processor time that the seeds of one setting may take
+MOST_SEEDS = 16
+FEWEST = {"piston_zero": 2, "drift_4750": 2, "drift_8775": 3}  # that the judge can decide with
 QUICK_SECONDS = 4.0
 NO_VELOCITY = ("rising_plate", "throw", "bouncing_ball", "drift_8775")  # what a plate without velocity is asked
 
@@ -22,9 +24,9 @@ def plan(case: str, method: Method, *, quick: bool) -> list[tuple[int, int]]:
     if not method.arrives and case not in NO_VELOCITY:
         return []
     if case not in (*DRIFTS, "piston_zero"):
-        if case == LONG:
-            return [(steps, 1) for steps in ((20,) if quick else PER_MS[: 2 if slow else 4])]
-        return [(steps, 1) for steps in ((20, 80) if quick else PER_MS[: 4 if slow else 5])]
+        return [(steps, 1) for steps in _settings(case, method.us_per_step, quick=quick)]
+    if method.us_per_step > SLOWEST_US:
+        return []
     if quick and (slow or not method.arrives or case == "drift_4750"):
         return []
     if not method.arrives:
@@ -35,5 +37,14 @@ def plan(case: str, method: Method, *, quick: bool) -> list[tuple[int, int]]:
     for steps in BY_CHANCE[: 1 if slow or quick else 2]:
         wall = seed_s * frequency * steps * method.us_per_step * 1e-6
         seconds = QUICK_SECONDS if quick else SECONDS
-        chosen.append((steps, min(MOST_SEEDS, max(2 if quick else FEWEST, round(seconds / wall)))))
+        chosen.append((steps, min(MOST_SEEDS, max(2 if quick else FEWEST[case], round(seconds / wall)))))
     return chosen
+
+
+def _settings(case: str, us_per_step: float, *, quick: bool) -> tuple[int, ...]:
+    """Steps per period, or per millisecond, of a case without chance."""
+    if us_per_step > SLOWEST_US:
+        return (20,) if quick or case == LONG else (20, 80) if case in PERIODIC else (20, 80, 160)
+    if case == LONG:
+        return (20,) if quick else PER_MS[: 2 if us_per_step > SLOW_US else 4]
+    return (20, 80) if quick else PER_MS

@@ -47,7 +47,7 @@ def columns(tosses: Tosses, names: tuple[str, ...]) -> NDArray[np.float64]:
 
 
 def starts(tosses: Tosses) -> tuple[NDArray[np.float64], ...]:
-    """Places (n, 3) with no corner below z = 0, quaternions (n, 4) w first, velocities and spins in body axes (n, 3)."""
+    """Places (n, 3) with no corner below z = 0, quaternions (n, 4), velocities and spins in body axes (n, 3)."""
     place, turn = columns(tosses, PLACE), columns(tosses, TURN)
     turn = turn / np.linalg.norm(turn, axis=1, keepdims=True)
     matrices = Rotation.from_quat(turn, scalar_first=True).as_matrix()

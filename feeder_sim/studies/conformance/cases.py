@@ -19,6 +19,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+from feeder_sim.measures.statistic import Statistic
 from feeder_sim.scene.scene import GRAVITY
 from feeder_sim.studies.chart.cases import (
     APPROACH,
@@ -136,18 +137,18 @@ def zero_rows(seed_sd: float) -> list[Row]:
     ]
 
 
-def ensemble_row(case: str, curved: tuple[float, float, int], tangent: tuple[float, float, int], steps: int) -> Row:
-    """Transport speed by ensembles of the impulse engine, each mean, standard error [mm/s] and number of seeds.
+def ensemble_row(case: str, curved: Statistic, tangent: Statistic, steps: int) -> Row:
+    """Transport speed by ensembles of the impulse engine [mm/s] at `steps` per period.
 
     A rigid plane under the part instead of the curved surface is a fair model, so both count as right.
     """
-    ends = [mean + sign * 2.0 * se for mean, se, _ in (curved, tangent) for sign in (-1.0, 1.0)]
+    ends = [found.mean + sign * 2.0 * found.se for found in (curved, tangent) for sign in (-1.0, 1.0)]
     source = (
-        f"ensemble of the impulse engine at {steps} steps per period: curved surface {curved[0]:.4f} +- {curved[1]:.4f}"
-        f" (SE) of {curved[2]} seeds, plane under the part {tangent[0]:.4f} +- {tangent[1]:.4f} of {tangent[2]}"
+        f"ensemble of the impulse engine at {steps} steps per period: "
+        f"curved surface {curved.mean:.4f} +- {curved.se:.4f} (SE) of {curved.n} seeds, plane under the part {tangent.mean:.4f} +- {tangent.se:.4f} of {tangent.n}"
     )
     rule = "both means, the curved surface's and the plane's, +- 2 SE"
-    mean, sd = curved[0], curved[1] * math.sqrt(curved[2])
+    mean, sd = curved.mean, curved.sd
     return Row(case, "transport_speed", "mm/s", mean, min(ends), max(ends), abs(mean), True, sd, source, rule)
 
 

@@ -92,9 +92,7 @@ def tops(motion: Motion, amplitude: float) -> dict[str, float]:
     period = np.floor(motion.time * BALL_HZ + 1e-6).astype(int)
     last = int(period[-1]) + (1 if period[-1] == period[-2] else 0)
     highest = [
-        rows[np.argmax(height[rows])]
-        for k in range(last - COUNTED, last)
-        if len(rows := np.flatnonzero(period == k))
+        rows[np.argmax(height[rows])] for k in range(last - COUNTED, last) if len(rows := np.flatnonzero(period == k))
     ]
     top = height[highest] + motion.velocity[highest, 2] ** 2 / (2.0 * GRAVITY)
     thrown = float(np.max(top)) > 100.0 * amplitude

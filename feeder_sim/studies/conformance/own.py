@@ -126,8 +126,8 @@ def scenario_of(case: str, steps: int, seeds: int = 1, *, one_degree: bool = Fal
 
 def once(case: str, engine: str, steps: int) -> dict[str, float]:
     """Quantities of a case without chance; the engine "slide" is the impulse engine with one degree of freedom."""
-    run = {"engine": "impulse" if engine == "slide" else engine}
-    prepared = prepare(scenario_of(case, steps, one_degree=engine == "slide", **run))
+    one_degree = engine == "slide"
+    prepared = prepare(scenario_of(case, steps, one_degree=one_degree, engine="impulse" if one_degree else engine))
     scene = prepared.scene
     frames = engine_class(prepared.engine)(scene, np.random.default_rng(0)).advance(scene.n_frames - 1)
     motion = Motion(frames.time, frames.position[:, 0], frames.velocity[:, 0], frames.angular_velocity[:, 0])
@@ -166,8 +166,7 @@ def remade_rows() -> list[Row]:
             ensemble(case, FINEST, seeds, engine="impulse", tangent_surface=flat)["transport_speed"]
             for flat in (False, True)
         )
-        means = ((mean.mean, mean.se, mean.n) for mean in (curved, tangent))
-        rows.append(ensemble_row(case, *means, FINEST))
+        rows.append(ensemble_row(case, curved, tangent, FINEST))
     return rows + measured_rows({row.case: row.seed_sd for row in rows})
 
 
