@@ -19,6 +19,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from feeder_sim.errors import FeederSimError, not_written
+from feeder_sim.studies.conformance.cases import CASES
 from feeder_sim.studies.conformance.files import read_results, read_set, write_results, write_set
 from feeder_sim.studies.conformance.judge import Result, table
 
@@ -27,25 +28,24 @@ SET = FOLDER / "conformance.csv"
 OWN = {"feeder_sim, slide": "slide", "feeder_sim, impulses": "impulse", "feeder_sim, MuJoCo": "mujoco"}
 
 
-def run(path: Path, *, quick: bool, only: str | None) -> list[Result]:
-    """Run every engine that is installed; the file grows with each case."""
+def run(path: Path, cases: Sequence[str], *, quick: bool, only: str | None) -> list[Result]:
+    """Run every engine that is installed on some cases; the file grows with each case."""
     sys.path.insert(0, str(FOLDER))
     from conformance_cases import results_of
     from plans import plan
     from run import MODULES, methods_installed
 
-    from feeder_sim.studies.conformance.cases import CASES
     from feeder_sim.studies.conformance.own import own_results
 
     results: list[Result] = []
     began = time.perf_counter()
     for name, engine in OWN.items():
         if only is None or only.lower() in name.lower():
-            for case in CASES:
+            for case in cases:
                 results += _noted(own_results(engine, [case], quick=quick), began)
                 write_results(results, path)
     for method in methods_installed(only, MODULES | {"warp_engines": "newton and mujoco-warp"}):
-        for case in CASES:
+        for case in cases:
             for steps, seeds in plan(case, method, quick=quick):
                 results += _noted(results_of(method, case, steps, seeds), began)
                 write_results(results, path)
@@ -106,6 +106,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--table", type=Path, metavar="FILE", help="write the table as Markdown, too")
     parser.add_argument("--quick", action="store_true", help="with --run: few settings and seeds, about a minute")
     parser.add_argument("--only", metavar="NAME", help="with --run: engines whose name holds this")
+    parser.add_argument("--case", nargs="+", choices=CASES, help="with --run: these cases only")
     options = parser.parse_args(arguments)
     try:
         if options.remake:
@@ -114,7 +115,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if options.check:
             return check()
         if options.run:
-            results = run(options.run, quick=options.quick, only=options.only)
+            results = run(options.run, options.case or CASES, quick=options.quick, only=options.only)
         else:
             rows = read_set(SET)
             results = [result for path in options.results for result in read_results(path, rows)]

@@ -55,7 +55,7 @@ def once(method: Method, case: str, steps: int) -> dict[str, float]:
         world.piston(height[:-1].tolist(), (np.diff(height) / setup.dt).tolist(), out)
     begin = np.concatenate([setup.position, setup.quaternion, setup.velocity, np.zeros(3)])
     rows = np.vstack([begin, out])
-    motion = Motion(_times(setup.dt, n), rows[:, :3], rows[:, VELOCITY], rows[:, SPIN])
+    motion = Motion(_times(setup.dt, n), rows[:, :3], rows[:, VELOCITY], rows[:, SPIN], every_step=True)
     with np.errstate(invalid="ignore"):
         numbers = OBSERVERS[case](motion)
     return numbers if np.isfinite(rows).all() else dict.fromkeys(numbers, math.nan)

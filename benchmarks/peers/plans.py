@@ -11,9 +11,9 @@ SLOW_US = 50.0  # a step; from there on there is time for few seeds, and for non
 SLOWEST_US = 1000.0  # a step; from there on there is none for any seeds
 PER_MS, BY_CHANCE = (20, 40, 80, 160, 320), (20, 40)  # steps per millisecond or per slow period; per fast period
 LONG, PERIODIC = "slide_to_rest", ("throw", "bouncing_ball")  # ten times as long as the impacts; thousands of steps
-SECONDS = 12.0  # of processor time that the seeds of one setting may take
+SECONDS = 20.0  # of processor time that the seeds of one setting may take
 MOST_SEEDS = 16
-FEWEST = {"piston_zero": 2, "drift_4750": 2, "drift_8775": 3}  # that the judge can decide with
+FEWEST = {"piston_zero": 4, "drift_4750": 2, "drift_8775": 4}  # that the judge can decide with
 QUICK_SECONDS = 4.0
 NO_VELOCITY = ("rising_plate", "throw", "bouncing_ball", "drift_8775")  # what a plate without velocity is asked
 

@@ -85,7 +85,7 @@ def test_an_engine_passes_from_the_setting_after_its_last_failure(rows: list[Row
     values = {20: 1.0, 40: 1.1, 80: 0.99, 160: 1.0}
     results = [Result("throw", "top", factor * row.right, engine="mine", setting=s) for s, factor in values.items()]
     assert "| `throw` | pass from 80 |" in table(rows, results)
-    assert "| `rebound` | not run |" in table(rows, results)
+    assert "| `rebound` | - |" in table(rows, results)
     assert "**+10 %** top at 40" in table(rows, results[:2])
 
 

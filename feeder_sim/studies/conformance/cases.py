@@ -145,7 +145,8 @@ def ensemble_row(case: str, curved: Statistic, tangent: Statistic, steps: int) -
     ends = [found.mean + sign * 2.0 * found.se for found in (curved, tangent) for sign in (-1.0, 1.0)]
     source = (
         f"ensemble of the impulse engine at {steps} steps per period: "
-        f"curved surface {curved.mean:.4f} +- {curved.se:.4f} (SE) of {curved.n} seeds, plane under the part {tangent.mean:.4f} +- {tangent.se:.4f} of {tangent.n}"
+        f"curved surface {curved.mean:.4f} +- {curved.se:.4f} (SE) of {curved.n} seeds, "
+        f"plane under the part {tangent.mean:.4f} +- {tangent.se:.4f} of {tangent.n}"
     )
     rule = "both means, the curved surface's and the plane's, +- 2 SE"
     mean, sd = curved.mean, curved.sd

@@ -87,7 +87,7 @@ def cell(rows: Sequence[Row], results: Sequence[Result]) -> str:
     """
     settings = sorted({result.setting for result in results})
     if not settings:
-        return "not run"
+        return "-"
     outcomes = {setting: _at_setting(rows, results, setting) for setting in settings}
     finest = settings[-1]
     word, worst = outcomes[finest]

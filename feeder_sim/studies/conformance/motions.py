@@ -28,12 +28,13 @@ NUT_HALF_HEIGHT, NUT_CORNER = 1e-3, 5e-3 / math.sqrt(3.0)  # [m]
 
 @dataclass(frozen=True)
 class Motion:
-    """States of one part; shapes as in the module."""
+    """States of one part; shapes as in the module. With `every_step` gravity has not acted since an impact."""
 
     time: Array
     position: Array
     velocity: Array
     spin: Array
+    every_step: bool = False
 
 
 def after_impact(motion: Motion, height: float) -> tuple[float, int]:
@@ -43,8 +44,8 @@ def after_impact(motion: Motion, height: float) -> tuple[float, int]:
     """
     row = int(np.argmax(motion.velocity[:, 2]))
     upward = float(motion.velocity[row, 2])
-    if upward <= 0.0:
-        return 0.0, row
+    if upward <= 0.0 or motion.every_step:
+        return max(upward, 0.0), row
     rise = max(float(motion.position[row, 2]) - height, 0.0)
     return math.sqrt(upward**2 + 2.0 * GRAVITY * rise), row
 
