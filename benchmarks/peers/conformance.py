@@ -108,6 +108,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--only", metavar="NAME", help="with --run: engines whose name holds this")
     parser.add_argument("--case", nargs="+", choices=CASES, help="with --run: these cases only")
     options = parser.parse_args(arguments)
+    if not options.run and (options.quick or options.only or options.case):
+        parser.error("--quick, --only and --case belong to --run")
+    if options.table and (options.remake or options.check):
+        parser.error("--table belongs to --results or --run")
     try:
         if options.remake:
             remake()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.util
 import math
 from dataclasses import replace
 from pathlib import Path
@@ -165,6 +166,26 @@ def test_height_of_a_throw_is_that_of_the_motion() -> None:
     speed = amplitude * omega * math.cos(omega * leaves)
     top = amplitude * math.sin(omega * leaves) + speed**2 / (2.0 * GRAVITY)
     assert throw_height(frequency, amplitude) == pytest.approx(top, rel=1e-4)
+
+
+def test_the_stored_table_is_that_of_the_stored_results(rows: list[Row]) -> None:
+    verdicts = table(rows, read_results(SET.with_name("results.csv"), rows))
+    assert verdicts == SET.with_name("conformance_table.md").read_text(encoding="utf-8")
+
+
+def test_the_command_judges_a_file(rows: list[Row], tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    spec = importlib.util.spec_from_file_location("conformance_command", SET.with_name("conformance.py"))
+    assert spec and spec.loader
+    command = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(command)
+    results, target = right(rows), tmp_path / "table.md"
+    write_results(results, tmp_path / "right.csv")
+    assert command.main(["--results", str(tmp_path / "right.csv"), "--table", str(target)]) == 0
+    assert target.read_text(encoding="utf-8") == capsys.readouterr().out == table(rows, results)
+    write_results([replace(results[0], value=1.0)], tmp_path / "wrong.csv")
+    assert command.main(["--results", str(tmp_path / "wrong.csv")]) == 1
+    assert command.main(["--results", str(tmp_path / "none.csv")]) == 2
+    assert command.main(["--check"]) == 0
 
 
 @pytest.mark.slow
