@@ -87,7 +87,7 @@ class Setup:
     Attributes:
         dt: time step [s].
         body, position, quaternion, velocity: the part and its start.
-        plate: "rest", "piston" or "strip".
+        plate: "rest", "rising" (at constant speed), "piston" or "strip".
         strip: the standing wave of a strip.
         impact_speed: of a typical impact [m/s], for engines whose restitution depends on it.
         amplitude: of the plate [m], for engines that have to know.

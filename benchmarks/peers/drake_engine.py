@@ -38,8 +38,9 @@ class Contact:
     Attributes:
         approximation: "sap", "lagged", "similar" or "tamsi".
         nut: "feet" (small spheres at the corners), "convex" (point contact of the hull) or "hydroelastic".
-        moving: stiffness of a contact on a moving plate, times dt^2 over the mass that the contact feels.
-        at_rest: the same on a plate at rest, at 20 steps per ms; it falls with dt, so that contacts get more steps.
+        moving: stiffness of a contact on a plate that vibrates, times dt^2 over the mass that the contact feels.
+        at_rest: the same on a plate at rest or at constant speed, at 20 steps per ms; it falls with dt, so that
+            contacts get more steps.
     """
 
     approximation: str = "tamsi"
@@ -53,7 +54,7 @@ class Contact:
         return self.approximation == "sap"
 
     def stiffness(self, setup: Setup) -> float:
-        return self.at_rest * setup.dt / 5e-5 if setup.plate == "rest" else self.moving
+        return self.at_rest * setup.dt / 5e-5 if setup.plate in ("rest", "rising") else self.moving
 
     def details(self, setup: Setup) -> str:
         stiffness = self.stiffness(setup)

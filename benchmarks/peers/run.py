@@ -81,10 +81,10 @@ def row_of(case: str, method: Method, steps: int, seeds: int, outcome: Outcome) 
     }
 
 
-def methods_installed(only: str | None) -> list[Method]:
-    """Methods of the engines that can be imported."""
+def methods_installed(only: str | None, modules: dict[str, str] = MODULES) -> list[Method]:
+    """Methods of the engines that can be imported; `modules` and the packages that they need."""
     found: list[Method] = []
-    for module, package in MODULES.items():
+    for module, package in modules.items():
         try:
             found += importlib.import_module(module).METHODS
         except ImportError as error:

@@ -1,0 +1,47 @@
+"""Tosses of a cube in plain MuJoCo: eight small spheres at its corners over a plane, `mj_step` from Python."""
+
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+from tosses import FRICTION, INERTIA, MASS, RESTITUTION, STEPS_PER_MS, Tosses, corners, starts
+
+from feeder_sim.scene.scene import GRAVITY
+
+FOOT = 1e-5  # radius of the spheres [m]
+SETTINGS = (
+    f"MuJoCo {mujoco.__version__}, eight corner spheres in explicit pairs, solref 0 -(1+e)/dt, solreffriction 0 -1/dt, "
+    "solimp 0.9999 0.9999, elliptic cone, tolerance 1e-15"
+)
+
+
+def final_poses(tosses: Tosses, *, steps_per_ms: int = STEPS_PER_MS) -> NDArray[np.float64]:
+    """Position [m] and quaternion, w first, after `duration_s` of each toss, shape (n, 7)."""
+    dt = 1e-3 / steps_per_ms
+    model = mujoco.MjModel.from_xml_string(_xml(dt))
+    data = mujoco.MjData(model)
+    poses = np.empty((len(tosses), 7))
+    for i, (place, turn, velocity, spin) in enumerate(zip(*starts(tosses), strict=True)):
+        mujoco.mj_resetData(model, data)
+        data.qpos[:3], data.qpos[3:] = place, turn
+        data.qvel[:3], data.qvel[3:] = velocity, spin  # MuJoCo's spin is in body axes, as the data's
+        mujoco.mj_step(model, data, nstep=round(float(tosses["duration_s"][i]) / dt))
+        poses[i] = data.qpos
+    return poses
+
+
+def _xml(dt: float) -> str:
+    feet, pairs = "", ""
+    for i, corner in enumerate(corners()):
+        place = " ".join(repr(float(x)) for x in corner)
+        feet += f'<geom name="foot{i}" type="sphere" size="{FOOT}" pos="{place}" contype="0" conaffinity="0"/>'
+        pairs += (
+            f'<pair geom1="plane" geom2="foot{i}" solref="0 {-(1.0 + RESTITUTION) / dt!r}" '
+            f'solreffriction="0 {-1.0 / dt!r}" solimp="0.9999 0.9999 0.001 0.5 2" '
+            f'friction="{FRICTION} {FRICTION} 0 0 0" condim="3"/>'
+        )
+    return f"""<mujoco><option timestep="{dt!r}" gravity="0 0 {-GRAVITY}" cone="elliptic" tolerance="1e-15"/>
+    <worldbody><geom name="plane" type="plane" size="5 5 1" pos="0 0 {-FOOT}" contype="0" conaffinity="0"/>
+    <body><inertial pos="0 0 0" mass="{MASS}" diaginertia="{INERTIA} {INERTIA} {INERTIA}"/><freejoint/>{feet}</body>
+    </worldbody><contact>{pairs}</contact></mujoco>"""

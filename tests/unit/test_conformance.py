@@ -1,0 +1,204 @@
+"""The judge of the conformance set: what is right passes, what is wrong does not, and no malformed file gets by."""
+
+from __future__ import annotations
+
+import importlib.util
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from feeder_sim.errors import InputError
+from feeder_sim.scene.scene import GRAVITY
+from feeder_sim.studies.conformance.cases import (
+    CASES,
+    CREEP_S,
+    MEASURED,
+    REST_S,
+    REST_SPEED,
+    Row,
+    closed_rows,
+    measured_rows,
+    throw_height,
+    zero_rows,
+)
+from feeder_sim.studies.conformance.files import read_results, read_set, write_results
+from feeder_sim.studies.conformance.judge import OFF, PASS, UNDECIDED, Result, judged, passes, table
+from feeder_sim.studies.conformance.motions import Motion, after_impact, slide_to_rest
+from feeder_sim.studies.conformance.own import own_results, remade_rows
+
+SET = Path(__file__).parents[2] / "benchmarks" / "peers" / "conformance.csv"
+HEADER = "case,quantity,value,se\n"
+
+
+@pytest.fixture(scope="module")
+def rows() -> list[Row]:
+    return read_set(SET)
+
+
+def right(rows: list[Row]) -> list[Result]:
+    """The right values, as an engine would have them."""
+    found = {
+        (r.case, r.quantity): Result(r.case, r.quantity, r.right, 0.01 * r.scale if r.chance else math.nan, "mine")
+        for r in rows
+        if r.basis != "measurement"
+    }
+    return list(found.values())
+
+
+def test_the_stored_set_is_that_of_the_code(rows: list[Row]) -> None:
+    assert {row.case for row in rows} == set(CASES)
+    stored = {(row.case, row.quantity, row.basis): row for row in rows}
+    for row in closed_rows() + zero_rows(0.0) + measured_rows(dict.fromkeys(MEASURED, 0.0)):
+        kept = stored[row.case, row.quantity, row.basis]
+        kept_numbers, numbers = (kept.right, kept.low, kept.high), (row.right, row.low, row.high)
+        assert kept_numbers == pytest.approx(numbers, rel=1e-5, abs=1e-5 * row.scale)
+        assert (kept.unit, kept.chance, kept.source, kept.rule) == (row.unit, row.chance, row.source, row.rule)
+
+
+def test_right_values_pass_and_each_wrong_one_shows(rows: list[Row]) -> None:
+    results = right(rows)
+    assert passes(rows, results, "mine")
+    assert "**" not in table(rows, results)
+    for i, result in enumerate(results):
+        row = next(r for r in rows if (r.case, r.quantity) == (result.case, result.quantity))
+        for sign in (-1.0, 1.0):
+            wrong = [*results[:i], replace(result, value=row.right + sign * 0.2 * row.scale), *results[i + 1 :]]
+            assert not passes(rows, wrong, "mine")
+            (line,) = (line for line in table(rows, wrong).splitlines() if "**" in line and "measured" not in line)
+            assert result.case in line and f"{20 * sign:+.0f} %" in line
+
+
+def test_chance_needs_a_standard_error_small_enough() -> None:
+    row = Row("drift_4750", "transport_speed", "mm/s", 1.5, 1.45, 1.55, 1.5, True, 0.08, "ensemble", "")
+    of = lambda value, se=math.nan, n=0: judged(row, Result(row.case, row.quantity, value, se, n=n)).outcome  # noqa: E731
+    assert of(1.5, 0.02) == PASS
+    assert of(1.5) == of(2.0) == of(1.5, 0.2) == UNDECIDED
+    assert of(1.60, 0.02) == PASS and of(1.62, 0.02) == OFF
+    assert of(1.62, 0.001, n=2) == PASS  # two seeds that happen to be alike: 0.08/sqrt(2) counts
+    assert of(3.0, 0.2) == OFF and of(math.nan) == OFF
+
+
+def test_an_engine_passes_from_the_setting_after_its_last_failure(rows: list[Row]) -> None:
+    row = next(r for r in rows if r.case == "throw")
+    values = {20: 1.0, 40: 1.1, 80: 0.99, 160: 1.0}
+    results = [Result("throw", "top", factor * row.right, engine="mine", setting=s) for s, factor in values.items()]
+    assert "| `throw` | pass from 80 |" in table(rows, results)
+    assert "| `rebound` | - |" in table(rows, results)
+    assert "**+10 %** top at 40" in table(rows, results[:2])
+
+
+def test_a_quantity_that_is_left_out_does_not_pass(rows: list[Row]) -> None:
+    results = [r for r in right(rows) if r.quantity != "spin"]
+    assert "| `slide` | **incomplete** |" in table(rows, results)
+
+
+def test_results_are_read_as_they_were_written(rows: list[Row], tmp_path: Path) -> None:
+    results = [
+        Result("throw", "top", 0.25, engine="mine", setting=20),
+        Result("drift_8775", "transport_speed", math.nan, engine="mine", setting=20, n=2, failure="did not arrive"),
+    ]
+    write_results(results, tmp_path / "r.csv")
+    assert str(read_results(tmp_path / "r.csv", rows)) == str(results)
+    (tmp_path / "My engine.csv").write_text(HEADER + "throw,top,0.25,\n", encoding="utf-8")
+    (read,) = read_results(tmp_path / "My engine.csv", rows)
+    assert read.engine == "My engine" and math.isnan(read.se)
+
+
+@pytest.mark.parametrize(
+    ("text", "named"),
+    [
+        ("", "case: is missing, needed are the columns case, quantity, value, se"),
+        ("case,quantity,value\nthrow,top,1\n", "se: is missing"),
+        ("case,quantity,value,se,note\n", "column 'note': is unknown"),
+        ("case,quantity,value,se,se\n", "column 'se': stands there twice"),
+        (HEADER, "has no rows"),
+        (HEADER + "throw,top,1\n", "line 2: has not as many fields as the 4 columns"),
+        (HEADER + "throw,top,1,,2\n", "line 2: has not as many fields"),
+        (HEADER + "throws,top,1,\n", "line 2, column case: is 'throws', allowed are rebound"),
+        (HEADER + "throw,height,1,\n", "line 2, column quantity: is 'height', allowed are top"),
+        (HEADER + "throw,top,1 mm,\n", "line 2, column value: is '1 mm', allowed is a finite number"),
+        (HEADER + "throw,top,inf,\n", "line 2, column value: is 'inf'"),
+        (HEADER + "throw,top,,\n", "line 2, column value: is ''"),
+        (HEADER + "throw,top,1,-0.1\n", "line 2, column se: is -0.1, allowed is 0 and more"),
+        (HEADER + "throw,top,1,\nthrow,top,1,\n", "line 3: stands there twice"),
+        ("case,quantity,value,se,setting\nthrow,top,1,,2.5\n", "line 2, column setting: is '2.5', allowed is a whole"),
+    ],
+)
+def test_malformed_files_are_refused_in_one_line(text: str, named: str, rows: list[Row], tmp_path: Path) -> None:
+    path = tmp_path / "results.csv"
+    path.write_text(text, encoding="utf-8")
+    with pytest.raises(InputError) as caught:
+        read_results(path, rows)
+    assert str(path) in str(caught.value) and named in str(caught.value) and "\n" not in str(caught.value)
+
+
+def test_unreadable_files_are_refused(rows: list[Row], tmp_path: Path) -> None:
+    (tmp_path / "binary.csv").write_bytes(b"\xff\xfe\x00case")
+    for name in ("missing.csv", "binary.csv"):
+        with pytest.raises(InputError, match="cannot be read"):
+            read_results(tmp_path / name, rows)
+
+
+def test_numbers_from_a_motion() -> None:
+    """A flight that began at height 1 mm with 0.3 m/s, and a slide that follows Coulomb's law."""
+    t = np.linspace(0.003, 0.02, 20)
+    zero = np.zeros((20, 3))
+    place, velocity = zero.copy(), zero.copy()
+    place[:, 2], velocity[:, 2] = 1e-3 + 0.3 * t - 0.5 * GRAVITY * t**2, 0.3 - GRAVITY * t
+    assert after_impact(Motion(t, place, velocity, zero), 1e-3)[0] == pytest.approx(0.3, rel=1e-12)
+    t = np.linspace(0.0, CREEP_S, 501)
+    sliding = np.minimum(t, REST_SPEED / (0.3 * GRAVITY))
+    x = REST_SPEED * sliding - 0.5 * 0.3 * GRAVITY * sliding**2 + 1e-3 * np.maximum(t - REST_S, 0.0)
+    zero = np.zeros((len(t), 3))
+    found = slide_to_rest(Motion(t, np.outer(x, [1.0, 0.0, 0.0]), zero, zero))
+    assert found == pytest.approx({"distance": 1e3 * REST_SPEED**2 / (2 * 0.3 * GRAVITY), "creep": 1.0}, rel=1e-9)
+
+
+def test_height_of_a_throw_is_that_of_the_motion() -> None:
+    """The highest point of the parabola that leaves the plate where the plate falls away from it."""
+    frequency, amplitude = 50.0, 2e-4
+    omega = 2.0 * math.pi * frequency
+    t = np.linspace(0.0, 0.25 / frequency, 100_001)
+    leaves = t[np.argmax(amplitude * omega**2 * np.sin(omega * t) >= GRAVITY)]
+    speed = amplitude * omega * math.cos(omega * leaves)
+    top = amplitude * math.sin(omega * leaves) + speed**2 / (2.0 * GRAVITY)
+    assert throw_height(frequency, amplitude) == pytest.approx(top, rel=1e-4)
+
+
+def test_the_stored_table_is_that_of_the_stored_results(rows: list[Row]) -> None:
+    verdicts = table(rows, read_results(SET.with_name("results.csv"), rows))
+    assert verdicts == SET.with_name("conformance_table.md").read_text(encoding="utf-8")
+
+
+def test_the_command_judges_a_file(rows: list[Row], tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    spec = importlib.util.spec_from_file_location("conformance_command", SET.with_name("conformance.py"))
+    assert spec and spec.loader
+    command = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(command)
+    results, target = right(rows), tmp_path / "table.md"
+    write_results(results, tmp_path / "right.csv")
+    assert command.main(["--results", str(tmp_path / "right.csv"), "--table", str(target)]) == 0
+    assert target.read_text(encoding="utf-8") == capsys.readouterr().out == table(rows, results)
+    write_results([replace(results[0], value=1.0)], tmp_path / "wrong.csv")
+    assert command.main(["--results", str(tmp_path / "wrong.csv")]) == 1
+    assert command.main(["--results", str(tmp_path / "none.csv")]) == 2
+    assert command.main(["--check"]) == 0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("engine", ["impulse", "slide"])
+def test_own_engines_pass(engine: str, rows: list[Row]) -> None:
+    results = own_results(engine, CASES, quick=True)
+    lines = table(rows, results)
+    assert "**" not in lines and "undecided" not in lines, lines
+    assert passes(rows, results, results[0].engine)
+
+
+@pytest.mark.slow
+def test_the_ensembles_are_made_again_within_their_errors(rows: list[Row]) -> None:
+    stored = {row.case: row for row in rows if row.basis == "ensemble"}
+    for row in (row for row in remade_rows() if row.basis == "ensemble"):
+        assert abs(row.right - stored[row.case].right) < 0.5 * (row.high - row.low)
