@@ -2,16 +2,16 @@
 
     python benchmarks/validation/chladni_plate.py [--out steps.csv] [--picture chladni_plate.png] [--json]
 
-Square of silicon, 50 x 50 x 0.525 mm, free, driven by a force in its middle; solder ball of 0.6 mm; notes of 500 ms that
-rise and fall in straight lines, each with the amplitude at which three quarters of the steps are below 0.175 mm. The
-file has the mean step of a ball from each of 21 x 21 places, for every note. The measured field is not here: whoever
-has it compares it with the file.
+Square of silicon, 50 x 50 x 0.525 mm, free, driven by a force in its middle; solder ball of 0.6 mm; notes of 500 ms
+that rise and fall in straight lines, each with the amplitude at which three quarters of the steps are below 0.175 mm.
+The file has the mean step of a ball from each of 21 x 21 places, for every note. The measured field is not here:
+whoever has it compares it with the file.
 
 --scale: the computed plate is driven at the note times this. Frequencies of the real plate are 3 % off those of a
 computed one, and the gradients agree with the motion when scaled by 3 %; so 1.03, since a plate that carries a piezo is
 heavier than a bare one and resounds lower. 1 drives at the note itself.
 
-Takes 3 minutes on two cores.
+Takes 3 minutes on two cores, 1 with --quick.
 """
 
 from __future__ import annotations
@@ -27,7 +27,17 @@ import numpy as np
 
 from feeder_sim.plots.chladni_plate import save_chladni_plate
 from feeder_sim.studies.chladni_plate import NOTES_HZ, Assumed, Steps, chladni_modes, find_amplitude, note_field
-from feeder_sim.studies.chladni_report import as_row, lag, profile, sensitivity, together, write_steps
+from feeder_sim.studies.chladni_report import (
+    BIN_EDGES,
+    as_row,
+    as_table,
+    lag,
+    profile,
+    sensitivity,
+    share,
+    together,
+    write_steps,
+)
 
 RUNS = 8
 OTHER_RESTITUTIONS = (0.3, 0.7)
@@ -55,12 +65,11 @@ def study(assumed: Assumed, runs: int, *, others: bool) -> tuple[list[Steps], di
             }
         every.append(steps)
         rows.append(row)
-    step, gradient, count = together([profile(steps) for steps in every]).binned()
     return every, {
         "assumed": assumed.__dict__,
         "runs": runs,
         "notes": rows,
-        "profile": {"step": step.tolist(), "gradient": gradient.tolist(), "points": count.tolist()},
+        "profile": as_table(together([profile(steps) for steps in every])),
     }
 
 
@@ -70,30 +79,37 @@ def beside(steps: Steps, other: Steps) -> dict[str, float]:
     return {
         "amplitude_um": 1e6 * other.amplitude,
         "mean_cosine": other.cosine,
+        "share": share(other),
         "steps_apart": float(np.sqrt((apart**2).mean() / (steps.length**2).mean())),
     }
 
 
 def print_report(table: dict[str, Any]) -> None:
-    print("note   drive   amplitude  A w2/g  cosine  median  spread  lost  power   lag")
-    print("[Hz]   [Hz]    [um]                       [mm]    [mm]")
+    print("note   drive   amplitude  A w2/g  cosine  median  spread  lost  share  correlation with  lag")
+    print("[Hz]   [Hz]    [um]                       [mm]    [mm]                 grad A  grad A2")
     for row in table["notes"]:
         print(
-            f"{row['note_hz']:<6g} {row['drive_hz']:<7.0f} {row['amplitude_um']:<10.3f} {row['throw_number']:<7.0f} "
-            f"{row['mean_cosine']:<7.4f} {row['median_step_mm']:<7.3f} {row['spread_mm']:<7.4f} {row['lost']:<5} "
-            f"{row['power']:<6.2f} {100 * row['lag']:.1f} %"
+            f"{row['note_hz']:<6g} {row['drive_hz']:<7.0f} {row['amplitude_um']:<10.2f} {row['throw_number']:<7.0f} "
+            f"{row['mean_cosine']:<7.4f} {row['median_step_mm']:<7.3f} {row['spread_mm']:<7.3f} {row['lost']:<5} "
+            f"{row['share']:<6.3f} {row['correlation_slope']:<7.3f} {row['correlation_gradient']:<9.3f} "
+            f"{100 * row['lag']:.1f} %"
         )
-    edges = np.linspace(0.0, 1.0, len(table["profile"]["step"]) + 1)
-    print("\ndistance to the node over a quarter of the wavelength; step and gradient over their means")
-    for low, high, step, gradient in zip(
-        edges[:-1], edges[1:], table["profile"]["step"], table["profile"]["gradient"], strict=True
-    ):
-        print(f"{low:.1f} - {high:.1f}   {step:.2f}   {gradient:.2f}")
+    print(
+        "\ndistance to the node over a quarter of the wavelength; means of step, |grad A|, |grad A^2|, over their means"
+    )
+    lengths = [table["profile"][name] for name in ("step", "slope", "gradient")]
+    for low, high, *means in zip(BIN_EDGES[:-1], BIN_EDGES[1:], *lengths, strict=True):
+        print(f"{low:.1f} - {high:.1f}" + "".join(f"{mean:>7.2f}" for mean in means))
     print("\nmean cosine with the bare gradient under other assumptions")
     for name in table["notes"][0]["gradient_cosine"]:
         print(f"{name:<22}" + "".join(f"{row['gradient_cosine'][name]:>7.2f}" for row in table["notes"]))
     for name in table["notes"][0].get("other", ()):
-        for what, text in (("amplitude_um", "um"), ("mean_cosine", "cosine"), ("steps_apart", "steps apart")):
+        for what, text in (
+            ("amplitude_um", "um"),
+            ("mean_cosine", "cosine"),
+            ("share", "share"),
+            ("steps_apart", "steps apart"),
+        ):
             values = "".join(f"{row['other'][name][what]:>8.3f}" for row in table["notes"])
             print(f"{name + ', ' + text:<30}{values}")
 
@@ -107,7 +123,9 @@ def main() -> None:
     parser.add_argument("--runs", type=int, default=RUNS, help=f"at each place [{RUNS}]")
     parser.add_argument("--restitution", type=float, default=default.restitution, help=f"[{default.restitution:g}]")
     parser.add_argument("--friction", type=float, default=default.friction, help=f"[{default.friction:g}]")
-    parser.add_argument("--damping", type=float, default=default.damping_ratio, help=f"ratio [{default.damping_ratio:g}]")
+    parser.add_argument(
+        "--damping", type=float, default=default.damping_ratio, help=f"ratio [{default.damping_ratio:g}]"
+    )
     parser.add_argument("--scale", type=float, default=default.frequency_scale, help=f"[{default.frequency_scale:g}]")
     parser.add_argument("--quick", action="store_true", help="leave out other restitutions and frictions")
     options = parser.parse_args()

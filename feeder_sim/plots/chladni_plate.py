@@ -17,7 +17,7 @@ MAGNIFIED = 10.0  # arrows over steps
 
 
 def save_chladni_plate(shown: Sequence[Steps], every: Sequence[Steps], path: Path) -> None:
-    """Draw the steps of some notes over the amplitude, and the profile of all; the suffix of `path` is the file type."""
+    """Draw the steps of some notes over the amplitude, and the profile of all; the suffix of `path` says how."""
     figure = empty_figure(4.3 * len(shown) + 4.4, 4.2)
     panels = figure.subplots(1, len(shown) + 1)
     for axes, steps in zip(panels[:-1], shown, strict=True):
@@ -41,7 +41,7 @@ def _draw_steps(axes: Any, steps: Steps) -> Any:
         angles="xy",
         scale_units="xy",
         scale=1.0,
-        width=0.004,
+        width=0.0045,
         color="black",
     )
     axes.set(
@@ -54,18 +54,20 @@ def _draw_steps(axes: Any, steps: Steps) -> Any:
 
 
 def _draw_profile(axes: Any, every: Sequence[Steps]) -> None:
-    """Length of the steps and of the gradient over the distance to the node, of all notes."""
+    """Length of the steps, of grad A^2 and of grad A over the distance to the node, of all notes."""
     points = together([profile(steps) for steps in every])
-    step, gradient, _ = points.binned()
+    means = points.binned()
     middle = 0.5 * (BIN_EDGES[:-1] + BIN_EDGES[1:])
     inside = points.distance <= BIN_EDGES[-1]
-    axes.plot(points.distance[inside], points.step[inside], ".", color="0.75", markersize=2, label="steps, all notes")
-    axes.plot(middle, step, "o-", color="black", label="their mean")
-    axes.plot(middle, gradient, "s--", color="#be3434", label="mean of the bare gradient")
+    axes.plot(points.distance[inside], points.step[inside], ".", color="0.8", markersize=2, label="steps, all notes")
+    axes.plot(middle, means["step"], "o-", color="black", label="their mean")
+    axes.plot(middle, means["slope"], "^--", color="#3a60be", label="mean of |grad A|")
+    axes.plot(middle, means["gradient"], "s--", color="#be3434", label="mean of |grad A$^2$|")
     axes.set(
         xlim=(0.0, BIN_EDGES[-1]),
         ylim=(0.0, 3.0),
         xlabel="distance to the node over a quarter wavelength",
         ylabel="length over its mean on the plate",
+        title="Length of the steps",
     )
-    axes.legend(fontsize=8)
+    axes.legend(fontsize=8, loc="upper left", framealpha=1.0)

@@ -20,13 +20,14 @@ from numpy.typing import NDArray
 from feeder_sim.plate.materials import MATERIALS
 from feeder_sim.plate.modes import PlateModes, plate_modes
 from feeder_sim.plate.rectangle import RectangularPlate
+from feeder_sim.plate.response import DEFAULT_DAMPING_RATIO
 from feeder_sim.records.trajectory import Status
 from feeder_sim.run.batch import measure_drift
 from feeder_sim.scenario import Ball, Contact, CustomMaterial, Drive, PistonPlate, Run, Scenario, Start
 from feeder_sim.scenario.engine_choice import choose_engine
 from feeder_sim.scene.prepared import Prepared
 from feeder_sim.scene.scene import GRAVITY, Scene, build_scene
-from feeder_sim.studies.forced_field import ForcedField, forced_field, force_in_the_middle, triangle_terms
+from feeder_sim.studies.forced_field import ForcedField, force_in_the_middle, forced_field, triangle_terms
 
 NOTES_HZ = (7459.0, 10548.0, 11175.0, 11840.0, 12544.0, 14080.0, 14917.0, 15804.0)
 PLATE = RectangularPlate(0.05, 0.05, 0.525e-3, MATERIALS["silicon"])
@@ -52,13 +53,13 @@ class Assumed:
 
     Attributes:
         restitution, friction: of ball and plate [1].
-        damping_ratio: of all modes [1]; 0.0025 is a Q of 200.
+        damping_ratio: of all modes [1]; 0.002 is a Q of 250.
         frequency_scale: drive of the computed plate over the note [1].
     """
 
     restitution: float = 0.5
     friction: float = 0.3
-    damping_ratio: float = 0.0025
+    damping_ratio: float = DEFAULT_DAMPING_RATIO
     frequency_scale: float = 1.03
 
 
@@ -120,9 +121,7 @@ def chladni_modes() -> PlateModes:
 
 def note_field(modes: PlateModes, note: float, assumed: Assumed) -> ForcedField:
     """How the plate moves under a force in its middle, at a note [Hz]."""
-    return forced_field(
-        modes, force_in_the_middle(modes), assumed.frequency_scale * note, assumed.damping_ratio
-    )
+    return forced_field(modes, force_in_the_middle(modes), assumed.frequency_scale * note, assumed.damping_ratio)
 
 
 def start_points() -> NDArray[np.float64]:
@@ -138,10 +137,7 @@ def of_an_eighth(points: NDArray[np.float64]) -> NDArray[np.bool_]:
 
 
 IMAGES = tuple(
-    np.array(matrix, float)
-    for sx in (1, -1)
-    for sy in (1, -1)
-    for matrix in (((sx, 0), (0, sy)), ((0, sx), (sy, 0)))
+    np.array(matrix, float) for sx in (1, -1) for sy in (1, -1) for matrix in (((sx, 0), (0, sy)), ((0, sx), (sy, 0)))
 )  # of a square under its symmetries
 
 
@@ -238,9 +234,7 @@ def find_amplitude(
     for _ in range(MOST_TRIES):
         steps = play(field, note, amplitude, runs, assumed)
         if notify:
-            notify(
-                f"{note:g} Hz, {1e6 * amplitude:.3f} um: {1e3 * steps.quantile:.4f} mm, cosine {steps.cosine:.3f}"
-            )
+            notify(f"{note:g} Hz, {1e6 * amplitude:.3f} um: {1e3 * steps.quantile:.4f} mm, cosine {steps.cosine:.3f}")
         miss = STEP / steps.quantile
         if abs(miss - 1.0) < CLOSE:
             return steps

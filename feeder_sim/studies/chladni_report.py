@@ -1,6 +1,8 @@
 """What the steps of balls on the plate of chladni_plate.py say: how they follow the bare gradient of its motion.
 
-The bare gradient is -grad A^2 of the squared amplitude, which points to the nodes.
+The bare gradient is -grad A^2 of the squared amplitude, which points to the nodes. Its length is 0 on them, and that of
+the steps is not: a ball that hops is carried by the motion of the surface in its plane, of the amplitude
+(h / 2) w |grad A|, of which it gets a share.
 """
 
 from __future__ import annotations
@@ -25,6 +27,7 @@ from feeder_sim.studies.forced_field import Force, forced_field, triangle_terms
 
 HEADER = ("note_hz", "x_mm", "y_mm", "dx_mm", "dy_mm")
 BIN_EDGES = np.linspace(0.0, 1.0, 6)  # distance to the node over a quarter of the wavelength
+NAMES = ("distance", "step", "gradient", "slope")
 DETUNING = 1e-4  # relative, over which the change of the field with the frequency is taken
 OTHER_SCALES = (1.0, 0.97)  # of the frequency
 OTHER_DAMPING = (0.0005, 0.01)  # a Q of 1000 and of 50
@@ -33,32 +36,30 @@ PATCH_MM = 5.0
 
 @dataclass(frozen=True)
 class Profile:
-    """Length of steps and of the gradient over the distance to the nearest nodal line.
+    """Length of steps, of the gradient and of the slope over the distance to the nearest nodal line.
 
     Attributes:
         distance: of every start point, over a quarter of the wavelength [1], (n,).
-        step, gradient: lengths over their means over all points [1], (n,).
+        step, gradient, slope: lengths of the step, of grad A^2 and of grad A, over their means over all points [1].
     """
 
     distance: NDArray[np.float64]
     step: NDArray[np.float64]
     gradient: NDArray[np.float64]
+    slope: NDArray[np.float64]
 
-    def binned(self) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.int64]]:
-        """Mean step and mean gradient between `BIN_EDGES` (NaN without a point there), and the number of points."""
+    def binned(self) -> dict[str, NDArray[np.float64]]:
+        """Means between `BIN_EDGES` of step, gradient and slope, by name, NaN without a point there."""
         at = np.digitize(self.distance, BIN_EDGES) - 1
-        bins = range(len(BIN_EDGES) - 1)
-        count = np.array([(at == k).sum() for k in bins])
-        step, gradient = (
-            np.array([v[at == k].mean() if count[k] else math.nan for k in bins]) for v in (self.step, self.gradient)
-        )
-        return step, gradient, count
+        bins = [at == k for k in range(len(BIN_EDGES) - 1)]
+        return {
+            name: np.array([getattr(self, name)[one].mean() if one.any() else math.nan for one in bins])
+            for name in ("step", "gradient", "slope")
+        }
 
-    @property
-    def power(self) -> float:
-        """p of step ~ gradient^p, by least squares of the logarithms."""
-        moved = (self.step > 0.0) & (self.gradient > 0.0)
-        return float(np.polyfit(np.log(self.gradient[moved]), np.log(self.step[moved]), 1)[0])
+    def correlation(self, name: str) -> float:
+        """Of the length of the steps with that of the gradient or of the slope [1]."""
+        return float(np.corrcoef(self.step, getattr(self, name))[0, 1])
 
 
 def profile(steps: Steps) -> Profile:
@@ -66,14 +67,30 @@ def profile(steps: Steps) -> Profile:
     field = steps.field
     surface = field.surface(triangle_terms(1.0, field.frequency, NOTE_S))
     quarter = 0.25 * standing_wave(field.parts.plate, field.frequency).wavelength
-    gradient = np.hypot(*field.downhill(steps.start).T)
+    gradient, slope = np.hypot(*field.downhill(steps.start).T), slope_of(steps)
     distance = nodal_lines(surface, 0).distance(steps.start) / quarter
-    return Profile(distance, steps.length / steps.length.mean(), gradient / gradient.mean())
+    lengths = (each / each.mean() for each in (steps.length, gradient, slope))
+    return Profile(distance, *lengths)
+
+
+def slope_of(steps: Steps) -> NDArray[np.float64]:
+    """|grad A| [1] at the start points at the peak of the note, (n,)."""
+    return np.asarray(steps.amplitude * np.linalg.norm(steps.field.gradient(steps.start), axis=1))
+
+
+def share(steps: Steps) -> float:
+    """Speed of a ball over the amplitude of the surface's velocity in its plane [1], by least squares over a note.
+
+    On average over a note the amplitude is half that of its peak.
+    """
+    speed = 0.5 * steps.field.parts.plate.thickness * 2.0 * math.pi * steps.field.frequency * slope_of(steps)
+    carried = 0.5 * NOTE_S * speed
+    return float(steps.length @ carried / (carried @ carried))
 
 
 def together(profiles: Sequence[Profile]) -> Profile:
     """The points of several notes."""
-    return Profile(*(np.concatenate([getattr(p, name) for p in profiles]) for name in ("distance", "step", "gradient")))
+    return Profile(*(np.concatenate([getattr(p, name) for p in profiles]) for name in NAMES))
 
 
 def sensitivity(modes: PlateModes, note: float, assumed: Assumed) -> dict[str, float]:
@@ -125,7 +142,6 @@ def write_steps(every: Sequence[Steps], file: TextIO) -> None:
 
 def as_row(steps: Steps, own: Profile) -> dict[str, Any]:
     """What is reported of one note; units in the names."""
-    step, gradient, count = own.binned()
     return {
         "note_hz": steps.note,
         "drive_hz": steps.field.frequency,
@@ -137,14 +153,13 @@ def as_row(steps: Steps, own: Profile) -> dict[str, Any]:
         "largest_step_mm": 1e3 * float(steps.length.max()),
         "spread_mm": 1e3 * steps.spread,
         "lost": steps.lost,
-        "power": own.power,
-        "profile": [
-            {"to_node": [float(low), float(high)], "step": _number(s), "gradient": _number(g), "points": int(n)}
-            for low, high, s, g, n in zip(BIN_EDGES[:-1], BIN_EDGES[1:], step, gradient, count, strict=True)
-        ],
+        "share": share(steps),
+        "correlation_gradient": own.correlation("gradient"),
+        "correlation_slope": own.correlation("slope"),
+        "profile": as_table(own),
     }
 
 
-def _number(value: float) -> float | None:
-    """As JSON takes it, which has no NaN."""
-    return float(value) if math.isfinite(value) else None
+def as_table(own: Profile) -> dict[str, list[float | None]]:
+    """The binned profile as JSON takes it, which has no NaN."""
+    return {name: [float(v) if math.isfinite(v) else None for v in values] for name, values in own.binned().items()}

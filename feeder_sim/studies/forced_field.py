@@ -69,16 +69,19 @@ class ForcedField:
         real, imaginary = (self.parts.evaluate(i, points[:, 0], points[:, 1])[0] for i in range(2))
         return np.asarray(real + 1j * imaginary)
 
-    def downhill(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
-        """-grad |W|^2 [1/m] at points (n, 2) [m], which points to the nodes, shape (n, 2)."""
+    def gradient(self, points: NDArray[np.float64]) -> NDArray[np.complex128]:
+        """Slope of W [1/m] at points (n, 2) [m], shape (n, 2); its modulus is that of grad |W| for a standing wave."""
         plate = self.parts.plate
-        slope = np.empty((len(points), 2))
+        slope = np.empty((len(points), 2), complex)
         for axis, side in enumerate((plate.length, plate.width)):
             step = np.zeros(2)
             step[axis] = SLOPE_STEP * side
-            ahead, behind = (np.abs(self.at(points + sign * step)) ** 2 for sign in (1.0, -1.0))
-            slope[:, axis] = (ahead - behind) / (2.0 * step[axis])
-        return -slope
+            slope[:, axis] = (self.at(points + step) - self.at(points - step)) / (2.0 * step[axis])
+        return slope
+
+    def downhill(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+        """-grad |W|^2 [1/m] at points (n, 2) [m], which points to the nodes, shape (n, 2)."""
+        return np.asarray(-2.0 * np.real(np.conj(self.at(points))[:, None] * self.gradient(points)))
 
     def surface(self, terms: ModalTerms) -> Surface:
         """A surface that moves as the field does; the terms are those of both `shapes`."""
