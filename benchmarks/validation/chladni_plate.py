@@ -19,12 +19,14 @@ from __future__ import annotations
 import argparse
 import json
 import sys
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from feeder_sim.errors import InputError
 from feeder_sim.plots.chladni_plate import save_chladni_plate
 from feeder_sim.studies.chladni_plate import NOTES_HZ, Assumed, Steps, chladni_modes, find_amplitude, note_field
 from feeder_sim.studies.chladni_report import (
@@ -43,6 +45,26 @@ RUNS = 8
 OTHER_RESTITUTIONS = (0.3, 0.7)
 OTHER_FRICTIONS = (0.1, 0.5)
 PICTURED_HZ = (7459.0, 14917.0)
+
+
+def between(low: float, high: float) -> Callable[[str], float]:
+    """A number in a range, for argparse."""
+
+    def number(text: str) -> float:
+        value = float(text)
+        if not low <= value <= high:
+            raise argparse.ArgumentTypeError(f"is {text}, allowed is {low:g} to {high:g}")
+        return value
+
+    return number
+
+
+def new_file(text: str) -> Path:
+    """A file whose folder exists, for argparse: it is written minutes later."""
+    path = Path(text)
+    if not path.parent.is_dir():
+        raise argparse.ArgumentTypeError(f"is {text}, whose folder does not exist")
+    return path
 
 
 def say(line: str) -> None:
@@ -117,20 +139,29 @@ def print_report(table: dict[str, Any]) -> None:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     default = Assumed()
-    parser.add_argument("--out", type=Path, help="CSV file of the steps")
-    parser.add_argument("--picture", type=Path)
+    parser.add_argument("--out", type=new_file, help="CSV file of the steps")
+    parser.add_argument("--picture", type=new_file)
     parser.add_argument("--json", action="store_true")
-    parser.add_argument("--runs", type=int, default=RUNS, help=f"at each place [{RUNS}]")
-    parser.add_argument("--restitution", type=float, default=default.restitution, help=f"[{default.restitution:g}]")
-    parser.add_argument("--friction", type=float, default=default.friction, help=f"[{default.friction:g}]")
     parser.add_argument(
-        "--damping", type=float, default=default.damping_ratio, help=f"ratio [{default.damping_ratio:g}]"
+        "--runs", type=int, choices=range(1, 101), metavar="N", default=RUNS, help=f"at each place [{RUNS}]"
     )
-    parser.add_argument("--scale", type=float, default=default.frequency_scale, help=f"[{default.frequency_scale:g}]")
+    parser.add_argument(
+        "--restitution", type=between(0, 0.9), default=default.restitution, help=f"[{default.restitution:g}]"
+    )
+    parser.add_argument("--friction", type=between(0, 2), default=default.friction, help=f"[{default.friction:g}]")
+    parser.add_argument(
+        "--damping", type=between(1e-05, 0.1), default=default.damping_ratio, help=f"ratio [{default.damping_ratio:g}]"
+    )
+    parser.add_argument(
+        "--scale", type=between(0.9, 1.1), default=default.frequency_scale, help=f"[{default.frequency_scale:g}]"
+    )
     parser.add_argument("--quick", action="store_true", help="leave out other restitutions and frictions")
     options = parser.parse_args()
     assumed = Assumed(options.restitution, options.friction, options.damping, options.scale)
-    every, table = study(assumed, options.runs, others=not options.quick)
+    try:
+        every, table = study(assumed, options.runs, others=not options.quick)
+    except InputError as error:
+        parser.error(str(error))
     if options.out:
         with options.out.open("w", encoding="utf-8", newline="") as file:
             write_steps(every, file)

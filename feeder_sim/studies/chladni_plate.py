@@ -17,6 +17,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from feeder_sim.errors import InputError
 from feeder_sim.plate.materials import MATERIALS
 from feeder_sim.plate.modes import PlateModes, plate_modes
 from feeder_sim.plate.rectangle import RectangularPlate
@@ -196,7 +197,7 @@ def play(
     """Play a note with an amplitude [m] and see where balls go, from an eighth of the plate or from given places.
 
     Raises:
-        RuntimeError: a run diverged, or no ball of a place stayed on the plate.
+        InputError: a run diverged, or no ball of a place stayed on the plate.
     """
     everywhere = start_points() if start is None else start
     places = everywhere[of_an_eighth(everywhere)] if start is None else start
@@ -208,12 +209,12 @@ def play(
 
     found = measure_drift(map(prepared, places))
     if any(Status.DIVERGED in each.status for each in found):
-        raise RuntimeError(f"a run diverged at {note:g} Hz")
+        raise InputError(f"a run diverged at {note:g} Hz and {1e6 * amplitude:.3g} um")
     velocity = [(each.findings.drift_velocity_x_mm_s, each.findings.drift_velocity_y_mm_s) for each in found]
     lost = sum(runs - x.n for x, _ in velocity)
     step = 1e-3 * NOTE_S * np.array([(x.mean, y.mean) for x, y in velocity])
     if not np.isfinite(step).all():
-        raise RuntimeError(f"no ball of a place stayed on the plate at {note:g} Hz")
+        raise InputError(f"no ball of a place stayed on the plate at {note:g} Hz and {1e6 * amplitude:.3g} um")
     variance = [x.sd**2 + y.sd**2 for x, y in velocity if x.n > 1]
     spread = 1e-3 * NOTE_S * math.sqrt(np.mean(variance)) if variance else math.nan
     steps = unfold(everywhere, places, step) if start is None else step
@@ -226,7 +227,7 @@ def find_amplitude(
     """Play a note with the amplitude at which `QUANTILE` of the steps are shorter than `STEP`.
 
     Raises:
-        RuntimeError: the search does not end, or as for `play`.
+        InputError: the search does not end, or as for `play`.
     """
     omega = 2.0 * math.pi * field.frequency
     amplitude = FIRST_THROW * GRAVITY / omega**2
@@ -243,4 +244,4 @@ def find_amplitude(
             power = math.log(steps.quantile / before.quantile) / math.log(steps.amplitude / before.amplitude)
             power = min(max(power, FLATTEST), STEEPEST)
         before, amplitude = steps, amplitude * miss ** (1.0 / power)
-    raise RuntimeError(f"no amplitude found at {note:g} Hz after {MOST_TRIES} tries")
+    raise InputError(f"no amplitude found at {note:g} Hz after {MOST_TRIES} tries")
