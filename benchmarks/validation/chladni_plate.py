@@ -18,6 +18,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import math
 import sys
 from collections.abc import Callable
 from dataclasses import replace
@@ -67,6 +68,10 @@ def new_file(text: str) -> Path:
     return path
 
 
+def none_as_nan(value: float | None) -> float:
+    return math.nan if value is None else value
+
+
 def say(line: str) -> None:
     print(line, file=sys.stderr, flush=True)
 
@@ -110,9 +115,10 @@ def print_report(table: dict[str, Any]) -> None:
     print("note   drive   amplitude  A w2/g  cosine  median  spread  lost  share  correlation with  lag")
     print("[Hz]   [Hz]    [um]                       [mm]    [mm]                 grad A  grad A2")
     for row in table["notes"]:
+        spread = none_as_nan(row["spread_mm"])
         print(
             f"{row['note_hz']:<6g} {row['drive_hz']:<7.0f} {row['amplitude_um']:<10.2f} {row['throw_number']:<7.0f} "
-            f"{row['mean_cosine']:<7.4f} {row['median_step_mm']:<7.3f} {row['spread_mm']:<7.3f} {row['lost']:<5} "
+            f"{row['mean_cosine']:<7.4f} {row['median_step_mm']:<7.3f} {spread:<7.3f} {row['lost']:<5} "
             f"{row['share']:<6.3f} {row['correlation_slope']:<7.3f} {row['correlation_gradient']:<9.3f} "
             f"{100 * row['lag']:.1f} %"
         )
@@ -142,19 +148,16 @@ def main() -> None:
     parser.add_argument("--out", type=new_file, help="CSV file of the steps")
     parser.add_argument("--picture", type=new_file)
     parser.add_argument("--json", action="store_true")
-    parser.add_argument(
-        "--runs", type=int, choices=range(1, 101), metavar="N", default=RUNS, help=f"at each place [{RUNS}]"
-    )
-    parser.add_argument(
-        "--restitution", type=between(0, 0.9), default=default.restitution, help=f"[{default.restitution:g}]"
-    )
-    parser.add_argument("--friction", type=between(0, 2), default=default.friction, help=f"[{default.friction:g}]")
-    parser.add_argument(
-        "--damping", type=between(1e-05, 0.1), default=default.damping_ratio, help=f"ratio [{default.damping_ratio:g}]"
-    )
-    parser.add_argument(
-        "--scale", type=between(0.9, 1.1), default=default.frequency_scale, help=f"[{default.frequency_scale:g}]"
-    )
+    runs = f"at each place [{RUNS}]"
+    parser.add_argument("--runs", type=int, choices=range(1, 101), metavar="N", default=RUNS, help=runs)
+    ranges = {
+        "restitution": (default.restitution, 0.0, 0.9),
+        "friction": (default.friction, 0.0, 2.0),
+        "damping": (default.damping_ratio, 1e-5, 0.1),
+        "scale": (default.frequency_scale, 0.9, 1.1),
+    }
+    for name, (usual, low, high) in ranges.items():
+        parser.add_argument(f"--{name}", type=between(low, high), default=usual, help=f"[{usual:g}]")
     parser.add_argument("--quick", action="store_true", help="leave out other restitutions and frictions")
     options = parser.parse_args()
     assumed = Assumed(options.restitution, options.friction, options.damping, options.scale)

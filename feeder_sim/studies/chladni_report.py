@@ -151,7 +151,7 @@ def as_row(steps: Steps, own: Profile) -> dict[str, Any]:
         "median_step_mm": 1e3 * float(np.median(steps.length)),
         "quantile_step_mm": 1e3 * steps.quantile,
         "largest_step_mm": 1e3 * float(steps.length.max()),
-        "spread_mm": 1e3 * steps.spread,
+        "spread_mm": None if math.isnan(steps.spread) else 1e3 * steps.spread,
         "lost": steps.lost,
         "share": share(steps),
         "correlation_gradient": own.correlation("gradient"),
