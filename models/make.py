@@ -17,7 +17,7 @@ from feeder_sim.scene.scene import build_scene
 MODELS = Path(__file__).parent
 SCENARIOS = MODELS.parent / "scenarios"
 
-PLATES = ("plate_180", "plate_180_piezos", "strip_160")
+PLATES = ("plate_180", "plate_180_piezos", "plate_silicon", "strip_160")
 # Scene folder: the scenario it shows.
 SCENES = {"plate_180": "drift_2797hz_plate", "strip_3mm": "drift_4750hz"}
 
