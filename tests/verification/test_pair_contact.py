@@ -290,6 +290,21 @@ def test_head_on_collision_of_balls_in_flight(e: float, diameters: tuple[float, 
     assert frames.position[-1, :, 0] == pytest.approx(places, abs=2e-6)
 
 
+@pytest.mark.parametrize("beside", [0.5e-3, 1.5e-3, 2.5e-3])
+def test_balls_that_meet_off_centre_push_each_other_along_their_centres(beside: float) -> None:
+    """Without friction; the direction is that of the closed form, however the pair stood when it was found."""
+    scene = resting_plate(
+        *(Ball(shape="ball", diameter_mm=3.0, start=Scattered(kind="scattered")),) * 2, part_friction=0.0
+    )
+    way, u = np.array([-5.5e-3, beside, 0.0]), np.array([0.7, 0.0, 0.0])
+    engine = in_the_air(scene, [[0.0, 0.0, 0.05], [way[0], way[1], 0.05]], [[0.0, 0.0, 0.0], [0.7, 0.0, 0.0]])
+    frames = engine.advance(25)
+    met = (-way[0] - np.sqrt(9e-6 - beside**2)) / u[0]
+    normal = (way + u * met) / 3e-3
+    change = np.diff(frames.velocity[-1], axis=0)[0] - u
+    assert change / np.linalg.norm(change) == pytest.approx(normal, abs=3e-3)  # they are found within 3 um
+
+
 @pytest.mark.parametrize("friction", [0.0, 0.3])
 @pytest.mark.parametrize("seed", range(4))
 def test_nuts_that_meet_in_the_air_keep_their_momenta(seed: int, friction: float) -> None:

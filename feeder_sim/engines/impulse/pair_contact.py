@@ -200,7 +200,15 @@ def meet(pair, parts, kinds, hulls, points):
     distance = hull_distance(hulls, a, pair.piece_a, b, pair.piece_b, FAR)
     if distance >= FAR:
         return False
-    if abs(distance) > ROUND_OFF:  # of closest points that coincide the direction is round-off
+    piece_a, piece_b = kinds.piece[pair.piece_a], kinds.piece[pair.piece_b]
+    if _is_ball(piece_a) and _is_ball(
+        piece_b
+    ):  # which meet just when their spheres do, with closest points that coincide
+        write_to(axis, difference(b.position, a.position))
+        size = math.sqrt(dot(axis, axis))
+        for k in range(3):
+            axis[k] /= size
+    elif abs(distance) > ROUND_OFF:  # of closest points that coincide the direction is round-off
         for k in range(3):
             axis[k] = (witness[3 + k] - witness[k]) / distance
         size = math.sqrt(axis[0] ** 2 + axis[1] ** 2 + axis[2] ** 2)
@@ -208,12 +216,17 @@ def meet(pair, parts, kinds, hulls, points):
             axis[k] /= size
     if distance > SLACK:
         return False
-    piece_a, piece_b = kinds.piece[pair.piece_a], kinds.piece[pair.piece_b]
     for k in range(3):
         points[0, k] = 0.5 * (witness[k] + witness[3 + k])
     n = _corners_inside(a, piece_a, b, piece_b, kinds, points, 1)
     n = _corners_inside(b, piece_b, a, piece_a, kinds, points, n)
     return _collide(a, kinds.record[a.kind], b, kinds.record[b.kind], points, n, axis, distance)
+
+
+@inlined
+def _is_ball(piece):
+    """Whether a piece is a single corner, with the radius of its kind around it."""
+    return piece.corner_to - piece.corner_from == 1
 
 
 @compiled
