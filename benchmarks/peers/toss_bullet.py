@@ -5,14 +5,15 @@ from __future__ import annotations
 import importlib
 import importlib.metadata
 import math
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
-from tosses import FRICTION, INERTIA, MASS, RESTITUTION, STEPS_PER_MS, Tosses, corners, starts
+from tosses import INERTIA, MASS, STEPS_PER_MS, corners, start
 
 from feeder_sim.scene.scene import GRAVITY
+from feeder_sim.studies.cube_tosses import FRICTION, RESTITUTION, Toss
 
 bullet: Any = importlib.import_module("pybullet")
 
@@ -25,17 +26,17 @@ SETTINGS = (
 )
 
 
-def final_poses(tosses: Tosses, *, steps_per_ms: int = STEPS_PER_MS, erp: float = 0.0) -> NDArray[np.float64]:
-    """Position [m] and quaternion, w first, after `duration_s` of each toss, shape (n, 7)."""
+def final_poses(tosses: Sequence[Toss], *, steps_per_ms: int = STEPS_PER_MS, erp: float = 0.0) -> NDArray[np.float64]:
+    """Position [m] and quaternion, w first, at the end of each toss, shape (n, 7)."""
     dt, poses = 1e-3 / steps_per_ms, np.empty((len(tosses), 7))
     if not bullet.isConnected():
         bullet.connect(bullet.DIRECT)
-    for i, (place, turn, velocity, spin) in enumerate(zip(*starts(tosses), strict=True)):
+    for i, toss in enumerate(tosses):
         cube = _world(dt, erp)
-        bullet.resetBasePositionAndOrientation(cube, place.tolist(), np.roll(turn, -1).tolist())
-        in_world = Rotation.from_quat(turn, scalar_first=True).apply(spin)  # the data's is in body axes
-        bullet.resetBaseVelocity(cube, velocity.tolist(), in_world.tolist())
-        for _ in range(round(float(tosses["duration_s"][i]) / dt)):
+        bullet.resetBasePositionAndOrientation(cube, start(toss).tolist(), toss.attitude.as_quat().tolist())
+        in_world = toss.attitude.apply(toss.angular_velocity)  # the data's is in body axes
+        bullet.resetBaseVelocity(cube, toss.velocity.tolist(), in_world.tolist())
+        for _ in range(round(toss.duration / dt)):
             bullet.stepSimulation()
         end, end_turn = bullet.getBasePositionAndOrientation(cube)
         poses[i] = [*end, end_turn[3], *end_turn[:3]]

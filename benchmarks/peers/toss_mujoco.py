@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
-from tosses import FRICTION, INERTIA, MASS, RESTITUTION, STEPS_PER_MS, Tosses, corners, starts
+from tosses import INERTIA, MASS, STEPS_PER_MS, corners, start
 
 from feeder_sim.scene.scene import GRAVITY
+from feeder_sim.studies.cube_tosses import FRICTION, RESTITUTION, Toss
 
 FOOT = 1e-5  # radius of the spheres [m]
 SETTINGS = (
@@ -16,17 +19,17 @@ SETTINGS = (
 )
 
 
-def final_poses(tosses: Tosses, *, steps_per_ms: int = STEPS_PER_MS) -> NDArray[np.float64]:
-    """Position [m] and quaternion, w first, after `duration_s` of each toss, shape (n, 7)."""
+def final_poses(tosses: Sequence[Toss], *, steps_per_ms: int = STEPS_PER_MS) -> NDArray[np.float64]:
+    """Position [m] and quaternion, w first, at the end of each toss, shape (n, 7)."""
     dt = 1e-3 / steps_per_ms
     model = mujoco.MjModel.from_xml_string(_xml(dt))
     data = mujoco.MjData(model)
     poses = np.empty((len(tosses), 7))
-    for i, (place, turn, velocity, spin) in enumerate(zip(*starts(tosses), strict=True)):
+    for i, toss in enumerate(tosses):
         mujoco.mj_resetData(model, data)
-        data.qpos[:3], data.qpos[3:] = place, turn
-        data.qvel[:3], data.qvel[3:] = velocity, spin  # MuJoCo's spin is in body axes, as the data's
-        mujoco.mj_step(model, data, nstep=round(float(tosses["duration_s"][i]) / dt))
+        data.qpos[:3], data.qpos[3:] = start(toss), toss.attitude.as_quat(scalar_first=True)
+        data.qvel[:3], data.qvel[3:] = toss.velocity, toss.angular_velocity  # the spin in body axes, as the data's
+        mujoco.mj_step(model, data, nstep=round(toss.duration / dt))
         poses[i] = data.qpos
     return poses
 

@@ -1,7 +1,10 @@
 """Measured tosses of a cube against this package, and against Bullet where its results are given.
 
     python benchmarks/validation/cube_tosses.py [--data FILE] [--json] [--engine mujoco] [--friction 0.15]
-    python benchmarks/validation/cube_tosses.py --steps 20 40 80 160 --csv FILE --picture FILE
+    python benchmarks/validation/cube_tosses.py --engine both --steps 20 40 80 160 --csv FILE --picture FILE
+
+The picture also shows what is in cube_tosses_points.csv and, of other engines (benchmarks/peers/tosses.py --csv), in
+cube_tosses_peers.csv beside this script.
 
 `same_face`: share of the tosses that end with the measured face up; `median_error_mm`: of the distance between the
 computed and the measured last place of the centre. Friction 0.18 and restitution 0.125 are those of the authors of the
@@ -22,7 +25,7 @@ from feeder_sim.plots.cube_tosses import draw_tosses
 from feeder_sim.studies.cube_tosses import FRICTION, STEPS, Engine, compute_tosses, read_tosses
 
 DATA = Path(__file__).parent / "cube_tosses.csv"
-POINTS = Path(__file__).parent / "cube_tosses_points.csv"
+POINTS = (Path(__file__).parent / "cube_tosses_points.csv", Path(__file__).parent / "cube_tosses_peers.csv")
 COLUMNS = ("engine", "steps_per_ms", "same_face", "median_error_mm", "median_angle_deg", "n", "processor_s_per_s")
 PERIOD_MS = 4.0  # that the steps of a plate at rest are counted in
 
@@ -35,7 +38,7 @@ def main() -> int:
     parser.add_argument("--friction", type=float, default=FRICTION, help=f"of cube and board [{FRICTION}]")
     parser.add_argument("--json", action="store_true", help="print JSON")
     parser.add_argument("--csv", type=Path, help="write a row for each engine and number of steps")
-    parser.add_argument("--picture", type=Path, help="draw the ends, and error over cost with the rows of a CSV beside")
+    parser.add_argument("--picture", type=Path, help="draw the ends, and error over cost")
     options = parser.parse_args()
     try:
         return compared(options)
@@ -66,8 +69,11 @@ def compared(options: argparse.Namespace) -> int:
             writer.writeheader()
             writer.writerows(rows)
     if options.picture:
-        with (options.csv or POINTS).open(newline="", encoding="utf-8") as file:
-            draw_tosses(studies, list(csv.DictReader(file)), options.picture)
+        points = []
+        for path in POINTS:
+            with path.open(newline="", encoding="utf-8") as file:
+                points += list(csv.DictReader(file))
+        draw_tosses(studies, points, options.picture)
     return 0
 
 

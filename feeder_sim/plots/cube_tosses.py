@@ -11,7 +11,7 @@ from feeder_sim.plots.figure import MM, empty_figure
 from feeder_sim.studies.cube_tosses import EDGE_MM, TossStudy
 
 DRAWN = 24  # tosses in the plan view
-COLOURS = {"impulse": "#c23030", "mujoco": "#1f5fa8", "bullet": "#6b8e23", "plain MuJoCo": "#5fa4d8"}
+COLOURS = {"impulse": "#c23030", "mujoco": "#1f5fa8", "Bullet": "#6b8e23", "plain MuJoCo": "#5fa4d8"}
 OTHERS = "#8b5a2b"
 LARGEST_MM = 200.0
 COSTS = (1e-3, 1.0)  # [s/s]

@@ -32,15 +32,23 @@ def uncovered_laws(scenario: Scenario, *, in_mujoco: bool) -> Iterator[str]:
         if scenario.run.reaction:
             yield f"contact.tangential_restitution is {beta:g}, allowed is none with run.reaction = true"
     if zener:
-        if scenario.plate.kind == "piston":
-            yield 'contact.restitution is "zener", allowed is a number with plate.kind = "piston", which does not bend'
-        for problem in _not_balls_on_a_plate(scenario):
+        if scenario.plate.kind in ("piston", "still"):
+            kind = scenario.plate.kind
+            yield f'contact.restitution is "zener", allowed is a number with plate.kind = "{kind}", which does not bend'
+        for problem in (*_not_balls_on_a_plate(scenario), *_weighed(scenario)):
             yield f'contact.restitution is "zener", allowed is a number {problem}'
         if getattr(scenario.plate, "rim", False):
             yield 'contact.restitution is "zener", allowed is a number with plate.rim = true, whose walls do not bend'
         if scenario.run.reaction:
             why = "which would take the energy of the waves twice"
             yield f'contact.restitution is "zener", allowed is a number with run.reaction = true, {why}'
+
+
+def _weighed(scenario: Scenario) -> Iterator[str]:
+    """Balls that are not solid, whose elastic constants nobody knows."""
+    for i, part in enumerate(scenario.part):
+        if part.mass_g is not None:
+            yield f"with part[{i}].mass_g: its law is for solid balls"
 
 
 def _not_balls_on_a_plate(scenario: Scenario) -> Iterator[str]:

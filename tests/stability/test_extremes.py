@@ -63,6 +63,24 @@ def test_a_nut_rests_on_a_plate_that_is_driven_slowly_or_not(engine: Engine, fre
     assert guard.states(result.seeds[0].frames).of_frames(DEPTH).max() < 4e-5
 
 
+def test_a_ball_stays_on_a_plate_that_moves_far_and_slowly_beside_a_fast_drive() -> None:
+    """Where only a slow drive acts, steps become longer; the plate went through the ball within one."""
+    drives = [{"frequency_hz": 10.0, "amplitude_um": 8e3, "ring_up": False}, {"frequency_hz": 1e3, "amplitude_um": 0.0}]
+    scenario = scenario_of(
+        plate={"kind": "piston", "thickness_mm": 20.0},
+        drive=drives,
+        part=[{"shape": "ball", "diameter_mm": 3.0}],
+        contact={"restitution": 0.0},
+        run={"duration_s": 0.3, "seeds": 1, "frames_per_second": 1000.0},
+    )
+    result = simulate(scenario)
+    assert not result.failures
+    frames, surface = result.seeds[0].frames, result.prepared.scene.surface
+    height = [surface.displacement(np.zeros((1, 2)), t)[0, 2] for t in frames.time]
+    over = frames.position[:, 0, 2] - result.prepared.scene.kinds[0].size - height
+    assert over.min() > -1e-6
+
+
 def test_a_step_is_no_longer_than_a_fast_part_allows() -> None:
     """A share of a part is what it may enter; the guard's limit follows the step."""
     slow, fast = (

@@ -24,7 +24,8 @@ from test_screenshot import DRIVERS
 
 PAGES = ["README.md", "CONTRIBUTING.md", *sorted(f"docs/{page.name}" for page in REPOSITORY.glob("docs/*.md"))]
 MORE_PAGES = ["CHANGELOG.md", "models/README.md", "benchmarks/peers/README.md"]  # whose links are looked at, too
-COPIED = ("scenarios", "models", "docs/tutorial")
+COPIED = ("scenarios", "models", "docs/tutorial", "benchmarks/validation")
+SCRIPTS = ("benchmarks/", "docs/figures/")
 SLOW = "# takes minutes"
 PROGRAMS = ("feeder-sim", ".venv/bin/feeder-sim")
 # What these do is tested elsewhere, or is not for a test to do: they install, open a window, or run the tests.
@@ -60,7 +61,7 @@ class Command:
         """The command without its arguments as this interpreter runs it; empty where it does not."""
         if self.words[0] in PROGRAMS:
             return sys.executable, "-m", "feeder_sim"
-        if self.words[0] == "python" and self.words[1:2] and self.words[1].startswith("benchmarks/"):
+        if self.words[0] == "python" and self.words[1:2] and self.words[1].startswith(SCRIPTS):
             return (sys.executable,)
         return ("cp",) if self.words[0] == "cp" else ()
 

@@ -12,6 +12,7 @@ from feeder_sim.machine_code import compiled
 from feeder_sim.scene.scene import GRAVITY
 
 BEAT = 1e-4  # relative; damping alone shifts the frequency of the transient by a hundredth of this
+COVERED = 5e-5  # [m]; what a surface may cover in such a longer step: a corner far below it counts as beside the plate
 ALLOWANCE = 1.01  # on envelopes, which are looked at on both ends of the window
 MUCH_FASTER = 1.5  # than all that act: from here on longer steps pay
 CALM = 3e-3, 1e-6  # [m/s], [m]; a plate that is not driven and moves no faster and no farther lets parts sleep
@@ -69,7 +70,7 @@ def bound_window(acting, extremes, start, stop, step, top):
     as much longer. Terms of one mode and one frequency add up as phasors (a ring-up begins at nothing), others as
     moduli (they beat).
     """
-    now = fastest_rate(acting)
+    now, own_step = fastest_rate(acting), step
     if now > 0.0 and top > MUCH_FASTER * now:
         step *= top / now
     antinode, steepest = extremes[0], extremes[1]
@@ -92,6 +93,8 @@ def bound_window(acting, extremes, start, stop, step, top):
         slope += envelope * steepest[shape]
         speed += envelope * fastest * antinode[shape]
         together += acceleration[shape] * antinode[shape]
+    if step > own_step and speed * step > COVERED:
+        step = max(own_step, COVERED / speed)
     rest_step = step if driven else max(step, math.sqrt(2.0 * SAG / (GRAVITY + together)))
     calm = not driven and speed <= CALM[0] and crest <= CALM[1]
     return Bounds(stop, crest, slope, acceleration, speed, step, rest_step, calm)
