@@ -5,6 +5,7 @@ from feeder_sim.scenario.material import CustomMaterial, resolve_material
 from feeder_sim.scenario.part import (
     Ball,
     Cylinder,
+    Dimer,
     Heap,
     HexNut,
     MeshPart,
@@ -47,6 +48,7 @@ __all__ = [
     "Contact",
     "CustomMaterial",
     "Cylinder",
+    "Dimer",
     "Drive",
     "Excitation",
     "Goal",

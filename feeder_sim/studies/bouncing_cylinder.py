@@ -20,14 +20,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from feeder_sim.engines.impact_log import new_log
-from feeder_sim.engines.impulse.alone import Alone, ContactNotes, advance_alone
-from feeder_sim.engines.impulse.alone import Drive as MovingPlate
-from feeder_sim.engines.impulse.engine import WINDOW_ALONE
-from feeder_sim.engines.impulse.frame_rows import POSITION, ROW, FrameRows
-from feeder_sim.engines.impulse.kinds import read_kinds
-from feeder_sim.engines.impulse.state import new_parts, new_scratch
-from feeder_sim.engines.surface_arrays import surface_arrays
 from feeder_sim.measures.statistic import Statistic
 from feeder_sim.plate.materials import Material
 from feeder_sim.plate.mode_shapes import standing_wave
@@ -35,6 +27,7 @@ from feeder_sim.plate.rectangle import RectangularPlate
 from feeder_sim.scenario import Contact, CustomMaterial, Cylinder, Drive, Run, Scenario, Start, Strip
 from feeder_sim.scene.scene import Scene, build_scene
 from feeder_sim.single_thread import single_threaded
+from feeder_sim.studies.paths import follow
 from feeder_sim.studies.vertex_impacts import Body, Law, Times, Wave, bounce, mean_slope
 
 WAVELENGTH, DIAMETER, HEIGHT = 6e-3, 0.6e-3, 0.3e-3  # [m]
@@ -202,26 +195,4 @@ def _by_engine(scene: Scene, distance: Floats, time: Floats) -> Floats:
         turn[:, 0], turn[:, 1] = tilt * np.cos(way), tilt * np.sin(way)
         lift = 0.5 * DIAMETER * np.sin(tilt)
     places = np.stack([distance, np.zeros_like(distance), 0.5 * HEIGHT + lift], axis=1)
-    return follow(scene, places, Rotation.from_rotvec(turn), time)[:, :, 0]
-
-
-def follow(scene: Scene, places: Floats, attitudes: Rotation, time: Floats) -> Floats:
-    """Places (starts, times, 3) [m] of the one free part of a scene at times (times,) [s], the first of them 0.
-
-    It starts at rest at `places` (starts, 3) [m] with attitudes of its own.
-    """
-    kinds = read_kinds(scene)
-    principal = scene.principal_attitudes(attitudes.as_quat(scalar_first=True)[:, None])[:, 0]
-    turned = Rotation.from_quat(principal, scalar_first=True).as_matrix()
-    parts = new_parts(places, turned, np.zeros(len(places), np.int64))
-    work = new_scratch(kinds, scene.surface.n_shapes)
-    surface = surface_arrays(scene.surface, scene.scenario.run)
-    drive = MovingPlate(surface, scene.surface.extremes, scene.timestep, WINDOW_ALONE)
-    found = np.empty((len(places), len(time), 3))
-    found[:, 0] = places
-    for k in range(len(places)):
-        rows = np.empty((len(time) - 1, 1, ROW))
-        alone, notes = Alone(parts[k : k + 1], kinds, None, work), ContactNotes(new_log(1), np.zeros(2))
-        advance_alone(alone, drive, notes, np.zeros(3), FrameRows(time[1:], rows, np.zeros(1, np.int64)))
-        found[k, 1:] = rows[:, 0, POSITION]
-    return found
+    return follow(scene, places, Rotation.from_rotvec(turn), time)[0][:, :, 0]
