@@ -30,9 +30,8 @@ def main() -> None:
     found, rows = [], []
     for friction in FRICTIONS:
         if not options.json:
-            print(
-                f"friction {friction:g}: 1 + 1/mu = {turning_point(friction):.2f}\n  ratio  in the mode  speed (mm/s)  by steps  Poisson"
-            )
+            print(f"friction {friction:g}: 1 + 1/mu = {turning_point(friction):.2f}")
+            print("  ratio  in the mode  speed (mm/s)  by steps  Poisson")
         for ratio in ASPECT_RATIOS:
             drift = dimer_drift(ratio, friction, options.seeds)
             speed = drift.speed_mm_s
