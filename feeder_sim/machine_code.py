@@ -14,6 +14,8 @@ import functools
 import gc
 import hashlib
 import importlib.metadata
+import itertools
+import os
 import pickle
 import platform
 import shutil
@@ -25,6 +27,7 @@ import llvmlite.binding
 import numba
 from filelock import FileLock
 from numba.core import types
+from numba.core.bytecode import FunctionIdentity
 from numba.core.caching import CompileResultCacheImpl, FunctionCache, _CacheLocator
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler_lock import global_compiler_lock
@@ -41,6 +44,11 @@ INGREDIENTS = all(
     hasattr(JITCodeLibrary, name)
     for name in ("_optimize_final_module", "_finalize_final_module", "_finalize_dynamic_globals", "_ensure_finalized")
 ) and tuple(map(int, numba.__version__.split(".")[:2])) >= (0, 62)
+# In machine code numba names a version of a function by the number at which it was compiled and by the types it takes,
+# a record by another number. Both counts begin at 1 in every process. So two versions that two processes have compiled
+# may bear the same name, and a third process that loads both runs one of them for the other. It does not where every
+# process counts from somewhere else.
+FunctionIdentity._unique_ids = itertools.count(int.from_bytes(os.urandom(5), "big"))
 DAMAGED = (EOFError, ValueError, pickle.UnpicklingError)  # what reading a damaged file of the cache ends in
 _njit: Any = numba.njit  # whose stubs do not know all options
 F = TypeVar("F", bound=Callable[..., Any])

@@ -27,6 +27,7 @@ def catalogue(folder: Path) -> dict[str, dict[str, str]]:
             "ball": "diameter_mm",
             "cylinder": "diameter_mm, height_mm",
             "box": "size_mm",
+            "dimer": "ball_diameter_mm, length_mm",
             "mesh": "any closed mesh file",
         },
         "materials": {name: f"{m.density:g} kg/m3, {m.youngs_modulus / 1e9:g} GPa" for name, m in MATERIALS.items()},

@@ -30,7 +30,7 @@ class RigidPart:
         name: for messages and the scene.
         mass: [kg].
         inertia: principal moments, shape (3,) [kg m^2].
-        corners: points that can touch the plate, shape (n, 3) [m]; one point at the origin for a ball.
+        corners: points that can touch the plate, shape (n, 3) [m]; centres of a ball or of a dimer's balls.
         corner_radius: radius of the sphere around each corner [m], 0 for true corners.
         vertices, faces: closed mesh for drawing, shapes (n, 3) [m] and (m, 3).
         principal_axes: attitude of the principal axes in the part's axes, quaternion (4,), w first.
@@ -68,7 +68,8 @@ class RigidPart:
     def thinnest(self) -> float:
         """Smallest extent along a principal axis [m]; that of a part in a plane lies in it."""
         extent = np.ptp(self.in_principal_axes(self.corners), axis=0)
-        return float(min((d for d in extent if d > 0.0), default=0.0) + 2.0 * self.corner_radius)
+        across = min((d for d in extent if d > 0.0), default=0.0) if self.corner_radius == 0.0 else extent.min()
+        return float(across + 2.0 * self.corner_radius)
 
     @property
     def is_turned(self) -> bool:

@@ -1,4 +1,4 @@
-"""Parts by dimensions: hexagon nuts, balls, cylinders, blocks; their principal axes are those they are drawn in.
+"""Parts by dimensions: nuts, balls, cylinders, blocks, dimers; their principal axes are those they are drawn in.
 
 Formulas: regular hexagon of circumradius R, area 3 sqrt(3)/2 R^2, polar second moment 5 sqrt(3)/8 R^4; the bore is
 taken out of mass and inertia. Nut dimensions: ISO 4032 (width across flats s, largest height m), bore = nominal size.
@@ -77,6 +77,31 @@ def box(sides: tuple[float, float, float], density: float, name: str) -> RigidPa
     corners = 0.5 * np.array([[i * x, j * y, k * z] for i in (-1, 1) for j in (-1, 1) for k in (-1, 1)])
     inertia = mass / 12.0 * np.array([y * y + z * z, z * z + x * x, x * x + y * y])
     return RigidPart(name, mass, inertia, corners, 0.0, np.array(drawn.vertices), np.array(drawn.faces))
+
+
+def dimer(
+    diameter: float, length: float, density: float, name: str, *, rod_diameter: float, rod_density: float = 0.0
+) -> RigidPart:
+    """Two solid balls on a rod along x that meet a plate with their spheres; the rod counts for mass and drawing only.
+
+    Diameter of the balls, length over all, rod diameter [m]; densities of balls and rod [kg/m^3].
+    """
+    import trimesh
+
+    radius, apart = diameter / 2.0, length - diameter
+    ball_mass, own = density * 4.0 / 3.0 * math.pi * radius**3, 0.4 * radius**2
+    rod_radius, rod_length = rod_diameter / 2.0, apart - diameter
+    rod_mass = rod_density * math.pi * rod_radius**2 * rod_length
+    axial = 2.0 * ball_mass * own + rod_mass * rod_radius**2 / 2.0
+    transverse = 2.0 * ball_mass * (own + apart**2 / 4.0) + rod_mass * (3.0 * rod_radius**2 + rod_length**2) / 12.0
+    corners = np.array([[-apart / 2.0, 0.0, 0.0], [apart / 2.0, 0.0, 0.0]])
+    balls = [trimesh.creation.icosphere(subdivisions=3, radius=radius).apply_translation(corner) for corner in corners]
+    rod = trimesh.creation.cylinder(radius=rod_radius, segment=corners)
+    drawn = trimesh.util.concatenate([*balls, rod])
+    assert isinstance(drawn, trimesh.Trimesh)
+    inertia = np.array([axial, transverse, transverse])
+    mass = 2.0 * ball_mass + rod_mass
+    return RigidPart(name, mass, inertia, corners, radius, np.array(drawn.vertices), np.array(drawn.faces))
 
 
 def _ring_mesh(

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from feeder_sim.part.stable_poses import NONE
 from feeder_sim.records.trajectory import Frames, PartRecord
 from feeder_sim.replay.parts import NUT
-from feeder_sim.scenario import Ball, Box, Cylinder, HexNut, PartSpec, Scenario
+from feeder_sim.scenario import Ball, Box, Cylinder, Dimer, HexNut, PartSpec, Scenario
 
 Colour = Literal["kind", "pose"]  # what colours stand for
 IN_NO_POSE = (150, 150, 150)
@@ -107,4 +107,6 @@ def _kind_name(part: PartSpec) -> str:
         return f"cylinder {part.diameter_mm:g} x {part.height_mm:g} mm"
     if isinstance(part, Box):
         return "box " + " x ".join(f"{side:g}" for side in part.size_mm) + " mm"
+    if isinstance(part, Dimer):
+        return f"dimer {part.length_mm:g} mm"
     return PurePath(part.file).stem

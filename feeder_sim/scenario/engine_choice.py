@@ -83,6 +83,22 @@ def uncovered(scenario: Scenario) -> Iterator[str]:
     if run.reaction:
         yield from _uncovered_with_reaction(scenario, in_mujoco=in_mujoco)
     yield from uncovered_laws(scenario, in_mujoco=in_mujoco)
+    if any(part.shape == "dimer" for part in scenario.part):
+        yield from _uncovered_of_dimers(scenario, in_mujoco=in_mujoco)
+
+
+def _uncovered_of_dimers(scenario: Scenario, *, in_mujoco: bool) -> Iterator[str]:
+    """What cannot be computed with dimers, which have no hull that other bodies could meet; as for `uncovered`."""
+    if scenario.n_parts > 1:
+        yield f"part.count adds up to {scenario.n_parts}, allowed is 1 with a dimer: it meets no other parts"
+    if getattr(scenario.plate, "rim", False):
+        yield "plate.rim is true, allowed is false with a dimer: it meets no walls"
+    if scenario.refill is not None:
+        yield "refill is given, allowed is none with a dimer"
+    if scenario.run.reaction:
+        yield "run.reaction is true, allowed is false with a dimer"
+    if in_mujoco:
+        yield 'run.engine is "mujoco", allowed is "impulse" with a dimer'
 
 
 def _uncovered_with_reaction(scenario: Scenario, *, in_mujoco: bool) -> Iterator[str]:

@@ -231,6 +231,30 @@ class Box(_Part):
     size_mm: tuple[LengthMm, LengthMm, LengthMm]
 
 
+class Dimer(_Part):
+    """Two solid balls, rigidly joined by a rod, lying at the start; alone on a plate without rim.
+
+    The rod has no mass unless `rod_density_kg_m3` says so, and touches nothing.
+    """
+
+    shape: Literal["dimer"]
+    ball_diameter_mm: LengthMm
+    length_mm: LengthMm
+    rod_diameter_mm: LengthMm | None = None
+    rod_density_kg_m3: Annotated[float, Field(ge=0, le=1e5, allow_inf_nan=False, strict=True)] = 0.0
+
+    @model_validator(mode="after")
+    def _balls_beside_each_other(self) -> Self:
+        shortest = 2.0 * self.ball_diameter_mm
+        if self.length_mm < shortest:
+            raise ValueError(f"length_mm is {self.length_mm:g}, allowed is at least {shortest:g}, two balls in a row")
+        if self.rod_diameter_mm is not None and self.rod_diameter_mm > self.ball_diameter_mm:
+            raise ValueError(f"rod_diameter_mm is {self.rod_diameter_mm:g}, allowed is up to ball_diameter_mm")
+        if self.guide is not None:
+            raise ValueError("guide is given, allowed is none for a dimer")
+        return self
+
+
 class MeshPart(_Part):
     """A closed triangle mesh; mass and inertia are those of the solid.
 
@@ -259,4 +283,4 @@ class MeshPart(_Part):
         return self
 
 
-PartSpec = Annotated[HexNut | Ball | Cylinder | Box | MeshPart, Field(discriminator="shape")]
+PartSpec = Annotated[HexNut | Ball | Cylinder | Box | Dimer | MeshPart, Field(discriminator="shape")]

@@ -9,10 +9,12 @@ import numpy as np
 from feeder_sim.errors import InputError
 from feeder_sim.part.mesh_part import mesh_part
 from feeder_sim.part.rigid_part import RigidPart
-from feeder_sim.part.solids import ISO_4032, ball, box, cylinder, hex_nut
-from feeder_sim.scenario import Ball, Box, Cylinder, HexNut, PartSpec, resolve_material
+from feeder_sim.part.solids import ISO_4032, ball, box, cylinder, dimer, hex_nut
+from feeder_sim.scenario import Ball, Box, Cylinder, Dimer, HexNut, PartSpec, resolve_material
 
 LEAST_INERTIA = 1e-15  # [kg], [kg m^2]: what MuJoCo takes for zero; a steel ball of 0.3 mm has just more
+
+ROD = 0.2  # diameter of a dimer's rod over that of its balls, where none is given
 
 
 def build_part(spec: PartSpec, *, name: str = "part") -> RigidPart:
@@ -54,6 +56,10 @@ def _shaped(spec: PartSpec, density: float, name: str) -> RigidPart:
     if isinstance(spec, Box):
         x, y, z = (1e-3 * side for side in spec.size_mm)
         return box((x, y, z), density, name)
+    if isinstance(spec, Dimer):
+        diameter, length = 1e-3 * spec.ball_diameter_mm, 1e-3 * spec.length_mm
+        rod = 1e-3 * spec.rod_diameter_mm if spec.rod_diameter_mm else ROD * diameter
+        return dimer(diameter, length, density, name, rod_diameter=rod, rod_density=spec.rod_density_kg_m3)
     error = 1e-6 * spec.corner_error_um
     return mesh_part(spec.file, spec.file_unit_mm, density, name, corner_error=error, pieces=spec.pieces_file)
 

@@ -39,9 +39,16 @@ from feeder_sim.machine_code import compiled
 @compiled
 def law(x):
     return 2 * x
+
+@compiled
+def sum_of_ends(records, first, last):
+    if last - first == 1:
+        return records[first].end
+    middle = (first + last) // 2
+    return sum_of_ends(records, first, middle) + sum_of_ends(records, middle, last)
 """
 ENTRIES = """
-from feeder_sim.inner import law
+from feeder_sim.inner import law, sum_of_ends
 from feeder_sim.machine_code import entry_point
 
 @entry_point
@@ -55,6 +62,10 @@ def second(x):
 @entry_point
 def third(x):
     return first(x) - second(x)
+
+@entry_point
+def ends(records):
+    return law(sum_of_ends(records, 0, records.shape[0]))
 """
 
 # Prints what the entries make of some numbers, and how many of them had to be compiled for it.
@@ -85,6 +96,21 @@ sys.stdin.readline()
 """
     + CALL
 )
+
+# Doubles and sums the last number of three records, whose fields hold 0, 1, 2, one kind of record after the other.
+RECORDS = """
+import json, sys
+import numpy as np
+from feeder_sim.entries import ends
+
+values = []
+for fields in json.loads(sys.argv[1]):
+    records = np.zeros(3, [(name, "f8") for name in fields])
+    for number, name in enumerate(fields):
+        records[name] = number
+    values.append(ends(records))
+print(json.dumps({"values": values, "compiled": sum(ends.stats.cache_misses.values())}))
+"""
 
 # Free fall of a part in the impulse engine, by the function that all flights go through.
 FALL = """
@@ -197,6 +223,14 @@ def test_a_second_process_compiles_nothing(copy: Copy) -> None:
     assert len(before) == 3 + 6  # an index for each function, and its code
     assert copy.call(3, 0.5) == {"values": expected(3, 0.5), "compiled": 0}
     assert copy.files() == before
+
+
+def test_versions_that_two_processes_compiled_are_told_apart_by_a_third(copy: Copy) -> None:
+    """Both compile the same function first, for records of which each is the first that it meets."""
+    short, long = ["begin", "end"], ["begin", "middle", "end"]
+    for kind, value in ((short, 6.0), (long, 12.0)):
+        assert copy.run(RECORDS, [kind]) == {"values": [value], "compiled": 1}
+    assert copy.run(RECORDS, [short, long, short]) == {"values": [6.0, 12.0, 6.0], "compiled": 0}
 
 
 def test_a_constant_of_another_file_is_the_present_one(copy: Copy) -> None:

@@ -10,7 +10,8 @@ from scipy.spatial.transform import Rotation
 
 from feeder_sim.errors import InputError
 from feeder_sim.part.solids import ISO_4032
-from feeder_sim.scenario import Ball, Cylinder, HexNut, MeshPart, Tube
+from feeder_sim.scenario import Ball, Cylinder, Dimer, HexNut, MeshPart, Scenario, Tube
+from feeder_sim.scenario.tables import validated
 from feeder_sim.scene.part import build_part
 
 
@@ -47,6 +48,51 @@ def test_ball_and_cylinder() -> None:
     mesh.density = 7850.0
     assert rod.mass == pytest.approx(mesh.mass, rel=1e-3)
     assert rod.inertia == pytest.approx(np.diag(mesh.moment_inertia), rel=1e-3)
+
+
+@pytest.mark.parametrize("rod_density", [0.0, 2500.0])
+def test_a_dimer_is_two_balls_on_a_rod(rod_density: float) -> None:
+    spec = Dimer(
+        shape="dimer", ball_diameter_mm=5.0, length_mm=25.0, rod_diameter_mm=1.0, rod_density_kg_m3=rod_density
+    )
+    part = build_part(spec)
+    ball = build_part(Ball(shape="ball", diameter_mm=5.0))
+    rod = trimesh.creation.cylinder(radius=0.5, height=15.0, sections=400)  # in mm, as trimesh has no tiny bodies
+    rod.apply_transform(trimesh.transformations.rotation_matrix(np.pi / 2, [0, 1, 0]))
+    rod.density = 1e-9 * rod_density
+    assert part.mass == pytest.approx(2.0 * ball.mass + rod.mass, rel=1e-4)
+    balls = 2.0 * ball.inertia + 2.0 * ball.mass * 0.01**2 * np.array([0.0, 1.0, 1.0])
+    assert part.inertia == pytest.approx(balls + 1e-6 * np.diag(rod.moment_inertia), rel=1e-4)
+    assert (part.longest, part.thinnest, part.size) == pytest.approx((0.025, 0.005, 0.0125))
+    upright = np.asarray(Rotation.from_euler("y", 90.0, degrees=True).as_quat(scalar_first=True))
+    assert [part.lowest(np.array(q)) for q in ((1.0, 0.0, 0.0, 0.0), upright)] == pytest.approx([-0.0025, -0.0125])
+    assert part.vertices.max(axis=0) == pytest.approx([0.0125, 0.0025, 0.0025], rel=1e-2)
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"part": {"length_mm": 9.0}}, "length_mm is 9, allowed is at least 10"),
+        ({"part": {"rod_diameter_mm": 6.0}}, "rod_diameter_mm is 6, allowed is up to ball_diameter_mm"),
+        ({"part": {"guide": {"kind": "slide"}}}, "guide is given, allowed is none for a dimer"),
+        ({"part": {"count": 2, "start": {"kind": "scattered"}}}, "part.count adds up to 2, allowed is 1 with a dimer"),
+        ({"plate": {"rim": True}}, "plate.rim is true, allowed is false with a dimer"),
+        ({"run": {"engine": "mujoco"}}, 'run.engine is "mujoco", allowed is "impulse" with a dimer'),
+    ],
+)
+def test_a_dimer_is_refused_where_it_would_meet_other_bodies(changes: dict[str, Any], message: str) -> None:
+    raw: dict[str, Any] = {
+        "plate": {"kind": "piston"},
+        "drive": [{"frequency_hz": 25.0, "amplitude_um": 300.0}],
+        "part": {"shape": "dimer", "ball_diameter_mm": 5.0, "length_mm": 25.0},
+        "run": {"duration_s": 1.0},
+    }
+    for table, keys in changes.items():
+        raw[table] = raw[table] | keys
+    with pytest.raises(InputError) as error:
+        validated(raw | {"part": [raw["part"]]}, Scenario, Path("dimer.toml"))
+    assert message in str(error.value)
+    assert "\n" not in str(error.value)
 
 
 @pytest.mark.parametrize("tilt", [0.0, 0.4, 1.5])
