@@ -6,7 +6,7 @@ Columns: what the program gave; its rules in a program of our own, with Poisson'
 Newton's as the engines have; the engine with the same rectangle in the same plane; and a cylinder in space. Then on a
 surface whose points move in the plane of the plate too, as those of a plate of 0.5 mm would: its rules, the same with
 an impulse at each vertex in place of one at their mean, and the engine.
-feeder_sim/studies/bouncing_cylinder.py says more.
+feeder_sim/studies/validation/bouncing_cylinder.py says more.
 """
 
 from __future__ import annotations
@@ -15,8 +15,8 @@ import argparse
 import json
 from pathlib import Path
 
-from feeder_sim.plots.bouncing_cylinder import draw_bouncing_cylinder
-from feeder_sim.studies.bouncing_cylinder import METHODS, compare
+from feeder_sim.plots.validation.bouncing_cylinder import draw_bouncing_cylinder
+from feeder_sim.studies.validation.bouncing_cylinder import METHODS, compare
 
 HEADS = {
     "rules": "its rules",

@@ -4,8 +4,8 @@
 
 Steel balls of 5 mm, 25 Hz, 0.9 g, restitution 0.7, three coefficients of friction. The mode depends on the start, so
 that only some starts end in it. Speeds are positive toward the ball that bounces. Beside them are those of a program of
-its own (feeder_sim/studies/dimer_by_steps.py), with the same law of restitution, Newton's, and with Poisson's.
-feeder_sim/studies/bouncing_dimer.py says where the direction changes.
+its own (dimer_by_steps.py in feeder_sim/studies/validation), with the same law of restitution, Newton's, and with
+Poisson's. bouncing_dimer.py there says where the direction changes.
 """
 
 from __future__ import annotations
@@ -14,8 +14,8 @@ import argparse
 import json
 from pathlib import Path
 
-from feeder_sim.plots.bouncing_dimer import draw_bouncing_dimer
-from feeder_sim.studies.bouncing_dimer import dimer_drift, speed_by_steps, turning_point
+from feeder_sim.plots.validation.bouncing_dimer import draw_bouncing_dimer
+from feeder_sim.studies.validation.bouncing_dimer import dimer_drift, speed_by_steps, turning_point
 
 FRICTIONS = (0.1, 0.2, 0.3)
 ASPECT_RATIOS = (3.5, 4.0, 4.5, 5.0, 5.5, 6.0, 7.0, 8.0, 9.0, 10.0, 12.0, 14.0)

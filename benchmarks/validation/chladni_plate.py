@@ -28,9 +28,16 @@ from typing import Any
 import numpy as np
 
 from feeder_sim.errors import InputError
-from feeder_sim.plots.chladni_plate import save_chladni_plate
-from feeder_sim.studies.chladni_plate import NOTES_HZ, Assumed, Steps, chladni_modes, find_amplitude, note_field
-from feeder_sim.studies.chladni_report import (
+from feeder_sim.plots.validation.chladni_plate import save_chladni_plate
+from feeder_sim.studies.validation.chladni_plate import (
+    NOTES_HZ,
+    Assumed,
+    Steps,
+    chladni_modes,
+    find_amplitude,
+    note_field,
+)
+from feeder_sim.studies.validation.chladni_report import (
     BIN_EDGES,
     as_row,
     as_table,

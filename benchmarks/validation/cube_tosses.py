@@ -21,8 +21,8 @@ from pathlib import Path
 from typing import get_args
 
 from feeder_sim.errors import FeederSimError
-from feeder_sim.plots.cube_tosses import draw_tosses
-from feeder_sim.studies.cube_tosses import FRICTION, STEPS, Engine, compute_tosses, read_tosses
+from feeder_sim.plots.validation.cube_tosses import draw_tosses
+from feeder_sim.studies.validation.cube_tosses import FRICTION, STEPS, Engine, compute_tosses, read_tosses
 
 DATA = Path(__file__).parent / "cube_tosses.csv"
 POINTS = (Path(__file__).parent / "cube_tosses_points.csv", Path(__file__).parent / "cube_tosses_peers.csv")

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from feeder_sim.errors import InputError
-from feeder_sim.studies.ellipse_impacts import (
+from feeder_sim.studies.validation.ellipse_impacts import (
     FRICTION,
     HOMOGENEOUS,
     INVERSE_INERTIA,
@@ -63,7 +63,7 @@ def main() -> int:
     if laws:
         found["laws"] = {law.law.name: _row(law) for law in laws}
     if options.picture:
-        from feeder_sim.plots.ellipse_impacts import draw_ellipse_impacts
+        from feeder_sim.plots.validation.ellipse_impacts import draw_ellipse_impacts
 
         draw_ellipse_impacts(impacts, laws, options.picture)
     print(json.dumps(found) if options.json else _text(found))

@@ -15,7 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
-from feeder_sim.studies.oblique_spheres import ANGLES, Rebound, by_engine, by_law, sliding_angle, theory
+from feeder_sim.studies.validation.oblique_spheres import ANGLES, Rebound, by_engine, by_law, sliding_angle, theory
 
 
 def main() -> None:
@@ -31,7 +31,7 @@ def main() -> None:
         "mujoco": by_engine(angle, "mujoco"),
     }
     if options.picture:
-        from feeder_sim.plots.oblique_spheres import draw_oblique_spheres
+        from feeder_sim.plots.validation.oblique_spheres import draw_oblique_spheres
 
         draw_oblique_spheres(angle, methods, options.picture)
     rows = [_row(methods, i) for i in range(len(angle))]

@@ -15,7 +15,7 @@ from pathlib import Path
 
 from feeder_sim.plate.materials import MATERIALS
 from feeder_sim.plate.rectangle import RectangularPlate
-from feeder_sim.studies.zener_prediction import predict, yield_speed
+from feeder_sim.studies.validation.zener_prediction import predict, yield_speed
 
 SPEEDS = (0.1, 0.2, 0.3, 0.5, 0.7, 1.0)
 DRAWN = (0.1, 0.3, 1.0)
@@ -42,7 +42,7 @@ def main() -> None:
     rows = predict(ball, 1e-3 * options.diameter, plate, SPEEDS)
     yields = {f"{strength / 1e6:g}": yield_speed(ball, plate.material, strength) for strength in STRENGTHS}
     if options.picture:
-        from feeder_sim.plots.zener import draw_zener
+        from feeder_sim.plots.validation.zener import draw_zener
 
         draw_zener(ball, plate, DRAWN, options.diameter / options.thickness, options.picture)
     if options.json:

@@ -17,7 +17,7 @@ from feeder_sim.plate.mode_file import read_mode_file
 from feeder_sim.plate.modes import PlateModes, plate_modes
 from feeder_sim.scenario import load_scenario
 from feeder_sim.scene.scene import build_scene
-from feeder_sim.studies.chladni_plate import (
+from feeder_sim.studies.validation.chladni_plate import (
     NOTE_S,
     NOTES_HZ,
     PLATE,
@@ -33,8 +33,8 @@ from feeder_sim.studies.chladni_plate import (
     start_points,
     unfold,
 )
-from feeder_sim.studies.chladni_report import share, write_steps
-from feeder_sim.studies.forced_field import Force, force_in_the_middle, forced_field, triangle_terms
+from feeder_sim.studies.validation.chladni_report import share, write_steps
+from feeder_sim.studies.validation.forced_field import Force, force_in_the_middle, forced_field, triangle_terms
 
 # A wafer along <110>, written out to verify the material, too.
 E, NU, G, RHO, SIDE, H = 169e9, 0.064, 50.9e9, 2329.0, 0.05, 0.525e-3

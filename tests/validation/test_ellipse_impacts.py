@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from conftest import REPOSITORY
 
-from feeder_sim.studies.ellipse_impacts import (
+from feeder_sim.studies.validation.ellipse_impacts import (
     FRICTION,
     INVERSE_INERTIA,
     RESTITUTION,

@@ -29,7 +29,7 @@ from feeder_sim.plate.zener import (
 from feeder_sim.scenario import Ball, Contact, Drive, PistonPlate, Rectangle, Run, Scenario, Start, Strip
 from feeder_sim.scene.scene import GRAVITY, Scene, build_scene
 from feeder_sim.scene.zener import zener_inelasticities
-from feeder_sim.studies.zener_prediction import predict, yield_speed
+from feeder_sim.studies.validation.zener_prediction import predict, yield_speed
 
 resolve_ball = from_python(impact_law.resolve_ball)
 RADIUS, MASS = 1.5e-3, 1.1e-4

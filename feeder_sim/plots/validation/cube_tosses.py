@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from feeder_sim.plots.figure import MM, empty_figure
-from feeder_sim.studies.cube_tosses import EDGE_MM, TossStudy
+from feeder_sim.studies.validation.cube_tosses import EDGE_MM, TossStudy
 
 DRAWN = 24  # tosses in the plan view
 COLOURS = {"impulse": "#c23030", "mujoco": "#1f5fa8", "Bullet": "#6b8e23", "plain MuJoCo": "#5fa4d8"}

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from feeder_sim.plots.figure import empty_figure
-from feeder_sim.studies.ellipse_impacts import (
+from feeder_sim.studies.validation.ellipse_impacts import (
     FRICTION,
     INVERSE_INERTIA,
     RESTITUTION,

@@ -1,7 +1,7 @@
 """A dimer in a plane on a plate that moves up and down, by steps of a microsecond: a small program of its own.
 
 Shares no code with the engines. After every step each ball that is below the plate and approaches it gets an impulse,
-one after the other, by Newton's or Poisson's restitution (feeder_sim.studies.vertex_impacts). Balls are not put back.
+one after the other, by Newton's or Poisson's restitution (vertex_impacts.py). Balls are not put back.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 from feeder_sim.machine_code import entry_point
 from feeder_sim.scene.scene import GRAVITY
-from feeder_sim.studies.vertex_impacts import newton_impulse, poisson_impulse
+from feeder_sim.studies.validation.vertex_impacts import newton_impulse, poisson_impulse
 
 
 class Shape(NamedTuple):

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from feeder_sim.plots.figure import MM, MS, empty_figure
-from feeder_sim.studies.bouncing_dimer import FREQUENCY, DimerDrift, turning_point
+from feeder_sim.studies.validation.bouncing_dimer import FREQUENCY, DimerDrift, turning_point
 
 SHOWN = 4  # periods
 TYPICAL = 5.0  # aspect ratio of the dimer whose balls are shown, at least

@@ -6,8 +6,7 @@ that moves up and down only, starts flat and at rest half way between antinode a
 10 um of that. The speed is the slope of a straight line through the first 0.2 s of its way: so the published program
 gives the speeds that it is known for.
 
-Its rules are in feeder_sim.studies.vertex_impacts, apart from all engines. No plate bends in such waves. Here it is one
-of 0.5 mm, of a material as soft as it takes; without in-plane velocity neither counts.
+Its rules are in vertex_impacts.py, apart from all engines. No plate bends in such waves. Here it is one of 0.5 mm, of a material as soft as it takes; without in-plane velocity neither counts.
 """
 
 from __future__ import annotations
@@ -27,8 +26,8 @@ from feeder_sim.plate.rectangle import RectangularPlate
 from feeder_sim.scenario import Contact, CustomMaterial, Cylinder, Drive, Run, Scenario, Start, Strip
 from feeder_sim.scene.scene import Scene, build_scene
 from feeder_sim.single_thread import single_threaded
-from feeder_sim.studies.paths import follow
-from feeder_sim.studies.vertex_impacts import Body, Law, Times, Wave, bounce, mean_slope
+from feeder_sim.studies.validation.paths import follow
+from feeder_sim.studies.validation.vertex_impacts import Body, Law, Times, Wave, bounce, mean_slope
 
 WAVELENGTH, DIAMETER, HEIGHT = 6e-3, 0.6e-3, 0.3e-3  # [m]
 NODE = 0.25 * WAVELENGTH  # [m] from the antinode

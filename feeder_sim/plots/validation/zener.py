@@ -10,7 +10,7 @@ import numpy as np
 from feeder_sim.plate.materials import Material
 from feeder_sim.plate.rectangle import RectangularPlate
 from feeder_sim.plots.figure import empty_figure
-from feeder_sim.studies.zener_prediction import restitution_over_size
+from feeder_sim.studies.validation.zener_prediction import restitution_over_size
 
 COLOURS = ("#3a60be", "#3a8a5a", "#be3434")
 

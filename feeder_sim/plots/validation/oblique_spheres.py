@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from feeder_sim.plots.figure import empty_figure
-from feeder_sim.studies.oblique_spheres import Rebound, sliding_angle, theory
+from feeder_sim.studies.validation.oblique_spheres import Rebound, sliding_angle, theory
 
 MARKS = {"impulse": ("o", "#be3434"), "mujoco": ("x", "#3a60be")}
 

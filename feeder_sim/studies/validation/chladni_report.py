@@ -22,8 +22,8 @@ from feeder_sim.plate.mode_shapes import standing_wave
 from feeder_sim.plate.modes import PlateModes
 from feeder_sim.plate.nodal_lines import nodal_lines
 from feeder_sim.plate.ritz.attachments import Layer
-from feeder_sim.studies.chladni_plate import NOTE_S, Assumed, Steps, mean_cosine, note_field, start_points
-from feeder_sim.studies.forced_field import Force, forced_field, triangle_terms
+from feeder_sim.studies.validation.chladni_plate import NOTE_S, Assumed, Steps, mean_cosine, note_field, start_points
+from feeder_sim.studies.validation.forced_field import Force, forced_field, triangle_terms
 
 HEADER = ("note_hz", "x_mm", "y_mm", "dx_mm", "dy_mm")
 BIN_EDGES = np.linspace(0.0, 1.0, 6)  # distance to the node over a quarter of the wavelength

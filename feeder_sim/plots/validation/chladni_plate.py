@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from feeder_sim.plots.figure import MM, UM, empty_figure
-from feeder_sim.studies.chladni_plate import Steps
-from feeder_sim.studies.chladni_report import BIN_EDGES, profile, together
+from feeder_sim.studies.validation.chladni_plate import Steps
+from feeder_sim.studies.validation.chladni_report import BIN_EDGES, profile, together
 
 MAP_POINTS = 161  # per axis
 MAGNIFIED = 10.0  # arrows over steps

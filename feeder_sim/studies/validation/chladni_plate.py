@@ -28,7 +28,7 @@ from feeder_sim.scenario import Ball, Contact, CustomMaterial, Drive, PistonPlat
 from feeder_sim.scenario.engine_choice import choose_engine
 from feeder_sim.scene.prepared import Prepared
 from feeder_sim.scene.scene import GRAVITY, Scene, build_scene
-from feeder_sim.studies.forced_field import ForcedField, force_in_the_middle, forced_field, triangle_terms
+from feeder_sim.studies.validation.forced_field import ForcedField, force_in_the_middle, forced_field, triangle_terms
 
 NOTES_HZ = (7459.0, 10548.0, 11175.0, 11840.0, 12544.0, 14080.0, 14917.0, 15804.0)
 PLATE = RectangularPlate(0.05, 0.05, 0.525e-3, MATERIALS["silicon"])

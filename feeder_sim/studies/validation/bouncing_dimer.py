@@ -31,9 +31,9 @@ from feeder_sim.measures.statistic import Statistic
 from feeder_sim.scenario import Contact, Dimer, Drive, PistonPlate, Run, Scenario, Start
 from feeder_sim.scene.scene import GRAVITY, Scene, build_scene
 from feeder_sim.single_thread import single_threaded
-from feeder_sim.studies.dimer_by_steps import Shaker, Shape, drift_by_steps
-from feeder_sim.studies.paths import follow
-from feeder_sim.studies.vertex_impacts import Law
+from feeder_sim.studies.validation.dimer_by_steps import Shaker, Shape, drift_by_steps
+from feeder_sim.studies.validation.paths import follow
+from feeder_sim.studies.validation.vertex_impacts import Law
 
 DIAMETER, FREQUENCY, THROW_NUMBER, RESTITUTION = 5e-3, 25.0, 0.9, 0.7  # [m], [Hz]
 AMPLITUDE = THROW_NUMBER * GRAVITY / (2.0 * math.pi * FREQUENCY) ** 2  # [m]
@@ -94,7 +94,7 @@ def turning_point(friction: float) -> float:
 
 
 def speed_by_steps(aspect_ratio: float, friction: float, *, poisson: bool) -> float:
-    """Speed [mm/s] as `DimerDrift.speed_mm_s`, from the highest start, by feeder_sim.studies.dimer_by_steps."""
+    """Speed [mm/s] as `DimerDrift.speed_mm_s`, from the highest start, by dimer_by_steps.py."""
     apart, radius = (aspect_ratio - 1.0) * DIAMETER, 0.5 * DIAMETER
     shape = Shape(radius, apart, 0.4 * radius**2 + 0.25 * apart**2)
     shaker, law = Shaker(AMPLITUDE, 2.0 * math.pi * FREQUENCY), Law(friction, RESTITUTION, poisson, joined=False)

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from feeder_sim.plots.figure import MM, MS, empty_figure
-from feeder_sim.studies.bouncing_cylinder import METHODS, Setting, Speeds
+from feeder_sim.studies.validation.bouncing_cylinder import METHODS, Setting, Speeds
 
 STYLES = {  # colour and marker
     "rules": ("black", "s"),

@@ -1,0 +1,1 @@
+"""Pictures of comparisons with measurements and programs of others."""

@@ -1,0 +1,1 @@
+"""Measurements and programs of others, computed anew: one module or two for each set."""
