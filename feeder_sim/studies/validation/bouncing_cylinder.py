@@ -6,7 +6,8 @@ that moves up and down only, starts flat and at rest half way between antinode a
 10 um of that. The speed is the slope of a straight line through the first 0.2 s of its way: so the published program
 gives the speeds that it is known for.
 
-Its rules are in vertex_impacts.py, apart from all engines. No plate bends in such waves. Here it is one of 0.5 mm, of a material as soft as it takes; without in-plane velocity neither counts.
+Its rules are in vertex_impacts.py, apart from all engines. No plate bends in such waves. Here it is one of 0.5 mm, of a
+material as soft as it takes; without in-plane velocity neither counts.
 """
 
 from __future__ import annotations
