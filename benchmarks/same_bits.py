@@ -78,6 +78,7 @@ def record(file: Path) -> None:
 def shortened(path: Path, engine: str) -> Any:
     """A scenario with two seeds and a short time, whose stages keep their order."""
     import feeder_sim
+    from feeder_sim.scenario.tables import validated
 
     scenario = feeder_sim.load_scenario(path)
     raw = scenario.model_dump()
@@ -95,7 +96,7 @@ def shortened(path: Path, engine: str) -> Any:
             stage["pause_s"] *= share
     if engine == "mujoco" and raw["part"][0]["guide"]:
         raw["part"][0]["guide"]["friction"] = 0.0
-    return feeder_sim.Scenario.model_validate(raw)
+    return validated(raw, feeder_sim.Scenario, path)  # raises InputError where an engine does not cover it
 
 
 def compare(new: dict[str, Any], old: dict[str, Any]) -> list[str]:
