@@ -46,11 +46,10 @@ def draw_tosses(studies: Mapping[str, TossStudy], points: Sequence[Mapping[str, 
     for name in dict.fromkeys(row["engine"] for row in points):
         rows = [row for row in points if row["engine"] == name]
         x, y = ([float(row[key]) for row in rows] for key in ("processor_s_per_s", "median_error_mm"))
-        cost.plot(x, y, "o-", color=COLOURS.get(name, OTHERS), markersize=4, label=name)
         span = " to ".join(dict.fromkeys(f"{float(row['steps_per_ms']):g}" for row in (rows[0], rows[-1])))
-        cost.annotate(f"{span} steps", (x[0], y[0]), fontsize=7, xytext=(-2, 6), textcoords="offset points")
+        cost.plot(x, y, "o-", color=COLOURS.get(name, OTHERS), markersize=4, label=f"{name}, {span} steps per ms")
     cost.set(xscale="log", xlabel="processor time per simulated second (s)", ylabel="median error (mm)")
-    cost.set_title("Speed against accuracy, by steps per ms")
+    cost.set_title("Speed against accuracy")
     cost.set(xlim=COSTS)
     cost.set_ylim(0.0, 1.25 * max(float(row["median_error_mm"]) for row in points))
     cost.legend(fontsize=8)
