@@ -189,6 +189,7 @@ def documented_scripts() -> dict[str, list[Command]]:
     return found
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("script", sorted(documented_scripts()))
 def test_benchmarks_of_the_docs_have_these_options(script: str) -> None:
     """Only scripts that are called with options are asked for them: others may have no help, and begin to work."""
