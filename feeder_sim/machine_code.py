@@ -48,7 +48,9 @@ INGREDIENTS = all(
 # a record by another number. Both counts begin at 1 in every process. So two versions that two processes have compiled
 # may bear the same name, and a third process that loads both runs one of them for the other. It does not where every
 # process counts from somewhere else.
-FunctionIdentity._unique_ids = itertools.count(int.from_bytes(os.urandom(5), "big"))
+TOLD_APART = hasattr(FunctionIdentity, "_unique_ids")  # without it no machine code is kept
+if TOLD_APART:
+    FunctionIdentity._unique_ids = itertools.count(int.from_bytes(os.urandom(5), "big"))
 DAMAGED = (EOFError, ValueError, pickle.UnpicklingError)  # what reading a damaged file of the cache ends in
 _njit: Any = numba.njit  # whose stubs do not know all options
 F = TypeVar("F", bound=Callable[..., Any])
@@ -61,7 +63,8 @@ def entry_point(function: F) -> F:
     """
     dispatcher = _njit(**OPTIONS)(function)
     dispatcher.__class__ = _EntryPoint
-    dispatcher._cache = _Cache(function)
+    if TOLD_APART:
+        dispatcher._cache = _Cache(function)
     return dispatcher
 
 

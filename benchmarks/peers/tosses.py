@@ -52,7 +52,15 @@ def scores(tosses: Sequence[Toss], engine: Any, steps_per_ms: int) -> dict[str, 
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--only", choices=("bullet", "mujoco"), help="one of the engines")
-    parser.add_argument("--steps-per-ms", type=int, nargs="+", default=[STEPS_PER_MS], help=f"[{STEPS_PER_MS}]")
+    parser.add_argument(
+        "--steps-per-ms",
+        type=int,
+        choices=range(1, 1001),
+        metavar="N",
+        nargs="+",
+        default=[STEPS_PER_MS],
+        help=f"[{STEPS_PER_MS}]",
+    )
     parser.add_argument("--csv", type=Path, help="write a row for each engine and number of steps")
     options = parser.parse_args()
     tosses, rows = read_tosses(DATA), []

@@ -13,7 +13,8 @@ from __future__ import annotations
 
 import argparse
 import json
-from pathlib import Path
+
+from arguments import new_file, whole
 
 from feeder_sim.plots.validation.bouncing_cylinder import draw_bouncing_cylinder
 from feeder_sim.studies.validation.bouncing_cylinder import METHODS, compare
@@ -32,9 +33,9 @@ HEADS = {
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--seeds", type=int, default=100, help="starts, within 10 um of each other")
+    parser.add_argument("--seeds", type=whole(1, 10_000), default=100, help="starts, within 10 um of each other")
     parser.add_argument("--json", action="store_true")
-    parser.add_argument("--picture", type=Path)
+    parser.add_argument("--picture", type=new_file)
     options = parser.parse_args()
     found, rows = [], []
     if not options.json:

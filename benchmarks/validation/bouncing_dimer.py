@@ -12,7 +12,8 @@ from __future__ import annotations
 
 import argparse
 import json
-from pathlib import Path
+
+from arguments import new_file, whole
 
 from feeder_sim.plots.validation.bouncing_dimer import draw_bouncing_dimer
 from feeder_sim.studies.validation.bouncing_dimer import dimer_drift, speed_by_steps, turning_point
@@ -23,9 +24,9 @@ ASPECT_RATIOS = (3.5, 4.0, 4.5, 5.0, 5.5, 6.0, 7.0, 8.0, 9.0, 10.0, 12.0, 14.0)
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--seeds", type=int, default=12, help="starts of each dimer")
+    parser.add_argument("--seeds", type=whole(1, 10_000), default=12, help="starts of each dimer")
     parser.add_argument("--json", action="store_true")
-    parser.add_argument("--picture", type=Path)
+    parser.add_argument("--picture", type=new_file)
     options = parser.parse_args()
     found, rows = [], []
     for friction in FRICTIONS:

@@ -20,12 +20,11 @@ import argparse
 import json
 import math
 import sys
-from collections.abc import Callable
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
+from arguments import between, new_file
 
 from feeder_sim.errors import InputError
 from feeder_sim.plots.validation.chladni_plate import save_chladni_plate
@@ -53,26 +52,6 @@ RUNS = 8
 OTHER_RESTITUTIONS = (0.3, 0.7)
 OTHER_FRICTIONS = (0.1, 0.5)
 PICTURED_HZ = (7459.0, 14917.0)
-
-
-def between(low: float, high: float) -> Callable[[str], float]:
-    """A number in a range, for argparse."""
-
-    def number(text: str) -> float:
-        value = float(text)
-        if not low <= value <= high:
-            raise argparse.ArgumentTypeError(f"is {text}, allowed is {low:g} to {high:g}")
-        return value
-
-    return number
-
-
-def new_file(text: str) -> Path:
-    """A file whose folder exists, for argparse: it is written minutes later."""
-    path = Path(text)
-    if not path.parent.is_dir():
-        raise argparse.ArgumentTypeError(f"is {text}, whose folder does not exist")
-    return path
 
 
 def none_as_nan(value: float | None) -> float:

@@ -20,6 +20,9 @@ import sys
 from pathlib import Path
 from typing import get_args
 
+import numpy as np
+from arguments import between, new_file, whole
+
 from feeder_sim.errors import FeederSimError
 from feeder_sim.plots.validation.cube_tosses import draw_tosses
 from feeder_sim.studies.validation.cube_tosses import FRICTION, STEPS, Engine, compute_tosses, read_tosses
@@ -34,11 +37,13 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--data", type=Path, default=DATA, help="table of tosses [the one beside this script]")
     parser.add_argument("--engine", choices=("impulse", "mujoco", "both"), default="impulse")
-    parser.add_argument("--steps", type=int, nargs="+", default=[STEPS], help=f"steps in {PERIOD_MS:g} ms [{STEPS}]")
-    parser.add_argument("--friction", type=float, default=FRICTION, help=f"of cube and board [{FRICTION}]")
+    parser.add_argument(
+        "--steps", type=whole(20, 10_000), nargs="+", default=[STEPS], help=f"steps in {PERIOD_MS:g} ms [{STEPS}]"
+    )
+    parser.add_argument("--friction", type=between(0.0, 10.0), default=FRICTION, help=f"of cube and board [{FRICTION}]")
     parser.add_argument("--json", action="store_true", help="print JSON")
-    parser.add_argument("--csv", type=Path, help="write a row for each engine and number of steps")
-    parser.add_argument("--picture", type=Path, help="draw the ends, and error over cost")
+    parser.add_argument("--csv", type=new_file, help="write a row for each engine and number of steps")
+    parser.add_argument("--picture", type=new_file, help="draw the ends, and error over cost")
     options = parser.parse_args()
     try:
         return compared(options)
@@ -61,6 +66,9 @@ def compared(options: argparse.Namespace) -> int:
                     f"{len(tosses)} tosses, {study.processor_s_per_s:.3f} s of processor time per simulated second",
                     flush=True,
                 )
+    if len(studies) > 1 and not options.json:
+        apart = np.linalg.norm(studies["impulse"].computed - studies["mujoco"].computed, axis=1)
+        print(f"ends of the two engines are {1e3 * np.median(apart):.1f} mm apart (median)")
     if options.json:
         print(json.dumps(rows[0] if len(rows) == 1 else rows))
     if options.csv:

@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from arguments import new_file
 
 from feeder_sim.errors import InputError
 from feeder_sim.studies.validation.ellipse_impacts import (
@@ -39,10 +40,14 @@ def main() -> int:
     parser.add_argument("--data", type=Path, default=DATA)
     parser.add_argument("--json", action="store_true")
     parser.add_argument("--compare", action="store_true", help="four laws, each with constants of its own")
-    parser.add_argument("--picture", type=Path, help="draw measured and predicted changes, and the errors of the laws")
+    parser.add_argument(
+        "--picture", type=new_file, help="draw measured and predicted changes, and the errors of the laws"
+    )
     options = parser.parse_args()
     try:
         impacts = read_impacts(options.data)
+        if len(impacts.arm) < 2 and (options.compare or options.picture):
+            raise InputError("holds one impact, allowed are two and more where laws are compared", file=options.data)
     except InputError as error:
         print(error, file=sys.stderr)
         return error.exit_code

@@ -11,9 +11,9 @@ import argparse
 import csv
 import json
 import sys
-from pathlib import Path
 
 import numpy as np
+from arguments import new_file
 
 from feeder_sim.studies.validation.oblique_spheres import ANGLES, Rebound, by_engine, by_law, sliding_angle, theory
 
@@ -21,7 +21,7 @@ from feeder_sim.studies.validation.oblique_spheres import ANGLES, Rebound, by_en
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--json", action="store_true")
-    parser.add_argument("--picture", type=Path, help="draw the table")
+    parser.add_argument("--picture", type=new_file, help="draw the table")
     options = parser.parse_args()
     angle = np.array(ANGLES)
     methods = {

@@ -11,7 +11,8 @@ from __future__ import annotations
 import argparse
 import json
 from dataclasses import asdict
-from pathlib import Path
+
+from arguments import between, new_file
 
 from feeder_sim.plate.materials import MATERIALS
 from feeder_sim.plate.rectangle import RectangularPlate
@@ -26,15 +27,13 @@ STRENGTHS = (100e6, 250e6, 400e6)  # [Pa]; aluminium alloys
 def main() -> None:
     isotropic = [name for name, material in MATERIALS.items() if material.isotropic]
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--diameter", type=float, default=3.0, help="of the ball [mm]")
-    parser.add_argument("--thickness", type=float, default=3.0, help="of the plate [mm]")
+    parser.add_argument("--diameter", type=between(1e-3, 1e3), default=3.0, help="of the ball [mm]")
+    parser.add_argument("--thickness", type=between(1e-3, 1e3), default=3.0, help="of the plate [mm]")
     parser.add_argument("--ball", choices=isotropic, default="steel")
     parser.add_argument("--plate", choices=isotropic, default="aluminium")
     parser.add_argument("--json", action="store_true")
-    parser.add_argument("--picture", type=Path, help="draw restitution over diameter / thickness")
+    parser.add_argument("--picture", type=new_file, help="draw restitution over diameter / thickness")
     options = parser.parse_args()
-    if min(options.diameter, options.thickness) <= 0.0:
-        parser.error("--diameter and --thickness have to be above 0")
     ball, plate = (
         MATERIALS[options.ball],
         RectangularPlate(1.0, 1.0, 1e-3 * options.thickness, MATERIALS[options.plate]),

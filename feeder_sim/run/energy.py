@@ -30,9 +30,15 @@ class EnergyLimit(NamedTuple):
 def energy_limit(scene: Scene, first: Frames, factor: float) -> EnergyLimit:
     """Bound the energy of the parts of one seed; first: frames with the state at the start."""
     height = float(np.abs(first.position[..., 2]).max())
-    start_speed = float(np.linalg.norm(first.velocity, axis=-1).max()) + fall_speed(height)
+    start_speed = float(np.linalg.norm(first.velocity, axis=-1).max()) + fall_speed(height) + _spin_speed(scene, first)
     plate_speed = largest_at_once(scene, speeds=True)
     return EnergyLimit(plate_speed, start_speed, _restitution(scene.scenario.contact), factor)
+
+
+def _spin_speed(scene: Scene, first: Frames) -> float:
+    """Speed [m/s] that has at least the energy of the fastest spin."""
+    gyration = np.array([math.sqrt(kind.inertia.max() / kind.mass) for kind in scene.kinds])[scene.kind_of]
+    return float((gyration * np.linalg.norm(first.angular_velocity, axis=-1)).max())
 
 
 def fall_speed(height: float) -> float:

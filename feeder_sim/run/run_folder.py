@@ -32,6 +32,7 @@ from feeder_sim.run.recorder import RunRecorder
 from feeder_sim.run.seed_record import Begun
 from feeder_sim.run.simulation import Result, announced, check_starts, simulate
 from feeder_sim.scenario import Scenario, load_scenario, parse_scenario
+from feeder_sim.scenario.laws import uncovered_laws
 from feeder_sim.scene.prepared import Prepared
 from feeder_sim.scene.scene import Scene
 from feeder_sim.single_thread import single_threaded
@@ -283,11 +284,13 @@ def mjcf_text(scene: Scene) -> str:
 
 
 def _write_mjcf(scene: Scene, path: Path, notify: Callable[[str], None] | None) -> None:
-    """Write the scene as MJCF, unless its parts make too many pairs."""
-    if len(scene.parts) <= MJCF_PARTS:
+    """Write the scene as MJCF, unless its parts make too many pairs or MuJoCo does not have its law of impact."""
+    refused = next(uncovered_laws(scene.scenario, in_mujoco=True), None)
+    if refused is None and len(scene.parts) <= MJCF_PARTS:
         write_whole(path, mjcf_text(scene).encode())
     elif notify:
-        notify(f"{path.name} is left out: it is written for up to {MJCF_PARTS} parts, here are {len(scene.parts)}")
+        why = refused or f"it is written for up to {MJCF_PARTS} parts, here are {len(scene.parts)}"
+        notify(f"{path.name} is left out: {why}")
 
 
 def plate_record(prepared: Prepared) -> PlateRecord:

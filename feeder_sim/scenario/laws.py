@@ -29,6 +29,12 @@ def uncovered_laws(scenario: Scenario, *, in_mujoco: bool) -> Iterator[str]:
     if beta is not None:
         for problem in _not_balls_on_a_plate(scenario):
             yield f"contact.tangential_restitution is {beta:g}, allowed is none {problem}"
+        for i, part in enumerate(scenario.part):
+            if part.inertia_g_mm2 is not None and len(set(part.inertia_g_mm2)) > 1:
+                yield (
+                    f"contact.tangential_restitution is {beta:g}, allowed is none with different numbers in "
+                    f"part[{i}].inertia_g_mm2"
+                )
         if scenario.run.reaction:
             yield f"contact.tangential_restitution is {beta:g}, allowed is none with run.reaction = true"
     if zener:

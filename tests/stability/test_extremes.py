@@ -81,6 +81,21 @@ def test_a_ball_stays_on_a_plate_that_moves_far_and_slowly_beside_a_fast_drive()
     assert over.min() > -1e-6
 
 
+@pytest.mark.parametrize(("part", "hertz", "um"), [("ball", 25.0, 1e3), ("hex_nut", 10.0, 2.9e3)])
+def test_a_fast_part_does_not_enter_a_plate_that_moves_far_and_slowly(part: str, hertz: float, um: float) -> None:
+    shape = {"shape": "ball", "diameter_mm": 20.0} if part == "ball" else {"shape": "hex_nut", "size": "M5"}
+    scenario = scenario_of(
+        drive=[{"frequency_hz": hertz, "amplitude_um": um, "ring_up": False}],
+        part=[shape | {"start": {"drop_height_mm": 60.0}}],
+        contact={"restitution": 0.7},
+        run={"duration_s": 0.5, "seeds": 1},
+    )
+    result = simulate(scenario)
+    assert not result.failures
+    guard = Guard(result.prepared, result.seeds[0].frames[slice(1)])
+    assert guard.states(result.seeds[0].frames).of_frames(DEPTH).max() < 1e-4
+
+
 def test_a_step_is_no_longer_than_a_fast_part_allows() -> None:
     """A share of a part is what it may enter; the guard's limit follows the step."""
     slow, fast = (

@@ -12,6 +12,7 @@ from scipy.spatial.transform import Rotation
 from feeder_sim.engines.lookup import engine_class
 from feeder_sim.errors import InputError
 from feeder_sim.run.prepare import prepare
+from feeder_sim.run.simulation import simulate
 from feeder_sim.scenario import Scenario
 from feeder_sim.scenario.tables import validated
 from feeder_sim.scene.scene import GRAVITY
@@ -72,6 +73,12 @@ def test_a_block_slides_to_rest_where_coulomb_stops_it() -> None:
     _, _, frames = frames_of(one, 300)
     assert frames.position[-1, 0, 0] == pytest.approx(0.4**2 / (2.0 * 0.2 * GRAVITY), rel=2e-3)
     assert (frames.velocity[-1] == 0.0).all()  # asleep
+
+
+def test_the_guard_knows_the_energy_of_a_spin() -> None:
+    fast = {"position_mm": [0.0, 0.0, 8.0], "angular_velocity_rad_s": [1500.0, 0.0, 0.0]}
+    run = {"seeds": 1, "duration_s": 0.05, "frames_per_second": 1000.0}
+    assert not simulate(scenario(start=fast | {"quaternion": [1.0, 0.0, 0.0, 0.0]}, run=run)).failures
 
 
 def test_a_weighed_part_has_the_mass_and_the_moments_it_is_given() -> None:

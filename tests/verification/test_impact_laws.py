@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -26,6 +27,7 @@ from feeder_sim.plate.zener import (
     point_impedance,
     restitution,
 )
+from feeder_sim.run.run_folder import record_run
 from feeder_sim.scenario import Ball, Contact, Drive, PistonPlate, Rectangle, Run, Scenario, Start, Strip
 from feeder_sim.scene.scene import GRAVITY, Scene, build_scene
 from feeder_sim.scene.zener import zener_inelasticities
@@ -51,7 +53,7 @@ def test_ball_leaves_by_three_constants(seed: int, e: float, mu: float, beta: fl
     before, inverse = velocity + np.cross(spin, arm) - moves, symmetric(np.eye(3) / INERTIA)
     energy = MASS * ((velocity - moves) ** 2).sum() + INERTIA * (spin**2).sum()
     with moving_part(velocity, momentum) as part:
-        resolve_ball(part, 1.0 / MASS, inverse, tuple(arm), tuple(normal), tuple(moves), e, mu, beta)
+        resolve_ball(part, 1.0 / MASS, inverse, tuple(arm), tuple(normal), tuple(moves), (e, mu, beta))
     after = velocity + np.cross(momentum / INERTIA, arm) - moves
     assert after @ normal == pytest.approx(-e * (before @ normal), abs=1e-12)
     slip, left = (u - (u @ normal) * normal for u in (before, after))
@@ -176,6 +178,22 @@ def test_engine_rebounds_by_the_law_asked_for(speed: float) -> None:
     assert rebound(still(along, speed, along=(100.0 * speed, 0.0))) == pytest.approx(
         speed * np.array([0.1 * (5.0 - 2.0 * 0.3) / 7.0, 0.0, 0.8]), rel=1e-9
     )
+
+
+@pytest.mark.slow
+def test_a_run_by_a_law_that_mujoco_lacks_has_no_mjcf(tmp_path: Path) -> None:
+    ball = Ball(shape="ball", diameter_mm=3.0, start=Start(position_mm=(5.0, 0.0)))
+    scenario = Scenario(
+        plate=Strip(thickness_mm=3.0),
+        drive=(Drive(frequency_hz=4750.0, amplitude_um=1.0),),
+        part=(ball,),
+        contact=Contact(restitution="zener"),
+        run=Run(duration_s=0.05, seeds=1),
+    )
+    notes: list[str] = []
+    record_run(scenario, tmp_path / "run", notify=notes.append)
+    assert (tmp_path / "run" / "summary.json").exists() and not (tmp_path / "run" / "scene.xml").exists()
+    assert any("scene.xml is left out" in note for note in notes)
 
 
 @pytest.mark.slow

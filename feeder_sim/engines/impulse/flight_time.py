@@ -110,7 +110,7 @@ def shortest_flight(part, kind, bounds):
 
 @inlined
 def flight_on_flat(corners, own, bounds, work):
-    """How long a part with these corners can slide or rock on a flat surface before one is in it by `SAG` [s].
+    """How long a part with these corners can slide or rock on a flat plate at rest before one is in it by `SAG` [s].
 
     own: bound on the acceleration of the corners by themselves [m/s^2]; work holds their gaps and rates.
     """

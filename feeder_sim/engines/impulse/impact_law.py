@@ -47,13 +47,13 @@ def largest_restitution(kind):
     raise NotImplementedError("for compiled code only")
 
 
-def hit_plate(part, kind, inverse_mass, turns, arm, normal, velocity, e, mu):
-    """Impact of a part at one point of a surface, as `resolve_free`."""
+def hit_plate(part, kind, inverse_mass, turns, arm, normal, velocity, law):
+    """Impact of a part at one point of a surface, as `resolve_free`; law: restitution and friction."""
     raise NotImplementedError("for compiled code only")
 
 
-def hit_part(a, b, kind, inverse_mass, inverse_inertias, arms, normal, e, mu):
-    """Impact of two parts at one point, as `resolve_single`."""
+def hit_part(a, b, kind, inverse_mass, inverse_inertias, arms, normal, law):
+    """Impact of two parts at one point, as `resolve_single`; law: restitution and friction."""
     raise NotImplementedError("for compiled code only")
 
 
@@ -83,24 +83,24 @@ def _largest_by_kind(kind):
 
 
 @overload(hit_plate)
-def _hit_plate_by_kind(part, kind, inverse_mass, turns, arm, normal, velocity, e, mu):
+def _hit_plate_by_kind(part, kind, inverse_mass, turns, arm, normal, velocity, law):
     if TANGENTIAL in kind.fields:
-        return lambda part, kind, inverse_mass, turns, arm, normal, velocity, e, mu: resolve_ball(
-            part, inverse_mass, turns, arm, normal, velocity, e, mu, kind.tangential_restitution
+        return lambda part, kind, inverse_mass, turns, arm, normal, velocity, law: resolve_ball(
+            part, inverse_mass, turns, arm, normal, velocity, (law[0], law[1], kind.tangential_restitution)
         )
-    return lambda part, kind, inverse_mass, turns, arm, normal, velocity, e, mu: resolve_free(
-        part, inverse_mass, turns, arm, normal, velocity, e, mu
+    return lambda part, kind, inverse_mass, turns, arm, normal, velocity, law: resolve_free(
+        part, inverse_mass, turns, arm, normal, velocity, law[0], law[1]
     )
 
 
 @overload(hit_part)
-def _hit_part_by_kind(a, b, kind, inverse_mass, inverse_inertias, arms, normal, e, mu):
+def _hit_part_by_kind(a, b, kind, inverse_mass, inverse_inertias, arms, normal, law):
     if TANGENTIAL in kind.fields:
-        return lambda a, b, kind, inverse_mass, inverse_inertias, arms, normal, e, mu: _resolve_balls(
-            a, b, inverse_mass, inverse_inertias, arms, normal, e, mu, kind.tangential_restitution
+        return lambda a, b, kind, inverse_mass, inverse_inertias, arms, normal, law: _resolve_balls(
+            a, b, inverse_mass, inverse_inertias, arms, normal, (law[0], law[1], kind.tangential_restitution)
         )
-    return lambda a, b, kind, inverse_mass, inverse_inertias, arms, normal, e, mu: resolve_single(
-        a, b, inverse_mass, inverse_inertias, arms, normal, e, mu
+    return lambda a, b, kind, inverse_mass, inverse_inertias, arms, normal, law: resolve_single(
+        a, b, inverse_mass, inverse_inertias, arms, normal, law[0], law[1]
     )
 
 
@@ -146,12 +146,12 @@ def _zener_restitution(inelasticity, table, speed):
 
 
 @compiled
-def resolve_ball(part, inverse_mass, inverse_inertia, arm, normal, surface_velocity, e, mu, beta):
-    """As `resolve_free`, of a ball with tangential restitution."""
+def resolve_ball(part, inverse_mass, inverse_inertia, arm, normal, surface_velocity, law):
+    """As `resolve_free`, of a ball with tangential restitution; law: restitution, friction, tangential restitution."""
     u = difference(velocity_of_point(part, inverse_inertia, arm), surface_velocity)
     a, b = tangents(normal)
     k = mobility(inverse_mass, inverse_inertia, arm, a, b, normal)
-    p = _ball_impulse(k, (dot(a, u), dot(b, u), dot(normal, u)), e, mu, beta)
+    p = _ball_impulse(k, (dot(a, u), dot(b, u), dot(normal, u)), law)
     push = combine(p[0], a, p[1], b, p[2], normal)
     add_to(part.velocity, inverse_mass, push)
     add_to(part.momentum, 1.0, cross(arm, push))
@@ -159,8 +159,8 @@ def resolve_ball(part, inverse_mass, inverse_inertia, arm, normal, surface_veloc
 
 
 @compiled
-def _resolve_balls(a, b, inverse_mass, inverse_inertia, arms, normal, e, mu, beta):
-    """As `resolve_single`, of two balls, or a ball and a wall, with tangential restitution."""
+def _resolve_balls(a, b, inverse_mass, inverse_inertia, arms, normal, law):
+    """As `resolve_single`, of two balls, or a ball and a wall, with the law of `resolve_ball`."""
     velocity_a = velocity_of_point(a, inverse_inertia[0], arms[0])
     u = difference(velocity_of_point(b, inverse_inertia[1], arms[1]), velocity_a)
     if dot(normal, u) >= 0.0:
@@ -170,7 +170,7 @@ def _resolve_balls(a, b, inverse_mass, inverse_inertia, arms, normal, e, mu, bet
         mobility(inverse_mass[0], inverse_inertia[0], arms[0], s, t, normal),
         mobility(inverse_mass[1], inverse_inertia[1], arms[1], s, t, normal),
     )
-    p = _ball_impulse(k, (dot(s, u), dot(t, u), dot(normal, u)), e, mu, beta)
+    p = _ball_impulse(k, (dot(s, u), dot(t, u), dot(normal, u)), law)
     push = combine(p[0], s, p[1], t, p[2], normal)
     add_to(a.velocity, -inverse_mass[0], push)
     add_to(a.momentum, -1.0, cross(arms[0], push))
@@ -181,8 +181,9 @@ def _resolve_balls(a, b, inverse_mass, inverse_inertia, arms, normal, e, mu, bet
 
 
 @inlined
-def _ball_impulse(k, u, e, mu, beta):
+def _ball_impulse(k, u, law):
     """Impulse of a ball, whose normal and tangential motions do not act on each other; neither can create energy."""
+    e, mu, beta = law
     pressed = max(0.0, -(1.0 + e) * u[2] / k[5])
     along, across = -(1.0 + beta) * u[0] / k[0], -(1.0 + beta) * u[1] / k[3]
     size, limit = math.sqrt(along * along + across * across), mu * pressed

@@ -23,6 +23,7 @@ from feeder_sim.engines.impulse.vectors import difference, dot, plus, vector, wr
 from feeder_sim.machine_code import compiled, inlined, uncounted
 from feeder_sim.scene.scene import GRAVITY
 
+LEAST = 1e-300  # [m], of a length that is divided by
 ROUND_OFF = 1e-7  # [m]; more than the library's tolerance
 SLACK = 1e-6  # [m]; hulls this close touch, and may enter each other this far before anybody looks
 DEEP = 2e-6  # [m]; how deep parts may enter each other before they are looked at again, where a step is longer
@@ -207,7 +208,7 @@ def meet(pair, parts, kinds, hulls, points):
         write_to(axis, difference(b.position, a.position))
         size = math.sqrt(dot(axis, axis))
         for k in range(3):
-            axis[k] /= size
+            axis[k] /= max(size, LEAST)
     elif abs(distance) > ROUND_OFF:  # of closest points that coincide the direction is round-off
         for k in range(3):
             axis[k] = (witness[3 + k] - witness[k]) / distance
@@ -266,7 +267,7 @@ def _collide(a, kind_a, b, kind_b, points, n, axis, distance):
         for i in range(n):
             arms = difference(points[i], a.position), difference(points[i], b.position)
             e = restitution_of_pair(a, b, kind_a, law, inverse, arms, normal)
-            again |= hit_part(a, b, kind_a, inverse_mass, inverse, arms, normal, e, kind_a.friction[law])
+            again |= hit_part(a, b, kind_a, inverse_mass, inverse, arms, normal, (e, kind_a.friction[law]))
         hit |= again
         if not again:
             break

@@ -93,14 +93,14 @@ def meet_plate(part, kinds, wall, surface, bounds, t, work):
         return max(min(leap, wall_leap), meeting_time(work, corners.shape[0], bounds.step)), on_plate > 0
     tilt = tilt_of(lowest, part, kind, work)
     leap, to_crest = leap_of_circles(tilt, kind, bounds, own, leap, to_crest, work)
-    shortest = shortest_flight(part, kind, bounds)
-    if bounds.slope == 0.0 and further == 0 and not is_round(kind):
+    shortest = stride = shortest_flight(part, kind, bounds)
+    if bounds.calm and bounds.slope == 0.0 and further == 0 and not is_round(kind):
         shortest = max(shortest, flight_on_flat(corners, own, bounds, work))
     to_crest = min(to_crest, far_leap(part, kind, others, bounds))
     if further > 0:
         to_crest = min(to_crest, edge_leap(part, kind, corners, n_corners, bounds.step, work))
     if leap < to_crest:
-        flight = max(leap, shortest), shortest, own, to_crest
+        flight = max(leap, shortest), stride, own, to_crest
         leap = forecast(part, kind, corners, surface, bounds, t, flight, tilt, work)
     return max(min(leap, to_crest), shortest), on_plate > 0
 
@@ -219,7 +219,7 @@ def _impact_at(i, part, kind, corners, surface, work):
     arm, normal, velocity = contact_of(i, part, kind, corners, surface, work)
     inverse_mass, turns = 1.0 / kind.mass, inverse_inertia(part, kind)
     e, mu = restitution_on_plate(part, kind, arm, normal, velocity), kind.friction[0]
-    if not hit_plate(part, kind, inverse_mass, turns, arm, normal, velocity, e, mu):
+    if not hit_plate(part, kind, inverse_mass, turns, arm, normal, velocity, (e, mu)):
         _impact(part, kind, corners, None, surface, work)
         return
     depth = lift_by_turning(part, kind, inverse_mass, turns, arm, max(-work.corner[i, GAP], 0.0))

@@ -12,10 +12,10 @@ while the other ball flies. With the aspect ratio a = 1 + l / 2 R:
 
     sticks where a >= 1 + 1 / mu
 
-A dimer that sticks drifts slowly toward the ball that bounces, in the moments in which the other one is off the plate;
-one that slips far drifts faster, toward the ball on the plate. (That sticking or slipping at the double impact decides,
-and that the direction changes only where the slip is large enough: R. Zhang, Z. Zhao, X. Zheng and Q. Wang, J. Comput.
-Nonlinear Dynam. 14 (2019) 061007.)
+A dimer that sticks drifts slowly, in the moments in which the other ball is off the plate; one that slips far drifts
+faster, toward the ball on the plate. The direction changes at somewhat longer dimers than sticking begins. (That
+sticking or slipping at the double impact decides, and that the direction changes only where the slip is large enough:
+R. Zhang, Z. Zhao, X. Zheng and Q. Wang, J. Comput. Nonlinear Dynam. 14 (2019) 061007.)
 """
 
 from __future__ import annotations

@@ -29,6 +29,7 @@ from feeder_sim.single_thread import single_threaded
 EDGE_MM, MASS_G, INERTIA_G_MM2 = 104.8, 370.0, 8.1e5
 FRICTION, RESTITUTION = 0.18, 0.125
 BOARD_MM = 4e3
+LARGEST, SHORTEST_S, UNIT_ERROR = 1e4, 1e-2, 1e-2  # of any number, of a duration, of the length of a quaternion
 STEPS = 40  # in 4 ms
 CLEAR_MM = 1e-3  # over the board; a start that the tracking has put into it is lifted to that height
 STATE = ("x_m", "y_m", "z_m", "qw", "qx", "qy", "qz", "vx_m_s", "vy_m_s", "vz_m_s", "wx_rad_s", "wy_rad_s", "wz_rad_s")
@@ -130,7 +131,22 @@ def _toss(row: dict[str, str], line: int, path: Path) -> Toss:
             values[name] = float(row[name])
         except (TypeError, ValueError) as error:
             raise InputError(f"is {row[name]!r}, allowed is a number", file=path, key=f"line {line}, {name}") from error
+        if not abs(values[name]) <= LARGEST:
+            raise InputError(f"is {row[name]}, allowed is up to {LARGEST:g}", file=path, key=f"line {line}, {name}")
+    if values["duration_s"] < SHORTEST_S:
+        raise InputError(
+            f"is {values['duration_s']:g}, allowed is at least {SHORTEST_S:g}",
+            file=path,
+            key=f"line {line}, duration_s",
+        )
     state, end = (np.array([values[name] for name in names]) for names in (STATE, END))
+    for turn, name in ((state[3:7], "qw"), (end[3:], "end_qw")):
+        if abs(np.linalg.norm(turn) - 1.0) > UNIT_ERROR:
+            raise InputError(
+                f"to {name.replace('qw', 'qz')} have length {np.linalg.norm(turn):g}, allowed is 1",
+                file=path,
+                key=f"line {line}, {name}",
+            )
     return Toss(
         int(values["toss"]),
         values["duration_s"],

@@ -13,16 +13,17 @@ what they say of the impulse; the error of a prediction is |predicted - measured
 from __future__ import annotations
 
 import csv
-import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from feeder_sim.engines.impulse.single_impacts import after_impacts
 from feeder_sim.errors import InputError
+from feeder_sim.studies.validation.vertex_impacts import poisson_impulse
 
 SEMI_AXES = 0.035, 0.025  # [m]
 # Mass over moment of inertia [1/m^2]: what the measured spins say (`torque_slopes`); 2162 if homogeneous.
@@ -73,7 +74,7 @@ def read_impacts(path: Path) -> EllipseImpacts:
     """
     try:
         rows = list(csv.DictReader(path.read_text(encoding="utf-8").splitlines()))
-    except OSError as error:
+    except (OSError, UnicodeDecodeError) as error:
         raise InputError("cannot be read", file=path) from error
     names = ["theta_rad", *BEFORE, *AFTER]
     try:
@@ -140,42 +141,9 @@ def newton_with_tangential(impacts: EllipseImpacts, e: float, mu: float, beta: f
 
 def poisson(impacts: EllipseImpacts, e: float, mu: float) -> Vector:
     """Poisson's restitution: the normal impulse of restitution is e times that of compression."""
-    rows = zip(*mobility(impacts), *impacts.at_contact.T, strict=True)
-    impulse = np.array([routh_impulse((tt, tn, nn), (u_t, u_n), e, mu) for tt, tn, nn, u_t, u_n in rows])
+    rows, impulse_of = zip(*mobility(impacts), *impacts.at_contact.T, strict=True), cast(Any, poisson_impulse).py_func
+    impulse = np.array([impulse_of(u_t, u_n, (tt, nn, -tn), mu, e) for tt, tn, nn, u_t, u_n in rows])
     return _change(impacts, impulse[:, 0], impulse[:, 1])
-
-
-def routh_impulse(k: tuple[float, float, float], u: tuple[float, float], e: float, mu: float) -> tuple[float, float]:
-    """Tangential and normal impulse of a planar impact by Routh's method (Rigid Dynamics I, 1905; Wang and Mason 1992).
-
-    k: K_tt, K_tn, K_nn; u: tangential and normal velocity before. The velocity of the point is followed over the normal
-    impulse: while it slips the tangential impulse grows by mu per normal impulse against the slip; when the slip ends
-    the point sticks if Coulomb's cone allows it, else it slips back. Compression ends where the point no longer
-    approaches.
-    """
-    (tt, tn, nn), (u_t, u_n) = k, u
-    p_t = p_n = 0.0
-    end = math.inf  # of the normal impulse, known once compression is over
-    side = math.copysign(1.0, u_t) if u_t != 0.0 else _slip_begins(tt, tn, mu)
-    while p_n < end:
-        rate = -mu * side if side else -tn / tt
-        turn, lift = tt * rate + tn, nn + tn * rate  # of the velocities, per normal impulse
-        to_stop = -u_t / turn if side and u_t * turn < 0.0 else math.inf
-        to_end = end - p_n if end < math.inf else -u_n / lift
-        step = min(to_stop, to_end)
-        p_t, p_n, u_t, u_n = p_t + rate * step, p_n + step, u_t + turn * step, u_n + lift * step
-        if to_stop < to_end:
-            u_t, side = 0.0, _slip_begins(tt, tn, mu)
-        elif end == math.inf:
-            end, u_n = (1.0 + e) * p_n, 0.0
-        else:
-            break
-    return p_t, p_n
-
-
-def _slip_begins(tt: float, tn: float, mu: float) -> float:
-    """Which way a point at rest begins to slip under a normal impulse; 0 where friction holds it."""
-    return 0.0 if abs(tn) <= mu * tt else math.copysign(1.0, tn)
 
 
 def mobility(impacts: EllipseImpacts) -> tuple[Vector, Vector, Vector]:
