@@ -9,12 +9,15 @@ A scenario consists of a plate, its drives or a schedule of drives, the parts, t
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, Self
 
-from pydantic import Field, model_validator
+from pydantic import BeforeValidator, Field, ValidationError, model_validator
 
+from feeder_sim.errors import InputError
 from feeder_sim.scenario.attachments import ActuatorFile
+from feeder_sim.scenario.changes import KeyPath, changed_values, path_of
 from feeder_sim.scenario.engine_choice import known_failures, uncovered
 from feeder_sim.scenario.outline import OutlineFile
 from feeder_sim.scenario.part import MAX_PARTS, Heap, MeshPart, PartSpec, Scattered, Slide, Tube
@@ -23,6 +26,7 @@ from feeder_sim.scenario.refill import Refill, Robot, refused_around_plate
 from feeder_sim.scenario.run import Contact, MujocoSettings, Run
 from feeder_sim.scenario.schedule import Goal, Pick, Schedule, Stage
 from feeder_sim.scenario.tables import Table, parse, read_text, validated
+from feeder_sim.scenario.uncertain import Uncertain, by_full_key
 
 STILL_HZ = 250.0
 
@@ -40,6 +44,9 @@ class Scenario(Table):
     goal: Goal | None = None
     refill: Refill | None = None
     robot: Robot | None = None
+    uncertain: (
+        Annotated[dict[str, Uncertain], Field(min_length=1, max_length=100), BeforeValidator(by_full_key)] | None
+    ) = None
     run: Run
 
     @property
@@ -95,6 +102,20 @@ class Scenario(Table):
         if self.plate.kind == "still":
             return STILL_HZ
         return max(max(d.frequency_hz, d.natural_frequency_hz or 0.0) for _, d in self.excitations)
+
+    def changed(self, changes: Mapping[str, Any], *, file: Path = Path("scenario")) -> Scenario:
+        """The scenario with other values, checked as those of a file are.
+
+        Args:
+            changes: values by their keys, such as `{"drive[0].amplitude_um": 2.0}`; None takes a value out. Relative
+                paths start from the current folder.
+            file: names the scenario in messages.
+
+        Raises:
+            InputError: a key that does not exist, or a value that is not allowed.
+        """
+        raw = changed_values(self.model_dump(), changes, file)
+        return _anchor_paths(validated(raw, Scenario, file), Path.cwd())
 
     @model_validator(mode="after")
     def _drives_or_schedule(self) -> Self:
@@ -175,6 +196,41 @@ class Scenario(Table):
             for failure in known_failures(self):
                 raise ValueError(f"{failure}; run.allow_unstable = true runs it all the same")
         return self
+
+    @model_validator(mode="after")
+    def _uncertain_values_are_allowed(self) -> Self:
+        seen: set[str] = set()
+        for key, uncertain in (self.uncertain or {}).items():
+            keys = (key, *uncertain.also)
+            for name in keys:
+                path = _path(name)
+                if name in seen or path[0] in ("uncertain", "title") or path[:2] in (("run", "seed"), ("run", "seeds")):
+                    raise ValueError(f"uncertain holds {name}, allowed is each key once, of what decides a run")
+                seen.add(name)
+            for value in uncertain.extremes:
+                self._check_changed(dict.fromkeys(keys, value), key)
+        return self
+
+    def _check_changed(self, changes: dict[str, Any], key: str) -> None:
+        """Refuse values of an uncertain input that a file could not have."""
+        raw = self.model_dump(exclude={"uncertain"})
+        try:
+            Scenario.model_validate(changed_values(raw, changes, Path("scenario")))
+        except ValidationError as error:
+            first, value = error.errors()[0], changes[key]
+            message = "there is no such key" if first["type"] == "extra_forbidden" else first["msg"]
+            message = message.removeprefix("Value error, ").replace("Input should be", "allowed is")
+            raise ValueError(f"uncertain.{key} may be {value!r}: {message}") from None
+        except InputError as error:
+            raise ValueError(f"uncertain.{key}: {error.key}: {error.problem}") from None
+
+
+def _path(key: str) -> KeyPath:
+    """The path of a key, for a validator."""
+    try:
+        return path_of(key)
+    except InputError as error:
+        raise ValueError(f"uncertain.{error.key}: {error.problem}") from None
 
 
 def load_scenario(path: str | Path) -> Scenario:
