@@ -30,8 +30,9 @@ def report(
     from feeder_sim.records.whole_file import write_whole
     from feeder_sim.report.page import html_of
     from feeder_sim.report.run_report import run_page
-    from feeder_sim.report.sweep_folder import TABLE, is_sweep
+    from feeder_sim.report.sweep_folder import is_sweep
     from feeder_sim.report.sweep_report import sweep_page
+    from feeder_sim.studies.sweep.folder import QUESTION
 
     file = out or (folder if folder.is_dir() else folder.parent) / PAGE
     if file.suffix.lower() not in SUFFIXES:
@@ -42,7 +43,9 @@ def report(
     if sweep and screenshot:
         raise InputError("is not allowed for a sweep, which keeps no recordings", file=folder, key="--screenshot")
     if not sweep and not (folder.is_file() or (folder / TRAJECTORY).is_file()):
-        raise InputError(f"no run or sweep here, allowed is a folder that holds {TRAJECTORY} or {TABLE}", file=folder)
+        raise InputError(
+            f"no run or sweep here, allowed is a folder that holds {TRAJECTORY} or {QUESTION}", file=folder
+        )
     with progress_bar(str(folder)) as progress:
         if sweep:
             page = sweep_page(folder, progress=progress)

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from feeder_sim.plots.figure import empty_figure
+from feeder_sim.plots.figure import empty_figure, make_logarithmic
+from feeder_sim.plots.intervals import half_interval
 from feeder_sim.studies.sweep.cases import Sweep
 from feeder_sim.studies.sweep.table import Row
 
@@ -34,7 +36,9 @@ def draw_sweep(sweep: Sweep, measure: str, path: Path) -> None:
     figure.savefig(path, dpi=150)
 
 
-def draw_line(axes: Any, rows: list[Row], key: str, *, joined: bool) -> None:
+def draw_line(
+    axes: Any, rows: Sequence[Row], key: str, *, joined: bool, colour: str = BLUE, label: str | None = None
+) -> None:
     """Draw means with 95 % intervals over one key; where inputs are uncertain, a band of 90 % over them."""
     values = [row.point[key] for row in rows]
     numbers = all(_is_number(value) for value in values)
@@ -42,22 +46,23 @@ def draw_line(axes: Any, rows: list[Row], key: str, *, joined: bool) -> None:
     x = np.array(values, float) if numbers else np.array([names.index(str(value)) for value in values], float)
     order = np.argsort(x, kind="stable")
     mean = np.array([row.found.mean for row in rows])
-    reach = 1.96 * np.nan_to_num(np.array([row.found.se for row in rows]))
+    reach = np.nan_to_num(np.array([half_interval(row.found.se, row.found.n) for row in rows]))
     if joined and all(row.spread for row in rows):
         low, high = (np.array([getattr(row.spread, name) for row in rows]) for name in ("inputs_low", "inputs_high"))
         axes.fill_between(x[order], low[order], high[order], color=PALE, label="90 % over the inputs")
         axes.legend()
     line = "o-" if joined and numbers else "o"
-    axes.errorbar(x[order], mean[order], reach[order], fmt=line, color=BLUE, markersize=4, capsize=2, linewidth=1.2)
+    bars = {"fmt": line, "color": colour, "markersize": 4, "capsize": 2, "linewidth": 1.2, "label": label}
+    axes.errorbar(x[order], mean[order], reach[order], **bars)
     if numbers and _is_log(x):
-        axes.set_xscale("log")
+        make_logarithmic(axes.xaxis)
     if not numbers:
         axes.set_xticks(range(len(names)), names)
     axes.set(xlabel=key)
     axes.grid(True, alpha=0.3)
 
 
-def draw_map(figure: Any, rows: list[Row], keys: tuple[str, ...], measure: str) -> None:
+def draw_map(figure: Any, rows: Sequence[Row], keys: tuple[str, ...], measure: str) -> None:
     """Draw a heat map over two keys; points without a value stay white."""
     axes = figure.subplots()
     ticks = [list(dict.fromkeys(row.point[key] for row in rows)) for key in keys]
@@ -68,11 +73,11 @@ def draw_map(figure: Any, rows: list[Row], keys: tuple[str, ...], measure: str) 
     edges = [_edges(values) for values in ticks]
     image = axes.pcolormesh(*edges, grid, cmap="viridis")
     axes.set(xlabel=keys[0], ylabel=keys[1])
-    for values, axis, name in zip(ticks, (axes.xaxis, axes.yaxis), "xy", strict=True):
+    for values, axis in zip(ticks, (axes.xaxis, axes.yaxis), strict=True):
         if not all(_is_number(value) for value in values):
             axis.set_ticks(range(len(values)), [str(value) for value in values])
         elif _is_log(np.array(values, float)):
-            axes.set(**{f"{name}scale": "log"})
+            make_logarithmic(axis)
     figure.colorbar(image, label=measure)
 
 

@@ -68,8 +68,8 @@ def plate_picture(run: Recorded) -> Picture | None:
         draw,
         height=height,
         alt=f"Mode shapes of the plate, driven at {frequencies}, seen from above, with nodal lines.",
-        caption="What the plate does: mode shapes as driven, with their amplitudes at the antinode. Red and blue swing in "
-        f"opposite phase; black lines are nodal lines, which stay at rest.{left_out}",
+        caption="What the plate does: mode shapes as driven, with their amplitudes at the antinode. Red and blue swing "
+        f"in opposite phase; black lines are nodal lines, which stay at rest.{left_out}",
     )
 
 

@@ -1,143 +1,125 @@
-"""The folder of a sweep: what was asked (sweep.toml), the scenario it began from, and one row per point and measure.
-
-sweep.csv is tidy: a column per varied key, then `measure`, `mean`, `se`, `n` and `failed`.
-"""
+"""The folder of a sweep, read back: its table, what was asked, and the scenario that was varied."""
 
 from __future__ import annotations
 
 import csv
 import math
-import tomllib
-from collections.abc import Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from feeder_sim.errors import InputError, cause_of, quoted
 from feeder_sim.measures.statistic import Statistic
-
-TABLE, ASKED, BASE = "sweep.csv", "sweep.toml", "scenario.toml"
-COLUMNS = ("measure", "mean", "se", "n", "failed")
-Value = float | str
-
-
-@dataclass(frozen=True)
-class Row:
-    """A measure at a point: the values of the varied keys there, its mean with error, and seeds that failed."""
-
-    point: tuple[Value, ...]
-    measure: str
-    statistic: Statistic
-    failed: int
+from feeder_sim.scenario import Scenario, load_scenario
+from feeder_sim.studies.sweep.design import Point
+from feeder_sim.studies.sweep.folder import CSV, QUESTION, SCENARIO
+from feeder_sim.studies.sweep.question import Question
+from feeder_sim.studies.sweep.table import COLUMNS, UNCERTAIN_COLUMNS, Row
+from feeder_sim.studies.uncertainty.spread import Spread
 
 
 @dataclass(frozen=True)
-class Sweep:
+class SweepTable:
     """A sweep on disk.
 
     Attributes:
         folder: that holds it.
         keys: that were varied, in the order of the columns.
         rows: in the order of the table.
-        asked: what sweep.toml says.
-        base_text: the scenario it began from, as TOML; "" without one.
+        uncertain: whether inputs were.
+        question: what was asked.
+        scenario: that was varied.
+        text: of that scenario.
     """
 
     folder: Path
     keys: tuple[str, ...]
     rows: tuple[Row, ...]
-    asked: dict[str, Any]
-    base_text: str
+    uncertain: bool
+    question: Question
+    scenario: Scenario
+    text: str
 
     @property
-    def points(self) -> tuple[tuple[Value, ...], ...]:
+    def points(self) -> list[Point]:
         """All points, each once, in the order of the table."""
-        return tuple(dict.fromkeys(row.point for row in self.rows))
+        return list({tuple(row.point.values()): row.point for row in self.rows}.values())
 
     @property
-    def measures(self) -> tuple[str, ...]:
+    def measures(self) -> list[str]:
         """Names of all measures, each once, in the order of the table."""
-        return tuple(dict.fromkeys(row.measure for row in self.rows))
+        return list(dict.fromkeys(row.measure for row in self.rows if row.measure))
 
-    def of(self, measure: str) -> tuple[Row, ...]:
+    def of(self, measure: str) -> list[Row]:
         """The rows of a measure that have a mean."""
-        return tuple(row for row in self.rows if row.measure == measure and math.isfinite(row.statistic.mean))
+        return [row for row in self.rows if row.measure == measure and math.isfinite(row.found.mean)]
 
     @property
-    def failed(self) -> dict[tuple[Value, ...], int]:
-        """Seeds that failed, of the points where some did."""
-        most: dict[tuple[Value, ...], int] = {}
-        for row in self.rows:
-            most[row.point] = max(most.get(row.point, 0), row.failed)
-        return {point: failed for point, failed in most.items() if failed}
+    def failed(self) -> dict[tuple[Any, ...], int]:
+        """Seeds that failed, by the values of the points where some did."""
+        counts = {tuple(row.point.values()): row.failed for row in self.rows}
+        return {point: failed for point, failed in counts.items() if failed}
 
 
 def is_sweep(folder: Path) -> bool:
-    """Whether a folder holds the table of a sweep."""
-    return (folder / TABLE).is_file()
+    """Whether a folder holds a sweep."""
+    return (folder / QUESTION).is_file()
 
 
-def read_sweep(folder: Path) -> Sweep:
+def read_sweep(folder: Path) -> SweepTable:
     """Read the folder of a sweep.
 
     Raises:
-        InputError: its table or what was asked cannot be read.
+        InputError: a file of it is missing or cannot be read, or its table has no point.
     """
-    table = folder / TABLE
-    lines = list(csv.reader(_text(table).splitlines()))
-    head = lines[0] if lines else []
-    keys = tuple(head[: head.index("measure")]) if "measure" in head else ()
-    if not keys or tuple(head[len(keys) : len(keys) + len(COLUMNS)]) != COLUMNS:
-        raise InputError(
-            f"its columns are {quoted(', '.join(head))}, allowed is a column per varied key, then {', '.join(COLUMNS)}",
-            file=table,
-        )
-    rows = tuple(_row(line, len(keys), table, number) for number, line in enumerate(lines[1:], 2) if line)
+    question = Question.of_toml(folder / QUESTION)
+    scenario = load_scenario(folder / SCENARIO)
+    table = folder / CSV
+    if not table.is_file():
+        raise InputError("is missing: the sweep has not come so far, run it again to go on", file=table)
+    reader = csv.DictReader(_text(table).splitlines())
+    head = tuple(reader.fieldnames or ())
+    keys = head[: head.index(COLUMNS[0])] if COLUMNS[0] in head else ()
+    uncertain = head[len(keys) :] == COLUMNS + UNCERTAIN_COLUMNS
+    if not keys or not (uncertain or head[len(keys) :] == COLUMNS):
+        allowed = f"a column per varied key, then {', '.join(COLUMNS)}"
+        raise InputError(f"has the columns {quoted(', '.join(head))}, allowed is {allowed}", file=table)
+    rows = tuple(_row(line, keys, table, number, uncertain=uncertain) for number, line in enumerate(reader, 2))
     if not rows:
-        raise InputError("holds no point yet, allowed is a sweep with at least one", file=table)
-    base = folder / BASE
-    return Sweep(folder, keys, rows, _asked(folder / ASKED), _text(base) if base.is_file() else "")
+        raise InputError("holds no point, allowed is a sweep with at least one that is done", file=table)
+    return SweepTable(folder, keys, rows, uncertain, question, scenario, _text(folder / SCENARIO))
 
 
-def _row(line: Sequence[str], n_keys: int, table: Path, number: int) -> Row:
+def _row(line: Mapping[str, str | None], keys: tuple[str, ...], table: Path, number: int, *, uncertain: bool) -> Row:
     """A line of the table."""
     try:
-        measure, mean, se, n, failed = line[n_keys : n_keys + len(COLUMNS)]
-        held = int(float(n))
-        error = _number(se)
-        statistic = Statistic(_number(mean), error * math.sqrt(held), error, held)
-        return Row(tuple(_value(text) for text in line[:n_keys]), measure, statistic, int(float(failed or 0)))
-    except (ValueError, OverflowError):
-        problem = f"line {number} is {quoted(','.join(line))}, allowed are numbers under mean, se, n and failed"
-        raise InputError(problem, file=table) from None
+        mean, se, n, failed = (_number(line[name]) for name in COLUMNS[1:])
+        spread = None
+        if uncertain:
+            low, high, of_inputs, of_seeds = (_number(line[name]) for name in UNCERTAIN_COLUMNS)
+            spread = Spread(math.nan, math.nan, math.nan, low, high, of_inputs, of_seeds, se, 0)
+        found = Statistic(mean, se * math.sqrt(n), se, int(n))
+        return Row({key: _value(line[key]) for key in keys}, line["measure"] or "", found, int(failed), spread)
+    except (ValueError, TypeError, OverflowError):
+        raise InputError(f"line {number} is {quoted(list(line.values()))}, allowed are numbers", file=table) from None
 
 
-def _number(text: str) -> float:
-    """A number; NaN for an empty cell."""
+def _number(text: str | None) -> float:
+    """A number; NaN for an empty field."""
     return float(text) if text else math.nan
 
 
-def _value(text: str) -> Value:
+def _value(text: str | None) -> float | str:
     """The value of a key: a number where it is one."""
     try:
-        return float(text)
+        return float(text or "")
     except ValueError:
-        return text
-
-
-def _asked(file: Path) -> dict[str, Any]:
-    if not file.is_file():
-        return {}
-    try:
-        return tomllib.loads(_text(file))
-    except tomllib.TOMLDecodeError as error:
-        raise InputError(f"is not TOML: {error}", file=file) from error
+        return text or ""
 
 
 def _text(file: Path) -> str:
     try:
-        if file.is_symlink():
-            raise InputError("is a link, allowed is a file of the sweep itself", file=file)
         return file.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
         raise InputError(f"cannot be read: {cause_of(error)}", file=file) from error
