@@ -42,7 +42,7 @@ def report(
     sweep = is_sweep(folder)
     if sweep and screenshot:
         raise InputError("is not allowed for a sweep, which keeps no recordings", file=folder, key="--screenshot")
-    if not sweep and not (folder.is_file() or (folder / TRAJECTORY).is_file()):
+    if not sweep and not (folder / TRAJECTORY).is_file() and not (folder.suffix == ".h5" and folder.is_file()):
         raise InputError(
             f"no run or sweep here, allowed is a folder that holds {TRAJECTORY} or {QUESTION}", file=folder
         )

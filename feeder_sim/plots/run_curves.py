@@ -43,11 +43,11 @@ def draw_over_time(
         axes.plot(frames.time[rows], values[rows], color=SEED, linewidth=0.7, linestyle="-" if counts else "--")
         if counts and common:
             kept.append(values[thinned(common)])
+    axes.plot([], [], color=SEED, linewidth=0.7, label="single seeds")
     if not kept:
         return float("nan")
     time = next(frames.time for frames, counts in zip(seeds, counted, strict=True) if counts)[thinned(common)]
     draw_band(axes, time, np.stack(kept), label=f"mean of {len(kept)} seeds", colour=COLOURS[0])
-    axes.plot([], [], color=SEED, linewidth=0.7, label="single seeds")
     return float(time[-1])
 
 

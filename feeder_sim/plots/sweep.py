@@ -15,6 +15,7 @@ from feeder_sim.studies.sweep.cases import Sweep
 from feeder_sim.studies.sweep.table import Row
 
 BLUE, PALE = "#3a60be", "#b8c6ea"
+DECADES = 30.0  # largest over smallest value of a map from which on its colours are logarithmic
 EVEN = 1e-6  # relative difference of steps, or of ratios, that counts as none
 
 
@@ -71,7 +72,9 @@ def draw_map(figure: Any, rows: Sequence[Row], keys: tuple[str, ...], measure: s
     for row in rows:
         grid[ticks[1].index(row.point[keys[1]]), ticks[0].index(row.point[keys[0]])] = row.found.mean
     edges = [_edges(values) for values in ticks]
-    image = axes.pcolormesh(*edges, grid, cmap="viridis")
+    low, high = float(np.nanmin(grid)), float(np.nanmax(grid))
+    norm = "log" if low > 0.0 and high > DECADES * low else "linear"
+    image = axes.pcolormesh(*edges, grid, cmap="viridis", norm=norm)
     axes.set(xlabel=keys[0], ylabel=keys[1])
     for values, axis in zip(ticks, (axes.xaxis, axes.yaxis), strict=True):
         if not all(_is_number(value) for value in values):

@@ -12,7 +12,7 @@ from feeder_sim.report.page import Picture
 
 WIDTH = 7.6  # [in] of a figure, that of the page
 PIXELS_PER_INCH = 180  # in the file: sharp in print, and on screens with small pixels
-SHOWN = 112 / PIXELS_PER_INCH  # pixels on the page per pixel of the file
+SHOWN_PER_INCH = 112  # on the page
 WIDEST_SCREENSHOT = 1280  # [pixels]
 STYLE: dict[str, Any] = {
     "font.size": 9.0,
@@ -44,7 +44,8 @@ def picture_of(draw: Callable[[Any], None], *, height: float, alt: str, caption:
         figure.savefig(drawn, format="png", dpi=PIXELS_PER_INCH, bbox_inches="tight", pad_inches=0.04)
     with Image.open(drawn) as image:
         few = image.convert("RGB").quantize(256, dither=Image.Dither.NONE)
-        size = round(image.width * SHOWN), round(image.height * SHOWN)
+        scale = SHOWN_PER_INCH / PIXELS_PER_INCH
+        size = round(image.width * scale), round(image.height * scale)
     content = io.BytesIO()
     few.save(content, format="PNG", optimize=True)
     return Picture(content.getvalue(), size, alt, caption)
@@ -59,5 +60,5 @@ def picture_from(file: Path, *, alt: str, caption: str) -> Picture:
         content = io.BytesIO()
         image.convert("RGB").save(content, format="JPEG", quality=85, optimize=True)
         width, height = image.size
-    scale = WIDTH * PIXELS_PER_INCH * SHOWN / width
+    scale = WIDTH * SHOWN_PER_INCH / width
     return Picture(content.getvalue(), (round(width * scale), round(height * scale)), alt, caption)

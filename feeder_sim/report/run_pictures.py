@@ -215,7 +215,7 @@ def screenshot(run: Recorded, notify: Callable[[str], None] | None) -> Block:
             return picture_from(
                 file,
                 alt=f"Picture of the replay of seed {seed} at {at:g} s: the plate and its parts in perspective.",
-                caption=f"The replay of seed {seed} at {at:g} s. `feeder-sim replay` shows it moving.",
+                caption=f"The replay of seed {seed} at {at:g} s. feeder-sim replay shows it moving.",
             )
     except FeederSimError as error:
         if notify:

@@ -127,6 +127,10 @@ def _cautions(run: Recorded) -> tuple[Block, ...]:
         lines.append(
             Text(f"{unresolved} impacts were given up by the iteration that resolves many contacts at once.", "note")
         )
+    speed = run.result.measures().get("transport_speed_mm_s")
+    if speed and 0 < speed["n"] < run.ended:
+        late = f"{run.ended - speed['n']} of {run.ended} seeds have no transport speed: the part did not come so far."
+        lines.append(Text(f"{late} The mean is of the others, and may be too large.", "caution"))
     left = sum(status == Status.LEFT_PLATE for status in run.recording.status)
     if left:
         lines.append(Text(f"In {left} seeds all parts left the plate before the end.", "note"))
@@ -134,7 +138,7 @@ def _cautions(run: Recorded) -> tuple[Block, ...]:
         plural = "s have" if run.ended > 1 else " has"
         lines.append(
             Text(
-                f"Only {run.ended} seed{plural} ended: intervals are wide, or there are none. `--seeds` asks for more.",
+                f"Only {run.ended} seed{plural} ended: intervals are wide, or there are none. --seeds asks for more.",
                 "note",
             )
         )

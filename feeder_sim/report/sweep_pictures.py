@@ -35,8 +35,11 @@ def measure_picture(rows: Sequence[Row], keys: tuple[str, ...], measure: str) ->
             lambda figure: _draw_family(figure, rows, many, few, label), height=3.2, alt=alt, caption=bars
         )
     if len(keys) == 2 and grid:
-        half = max((half_interval(row.found.se, row.found.n) for row in rows if row.found.n > 1), default=math.nan)
-        sure = f" The 95 % intervals are at most ± {number(half, 2)}." if math.isfinite(half) else ""
+        halves = sorted(half_interval(row.found.se, row.found.n) for row in rows if row.found.n > 1)
+        sure = ""
+        if halves:
+            middle, widest = number(halves[len(halves) // 2], 2), number(halves[-1], 2)
+            sure = f" Half the 95 % intervals are within ± {middle}, all within ± {widest}; the tables have them."
         caption = f"{label}: means over the seeds.{sure} White: no value."
         return picture_of(lambda figure: _draw_map(figure, rows, keys, label), height=4.2, alt=alt, caption=caption)
     height = 2.6 * math.ceil(len(keys) / BESIDE)
@@ -65,9 +68,9 @@ def key_label(key: str) -> str:
     return f"{path}.{headed(last)}" if path else headed(last)
 
 
-def value_text(value: Any) -> str:
+def value_text(value: Any, digits: int = 6) -> str:
     """A value of a key in a table."""
-    return number(value, 6) if isinstance(value, float) else str(value)
+    return number(value, digits) if isinstance(value, float) else str(value)
 
 
 def at_point(row: Row) -> str:
@@ -75,7 +78,7 @@ def at_point(row: Row) -> str:
     texts = []
     for key, value in row.point.items():
         name, unit = split_unit(key.rpartition(".")[2])
-        texts.append(f"{name} {value_text(value)}{f' {unit}' if unit else ''}")
+        texts.append(f"{name} {value_text(value, 4)}{f' {unit}' if unit else ''}")
     return ", ".join(texts)
 
 

@@ -93,9 +93,9 @@ def _keys_table(sweep: SweepTable) -> Table:
     for key in sweep.keys:
         values = values_of(sweep.rows, key)
         numbers = [value for value in values if isinstance(value, float)]
-        shown = ", ".join(value_text(value) for value in values[:MOST_VALUES])
+        shown = ", ".join(value_text(value, 4) for value in values[:MOST_VALUES])
         if len(values) > MOST_VALUES:
-            shown = f"{value_text(min(numbers))} to {value_text(max(numbers))}" if numbers else f"{shown}, ..."
+            shown = f"{value_text(min(numbers), 4)} to {value_text(max(numbers), 4)}" if numbers else f"{shown}, ..."
         rows.append((key, split_unit(key)[1], str(len(values)), shown))
     return Table("", ("varied key", "unit", "values", "which"), tuple(rows))
 
@@ -187,6 +187,15 @@ def _cautions(sweep: SweepTable, ordered: Sequence[str], drawn: Sequence[str]) -
     alone = sum(row.found.n == 1 for row in sweep.rows)
     if alone:
         yield Text(f"{alone} values come from a single seed and have no interval.", "caution")
+    for measure in drawn:
+        seeds = [row.found.n for row in sweep.rows if row.measure == measure]
+        few = sum(n < max(seeds) for n in seeds)
+        if few and not sweep.question.until_se:
+            yield Text(
+                f"{measure_label(measure)}: at {few} of {points} points some seeds have no value, as where a part does "
+                "not come so far in time. Means there are of the others.",
+                "caution",
+            )
     if points > 1:
         yield Text(
             "All points have the same random starts, so that differences between them are surer than "
@@ -195,7 +204,7 @@ def _cautions(sweep: SweepTable, ordered: Sequence[str], drawn: Sequence[str]) -
         )
         yield Text(
             "The largest of many means is too large on average, the smallest too small: check a winner with fresh "
-            "seeds (`--seed`) before relying on its value.",
+            "seeds (another --seed) before relying on its value.",
             "note",
         )
     more = sum(_varies(sweep.of(measure)) for measure in ordered) - len(drawn)
@@ -209,7 +218,7 @@ def _provenance(sweep: SweepTable) -> tuple[Block, ...]:
     return (
         Text("This asks the same again:"),
         Text(_command(sweep), "code"),
-        Text(f"With `--out {sweep.folder}` it goes on with what is not done there."),
+        Text(f"With --out {sweep.folder} it goes on with what is not done there."),
         Table("Versions of what made this page", ("library", "version"), version_rows()),
         Table("Files of the sweep (SHA-256)", ("file", "hash"), files),
     )
