@@ -15,7 +15,7 @@ from feeder_sim.studies.sweep.cases import Sweep
 from feeder_sim.studies.sweep.table import Row
 
 BLUE, PALE = "#3a60be", "#b8c6ea"
-DECADES = 30.0  # largest over smallest value of a map from which on its colours are logarithmic
+DECADES = 30.0  # largest over smallest value from which on colours of a map, or an axis, are logarithmic
 EVEN = 1e-6  # relative difference of steps, or of ratios, that counts as none
 
 

@@ -6,14 +6,16 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
+from feeder_sim.plots.figure import make_logarithmic
 from feeder_sim.plots.intervals import COLOURS, half_interval
-from feeder_sim.plots.sweep import draw_line, draw_map
+from feeder_sim.plots.sweep import DECADES, draw_line, draw_map
 from feeder_sim.report.page import Picture
 from feeder_sim.report.pictures import picture_of
 from feeder_sim.report.words import headed, number, split_unit
 from feeder_sim.studies.sweep.table import Row
 
 MOST_CURVES = 6  # of the key with fewer values; with more of them there is a map
+TOO_FEW = 2  # values of a mean whose interval says next to nothing
 BESIDE = 3  # panels of a sample in a row
 
 
@@ -23,6 +25,7 @@ def measure_picture(rows: Sequence[Row], keys: tuple[str, ...], measure: str) ->
     bars = f"{label}: means over the seeds; bars are 95 % intervals of the mean."
     if rows[0].spread is not None:
         bars = f"{label}: means over seeds and uncertain inputs; bars are 95 % intervals of the mean."
+    bars += _beyond(rows)
     grid = math.prod(len(values_of(rows, key)) for key in keys) <= 1.5 * len(rows)
     if len(keys) == 1:
         band = " The band is the 90 % interval over the inputs." if rows[0].spread is not None else ""
@@ -86,6 +89,7 @@ def _draw_one(figure: Any, rows: Sequence[Row], key: str, label: str) -> None:
     axes = figure.add_subplot()
     draw_line(axes, rows, key, joined=True, colour=COLOURS[0])
     axes.set(xlabel=key_label(key), ylabel=label)
+    _fit(axes, rows)
 
 
 def _draw_family(figure: Any, rows: Sequence[Row], over: str, each: str, label: str) -> None:
@@ -95,6 +99,7 @@ def _draw_family(figure: Any, rows: Sequence[Row], over: str, each: str, label: 
         chosen = [row for row in rows if row.point[each] == value]
         draw_line(axes, chosen, over, joined=True, colour=COLOURS[i % len(COLOURS)], label=value_text(value))
     axes.set(xlabel=key_label(over), ylabel=label)
+    _fit(axes, rows)
     axes.legend(title=key_label(each), loc="center left", bbox_to_anchor=(1.0, 0.5))
 
 
@@ -112,3 +117,24 @@ def _draw_sample(figure: Any, rows: Sequence[Row], keys: tuple[str, ...], label:
     for i, (axes, key) in enumerate(zip(grid.ravel(), keys, strict=False)):
         draw_line(axes, rows, key, joined=False, colour=COLOURS[0])
         axes.set(xlabel=key_label(key), ylabel=label if i % columns == 0 else "")
+        _fit(axes, rows)
+
+
+def _fit(axes: Any, rows: Sequence[Row]) -> None:
+    """Set the limits to the means and the bars of three values or more: those of two would leave no room for others."""
+    means = [row.found.mean for row in rows]
+    if min(means) > 0.0 and max(means) > DECADES * min(means):
+        make_logarithmic(axes.yaxis)
+        axes.set_ylim(0.5 * min(means), 2.0 * max(means))
+        return
+    halves = [half_interval(row.found.se, row.found.n) if row.found.n > TOO_FEW else 0.0 for row in rows]
+    low = min(mean - half for mean, half in zip(means, halves, strict=True))
+    high = max(mean + half for mean, half in zip(means, halves, strict=True))
+    room = 0.05 * (high - low) or 0.05 * abs(high) or 1.0
+    axes.set_ylim(low - room, high + room)
+
+
+def _beyond(rows: Sequence[Row]) -> str:
+    """A remark on bars that are not seen in full."""
+    few = any(row.found.n == TOO_FEW for row in rows)
+    return " Bars of two values, as wide as 25 standard errors, may run out of the picture." if few else ""
