@@ -23,7 +23,7 @@ from feeder_sim.plots.plate_top import (
 from feeder_sim.records.removals import Cause
 from feeder_sim.records.trajectory import Frames, PlateRecord
 from feeder_sim.replay.colours import colours_of, default_colour
-from feeder_sim.replay.viewer import take_screenshot, time_shown
+from feeder_sim.replay.viewer import take_screenshot
 from feeder_sim.report.page import Block, Picture, Text
 from feeder_sim.report.pictures import WIDTH, picture_from, picture_of
 from feeder_sim.report.recorded import Recorded
@@ -208,7 +208,7 @@ def screenshot(run: Recorded, notify: Callable[[str], None] | None) -> Block:
     if seed is None:
         return Text("No picture of the replay: nothing was recorded.", "note")
     try:
-        at = time_shown(run.recording.path, None, seed=seed)
+        at = _telling(run, seed)
         with tempfile.TemporaryDirectory() as folder:
             file = Path(folder) / "replay.png"
             take_screenshot(run.recording.path, file, at=at, seed=seed)
@@ -221,3 +221,10 @@ def screenshot(run: Recorded, notify: Callable[[str], None] | None) -> Block:
         if notify:
             notify(f"no picture of the replay: {error}")
         return Text(f"No picture of the replay could be drawn: {error}", "note")
+
+
+def _telling(run: Recorded, seed: int) -> float:
+    """A time at which a picture of a seed tells something [s]: the end of the first stage, else half of its record."""
+    record, last = run.recording.records[seed], float(run.recording.seeds[seed].time[-1])
+    first = run.result.scene.stages(record.stops.tolist())[0]
+    return first.stop if first.name and first.stop < last else 0.5 * last
