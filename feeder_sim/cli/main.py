@@ -25,6 +25,7 @@ from feeder_sim.cli.report import as_lines, print_boundaries, print_result
 from feeder_sim.cli.response import response
 from feeder_sim.cli.sweep import merge, sweep
 from feeder_sim.cli.terminal import notify, progress_bar, stop_on_signal
+from feeder_sim.cli.uncertainty import uncertainty
 from feeder_sim.errors import (
     LONGEST_MESSAGE,
     FeederSimError,
@@ -160,7 +161,7 @@ def check(
 
 app.command()(modes)
 app.command("modes import")(import_modes_command)
-for command in (response, sequence, wave, chart, part, sweep, merge):
+for command in (response, sequence, wave, chart, part, sweep, merge, uncertainty):
     app.command()(command)
 
 
