@@ -26,6 +26,7 @@ from feeder_sim.cli.report_page import report
 from feeder_sim.cli.response import response
 from feeder_sim.cli.sweep import merge, sweep
 from feeder_sim.cli.terminal import notify, progress_bar, stop_on_signal
+from feeder_sim.cli.uncertainty import uncertainty
 from feeder_sim.errors import (
     LONGEST_MESSAGE,
     FeederSimError,
@@ -161,7 +162,7 @@ def check(
 
 app.command()(modes)
 app.command("modes import")(import_modes_command)
-for command in (response, sequence, wave, chart, part, sweep, merge):
+for command in (response, sequence, wave, chart, part, sweep, merge, uncertainty):
     app.command()(command)
 
 

@@ -47,7 +47,9 @@ def draw_line(
     x = np.array(values, float) if numbers else np.array([names.index(str(value)) for value in values], float)
     order = np.argsort(x, kind="stable")
     mean = np.array([row.found.mean for row in rows])
-    reach = np.nan_to_num(np.array([half_interval(row.found.se, row.found.n) for row in rows]))
+    # Of uncertain inputs the draws count.
+    counts = [row.spread.draws if row.spread else row.found.n for row in rows]
+    reach = np.nan_to_num([half_interval(row.found.se, n) for row, n in zip(rows, counts, strict=True)])
     if joined and all(row.spread for row in rows):
         low, high = (np.array([getattr(row.spread, name) for row in rows]) for name in ("inputs_low", "inputs_high"))
         axes.fill_between(x[order], low[order], high[order], color=PALE, label="90 % over the inputs")

@@ -10,10 +10,11 @@ from pathlib import Path
 from typing import Any
 
 from feeder_sim.errors import InputError, cause_of, quoted
+from feeder_sim.jobs.folder import SCENARIO
 from feeder_sim.measures.statistic import Statistic
 from feeder_sim.scenario import Scenario, load_scenario
 from feeder_sim.studies.sweep.design import Point
-from feeder_sim.studies.sweep.folder import CSV, QUESTION, SCENARIO
+from feeder_sim.studies.sweep.folder import CSV, QUESTION
 from feeder_sim.studies.sweep.question import Question
 from feeder_sim.studies.sweep.table import COLUMNS, UNCERTAIN_COLUMNS, Row
 from feeder_sim.studies.uncertainty.spread import Spread
@@ -85,20 +86,21 @@ def read_sweep(folder: Path) -> SweepTable:
     if not keys or not (uncertain or head[len(keys) :] == COLUMNS):
         allowed = f"a column per varied key, then {', '.join(COLUMNS)}"
         raise InputError(f"has the columns {quoted(', '.join(head))}, allowed is {allowed}", file=table)
-    rows = tuple(_row(line, keys, table, number, uncertain=uncertain) for number, line in enumerate(reader, 2))
+    draws = question.inputs if uncertain else 0
+    rows = tuple(_row(line, keys, table, number, draws) for number, line in enumerate(reader, 2))
     if not rows:
         raise InputError("holds no point, allowed is a sweep with at least one that is done", file=table)
     return SweepTable(folder, keys, rows, uncertain, question, scenario, _text(folder / SCENARIO))
 
 
-def _row(line: Mapping[str, str | None], keys: tuple[str, ...], table: Path, number: int, *, uncertain: bool) -> Row:
-    """A line of the table."""
+def _row(line: Mapping[str, str | None], keys: tuple[str, ...], table: Path, number: int, draws: int) -> Row:
+    """A line of the table, whose number in the file is for messages; 0 draws where no input is uncertain."""
     try:
         mean, se, n, failed = (_number(line[name]) for name in COLUMNS[1:])
         spread = None
-        if uncertain:
+        if draws:
             low, high, of_inputs, of_seeds = (_number(line[name]) for name in UNCERTAIN_COLUMNS)
-            spread = Spread(math.nan, math.nan, math.nan, low, high, of_inputs, of_seeds, se, 0)
+            spread = Spread(math.nan, math.nan, math.nan, low, high, of_inputs, of_seeds, se, min(draws, int(n)))
         found = Statistic(mean, se * math.sqrt(n), se, int(n))
         return Row({key: _value(line[key]) for key in keys}, line["measure"] or "", found, int(failed), spread)
     except (ValueError, TypeError, OverflowError):

@@ -38,7 +38,7 @@ def measure_picture(rows: Sequence[Row], keys: tuple[str, ...], measure: str) ->
             lambda figure: _draw_family(figure, rows, many, few, label), height=3.2, alt=alt, caption=bars
         )
     if len(keys) == 2 and grid:
-        halves = sorted(half_interval(row.found.se, row.found.n) for row in rows if row.found.n > 1)
+        halves = sorted(half_width(row) for row in rows if count_of(row) > 1)
         sure = ""
         if halves:
             middle, widest = number(halves[len(halves) // 2], 2), number(halves[-1], 2)
@@ -52,6 +52,16 @@ def measure_picture(rows: Sequence[Row], keys: tuple[str, ...], measure: str) ->
         alt=alt,
         caption=f"{bars} Every panel has all points, over another key.",
     )
+
+
+def count_of(row: Row) -> int:
+    """Number of independent values behind a mean: seeds, or draws of uncertain inputs."""
+    return row.spread.draws if row.spread else row.found.n
+
+
+def half_width(row: Row) -> float:
+    """Half the width of the 95 % interval of a mean; NaN where it has none."""
+    return half_interval(row.found.se, count_of(row))
 
 
 def values_of(rows: Sequence[Row], key: str) -> list[Any]:
@@ -127,7 +137,7 @@ def _fit(axes: Any, rows: Sequence[Row]) -> None:
         make_logarithmic(axes.yaxis)
         axes.set_ylim(0.5 * min(means), 2.0 * max(means))
         return
-    halves = [half_interval(row.found.se, row.found.n) if row.found.n > TOO_FEW else 0.0 for row in rows]
+    halves = [half_width(row) if count_of(row) > TOO_FEW else 0.0 for row in rows]
     low = min(mean - half for mean, half in zip(means, halves, strict=True))
     high = max(mean + half for mean, half in zip(means, halves, strict=True))
     room = 0.05 * (high - low) or 0.05 * abs(high) or 1.0
@@ -136,5 +146,5 @@ def _fit(axes: Any, rows: Sequence[Row]) -> None:
 
 def _beyond(rows: Sequence[Row]) -> str:
     """A remark on bars that are not seen in full."""
-    few = any(row.found.n == TOO_FEW for row in rows)
+    few = any(count_of(row) == TOO_FEW for row in rows)
     return " Bars of two values, as wide as 25 standard errors, may run out of the picture." if few else ""

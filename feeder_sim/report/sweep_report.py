@@ -7,14 +7,17 @@ import shlex
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
-from feeder_sim.plots.intervals import half_interval
+from feeder_sim.jobs.folder import SCENARIO
 from feeder_sim.report.measure_tables import FIRST, TILES, statistic_cells
 from feeder_sim.report.page import Block, Folded, Page, Section, Table, Text, Tile
 from feeder_sim.report.provenance import foot, hash_of, version_rows
 from feeder_sim.report.scenario_tables import scenario_blocks
 from feeder_sim.report.sweep_folder import SweepTable, read_sweep
 from feeder_sim.report.sweep_pictures import (
+    TOO_FEW,
     at_point,
+    count_of,
+    half_width,
     key_label,
     measure_label,
     measure_picture,
@@ -22,7 +25,7 @@ from feeder_sim.report.sweep_pictures import (
     values_of,
 )
 from feeder_sim.report.words import number, split_unit, with_error
-from feeder_sim.studies.sweep.folder import CSV, QUESTION, SCENARIO
+from feeder_sim.studies.sweep.folder import CSV, QUESTION
 from feeder_sim.studies.sweep.table import MAIN, Row
 
 MOST_PICTURES = 8
@@ -81,8 +84,8 @@ def _tiles(sweep: SweepTable, ordered: Sequence[str]) -> Iterator[Tile]:
     for measure in telling[:TILES]:
         row = max(sweep.of(measure), key=lambda row: row.found.mean)
         label, unit = split_unit(measure)
-        mean, half = with_error(row.found.mean, half_interval(row.found.se, row.found.n))
-        sure = row.found.n > 2 and half
+        mean, half = with_error(row.found.mean, half_width(row))
+        sure = count_of(row) > TOO_FEW and half
         spread = f"± {half} (95 %), " if sure else ""
         yield Tile(f"largest {label}", mean if sure else number(row.found.mean), unit, f"{spread}at {at_point(row)}")
 
@@ -162,7 +165,8 @@ def _key(row: Row) -> tuple[object, ...]:
 
 
 def _cells(row: Row) -> tuple[str, ...]:
-    mean, se, interval, n = statistic_cells(row.found.as_dict())
+    mean, se, interval, _ = statistic_cells(row.found.as_dict() | {"n": count_of(row)})
+    n = str(row.found.n)
     if row.spread is None:
         return mean, se, interval, n
     spread = row.spread

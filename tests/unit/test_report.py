@@ -308,6 +308,18 @@ def test_sweeps_over_more_keys_and_other_values(
     assert len(page.all("img")) == 1 and said in page.text
 
 
+def test_sweep_with_uncertain_inputs_counts_draws(sweep: Path, coarse: None) -> None:
+    asked = (sweep / "sweep.toml").read_text()
+    (sweep / "sweep.toml").write_text(f"{asked}inputs = 3\n")
+    columns = "drive[0].amplitude_um,measure,mean,se,n,failed,low,high,sd_inputs,sd_seeds"
+    rows = ["1,speed_mm_s,2.0,0.1,12,0,1.5,2.6,0.3,0.05", "2,speed_mm_s,3.0,,12,0,,,,"]
+    (sweep / "sweep.csv").write_text("\n".join([columns, *rows]))
+    assert feeder_sim("report", sweep).returncode == 0
+    text = checked((sweep / "report.html").read_text(encoding="utf-8")).text
+    assert "1 2.00 0.10 1.57 to 2.43 1.5 to 2.6 0.3 0.05 12 0" in text  # t for two degrees of freedom, 3 draws
+    assert "The band is the 90 % interval over the inputs" in text and "--inputs 3" in text
+
+
 @pytest.mark.parametrize(
     ("table", "said"),
     [
@@ -365,7 +377,7 @@ def test_interval_is_that_of_student() -> None:
 
 def test_mean_over_time_ends_with_the_first_seed_that_counts() -> None:
     def seed(n: int, slope: float) -> Frames:
-        time = 0.1 * np.arange(n)
+        time = np.arange(n) / 10.0
         position = np.zeros((n, 1, 3))
         position[:, 0, 0] = slope * time
         zero = np.zeros((n, 1, 3))
