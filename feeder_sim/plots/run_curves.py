@@ -22,7 +22,7 @@ NARROW_SHARE = 0.06  # of a bar, below which its figure has no room in it
 
 def draw_over_time(
     axes: Any, seeds: Sequence[Frames], value: Callable[[Frames], NDArray[np.float64]], *, counted: Sequence[bool]
-) -> float:
+) -> None:
     """Draw a value of every seed over time as a thin curve, and the mean with its interval while all counted seeds run.
 
     A mean over the seeds that are left would be one of the slow ones.
@@ -32,9 +32,6 @@ def draw_over_time(
         seeds: with the same times, as far as they go.
         value: of the frames of a seed, (n,).
         counted: whether a seed is part of the mean; the others are dashed.
-
-    Returns:
-        Time up to which there is a mean [s]; NaN without one.
     """
     common = min((len(frames) for frames, counts in zip(seeds, counted, strict=True) if counts), default=0)
     kept = []
@@ -45,10 +42,9 @@ def draw_over_time(
             kept.append(values[thinned(common)])
     axes.plot([], [], color=SEED, linewidth=0.7, label="single seeds")
     if not kept:
-        return float("nan")
+        return
     time = next(frames.time for frames, counts in zip(seeds, counted, strict=True) if counts)[thinned(common)]
     draw_band(axes, time, np.stack(kept), label=f"mean of {len(kept)} seeds", colour=COLOURS[0])
-    return float(time[-1])
 
 
 def draw_counts(axes: Any, ends: Sequence[StageCounts], counts: Sequence[str], labels: Sequence[str]) -> None:

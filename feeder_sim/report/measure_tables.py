@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from feeder_sim.plots.intervals import half_interval
-from feeder_sim.report.page import Block, Folded, Table, Tile
+from feeder_sim.report.page import Block, Folded, Table, Text, Tile
 from feeder_sim.report.words import headed, number, split_unit, with_error, worded
 
 HEAD = ("measure", "unit", "mean", "SE", "95 % interval", "n")
@@ -25,6 +25,7 @@ FIRST = (
     "refilled",
 )
 TILES = 4
+MOST_ROWS = 200  # of a table of stages; more would make the page too large to mail
 LEAST_FOR_INTERVAL = 3  # values; that of two is as wide as 25 standard errors
 
 
@@ -108,7 +109,7 @@ def statistic_cells(value: Mapping[str, Any]) -> tuple[str, str, str, str]:
     return mean, se, interval_text(value), str(value["n"])
 
 
-def _nested(caption: str, value: Any) -> Iterator[Table]:
+def _nested(caption: str, value: Any) -> Iterator[Table | Text]:
     """Tables of lists of tables, at any depth: a row per entry, means with SE."""
     if isinstance(value, Mapping):
         if not is_statistic(value):
@@ -124,9 +125,11 @@ def _nested(caption: str, value: Any) -> Iterator[Table]:
     if flat and keys:
         seeds = sorted({v["n"] for entry in flat for v in entry.values() if is_statistic(v)})
         of_n = f" (mean ± SE, n = {' to '.join(str(n) for n in dict.fromkeys((seeds[0], seeds[-1])))})" if seeds else ""
-        rows = tuple(tuple(_cell(entry.get(key)) for key in keys) for entry in flat)
+        rows = tuple(tuple(_cell(entry.get(key)) for key in keys) for entry in flat[:MOST_ROWS])
         yield Table(f"{caption}{of_n}", tuple(headed(key) for key in keys), rows, numbers_from=max(1, len(texts)))
-    for entry in value:
+        if len(flat) > MOST_ROWS:
+            yield Text(f"{len(flat) - MOST_ROWS} more are not listed here; summary.json of the run has them.", "note")
+    for entry in value[:MOST_ROWS]:
         name = next((str(inner) for inner in entry.values() if isinstance(inner, str)), "")
         for key, inner in entry.items():
             yield from _nested(f"{name or caption}: {split_unit(key)[0]}", inner)

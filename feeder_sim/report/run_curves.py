@@ -65,7 +65,7 @@ def _seeds(run: Recorded) -> tuple[list[Frames], list[bool]]:
 def _drift(run: Recorded) -> Picture:
     """Distance of the part to the nodal line over time, or its way from the start where there is no such line."""
     cell, (seeds, counted) = run.result.prepared.cell, _seeds(run)
-    until = [float("nan")]
+    first_end = min((float(f.time[-1]) for f, counts in zip(seeds, counted, strict=True) if counts), default=None)
 
     def value(frames: Frames) -> NDArray[np.float64]:
         if cell is not None:
@@ -75,7 +75,7 @@ def _drift(run: Recorded) -> Picture:
 
     def draw(figure: Any) -> None:
         axes = figure.add_subplot()
-        until[0] = draw_over_time(axes, seeds, value, counted=counted)
+        draw_over_time(axes, seeds, value, counted=counted)
         axes.set(xlabel="time (s)", xlim=(0.0, max(float(frames.time[-1]) for frames in seeds)))
         axes.set_ylim(0.0, None)
         if cell is None:
@@ -89,11 +89,17 @@ def _drift(run: Recorded) -> Picture:
         axes.legend(loc="upper right" if cell is not None else "upper left")
 
     what = "its distance to the nearest nodal line" if cell is not None else "its horizontal distance from the start"
-    picture = picture_of(draw, height=3.3, alt=f"The part over time: {what}, in {len(seeds)} seeds.", caption="")
-    ends = f" up to {until[0]:.3g} s, when the first seed ends" if cell is not None else ""
-    left = "; dashed seeds did not run to their end" if not all(counted) else ""
-    caption = f"The part over time: {what}. The mean is drawn{ends}; the band is its 95 % interval{left}."
-    return Picture(picture.content, picture.size, picture.alt, caption)
+    mean = ""
+    if first_end is not None:
+        until = f" up to {first_end:.3g} s, when the first seed ends" if cell is not None else ""
+        mean = f" The mean is drawn{until}; the band is its 95 % interval."
+    left = " Dashed seeds did not run to their end." if not all(counted) else ""
+    return picture_of(
+        draw,
+        height=3.3,
+        alt=f"The part over time: {what}, in {len(seeds)} seeds.",
+        caption=f"The part over time: {what}.{mean}{left}",
+    )
 
 
 def _to_goal(run: Recorded) -> Picture:

@@ -74,6 +74,9 @@ def read_sweep(folder: Path) -> SweepTable:
     Raises:
         InputError: a file of it is missing or cannot be read, or its table has no point.
     """
+    for name in (QUESTION, SCENARIO, CSV):
+        if (folder / name).is_symlink():
+            raise InputError("is a link, allowed is a file of the sweep itself", file=folder / name)
     question = Question.of_toml(folder / QUESTION)
     scenario = load_scenario(folder / SCENARIO)
     table = folder / CSV
@@ -87,7 +90,10 @@ def read_sweep(folder: Path) -> SweepTable:
         allowed = f"a column per varied key, then {', '.join(COLUMNS)}"
         raise InputError(f"has the columns {quoted(', '.join(head))}, allowed is {allowed}", file=table)
     draws = question.inputs if uncertain else 0
-    rows = tuple(_row(line, keys, table, number, draws) for number, line in enumerate(reader, 2))
+    try:
+        rows = tuple(_row(line, keys, table, number, draws) for number, line in enumerate(reader, 2))
+    except csv.Error as error:
+        raise InputError(f"is no table: {error}", file=table) from error
     if not rows:
         raise InputError("holds no point, allowed is a sweep with at least one that is done", file=table)
     return SweepTable(folder, keys, rows, uncertain, question, scenario, _text(folder / SCENARIO))
@@ -108,8 +114,9 @@ def _row(line: Mapping[str, str | None], keys: tuple[str, ...], table: Path, num
 
 
 def _number(text: str | None) -> float:
-    """A number; NaN for an empty field."""
-    return float(text) if text else math.nan
+    """A number; NaN for an empty field, and for what is not finite."""
+    value = float(text) if text else math.nan
+    return value if math.isfinite(value) else math.nan
 
 
 def _value(text: str | None) -> float | str:

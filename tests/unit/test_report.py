@@ -18,10 +18,11 @@ from feeder_sim.measures.statistic import Statistic
 from feeder_sim.plots.figure import empty_figure
 from feeder_sim.plots.intervals import half_interval
 from feeder_sim.plots.run_curves import draw_over_time
+from feeder_sim.records.own_files import locked
 from feeder_sim.records.trajectory import Frames
 from feeder_sim.report import pictures, run_curves, run_pictures
-from feeder_sim.report.measure_tables import interval_text
-from feeder_sim.report.page import Page, Picture, Section, Table, Text, html_of
+from feeder_sim.report.measure_tables import interval_text, measure_blocks
+from feeder_sim.report.page import Folded, Page, Picture, Section, Table, Text, html_of
 from feeder_sim.report.run_report import run_page
 from feeder_sim.report.words import number, split_unit, with_error
 from feeder_sim.run.guard import Guard
@@ -177,6 +178,8 @@ def test_interrupted_run_says_so_and_can_go_on(tmp_path: Path, coarse: None) -> 
     text = checked((tmp_path / "run/report.html").read_text(encoding="utf-8")).text
     assert "The run was interrupted: 0 of 3 seeds have ended." in text
     assert f"feeder-sim run --resume {tmp_path / 'run'}" in text
+    with locked(tmp_path / "run"):
+        assert "The run is still going on: 0 of 3" in checked(html_of(run_page(tmp_path / "run"))).text
     assert not resume_run(tmp_path / "run", replay=False).interrupted  # the page in its folder does no harm
 
 
@@ -244,7 +247,7 @@ def test_picture_of_the_replay_is_embedded(recorded: Path, tmp_path: Path) -> No
         ("mixture", ("cycles = 10", "cycles = 2"), ("bracket", "pose kinds", "where the time goes")),
         ("transport_strip", ("duration_s = 60.0", "duration_s = 3.0"), ("the way of the parts", "to -44 mm")),
         ("ball_500hz", ("duration_s = 2.0", "duration_s = 1.0"), ("flights of the part", "bounce interval")),
-        ("wave_gather", ("duration_s", "duration_s"), ("waves, one by one", "circulation")),
+        ("wave_gather", ("duration_s = 24.0", "duration_s = 2.0"), ("waves, one by one", "circulation")),
     ],
 )
 def test_pages_of_all_kinds_of_runs(
@@ -328,6 +331,7 @@ def test_sweep_with_uncertain_inputs_counts_draws(sweep: Path, coarse: None) -> 
         ("a,measure,mean,se,n,failed\n", "holds no point"),
         ("a,measure,mean,se,n,failed\n1,speed,fast,,3,0\n", "line 2 is ['1', 'speed', 'fast'"),
         ("a,measure,mean,se,n,failed\n1,speed,2.0\n", "line 2 is ['1', 'speed', '2.0'"),
+        (f"a,measure,mean,se,n,failed\n{'1' * 200_000},speed,2.0,0.1,3,0\n", "is no table: field larger"),
     ],
 )
 def test_damaged_table_of_a_sweep_is_refused(table: str, said: str, sweep: Path) -> None:
@@ -335,6 +339,21 @@ def test_damaged_table_of_a_sweep_is_refused(table: str, said: str, sweep: Path)
     refused = feeder_sim("report", sweep)
     assert refused.returncode == 2 and said in one_line(refused)
     assert not (sweep / "report.html").exists()
+
+
+def test_links_in_the_folder_of_a_sweep_are_refused(sweep: Path, tmp_path: Path) -> None:
+    (sweep / "scenario.toml").rename(tmp_path / "secret.toml")
+    (sweep / "scenario.toml").symlink_to(tmp_path / "secret.toml")
+    refused = feeder_sim("report", sweep)
+    assert refused.returncode == 2 and "is a link" in one_line(refused)
+
+
+def test_long_schedules_do_not_make_the_page_too_large() -> None:
+    stage = {name: Statistic(1.0, 0.1, 0.05, 4).as_dict() for name in "abcdefgh"}
+    (folded,) = [b for b in measure_blocks({"stages": [stage] * 5000}) if isinstance(b, Folded)]
+    table, note = folded.blocks
+    assert isinstance(table, Table) and len(table.rows) == 200
+    assert isinstance(note, Text) and note.text.startswith("4800 more are not listed here")
 
 
 def test_everything_in_a_page_is_escaped() -> None:
@@ -385,8 +404,8 @@ def test_mean_over_time_ends_with_the_first_seed_that_counts() -> None:
 
     axes = empty_figure(4.0, 3.0).add_subplot()
     seeds = [seed(31, 1.0), seed(51, 2.0), seed(11, 9.0)]
-    until = draw_over_time(axes, seeds, lambda frames: frames.position[:, 0, 0], counted=[True, True, False])
-    assert until == pytest.approx(3.0)
+    draw_over_time(axes, seeds, lambda frames: frames.position[:, 0, 0], counted=[True, True, False])
     (mean,) = [line for line in axes.lines if str(line.get_label()).startswith("mean of 2 seeds")]
+    assert mean.get_xdata()[-1] == pytest.approx(3.0)
     assert mean.get_ydata() == pytest.approx(1.5 * mean.get_xdata())
     assert len(axes.lines) == 5 and axes.lines[2].get_linestyle() == "--"
