@@ -11,12 +11,12 @@ from PIL import Image
 
 HERE = Path(__file__).parent
 WIDTH, LONG = 960, 5000  # [pixels] of the window; longer than any page that is looked at
-VIEWS = ((0, 1420), (1630, 3050))  # from and to [pixels], side by side in the picture
-SCALE = 0.75
+VIEWS = ((0, 1420), (1610, 3030), (3030, 4450))  # from and to [pixels], side by side in the picture
+SCALE = 0.6
 
 
 def main(page: Path, browser: str) -> None:
-    """Take a picture of the whole page, and put two parts of it side by side."""
+    """Take a picture of the whole page, and put some parts of it side by side."""
     with tempfile.TemporaryDirectory() as folder:
         shot = Path(folder) / "page.png"
         command = [browser, "--headless", "--no-sandbox", "--disable-gpu", "--hide-scrollbars"]
