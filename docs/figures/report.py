@@ -11,7 +11,7 @@ from PIL import Image
 
 HERE = Path(__file__).parent
 WIDTH, LONG = 960, 5000  # [pixels] of the window; longer than any page that is looked at
-VIEWS = ((0, 1420), (1610, 3030), (3030, 4450))  # from and to [pixels], side by side in the picture
+VIEWS = ((0, 1420), (1610, 3030), (3064, 4484))  # from and to [pixels], side by side in the picture
 SCALE = 0.6
 
 

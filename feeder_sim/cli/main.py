@@ -18,6 +18,7 @@ from typer.core import TyperGroup
 from feeder_sim.cli.chart import chart
 from feeder_sim.cli.files import naming, new_picture, scenario_of, writable
 from feeder_sim.cli.import_modes import import_modes_command
+from feeder_sim.cli.optimise import optimise
 from feeder_sim.cli.part import part
 from feeder_sim.cli.plate import modes, sequence, wave
 from feeder_sim.cli.replay import replay
@@ -26,7 +27,7 @@ from feeder_sim.cli.report_page import report
 from feeder_sim.cli.response import response
 from feeder_sim.cli.sweep import merge, sweep
 from feeder_sim.cli.terminal import notify, progress_bar, stop_on_signal
-from feeder_sim.cli.uncertainty import uncertainty
+from feeder_sim.cli.uncertainty import run_uncertain, uncertainty
 from feeder_sim.errors import (
     LONGEST_MESSAGE,
     FeederSimError,
@@ -84,6 +85,7 @@ def run(
     as_json: AsJson = False,
     dry_run: Annotated[bool, typer.Option("--dry-run", help="Say what would be done, as `check` does.")] = False,
     resume: Annotated[Path | None, typer.Option("--resume", help="Go on with the interrupted run in a folder.")] = None,
+    inputs: Annotated[int, typer.Option("--inputs", min=2, help="Draws of inputs that are [uncertain].")] = 16,
 ) -> None:
     """Simulate a scenario and record it, or go on with a run that was interrupted."""
     if resume is not None:
@@ -99,7 +101,7 @@ def run(
 
         with stop_on_signal() as stop, progress_bar(str(resume), stop) as progress:
             result = resume_run(resume, progress=progress, stop=stop, notify=notify)
-        _finish_run(result, resume, as_json)
+        _finish_run(result, resume, as_json, inputs)
         return
     if scenario_file is None:
         raise InputError("a scenario file is needed, or --resume with the folder of a run", key="run")
@@ -121,12 +123,16 @@ def run(
                 with contextlib.suppress(OSError):  # it holds something
                     folder.rmdir()
             raise
-    _finish_run(result, folder, as_json)
+    _finish_run(result, folder, as_json, inputs)
 
 
-def _finish_run(result: Result, folder: Path, as_json: bool) -> None:
-    """Print what came out; the exit code says how it ended."""
-    print_result(result, folder, as_json)
+def _finish_run(result: Result, folder: Path, as_json: bool, inputs: int) -> None:
+    """Go on to the uncertain inputs, if there are any; print what came out; the exit code says how it ended."""
+    whole = not result.interrupted and not result.failures
+    uncertain = run_uncertain(result, folder / "uncertainty", inputs) if whole else None
+    print_result(result, folder, as_json, {"uncertainty": uncertain.as_json()} if uncertain else {})
+    if uncertain and not as_json:
+        print(uncertain.as_text())
     for caution in result.prepared.cautions:
         print(f"feeder-sim: caution: {printable(caution)}", file=sys.stderr)
     for failure in result.failures:
@@ -137,6 +143,8 @@ def _finish_run(result: Result, folder: Path, as_json: bool) -> None:
         raise typer.Exit(Interrupted.exit_code)
     if result.failures:
         raise typer.Exit(1)
+    if uncertain:
+        uncertain.finish()
 
 
 @app.command()
@@ -162,7 +170,7 @@ def check(
 
 app.command()(modes)
 app.command("modes import")(import_modes_command)
-for command in (response, sequence, wave, chart, part, sweep, merge, uncertainty):
+for command in (response, sequence, wave, chart, part, sweep, merge, uncertainty, optimise):
     app.command()(command)
 
 

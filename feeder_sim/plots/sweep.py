@@ -14,6 +14,7 @@ from feeder_sim.plots.intervals import half_interval
 from feeder_sim.studies.sweep.cases import Sweep
 from feeder_sim.studies.sweep.table import Row
 
+MOST_TICKS = 8  # on a logarithmic axis
 BLUE, PALE = "#3a60be", "#b8c6ea"
 DECADES = 30.0  # largest over smallest value from which on colours of a map, or an axis, are logarithmic
 EVEN = 1e-6  # relative difference of steps, or of ratios, that counts as none
@@ -67,6 +68,8 @@ def draw_line(
 
 def draw_map(figure: Any, rows: Sequence[Row], keys: tuple[str, ...], measure: str) -> None:
     """Draw a heat map over two keys; points without a value stay white."""
+    from matplotlib.ticker import NullLocator
+
     axes = figure.subplots()
     ticks = [list(dict.fromkeys(row.point[key] for row in rows)) for key in keys]
     ticks = [sorted(values) if all(_is_number(v) for v in values) else values for values in ticks]
@@ -78,11 +81,14 @@ def draw_map(figure: Any, rows: Sequence[Row], keys: tuple[str, ...], measure: s
     norm = "log" if low > 0.0 and high > DECADES * low else "linear"
     image = axes.pcolormesh(*edges, grid, cmap="viridis", norm=norm)
     axes.set(xlabel=keys[0], ylabel=keys[1])
-    for values, axis in zip(ticks, (axes.xaxis, axes.yaxis), strict=True):
+    for values, axis, name in zip(ticks, (axes.xaxis, axes.yaxis), "xy", strict=True):
         if not all(_is_number(value) for value in values):
             axis.set_ticks(range(len(values)), [str(value) for value in values])
         elif _is_log(np.array(values, float)):
-            make_logarithmic(axis)
+            axes.set(**{f"{name}scale": "log"})
+            axis.set_minor_locator(NullLocator())
+            axis.set_ticks(values[:: math.ceil(len(values) / MOST_TICKS)])
+            axis.set_major_formatter("{x:.3g}")
     figure.colorbar(image, label=measure)
 
 

@@ -122,6 +122,9 @@ def _cautions(run: Recorded) -> tuple[Block, ...]:
         Text(f"{caution[:1].upper()}{caution[1:]}.".replace("..", "."), "caution")
         for caution in run.result.prepared.cautions
     ]
+    if run.result.prepared.scenario.uncertain:
+        text = "Inputs of the scenario are uncertain: intervals here are over the seeds at its own values only."
+        lines.append(Text(text, "caution"))
     unresolved = sum(run.recording.unresolved_impacts)
     if unresolved:
         lines.append(
