@@ -224,7 +224,7 @@ def screenshot(run: Recorded, notify: Callable[[str], None] | None) -> Block:
 
 
 def _telling(run: Recorded, seed: int) -> float:
-    """A time at which a picture of a seed tells something [s]: near the end of the first stage, or half of its record."""
+    """A time at which a picture of a seed tells something [s]: late in the first stage, or half of its record."""
     record, last = run.recording.records[seed], float(run.recording.seeds[seed].time[-1])
     first = run.result.scene.stages(record.stops.tolist())[0]
     return first.stop - 2.0 * run.result.scene.frame_interval if first.name and first.stop < last else 0.5 * last

@@ -28,6 +28,7 @@ from feeder_sim.report.words import number, split_unit, with_error
 from feeder_sim.run.guard import Guard
 from feeder_sim.run.run_folder import record_run, resume_run
 from feeder_sim.scenario import Scenario
+from feeder_sim.scenario.uncertain import Uncertain
 
 TITLE = """<script>alert("x")</script> & 'so' \u202e\x1b[31m"""
 LARGEST = 2_000_000  # bytes of a page
@@ -354,6 +355,14 @@ def test_long_schedules_do_not_make_the_page_too_large() -> None:
     table, note = folded.blocks
     assert isinstance(table, Table) and len(table.rows) == 200
     assert isinstance(note, Text) and note.text.startswith("4800 more are not listed here")
+
+
+def test_uncertain_inputs_of_a_run_are_said(tmp_path: Path, undrawn: None) -> None:
+    uncertain = {"contact.restitution": Uncertain(uniform=(0.1, 0.3))}
+    scenario = titled("unsure").model_copy(update={"uncertain": uncertain})
+    record_run(scenario, tmp_path / "run", replay=False)
+    text = checked(html_of(run_page(tmp_path / "run"))).text
+    assert "Inputs of the scenario are uncertain" in text and "uncertain contact.restitution uniform 0.1, 0.3" in text
 
 
 def test_everything_in_a_page_is_escaped() -> None:
