@@ -16,7 +16,9 @@ from feeder_sim.scene.column import check_width
 from feeder_sim.scene.gripper import read_gripper
 
 if TYPE_CHECKING:
+    from feeder_sim.scenario import Schedule
     from feeder_sim.scene.scene import Scene
+    from feeder_sim.scene.timetable import TimedStage
 
 DIAMETER_ROUND_OFF = 1e-9  # relative, of a tube that is just as wide as its part
 FREE_TILT, UPRIGHT = (0.0, 3.0), (0.0, 0.0)  # [deg]; tilt at the start of a free and of a guided part by default
@@ -93,15 +95,22 @@ def check_picks(scene: Scene) -> None:
                 f'has "{wrong[0]}", allowed is {allowed} (poses of {names[kind]}, see feeder-sim part)', key=f"{key}.up"
             )
     least = 2.0 * scene.frame_interval
-    last = len(schedule.stage) - 1 if schedule and scene.scenario.refill else None  # of a cycle, before a refill
+    last = len(schedule.order) - 1 if schedule and scene.scenario.refill else None  # of a cycle, before a refill
     for stage in scene.times.stages:
         refilled = 0 < stage.cycle < scene.times.stages[-1].cycle and stage.number == last
         if stage.until and (stage.picks or refilled) and stage.end - stage.stop < least:
             what = "pick" if stage.picks else "a refill after it"
             raise InputError(
                 f"is {stage.end - stage.stop:g}, allowed is at least two frames, {least:.2g} s, with until and {what}",
-                key=f"schedule.{'stage' if stage.cycle else 'prepare'}[{stage.number}].pause_s",
+                key=f"schedule.{_stage_key(schedule, stage)}.pause_s",
             )
+
+
+def _stage_key(schedule: Schedule | None, stage: TimedStage) -> str:
+    """The key of a stage in its schedule."""
+    if stage.cycle and schedule is not None:
+        return f"stage[{schedule.order[stage.number]}]"
+    return f"{'stage' if stage.cycle else 'prepare'}[{stage.number}]"
 
 
 def check_goal(scenario: Scenario, surface: Surface) -> None:
