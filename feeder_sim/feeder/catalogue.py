@@ -7,6 +7,7 @@ way, but no others, and none faster, for its steps would have to be finer.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from copy import copy
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -15,11 +16,11 @@ import numpy as np
 
 from feeder_sim.errors import InputError, nearest, quoted
 from feeder_sim.run.prepare import prepare
-from feeder_sim.scenario import Scenario, Stage
+from feeder_sim.scenario import Scenario, Stage, with_run
 from feeder_sim.scenario.tables import validated
 from feeder_sim.scene.prepared import Prepared
 
-STAGE = Path("stage")  # names a stage that is given in code in messages
+STAGE, FEEDER = Path("stage"), Path("Feeder")  # name what is given in code in messages
 
 
 class Catalogue:
@@ -41,16 +42,26 @@ class Catalogue:
         if scenario.schedule is None:
             raise InputError("is missing, allowed is a scenario with stages that a feeder can run", key="schedule")
         tables = [*scenario.schedule.stage, *(_checked(stage) for stage in stages)]
-        self._scenario = validated(
-            scenario.model_dump() | {"run": scenario.run.model_dump() | {"seeds": 1, "seed": seed}},
-            Scenario,
-            Path("Feeder"),
-        )
+        self._scenario = with_run(scenario, file=FEEDER, seeds=1, seed=seed)
         self._by_hand = scenario.schedule.by_hand
         self._stages: list[Stage] = []
         for stage in tables:
             self._name(stage)
         self.prepared = self._prepared()
+
+    def with_seed(self, seed: int) -> Catalogue:
+        """The same stages, with other random numbers."""
+        other = copy(self)
+        other._stages = list(self._stages)
+        other._scenario = with_run(self._scenario, file=FEEDER, seed=seed)
+        scene = replace(self.prepared.scene, scenario=other.scenario((), by_hand=False))
+        other.prepared = replace(self.prepared, scene=scene)
+        return other
+
+    @property
+    def stages(self) -> tuple[Stage, ...]:
+        """All stages, in the order of their numbers."""
+        return tuple(self._stages)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -115,7 +126,7 @@ class Catalogue:
         """The scene of all stages, checked, before any of them."""
         scenario = self._scenario.model_dump()
         scenario["schedule"] |= {"stage": [stage.model_dump() for stage in self._stages], "sequence": None, "cycles": 1}
-        prepared = prepare(validated(scenario, Scenario, Path("Feeder")))
+        prepared = prepare(validated(scenario, Scenario, FEEDER))
         return replace(prepared, scene=replace(prepared.scene, scenario=self.scenario((), by_hand=False)))
 
 

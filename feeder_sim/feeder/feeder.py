@@ -22,13 +22,15 @@ from numpy.typing import ArrayLike, NDArray
 from feeder_sim.errors import InputError
 from feeder_sim.feeder.catalogue import Catalogue
 from feeder_sim.feeder.poses import Poses, poses_of
+from feeder_sim.measures.picking import pickable
 from feeder_sim.records.removals import Cause
 from feeder_sim.records.trajectory import Status
 from feeder_sim.run.open_run import OpenRun
 from feeder_sim.run.run_folder import check_free, record_ended
 from feeder_sim.run.simulation import Result, compile_engine
-from feeder_sim.scenario import Scenario, Stage
+from feeder_sim.scenario import Pick, Scenario, Stage
 from feeder_sim.scenario.tables import validated
+from feeder_sim.scene.fits import check_pick
 from feeder_sim.scene.scene import Scene
 from feeder_sim.single_thread import single_threaded
 
@@ -59,13 +61,20 @@ class Feeder:
         self._begin(Catalogue(scenario, seed, stages), threads)
 
     def _begin(self, catalogue: Catalogue, threads: int) -> None:
-        self._catalogue = catalogue
+        self._catalogue, self._threads = catalogue, threads
         self._sequence: list[int] = []
         self._folder: Path | None = None
         self._replay, self._by_hand, self._closed, self._began = True, False, False, False
         compile_engine(catalogue.prepared)
         self._run = OpenRun(catalogue.prepared, threads=threads)
         self._run.run_stages(self._scene())
+
+    @single_threaded
+    def again(self, seed: int) -> Self:
+        """A new feeder at time 0 that can run the same stages, without what it takes to make them ready."""
+        fresh = self.__class__.__new__(self.__class__)
+        fresh._begin(self._catalogue.with_seed(seed), self._threads)
+        return fresh
 
     @property
     def time(self) -> float:
@@ -81,6 +90,11 @@ class Feeder:
     def stage_names(self) -> tuple[str, ...]:
         """Names of all stages that can be run, in the order of their numbers."""
         return self._catalogue.names
+
+    @property
+    def stages(self) -> tuple[Stage, ...]:
+        """All stages that can be run, in the order of their numbers."""
+        return self._catalogue.stages
 
     @property
     def sequence(self) -> tuple[str, ...]:
@@ -153,6 +167,21 @@ class Feeder:
             self._by_hand = True
             self._run.take_out(chosen.astype(np.int64))
         return chosen.astype(np.int64)
+
+    def pick_by(self, rule: Pick | Mapping[str, Any]) -> NDArray[np.int64]:
+        """Pick all parts that a rule of a schedule allows now; returns their numbers.
+
+        Args:
+            rule: a `Pick`, or what makes one, such as {"clearance_mm": 10.0}.
+
+        Raises:
+            InputError: the rule is not allowed.
+        """
+        self._check_open()
+        pick = rule if isinstance(rule, Pick) else validated(dict(rule), Pick, Path("pick"))
+        scene = self._catalogue.prepared.scene
+        check_pick(scene, pick, "pick")
+        return self.pick(pickable(scene, (pick,), self._run.current()))
 
     def refill(self, n: int) -> NDArray[np.int64]:
         """Let up to n new parts fall onto the plate, where `[refill]` of the scenario says; returns their numbers.

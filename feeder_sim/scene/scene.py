@@ -80,7 +80,7 @@ class Scene:
     def stopped(self, stops: Sequence[float]) -> Scene:
         """The same scene, but the drives of the first stages stop at these times [s]."""
         times = self._timetable(stops)
-        return replace(self, times=times, surface=replace(self.surface, terms=motion_terms(self.driven, times)))
+        return replace(self, times=times, surface=self.surface.moved_by(motion_terms(self.driven, times)))
 
     def begun(self, n_stages: int) -> Scene:
         """The same scene as it is while the last of its first stages is under way: of later ones nothing is known.
@@ -92,7 +92,7 @@ class Scene:
         times = of_stages(stages)
         ringing = motion_terms(self.driven, times).since(stages[-1].start if stages else 0.0)
         terms = ringing.joined(silent_terms(drive for drives in self.all_drives for drive in drives))
-        return replace(self, times=times, surface=replace(self.surface, terms=terms))
+        return replace(self, times=times, surface=self.surface.moved_by(terms))
 
     @property
     def stage_by_stage(self) -> bool:
