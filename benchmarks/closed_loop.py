@@ -16,7 +16,7 @@ import feeder_sim
 from feeder_sim.measures.statistic import Statistic
 from feeder_sim.studies.closed_loop.letter import LETTERS, letter_path, letter_scenario, steer
 from feeder_sim.studies.closed_loop.prediction import GradientDrift
-from feeder_sim.studies.closed_loop.separation import SECONDS, compare
+from feeder_sim.studies.closed_loop.separation import SECONDS, SHARE, compare
 
 ROOT = Path(__file__).resolve().parent.parent
 
@@ -26,7 +26,8 @@ def main() -> None:
     parser.add_argument("--seeds", type=int, default=12)
     parser.add_argument("--threads", type=int, default=1, help="of one seed; the result does not depend on them")
     parser.add_argument("--scenario", type=Path, default=ROOT / "scenarios" / "separation_100.toml")
-    parser.add_argument("--seconds", type=float, default=SECONDS, help="on the clock of every policy")
+    parser.add_argument("--share", type=float, default=SHARE, help="of the parts, which each policy is to pick")
+    parser.add_argument("--seconds", type=float, default=SECONDS, help="on the clock at most")
     parser.add_argument("--letter", choices=sorted(LETTERS), help="steer a nut along it instead")
     parser.add_argument("--plate", type=Path, default=ROOT / "models" / "plate_180" / "modes.h5")
     parser.add_argument("--picture", type=Path, help="of the first seed's way along the letter")
@@ -41,7 +42,8 @@ def main() -> None:
 
 def separation(asked: argparse.Namespace) -> None:
     scenario = feeder_sim.load_scenario(asked.scenario)
-    found = compare(scenario, range(asked.seeds), seconds=asked.seconds, threads=asked.threads)
+    how = {"share": asked.share, "seconds": asked.seconds, "threads": asked.threads}
+    found = compare(scenario, range(asked.seeds), **how)
     for rate in found.rates:
         print(f"{rate.name:<15} {text(Statistic.of(rate.per_minute.tolist()))} picks per minute, ", end="")
         print(f"{rate.picked.mean():.1f} picked and {rate.lost.mean():.1f} lost in {60.0 * rate.minutes.mean():.1f} s")

@@ -32,9 +32,9 @@ LETTERS = {  # corners [mm]; of the S, two arcs
 MODES_HZ = (1300.0, 8200.0)  # whose waves are longer than a nut, and short enough to have nodes near every place
 DEGENERATE = 1e-4  # relative difference of two frequencies that are one
 MIDDLE = 0.05  # [m]; half the side of the square over which a mode has its speed
-SPEED = 0.02  # [m/s], root mean square over that square of the velocity amplitude
-PULSE_S, REST_S = 0.1, 0.1
-AHEAD = 1.0e-3  # [m] along the path from the nearest place to the one that is aimed at
+SPEED = 0.03  # [m/s], root mean square over that square of the velocity amplitude
+PULSE_S, REST_S = 0.1, 0.05
+AHEAD = 0.7e-3  # [m] along the path from the nearest place to the one that is aimed at
 MOST_PULSES = 3000
 MOVED = 5e-5  # [m]; a part that a pulse moves by less is not sent the same way again
 

@@ -1,12 +1,13 @@
 """Picks per minute of policies that run the same feeder: the fixed schedule, and a greedy one that looks.
 
-All start from the same parts (paired seeds) and have the same time on the clock. Parts are picked by the same rule, that
-of the scenario's schedule.
+All start from the same parts (paired seeds), and end when a share of them is picked. Parts are picked by the same rule,
+that of the scenario's schedule.
 """
 
 from __future__ import annotations
 
 import itertools
+import math
 from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Protocol
@@ -25,7 +26,8 @@ RESONANCES_HZ = (1420.0, 2646.0, 2797.0, 6199.0, 6788.0)  # of the 180 mm plate,
 VOLTAGE_VPP = 120.0
 PULSES_S, REST_S = (0.1, 0.4), 0.4
 SOFT = 2e-3  # [m]; what a prediction of the distance between two parts is worth
-SECONDS = 25.0  # on the clock, that of ten cycles of the source's schedule
+SHARE = 0.5  # of the parts, which a policy is to pick
+SECONDS = 25.0  # on the clock at most, that of ten cycles of the source's schedule
 
 
 @dataclass(frozen=True)
@@ -144,6 +146,7 @@ def compare(
     scenario: Scenario,
     seeds: Sequence[int],
     *,
+    share: float = SHARE,
     seconds: float = SECONDS,
     prediction: Callable[[Feeder], Prediction] | None = None,
     threads: int = 1,
@@ -154,7 +157,8 @@ def compare(
     Args:
         scenario: has a schedule with a pick.
         seeds: of the starts.
-        seconds: on the clock: simulated, and that of the scenario's robot and camera.
+        share: of the parts, after which a policy has picked enough.
+        seconds: on the clock at most: simulated, and that of the scenario's robot and camera.
         prediction: makes that of the greedy policy from a feeder; `GradientDrift` by default.
         threads: as for `Feeder`.
         seen: takes the share of the work that is done.
@@ -180,7 +184,7 @@ def compare(
     for seed in seeds:
         for name, policy in policies.items():
             feeder = first.again(seed)
-            clock = _run(feeder, policy, rule, seconds)
+            clock = _run(feeder, policy, rule, math.ceil(share * scenario.n_parts), seconds)
             ends[name].append((len(feeder.picked), len(feeder.lost), clock / 60.0))
             done += 1
             if seen:
@@ -192,11 +196,11 @@ def compare(
     )
 
 
-def _run(feeder: Feeder, policy: Policy, rule: Pick, seconds: float) -> float:
-    """Let a policy run a feeder until its time is over; returns the time on the clock [s]."""
+def _run(feeder: Feeder, policy: Policy, rule: Pick, enough: int, seconds: float) -> float:
+    """Let a policy run a feeder until enough is picked, or time is over; returns the time on the clock [s]."""
     robot = feeder.scene.scenario.robot or Robot()
     clock, stages = 0.0, policy(feeder)
-    while clock < seconds and len(feeder.poses()):
+    while clock < seconds and len(feeder.picked) < enough and len(feeder.poses()):
         number = next(stages)
         begin, before = feeder.time, len(feeder.picked)
         feeder.vibrate(number)
@@ -204,4 +208,4 @@ def _run(feeder: Feeder, policy: Policy, rule: Pick, seconds: float) -> float:
         if looks and not feeder.stages[number].picks:
             feeder.pick_by(rule)
         clock += feeder.time - begin + robot.look_s * looks + robot.pick_s * (len(feeder.picked) - before)
-    return max(clock, seconds)
+    return clock if len(feeder.picked) >= enough else max(clock, seconds)
