@@ -1,6 +1,7 @@
 """Closed loops: picks per minute of a greedy policy against a fixed schedule, and a nut along a letter.
 
 python benchmarks/closed_loop.py --seeds 12
+python benchmarks/closed_loop.py --fit 0.03 --seeds 40
 python benchmarks/closed_loop.py --letter N --seeds 8 --picture docs/figures/letter.png
 """
 
@@ -14,6 +15,7 @@ import numpy as np
 
 import feeder_sim
 from feeder_sim.measures.statistic import Statistic
+from feeder_sim.studies.closed_loop.fit import fit_pulses
 from feeder_sim.studies.closed_loop.letter import LETTERS, letter_path, letter_scenario, steer
 from feeder_sim.studies.closed_loop.prediction import GradientDrift
 from feeder_sim.studies.closed_loop.separation import SECONDS, SHARE, compare
@@ -29,11 +31,14 @@ def main() -> None:
     parser.add_argument("--share", type=float, default=SHARE, help="of the parts, which each policy is to pick")
     parser.add_argument("--seconds", type=float, default=SECONDS, help="on the clock at most")
     parser.add_argument("--letter", choices=sorted(LETTERS), help="steer a nut along it instead")
+    parser.add_argument("--fit", type=float, metavar="M_S", help="fit the prediction to random pulses of this speed")
     parser.add_argument("--plate", type=Path, default=ROOT / "models" / "plate_180" / "modes.h5")
     parser.add_argument("--picture", type=Path, help="of the first seed's way along the letter")
     asked = parser.parse_args()
     begun = time.perf_counter()
-    if asked.letter:
+    if asked.fit:
+        fit(asked)
+    elif asked.letter:
         letter(asked)
     else:
         separation(asked)
@@ -53,6 +58,14 @@ def separation(asked: argparse.Namespace) -> None:
 
 def text(value: Statistic) -> str:
     return f"{value.mean:.1f} +- {value.se:.1f} (SE, n = {value.n})"
+
+
+def fit(asked: argparse.Namespace) -> None:
+    found = fit_pulses(asked.plate, asked.fit, asked.seeds)
+    print(
+        f"{len(found.way)} pulses of {asked.fit:g} m/s, {found.way_mm:.2f} mm each: share {found.share:.3f}, ", end=""
+    )
+    print(f"correlation {found.correlation:.3f}, {100.0 * found.left:.0f} % of the way left")
 
 
 def letter(asked: argparse.Namespace) -> None:

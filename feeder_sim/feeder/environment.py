@@ -71,7 +71,7 @@ class FeederEnvironment(gymnasium.Env[Observation, np.int64]):
         scene = self._feeder.scene
         n, poses = len(scene.parts), max((len(table.names) for table in scene.poses), default=0)
         self.action_space = gymnasium.spaces.Discrete(len(self._feeder.stage_names))
-        self.observation_space = gymnasium.spaces.Dict(
+        self.observation_space: gymnasium.Space[Any] = gymnasium.spaces.Dict(
             {
                 "present": gymnasium.spaces.MultiBinary(n),
                 "position": gymnasium.spaces.Box(-REACH, REACH, (n, 3), np.float64),

@@ -32,6 +32,7 @@ from feeder_sim.scene.scene import build_scene
 
 OUT, IN = (Excitation(frequency_hz=f, amplitude_um=2.0) for f in (4750.0, 8775.0))
 FRAME = 0.01  # [s], about
+EXTRA = {"frequency_hz": 6000.0, "amplitude_um": 1.0}  # that no stage below drives
 
 
 def scenario(**changes: Any) -> Scenario:
@@ -222,7 +223,6 @@ REFUSED: list[tuple[str, Any]] = [
     ("refill: is missing, allowed is a scenario that", lambda feeder: feeder.refill(1)),
     ("refill: is 0, allowed is a whole number", lambda feeder: feeder.refill(0)),
 ]
-EXTRA = {"frequency_hz": 6000.0, "amplitude_um": 1.0}
 
 
 @pytest.fixture(scope="module")

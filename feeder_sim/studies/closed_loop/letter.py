@@ -164,7 +164,8 @@ def steer(
     predicted = prediction or GradientDrift(feeder.scene)
     line = _Line(path)
     place = feeder.poses().position[0, :2]
-    places, stages, done = [place], [], 0.0
+    places, done = [place], 0.0
+    stages: list[str] = []
     held_at, tried = place, np.zeros(len(feeder.stage_names), bool)  # what has been tried in vain at a place
     while len(stages) < most_pulses and len(feeder.poses()):
         done = line.nearest(place, done, done + 3.0 * ahead)

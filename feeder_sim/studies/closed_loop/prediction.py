@@ -5,8 +5,8 @@ amplitude h/2 |grad v|. Parts drift toward the node at a share of that:
 
     dx/dt = -share * h/2 * grad v        where the surface throws parts, omega v > g;   no further than to the node
 
-Modes of one frequency add up as phasors; of several frequencies each adds its own way. SHARE is what pulses of 0.1 s
-gave of an M2.5 nut on the 180 mm plate (`benchmarks/closed_loop.py --fit`).
+Modes of one frequency add up as phasors; of several frequencies each adds its own way. SHARE is what short
+pulses gave of an M2.5 nut on the 180 mm plate (fit.py).
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ class GradientDrift:
         self._stages = [
             (stage.duration_s, list(itertools.islice(drives, len(stage.drive)))) for stage in schedule.stage
         ]
-        self._places, self._shapes = b"", np.empty(0)
+        self._places, self._shapes = b"", np.empty((0, 0, 0))
 
     def predict(self, stage: int, positions: NDArray[np.float64]) -> NDArray[np.float64]:
         duration, drives = self._stages[stage]

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -83,7 +83,8 @@ class Policy(Protocol):
         looks_after: numbers of the stages after which parts are picked.
     """
 
-    looks_after: Collection[int]
+    @property
+    def looks_after(self) -> Sequence[int]: ...
 
     def __call__(self, feeder: Feeder) -> Iterator[int]: ...
 
