@@ -77,12 +77,14 @@ def letter(asked: argparse.Namespace) -> None:
         ways.append(way)
         print(
             f"seed {seed}: {'arrived' if way.arrived else 'gave up'} after {way.time:.1f} s, {len(way.stages)} pulses; "
-            f"deviation {way.mean_deviation_mm:.2f} mm, at most {way.largest_deviation_mm:.2f} mm",
+            f"deviation {way.mean_deviation_mm:.2f} mm, at most {way.largest_deviation_mm:.2f} mm; "
+            f"path missed by {way.missed_mm:.2f} mm at most",
             flush=True,
         )
     for name, values in (
         ("mean deviation [mm]", [way.mean_deviation_mm for way in ways]),
         ("largest deviation [mm]", [way.largest_deviation_mm for way in ways]),
+        ("path missed [mm]", [way.missed_mm for way in ways]),
         ("time [s]", [way.time for way in ways]),
     ):
         print(f"{name:<24} {np.mean(values):.2f}, {min(values):.2f} to {max(values):.2f}")

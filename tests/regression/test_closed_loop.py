@@ -30,6 +30,7 @@ def test_a_nut_follows_a_letter() -> None:
     assert np.linalg.norm(way.places[-1] - letter_path("L")[-1]) < 1.5e-3
     assert way.mean_deviation_mm < 0.5
     assert way.largest_deviation_mm < 2.5
+    assert way.missed_mm < 2.5
 
 
 @pytest.mark.slow

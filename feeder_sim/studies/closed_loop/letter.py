@@ -68,6 +68,14 @@ class Way:
         return 1e3 * float(self.deviation.max())
 
     @property
+    def missed_mm(self) -> float:
+        """Largest distance from a point of the path to the way, as at a corner that was cut."""
+        import shapely
+
+        points = shapely.points([_Line(self.wanted).at(way) for way in np.arange(0.0, 1e-3 * self.length_mm, 1e-4)])
+        return 1e3 * float(shapely.distance(shapely.LineString(self.places), points).max())
+
+    @property
     def length_mm(self) -> float:
         """Of the path."""
         return 1e3 * float(np.linalg.norm(np.diff(self.wanted, axis=0), axis=1).sum())
