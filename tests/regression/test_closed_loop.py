@@ -22,7 +22,7 @@ MODES = REPOSITORY / "models" / "plate_180" / "modes.h5"
 
 @pytest.mark.slow
 def test_a_nut_follows_a_letter() -> None:
-    """0.2 mm off on average, and 1.5 mm at most, in eight runs of the N; a nut is 5 mm wide."""
+    """0.2 mm off on average, and 1.5 mm at most, in six runs of the N; a nut is 5 mm wide."""
     feeder = feeder_sim.Feeder(letter_scenario(MODES, "L"))
     way = steer(feeder, letter_path("L"), prediction=GradientDrift(feeder.scene))
     assert way.arrived

@@ -26,7 +26,7 @@ RESONANCES_HZ = (1420.0, 2646.0, 2797.0, 6199.0, 6788.0)  # of the 180 mm plate,
 VOLTAGE_VPP = 120.0
 PULSES_S, REST_S = (0.1, 0.4), 0.4
 SOFT = 2e-3  # [m]; what a prediction of the distance between two parts is worth
-SHARE = 0.5  # of the parts, which a policy is to pick
+SHARE = 0.9  # of the parts, which a policy is to pick
 SECONDS = 25.0  # on the clock at most, that of ten cycles of the source's schedule
 
 
