@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import threading
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from conftest import REPOSITORY
+from conftest import REPOSITORY, StopsAfter
 
 import feeder_sim
 from feeder_sim.run.run_folder import record_run, resume_run
@@ -48,23 +47,12 @@ def test_a_sequence_goes_on_after_a_break(tmp_path: Path) -> None:
     made = _with_sequence()
     whole = record_run(made, tmp_path / "whole", replay=False)
 
-    class After(threading.Event):
-        """Set after it was asked so many times."""
-
-        def __init__(self, times: int) -> None:
-            super().__init__()
-            self._left = times
-
-        def is_set(self) -> bool:
-            self._left -= 1
-            return self._left < 0
-
-    result = record_run(made, tmp_path / "run", replay=False, stop=After(3))
+    result = record_run(made, tmp_path / "run", replay=False, stop=StopsAfter(2))
     breaks = 0
     while result.interrupted:
         breaks += 1
-        result = resume_run(tmp_path / "run", replay=False, stop=After(4))
-    assert breaks > 2
+        result = resume_run(tmp_path / "run", replay=False, stop=StopsAfter(2))
+    assert breaks > 1
     for name in ("time", "position", "present"):
         assert np.array_equal(getattr(result.trajectories[0], name), getattr(whole.trajectories[0], name))
     assert result.measures() == whole.measures()
