@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 __version__ = "0.1.0"
 
 if TYPE_CHECKING:
+    from feeder_sim.feeder.feeder import Feeder as Feeder
     from feeder_sim.records.trajectory_file import read_recording as read_recording
     from feeder_sim.replay.replay import build_replay as build_replay
     from feeder_sim.run.batch import measure_drift as measure_drift
@@ -34,6 +35,7 @@ _PUBLIC = {
     "simulate": "run.simulation",
     "measure_drift": "run.batch",
     "sweep": "studies.sweep.sweep",
+    "Feeder": "feeder.feeder",
     "record_run": "run.run_folder",
     "read_recording": "records.trajectory_file",
     "build_replay": "replay.replay",

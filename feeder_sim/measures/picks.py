@@ -45,8 +45,15 @@ class Picks:
 
 
 def pick_stages(scene: Scene, record: Record) -> list[TimedStage]:
-    """The stages of a seed with a pick at their end."""
-    return [stage for stage in scene.stages(record.stops.tolist()) if stage.picks]
+    """The stages of a seed with a pick at their end; a program that picks by hand looks at the end of every stage."""
+    stages = scene.stages(record.stops.tolist())
+    return [stage for stage in stages if stage.picks or (picks_by_hand(scene) and stage.cycle)]
+
+
+def picks_by_hand(scene: Scene) -> bool:
+    """Whether a program picks parts, besides what the stages say."""
+    schedule = scene.scenario.schedule
+    return schedule is not None and schedule.by_hand
 
 
 def robot_of(scene: Scene) -> Robot:

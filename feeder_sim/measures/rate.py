@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from feeder_sim.measures.picks import IN_NO_POSE, Picks, picks_of, robot_of
+from feeder_sim.measures.picks import IN_NO_POSE, Picks, pick_stages, picks_by_hand, picks_of, robot_of
 from feeder_sim.measures.protocol import ended, labelled
 from feeder_sim.measures.statistic import Statistic
 from feeder_sim.records.trajectory import SeedRecord
@@ -87,7 +87,8 @@ class Rate:
     """Picks per minute of a schedule with picks."""
 
     def applies(self, prepared: Prepared) -> bool:
-        return any(bool(stage.picks) for stage in prepared.scene.times.stages if stage.cycle)
+        scene = prepared.scene
+        return picks_by_hand(scene) or any(bool(stage.picks) for stage in scene.times.stages if stage.cycle)
 
     def compute(self, prepared: Prepared, seeds: Sequence[SeedRecord]) -> RateFindings:
         scene, counted = prepared.scene, ended(seeds, left_plate=True)
@@ -144,7 +145,7 @@ def clock_of(scene: Scene, seed: SeedRecord, picks: Picks) -> Clock:
     return Clock(
         driving=driving,
         pauses=sum(stage.end - stage.start for stage in stages) - driving,
-        looks=robot.look_s * sum(bool(stage.picks) for stage in stages),
+        looks=robot.look_s * sum(stage in stages for stage in pick_stages(scene, seed)),
         picks=robot.pick_s * int((picks.cycle >= first).sum()),
     )
 

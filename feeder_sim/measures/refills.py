@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from feeder_sim.measures.picks import picks_by_hand
 from feeder_sim.measures.protocol import ended, labelled
 from feeder_sim.measures.statistic import Statistic
 from feeder_sim.records.removals import Cause
@@ -55,7 +56,9 @@ class Refills:
 
 
 def asked(scene: Scene, seed: SeedRecord) -> int:
-    """How many parts all refills of a seed were to bring."""
+    """How many parts all refills of a seed were to bring; of those by hand nothing but what came is known."""
+    if picks_by_hand(scene):
+        return len(seed.arrivals)
     frames, number, half = seed.frames, 0, 0.5 * scene.frame_interval
     timed = scene.stopped(seed.stops.tolist()) if len(seed.stops) else scene
     for frame in refill_frames(timed):

@@ -15,7 +15,7 @@ from __future__ import annotations
 import cmath
 import math
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -119,6 +119,24 @@ class ModalTerms:
         for shape in range(n_shapes):
             q[:, shape] = values[:, self.shape == shape].sum(axis=1)
         return q
+
+    def since(self, time: float) -> ModalTerms:
+        """The terms that act at a time [s] or later."""
+        kept = self.stop > time
+        return ModalTerms(*(getattr(self, entry.name)[kept] for entry in fields(self)))
+
+    def joined(self, others: ModalTerms) -> ModalTerms:
+        """These terms and others."""
+        names = [entry.name for entry in fields(self)]
+        return ModalTerms(*(np.concatenate([getattr(self, name), getattr(others, name)]) for name in names))
+
+
+def silent_terms(drives: Iterable[ModalDrive]) -> ModalTerms:
+    """Terms of drives that move nothing at any time, but tell their frequencies."""
+    terms = modal_terms(drives)
+    return ModalTerms(
+        terms.shape, np.zeros(len(terms.start)), np.zeros(len(terms.start)), 0.0 * terms.coefficient, terms.rate
+    )
 
 
 def modal_terms(drives: Iterable[ModalDrive]) -> ModalTerms:

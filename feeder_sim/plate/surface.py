@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -62,6 +62,13 @@ class Surface:
         if self.outline is not None:
             values = np.where(self._near_plate(self.outline), values, 0.0)
         return np.asarray(values.max(axis=(2, 3)))
+
+    def moved_by(self, terms: ModalTerms) -> Surface:
+        """The same surface, which moves in another way."""
+        other = replace(self, terms=terms)
+        if "extremes" in self.__dict__:  # which take longer than many a stage
+            other.__dict__["extremes"] = self.extremes
+        return other
 
     def _near_plate(self, outline: Outline) -> NDArray[np.bool_]:
         """Grid points (nx, ny) that the surface of the plate is interpolated from."""

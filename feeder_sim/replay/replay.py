@@ -24,7 +24,7 @@ from feeder_sim.replay.shadows import log_shadow_plane
 from feeder_sim.replay.single import log_single, single_blueprint, single_box
 from feeder_sim.replay.wave import PERIOD_S, PERIODS, PICTURES, SLOW
 from feeder_sim.scenario import Scenario, parse_scenario
-from feeder_sim.scene.timetable import timed, timetable
+from feeder_sim.scene.timetable import Timetable, timed, timetable
 
 REPLAY = "replay.rrd"  # its name in a run folder
 RRD = b"RRF"  # begin of a file that rerun has made
@@ -78,7 +78,7 @@ def replay_content(
     _check_shown(recording, shown_seed)
     stream = rr.RecordingStream("feeder_sim", recording_id=f"{recording.path.parent.name}-{shown_seed}")
     scenario = parse_scenario(recording.scenario_text, file=recording.path)
-    times = timetable(scenario, recording.records[shown_seed].stops.tolist())
+    times = _times_of(recording, scenario, shown_seed)
     terms = modal_terms(timed(recording.plate.drives, times))
     crowd = _is_crowd(scenario)
     colours = colours_of(scenario, colour, recording.parts)
@@ -109,12 +109,19 @@ def timeline_ends(recording: Recording, shown_seed: int) -> dict[str, float]:
     """
     _check_shown(recording, shown_seed)
     scenario = parse_scenario(recording.scenario_text, file=recording.path)
-    last, stops = float(recording.seeds[shown_seed].time[-1]), recording.records[shown_seed].stops.tolist()
+    last, times = float(recording.seeds[shown_seed].time[-1]), _times_of(recording, scenario, shown_seed)
     drives = recording.plate.drives
-    reached = [stage for stage in timetable(scenario, stops).stages if stage.excitations and stage.start <= last]
+    reached = [stage for stage in times.stages if stage.excitations and stage.start <= last]
     kinds = {frozenset(drives[i] for i in stage.excitations) for stage in reached}
     slow = PERIOD_S * (PERIODS * len(kinds) - 1.0 / PICTURES)
     return {TIMELINE: last} | ({SLOW: slow} if kinds and _is_crowd(scenario) else {})
+
+
+def _times_of(recording: Recording, scenario: Scenario, shown_seed: int) -> Timetable:
+    """When the stages of a seed were."""
+    record = recording.records[shown_seed]
+    interval = float(record.frames.time[1]) if len(record.frames) > 1 else None
+    return timetable(scenario, record.stops.tolist(), frame_interval=interval)
 
 
 def _check_shown(recording: Recording, shown_seed: int) -> None:

@@ -77,6 +77,7 @@ class Guard:
     def __init__(self, prepared: Prepared, first: Frames) -> None:
         self._prepared, self._scene = prepared, prepared.scene
         self._parts = [part.name for part in prepared.scene.parts]
+        self._first = first[slice(-1, None)]
         self._held = what_holds(prepared, first)
         self._checked = self._at_start(first[slice(-1, None)])  # the last block
         self._before = self._checked  # its last row is the last frame of the block before
@@ -93,6 +94,13 @@ class Guard:
         """Go on in the same scene, in which drives stop at other times."""
         surface = surface_arrays(scene.surface, scene.scenario.run)
         self._held = self._held._replace(surface=surface._replace(tangent=self._held.surface.tangent))
+
+    def widen(self, prepared: Prepared) -> None:
+        """Go on with the same scene, which has got more drives; the limits are made anew."""
+        self._prepared, self._scene, fall = prepared, prepared.scene, self._held.energy.start_speed
+        held = what_holds(prepared, self._first)
+        energy = held.energy._replace(start_speed=max(fall, held.energy.start_speed))
+        self._held = held._replace(energy=energy, depth=_depth_limit(prepared, energy))
 
     def check(self, frames: Frames, seed_index: int) -> tuple[int, SimulationDiverged | None]:
         """Return the number of leading frames that are valid, and the failure of the frame after them if there is one.

@@ -20,13 +20,14 @@ class History:
         keep_all: keep all blocks in memory, which `record` needs.
 
     Attributes:
+        look_back, keep_all: as above; they may be changed.
         n_frames: number of frames so far, those included that are no longer in memory.
         removals: all removals so far.
         stops: times at which the drives of the first stages have stopped [s], shape (n,).
     """
 
     def __init__(self, look_back: float, *, keep_all: bool) -> None:
-        self._look_back, self._keep_all = look_back, keep_all
+        self.look_back, self.keep_all = look_back, keep_all
         self._blocks: list[Record] = []
         self.n_frames = 0
         self.removals = Removals.none()
@@ -40,8 +41,8 @@ class History:
             self.removals = Removals.joined([self.removals, block.removals])
         if len(block.stops):
             self.stops = np.concatenate([self.stops, block.stops])
-        if not self._keep_all and len(block.frames):
-            since = block.frames.time[-1] - self._look_back
+        if not self.keep_all and len(block.frames):
+            since = block.frames.time[-1] - self.look_back
             while len(self._blocks) > 1 and _begins_by(self._blocks[1].frames, since):
                 self._blocks.pop(0)
 

@@ -18,7 +18,7 @@ from feeder_sim import __version__
 from feeder_sim.engines.lookup import engine_class
 from feeder_sim.engines.mujoco.mjcf import build_mjcf
 from feeder_sim.errors import InputError, RecordingFailed, cause_of, not_written, shortened
-from feeder_sim.measures.picks import picks_csv
+from feeder_sim.measures.picks import picks_by_hand, picks_csv
 from feeder_sim.records.checkpoint import CheckpointFolder, run_identity
 from feeder_sim.records.own_files import LOCK, locked
 from feeder_sim.records.trajectory import PartRecord, PlateRecord, Record, Recording, Status, WallTime
@@ -70,16 +70,36 @@ def record_run(
     check_free(folder)
     prepared = prepare(scenario)
     check_starts(prepared.scene, notify)
+    return _begin_folder(folder, prepared, {}, progress=progress, stop=stop, replay=replay, notify=notify)
+
+
+@single_threaded
+def record_ended(scenario: Scenario, folder: Path, ended: Begun, *, replay: bool = True) -> Result:
+    """Write a run folder of one seed that has ended, which nothing is simulated for; errors as for `record_run`.
+
+    Args:
+        scenario: what was run, with one seed.
+        folder: as for `record_run`.
+        ended: what there is of it.
+        replay: as for `record_run`.
+    """
+    check_free(folder)
+    how = {"progress": None, "stop": None, "replay": replay, "notify": None}
+    return _begin_folder(folder, prepare(scenario), {0: ended}, **how)
+
+
+def _begin_folder(folder: Path, prepared: Prepared, begun: dict[int, Begun], **how: Any) -> Result:
+    """Run into a folder that is made; `how` as for `_run_into`."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise not_written(folder, error) from error
     with locked(folder):
         check_free(folder)  # again: another process may have been faster
-        text = scenario_toml(scenario)
+        text = scenario_toml(prepared.scenario)
         write_whole(folder / RESOLVED, text.encode())
-        _write_mjcf(prepared.scene, folder / MJCF, notify)
-        return _run_into(folder, prepared, text, {}, progress=progress, stop=stop, replay=replay, notify=notify)
+        _write_mjcf(prepared.scene, folder / MJCF, how["notify"])
+        return _run_into(folder, prepared, text, begun, **how)
 
 
 @single_threaded
@@ -230,7 +250,7 @@ def _run_into(
     summary = result.summary() | {"version": __version__, "libraries": library_versions()}
     write_whole(folder / SUMMARY, f"{json.dumps(summary, indent=2)}\n".encode())
     if not result.interrupted:
-        if any(stage.picks for stage in prepared.scene.times.stages):
+        if picks_by_hand(prepared.scene) or any(stage.picks for stage in prepared.scene.times.stages):
             write_whole(folder / PICKS, picks_csv(prepared.scene, result.seeds).encode())
         checkpoints.clear(scenario.run.seeds)
     if replay and not result.interrupted and len(result.seeds[0].frames):

@@ -87,9 +87,11 @@ class SeedRun:
         self._prepared, self._index, self._recorder = prepared, index, recorder
         self._begun, self._threads = begun, threads
         self._interrupt = np.zeros(1, np.int64) if interrupt is None else interrupt
-        self._scene: Scene = prepared.scene  # with the times at which stages have ended so far
-        waits = [stage.until.for_s for stage in self._scene.times.stages if stage.until]
-        self._lines: StageLines | None = stage_lines(self._scene) if waits else None
+        self._whole: Scene = prepared.scene  # with the times at which stages have ended so far
+        self._stages_begun = 1  # of those that are computed one by one
+        self._scene: Scene = self._as_begun()  # without the stages that nothing is known of yet
+        waits = [stage.until.for_s for stage in self._whole.times.stages if stage.until]
+        self._lines: StageLines | None = stage_lines(self._whole) if waits else None
         self._history = History(max(waits, default=0.0), keep_all=recorder is None)
         self._last: LastStates | None = None
         self._piece = FIRST_PIECE
@@ -106,19 +108,19 @@ class SeedRun:
         if begun and begun.status != Status.UNFINISHED:
             done[self._index] = 1.0
             unresolved = begun.unresolved_impacts
-            return SeedResult(**_fields(begun), status=begun.status, wall_s=before, unresolved_impacts=unresolved)
+            return SeedResult(**fields_of(begun), status=begun.status, wall_s=before, unresolved_impacts=unresolved)
         started = saved = time.perf_counter()
         self._open(rng)
         status, failure = Status.UNFINISHED, None
         while status == Status.UNFINISHED and not stop.is_set():
-            if self._history.n_frames >= self._scene.n_frames:
+            if self._history.n_frames >= self._whole.n_frames:
                 status = Status.DONE  # it was interrupted just before it would have said so
                 break
             block = self._advance(done, stop)
             if block is None:
                 break
             status, failure = block.status, block.failure
-            done[self._index] = self._history.n_frames / self._scene.n_frames
+            done[self._index] = self._history.n_frames / self._whole.n_frames
             if self._recorder and time.perf_counter() - saved > CHECKPOINT_S:
                 self._save(before + time.perf_counter() - started)
                 saved = time.perf_counter()
@@ -128,8 +130,12 @@ class SeedRun:
     def _open(self, rng: np.random.Generator) -> None:
         """Start the engine, at t = 0 or where the seed was left."""
         begun = self._begun if self._begun is not None and len(self._begun.frames) else None
-        if begun is not None and len(begun.stops):
-            self._scene = self._scene.stopped(begun.stops.tolist())
+        if begun is not None:
+            self._whole = self._whole.stopped(begun.stops.tolist()) if len(begun.stops) else self._whole
+            self._scene = self._as_begun()
+            while self._scene.n_frames < len(begun.frames):
+                self._stages_begun += 1
+                self._scene = self._as_begun()
         start = engine_class(self._prepared.engine)
         engine: Engine = start(self._scene, rng, threads=self._threads, interrupt=self._interrupt)
         first = engine.current()
@@ -147,7 +153,7 @@ class SeedRun:
         """Record how it ended; returns everything."""
         unresolved = self._engine.unresolved_impacts
         if self._recorder is None:
-            kept = _fields(self._history.record())
+            kept = fields_of(self._history.record())
             return SeedResult(
                 **kept, status=status, wall_s=wall_s, failure=failure, last=self._last, unresolved_impacts=unresolved
             )
@@ -158,7 +164,7 @@ class SeedRun:
         self._recorder.finish(self._index, status, wall_s, unresolved)
         record = self._recorder.recorded(self._index)
         return SeedResult(
-            **_fields(record),
+            **fields_of(record),
             status=status,
             wall_s=wall_s,
             failure=failure,
@@ -172,6 +178,8 @@ class SeedRun:
 
     def _advance(self, done: NDArray[np.float64], stop: threading.Event) -> Block | None:
         """One block, step by step; None, and nothing has happened, if it was stopped."""
+        if self._history.n_frames >= self._scene.n_frames:
+            self._begin_stage()
         block = self._compute(done, stop)
         if block is None:
             return None
@@ -182,6 +190,17 @@ class SeedRun:
         self._judge(block)
         self._record(block)
         return block
+
+    def _as_begun(self) -> Scene:
+        """The scene, or of one that is computed stage by stage as much as is known by now."""
+        return self._whole.begun(self._stages_begun) if self._whole.stage_by_stage else self._whole
+
+    def _begin_stage(self) -> None:
+        """Go on with the next stage, in a window of its own."""
+        self._stages_begun += 1
+        self._scene = self._as_begun()
+        self._engine.redrive(self._scene)
+        self._guard.redrive(self._scene)
 
     def _compute(self, done: NDArray[np.float64], stop: threading.Event) -> Block | None:
         """Compute a block in pieces that take about `PIECE_S` each, so that slow ones show progress and can be stopped.
@@ -205,7 +224,7 @@ class SeedRun:
                 return None
             computed += piece
             took = time.perf_counter() - started
-            done[self._index] = (self._history.n_frames + computed) / self._scene.n_frames
+            done[self._index] = (self._history.n_frames + computed) / self._whole.n_frames
             self._piece = max(1, int(piece * min(GROWTH, PIECE_S / max(took, 1e-9))))
             piece = min(size - computed, self._piece)
         return Block(Frames.joined(pieces) if len(pieces) > 1 else pieces[0], size, state)
@@ -244,7 +263,7 @@ class SeedRun:
 
     def _fill_in(self, block: Block) -> None:
         """Refill after the last frame of the block, if a cycle ends there and parts are missing."""
-        cycle = refill_frames(self._scene).get(self._history.n_frames + block.computed - 1)
+        cycle = refill_frames(self._whole).get(self._history.n_frames + block.computed - 1)
         if block.failure or cycle is None:
             return
         rng = generator(self._scene, self._index, cycle)
@@ -261,8 +280,12 @@ class SeedRun:
             block.status = Status.DIVERGED
         elif len(removals) == len(self._scene.parts) and self._scene.scenario.refill is None:
             block.status = Status.LEFT_PLATE if (removals.cause == Cause.LOST).all() else Status.DONE
-        elif self._history.n_frames + len(block.frames) >= self._scene.n_frames or self._has_passed(block.frames):
+        elif self._is_over(self._history.n_frames + len(block.frames)) or self._has_passed(block.frames):
             block.status = Status.DONE
+
+    def _is_over(self, n_frames: int) -> bool:
+        """Whether time is up after so many frames."""
+        return n_frames >= self._whole.n_frames
 
     def _has_passed(self, frames: Frames) -> bool:
         """Whether the part has reached the end of the measured way, where the run is to stop there."""
@@ -305,7 +328,8 @@ class SeedRun:
     def _follow_stops(self, stops: NDArray[np.float64]) -> None:
         """Go on in a scene in which the drives of stages have stopped at these times, and the rest follow."""
         if len(stops):
-            self._scene = self._scene.stopped(self._history.stops.tolist())
+            self._whole = self._whole.stopped(self._history.stops.tolist())
+            self._scene = self._as_begun()
             self._engine.redrive(self._scene)
             self._guard.redrive(self._scene)
 
@@ -314,14 +338,15 @@ class SeedRun:
         scene, n_done = self._scene, self._history.n_frames
         least = LEAST_BLOCK if len(scene.parts) > 1 else 2
         longest = max(least, BLOCK_STEPS // (scene.steps_per_frame * len(scene.parts)))
-        ahead = [frame - n_done + 1 for frame in (*pick_frames(scene), *refill_frames(scene)) if frame >= n_done]
+        ahead = [frame - n_done + 1 for frame in (*pick_frames(scene), *refill_frames(self._whole)) if frame >= n_done]
         if self._lines is not None:
             look = max(1, round(LOOK_S / scene.frame_interval))
             ahead.append(look - (n_done - 1) % look)
         return min(self._engine.frames_per_block, longest, scene.n_frames - n_done, *ahead)
 
 
-def _fields(record: Record) -> dict[str, Any]:
+def fields_of(record: Record) -> dict[str, Any]:
+    """The fields of a record by name."""
     return {entry.name: getattr(record, entry.name) for entry in fields(Record)}
 
 

@@ -120,7 +120,11 @@ def _cut(scene: Scene) -> Scene:
         length = max(min(stage.duration_s, LONGEST_STAGE_S), least)
         return stage.model_copy(update={"duration_s": length, "pause_s": min(stage.pause_s, LONGEST_STAGE_S)})
 
-    once = Schedule(prepare=tuple(map(cut, schedule.prepare)), stage=tuple(map(cut, schedule.stage)))
+    once = Schedule(
+        prepare=tuple(map(cut, schedule.prepare)),
+        stage=tuple(map(cut, schedule.stage)),
+        sequence=schedule.sequence,
+    )
     return build_scene(scene.scenario.model_copy(update={"schedule": once}))
 
 

@@ -46,7 +46,8 @@ def refused_around_plate(scenario: Scenario) -> Iterator[str]:
     """What does not go with the rest of a scenario: key, value and what is allowed, one line each."""
     schedule, refill = scenario.schedule, scenario.refill
     stages = (*schedule.prepare, *schedule.stage) if schedule else ()
-    if scenario.robot is not None and not any(stage.picks for stage in stages):
+    by_hand = schedule is not None and schedule.by_hand
+    if scenario.robot is not None and not by_hand and not any(stage.picks for stage in stages):
         yield "robot belongs to a [schedule] with a pick"
     if refill is None:
         return

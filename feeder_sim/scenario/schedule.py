@@ -7,8 +7,9 @@ from typing import Annotated, Any, Self
 
 from pydantic import Discriminator, Field, Tag, model_validator
 
+from feeder_sim.errors import nearest
 from feeder_sim.scenario.plate import MOST_DRIVES, Excitation
-from feeder_sim.scenario.tables import LengthMm, NonNegative, Positive, Table
+from feeder_sim.scenario.tables import Flag, LengthMm, NonNegative, Positive, Table
 
 MOST_STAGES = 100_000  # of all cycles together
 
@@ -77,11 +78,30 @@ class Stage(Table):
 
 
 class Schedule(Table):
-    """Stages to prepare the parts once, and a cycle of stages that is repeated."""
+    """Stages to prepare the parts once, and a cycle of stages that is repeated.
+
+    With `sequence` a cycle has the stages of these names in this order. Each is then computed by itself, from a frame
+    to a frame, as if nothing were known of the next one: so a closed loop (`feeder_sim.Feeder`) is recorded, and runs
+    again with the same result. `by_hand` says that parts were also picked and filled in by a program, which a run of
+    the scenario does not do.
+    """
 
     cycles: Annotated[int, Field(ge=1, le=10_000, strict=True)] = 1
     prepare: Annotated[tuple[Stage, ...], Field(max_length=1000)] = ()
     stage: Annotated[tuple[Stage, ...], Field(min_length=1, max_length=1000)]
+    sequence: Annotated[tuple[str, ...], Field(min_length=1, max_length=MOST_STAGES)] | None = None
+    by_hand: Flag = False
+
+    @property
+    def stage_names(self) -> tuple[str, ...]:
+        """What the stages of a cycle are called: their names, or else ones made of their numbers."""
+        return tuple(stage.name or f"stage {i + 1}" for i, stage in enumerate(self.stage))
+
+    @property
+    def order(self) -> tuple[int, ...]:
+        """Numbers of the stages of a cycle, in the order in which they come."""
+        names = self.stage_names
+        return tuple(range(len(names))) if self.sequence is None else tuple(map(names.index, self.sequence))
 
     @property
     def picks(self) -> tuple[tuple[str, Pick], ...]:
@@ -94,8 +114,20 @@ class Schedule(Table):
         )
 
     @model_validator(mode="after")
+    def _names_in_sequence(self) -> Self:
+        names = self.stage_names
+        for i, name in enumerate(self.sequence or ()):
+            if name not in names:
+                known = ", ".join(names)
+                raise ValueError(f'sequence[{i}] is "{name}"{nearest(name, names)}, allowed are the stages {known}')
+        for i, name in enumerate(names if self.sequence else ()):
+            if name in names[:i]:
+                raise ValueError(f'stage[{i}].name is "{name}", allowed is a name of its own with sequence')
+        return self
+
+    @model_validator(mode="after")
     def _not_too_many(self) -> Self:
-        total = len(self.prepare) + self.cycles * len(self.stage)
+        total = len(self.prepare) + self.cycles * len(self.sequence or self.stage)
         if total > MOST_STAGES:
             raise ValueError(f"cycles times stages makes {total} stages, allowed are up to {MOST_STAGES}")
         return self

@@ -11,12 +11,14 @@ import numpy as np
 from feeder_sim.errors import InputError
 from feeder_sim.part.rigid_part import RigidPart
 from feeder_sim.plate.surface import Surface
-from feeder_sim.scenario import GivenState, Heap, PartSpec, Placed, Scattered, Scenario, Start, Tube
+from feeder_sim.scenario import GivenState, Heap, PartSpec, Pick, Placed, Scattered, Scenario, Start, Tube
 from feeder_sim.scene.column import check_width
 from feeder_sim.scene.gripper import read_gripper
 
 if TYPE_CHECKING:
+    from feeder_sim.scenario import Schedule
     from feeder_sim.scene.scene import Scene
+    from feeder_sim.scene.timetable import TimedStage
 
 DIAMETER_ROUND_OFF = 1e-9  # relative, of a tube that is just as wide as its part
 FREE_TILT, UPRIGHT = (0.0, 3.0), (0.0, 0.0)  # [deg]; tilt at the start of a free and of a guided part by default
@@ -75,6 +77,28 @@ def check_refill(scenario: Scenario, surface: Surface, kinds: Sequence[RigidPart
         check_width(start, min(kind.size for kind in kinds), key=key)
 
 
+def check_pick(scene: Scene, pick: Pick, key: str) -> None:
+    """Refuse one pick; `key` names it.
+
+    Raises:
+        InputError: it names a kind that there is not, a pose that its part does not have, or a gripper that cannot be
+            used.
+    """
+    names = scene.scenario.kind_names
+    if pick.shape is not None:
+        read_gripper(pick.shape, key=f"{key}.shape")
+    if pick.part is not None and pick.part not in names:
+        raise InputError(f'is "{pick.part}", allowed is {", ".join(names)}', key=f"{key}.part")
+    if pick.up and pick.part is None and len(names) > 1:
+        raise InputError(f"needs the kind whose poses are meant, part: {', '.join(names)}", key=f"{key}.up")
+    kind = names.index(pick.part) if pick.part is not None else 0
+    if wrong := [name for name in pick.up if name not in scene.poses[kind].names]:
+        allowed = ", ".join(scene.poses[kind].names) or "none, for it has no side up"
+        raise InputError(
+            f'has "{wrong[0]}", allowed is {allowed} (poses of {names[kind]}, see feeder-sim part)', key=f"{key}.up"
+        )
+
+
 def check_picks(scene: Scene) -> None:
     """Refuse a pause in which no frame is left for the pick, or the refill, after its parts have settled.
 
@@ -82,26 +106,26 @@ def check_picks(scene: Scene) -> None:
         InputError: a stage with `until`, and a pick or a refill at its end, has a pause shorter than two frames, or a
             pick names a pose that its part does not have, or a gripper that cannot be used.
     """
-    names, schedule = scene.scenario.kind_names, scene.scenario.schedule
+    schedule = scene.scenario.schedule
     for key, pick in schedule.picks if schedule else ():
-        if pick.shape is not None:
-            read_gripper(pick.shape, key=f"{key}.shape")
-        kind = names.index(pick.part) if pick.part is not None else 0
-        if wrong := [name for name in pick.up if name not in scene.poses[kind].names]:
-            allowed = ", ".join(scene.poses[kind].names) or "none, for it has no side up"
-            raise InputError(
-                f'has "{wrong[0]}", allowed is {allowed} (poses of {names[kind]}, see feeder-sim part)', key=f"{key}.up"
-            )
+        check_pick(scene, pick, key)
     least = 2.0 * scene.frame_interval
-    last = len(schedule.stage) - 1 if schedule and scene.scenario.refill else None  # of a cycle, before a refill
+    last = len(schedule.order) - 1 if schedule and scene.scenario.refill else None  # of a cycle, before a refill
     for stage in scene.times.stages:
         refilled = 0 < stage.cycle < scene.times.stages[-1].cycle and stage.number == last
         if stage.until and (stage.picks or refilled) and stage.end - stage.stop < least:
             what = "pick" if stage.picks else "a refill after it"
             raise InputError(
                 f"is {stage.end - stage.stop:g}, allowed is at least two frames, {least:.2g} s, with until and {what}",
-                key=f"schedule.{'stage' if stage.cycle else 'prepare'}[{stage.number}].pause_s",
+                key=f"schedule.{_stage_key(schedule, stage)}.pause_s",
             )
+
+
+def _stage_key(schedule: Schedule | None, stage: TimedStage) -> str:
+    """The key of a stage in its schedule."""
+    if stage.cycle and schedule is not None:
+        return f"stage[{schedule.order[stage.number]}]"
+    return f"{'stage' if stage.cycle else 'prepare'}[{stage.number}]"
 
 
 def check_goal(scenario: Scenario, surface: Surface) -> None:

@@ -41,9 +41,15 @@ def refill(scene: Scene, now: Frames, rng: np.random.Generator) -> tuple[NDArray
         now: one frame, after picks.
         rng: as of `hopper.generator`.
     """
-    start, there = scene.scenario.pour, now.present[0]
     number = wanted(scene, int(now.on_plate(scene.surface).sum()))
-    parts = next_parts(scene, ~there, number, rng)
+    return fill_in(scene, now, next_parts(scene, ~now.present[0], number, rng), rng)
+
+
+def fill_in(
+    scene: Scene, now: Frames, parts: NDArray[np.int64], rng: np.random.Generator
+) -> tuple[NDArray[np.int64], list[Pose]]:
+    """As `refill`, of parts (n,) that are chosen."""
+    start, there = scene.scenario.pour, now.present[0]
     if start is None or not len(parts):
         return np.empty(0, np.int64), []
     poses = (_pour if isinstance(start, Heap) else _scatter)(scene, start, parts, now.position[0], there, rng)  # type: ignore[arg-type]

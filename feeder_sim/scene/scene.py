@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from feeder_sim.errors import InputError
 from feeder_sim.part.rigid_part import RigidPart, outline
 from feeder_sim.part.stable_poses import NONE, PoseTable, stable_poses
-from feeder_sim.plate.drive import ModalDrive
+from feeder_sim.plate.drive import ModalDrive, silent_terms
 from feeder_sim.plate.surface import Surface
 from feeder_sim.scenario import GivenState, Scenario, Start
 from feeder_sim.scene.driven_mode import DrivenMode
@@ -22,11 +22,18 @@ from feeder_sim.scene.fits import check_goal, check_in_tube, check_on_plate, che
 from feeder_sim.scene.free_modes import free_modes
 from feeder_sim.scene.guide import Guide, build_guide
 from feeder_sim.scene.part import build_part
-from feeder_sim.scene.timetable import TimedStage, Timetable, largest_together, timetable
+from feeder_sim.scene.timetable import (
+    FRAME_AT,
+    TimedStage,
+    Timetable,
+    each_once,
+    largest_together,
+    of_stages,
+    timetable,
+)
 from feeder_sim.scene.zener import zener_inelasticities
 
 GRAVITY = 9.81  # [m/s^2]
-FRAME_AT = 1e-6  # of a frame interval, by which a frame may be before a time that it is at
 FRAME_ROUND_OFF = 1e-9  # of a frame interval, where the duration is a whole number of intervals
 LONGEST_STEP = 5e-4  # [s], in which a part at rest falls by a micrometre
 ENTERED = 0.25  # of the thinnest part; what a fast part enters the plate in the longest step
@@ -72,12 +79,33 @@ class Scene:
 
     def stopped(self, stops: Sequence[float]) -> Scene:
         """The same scene, but the drives of the first stages stop at these times [s]."""
-        times = timetable(self.scenario, stops)
-        return replace(self, times=times, surface=replace(self.surface, terms=motion_terms(self.driven, times)))
+        times = self._timetable(stops)
+        return replace(self, times=times, surface=self.surface.moved_by(motion_terms(self.driven, times)))
+
+    def begun(self, n_stages: int) -> Scene:
+        """The same scene as it is while the last of its first stages is under way: of later ones nothing is known.
+
+        The motion has what acts or rings from the begin of that stage on, and of every drive the frequencies, so that
+        engines take the same steps in all stages.
+        """
+        stages = self.times.stages[:n_stages]
+        times = of_stages(stages)
+        ringing = motion_terms(self.driven, times).since(stages[-1].start if stages else 0.0)
+        terms = ringing.joined(silent_terms(drive for drives in self.all_drives for drive in drives))
+        return replace(self, times=times, surface=self.surface.moved_by(terms))
+
+    @property
+    def stage_by_stage(self) -> bool:
+        """Whether every stage is computed by itself, as if nothing were known of the next one."""
+        schedule = self.scenario.schedule
+        return schedule is not None and schedule.sequence is not None
 
     def stages(self, stops: Sequence[float]) -> tuple[TimedStage, ...]:
         """All stages, when the drives of the first ones stop at these times [s]."""
-        return timetable(self.scenario, stops).stages
+        return self._timetable(stops).stages
+
+    def _timetable(self, stops: Sequence[float]) -> Timetable:
+        return timetable(self.scenario, stops, frame_interval=self.frame_interval)
 
     @property
     def frame_interval(self) -> float:
@@ -172,7 +200,7 @@ def build_scene(scenario: Scenario) -> Scene:
     run, times = scenario.run, timetable(scenario)
     following = [follower.drive.natural_frequency for mode in plate.driven for follower in mode.followers]
     timestep = 1.0 / (max(scenario.highest_frequency_hz, *following, 0.0) * run.steps_per_period)
-    timestep = min(timestep, _longest_step(scenario, plate, times, kinds))
+    timestep = min(timestep, _longest_step(scenario, plate, each_once(scenario), kinds))
     kind_of = np.repeat(np.arange(len(kinds)), [spec.count for spec in scenario.part])
     digits = len(str(len(kind_of) - 1))
     guides = [
@@ -191,6 +219,8 @@ def build_scene(scenario: Scenario) -> Scene:
         timestep=timestep,
         steps_per_frame=max(1, round(1.0 / (run.frames_per_second * timestep))),
     )
+    if scene.stage_by_stage:
+        scene = scene.stopped(())  # now that it is known when frames are
     check_picks(scene)
     if scenario.contact.restitution == "zener":
         zener_inelasticities(scene)  # refuses what has no modulus

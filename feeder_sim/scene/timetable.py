@@ -10,7 +10,11 @@ from dataclasses import dataclass, replace
 
 from feeder_sim.plate.drive import ModalDrive
 from feeder_sim.scenario import Scenario
-from feeder_sim.scenario.schedule import Pick, Settled, Stage
+from feeder_sim.scenario.schedule import Pick, Schedule, Settled, Stage
+
+FRAME_AT = 1e-6  # of a frame interval, by which a frame may be before a time that it is at
+
+Planned = tuple[str, Stage, tuple[int, ...]]  # name, table, indices into `Scenario.excitations`
 
 
 @dataclass(frozen=True)
@@ -90,13 +94,15 @@ def largest_together(times: Timetable, drives: Sequence[Sequence[ModalDrive]], *
     return largest
 
 
-def timetable(scenario: Scenario, stops: Sequence[float] = ()) -> Timetable:
+def timetable(scenario: Scenario, stops: Sequence[float] = (), *, frame_interval: float | None = None) -> Timetable:
     """Lay out a scenario in time; drives without a schedule make one stage.
 
     Args:
         scenario: has the drives or the schedule.
         stops: times at which the drives of the first stages have stopped [s]; those of the other stages act for as
             long as the schedule says.
+        frame_interval: of the run [s]; stages of a sequence end at the first frame after their pause. Without it they
+            end with their pause.
     """
     schedule = scenario.schedule
     if schedule is None:
@@ -106,26 +112,58 @@ def timetable(scenario: Scenario, stops: Sequence[float] = ()) -> Timetable:
         stops = [d.start_s + d.duration_s if d.duration_s else math.inf for d in scenario.drive]
         acting = [Occurrence(i, d.start_s, stop) for i, (d, stop) in enumerate(zip(scenario.drive, stops, strict=True))]
         return Timetable((stage,), tuple(acting), duration)
+    whole = frame_interval if schedule.sequence is not None else None
+    prepare, of_cycle = _planned(schedule)
     stages: list[TimedStage] = []
-    _append(stages, schedule.prepare, 0, stops, first_excitation=0)
-    prepared = sum(len(stage.drive) for stage in schedule.prepare)
+    _append(stages, prepare, 0, stops, whole)
     for cycle in range(1, schedule.cycles + 1):
-        _append(stages, schedule.stage, cycle, stops, first_excitation=prepared)
+        _append(stages, [of_cycle[i] for i in schedule.order], cycle, stops, whole)
+    return of_stages(stages)
+
+
+def of_stages(stages: Sequence[TimedStage]) -> Timetable:
+    """The timetable of some stages in order of time; of none it has no duration."""
     occurrences = tuple(Occurrence(i, stage.start, stage.stop) for stage in stages for i in stage.excitations)
-    return Timetable(tuple(stages), occurrences, stages[-1].end)
+    return Timetable(tuple(stages), occurrences, stages[-1].end if stages else 0.0)
+
+
+def each_once(scenario: Scenario) -> Timetable:
+    """The timetable in which every stage comes once, also those that a sequence leaves out."""
+    schedule = scenario.schedule
+    if schedule is None or schedule.sequence is None:
+        return timetable(scenario)
+    once = schedule.model_copy(update={"sequence": None, "cycles": 1})
+    return timetable(scenario.model_copy(update={"schedule": once}))
+
+
+def _planned(schedule: Schedule) -> tuple[list[Planned], list[Planned]]:
+    """The stages that prepare the parts, and those of a cycle: name, table and excitations of each."""
+    groups: tuple[list[Planned], list[Planned]] = [], []
+    preparing = tuple(stage.name or f"prepare {i + 1}" for i, stage in enumerate(schedule.prepare))
+    first = 0
+    for group, names, tables in zip(
+        groups, (preparing, schedule.stage_names), (schedule.prepare, schedule.stage), strict=True
+    ):
+        for name, stage in zip(names, tables, strict=True):
+            group.append((name, stage, tuple(range(first, first + len(stage.drive)))))
+            first += len(stage.drive)
+    return groups
 
 
 def _append(
-    stages: list[TimedStage], group: tuple[Stage, ...], cycle: int, stops: Sequence[float], *, first_excitation: int
+    stages: list[TimedStage],
+    group: Sequence[Planned],
+    cycle: int,
+    stops: Sequence[float],
+    frame_interval: float | None,
 ) -> None:
     """Append one pass through a group of stages to the stages of a timetable."""
-    for number, stage in enumerate(group):
+    for number, (name, stage, driven) in enumerate(group):
         start = stages[-1].end if stages else 0.0
         stop = float(stops[len(stages)]) if len(stages) < len(stops) else start + stage.duration_s
-        driven = tuple(range(first_excitation, first_excitation + len(stage.drive)))
-        first_excitation += len(stage.drive)
-        name = stage.name or f"{'prepare' if cycle == 0 else 'stage'} {number + 1}"
         end = stop + stage.pause_s
+        if frame_interval is not None:
+            end = math.ceil(end / frame_interval - FRAME_AT) * frame_interval
         stages.append(TimedStage(name, cycle, number, start, stop, end, driven, stage.picks, stage.until))
 
 

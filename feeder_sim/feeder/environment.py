@@ -1,0 +1,132 @@
+"""A feeder as a Gymnasium environment: look at the parts, choose a stage, and be paid in picks per time.
+
+    environment = FeederEnvironment(feeder_sim.load_scenario("scenarios/separation_100.toml"))
+    observation, _ = environment.reset(seed=0)
+    observation, reward, terminated, truncated, info = environment.step(environment.action_space.sample())
+
+Each step runs one stage of the schedule and then picks what its pick allows, or with `pick` what that allows after any
+stage. The reward is picks per second on the clock of the robot: the stage, and the times of `[robot]`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from feeder_sim.errors import InputError
+from feeder_sim.feeder.feeder import Feeder
+from feeder_sim.feeder.poses import Poses
+from feeder_sim.scenario import Pick, Robot, Scenario, Stage
+from feeder_sim.scene.scene import Scene
+
+try:
+    import gymnasium
+except ImportError:
+    raise InputError(
+        "needs the extra `gym`: pip install 'feeder_sim[gym]'", key="feeder_sim.feeder.environment"
+    ) from None
+
+Observation = dict[str, NDArray[Any]]
+MOST_STEPS = 100
+REACH = 1.0  # [m]; no part on a plate is farther from its centre
+
+
+class FeederEnvironment(gymnasium.Env[Observation, np.int64]):
+    """A feeder behind Gymnasium's interface.
+
+    An observation has a row for every part of the scenario, of which those count that are on the plate (`present`):
+    `position` of the centre of mass [m] (parts, 3), `quaternion` with w first (parts, 4), `kind`, and `pose`, the
+    number of the stable pose from 1 on, 0 in none (parts,).
+
+    An episode ends when no part is left on the plate, and is cut after `most_steps` stages.
+
+    Args:
+        scenario: as for `Feeder`; an action is the number of one of its stages.
+        stages: as for `Feeder`.
+        pick: allows picks after every stage, instead of the picks of the stages.
+        most_steps: stages of an episode.
+        refill_below: with a [refill] in the scenario, parts are filled up to `refill.to` when fewer are on the plate.
+
+    Raises:
+        InputError: as for `Feeder`.
+    """
+
+    metadata = {"render_modes": []}  # noqa: RUF012 - as Gymnasium has it
+
+    def __init__(
+        self,
+        scenario: Scenario,
+        *,
+        stages: Sequence[Stage | Mapping[str, Any]] = (),
+        pick: Pick | None = None,
+        most_steps: int = MOST_STEPS,
+        refill_below: int = 0,
+    ) -> None:
+        self._pick, self._most_steps, self._refill_below = pick, most_steps, refill_below
+        self._ready = self._feeder = Feeder(scenario, stages=stages)
+        self._steps = 0
+        scene = self._feeder.scene
+        n, poses = len(scene.parts), max((len(table.names) for table in scene.poses), default=0)
+        self.action_space = gymnasium.spaces.Discrete(len(self._feeder.stage_names))
+        self.observation_space: gymnasium.Space[Any] = gymnasium.spaces.Dict(
+            {
+                "present": gymnasium.spaces.MultiBinary(n),
+                "position": gymnasium.spaces.Box(-REACH, REACH, (n, 3), np.float64),
+                "quaternion": gymnasium.spaces.Box(-1.0, 1.0, (n, 4), np.float64),
+                "kind": gymnasium.spaces.MultiDiscrete([len(scene.kinds)] * n),
+                "pose": gymnasium.spaces.MultiDiscrete([poses + 1] * n),
+            }
+        )
+
+    @property
+    def feeder(self) -> Feeder:
+        """The feeder of the episode."""
+        return self._feeder
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Observation, dict[str, Any]]:
+        """Begin anew with parts as the scenario starts them, drawn from the seed, or else from the random numbers."""
+        super().reset(seed=seed)
+        self._steps = 0
+        self._feeder = self._ready.again(int(self.np_random.integers(2**31)) if seed is None else seed)
+        return self._observe(self._feeder.poses()), self._info(0)
+
+    def step(self, action: np.int64) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
+        """Run the stage of a number, pick, and fill in."""
+        feeder, before = self._feeder, self._feeder.time
+        self._steps += 1
+        picked = len(feeder.vibrate(int(action)))
+        if self._pick is not None:
+            picked += len(feeder.pick_by(self._pick))
+        robot = feeder.scene.scenario.robot or Robot()
+        seconds = feeder.time - before + robot.look_s + robot.pick_s * picked
+        if len(feeder.poses()) < self._refill_below:
+            scenario = feeder.scene.scenario
+            feeder.refill(scenario.parts_at_once - len(feeder.poses()))
+        poses = feeder.poses()
+        over = len(poses) == 0
+        return self._observe(poses), picked / seconds, over, self._steps >= self._most_steps, self._info(picked)
+
+    def _info(self, picked: int) -> dict[str, Any]:
+        feeder = self._feeder
+        return {"time_s": feeder.time, "picked": picked, "lost": len(feeder.lost)}
+
+    def _observe(self, poses: Poses) -> Observation:
+        scene: Scene = self._ready.scene
+        n, part = len(scene.parts), poses.part
+        present, place, turn = np.zeros(n, np.int8), np.zeros((n, 3)), np.tile([1.0, 0.0, 0.0, 0.0], (n, 1))
+        present[part], place[part], turn[part] = 1, poses.position, poses.quaternion
+        lying = np.zeros(n, np.int64)
+        for i, name in zip(part, poses.pose, strict=True):
+            lying[i] = 0 if name is None else 1 + scene.poses[scene.kind_of[i]].names.index(name)
+        return {
+            "present": present,
+            "position": np.clip(place, -REACH, REACH),
+            "quaternion": np.clip(turn, -1.0, 1.0),
+            "kind": scene.kind_of.astype(np.int64),
+            "pose": lying,
+        }

@@ -1,0 +1,129 @@
+"""One seed whose stages are chosen while it runs, and whose parts are picked and filled in from outside."""
+
+from __future__ import annotations
+
+import threading
+import time
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from feeder_sim.measures.stage_lines import stage_lines
+from feeder_sim.records.arrivals import Arrivals
+from feeder_sim.records.impacts import Impacts
+from feeder_sim.records.removals import Cause, Removals
+from feeder_sim.records.trajectory import Frames, Record, Status
+from feeder_sim.run.seed_record import Begun
+from feeder_sim.run.seed_run import SeedRun, fields_of
+from feeder_sim.run.simulation import generators
+from feeder_sim.scene.hopper import generator, next_parts
+from feeder_sim.scene.prepared import Prepared
+from feeder_sim.scene.refill import fill_in
+from feeder_sim.scene.scene import Scene
+
+
+class OpenRun(SeedRun):
+    """The loop of a seed, stage by stage: the state of parts and plate goes on from each to the next.
+
+    Args:
+        prepared: a scene whose schedule has every stage that may come, and a sequence; when they come is not in it.
+        threads: as for `SeedRun`.
+
+    Attributes:
+        status: UNFINISHED while it can go on.
+    """
+
+    def __init__(self, prepared: Prepared, *, threads: int = 1) -> None:
+        super().__init__(replace(prepared, scene=prepared.scene.begun(0)), 0, threads=threads)
+        self._prepared, self._stages_begun = prepared, 0
+        self._done, self._never = np.zeros(1), threading.Event()
+        self._wall_s, self._refills = 0.0, 0
+        self.status = Status.UNFINISHED
+        self._open(generators(prepared.scene)[0])
+
+    def widen(self, prepared: Prepared) -> None:
+        """Let more stages be chosen, whose drives move no other modes, and none faster."""
+        self._prepared = prepared
+        self._guard.widen(prepared)
+
+    def run_stages(self, scene: Scene) -> None:
+        """Compute those stages of a scene that have not begun, or up to when no part is left.
+
+        Args:
+            scene: has the stages that there were, with the times at which they have ended, and new ones.
+
+        Raises:
+            SimulationDiverged: a state is not valid; what was before it is kept.
+        """
+        started = time.perf_counter()
+        waits = [stage.until.for_s for stage in scene.times.stages[self._stages_begun :] if stage.until]
+        if waits:
+            self._lines, self._history.look_back = stage_lines(scene), max(waits)
+        self._whole = scene
+        try:
+            while self._stages_begun < len(scene.times.stages) and self.status == Status.UNFINISHED:
+                self._begin_stage()
+                while self._history.n_frames < self._scene.n_frames and self.status == Status.UNFINISHED:
+                    block = self._advance(self._done, self._never)
+                    assert block is not None  # nobody stops it
+                    self.status = block.status
+                    if block.failure is not None:
+                        raise block.failure
+        finally:
+            self._wall_s += time.perf_counter() - started
+
+    def _is_over(self, n_frames: int) -> bool:
+        return False
+
+    def current(self) -> Frames:
+        """The present state as a single frame."""
+        return self._engine.current()
+
+    @property
+    def removals(self) -> Removals:
+        """All parts taken out so far."""
+        return self._history.removals
+
+    @property
+    def stops(self) -> NDArray[np.float64]:
+        """When the drives of the first stages have stopped [s]."""
+        return self._history.stops
+
+    def take_out(self, parts: NDArray[np.int64]) -> None:
+        """Pick parts by their indices."""
+        now = self.current()
+        self._engine.remove(parts)
+        self._keep(_events(now, Removals.of(float(now.time[0]), parts, Cause.PICKED), Arrivals.none()))
+        if len(self.removals) == len(self._whole.parts) and self._whole.scenario.refill is None:
+            self.status = Status.DONE
+
+    def bring_in(self, number: int) -> NDArray[np.int64]:
+        """Fill in parts where the refill of the scenario says; returns the indices of those that there was room for."""
+        scene, now = self._prepared.scene, self.current()
+        self._refills += 1
+        rng = generator(scene, 0, self._refills)
+        parts, poses = fill_in(scene, now, next_parts(scene, ~now.present[0], number, rng), rng)
+        if len(parts):
+            self._engine.add(parts, poses)
+            heights = np.array([pose.position[2] for pose in poses])
+            arrivals = Arrivals.of(float(now.time[0]), parts, self._refills, heights)
+            self._guard.arrive(arrivals, self.current())
+            self._keep(_events(now, Removals.none(), arrivals))
+        return parts
+
+    def forget(self) -> None:
+        """Keep no more of the past in memory than the next stages need; `ended` cannot be asked for."""
+        self._history.keep_all = False
+
+    def ended(self) -> Begun:
+        """All that was recorded, as of a seed that ends now."""
+        status = Status.DONE if self.status == Status.UNFINISHED else self.status
+        unresolved = self._engine.unresolved_impacts
+        held = fields_of(self._history.record())
+        return Begun(**held, status=status, state={}, wall_s=self._wall_s, unresolved_impacts=unresolved)
+
+
+def _events(frames: Frames, removals: Removals, arrivals: Arrivals) -> Record:
+    """A block of a record without frames."""
+    return Record(frames[slice(0, 0)], Impacts.none(), removals, np.empty(0), arrivals=arrivals)

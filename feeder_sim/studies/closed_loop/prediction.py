@@ -1,0 +1,96 @@
+"""Where a stage will carry parts: along the gradient of the plate's local speed, to its nodes.
+
+With the velocity amplitude v(x, y) of the surface, the top of a plate of the thickness h moves sideways with the
+amplitude h/2 |grad v|. Parts drift toward the node at a share of that:
+
+    dx/dt = -share * h/2 * grad v        where the surface throws parts, omega v > g;   no further than to the node
+
+Modes of one frequency add up as phasors; of several frequencies each adds its own way. SHARE is what short
+pulses gave of an M2.5 nut on the 180 mm plate (fit.py).
+"""
+
+from __future__ import annotations
+
+import cmath
+import itertools
+import math
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from feeder_sim.scene.scene import GRAVITY, Scene
+
+SHARE = 0.66
+STEP_S = 0.1  # [s] of one step of the way
+BESIDE = 2e-4  # [m] from a point to those that its gradient is made of
+AROUND = BESIDE * np.array([[0.0, 0.0], [1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0]])
+TINY = 1e-12
+
+
+class Prediction(Protocol):
+    """Where parts will be."""
+
+    def predict(self, stage: int, positions: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Places (n, 2) [m] after a stage, by its number, of parts at places (n, 2) [m]."""
+        ...
+
+
+class GradientDrift:
+    """The prediction of this module.
+
+    Args:
+        scene: has the plate and the stages, all of them in its schedule.
+        share: of the in-plane speed.
+    """
+
+    def __init__(self, scene: Scene, *, share: float = SHARE) -> None:
+        self._surface, self._share = scene.surface, share
+        schedule = scene.scenario.schedule
+        assert schedule is not None
+        drives = iter(scene.drives[sum(len(stage.drive) for stage in schedule.prepare) :])
+        self._stages = [
+            (stage.duration_s, list(itertools.islice(drives, len(stage.drive)))) for stage in schedule.stage
+        ]
+        self._places, self._shapes = b"", np.empty((0, 0, 0))
+
+    def predict(self, stage: int, positions: NDArray[np.float64]) -> NDArray[np.float64]:
+        duration, drives = self._stages[stage]
+        n_steps = max(1, math.ceil(duration / STEP_S))
+        places = np.array(positions, float)
+        for _ in range(n_steps):
+            way = np.zeros_like(places)
+            for frequency in dict.fromkeys(drive.drive_frequency for drive in drives):
+                rate = 2.0 * math.pi * frequency
+                amplitude = np.zeros(self._surface.n_shapes, complex)
+                for drive in drives:
+                    if drive.drive_frequency == frequency:
+                        amplitude[drive.shape] += rate * drive.steady_amplitude * cmath.exp(1j * drive.phase)
+                speed, gradient = self._speed(amplitude, places)
+                steepness = np.linalg.norm(gradient, axis=1)
+                length = self._share * 0.5 * self._surface.thickness * steepness * duration / n_steps
+                length = np.minimum(length, speed / np.maximum(steepness, TINY))
+                length[rate * speed < GRAVITY] = 0.0
+                way -= gradient * (length / np.maximum(steepness, TINY))[:, None]
+            places += way
+        return places
+
+    def _speed(
+        self, amplitude: NDArray[np.complex128], places: NDArray[np.float64]
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Modulus of the velocity (n,) [m/s] at places (n, 2), and its gradient (n, 2) [1/s].
+
+        `amplitude` are those of all mode shapes [m/s].
+        """
+        v = np.tensordot(amplitude, self._shapes_around(places), axes=1)
+        slope = np.stack([v[:, 1] - v[:, 2], v[:, 3] - v[:, 4]], axis=1) / (2.0 * BESIDE)
+        modulus = np.abs(v[:, 0])
+        return modulus, (v[:, :1].conj() * slope).real / np.maximum(modulus, TINY)[:, None]
+
+    def _shapes_around(self, places: NDArray[np.float64]) -> NDArray[np.float64]:
+        """All mode shapes at places and beside them, (n_shapes, n, 5); kept, as all stages begin at the same ones."""
+        key = places.tobytes()
+        if key != self._places:
+            points = (places[:, None] + AROUND).reshape(-1, 2)
+            self._places, self._shapes = key, self._surface.deflections(points).reshape(-1, len(places), len(AROUND))
+        return self._shapes

@@ -1,0 +1,284 @@
+"""A feeder that a program runs: what each call does, what it refuses, and that it is recorded like any other run."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import feeder_sim
+from feeder_sim.errors import InputError
+from feeder_sim.feeder.feeder import Feeder
+from feeder_sim.records.trajectory import Frames
+from feeder_sim.run.run_folder import RESOLVED, SUMMARY
+from feeder_sim.scenario import (
+    Excitation,
+    HexNut,
+    Pick,
+    Refill,
+    Robot,
+    Run,
+    Scattered,
+    Scenario,
+    Schedule,
+    Settled,
+    Stage,
+    Strip,
+)
+from feeder_sim.scene.scene import build_scene
+
+OUT, IN = (Excitation(frequency_hz=f, amplitude_um=2.0) for f in (4750.0, 8775.0))
+FRAME = 0.01  # [s], about
+EXTRA = {"frequency_hz": 6000.0, "amplitude_um": 1.0}  # that no stage below drives
+
+
+def scenario(**changes: Any) -> Scenario:
+    """Four nuts on a strip, to be thrown by one mode or another; what lies 20 mm from all others is picked after IN."""
+    held: dict[str, Any] = {
+        "plate": Strip(thickness_mm=3.0),
+        "schedule": Schedule(
+            stage=(
+                Stage(name="out", drive=(OUT,), duration_s=0.043),
+                Stage(name="in", drive=(IN,), duration_s=0.05, pause_s=0.033, pick=Pick(clearance_mm=20.0)),
+            )
+        ),
+        "part": (HexNut(size="M2.5", count=4, start=Scattered(kind="scattered")),),
+        "run": Run(frames_per_second=100.0),
+    }
+    return Scenario(**held | changes)
+
+
+def with_refill() -> Scenario:
+    schedule = Schedule(stage=(Stage(name="out", drive=(OUT,), duration_s=0.05),), by_hand=True)
+    return scenario(schedule=schedule, refill=Refill(), robot=Robot(look_s=1.0, pick_s=0.5))
+
+
+def same(one: Frames, other: Frames) -> bool:
+    names = ("time", "position", "quaternion", "velocity", "angular_velocity", "present")
+    return all(np.array_equal(getattr(one, name), getattr(other, name)) for name in names)
+
+
+def as_simulated(made: Scenario, sequence: tuple[str, ...], seed: int) -> Scenario:
+    assert made.schedule is not None
+    schedule = made.schedule.model_copy(update={"sequence": sequence})
+    run = made.run.model_copy(update={"seeds": 1, "seed": seed})
+    return made.model_copy(update={"schedule": schedule, "run": run})
+
+
+def test_a_loop_moves_as_its_sequence_does_in_a_run(tmp_path: Path) -> None:
+    sequence = ("out", "in", "in", "out")
+    feeder = Feeder(scenario(), 3).record(tmp_path / "run", replay=False)
+    by_rule = [feeder.vibrate(name) for name in sequence]
+    assert feeder.sequence == sequence
+    result = feeder.close()
+    assert result is not None
+    run = feeder_sim.simulate(as_simulated(scenario(), sequence, 3))
+    assert same(run.trajectories[0], result.trajectories[0])
+    assert len(np.concatenate(by_rule)) > 0  # or picks have not been compared
+    assert np.concatenate(by_rule).tolist() == run.seeds[0].removals.part.tolist()
+    again = feeder_sim.simulate(feeder_sim.load_scenario(tmp_path / "run" / RESOLVED))
+    assert same(again.trajectories[0], result.trajectories[0])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("changes", [{"engine": "mujoco"}, {"engine": "impulse", "count": 1}])
+def test_other_engines_move_alike(changes: dict[str, Any], tmp_path: Path) -> None:
+    part = HexNut(size="M2.5", count=changes.pop("count", 2), start=Scattered(kind="scattered"))
+    made = scenario(part=(part,), run=Run(frames_per_second=100.0, **changes))
+    assert made.schedule is not None
+    stages = tuple(stage.model_copy(update={"pick": None}) for stage in made.schedule.stage)
+    made = made.model_copy(update={"schedule": made.schedule.model_copy(update={"stage": stages})})
+    feeder = Feeder(made, 1).record(tmp_path / "run", replay=False)
+    for name in ("in", "out", "in"):
+        feeder.vibrate(name)
+    result = feeder.close()
+    assert result is not None
+    run = feeder_sim.simulate(as_simulated(made, ("in", "out", "in"), 1))
+    assert same(run.trajectories[0], result.trajectories[0])
+
+
+def test_the_plate_rings_on_from_one_stage_into_the_next() -> None:
+    feeder = Feeder(scenario())
+    feeder.vibrate("out")
+    feeder.vibrate(duration_s=0.02)
+    scene = feeder.scene.begun(2)
+    ringing = abs(scene.surface.terms.phasor(feeder.scene.times.stages[1].start, 2)[0])
+    assert ringing[0] > 1e-6  # of 2 um
+    assert ringing[1] == 0.0
+
+
+def test_stages_end_with_a_frame() -> None:
+    made = as_simulated(scenario(), ("out", "in", "out"), 0)
+    scene = build_scene(made)
+    ends = np.array([stage.end for stage in scene.times.stages]) / scene.frame_interval
+    np.testing.assert_allclose(ends, np.round(ends), atol=1e-9)
+    assert [stage.stop - stage.start for stage in scene.times.stages] == pytest.approx([0.043, 0.05, 0.043])
+    assert scene.times.duration == pytest.approx(0.05 + 0.09 + 0.05, abs=2.0 * FRAME)
+
+
+def test_poses_say_what_lies_on_the_plate() -> None:
+    feeder = Feeder(scenario())
+    poses = feeder.poses()
+    assert len(poses) == 4
+    assert poses.part.tolist() == [0, 1, 2, 3]
+    assert poses.kind == ("hex_nut",) * 4
+    assert set(poses.pose) <= {"A", "B", None}
+    assert poses.position.shape == (4, 3)
+    feeder.pick(2)
+    assert feeder.poses().part.tolist() == [0, 1, 3]
+    feeder.vibrate("out")
+    assert 2 not in feeder.poses().part
+    assert feeder.picked.tolist() == [2]
+    assert len(feeder.lost) == 0
+
+
+def test_picks_by_hand_and_refills_are_recorded(tmp_path: Path) -> None:
+    with Feeder(with_refill(), 1).record(tmp_path / "run") as feeder:
+        feeder.vibrate("out")
+        feeder.pick([0, 3])
+        feeder.vibrate("out")
+        came = feeder.refill(2)
+        assert came.tolist() == [0, 3]
+        feeder.vibrate("out")
+        assert len(feeder.poses()) == 4
+        feeder.pick(1)
+        time = feeder.time
+    recording = feeder_sim.read_recording(tmp_path / "run" / "trajectory.h5")
+    record = recording.records[0]
+    assert record.removals.part.tolist() == [0, 3, 1]
+    assert record.removals.time[-1] == record.frames.time[-1] == time
+    assert record.arrivals.part.tolist() == [0, 3]
+    assert record.frames.present[:, 0].tolist().count(False) > 0
+    summary = json.loads((tmp_path / "run" / SUMMARY).read_text())
+    assert summary["refilled"]["mean"] == 2.0
+    assert summary["not_refilled"]["mean"] == 0.0
+    # Three looks of 1 s and three picks of 0.5 s.
+    assert summary["counted_s"]["mean"] == pytest.approx(time + 3.0 + 1.5, abs=FRAME)
+    assert summary["picks_per_minute"]["mean"] == pytest.approx(60.0 * 3 / (time + 4.5), rel=1e-3)
+    assert (tmp_path / "run" / "replay.rrd").stat().st_size > 0
+    assert len((tmp_path / "run" / "picks.csv").read_text().splitlines()) == 4
+
+
+def test_an_error_in_the_loop_keeps_what_was_done(tmp_path: Path) -> None:
+    with pytest.raises(ZeroDivisionError), Feeder(scenario()).record(tmp_path / "run", replay=False) as feeder:
+        feeder.vibrate("out")
+        raise ZeroDivisionError
+    assert (tmp_path / "run" / SUMMARY).is_file()
+
+
+def test_new_stages_drive_the_same_modes_in_other_ways() -> None:
+    feeder = Feeder(scenario())
+    feeder.vibrate({"drive": [{"frequency_hz": 4750.0, "amplitude_um": 3.0}], "duration_s": 0.02})
+    feeder.vibrate(Stage(drive=(OUT, IN), duration_s=0.02))
+    feeder.vibrate(drive=[{"frequency_hz": 4750.0, "amplitude_um": 3.0}], duration_s=0.02)
+    assert feeder.sequence == ("stage 3", "stage 4", "stage 3")
+
+
+def test_a_stage_ends_when_its_parts_have_settled(tmp_path: Path) -> None:
+    until = Stage(name="wait", drive=(OUT,), duration_s=1.0, until=Settled(within_mm=50.0, for_s=0.1), pause_s=0.05)
+    feeder = Feeder(scenario(), stages=[until]).record(tmp_path / "run", replay=False)
+    feeder.vibrate("wait")
+    assert feeder.time < 0.5
+    feeder.vibrate("in")
+    result = feeder.close()
+    assert result is not None
+    assert same(result.trajectories[0], feeder_sim.simulate(result.prepared).trajectories[0])
+
+
+def test_preparing_stages_run_at_once() -> None:
+    schedule = scenario().schedule
+    assert schedule is not None
+    shake = (Stage(drive=(OUT,), duration_s=0.02), Stage(drive=(IN,), duration_s=0.02))
+    feeder = Feeder(scenario(schedule=schedule.model_copy(update={"prepare": shake})))
+    assert feeder.time == pytest.approx(0.04, abs=3.0 * FRAME)
+
+
+def test_another_seed_begins_as_a_new_feeder_does() -> None:
+    first = Feeder(scenario())
+    first.vibrate("out")
+    other, new = first.again(5), Feeder(scenario(), 5)
+    assert np.array_equal(other.poses().position, new.poses().position)
+    assert not np.array_equal(other.poses().position, Feeder(scenario()).poses().position)
+    assert other.time == 0.0
+
+
+REFUSED: list[tuple[str, Any]] = [
+    ('stage: is "on"(?s:.*)allowed are out, in', lambda feeder: feeder.vibrate("on")),
+    ("stage: is 2, allowed is 0 to 1", lambda feeder: feeder.vibrate(2)),
+    ("stage: is True, allowed is a stage", lambda feeder: feeder.vibrate(True)),
+    ("vibrate: allowed is exactly one", lambda feeder: feeder.vibrate()),
+    ("vibrate: allowed is exactly one", lambda feeder: feeder.vibrate("out", duration_s=1.0)),
+    ("duration_s: is missing", lambda feeder: feeder.vibrate(name="x")),
+    ("unknown key", lambda feeder: feeder.vibrate(duration_s=1.0, length=3)),
+    ("another stage has", lambda feeder: feeder.vibrate(name="out", duration_s=1.0)),
+    ("drives a mode that no other", lambda feeder: feeder.vibrate(drive=[EXTRA], duration_s=1.0)),
+    ("pick: is 9, allowed are the numbers of the 4 parts", lambda feeder: feeder.pick([0, 9])),
+    ("pick: is 0.5, allowed is the number", lambda feeder: feeder.pick(0.5)),
+    ("pick: names a part twice", lambda feeder: feeder.pick([1, 1])),
+    ("clearance_mm: is -1", lambda feeder: feeder.pick_by({"clearance_mm": -1.0})),
+    ('up: has "Q", allowed is A, B', lambda feeder: feeder.pick_by({"clearance_mm": 1.0, "up": ["Q"]})),
+    ("refill: is missing, allowed is a scenario that", lambda feeder: feeder.refill(1)),
+    ("refill: is 0, allowed is a whole number", lambda feeder: feeder.refill(0)),
+]
+
+
+@pytest.fixture(scope="module")
+def idle() -> Feeder:
+    return Feeder(scenario())
+
+
+@pytest.mark.parametrize(("line", "call"), REFUSED)
+def test_what_cannot_be_is_refused_and_nothing_happens(line: str, call: Any, idle: Feeder) -> None:
+    with pytest.raises(InputError, match=line) as raised:
+        call(idle)
+    assert "\n" not in str(raised.value)
+    assert idle.time == 0.0
+    assert len(idle.poses()) == 4
+    assert idle.stage_names == ("out", "in")
+
+
+def test_recording_begins_at_the_start_and_ends_once(tmp_path: Path) -> None:
+    feeder = Feeder(scenario())
+    feeder.vibrate("out")
+    with pytest.raises(InputError, match="before the first one"):
+        feeder.record(tmp_path / "run")
+    assert feeder.close() is None
+    with pytest.raises(InputError, match="is closed"):
+        feeder.vibrate("out")
+    (tmp_path / "held").mkdir()
+    (tmp_path / "held" / "file").touch()
+    with pytest.raises(InputError, match="is not empty"):
+        Feeder(scenario()).record(tmp_path / "held")
+    with pytest.raises(InputError, match="nothing to record"):
+        Feeder(scenario()).record(tmp_path / "none").close()
+
+
+def test_an_empty_plate_is_the_end() -> None:
+    feeder = Feeder(scenario())
+    feeder.pick(feeder.poses().part)
+    with pytest.raises(InputError, match="no part is left"):
+        feeder.vibrate("out")
+
+
+def test_scenarios_that_no_program_can_run_are_refused() -> None:
+    made = scenario()
+    assert made.schedule is not None
+    with pytest.raises(InputError, match="schedule: is missing"):
+        Feeder(made.model_copy(update={"schedule": None}))
+    twice = made.schedule.stage[0]
+    with pytest.raises(InputError, match="which another stage has"):
+        Feeder(made, stages=[twice])
+
+
+def test_a_sequence_names_stages(tmp_path: Path) -> None:
+    raw = scenario().model_dump(mode="json", exclude_none=True)
+    raw["schedule"]["sequence"] = ["out", "inn"]
+    with pytest.raises(ValueError, match=r'sequence\[1\] is "inn" \(did you mean'):
+        Scenario.model_validate(raw)
+    raw["schedule"]["sequence"] = ["out"]
+    raw["schedule"]["stage"][1]["name"] = "out"
+    with pytest.raises(ValueError, match="allowed is a name of its own"):
+        Scenario.model_validate(raw)
