@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from enum import IntEnum
 from pathlib import Path
-from typing import NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -152,9 +152,15 @@ class Record:
 
 @dataclass(frozen=True)
 class SeedRecord(Record):
-    """What is recorded of one seed, and how it ended."""
+    """What is recorded of one seed, and how it ended.
+
+    Attributes:
+        status: how it ended.
+        readings: what the measures have read of all its frames, by their names, where not all frames were kept.
+    """
 
     status: Status
+    readings: Mapping[str, Any] | None = field(default=None, kw_only=True, repr=False)
 
 
 @dataclass(frozen=True)

@@ -18,7 +18,7 @@ from feeder_sim import __version__
 from feeder_sim.engines.lookup import engine_class
 from feeder_sim.engines.mujoco.mjcf import build_mjcf
 from feeder_sim.errors import InputError, RecordingFailed, cause_of, not_written, shortened
-from feeder_sim.measures.picks import picks_csv
+from feeder_sim.measures.picks import has_picks, picks_csv
 from feeder_sim.records.checkpoint import CheckpointFolder, run_identity
 from feeder_sim.records.own_files import LOCK, locked
 from feeder_sim.records.trajectory import PartRecord, PlateRecord, Record, Recording, Status, WallTime
@@ -26,11 +26,12 @@ from feeder_sim.records.trajectory_file import TRAJECTORY, recording_of
 from feeder_sim.records.trajectory_writer import TrajectoryWriter
 from feeder_sim.records.whole_file import partial_of, write_whole
 from feeder_sim.replay.replay import REPLAY, build_replay, remove_replays
+from feeder_sim.run.keep import AllFrames, Keep, check_kept
 from feeder_sim.run.prepare import prepare
 from feeder_sim.run.provenance import input_hashes, library_versions
 from feeder_sim.run.recorder import RunRecorder
-from feeder_sim.run.seed_record import Begun
-from feeder_sim.run.simulation import Result, announced, check_starts, simulate
+from feeder_sim.run.seed_record import Begun, Left
+from feeder_sim.run.simulation import Result, announced, check_starts, run_ensemble
 from feeder_sim.scenario import Scenario, load_scenario, parse_scenario
 from feeder_sim.scenario.laws import uncovered_laws
 from feeder_sim.scene.prepared import Prepared
@@ -50,6 +51,7 @@ def record_run(
     progress: Callable[[float], None] | None = None,
     stop: threading.Event | None = None,
     replay: bool = True,
+    record: Keep = AllFrames(),  # noqa: B008, it cannot be changed
     notify: Callable[[str], None] | None = None,
 ) -> Result:
     """Simulate a scenario and write everything about it into `folder`.
@@ -59,8 +61,9 @@ def record_run(
         folder: made if missing; it must be empty.
         progress: as for `simulate`.
         stop: as for `simulate`.
-        notify: as for `simulate`.
         replay: also build the .rrd from the finished trajectory file.
+        record: what the result keeps of each seed in memory; the folder always holds all frames.
+        notify: takes a line for the user, such as that the engine is being compiled.
 
     Raises:
         InputError: the scenario cannot be built (nothing is written), or the folder is not empty or in use.
@@ -69,6 +72,7 @@ def record_run(
     folder = Path(folder)
     check_free(folder)
     prepared = prepare(scenario)
+    check_kept(prepared, record)
     check_starts(prepared.scene, notify)
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -79,7 +83,8 @@ def record_run(
         text = scenario_toml(scenario)
         write_whole(folder / RESOLVED, text.encode())
         _write_mjcf(prepared.scene, folder / MJCF, notify)
-        return _run_into(folder, prepared, text, {}, progress=progress, stop=stop, replay=replay, notify=notify)
+        how: dict[str, Any] = {"progress": progress, "stop": stop, "replay": replay, "notify": notify}
+        return _run_into(folder, prepared, text, Left({}, 0.0), record=record, **how)
 
 
 @single_threaded
@@ -115,7 +120,7 @@ def _resume(folder: Path, **how: Any) -> Result:
         prepared = prepare(scenario)
         check_starts(prepared.scene, how["notify"])
         _write_mjcf(prepared.scene, folder / MJCF, how["notify"])
-        return _run_into(folder, prepared, scenario_toml(scenario), {}, **how)
+        return _run_into(folder, prepared, scenario_toml(scenario), Left({}, 0.0), **how)
     recording = recording_of(folder)
     if all(status != Status.UNFINISHED for status in recording.status) and (folder / SUMMARY).exists():
         raise InputError("has ended, there is nothing to resume", file=folder, key="--resume")
@@ -129,7 +134,7 @@ def _resume(folder: Path, **how: Any) -> Result:
     prepared = prepare(scenario)
     begun = _all_begun(recording, prepared, folder)
     before = max((wall_time.ensemble for wall_time in recording.wall_times), default=0.0)
-    return _run_into(folder, prepared, recording.scenario_text, begun, wall_s_before=before, **how)
+    return _run_into(folder, prepared, recording.scenario_text, Left(begun, before), **how)
 
 
 def _check_same(then: dict[str, str], now: dict[str, str], folder: Path, said: str) -> None:
@@ -176,13 +181,13 @@ def _run_into(
     folder: Path,
     prepared: Prepared,
     text: str,
-    begun: dict[int, Begun],
+    left: Left,
     *,
     progress: Callable[[float], None] | None,
     stop: threading.Event | None,
     replay: bool,
     notify: Callable[[str], None] | None,
-    wall_s_before: float = 0.0,
+    record: Keep = AllFrames(),  # noqa: B008
 ) -> Result:
     """Simulate a scene into a folder; what has begun is copied into the new trajectory file first."""
     scenario, scene, new = prepared.scenario, prepared.scene, folder / f"{TRAJECTORY}.new"
@@ -203,24 +208,18 @@ def _run_into(
             ],
         )
     checkpoints = CheckpointFolder(folder, _identity(text, scenario))
-    recorder = RunRecorder(folder, writer, checkpoints, wall_s_before=wall_s_before)
+    recorder = RunRecorder(folder, writer, checkpoints, wall_s_before=left.wall_s)
     try:
-        for index, seed in begun.items():
+        for index, seed in left.begun.items():
             recorder.append(index, seed)
             recorder.write(index)
-            writer.note_wall_time(index, WallTime(seed.wall_s, wall_s_before))
+            writer.note_wall_time(index, WallTime(seed.wall_s, left.wall_s))
             if seed.status != Status.UNFINISHED:
                 writer.finish(index, seed.status, seed.unresolved_impacts)
         writer.move_to(folder / TRAJECTORY)  # only now, when a kill leaves it readable and loses nothing
         remove_replays(folder)  # built from the file that was here before
-        result = simulate(
-            prepared,
-            recorder=recorder,
-            progress=progress,
-            stop=stop,
-            notify=notify,
-            begun=begun,
-            wall_s_before=wall_s_before,
+        result = run_ensemble(
+            prepared, recorder=recorder, left=left, record=record, progress=progress, stop=stop, notify=notify
         )
     except BaseException:
         with contextlib.suppress(RecordingFailed):  # the first failure is the one to hear of
@@ -230,10 +229,10 @@ def _run_into(
     summary = result.summary() | {"version": __version__, "libraries": library_versions()}
     write_whole(folder / SUMMARY, f"{json.dumps(summary, indent=2)}\n".encode())
     if not result.interrupted:
-        if any(stage.picks for stage in prepared.scene.times.stages):
+        if has_picks(prepared.scene):
             write_whole(folder / PICKS, picks_csv(prepared.scene, result.seeds).encode())
         checkpoints.clear(scenario.run.seeds)
-    if replay and not result.interrupted and len(result.seeds[0].frames):
+    if replay and not result.interrupted and result.seeds[0].reached is not None:
         build_replay(folder / TRAJECTORY, folder / REPLAY)
     return result
 
