@@ -34,7 +34,7 @@ class Recorder(Protocol):
         ...
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Begun(SeedRecord):
     """What there is of a seed that is to be continued.
 
@@ -62,7 +62,7 @@ class Left:
     wall_s: float
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class SeedResult(SeedRecord):
     """One seed of an ensemble.
 

@@ -19,7 +19,7 @@ from feeder_sim.engines.lookup import engine_class
 from feeder_sim.errors import SimulationDiverged
 from feeder_sim.measures.catalogue import MEASURES
 from feeder_sim.measures.protocol import Measure, as_json
-from feeder_sim.records.trajectory import Frames, Status
+from feeder_sim.records.trajectory import Frames, Status, endings
 from feeder_sim.run.guard import Guard
 from feeder_sim.run.keep import AllFrames, Keep, Keeper
 from feeder_sim.run.prepare import prepare
@@ -36,7 +36,7 @@ ANNOUNCED_S = 1.5  # [s]; what takes longer is announced
 COMPILING = "compiling the engine, which takes up to a minute; the result is kept for the next time"
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Result:
     """An ensemble.
 
@@ -49,6 +49,11 @@ class Result:
     prepared: Prepared
     seeds: tuple[SeedResult, ...]
     wall_s: float
+
+    def __repr__(self) -> str:
+        title = f" {self.scenario.title!r}" if self.scenario.title else ""
+        cost = f"{self.simulated_s:.6g} s simulated in {self.wall_s:.3g} s"
+        return f"<Result{title}: {endings([seed.status for seed in self.seeds])}, {cost}>"
 
     @property
     def scenario(self) -> Scenario:

@@ -24,6 +24,7 @@ from feeder_sim.scenario.plate import MOST_DRIVES, Drive, Excitation, ModePlate,
 from feeder_sim.scenario.refill import Refill, Robot, refused_around_plate
 from feeder_sim.scenario.run import Contact, MujocoSettings, Run
 from feeder_sim.scenario.schedule import Goal, Pick, Schedule, Stage
+from feeder_sim.scenario.shown import html_of, line_of
 from feeder_sim.scenario.tables import Table, parse, read_text, validated
 
 STILL_HZ = 250.0
@@ -43,6 +44,12 @@ class Scenario(Table):
     refill: Refill | None = None
     robot: Robot | None = None
     run: Run
+
+    def __repr__(self) -> str:
+        return line_of(self)
+
+    def _repr_html_(self) -> str:
+        return html_of(self)
 
     @property
     def n_parts(self) -> int:
