@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from feeder_sim.api.tables import kept_frames, kind_of_part, library
+from feeder_sim.api.tables import kept_frames, library
 from feeder_sim.records.trajectory import FRAME_FIELDS, SAME_TIME
 
 if TYPE_CHECKING:
@@ -49,7 +49,7 @@ def dataset_of(result: Result) -> xarray.Dataset:
         "part": list(result.part_names),
         "axis": ["x", "y", "z"],
         "component": ["w", "x", "y", "z"],
-        "kind": ("part", kind_of_part(result)),
+        "kind": ("part", list(result.part_kinds)),
         "status": ("seed", [seed.status.name.lower() for seed in result.seeds]),
     }
-    return xarray.Dataset(variables, coordinates, {"title": result.scenario.title})
+    return xarray.Dataset(variables, coordinates, {"title": result.title})

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import json
+import tomllib
 from dataclasses import fields
 from functools import cached_property
 from pathlib import Path
@@ -41,8 +42,8 @@ def open(run: str | Path) -> OpenedRun:
 class OpenedRun(Result):
     """The result of a run that was recorded.
 
-    If a file that its scenario reads is missing or has changed, frames, impacts, plots of paths and the stored summary
-    can be had. All else is an `InputError` that says so.
+    If a file that its scenario reads is missing or has changed, or if the scenario would be refused today, frames,
+    impacts, plots of paths and the stored summary can be had. All else is an `InputError` that says so.
 
     Attributes:
         recording: the trajectory file.
@@ -77,6 +78,21 @@ class OpenedRun(Result):
         return prepare(self.scenario)
 
     @property
+    def title(self) -> str:
+        return str(self._written.get("title", ""))
+
+    @property
+    def part_kinds(self) -> tuple[str, ...]:
+        with contextlib.suppress(InputError):
+            return super().part_kinds
+        return tuple(part.get("name", part["shape"]) for part in self._written["part"] for _ in range(part["count"]))
+
+    @cached_property
+    def _written(self) -> dict[str, Any]:
+        """The scenario as it was written, which rules that came later may refuse."""
+        return tomllib.loads(self.recording.scenario_text)
+
+    @property
     def interrupted(self) -> bool:
         return any(status == Status.UNFINISHED for status in self.recording.status)
 
@@ -104,7 +120,7 @@ class OpenedRun(Result):
 
 def _stored(path: Path) -> dict[str, Any] | None:
     """A summary that was stored; None without a readable one."""
-    with contextlib.suppress(OSError, ValueError):
+    with contextlib.suppress(OSError, ValueError, RecursionError):
         held = json.loads(path.read_text(encoding="utf-8"))
         return held if isinstance(held, dict) else None
     return None

@@ -93,7 +93,7 @@ class Result(simulation.Result):
 
     @property
     def plot(self) -> Plots:
-        """Plots, each of which returns matplotlib axes: `result.plot.path()`."""
+        """Plots, such as `result.plot.path()`, each of which returns matplotlib axes."""
         return Plots(self)
 
     @cached_property
@@ -107,6 +107,12 @@ class Result(simulation.Result):
     def part_names(self) -> tuple[str, ...]:
         """The name of every part."""
         return tuple(part.name for part in self.scene.parts)
+
+    @property
+    def part_kinds(self) -> tuple[str, ...]:
+        """The name of the kind of every part."""
+        kinds = zip(self.scenario.part, self.scenario.kind_names, strict=True)
+        return tuple(name for part, name in kinds for _ in range(part.count))
 
     def to_frame(self, of: Table = "measures") -> pandas.DataFrame:
         """A tidy table as a pandas DataFrame; the extra `data` brings pandas.

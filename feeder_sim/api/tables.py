@@ -51,12 +51,6 @@ def kept_frames(result: Result) -> list[Any]:
     return [seed.frames for seed in result.seeds]
 
 
-def kind_of_part(result: Result) -> np.ndarray:
-    """The name of the kind of every part, shape (parts,)."""
-    scenario = result.scenario
-    return np.repeat(np.array(scenario.kind_names), [part.count for part in scenario.part])
-
-
 def frame_of(result: Result, of: Table) -> pandas.DataFrame:
     """See `Result.to_frame`."""
     if of not in get_args(Table):
@@ -81,7 +75,7 @@ def _measures(result: Result) -> dict[str, Any]:
 
 
 def _frames(result: Result) -> dict[str, Any]:
-    seeds, names, kinds = kept_frames(result), np.array(result.part_names), kind_of_part(result)
+    seeds, names, kinds = kept_frames(result), np.array(result.part_names), np.array(result.part_kinds)
     lengths, n_parts = [len(frames) for frames in seeds], len(names)
     columns: dict[str, Any] = {
         "seed": np.repeat(np.arange(len(seeds)), [n * n_parts for n in lengths]),
@@ -116,6 +110,6 @@ def _removals(result: Result) -> dict[str, Any]:
         "seed": np.repeat(np.arange(len(removals)), [len(entry) for entry in removals]),
         "time_s": np.concatenate([entry.time for entry in removals]),
         "part": np.array(result.part_names)[part],
-        "kind": kind_of_part(result)[part],
+        "kind": np.array(result.part_kinds)[part],
         "cause": [Cause(int(cause)).name.lower() for entry in removals for cause in entry.cause],
     }

@@ -51,16 +51,23 @@ class Result:
     wall_s: float
 
     def __repr__(self) -> str:
-        title = f" {self.scenario.title!r}" if self.scenario.title else ""
+        title = f" {self.title!r}" if self.title else ""
         cost = f"{self.simulated_s:.6g} s simulated in {self.wall_s:.3g} s"
         return f"<Result{title}: {endings([seed.status for seed in self.seeds])}, {cost}>"
 
     @property
+    def title(self) -> str:
+        """That of the scenario."""
+        return self.scenario.title
+
+    @property
     def scenario(self) -> Scenario:
+        """What was run."""
         return self.prepared.scenario
 
     @property
     def scene(self) -> Scene:
+        """The scenario in SI units."""
         return self.prepared.scene
 
     @property
@@ -70,6 +77,7 @@ class Result:
 
     @property
     def failures(self) -> list[SimulationDiverged]:
+        """Why seeds diverged, those that did."""
         return [seed.failure for seed in self.seeds if seed.failure is not None]
 
     @property

@@ -70,6 +70,13 @@ def test_run_whose_input_is_gone_gives_frames_and_the_stored_summary(run: Path) 
     text = scenario_toml(strip_scenario(seeds=2).model_copy(update={"plate": plate}))
     gone = OpenedRun(replace(recording, scenario_text=text, inputs={"plate.mode_file": 64 * "0"}))
     changed = OpenedRun(replace(recording, inputs={"plate.mode_file": 64 * "0"}))
+    text = recording.scenario_text.replace("thickness_mm = 3.0", "thickness_mm = -3.0")
+    refused = OpenedRun(replace(recording, scenario_text=text))
+    for ask in (refused.measures, refused.lines, lambda: refused.scenario):
+        with pytest.raises(InputError, match=r"scenario\.toml: plate\.thickness_mm: is -3\.0"):
+            ask()
+    assert refused.summary() == refused.stored_summary and "2 done" in repr(refused)
+    assert refused.to_xarray().kind.values.tolist() == ["hex_nut"] and "plate.thickness_mm" in refused._repr_html_()
     for opened, said in ((gone, r"gone\.h5: cannot be read"), (changed, "plate.mode_file: has another content than")):
         line = rf"{said}.*so that only frames, impacts and the stored summary can be had$"
         for ask in (opened.measures, lambda opened=opened: opened.drift, opened.lines, lambda o=opened: o.scene):
