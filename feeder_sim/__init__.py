@@ -37,6 +37,7 @@ if TYPE_CHECKING:
     from feeder_sim.scenario import Scenario as Scenario
     from feeder_sim.scenario import load_scenario as load_scenario
     from feeder_sim.scene.scene import build_scene as build_scene
+    from feeder_sim.studies.sweep.sweep import sweep as sweep
 
 _PUBLIC = {
     "AllFrames": "run.keep",
@@ -56,6 +57,7 @@ _PUBLIC = {
     "read_recording": "records.trajectory_file",
     "record_run": "api.calls",
     "simulate": "api.calls",
+    "sweep": "studies.sweep.sweep",
 }
 # `from feeder_sim import *` leaves Python's own `open` alone.
 __all__ = ["__version__", *(name for name in _PUBLIC if name != "open")]

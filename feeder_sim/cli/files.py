@@ -16,15 +16,20 @@ if TYPE_CHECKING:
 PICTURES = (".png", ".svg", ".pdf", ".jpg")
 
 
-def scenario_of(path: Path, engine: str | None, seeds: int | None, seed: int | None) -> Scenario:
-    """Load a scenario and put the options of the command line that are given into its [run] table.
+def scenario_of(
+    path: Path, engine: str | None, seeds: int | None, seed: int | None, settings: list[str] | None = None
+) -> Scenario:
+    """Load a scenario and put the options of the command line that are given into it: its [run] table, and `--set`.
 
     Raises:
         InputError: a file that cannot be used, or a value that is not allowed.
     """
     from feeder_sim.scenario import load_scenario, with_run
+    from feeder_sim.scenario.changes import read_changes
 
     scenario = load_scenario(path)
+    if settings:
+        scenario = scenario.changed(read_changes(settings), file=path)
     options = {"engine": engine, "seeds": seeds, "seed": seed}
     return with_run(scenario, file=path, **{name: value for name, value in options.items() if value is not None})
 

@@ -18,12 +18,15 @@ from typer.core import TyperGroup
 from feeder_sim.cli.chart import chart
 from feeder_sim.cli.files import naming, new_picture, scenario_of, writable
 from feeder_sim.cli.import_modes import import_modes_command
+from feeder_sim.cli.optimise import optimise
 from feeder_sim.cli.part import part
 from feeder_sim.cli.plate import modes, sequence, wave
 from feeder_sim.cli.replay import replay
 from feeder_sim.cli.report import as_lines, print_boundaries, print_result
 from feeder_sim.cli.response import response
+from feeder_sim.cli.sweep import merge, sweep
 from feeder_sim.cli.terminal import notify, progress_bar, stop_on_signal
+from feeder_sim.cli.uncertainty import run_uncertain, uncertainty
 from feeder_sim.errors import (
     LONGEST_MESSAGE,
     FeederSimError,
@@ -64,6 +67,10 @@ AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON object on s
 EngineName = Annotated[str | None, typer.Option("--engine", help="Engine instead of the scenario's.")]
 Seeds = Annotated[int | None, typer.Option("--seeds", min=1, help="Number of seeds instead of the scenario's.")]
 Seed = Annotated[int | None, typer.Option("--seed", min=0, help="Root of the random numbers.")]
+Set = Annotated[
+    list[str] | None,
+    typer.Option("--set", help="KEY=VALUE in place of the scenario's, such as drive[0].amplitude_um=2; repeatable."),
+]
 
 
 @app.command()
@@ -72,14 +79,17 @@ def run(
     engine: EngineName = None,
     seeds: Seeds = None,
     seed: Seed = None,
+    settings: Set = None,
     out: Annotated[Path | None, typer.Option("--out", help="Folder for the run [runs/NAME-001, -002, ...].")] = None,
     as_json: AsJson = False,
     dry_run: Annotated[bool, typer.Option("--dry-run", help="Say what would be done, as `check` does.")] = False,
     resume: Annotated[Path | None, typer.Option("--resume", help="Go on with the interrupted run in a folder.")] = None,
+    inputs: Annotated[int, typer.Option("--inputs", min=2, help="Draws of inputs that are [uncertain].")] = 16,
 ) -> None:
     """Simulate a scenario and record it, or go on with a run that was interrupted."""
     if resume is not None:
-        given = {"a scenario": scenario_file, "--engine": engine, "--seeds": seeds, "--seed": seed, "--out": out}
+        given = {"a scenario": scenario_file, "--engine": engine, "--seeds": seeds, "--seed": seed, "--set": settings}
+        given |= {"--out": out}
         also = [name for name, value in given.items() if value is not None]
         if also or dry_run:
             raise InputError(
@@ -90,11 +100,11 @@ def run(
 
         with stop_on_signal() as stop, progress_bar(str(resume), stop) as progress:
             result = resume_run(resume, progress=progress, stop=stop, notify=notify)
-        _finish_run(result, resume, as_json)
+        _finish_run(result, resume, as_json, inputs)
         return
     if scenario_file is None:
         raise InputError("a scenario file is needed, or --resume with the folder of a run", key="run")
-    scenario = scenario_of(scenario_file, engine, seeds, seed)
+    scenario = scenario_of(scenario_file, engine, seeds, seed, settings)
     with naming(scenario_file):
         from feeder_sim.run.run_folder import check_free, fresh_folder, record_run
 
@@ -112,12 +122,16 @@ def run(
                 with contextlib.suppress(OSError):  # it holds something
                     folder.rmdir()
             raise
-    _finish_run(result, folder, as_json)
+    _finish_run(result, folder, as_json, inputs)
 
 
-def _finish_run(result: Result, folder: Path, as_json: bool) -> None:
-    """Print what came out; the exit code says how it ended."""
-    print_result(result, folder, as_json)
+def _finish_run(result: Result, folder: Path, as_json: bool, inputs: int) -> None:
+    """Go on to the uncertain inputs, if there are any; print what came out; the exit code says how it ended."""
+    whole = not result.interrupted and not result.failures
+    uncertain = run_uncertain(result, folder / "uncertainty", inputs) if whole else None
+    print_result(result, folder, as_json, {"uncertainty": uncertain.as_json()} if uncertain else {})
+    if uncertain and not as_json:
+        print(uncertain.as_text())
     for caution in result.prepared.cautions:
         print(f"feeder-sim: caution: {printable(caution)}", file=sys.stderr)
     for failure in result.failures:
@@ -128,6 +142,8 @@ def _finish_run(result: Result, folder: Path, as_json: bool) -> None:
         raise typer.Exit(Interrupted.exit_code)
     if result.failures:
         raise typer.Exit(1)
+    if uncertain:
+        uncertain.finish()
 
 
 @app.command()
@@ -135,11 +151,12 @@ def check(
     scenario_file: ScenarioFile,
     engine: EngineName = None,
     seeds: Seeds = None,
+    settings: Set = None,
     as_json: AsJson = False,
     mjcf: Annotated[Path | None, typer.Option("--mjcf", help="Also write the scene as MJCF.")] = None,
 ) -> None:
     """Validate a scenario; print the resolved scene, its cost and file size."""
-    scenario = scenario_of(scenario_file, engine, seeds, None)
+    scenario = scenario_of(scenario_file, engine, seeds, None, settings)
     with naming(scenario_file):
         if mjcf is not None:
             from feeder_sim.run.run_folder import mjcf_text
@@ -152,7 +169,7 @@ def check(
 
 app.command()(modes)
 app.command("modes import")(import_modes_command)
-for command in (response, sequence, wave, chart, part):
+for command in (response, sequence, wave, chart, part, sweep, merge, uncertainty, optimise):
     app.command()(command)
 
 

@@ -42,6 +42,7 @@ from feeder_sim.scenario.scenario import (
     with_run,
 )
 from feeder_sim.scenario.schedule import Goal, Pick, Schedule, Settled, Stage
+from feeder_sim.scenario.uncertain import Uncertain
 
 __all__ = [
     "Actuator",
@@ -84,6 +85,7 @@ __all__ = [
     "StillPlate",
     "Strip",
     "Tube",
+    "Uncertain",
     "load_actuator_file",
     "load_outline_file",
     "load_plate_file",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -45,6 +46,8 @@ def written(value: Any) -> Any:
     if fields is not None:
         shown = {name: getattr(value, name) for name, field in fields.items() if name in NAMED or differs(value, name)}
         return {name: written(entry) for name, entry in shown.items() if entry is not None}
+    if isinstance(value, Mapping):
+        return {key: written(entry) for key, entry in value.items()}
     if isinstance(value, tuple | list):
         return [written(entry) for entry in value]
     return str(value) if isinstance(value, Path) else value

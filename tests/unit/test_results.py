@@ -115,6 +115,8 @@ def test_reprs_are_short(run: Path) -> None:
     assert "mean drift" in opened._repr_html_()
     assert "[[part]]\nshape = &quot;hex_nut&quot;\nsize = &quot;M2.5&quot;" in scenario._repr_html_()
     assert repr(scenario) == "<Scenario: strip plate, 4750 Hz, 1 hex_nut, 0.3 s, 2 seeds>"
+    uncertain = scenario.changed({"uncertain": {"contact.friction": {"uniform": [0.2, 0.4]}}})
+    assert "[uncertain.&quot;contact.friction&quot;]\nuniform = [0.2, 0.4]" in uncertain._repr_html_()
     assert "&lt;i&gt;" in scenario.changed({"title": "<i>"})._repr_html_()
 
 
