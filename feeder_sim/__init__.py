@@ -1,10 +1,14 @@
 """Rigid parts on vibrating plates: from plate dimensions to transport speeds.
 
     scenario = feeder_sim.load_scenario("scenarios/drift_4750hz.toml")
-    result = feeder_sim.simulate(scenario)
-    print(result.measures()["transport_speed_mm_s"])
+    result = feeder_sim.simulate(scenario, progress=True)
+    print(result.drift.transport_speed_mm_s.mean)
+    result.plot.drift()
 
-`record_run` also writes the run folder, `Scenario` and its tables build a scenario in code.
+Build scenarios in code from `Scenario` and its tables in `feeder_sim.scenario`; `scenario.changed` changes one.
+`record_run` also writes a run folder, and `open` gives its result again, as long as it is there. A result has findings,
+tables (`to_frame`, `to_xarray`) and plots; `record` of `simulate` says what to keep of it: `AllFrames`, `EveryNth`,
+`ImpactsOnly`, `StatisticsOnly`. `measure_drift` runs many drifts without frames. Bad input is an `InputError`.
 """
 
 from __future__ import annotations
@@ -15,36 +19,60 @@ from typing import TYPE_CHECKING, Any
 __version__ = "0.1.0"
 
 if TYPE_CHECKING:
+    from feeder_sim import scenario as scenario
+    from feeder_sim.api.calls import record_run as record_run
+    from feeder_sim.api.calls import simulate as simulate
+    from feeder_sim.api.opened import open as open
+    from feeder_sim.api.result import Result as Result
+    from feeder_sim.errors import FeederSimError as FeederSimError
+    from feeder_sim.errors import InputError as InputError
     from feeder_sim.feeder.feeder import Feeder as Feeder
     from feeder_sim.records.trajectory_file import read_recording as read_recording
     from feeder_sim.replay.replay import build_replay as build_replay
     from feeder_sim.run.batch import measure_drift as measure_drift
+    from feeder_sim.run.keep import AllFrames as AllFrames
+    from feeder_sim.run.keep import EveryNth as EveryNth
+    from feeder_sim.run.keep import ImpactsOnly as ImpactsOnly
+    from feeder_sim.run.keep import StatisticsOnly as StatisticsOnly
     from feeder_sim.run.prepare import prepare as prepare
-    from feeder_sim.run.run_folder import record_run as record_run
-    from feeder_sim.run.simulation import simulate as simulate
     from feeder_sim.scenario import Scenario as Scenario
     from feeder_sim.scenario import load_scenario as load_scenario
     from feeder_sim.scene.scene import build_scene as build_scene
     from feeder_sim.studies.sweep.sweep import sweep as sweep
 
 _PUBLIC = {
+    "AllFrames": "run.keep",
+    "EveryNth": "run.keep",
+    "FeederSimError": "errors",
+    "ImpactsOnly": "run.keep",
+    "InputError": "errors",
+    "Result": "api.result",
     "Scenario": "scenario",
-    "load_scenario": "scenario",
-    "build_scene": "scene.scene",
-    "prepare": "run.prepare",
-    "simulate": "run.simulation",
-    "measure_drift": "run.batch",
-    "sweep": "studies.sweep.sweep",
     "Feeder": "feeder.feeder",
-    "record_run": "run.run_folder",
-    "read_recording": "records.trajectory_file",
+    "StatisticsOnly": "run.keep",
     "build_replay": "replay.replay",
+    "build_scene": "scene.scene",
+    "load_scenario": "scenario",
+    "measure_drift": "run.batch",
+    "open": "api.opened",
+    "prepare": "run.prepare",
+    "read_recording": "records.trajectory_file",
+    "record_run": "api.calls",
+    "simulate": "api.calls",
+    "sweep": "studies.sweep.sweep",
 }
-__all__ = ["__version__", *_PUBLIC]
+# `from feeder_sim import *` leaves Python's own `open` alone.
+__all__ = ["__version__", *(name for name in _PUBLIC if name != "open")]
 
 
 def __getattr__(name: str) -> Any:
     # Imported on first use, so that the command line can print its help without loading numba or MuJoCo.
     if name in _PUBLIC:
         return getattr(importlib.import_module(f"feeder_sim.{_PUBLIC[name]}"), name)
+    if name == "scenario":
+        return importlib.import_module("feeder_sim.scenario")
     raise AttributeError(f"module 'feeder_sim' has no attribute '{name}'")
+
+
+def __dir__() -> list[str]:
+    return sorted({*__all__, *_PUBLIC, "scenario", "__doc__", "__file__", "__name__", "__path__"})

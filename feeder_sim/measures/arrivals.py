@@ -5,15 +5,15 @@ A part has *arrived* if it is on the plate and within `goal.within_mm` of the go
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from feeder_sim.measures.protocol import ended, labelled
+from feeder_sim.measures.protocol import Measure, labelled
 from feeder_sim.measures.statistic import Statistic
-from feeder_sim.records.trajectory import SAME_TIME, Frames, SeedRecord
+from feeder_sim.records.trajectory import SAME_TIME, Frames, SeedRecord, Status
 from feeder_sim.scene.prepared import Prepared
 from feeder_sim.scene.scene import Scene
 
@@ -54,23 +54,64 @@ class ArrivalFindings:
     transport_stages: tuple[TransportStage, ...]
 
 
-class Arrivals:
+@dataclass(frozen=True)
+class StageEnd:
+    """How one seed comes to the end of one stage: drive time [s], whether its parts settled, mean place (2,) [mm]."""
+
+    drive: float
+    settled: bool
+    place: NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class SeedArrivals:
+    """What is read of a seed.
+
+    Attributes:
+        arrived: which parts are at the goal, shape (parts,).
+        end: of the schedule [s].
+        travelled: distance between the mean places of the parts at the start and at the end [mm].
+        stages: one entry per stage; None for those that it did not reach the end of.
+    """
+
+    arrived: NDArray[np.bool_]
+    end: float
+    travelled: float
+    stages: tuple[StageEnd | None, ...]
+
+
+class Arrivals(Measure[ArrivalFindings, SeedArrivals]):
     """How many parts a schedule brings to its goal."""
+
+    counts = (Status.DONE, Status.LEFT_PLATE)
 
     def applies(self, prepared: Prepared) -> bool:
         return prepared.scenario.goal is not None
 
-    def compute(self, prepared: Prepared, seeds: Sequence[SeedRecord]) -> ArrivalFindings:
-        scene, counted = prepared.scene, ended(seeds, left_plate=True)
-        arrivals = [arrived(scene, seed.frames) for seed in counted]
-        ends = [scene.stages(seed.stops.tolist())[-1].end for seed in counted]
-        ways = [1e3 * (_mean_place(scene, seed.frames, -1) - _mean_place(scene, seed.frames, 0)) for seed in counted]
+    def reader(self, prepared: Prepared) -> Callable[[SeedRecord], SeedArrivals]:
+        scene = prepared.scene
+
+        def read(seed: SeedRecord) -> SeedArrivals:
+            way = 1e3 * (_mean_place(scene, seed.frames, -1) - _mean_place(scene, seed.frames, 0))
+            return SeedArrivals(
+                arrived=arrived(scene, seed.frames),
+                end=scene.stages(seed.stops.tolist())[-1].end,
+                travelled=float(np.hypot(*way)),
+                stages=_stage_ends(scene, seed),
+            )
+
+        return read
+
+    def findings(self, prepared: Prepared, readings: Sequence[SeedArrivals]) -> ArrivalFindings:
+        stages = prepared.scene.times.stages
         return ArrivalFindings(
-            at_goal=sum(int(parts.sum()) for parts in arrivals),
-            at_goal_of=sum(len(parts) for parts in arrivals),
-            arrival_time_s=Statistic.of(end for end, parts in zip(ends, arrivals, strict=True) if parts.all()),
-            travelled_mm=Statistic.of(float(np.hypot(*way)) for way in ways),
-            transport_stages=tuple(_stage(scene, number, counted) for number in range(len(scene.times.stages))),
+            at_goal=sum(int(seed.arrived.sum()) for seed in readings),
+            at_goal_of=sum(len(seed.arrived) for seed in readings),
+            arrival_time_s=Statistic.of(seed.end for seed in readings if seed.arrived.all()),
+            travelled_mm=Statistic.of(seed.travelled for seed in readings),
+            transport_stages=tuple(
+                _stage(stage.name, [seed.stages[number] for seed in readings]) for number, stage in enumerate(stages)
+            ),
         )
 
     def lines(self, prepared: Prepared, findings: ArrivalFindings) -> list[str]:
@@ -105,16 +146,21 @@ def _mean_place(scene: Scene, frames: Frames, row: int) -> NDArray[np.float64]:
     return frames.position[row, on_plate, :2].mean(axis=0) if on_plate.any() else np.full(2, np.nan)
 
 
-def _stage(scene: Scene, number: int, seeds: Sequence[SeedRecord]) -> TransportStage:
-    """Findings of the stage of a number, over the seeds that reached its end."""
-    planned = scene.times.stages[number]
-    durations, settled, places = [], 0, []
-    for seed in seeds:
-        stage = scene.stages(seed.stops.tolist())[number]
+def _stage_ends(scene: Scene, seed: SeedRecord) -> tuple[StageEnd | None, ...]:
+    """The ends of all stages in one seed; None where the seed ended before, since all parts had left the plate."""
+    ends: list[StageEnd | None] = []
+    for planned, stage in zip(scene.times.stages, scene.stages(seed.stops.tolist()), strict=True):
         if seed.frames.time[-1] < stage.end - scene.frame_interval:
-            continue  # the seed ended before the stage, since all parts had left the plate
-        durations.append(stage.stop - stage.start)
-        settled += durations[-1] < planned.stop - planned.start - SAME_TIME
-        places.append(1e3 * _mean_place(scene, seed.frames, seed.frames.row_at(stage.end)))
-    x, y = (Statistic.of(place[axis] for place in places) for axis in (0, 1))
-    return TransportStage(planned.name, Statistic.of(durations), settled, x, y)
+            ends.append(None)
+            continue
+        drive = stage.stop - stage.start
+        place = 1e3 * _mean_place(scene, seed.frames, seed.frames.row_at(stage.end))
+        ends.append(StageEnd(drive, drive < planned.stop - planned.start - SAME_TIME, place))
+    return tuple(ends)
+
+
+def _stage(name: str, ends: Sequence[StageEnd | None]) -> TransportStage:
+    """Findings of a stage of a name, over the seeds that reached its end."""
+    reached = [end for end in ends if end is not None]
+    x, y = (Statistic.of(end.place[axis] for end in reached) for axis in (0, 1))
+    return TransportStage(name, Statistic.of(end.drive for end in reached), sum(end.settled for end in reached), x, y)

@@ -20,13 +20,13 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from feeder_sim.measures.protocol import ended, labelled
+from feeder_sim.measures.protocol import Measure, labelled
 from feeder_sim.measures.statistic import Statistic
 from feeder_sim.records.impacts import Impacts
 from feeder_sim.records.trajectory import SeedRecord
@@ -150,24 +150,36 @@ class BounceFindings:
     motion: dict[str, int]
 
 
-class Bounces:
+@dataclass(frozen=True)
+class SeedBounces:
+    """What is read of a seed: its flights that count, and the name of its motion."""
+
+    flights: Flights
+    motion: str
+
+
+class Bounces(Measure[BounceFindings, SeedBounces]):
     """Bounce interval, flight height, impact speed and motion of a part in a guide."""
 
     def applies(self, prepared: Prepared) -> bool:
         return prepared.scene.guides[0] is not None
 
-    def compute(self, prepared: Prepared, seeds: Sequence[SeedRecord]) -> BounceFindings:
-        scene, counted = prepared.scene, ended(seeds)
-        flights_of_seeds = seed_flights(scene, [seed.impacts for seed in counted])
+    def reader(self, prepared: Prepared) -> Callable[[SeedRecord], SeedBounces]:
+        scene = prepared.scene
         plate_period, tolerance = _plate_period(scene), impact_tolerance(prepared)
-        motions = Counter(
-            motion(seed.impacts, plate_period, tolerance, end=float(seed.frames.time[-1])) for seed in counted
-        )
+
+        def read(seed: SeedRecord) -> SeedBounces:
+            (found,) = seed_flights(scene, [seed.impacts])
+            return SeedBounces(found, motion(seed.impacts, plate_period, tolerance, end=float(seed.frames.time[-1])))
+
+        return read
+
+    def findings(self, prepared: Prepared, readings: Sequence[SeedBounces]) -> BounceFindings:
         return BounceFindings(
-            bounce_interval_ms=batched([1e3 * f.interval for f in flights_of_seeds]),
-            flight_height_mm=batched([1e3 * f.height for f in flights_of_seeds]),
-            impact_speed_mm_s=batched([1e3 * f.impact_speed for f in flights_of_seeds]),
-            motion=dict(motions),
+            bounce_interval_ms=batched([1e3 * seed.flights.interval for seed in readings]),
+            flight_height_mm=batched([1e3 * seed.flights.height for seed in readings]),
+            impact_speed_mm_s=batched([1e3 * seed.flights.impact_speed for seed in readings]),
+            motion=dict(Counter(seed.motion for seed in readings)),
         )
 
     def lines(self, prepared: Prepared, findings: BounceFindings) -> list[str]:

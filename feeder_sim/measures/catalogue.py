@@ -14,7 +14,7 @@ from feeder_sim.measures.rate import Rate
 from feeder_sim.measures.refills import Refills
 from feeder_sim.measures.separation import Separation
 
-MEASURES: tuple[Measure[Any], ...] = (
+MEASURES: tuple[Measure[Any, Any], ...] = (
     Drift(),
     Bounces(),
     Separation(),

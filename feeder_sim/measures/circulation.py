@@ -6,16 +6,17 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from feeder_sim.measures.protocol import ended, labelled
+from feeder_sim.measures.protocol import Measure, labelled
+from feeder_sim.measures.scene_memory import once_for_scene
 from feeder_sim.measures.statistic import Statistic
 from feeder_sim.plate.wave import Track, Wave, crest_track, still_points
-from feeder_sim.records.trajectory import Frames, SeedRecord
+from feeder_sim.records.trajectory import Frames, SeedRecord, Status
 from feeder_sim.scene.prepared import Prepared
 from feeder_sim.scene.scene import Scene
 from feeder_sim.scene.timetable import TimedStage
@@ -46,6 +47,7 @@ class StageWave:
     track: Track | None
 
 
+@once_for_scene
 def stage_waves(scene: Scene) -> list[StageWave]:
     """The waves of all stages that drive several modes at one frequency, in all cycles."""
     waves: list[StageWave] = []
@@ -145,8 +147,21 @@ class WaveFindings:
     waves: tuple[WaveFinding, ...]
 
 
-class Circulation:
+@dataclass(frozen=True)
+class OnWave:
+    """The parts of one seed on one wave: share at its still points [1], circulation [mm/s]; NaN without any."""
+
+    at_still_points: float
+    circulation: float
+
+
+SeedWaves = tuple[OnWave | None, ...]  # what is read of a seed: for each wave, None if it ended before the stage
+
+
+class Circulation(Measure[WaveFindings, SeedWaves]):
     """Circulation of parts with a quasi-travelling wave, and their share at its still points."""
+
+    counts = (Status.DONE, Status.LEFT_PLATE)
 
     def applies(self, prepared: Prepared) -> bool:
         scene = prepared.scene
@@ -155,9 +170,13 @@ class Circulation:
         stages = {stage.excitations: stage for stage in scene.times.stages}  # each set of excitations once
         return any(wave_of(scene, stage) is not None for stage in stages.values())
 
-    def compute(self, prepared: Prepared, seeds: Sequence[SeedRecord]) -> WaveFindings:
-        counted = ended(seeds, left_plate=True)
-        return WaveFindings(tuple(_finding(prepared.scene, wave, counted) for wave in stage_waves(prepared.scene)))
+    def reader(self, prepared: Prepared) -> Callable[[SeedRecord], SeedWaves]:
+        waves = stage_waves(prepared.scene)
+        return lambda seed: tuple(_on_wave(prepared.scene, wave, seed) for wave in waves)
+
+    def findings(self, prepared: Prepared, readings: Sequence[SeedWaves]) -> WaveFindings:
+        waves = stage_waves(prepared.scene)
+        return WaveFindings(tuple(_finding(wave, [seed[k] for seed in readings]) for k, wave in enumerate(waves)))
 
     def lines(self, prepared: Prepared, findings: WaveFindings) -> list[str]:
         lines = []
@@ -185,23 +204,26 @@ def describe(wave: StageWave) -> WaveDescription:
     )
 
 
-def _finding(scene: Scene, wave: StageWave, seeds: Sequence[SeedRecord]) -> WaveFinding:
+def _on_wave(scene: Scene, wave: StageWave, seed: SeedRecord) -> OnWave | None:
+    """The parts of one seed on the wave of a stage; None if the seed ended before the stage."""
+    stage, frames = scene.stages(seed.stops.tolist())[wave.number], seed.frames
+    if frames.time[-1] <= stage.stop - scene.frame_interval:
+        return None
+    share, speed = _share_at_still_points(scene, wave.still, frames, stage.stop), math.nan
+    if wave.track is not None:
+        start = stage.start + COUNTED_FROM * (stage.stop - stage.start)
+        speed = 1e3 * circulation(scene, wave.track, frames, start, stage.stop)
+    return OnWave(share, speed)
+
+
+def _finding(wave: StageWave, seeds: Sequence[OnWave | None]) -> WaveFinding:
     """The wave of a stage and its effect on the parts, over the seeds that reached the end of the stage."""
-    shares, speeds = [], []
-    for seed in seeds:
-        stage, frames = scene.stages(seed.stops.tolist())[wave.number], seed.frames
-        if frames.time[-1] <= stage.stop - scene.frame_interval:
-            continue  # the seed ended before the stage
-        shares.append(_share_at_still_points(scene, wave.still, frames, stage.stop))
-        if wave.track is not None:
-            start = stage.start + COUNTED_FROM * (stage.stop - stage.start)
-            speeds.append(1e3 * circulation(scene, wave.track, frames, start, stage.stop))
     return WaveFinding(
         **vars(describe(wave)),
         cycle=wave.stage.cycle,
         stage=wave.stage.name,
-        circulation_mm_s=Statistic.of(speeds),
-        at_still_points=Statistic.of(shares),
+        circulation_mm_s=Statistic.of(seed.circulation for seed in seeds if seed is not None),
+        at_still_points=Statistic.of(seed.at_still_points for seed in seeds if seed is not None),
     )
 
 

@@ -9,13 +9,13 @@ seed is 0.6 d0 divided by the time between the first passages of distance 0.8 d0
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from feeder_sim.measures.protocol import ended, labelled
+from feeder_sim.measures.protocol import Measure, labelled
 from feeder_sim.measures.statistic import Statistic
 from feeder_sim.records.trajectory import Frames, SeedRecord
 from feeder_sim.scene.cell import PASSAGE_FROM, PASSAGE_TO, Cell
@@ -49,17 +49,37 @@ class DriftFindings:
         )
 
 
-class Drift:
+@dataclass(frozen=True)
+class SeedDrift:
+    """What is read of a seed: transport speed [m/s], mean horizontal velocity (2,) [m/s], highest rise [m]."""
+
+    speed: float
+    velocity: NDArray[np.float64]
+    rise: float
+
+
+class Drift(Measure[DriftFindings, SeedDrift]):
     """Transport speed, drift velocity and highest rise of a scenario without a schedule."""
 
     def applies(self, prepared: Prepared) -> bool:
         return prepared.scenario.schedule is None
 
-    def compute(self, prepared: Prepared, seeds: Sequence[SeedRecord]) -> DriftFindings:
-        frames, cell = [seed.frames for seed in ended(seeds)], prepared.cell
-        speeds = [transport_speed(seed, cell) for seed in frames] if cell else []
-        velocities = [drift_velocity(seed) for seed in frames]
-        return DriftFindings.of(speeds, velocities, [highest_rise(seed) for seed in frames], cell)
+    def reader(self, prepared: Prepared) -> Callable[[SeedRecord], SeedDrift]:
+        cell = prepared.cell
+
+        def read(seed: SeedRecord) -> SeedDrift:
+            speed = transport_speed(seed.frames, cell) if cell else math.nan
+            return SeedDrift(speed, drift_velocity(seed.frames), highest_rise(seed.frames))
+
+        return read
+
+    def findings(self, prepared: Prepared, readings: Sequence[SeedDrift]) -> DriftFindings:
+        return DriftFindings.of(
+            [seed.speed for seed in readings],
+            [seed.velocity for seed in readings],
+            [seed.rise for seed in readings],
+            prepared.cell,
+        )
 
     def lines(self, prepared: Prepared, findings: DriftFindings) -> list[str]:
         speed, lines = findings.transport_speed_mm_s, []

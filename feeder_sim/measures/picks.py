@@ -61,8 +61,17 @@ def robot_of(scene: Scene) -> Robot:
     return scene.scenario.robot or Robot()
 
 
-def picks_of(scene: Scene, record: Record) -> Picks:
+def has_picks(scene: Scene) -> bool:
+    """Whether anything is picked in a scene, by its stages or by a program."""
+    return picks_by_hand(scene) or any(stage.picks for stage in scene.times.stages)
+
+
+def picks_of(scene: Scene, seed: SeedRecord) -> Picks:
     """The picks of one seed."""
+    if seed.readings is not None:  # its frames were dropped
+        picks: Picks = seed.readings[picks_of.__name__]
+        return picks
+    record = seed
     frames, removals, robot = record.frames, record.removals, robot_of(scene)
     picked = removals.cause == Cause.PICKED
     time, part = removals.time[picked], removals.part[picked]

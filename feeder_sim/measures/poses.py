@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from feeder_sim.measures.protocol import ended, labelled
+from feeder_sim.measures.protocol import Measure, labelled
 from feeder_sim.measures.statistic import Statistic
 from feeder_sim.part.stable_poses import NONE
 from feeder_sim.records.removals import Cause
-from feeder_sim.records.trajectory import SeedRecord
+from feeder_sim.records.trajectory import SeedRecord, Status
 from feeder_sim.scene.prepared import Prepared
 from feeder_sim.scene.scene import Scene
 
@@ -64,20 +64,24 @@ class PoseFindings:
     pose_kinds: tuple[KindPoses, ...]
 
 
-class Poses:
+class Poses(Measure[PoseFindings, "SeedPoses"]):
     """Which side up many parts lie."""
+
+    counts = (Status.DONE, Status.LEFT_PLATE)
 
     def applies(self, prepared: Prepared) -> bool:
         scene = prepared.scene
         many = prepared.scenario.schedule is not None or len(scene.parts) > 1
         return many and not prepared.scenario.run.planar and any(table.poses for table in scene.poses)
 
-    def compute(self, prepared: Prepared, seeds: Sequence[SeedRecord]) -> PoseFindings:
-        scene, counted = prepared.scene, ended(seeds, left_plate=True)
-        seen = [_Seen(scene, seed) for seed in counted]
-        names = prepared.scenario.kind_names
+    def reader(self, prepared: Prepared) -> Callable[[SeedRecord], SeedPoses]:
+        scene = prepared.scene
+        return lambda seed: SeedPoses(scene, seed)
+
+    def findings(self, prepared: Prepared, readings: Sequence[SeedPoses]) -> PoseFindings:
+        scene, names = prepared.scene, prepared.scenario.kind_names
         return PoseFindings(
-            tuple(_of_kind(scene, k, name, seen) for k, name in enumerate(names) if scene.poses[k].poses)
+            tuple(_of_kind(scene, k, name, readings) for k, name in enumerate(names) if scene.poses[k].poses)
         )
 
     def lines(self, prepared: Prepared, findings: PoseFindings) -> list[str]:
@@ -95,8 +99,8 @@ def _percent(share: Statistic) -> str:
     return f"{100.0 * share.mean:.0f}{interval} %"
 
 
-class _Seen:
-    """What one seed shows: the pose of every part at the end of each stage reached, and at its pick."""
+class SeedPoses:
+    """What is read of a seed: the pose of every part at the end of each stage reached, and at its pick."""
 
     def __init__(self, scene: Scene, seed: SeedRecord) -> None:
         frames, removals = seed.frames, seed.removals
@@ -119,7 +123,7 @@ class _Seen:
         )
 
 
-def _of_kind(scene: Scene, kind: int, name: str, seen: list[_Seen]) -> KindPoses:
+def _of_kind(scene: Scene, kind: int, name: str, seen: Sequence[SeedPoses]) -> KindPoses:
     """Findings about one kind of parts."""
     table, members = scene.poses[kind], scene.kind_of == kind
     stages = []

@@ -1,38 +1,78 @@
-"""The protocol of a measure: which scenes it applies to, its findings in an ensemble, and its lines in a report."""
+"""What a measure is: which scenes it applies to, what it reads from a seed, its findings in an ensemble, its lines.
+
+A measure first reads from every seed what it needs of it, and then makes its findings of these readings. So the frames
+of a seed can be dropped once all measures have read it, and the findings stay what they are, to the last bit.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Sequence
 from dataclasses import fields, is_dataclass
-from typing import Any, Protocol, TypeVar
+from functools import cached_property
+from typing import Any, Generic, TypeVar
 
 from feeder_sim.measures.statistic import Statistic
 from feeder_sim.records.trajectory import SeedRecord, Status
 from feeder_sim.scene.prepared import Prepared
 
 Findings = TypeVar("Findings")
+Reading = TypeVar("Reading")
 
 
-class Measure(Protocol[Findings]):
-    """One measure; its findings are a dataclass whose fields carry their units in their names."""
+class Measure(ABC, Generic[Findings, Reading]):
+    """One measure; its findings are a dataclass whose fields carry their units in their names.
 
+    Attributes:
+        counts: how a seed has to have ended to be measured.
+    """
+
+    counts: tuple[Status, ...] = (Status.DONE,)
+
+    @abstractmethod
     def applies(self, prepared: Prepared) -> bool:
         """Whether the measure has a meaning for a scene."""
-        ...
 
-    def compute(self, prepared: Prepared, seeds: Sequence[SeedRecord]) -> Findings:
-        """Measure an ensemble; the measure itself leaves out seeds that do not count."""
-        ...
+    @abstractmethod
+    def reader(self, prepared: Prepared) -> Callable[[SeedRecord], Reading]:
+        """A function that reads from all frames of a seed what the measure needs of it; threads may share it."""
 
+    @abstractmethod
+    def findings(self, prepared: Prepared, readings: Sequence[Reading]) -> Findings:
+        """What an ensemble comes to, from the readings of the seeds that count."""
+
+    @abstractmethod
     def lines(self, prepared: Prepared, findings: Findings) -> list[str]:
         """The findings as lines of label and value; see `labelled`."""
-        ...
+
+    def compute(self, prepared: Prepared, seeds: Sequence[SeedRecord]) -> Findings:
+        """Measure an ensemble; seeds that do not count are left out."""
+        read = SeedReader(self, prepared)
+        readings = [read(seed) for seed in seeds]
+        return self.findings(prepared, [reading for reading in readings if reading is not None])
 
 
-def ended(seeds: Sequence[SeedRecord], *, left_plate: bool = False) -> list[SeedRecord]:
-    """Seeds that ran to their end; with `left_plate` also those whose parts have all left the plate."""
-    counted = (Status.DONE, Status.LEFT_PLATE) if left_plate else (Status.DONE,)
-    return [seed for seed in seeds if seed.status in counted and len(seed.frames)]
+class SeedReader(Generic[Reading]):
+    """Reads seeds for a measure, or takes what was read before their frames were dropped."""
+
+    def __init__(self, measure: Measure[Any, Reading], prepared: Prepared) -> None:
+        self._measure, self._prepared = measure, prepared
+
+    @cached_property
+    def _read(self) -> Callable[[SeedRecord], Reading]:
+        return self._measure.reader(self._prepared)  # which may take long, and is not always needed
+
+    def __call__(self, seed: SeedRecord) -> Reading | None:
+        """The reading; None for a seed that does not count."""
+        if seed.readings is not None:
+            reading: Reading | None = seed.readings[name_of(self._measure)]
+            return reading
+        return self._read(seed) if seed.status in self._measure.counts and len(seed.frames) else None
+
+
+def name_of(measure: Measure[Any, Any]) -> str:
+    """The name by which the readings of a measure are kept."""
+    return type(measure).__name__
 
 
 def labelled(label: str, text: str) -> str:

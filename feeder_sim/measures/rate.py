@@ -14,9 +14,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from feeder_sim.measures.picks import IN_NO_POSE, Picks, pick_stages, picks_by_hand, picks_of, robot_of
-from feeder_sim.measures.protocol import ended, labelled
+from feeder_sim.measures.protocol import Measure, labelled
 from feeder_sim.measures.statistic import Statistic
-from feeder_sim.records.trajectory import SeedRecord
+from feeder_sim.records.trajectory import SeedRecord, Status
 from feeder_sim.scene.prepared import Prepared
 from feeder_sim.scene.scene import Scene
 
@@ -83,17 +83,34 @@ class RateFindings:
     time_shares: TimeShares
 
 
-class Rate:
+@dataclass(frozen=True)
+class SeedRate:
+    """What is read of a seed: its picks, and where its time has gone."""
+
+    picks: Picks
+    clock: Clock
+
+
+class Rate(Measure[RateFindings, SeedRate]):
     """Picks per minute of a schedule with picks."""
+
+    counts = (Status.DONE, Status.LEFT_PLATE)
 
     def applies(self, prepared: Prepared) -> bool:
         scene = prepared.scene
         return picks_by_hand(scene) or any(bool(stage.picks) for stage in scene.times.stages if stage.cycle)
 
-    def compute(self, prepared: Prepared, seeds: Sequence[SeedRecord]) -> RateFindings:
-        scene, counted = prepared.scene, ended(seeds, left_plate=True)
-        picks = [picks_of(scene, seed) for seed in counted]
-        clocks = [clock_of(scene, seed, picked) for seed, picked in zip(counted, picks, strict=True)]
+    def reader(self, prepared: Prepared) -> Callable[[SeedRecord], SeedRate]:
+        scene = prepared.scene
+
+        def read(seed: SeedRecord) -> SeedRate:
+            picks = picks_of(scene, seed)
+            return SeedRate(picks, clock_of(scene, seed, picks))
+
+        return read
+
+    def findings(self, prepared: Prepared, readings: Sequence[SeedRate]) -> RateFindings:
+        scene, picks, clocks = prepared.scene, [seed.picks for seed in readings], [seed.clock for seed in readings]
         first = first_cycle(scene)
 
         def rate(which: Callable[[Picks], np.ndarray]) -> Statistic:

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from feeder_sim.measures.picks import picks_by_hand
-from feeder_sim.measures.protocol import ended, labelled
+from feeder_sim.measures.protocol import Measure, labelled
 from feeder_sim.measures.statistic import Statistic
 from feeder_sim.records.removals import Cause
 from feeder_sim.records.trajectory import SeedRecord
@@ -32,18 +32,30 @@ class RefillFindings:
     not_refilled: Statistic
 
 
-class Refills:
+@dataclass(frozen=True)
+class SeedRefills:
+    """What is read of a seed: refills that brought parts, parts that came, parts that were wanted."""
+
+    refills: int
+    came: int
+    asked: int
+
+
+class Refills(Measure[RefillFindings, SeedRefills]):
     """Parts that came while a run went on."""
 
     def applies(self, prepared: Prepared) -> bool:
         return prepared.scenario.refill is not None
 
-    def compute(self, prepared: Prepared, seeds: Sequence[SeedRecord]) -> RefillFindings:
-        counted = ended(seeds)
+    def reader(self, prepared: Prepared) -> Callable[[SeedRecord], SeedRefills]:
+        scene = prepared.scene
+        return lambda seed: SeedRefills(len(np.unique(seed.arrivals.cycle)), len(seed.arrivals), asked(scene, seed))
+
+    def findings(self, prepared: Prepared, readings: Sequence[SeedRefills]) -> RefillFindings:
         return RefillFindings(
-            refills=Statistic.of(float(len(np.unique(seed.arrivals.cycle))) for seed in counted),
-            refilled=Statistic.of(float(len(seed.arrivals)) for seed in counted),
-            not_refilled=Statistic.of(float(asked(prepared.scene, seed) - len(seed.arrivals)) for seed in counted),
+            refills=Statistic.of(float(seed.refills) for seed in readings),
+            refilled=Statistic.of(float(seed.came) for seed in readings),
+            not_refilled=Statistic.of(float(seed.asked - seed.came) for seed in readings),
         )
 
     def lines(self, prepared: Prepared, findings: RefillFindings) -> list[str]:

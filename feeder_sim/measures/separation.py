@@ -7,18 +7,18 @@ is *flipped* if another of its sides is up than at the end of the stage before.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields
 
 import numpy as np
 from numpy.typing import NDArray
 
 from feeder_sim.measures.picking import nearest_neighbours
-from feeder_sim.measures.protocol import ended, labelled
+from feeder_sim.measures.protocol import Measure, labelled
 from feeder_sim.measures.stage_lines import StageLines, stage_lines
 from feeder_sim.measures.statistic import Statistic
 from feeder_sim.records.removals import Cause
-from feeder_sim.records.trajectory import Frames, Record, SeedRecord
+from feeder_sim.records.trajectory import Frames, Record, SeedRecord, Status
 from feeder_sim.scene.prepared import Prepared
 from feeder_sim.scene.scene import Scene
 from feeder_sim.scene.timetable import TimedStage
@@ -181,29 +181,46 @@ class SeparationFindings:
     stages: tuple[StageCounts, ...]
 
 
-class Separation:
+@dataclass(frozen=True)
+class SeedSeparation:
+    """What is read of a seed: a report of every stage it has reached, and how many parts were picked and lost."""
+
+    reports: list[StageReport]
+    picked: float
+    lost: float
+
+
+class Separation(Measure[SeparationFindings, SeedSeparation]):
     """Counts of many parts at the end of every stage, parts picked and parts lost."""
+
+    counts = (Status.DONE, Status.LEFT_PLATE)
 
     def applies(self, prepared: Prepared) -> bool:
         return prepared.scenario.schedule is not None or len(prepared.scene.parts) > 1
 
-    def compute(self, prepared: Prepared, seeds: Sequence[SeedRecord]) -> SeparationFindings:
-        scene, counted = prepared.scene, ended(seeds, left_plate=True)
+    def reader(self, prepared: Prepared) -> Callable[[SeedRecord], SeedSeparation]:
+        scene = prepared.scene
         lines = stage_lines(scene)
-        reports = [stage_reports(scene, lines, seed) for seed in counted]
-        stages = []
+
+        def read(seed: SeedRecord) -> SeedSeparation:
+            picked, lost = (float((seed.removals.cause == cause).sum()) for cause in (Cause.PICKED, Cause.LOST))
+            return SeedSeparation(stage_reports(scene, lines, seed), picked, lost)
+
+        return read
+
+    def findings(self, prepared: Prepared, readings: Sequence[SeedSeparation]) -> SeparationFindings:
+        scene, stages = prepared.scene, []
         for number, stage in enumerate(scene.times.stages):
-            over_seeds = [seed_reports[number] for seed_reports in reports if len(seed_reports) > number]
+            over_seeds = [seed.reports[number] for seed in readings if len(seed.reports) > number]
             counts = {
                 field.name: Statistic.of(getattr(report, field.name) for report in over_seeds)
                 for field in fields(StageReport)
             }
             stages.append(StageCounts(stage.cycle, stage.name, **counts))
-        removals = [seed.removals for seed in counted]
         return SeparationFindings(
             parts=len(scene.parts),
-            picked=Statistic.of(float((r.cause == Cause.PICKED).sum()) for r in removals),
-            lost=Statistic.of(float((r.cause == Cause.LOST).sum()) for r in removals),
+            picked=Statistic.of(seed.picked for seed in readings),
+            lost=Statistic.of(seed.lost for seed in readings),
             stages=tuple(stages),
         )
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from feeder_sim.measures.scene_memory import once_for_scene
 from feeder_sim.plate.nodal_lines import NodalLines, nodal_lines
 from feeder_sim.records.trajectory import SAME_TIME, Frames
 from feeder_sim.scene.scene import Scene
@@ -34,6 +35,7 @@ class StageLines:
         return near
 
 
+@once_for_scene
 def stage_lines(scene: Scene) -> StageLines:
     """Nodal lines of the modes of every stage of a scene."""
     lines = {drive.shape: nodal_lines(scene.surface, drive.shape) for drive in scene.drives}

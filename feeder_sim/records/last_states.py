@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from feeder_sim.errors import InputError, SimulationDiverged
+from feeder_sim.errors import Divergence, InputError, SimulationDiverged
 from feeder_sim.records.trajectory import Frames
 from feeder_sim.records.whole_file import write_whole
 
@@ -55,8 +55,8 @@ def save_last_states(folder: Path, failure: SimulationDiverged, last: LastStates
     """Write the last states of a seed that diverged into a run folder, as NumPy's .npz; returns the file's name.
 
     Arrays: those of `Frames` [SI units], `state_NAME` of the engine, `stops`, `skipped` and `valid` (see `LastStates`),
-    `cause`, `part`, `time_s`. A run that is resumed may come here again: a file that holds anything else stays, and
-    this one gets the next free number.
+    `divergence` (its name), `cause`, `part`, `time_s`. A run that is resumed may come here again: a file that holds
+    anything else stays, and this one gets the next free number.
 
     Raises:
         RecordingFailed: it cannot be written, as when the disk is full.
@@ -64,10 +64,15 @@ def save_last_states(folder: Path, failure: SimulationDiverged, last: LastStates
     arrays: dict[str, Any] = {field.name: getattr(last.frames, field.name) for field in fields(Frames)}
     arrays |= {f"{STATE_PREFIX}{name}": values for name, values in last.state.items()}
     arrays |= {"stops": last.stops, "skipped": np.array(last.skipped), "valid": np.array(last.valid)}
-    arrays |= {"cause": np.array(failure.cause), "part": np.array(failure.part), "time_s": np.array(failure.time_s)}
+    arrays |= {
+        "divergence": np.array(failure.divergence.name),
+        "cause": np.array(failure.cause),
+        "part": np.array(failure.part),
+    }
+    arrays |= {"time_s": np.array(failure.time_s)}
     held = io.BytesIO()
     np.savez(held, **arrays)
-    stem = f"failure_seed_{failure.seed}"
+    stem = _stem(failure.seed)
     for name in itertools.chain([f"{stem}.npz"], (f"{stem}_{number}.npz" for number in itertools.count(2))):
         path = folder / name
         if path.is_symlink() or (path.exists() and not path.is_file()):
@@ -77,6 +82,28 @@ def save_last_states(folder: Path, failure: SimulationDiverged, last: LastStates
         write_whole(path, held.getvalue())
         return name
     raise AssertionError("unreachable")
+
+
+def _stem(seed: int) -> str:
+    return f"failure_seed_{seed}"
+
+
+def read_failure(folder: Path, seed: int) -> tuple[SimulationDiverged, LastStates]:
+    """Why a seed of a run folder diverged, and its last states.
+
+    Raises:
+        InputError: its file is not there, or cannot be read.
+    """
+    path = folder / f"{_stem(seed)}.npz"
+    last = read_last_states(path)
+    try:
+        with path.open("rb") as file, np.load(file, allow_pickle=False) as held:
+            name, cause, part = (str(held[key]) if key in held else "" for key in ("divergence", "cause", "part"))
+            time = float(held["time_s"])
+    except Exception as error:
+        raise InputError("holds no readable last states", file=path) from error
+    divergence = Divergence.__members__.get(name, Divergence.UNKNOWN)
+    return SimulationDiverged(divergence, time_s=time, part=part, seed=seed, detail=cause, file=path.name), last
 
 
 def read_last_states(path: str | Path) -> LastStates:

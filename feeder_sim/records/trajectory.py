@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from enum import IntEnum
 from pathlib import Path
-from typing import NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
+from feeder_sim.notebook import block, counted
 from feeder_sim.part.stable_poses import PoseTable
 from feeder_sim.plate.drive import ModalDrive
 from feeder_sim.plate.outline import Outline
@@ -19,6 +20,7 @@ from feeder_sim.records.impacts import Impacts
 from feeder_sim.records.removals import Removals
 
 SAME_TIME = 1e-9  # [s]; times this close are the same but for round-off
+MOST_SEEDS = 20  # that a notebook shows of a recording
 BLOCK_FRAMES = 300  # frames per HDF5 chunk, and about as many are computed between two looks of the guard
 
 
@@ -29,6 +31,12 @@ class Status(IntEnum):
     DONE = 1
     DIVERGED = 2
     LEFT_PLATE = 3
+
+
+def endings(status: Sequence[Status]) -> str:
+    """How many seeds there are, and how they ended: "4 seeds (3 done, 1 diverged)"."""
+    ways = [f"{status.count(way)} {way.name.lower().replace('_', ' ')}" for way in Status if way in status]
+    return f"{counted(len(status), 'seed')} ({', '.join(ways) or 'none'})"
 
 
 class PlateArea(Protocol):
@@ -67,6 +75,14 @@ class Frames:
     def __len__(self) -> int:
         return len(self.time)
 
+    def __repr__(self) -> str:
+        span = f", {self.time[0]:.6g} to {self.time[-1]:.6g} s" if len(self) else ""
+        return f"<Frames: {counted(len(self), 'frame')} of {counted(self.present.shape[1], 'part')}{span}>"
+
+    def _repr_html_(self) -> str:
+        arrays = [f"{name:<16} {getattr(self, name).shape!s:<14} {unit}" for name, (unit, _, _) in FRAME_FIELDS.items()]
+        return block(repr(self)[1:-1], arrays)
+
     def as_stored(self) -> Frames:
         """Rounded as a trajectory file rounds it, so that measures do not depend on where frames come from."""
         stored = {name: getattr(self, name).astype(kind) for name, (_, kind, _) in FRAME_FIELDS.items()}
@@ -104,7 +120,7 @@ FRAME_FIELDS: dict[str, tuple[str, str, tuple[int, ...]]] = {
 }
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Record:
     """What is recorded of one seed, or of a block of it.
 
@@ -121,6 +137,10 @@ class Record:
     removals: Removals
     stops: NDArray[np.float64]
     arrivals: Arrivals = field(default_factory=Arrivals.none, kw_only=True)
+
+    def __repr__(self) -> str:
+        held = [counted(len(self.impacts), "impact"), counted(len(self.removals), "removal")]
+        return f"<{type(self).__name__}: {', '.join([repr(self.frames)[9:-1], *held])}>"
 
     @property
     def sizes(self) -> tuple[int, int, int, int, int]:
@@ -150,14 +170,23 @@ class Record:
         )
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class SeedRecord(Record):
-    """What is recorded of one seed, and how it ended."""
+    """What is recorded of one seed, and how it ended.
+
+    Attributes:
+        status: how it ended.
+        readings: what the measures have read of all its frames, by their names, where not all frames were kept.
+    """
 
     status: Status
+    readings: Mapping[str, Any] | None = field(default=None, kw_only=True)
+
+    def __repr__(self) -> str:
+        return f"{super().__repr__()[:-1]}, {self.status.name.lower()}>"
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class PlateRecord:
     """What a recording holds about the plate.
 
@@ -182,8 +211,12 @@ class PlateRecord:
     drives: tuple[ModalDrive, ...]
     outline: Outline | None = None
 
+    def __repr__(self) -> str:
+        size = f"{1e3 * self.length:g} x {1e3 * self.width:g} x {1e3 * self.thickness:g} mm"
+        return f"<PlateRecord: {size}, {counted(len(self.drives), 'drive')}>"
 
-@dataclass(frozen=True)
+
+@dataclass(frozen=True, repr=False)
 class PartRecord:
     """What a recording holds about a part, in the axes it was drawn in.
 
@@ -202,6 +235,9 @@ class PartRecord:
     principal_axes: NDArray[np.float64]
     poses: PoseTable
 
+    def __repr__(self) -> str:
+        return f"<PartRecord {self.name}: {counted(len(self.faces), 'triangle')}>"
+
 
 class WallTime(NamedTuple):
     """What a seed has cost [s], and how long the ensemble had taken when that was noted [s]."""
@@ -210,7 +246,7 @@ class WallTime(NamedTuple):
     ensemble: float
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Recording:
     """A trajectory file in memory.
 
@@ -231,6 +267,16 @@ class Recording:
     status: tuple[Status, ...]
     unresolved_impacts: tuple[int, ...]
     wall_times: tuple[WallTime, ...]
+
+    def __repr__(self) -> str:
+        held = [counted(len(self.parts), "part"), endings(self.status), f"engine {self.engine}"]
+        return f"<Recording {self.path}: {', '.join(held)}>"
+
+    def _repr_html_(self) -> str:
+        seeds = zip(self.records, self.status, strict=True)
+        lines = [f"{n:>3}  {status.name.lower():<11} {record!r}" for n, (record, status) in enumerate(seeds)]
+        more = [f"... and {len(lines) - MOST_SEEDS} more"] if len(lines) > MOST_SEEDS else []
+        return block(repr(self)[1:-1], [*lines[:MOST_SEEDS], *more])
 
     @property
     def seeds(self) -> tuple[Frames, ...]:

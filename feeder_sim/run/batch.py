@@ -25,8 +25,9 @@ from feeder_sim.engines.impulse.kinds import read_kinds
 from feeder_sim.engines.impulse.state import PART, Kinds, new_parts, new_scratch
 from feeder_sim.engines.surface_arrays import surface_arrays
 from feeder_sim.errors import InputError
-from feeder_sim.measures.drift import DriftFindings
-from feeder_sim.records.trajectory import Frames, Status
+from feeder_sim.measures.drift import Drift, DriftFindings
+from feeder_sim.notebook import block
+from feeder_sim.records.trajectory import Frames, Status, endings
 from feeder_sim.run.drift_kernel import Outcome, Recording, Way, measure_drifts, new_outcome, new_room
 from feeder_sim.run.guard import what_holds
 from feeder_sim.run.prepare import prepare
@@ -42,7 +43,7 @@ PIECES = 16  # of an ensemble per core: seeds take different times
 AHEAD = 3  # ensembles per core that are prepared before they are run
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Ensemble:
     """What is known of an ensemble of which no frame was kept.
 
@@ -59,6 +60,13 @@ class Ensemble:
     status: tuple[Status, ...]
     simulated_s: float
     kernel_s: float
+
+    def __repr__(self) -> str:
+        title = f" {self.prepared.scenario.title!r}" if self.prepared.scenario.title else ""
+        return f"<Ensemble{title}: {endings(self.status)}, {self.simulated_s:.6g} s simulated>"
+
+    def _repr_html_(self) -> str:
+        return block(repr(self)[1:-1], Drift().lines(self.prepared, self.findings))
 
 
 @single_threaded

@@ -18,7 +18,7 @@ from feeder_sim import __version__
 from feeder_sim.engines.lookup import engine_class
 from feeder_sim.engines.mujoco.mjcf import build_mjcf
 from feeder_sim.errors import InputError, RecordingFailed, cause_of, not_written, shortened
-from feeder_sim.measures.picks import picks_by_hand, picks_csv
+from feeder_sim.measures.picks import has_picks, picks_csv
 from feeder_sim.records.checkpoint import CheckpointFolder, run_identity
 from feeder_sim.records.own_files import LOCK, locked
 from feeder_sim.records.trajectory import PartRecord, PlateRecord, Record, Recording, Status, WallTime
@@ -26,11 +26,12 @@ from feeder_sim.records.trajectory_file import TRAJECTORY, recording_of
 from feeder_sim.records.trajectory_writer import TrajectoryWriter
 from feeder_sim.records.whole_file import partial_of, write_whole
 from feeder_sim.replay.replay import REPLAY, build_replay, remove_replays
+from feeder_sim.run.keep import AllFrames, Keep, check_kept
 from feeder_sim.run.prepare import prepare
 from feeder_sim.run.provenance import input_hashes, library_versions
 from feeder_sim.run.recorder import RunRecorder
-from feeder_sim.run.seed_record import Begun
-from feeder_sim.run.simulation import Result, announced, check_starts, simulate
+from feeder_sim.run.seed_record import Begun, Left
+from feeder_sim.run.simulation import Result, announced, check_starts, run_ensemble
 from feeder_sim.scenario import Scenario, load_scenario, parse_scenario
 from feeder_sim.scenario.laws import uncovered_laws
 from feeder_sim.scene.prepared import Prepared
@@ -50,6 +51,7 @@ def record_run(
     progress: Callable[[float], None] | None = None,
     stop: threading.Event | None = None,
     replay: bool = True,
+    record: Keep = AllFrames(),  # noqa: B008, it cannot be changed
     notify: Callable[[str], None] | None = None,
 ) -> Result:
     """Simulate a scenario and write everything about it into `folder`.
@@ -59,8 +61,9 @@ def record_run(
         folder: made if missing; it must be empty.
         progress: as for `simulate`.
         stop: as for `simulate`.
-        notify: as for `simulate`.
         replay: also build the .rrd from the finished trajectory file.
+        record: what the result keeps of each seed in memory; the folder always holds all frames.
+        notify: takes a line for the user, such as that the engine is being compiled.
 
     Raises:
         InputError: the scenario cannot be built (nothing is written), or the folder is not empty or in use.
@@ -69,8 +72,10 @@ def record_run(
     folder = Path(folder)
     check_free(folder)
     prepared = prepare(scenario)
+    check_kept(prepared, record)
     check_starts(prepared.scene, notify)
-    return _begin_folder(folder, prepared, {}, progress=progress, stop=stop, replay=replay, notify=notify)
+    how: dict[str, Any] = {"progress": progress, "stop": stop, "replay": replay, "notify": notify}
+    return _begin_folder(folder, prepared, Left({}, 0.0), record=record, **how)
 
 
 @single_threaded
@@ -84,11 +89,11 @@ def record_ended(scenario: Scenario, folder: Path, ended: Begun, *, replay: bool
         replay: as for `record_run`.
     """
     check_free(folder)
-    how = {"progress": None, "stop": None, "replay": replay, "notify": None}
-    return _begin_folder(folder, prepare(scenario), {0: ended}, **how)
+    how: dict[str, Any] = {"progress": None, "stop": None, "replay": replay, "notify": None}
+    return _begin_folder(folder, prepare(scenario), Left({0: ended}, 0.0), record=AllFrames(), **how)
 
 
-def _begin_folder(folder: Path, prepared: Prepared, begun: dict[int, Begun], **how: Any) -> Result:
+def _begin_folder(folder: Path, prepared: Prepared, left: Left, **how: Any) -> Result:
     """Run into a folder that is made; `how` as for `_run_into`."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -99,7 +104,7 @@ def _begin_folder(folder: Path, prepared: Prepared, begun: dict[int, Begun], **h
         text = scenario_toml(prepared.scenario)
         write_whole(folder / RESOLVED, text.encode())
         _write_mjcf(prepared.scene, folder / MJCF, how["notify"])
-        return _run_into(folder, prepared, text, begun, **how)
+        return _run_into(folder, prepared, text, left, **how)
 
 
 @single_threaded
@@ -135,7 +140,7 @@ def _resume(folder: Path, **how: Any) -> Result:
         prepared = prepare(scenario)
         check_starts(prepared.scene, how["notify"])
         _write_mjcf(prepared.scene, folder / MJCF, how["notify"])
-        return _run_into(folder, prepared, scenario_toml(scenario), {}, **how)
+        return _run_into(folder, prepared, scenario_toml(scenario), Left({}, 0.0), **how)
     recording = recording_of(folder)
     if all(status != Status.UNFINISHED for status in recording.status) and (folder / SUMMARY).exists():
         raise InputError("has ended, there is nothing to resume", file=folder, key="--resume")
@@ -149,7 +154,7 @@ def _resume(folder: Path, **how: Any) -> Result:
     prepared = prepare(scenario)
     begun = _all_begun(recording, prepared, folder)
     before = max((wall_time.ensemble for wall_time in recording.wall_times), default=0.0)
-    return _run_into(folder, prepared, recording.scenario_text, begun, wall_s_before=before, **how)
+    return _run_into(folder, prepared, recording.scenario_text, Left(begun, before), **how)
 
 
 def _check_same(then: dict[str, str], now: dict[str, str], folder: Path, said: str) -> None:
@@ -196,13 +201,13 @@ def _run_into(
     folder: Path,
     prepared: Prepared,
     text: str,
-    begun: dict[int, Begun],
+    left: Left,
     *,
     progress: Callable[[float], None] | None,
     stop: threading.Event | None,
     replay: bool,
     notify: Callable[[str], None] | None,
-    wall_s_before: float = 0.0,
+    record: Keep = AllFrames(),  # noqa: B008
 ) -> Result:
     """Simulate a scene into a folder; what has begun is copied into the new trajectory file first."""
     scenario, scene, new = prepared.scenario, prepared.scene, folder / f"{TRAJECTORY}.new"
@@ -223,24 +228,18 @@ def _run_into(
             ],
         )
     checkpoints = CheckpointFolder(folder, _identity(text, scenario))
-    recorder = RunRecorder(folder, writer, checkpoints, wall_s_before=wall_s_before)
+    recorder = RunRecorder(folder, writer, checkpoints, wall_s_before=left.wall_s)
     try:
-        for index, seed in begun.items():
+        for index, seed in left.begun.items():
             recorder.append(index, seed)
             recorder.write(index)
-            writer.note_wall_time(index, WallTime(seed.wall_s, wall_s_before))
+            writer.note_wall_time(index, WallTime(seed.wall_s, left.wall_s))
             if seed.status != Status.UNFINISHED:
                 writer.finish(index, seed.status, seed.unresolved_impacts)
         writer.move_to(folder / TRAJECTORY)  # only now, when a kill leaves it readable and loses nothing
         remove_replays(folder)  # built from the file that was here before
-        result = simulate(
-            prepared,
-            recorder=recorder,
-            progress=progress,
-            stop=stop,
-            notify=notify,
-            begun=begun,
-            wall_s_before=wall_s_before,
+        result = run_ensemble(
+            prepared, recorder=recorder, left=left, record=record, progress=progress, stop=stop, notify=notify
         )
     except BaseException:
         with contextlib.suppress(RecordingFailed):  # the first failure is the one to hear of
@@ -250,10 +249,10 @@ def _run_into(
     summary = result.summary() | {"version": __version__, "libraries": library_versions()}
     write_whole(folder / SUMMARY, f"{json.dumps(summary, indent=2)}\n".encode())
     if not result.interrupted:
-        if picks_by_hand(prepared.scene) or any(stage.picks for stage in prepared.scene.times.stages):
+        if has_picks(prepared.scene):
             write_whole(folder / PICKS, picks_csv(prepared.scene, result.seeds).encode())
         checkpoints.clear(scenario.run.seeds)
-    if replay and not result.interrupted and len(result.seeds[0].frames):
+    if replay and not result.interrupted and result.seeds[0].reached is not None:
         build_replay(folder / TRAJECTORY, folder / REPLAY)
     return result
 

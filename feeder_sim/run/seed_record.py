@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -33,7 +34,7 @@ class Recorder(Protocol):
         ...
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Begun(SeedRecord):
     """What there is of a seed that is to be continued.
 
@@ -49,6 +50,19 @@ class Begun(SeedRecord):
 
 
 @dataclass(frozen=True)
+class Left:
+    """What there is of an ensemble that is to be continued.
+
+    Attributes:
+        begun: seeds, by their index, that go on from what there is of them.
+        wall_s: wall time [s] of the ensemble before it was interrupted.
+    """
+
+    begun: Mapping[int, Begun]
+    wall_s: float
+
+
+@dataclass(frozen=True, repr=False)
 class SeedResult(SeedRecord):
     """One seed of an ensemble.
 
@@ -57,9 +71,16 @@ class SeedResult(SeedRecord):
         failure: why it diverged, None otherwise.
         last: its last states if it diverged, None otherwise.
         unresolved_impacts: whose iteration was given up.
+        reached_s: time of its last frame [s], where that was not kept.
     """
 
     wall_s: float
     failure: SimulationDiverged | None = None
     last: LastStates | None = None
     unresolved_impacts: int = 0
+    reached_s: float | None = None
+
+    @property
+    def reached(self) -> float | None:
+        """Time of its last frame [s], whether that was kept or not; None without any."""
+        return float(self.frames.time[-1]) if self.reached_s is None and len(self.frames) else self.reached_s

@@ -7,7 +7,7 @@ import math
 import os
 import threading
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from concurrent.futures import FIRST_COMPLETED, ThreadPoolExecutor, wait
 from dataclasses import dataclass
 from functools import cached_property
@@ -19,10 +19,11 @@ from feeder_sim.engines.lookup import engine_class
 from feeder_sim.errors import SimulationDiverged
 from feeder_sim.measures.catalogue import MEASURES
 from feeder_sim.measures.protocol import Measure, as_json
-from feeder_sim.records.trajectory import Frames, Status
+from feeder_sim.records.trajectory import Frames, Status, endings
 from feeder_sim.run.guard import Guard
+from feeder_sim.run.keep import AllFrames, Keep, Keeper
 from feeder_sim.run.prepare import prepare
-from feeder_sim.run.seed_record import Begun, Recorder, SeedResult
+from feeder_sim.run.seed_record import Left, Recorder, SeedResult
 from feeder_sim.run.seed_run import SeedRun
 from feeder_sim.scenario import Scenario
 from feeder_sim.scene.prepared import Prepared
@@ -35,7 +36,7 @@ ANNOUNCED_S = 1.5  # [s]; what takes longer is announced
 COMPILING = "compiling the engine, which takes up to a minute; the result is kept for the next time"
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Result:
     """An ensemble.
 
@@ -49,27 +50,49 @@ class Result:
     seeds: tuple[SeedResult, ...]
     wall_s: float
 
+    def __repr__(self) -> str:
+        title = f" {self.title!r}" if self.title else ""
+        cost = f"{self.simulated_s:.6g} s simulated in {self.wall_s:.3g} s"
+        return f"<Result{title}: {endings([seed.status for seed in self.seeds])}, {cost}>"
+
+    @property
+    def title(self) -> str:
+        """That of the scenario."""
+        return self.scenario.title
+
+    @property
+    def scenario(self) -> Scenario:
+        """What was run."""
+        return self.prepared.scenario
+
     @property
     def scene(self) -> Scene:
+        """The scenario in SI units."""
         return self.prepared.scene
 
     @property
     def trajectories(self) -> list[Frames]:
-        """Recorded frames, one entry per seed."""
+        """Frames that were kept, one entry per seed."""
         return [seed.frames for seed in self.seeds]
 
     @property
     def failures(self) -> list[SimulationDiverged]:
+        """Why seeds diverged, those that did."""
         return [seed.failure for seed in self.seeds if seed.failure is not None]
 
     @property
     def interrupted(self) -> bool:
         """Whether a seed has not ended, or not even begun."""
-        missing = len(self.seeds) < self.prepared.scenario.run.seeds
+        missing = len(self.seeds) < self.scenario.run.seeds
         return missing or any(seed.status == Status.UNFINISHED for seed in self.seeds)
 
+    @property
+    def simulated_s(self) -> float:
+        """Simulated time of all seeds together [s]."""
+        return sum(seed.reached or 0.0 for seed in self.seeds)
+
     @cached_property
-    def findings(self) -> tuple[tuple[Measure[Any], Any], ...]:
+    def findings(self) -> tuple[tuple[Measure[Any, Any], Any], ...]:
         """Every measure that applies, with what it finds."""
         applying = [measure for measure in MEASURES if measure.applies(self.prepared)]
         return tuple((measure, measure.compute(self.prepared, self.seeds)) for measure in applying)
@@ -84,8 +107,7 @@ class Result:
 
     def summary(self) -> dict[str, Any]:
         """Measures, cost and provenance as one JSON-ready dictionary."""
-        scenario = self.prepared.scenario
-        simulated = sum(float(seed.frames.time[-1]) for seed in self.seeds if len(seed.frames))
+        scenario, simulated = self.scenario, self.simulated_s
         return {
             "title": scenario.title,
             "engine": self.prepared.engine.name,
@@ -105,36 +127,48 @@ class Result:
         }
 
 
-@single_threaded  # the seeds take all cores; threads of linear algebra only wait for small matrices
 def simulate(
     scenario: Scenario | Prepared,
     *,
-    recorder: Recorder | None = None,
+    workers: int | None = None,
     progress: Callable[[float], None] | None = None,
     stop: threading.Event | None = None,
-    workers: int | None = None,
-    notify: Callable[[str], None] | None = None,
-    begun: Mapping[int, Begun] | None = None,
-    wall_s_before: float = 0.0,
+    record: Keep = AllFrames(),  # noqa: B008, it cannot be changed
 ) -> Result:
-    """Run every seed of a scenario; the result does not depend on the number of workers.
+    """Run every seed of a scenario; see `feeder_sim.simulate`, which gives more to look at."""
+    prepared = scenario if isinstance(scenario, Prepared) else prepare(scenario)
+    return run_ensemble(prepared, workers=workers, progress=progress, stop=stop, record=record)
+
+
+@single_threaded  # the seeds take all cores; threads of linear algebra only wait for small matrices
+def run_ensemble(
+    prepared: Prepared,
+    *,
+    recorder: Recorder | None = None,
+    left: Left | None = None,
+    record: Keep = AllFrames(),  # noqa: B008
+    workers: int | None = None,
+    progress: Callable[[float], None] | None = None,
+    stop: threading.Event | None = None,
+    notify: Callable[[str], None] | None = None,
+) -> Result:
+    """Run every seed, perhaps into a run folder; the result does not depend on the number of workers.
 
     Args:
-        scenario: what to run.
+        prepared: what to run.
         recorder: takes every block as it is computed.
+        left: what there is of the ensemble.
+        record: what to keep of each seed in memory.
+        workers: threads; the engines' inner loops run outside Python, so threads use all cores. Default: all cores.
         progress: called with the fraction done, from this thread, a few times a second.
         stop: set it to end the run within a second, after the blocks under way if they are short.
-        workers: threads; the engines' inner loops run outside Python, so threads use all cores. Default: all cores.
         notify: takes a line for the user, such as that the engine is being compiled.
-        begun: seeds, by their index, that go on from what there is of them.
-        wall_s_before: wall time [s] of the ensemble before it was interrupted.
 
     Raises:
-        InputError: the scenario cannot be built, or its start does not suit its stop rule.
+        InputError: what is to be kept is not recorded in such a scene.
     """
-    prepared = scenario if isinstance(scenario, Prepared) else prepare(scenario)
-    run = prepared.scenario.run
-    stop = stop or threading.Event()
+    run, keep = prepared.scenario.run, Keeper(prepared, record)
+    stop, left = stop or threading.Event(), left or Left({}, 0.0)
     random = generators(prepared.scene)
     done = np.zeros(run.seeds)
     _warm_up(prepared, notify)
@@ -144,11 +178,11 @@ def simulate(
     threads = max(1, cores // run.seeds)  # for one seed, where there are fewer seeds than cores
 
     def run_seed(index: int) -> SeedResult | None:
-        left = begun.get(index) if begun else None
-        if index > 0 and left is None and stop.is_set():
+        begun = left.begun.get(index)
+        if index > 0 and begun is None and stop.is_set():
             return None  # of a seed that has not begun there is nothing; the first stands for the others
-        seed = SeedRun(prepared, index, recorder=recorder, begun=left, threads=threads, interrupt=interrupt)
-        return seed.run(random[index], done, stop)
+        seed = SeedRun(prepared, index, recorder=recorder, begun=begun, threads=threads, interrupt=interrupt)
+        return keep(seed.run(random[index], done, stop))
 
     with ThreadPoolExecutor(cores) as pool:
         try:
@@ -167,7 +201,7 @@ def simulate(
             interrupt[0] = 1
             raise
     results = tuple(seed for seed in (future.result() for future in futures) if seed is not None)
-    return Result(prepared, results, wall_s_before + time.perf_counter() - started)
+    return Result(prepared, results, left.wall_s + time.perf_counter() - started)
 
 
 def check_starts(scene: Scene, notify: Callable[[str], None] | None = None) -> None:

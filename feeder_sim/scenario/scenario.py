@@ -25,6 +25,7 @@ from feeder_sim.scenario.plate import MOST_DRIVES, Drive, Excitation, ModePlate,
 from feeder_sim.scenario.refill import Refill, Robot, refused_around_plate
 from feeder_sim.scenario.run import Contact, MujocoSettings, Run
 from feeder_sim.scenario.schedule import Goal, Pick, Schedule, Stage
+from feeder_sim.scenario.shown import html_of, line_of
 from feeder_sim.scenario.tables import Table, parse, read_text, validated
 from feeder_sim.scenario.uncertain import Uncertain, by_full_key
 
@@ -48,6 +49,12 @@ class Scenario(Table):
         Annotated[dict[str, Uncertain], Field(min_length=1, max_length=100), BeforeValidator(by_full_key)] | None
     ) = None
     run: Run
+
+    def __repr__(self) -> str:
+        return line_of(self)
+
+    def _repr_html_(self) -> str:
+        return html_of(self)
 
     @property
     def n_parts(self) -> int:

@@ -9,12 +9,14 @@ from __future__ import annotations
 import re
 import stat
 import tomllib
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Annotated, Any, TypeVar, get_args, get_origin
 
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
 
 from feeder_sim.errors import InputError, cause_of, nearest, quoted, shortened
+from feeder_sim.scenario.shown import differs
 
 # Wide enough for any plate and part, narrow enough that no formula over- or underflows.
 Positive = Annotated[float, Field(gt=0, le=1e9, allow_inf_nan=False, strict=True)]
@@ -51,6 +53,10 @@ class Table(BaseModel):
     """A TOML table: unknown keys are refused, values are frozen."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
+
+    def __repr_args__(self) -> Iterator[tuple[str, Any]]:
+        """What differs from the defaults: the shortest call that makes the table again."""
+        return ((name, getattr(self, name)) for name in type(self).model_fields if differs(self, name))
 
 
 T = TypeVar("T", bound=Table)

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from feeder_sim.notebook import block, counted
 from feeder_sim.scenario import Scenario
 from feeder_sim.scenario.engine_choice import Choice
 from feeder_sim.scene.cell import Cell
 from feeder_sim.scene.scene import Scene
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Prepared:
     """Everything that is decided before a run.
 
@@ -25,6 +26,14 @@ class Prepared:
     engine: Choice
     cell: Cell | None
     cautions: tuple[str, ...]
+
+    def __repr__(self) -> str:
+        title = f" {self.scenario.title!r}" if self.scenario.title else ""
+        held = [f"engine {self.engine.name}", f"step {1e6 * self.scene.timestep:.3g} us"]
+        return f"<Prepared{title}: {', '.join([*held, counted(len(self.cautions), 'caution')])}>"
+
+    def _repr_html_(self) -> str:
+        return block(repr(self)[1:-1], [self.engine.reason, *(f"caution: {caution}" for caution in self.cautions)])
 
     @property
     def scenario(self) -> Scenario:

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from feeder_sim.errors import InputError
+from feeder_sim.notebook import counted
 from feeder_sim.part.rigid_part import RigidPart, outline
 from feeder_sim.part.stable_poses import NONE, PoseTable, stable_poses
 from feeder_sim.plate.drive import ModalDrive, silent_terms
@@ -39,7 +40,7 @@ LONGEST_STEP = 5e-4  # [s], in which a part at rest falls by a micrometre
 ENTERED = 0.25  # of the thinnest part; what a fast part enters the plate in the longest step
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Scene:
     """Everything an engine needs, in SI units; the top of the resting plate is z = 0.
 
@@ -66,6 +67,10 @@ class Scene:
     guides: tuple[Guide | None, ...]
     timestep: float
     steps_per_frame: int
+
+    def __repr__(self) -> str:
+        held = [counted(len(self.parts), "part"), counted(len(self.driven), "drive"), f"{self.times.duration:g} s"]
+        return f"<Scene: {', '.join(held)}>"
 
     @property
     def drives(self) -> tuple[ModalDrive, ...]:

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from conftest import REPOSITORY, piston_scenario, strip_scenario
 
+import feeder_sim
 from feeder_sim.engines.lookup import engine_class
 from feeder_sim.errors import Divergence, InputError, RecordingFailed, SimulationDiverged
 from feeder_sim.records.last_states import LAST_FRAMES, LastStates, read_last_states, save_last_states
@@ -100,6 +101,18 @@ def test_exploding_run_names_the_file_with_its_last_states(tmp_path: Path) -> No
     scenario = exploding(seeds=2)
     result = record_run(scenario, tmp_path, replay=False)
     assert read_recording(tmp_path / "trajectory.h5").status == (Status.DIVERGED, Status.DIVERGED)
+    opened = feeder_sim.open(tmp_path)
+    assert [str(failure) for failure in opened.failures] == [str(failure) for failure in result.failures]
+    assert [f.divergence for f in opened.failures] == [f.divergence for f in result.failures]
+    assert opened.summary()["failures"] == result.summary()["failures"] and "2 diverged" in repr(opened)
+    alone = tmp_path / "alone.h5"
+    alone.write_bytes((tmp_path / "trajectory.h5").read_bytes())
+    (tmp_path / "failure_seed_1.npz").rename(tmp_path / "kept.npz")
+    assert [f.divergence for f in feeder_sim.open(alone).failures] == [
+        result.failures[0].divergence,
+        Divergence.UNKNOWN,
+    ]
+    (tmp_path / "kept.npz").rename(tmp_path / "failure_seed_1.npz")
     for index, seed in enumerate(result.seeds):
         name = f"failure_seed_{index}.npz"
         assert seed.failure is not None and seed.failure.divergence == Divergence.TOO_MUCH_ENERGY

@@ -1,6 +1,8 @@
 from __future__ import annotations
 
+import gc
 import math
+import weakref
 
 import numpy as np
 import pytest
@@ -8,11 +10,12 @@ from conftest import piston_scenario, strip_scenario
 
 from feeder_sim.errors import InputError
 from feeder_sim.measures.drift import drift_velocity, first_passage, transport_speed
+from feeder_sim.measures.scene_memory import once_for_scene
 from feeder_sim.measures.statistic import Statistic
 from feeder_sim.records.trajectory import Frames
 from feeder_sim.run.simulation import simulate
 from feeder_sim.scene.cell import transport_cell
-from feeder_sim.scene.scene import build_scene
+from feeder_sim.scene.scene import Scene, build_scene
 
 
 def moving(x: np.ndarray, time: np.ndarray) -> Frames:
@@ -34,6 +37,23 @@ def test_first_passage_counts_when_the_part_turns_back() -> None:
     time, way = np.array([0.0, 1.0, 2.0, 3.0, 4.0]), np.array([1.0, 0.7, 0.9, 0.5, 0.1])
     assert first_passage(time, way, 0.8) == pytest.approx(2 / 3)
     assert first_passage(time, way, 0.2) == pytest.approx(3.75)
+
+
+def test_what_is_made_of_a_scene_is_made_once_for_it() -> None:
+    one, other = (build_scene(strip_scenario()) for _ in range(2))
+    asked: list[int] = []
+
+    def number(scene: Scene) -> int:
+        asked.append(id(scene))
+        return len(asked)
+
+    remembered = once_for_scene(number)
+    assert [remembered(scene) for scene in (one, one, other, other, one)] == [1, 1, 2, 2, 3]
+    assert asked == [id(one), id(other), id(one)]
+    gone = weakref.ref(one)
+    del one
+    gc.collect()
+    assert gone() is None  # it does not keep the scene
 
 
 def test_a_part_that_never_arrives_has_no_speed() -> None:

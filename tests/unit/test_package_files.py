@@ -10,8 +10,8 @@ from conftest import REPOSITORY
 
 @pytest.mark.skipif(not (REPOSITORY / ".git").exists(), reason="no git checkout")
 def test_no_file_of_the_package_is_left_out_of_a_wheel() -> None:
-    paths = (path for kind in ("*.py", "*.j2") for path in (REPOSITORY / "feeder_sim").rglob(kind))
-    files = [str(path.relative_to(REPOSITORY)) for path in paths]
+    held = (REPOSITORY / "feeder_sim").rglob("*")
+    files = [str(path.relative_to(REPOSITORY)) for path in held if path.suffix in (".py", ".typed", ".j2")]
     command = ["git", "check-ignore", "--no-index", "--stdin"]
     found = subprocess.run(command, input="\n".join(files), capture_output=True, text=True, cwd=REPOSITORY, check=False)
-    assert len(files) > 100 and found.stderr == "" and found.stdout == ""
+    assert len(files) > 100 and "feeder_sim/py.typed" in files and found.stderr == "" and found.stdout == ""

@@ -1,0 +1,157 @@
+"""A run that was recorded, as the result it was."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import tomllib
+from dataclasses import fields
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from feeder_sim.api.result import Result
+from feeder_sim.errors import Divergence, FeederSimError, InputError, SimulationDiverged, cause_of
+from feeder_sim.records.last_states import LastStates, read_failure
+from feeder_sim.records.trajectory import PlateRecord, Record, Recording, Status
+from feeder_sim.records.trajectory_file import recording_of
+from feeder_sim.run.prepare import prepare
+from feeder_sim.run.provenance import input_hashes
+from feeder_sim.run.run_folder import RESOLVED, SUMMARY
+from feeder_sim.run.seed_record import SeedResult
+from feeder_sim.scenario import Scenario, parse_scenario
+from feeder_sim.scene.prepared import Prepared
+
+
+def open(run: str | Path) -> OpenedRun:
+    """Open a run that was recorded, also one that was interrupted or has failed.
+
+    The scene is prepared once it is needed, as for measures, which are computed again from the frames.
+
+    Args:
+        run: its folder, or its trajectory file.
+
+    Raises:
+        InputError: there is no run, or its trajectory file cannot be read.
+    """
+    return OpenedRun(recording_of(Path(run)))
+
+
+class OpenedRun(Result):
+    """The result of a run that was recorded.
+
+    If a file that its scenario reads is missing or has changed, or if the scenario would be refused today, frames,
+    impacts, plots of paths and the stored summary can be had. All else is an `InputError` that says so.
+
+    Attributes:
+        recording: the trajectory file.
+        stored_summary: summary.json beside the trajectory file, as it was last written; None without one.
+    """
+
+    recording: Recording
+    stored_summary: dict[str, Any] | None
+
+    def __init__(self, recording: Recording) -> None:
+        wall_s = max((wall_time.ensemble for wall_time in recording.wall_times), default=0.0)
+        held = {"recording": recording, "seeds": _seeds(recording), "wall_s": wall_s}
+        for name, value in (held | {"stored_summary": _stored(recording.path.parent / SUMMARY)}).items():
+            object.__setattr__(self, name, value)  # it is frozen
+
+    @cached_property
+    def scenario(self) -> Scenario:
+        path = self.recording.path
+        return parse_scenario(self.recording.scenario_text, file=path.parent / RESOLVED)
+
+    @cached_property
+    def prepared(self) -> Prepared:
+        without = "so that only frames, impacts and the stored summary can be had"
+        try:
+            inputs = input_hashes(self.scenario)
+        except OSError as error:
+            raise InputError(f"cannot be read: {cause_of(error)}, {without}", file=error.filename) from error
+        changed = sorted(key for key, _ in set(inputs.items()) ^ set(self.recording.inputs.items()))
+        if changed:
+            problem = f"has another content than when this was run, {without}"
+            raise InputError(problem, file=self.recording.path, key=changed[0])
+        return prepare(self.scenario)
+
+    @property
+    def title(self) -> str:
+        return str(self._written.get("title", ""))
+
+    @property
+    def part_kinds(self) -> tuple[str, ...]:
+        with contextlib.suppress(InputError):
+            return super().part_kinds
+        return tuple(part.get("name", part["shape"]) for part in self._written["part"] for _ in range(part["count"]))
+
+    @cached_property
+    def _written(self) -> dict[str, Any]:
+        """The scenario as it was written, which rules that came later may refuse."""
+        return tomllib.loads(self.recording.scenario_text)
+
+    @property
+    def interrupted(self) -> bool:
+        return any(status == Status.UNFINISHED for status in self.recording.status)
+
+    @property
+    def plate(self) -> PlateRecord:
+        return self.recording.plate
+
+    @property
+    def part_names(self) -> tuple[str, ...]:
+        return tuple(part.name for part in self.recording.parts)
+
+    def summary(self) -> dict[str, Any]:
+        """As of any result; the stored one if measures cannot be had.
+
+        Raises:
+            InputError: neither can be had.
+        """
+        try:
+            return super().summary()
+        except InputError:
+            if self.stored_summary is None:
+                raise
+            return self.stored_summary
+
+
+def _stored(path: Path) -> dict[str, Any] | None:
+    """A summary that was stored; None without a readable one."""
+    with contextlib.suppress(OSError, ValueError, RecursionError):
+        held = json.loads(path.read_text(encoding="utf-8"))
+        return held if isinstance(held, dict) else None
+    return None
+
+
+def _seeds(recording: Recording) -> tuple[SeedResult, ...]:
+    """The seeds that had begun."""
+    seeds = []
+    for index, (record, status) in enumerate(zip(recording.records, recording.status, strict=True)):
+        if index > 0 and not len(record.frames):
+            continue
+        failure, last = _failure(recording, index) if status == Status.DIVERGED else (None, None)
+        seeds.append(
+            SeedResult(
+                **{entry.name: getattr(record, entry.name) for entry in fields(Record)},
+                status=status,
+                wall_s=recording.wall_times[index].seed,
+                failure=failure,
+                last=last,
+                unresolved_impacts=recording.unresolved_impacts[index],
+            )
+        )
+    return tuple(seeds)
+
+
+def _failure(recording: Recording, index: int) -> tuple[SimulationDiverged, LastStates | None]:
+    """Why a seed diverged, from the file of its last states if that is there."""
+    try:
+        return read_failure(recording.path.parent, index)
+    except FeederSimError:
+        time = recording.seeds[index].time
+        found = Divergence.UNKNOWN
+        reached = float(time[-1]) if len(time) else float(np.nan)
+        return SimulationDiverged(found, time_s=reached, part="a part", seed=index), None

@@ -1,0 +1,59 @@
+"""A progress bar with the time left, for terminals and notebooks alike: one line of plain text, written again."""
+
+from __future__ import annotations
+
+import contextlib
+import sys
+import time
+from collections.abc import Callable, Iterator
+
+from feeder_sim.errors import printable, shortened
+
+Show = Callable[[float], None]
+Notify = Callable[[str], None]
+CELLS, LONGEST_TITLE = 24, 40
+SHOWN_S = 0.2  # [s] between two looks of the bar
+
+
+@contextlib.contextmanager
+def shown(progress: Show | bool | None, title: str) -> Iterator[tuple[Show | None, Notify | None]]:
+    """What a run is to call with the fraction done, and with what takes long; nothing where nobody wants to know."""
+    if progress is not True:
+        yield progress or None, None
+        return
+    bar = _Bar(shortened(printable(title), LONGEST_TITLE) or "simulate")
+    try:
+        yield bar.show, bar.notify
+    finally:
+        bar.close()
+
+
+class _Bar:
+    def __init__(self, title: str) -> None:
+        self._title, self._began, self._written = title, time.monotonic(), -1.0
+        self._computing: float | None = None  # when the first fraction was computed; before that, the engine compiles
+        self._fraction, self._width, self._bar = 0.0, 0, title
+
+    def show(self, fraction: float) -> None:
+        now = time.monotonic()
+        if fraction < 1.0 and now - self._written < SHOWN_S:
+            return
+        self._written, self._fraction = now, fraction
+        self._computing = self._computing or now
+        done, spent = round(CELLS * fraction), now - self._computing
+        left = f", {spent * (1.0 - fraction) / fraction:.0f} s left" if 0.02 < fraction < 1.0 else ""
+        self._bar = f"{self._title} {'#' * done}{'.' * (CELLS - done)} {100.0 * fraction:3.0f} %"
+        self._write(self._bar + left)
+
+    def notify(self, line: str) -> None:
+        self._write(f"{self._title}: {line}")
+
+    def close(self) -> None:
+        if self._fraction >= 1.0:
+            self._write(f"{self._bar}, {time.monotonic() - self._began:.1f} s")
+        print(file=sys.stderr, flush=True)
+
+    def _write(self, line: str) -> None:
+        padding = " " * (self._width - len(line))
+        self._width = len(line)
+        print(f"\r{line}{padding}", end="", file=sys.stderr, flush=True)

@@ -1,0 +1,148 @@
+"""The result of a run as a user of Python holds it: findings by name, tables, plots, and what a notebook shows."""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, TypeVar
+
+from feeder_sim.api.plots import Plots
+from feeder_sim.api.tables import Table, frame_of
+from feeder_sim.errors import FeederSimError, InputError
+from feeder_sim.measures.arrivals import ArrivalFindings, Arrivals
+from feeder_sim.measures.bounces import BounceFindings, Bounces
+from feeder_sim.measures.circulation import Circulation, WaveFindings
+from feeder_sim.measures.drift import Drift, DriftFindings
+from feeder_sim.measures.poses import PoseFindings, Poses
+from feeder_sim.measures.protocol import Measure, name_of
+from feeder_sim.measures.rate import Rate, RateFindings
+from feeder_sim.measures.refills import RefillFindings, Refills
+from feeder_sim.measures.separation import Separation, SeparationFindings
+from feeder_sim.notebook import block
+from feeder_sim.records.trajectory import PlateRecord
+from feeder_sim.run import simulation
+
+if TYPE_CHECKING:
+    import pandas
+    import xarray
+
+Findings = TypeVar("Findings")
+
+
+class Result(simulation.Result):
+    """An ensemble: what `simulate`, `record_run` and `open` return.
+
+    Findings have a property each. One that does not apply to the scenario is an `InputError` that names those that do.
+
+    Attributes:
+        prepared: what was simulated.
+        seeds: one `SeedResult` per seed, in order; of a run that was interrupted, the seeds that had begun.
+        wall_s: elapsed wall time of the ensemble [s], that before a break included.
+    """
+
+    @staticmethod
+    def of(found: simulation.Result) -> Result:
+        """The same result, as a user holds it."""
+        return Result(found.prepared, found.seeds, found.wall_s)
+
+    @property
+    def drift(self) -> DriftFindings:
+        """Transport speed, drift velocity and highest rise; not with a schedule."""
+        return self._found(Drift)
+
+    @property
+    def bounces(self) -> BounceFindings:
+        """Bounce interval, flight height, impact speed and motion; of a part in a guide."""
+        return self._found(Bounces)
+
+    @property
+    def separation(self) -> SeparationFindings:
+        """Counts at the end of every stage, parts picked and lost; of many parts, or with a schedule."""
+        return self._found(Separation)
+
+    @property
+    def poses(self) -> PoseFindings:
+        """Which side up the parts lie; of many parts, or with a schedule."""
+        return self._found(Poses)
+
+    @property
+    def refills(self) -> RefillFindings:
+        """Parts that came with refills."""
+        return self._found(Refills)
+
+    @property
+    def rate(self) -> RateFindings:
+        """Picks per minute, and where the time goes; of cycles with a pick."""
+        return self._found(Rate)
+
+    @property
+    def arrivals(self) -> ArrivalFindings:
+        """Parts that reach the goal of a schedule."""
+        return self._found(Arrivals)
+
+    @property
+    def circulation(self) -> WaveFindings:
+        """Waves of modes that are driven together, and what they do to parts."""
+        return self._found(Circulation)
+
+    def _found(self, measure: type[Measure[Findings, Any]]) -> Findings:
+        for applied, found in self.findings:
+            if type(applied) is measure:
+                return found
+        names = ", ".join(name_of(applied).lower() for applied, _ in self.findings)
+        raise InputError(f"is not measured of this scenario, measured are {names}", key=measure.__name__.lower())
+
+    @property
+    def plot(self) -> Plots:
+        """Plots, such as `result.plot.path()`, each of which returns matplotlib axes."""
+        return Plots(self)
+
+    @cached_property
+    def plate(self) -> PlateRecord:
+        """The plate, thinned for display."""
+        from feeder_sim.run.run_folder import plate_record
+
+        return plate_record(self.prepared)
+
+    @property
+    def part_names(self) -> tuple[str, ...]:
+        """The name of every part."""
+        return tuple(part.name for part in self.scene.parts)
+
+    @property
+    def part_kinds(self) -> tuple[str, ...]:
+        """The name of the kind of every part."""
+        kinds = zip(self.scenario.part, self.scenario.kind_names, strict=True)
+        return tuple(name for part, name in kinds for _ in range(part.count))
+
+    def to_frame(self, of: Table = "measures") -> pandas.DataFrame:
+        """A tidy table as a pandas DataFrame; the extra `data` brings pandas.
+
+        Args:
+            of: "measures": a row per seed and measure, NaN where a seed has no value; "frames": a row per seed, time
+                and part; "impacts": a row per impact of a guided part; "picks": as in picks.csv of a run folder;
+                "removals": a row per part that was picked or lost. Columns have their units in their names.
+
+        Raises:
+            InputError: pandas is missing, there is no such table, or its rows were not kept.
+        """
+        return frame_of(self, of)
+
+    def to_xarray(self) -> xarray.Dataset:
+        """The frames as an xarray Dataset with dimensions seed, time, part and axis; the extra `data` brings xarray.
+
+        Units are attributes. `present` says which parts are there; where one is not, or a seed has ended before others,
+        the values are NaN.
+
+        Raises:
+            InputError: xarray is missing, or no frames were kept.
+        """
+        from feeder_sim.api.dataset import dataset_of
+
+        return dataset_of(self)
+
+    def _repr_html_(self) -> str:
+        try:
+            lines = self.lines()
+        except FeederSimError as error:
+            lines = [str(error)]
+        return block(repr(self)[1:-1], lines)

@@ -1,0 +1,115 @@
+"""Results as tidy tables: pandas DataFrames with the units in the names of the columns."""
+
+from __future__ import annotations
+
+import importlib
+import io
+from typing import TYPE_CHECKING, Any, Literal, get_args
+
+import numpy as np
+
+from feeder_sim.errors import InputError, quoted
+from feeder_sim.measures.picks import has_picks, picks_csv
+from feeder_sim.measures.values import values_of_seed
+from feeder_sim.records.removals import Cause
+
+if TYPE_CHECKING:
+    import pandas
+
+    from feeder_sim.api.result import Result
+
+Table = Literal["measures", "frames", "impacts", "picks", "removals"]
+FRAME_COLUMNS = {
+    "position": ("x_m", "y_m", "z_m"),
+    "quaternion": ("qw", "qx", "qy", "qz"),
+    "velocity": ("vx_m_s", "vy_m_s", "vz_m_s"),
+    "angular_velocity": ("wx_rad_s", "wy_rad_s", "wz_rad_s"),
+}
+
+
+def library(name: str) -> Any:
+    """A library of the extra `data`.
+
+    Raises:
+        InputError: it is missing.
+    """
+    try:
+        return importlib.import_module(name)
+    except ImportError as error:
+        raise InputError("needs the extra `data`: pip install 'feeder_sim[data]'", key=name) from error
+
+
+def kept_frames(result: Result) -> list[Any]:
+    """The frames of every seed.
+
+    Raises:
+        InputError: none were kept.
+    """
+    if not any(len(seed.frames) for seed in result.seeds):
+        problem = "were not kept, allowed is record=AllFrames() or EveryNth(n) in the call that made the result"
+        raise InputError(problem, key="frames")
+    return [seed.frames for seed in result.seeds]
+
+
+def frame_of(result: Result, of: Table) -> pandas.DataFrame:
+    """See `Result.to_frame`."""
+    if of not in get_args(Table):
+        raise InputError(f"is {quoted(of)}, allowed are {', '.join(get_args(Table))}", key="of")
+    pandas = library("pandas")
+    makers = {"measures": _measures, "frames": _frames, "impacts": _impacts, "removals": _removals}
+    if of == "picks":
+        if not has_picks(result.scene):
+            raise InputError("are of a schedule with a pick, allowed is another table", key="picks")
+        return pandas.read_csv(io.StringIO(picks_csv(result.scene, result.seeds)), keep_default_na=False)
+    return pandas.DataFrame(makers[of](result))
+
+
+def _measures(result: Result) -> dict[str, Any]:
+    rows = [
+        (index, seed.status.name.lower(), measure, value)
+        for index, seed in enumerate(result.seeds)
+        for measure, value in values_of_seed(result.prepared, seed).items()
+    ]
+    columns = zip(*rows, strict=True) if rows else [()] * 4
+    return dict(zip(("seed", "status", "measure", "value"), map(list, columns), strict=True))
+
+
+def _frames(result: Result) -> dict[str, Any]:
+    seeds, names, kinds = kept_frames(result), np.array(result.part_names), np.array(result.part_kinds)
+    lengths, n_parts = [len(frames) for frames in seeds], len(names)
+    columns: dict[str, Any] = {
+        "seed": np.repeat(np.arange(len(seeds)), [n * n_parts for n in lengths]),
+        "time_s": np.repeat(np.concatenate([frames.time for frames in seeds]), n_parts),
+        "part": np.tile(names, sum(lengths)),
+        "kind": np.tile(kinds, sum(lengths)),
+        "present": np.concatenate([frames.present for frames in seeds]).ravel(),
+    }
+    for name, axes in FRAME_COLUMNS.items():
+        values = np.concatenate([getattr(frames, name) for frames in seeds]).reshape(-1, len(axes))
+        columns |= dict(zip(axes, values.T, strict=True))
+    return columns
+
+
+def _impacts(result: Result) -> dict[str, Any]:
+    if any(seed.readings is not None for seed in result.seeds) and not any(len(seed.impacts) for seed in result.seeds):
+        raise InputError("were not kept, allowed is another record in the call that made the result", key="impacts")
+    impacts = [seed.impacts for seed in result.seeds]
+    return {
+        "seed": np.repeat(np.arange(len(impacts)), [len(entry) for entry in impacts]),
+        "time_s": np.concatenate([entry.time for entry in impacts]),
+        "until_s": np.concatenate([entry.until for entry in impacts]),
+        "approach_speed_m_s": np.concatenate([entry.approach_speed for entry in impacts]),
+        "departure_velocity_m_s": np.concatenate([entry.departure_velocity for entry in impacts]),
+    }
+
+
+def _removals(result: Result) -> dict[str, Any]:
+    removals = [seed.removals for seed in result.seeds]
+    part = np.concatenate([entry.part for entry in removals])
+    return {
+        "seed": np.repeat(np.arange(len(removals)), [len(entry) for entry in removals]),
+        "time_s": np.concatenate([entry.time for entry in removals]),
+        "part": np.array(result.part_names)[part],
+        "kind": np.array(result.part_kinds)[part],
+        "cause": [Cause(int(cause)).name.lower() for entry in removals for cause in entry.cause],
+    }

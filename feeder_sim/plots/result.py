@@ -1,0 +1,76 @@
+"""Plots of a result into given axes: paths on the plate, ways to the node, counts of stages, bounce intervals."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from feeder_sim.measures.bounces import BounceFindings
+from feeder_sim.measures.separation import SeparationFindings
+from feeder_sim.plots.figure import MM, MS
+from feeder_sim.records.trajectory import Frames, PlateRecord
+from feeder_sim.scene.cell import PASSAGE_FROM, PASSAGE_TO
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+PATH_POINTS = 2000  # of a path that are drawn, at most
+STAGE_COUNTS = {"on_plate": "on the plate", "on_nodal_line": "on nodal lines", "isolated": "isolated"}
+
+
+def draw_paths(axes: Axes, plate: PlateRecord, seeds: Sequence[Frames]) -> Axes:
+    """The paths of all parts of some seeds, from circles to dots, over nodal lines and the outline of the plate."""
+    for nodal_line in plate.nodal_lines:
+        axes.plot(*(nodal_line.T * MM), color="0.6", linewidth=1.0, zorder=1)
+    x, y = 0.5 * plate.length * MM, 0.5 * plate.width * MM
+    rings = plate.outline.rings if plate.outline is not None else [np.array([[x, y], [-x, y], [-x, -y], [x, -y]]) / MM]
+    for ring in rings:
+        axes.plot(*(np.vstack([ring, ring[:1]]).T * MM), color="black", linewidth=1.0)
+    for seed in seeds:
+        shown = seed[slice(None, None, max(1, len(seed) // PATH_POINTS))]
+        places = np.where(shown.present[..., None], shown.position[..., :2], np.nan) * MM
+        for part in range(places.shape[1]):
+            (line,) = axes.plot(*places[:, part].T, linewidth=0.8)
+            there = places[np.isfinite(places[:, part, 0]), part]
+            if len(there):
+                axes.plot(*there[0], "o", markersize=3, fillstyle="none", color=line.get_color())
+                axes.plot(*there[-1], "o", markersize=3, color=line.get_color())
+    axes.set(aspect="equal", xlabel="x (mm)", ylabel="y (mm)")
+    return axes
+
+
+def draw_ways(axes: Axes, ways: Sequence[tuple[NDArray[np.float64], NDArray[np.float64]]]) -> Axes:
+    """Distances from the nodal line over time, a curve for each pair of times (n,) [s] and ways (n,)."""
+    for level in (PASSAGE_FROM, PASSAGE_TO):
+        axes.axhline(level, color="0.6", linewidth=0.8, linestyle="--")
+    for time, way in ways:
+        axes.plot(time, way, linewidth=0.9)
+    axes.set(xlabel="time (s)", ylabel="distance from node over that of antinode", ylim=(0.0, None))
+    return axes
+
+
+def draw_stages(axes: Axes, found: SeparationFindings) -> Axes:
+    """Counts at the ends of the stages that were reached, means with standard errors over the seeds."""
+    stages = [stage for stage in found.stages if stage.end_s.n]
+    for name, label in STAGE_COUNTS.items():
+        counts = [getattr(stage, name) for stage in stages]
+        error = [np.nan_to_num(count.se) for count in counts]
+        end = [stage.end_s.mean for stage in stages]
+        axes.errorbar(end, [count.mean for count in counts], error, marker="o", markersize=3, capsize=2, label=label)
+    axes.set(xlabel="end of the stage (s)", ylabel="parts", ylim=(0.0, None))
+    axes.legend()
+    return axes
+
+
+def draw_intervals(axes: Axes, intervals: Sequence[NDArray[np.float64]], found: BounceFindings) -> Axes:
+    """Histogram of bounce intervals (n,) [s] of all seeds, with their mean."""
+    axes.hist(np.concatenate([*intervals, np.empty(0)]) * MS, bins=40, color="0.6")
+    if found.bounce_interval_ms.n:
+        mean = found.bounce_interval_ms.mean
+        axes.axvline(mean, color="black", linewidth=1.0, label=f"mean {mean:.3g} ms")
+        axes.legend()
+    axes.set(xlabel="bounce interval (ms)", ylabel="bounces")
+    return axes

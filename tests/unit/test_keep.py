@@ -1,0 +1,104 @@
+"""What is kept of a seed in memory, and that measures do not depend on it."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from conftest import strip_scenario
+
+import feeder_sim
+from feeder_sim import AllFrames, EveryNth, ImpactsOnly, Result, StatisticsOnly
+from feeder_sim.errors import InputError
+from feeder_sim.measures.values import values_of_seed
+from feeder_sim.run.keep import Keep
+from feeder_sim.run.run_folder import PICKS
+from feeder_sim.scenario import Drive, HexNut, Pick, PistonPlate, Run, Scenario, Schedule, Slide, Stage, Start, Strip
+
+DRIVE = Drive(frequency_hz=4750.0, amplitude_um=2.0)
+
+
+def picking() -> Scenario:
+    """A nut that is shaken and then picked."""
+    stage = Stage(name="shake", drive=(DRIVE,), duration_s=0.2, pick=Pick(clearance_mm=1.0))
+    return Scenario(
+        plate=Strip(thickness_mm=3.0),
+        schedule=Schedule(stage=(stage,)),
+        part=(HexNut(size="M2.5", start=Start(position_mm=(1.95, 0.0))),),
+        run=Run(seeds=2, frames_per_second=200.0),
+    )
+
+
+def bouncing() -> Scenario:
+    """A nut in a guide, long enough for batches of bounces."""
+    return Scenario(
+        plate=PistonPlate(kind="piston"),
+        drive=(Drive(frequency_hz=558.0, amplitude_um=30.0),),
+        part=(HexNut(size="M2.5", start=Start(drop_height_mm=(0.1, 0.9)), guide=Slide(kind="slide", tilt_deg=8.0)),),
+        run=Run(duration_s=0.8, seeds=2),
+    )
+
+
+def measured(result: Result) -> str:
+    """Everything that is measured, bit by bit."""
+    each = [values_of_seed(result.prepared, seed) for seed in result.seeds]
+    summary = {key: value for key, value in result.summary().items() if "wall_s" not in key and "real" not in key}
+    return json.dumps(summary) + repr(each) + "\n".join(result.lines())
+
+
+@pytest.mark.parametrize("make", [lambda: strip_scenario(seeds=2, duration_s=0.3), picking, bouncing])
+def test_measures_do_not_depend_on_what_is_kept(make: object) -> None:
+    scenario = make()  # type: ignore[operator]
+    whole = feeder_sim.simulate(scenario)
+    choices: list[Keep] = [EveryNth(7), StatisticsOnly()]
+    choices += [ImpactsOnly()] if scenario.guide else []
+    for record in choices:
+        kept = feeder_sim.simulate(whole.prepared, record=record)
+        assert measured(kept) == measured(whole)
+        assert kept.seeds[0].reached == whole.seeds[0].frames.time[-1]
+        n_frames = -(-len(whole.trajectories[0]) // 7) if record == EveryNth(7) else 0
+        for seed, full in zip(kept.seeds, whole.seeds, strict=True):
+            assert seed.frames.position.shape == (n_frames, *full.frames.position.shape[1:])
+            assert np.array_equal(seed.frames.velocity, full.frames.velocity[::7][:n_frames])
+            assert seed.frames.position.base is None  # a view would keep all frames in memory
+            assert len(seed.impacts) == (0 if record == StatisticsOnly() else len(full.impacts))
+            assert len(seed.removals) == len(full.removals)
+    assert len(whole.seeds[0].impacts) > 100 or not scenario.guide
+    assert len(whole.seeds[0].removals) == (scenario.schedule is not None)
+
+
+def test_run_folder_holds_all_frames_whatever_is_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    replayed: list[Path] = []
+    monkeypatch.setattr("feeder_sim.run.run_folder.build_replay", lambda trajectory, _: replayed.append(trajectory))
+    kept = feeder_sim.record_run(picking(), tmp_path / "kept", record=StatisticsOnly())
+    whole = feeder_sim.record_run(picking(), tmp_path / "whole", replay=False)
+    assert len(kept.trajectories[0]) == 0 and len(replayed) == 1
+    opened = feeder_sim.open(tmp_path / "kept")
+    assert np.array_equal(opened.trajectories[1].position, whole.trajectories[1].position)
+    assert measured(opened) == measured(kept) == measured(whole)
+    assert (tmp_path / "kept" / PICKS).read_text() == (tmp_path / "whole" / PICKS).read_text()
+
+
+def test_what_cannot_be_kept_is_refused(tmp_path: Path) -> None:
+    scenario = strip_scenario()
+    with pytest.raises(InputError, match=r"^record: is ImpactsOnly\(\), .* impacts are recorded of a part in a guide"):
+        feeder_sim.record_run(scenario, tmp_path / "run", record=ImpactsOnly())
+    assert not (tmp_path / "run").exists()
+    with pytest.raises(InputError, match=r"^record: is 'all', allowed are AllFrames\(\), EveryNth\(n\)"):
+        feeder_sim.simulate(scenario, record="all")  # type: ignore[arg-type]
+    for n in (0, -1, 2.0, True):
+        with pytest.raises(InputError, match=r"^EveryNth\(n\): is .*, allowed is a whole number of at least 1"):
+            EveryNth(n)  # type: ignore[arg-type]
+    assert EveryNth(3) == EveryNth(3) != AllFrames()
+
+
+def test_dropped_frames_are_said_not_to_be_there() -> None:
+    dropped = feeder_sim.simulate(bouncing(), record=StatisticsOnly())
+    for ask in (dropped.to_xarray, lambda: dropped.to_frame("frames"), dropped.plot.path):
+        with pytest.raises(InputError, match=r"^frames: were not kept, allowed is record="):
+            ask()
+    with pytest.raises(InputError, match=r"^impacts: were not kept"):
+        dropped.to_frame("impacts")
+    assert dropped.plot.bounces() is not None  # its readings are there
