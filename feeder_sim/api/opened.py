@@ -5,22 +5,18 @@ from __future__ import annotations
 import contextlib
 import json
 import tomllib
-from dataclasses import fields
 from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from feeder_sim.api.result import Result
-from feeder_sim.errors import Divergence, FeederSimError, InputError, SimulationDiverged, cause_of
-from feeder_sim.records.last_states import LastStates, read_failure
-from feeder_sim.records.trajectory import PlateRecord, Record, Recording, Status
+from feeder_sim.errors import InputError, cause_of
+from feeder_sim.records.trajectory import PlateRecord, Recording, Status
 from feeder_sim.records.trajectory_file import recording_of
 from feeder_sim.run.prepare import prepare
 from feeder_sim.run.provenance import input_hashes
+from feeder_sim.run.recorded_seeds import seeds_of
 from feeder_sim.run.run_folder import RESOLVED, SUMMARY
-from feeder_sim.run.seed_record import SeedResult
 from feeder_sim.scenario import Scenario, parse_scenario
 from feeder_sim.scene.prepared import Prepared
 
@@ -55,7 +51,7 @@ class OpenedRun(Result):
 
     def __init__(self, recording: Recording) -> None:
         wall_s = max((wall_time.ensemble for wall_time in recording.wall_times), default=0.0)
-        held = {"recording": recording, "seeds": _seeds(recording), "wall_s": wall_s}
+        held = {"recording": recording, "seeds": seeds_of(recording), "wall_s": wall_s}
         for name, value in (held | {"stored_summary": _stored(recording.path.parent / SUMMARY)}).items():
             object.__setattr__(self, name, value)  # it is frozen
 
@@ -124,34 +120,3 @@ def _stored(path: Path) -> dict[str, Any] | None:
         held = json.loads(path.read_text(encoding="utf-8"))
         return held if isinstance(held, dict) else None
     return None
-
-
-def _seeds(recording: Recording) -> tuple[SeedResult, ...]:
-    """The seeds that had begun."""
-    seeds = []
-    for index, (record, status) in enumerate(zip(recording.records, recording.status, strict=True)):
-        if index > 0 and not len(record.frames):
-            continue
-        failure, last = _failure(recording, index) if status == Status.DIVERGED else (None, None)
-        seeds.append(
-            SeedResult(
-                **{entry.name: getattr(record, entry.name) for entry in fields(Record)},
-                status=status,
-                wall_s=recording.wall_times[index].seed,
-                failure=failure,
-                last=last,
-                unresolved_impacts=recording.unresolved_impacts[index],
-            )
-        )
-    return tuple(seeds)
-
-
-def _failure(recording: Recording, index: int) -> tuple[SimulationDiverged, LastStates | None]:
-    """Why a seed diverged, from the file of its last states if that is there."""
-    try:
-        return read_failure(recording.path.parent, index)
-    except FeederSimError:
-        time = recording.seeds[index].time
-        found = Divergence.UNKNOWN
-        reached = float(time[-1]) if len(time) else float(np.nan)
-        return SimulationDiverged(found, time_s=reached, part="a part", seed=index), None

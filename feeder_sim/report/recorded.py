@@ -5,20 +5,17 @@ Measures are computed again from the trajectory, of which every run has one; a r
 
 from __future__ import annotations
 
-import contextlib
 from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
-
-from feeder_sim.errors import Divergence, FeederSimError, InputError, SimulationDiverged, cause_of
+from feeder_sim.errors import FeederSimError, InputError, cause_of
 from feeder_sim.records.own_files import locked
 from feeder_sim.records.trajectory import Recording, Status
 from feeder_sim.records.trajectory_file import recording_of
 from feeder_sim.run.prepare import prepare
 from feeder_sim.run.provenance import input_hashes, library_versions
+from feeder_sim.run.recorded_seeds import seeds_of
 from feeder_sim.run.run_folder import RESOLVED
-from feeder_sim.run.seed_record import SeedResult
 from feeder_sim.run.simulation import Result
 from feeder_sim.scenario import Scenario, parse_scenario
 
@@ -64,29 +61,7 @@ def recorded_run(run: Path) -> Recorded:
     folder = recording.path.parent
     scenario = parse_scenario(recording.scenario_text, file=folder / RESOLVED)
     prepared = prepare(scenario)
-    seeds = tuple(
-        SeedResult(
-            record.frames,
-            record.impacts,
-            record.removals,
-            record.stops,
-            status,
-            wall_time.seed,
-            _failure(folder, index) if status == Status.DIVERGED else None,
-            None,
-            unresolved,
-            arrivals=record.arrivals,
-        )
-        for index, (record, status, wall_time, unresolved) in enumerate(
-            zip(
-                recording.records,
-                recording.status,
-                recording.wall_times,
-                recording.unresolved_impacts,
-                strict=True,
-            )
-        )
-    )
+    seeds = seeds_of(recording)
     wall_s = max((wall_time.ensemble for wall_time in recording.wall_times), default=0.0)
     result = Result(prepared, seeds, wall_s)
     under_way = result.interrupted and _in_use(folder)
@@ -111,21 +86,6 @@ def _changed_inputs(recording: Recording, scenario: Scenario) -> tuple[str, ...]
     return tuple(
         f"The file of {key} has changed since the run; measures that depend on it may be wrong." for key in changed
     )
-
-
-def _failure(folder: Path, index: int) -> SimulationDiverged | None:
-    """Why a seed was stopped, from the file of its last states; None without one that can be read."""
-    name = f"failure_seed_{index}.npz"
-    path = folder / name
-    with contextlib.suppress(Exception):  # of a file that is damaged, NumPy raises what it likes
-        if path.is_symlink():
-            return None
-        with np.load(path, allow_pickle=False) as held:
-            cause, part, time_s = (held[key].item() for key in ("cause", "part", "time_s"))
-        return SimulationDiverged(
-            Divergence.NOT_FINITE, time_s=float(time_s), part=str(part), seed=index, detail=str(cause), file=name
-        )
-    return None
 
 
 def _in_use(folder: Path) -> bool:

@@ -114,10 +114,6 @@ def _cautions(run: Recorded) -> tuple[Block, ...]:
     lines: list[Block] = [
         Text(f"{str(failure)[0].upper()}{str(failure)[1:]}.", "failure") for failure in run.result.failures
     ]
-    named = {failure.seed for failure in run.result.failures}
-    lines += [
-        Text(f"Seed {i} was stopped, since its state was not valid.", "failure") for i in run.failed if i not in named
-    ]
     lines += [
         Text(f"{caution[:1].upper()}{caution[1:]}.".replace("..", "."), "caution")
         for caution in run.result.prepared.cautions

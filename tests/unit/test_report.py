@@ -158,7 +158,7 @@ def test_failed_seeds_are_named_and_do_not_count(
     assert "1 of 3 seeds failed" in text and "2 ran to their end, 1 stopped" in text
     assert str(result.failures[0])[1:] in text
     (tmp_path / "run/failure_seed_1.npz").write_bytes(b"damaged")
-    assert "Seed 1 was stopped, since its state was not valid." in checked(html_of(run_page(tmp_path / "run"))).text
+    assert "Seed 1: a part at" in checked(html_of(run_page(tmp_path / "run"))).text
 
 
 def test_page_without_a_graphics_driver_says_why(
