@@ -99,7 +99,7 @@ def run(
         from feeder_sim.run.run_folder import check_free, fresh_folder, record_run
 
         if out is not None:
-            check_free(out)
+            check_free(out, scenario)
         if dry_run:
             _print_plan(scenario, as_json)
             return

@@ -5,11 +5,10 @@ from __future__ import annotations
 import functools
 import hashlib
 import importlib.metadata
-from pathlib import Path
 
 from feeder_sim import __version__
 from feeder_sim.machine_code import source_hash
-from feeder_sim.scenario import MeshPart, ModePlate, Rectangle, Scenario
+from feeder_sim.scenario import Scenario, input_files
 
 LIBRARIES = ("mujoco-core", "mujoco", "numpy", "scipy", "numba", "h5py")
 
@@ -32,14 +31,5 @@ def _installed() -> dict[str, str]:
 
 def input_hashes(scenario: Scenario) -> dict[str, str]:
     """SHA-256 of the files that a scenario reads, by its keys: mode file, meshes of parts, their pieces, grippers."""
-    files: dict[str, Path] = {}
-    if isinstance(scenario.plate, Rectangle | ModePlate) and scenario.plate.mode_file is not None:
-        files["plate.mode_file"] = scenario.plate.mode_file
-    for i, part in enumerate(scenario.part):
-        if isinstance(part, MeshPart):
-            files[f"part[{i}].file"] = part.file
-            if part.pieces_file is not None:
-                files[f"part[{i}].pieces"] = part.pieces_file
-    picks = scenario.schedule.picks if scenario.schedule else ()
-    files |= {f"{key}.shape": pick.shape for key, pick in picks if pick.shape is not None}
+    files = input_files(scenario)
     return {key: hashlib.sha256(file.read_bytes()).hexdigest() for key, file in files.items()}

@@ -20,12 +20,13 @@ from feeder_sim.engines.mujoco.mjcf import build_mjcf
 from feeder_sim.errors import InputError, RecordingFailed, cause_of, not_written, shortened
 from feeder_sim.measures.picks import picks_csv
 from feeder_sim.records.checkpoint import CheckpointFolder, run_identity
-from feeder_sim.records.own_files import LOCK, locked
+from feeder_sim.records.own_files import INPUTS, LOCK, locked
 from feeder_sim.records.trajectory import PartRecord, PlateRecord, Record, Recording, Status, WallTime
 from feeder_sim.records.trajectory_file import TRAJECTORY, recording_of
 from feeder_sim.records.trajectory_writer import TrajectoryWriter
 from feeder_sim.records.whole_file import partial_of, write_whole
 from feeder_sim.replay.replay import REPLAY, build_replay, remove_replays
+from feeder_sim.run.carried_files import carry_files, left_by_a_kill, relative
 from feeder_sim.run.prepare import prepare
 from feeder_sim.run.provenance import input_hashes, library_versions
 from feeder_sim.run.recorder import RunRecorder
@@ -52,7 +53,7 @@ def record_run(
     replay: bool = True,
     notify: Callable[[str], None] | None = None,
 ) -> Result:
-    """Simulate a scenario and write everything about it into `folder`.
+    """Simulate a scenario and write everything about it into `folder`, with the files that it reads.
 
     Args:
         scenario: what to run.
@@ -67,7 +68,7 @@ def record_run(
         RecordingFailed: a file cannot be written, as when the disk is full.
     """
     folder = Path(folder)
-    check_free(folder)
+    check_free(folder, scenario)
     prepared = prepare(scenario)
     check_starts(prepared.scene, notify)
     try:
@@ -75,8 +76,8 @@ def record_run(
     except OSError as error:
         raise not_written(folder, error) from error
     with locked(folder):
-        check_free(folder)  # again: another process may have been faster
-        text = scenario_toml(scenario)
+        check_free(folder, scenario)  # again: another process may have been faster
+        text = scenario_toml(carry_files(scenario, folder, notify))
         write_whole(folder / RESOLVED, text.encode())
         _write_mjcf(prepared.scene, folder / MJCF, notify)
         return _run_into(folder, prepared, text, {}, progress=progress, stop=stop, replay=replay, notify=notify)
@@ -115,7 +116,7 @@ def _resume(folder: Path, **how: Any) -> Result:
         prepared = prepare(scenario)
         check_starts(prepared.scene, how["notify"])
         _write_mjcf(prepared.scene, folder / MJCF, how["notify"])
-        return _run_into(folder, prepared, scenario_toml(scenario), {}, **how)
+        return _run_into(folder, prepared, scenario_toml(relative(scenario, folder)), {}, **how)
     recording = recording_of(folder)
     if all(status != Status.UNFINISHED for status in recording.status) and (folder / SUMMARY).exists():
         raise InputError("has ended, there is nothing to resume", file=folder, key="--resume")
@@ -238,8 +239,10 @@ def _run_into(
     return result
 
 
-def check_free(folder: Path) -> None:
+def check_free(folder: Path, scenario: Scenario | None = None) -> None:
     """Refuse a folder that is not empty, or a path that is not a folder.
+
+    What a process that was killed before it had begun a run of the scenario has left does not count.
 
     Raises:
         InputError: as said.
@@ -247,7 +250,9 @@ def check_free(folder: Path) -> None:
     if folder.exists() and not folder.is_dir():
         raise InputError("is not a folder", file=folder, key="--out")
     held = {path.name for path in folder.iterdir()} if folder.exists() else set()
-    held -= {LOCK, partial_of(folder / RESOLVED).name}  # of a process that was killed before it had begun
+    held -= {LOCK, partial_of(folder / RESOLVED).name}
+    if INPUTS in held and scenario is not None and left_by_a_kill(folder / INPUTS, scenario):
+        held -= {INPUTS}
     if held & {TRAJECTORY, REPLAY, SUMMARY, PICKS, RESOLVED, MJCF}:
         raise InputError("already holds a run, allowed is a new or an empty folder", file=folder, key="--out")
     if held:

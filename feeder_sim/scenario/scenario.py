@@ -17,11 +17,12 @@ from pydantic import Field, model_validator
 from feeder_sim.scenario.attachments import ActuatorFile
 from feeder_sim.scenario.engine_choice import known_failures, uncovered
 from feeder_sim.scenario.outline import OutlineFile
-from feeder_sim.scenario.part import MAX_PARTS, Heap, MeshPart, PartSpec, Scattered, Slide, Tube
-from feeder_sim.scenario.plate import MOST_DRIVES, Drive, Excitation, ModePlate, Plate, PlateFile, Rectangle
+from feeder_sim.scenario.part import MAX_PARTS, Heap, PartSpec, Scattered, Slide, Tube
+from feeder_sim.scenario.paths import with_files
+from feeder_sim.scenario.plate import MOST_DRIVES, Drive, Excitation, Plate, PlateFile
 from feeder_sim.scenario.refill import Refill, Robot, refused_around_plate
 from feeder_sim.scenario.run import Contact, MujocoSettings, Run
-from feeder_sim.scenario.schedule import Goal, Pick, Schedule, Stage
+from feeder_sim.scenario.schedule import Goal, Schedule
 from feeder_sim.scenario.tables import Table, parse, read_text, validated
 
 STILL_HZ = 250.0
@@ -193,7 +194,8 @@ def parse_scenario(text: str, *, file: Path) -> Scenario:
     Raises:
         InputError: TOML syntax, or any key or value that is not allowed.
     """
-    return _anchor_paths(parse(text, Scenario, file), file.resolve().parent)
+    folder = file.resolve().parent
+    return with_files(parse(text, Scenario, file), lambda path: folder / path)
 
 
 def with_run(scenario: Scenario, *, file: Path = Path("scenario"), **changes: Any) -> Scenario:
@@ -218,33 +220,3 @@ def load_actuator_file(path: Path) -> ActuatorFile:
 def load_outline_file(path: Path) -> OutlineFile:
     """Read and check an outline file; errors as for `load_scenario`."""
     return parse(read_text(path), OutlineFile, path)
-
-
-def _anchor_paths(scenario: Scenario, folder: Path) -> Scenario:
-    """Make the file names in a scenario absolute."""
-    plate, parts, schedule = scenario.plate, list(scenario.part), scenario.schedule
-    if isinstance(plate, Rectangle | ModePlate) and plate.mode_file is not None:
-        plate = plate.model_copy(update={"mode_file": folder / plate.mode_file})
-    for i, part in enumerate(parts):
-        if isinstance(part, MeshPart):
-            pieces = part.pieces_file
-            held = {"file": folder / part.file, "pieces": folder / pieces if pieces else None}
-            parts[i] = part.model_copy(update=held)
-    if schedule is not None:
-        groups = {
-            group: tuple(_anchored_stage(stage, folder) for stage in getattr(schedule, group))
-            for group in ("prepare", "stage")
-        }
-        schedule = schedule.model_copy(update=groups)
-    return scenario.model_copy(update={"plate": plate, "part": tuple(parts), "schedule": schedule})
-
-
-def _anchored_stage(stage: Stage, folder: Path) -> Stage:
-    """The stage with absolute names of the shapes of its grippers."""
-    if isinstance(stage.pick, Pick):
-        return stage.model_copy(update={"pick": _anchored_pick(stage.pick, folder)})
-    return stage.model_copy(update={"pick": tuple(_anchored_pick(pick, folder) for pick in stage.picks) or None})
-
-
-def _anchored_pick(pick: Pick, folder: Path) -> Pick:
-    return pick if pick.shape is None else pick.model_copy(update={"shape": folder / pick.shape})
