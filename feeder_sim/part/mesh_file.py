@@ -117,6 +117,8 @@ def _loaded(path: Path, refusal: Refusal) -> Any:
         raise refusal(f"not a readable mesh: {error}") from error
     if not isinstance(mesh, trimesh.Trimesh) or len(mesh.faces) == 0:
         raise refusal("holds no triangles")
+    if mesh.vertices.shape[1:] != (3,):
+        raise refusal(f"has vertices of {mesh.vertices.shape[1]} coordinates, allowed are 3")
     if len(mesh.faces) > MOST_FACETS:
         raise refusal(f"has {len(mesh.faces)} facets, allowed is up to {MOST_FACETS}: {FEWER}")
     return mesh

@@ -9,12 +9,14 @@ A scenario consists of a plate, its drives or a schedule of drives, the parts, t
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, Self
 
 from pydantic import Field, model_validator
 
 from feeder_sim.scenario.attachments import ActuatorFile
+from feeder_sim.scenario.changes import changed_values
 from feeder_sim.scenario.engine_choice import known_failures, uncovered
 from feeder_sim.scenario.outline import OutlineFile
 from feeder_sim.scenario.part import MAX_PARTS, Heap, PartSpec, Scattered, Slide, Tube
@@ -96,6 +98,20 @@ class Scenario(Table):
         if self.plate.kind == "still":
             return STILL_HZ
         return max(max(d.frequency_hz, d.natural_frequency_hz or 0.0) for _, d in self.excitations)
+
+    def changed(self, changes: Mapping[str, Any], *, file: Path = Path("scenario")) -> Scenario:
+        """The scenario with other values, checked as those of a file are.
+
+        Args:
+            changes: values by their keys, such as `{"drive[0].amplitude_um": 2.0}`; None takes a value out. Relative
+                paths start from the current folder.
+            file: names the scenario in messages.
+
+        Raises:
+            InputError: a key that does not exist, or a value that is not allowed.
+        """
+        raw = changed_values(self.model_dump(), changes, file)
+        return _anchor_paths(validated(raw, Scenario, file), Path.cwd())
 
     @model_validator(mode="after")
     def _drives_or_schedule(self) -> Self:

@@ -229,6 +229,13 @@ def test_damaged_mesh_is_a_part_or_refused(data: st.DataObject, tmp_path: Path) 
         assert np.isfinite([part.mass, *part.inertia, part.size]).all()
 
 
+def test_mesh_without_a_third_coordinate_is_refused(tmp_path: Path) -> None:
+    path = mesh_file(tmp_path, ".obj")
+    path.write_text("v 0 0\nv 1 0\nv 0 1\nf 1 2 3\n")
+    with pytest.raises(InputError, match=r"has vertices of 2 coordinates, allowed are 3$"):
+        mesh(path)
+
+
 def test_mesh_that_another_module_would_be_needed_for(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """trimesh guesses the alphabet of text that is not in UTF-8 with a module that need not be there."""
     monkeypatch.setitem(sys.modules, "charset_normalizer", None)

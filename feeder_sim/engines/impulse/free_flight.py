@@ -31,6 +31,7 @@ SMALL_ARGUMENT = 0.03  # of elliptic functions: five terms of the series are exa
 # [rad] that a body turns by at most: three nodes of a Gauss-Legendre rule are exact to round-off; six in a panel.
 SHORT, PANEL = 0.02, 0.25
 MOST_PANELS = 1_000_000
+NO_MOMENTUM = 1e-140  # [kg m^2/s] by which no body turns; its square would soon have no digits left
 
 
 def _rule(n: int) -> tuple[tuple[float, ...], tuple[float, ...]]:
@@ -59,7 +60,7 @@ def symmetry_axis(inertia: np.ndarray) -> int:
 def rotate_freely(attitude, momentum, inertia, axis, duration):
     """Advance the attitude (3, 3) in place over a duration [s] at constant angular momentum (3,) [kg m^2/s]."""
     size = math.sqrt(momentum[0] ** 2 + momentum[1] ** 2 + momentum[2] ** 2)
-    if size == 0.0:
+    if size < NO_MOMENTUM:
         return
     if axis >= 0:
         rotate_symmetric(attitude, momentum, inertia, axis, duration)
@@ -83,7 +84,7 @@ def _turned(angle):
 def rotate_symmetric(attitude, momentum, inertia, axis, duration):
     """As `rotate_freely`, for a body whose moments about the two other axes than `axis` are equal."""
     size = math.sqrt(momentum[0] ** 2 + momentum[1] ** 2 + momentum[2] ** 2)
-    if size == 0.0:
+    if size < NO_MOMENTUM:
         return
     a, b = (axis + 1) % 3, (axis + 2) % 3
     transverse = 0.5 * (inertia[a] + inertia[b])

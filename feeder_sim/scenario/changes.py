@@ -1,0 +1,136 @@
+"""Values of a scenario by their dotted keys, such as `drive[0].amplitude_um`: to read, and to change with all checks.
+
+A key is written as in error messages: names with dots, and numbers of tables that repeat in brackets, from 0. `stage`
+and `prepare` may stand without the `schedule.` before them.
+"""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from feeder_sim.errors import InputError, nearest
+
+KeyPath = tuple[str | int, ...]
+_ELEMENT = re.compile(r"([A-Za-z_][A-Za-z0-9_]*)((?:\[\d{1,6}\])*)")
+_OF_SCHEDULE = ("stage", "prepare", "cycles")
+
+
+def full_key(key: str) -> str:
+    """The key with the `schedule.` that may be left out."""
+    first = _ELEMENT.match(key)
+    return f"schedule.{key}" if first and first[1] in _OF_SCHEDULE else key
+
+
+def path_of(key: str) -> KeyPath:
+    """The names and numbers of a key.
+
+    Raises:
+        InputError: it is not written as a key is.
+    """
+    path: list[str | int] = []
+    for element in full_key(key).split("."):
+        match = _ELEMENT.fullmatch(element)
+        if match is None:
+            raise InputError("is no key, allowed is for example drive[0].amplitude_um", key=key or '""')
+        path += [match[1], *(int(number) for number in re.findall(r"\d+", match[2]))]
+    return tuple(path)
+
+
+def value_at(raw: Mapping[str, Any], key: str) -> Any:
+    """The value at a key of a scenario as a dictionary; None where an optional table or value is not given.
+
+    Raises:
+        InputError: there is no such key.
+    """
+    value: Any = raw
+    for element in path_of(key):
+        if value is None and isinstance(element, str):
+            return None
+        value = _entry(value, element, key)
+    return value
+
+
+def changed_values(raw: Mapping[str, Any], changes: Mapping[str, Any], file: Path) -> dict[str, Any]:
+    """A copy of a scenario as a dictionary, with other values at some keys; None takes a value out.
+
+    Raises:
+        InputError: a key leads nowhere; `file` names the scenario in the message.
+    """
+    whole: Any = dict(raw)
+    for key, value in changes.items():
+        try:
+            whole = _replaced(whole, path_of(key), value, key)
+        except InputError as error:
+            raise InputError(error.problem, file=file, key=error.key) from None
+    return dict(whole)
+
+
+def read_value(text: str) -> Any:
+    """A value as TOML has it; what is none is text, and what is empty is None, which takes a value out."""
+    if not text.strip():
+        return None
+    try:
+        return tomllib.loads(f"value = {text}")["value"]
+    except (tomllib.TOMLDecodeError, KeyError, ValueError, RecursionError):
+        return text.strip()
+
+
+def read_changes(settings: list[str], option: str = "--set") -> dict[str, Any]:
+    """Changes from texts `key=value`.
+
+    Raises:
+        InputError: one that is not written so, or a key that is given twice.
+    """
+    changes: dict[str, Any] = {}
+    for setting in settings:
+        key, equals, text = setting.partition("=")
+        key = full_key(key.strip())
+        if not equals or not key:
+            raise InputError(f"is {setting!r}, allowed is KEY=VALUE", key=option)
+        path_of(key)
+        if key in changes:
+            raise InputError(f"is given twice for {key}, allowed is once", key=option)
+        changes[key] = read_value(text)
+    return changes
+
+
+def _replaced(value: Any, path: KeyPath, new: Any, key: str) -> Any:
+    """A copy of a table or list with another value at the end of a path."""
+    first, rest = path[0], path[1:]
+    if isinstance(first, int):
+        _entry(value, first, key)
+        entries = list(value)
+        entries[first] = _replaced(entries[first], rest, new, key) if rest else new
+        return entries
+    if value is None:
+        value = {}
+    if not isinstance(value, Mapping):
+        raise InputError("leads into a value that is no table", key=key)
+    table = dict(value)
+    if not rest:
+        table[first] = new
+    elif first in table or isinstance(rest[0], str):
+        table[first] = _replaced(table.get(first), rest, new, key)
+    else:
+        _entry(table, first, key)
+    return table
+
+
+def _entry(value: Any, element: str | int, key: str) -> Any:
+    """What a table or a list has at an element of a path."""
+    if isinstance(element, int):
+        if not isinstance(value, list | tuple):
+            raise InputError(f"has the number [{element}] where there is no list, allowed is none", key=key)
+        if element >= len(value):
+            allowed = f"0 to {len(value) - 1}" if value else "none, the list is empty"
+            raise InputError(f"has the number [{element}], allowed is {allowed}", key=key)
+        return value[element]
+    if not isinstance(value, Mapping) or element not in value:
+        names = list(value) if isinstance(value, Mapping) else []
+        allowed = f"; allowed are {', '.join(names)}" if names else ""
+        raise InputError(f"unknown key {element}{nearest(element, names)}{allowed}", key=key)
+    return value[element]
