@@ -210,8 +210,7 @@ def parse_scenario(text: str, *, file: Path) -> Scenario:
     Raises:
         InputError: TOML syntax, or any key or value that is not allowed.
     """
-    folder = file.resolve().parent
-    return with_files(parse(text, Scenario, file), lambda path: folder / path)
+    return _anchor_paths(parse(text, Scenario, file), file.resolve().parent)
 
 
 def with_run(scenario: Scenario, *, file: Path = Path("scenario"), **changes: Any) -> Scenario:
@@ -236,3 +235,8 @@ def load_actuator_file(path: Path) -> ActuatorFile:
 def load_outline_file(path: Path) -> OutlineFile:
     """Read and check an outline file; errors as for `load_scenario`."""
     return parse(read_text(path), OutlineFile, path)
+
+
+def _anchor_paths(scenario: Scenario, folder: Path) -> Scenario:
+    """Make the file names in a scenario absolute."""
+    return with_files(scenario, lambda path: folder / path)
