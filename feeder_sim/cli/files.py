@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from feeder_sim.errors import InputError
+from feeder_sim.example_files import scenario_path
 
 if TYPE_CHECKING:
     from feeder_sim.plate.mode_file import ModeFile
@@ -17,13 +18,14 @@ PICTURES = (".png", ".svg", ".pdf", ".jpg")
 
 
 def scenario_of(path: Path, engine: str | None, seeds: int | None, seed: int | None) -> Scenario:
-    """Load a scenario and put the options of the command line that are given into its [run] table.
+    """Load a scenario file, or an example by its name, and put the options that are given into its [run] table.
 
     Raises:
         InputError: a file that cannot be used, or a value that is not allowed.
     """
     from feeder_sim.scenario import load_scenario, with_run
 
+    path = scenario_path(path)
     scenario = load_scenario(path)
     options = {"engine": engine, "seeds": seeds, "seed": seed}
     return with_run(scenario, file=path, **{name: value for name, value in options.items() if value is not None})

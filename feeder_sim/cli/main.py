@@ -16,6 +16,7 @@ import typer
 from typer.core import TyperGroup
 
 from feeder_sim.cli.chart import chart
+from feeder_sim.cli.compare import compare
 from feeder_sim.cli.files import naming, new_picture, scenario_of, writable
 from feeder_sim.cli.import_modes import import_modes_command
 from feeder_sim.cli.part import part
@@ -152,7 +153,7 @@ def check(
 
 app.command()(modes)
 app.command("modes import")(import_modes_command)
-for command in (response, sequence, wave, chart, part):
+for command in (response, sequence, wave, chart, part, compare):
     app.command()(command)
 
 
@@ -202,7 +203,7 @@ def list_(
     folder: Annotated[Path, typer.Argument(help="Folder with scenarios/ and models/.")] = Path(),
     as_json: AsJson = False,
 ) -> None:
-    """List scenarios, mode files, engines, part shapes and materials."""
+    """List scenarios and mode files, those of the package too, engines, part shapes and materials."""
     from feeder_sim.cli.catalogue import catalogue
 
     found = catalogue(folder)
@@ -210,7 +211,8 @@ def list_(
         print(json.dumps(found))
         return
     for kind, entries in found.items():
-        print(f"{kind}:")
+        if entries:
+            print(f"{kind}:")
         for name, text in entries.items():
             print(f"  {printable(name):<32} {shortened(printable(text), LONGEST_MESSAGE)}")
 

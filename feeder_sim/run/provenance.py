@@ -5,8 +5,10 @@ from __future__ import annotations
 import functools
 import hashlib
 import importlib.metadata
+from pathlib import Path
 
 from feeder_sim import __version__
+from feeder_sim.errors import InputError, cause_of
 from feeder_sim.machine_code import source_hash
 from feeder_sim.scenario import Scenario, input_files
 
@@ -33,3 +35,27 @@ def input_hashes(scenario: Scenario) -> dict[str, str]:
     """SHA-256 of the files that a scenario reads, by its keys: mode file, meshes of parts, their pieces, grippers."""
     files = input_files(scenario)
     return {key: hashlib.sha256(file.read_bytes()).hexdigest() for key, file in files.items()}
+
+
+def check_inputs(then: dict[str, str], scenario: Scenario, folder: Path, key: str | None = None) -> None:
+    """Refuse to go on with a run whose files are no longer those that it has read; `key` is for the message.
+
+    Raises:
+        InputError: a file is missing or has another content.
+    """
+    try:
+        now = input_hashes(scenario)
+    except OSError as error:
+        raise InputError(f"cannot be read: {cause_of(error)}", file=error.filename) from error
+    check_same(then, now, folder, "was begun with another content of", key)
+
+
+def check_same(then: dict[str, str], now: dict[str, str], folder: Path, said: str, key: str | None) -> None:
+    """Refuse a run that has used other files or libraries than there are now.
+
+    Raises:
+        InputError: as said; it names the first of them.
+    """
+    changed = sorted(name for name, _ in set(then.items()) ^ set(now.items()))
+    if changed:
+        raise InputError(f"{said} {changed[0]}, allowed is the same one", file=folder, key=key)

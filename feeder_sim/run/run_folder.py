@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from feeder_sim import __version__
 from feeder_sim.engines.lookup import engine_class
 from feeder_sim.engines.mujoco.mjcf import build_mjcf
-from feeder_sim.errors import InputError, RecordingFailed, cause_of, not_written, shortened
+from feeder_sim.errors import InputError, RecordingFailed, not_written, shortened
 from feeder_sim.measures.picks import picks_csv
 from feeder_sim.records.checkpoint import CheckpointFolder, run_identity
 from feeder_sim.records.own_files import INPUTS, LOCK, locked
@@ -28,7 +28,7 @@ from feeder_sim.records.whole_file import partial_of, write_whole
 from feeder_sim.replay.replay import REPLAY, build_replay, remove_replays
 from feeder_sim.run.carried_files import carry_files, left_by_a_kill, relative
 from feeder_sim.run.prepare import prepare
-from feeder_sim.run.provenance import input_hashes, library_versions
+from feeder_sim.run.provenance import check_inputs, check_same, input_hashes, library_versions
 from feeder_sim.run.recorder import RunRecorder
 from feeder_sim.run.seed_record import Begun
 from feeder_sim.run.simulation import Result, announced, check_starts, simulate
@@ -120,23 +120,13 @@ def _resume(folder: Path, **how: Any) -> Result:
     recording = recording_of(folder)
     if all(status != Status.UNFINISHED for status in recording.status) and (folder / SUMMARY).exists():
         raise InputError("has ended, there is nothing to resume", file=folder, key="--resume")
-    _check_same(recording.libraries, library_versions(), folder, "was begun with another version of")
+    check_same(recording.libraries, library_versions(), folder, "was begun with another version of", "--resume")
     scenario = parse_scenario(recording.scenario_text, file=folder / RESOLVED)
-    try:
-        inputs = input_hashes(scenario)
-    except OSError as error:
-        raise InputError(f"cannot be read: {cause_of(error)}", file=error.filename) from error
-    _check_same(recording.inputs, inputs, folder, "was begun with another content of")
+    check_inputs(recording.inputs, scenario, folder, "--resume")
     prepared = prepare(scenario)
     begun = _all_begun(recording, prepared, folder)
     before = max((wall_time.ensemble for wall_time in recording.wall_times), default=0.0)
     return _run_into(folder, prepared, recording.scenario_text, begun, wall_s_before=before, **how)
-
-
-def _check_same(then: dict[str, str], now: dict[str, str], folder: Path, said: str) -> None:
-    changed = sorted(key for key, _ in set(then.items()) ^ set(now.items()))
-    if changed:
-        raise InputError(f"{said} {changed[0]}, allowed is the same one", file=folder, key="--resume")
 
 
 def _all_begun(recording: Recording, prepared: Prepared, folder: Path) -> dict[int, Begun]:
