@@ -18,6 +18,13 @@ def examples_folder() -> Path | None:
     return next(found, None)
 
 
+def starter_folder() -> Path | None:
+    """The folder with the files of the tutorial; None as for `examples_folder`."""
+    folder = examples_folder()
+    found = (folder / place for place in ("tutorial", "docs/tutorial")) if folder else ()
+    return next((place for place in found if place.is_dir()), None)
+
+
 def examples() -> dict[str, Path]:
     """Scenario files by the names that commands know them by, in alphabetical order."""
     folder = examples_folder()

@@ -19,6 +19,7 @@ from feeder_sim.cli.chart import chart
 from feeder_sim.cli.compare import compare
 from feeder_sim.cli.files import naming, new_picture, scenario_of, writable
 from feeder_sim.cli.import_modes import import_modes_command
+from feeder_sim.cli.new import new
 from feeder_sim.cli.part import part
 from feeder_sim.cli.plate import modes, sequence, wave
 from feeder_sim.cli.replay import replay
@@ -153,7 +154,7 @@ def check(
 
 app.command()(modes)
 app.command("modes import")(import_modes_command)
-for command in (response, sequence, wave, chart, part, compare):
+for command in (response, sequence, wave, chart, part, compare, new):
     app.command()(command)
 
 
