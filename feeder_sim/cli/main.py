@@ -15,9 +15,10 @@ from typing import TYPE_CHECKING, Annotated, Any, NoReturn
 import typer
 from typer.core import TyperGroup
 
+from feeder_sim import __version__
 from feeder_sim.cli.chart import chart
 from feeder_sim.cli.compare import compare
-from feeder_sim.cli.files import naming, new_picture, scenario_of, writable
+from feeder_sim.cli.files import OptionalScenarioFile, ScenarioFile, naming, new_picture, scenario_of, writable
 from feeder_sim.cli.import_modes import import_modes_command
 from feeder_sim.cli.new import new
 from feeder_sim.cli.part import part
@@ -25,6 +26,7 @@ from feeder_sim.cli.plate import modes, sequence, wave
 from feeder_sim.cli.replay import replay
 from feeder_sim.cli.report import as_lines, print_boundaries, print_result
 from feeder_sim.cli.response import response
+from feeder_sim.cli.schema import schema
 from feeder_sim.cli.terminal import notify, progress_bar, stop_on_signal
 from feeder_sim.errors import (
     LONGEST_MESSAGE,
@@ -54,14 +56,28 @@ class _Commands(TyperGroup):
 
 app = typer.Typer(
     cls=_Commands,
-    add_completion=False,
     no_args_is_help=True,
     rich_markup_mode=None,
     pretty_exceptions_enable=False,
     help="Simulate rigid parts on vibrating plates.",
 )
 
-ScenarioFile = Annotated[Path, typer.Argument(help="Scenario file (TOML).", show_default=False)]
+
+def _print_version(asked: bool) -> None:
+    if asked:
+        print(f"feeder-sim {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def _options(
+    version: Annotated[
+        bool, typer.Option("--version", is_eager=True, callback=_print_version, help="Print the version and end.")
+    ] = False,
+) -> None:
+    pass
+
+
 AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout.")]
 EngineName = Annotated[str | None, typer.Option("--engine", help="Engine instead of the scenario's.")]
 Seeds = Annotated[int | None, typer.Option("--seeds", min=1, help="Number of seeds instead of the scenario's.")]
@@ -70,7 +86,7 @@ Seed = Annotated[int | None, typer.Option("--seed", min=0, help="Root of the ran
 
 @app.command()
 def run(
-    scenario_file: Annotated[Path | None, typer.Argument(help="Scenario file (TOML).", show_default=False)] = None,
+    scenario_file: OptionalScenarioFile = None,
     engine: EngineName = None,
     seeds: Seeds = None,
     seed: Seed = None,
@@ -154,7 +170,7 @@ def check(
 
 app.command()(modes)
 app.command("modes import")(import_modes_command)
-for command in (response, sequence, wave, chart, part, compare, new):
+for command in (response, sequence, wave, chart, part, compare, new, schema):
     app.command()(command)
 
 

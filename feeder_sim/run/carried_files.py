@@ -29,7 +29,7 @@ def carried_names(scenario: Scenario) -> dict[Path, str]:
     names: dict[Path, str] = {}
     known: dict[tuple[str, str], str] = {}
     for key, path in input_files(scenario).items():
-        if path in names or _size(path, key) > LARGEST_CARRIED:
+        if path in names or (path.is_file() and path.stat().st_size > LARGEST_CARRIED):
             continue
         same = hashlib.sha256(_read(path, key)).hexdigest(), path.suffix
         if same not in known:
@@ -84,32 +84,39 @@ def relative(scenario: Scenario, run: Path) -> Scenario:
     return with_files(scenario, lambda path: path.relative_to(root) if path.is_relative_to(root) else path)
 
 
-def left_by_a_kill(folder: Path, scenario: Scenario) -> bool:
-    """Whether the folder of inputs holds nothing but what a run of this scenario would write into it, or its begin."""
-    names = carried_names(scenario)
-    wanted = {name: path for path, name in names.items()}
-    begun = {partial_of(folder / name).name: path for name, path in wanted.items()}
-    if folder.is_symlink() or not folder.is_dir():
+def left_by_a_kill(inputs: Path, scenario: Scenario) -> bool:
+    """Whether a folder of inputs holds nothing but what a run of this scenario writes into it, or the begin of that.
+
+    Raises:
+        InputError: a file of the scenario cannot be read.
+    """
+    if inputs.is_symlink() or not inputs.is_dir():
         return False
-    for held in folder.iterdir():
-        path = wanted.get(held.name) or begun.get(held.name)
-        if path is None or held.is_symlink() or not held.is_file():
-            return False
-        content, whole = held.read_bytes(), _read(path)
-        if content != (whole if held.name in wanted else whole[: len(content)]):
+    contents = {name: _read(path) for path, name in carried_names(scenario).items()}
+    begun = {partial_of(inputs / name).name: content for name, content in contents.items()}
+    for held in inputs.iterdir():
+        content = _content(held)
+        if held.name in begun:
+            as_written = content is not None and begun[held.name].startswith(content)
+        else:
+            as_written = held.name in contents and content == contents[held.name]
+        if not as_written:
             return False
     return True
 
 
+def _content(path: Path) -> bytes | None:
+    """What is in a file; None if it is none, or has just gone."""
+    try:
+        return path.read_bytes() if path.is_file() and not path.is_symlink() else None
+    except OSError:
+        return None
+
+
 def _read(path: Path, key: str | None = None) -> bytes:
+    if not path.is_file():  # a pipe may never end
+        raise InputError("no such file", file=path, key=key)
     try:
         return path.read_bytes()
-    except OSError as error:
-        raise InputError(f"cannot be read: {cause_of(error)}", file=path, key=key) from error
-
-
-def _size(path: Path, key: str) -> int:
-    try:
-        return path.stat().st_size
     except OSError as error:
         raise InputError(f"cannot be read: {cause_of(error)}", file=path, key=key) from error

@@ -112,7 +112,7 @@ def _copied(source: Path, folder: Path) -> dict[str, bytes]:
 
 
 def _renamed(source: Path, scenario: Scenario, names: dict[Path, str], folder: Path) -> str:
-    """The text of a scenario with the names of the copies; its resolved form where the text cannot be changed simply."""
+    """The text of a scenario with the names of the copies; where that is not simple, the scenario with all defaults."""
     text = _without_schema(source).decode()
     as_written = input_files(parse(text, Scenario, source))
     for key, path in input_files(scenario).items():

@@ -42,7 +42,9 @@ def notebook(scenario: Scenario) -> dict[str, Any]:
     """The notebook as JSON takes it (nbformat 4.5)."""
     seeds = min(FEW_SEEDS, scenario.run.seeds)
     own_modes = "plate.mode_file" in input_files(scenario)
-    again = " After a change of `plate.toml`: `feeder-sim modes plate.toml --out modes.h5 --force`." if own_modes else ""
+    again = (
+        " After a change of `plate.toml`: `feeder-sim modes plate.toml --out modes.h5 --force`." if own_modes else ""
+    )
     cells = [
         _words("intro", f"# {scenario.title or 'A scenario'}\n\nIn `scenario.toml` is what is simulated.{again}"),
         _code("load", _LOAD),
@@ -50,7 +52,9 @@ def notebook(scenario: Scenario) -> dict[str, Any]:
         _code("simulate", _SIMULATE.format(seeds=seeds)),
         _words("measures-words", "All measures, with mean, standard deviation, standard error and number of values:"),
         _code("measures", _MEASURES),
-        _words("modes-words", "The modes that are driven. Parts hop where the colour is strong, and drift to the lines."),
+        _words(
+            "modes-words", "The modes that are driven. Parts hop where the colour is strong, and drift to the lines."
+        ),
         _code("modes", _DRAW),
     ]
     kernel = {"kernelspec": {"display_name": "Python 3", "language": "python", "name": "python3"}}

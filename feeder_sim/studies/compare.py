@@ -156,7 +156,8 @@ def difference(name: str, first: list[float], second: list[float], *, paired: bo
 
     Args:
         name: of the measure.
-        first, second: value of every seed; NaN where it has none.
+        first: value of every seed of the first run; NaN where it has none.
+        second: of the second run.
         paired: whether the seeds are the same, so that both lists have the same length.
     """
     a, b = (np.array(values, float) for values in (first, second))
