@@ -46,8 +46,9 @@ class MeasuredRun:
 
     @property
     def names(self) -> list[str]:
-        """Of all measures, in the order of the summary."""
-        return list(dict.fromkeys(name for values in self.values for name in values))
+        """Of the measures that at least one seed has a value of, in the order of the summary."""
+        held = (name for values in self.values for name, value in values.items() if math.isfinite(value))
+        return list(dict.fromkeys(held))
 
     def of(self, name: str) -> list[float]:
         """One measure of every seed."""
