@@ -37,16 +37,21 @@ ScenarioFile = Annotated[Path, _SCENARIO]
 OptionalScenarioFile = Annotated[Path | None, _SCENARIO]
 
 
-def scenario_of(path: Path, engine: str | None, seeds: int | None, seed: int | None) -> Scenario:
-    """Load a scenario file, or an example by its name, and put the options that are given into its [run] table.
+def scenario_of(
+    path: Path, engine: str | None, seeds: int | None, seed: int | None, settings: list[str] | None = None
+) -> Scenario:
+    """Load a scenario file, or an example by its name; put the options that are given into it: its [run], and `--set`.
 
     Raises:
         InputError: a file that cannot be used, or a value that is not allowed.
     """
     from feeder_sim.scenario import load_scenario, with_run
+    from feeder_sim.scenario.changes import read_changes
 
     path = scenario_path(path)
     scenario = load_scenario(path)
+    if settings:
+        scenario = scenario.changed(read_changes(settings), file=path)
     options = {"engine": engine, "seeds": seeds, "seed": seed}
     return with_run(scenario, file=path, **{name: value for name, value in options.items() if value is not None})
 

@@ -27,6 +27,7 @@ from feeder_sim.cli.replay import replay
 from feeder_sim.cli.report import as_lines, print_boundaries, print_result
 from feeder_sim.cli.response import response
 from feeder_sim.cli.schema import schema
+from feeder_sim.cli.sweep import merge, sweep
 from feeder_sim.cli.terminal import notify, progress_bar, stop_on_signal
 from feeder_sim.errors import (
     LONGEST_MESSAGE,
@@ -82,6 +83,10 @@ AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON object on s
 EngineName = Annotated[str | None, typer.Option("--engine", help="Engine instead of the scenario's.")]
 Seeds = Annotated[int | None, typer.Option("--seeds", min=1, help="Number of seeds instead of the scenario's.")]
 Seed = Annotated[int | None, typer.Option("--seed", min=0, help="Root of the random numbers.")]
+Set = Annotated[
+    list[str] | None,
+    typer.Option("--set", help="KEY=VALUE in place of the scenario's, such as drive[0].amplitude_um=2; repeatable."),
+]
 
 
 @app.command()
@@ -90,6 +95,7 @@ def run(
     engine: EngineName = None,
     seeds: Seeds = None,
     seed: Seed = None,
+    settings: Set = None,
     out: Annotated[Path | None, typer.Option("--out", help="Folder for the run [runs/NAME-001, -002, ...].")] = None,
     as_json: AsJson = False,
     dry_run: Annotated[bool, typer.Option("--dry-run", help="Say what would be done, as `check` does.")] = False,
@@ -97,7 +103,8 @@ def run(
 ) -> None:
     """Simulate a scenario and record it, or go on with a run that was interrupted."""
     if resume is not None:
-        given = {"a scenario": scenario_file, "--engine": engine, "--seeds": seeds, "--seed": seed, "--out": out}
+        given = {"a scenario": scenario_file, "--engine": engine, "--seeds": seeds, "--seed": seed, "--set": settings}
+        given |= {"--out": out}
         also = [name for name, value in given.items() if value is not None]
         if also or dry_run:
             raise InputError(
@@ -112,7 +119,7 @@ def run(
         return
     if scenario_file is None:
         raise InputError("a scenario file is needed, or --resume with the folder of a run", key="run")
-    scenario = scenario_of(scenario_file, engine, seeds, seed)
+    scenario = scenario_of(scenario_file, engine, seeds, seed, settings)
     with naming(scenario_file):
         from feeder_sim.run.run_folder import check_free, fresh_folder, record_run
 
@@ -153,11 +160,12 @@ def check(
     scenario_file: ScenarioFile,
     engine: EngineName = None,
     seeds: Seeds = None,
+    settings: Set = None,
     as_json: AsJson = False,
     mjcf: Annotated[Path | None, typer.Option("--mjcf", help="Also write the scene as MJCF.")] = None,
 ) -> None:
     """Validate a scenario; print the resolved scene, its cost and file size."""
-    scenario = scenario_of(scenario_file, engine, seeds, None)
+    scenario = scenario_of(scenario_file, engine, seeds, None, settings)
     with naming(scenario_file):
         if mjcf is not None:
             from feeder_sim.run.run_folder import mjcf_text
@@ -170,7 +178,7 @@ def check(
 
 app.command()(modes)
 app.command("modes import")(import_modes_command)
-for command in (response, sequence, wave, chart, part, compare, new, schema):
+for command in (response, sequence, wave, chart, part, sweep, merge, compare, new, schema):
     app.command()(command)
 
 

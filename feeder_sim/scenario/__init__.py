@@ -43,6 +43,7 @@ from feeder_sim.scenario.scenario import (
     with_run,
 )
 from feeder_sim.scenario.schedule import Goal, Pick, Schedule, Settled, Stage
+from feeder_sim.scenario.uncertain import Uncertain
 
 __all__ = [
     "Actuator",
@@ -85,6 +86,7 @@ __all__ = [
     "StillPlate",
     "Strip",
     "Tube",
+    "Uncertain",
     "input_files",
     "load_actuator_file",
     "load_outline_file",

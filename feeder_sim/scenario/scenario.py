@@ -13,10 +13,11 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, Self
 
-from pydantic import Field, model_validator
+from pydantic import BeforeValidator, Field, ValidationError, model_validator
 
+from feeder_sim.errors import InputError
 from feeder_sim.scenario.attachments import ActuatorFile
-from feeder_sim.scenario.changes import changed_values
+from feeder_sim.scenario.changes import KeyPath, changed_values, path_of
 from feeder_sim.scenario.engine_choice import known_failures, uncovered
 from feeder_sim.scenario.outline import OutlineFile
 from feeder_sim.scenario.part import MAX_PARTS, Heap, PartSpec, Scattered, Slide, Tube
@@ -26,6 +27,7 @@ from feeder_sim.scenario.refill import Refill, Robot, refused_around_plate
 from feeder_sim.scenario.run import Contact, MujocoSettings, Run
 from feeder_sim.scenario.schedule import Goal, Schedule
 from feeder_sim.scenario.tables import Table, parse, read_text, validated
+from feeder_sim.scenario.uncertain import Uncertain, by_full_key
 
 STILL_HZ = 250.0
 
@@ -43,6 +45,9 @@ class Scenario(Table):
     goal: Goal | None = None
     refill: Refill | None = None
     robot: Robot | None = None
+    uncertain: (
+        Annotated[dict[str, Uncertain], Field(min_length=1, max_length=100), BeforeValidator(by_full_key)] | None
+    ) = None
     run: Run
 
     @property
@@ -192,6 +197,41 @@ class Scenario(Table):
             for failure in known_failures(self):
                 raise ValueError(f"{failure}; run.allow_unstable = true runs it all the same")
         return self
+
+    @model_validator(mode="after")
+    def _uncertain_values_are_allowed(self) -> Self:
+        seen: set[str] = set()
+        for key, uncertain in (self.uncertain or {}).items():
+            keys = (key, *uncertain.also)
+            for name in keys:
+                path = _path(name)
+                if name in seen or path[0] in ("uncertain", "title") or path[:2] in (("run", "seed"), ("run", "seeds")):
+                    raise ValueError(f"uncertain holds {name}, allowed is each key once, of what decides a run")
+                seen.add(name)
+            for value in uncertain.extremes:
+                self._check_changed(dict.fromkeys(keys, value), key)
+        return self
+
+    def _check_changed(self, changes: dict[str, Any], key: str) -> None:
+        """Refuse values of an uncertain input that a file could not have."""
+        raw = self.model_dump(exclude={"uncertain"})
+        try:
+            Scenario.model_validate(changed_values(raw, changes, Path("scenario")))
+        except ValidationError as error:
+            first, value = error.errors()[0], changes[key]
+            message = "there is no such key" if first["type"] == "extra_forbidden" else first["msg"]
+            message = message.removeprefix("Value error, ").replace("Input should be", "allowed is")
+            raise ValueError(f"uncertain.{key} may be {value!r}: {message}") from None
+        except InputError as error:
+            raise ValueError(f"uncertain.{key}: {error.key}: {error.problem}") from None
+
+
+def _path(key: str) -> KeyPath:
+    """The path of a key, for a validator."""
+    try:
+        return path_of(key)
+    except InputError as error:
+        raise ValueError(f"uncertain.{error.key}: {error.problem}") from None
 
 
 def load_scenario(path: str | Path) -> Scenario:

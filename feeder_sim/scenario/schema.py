@@ -32,6 +32,7 @@ def json_schema(kind: str) -> dict[str, Any]:
     for name, described in ({root.__name__: schema} | definitions).items():
         _describe(described, tables[name])
     _require_tags(schema, definitions)
+    _allow_dotted_keys(schema, definitions)
     return {"$schema": DRAFT, "title": f"feeder_sim {kind} file"} | schema
 
 
@@ -100,3 +101,16 @@ def _require_tags(value: Any, definitions: dict[str, Any]) -> None:
                 held["required"] = list(dict.fromkeys([tag, *held.get("required", ())]))
         for entry in list(value.values()):
             _require_tags(entry, definitions)
+
+
+def _allow_dotted_keys(schema: dict[str, Any], definitions: dict[str, Any]) -> None:
+    """Let [uncertain] hold tables in tables: that is what keys with dots and without quotes are in TOML."""
+    if uncertain := schema["properties"].get("uncertain"):
+        either = {"anyOf": [{"$ref": "#/$defs/Uncertain"}, {"$ref": "#/$defs/UncertainKeys"}]}
+        uncertain["additionalProperties"] = either
+        definitions["UncertainKeys"] = {
+            "type": "object",
+            "description": "The rest of a key with dots.",
+            "minProperties": 1,
+            "additionalProperties": either,
+        }

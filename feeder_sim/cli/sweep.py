@@ -1,0 +1,174 @@
+"""`feeder-sim sweep` and `feeder-sim merge`: a scenario at many points, and the table of it."""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from feeder_sim.cli.files import naming, scenario_of
+from feeder_sim.cli.terminal import progress_bar, stop_on_signal
+from feeder_sim.errors import InputError, Interrupted, printable
+
+if TYPE_CHECKING:
+    from feeder_sim.studies.sweep.cases import Sweep
+    from feeder_sim.studies.sweep.folder import SweepFolder
+
+SWEEPS = Path("sweeps")
+MOST_LINES = 60  # of a table on the terminal
+_TASK = re.compile(r"(\d{1,6})/(\d{1,6})")
+
+ScenarioFile = Annotated[Path, typer.Argument(help="Scenario file (TOML).", show_default=False)]
+Vary = Annotated[
+    list[str],
+    typer.Option(
+        "--vary", help="KEY=LOW:HIGH:COUNT, LOW:HIGH:logCOUNT or A,B,C; for --sobol also LOW:HIGH.", show_default=False
+    ),
+]
+Set = Annotated[
+    list[str] | None, typer.Option("--set", help="KEY=VALUE in place of the scenario's, as often as needed.")
+]
+Seeds = Annotated[int | None, typer.Option("--seeds", min=1, help="Seeds of every point [the scenario's].")]
+Seed = Annotated[int | None, typer.Option("--seed", min=0, help="Root of the random numbers.")]
+EngineName = Annotated[str | None, typer.Option("--engine", help="Engine instead of the scenario's.")]
+Inputs = Annotated[int, typer.Option("--inputs", min=2, max=4096, help="Draws of inputs that are [uncertain].")]
+WorkerCount = Annotated[int | None, typer.Option("--workers", min=1, help="Processes [one per core].")]
+Dask = Annotated[str | None, typer.Option("--dask", help="Scheduler of a Dask cluster, such as tcp://host:8786.")]
+AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout.")]
+
+
+def sweep(
+    scenario_file: ScenarioFile,
+    vary: Vary,
+    settings: Set = None,
+    zipped: Annotated[bool, typer.Option("--zip", help="Take the axes side by side, not crossed.")] = False,
+    sobol: Annotated[int, typer.Option("--sobol", min=0, help="Points of a Sobol sample over the axes.")] = 0,
+    seeds: Seeds = None,
+    seed: Seed = None,
+    engine: EngineName = None,
+    measure: Annotated[str | None, typer.Option("--measure", help="Measure to print and draw [the usual one].")] = None,
+    until_se: Annotated[
+        str | None, typer.Option("--until-se", help="More seeds until the standard error is below, such as 3%.")
+    ] = None,
+    inputs: Inputs = 16,
+    out: Annotated[Path | None, typer.Option("--out", help="Folder of the sweep [sweeps/NAME].")] = None,
+    workers: WorkerCount = None,
+    dask: Dask = None,
+    task: Annotated[
+        str | None, typer.Option("--task", help="I/N: only every N-th point from the I-th on, for job arrays.")
+    ] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Run a scenario at many points; running the same again goes on with what is not done."""
+    scenario = scenario_of(scenario_file, engine, seeds, seed, settings)
+    share = _task_of(task)
+    with naming(scenario_file):
+        from feeder_sim.jobs.workers import workers_of
+        from feeder_sim.studies.sweep.cases import Cases, run_cases
+        from feeder_sim.studies.sweep.folder import SweepFolder
+        from feeder_sim.studies.sweep.question import Question
+
+        question = Question(
+            tuple(vary), zipped, sobol, seeds or 0, measure or "", _share_of(until_se) if until_se else 0.0, inputs
+        )
+        cases = Cases.of(scenario, question, file=scenario_file)
+        if share:
+            cases = cases.part(*share)
+        title = f"{scenario_file.stem}: {len(cases.points)} points"
+        folder = SweepFolder(out or SWEEPS / scenario_file.stem, scenario, question, share)
+        with (
+            folder,
+            stop_on_signal() as stop,
+            progress_bar(title, stop) as progress,
+            workers_of(workers, dask) as found,
+        ):
+            done = run_cases(cases, found, folder.journal, stop=stop, progress=progress)
+        _finish(done, folder, measure, as_json, table=share is None)
+
+
+def merge(
+    folder: Annotated[Path, typer.Argument(help="Folder of a sweep, as job arrays leave it.", show_default=False)],
+    measure: Annotated[str | None, typer.Option("--measure", help="Measure to print and draw [the usual one].")] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Make the table of a sweep out of what the tasks of a job array have done."""
+    from feeder_sim.studies.sweep.folder import merged
+
+    done, home = merged(folder)
+    with home:
+        _finish(done, home, measure, as_json, table=True)
+
+
+def _finish(done: Sweep, folder: SweepFolder, measure: str | None, as_json: bool, *, table: bool) -> None:
+    """Write and print what there is; the exit code says how it ended."""
+    name = done.measure(measure)
+    if table:
+        from feeder_sim.plots.sweep import draw_sweep
+        from feeder_sim.studies.sweep.folder import PICTURE
+
+        folder.write(done)
+        draw_sweep(done, name, folder.path / PICTURE)
+    if as_json:
+        rows = [row.as_dict() for row in done.rows]
+        print(json.dumps({"folder": str(folder.path), "complete": done.complete, "measure": name, "rows": rows}))
+    else:
+        print_table(done, name)
+        print(f"{len(done.cases.points)} points in {printable(str(folder.path))}")
+    for failure in done.failures[:3]:
+        typer.echo(f"feeder-sim: failed: {printable(failure)}", err=True)
+    if not done.complete:
+        typer.echo("feeder-sim: not complete; what was computed is kept, the same command goes on", err=True)
+        raise typer.Exit(Interrupted.exit_code)
+    if done.failures:
+        raise typer.Exit(1)
+
+
+def print_table(done: Sweep, measure: str) -> None:
+    """One measure over the points."""
+    keys, rows = done.keys, done.of(measure)
+    more = ("low", "high") if done.uncertain else ()
+    head = [*keys, measure or "measure", "+-", *more, "n", "failed"]
+    lines = [
+        [_text(row.as_dict().get(column)) for column in (*keys, "mean", "se", *more, "n", "failed")] for row in rows
+    ]
+    shown = lines[:MOST_LINES]
+    widths = [max(len(row[i]) for row in [head, *shown]) for i in range(len(head))]
+    for line in [head, *shown]:
+        print("  ".join(printable(text).rjust(width) for text, width in zip(line, widths, strict=True)))
+    if len(lines) > len(shown):
+        print(f"and {len(lines) - len(shown)} more points, in the table of the folder")
+
+
+def _text(value: Any) -> str:
+    if value is None:
+        return "-"
+    return f"{value:.4g}" if isinstance(value, float) else str(value)
+
+
+def _share_of(text: str) -> float:
+    """A share, written as 3% or as 0.03.
+
+    Raises:
+        InputError: it is neither.
+    """
+    try:
+        return float(text[:-1]) / 100.0 if text.endswith("%") else float(text)
+    except ValueError:
+        raise InputError(f"is {text!r}, allowed is a share such as 3% or 0.03", key="--until-se") from None
+
+
+def _task_of(text: str | None) -> tuple[int, int] | None:
+    """Number and how many, of a task of a job array.
+
+    Raises:
+        InputError: it is not I/N with I from 1 to N.
+    """
+    if text is None:
+        return None
+    match = _TASK.fullmatch(text)
+    if match is None or not 1 <= int(match[1]) <= int(match[2]):
+        raise InputError(f"is {text!r}, allowed is I/N with I from 1 to N", key="--task")
+    return int(match[1]), int(match[2])

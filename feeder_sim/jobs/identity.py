@@ -1,0 +1,41 @@
+"""What the numbers of a scenario depend on, as one short text: its values, the files it reads, the libraries."""
+
+from __future__ import annotations
+
+import functools
+import hashlib
+import json
+from pathlib import Path
+from typing import Any
+
+from feeder_sim.errors import InputError, cause_of
+from feeder_sim.run.provenance import library_versions
+from feeder_sim.scenario import Scenario
+
+
+def identity_of(scenario: Scenario) -> str:
+    """A hash of all that decides the numbers of its seeds: not of its title, nor of how many seeds it has.
+
+    Files count by their content, wherever they are.
+
+    Raises:
+        InputError: a file that the scenario names cannot be read.
+    """
+    raw = scenario.model_dump(exclude={"title": True, "uncertain": True, "run": {"seeds"}})
+    text = json.dumps([raw, library_versions()], default=_content, sort_keys=True)
+    return hashlib.sha256(text.encode()).hexdigest()[:32]
+
+
+def _content(value: Any) -> str:
+    if not isinstance(value, Path):
+        raise TypeError(f"{type(value).__name__} in a scenario")
+    try:
+        state = value.stat()
+        return _hash(value, state.st_mtime_ns, state.st_size)
+    except OSError as error:
+        raise InputError(f"cannot be read: {cause_of(error)}", file=value) from error
+
+
+@functools.lru_cache(64)
+def _hash(path: Path, changed: int, size: int) -> str:
+    return hashlib.sha256(path.read_bytes()).hexdigest()

@@ -1,0 +1,99 @@
+"""Runs what there is to do until there is no more: hands out tasks, takes what comes back, outlives workers."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Future, wait
+from typing import Protocol, TypeVar
+
+from feeder_sim.errors import FeederSimError
+from feeder_sim.jobs.task import SeedValues, Task, run_task
+from feeder_sim.jobs.workers import Workers
+
+AHEAD = 2  # tasks per worker that are handed out
+TASK_S = 0.5  # [s] that a task should take, so that handing it out costs little
+MOST_BREAKS = 5  # of an executor, without a task that was done in between
+LOOK_S = 0.2  # [s] between two looks whether to stop
+
+P = TypeVar("P")
+
+
+class Work(Protocol[P]):
+    """What there is to do; `P` is what a task belongs to."""
+
+    def next(self, seeds: int) -> tuple[P, Task] | None:
+        """The next task, of up to so many seeds; None while there is none."""
+        ...
+
+    def take(self, place: P, done: tuple[SeedValues, ...]) -> None:
+        """Take what a task has come to; there may be more to do after it."""
+        ...
+
+    @property
+    def share_done(self) -> float:
+        """Of all that is known to be there to do [1]."""
+        ...
+
+
+def run_work(
+    work: Work[P],
+    workers: Workers,
+    *,
+    stop: threading.Event | None = None,
+    progress: Callable[[float], None] | None = None,
+) -> bool:
+    """Run all there is to do; returns whether it came to the end, and was not stopped.
+
+    A task whose worker has died is handed out again.
+
+    Raises:
+        FeederSimError: workers die on and on.
+    """
+    stop = stop or threading.Event()
+    pending: dict[Future[tuple[SeedValues, ...]], tuple[P, Task]] = {}
+    again: list[tuple[P, Task]] = []
+    breaks, seeds_done, seconds = 0, 0, 0.0
+    while not stop.is_set():
+        block = max(1, int(TASK_S * seeds_done / seconds)) if seconds > 0.0 else 1
+        while len(pending) < AHEAD * workers.count:
+            handed = again.pop() if again else work.next(block)
+            if handed is None:
+                break
+            try:
+                pending[workers.executor.submit(run_task, handed[1])] = handed
+            except BrokenExecutor:
+                again.append(handed)
+                breaks = _restarted(workers, breaks)
+        if not pending:
+            return True
+        finished, _ = wait(pending, timeout=LOOK_S, return_when=FIRST_COMPLETED)
+        broken = False
+        for future in finished:
+            place, task = pending.pop(future)
+            try:
+                done = future.result()
+            except BrokenExecutor:
+                again.append((place, task))
+                broken = True
+                continue
+            breaks = 0
+            seeds_done, seconds = seeds_done + len(done), seconds + sum(seed.wall_s for seed in done)
+            work.take(place, done)
+        if broken:
+            again += pending.values()  # the executor has given them up as well
+            pending.clear()
+            breaks = _restarted(workers, breaks)
+        if progress:
+            progress(work.share_done)
+    for future in pending:
+        future.cancel()
+    return False
+
+
+def _restarted(workers: Workers, breaks: int) -> int:
+    """Go on with a new executor; returns how many have broken in a row."""
+    if workers.restart is None or breaks >= MOST_BREAKS:
+        raise FeederSimError("workers end before their task is done, again and again: is memory short?")
+    workers.executor = workers.restart()
+    return breaks + 1

@@ -1,0 +1,94 @@
+"""What is sent to a process: some seeds of one scenario. What comes back: the measures of each as numbers."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections import OrderedDict
+from dataclasses import dataclass
+from typing import Any
+
+from feeder_sim.errors import InputError
+from feeder_sim.scenario import Scenario
+from feeder_sim.scene.prepared import Prepared
+from feeder_sim.single_thread import single_threaded
+
+KEPT = 8  # prepared scenarios of a process
+
+
+@dataclass(frozen=True)
+class Task:
+    """Some seeds, by their indices, of one scenario."""
+
+    scenario: Scenario
+    seeds: tuple[int, ...]
+
+
+@dataclass(frozen=True)
+class SeedValues:
+    """What one seed has come to.
+
+    Attributes:
+        seed: its index.
+        values: measures by dotted name, see `values_of_seed`; NaN where it has none.
+        wall_s: what it took [s].
+        failure: why it has no values, a line; "" otherwise.
+    """
+
+    seed: int
+    values: dict[str, float]
+    wall_s: float
+    failure: str = ""
+
+    def as_entry(self) -> dict[str, Any]:
+        """As JSON takes it, which has no NaN."""
+        values = {name: None if math.isnan(value) else value for name, value in self.values.items()}
+        return {"seed": self.seed, "values": values, "wall_s": self.wall_s, "failure": self.failure}
+
+    @staticmethod
+    def of_entry(entry: dict[str, Any]) -> SeedValues:
+        """From what `as_entry` has made."""
+        values = {name: math.nan if value is None else float(value) for name, value in entry["values"].items()}
+        return SeedValues(int(entry["seed"]), values, float(entry["wall_s"]), str(entry["failure"]))
+
+
+_prepared: OrderedDict[str, Prepared | InputError] = OrderedDict()
+
+
+@single_threaded
+def run_task(task: Task) -> tuple[SeedValues, ...]:
+    """Run the seeds of a task, one after the other on one thread; the bits do not depend on where that is."""
+    from feeder_sim.measures.values import values_of_seed
+    from feeder_sim.run.one_seed import run_one_seed
+
+    prepared = _prepared_once(task.scenario)
+    if isinstance(prepared, InputError):
+        return tuple(SeedValues(seed, {}, 0.0, str(prepared)) for seed in task.seeds)
+    done = []
+    for seed in task.seeds:
+        started = time.perf_counter()
+        try:
+            result = run_one_seed(prepared, seed)
+        except InputError as error:  # no room for its parts
+            done.append(SeedValues(seed, {}, time.perf_counter() - started, str(error)))
+            continue
+        failure = str(result.failure) if result.failure else ""
+        values = {} if failure else values_of_seed(prepared, result)
+        done.append(SeedValues(seed, values, time.perf_counter() - started, failure))
+    return tuple(done)
+
+
+def _prepared_once(scenario: Scenario) -> Prepared | InputError:
+    """Prepare a scenario; what this process has prepared last is kept."""
+    from feeder_sim.run.prepare import prepare
+
+    text = scenario.model_dump_json()
+    if text not in _prepared:
+        try:
+            _prepared[text] = prepare(scenario)
+        except InputError as error:
+            _prepared[text] = error
+        while len(_prepared) > KEPT:
+            _prepared.popitem(last=False)
+    _prepared.move_to_end(text)
+    return _prepared[text]

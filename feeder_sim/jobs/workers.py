@@ -1,0 +1,99 @@
+"""Who runs tasks: processes of this machine, or any `concurrent.futures.Executor`, as that of a Dask cluster."""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import threading
+from collections.abc import Callable, Iterator
+from concurrent.futures import Executor, ProcessPoolExecutor
+from contextlib import contextmanager
+from dataclasses import dataclass
+from multiprocessing.connection import Connection
+
+from feeder_sim.errors import InputError
+from feeder_sim.run.simulation import available_cores
+
+CLUSTER_WAIT_S = 30.0  # [s] until a scheduler has to have answered
+
+
+@dataclass
+class Workers:
+    """An executor with its number of workers.
+
+    Attributes:
+        executor: takes the tasks.
+        count: how many tasks run at once.
+        restart: another executor in place of one that is broken; None where there is no other.
+    """
+
+    executor: Executor
+    count: int
+    restart: Callable[[], Executor] | None = None
+
+
+@contextmanager
+def local_workers(count: int | None = None) -> Iterator[Workers]:
+    """Processes of this machine, by default one for each core; they end with this process, however it ends."""
+    count = count or available_cores()
+    context = multiprocessing.get_context("spawn")
+    pools: list[tuple[ProcessPoolExecutor, Connection]] = []
+
+    def start() -> Executor:
+        end, alive = context.Pipe(duplex=False)
+        pool = ProcessPoolExecutor(count, mp_context=context, initializer=_live_with, initargs=(end,))
+        pools.append((pool, alive))
+        return pool
+
+    try:
+        yield Workers(start(), count, start)
+    finally:
+        for pool, alive in pools:
+            alive.close()  # ends the processes, in whatever they are
+            pool.shutdown(cancel_futures=True)
+
+
+def _live_with(end: Connection) -> None:
+    """End this process as soon as the one that has started it ends or closes its end of the pipe."""
+    import signal
+
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches the whole group; who has started it decides
+
+    def watch() -> None:
+        end.poll(None)  # until the other end is closed
+        os._exit(1)
+
+    threading.Thread(target=watch, daemon=True).start()
+
+
+@contextmanager
+def given_workers(executor: Executor, count: int | None = None) -> Iterator[Workers]:
+    """An executor of the caller's, who also ends it."""
+    yield Workers(executor, count or getattr(executor, "_max_workers", None) or available_cores())
+
+
+@contextmanager
+def dask_workers(address: str) -> Iterator[Workers]:
+    """The workers of a Dask cluster, by the address of its scheduler, such as tcp://host:8786.
+
+    Raises:
+        InputError: Dask is not installed, or no scheduler answers.
+    """
+    try:
+        from distributed import Client
+    except ImportError:
+        raise InputError("needs the extra `dask`: pip install 'feeder_sim[dask]'", key="--dask") from None
+    try:
+        client = Client(address, timeout=CLUSTER_WAIT_S, set_as_default=False)
+    except (OSError, TimeoutError, ValueError) as error:
+        raise InputError(f"is {address!r}, where no scheduler answers: {error}", key="--dask") from error
+    with client:
+        threads = sum(client.nthreads().values())
+        yield Workers(client.get_executor(pure=False, retries=2), max(1, threads))
+
+
+@contextmanager
+def workers_of(count: int | None, dask: str | None) -> Iterator[Workers]:
+    """Those of the command line: of a Dask cluster where an address is given, else processes of this machine."""
+    with dask_workers(dask) if dask else local_workers(count) as workers:
+        yield workers

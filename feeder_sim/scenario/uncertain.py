@@ -1,0 +1,93 @@
+"""Inputs that nobody knows exactly: what each may be, in place of one number.
+
+[uncertain]
+contact.restitution = { uniform = [0.2, 0.5], also = ["contact.part_restitution"] }
+contact.friction = { normal = [0.3, 0.05] }
+plate.rim = { choice = [true, false] }
+"drive[0].amplitude_um" = { log_uniform = [0.8, 1.2] }      # a key with brackets needs quotes
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Annotated, Any, Self
+
+from pydantic import Field, model_validator
+from scipy.special import ndtri
+
+from feeder_sim.scenario.changes import full_key
+from feeder_sim.scenario.tables import Table
+
+Number = Annotated[float, Field(allow_inf_nan=False, strict=True)]
+REACH = 3.0  # standard deviations beyond which a normal distribution is cut off
+
+
+def by_full_key(value: Any) -> Any:
+    """The table by dotted keys, also where they are written without quotes, so that TOML makes tables of them."""
+    if not isinstance(value, Mapping):
+        return value
+    found: dict[str, Any] = {}
+    stack = [("", value)]
+    while stack:
+        key, table = stack.pop()
+        for name, entry in table.items():
+            inner = f"{key}.{name}" if key else str(name)
+            leads_on = isinstance(entry, Mapping) and entry and all(isinstance(e, Mapping) for e in entry.values())
+            if leads_on:
+                stack.append((inner, entry))
+            else:
+                found[full_key(inner)] = entry
+    return found
+
+
+class Uncertain(Table):
+    """What a value may be: evenly spread (`uniform`, or `log_uniform` of its logarithm), `normal` = [mean, standard
+    deviation] within three standard deviations, or one of a `choice`. Keys in `also` get the same value.
+    """
+
+    uniform: tuple[Number, Number] | None = None
+    log_uniform: tuple[Number, Number] | None = None
+    normal: tuple[Number, Number] | None = None
+    choice: Annotated[tuple[Any, ...], Field(min_length=2, max_length=1000)] | None = None
+    also: tuple[str, ...] = ()
+
+    def at(self, share: float) -> Any:
+        """The value below which a share of all lies [1]: draws are evenly spread shares."""
+        if self.choice is not None:
+            return self.choice[min(int(share * len(self.choice)), len(self.choice) - 1)]
+        if self.normal is not None:
+            mean, deviation = self.normal
+            below, above = 0.5 * math.erfc(REACH / math.sqrt(2.0)), 0.5 * math.erfc(-REACH / math.sqrt(2.0))
+            return float(mean + deviation * ndtri(below + share * (above - below)))
+        low, high = self.ends
+        if self.log_uniform is not None and 0.0 < share < 1.0:
+            return math.exp(math.log(low) + share * math.log(high / low))
+        return low + share * (high - low) if share < 1.0 else high
+
+    @property
+    def ends(self) -> tuple[float, float]:
+        """The smallest and the largest value of what is no choice."""
+        if self.normal is not None:
+            return self.normal[0] - REACH * self.normal[1], self.normal[0] + REACH * self.normal[1]
+        span = self.uniform or self.log_uniform
+        assert span is not None  # the table's own check
+        return span
+
+    @property
+    def extremes(self) -> tuple[Any, ...]:
+        """Values that all have to be allowed."""
+        return self.ends if self.choice is None else self.choice
+
+    @model_validator(mode="after")
+    def _one_distribution(self) -> Self:
+        kinds = ("uniform", "log_uniform", "normal", "choice")
+        given = [kind for kind in kinds if getattr(self, kind) is not None]
+        if len(given) != 1:
+            raise ValueError(f"exactly one of {', '.join(kinds)} is needed, here are {len(given)}")
+        if self.choice is None and not self.ends[0] < self.ends[1]:
+            what = "a standard deviation above 0" if self.normal else "[low, high] with low < high"
+            raise ValueError(f"{given[0]} is {list(getattr(self, given[0]))}, allowed is {what}")
+        if self.log_uniform is not None and self.log_uniform[0] <= 0.0:
+            raise ValueError(f"log_uniform begins at {self.log_uniform[0]:g}, allowed is above 0")
+        return self

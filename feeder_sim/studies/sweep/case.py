@@ -1,0 +1,98 @@
+"""One scenario of a sweep: what its seeds have come to, and how many more the answer takes."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+from feeder_sim.jobs.task import SeedValues
+from feeder_sim.measures.statistic import Statistic
+from feeder_sim.scenario import Scenario
+
+FIRST_LOOK = 4  # seeds after which it is known whether anything happens at all
+GROWTH = 2.0  # of the number of seeds from one look to the next, at most
+
+
+@dataclass(frozen=True)
+class Effort:
+    """How many seeds are worth their time.
+
+    Attributes:
+        seeds: of every case; with `until_se` at first.
+        until_se: more seeds are run until the standard error of the measure is below this share of its mean [1].
+        most_seeds: of a case.
+        measure: that `until_se` looks at.
+    """
+
+    seeds: int
+    until_se: float | None = None
+    most_seeds: int = 1000
+    measure: str = ""
+
+
+@dataclass
+class Case:
+    """A scenario with the seeds that it has been run with.
+
+    Attributes:
+        scenario: what is run.
+        identity: see `feeder_sim.jobs.identity`.
+        done: what has come back, by seed.
+    """
+
+    scenario: Scenario
+    identity: str
+    done: dict[int, SeedValues] = field(default_factory=dict)
+    _handed: set[int] = field(default_factory=set)
+
+    def wanted(self, effort: Effort) -> int:
+        """How many seeds the case should have, by those of them that are done; the order they came in does not matter.
+
+        Where nothing happens, as no part arrives or every seed has the same value, the first few are enough.
+        """
+        if effort.until_se is None:
+            return effort.seeds
+        wanted = min(FIRST_LOOK, effort.seeds)
+        while all(seed in self.done for seed in range(wanted)):
+            more = self._next_look(wanted, effort)
+            if more <= wanted:
+                break
+            wanted = more
+        return wanted
+
+    def _next_look(self, now: int, effort: Effort) -> int:
+        """How many seeds should be there when so many are."""
+        assert effort.until_se is not None
+        found = Statistic.of(self.values(effort.measure, now))
+        if not found.n or found.sd == 0.0:
+            return now
+        if now < effort.seeds:
+            return effort.seeds
+        aim = effort.until_se * abs(found.mean)
+        if found.n > 1 and found.se <= aim:
+            return now
+        needed = now * (found.se / aim) ** 2 if found.n > 1 and aim > 0.0 else math.inf
+        return int(min(max(now + 1, math.ceil(needed)), GROWTH * now, effort.most_seeds))
+
+    def hand_out(self, effort: Effort, most: int) -> tuple[int, ...]:
+        """Up to so many seeds that are to be run next."""
+        missing = [s for s in range(self.wanted(effort)) if s not in self.done and s not in self._handed][:most]
+        self._handed.update(missing)
+        return tuple(missing)
+
+    def is_done(self, effort: Effort) -> bool:
+        """Whether all seeds that are wanted have come back."""
+        return all(seed in self.done for seed in range(self.wanted(effort)))
+
+    def take(self, seeds: tuple[SeedValues, ...]) -> None:
+        for seed in seeds:
+            self.done[seed.seed] = seed
+            self._handed.discard(seed.seed)
+
+    def seeds(self, effort: Effort) -> list[SeedValues]:
+        """The seeds that count, in order: those wanted, whatever else has been run before."""
+        return [self.done[seed] for seed in range(self.wanted(effort)) if seed in self.done]
+
+    def values(self, measure: str, seeds: int) -> list[float]:
+        """What the first seeds have of a measure; NaN where there is none."""
+        return [self.done[seed].values.get(measure, math.nan) for seed in range(seeds) if seed in self.done]

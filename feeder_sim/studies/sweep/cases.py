@@ -1,0 +1,178 @@
+"""The cases of a sweep: the work they make, and what comes out.
+
+Every point has the same seeds, that is the same starts (common random numbers), so that differences between points are
+surer than the points themselves. With uncertain inputs every point is run with the same draws of them.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+from feeder_sim.errors import InputError, nearest
+from feeder_sim.jobs.identity import identity_of
+from feeder_sim.jobs.journal import Journal, read_journal
+from feeder_sim.jobs.runner import run_work
+from feeder_sim.jobs.task import SeedValues, Task
+from feeder_sim.jobs.workers import Workers
+from feeder_sim.scenario import Scenario
+from feeder_sim.studies.sweep.case import Case, Effort
+from feeder_sim.studies.sweep.design import Point
+from feeder_sim.studies.sweep.question import Question
+from feeder_sim.studies.sweep.table import Row, main_measure, rows_of
+from feeder_sim.studies.uncertainty.draws import draws_of
+
+
+@dataclass(frozen=True)
+class Cases:
+    """The points of a sweep with their cases, one per draw of the uncertain inputs."""
+
+    points: tuple[Point, ...]
+    cases: tuple[tuple[Case, ...], ...]
+    effort: Effort
+
+    @staticmethod
+    def of(scenario: Scenario, question: Question, *, file: Path) -> Cases:
+        """The scenario changed to every point and draw, all of them checked; `file` names it in messages.
+
+        Raises:
+            InputError: a key or a value that is not allowed.
+        """
+        draws, points = draws_of(scenario, question.inputs), question.points(scenario)
+        rows = []
+        for point in points:
+            changed = [scenario.changed({"uncertain": None, **draw, **point}, file=file) for draw in draws]
+            rows.append(tuple(Case(varied, identity_of(varied)) for varied in changed))
+        return Cases(tuple(points), tuple(rows), question.effort(scenario))
+
+    def part(self, number: int, of: int) -> Cases:
+        """Every n-th point from a number on, which counts from 1."""
+        share = slice(number - 1, None, of)
+        return Cases(self.points[share], self.cases[share], self.effort)
+
+    def __iter__(self) -> Iterator[Case]:
+        return (case for row in self.cases for case in row)
+
+
+class SweepWork:
+    """The seeds of all cases that are still to be run, handed out in order."""
+
+    def __init__(self, cases: Cases, keep: Callable[[Case, SeedValues], None]) -> None:
+        self._cases, self._effort, self._keep = list(cases), cases.effort, keep
+        self._open = list(cases)
+
+    def next(self, seeds: int) -> tuple[Case, Task] | None:
+        self._open = [case for case in self._open if not case.is_done(self._effort)]
+        for case in self._open:
+            handed = case.hand_out(self._effort, seeds)
+            if handed:
+                return case, Task(case.scenario, handed)
+        return None
+
+    def take(self, place: Case, done: tuple[SeedValues, ...]) -> None:
+        place.take(done)
+        for seed in done:
+            self._keep(place, seed)
+
+    @property
+    def share_done(self) -> float:
+        wanted = sum(case.wanted(self._effort) for case in self._cases)
+        return sum(len(case.seeds(self._effort)) for case in self._cases) / max(1, wanted)
+
+
+@dataclass(frozen=True)
+class Sweep:
+    """What a sweep has come to.
+
+    Attributes:
+        cases: the points, and what their seeds have come to.
+        complete: whether all of it is done.
+    """
+
+    cases: Cases
+    complete: bool
+
+    @property
+    def keys(self) -> tuple[str, ...]:
+        """The varied keys."""
+        return tuple(dict.fromkeys(key for point in self.cases.points for key in point))
+
+    @property
+    def uncertain(self) -> bool:
+        """Whether inputs were uncertain."""
+        return any(len(row) > 1 for row in self.cases.cases)
+
+    @cached_property
+    def rows(self) -> tuple[Row, ...]:
+        """The table: every measure at every point."""
+        effort = self.cases.effort
+        found = []
+        for point, row in zip(self.cases.points, self.cases.cases, strict=True):
+            found += rows_of(point, [case.seeds(effort) for case in row], uncertain=self.uncertain)
+        return tuple(found)
+
+    @property
+    def measures(self) -> tuple[str, ...]:
+        """Names of all measures."""
+        return tuple(dict.fromkeys(row.measure for row in self.rows if row.measure))
+
+    def measure(self, name: str | None = None) -> str:
+        """The measure asked for, or the one to show.
+
+        Raises:
+            InputError: there is no such measure.
+        """
+        if name is None:
+            return self.cases.effort.measure or main_measure(self.measures, self.rows)
+        if self.measures and name not in self.measures:
+            allowed = ", ".join(self.measures)
+            raise InputError(f"is {name}{nearest(name, self.measures)}, allowed are {allowed}", key="--measure")
+        return name
+
+    def of(self, measure: str) -> list[Row]:
+        """The rows of one measure, one per point that has it."""
+        return [row for row in self.rows if row.measure == measure]
+
+    @property
+    def failures(self) -> list[str]:
+        """Why seeds have failed, each reason once."""
+        effort = self.cases.effort
+        return list(dict.fromkeys(s.failure for case in self.cases for s in case.seeds(effort) if s.failure))
+
+
+def run_cases(
+    cases: Cases,
+    workers: Workers,
+    journal: Path | None = None,
+    *,
+    stop: threading.Event | None = None,
+    progress: Callable[[float], None] | None = None,
+) -> Sweep:
+    """Run what is not done yet; with a journal, what is in it counts as done, and what comes is added."""
+    if journal is None:
+        return Sweep(cases, run_work(SweepWork(cases, _keep_nowhere), workers, stop=stop, progress=progress))
+    take_done(cases, [journal])
+    with Journal(journal) as written:
+
+        def keep(case: Case, seed: SeedValues) -> None:
+            written.add({"case": case.identity, **seed.as_entry()})
+
+        return Sweep(cases, run_work(SweepWork(cases, keep), workers, stop=stop, progress=progress))
+
+
+def _keep_nowhere(case: Case, seed: SeedValues) -> None:
+    pass
+
+
+def take_done(cases: Cases, journals: Sequence[Path]) -> None:
+    """Take what is done out of journals."""
+    by_identity: dict[str, list[Case]] = {}
+    for case in cases:
+        by_identity.setdefault(case.identity, []).append(case)
+    for journal in journals:
+        for entry in read_journal(journal):
+            for case in by_identity.get(entry["case"], ()):
+                case.take((SeedValues.of_entry(entry),))

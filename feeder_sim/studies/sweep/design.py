@@ -1,0 +1,182 @@
+"""The points of a sweep: values of keys, crossed (grid), side by side (zip) or drawn from ranges (Sobol).
+
+An axis is written as
+
+    drive[0].amplitude_um=0.5:8:12        12 values from 0.5 to 8, evenly spaced
+    drive[0].amplitude_um=0.5:8:log12     the same with a constant ratio
+    part[0].material=steel,aluminium      values
+    contact.friction=0.2:0.5              a range, for a Sobol sample; 0.2:0.5:log one of its logarithm
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from feeder_sim.errors import InputError, quoted
+from feeder_sim.scenario.changes import full_key, path_of, read_value
+
+MOST_POINTS = 100_000
+_NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
+_RANGE = re.compile(rf"({_NUMBER}):({_NUMBER})(?::(log)?(\d{{1,6}})?)?")
+Point = dict[str, Any]  # a value for each varied key
+
+
+@dataclass(frozen=True)
+class Range:
+    """Numbers from `low` to `high`, on a logarithmic scale or not."""
+
+    low: float
+    high: float
+    log: bool = False
+
+    def at(self, share: float) -> float:
+        """The number a share of the way from low to high [1]; both ends are exact."""
+        if share in (0.0, 1.0):
+            return self.high if share else self.low
+        if self.log:
+            return math.exp(math.log(self.low) + share * math.log(self.high / self.low))
+        return self.low + share * (self.high - self.low)
+
+
+@dataclass(frozen=True)
+class Axis:
+    """What one key takes: values, or a range to draw from."""
+
+    key: str
+    values: tuple[Any, ...] = ()
+    span: Range | None = None
+
+
+def read_axis(text: str, option: str = "--vary") -> Axis:
+    """An axis as the command line has it.
+
+    Raises:
+        InputError: it is not written as an axis is.
+    """
+    key, equals, values = text.partition("=")
+    if not equals or not key.strip() or not values.strip():
+        raise InputError(f"is {quoted(text)}, allowed is KEY=LOW:HIGH:COUNT, LOW:HIGH:logCOUNT or A,B,C", key=option)
+    key = full_key(key.strip())
+    path_of(key)
+    match = _RANGE.fullmatch(values.strip())
+    if match is not None:
+        low, high, log, count = float(match[1]), float(match[2]), match[3] is not None, match[4]
+        span = _range(Range(low, high, log), f"{option} {key}")
+        return spread(key, span, int(count), option) if count else Axis(key, span=span)
+    listed = read_value(values)
+    if not isinstance(listed, list) or values.lstrip()[0] != "[":
+        listed = [read_value(value) for value in _at_commas(values)]
+    return listed_axis(key, listed, option)
+
+
+def spread(key: str, span: Range, count: int, option: str) -> Axis:
+    """So many values over a range, both ends among them."""
+    if not 2 <= count <= MOST_POINTS:
+        raise InputError(f"has {count} values, allowed are 2 to {MOST_POINTS}", key=f"{option} {key}")
+    return Axis(key, tuple(span.at(i / (count - 1)) for i in range(count)), span)
+
+
+def listed_axis(key: str, values: Sequence[Any], option: str) -> Axis:
+    """The values of a list, none of them twice."""
+    path_of(key)
+    texts = [repr(value) for value in values]
+    if not values or len(set(texts)) < len(texts) or None in values:
+        raise InputError("has no value, or one twice; allowed are different values", key=f"{option} {key}")
+    return Axis(key, tuple(values))
+
+
+def grid(axes: Sequence[Axis]) -> list[Point]:
+    """Every value of each axis with every value of the others; the last axis changes first."""
+    _check_axes(axes)
+    _check_number(math.prod(len(axis.values) for axis in axes))
+    return [_point(axes, values) for values in itertools.product(*(axis.values for axis in axes))]
+
+
+def side_by_side(axes: Sequence[Axis]) -> list[Point]:
+    """The first values of all axes, then the second ones, and so on.
+
+    Raises:
+        InputError: the axes have different numbers of values.
+    """
+    _check_axes(axes)
+    counts = {len(axis.values) for axis in axes}
+    if len(counts) > 1:
+        counted = ", ".join(f"{axis.key} {len(axis.values)}" for axis in axes)
+        raise InputError(f"have different numbers of values ({counted}), allowed is the same", key="--vary, --zip")
+    _check_number(max(counts))
+    return [_point(axes, values) for values in zip(*(axis.values for axis in axes), strict=True)]
+
+
+def sobol_sample(axes: Sequence[Axis], count: int, seed: int = 0) -> list[Point]:
+    """A scrambled Sobol sequence over the ranges (scipy.stats.qmc); of listed values each gets an equal share.
+
+    Raises:
+        InputError: an unlikely number of points.
+    """
+    from scipy.stats import qmc
+
+    _check_axes(axes, ranges=True)
+    _check_number(count)
+    exponent = math.ceil(math.log2(count))
+    shares = qmc.Sobol(len(axes), rng=seed).random_base2(exponent)[:count]
+    return [
+        _point(axes, [value_at_share(axis, share) for axis, share in zip(axes, row, strict=True)]) for row in shares
+    ]
+
+
+def value_at_share(axis: Axis, share: float) -> Any:
+    """What an axis has a share of its way along [1]."""
+    if axis.span is not None:
+        return axis.span.at(float(share))
+    return axis.values[min(int(share * len(axis.values)), len(axis.values) - 1)]
+
+
+def _point(axes: Sequence[Axis], values: Sequence[Any]) -> Point:
+    return {axis.key: value for axis, value in zip(axes, values, strict=True)}
+
+
+def _range(span: Range, key: str) -> Range:
+    if not (math.isfinite(span.low) and math.isfinite(span.high) and span.low < span.high):
+        raise InputError(f"is {span.low:g}:{span.high:g}, allowed is LOW:HIGH with LOW below HIGH", key=key)
+    if span.log and span.low <= 0.0:
+        raise InputError(f"begins at {span.low:g}, allowed is above 0 on a logarithmic scale", key=key)
+    return span
+
+
+def _check_axes(axes: Sequence[Axis], *, ranges: bool = False) -> None:
+    keys = [axis.key for axis in axes]
+    for key in keys:
+        if keys.count(key) > 1:
+            raise InputError("is varied twice, allowed is once", key=key)
+    if not axes:
+        raise InputError("is missing, allowed is KEY=VALUES, once or several times", key="--vary")
+    for axis in axes:
+        if not axis.values and not ranges:
+            raise InputError("has a range without a number of values, which only --sobol takes", key=axis.key)
+
+
+def _check_number(count: int) -> None:
+    if not 1 <= count <= MOST_POINTS:
+        raise InputError(f"has {count} points, allowed are 1 to {MOST_POINTS}", key="--vary")
+
+
+def _at_commas(text: str) -> list[str]:
+    """The text cut at commas outside of brackets."""
+    parts, depth = [""], 0
+    for character in text:
+        depth += (character in "[{") - (character in "]}")
+        if character == "," and depth == 0:
+            parts.append("")
+        else:
+            parts[-1] += character
+    return parts
+
+
+def labels(point: Mapping[str, Any]) -> dict[str, Any]:
+    """The values of a point as a table holds them: numbers and texts."""
+    return {key: value if isinstance(value, int | float | str) else quoted(value) for key, value in point.items()}

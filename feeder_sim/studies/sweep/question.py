@@ -1,0 +1,100 @@
+"""What a sweep asks, as text that a folder keeps: axes, design, and how many seeds the answer takes."""
+
+from __future__ import annotations
+
+import json
+import tomllib
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from feeder_sim.errors import InputError
+from feeder_sim.scenario import Scenario
+from feeder_sim.studies.sweep.case import Effort
+from feeder_sim.studies.sweep.design import Axis, Point, grid, read_axis, side_by_side, sobol_sample
+
+MOST_SEEDS = 1000  # of a point, whatever `until_se` asks for
+
+
+@dataclass(frozen=True)
+class Question:
+    """What is asked.
+
+    Attributes:
+        vary: an axis each, as the command line has it; see `feeder_sim.studies.sweep.design`.
+        zipped: axes side by side in place of a grid.
+        sobol: points of a Sobol sample in place of a grid; 0 for none.
+        seeds: of every point; 0 for those of the scenario.
+        measure: to show, and that `until_se` looks at; "" for the usual one.
+        until_se: more seeds are run until the standard error is below this share of the mean [1]; 0 for no such rule.
+        inputs: draws of the uncertain inputs, where the scenario has any.
+    """
+
+    vary: tuple[str, ...]
+    zipped: bool = False
+    sobol: int = 0
+    seeds: int = 0
+    measure: str = ""
+    until_se: float = 0.0
+    inputs: int = 16
+
+    @property
+    def axes(self) -> list[Axis]:
+        return [read_axis(text) for text in self.vary]
+
+    def points(self, scenario: Scenario) -> list[Point]:
+        """The points, in order.
+
+        Raises:
+            InputError: axes that do not make points.
+        """
+        if self.sobol and self.zipped:
+            raise InputError("is given with --sobol, allowed is one of them", key="--zip")
+        if self.sobol:
+            return sobol_sample(self.axes, self.sobol, scenario.run.seed)
+        return side_by_side(self.axes) if self.zipped else grid(self.axes)
+
+    def effort(self, scenario: Scenario) -> Effort:
+        """How many seeds each point gets.
+
+        Raises:
+            InputError: `until_se` without a measure to look at, or out of its limits.
+        """
+        if self.until_se and not 0.0 < self.until_se < 1.0:
+            raise InputError(f"is {self.until_se:g}, allowed is above 0 % and below 100 %", key="--until-se")
+        if self.until_se and not self.measure:
+            raise InputError("is missing, allowed is the measure that --until-se is to look at", key="--measure")
+        return Effort(self.seeds or scenario.run.seeds, self.until_se or None, MOST_SEEDS, self.measure)
+
+    def as_toml(self) -> str:
+        """As a text that `of_toml` reads."""
+        import tomli_w
+
+        return tomli_w.dumps({name: list(v) if isinstance(v, tuple) else v for name, v in asdict(self).items()})
+
+    @staticmethod
+    def of_toml(path: Path) -> Question:
+        """From a folder of a sweep.
+
+        Raises:
+            InputError: the file is missing or holds no question.
+        """
+        try:
+            raw = tomllib.loads(path.read_text(encoding="utf-8"))
+            return Question(**raw | {"vary": tuple(raw["vary"])})
+        except FileNotFoundError as error:
+            raise InputError("no such file, allowed is the folder of a sweep", file=path) from error
+        except (OSError, ValueError, TypeError, KeyError) as error:
+            raise InputError(f"holds no sweep: {error}", file=path) from error
+
+
+def axis_texts(vary: Mapping[str, Any]) -> tuple[str, ...]:
+    """Axes as the command line has them, from values by key: sequences of values, or such texts."""
+    return tuple(f"{key}={values if isinstance(values, str) else _listed(values)}" for key, values in vary.items())
+
+
+def _listed(values: Any) -> str:
+    return json.dumps([value.item() if isinstance(value, np.generic) else value for value in values])

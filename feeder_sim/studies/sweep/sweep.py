@@ -1,0 +1,62 @@
+"""A scenario at many points: the whole way from axes to a table."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Mapping
+from concurrent.futures import Executor
+from pathlib import Path
+from typing import Any
+
+from feeder_sim.jobs.workers import given_workers, local_workers
+from feeder_sim.scenario import Scenario
+from feeder_sim.studies.sweep.cases import Cases, Sweep, run_cases
+from feeder_sim.studies.sweep.folder import SweepFolder
+from feeder_sim.studies.sweep.question import Question, axis_texts
+
+
+def sweep(
+    scenario: Scenario,
+    vary: Mapping[str, Any],
+    *,
+    seeds: int | None = None,
+    measure: str | None = None,
+    until_se: float | None = None,
+    inputs: int = 16,
+    workers: int | None = None,
+    executor: Executor | None = None,
+    out: str | Path | None = None,
+    progress: Callable[[float], None] | None = None,
+    stop: threading.Event | None = None,
+) -> Sweep:
+    """Run a scenario at every point of a grid, in many processes.
+
+    In a script, call it below `if __name__ == "__main__":`, as everything that starts processes.
+
+    Args:
+        scenario: what is varied; the values it has stand for all keys that are not.
+        vary: values by dotted key, or a text as the command line takes it: `{"drive[0].amplitude_um": "0.5:8:log12"}`.
+        seeds: of every point; default: those of the scenario.
+        measure: that `until_se` looks at.
+        until_se: more seeds are run until the standard error is below this share of the mean [1].
+        inputs: draws of the uncertain inputs, where the scenario has any.
+        workers: processes; default: one per core.
+        executor: runs the tasks in place of processes of this machine, as that of a Dask client.
+        out: folder for the table and a journal, with which the same call goes on after a break.
+        progress: called with the share that is done, from this thread.
+        stop: set it to end.
+
+    Raises:
+        InputError: a key or a value that is not allowed.
+    """
+    question = Question(
+        axis_texts(vary), seeds=seeds or 0, measure=measure or "", until_se=until_se or 0.0, inputs=inputs
+    )
+    cases = Cases.of(scenario, question, file=Path("scenario"))
+    with given_workers(executor, workers) if executor else local_workers(workers) as found:
+        if out is None:
+            return run_cases(cases, found, stop=stop, progress=progress)
+        with SweepFolder(Path(out), scenario, question) as folder:
+            result = run_cases(cases, found, folder.journal, stop=stop, progress=progress)
+            folder.write(result)
+        return result

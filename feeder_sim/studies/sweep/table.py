@@ -1,0 +1,114 @@
+"""What a sweep has come to: every measure at every point, as a tidy table.
+
+One row per point and measure. Its columns are the varied keys, then
+
+    measure   name of the measure, with its unit
+    mean      over all seeds that have a value
+    se        standard error of the mean
+    n         seeds that have a value
+    failed    seeds that ended without any
+
+and where inputs are uncertain
+
+    low, high   90 % interval of the mean over the inputs, the scatter of the seeds taken out
+    sd_inputs   standard deviation of the mean over the inputs
+    sd_seeds    standard deviation over the seeds at the same inputs
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from feeder_sim.jobs.task import SeedValues
+from feeder_sim.measures.statistic import Statistic
+from feeder_sim.studies.sweep.design import Point, labels
+from feeder_sim.studies.uncertainty.spread import Spread, spread_of
+
+COLUMNS = ("measure", "mean", "se", "n", "failed")
+UNCERTAIN_COLUMNS = ("low", "high", "sd_inputs", "sd_seeds")
+# What a sweep is most often asked for, in this order, where it is measured.
+MAIN = (
+    *("transport_speed_mm_s", "picks_per_minute", "arrival_time_s", "picked", "bounce_interval_ms"),
+    *("circulation_mm_s", "drift_velocity_x_mm_s"),
+)
+
+
+@dataclass(frozen=True)
+class Row:
+    """A measure at a point; see the module.
+
+    Attributes:
+        point: value of each varied key.
+        spread: apart over inputs and over seeds; None where no input is uncertain.
+    """
+
+    point: Point
+    measure: str
+    found: Statistic
+    failed: int
+    spread: Spread | None = None
+
+    def as_dict(self) -> dict[str, Any]:
+        """The row by column; None where there is no value."""
+        found = self.found.as_dict()
+        row = labels(self.point) | {"measure": self.measure, "mean": found["mean"], "se": found["se"]}
+        row |= {"n": found["n"], "failed": self.failed}
+        return row | (self.spread.as_dict() if self.spread else {})
+
+
+def rows_of(point: Point, draws: Sequence[Sequence[SeedValues]], *, uncertain: bool) -> list[Row]:
+    """All measures of a point, from the seeds of each draw of its inputs; without uncertain inputs that is one."""
+    seeds = [seed for draw in draws for seed in draw]
+    measures = list(dict.fromkeys(name for seed in seeds for name in seed.values))
+    failed = sum(bool(seed.failure) for seed in seeds)
+    rows = []
+    for measure in measures:
+        values = [[seed.values.get(measure, math.nan) for seed in draw] for draw in draws]
+        spread = spread_of(values) if uncertain else None
+        found = Statistic.of(value for draw in values for value in draw)
+        if spread is not None:  # seeds of the same inputs are not independent draws of them
+            found = Statistic(found.mean, found.sd, spread.se, found.n)
+        rows.append(Row(point, measure, found, failed, spread))
+    return rows or [Row(point, "", Statistic.of([]), failed)] if failed else rows
+
+
+def main_measure(measures: Sequence[str], rows: Sequence[Row]) -> str:
+    """The measure to show where none is asked for: the first usual one that has a value anywhere."""
+    valued = {row.measure for row in rows if row.found.n}
+    usual = [name for name in MAIN if name in valued]
+    return next(iter(usual or [name for name in measures if name in valued] or measures), "")
+
+
+def as_csv(keys: Sequence[str], rows: Sequence[Row], *, uncertain: bool) -> str:
+    """The table as CSV; an empty field is no value."""
+    text = io.StringIO()
+    columns = [*keys, *COLUMNS, *(UNCERTAIN_COLUMNS if uncertain else ())]
+    writer = csv.DictWriter(text, columns, lineterminator="\n")
+    writer.writeheader()
+    for row in rows:
+        writer.writerow({key: "" if value is None else value for key, value in row.as_dict().items()})
+    return text.getvalue()
+
+
+def as_parquet(keys: Sequence[str], rows: Sequence[Row], *, uncertain: bool) -> bytes:
+    """The table as Parquet, by pyarrow, which rerun brings."""
+    import pyarrow
+    import pyarrow.parquet
+
+    columns = [*keys, *COLUMNS, *(UNCERTAIN_COLUMNS if uncertain else ())]
+    entries = [row.as_dict() for row in rows]
+    table = pyarrow.table({name: [_plain(entry, name) for entry in entries] for name in columns})
+    sink = pyarrow.BufferOutputStream()
+    pyarrow.parquet.write_table(table, sink)
+    return bytes(sink.getvalue().to_pybytes())
+
+
+def _plain(entry: Mapping[str, Any], name: str) -> Any:
+    """A value of a column that holds one type only."""
+    value = entry.get(name)
+    return float(value) if isinstance(value, int) and name not in ("n", "failed") and type(value) is int else value

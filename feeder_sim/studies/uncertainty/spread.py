@@ -1,0 +1,75 @@
+"""How far a result spreads over uncertain inputs, and how far over seeds, apart.
+
+With S seeds at each of N draws of the inputs, the mean of a draw varies by
+
+    var(mean of a draw) = var(inputs) + var(seeds) / S
+
+(one-way analysis of variance, Searle, Casella and McCulloch, Variance Components, section 3.5). The variance of the
+seeds is known from within the draws, that of the inputs is the rest. For an interval over the inputs the means are
+drawn together towards their own mean until only that rest is left.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+INTERVAL = (0.05, 0.95)  # quantiles of the intervals: 90 %
+
+
+@dataclass(frozen=True)
+class Spread:
+    """NaN where there are too few draws, or too few seeds, to tell.
+
+    Attributes:
+        median: over all draws and seeds.
+        low, high: 90 % interval of a single run: inputs and seeds together.
+        inputs_low, inputs_high: 90 % interval of the mean over the seeds.
+        sd_inputs, sd_seeds: standard deviations, apart.
+        se: standard error of the mean over all.
+        draws: with a value.
+    """
+
+    median: float
+    low: float
+    high: float
+    inputs_low: float
+    inputs_high: float
+    sd_inputs: float
+    sd_seeds: float
+    se: float
+    draws: int
+
+    def as_dict(self) -> dict[str, float | None]:
+        """The columns of a table; None where there is no value."""
+        values = {"low": self.inputs_low, "high": self.inputs_high, "sd_inputs": self.sd_inputs}
+        values["sd_seeds"] = self.sd_seeds
+        return {name: value if math.isfinite(value) else None for name, value in values.items()}
+
+
+def spread_of(values: Sequence[Sequence[float]]) -> Spread:
+    """From the values of the seeds at each draw of the inputs; those that are not finite do not count."""
+    draws = [[value for value in draw if math.isfinite(value)] for draw in values]
+    draws = [draw for draw in draws if draw]
+    if not draws:
+        return Spread(*(math.nan,) * 8, 0)
+    everything = np.concatenate([np.array(draw) for draw in draws])
+    means, sizes = np.array([np.mean(draw) for draw in draws]), np.array([len(draw) for draw in draws])
+    within = sum(float(np.var(draw, ddof=1)) * (len(draw) - 1) for draw in draws if len(draw) > 1)
+    freedom = int((sizes - 1).sum())
+    of_seeds = within / freedom if freedom else math.nan
+    of_means = float(np.var(means, ddof=1)) if len(means) > 1 else math.nan
+    of_inputs = max(of_means - of_seeds * float(np.mean(1.0 / sizes)), 0.0)
+    if math.isnan(of_means - of_seeds):
+        of_inputs = math.nan
+    median, low, high = (float(q) for q in np.quantile(everything, (0.5, *INTERVAL)))
+    inputs_low = inputs_high = math.nan
+    if math.isfinite(of_inputs):
+        share = math.sqrt(of_inputs / of_means) if of_means > 0.0 else 0.0
+        drawn = means.mean() + share * (means - means.mean())
+        inputs_low, inputs_high = (float(q) for q in np.quantile(drawn, INTERVAL))
+    se = math.sqrt(of_means / len(means)) if len(means) > 1 else math.nan
+    return Spread(median, low, high, inputs_low, inputs_high, math.sqrt(of_inputs), math.sqrt(of_seeds), se, len(means))
