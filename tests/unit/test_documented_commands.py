@@ -39,6 +39,7 @@ SKIPPED = (
     "ruff",
     "mypy",
     "lint-imports",
+    "tombi",
     "sphinx-build",
     ".venv/bin/sphinx-build",
 )
