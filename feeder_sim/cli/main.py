@@ -29,6 +29,7 @@ from feeder_sim.cli.response import response
 from feeder_sim.cli.schema import schema
 from feeder_sim.cli.sweep import merge, sweep
 from feeder_sim.cli.terminal import notify, progress_bar, stop_on_signal
+from feeder_sim.cli.uncertainty import uncertainty
 from feeder_sim.errors import (
     LONGEST_MESSAGE,
     FeederSimError,
@@ -178,7 +179,9 @@ def check(
 
 app.command()(modes)
 app.command("modes import")(import_modes_command)
-for command in (response, sequence, wave, chart, part, sweep, merge, compare, new, schema):
+for command in (response, sequence, wave, chart, part, sweep, merge, uncertainty):
+    app.command()(command)
+for command in (new, compare, schema):
     app.command()(command)
 
 

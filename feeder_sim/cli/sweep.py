@@ -14,8 +14,8 @@ from feeder_sim.cli.terminal import progress_bar, stop_on_signal
 from feeder_sim.errors import InputError, Interrupted, printable
 
 if TYPE_CHECKING:
+    from feeder_sim.jobs.folder import WorkFolder
     from feeder_sim.studies.sweep.cases import Sweep
-    from feeder_sim.studies.sweep.folder import SweepFolder
 
 SWEEPS = Path("sweeps")
 MOST_LINES = 60  # of a table on the terminal
@@ -68,7 +68,7 @@ def sweep(
     with naming(scenario_file):
         from feeder_sim.jobs.workers import workers_of
         from feeder_sim.studies.sweep.cases import Cases, run_cases
-        from feeder_sim.studies.sweep.folder import SweepFolder
+        from feeder_sim.studies.sweep.folder import sweep_folder
         from feeder_sim.studies.sweep.question import Question
 
         question = Question(
@@ -78,7 +78,7 @@ def sweep(
         if share:
             cases = cases.part(*share)
         title = f"{scenario_file.stem}: {len(cases.points)} points"
-        folder = SweepFolder(out or SWEEPS / scenario_file.stem, scenario, question, share)
+        folder = sweep_folder(out or SWEEPS / scenario_file.stem, scenario, question, share)
         with (
             folder,
             stop_on_signal() as stop,
@@ -102,14 +102,14 @@ def merge(
         _finish(done, home, measure, as_json, table=True)
 
 
-def _finish(done: Sweep, folder: SweepFolder, measure: str | None, as_json: bool, *, table: bool) -> None:
+def _finish(done: Sweep, folder: WorkFolder, measure: str | None, as_json: bool, *, table: bool) -> None:
     """Write and print what there is; the exit code says how it ended."""
     name = done.measure(measure)
     if table:
         from feeder_sim.plots.sweep import draw_sweep
-        from feeder_sim.studies.sweep.folder import PICTURE
+        from feeder_sim.studies.sweep.folder import PICTURE, write_table
 
-        folder.write(done)
+        write_table(folder, done)
         draw_sweep(done, name, folder.path / PICTURE)
     if as_json:
         rows = [row.as_dict() for row in done.rows]

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from scipy.stats import t
 
 from feeder_sim.plots.figure import empty_figure
 from feeder_sim.studies.sweep.cases import Sweep
@@ -42,7 +43,9 @@ def draw_line(axes: Any, rows: list[Row], key: str, *, joined: bool) -> None:
     x = np.array(values, float) if numbers else np.array([names.index(str(value)) for value in values], float)
     order = np.argsort(x, kind="stable")
     mean = np.array([row.found.mean for row in rows])
-    reach = 1.96 * np.nan_to_num(np.array([row.found.se for row in rows]))
+    # Of a few seeds by Student's distribution; of uncertain inputs the draws count.
+    count = np.array([row.spread.draws if row.spread else row.found.n for row in rows])
+    reach = t.ppf(0.975, np.maximum(count - 1, 1)) * np.nan_to_num(np.array([row.found.se for row in rows]))
     if joined and all(row.spread for row in rows):
         low, high = (np.array([getattr(row.spread, name) for row in rows]) for name in ("inputs_low", "inputs_high"))
         axes.fill_between(x[order], low[order], high[order], color=PALE, label="90 % over the inputs")
@@ -51,6 +54,7 @@ def draw_line(axes: Any, rows: list[Row], key: str, *, joined: bool) -> None:
     axes.errorbar(x[order], mean[order], reach[order], fmt=line, color=BLUE, markersize=4, capsize=2, linewidth=1.2)
     if numbers and _is_log(x):
         axes.set_xscale("log")
+        _plain_numbers(axes.xaxis)
     if not numbers:
         axes.set_xticks(range(len(names)), names)
     axes.set(xlabel=key)
@@ -73,7 +77,14 @@ def draw_map(figure: Any, rows: list[Row], keys: tuple[str, ...], measure: str) 
             axis.set_ticks(range(len(values)), [str(value) for value in values])
         elif _is_log(np.array(values, float)):
             axes.set(**{f"{name}scale": "log"})
+            _plain_numbers(axis)
     figure.colorbar(image, label=measure)
+
+
+def _plain_numbers(axis: Any) -> None:
+    """Numbers on a logarithmic axis as people write them."""
+    axis.set_major_formatter("{x:g}")
+    axis.set_minor_formatter("{x:g}")
 
 
 def _edges(values: list[Any]) -> np.ndarray:

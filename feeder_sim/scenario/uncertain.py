@@ -28,16 +28,11 @@ def by_full_key(value: Any) -> Any:
     if not isinstance(value, Mapping):
         return value
     found: dict[str, Any] = {}
-    stack = [("", value)]
-    while stack:
-        key, table = stack.pop()
-        for name, entry in table.items():
-            inner = f"{key}.{name}" if key else str(name)
-            leads_on = isinstance(entry, Mapping) and entry and all(isinstance(e, Mapping) for e in entry.values())
-            if leads_on:
-                stack.append((inner, entry))
-            else:
-                found[full_key(inner)] = entry
+    for name, entry in value.items():
+        if isinstance(entry, Mapping) and entry and all(isinstance(inner, Mapping) for inner in entry.values()):
+            found |= {full_key(f"{name}.{key}"): inner for key, inner in by_full_key(entry).items()}
+        else:
+            found[full_key(str(name))] = entry
     return found
 
 

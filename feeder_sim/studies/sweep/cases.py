@@ -23,7 +23,7 @@ from feeder_sim.studies.sweep.case import Case, Effort
 from feeder_sim.studies.sweep.design import Point
 from feeder_sim.studies.sweep.question import Question
 from feeder_sim.studies.sweep.table import Row, main_measure, rows_of
-from feeder_sim.studies.uncertainty.draws import draws_of
+from feeder_sim.studies.uncertainty.draws import Draw, draws_of
 
 
 @dataclass(frozen=True)
@@ -36,17 +36,26 @@ class Cases:
 
     @staticmethod
     def of(scenario: Scenario, question: Question, *, file: Path) -> Cases:
-        """The scenario changed to every point and draw, all of them checked; `file` names it in messages.
+        """The points of a question, each with all draws; `file` names the scenario in messages.
 
         Raises:
             InputError: a key or a value that is not allowed.
         """
-        draws, points = draws_of(scenario, question.inputs), question.points(scenario)
+        draws = draws_of(scenario, question.inputs)
+        return Cases.at(scenario, question.points(scenario), draws, question.effort(scenario), file=file)
+
+    @staticmethod
+    def at(scenario: Scenario, points: Sequence[Point], draws: Sequence[Draw], effort: Effort, *, file: Path) -> Cases:
+        """The scenario changed to every point and draw, all of them checked.
+
+        Raises:
+            InputError: a key or a value that is not allowed.
+        """
         rows = []
         for point in points:
             changed = [scenario.changed({"uncertain": None, **draw, **point}, file=file) for draw in draws]
             rows.append(tuple(Case(varied, identity_of(varied)) for varied in changed))
-        return Cases(tuple(points), tuple(rows), question.effort(scenario))
+        return Cases(tuple(points), tuple(rows), effort)
 
     def part(self, number: int, of: int) -> Cases:
         """Every n-th point from a number on, which counts from 1."""

@@ -11,7 +11,7 @@ from typing import Any
 from feeder_sim.jobs.workers import given_workers, local_workers
 from feeder_sim.scenario import Scenario
 from feeder_sim.studies.sweep.cases import Cases, Sweep, run_cases
-from feeder_sim.studies.sweep.folder import SweepFolder
+from feeder_sim.studies.sweep.folder import sweep_folder, write_table
 from feeder_sim.studies.sweep.question import Question, axis_texts
 
 
@@ -56,7 +56,7 @@ def sweep(
     with given_workers(executor, workers) if executor else local_workers(workers) as found:
         if out is None:
             return run_cases(cases, found, stop=stop, progress=progress)
-        with SweepFolder(Path(out), scenario, question) as folder:
+        with sweep_folder(Path(out), scenario, question) as folder:
             result = run_cases(cases, found, folder.journal, stop=stop, progress=progress)
-            folder.write(result)
+            write_table(folder, result)
         return result

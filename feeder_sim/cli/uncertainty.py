@@ -1,0 +1,158 @@
+"""`feeder-sim uncertainty`: what a scenario comes to when inputs of it are uncertain."""
+
+from __future__ import annotations
+
+import json
+import math
+import threading
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from feeder_sim.cli.files import naming, scenario_of
+from feeder_sim.cli.sweep import AsJson, Dask, EngineName, ScenarioFile, Seed, Set, WorkerCount
+from feeder_sim.cli.terminal import progress_bar, stop_on_signal
+from feeder_sim.errors import InputError, Interrupted, nearest, printable
+
+if TYPE_CHECKING:
+    from feeder_sim.jobs.workers import Workers
+    from feeder_sim.scenario import Scenario
+    from feeder_sim.studies.uncertainty.propagate import Propagation
+
+OUT = Path("uncertainty")
+SEEDS = 2  # of a draw: the fewest that tell inputs and seeds apart
+
+
+def uncertainty(
+    scenario_file: ScenarioFile,
+    settings: Set = None,
+    inputs: Annotated[int, typer.Option("--inputs", min=2, max=65536, help="Draws of the uncertain inputs.")] = 32,
+    seeds: Annotated[int, typer.Option("--seeds", min=1, help="Seeds of every draw.")] = SEEDS,
+    seed: Seed = None,
+    engine: EngineName = None,
+    indices: Annotated[
+        bool, typer.Option("--indices", help="Also Sobol indices; takes (number of inputs + 2) times the draws.")
+    ] = False,
+    measure: Annotated[str | None, typer.Option("--measure", help="Measure to print and draw [the usual one].")] = None,
+    measured: Annotated[float | None, typer.Option("--measured", help="Value to mark in the picture.")] = None,
+    out: Annotated[Path | None, typer.Option("--out", help="Folder for the tables [uncertainty/NAME].")] = None,
+    workers: WorkerCount = None,
+    dask: Dask = None,
+    as_json: AsJson = False,
+) -> None:
+    """Run a scenario at many draws of its [uncertain] inputs; running the same again goes on."""
+    scenario = scenario_of(scenario_file, engine, None, seed, settings)
+    with naming(scenario_file):
+        from feeder_sim.jobs.workers import workers_of
+
+        folder, name = out or OUT / scenario_file.stem, scenario_file.stem
+        with stop_on_signal() as stop, progress_bar(name, stop) as progress, workers_of(workers, dask) as found:
+            done = propagate_into(
+                folder, scenario, found, inputs=inputs, seeds=seeds, indices=indices, stop=stop, progress=progress
+            )
+        shown = _measure(done, measure)
+        if shown:
+            from feeder_sim.plots.uncertainty import draw_uncertainty
+            from feeder_sim.studies.uncertainty.propagate import PICTURE
+
+            draw_uncertainty(done, shown, folder / PICTURE, measured)
+    if as_json:
+        print(json.dumps({"folder": str(folder), **as_json_object(done)}))
+    else:
+        for line in [*lines_of(done, shown), f"{len(done.draws)} draws in {printable(str(folder))}"]:
+            print(line)
+    finish(done)
+
+
+def propagate_into(
+    path: Path,
+    scenario: Scenario,
+    workers: Workers,
+    *,
+    inputs: int,
+    seeds: int,
+    indices: bool,
+    stop: threading.Event,
+    progress: Callable[[float], None],
+) -> Propagation:
+    """Run what is not done yet, and write the tables."""
+    import tomli_w
+
+    from feeder_sim.jobs.folder import WorkFolder
+    from feeder_sim.studies.uncertainty.propagate import QUESTION, propagate, write_propagation
+
+    asked = tomli_w.dumps({"inputs": inputs, "seeds": seeds, "indices": indices})
+    with WorkFolder(path, QUESTION, asked, scenario) as folder:
+        done = propagate(
+            scenario,
+            inputs=inputs,
+            seeds=seeds,
+            indices=indices,
+            workers=workers,
+            journal=folder.journal,
+            stop=stop,
+            progress=progress,
+        )
+        write_propagation(folder, done)
+    return done
+
+
+def as_json_object(done: Propagation) -> dict[str, Any]:
+    """Everything that was found, as JSON takes it."""
+    rows = done.rows()
+    found: dict[str, Any] = {"complete": done.swept.complete, "measures": {row.pop("measure"): row for row in rows}}
+    if done.saltelli and done.swept.complete:
+        found["indices"] = {
+            measure: [
+                {name: None if isinstance(v, float) and math.isnan(v) else v for name, v in vars(index).items()}
+                for index in done.indices(measure)
+            ]
+            for measure in done.measures
+        }
+    return found
+
+
+def lines_of(done: Propagation, measure: str) -> list[str]:
+    """What was found of one measure, in words."""
+    from feeder_sim.measures.protocol import labelled
+
+    if not measure:
+        return ["no measure has a value"]
+    spread = done.spread(measure)
+    lines = [labelled(measure, f"median {spread.median:.4g}, 90 % of runs {spread.low:.4g} to {spread.high:.4g}")]
+    if math.isfinite(spread.inputs_low):
+        interval = f"90 % of means {spread.inputs_low:.4g} to {spread.inputs_high:.4g}"
+        lines.append(labelled("over inputs", f"{interval}, SD {spread.sd_inputs:.3g}"))
+        lines.append(labelled("over seeds", f"SD {spread.sd_seeds:.3g} at the same inputs"))
+    if done.saltelli and done.swept.complete:
+        lines += [
+            labelled(
+                index.key,
+                f"first order {index.first:.2f} +- {index.first_interval:.2f}, "
+                f"total {index.total:.2f} +- {index.total_interval:.2f}",
+            )
+            for index in done.indices(measure)
+        ]
+    return lines
+
+
+def finish(done: Propagation) -> None:
+    """Say what went wrong; the exit code tells it too."""
+    for failure in done.swept.failures[:3]:
+        typer.echo(f"feeder-sim: failed: {printable(failure)}", err=True)
+    if not done.swept.complete:
+        typer.echo("feeder-sim: not complete; what was computed is kept, the same command goes on", err=True)
+        raise typer.Exit(Interrupted.exit_code)
+    if done.swept.failures:
+        raise typer.Exit(1)
+
+
+def _measure(done: Propagation, name: str | None) -> str:
+    if name is None:
+        return done.main()
+    if name not in done.measures:
+        allowed = ", ".join(done.measures) or "none, nothing has a value"
+        raise InputError(f"is {name}{nearest(name, done.measures)}, allowed are {allowed}", key="--measure")
+    return name

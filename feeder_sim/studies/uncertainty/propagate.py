@@ -1,0 +1,151 @@
+"""A scenario with uncertain inputs: its measures with intervals over the inputs and over the seeds, apart.
+
+The folder holds
+
+    uncertainty.toml    what was asked
+    scenario.toml       the scenario, with all its defaults
+    journal.jsonl       measures of every seed that is done
+    draws.csv           one row per draw and seed: the inputs, then the measures
+    uncertainty.csv     one row per measure, see `COLUMNS`
+    uncertainty.png     a picture of one measure
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+import threading
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+from feeder_sim.errors import InputError
+from feeder_sim.jobs.folder import WorkFolder
+from feeder_sim.jobs.workers import Workers
+from feeder_sim.measures.statistic import Statistic
+from feeder_sim.scenario import Scenario
+from feeder_sim.studies.sweep.case import Effort
+from feeder_sim.studies.sweep.cases import Cases, Sweep, run_cases
+from feeder_sim.studies.sweep.design import labels
+from feeder_sim.studies.sweep.table import main_measure
+from feeder_sim.studies.uncertainty.draws import Draw, draws_of
+from feeder_sim.studies.uncertainty.indices import Index, saltelli_draws, sobol_indices
+from feeder_sim.studies.uncertainty.spread import Spread, spread_of
+
+QUESTION, DRAWS, TABLE, PICTURE = "uncertainty.toml", "draws.csv", "uncertainty.csv", "uncertainty.png"
+# low, high: 90 % interval of one run, inputs and seeds together; inputs_low, inputs_high: of the mean over the seeds.
+COLUMNS = (
+    *("measure", "mean", "se", "median", "low", "high", "inputs_low", "inputs_high", "sd_inputs", "sd_seeds"),
+    *("draws", "failed"),
+)
+
+
+@dataclass(frozen=True)
+class Propagation:
+    """What uncertain inputs come to.
+
+    Attributes:
+        scenario: with the uncertain inputs.
+        draws: values of the inputs.
+        swept: one case per draw.
+        saltelli: whether the draws are such that indices can be told.
+    """
+
+    scenario: Scenario
+    draws: tuple[Draw, ...]
+    swept: Sweep
+    saltelli: bool
+
+    @cached_property
+    def measures(self) -> tuple[str, ...]:
+        """Names of all measures that have a value."""
+        names = dict.fromkeys(n for case in self.swept.cases for seed in case.done.values() for n in seed.values)
+        return tuple(name for name in names if self.spread(name).draws)
+
+    def values(self, measure: str) -> list[list[float]]:
+        """The values of a measure: of the seeds of each draw; those that have none left out."""
+        effort = self.swept.cases.effort
+        rows = [[seed.values.get(measure, math.nan) for seed in case.seeds(effort)] for case in self.swept.cases]
+        return [[value for value in row if math.isfinite(value)] for row in rows]
+
+    def spread(self, measure: str) -> Spread:
+        """How far a measure spreads."""
+        return spread_of(self.values(measure))
+
+    def indices(self, measure: str) -> list[Index]:
+        """Sobol indices of a measure by every input; empty without such a sample."""
+        return sobol_indices(self.scenario, self.values(measure)) if self.saltelli else []
+
+    def main(self) -> str:
+        """The measure to show where none is asked for."""
+        return main_measure(self.measures, self.swept.rows)
+
+    def rows(self) -> list[dict[str, Any]]:
+        """The table: one row per measure, by column."""
+        failed = sum(bool(s.failure) for case in self.swept.cases for s in case.seeds(self.swept.cases.effort))
+        rows = []
+        for measure in self.measures:
+            spread, mean = self.spread(measure), Statistic.of(v for row in self.values(measure) for v in row).mean
+            numbers = {"mean": mean} | {name: getattr(spread, name) for name in COLUMNS[2:10]}
+            finite = {name: value if math.isfinite(value) else None for name, value in numbers.items()}
+            rows.append({"measure": measure} | finite | {"draws": spread.draws, "failed": failed})
+        return rows
+
+
+def propagate(
+    scenario: Scenario,
+    *,
+    inputs: int,
+    seeds: int,
+    indices: bool,
+    workers: Workers,
+    journal: Path | None = None,
+    stop: threading.Event | None = None,
+    progress: Callable[[float], None] | None = None,
+) -> Propagation:
+    """Run a scenario at many draws of its uncertain inputs, each with the same seeds.
+
+    Args:
+        scenario: with uncertain inputs.
+        inputs: draws; with `indices` so many times (inputs + 2), a power of two.
+        seeds: of every draw; two tell inputs and seeds apart.
+        indices: draw them so that Sobol indices can be told.
+        workers: run the seeds.
+        journal: what is in it counts as done.
+        stop: set it to end.
+        progress: called with the share that is done.
+
+    Raises:
+        InputError: no input is uncertain, a value is not allowed, or SALib is missing.
+    """
+    if not scenario.uncertain:
+        raise InputError("is missing, allowed is a table with the inputs that are uncertain", key="[uncertain]")
+    if indices and inputs & (inputs - 1):
+        raise InputError(f"is {inputs}, allowed is a power of two with --indices", key="--inputs")
+    draws = saltelli_draws(scenario, inputs) if indices else draws_of(scenario, inputs)
+    cases = Cases.at(scenario, [{}], draws, Effort(seeds), file=Path("scenario"))
+    swept = run_cases(cases, workers, journal, stop=stop, progress=progress)
+    return Propagation(scenario, tuple(draws), swept, indices)
+
+
+def write_propagation(folder: WorkFolder, found: Propagation) -> None:
+    """Write the tables in place of those before."""
+    folder.write(TABLE, _csv(COLUMNS, found.rows()).encode())
+    rows = []
+    for draw, case in zip(found.draws, found.swept.cases, strict=True):
+        for seed in case.seeds(found.swept.cases.effort):
+            values = {name: "" if math.isnan(value) else value for name, value in seed.values.items()}
+            rows.append(labels(draw) | {"seed": seed.seed} | values)
+    keys = [*found.draws[0], "seed", *found.measures]
+    folder.write(DRAWS, _csv(keys, rows).encode())
+
+
+def _csv(columns: Sequence[str], rows: Sequence[dict[str, Any]]) -> str:
+    text = io.StringIO()
+    writer = csv.DictWriter(text, columns, lineterminator="\n", extrasaction="ignore")
+    writer.writeheader()
+    writer.writerows(rows)
+    return text.getvalue()
