@@ -181,8 +181,8 @@ app.command()(modes)
 app.command("modes import")(import_modes_command)
 for command in (response, sequence, wave, chart, part, sweep, merge, uncertainty):
     app.command()(command)
-for command in (new, compare, schema):
-    app.command()(command)
+for more in (new, compare, schema):
+    app.command()(more)
 
 
 @app.command()
