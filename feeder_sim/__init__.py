@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from feeder_sim.scenario import Scenario as Scenario
     from feeder_sim.scenario import load_scenario as load_scenario
     from feeder_sim.scene.scene import build_scene as build_scene
+    from feeder_sim.studies.sweep.sweep import sweep as sweep
 
 _PUBLIC = {
     "Scenario": "scenario",
@@ -32,6 +33,7 @@ _PUBLIC = {
     "prepare": "run.prepare",
     "simulate": "run.simulation",
     "measure_drift": "run.batch",
+    "sweep": "studies.sweep.sweep",
     "record_run": "run.run_folder",
     "read_recording": "records.trajectory_file",
     "build_replay": "replay.replay",

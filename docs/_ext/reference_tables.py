@@ -39,7 +39,7 @@ UNITS = {
     "per_second": "1/s",
 }
 RANGE = "number, or `[low, high]`"  # from which each seed draws
-PLAIN = {float: "number", int: "whole number", str: "text", bool: "`true` or `false`", Path: "file"}
+PLAIN = {Any: "value", float: "number", int: "whole number", str: "text", bool: "`true` or `false`", Path: "file"}
 LIMITS = {"ge": "at least {}", "gt": "above {}", "le": "at most {}", "lt": "below {}"}
 
 
@@ -157,8 +157,10 @@ def type_words(annotation: Any, page: str) -> str:
         return PLAIN[annotation]
     if inspect.isclass(annotation) and issubclass(annotation, BaseModel):
         return f"[{short(annotation)}](#{anchor(page, annotation)})"
+    if origin is dict:
+        return f"keys, each with a table {type_words(arguments[1], page)}"
     if origin is Annotated:
-        if any(isinstance(entry, BeforeValidator) for entry in arguments[1:]):
+        if get_origin(arguments[0]) is not dict and any(isinstance(entry, BeforeValidator) for entry in arguments[1:]):
             return RANGE
         return type_words(arguments[0], page)
     if origin is Literal:

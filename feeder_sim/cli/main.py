@@ -21,6 +21,7 @@ from feeder_sim.cli.compare import compare
 from feeder_sim.cli.files import OptionalScenarioFile, ScenarioFile, naming, new_picture, scenario_of, writable
 from feeder_sim.cli.import_modes import import_modes_command
 from feeder_sim.cli.new import new
+from feeder_sim.cli.optimise import optimise
 from feeder_sim.cli.part import part
 from feeder_sim.cli.plate import modes, sequence, wave
 from feeder_sim.cli.replay import replay
@@ -29,7 +30,7 @@ from feeder_sim.cli.response import response
 from feeder_sim.cli.schema import schema
 from feeder_sim.cli.sweep import merge, sweep
 from feeder_sim.cli.terminal import notify, progress_bar, stop_on_signal
-from feeder_sim.cli.uncertainty import uncertainty
+from feeder_sim.cli.uncertainty import run_uncertain, uncertainty
 from feeder_sim.errors import (
     LONGEST_MESSAGE,
     FeederSimError,
@@ -101,6 +102,7 @@ def run(
     as_json: AsJson = False,
     dry_run: Annotated[bool, typer.Option("--dry-run", help="Say what would be done, as `check` does.")] = False,
     resume: Annotated[Path | None, typer.Option("--resume", help="Go on with the interrupted run in a folder.")] = None,
+    inputs: Annotated[int, typer.Option("--inputs", min=2, help="Draws of inputs that are [uncertain].")] = 16,
 ) -> None:
     """Simulate a scenario and record it, or go on with a run that was interrupted."""
     if resume is not None:
@@ -116,7 +118,7 @@ def run(
 
         with stop_on_signal() as stop, progress_bar(str(resume), stop) as progress:
             result = resume_run(resume, progress=progress, stop=stop, notify=notify)
-        _finish_run(result, resume, as_json)
+        _finish_run(result, resume, as_json, inputs)
         return
     if scenario_file is None:
         raise InputError("a scenario file is needed, or --resume with the folder of a run", key="run")
@@ -138,12 +140,16 @@ def run(
                 with contextlib.suppress(OSError):  # it holds something
                     folder.rmdir()
             raise
-    _finish_run(result, folder, as_json)
+    _finish_run(result, folder, as_json, inputs)
 
 
-def _finish_run(result: Result, folder: Path, as_json: bool) -> None:
-    """Print what came out; the exit code says how it ended."""
-    print_result(result, folder, as_json)
+def _finish_run(result: Result, folder: Path, as_json: bool, inputs: int) -> None:
+    """Go on to the uncertain inputs, if there are any; print what came out; the exit code says how it ended."""
+    whole = not result.interrupted and not result.failures
+    uncertain = run_uncertain(result, folder / "uncertainty", inputs) if whole else None
+    print_result(result, folder, as_json, {"uncertainty": uncertain.as_json()} if uncertain else {})
+    if uncertain and not as_json:
+        print(uncertain.as_text())
     for caution in result.prepared.cautions:
         print(f"feeder-sim: caution: {printable(caution)}", file=sys.stderr)
     for failure in result.failures:
@@ -154,6 +160,8 @@ def _finish_run(result: Result, folder: Path, as_json: bool) -> None:
         raise typer.Exit(Interrupted.exit_code)
     if result.failures:
         raise typer.Exit(1)
+    if uncertain:
+        uncertain.finish()
 
 
 @app.command()
@@ -179,7 +187,7 @@ def check(
 
 app.command()(modes)
 app.command("modes import")(import_modes_command)
-for command in (response, sequence, wave, chart, part, sweep, merge, uncertainty):
+for command in (response, sequence, wave, chart, part, sweep, merge, uncertainty, optimise):
     app.command()(command)
 for more in (new, compare, schema):
     app.command()(more)

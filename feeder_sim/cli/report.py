@@ -27,11 +27,11 @@ MOST_DRIVE_LINES = 12  # of a run with many stages
 LONGEST_TEXT = 300  # characters of a title or a line that holds one
 
 
-def print_result(result: Result, folder: Path, as_json: bool) -> None:
-    """Print the findings of a run, in words or as one JSON object."""
+def print_result(result: Result, folder: Path, as_json: bool, more: dict[str, Any]) -> None:
+    """Print the findings of a run, in words or as one JSON object, which takes `more` as well."""
     summary = result.summary()
     if as_json:
-        print(json.dumps(summary | {"folder": str(folder)}))
+        print(json.dumps(summary | {"folder": str(folder)} | more))
         return
     from feeder_sim.measures.protocol import labelled
 

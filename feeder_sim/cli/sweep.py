@@ -120,6 +120,9 @@ def _finish(done: Sweep, folder: WorkFolder, measure: str | None, as_json: bool,
     for failure in done.failures[:3]:
         typer.echo(f"feeder-sim: failed: {printable(failure)}", err=True)
     if not done.complete:
+        if done.others:
+            why = "of other points, of another version, or of files that have changed"
+            typer.echo(f"feeder-sim: {done.others} seeds in the folder do not count: they are {why}", err=True)
         typer.echo("feeder-sim: not complete; what was computed is kept, the same command goes on", err=True)
         raise typer.Exit(Interrupted.exit_code)
     if done.failures:

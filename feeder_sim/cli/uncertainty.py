@@ -6,6 +6,7 @@ import json
 import math
 import threading
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -18,6 +19,7 @@ from feeder_sim.errors import InputError, Interrupted, nearest, printable
 
 if TYPE_CHECKING:
     from feeder_sim.jobs.workers import Workers
+    from feeder_sim.run.simulation import Result
     from feeder_sim.scenario import Scenario
     from feeder_sim.studies.uncertainty.propagate import Propagation
 
@@ -53,11 +55,7 @@ def uncertainty(
                 folder, scenario, found, inputs=inputs, seeds=seeds, indices=indices, stop=stop, progress=progress
             )
         shown = _measure(done, measure)
-        if shown:
-            from feeder_sim.plots.uncertainty import draw_uncertainty
-            from feeder_sim.studies.uncertainty.propagate import PICTURE
-
-            draw_uncertainty(done, shown, folder / PICTURE, measured)
+        _draw(done, shown, folder, measured)
     if as_json:
         print(json.dumps({"folder": str(folder), **as_json_object(done)}))
     else:
@@ -97,6 +95,46 @@ def propagate_into(
         )
         write_propagation(folder, done)
     return done
+
+
+@dataclass(frozen=True)
+class UncertainRun:
+    """What the uncertain inputs of a run have come to."""
+
+    done: Propagation
+
+    def as_json(self) -> dict[str, Any]:
+        return as_json_object(self.done)
+
+    def as_text(self) -> str:
+        lines = [f"with uncertain inputs, {len(self.done.draws)} draws:", *lines_of(self.done, self.done.main())]
+        return "\n".join(f"  {line}" for line in lines)
+
+    def finish(self) -> None:
+        finish(self.done)
+
+
+def run_uncertain(result: Result, folder: Path, inputs: int) -> UncertainRun | None:
+    """Run the scenario of a run at draws of its uncertain inputs; None where it has none."""
+    scenario = result.prepared.scenario
+    if not scenario.uncertain:
+        return None
+    from feeder_sim.jobs.workers import local_workers
+
+    with stop_on_signal() as stop, progress_bar("uncertain inputs", stop) as progress, local_workers() as workers:
+        done = propagate_into(
+            folder, scenario, workers, inputs=inputs, seeds=SEEDS, indices=False, stop=stop, progress=progress
+        )
+    _draw(done, done.main(), folder, None)
+    return UncertainRun(done)
+
+
+def _draw(done: Propagation, measure: str, folder: Path, measured: float | None) -> None:
+    from feeder_sim.plots.uncertainty import draw_uncertainty
+    from feeder_sim.studies.uncertainty.propagate import PICTURE
+
+    if measure:
+        draw_uncertainty(done, measure, folder / PICTURE, measured)
 
 
 def as_json_object(done: Propagation) -> dict[str, Any]:

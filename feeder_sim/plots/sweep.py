@@ -13,6 +13,7 @@ from feeder_sim.plots.figure import empty_figure
 from feeder_sim.studies.sweep.cases import Sweep
 from feeder_sim.studies.sweep.table import Row
 
+MOST_TICKS = 8  # on a logarithmic axis
 BLUE, PALE = "#3a60be", "#b8c6ea"
 EVEN = 1e-6  # relative difference of steps, or of ratios, that counts as none
 
@@ -63,6 +64,8 @@ def draw_line(axes: Any, rows: list[Row], key: str, *, joined: bool) -> None:
 
 def draw_map(figure: Any, rows: list[Row], keys: tuple[str, ...], measure: str) -> None:
     """Draw a heat map over two keys; points without a value stay white."""
+    from matplotlib.ticker import NullLocator
+
     axes = figure.subplots()
     ticks = [list(dict.fromkeys(row.point[key] for row in rows)) for key in keys]
     ticks = [sorted(values) if all(_is_number(v) for v in values) else values for values in ticks]
@@ -77,7 +80,9 @@ def draw_map(figure: Any, rows: list[Row], keys: tuple[str, ...], measure: str) 
             axis.set_ticks(range(len(values)), [str(value) for value in values])
         elif _is_log(np.array(values, float)):
             axes.set(**{f"{name}scale": "log"})
-            _plain_numbers(axis)
+            axis.set_minor_locator(NullLocator())
+            axis.set_ticks(values[:: math.ceil(len(values) / MOST_TICKS)])
+            axis.set_major_formatter("{x:.3g}")
     figure.colorbar(image, label=measure)
 
 

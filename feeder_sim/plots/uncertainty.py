@@ -41,8 +41,8 @@ def draw_values(axes: Any, found: Propagation, measure: str, measured: float | N
     axes.axvline(spread.median, color=BLUE, linestyle="--", label=f"median {spread.median:.4g}")
     if measured is not None:
         axes.axvline(measured, color=RED, linewidth=1.8, label=f"measured {measured:g}")
-    axes.set(xlabel=measure, ylabel="runs")
-    axes.legend(fontsize=8)
+    axes.set(xlabel=measure, ylabel="runs", ylim=(0.0, 1.45 * top))  # room for the legend
+    axes.legend(fontsize=8, loc="upper center", ncols=2)
 
 
 def draw_indices(axes: Any, indices: list[Index]) -> None:

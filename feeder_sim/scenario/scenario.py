@@ -221,7 +221,8 @@ class Scenario(Table):
             first, value = error.errors()[0], changes[key]
             message = "there is no such key" if first["type"] == "extra_forbidden" else first["msg"]
             message = message.removeprefix("Value error, ").replace("Input should be", "allowed is")
-            raise ValueError(f"uncertain.{key} may be {value!r}: {message}") from None
+            shown = f"{value:.6g}" if isinstance(value, float) else repr(value)
+            raise ValueError(f"uncertain.{key} may be {shown}: {message}") from None
         except InputError as error:
             raise ValueError(f"uncertain.{key}: {error.key}: {error.problem}") from None
 

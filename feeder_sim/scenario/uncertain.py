@@ -37,8 +37,8 @@ def by_full_key(value: Any) -> Any:
 
 
 class Uncertain(Table):
-    """What a value may be: evenly spread (`uniform`, or `log_uniform` of its logarithm), `normal` = [mean, standard
-    deviation] within three standard deviations, or one of a `choice`. Keys in `also` get the same value.
+    """What a value may be, under the dotted key of that value: `contact.friction = { uniform = [0.2, 0.4] }`; exactly
+    one of the distributions. See [Questions](questions.md#uncertain-inputs).
     """
 
     uniform: tuple[Number, Number] | None = None

@@ -100,6 +100,7 @@ def test_a_wheel_is_all_that_is_needed(program: Path, tmp_path: Path) -> None:
     described = [*found["examples"].values(), *found["mode files of examples"].values()]
     assert not [text for text in described if text.startswith("unusable")]
     assert json.loads(run("check", "drift_4750hz", "--json"))["title"] == found["examples"]["drift_4750hz"]
+    assert json.loads(run("schema", "plate")) == json.loads((REPOSITORY / "schema/plate.schema.json").read_text())
     run("modes", next(iter(found["mode files of examples"])))
     run("run", "drift_4750hz", "--seeds", "1")
     run("new", "my_feeder")

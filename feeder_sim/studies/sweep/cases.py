@@ -99,10 +99,12 @@ class Sweep:
     Attributes:
         cases: the points, and what their seeds have come to.
         complete: whether all of it is done.
+        others: seeds in the journal that do not count: of other points, of another version, of files that have changed.
     """
 
     cases: Cases
     complete: bool
+    others: int = 0
 
     @property
     def keys(self) -> tuple[str, ...]:
@@ -163,25 +165,28 @@ def run_cases(
     """Run what is not done yet; with a journal, what is in it counts as done, and what comes is added."""
     if journal is None:
         return Sweep(cases, run_work(SweepWork(cases, _keep_nowhere), workers, stop=stop, progress=progress))
-    take_done(cases, [journal])
+    others = take_done(cases, [journal])
     with Journal(journal) as written:
 
         def keep(case: Case, seed: SeedValues) -> None:
             written.add({"case": case.identity, **seed.as_entry()})
 
-        return Sweep(cases, run_work(SweepWork(cases, keep), workers, stop=stop, progress=progress))
+        return Sweep(cases, run_work(SweepWork(cases, keep), workers, stop=stop, progress=progress), others)
 
 
 def _keep_nowhere(case: Case, seed: SeedValues) -> None:
     pass
 
 
-def take_done(cases: Cases, journals: Sequence[Path]) -> None:
-    """Take what is done out of journals."""
+def take_done(cases: Cases, journals: Sequence[Path]) -> int:
+    """Take what is done out of journals; returns how many seeds in them are of other cases, and do not count."""
+    others = 0
     by_identity: dict[str, list[Case]] = {}
     for case in cases:
         by_identity.setdefault(case.identity, []).append(case)
     for journal in journals:
         for entry in read_journal(journal):
+            others += entry["case"] not in by_identity
             for case in by_identity.get(entry["case"], ()):
                 case.take((SeedValues.of_entry(entry),))
+    return others

@@ -43,6 +43,6 @@ def merged(path: Path) -> tuple[Sweep, WorkFolder]:
     question = Question.of_toml(path / QUESTION)
     scenario = load_scenario(path / SCENARIO)
     cases = Cases.of(scenario, question, file=path / SCENARIO)
-    take_done(cases, sorted(path.glob("journal*.jsonl")))
+    others = take_done(cases, sorted(path.glob("journal*.jsonl")))
     complete = all(case.is_done(cases.effort) for case in cases)
-    return Sweep(cases, complete), sweep_folder(path, scenario, question)
+    return Sweep(cases, complete, others), sweep_folder(path, scenario, question)

@@ -1,0 +1,48 @@
+"""The course of a search: its trials in order, the best so far, and the check with fresh seeds."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any
+
+from feeder_sim.measures.statistic import Statistic
+from feeder_sim.plots.figure import empty_figure
+from feeder_sim.studies.search.search import Search
+
+BLUE, PALE, RED, GREY = "#3a60be", "#b8c6ea", "#be3434", "0.55"
+
+
+def draw_search(found: Search, path: Path) -> None:
+    """Draw the history of a search to a file."""
+    figure = empty_figure(7.5, 4.4)
+    draw_history(figure.subplots(), found)
+    figure.savefig(path, dpi=150)
+
+
+def draw_history(axes: Any, found: Search) -> None:
+    """Draw means with standard errors over the trials; those that were stopped are pale."""
+    aim = found.aim
+    judged = [(i, trial) for i, trial in enumerate(found.trials) if not math.isnan(trial.mean(aim))]
+    for stopped, color, label in ((True, PALE, "stopped early"), (False, BLUE, "all seeds")):
+        shown = [(i, Statistic.of(trial.values(aim))) for i, trial in judged if trial.stopped == stopped]
+        if shown:
+            place, found_there = zip(*shown, strict=True)
+            error = [0.0 if math.isnan(s.se) else s.se for s in found_there]
+            axes.errorbar(place, [s.mean for s in found_there], error, fmt="o", color=color, markersize=4, label=label)
+    best, steps = math.nan, []
+    for trial in found.trials:
+        if trial.is_whole(aim) and aim.better(trial.mean(aim), best):
+            best = trial.mean(aim)
+        steps.append(best)
+    axes.step(range(len(steps)), steps, where="post", color=GREY, linewidth=1.0, label="best so far")
+    for after, checked, color, label in (
+        (2, found.present, RED, "as it is, fresh seeds"),
+        (4, found.best, "#3a8a5a", "best, fresh seeds"),
+    ):
+        if checked is not None and checked.found.n > 1:
+            reach = 1.96 * checked.found.se
+            axes.errorbar(len(steps) + after, checked.found.mean, reach, fmt="s", color=color, capsize=3, label=label)
+    axes.set(xlabel="trial", ylabel=aim.measure)
+    axes.grid(True, alpha=0.3)
+    axes.legend(fontsize=8)

@@ -1,0 +1,57 @@
+"""What a search leaves in its folder.
+
+search.toml     what was asked
+scenario.toml   the scenario that the search began with, with all its defaults
+journal.jsonl   measures of every seed that is done
+optuna.log      Optuna's journal of the trials
+trials.csv      one row per trial: its values, mean and standard error of the measure, seeds, whether it was stopped
+best.toml       the best recipe; runs as it is
+history.png     the trials in order, and the check with fresh seeds
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+from typing import Any
+
+from feeder_sim.jobs.folder import WorkFolder
+from feeder_sim.measures.statistic import Statistic
+from feeder_sim.run.run_folder import scenario_toml
+from feeder_sim.studies.search.search import Search
+from feeder_sim.studies.sweep.design import labels
+
+QUESTION, TRIALS, BEST, PICTURE = "search.toml", "trials.csv", "best.toml", "history.png"
+
+
+def write_search(folder: WorkFolder, found: Search) -> None:
+    """Write the table of the trials, and the best recipe, in place of those before."""
+    text = io.StringIO()
+    keys = [parameter.key for parameter in found.space.parameters]
+    writer = csv.DictWriter(text, ["trial", *keys, "mean", "se", "seeds", "stopped"], lineterminator="\n")
+    writer.writeheader()
+    for trial in found.trials:
+        values = trial.values(found.aim)
+        statistic = Statistic.of(values if not math.isnan(trial.mean(found.aim)) else [])
+        row: dict[str, Any] = {"trial": trial.number} | labels(trial.point)
+        row |= {"mean": statistic.mean, "se": statistic.se, "seeds": len(values), "stopped": int(trial.stopped)}
+        writer.writerow({key: "" if isinstance(v, float) and math.isnan(v) else v for key, v in row.items()})
+    folder.write(TRIALS, text.getvalue().encode())
+    if found.best and found.best.point:
+        folder.write(BEST, scenario_toml(found.space.changed(found.best.point)).encode())
+
+
+def as_json_object(found: Search) -> dict[str, Any]:
+    """What was found, as JSON takes it."""
+    gain = dict(zip(("mean", "low", "high"), found.gain, strict=True))
+    return {
+        "measure": found.aim.measure,
+        "maximise": found.aim.largest,
+        "trials": len(found.trials),
+        "stopped": sum(trial.stopped for trial in found.trials),
+        "complete": found.complete,
+        "present": found.present.found.as_dict() if found.present else None,
+        "best": found.best.found.as_dict() | {"values": labels(found.best.point or {})} if found.best else None,
+        "gain": {name: value if math.isfinite(value) else None for name, value in gain.items()},
+    }

@@ -1,0 +1,152 @@
+"""What a search may change: numbers in ranges, and choices.
+
+A key that ends in `.mode` drives another mode of the plate: its frequency goes with it, that of the measured resonance
+where the mode file has one, else the natural frequency.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+from feeder_sim.errors import InputError
+from feeder_sim.plate.mode_file import read_mode_file
+from feeder_sim.scenario import ModePlate, Rectangle, Scenario
+from feeder_sim.scenario.changes import value_at
+from feeder_sim.studies.sweep.design import Axis, Point, Range, read_axis
+
+if TYPE_CHECKING:
+    from optuna.trial import BaseTrial
+
+MODE = ".mode"
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One key: a range of numbers, whole ones or not, or choices."""
+
+    key: str
+    span: Range | None
+    whole: bool
+    choices: tuple[Any, ...]
+
+    @property
+    def names(self) -> list[str]:
+        """The choices as texts."""
+        return [json.dumps(choice, default=str) for choice in self.choices]
+
+    def suggest(self, trial: BaseTrial) -> Any:
+        """A value that Optuna proposes."""
+        if self.span is None:
+            return self.choices[self.names.index(str(trial.suggest_categorical(self.key, self.names)))]
+        if self.whole:
+            return trial.suggest_int(self.key, int(self.span.low), int(self.span.high), log=self.span.log)
+        return trial.suggest_float(self.key, self.span.low, self.span.high, log=self.span.log)
+
+    def holds(self, value: Any) -> bool:
+        """Whether a value is among those allowed."""
+        if self.span is None:
+            return value in self.choices
+        return isinstance(value, int | float) and self.span.low <= value <= self.span.high
+
+    def proposed(self, value: Any) -> Any:
+        """A value as Optuna keeps it."""
+        return value if self.span else self.names[self.choices.index(value)]
+
+
+@dataclass(frozen=True)
+class Space:
+    """All that a search may change in a scenario."""
+
+    scenario: Scenario
+    parameters: tuple[Parameter, ...]
+
+    @staticmethod
+    def of(scenario: Scenario, over: Sequence[str]) -> Space:
+        """The space of axes as the command line has them; every end and choice is checked by itself.
+
+        Raises:
+            InputError: a key or a value that is not allowed, or a mode that the plate does not have.
+        """
+        raw = scenario.model_dump()
+        parameters = []
+        for axis in (read_axis(text, "--over") for text in over):
+            now = value_at(raw, axis.key)
+            whole = isinstance(now, int) and not isinstance(now, bool)
+            parameters.append(Parameter(axis.key, *_span_and_choices(axis, whole)))
+        keys = [parameter.key for parameter in parameters]
+        if not keys or len(set(keys)) < len(keys):
+            raise InputError("is missing or names a key twice, allowed is each key once", key="--over")
+        space = Space(scenario, tuple(parameters))
+        for parameter in parameters:
+            ends = (parameter.span.low, parameter.span.high) if parameter.span else parameter.choices
+            for value in ends:
+                space.changed({parameter.key: int(value) if parameter.whole else value})
+        return space
+
+    def suggest(self, trial: BaseTrial) -> Point:
+        """A point that Optuna proposes."""
+        return {parameter.key: parameter.suggest(trial) for parameter in self.parameters}
+
+    def proposed(self, point: Point) -> dict[str, Any]:
+        """A point as Optuna keeps it."""
+        return {parameter.key: parameter.proposed(point[parameter.key]) for parameter in self.parameters}
+
+    def changed(self, point: Point) -> Scenario:
+        """The scenario at a point.
+
+        Raises:
+            InputError: a value that is not allowed.
+        """
+        changes = dict(point)
+        for key, value in point.items():
+            if key.endswith(MODE):
+                drive = key.removesuffix(MODE)
+                changes |= {f"{drive}.frequency_hz": self._frequency(key, value), f"{drive}.natural_frequency_hz": None}
+        return self.scenario.changed(changes)
+
+    @property
+    def present(self) -> Point | None:
+        """The scenario itself as a point; None where it lies outside of the space."""
+        raw = self.scenario.model_dump()
+        point = {parameter.key: value_at(raw, parameter.key) for parameter in self.parameters}
+        for key, value in point.items():
+            if key.endswith(MODE) and value is None:
+                point[key] = self._mode_at(float(value_at(raw, f"{key.removesuffix(MODE)}.frequency_hz")))
+        inside = all(parameter.holds(point[parameter.key]) for parameter in self.parameters)
+        return point if inside else None
+
+    @cached_property
+    def _frequencies(self) -> list[float]:
+        """Where each mode of the plate is driven [Hz]."""
+        plate = self.scenario.plate
+        file = plate.mode_file if isinstance(plate, Rectangle | ModePlate) else None
+        if file is None:
+            raise InputError("is missing, allowed is a mode file where modes are searched", key="plate.mode_file")
+        held = read_mode_file(file)
+        found = [float(frequency) for frequency in held.modes.natural_frequency]
+        for resonance in held.resonances:
+            found[resonance.mode] = resonance.frequency
+        return found
+
+    def _frequency(self, key: str, mode: Any) -> float:
+        if not isinstance(mode, int) or not 1 <= mode <= len(self._frequencies):
+            raise InputError(f"is {mode}, allowed is 1 to {len(self._frequencies)}, the modes of the plate", key=key)
+        return self._frequencies[mode - 1]
+
+    def _mode_at(self, frequency: float) -> int:
+        """The mode that is driven nearest to a frequency [Hz]."""
+        return 1 + min(range(len(self._frequencies)), key=lambda mode: abs(self._frequencies[mode] - frequency))
+
+
+def _span_and_choices(axis: Axis, whole: bool) -> tuple[Range | None, bool, tuple[Any, ...]]:
+    if axis.values and axis.span:
+        raise InputError("has a number of values, allowed is LOW:HIGH or LOW:HIGH:log", key=f"--over {axis.key}")
+    if axis.span is None:
+        return None, False, axis.values
+    if whole and not (axis.span.low.is_integer() and axis.span.high.is_integer()):
+        raise InputError("has ends that are not whole, allowed are whole numbers", key=f"--over {axis.key}")
+    return axis.span, whole, ()

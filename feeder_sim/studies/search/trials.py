@@ -1,0 +1,119 @@
+"""Trials of a search: recipes on their way, seed by seed, until they are worth it or clearly not."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.stats import t
+
+from feeder_sim.jobs.task import SeedValues, Task
+from feeder_sim.studies.sweep.case import Case, Effort
+from feeder_sim.studies.sweep.design import Point
+
+FIRST_SEEDS = 2  # of a trial, before it is first held against the best
+GROWTH = 2  # of its seeds from one look to the next
+SURE = 0.95  # that a trial is worse, to stop it
+
+
+@dataclass(frozen=True)
+class Aim:
+    """What is searched for: the largest or the smallest mean of a measure, over so many seeds at most."""
+
+    measure: str
+    largest: bool
+    seeds: int
+
+    def better(self, a: float, b: float) -> bool:
+        """Whether a value is better than another; no value is worse than any."""
+        if math.isnan(a) or math.isnan(b):
+            return not math.isnan(a)
+        return a > b if self.largest else a < b
+
+
+@dataclass
+class Trial:
+    """One recipe.
+
+    Attributes:
+        number: of the trial.
+        point: its values.
+        case: its scenario, with the seeds that are done.
+        stopped: whether it was given up before it had all its seeds.
+    """
+
+    number: int
+    point: Point
+    case: Case
+    stopped: bool = False
+
+    def values(self, aim: Aim, seeds: int | None = None) -> list[float]:
+        """What its first seeds have come to, as far as they are done in a row."""
+        found: list[float] = []
+        for seed in range(seeds or aim.seeds):
+            if seed not in self.case.done:
+                break
+            found.append(self.case.done[seed].values.get(aim.measure, math.nan))
+        return found
+
+    def mean(self, aim: Aim) -> float:
+        """Mean over its seeds; NaN without any, or if one of them has no value: such a recipe does not count."""
+        values = self.values(aim)
+        return float(np.mean(values)) if values else math.nan
+
+    def is_whole(self, aim: Aim) -> bool:
+        """Whether it has all its seeds, and a value in each."""
+        return len(self.values(aim)) == aim.seeds and not math.isnan(self.mean(aim))
+
+    def judge(self, aim: Aim, best: Trial | None) -> int:
+        """How many seeds it should have by those that are done; it is stopped where that is all there will be.
+
+        It has been given up when a seed has no value, or when it is worse than the best one before it with the
+        confidence `SURE`: by Student's distribution of the differences seed by seed, which have the same starts.
+        """
+        wanted = min(FIRST_SEEDS, aim.seeds)
+        while len(values := self.values(aim, wanted)) == wanted and wanted < aim.seeds:
+            if any(math.isnan(value) for value in values) or (best and is_worse(values, best.values(aim), aim)):
+                self.stopped = True
+                break
+            wanted = min(GROWTH * wanted, aim.seeds)
+        return wanted
+
+
+def is_worse(values: list[float], best: list[float], aim: Aim) -> bool:
+    """Whether values are worse than those of the best, seed by seed, with the confidence `SURE`."""
+    n = min(len(values), len(best))
+    if n < 2:
+        return False
+    gain = np.array(values[:n]) - np.array(best[:n])
+    gain = gain if aim.largest else -gain
+    return bool(gain.mean() + t.ppf(SURE, n - 1) * gain.std(ddof=1) / math.sqrt(n) < 0.0)
+
+
+class TrialWork:
+    """The seeds that trials still need; all are held against the one that was best before them."""
+
+    def __init__(
+        self, trials: list[Trial], aim: Aim, best: Trial | None, keep: Callable[[Case, SeedValues], None]
+    ) -> None:
+        self._trials, self._aim, self._best, self._keep = trials, aim, best, keep
+
+    def next(self, seeds: int) -> tuple[Trial, Task] | None:
+        for trial in self._trials:
+            effort = Effort(trial.judge(self._aim, self._best))
+            handed = trial.case.hand_out(effort, seeds)
+            if handed:
+                return trial, Task(trial.case.scenario, handed)
+        return None
+
+    def take(self, place: Trial, done: tuple[SeedValues, ...]) -> None:
+        place.case.take(done)
+        for seed in done:
+            self._keep(place.case, seed)
+
+    @property
+    def share_done(self) -> float:
+        wanted = sum(trial.judge(self._aim, self._best) for trial in self._trials)
+        return sum(min(len(trial.values(self._aim)), self._aim.seeds) for trial in self._trials) / max(1, wanted)

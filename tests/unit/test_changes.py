@@ -1,0 +1,139 @@
+"""Other values by dotted keys: what they do, and what is refused."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+from command_line import check_refused, feeder_sim
+from conftest import strip_scenario
+from hypothesis import given
+from hypothesis import strategies as st
+
+from feeder_sim.errors import InputError
+from feeder_sim.scenario import Scenario, load_scenario, parse_scenario
+from feeder_sim.scenario.changes import read_changes, read_value, value_at
+
+UNCERTAIN = """
+[plate]
+kind = "strip"
+thickness_mm = 3.0
+[[drive]]
+frequency_hz = 4750.0
+amplitude_um = 1.0
+[[part]]
+shape = "hex_nut"
+size = "M2.5"
+[run]
+duration_s = 0.1
+[uncertain]
+"""
+
+
+def uncertain(text: str) -> Scenario:
+    return parse_scenario(UNCERTAIN + text, file=Path("u.toml"))
+
+
+def test_changed_values_are_those_of_a_file() -> None:
+    scenario = strip_scenario()
+    changed = scenario.changed({"drive[0].amplitude_um": 2, "part[0].start.position_mm": [1, 0], "contact.friction": 0})
+    assert changed.drive[0].amplitude_um == 2.0
+    assert changed.contact.friction == 0.0
+    assert scenario.drive[0].amplitude_um == 1.0
+    raw = changed.model_dump()
+    assert value_at(raw, "part[0].start.position_mm[0]") == 1.0
+    assert value_at(raw, "schedule.stage") is None
+
+
+def test_stages_need_no_schedule_before_them(repository: Path) -> None:
+    scenario = load_scenario(repository / "scenarios/separation_100.toml")
+    changed = scenario.changed(
+        {"stage[1].duration_s": 0.2, "schedule.stage[0].drive[0].voltage_vpp": 50.0, "cycles": 2}
+    )
+    assert changed.schedule is not None and changed.schedule.cycles == 2
+    assert changed.schedule.stage[1].duration_s == 0.2
+    assert changed.schedule.stage[0].drive[0].voltage_vpp == 50.0
+
+
+def test_none_takes_a_value_out() -> None:
+    changed = strip_scenario().changed({"drive[0].at_mm": None, "drive[0].damping_ratio": 0.01})
+    assert changed.drive[0].damping_ratio == 0.01
+    assert changed.changed({"drive[0].damping_ratio": None}).drive[0].damping_ratio is None
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ({"drive[0].amplitude_um": -5}, r"drive\[0\]\.amplitude_um: is -5, allowed is greater than or equal to 0"),
+        ({"drive[1].amplitude_um": 1}, r"drive\[1\]\.amplitude_um: has the number \[1\], allowed is 0 to 0"),
+        ({"drvie[0].amplitude_um": 1}, r"unknown key drvie \(did you mean 'drive'\?\)"),
+        ({"contact.frction": 1}, r"contact\.frction: unknown key \(did you mean 'friction'\?\)"),
+        ({"title.a": 1}, r"title\.a: leads into a value that is no table"),
+        ({"contact[0].friction": 1}, r"has the number \[0\] where there is no list"),
+        ({"contact..friction": 1}, r"is no key, allowed is for example"),
+        ({"run.seeds": 2.5}, r"run\.seeds: is 2\.5, allowed is a valid integer"),
+    ],
+)
+def test_a_change_that_is_not_allowed_is_refused(changes: dict[str, Any], said: str) -> None:
+    with pytest.raises(InputError, match=said):
+        strip_scenario().changed(changes)
+
+
+def test_values_on_the_command_line_are_those_of_toml() -> None:
+    settings = ["drive[0].amplitude_um = 2", "run.engine=mujoco", "run.planar=true", "goal=", "a=[1, 2]"]
+    read = read_changes(settings)
+    assert read == {"drive[0].amplitude_um": 2, "run.engine": "mujoco", "run.planar": True, "goal": None, "a": [1, 2]}
+    for wrong in (["a"], ["=1"], ["a=1", "a=2"], ["stage[0].duration_s=1", "schedule.stage[0].duration_s=2"]):
+        with pytest.raises(InputError, match=r"--set|given twice"):
+            read_changes(wrong)
+
+
+@given(st.text())
+def test_any_text_is_a_value_or_none(text: str) -> None:
+    value = read_value(text)
+    assert value is None if not text.strip() else value is not None
+
+
+def test_set_on_the_command_line(repository: Path, tmp_path: Path) -> None:
+    scenario = repository / "scenarios/drift_4750hz.toml"
+    usual = json.loads(feeder_sim("check", scenario, "--json").stdout)
+    changed = json.loads(feeder_sim("check", scenario, "--set", "drive[0].frequency_hz=9500", "--json").stdout)
+    assert changed["timestep_us"] == pytest.approx(0.5 * usual["timestep_us"])
+    check_refused(feeder_sim("check", scenario, "--set", "drive[0].amplitude_um=-2"), "drive[0].amplitude_um", "is -2")
+    check_refused(feeder_sim("run", "--resume", tmp_path, "--set", "a=1"), "--set is not allowed with it")
+
+
+def test_uncertain_inputs_are_checked_at_both_ends() -> None:
+    held = uncertain("contact.restitution = { uniform = [0.2, 0.5], also = ['contact.part_restitution'] }").uncertain
+    assert held is not None and held["contact.restitution"].at(0.5) == pytest.approx(0.35)
+    for text, said in (
+        ("contact.restitution = { uniform = [0.2, 1.5] }", r"may be 1\.5: allowed is less than or equal to 1"),
+        ("contact.restituton = { uniform = [0.2, 0.5] }", "there is no such key"),
+        ("contact.restitution = { uniform = [0.5, 0.2] }", "allowed is .low, high. with low < high"),
+        ("contact.restitution = { normal = [0.5, 0.3] }", r"may be -0\.4: allowed is greater"),
+        ("contact.restitution = { uniform = [0, 1], choice = [0, 1] }", "exactly one of"),
+        ("'drive[3].amplitude_um' = { uniform = [0, 1] }", r"allowed is 0 to 0"),
+        ("run.seed = { choice = [0, 1] }", "of what decides a run"),
+        ("'a..b' = { choice = [0, 1] }", "is no key"),
+    ):
+        with pytest.raises(InputError, match=said) as refused:
+            uncertain(text)
+        assert str(refused.value).startswith("u.toml: uncertain") or "uncertain" in str(refused.value)
+
+
+@pytest.mark.parametrize(
+    ("distribution", "quantiles"),
+    [
+        ("{ uniform = [1.0, 3.0] }", (1.0, 2.0, 3.0)),
+        ("{ log_uniform = [1.0, 4.0] }", (1.0, 2.0, 4.0)),
+        ("{ normal = [2.0, 0.5] }", (0.5, 2.0, 3.5)),
+        ("{ choice = [1.0, 2.0, 3.0] }", (1.0, 2.0, 3.0)),
+    ],
+)
+def test_quantiles_of_uncertain_inputs(distribution: str, quantiles: tuple[float, ...]) -> None:
+    held = uncertain(f'"drive[0].amplitude_um" = {distribution}').uncertain
+    assert held is not None
+    found = [held["drive[0].amplitude_um"].at(share) for share in (0.0, 0.5, 1.0)]
+    assert found == pytest.approx(quantiles)

@@ -1,0 +1,181 @@
+"""The search for the best recipe, with seeds that cost nothing: what it finds, what it stops, how it goes on."""
+
+from __future__ import annotations
+
+import csv
+import json
+import math
+import threading
+import tomllib
+from concurrent.futures import Executor, Future
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from command_line import check_refused, feeder_sim
+from conftest import strip_scenario
+
+from feeder_sim.errors import InputError
+from feeder_sim.jobs.task import SeedValues, Task
+from feeder_sim.jobs.workers import Workers, given_workers
+from feeder_sim.scenario import Scenario, load_scenario
+from feeder_sim.studies.search.search import FRESH, Budget, Search, search
+from feeder_sim.studies.search.space import Space
+from feeder_sim.studies.search.trials import Aim, Trial, is_worse
+from feeder_sim.studies.sweep.case import Case
+
+AMPLITUDE, FRICTION = "drive[0].amplitude_um", "contact.friction"
+OVER = (f"{AMPLITUDE}=0.5:5", f"{FRICTION}=0.1,0.2,0.3")
+AIM = Aim("speed", True, 8)
+
+
+def speed_of(scenario: Scenario, seed: int) -> float:
+    """Largest at 3 um and the middle friction; without a value above 4.5 um."""
+    amplitude, friction = float(scenario.drive[0].amplitude_um or 0.0), scenario.contact.friction
+    if amplitude > 4.5:
+        return math.nan
+    of_seed, own = (np.random.default_rng([seed, scenario.run.seed, n]).normal() for n in (0, int(1e6 * amplitude)))
+    return float(10.0 - (amplitude - 3.0) ** 2 - 10.0 * abs(friction - 0.2) + 1.0 * of_seed + 0.3 * own)
+
+
+class Pretended(Executor):
+    """Runs tasks at once, with values from the scenario; asks to stop after some."""
+
+    def __init__(self, stop: threading.Event | None = None, after: int = 0) -> None:
+        self.count, self._stop, self._after = 0, stop, after
+
+    def submit(self, function: Any, task: Task, /) -> Future[Any]:  # type: ignore[override]
+        future: Future[Any] = Future()
+        self.count += len(task.seeds)
+        if self._stop and self.count >= self._after:
+            self._stop.set()
+        done = [SeedValues(seed, {"speed": speed_of(task.scenario, seed)}, 0.1) for seed in task.seeds]
+        future.set_result(tuple(done))
+        return future
+
+
+def searched(
+    folder: Path, trials: int = 48, stop: threading.Event | None = None, after: int = 0
+) -> tuple[Search, Pretended]:
+    executor = Pretended(stop, after)
+    folder.mkdir(exist_ok=True)
+    found = search(
+        Space.of(strip_scenario(amplitude_um=1.0), OVER),
+        AIM,
+        Workers(executor, 2),
+        folder,
+        folder / "journal.jsonl",
+        budget=Budget(trials),
+        check_seeds=16,
+        stop=stop,
+    )
+    return found, executor
+
+
+def test_the_best_is_found_and_checked_with_fresh_seeds(tmp_path: Path) -> None:
+    found, _ = searched(tmp_path)
+    assert found.complete and found.best is not None and found.best.point is not None
+    assert found.best.point[FRICTION] == 0.2
+    assert found.best.point[AMPLITUDE] == pytest.approx(3.0, abs=0.5)
+    assert found.trials[0].point == {AMPLITUDE: 1.0, FRICTION: 0.3}  # as it is, first of all
+    assert found.present is not None and len(found.present.values) == 16
+    mean, low, high = found.gain
+    assert low < 5.0 < high and mean == pytest.approx(5.0, abs=0.7)  # the true difference, 10 - 5
+    scenario = found.space.scenario.changed({"run.seed": FRESH})
+    assert found.present.values == tuple(speed_of(scenario, seed) for seed in range(16))
+
+
+def test_losers_are_stopped_early(tmp_path: Path) -> None:
+    found, executor = searched(tmp_path)
+    stopped = [trial for trial in found.trials if trial.stopped]
+    assert len(stopped) >= len(found.trials) // 3
+    assert all(len(trial.case.done) < AIM.seeds for trial in stopped)
+    best = max(trial.mean(AIM) for trial in found.trials if trial.is_whole(AIM))
+    lost = [t for t in stopped if not math.isnan(t.mean(AIM)) and 10 - (t.point[AMPLITUDE] - 3.0) ** 2 > best]
+    assert not lost
+    assert executor.count < 0.8 * (8 * 48 + 32 + 4 * 8)
+
+
+def test_a_search_goes_on_to_the_same_end(tmp_path: Path) -> None:
+    whole, _ = searched(tmp_path / "whole")
+    for after in (3, 40, 150, 10_000):  # in the first generation, in a later one, at the check
+        found, _ = searched(tmp_path / "broken", stop=threading.Event(), after=after)
+        assert found.complete == (after == 10_000)
+    again, executor = searched(tmp_path / "broken")
+    assert [trial.point for trial in again.trials] == [trial.point for trial in whole.trials]
+    assert again.best == whole.best and again.present == whole.present
+    assert executor.count == 0  # everything was in the journal
+
+
+def trial_of(values: list[float]) -> Trial:
+    case = Case(strip_scenario(), "")
+    case.take(tuple(SeedValues(seed, {"speed": value}, 0.0) for seed, value in enumerate(values)))
+    return Trial(0, {}, case)
+
+
+def test_when_a_trial_is_given_up() -> None:
+    best = trial_of([10.0, 20.0, 30.0, 40.0, 50.0, 60.0, 70.0, 80.0])
+    worse = trial_of([9.0, 18.9, 29.1, 38.9])  # every seed by about one, though seeds differ by ten
+    assert is_worse(worse.values(AIM), best.values(AIM), AIM)
+    assert not is_worse(worse.values(AIM), best.values(AIM), Aim("speed", False, 8))
+    assert worse.judge(AIM, best) <= 4 and worse.stopped
+    even = trial_of([11.0, 19.0, 31.0, 39.0])
+    assert even.judge(AIM, best) == 8 and not even.stopped
+    none = trial_of([math.nan, 1.0])
+    assert none.judge(AIM, None) == 2 and none.stopped and math.isnan(none.mean(AIM))
+
+
+def test_a_mode_takes_its_frequency_along(repository: Path) -> None:
+    scenario = load_scenario(repository / "scenarios/separation_100.toml")
+    space = Space.of(scenario, ["stage[0].drive[0].mode=1,12,13,14", "stage[1].duration_s=0.05:0.5"])
+    key = "schedule.stage[0].drive[0].mode"
+    assert space.present is not None and space.present[key] in (12, 13, 14)
+    changed = space.changed({key: space.present[key], "schedule.stage[1].duration_s": 0.1})
+    assert changed.schedule is not None and scenario.schedule is not None
+    assert changed.schedule.stage[0].drive[0].frequency_hz == scenario.schedule.stage[0].drive[0].frequency_hz
+    with pytest.raises(InputError, match=r"drive\[0\]\.mode: is 999, allowed is 1 to"):
+        Space.of(scenario, ["stage[0].drive[0].mode=1,999"])
+
+
+@pytest.mark.parametrize(
+    ("over", "said"),
+    [
+        ([f"{AMPLITUDE}=0.5:5:7"], "allowed is LOW:HIGH"),
+        ([f"{AMPLITUDE}=-1:5"], "is -1"),
+        ([f"{FRICTION}=0.1:0.5", f"{FRICTION}=1,2"], "each key once"),
+        ([], "each key once"),
+        (["run.steps_per_period=20.5:40"], "whole numbers"),
+        (["drive[0].mode=1,2"], "plate.mode_file: is missing"),
+        (["contact.frction=0:1"], "did you mean 'friction'"),
+    ],
+)
+def test_a_space_that_is_refused(over: list[str], said: str) -> None:
+    with pytest.raises(InputError, match=said):
+        Space.of(strip_scenario(), over)
+
+
+def test_command(repository: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("feeder_sim.jobs.workers.workers_of", lambda count, dask: given_workers(Pretended(), 2))
+    scenario, out = repository / "scenarios/drift_4750hz.toml", tmp_path / "out"
+    asked = ("optimise", scenario, "--maximise", "speed", "--over", OVER[0], "--trials", 24, "--out", out)
+    done = feeder_sim(*asked)
+    assert done.returncode == 0, done.stderr
+    assert "fresh seeds" in done.stdout and "95 % interval" in done.stdout
+    best = tomllib.loads((out / "best.toml").read_text())
+    assert 2.0 < best["drive"][0]["amplitude_um"] < 4.0
+    assert load_scenario(out / "best.toml").run.seed == 0
+    with (out / "trials.csv").open(newline="") as file:
+        assert len(list(csv.DictReader(file))) == 24
+    assert (out / "history.png").stat().st_size > 1000
+    told = json.loads(feeder_sim(*asked, "--json").stdout)
+    assert told["complete"] and told["gain"]["low"] < told["gain"]["mean"]
+    told = feeder_sim(*asked[:2], "--maximise", "height", *asked[4:-1], tmp_path / "none")
+    assert told.returncode == 1 and "no recipe has height" in told.stderr
+    for options, said in (
+        ((), "exactly one of them"),
+        (("--maximise", "a", "--minimise", "b"), "exactly one of them"),
+        (("--maximise", "a", "--budget", "soon"), "30min"),
+        (("--maximise", "a", "--sampler", "x"), "tpe or cmaes"),
+    ):
+        check_refused(feeder_sim("optimise", scenario, "--over", OVER[0], *options, cwd=tmp_path), said)

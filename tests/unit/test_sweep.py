@@ -1,0 +1,258 @@
+"""Sweeps: axes, how many seeds are run, journals, the table; with seeds that cost nothing."""
+
+from __future__ import annotations
+
+import csv
+import json
+import math
+from concurrent.futures import Executor, Future, ThreadPoolExecutor
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from command_line import check_refused, feeder_sim
+from conftest import strip_scenario
+
+from feeder_sim.errors import FeederSimError, InputError
+from feeder_sim.jobs.identity import identity_of
+from feeder_sim.jobs.journal import Journal, read_journal
+from feeder_sim.jobs.runner import run_work
+from feeder_sim.jobs.task import SeedValues, Task, run_task
+from feeder_sim.jobs.workers import Workers, given_workers
+from feeder_sim.studies.sweep.case import Case, Effort
+from feeder_sim.studies.sweep.cases import Cases, SweepWork, run_cases
+from feeder_sim.studies.sweep.design import grid, read_axis, side_by_side, sobol_sample
+from feeder_sim.studies.sweep.folder import merged, sweep_folder
+from feeder_sim.studies.sweep.question import Question, axis_texts
+from feeder_sim.studies.sweep.sweep import sweep
+from feeder_sim.studies.uncertainty.spread import spread_of
+
+AMPLITUDE = "drive[0].amplitude_um"
+
+
+def test_axes() -> None:
+    assert read_axis(f"{AMPLITUDE}=1:4:log3").values == pytest.approx((1.0, 2.0, 4.0))
+    assert read_axis("stage[0].duration_s=1:2:3").key == "schedule.stage[0].duration_s"
+    assert read_axis("a=x,2,[1, 2],{ b = 1, c = 2 }").values == ("x", 2, [1, 2], {"b": 1, "c": 2})
+    assert read_axis("a=[1, 2]").values == (1, 2)
+    axes = [read_axis("a=1,2"), read_axis("b=3,4")]
+    assert grid(axes) == [{"a": 1, "b": 3}, {"a": 1, "b": 4}, {"a": 2, "b": 3}, {"a": 2, "b": 4}]
+    assert side_by_side(axes) == [{"a": 1, "b": 3}, {"a": 2, "b": 4}]
+    sample = sobol_sample([read_axis("a=1:4:log"), read_axis("b=x,y")], 64)
+    assert sample == sobol_sample([read_axis("a=1:4:log"), read_axis("b=x,y")], 64)
+    assert np.median([point["a"] for point in sample]) == pytest.approx(2.0, rel=0.05)
+    assert sum(point["b"] == "x" for point in sample) == 32
+
+
+@pytest.mark.parametrize(
+    ("texts", "said"),
+    [
+        (["a"], "allowed is KEY=LOW:HIGH:COUNT"),
+        (["a=2:1:3"], "LOW below HIGH"),
+        (["a=0:1:log3"], "above 0 on a logarithmic scale"),
+        (["a=1:2:1"], "allowed are 2 to"),
+        (["a=1,1"], "different values"),
+        (["a=1:2"], "which only --sobol takes"),
+        (["a=1,2", "a=3,4"], "varied twice"),
+        (["a=1:2:1000", "b=1:2:1000"], "1000000 points"),
+        ([], "--vary: is missing"),
+    ],
+)
+def test_axes_that_are_refused(texts: list[str], said: str) -> None:
+    with pytest.raises(InputError, match=said):
+        grid([read_axis(text) for text in texts])
+
+
+def test_axes_side_by_side_have_as_many_values() -> None:
+    with pytest.raises(InputError, match="different numbers of values"):
+        side_by_side([read_axis("a=1,2"), read_axis("b=1,2,3")])
+
+
+class Pretended(Executor):
+    """Runs tasks at once, with values made from amplitude and seed; breaks at some of them."""
+
+    def __init__(self, break_at: tuple[int, ...] = ()) -> None:
+        self.seeds: list[tuple[float, int]] = []
+        self._break_at = break_at
+
+    def submit(self, function: Any, task: Task, /) -> Future[Any]:  # type: ignore[override]
+        future: Future[Any] = Future()
+        amplitude = float(task.scenario.drive[0].amplitude_um or 0.0)
+        if len(self.seeds) in self._break_at:
+            self._break_at = tuple(n for n in self._break_at if n != len(self.seeds))
+            from concurrent.futures.process import BrokenProcessPool
+
+            future.set_exception(BrokenProcessPool("killed"))
+            return future
+        self.seeds += [(amplitude, seed) for seed in task.seeds]
+        values = [SeedValues(seed, {"speed": speed_of(amplitude, seed)}, 0.1) for seed in task.seeds]
+        future.set_result(tuple(values))
+        return future
+
+
+def speed_of(amplitude: float, seed: int) -> float:
+    """No speed below 1 um; above, one that scatters the more, the stronger the drive."""
+    if amplitude < 1.0:
+        return math.nan
+    return 10.0 + 0.5 * amplitude * float(np.random.default_rng(seed).normal())
+
+
+def cases_at(question: Question) -> Cases:
+    return Cases.of(strip_scenario(seeds=4), question, file=Path("scenario"))
+
+
+def test_more_seeds_where_the_interval_is_wide_fewer_where_nothing_happens() -> None:
+    question = Question((f"{AMPLITUDE}=0.5,1,4",), seeds=8, until_se=0.03, measure="speed")
+    swept = run_cases(cases_at(question), Workers(Pretended(), 2))
+    rows = {row.point[AMPLITUDE]: row for row in swept.of("speed")}
+    assert rows[0.5].found.n == 0
+    counts = [len(case.done) for case in swept.cases]
+    assert counts[0] == 4  # nothing happens
+    assert counts[1] == 8
+    assert counts[2] > 30
+    assert rows[4].found.se <= 0.03 * rows[4].found.mean
+    assert rows[4].found.se > 0.01 * rows[4].found.mean  # and not many more than it takes
+
+
+def test_a_broken_executor_loses_nothing() -> None:
+    question = Question((f"{AMPLITUDE}=1:2:3",), seeds=5)
+    whole = run_cases(cases_at(question), Workers(Pretended(), 2))
+    second = Pretended()
+    workers = Workers(Pretended(break_at=(3,)), 2, lambda: second)
+    broken = run_cases(cases_at(question), workers)
+    assert second.seeds
+    assert broken.rows == whole.rows
+
+
+def test_workers_that_end_again_and_again_end_the_sweep(monkeypatch: pytest.MonkeyPatch) -> None:
+    cases = cases_at(Question((f"{AMPLITUDE}=1:2:3",), seeds=5))
+    workers = Workers(Pretended(break_at=(0,)), 2, lambda: Pretended(break_at=(0,)))
+    with pytest.raises(FeederSimError, match="again and again"):
+        run_work(SweepWork(cases, lambda case, seed: None), workers)
+
+
+def test_the_order_in_which_seeds_come_back_does_not_matter() -> None:
+    effort = Effort(8, 0.02, 1000, "speed")
+    wanted = []
+    for order in (range(200), reversed(range(200))):
+        case = Case(strip_scenario(), "")
+        for seed in order:
+            case.take((SeedValues(seed, {"speed": speed_of(4.0, seed)}, 0.1),))
+        wanted.append(case.wanted(effort))
+    assert wanted[0] == wanted[1] > 8
+
+
+def test_a_journal_outlives_what_a_kill_leaves(tmp_path: Path) -> None:
+    path = tmp_path / "journal.jsonl"
+    with Journal(path) as journal:
+        journal.add({"seed": 1})
+        journal.add({"seed": 2})
+    whole = path.read_bytes()
+    for cut in range(len(whole)):
+        path.write_bytes(whole[:cut])
+        with Journal(path) as journal:
+            journal.add({"seed": 3})
+        kept = [entry["seed"] for entry in read_journal(path)]
+        assert kept[-1] == 3 and kept[:-1] == [1, 2][: len(kept) - 1]
+        assert len(kept) - 1 >= whole[:cut].count(b"\n")
+    path.write_bytes(whole.replace(b'"seed": 2', b'"seed": 7'))
+    assert [entry["seed"] for entry in read_journal(path)] == [1]
+
+
+def test_done_points_are_kept_and_others_added(tmp_path: Path) -> None:
+    scenario, journal = strip_scenario(seeds=4), tmp_path / "journal.jsonl"
+    run_cases(cases_at(Question((f"{AMPLITUDE}=1,2",))), Workers(Pretended(), 1), journal)
+    again = Pretended()
+    swept = run_cases(cases_at(Question((f"{AMPLITUDE}=2,3",), seeds=6)), Workers(again, 1), journal)
+    assert sorted(again.seeds) == [(2.0, 4), (2.0, 5), *((3.0, seed) for seed in range(6))]
+    assert [row.found.n for row in swept.of("speed")] == [6, 6]
+    assert identity_of(scenario) == identity_of(scenario.changed({"title": "other", "run.seeds": 7}))
+    assert identity_of(scenario) != identity_of(scenario.changed({"run.seed": 7}))
+
+
+def test_tasks_of_a_job_array_merge_to_the_whole(tmp_path: Path) -> None:
+    scenario, question = strip_scenario(seeds=3), Question((f"{AMPLITUDE}=1:2:5",))
+    for number in (1, 2, 3):
+        with sweep_folder(tmp_path / "s", scenario, question, (number, 3)) as folder:
+            cases = Cases.of(scenario, question, file=Path("scenario")).part(number, 3)
+            run_cases(cases, Workers(Pretended(), 1), folder.journal)
+    assert len(list((tmp_path / "s").glob("journal-*-of-3.jsonl"))) == 3
+    found, _ = merged(tmp_path / "s")
+    assert found.complete
+    assert found.rows == run_cases(cases_at(question.__class__(question.vary, seeds=3)), Workers(Pretended(), 1)).rows
+
+
+def test_spread_over_inputs_and_seeds_apart() -> None:
+    random = np.random.default_rng(0)
+    inputs = random.normal(0.0, 2.0, 400)
+    spread = spread_of([(10.0 + value + random.normal(0.0, 3.0, 4)).tolist() for value in inputs])
+    assert spread.sd_inputs == pytest.approx(2.0, rel=0.12)
+    assert spread.sd_seeds == pytest.approx(3.0, rel=0.06)
+    assert spread.inputs_high - spread.inputs_low == pytest.approx(2 * 1.645 * 2.0, rel=0.1)
+    assert spread.high - spread.low == pytest.approx(2 * 1.645 * math.hypot(2.0, 3.0), rel=0.1)
+    alone = spread_of([[value] for value in inputs.tolist()])
+    assert math.isnan(alone.sd_inputs) and alone.low < alone.median < alone.high
+    assert spread_of([[math.nan], []]).draws == 0
+
+
+def test_real_seeds_are_those_of_simulate() -> None:
+    """A sweep in threads, with uncertain inputs, against `simulate` of the same scenarios."""
+    from feeder_sim import simulate
+
+    scenario = strip_scenario(seeds=2, duration_s=0.05)
+    with ThreadPoolExecutor(1) as pool:
+        swept = sweep(scenario, {AMPLITUDE: [0.5, 1.0]}, executor=pool, workers=1)
+    for row in swept.of("drift_velocity_x_mm_s"):
+        found = simulate(scenario.changed(row.point)).measures()["drift_velocity_x_mm_s"]
+        assert (row.found.mean, row.found.se, row.found.n) == (found["mean"], found["se"], 2)
+
+
+def test_a_task_that_cannot_be_run_says_why() -> None:
+    scenario = strip_scenario().changed({"part[0].start.position_mm": [1e4, 0.0]})
+    (seed,) = run_task(Task(scenario, (0,)))
+    assert "start.position_mm" in seed.failure and not seed.values
+    entry = json.loads(json.dumps(seed.as_entry()))
+    assert SeedValues.of_entry(entry) == seed
+
+
+def test_command(repository: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("feeder_sim.jobs.workers.workers_of", lambda count, dask: given_workers(Pretended(), 2))
+    scenario, out = repository / "scenarios/drift_4750hz.toml", tmp_path / "out"
+    asked = ("sweep", scenario, "--vary", f"{AMPLITUDE}=1:4:log3", "--vary", "contact.friction=0.2,0.3", "--out", out)
+    done = feeder_sim(*asked, "--seeds", 3)
+    assert done.returncode == 0, done.stderr
+    assert "speed" in done.stdout and "6 points" in done.stdout
+    with (out / "sweep.csv").open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert list(rows[0]) == [AMPLITUDE, "contact.friction", "measure", "mean", "se", "n", "failed"]
+    assert len(rows) == 6 and rows[0]["n"] == "3"
+    assert (out / "sweep.png").stat().st_size > 1000
+    import pyarrow.parquet
+
+    assert pyarrow.parquet.read_table(out / "sweep.parquet").to_pylist()[0]["measure"] == "speed"
+    told = json.loads(feeder_sim(*asked, "--json").stdout)
+    assert told["complete"] and len(told["rows"]) == 6
+    assert feeder_sim("merge", out).returncode == 0
+    (out / "journal.jsonl").unlink()
+    assert feeder_sim("merge", out).returncode == 130  # nothing is there
+    for options, said in (
+        (("--vary", f"{AMPLITUDE}=-1,2"), ("drive[0].amplitude_um", "is -1")),
+        (("--vary", f"{AMPLITUDE}=1,2", "--until-se", "x"), ("--until-se", "3%")),
+        (("--vary", f"{AMPLITUDE}=1,2", "--until-se", "3%"), ("--measure", "missing")),
+        (("--vary", f"{AMPLITUDE}=1,2", "--task", "3/2"), ("--task", "I/N")),
+        (("--vary", f"{AMPLITUDE}=1,2", "--out", scenario.parent), ("allowed is a new folder",)),
+        (("--vary", f"{AMPLITUDE}=1,2", "--zip", "--sobol", "4"), ("--zip",)),
+    ):
+        check_refused(feeder_sim("sweep", scenario, *options, cwd=tmp_path), *said)
+    check_refused(feeder_sim("merge", tmp_path), "sweep.toml", "no such file")
+
+
+def test_a_question_is_kept_as_text(tmp_path: Path) -> None:
+    question = Question(axis_texts({"a": [1, 2.5], "b": np.array([1.0, 2.0]), "c": "1:2:3"}), seeds=3, measure="m")
+    (tmp_path / "q.toml").write_text(question.as_toml())
+    assert Question.of_toml(tmp_path / "q.toml") == question
+    assert question.axes[0].values == (1, 2.5)
+    (tmp_path / "q.toml").write_text("vary = 3\nx = 1")
+    with pytest.raises(InputError, match="holds no sweep"):
+        Question.of_toml(tmp_path / "q.toml")

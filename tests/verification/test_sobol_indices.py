@@ -1,0 +1,57 @@
+"""Sobol indices of a function whose indices are known, with seeds that scatter."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from conftest import strip_scenario
+
+from feeder_sim.scenario import Uncertain
+from feeder_sim.studies.uncertainty.draws import draws_of
+from feeder_sim.studies.uncertainty.indices import saltelli_draws, sobol_indices
+
+KEYS = ("drive[0].amplitude_um", "contact.friction", "contact.part_friction")
+SCATTER = 1.0  # standard deviation of seeds
+
+
+def ishigami(x: np.ndarray) -> float:
+    """sin x1 + 7 sin^2 x2 + 0.1 x3^4 sin x1 (Ishigami and Homma, 1990)."""
+    return float(np.sin(x[0]) + 7.0 * np.sin(x[1]) ** 2 + 0.1 * x[2] ** 4 * np.sin(x[0]))
+
+
+@pytest.mark.filterwarnings("default")
+def test_ishigami_function_with_noise() -> None:
+    """x from -pi to pi; V = 7^2/8 + 0.1 pi^4/5 + 0.1^2 pi^8/18 + 1/2, S = 0.314, 0.442, 0, T = 0.558, 0.442, 0.244."""
+    span = Uncertain(uniform=(0.0, 2.0 * np.pi))  # friction and amplitude are not negative: shifted by pi
+    scenario = strip_scenario().changed({"uncertain": {key: span.model_dump() for key in KEYS}})
+    random = np.random.default_rng(0)
+    draws = saltelli_draws(scenario, 1024)
+    assert len(draws) == 1024 * 5
+    exact = [ishigami(np.array([draw[key] for key in KEYS]) - np.pi) for draw in draws]
+    values = [(value + random.normal(0.0, SCATTER, 2)).tolist() for value in exact]
+    found = sobol_indices(scenario, values)
+    assert [index.key for index in found] == list(KEYS)
+    for index, first, total in zip(found, (0.314, 0.442, 0.0), (0.558, 0.442, 0.244), strict=True):
+        assert index.first == pytest.approx(first, abs=max(0.05, index.first_interval))
+        assert index.total == pytest.approx(total, abs=max(0.05, index.total_interval))
+        assert index.first_interval < 0.15 and index.total_interval < 0.15
+
+
+def test_inputs_that_change_nothing_have_no_indices() -> None:
+    scenario = strip_scenario().changed({"uncertain": {KEYS[0]: {"uniform": [1.0, 2.0]}}})
+    random = np.random.default_rng(0)
+    values = [random.normal(0.0, 1.0, 2).tolist() for _ in saltelli_draws(scenario, 8)]
+    assert all(np.isnan(index.total) or index.total_interval > 0.0 for index in sobol_indices(scenario, values))
+    constant = [[1.0, 1.0] for _ in values]
+    assert all(np.isnan(index.total) for index in sobol_indices(scenario, constant))
+
+
+def test_draws_fill_the_ranges_evenly() -> None:
+    held = {KEYS[0]: {"uniform": [1.0, 2.0], "also": [KEYS[1]]}, KEYS[2]: {"choice": [0.1, 0.2]}}
+    scenario = strip_scenario().changed({"uncertain": held})
+    draws = draws_of(scenario, 16)
+    assert draws == draws_of(scenario, 16)
+    values = np.sort([draw[KEYS[0]] for draw in draws])
+    assert (np.floor(16 * (values - 1.0)) == np.arange(16)).all()
+    assert all(draw[KEYS[0]] == draw[KEYS[1]] for draw in draws)
+    assert sum(draw[KEYS[2]] == 0.1 for draw in draws) == 8
