@@ -26,6 +26,7 @@ from feeder_sim.cli.part import part
 from feeder_sim.cli.plate import modes, sequence, wave
 from feeder_sim.cli.replay import replay
 from feeder_sim.cli.report import as_lines, print_boundaries, print_result
+from feeder_sim.cli.report_page import report
 from feeder_sim.cli.response import response
 from feeder_sim.cli.schema import schema
 from feeder_sim.cli.sweep import merge, sweep
@@ -254,6 +255,7 @@ def list_(
 
 
 app.command()(replay)
+app.command()(report)
 
 
 @app.command()

@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy.stats import t
 
-from feeder_sim.plots.figure import empty_figure
+from feeder_sim.plots.figure import empty_figure, make_logarithmic
+from feeder_sim.plots.intervals import half_interval
 from feeder_sim.studies.sweep.cases import Sweep
 from feeder_sim.studies.sweep.table import Row
 
 MOST_TICKS = 8  # on a logarithmic axis
 BLUE, PALE = "#3a60be", "#b8c6ea"
+DECADES = 30.0  # largest over smallest value from which on colours of a map, or an axis, are logarithmic
 EVEN = 1e-6  # relative difference of steps, or of ratios, that counts as none
 
 
@@ -36,7 +38,9 @@ def draw_sweep(sweep: Sweep, measure: str, path: Path) -> None:
     figure.savefig(path, dpi=150)
 
 
-def draw_line(axes: Any, rows: list[Row], key: str, *, joined: bool) -> None:
+def draw_line(
+    axes: Any, rows: Sequence[Row], key: str, *, joined: bool, colour: str = BLUE, label: str | None = None
+) -> None:
     """Draw means with 95 % intervals over one key; where inputs are uncertain, a band of 90 % over them."""
     values = [row.point[key] for row in rows]
     numbers = all(_is_number(value) for value in values)
@@ -44,25 +48,25 @@ def draw_line(axes: Any, rows: list[Row], key: str, *, joined: bool) -> None:
     x = np.array(values, float) if numbers else np.array([names.index(str(value)) for value in values], float)
     order = np.argsort(x, kind="stable")
     mean = np.array([row.found.mean for row in rows])
-    # Of a few seeds by Student's distribution; of uncertain inputs the draws count.
-    count = np.array([row.spread.draws if row.spread else row.found.n for row in rows])
-    reach = t.ppf(0.975, np.maximum(count - 1, 1)) * np.nan_to_num(np.array([row.found.se for row in rows]))
+    # Of uncertain inputs the draws count.
+    counts = [row.spread.draws if row.spread else row.found.n for row in rows]
+    reach = np.nan_to_num([half_interval(row.found.se, n) for row, n in zip(rows, counts, strict=True)])
     if joined and all(row.spread for row in rows):
         low, high = (np.array([getattr(row.spread, name) for row in rows]) for name in ("inputs_low", "inputs_high"))
         axes.fill_between(x[order], low[order], high[order], color=PALE, label="90 % over the inputs")
         axes.legend()
     line = "o-" if joined and numbers else "o"
-    axes.errorbar(x[order], mean[order], reach[order], fmt=line, color=BLUE, markersize=4, capsize=2, linewidth=1.2)
+    bars = {"fmt": line, "color": colour, "markersize": 4, "capsize": 2, "linewidth": 1.2, "label": label}
+    axes.errorbar(x[order], mean[order], reach[order], **bars)
     if numbers and _is_log(x):
-        axes.set_xscale("log")
-        _plain_numbers(axes.xaxis)
+        make_logarithmic(axes.xaxis)
     if not numbers:
         axes.set_xticks(range(len(names)), names)
     axes.set(xlabel=key)
     axes.grid(True, alpha=0.3)
 
 
-def draw_map(figure: Any, rows: list[Row], keys: tuple[str, ...], measure: str) -> None:
+def draw_map(figure: Any, rows: Sequence[Row], keys: tuple[str, ...], measure: str) -> None:
     """Draw a heat map over two keys; points without a value stay white."""
     from matplotlib.ticker import NullLocator
 
@@ -73,7 +77,9 @@ def draw_map(figure: Any, rows: list[Row], keys: tuple[str, ...], measure: str) 
     for row in rows:
         grid[ticks[1].index(row.point[keys[1]]), ticks[0].index(row.point[keys[0]])] = row.found.mean
     edges = [_edges(values) for values in ticks]
-    image = axes.pcolormesh(*edges, grid, cmap="viridis")
+    low, high = float(np.nanmin(grid)), float(np.nanmax(grid))
+    norm = "log" if low > 0.0 and high > DECADES * low else "linear"
+    image = axes.pcolormesh(*edges, grid, cmap="viridis", norm=norm)
     axes.set(xlabel=keys[0], ylabel=keys[1])
     for values, axis, name in zip(ticks, (axes.xaxis, axes.yaxis), "xy", strict=True):
         if not all(_is_number(value) for value in values):
@@ -84,12 +90,6 @@ def draw_map(figure: Any, rows: list[Row], keys: tuple[str, ...], measure: str) 
             axis.set_ticks(values[:: math.ceil(len(values) / MOST_TICKS)])
             axis.set_major_formatter("{x:.3g}")
     figure.colorbar(image, label=measure)
-
-
-def _plain_numbers(axis: Any) -> None:
-    """Numbers on a logarithmic axis as people write them."""
-    axis.set_major_formatter("{x:g}")
-    axis.set_minor_formatter("{x:g}")
 
 
 def _edges(values: list[Any]) -> np.ndarray:

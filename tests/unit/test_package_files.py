@@ -29,7 +29,8 @@ print(json.dumps([feeder_sim.__file__, len(examples()), all(file.is_file() for f
 
 @pytest.mark.skipif(not (REPOSITORY / ".git").exists(), reason="no git checkout")
 def test_no_file_of_the_package_is_left_out_of_a_wheel() -> None:
-    files = [str(path.relative_to(REPOSITORY)) for path in (REPOSITORY / "feeder_sim").rglob("*.py")]
+    paths = (path for kind in ("*.py", "*.j2") for path in (REPOSITORY / "feeder_sim").rglob(kind))
+    files = [str(path.relative_to(REPOSITORY)) for path in paths]
     command = ["git", "check-ignore", "--no-index", "--stdin"]
     found = subprocess.run(command, input="\n".join(files), capture_output=True, text=True, cwd=REPOSITORY, check=False)
     assert len(files) > 100 and found.stderr == "" and found.stdout == ""

@@ -1,0 +1,137 @@
+"""A run folder as it was left: finished, interrupted, killed or failed; what it holds, and what is to be said about it.
+
+Measures are computed again from the trajectory, of which every run has one; a run that was killed has no summary.
+"""
+
+from __future__ import annotations
+
+import contextlib
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from feeder_sim.errors import Divergence, FeederSimError, InputError, SimulationDiverged, cause_of
+from feeder_sim.records.own_files import locked
+from feeder_sim.records.trajectory import Recording, Status
+from feeder_sim.records.trajectory_file import recording_of
+from feeder_sim.run.prepare import prepare
+from feeder_sim.run.provenance import input_hashes, library_versions
+from feeder_sim.run.run_folder import RESOLVED
+from feeder_sim.run.seed_record import SeedResult
+from feeder_sim.run.simulation import Result
+from feeder_sim.scenario import Scenario, parse_scenario
+
+
+@dataclass(frozen=True)
+class Recorded:
+    """A run on disk.
+
+    Attributes:
+        folder: of the run.
+        recording: its trajectory.
+        result: as the run itself would have it.
+        under_way: whether a process still writes into the folder.
+        other_versions: a line where the run was made with other libraries than those that are here now, else "".
+        changed_inputs: a line for each file whose content is no longer that of the run.
+    """
+
+    folder: Path
+    recording: Recording
+    result: Result
+    under_way: bool
+    other_versions: str
+    changed_inputs: tuple[str, ...]
+
+    @property
+    def ended(self) -> int:
+        """Number of seeds that ran to their end."""
+        return sum(status in (Status.DONE, Status.LEFT_PLATE) for status in self.recording.status)
+
+    @property
+    def failed(self) -> list[int]:
+        """Indices of the seeds that were stopped since their state was not valid."""
+        return [index for index, status in enumerate(self.recording.status) if status == Status.DIVERGED]
+
+
+def recorded_run(run: Path) -> Recorded:
+    """Read a run folder, or its trajectory file.
+
+    Raises:
+        InputError: no run there, it cannot be read, or a file that its scenario reads is gone.
+    """
+    recording = recording_of(run)
+    folder = recording.path.parent
+    scenario = parse_scenario(recording.scenario_text, file=folder / RESOLVED)
+    prepared = prepare(scenario)
+    seeds = tuple(
+        SeedResult(
+            record.frames,
+            record.impacts,
+            record.removals,
+            record.stops,
+            status,
+            wall_time.seed,
+            _failure(folder, index) if status == Status.DIVERGED else None,
+            None,
+            unresolved,
+            arrivals=record.arrivals,
+        )
+        for index, (record, status, wall_time, unresolved) in enumerate(
+            zip(
+                recording.records,
+                recording.status,
+                recording.wall_times,
+                recording.unresolved_impacts,
+                strict=True,
+            )
+        )
+    )
+    wall_s = max((wall_time.ensemble for wall_time in recording.wall_times), default=0.0)
+    result = Result(prepared, seeds, wall_s)
+    under_way = result.interrupted and _in_use(folder)
+    return Recorded(
+        folder, recording, result, under_way, _other_versions(recording), _changed_inputs(recording, scenario)
+    )
+
+
+def _other_versions(recording: Recording) -> str:
+    now = library_versions()
+    then = {name: version for name, version in recording.libraries.items() if now.get(name) != version}
+    named = ", ".join(f"{name} {version} (now {now.get(name, 'missing')})" for name, version in sorted(then.items()))
+    return f"The run was made with other versions than those that measured it for this page: {named}." if named else ""
+
+
+def _changed_inputs(recording: Recording, scenario: Scenario) -> tuple[str, ...]:
+    try:
+        inputs = input_hashes(scenario)
+    except OSError as error:
+        raise InputError(f"cannot be read: {cause_of(error)}", file=error.filename) from error
+    changed = sorted({key for key, _ in set(recording.inputs.items()) ^ set(inputs.items())})
+    return tuple(
+        f"The file of {key} has changed since the run; measures that depend on it may be wrong." for key in changed
+    )
+
+
+def _failure(folder: Path, index: int) -> SimulationDiverged | None:
+    """Why a seed was stopped, from the file of its last states; None without one that can be read."""
+    name = f"failure_seed_{index}.npz"
+    path = folder / name
+    with contextlib.suppress(Exception):  # of a file that is damaged, NumPy raises what it likes
+        if path.is_symlink():
+            return None
+        with np.load(path, allow_pickle=False) as held:
+            cause, part, time_s = (held[key].item() for key in ("cause", "part", "time_s"))
+        return SimulationDiverged(
+            Divergence.NOT_FINITE, time_s=float(time_s), part=str(part), seed=index, detail=str(cause), file=name
+        )
+    return None
+
+
+def _in_use(folder: Path) -> bool:
+    """Whether another process writes into a folder; nobody else can where this one cannot."""
+    try:
+        with locked(folder):
+            return False
+    except FeederSimError as error:
+        return isinstance(error, InputError) and "is in use" in error.problem

@@ -1,0 +1,236 @@
+"""The curves of a run, with intervals over its seeds; which there are depends on what was measured."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from feeder_sim.measures.bounces import BounceFindings, seed_flights
+from feeder_sim.measures.rate import RateFindings
+from feeder_sim.measures.separation import SeparationFindings, StageCounts
+from feeder_sim.plots.figure import MM
+from feeder_sim.plots.run_curves import (
+    draw_by_stage,
+    draw_counts,
+    draw_flights,
+    draw_over_time,
+    draw_rates,
+    draw_shares,
+)
+from feeder_sim.records.trajectory import Frames, Status
+from feeder_sim.report.page import Picture
+from feeder_sim.report.pictures import picture_of
+from feeder_sim.report.recorded import Recorded
+from feeder_sim.report.words import number
+from feeder_sim.scene.cell import PASSAGE_FROM, PASSAGE_TO
+
+INTERVAL = "bars and bands are 95 % intervals of the mean over the seeds"
+MOST_STAGES = 12  # of one cycle in a picture by stage
+Kind = TypeVar("Kind")
+
+
+def curves(run: Recorded) -> Iterator[Picture]:
+    """All curves that a run has the data for."""
+    goal = run.result.scene.scenario.goal
+    alone, guided = len(run.recording.parts) == 1, run.result.scene.guides[0] is not None
+    if any(len(frames) > 1 for frames in run.recording.seeds):
+        if goal is not None:
+            yield _to_goal(run)
+        elif alone and not guided and run.result.scene.scenario.schedule is None:
+            yield _drift(run)
+    bounces = _findings(run, BounceFindings)
+    if bounces is not None and bounces.bounce_interval_ms.n > 1:
+        yield _bounces(run, bounces)
+    separation = _findings(run, SeparationFindings)
+    if separation is not None and goal is None and any(stage.on_plate.n for stage in separation.stages):
+        yield from _counts(run, separation)
+    rate = _findings(run, RateFindings)
+    if rate is not None and rate.picks_per_minute.n:
+        yield _rate(rate)
+
+
+def _findings(run: Recorded, kind: type[Kind]) -> Kind | None:
+    return next((found for _, found in run.result.findings if isinstance(found, kind)), None)
+
+
+def _seeds(run: Recorded) -> tuple[list[Frames], list[bool]]:
+    """Frames of the seeds that have any, and whether each ran to its end."""
+    pairs = [(f, s) for f, s in zip(run.recording.seeds, run.recording.status, strict=True) if len(f) > 1]
+    return [frames for frames, _ in pairs], [status == Status.DONE for _, status in pairs]
+
+
+def _drift(run: Recorded) -> Picture:
+    """Distance of the part to the nodal line over time, or its way from the start where there is no such line."""
+    cell, (seeds, counted) = run.result.prepared.cell, _seeds(run)
+    first_end = min((float(f.time[-1]) for f, counts in zip(seeds, counted, strict=True) if counts), default=None)
+
+    def value(frames: Frames) -> NDArray[np.float64]:
+        if cell is not None:
+            return np.asarray(cell.way(frames) * cell.reach * MM)
+        way = frames.position[:, 0, :2] - frames.position[0, 0, :2]
+        return np.asarray(np.linalg.norm(way, axis=1) * MM)
+
+    def draw(figure: Any) -> None:
+        axes = figure.add_subplot()
+        draw_over_time(axes, seeds, value, counted=counted)
+        axes.set(xlabel="time (s)", xlim=(0.0, max(float(frames.time[-1]) for frames in seeds)))
+        axes.set_ylim(0.0, None)
+        if cell is None:
+            axes.set_ylabel("distance from the start (mm)")
+        else:
+            axes.set_ylabel("distance to the nodal line (mm)")
+            for level, name in ((PASSAGE_FROM, "start"), (PASSAGE_TO, "end")):
+                axes.axhline(level * cell.reach * MM, color="black", linestyle=":", linewidth=0.8)
+                text = {"fontsize": 7.5, "va": "top", "xytext": (3, -2), "textcoords": "offset points"}
+                axes.annotate(f"{name} of the timed way", (0.0, level * cell.reach * MM), **text)
+        axes.legend(loc="upper right" if cell is not None else "upper left")
+
+    what = "its distance to the nearest nodal line" if cell is not None else "its horizontal distance from the start"
+    mean = ""
+    if first_end is not None:
+        until = f" up to {first_end:.3g} s, when the first seed ends" if cell is not None else ""
+        mean = f" The mean is drawn{until}; the band is its 95 % interval."
+    left = " Dashed seeds did not run to their end." if not all(counted) else ""
+    return picture_of(
+        draw,
+        height=3.3,
+        alt=f"The part over time: {what}, in {len(seeds)} seeds.",
+        caption=f"The part over time: {what}.{mean}{left}",
+    )
+
+
+def _to_goal(run: Recorded) -> Picture:
+    """Mean x of the parts over time in every seed, with the goal."""
+    goal, (seeds, _) = run.result.scene.scenario.goal, _seeds(run)
+    assert goal is not None  # the caller's check
+
+    def value(frames: Frames) -> NDArray[np.float64]:
+        there = np.where(frames.present, frames.position[..., 0], np.nan)
+        counts = np.maximum(frames.present.sum(axis=1), 1)
+        return np.where(frames.present.any(axis=1), np.nansum(there, axis=1) / counts, np.nan) * MM
+
+    def draw(figure: Any) -> None:
+        axes = figure.add_subplot()
+        draw_over_time(axes, seeds, value, counted=[False] * len(seeds))
+        for line in axes.lines:
+            line.set(linestyle="-", color="#1f5fa8", linewidth=1.1, alpha=0.8)
+        band = {"color": "#2a8a5f", "alpha": 0.25, "linewidth": 0.0}
+        axes.axhspan(goal.x_mm - goal.within_mm, goal.x_mm + goal.within_mm, label="goal", **band)
+        axes.set(xlabel="time (s)", ylabel="mean x of the parts (mm)", xlim=(0.0, None))
+        axes.legend(loc="best")
+
+    return picture_of(
+        draw,
+        height=3.2,
+        alt=f"Mean x of the parts over time in {len(seeds)} seeds, and the goal at {goal.x_mm:g} mm.",
+        caption="The way of the parts: mean x over time, a curve per seed. Stages end when the parts have settled, "
+        "each seed at its own time, so that a mean over time would blur them; the table has means per stage.",
+    )
+
+
+def _bounces(run: Recorded, findings: BounceFindings) -> Picture:
+    """Histograms of the flights of a part in a guide."""
+    scene = run.result.scene
+    done = [record for record, s in zip(run.recording.records, run.recording.status, strict=True) if s == Status.DONE]
+    flights = seed_flights(scene, [record.impacts for record in done])
+    means = (findings.bounce_interval_ms, findings.flight_height_mm, findings.impact_speed_mm_s)
+    period = 1.0 / scene.scenario.excitations[0][1].frequency_hz
+    motions = ", ".join(f"{name} in {n}" for name, n in findings.motion.items())
+    return picture_of(
+        lambda figure: draw_flights(figure.subplots(1, 3), flights, plate_period=period, means=means),
+        height=2.6,
+        alt=f"Histograms of bounce interval, flight height and impact speed of {means[0].n} flights.",
+        caption=f"Flights of the part between two contacts with the plate, {means[0].n} of all seeds. The motion "
+        f"(after how many impacts it repeats; seeds): {motions}.",
+    )
+
+
+def _counts(run: Recorded, findings: SeparationFindings) -> Iterator[Picture]:
+    """Counts at the ends of stages: over the cycles, or over the stages where there is one cycle only."""
+    scene = run.result.scene
+    pairs = [
+        (stage, counts) for stage, counts in zip(scene.times.stages, findings.stages, strict=True) if counts.on_plate.n
+    ]
+    cycles = sorted({stage.cycle for stage, _ in pairs if stage.cycle})
+    of_cycles = [(stage, counts) for stage, counts in pairs if stage.cycle]
+    if len(cycles) > 1:
+        picks = [(stage, counts) for stage, counts in of_cycles if stage.picks]
+        at_end = picks or [(s, c) for s, c in of_cycles if s.number == max(s.number for s, _ in of_cycles)]
+        isolated = any(stage.clearance is not None for stage, _ in picks)
+        names, labels = ["on_plate"], ["on the plate"]
+        if isolated:
+            names, labels = [*names, "isolated"], [*labels, "isolated"]
+        if picks:
+            names, labels = [*names, "picked"], [*labels, "picked"]
+        driven: dict[str, list[StageCounts]] = {}
+        for stage, counts in of_cycles:
+            if stage.excitations:
+                driven.setdefault(stage.name, []).append(counts)
+
+        def draw(figure: Any) -> None:
+            left, right = figure.subplots(1, 2, sharex=True)
+            draw_counts(left, [counts for _, counts in at_end], names, labels)
+            left.set(xlabel="cycle", ylabel="parts", title="at the pick" if picks else "at the end of the cycle")
+            for name, ends in list(driven.items())[:4]:
+                draw_counts(right, ends, ["on_nodal_line"], [f"at the end of {name}"])
+            for line, colour in zip(right.containers, ("#1f5fa8", "#c2571a", "#2a8a5f", "#8a4fa3"), strict=False):
+                for artist in (line[0], *line[1], *line[2]):
+                    artist.set_color(colour)
+            right.set(xlabel="cycle", title="within 5 mm of the stage's nodal lines")
+            for axes in (left, right):
+                axes.set_ylim(0.0, None)
+                axes.legend(loc="best")
+
+        alone = findings.stages[0].on_plate.n
+        yield picture_of(
+            draw,
+            height=3.2,
+            alt="Parts on the plate, isolated, picked, and near nodal lines, over the cycles.",
+            caption=f"Parts from cycle to cycle, means of {alone} seeds; {INTERVAL}. Picked are those taken out at the "
+            "end of that cycle.",
+        )
+    elif 1 <= len(pairs) <= MOST_STAGES:
+        curves_of = [("on the plate", [counts.on_plate for _, counts in pairs])]
+        if any(stage.excitations for stage, _ in pairs):
+            curves_of.append(("near nodal lines", [counts.on_nodal_line for _, counts in pairs]))
+        if any(stage.picks for stage, _ in pairs):
+            curves_of.append(("isolated", [counts.isolated for _, counts in pairs]))
+            curves_of.append(("picked", [counts.picked for _, counts in pairs]))
+        stages = [stage.name or "end" for stage, _ in pairs]
+
+        def draw_stages(figure: Any) -> None:
+            axes = figure.add_subplot()
+            draw_by_stage(axes, stages, curves_of)
+            axes.set(ylabel="parts at the end of the stage")
+            axes.legend(loc="best")
+
+        if len(pairs) > 1:
+            yield picture_of(
+                draw_stages,
+                height=3.2,
+                alt="Parts on the plate, near nodal lines, isolated and picked at the end of every stage.",
+                caption=f"Parts from stage to stage, means of {pairs[0][1].on_plate.n} seeds; {INTERVAL}.",
+            )
+
+
+def _rate(findings: RateFindings) -> Picture:
+    """Picks per minute by kind, and where the time goes."""
+    rows = 1 + sum(1 + len(kind.poses) for kind in findings.picks_per_minute_of_kind)
+    height = min(1.6 + 0.28 * rows, 5.0)
+
+    def draw(figure: Any) -> None:
+        top, bottom = figure.subplots(2, 1, height_ratios=[height - 1.1, 0.45])
+        draw_rates(top, findings)
+        draw_shares(bottom, findings)
+
+    rate = findings.picks_per_minute
+    begin = f" Cycles from {findings.counted_from_cycle} on count." if findings.counted_from_cycle > 1 else ""
+    return picture_of(
+        draw,
+        height=height,
+        alt=f"Picks per minute: {number(rate.mean, 3)} in all, and of each kind; shares of the time.",
+        caption=f"Picks per minute, and where the time goes, means of {rate.n} seeds; {INTERVAL}.{begin}",
+    )

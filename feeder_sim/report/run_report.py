@@ -1,0 +1,189 @@
+"""The report of a run: what was asked, pictures, curves, all measures, and how to repeat it."""
+
+from __future__ import annotations
+
+import datetime
+import hashlib
+import shlex
+from collections.abc import Callable
+from pathlib import Path
+
+from feeder_sim.records.trajectory import Status
+from feeder_sim.report.measure_tables import measure_blocks, tiles
+from feeder_sim.report.page import Block, Page, Section, Table, Text
+from feeder_sim.report.provenance import foot
+from feeder_sim.report.recorded import Recorded, recorded_run
+from feeder_sim.report.run_curves import curves
+from feeder_sim.report.run_pictures import parts_picture, plate_picture, screenshot
+from feeder_sim.report.scenario_tables import scenario_blocks
+from feeder_sim.report.words import number
+from feeder_sim.run.run_folder import RESOLVED
+
+HOW_ENDED = {
+    Status.UNFINISHED: "not finished",
+    Status.DONE: "ran to their end",
+    Status.DIVERGED: "stopped, since their state was not valid",
+    Status.LEFT_PLATE: "ended when all parts had left the plate",
+}
+Progress = Callable[[float], None]
+
+
+def run_page(
+    folder: Path,
+    *,
+    with_screenshot: bool = False,
+    progress: Progress | None = None,
+    notify: Callable[[str], None] | None = None,
+) -> Page:
+    """The page of a run.
+
+    Args:
+        folder: of the run, or its trajectory file.
+        with_screenshot: also take a picture of the replay, which takes seconds.
+        progress: called with the fraction done.
+        notify: takes a line for the user, such as that there is no graphics driver.
+
+    Raises:
+        InputError: there is no run, or it cannot be read.
+    """
+    tell = progress or (lambda _: None)
+    run = recorded_run(folder)
+    tell(0.2)
+    summary = run.result.summary()
+    measures = run.result.measures()
+    tell(0.4)
+    pictures: list[Block] = [picture for picture in (plate_picture(run), parts_picture(run)) if picture is not None]
+    tell(0.6)
+    if with_screenshot:
+        pictures.append(screenshot(run, notify))
+    tell(0.8)
+    found: list[Block] = list(curves(run))
+    tell(1.0)
+    scenario = run.result.prepared.scenario
+    intro = Text(
+        "Means over the seeds, with their standard error (SE), the 95 % interval of the mean (Student's t) and the "
+        "number n of values. Every seed is one run from a random start of its own.",
+        "plain",
+    )
+    sections = [
+        Section("What was asked", scenario_blocks(scenario, run.recording.scenario_text)),
+        Section("The plate and the parts", tuple(pictures)),
+        Section("Curves", tuple(found)),
+        Section("All measures", (intro, *measure_blocks(measures))),
+        Section("Cautions", _cautions(run)),
+        Section("How it was computed, and how to repeat it", _provenance(run, summary)),
+    ]
+    return Page(
+        title=scenario.title or run.folder.resolve().name,
+        subtitle=_subtitle(run),
+        tiles=tiles(measures),
+        notices=tuple(_notices(run)),
+        sections=tuple(section for section in sections if section.blocks),
+        foot=foot(),
+    )
+
+
+def _subtitle(run: Recorded) -> str:
+    seeds = len(run.recording.status)
+    begun = sum(len(frames) > 0 for frames in run.recording.seeds)
+    simulated = sum(float(frames.time[-1]) for frames in run.recording.seeds if len(frames))
+    of_begun = f"{begun} of {seeds} seeds" if begun < seeds else f"{seeds} seeds" if seeds > 1 else "1 seed"
+    return f"Simulation of a vibrating plate: {of_begun}, {number(simulated)} s simulated in all."
+
+
+def _notices(run: Recorded) -> list[Text]:
+    """What a reader has to know first: that a run is not whole."""
+    seeds, lines = len(run.recording.status), []
+    if run.result.interrupted:
+        how = "The run is still going on" if run.under_way else "The run was interrupted"
+        lines.append(
+            Text(f"{how}: {run.ended} of {seeds} seeds have ended. Only these count in the measures.", "caution")
+        )
+    if run.failed:
+        n = len(run.failed)
+        lines.append(Text(f"{n} of {seeds} seeds failed: their state was not valid. They do not count in the measures; "
+                          "the causes are listed under Cautions.", "failure"))  # fmt: skip
+    elif run.ended == 0 and not run.result.interrupted:
+        lines.append(Text("No seed has ended, so that there are no measures.", "caution"))
+    lines += [Text(line, "caution") for line in run.changed_inputs]
+    return lines
+
+
+def _cautions(run: Recorded) -> tuple[Block, ...]:
+    """Settings that mislead, failures, and what else limits the results."""
+    lines: list[Block] = [
+        Text(f"{str(failure)[0].upper()}{str(failure)[1:]}.", "failure") for failure in run.result.failures
+    ]
+    named = {failure.seed for failure in run.result.failures}
+    lines += [
+        Text(f"Seed {i} was stopped, since its state was not valid.", "failure") for i in run.failed if i not in named
+    ]
+    lines += [
+        Text(f"{caution[:1].upper()}{caution[1:]}.".replace("..", "."), "caution")
+        for caution in run.result.prepared.cautions
+    ]
+    if run.result.prepared.scenario.uncertain:
+        text = "Inputs of the scenario are uncertain: intervals here are over the seeds at its own values only."
+        lines.append(Text(text, "caution"))
+    unresolved = sum(run.recording.unresolved_impacts)
+    if unresolved:
+        lines.append(
+            Text(f"{unresolved} impacts were given up by the iteration that resolves many contacts at once.", "note")
+        )
+    speed = run.result.measures().get("transport_speed_mm_s")
+    if speed and 0 < speed["n"] < run.ended:
+        late = f"{run.ended - speed['n']} of {run.ended} seeds have no transport speed: the part did not come so far."
+        lines.append(Text(f"{late} The mean is of the others, and may be too large.", "caution"))
+    left = sum(status == Status.LEFT_PLATE for status in run.recording.status)
+    if left:
+        lines.append(Text(f"In {left} seeds all parts left the plate before the end.", "note"))
+    if 0 < run.ended < 3:
+        plural = "s have" if run.ended > 1 else " has"
+        lines.append(
+            Text(
+                f"Only {run.ended} seed{plural} ended: intervals are wide, or there are none. --seeds asks for more.",
+                "note",
+            )
+        )
+    if run.other_versions:
+        lines.append(Text(run.other_versions, "note"))
+    return tuple(lines) or (Text("None known."),)
+
+
+def _provenance(run: Recorded, summary: dict[str, object]) -> tuple[Block, ...]:
+    """Engine, cost, versions, hashes, the command, and where the data are."""
+    recording, prepared = run.recording, run.result.prepared
+    status = [f"{n} {how}" for kind, how in HOW_ENDED.items() if (n := recording.status.count(kind))]
+    written = datetime.datetime.fromtimestamp(recording.path.stat().st_mtime).astimezone()
+    scenario_hash = hashlib.sha256(recording.scenario_text.encode()).hexdigest()
+    factor = summary["real_time_factor"]
+    cost = f"{number(run.result.wall_s, 3)} s of wall time"
+    rows = [
+        ("seeds", ", ".join(status)),
+        ("engine", f"{recording.engine}: {prepared.engine.reason}"),
+        ("time step", f"{number(1e6 * prepared.scene.timestep)} us"),
+        ("cost", f"{cost}, {number(float(factor), 3)} x real time" if isinstance(factor, float) else cost),
+        ("last written", written.isoformat(" ", "seconds")),
+        ("folder", str(run.folder)),
+    ]
+    versions = [(name, version) for name, version in recording.libraries.items()]
+    hashes = [("scenario", scenario_hash), *recording.inputs.items()]
+    return (
+        Text("This runs the same scenario again, to the same bits with the same versions on the same machine:"),
+        Text(_command(run), "code"),
+        *((Text("This goes on with it:"), Text(_resume(run), "code")) if run.result.interrupted else ()),
+        Text("Without the folder, save the text of the scenario above as scenario.toml, beside the files it names."),
+        Table("The run", ("what", "value"), tuple(rows)),
+        Table("Versions", ("library", "version"), tuple(versions)),
+        Table("Inputs (SHA-256)", ("input", "hash"), tuple(hashes)),
+    )
+
+
+def _command(run: Recorded) -> str:
+    """What repeats a run, of its scenario as it was resolved."""
+    resolved = run.folder / RESOLVED
+    return f"feeder-sim run {shlex.quote(str(resolved if resolved.is_file() else Path(RESOLVED)))} --out repeated"
+
+
+def _resume(run: Recorded) -> str:
+    return f"feeder-sim run --resume {shlex.quote(str(run.folder))}"

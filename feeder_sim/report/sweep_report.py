@@ -1,0 +1,242 @@
+"""The report of a sweep: what was varied, every measure over it with intervals, all values, and what limits them."""
+
+from __future__ import annotations
+
+import math
+import shlex
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+
+from feeder_sim.jobs.folder import SCENARIO
+from feeder_sim.report.measure_tables import FIRST, TILES, statistic_cells
+from feeder_sim.report.page import Block, Folded, Page, Section, Table, Text, Tile
+from feeder_sim.report.provenance import foot, hash_of, version_rows
+from feeder_sim.report.scenario_tables import scenario_blocks
+from feeder_sim.report.sweep_folder import SweepTable, read_sweep
+from feeder_sim.report.sweep_pictures import (
+    TOO_FEW,
+    at_point,
+    count_of,
+    half_width,
+    key_label,
+    measure_label,
+    measure_picture,
+    value_text,
+    values_of,
+)
+from feeder_sim.report.words import number, split_unit, with_error
+from feeder_sim.studies.sweep.folder import CSV, QUESTION
+from feeder_sim.studies.sweep.table import MAIN, Row
+
+MOST_PICTURES = 8
+MOST_ROWS = 3000  # of all tables of values together; more would make the page too large to mail
+MOST_VALUES = 12  # of a key that are listed one by one
+
+
+def sweep_page(folder: Path, *, progress: Callable[[float], None] | None = None) -> Page:
+    """The page of a sweep; `progress` is called with the fraction done.
+
+    Raises:
+        InputError: the sweep cannot be read.
+    """
+    sweep = read_sweep(folder)
+    ordered = _ordered(sweep)
+    drawn = [measure for measure in ordered if _varies(sweep.of(measure))][:MOST_PICTURES]
+    pictures: list[Block] = []
+    for i, measure in enumerate(drawn):
+        pictures.append(measure_picture(sweep.of(measure), sweep.keys, measure))
+        if progress:
+            progress((i + 1) / len(drawn))
+    sections = (
+        Section("What was varied", (_keys_table(sweep), *_effort(sweep))),
+        Section("Results", tuple(pictures)),
+        Section("All measures", (_extremes(sweep, ordered), *_values(sweep, ordered))),
+        Section("Cautions", tuple(_cautions(sweep, ordered, drawn))),
+        Section("The scenario that was varied", scenario_blocks(sweep.scenario, sweep.text)),
+        Section("How to repeat it", _provenance(sweep)),
+    )
+    n = len(sweep.points)
+    keys = " and ".join(sweep.keys) if len(sweep.keys) < 3 else f"{len(sweep.keys)} keys"
+    return Page(
+        title=f"Sweep: {sweep.scenario.title or folder.resolve().name}",
+        subtitle=f"{n} point{'s' if n != 1 else ''} over {keys}; at each of them a mean over several seeds.",
+        tiles=tuple(_tiles(sweep, ordered)),
+        notices=(),
+        sections=tuple(section for section in sections if section.blocks),
+        foot=foot(),
+    )
+
+
+def _ordered(sweep: SweepTable) -> list[str]:
+    """Measures: the one that was asked for, the most telling ones, the others, at last those of stages."""
+    first = dict.fromkeys((sweep.question.measure, *MAIN, *FIRST))
+    rank = {name: i for i, name in enumerate(first)}
+    return sorted(sweep.measures, key=lambda name: (rank.get(name, len(rank)), "[" in name or "." in name))
+
+
+def _varies(rows: Sequence[Row]) -> bool:
+    return len({row.found.mean for row in rows}) > 1
+
+
+def _tiles(sweep: SweepTable, ordered: Sequence[str]) -> Iterator[Tile]:
+    """Where the most telling measures are largest."""
+    telling = [name for name in ordered if name in (sweep.question.measure, *MAIN, *FIRST) and _varies(sweep.of(name))]
+    for measure in telling[:TILES]:
+        row = max(sweep.of(measure), key=lambda row: row.found.mean)
+        label, unit = split_unit(measure)
+        mean, half = with_error(row.found.mean, half_width(row))
+        sure = count_of(row) > TOO_FEW and half
+        spread = f"± {half} (95 %), " if sure else ""
+        yield Tile(f"largest {label}", mean if sure else number(row.found.mean), unit, f"{spread}at {at_point(row)}")
+
+
+def _keys_table(sweep: SweepTable) -> Table:
+    """Every varied key with its values."""
+    rows = []
+    for key in sweep.keys:
+        values = values_of(sweep.rows, key)
+        numbers = [value for value in values if isinstance(value, float)]
+        shown = ", ".join(value_text(value, 4) for value in values[:MOST_VALUES])
+        if len(values) > MOST_VALUES:
+            shown = f"{value_text(min(numbers), 4)} to {value_text(max(numbers), 4)}" if numbers else f"{shown}, ..."
+        rows.append((key, split_unit(key)[1], str(len(values)), shown))
+    return Table("", ("varied key", "unit", "values", "which"), tuple(rows))
+
+
+def _effort(sweep: SweepTable) -> tuple[Block, ...]:
+    """How points and seeds were chosen."""
+    asked = sweep.question
+    design = f"Sobol sample of {asked.sobol} points" if asked.sobol else "side by side" if asked.zipped else "grid"
+    rows = [("points", design), ("seeds of a point", str(asked.seeds or sweep.scenario.run.seeds))]
+    if asked.until_se:
+        rows.append(
+            ("more seeds", f"until the SE of {asked.measure} is below {100.0 * asked.until_se:g} % of the mean")
+        )
+    if sweep.uncertain:
+        rows.append(("draws of uncertain inputs", str(asked.inputs)))
+    return (Table("", ("what", "how"), tuple(rows)),)
+
+
+def _extremes(sweep: SweepTable, ordered: Sequence[str]) -> Table:
+    """Smallest and largest mean of every measure."""
+    rows: list[tuple[str, ...]] = []
+    for measure in ordered:
+        held = sweep.of(measure)
+        if not held:
+            rows.append((measure_label(measure), "no value", "", "", "", "0"))
+            continue
+        low, high = (pick(held, key=lambda row: row.found.mean) for pick in (min, max))
+        ends = [(_with_se(row), at_point(row)) for row in ((low, high) if _varies(held) else (low,))]
+        cells = [text for end in ends for text in end]
+        if len(ends) == 1:
+            cells = [cells[0], "everywhere", "", ""]
+        rows.append((measure_label(measure), *cells, str(len(held))))
+    return Table("", ("measure", "smallest mean ± SE", "at", "largest mean ± SE", "at", "points"), tuple(rows))
+
+
+def _with_se(row: Row) -> str:
+    mean, se = with_error(row.found.mean, row.found.se)
+    return f"{mean} ± {se}" if se not in ("", "0") else mean
+
+
+def _values(sweep: SweepTable, ordered: Sequence[str]) -> Iterator[Block]:
+    """All values, a folded table for each measure, as far as a page should hold them."""
+    left, failed = MOST_ROWS, sweep.failed
+    inputs = ("90 % over inputs", "SD of inputs", "SD of seeds") if sweep.uncertain else ()
+    head = (*(key_label(key) for key in sweep.keys), "mean", "SE", "95 % interval", *inputs, "n", "failed")
+    for place, measure in enumerate(ordered):
+        rows = [row for row in sweep.rows if row.measure == measure]
+        left -= len(rows)
+        if left < 0:
+            yield Text(
+                f"The values of {len(ordered) - place} more measures are not listed here; {CSV} has them.", "note"
+            )
+            return
+        cells = tuple(
+            (*(value_text(value) for value in row.point.values()), *_cells(row), str(failed.get(_key(row), 0)))
+            for row in rows
+        )
+        table = Table("", head, cells, len(sweep.keys))
+        yield Folded(f"{measure_label(measure)}: all {len(rows)} points", (table,))
+
+
+def _key(row: Row) -> tuple[object, ...]:
+    return tuple(row.point.values())
+
+
+def _cells(row: Row) -> tuple[str, ...]:
+    mean, se, interval, _ = statistic_cells(row.found.as_dict() | {"n": count_of(row)})
+    n = str(row.found.n)
+    if row.spread is None:
+        return mean, se, interval, n
+    spread = row.spread
+    over = ""
+    if math.isfinite(spread.inputs_low):
+        over = f"{number(spread.inputs_low)} to {number(spread.inputs_high)}"
+    return mean, se, interval, over, number(spread.sd_inputs, 2), number(spread.sd_seeds, 2), n
+
+
+def _cautions(sweep: SweepTable, ordered: Sequence[str], drawn: Sequence[str]) -> Iterator[Text]:
+    """Failures, points that are not there, and what the largest of many means is worth."""
+    failed, points = sweep.failed, len(sweep.points)
+    if failed:
+        yield Text(
+            f"{sum(failed.values())} seeds failed, at {len(failed)} of {points} points; they do not count in the "
+            "means. The tables say where.",
+            "failure",
+        )
+    planned = len(sweep.question.points(sweep.scenario))
+    if points < planned:
+        yield Text(f"{points} of {planned} points are there: the sweep has not ended.", "caution")
+    alone = sum(row.found.n == 1 for row in sweep.rows)
+    if alone:
+        yield Text(f"{alone} values come from a single seed and have no interval.", "caution")
+    for measure in drawn:
+        seeds = [row.found.n for row in sweep.rows if row.measure == measure]
+        few = sum(n < max(seeds) for n in seeds)
+        if few and not sweep.question.until_se:
+            yield Text(
+                f"{measure_label(measure)}: at {few} of {points} points some seeds have no value, as where a part does "
+                "not come so far in time. Means there are of the others.",
+                "caution",
+            )
+    if points > 1:
+        yield Text(
+            "All points have the same random starts, so that differences between them are surer than "
+            "the intervals say.",
+            "note",
+        )
+        yield Text(
+            "The largest of many means is too large on average, the smallest too small: check a winner with fresh "
+            "seeds (another --seed) before relying on its value.",
+            "note",
+        )
+    more = sum(_varies(sweep.of(measure)) for measure in ordered) - len(drawn)
+    if more > 0:
+        yield Text(f"{more} more measures that change over the sweep are in the tables only.", "note")
+
+
+def _provenance(sweep: SweepTable) -> tuple[Block, ...]:
+    """The command, versions, hashes, and where the data are."""
+    files = tuple((name, hash_of(sweep.folder / name)) for name in (QUESTION, SCENARIO, CSV))
+    return (
+        Text("This asks the same again:"),
+        Text(_command(sweep), "code"),
+        Text(f"With --out {sweep.folder} it goes on with what is not done there."),
+        Table("Versions of what made this page", ("library", "version"), version_rows()),
+        Table("Files of the sweep (SHA-256)", ("file", "hash"), files),
+    )
+
+
+def _command(sweep: SweepTable) -> str:
+    """What repeats a sweep, from its folder."""
+    asked, words = sweep.question, ["feeder-sim", "sweep", str(sweep.folder / SCENARIO)]
+    for axis in asked.vary:
+        words += ["--vary", axis]
+    words += ["--zip"] if asked.zipped else []
+    given = {"--sobol": asked.sobol, "--seeds": asked.seeds, "--measure": asked.measure, "--until-se": asked.until_se}
+    for name, value in given.items():
+        words += [name, str(value)] if value else []
+    if sweep.uncertain:
+        words += ["--inputs", str(asked.inputs)]
+    return " ".join(shlex.quote(word) for word in [*words, "--out", "repeated"])

@@ -1,0 +1,104 @@
+"""Keys with units in their names, and numbers, as a reader wants to see them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from pathlib import PurePath
+from typing import Any
+
+# Suffix of a key: its unit. The longest suffix that fits counts.
+UNITS = {
+    "um_per_vpp": "um per V peak to peak",
+    "kg_m3": "kg/m3",
+    "mm_s": "mm/s",
+    "m_s": "m/s",
+    "rad_s": "rad/s",
+    "g_mm2": "g mm2",
+    "mm": "mm",
+    "um": "um",
+    "ms": "ms",
+    "us": "us",
+    "hz": "Hz",
+    "deg": "degrees",
+    "vpp": "V peak to peak",
+    "gpa": "GPa",
+    "percent": "%",
+    "kg": "kg",
+    "g": "g",
+    "s": "s",
+}
+FILES = ("file", "shape", "mode_file", "pieces")  # of which the name is shown, not the path
+RANGES = ("drop_height_mm", "yaw_deg", "tilt_deg")  # from which each seed draws its own
+LONGEST_CELL = 200  # characters of a value in a table
+ENOUGH_DIGITS = 4
+
+
+def split_unit(key: str) -> tuple[str, str]:
+    """A key as words, and its unit: `transport_speed_mm_s` is "transport speed" in "mm/s"."""
+    if not key.endswith("_per_s"):
+        for suffix in sorted(UNITS, key=len, reverse=True):
+            if key.endswith(f"_{suffix}"):
+                return key.removesuffix(f"_{suffix}").replace("_", " "), UNITS[suffix]
+    return key.replace("_", " "), ""
+
+
+def headed(key: str) -> str:
+    """A key as the head of a column: words, and the unit in brackets."""
+    words, unit = split_unit(key)
+    return f"{words} ({unit})" if unit else words
+
+
+def number(value: float, digits: int = ENOUGH_DIGITS) -> str:
+    """A number with a few digits; large ones are not rounded to powers of ten."""
+    if math.isnan(value):
+        return ""
+    if float(value).is_integer() and abs(value) < 1e6:
+        return f"{value:.0f}"
+    if 10**digits <= abs(value) < 1e6:
+        return f"{value:.0f}"
+    return f"{value:.{digits}g}"
+
+
+def with_error(value: float, error: float) -> tuple[str, str]:
+    """A value and its error [the same unit] with as many places as two digits of the error need."""
+    if math.isnan(value):
+        return "", ""
+    if not (math.isfinite(error) and error > 0.0):
+        return number(value), "" if math.isnan(error) else number(error)
+    places = max(0, 1 - math.floor(math.log10(error)))
+    if places > 6:
+        return f"{value:.6g}", f"{error:.2g}"
+    return f"{value:.{places}f}", f"{error:.{places}f}"
+
+
+def worded(value: Any) -> str:
+    """A value of a scenario as text; tables in it as "key value" with units."""
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if isinstance(value, int | float):
+        return number(float(value), 6)
+    if isinstance(value, Mapping):
+        return ", ".join(f"{split_unit(key)[0]} {worded_in(key, inner)}" for key, inner in value.items())
+    if isinstance(value, Sequence) and not isinstance(value, str):
+        between = "; " if any(isinstance(inner, Mapping) for inner in value) else ", "
+        return between.join(worded(inner) for inner in value)
+    text = str(value)
+    return text if len(text) <= LONGEST_CELL else f"{text[: LONGEST_CELL - 3]}..."
+
+
+def worded_in(key: str, value: Any) -> str:
+    """The value of a key with its unit; of a file only the name, of a range both ends unless they are the same."""
+    unit = split_unit(key)[1]
+    text = worded_of(key, value)
+    return f"{text} {unit}" if unit else text
+
+
+def worded_of(key: str, value: Any) -> str:
+    """The same without the unit."""
+    if key in FILES and isinstance(value, str):
+        return PurePath(value).name
+    if key in RANGES and isinstance(value, Sequence) and len(value) == 2:
+        low, high = (worded(end) for end in value)
+        return low if low == high else f"{low} to {high}"
+    return worded(value)

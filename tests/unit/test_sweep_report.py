@@ -1,0 +1,105 @@
+"""Pages of sweeps, from tables that are written by hand."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+from command_line import feeder_sim, one_line
+from pages import checked
+
+from feeder_sim.report import pictures
+
+SWEEP = Path(__file__).parent / "sweep_by_hand"
+
+
+@pytest.fixture
+def coarse(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Pictures of few pixels: they take most of the time."""
+    monkeypatch.setattr(pictures, "PIXELS_PER_INCH", 40)
+
+
+@pytest.fixture
+def sweep(tmp_path: Path) -> Path:
+    """The folder of a sweep over one key, written by hand."""
+    folder = tmp_path / "sweep"
+    folder.mkdir()
+    for file in SWEEP.iterdir():
+        (folder / file.name).write_bytes(file.read_bytes())
+    return folder
+
+
+def test_page_of_a_sweep(sweep: Path, coarse: None) -> None:
+    done = feeder_sim("report", sweep, "--json")
+    assert done.returncode == 0, done.stderr
+    made = json.loads(done.stdout)
+    assert made["kind"] == "sweep" and made["pictures"] == 1  # the other measure is the same everywhere
+    page = checked((sweep / "report.html").read_text(encoding="utf-8"))
+    for expected in (
+        "Sweep: <b>Nut</b>",
+        "largest transport speed",
+        "3.20 mm/s ± 0.32 (95 %), at amplitude 2 um",
+        "2 seeds failed, at 1 of 3 points",
+        "3 of 4 points are there: the sweep has not ended.",
+        "--vary 'drive[0].amplitude_um=0.5,1,2,4' --seeds 4 --out repeated",
+        "transport speed (mm/s): at 1 of 3 points some seeds have no value",
+    ):
+        assert expected in page.text
+    assert "<b>" not in (sweep / "report.html").read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize(
+    ("keys", "points", "said"),
+    [
+        ("drive[0].amplitude_um,contact.friction", ["1,0.1", "1,0.2", "2,0.1", "2,0.2"], "bars are 95 % intervals"),
+        ("drive[0].amplitude_um,contact.friction", [f"{a},{b}" for a in range(8) for b in range(8)], "Half the 95 %"),
+        ("part[0].size", ["M2", "M2.5", "M3"], "bars are 95 % intervals"),
+        ("drive[0].amplitude_um,contact.friction,part[0].size", ["1,0.1,M2", "2,0.3,M3", "3,0.2,M2"], "Every panel"),
+    ],
+)
+def test_sweeps_over_more_keys_and_other_values(
+    keys: str, points: list[str], said: str, sweep: Path, coarse: None
+) -> None:
+    values = [f"{p},speed_mm_s,{1.5 + 0.1 * i},0.1,4,0" for i, p in enumerate(points)]
+    (sweep / "sweep.csv").write_text("\n".join([f"{keys},measure,mean,se,n,failed", *values]))
+    assert feeder_sim("report", sweep, "--json").returncode == 0
+    page = checked((sweep / "report.html").read_text(encoding="utf-8"))
+    assert len(page.all("img")) == 1 and said in page.text
+
+
+def test_sweep_with_uncertain_inputs_counts_draws(sweep: Path, coarse: None) -> None:
+    asked = (sweep / "sweep.toml").read_text()
+    (sweep / "sweep.toml").write_text(f"{asked}inputs = 3\n")
+    columns = "drive[0].amplitude_um,measure,mean,se,n,failed,low,high,sd_inputs,sd_seeds"
+    rows = ["1,speed_mm_s,2.0,0.1,12,0,1.5,2.6,0.3,0.05", "2,speed_mm_s,3.0,,12,0,,,,"]
+    (sweep / "sweep.csv").write_text("\n".join([columns, *rows]))
+    assert feeder_sim("report", sweep).returncode == 0
+    text = checked((sweep / "report.html").read_text(encoding="utf-8")).text
+    assert "1 2.00 0.10 1.57 to 2.43 1.5 to 2.6 0.3 0.05 12 0" in text  # t for two degrees of freedom, 3 draws
+    assert "The band is the 90 % interval over the inputs" in text and "--inputs 3" in text
+
+
+@pytest.mark.parametrize(
+    ("table", "said"),
+    [
+        ("", "allowed is a column per varied key"),
+        ("a,b,c\n1,2,3\n", "has the columns 'a, b, c', allowed is a column per varied key"),
+        ("a,measure,mean,se,n,failed\n", "holds no point"),
+        ("a,measure,mean,se,n,failed\n1,speed,fast,,3,0\n", "line 2 is ['1', 'speed', 'fast'"),
+        ("a,measure,mean,se,n,failed\n1,speed,2.0\n", "line 2 is ['1', 'speed', '2.0'"),
+        (f"a,measure,mean,se,n,failed\n{'1' * 200_000},speed,2.0,0.1,3,0\n", "is no table: field larger"),
+    ],
+)
+def test_damaged_table_of_a_sweep_is_refused(table: str, said: str, sweep: Path) -> None:
+    (sweep / "sweep.csv").write_text(table)
+    refused = feeder_sim("report", sweep)
+    assert refused.returncode == 2 and said in one_line(refused)
+    assert not (sweep / "report.html").exists()
+
+
+def test_links_in_the_folder_of_a_sweep_are_refused(sweep: Path, tmp_path: Path) -> None:
+    (sweep / "scenario.toml").rename(tmp_path / "secret.toml")
+    (sweep / "scenario.toml").symlink_to(tmp_path / "secret.toml")
+    refused = feeder_sim("report", sweep)
+    assert refused.returncode == 2 and "is a link" in one_line(refused)
