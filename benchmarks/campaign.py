@@ -70,8 +70,8 @@ for line in sys.stdin:
 SCENARIO = f"""
 [plate]
 kind = "piston"
-length_mm = 40.0
-width_mm = 40.0
+length_mm = 120.0
+width_mm = 120.0
 [[drive]]
 frequency_hz = 1000.0
 amplitude_um = 20.0
@@ -79,7 +79,7 @@ amplitude_um = 20.0
 shape = "mesh"
 file = "{ROOT}/models/bracket/bracket.stl"
 count = 6
-start = {{ kind = "scattered", size_mm = [30.0, 30.0] }}
+start = {{ kind = "scattered", size_mm = [100.0, 100.0] }}
 [run]
 duration_s = 10.0
 seeds = 3
