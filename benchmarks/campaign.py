@@ -67,19 +67,19 @@ for line in sys.stdin:
     except Exception as error:
         print(f"{type(error).__name__}: {error}".replace("\\n", " ")[:300], flush=True)
 """
-SCENARIO = """
+SCENARIO = f"""
 [plate]
 kind = "piston"
-length_mm = 40.0
-width_mm = 40.0
+length_mm = 120.0
+width_mm = 120.0
 [[drive]]
 frequency_hz = 1000.0
 amplitude_um = 20.0
 [[part]]
-shape = "hex_nut"
-size = "M2.5"
+shape = "mesh"
+file = "{ROOT}/models/bracket/bracket.stl"
 count = 6
-start = { kind = "scattered", size_mm = [30.0, 30.0] }
+start = {{ kind = "scattered", size_mm = [100.0, 100.0] }}
 [run]
 duration_s = 10.0
 seeds = 3
@@ -403,6 +403,7 @@ def attack_file(campaign: Campaign, work: Path, held: tuple[Path, Path, list[byt
     if rng.random() < 0.7:
         shutil.copytree(killed, place)
         files = [place / "trajectory.h5", *sorted(place.glob("checkpoints/*.npz")), place / "scenario.toml"]
+        files += sorted(place.glob("inputs/*"))
         file = rng.choice([files[0], *files])
         file.write_bytes(damaged(file.read_bytes(), rng))
         ended = Ended("run", "--resume", place)

@@ -1,7 +1,7 @@
 """Tables and keys of a scenario or plate file as Markdown, from the pydantic models that check the file.
 
-Types, units, defaults, ranges and what a table is for come from the models. What a key means is in `keys.toml` beside
-this file; a key that is missing there, or there and not in a model, is an error.
+Types, units, defaults, ranges and what a table is for come from the models. What a key means is in
+`feeder_sim/scenario/keys.toml`; a key that is missing there, or there and not in a model, is an error.
 """
 
 from __future__ import annotations
@@ -9,7 +9,6 @@ from __future__ import annotations
 import importlib
 import inspect
 import re
-import tomllib
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -20,7 +19,8 @@ from pydantic import BaseModel, BeforeValidator
 from pydantic.fields import FieldInfo
 from pydantic_core import PydanticUndefined
 
-KEYS = Path(__file__).with_name("keys.toml")
+from feeder_sim.scenario.key_texts import KEYS, key_texts, meaning_of
+
 TAGS = ("kind", "shape")  # keys that say which of several tables is meant
 # Suffix of a key: its unit. The longest suffix that fits counts.
 UNITS = {
@@ -40,7 +40,6 @@ UNITS = {
 }
 RANGE = "number, or `[low, high]`"  # from which each seed draws
 PLAIN = {Any: "value", float: "number", int: "whole number", str: "text", bool: "`true` or `false`", Path: "file"}
-CONSTANT = re.compile(r"\{([\w.]+):(\w+)\}")  # in keys.toml: a value that the package holds
 LIMITS = {"ge": "at least {}", "gt": "above {}", "le": "at most {}", "lt": "below {}"}
 
 
@@ -62,9 +61,8 @@ def table_reference(subject: str) -> str:
     root = getattr(importlib.import_module(module), name)
     sections: dict[type[BaseModel], Section] = {}
     collect(root, "", sections)
-    meanings = tomllib.loads(KEYS.read_text(encoding="utf-8"))
-    check_meanings(list(sections), meanings)
-    return "\n\n".join(written(section, name.lower(), meanings) for section in sections.values())
+    check_meanings(list(sections))
+    return "\n\n".join(written(section, name.lower()) for section in sections.values())
 
 
 def collect(model: type[BaseModel], place: str, sections: dict[type[BaseModel], Section]) -> None:
@@ -96,18 +94,18 @@ def parts_of(annotation: Any) -> Iterator[Any]:
         yield from parts_of(argument)
 
 
-def check_meanings(models: Sequence[type[BaseModel]], meanings: dict[str, dict[str, str]]) -> None:
+def check_meanings(models: Sequence[type[BaseModel]]) -> None:
     """Refuse keys without a meaning, and meanings of keys that these models do not have."""
     missing = [
         f"{model.__name__}.{key}"
         for model in models
         for key in model.model_fields
-        if key not in TAGS and not meaning_of(model, key, meanings)
+        if key not in TAGS and not meaning_of(model, key)
     ]
     bases = {base.__name__: base for model in models for base in model.__mro__ if issubclass(base, BaseModel)}
     stale = [
         f"{name}.{key}"
-        for name, held in meanings.items()
+        for name, held in key_texts().items()
         for key in held
         if name in bases and key not in bases[name].model_fields
     ]
@@ -115,24 +113,7 @@ def check_meanings(models: Sequence[type[BaseModel]], meanings: dict[str, dict[s
         raise ValueError(f"{KEYS.name} lacks {missing or 'nothing'} and has {stale or 'nothing'} too many")
 
 
-def meaning_of(model: type[BaseModel], key: str, meanings: dict[str, dict[str, str]]) -> str:
-    """What a key means: the model's own words, or those in `keys.toml` for it or for a model that it comes from."""
-    own = model.model_fields[key].description
-    if own:
-        return own
-    for base in model.__mro__:
-        if text := meanings.get(base.__name__, {}).get(key):
-            return CONSTANT.sub(lambda found: constant(*found.groups()), text)
-    return ""
-
-
-def constant(module: str, name: str) -> str:
-    """The value of a constant of the package, for people."""
-    value = getattr(importlib.import_module(module), name)
-    return ", ".join(map(str, value)) if isinstance(value, tuple) else str(value)
-
-
-def written(section: Section, page: str, meanings: dict[str, dict[str, str]]) -> str:
+def written(section: Section, page: str) -> str:
     """One table as a section of a page."""
     model = section.model
     lines = [f"({anchor(page, model)})=", f"### {title(section)}", "", inspect.cleandoc(model.__doc__ or "")]
@@ -141,7 +122,7 @@ def written(section: Section, page: str, meanings: dict[str, dict[str, str]]) ->
         lines += ["", f"Also written as {', '.join(others)}."]
     lines += ["", "| key | value | default | allowed | meaning |", "|---|---|---|---|---|"]
     for key, info in sorted(model.model_fields.items(), key=lambda item: item[0] not in TAGS):
-        meaning = "which table this is" if key in TAGS else meaning_of(model, key, meanings)
+        meaning = "which table this is" if key in TAGS else meaning_of(model, key)
         cells = (f"`{key}`", words(key, info, page), default(info), allowed(info), meaning)
         lines.append("| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |")
     return "\n".join(lines)

@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+import tomllib
 from pathlib import Path
 
 from feeder_sim.errors import FeederSimError
+from feeder_sim.example_files import examples, examples_folder
 from feeder_sim.part.solids import ISO_4032
 from feeder_sim.plate.materials import MATERIALS
 from feeder_sim.plate.mode_file import read_mode_file
+from feeder_sim.records.trajectory_file import TRAJECTORY
 from feeder_sim.scenario import load_scenario
+from feeder_sim.scenario.tables import read_text
 
+UNUSABLE = "unusable: "
 ENGINES = {
     "impulse": "rigid contact by impulses, flight in closed form; exact on a slide",
     "mujoco": "rigid-body contact by MuJoCo's own solver",
@@ -17,10 +22,20 @@ ENGINES = {
 
 
 def catalogue(folder: Path) -> dict[str, dict[str, str]]:
-    """Names and one-line descriptions by kind; for a file that cannot be read the reason is its description."""
+    """Names and one-line descriptions by kind; for a file that cannot be read the reason is its description.
+
+    First come the files of a folder, by their paths from it, then those of the package that are not among them:
+    scenarios by the names that commands know them by, mode files by their paths.
+    """
+    scenarios, mode_files = _scenarios_in(folder), _mode_files_in(folder)
+    own = {path.resolve() for path in (*scenarios, *mode_files)}
+    package = examples_folder()
+    more = sorted(package.glob("models/*/*.h5")) if package else []
     return {
-        "scenarios": {str(p.relative_to(folder)): _title(p) for p in sorted(folder.glob("scenarios/*.toml"))},
-        "mode files": {str(p.relative_to(folder)): _modes(p) for p in sorted(folder.glob("models/*/*.h5"))},
+        "scenarios": {str(path.relative_to(folder)): title for path, title in scenarios.items()},
+        "examples": {name: _title(path) for name, path in examples().items() if path.resolve() not in own},
+        "mode files": {str(path.relative_to(folder)): text for path, text in mode_files.items()},
+        "mode files of examples": {str(path): _modes(path) for path in more if path.resolve() not in own},
         "engines": ENGINES,
         "parts": {
             "hex_nut": "sizes " + ", ".join(ISO_4032) + ", or by dimensions",
@@ -34,12 +49,39 @@ def catalogue(folder: Path) -> dict[str, dict[str, str]]:
     }
 
 
+def _scenarios_in(folder: Path) -> dict[Path, str]:
+    """Titles of all files in `scenarios`, and of what else in the folder and the folders in it is a scenario."""
+    found = {path: _title(path) for path in sorted(folder.glob("scenarios/*.toml"))}
+    for path in sorted((*folder.glob("*.toml"), *folder.glob("*/*.toml"))):
+        if path not in found and _is_scenario(path):
+            found[path] = _title(path)
+    return found
+
+
+def _is_scenario(path: Path) -> bool:
+    """Whether a file has the tables that every scenario has."""
+    try:
+        tables = tomllib.loads(read_text(path))
+    except (FeederSimError, ValueError, RecursionError):
+        return False
+    return {"plate", "part", "run"} <= tables.keys()
+
+
+def _mode_files_in(folder: Path) -> dict[Path, str]:
+    """What is in all files of the folders in `models`, and in those of the folder itself and the folders in it."""
+    found = {path: _modes(path) for path in sorted(folder.glob("models/*/*.h5"))}
+    for path in sorted((*folder.glob("*.h5"), *folder.glob("*/*.h5"))):
+        if path.name != TRAJECTORY and not (text := _modes(path)).startswith(UNUSABLE):  # another kind of file
+            found[path] = text
+    return found
+
+
 def _title(path: Path) -> str:
     """Title of a scenario file."""
     try:
         return load_scenario(path).title
     except FeederSimError as error:
-        return f"unusable: {error}"
+        return f"{UNUSABLE}{error}"
 
 
 def _modes(path: Path) -> str:
@@ -47,7 +89,7 @@ def _modes(path: Path) -> str:
     try:
         mode_file = read_mode_file(path)
     except FeederSimError as error:
-        return f"unusable: {error}"
+        return f"{UNUSABLE}{error}"
     plate, highest = mode_file.modes.plate, mode_file.modes.natural_frequency[-1]
     size = " x ".join(f"{1e3 * d:g}" for d in (plate.length, plate.width, plate.thickness))
     return f"{size} mm, {len(mode_file.modes)} modes up to {highest:.0f} Hz, {len(mode_file.resonances)} measured"

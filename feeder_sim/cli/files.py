@@ -5,9 +5,12 @@ from __future__ import annotations
 import contextlib
 from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
 
 from feeder_sim.errors import InputError
+from feeder_sim.example_files import examples, scenario_path
 
 if TYPE_CHECKING:
     from feeder_sim.plate.mode_file import ModeFile
@@ -16,10 +19,28 @@ if TYPE_CHECKING:
 PICTURES = (".png", ".svg", ".pdf", ".jpg")
 
 
+def complete_scenario(incomplete: str) -> list[str]:
+    """What a shell can offer for a scenario: examples by their names, TOML files, and folders on the way to them."""
+    found = [name for name in examples() if name.startswith(incomplete)]
+    with contextlib.suppress(OSError):
+        folder = Path(incomplete) if incomplete.endswith("/") else Path(incomplete).parent
+        for path in sorted(folder.glob("*")):
+            if str(path).startswith(incomplete) and (path.suffix == ".toml" or path.is_dir()):
+                found.append(f"{path}/" if path.is_dir() else str(path))
+    return found
+
+
+_SCENARIO: Any = typer.Argument(
+    help="Scenario file (TOML), or the name of an example.", show_default=False, autocompletion=complete_scenario
+)
+ScenarioFile = Annotated[Path, _SCENARIO]
+OptionalScenarioFile = Annotated[Path | None, _SCENARIO]
+
+
 def scenario_of(
     path: Path, engine: str | None, seeds: int | None, seed: int | None, settings: list[str] | None = None
 ) -> Scenario:
-    """Load a scenario and put the options of the command line that are given into it: its [run] table, and `--set`.
+    """Load a scenario file, or an example by its name; put the options that are given into it: its [run], and `--set`.
 
     Raises:
         InputError: a file that cannot be used, or a value that is not allowed.
@@ -27,6 +48,7 @@ def scenario_of(
     from feeder_sim.scenario import load_scenario, with_run
     from feeder_sim.scenario.changes import read_changes
 
+    path = scenario_path(path)
     scenario = load_scenario(path)
     if settings:
         scenario = scenario.changed(read_changes(settings), file=path)

@@ -15,9 +15,12 @@ from typing import TYPE_CHECKING, Annotated, Any, NoReturn
 import typer
 from typer.core import TyperGroup
 
+from feeder_sim import __version__
 from feeder_sim.cli.chart import chart
-from feeder_sim.cli.files import naming, new_picture, scenario_of, writable
+from feeder_sim.cli.compare import compare
+from feeder_sim.cli.files import OptionalScenarioFile, ScenarioFile, naming, new_picture, scenario_of, writable
 from feeder_sim.cli.import_modes import import_modes_command
+from feeder_sim.cli.new import new
 from feeder_sim.cli.optimise import optimise
 from feeder_sim.cli.part import part
 from feeder_sim.cli.plate import modes, sequence, wave
@@ -25,6 +28,7 @@ from feeder_sim.cli.replay import replay
 from feeder_sim.cli.report import as_lines, print_boundaries, print_result
 from feeder_sim.cli.report_page import report
 from feeder_sim.cli.response import response
+from feeder_sim.cli.schema import schema
 from feeder_sim.cli.sweep import merge, sweep
 from feeder_sim.cli.terminal import notify, progress_bar, stop_on_signal
 from feeder_sim.cli.uncertainty import run_uncertain, uncertainty
@@ -56,14 +60,28 @@ class _Commands(TyperGroup):
 
 app = typer.Typer(
     cls=_Commands,
-    add_completion=False,
     no_args_is_help=True,
     rich_markup_mode=None,
     pretty_exceptions_enable=False,
     help="Simulate rigid parts on vibrating plates.",
 )
 
-ScenarioFile = Annotated[Path, typer.Argument(help="Scenario file (TOML).", show_default=False)]
+
+def _print_version(asked: bool) -> None:
+    if asked:
+        print(f"feeder-sim {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def _options(
+    version: Annotated[
+        bool, typer.Option("--version", is_eager=True, callback=_print_version, help="Print the version and end.")
+    ] = False,
+) -> None:
+    pass
+
+
 AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout.")]
 EngineName = Annotated[str | None, typer.Option("--engine", help="Engine instead of the scenario's.")]
 Seeds = Annotated[int | None, typer.Option("--seeds", min=1, help="Number of seeds instead of the scenario's.")]
@@ -76,7 +94,7 @@ Set = Annotated[
 
 @app.command()
 def run(
-    scenario_file: Annotated[Path | None, typer.Argument(help="Scenario file (TOML).", show_default=False)] = None,
+    scenario_file: OptionalScenarioFile = None,
     engine: EngineName = None,
     seeds: Seeds = None,
     seed: Seed = None,
@@ -110,7 +128,7 @@ def run(
         from feeder_sim.run.run_folder import check_free, fresh_folder, record_run
 
         if out is not None:
-            check_free(out)
+            check_free(out, scenario)
         if dry_run:
             _print_plan(scenario, as_json)
             return
@@ -172,6 +190,8 @@ app.command()(modes)
 app.command("modes import")(import_modes_command)
 for command in (response, sequence, wave, chart, part, sweep, merge, uncertainty, optimise):
     app.command()(command)
+for more in (new, compare, schema):
+    app.command()(more)
 
 
 @app.command()
@@ -220,7 +240,7 @@ def list_(
     folder: Annotated[Path, typer.Argument(help="Folder with scenarios/ and models/.")] = Path(),
     as_json: AsJson = False,
 ) -> None:
-    """List scenarios, mode files, engines, part shapes and materials."""
+    """List scenarios and mode files, those of the package too, engines, part shapes and materials."""
     from feeder_sim.cli.catalogue import catalogue
 
     found = catalogue(folder)
@@ -228,7 +248,8 @@ def list_(
         print(json.dumps(found))
         return
     for kind, entries in found.items():
-        print(f"{kind}:")
+        if entries:
+            print(f"{kind}:")
         for name, text in entries.items():
             print(f"  {printable(name):<32} {shortened(printable(text), LONGEST_MESSAGE)}")
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from feeder_sim.cli.files import modes_of, naming, new_picture, scenario_of, writable
+from feeder_sim.cli.files import ScenarioFile, modes_of, naming, new_picture, scenario_of, writable
 from feeder_sim.cli.report import print_modes, print_ratios, print_routes, print_waves
 from feeder_sim.cli.response import print_ranked
 from feeder_sim.errors import InputError
@@ -182,7 +182,7 @@ def _followed(nodes: list[LineNodes], order: str, start: float, n_modes: int, so
 
 
 def wave(
-    scenario_file: Annotated[Path, typer.Argument(help="Scenario file (TOML).", show_default=False)],
+    scenario_file: ScenarioFile,
     picture: Annotated[Path | None, typer.Option("--picture", help="Draw the first wave to this file.")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout.")] = False,
 ) -> None:

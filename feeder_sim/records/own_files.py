@@ -10,12 +10,12 @@ from pathlib import Path
 
 from feeder_sim.errors import InputError, not_written
 
-CHECKPOINTS = "checkpoints"  # folder in a run folder
+CHECKPOINTS, INPUTS = "checkpoints", "inputs"  # folders in a run folder
 LOCK = ".lock"
 NO_LOCKS = (errno.ENOSYS, errno.ENOLCK, errno.EOPNOTSUPP, errno.ENOTSUP)  # what network file systems say
 _OWN = re.compile(
     rf"(trajectory\.h5|replay(_seed_\d+)?\.rrd|summary\.json|picks\.csv|scenario\.toml|scene\.xml|seed_\d+\.npz|failure_seed_\d+(_\d+)?\.npz"
-    rf"|{CHECKPOINTS})(\.new|\.partial)?|{re.escape(LOCK)}"
+    rf"|{CHECKPOINTS}|{INPUTS})(\.new|\.partial)?|{re.escape(LOCK)}"
 )
 
 
@@ -28,11 +28,11 @@ def check_no_links(folder: Path) -> None:
     """Refuse a run folder that holds links in place of files of the run: they would be read and written elsewhere.
 
     Raises:
-        InputError: a link by the name of a file of the run.
+        InputError: a link by the name of a file of the run, or anywhere among its inputs.
     """
-    for inside in (folder, folder / CHECKPOINTS):
+    for inside in (folder, folder / CHECKPOINTS, folder / INPUTS):
         for path in sorted(inside.iterdir()) if inside.is_dir() else ():
-            if path.is_symlink() and is_own(path.name):
+            if path.is_symlink() and (is_own(path.name) or inside.name == INPUTS):
                 raise InputError("is a link, allowed is a file of the run itself", file=path)
 
 

@@ -18,7 +18,7 @@ from feeder_sim.run.advice import recommendations
 from feeder_sim.run.run_folder import DISPLAY_POINTS
 from feeder_sim.run.simulation import available_cores
 from feeder_sim.run.trial import seed_seconds
-from feeder_sim.scenario import PartSpec
+from feeder_sim.scenario import PartSpec, input_files
 from feeder_sim.scene.driven_mode import DrivenMode
 from feeder_sim.scene.prepared import Prepared
 from feeder_sim.scene.refill import refill_frames
@@ -214,6 +214,7 @@ def _file_size(scene: Scene) -> int:
     points = min(len(surface.x), DISPLAY_POINTS) * min(len(surface.y), DISPLAY_POINTS)
     size = frames * (BYTES_PER_FRAME_AND_PART + BYTES_REPLAY)
     size += points * surface.n_shapes * BYTES_PER_SURFACE_POINT + BYTES_FIXED
+    size += sum(path.stat().st_size for path in set(input_files(scene.scenario).values()))  # their copies
     return size + _slow_pictures(scene) * min(points, POINTS**2) * BYTES_PER_SLOW_POINT
 
 

@@ -8,8 +8,9 @@ import importlib.metadata
 from pathlib import Path
 
 from feeder_sim import __version__
+from feeder_sim.errors import InputError, cause_of
 from feeder_sim.machine_code import source_hash
-from feeder_sim.scenario import MeshPart, ModePlate, Rectangle, Scenario
+from feeder_sim.scenario import Scenario, input_files
 
 LIBRARIES = ("mujoco-core", "mujoco", "numpy", "scipy", "numba", "h5py")
 
@@ -32,14 +33,29 @@ def _installed() -> dict[str, str]:
 
 def input_hashes(scenario: Scenario) -> dict[str, str]:
     """SHA-256 of the files that a scenario reads, by its keys: mode file, meshes of parts, their pieces, grippers."""
-    files: dict[str, Path] = {}
-    if isinstance(scenario.plate, Rectangle | ModePlate) and scenario.plate.mode_file is not None:
-        files["plate.mode_file"] = scenario.plate.mode_file
-    for i, part in enumerate(scenario.part):
-        if isinstance(part, MeshPart):
-            files[f"part[{i}].file"] = part.file
-            if part.pieces_file is not None:
-                files[f"part[{i}].pieces"] = part.pieces_file
-    picks = scenario.schedule.picks if scenario.schedule else ()
-    files |= {f"{key}.shape": pick.shape for key, pick in picks if pick.shape is not None}
+    files = input_files(scenario)
     return {key: hashlib.sha256(file.read_bytes()).hexdigest() for key, file in files.items()}
+
+
+def check_inputs(then: dict[str, str], scenario: Scenario, folder: Path, key: str | None = None) -> None:
+    """Refuse to go on with a run whose files are no longer those that it has read; `key` is for the message.
+
+    Raises:
+        InputError: a file is missing or has another content.
+    """
+    try:
+        now = input_hashes(scenario)
+    except OSError as error:
+        raise InputError(f"cannot be read: {cause_of(error)}", file=error.filename) from error
+    check_same(then, now, folder, "was begun with another content of", key)
+
+
+def check_same(then: dict[str, str], now: dict[str, str], folder: Path, said: str, key: str | None) -> None:
+    """Refuse a run that has used other files or libraries than there are now.
+
+    Raises:
+        InputError: as said; it names the first of them.
+    """
+    changed = sorted(name for name, _ in set(then.items()) ^ set(now.items()))
+    if changed:
+        raise InputError(f"{said} {changed[0]}, allowed is the same one", file=folder, key=key)

@@ -17,18 +17,19 @@ from numpy.typing import NDArray
 from feeder_sim import __version__
 from feeder_sim.engines.lookup import engine_class
 from feeder_sim.engines.mujoco.mjcf import build_mjcf
-from feeder_sim.errors import InputError, RecordingFailed, cause_of, not_written, shortened
+from feeder_sim.errors import InputError, RecordingFailed, not_written, shortened
 from feeder_sim.measures.picks import has_picks, picks_csv
 from feeder_sim.records.checkpoint import CheckpointFolder, run_identity
-from feeder_sim.records.own_files import LOCK, locked
+from feeder_sim.records.own_files import INPUTS, LOCK, locked
 from feeder_sim.records.trajectory import PartRecord, PlateRecord, Record, Recording, Status, WallTime
 from feeder_sim.records.trajectory_file import TRAJECTORY, recording_of
 from feeder_sim.records.trajectory_writer import TrajectoryWriter
 from feeder_sim.records.whole_file import partial_of, write_whole
 from feeder_sim.replay.replay import REPLAY, build_replay, remove_replays
+from feeder_sim.run.carried_files import carry_files, left_by_a_kill, relative
 from feeder_sim.run.keep import AllFrames, Keep, check_kept
 from feeder_sim.run.prepare import prepare
-from feeder_sim.run.provenance import input_hashes, library_versions
+from feeder_sim.run.provenance import check_inputs, check_same, input_hashes, library_versions
 from feeder_sim.run.recorder import RunRecorder
 from feeder_sim.run.seed_record import Begun, Left
 from feeder_sim.run.simulation import Result, announced, check_starts, run_ensemble
@@ -54,7 +55,7 @@ def record_run(
     record: Keep = AllFrames(),  # noqa: B008, it cannot be changed
     notify: Callable[[str], None] | None = None,
 ) -> Result:
-    """Simulate a scenario and write everything about it into `folder`.
+    """Simulate a scenario and write everything about it into `folder`, with the files that it reads.
 
     Args:
         scenario: what to run.
@@ -70,7 +71,7 @@ def record_run(
         RecordingFailed: a file cannot be written, as when the disk is full.
     """
     folder = Path(folder)
-    check_free(folder)
+    check_free(folder, scenario)
     prepared = prepare(scenario)
     check_kept(prepared, record)
     check_starts(prepared.scene, notify)
@@ -100,8 +101,8 @@ def _begin_folder(folder: Path, prepared: Prepared, left: Left, **how: Any) -> R
     except OSError as error:
         raise not_written(folder, error) from error
     with locked(folder):
-        check_free(folder)  # again: another process may have been faster
-        text = scenario_toml(prepared.scenario)
+        check_free(folder, prepared.scenario)  # again: another process may have been faster
+        text = scenario_toml(carry_files(prepared.scenario, folder, how["notify"]))
         write_whole(folder / RESOLVED, text.encode())
         _write_mjcf(prepared.scene, folder / MJCF, how["notify"])
         return _run_into(folder, prepared, text, left, **how)
@@ -140,27 +141,17 @@ def _resume(folder: Path, **how: Any) -> Result:
         prepared = prepare(scenario)
         check_starts(prepared.scene, how["notify"])
         _write_mjcf(prepared.scene, folder / MJCF, how["notify"])
-        return _run_into(folder, prepared, scenario_toml(scenario), Left({}, 0.0), **how)
+        return _run_into(folder, prepared, scenario_toml(relative(scenario, folder)), Left({}, 0.0), **how)
     recording = recording_of(folder)
     if all(status != Status.UNFINISHED for status in recording.status) and (folder / SUMMARY).exists():
         raise InputError("has ended, there is nothing to resume", file=folder, key="--resume")
-    _check_same(recording.libraries, library_versions(), folder, "was begun with another version of")
+    check_same(recording.libraries, library_versions(), folder, "was begun with another version of", "--resume")
     scenario = parse_scenario(recording.scenario_text, file=folder / RESOLVED)
-    try:
-        inputs = input_hashes(scenario)
-    except OSError as error:
-        raise InputError(f"cannot be read: {cause_of(error)}", file=error.filename) from error
-    _check_same(recording.inputs, inputs, folder, "was begun with another content of")
+    check_inputs(recording.inputs, scenario, folder, "--resume")
     prepared = prepare(scenario)
     begun = _all_begun(recording, prepared, folder)
     before = max((wall_time.ensemble for wall_time in recording.wall_times), default=0.0)
     return _run_into(folder, prepared, recording.scenario_text, Left(begun, before), **how)
-
-
-def _check_same(then: dict[str, str], now: dict[str, str], folder: Path, said: str) -> None:
-    changed = sorted(key for key, _ in set(then.items()) ^ set(now.items()))
-    if changed:
-        raise InputError(f"{said} {changed[0]}, allowed is the same one", file=folder, key="--resume")
 
 
 def _all_begun(recording: Recording, prepared: Prepared, folder: Path) -> dict[int, Begun]:
@@ -257,8 +248,10 @@ def _run_into(
     return result
 
 
-def check_free(folder: Path) -> None:
+def check_free(folder: Path, scenario: Scenario | None = None) -> None:
     """Refuse a folder that is not empty, or a path that is not a folder.
+
+    What a process that was killed before it had begun a run of the scenario has left does not count.
 
     Raises:
         InputError: as said.
@@ -266,7 +259,9 @@ def check_free(folder: Path) -> None:
     if folder.exists() and not folder.is_dir():
         raise InputError("is not a folder", file=folder, key="--out")
     held = {path.name for path in folder.iterdir()} if folder.exists() else set()
-    held -= {LOCK, partial_of(folder / RESOLVED).name}  # of a process that was killed before it had begun
+    held -= {LOCK, partial_of(folder / RESOLVED).name}
+    if INPUTS in held and scenario is not None and left_by_a_kill(folder / INPUTS, scenario):
+        held -= {INPUTS}
     if held & {TRAJECTORY, REPLAY, SUMMARY, PICKS, RESOLVED, MJCF}:
         raise InputError("already holds a run, allowed is a new or an empty folder", file=folder, key="--out")
     if held:

@@ -18,6 +18,7 @@ from feeder_sim.scenario.part import (
     Start,
     Tube,
 )
+from feeder_sim.scenario.paths import input_files, with_files
 from feeder_sim.scenario.plate import (
     Drive,
     Excitation,
@@ -86,11 +87,13 @@ __all__ = [
     "Strip",
     "Tube",
     "Uncertain",
+    "input_files",
     "load_actuator_file",
     "load_outline_file",
     "load_plate_file",
     "load_scenario",
     "parse_scenario",
     "resolve_material",
+    "with_files",
     "with_run",
 ]

@@ -42,7 +42,8 @@ def _known_material(value: str) -> str:
 
 
 MaterialChoice = Annotated[
-    Annotated[str, AfterValidator(_known_material), Tag("name")] | Annotated[CustomMaterial, Tag("table")],
+    Annotated[str, AfterValidator(_known_material), Field(json_schema_extra={"enum": sorted(MATERIALS)}), Tag("name")]
+    | Annotated[CustomMaterial, Tag("table")],
     Discriminator(lambda value: "name" if isinstance(value, str) else "table"),
 ]
 

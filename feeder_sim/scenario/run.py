@@ -34,7 +34,9 @@ class Contact(Table):
     """
 
     model: Literal["restitution", "compliant"] = "restitution"
-    restitution: Annotated[Share | Literal["zener"], PlainValidator(_share_or_zener)] = 0.2
+    restitution: Annotated[
+        Share | Literal["zener"], PlainValidator(_share_or_zener, json_schema_input_type=Share | Literal["zener"])
+    ] = 0.2
     friction: NonNegative = 0.3
     part_restitution: Share = 0.2
     part_friction: NonNegative = 0.3

@@ -20,11 +20,12 @@ from feeder_sim.scenario.attachments import ActuatorFile
 from feeder_sim.scenario.changes import KeyPath, changed_values, path_of
 from feeder_sim.scenario.engine_choice import known_failures, uncovered
 from feeder_sim.scenario.outline import OutlineFile
-from feeder_sim.scenario.part import MAX_PARTS, Heap, MeshPart, PartSpec, Scattered, Slide, Tube
-from feeder_sim.scenario.plate import MOST_DRIVES, Drive, Excitation, ModePlate, Plate, PlateFile, Rectangle
+from feeder_sim.scenario.part import MAX_PARTS, Heap, PartSpec, Scattered, Slide, Tube
+from feeder_sim.scenario.paths import with_files
+from feeder_sim.scenario.plate import MOST_DRIVES, Drive, Excitation, Plate, PlateFile
 from feeder_sim.scenario.refill import Refill, Robot, refused_around_plate
 from feeder_sim.scenario.run import Contact, MujocoSettings, Run
-from feeder_sim.scenario.schedule import Goal, Pick, Schedule, Stage
+from feeder_sim.scenario.schedule import Goal, Schedule
 from feeder_sim.scenario.shown import html_of, line_of
 from feeder_sim.scenario.tables import Table, parse, read_text, validated
 from feeder_sim.scenario.uncertain import Uncertain, by_full_key
@@ -286,29 +287,4 @@ def load_outline_file(path: Path) -> OutlineFile:
 
 def _anchor_paths(scenario: Scenario, folder: Path) -> Scenario:
     """Make the file names in a scenario absolute."""
-    plate, parts, schedule = scenario.plate, list(scenario.part), scenario.schedule
-    if isinstance(plate, Rectangle | ModePlate) and plate.mode_file is not None:
-        plate = plate.model_copy(update={"mode_file": folder / plate.mode_file})
-    for i, part in enumerate(parts):
-        if isinstance(part, MeshPart):
-            pieces = part.pieces_file
-            held = {"file": folder / part.file, "pieces": folder / pieces if pieces else None}
-            parts[i] = part.model_copy(update=held)
-    if schedule is not None:
-        groups = {
-            group: tuple(_anchored_stage(stage, folder) for stage in getattr(schedule, group))
-            for group in ("prepare", "stage")
-        }
-        schedule = schedule.model_copy(update=groups)
-    return scenario.model_copy(update={"plate": plate, "part": tuple(parts), "schedule": schedule})
-
-
-def _anchored_stage(stage: Stage, folder: Path) -> Stage:
-    """The stage with absolute names of the shapes of its grippers."""
-    if isinstance(stage.pick, Pick):
-        return stage.model_copy(update={"pick": _anchored_pick(stage.pick, folder)})
-    return stage.model_copy(update={"pick": tuple(_anchored_pick(pick, folder) for pick in stage.picks) or None})
-
-
-def _anchored_pick(pick: Pick, folder: Path) -> Pick:
-    return pick if pick.shape is None else pick.model_copy(update={"shape": folder / pick.shape})
+    return with_files(scenario, lambda path: folder / path)

@@ -42,11 +42,18 @@ def _ascending(value: tuple[float, float]) -> tuple[float, float]:
     return value
 
 
-# A number, or [low, high] from which each seed draws uniformly.
-_RANGE = (BeforeValidator(_as_range), AfterValidator(_ascending))
 DropHeightMm = Annotated[float, Field(ge=0, le=1e5, allow_inf_nan=False, strict=True)]
-AngleRange = Annotated[tuple[AngleDeg, AngleDeg], *_RANGE]
-DropHeightRange = Annotated[tuple[DropHeightMm, DropHeightMm], *_RANGE]
+# A number, or [low, high] from which each seed draws uniformly.
+AngleRange = Annotated[
+    tuple[AngleDeg, AngleDeg],
+    BeforeValidator(_as_range, json_schema_input_type=AngleDeg | tuple[AngleDeg, AngleDeg]),
+    AfterValidator(_ascending),
+]
+DropHeightRange = Annotated[
+    tuple[DropHeightMm, DropHeightMm],
+    BeforeValidator(_as_range, json_schema_input_type=DropHeightMm | tuple[DropHeightMm, DropHeightMm]),
+    AfterValidator(_ascending),
+]
 
 
 class Table(BaseModel):

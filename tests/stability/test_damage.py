@@ -238,8 +238,10 @@ def test_run_does_not_go_on_with_other_input_files(tmp_path: Path, monkeypatch: 
     trimesh.creation.box((2.0, 3.0, 4.0)).export(mesh)
     for scenario, name in ((on_plate, "plate"), (of_mesh, "mesh")):
         interrupted(scenario, tmp_path / name, monkeypatch)
-    write_mode_file(mode_file, ModeFile(held.modes))  # without what was measured
-    trimesh.creation.box((2.0, 3.0, 5.0)).export(mesh)
+    for own in (mode_file, mesh):
+        own.unlink()  # the runs have copies
+    write_mode_file(tmp_path / "plate/inputs/modes.h5", ModeFile(held.modes))  # without what was measured
+    trimesh.creation.box((2.0, 3.0, 5.0)).export(tmp_path / "mesh/inputs/box.stl")
     for name, key in (("plate", r"plate\.mode_file"), ("mesh", r"part\[0\]\.file")):
         with pytest.raises(InputError, match=f"{name}: --resume: was begun with another content of {key}, allowed"):
             resume_run(tmp_path / name, replay=False)

@@ -30,7 +30,7 @@ from feeder_sim.records.whole_file import write_whole
 from feeder_sim.replay import viewer
 from feeder_sim.run import run_folder
 from feeder_sim.run.run_folder import record_run, resume_run
-from feeder_sim.scenario import load_scenario
+from feeder_sim.scenario import Scenario, load_scenario
 
 BALL = """
 title = "a ball"
@@ -344,11 +344,11 @@ def test_a_run_that_ends_writes_no_summary_of_another(
     run = tmp_path / "run"
     looks = []
 
-    def free_at_first(folder: Path) -> None:
+    def free_at_first(folder: Path, scenario: Scenario) -> None:
         looks.append(folder)
         if len(looks) == 2:
             (folder / "trajectory.h5").write_text("of another process")
-        check_free(folder)
+        check_free(folder, scenario)
 
     check_free = run_folder.check_free
     monkeypatch.setattr(run_folder, "check_free", free_at_first)

@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import csv
 import json
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -232,3 +233,24 @@ def test_every_kind_of_summary_is_printed(
     printed = capsys.readouterr().out
     assert printed.startswith(scenario.title) and "recorded in" in printed
     assert ("arrived" in printed) == (name == "transport_strip")
+
+
+def test_version_is_that_of_the_package() -> None:
+    import feeder_sim as package
+
+    assert feeder_sim("--version").stdout == f"feeder-sim {package.__version__}\n"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("words", "offered"), [("com", "compare"), ("run drift_4", "drift_4750hz"), ("check --se", "--seeds")]
+)
+def test_a_shell_completes_commands_examples_and_options(words: str, offered: str) -> None:
+    """As the script asks that `feeder-sim --install-completion` puts into the settings of bash."""
+    asked = {"_FEEDER_SIM_COMPLETE": "complete_bash", "COMP_WORDS": f"feeder-sim {words}"}
+    asked["COMP_CWORD"] = str(len(words.split()))
+    code = "import sys; sys.argv = ['feeder-sim']; from feeder_sim.cli.main import main; main()"
+    done = subprocess.run(
+        [sys.executable, "-c", code], env=os.environ | asked, capture_output=True, text=True, timeout=60, check=False
+    )
+    assert offered in done.stdout.split() and done.stderr == ""

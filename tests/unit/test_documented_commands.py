@@ -39,6 +39,7 @@ SKIPPED = (
     "ruff",
     "mypy",
     "lint-imports",
+    "tombi",
     "sphinx-build",
     ".venv/bin/sphinx-build",
 )
@@ -132,7 +133,8 @@ def check_arguments(command: Command) -> None:
     """Every option of a feeder-sim command exists; words in capitals stand for something else."""
     if command.words[1:] == ("--help",) or command.words[1] == "COMMAND":
         return
-    allowed = options_of(*command.words[1 : 3 if command.words[1:3] == ("modes", "import") else 2])
+    name = command.words[1 : 3 if command.words[1:3] == ("modes", "import") else 2]
+    allowed = options_of(*(word for word in name if not word.startswith("-")))
     for option in command.options:
         assert option in allowed, f"{command}: no option {option}, there are {', '.join(sorted(allowed))}"
 

@@ -1,0 +1,38 @@
+"""The command `schema`: what a scenario or a plate file may hold, for editors and linters."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from feeder_sim.cli.files import writable
+from feeder_sim.errors import InputError, nearest
+
+KINDS = ("scenario", "plate")
+
+
+def schema(
+    kind: Annotated[str, typer.Argument(help=f"Kind of file: {' or '.join(KINDS)}.")] = KINDS[0],
+    out: Annotated[Path | None, typer.Option("--out", help="Write it to this file instead of stdout.")] = None,
+    force: Annotated[bool, typer.Option("--force", help="Replace an existing --out file.")] = False,
+) -> None:
+    """Print the JSON Schema of scenarios or of plate files, by which editors complete and check them."""
+    if kind not in KINDS:
+        raise InputError(f"is {kind!r}{nearest(kind, KINDS)}, allowed is {' or '.join(KINDS)}", key="KIND")
+    if out is not None:
+        writable(out, force=force)
+    text = schema_text(kind)
+    if out is None:
+        print(text, end="")
+    else:
+        out.write_text(text, encoding="utf-8")
+
+
+def schema_text(kind: str) -> str:
+    """The schema of a kind of file as text."""
+    from feeder_sim.scenario.schema import json_schema
+
+    return json.dumps(json_schema(kind), indent=1) + "\n"

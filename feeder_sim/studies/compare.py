@@ -1,0 +1,208 @@
+"""Two recorded runs against each other: every measure with the interval of its difference, and what was set otherwise.
+
+With the same seeds in both runs the differences of the values of every seed are taken (paired); else the interval is
+that of Welch, with the degrees of freedom of Satterthwaite. Both are Student's t intervals of 95 %. Sources: B. L.
+Welch, Biometrika 34 (1947) 28; F. E. Satterthwaite, Biometrics Bulletin 2 (1946) 110.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, fields
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from feeder_sim.errors import InputError
+from feeder_sim.measures.statistic import Statistic
+from feeder_sim.measures.values import values_of_seed
+from feeder_sim.records.trajectory import Record, Recording, SeedRecord, Status
+from feeder_sim.records.trajectory_file import recording_of
+from feeder_sim.run.prepare import prepare
+from feeder_sim.run.provenance import check_inputs
+from feeder_sim.scenario import Scenario, parse_scenario
+
+CONFIDENCE = 0.95
+
+
+@dataclass(frozen=True)
+class MeasuredRun:
+    """A recorded run.
+
+    Attributes:
+        path: as it was given.
+        scenario: that was run.
+        recording: what was recorded.
+        values: all measures of every seed; NaN where a seed has no value.
+    """
+
+    path: Path
+    scenario: Scenario
+    recording: Recording
+    values: tuple[dict[str, float], ...]
+
+    @property
+    def names(self) -> list[str]:
+        """Of the measures that at least one seed has a value of, in the order of the summary."""
+        held = (name for values in self.values for name, value in values.items() if math.isfinite(value))
+        return list(dict.fromkeys(held))
+
+    def of(self, name: str) -> list[float]:
+        """One measure of every seed."""
+        return [values.get(name, math.nan) for values in self.values]
+
+    @property
+    def seeds(self) -> tuple[int, int]:
+        """Root of the random numbers, and number of seeds: what makes the seeds of two runs the same."""
+        return self.scenario.run.seed, self.scenario.run.seeds
+
+    def count(self, *status: Status) -> int:
+        """Number of seeds that ended in one of these ways."""
+        return sum(held in status for held in self.recording.status)
+
+
+def measured_run(path: Path, progress: Callable[[float], None] | None = None) -> MeasuredRun:
+    """Read a run folder or a trajectory file, and measure every seed.
+
+    Raises:
+        InputError: it cannot be read, or a file that its scenario reads is missing or no longer the same.
+    """
+    recording = recording_of(path)
+    scenario = parse_scenario(recording.scenario_text, file=recording.path)
+    check_inputs(recording.inputs, scenario, path)
+    try:
+        prepared = prepare(scenario)
+    except InputError as error:
+        raise InputError(error.problem, file=error.file or path, key=error.key) from error
+    values = []
+    for number, (record, status) in enumerate(zip(recording.records, recording.status, strict=True)):
+        held = {field.name: getattr(record, field.name) for field in fields(Record)}
+        values.append(values_of_seed(prepared, SeedRecord(**held, status=status)))
+        if progress:
+            progress((number + 1) / len(recording.records))
+    return MeasuredRun(path, scenario, recording, tuple(values))
+
+
+@dataclass(frozen=True)
+class Difference:
+    """The second mean minus the first, of one measure.
+
+    Attributes:
+        name: of the measure, with its unit.
+        first, second: of the values of the seeds.
+        difference: of the means; of pairs of seeds where they are paired. NaN where a run has no value.
+        low, high: 95 % interval of it; NaN where there are too few seeds.
+        pairs: number of pairs of seeds that both have a value; None where the runs are not paired.
+    """
+
+    name: str
+    first: Statistic
+    second: Statistic
+    difference: float
+    low: float
+    high: float
+    pairs: int | None
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """Two measured runs."""
+
+    first: MeasuredRun
+    second: MeasuredRun
+
+    @property
+    def paired(self) -> bool:
+        """Whether the runs have the same seeds."""
+        return self.first.seeds == self.second.seeds
+
+    @cached_property
+    def differences(self) -> list[Difference]:
+        """Of all measures that both runs have."""
+        both = [name for name in self.first.names if name in self.second.names]
+        return [difference(name, self.first.of(name), self.second.of(name), paired=self.paired) for name in both]
+
+    @property
+    def only(self) -> tuple[list[str], list[str]]:
+        """Measures that only the first run has, and those that only the second has."""
+        first, second = self.first.names, self.second.names
+        return [name for name in first if name not in second], [name for name in second if name not in first]
+
+    @cached_property
+    def settings(self) -> dict[str, tuple[Any, Any]]:
+        """What differs in the scenarios, by its dotted key; None where a scenario does not have it.
+
+        Files are compared by their content, whatever their names: they differ by the begin of their SHA-256.
+        """
+        tables = []
+        for run in (self.first, self.second):
+            held = dict(_flat(run.scenario.model_dump(mode="json", exclude_none=True)))
+            held |= {key: f"{Path(held[key]).name} ({sha[:12]})" for key, sha in run.recording.inputs.items()}
+            tables.append(held | {"engine in use": run.recording.engine})
+        found = _different(*tables)
+        inputs = self.first.recording.inputs, self.second.recording.inputs
+        return {key: values for key, values in found.items() if key not in inputs[0] or _differ(key, *inputs)}
+
+    @property
+    def versions(self) -> dict[str, tuple[Any, Any]]:
+        """Libraries, and this package, of which the runs had different versions."""
+        return _different(self.first.recording.libraries, self.second.recording.libraries)
+
+
+def difference(name: str, first: list[float], second: list[float], *, paired: bool) -> Difference:
+    """The difference of the means of a measure over seeds, and its interval.
+
+    Args:
+        name: of the measure.
+        first: value of every seed of the first run; NaN where it has none.
+        second: of the second run.
+        paired: whether the seeds are the same, so that both lists have the same length.
+    """
+    a, b = (np.array(values, float) for values in (first, second))
+    means = Statistic.of(first), Statistic.of(second)
+    if paired:
+        apart = b - a
+        of_pairs = Statistic.of(apart.tolist())
+        half = _half_width(of_pairs.se, of_pairs.n - 1)
+        return Difference(
+            name, *means, of_pairs.mean, of_pairs.mean - half, of_pairs.mean + half, int(np.isfinite(apart).sum())
+        )
+    apart_mean = means[1].mean - means[0].mean
+    squares = [statistic.se**2 for statistic in means]
+    error = math.sqrt(sum(squares))
+    below = sum(square**2 / (statistic.n - 1) for square, statistic in zip(squares, means, strict=True) if square > 0.0)
+    half = _half_width(error, sum(squares) ** 2 / below if below else math.inf)
+    return Difference(name, *means, apart_mean, apart_mean - half, apart_mean + half, None)
+
+
+def _half_width(error: float, degrees: float) -> float:
+    """Half of Student's interval of a mean with a standard error [1]; NaN without one."""
+    from scipy.stats import t
+
+    if not math.isfinite(error):
+        return math.nan
+    return error * float(t.ppf(0.5 + 0.5 * CONFIDENCE, degrees)) if error else 0.0
+
+
+def _flat(value: Any, key: str = "") -> Iterator[tuple[str, Any]]:
+    """Values by dotted keys; lists of numbers and texts stay whole."""
+    if isinstance(value, dict):
+        for name, entry in value.items():
+            yield from _flat(entry, f"{key}.{name}" if key else name)
+    elif isinstance(value, list) and value and isinstance(value[0], dict):
+        for number, entry in enumerate(value):
+            yield from _flat(entry, f"{key}[{number}]")
+    else:
+        yield key, value
+
+
+def _different(first: Mapping[str, Any], second: Mapping[str, Any]) -> dict[str, tuple[Any, Any]]:
+    keys = dict.fromkeys((*first, *second))
+    return {key: (first.get(key), second.get(key)) for key in keys if _differ(key, first, second)}
+
+
+def _differ(key: str, first: Mapping[str, Any], second: Mapping[str, Any]) -> bool:
+    return bool(first.get(key) != second.get(key))

@@ -1,0 +1,220 @@
+"""A run folder holds what its scenario reads: taken elsewhere it runs again, goes on and is replayed."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+import pytest
+import trimesh
+from command_line import check_refused, feeder_sim
+from conftest import REPOSITORY, StopsAfter
+
+from feeder_sim.engines.impulse.engine import ImpulseEngine
+from feeder_sim.records.trajectory_file import read_recording
+from feeder_sim.replay.replay import build_replay
+from feeder_sim.run import carried_files, seed_run
+from feeder_sim.run.carried_files import carried_names, carry_files
+from feeder_sim.run.run_folder import check_free, record_run, resume_run
+from feeder_sim.scenario import (
+    Drive,
+    HexNut,
+    MeshPart,
+    Pick,
+    Rectangle,
+    Run,
+    Scattered,
+    Scenario,
+    Schedule,
+    Stage,
+    Start,
+    load_scenario,
+)
+
+SCENARIO = """
+[plate]
+kind = "rectangle"
+mode_file = "a plate/modes.h5"
+[[drive]]
+frequency_hz = 2797.0
+amplitude_um = 2.0
+[[part]]
+shape = "mesh"
+file = "../box.stl"
+[run]
+duration_s = 1.0
+seeds = 2
+"""
+
+
+@pytest.fixture
+def scenario(tmp_path: Path) -> Path:
+    """A scenario whose files lie beside and above it."""
+    here = tmp_path / "mine"
+    (here / "a plate").mkdir(parents=True)
+    shutil.copy(REPOSITORY / "models/plate_180/modes.h5", here / "a plate")
+    trimesh.creation.box((2.0, 3.0, 4.0)).export(tmp_path / "box.stl")
+    (here / "box.toml").write_text(SCENARIO)
+    return here / "box.toml"
+
+
+def bits(run: Path) -> list[bytes]:
+    recording = read_recording(run / "trajectory.h5")
+    return [frames.position.tobytes() + frames.quaternion.tobytes() for frames in recording.seeds]
+
+
+def test_a_run_folder_taken_elsewhere_runs_again_and_goes_on_to_the_same_bits(
+    scenario: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(ImpulseEngine, "frames_per_block", 100)
+    monkeypatch.setattr(seed_run, "CHECKPOINT_S", 0.0)
+    record_run(load_scenario(scenario), tmp_path / "whole", replay=False)
+    record_run(load_scenario(scenario), tmp_path / "cut", replay=False, stop=StopsAfter(4))
+    assert list((tmp_path / "cut/checkpoints").iterdir()), "nothing to go on from"
+    elsewhere = tmp_path / "another machine"
+    for name in ("whole", "cut"):
+        shutil.move(tmp_path / name, elsewhere / name)
+    wanted = bits(elsewhere / "whole")
+    shutil.rmtree(scenario.parent)
+    (tmp_path / "box.stl").unlink()
+
+    resume_run(elsewhere / "cut", replay=False)
+    assert bits(elsewhere / "cut") == wanted
+    record_run(load_scenario(elsewhere / "whole/scenario.toml"), elsewhere / "again", replay=False)
+    assert bits(elsewhere / "again") == wanted
+    build_replay(elsewhere / "whole/trajectory.h5", tmp_path / "replay.rrd")
+    texts = {name: read_recording(elsewhere / name / "trajectory.h5").scenario_text for name in ("whole", "again")}
+    assert texts["whole"] == texts["again"] and str(tmp_path) not in texts["whole"]
+
+
+def test_a_run_that_was_killed_before_its_trajectory_keeps_the_names_of_its_copies(
+    scenario: Path, tmp_path: Path
+) -> None:
+    record_run(load_scenario(scenario), tmp_path / "whole", replay=False)
+    shutil.copytree(tmp_path / "whole", tmp_path / "cut", ignore=shutil.ignore_patterns("trajectory.h5", "*.json"))
+    shutil.rmtree(scenario.parent)
+    resume_run(tmp_path / "cut", replay=False)
+    texts = [read_recording(tmp_path / name / "trajectory.h5").scenario_text for name in ("whole", "cut")]
+    assert texts[0] == texts[1] and bits(tmp_path / "whole") == bits(tmp_path / "cut")
+
+
+def of_files(mode_file: Path, meshes: list[Path], fingers: Path) -> Scenario:
+    stage = Stage(drive=(Drive(frequency_hz=2797.0, amplitude_um=1.0),), duration_s=1.0, pick=Pick(shape=fingers))
+    start = Scattered(kind="scattered")
+    parts = tuple(MeshPart(shape="mesh", name=f"m{i}", file=mesh, start=start) for i, mesh in enumerate(meshes))
+    return Scenario(
+        plate=Rectangle(kind="rectangle", mode_file=mode_file), schedule=Schedule(stage=(stage,)), part=parts, run=Run()
+    )
+
+
+def test_equal_files_are_stored_once_and_names_that_clash_are_numbered(tmp_path: Path) -> None:
+    for number, name in enumerate(["a/part.stl", "b/part.stl", "c/PART.stl", "d/copy of b.stl", "e/.teil für b.stl"]):
+        path = tmp_path / name
+        path.parent.mkdir()
+        path.write_bytes(b"b" if number == 3 else bytes([number + ord("a")]))
+    (tmp_path / "modes").write_bytes(b"b")
+    meshes = [tmp_path / name for name in ("a/part.stl", "b/part.stl", "c/PART.stl", "d/copy of b.stl")]
+    scenario = of_files(tmp_path / "modes", meshes, tmp_path / "e/.teil für b.stl")
+    run = tmp_path / "run"
+    run.mkdir()
+    carried = carry_files(scenario, run)
+    assert {path.name: path.read_bytes() for path in (run / "inputs").iterdir()} == {
+        "modes": b"b",  # another kind of file than the next one
+        "part.stl": b"a",
+        "part_2.stl": b"b",
+        "PART_3.stl": b"c",
+        "_teil_f_r_b.stl": b"e",
+    }
+    named = [part.file for part in carried.part if isinstance(part, MeshPart)]
+    assert list(map(str, named)) == [f"inputs/{name}.stl" for name in ("part", "part_2", "PART_3", "part_2")]
+    assert carried.schedule and str(carried.schedule.picks[0][1].shape) == "inputs/_teil_f_r_b.stl"
+
+
+def test_a_large_file_stays_where_it_is_and_the_user_hears_of_it(
+    scenario: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(carried_files, "LARGEST_CARRIED", 10_000)
+    said: list[str] = []
+    loaded = load_scenario(scenario)
+    (tmp_path / "run").mkdir()
+    carried = carry_files(loaded, tmp_path / "run", said.append)
+    assert carried.plate.kind == "rectangle" and carried.plate.mode_file == scenario.parent / "a plate/modes.h5"
+    assert [path.name for path in (tmp_path / "run/inputs").iterdir()] == ["box.stl"]
+    (line,) = said
+    assert "modes.h5 is too large to be copied into" in line
+
+
+def test_a_scenario_without_files_makes_no_folder(tmp_path: Path) -> None:
+    strip = load_scenario(REPOSITORY / "scenarios/drift_4750hz.toml")
+    assert carry_files(strip, tmp_path) == strip and list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("left", [["modes.h5"], ["modes.h5", "box.stl.partial"], ["modes.h5", "box.stl"], []])
+def test_what_a_kill_among_the_copies_leaves_is_as_good_as_empty(
+    left: list[str], scenario: Path, tmp_path: Path
+) -> None:
+    loaded, run = load_scenario(scenario), tmp_path / "run"
+    (run / "inputs").mkdir(parents=True)
+    paths = {name: path for path, name in carried_names(loaded).items()}
+    for name in left:
+        content = paths[name.removesuffix(".partial")].read_bytes()
+        (run / "inputs" / name).write_bytes(content[:100] if name.endswith(".partial") else content)
+    check_free(run, loaded)
+    carry_files(loaded, run)
+    assert {path.name for path in (run / "inputs").iterdir()} == {"modes.h5", "box.stl"}
+
+
+@pytest.mark.parametrize("name", ["notes.txt", "modes.h5", "box.stl.partial", "a folder/modes.h5"])
+def test_a_folder_of_inputs_that_are_not_those_of_the_run_is_refused_and_left_alone(
+    name: str, scenario: Path, tmp_path: Path
+) -> None:
+    mine = tmp_path / "run/inputs" / name
+    mine.parent.mkdir(parents=True)
+    mine.write_text("mine")
+    check_refused(feeder_sim("run", scenario, "--out", tmp_path / "run"), "--out: is not empty (inputs)")
+    assert mine.read_text() == "mine" and [p.name for p in (tmp_path / "run").iterdir()] == ["inputs"]
+
+
+def test_files_of_the_user_among_the_inputs_stay_and_links_are_refused(scenario: Path, tmp_path: Path) -> None:
+    run, mine = tmp_path / "run", tmp_path / "run/inputs/notes.txt"
+    record_run(load_scenario(scenario), run, replay=False)
+    mine.write_text("mine")
+    (run / "summary.json").unlink()  # as if it had been killed just before its end
+    resume_run(run, replay=False)
+    assert mine.read_text() == "mine" and (run / "summary.json").exists()
+    (run / "summary.json").unlink()
+    (run / "inputs/modes.h5").unlink()
+    (run / "inputs/modes.h5").symlink_to(scenario.parent / "a plate/modes.h5")
+    for command in (("run", "--resume", run), ("replay", run, "--screenshot", tmp_path / "a.png")):
+        check_refused(feeder_sim(*command), "inputs/modes.h5: is a link")
+
+
+def test_a_run_whose_inputs_are_gone_does_not_go_on(scenario: Path, tmp_path: Path) -> None:
+    run = tmp_path / "run"
+    record_run(load_scenario(scenario), run, replay=False)
+    (run / "summary.json").unlink()
+    (run / "inputs/box.stl").unlink()
+    check_refused(feeder_sim("run", "--resume", run), "inputs/box.stl: cannot be read: No such file")
+
+
+def test_pieces_beside_a_mesh_are_copied_with_it(tmp_path: Path) -> None:
+    tangle = load_scenario(REPOSITORY / "scenarios/tangle.toml")
+    carried = carry_files(tangle, tmp_path)
+    assert {path.name for path in (tmp_path / "inputs").iterdir()} == {"modes.h5", "hook.stl", "hook_pieces.obj"}
+    (hook,) = carried.part
+    assert isinstance(hook, MeshPart) and hook.pieces == Path("inputs/hook_pieces.obj")
+
+
+def test_relative_names_of_a_scenario_built_in_code_start_from_the_current_folder(
+    scenario: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(scenario.parent)
+    built = Scenario(
+        plate=Rectangle(kind="rectangle", mode_file=Path("a plate/modes.h5")),
+        drive=(Drive(frequency_hz=2797.0, amplitude_um=2.0),),
+        part=(HexNut(size="M3", start=Start()),),
+        run=Run(duration_s=0.01, seeds=1),
+    )
+    carried = carry_files(built, tmp_path)
+    assert carried.plate.kind == "rectangle" and carried.plate.mode_file == Path("inputs/modes.h5")
+    assert (tmp_path / "inputs/modes.h5").read_bytes() == (scenario.parent / "a plate/modes.h5").read_bytes()
