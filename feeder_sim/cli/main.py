@@ -18,6 +18,7 @@ from typer.core import TyperGroup
 from feeder_sim.cli.chart import chart
 from feeder_sim.cli.files import naming, new_picture, scenario_of, writable
 from feeder_sim.cli.import_modes import import_modes_command
+from feeder_sim.cli.map import map_
 from feeder_sim.cli.part import part
 from feeder_sim.cli.plate import modes, sequence, wave
 from feeder_sim.cli.replay import replay
@@ -152,6 +153,7 @@ def check(
 
 app.command()(modes)
 app.command("modes import")(import_modes_command)
+app.command("map")(map_)
 for command in (response, sequence, wave, chart, part):
     app.command()(command)
 
