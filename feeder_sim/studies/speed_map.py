@@ -16,6 +16,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass
 from hashlib import sha256
 from pathlib import Path
+from typing import Any
 
 from feeder_sim import __version__
 from feeder_sim.errors import InputError, cause_of, not_written
@@ -30,6 +31,7 @@ from feeder_sim.scene.scene import GRAVITY
 JOURNAL = "journal.jsonl"  # in the folder of a map
 BATCH = 16  # points between two entries into the journal
 LEAST_DURATION_S = 2.0  # of a point: at high amplitudes a single hop takes a tenth of a second
+LONGEST_DURATION_S = 1e5  # what a scenario allows
 PROBED = 10.0  # throw number up to which a few seeds go first
 PROBE_SEEDS, PROBE_SHARE = 2, 0.05  # of the duration
 HARDLY = 0.1  # of the way that has to be covered on average to arrive in time; a part that comes so far goes on
@@ -96,7 +98,7 @@ def at_point(scenario: Scenario, frequency_hz: float, amplitude_um: float, seeds
             "drive[0].frequency_hz": frequency_hz,
             "drive[0].amplitude_um": amplitude_um,
             "part[0].start.position_mm": [start.position_mm[0] * longer, start.position_mm[1]],
-            "run.duration_s": max(LEAST_DURATION_S, scenario.run.duration_s * longer / faster),
+            "run.duration_s": min(max(LEAST_DURATION_S, scenario.run.duration_s * longer / faster), LONGEST_DURATION_S),
             "run.seeds": seeds,
         }
     )
@@ -127,7 +129,8 @@ def speed_map(
 
     Args:
         scenario: one part on a strip, with `run.stop = "passage"`.
-        frequencies_hz, amplitudes_um: of the points.
+        frequencies_hz: of the points.
+        amplitudes_um: of the points.
         seeds: of every point.
         journal: file that keeps the points that are done; those in it are not computed again.
         workers: threads. Default: all cores.
@@ -265,5 +268,5 @@ def without_nan(row: dict[str, float]) -> dict[str, float | None]:
     return {name: value if math.isfinite(value) else None for name, value in row.items()}
 
 
-def _with_nan(row: dict[str, float | None]) -> dict[str, float]:
+def _with_nan(row: dict[str, Any]) -> dict[str, Any]:
     return {name: math.nan if value is None else value for name, value in row.items()}
