@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from feeder_sim.measures.arrivals import arrived
 from feeder_sim.measures.drift import first_passage, transport_speed
 from feeder_sim.measures.separation import ON_LINE
-from feeder_sim.measures.stage_lines import stage_lines
+from feeder_sim.measures.stage_lines import StageLines, stage_lines
 from feeder_sim.measures.statistic import Statistic
 from feeder_sim.run.prepare import prepare
 from feeder_sim.run.simulation import Result, compile_engine, simulate
@@ -29,7 +29,7 @@ from feeder_sim.scene.cell import PASSAGE_FROM, PASSAGE_TO
 from feeder_sim.scene.prepared import Prepared
 from feeder_sim.scene.start import start_poses
 from feeder_sim.studies.drift_map.drift_map import DriftMap, Floats
-from feeder_sim.studies.drift_map.walk import STEP_S, Walked, walk
+from feeder_sim.studies.drift_map.walk import Walked, walk
 
 WALKERS = 1000
 FRAMES_PER_S = 50.0  # of gathering
@@ -43,6 +43,8 @@ class Agreement:
         what: the scene and the number, with its unit.
         full, walked: over seeds, and over walkers.
         full_cpu_s, walked_cpu_s: processor time of one part [s].
+        difference_se: standard error of the difference, where both have the same starts; else that of two independent
+            means.
     """
 
     what: str
@@ -50,6 +52,7 @@ class Agreement:
     walked: Statistic
     full_cpu_s: float
     walked_cpu_s: float
+    difference_se: float = math.nan
 
     @property
     def error_percent(self) -> float:
@@ -59,6 +62,8 @@ class Agreement:
     @property
     def error_se_percent(self) -> float:
         """Standard error of that [%]."""
+        if math.isfinite(self.difference_se):
+            return 100.0 * self.difference_se / self.full.mean
         relative = math.hypot(self.full.se / self.full.mean, self.walked.se / self.walked.mean)
         return 100.0 * relative * self.walked.mean / self.full.mean
 
@@ -79,17 +84,16 @@ class Gathering:
 
     Attributes:
         time: (m,) [s].
-        full, walked: share of all parts (m,); lost parts count as not gathered.
-        full_se, walked_se: their standard errors, between seeds and between walkers (m,).
+        full, walked: share of all parts (m,), from the same starts; lost parts count as not gathered.
+        difference_se: standard error of their difference, between seeds (m,).
         full_lost, walked_lost: share lost at the end.
         agreement: of the share at the end.
     """
 
     time: Floats
     full: Floats
-    full_se: Floats
     walked: Floats
-    walked_se: Floats
+    difference_se: Floats
     full_lost: float
     walked_lost: float
     agreement: Agreement
@@ -102,14 +106,14 @@ def compare_passage(drift_map: DriftMap, scenario: Scenario, seeds: int, walkers
     cell = prepared.cell
     assert cell is not None
     full = Statistic.of(1e3 * transport_speed(frames, cell) for frames in result.trajectories)
-    times, ways = [0.0], [np.full(walkers, cell.lines.distance(_start(prepared, 1))[0] / cell.reach)]
+    times, ways = [0.0], [np.full(walkers, cell.lines.distance(_start(prepared))[0] / cell.reach)]
 
     def look(now: float, points: Floats) -> None:
         times.append(now)
         ways.append(cell.lines.distance(points) / cell.reach)
 
     began = time.process_time()
-    walk(drift_map, prepared, np.repeat(_start(prepared, 1), walkers, axis=0), np.random.default_rng(0), look=look)
+    walk(drift_map, prepared, np.repeat(_start(prepared), walkers, axis=0), np.random.default_rng(0), look=look)
     cpu = time.process_time() - began
     way, at = np.array(ways), np.array(times)
     took = [first_passage(at, w, PASSAGE_TO) - first_passage(at, w, PASSAGE_FROM) for w in way.T]
@@ -127,7 +131,7 @@ def compare_transport(drift_map: DriftMap, scenario: Scenario, seeds: int, walke
     there = [bool(arrived(prepared.scene, seed.frames).all()) for seed in result.seeds]
     full = Statistic.of(end for end, came in zip(ends, there, strict=True) if came)
     began = time.process_time()
-    walked = walk(drift_map, prepared, np.repeat(_start(prepared, 1), walkers, axis=0), np.random.default_rng(0))
+    walked = walk(drift_map, prepared, np.repeat(_start(prepared), walkers, axis=0), np.random.default_rng(0))
     cpu = time.process_time() - began
     came = _at_goal(prepared, walked)
     what = f"time of arrival (s); {sum(there)} of {seeds} arrive, by the map {100.0 * came.mean():.1f} %"
@@ -154,50 +158,51 @@ def gathering_scenario(
     )
 
 
-def compare_gathering(
-    drift_map: DriftMap, scenario: Scenario, seeds: int, walkers: int = WALKERS, step: float = STEP_S
-) -> Gathering:
+def compare_gathering(drift_map: DriftMap, scenario: Scenario, seeds: int, walkers: int = WALKERS) -> Gathering:
     """Share of the parts near a nodal line over time, and how many are lost."""
     prepared = prepare(with_run(scenario, seeds=seeds))
     scene, lines = prepared.scene, stage_lines(prepared.scene)
     result, full_cpu = _simulated(prepared)
-    interval, count = scene.frame_interval, len(scene.parts)
-    at = interval * np.arange(scene.n_frames, dtype=float)
-    shares = np.zeros((seeds, len(at)))
-    lost = 0
-    for seed, of_seed in enumerate(result.trajectories):
-        on = of_seed.on_plate(scene.surface)
-        for frame in range(len(of_seed)):
-            near = lines.near(0, of_seed.position[frame, on[frame], :2], ON_LINE)
-            shares[seed, frame] = near.sum() / count
-        lost += count - int(on[-1].sum()) if len(of_seed) == len(at) else count
-    starts = _start(prepared, -(-walkers // count))[:walkers]
-    times, near_lines = [0.0], [lines.near(0, starts, ON_LINE)]
+    at, count = scene.frame_interval * np.arange(scene.n_frames, dtype=float), len(scene.parts)
+    shares, lost = np.zeros((seeds, len(at))), 0
+    for seed, frames in enumerate(result.trajectories):
+        on = frames.on_plate(scene.surface)
+        for k in range(len(frames)):
+            shares[seed, k] = lines.near(0, frames.position[k, on[k], :2], ON_LINE).sum() / count
+        lost += count - int(on[-1].sum()) if len(frames) == len(at) else count
+    # The same starts, each for several walkers, so that the difference does not hang on where parts start.
+    repeats = math.ceil(walkers / (seeds * count))
+    starts = np.concatenate([frames.position[0, :, :2] for frames in result.trajectories]).repeat(repeats, axis=0)
+    times, by_start = [0.0], [_near(lines, starts).reshape(seeds, -1).mean(axis=1)]
 
     def look(now: float, points: Floats) -> None:
         times.append(now)
-        there = np.zeros(len(points), bool)
-        kept = ~np.isnan(points[:, 0])
-        there[kept] = lines.near(0, points[kept], ON_LINE)
-        near_lines.append(there)
+        by_start.append(_near(lines, points).reshape(seeds, -1).mean(axis=1))
 
-    walk(drift_map, prepared, starts, np.random.default_rng(1), step=step, look=look)
+    walked = walk(drift_map, prepared, starts, np.random.default_rng(1), look=look)
     began = time.process_time()
-    walked = walk(drift_map, prepared, starts, np.random.default_rng(0), step=step)  # without looking, for its time
+    walk(drift_map, prepared, starts, np.random.default_rng(0))  # without looking, for its time
     cpu = time.process_time() - began
-    share = np.array(near_lines).mean(axis=1)
-    walked_share = np.interp(at, times, share)
-    full, full_se = shares.mean(axis=0), shares.std(axis=0, ddof=1) / math.sqrt(seeds)
-    walked_se = np.sqrt(np.maximum(walked_share * (1.0 - walked_share), 1.0 / walkers) / walkers)
+    walked_shares = np.array([np.interp(at, times, share) for share in np.array(by_start).T])
+    difference = Statistic.of((walked_shares - shares)[:, -1].tolist())
     agreement = Agreement(
         f"share near nodal lines after {at[-1]:.2g} s",
         Statistic.of(shares[:, -1].tolist()),
-        Statistic.of(near_lines[-1].astype(float).tolist()),
+        Statistic.of(walked_shares[:, -1].tolist()),
         full_cpu / (seeds * count),
-        cpu / walkers,
+        cpu / len(starts),
+        difference.se,
     )
-    lost_share = lost / (seeds * count)
-    return Gathering(at, full, full_se, walked_share, walked_se, lost_share, float(walked.lost.mean()), agreement)
+    error = (walked_shares - shares).std(axis=0, ddof=1) / math.sqrt(seeds)
+    curves = at, shares.mean(axis=0), walked_shares.mean(axis=0), error
+    return Gathering(*curves, lost / (seeds * count), float(walked.lost.mean()), agreement)
+
+
+def _near(lines: StageLines, points: Floats) -> Floats:
+    """1 for points (n, 2) [m] near a nodal line, 0 for others and for lost ones, (n,)."""
+    near, there = np.zeros(len(points)), ~np.isnan(points[:, 0])
+    near[there] = lines.near(0, points[there], ON_LINE)
+    return near
 
 
 def _simulated(prepared: Prepared) -> tuple[Result, float]:
@@ -208,8 +213,6 @@ def _simulated(prepared: Prepared) -> tuple[Result, float]:
     return result, time.process_time() - began
 
 
-def _start(prepared: Prepared, draws: int) -> Floats:
-    """Places of all parts at the start (draws * parts, 2) [m], of random numbers that no seed has."""
-    rng = np.random.default_rng(2**40)
-    poses = [start_poses(prepared.scene, rng) for _ in range(draws)]
-    return np.array([pose.position[:2] for drawn in poses for pose in drawn])
+def _start(prepared: Prepared) -> Floats:
+    """Place of the only part at the start (1, 2) [m]."""
+    return np.array([pose.position[:2] for pose in start_poses(prepared.scene, np.random.default_rng(0))])

@@ -54,7 +54,7 @@ def load_map(path: Path, scenario: Scenario | None = None, thickness: float | No
         InputError: no such file, no map, one of another version, or of something else than the scenario has.
     """
     try:
-        with np.load(path, allow_pickle=False) as file:
+        with path.open("rb") as raw, np.load(raw, allow_pickle=False) as file:
             about = json.loads(str(file["about"]))
             tables = [np.asarray(file[name], float) for name in TABLES]
         if about["format"] != FORMAT:
@@ -72,7 +72,7 @@ def load_map(path: Path, scenario: Scenario | None = None, thickness: float | No
             raise ValueError
     except OSError as error:
         raise InputError(f"cannot be read: {cause_of(error)}", file=path) from error
-    except (ValueError, KeyError, TypeError, IndexError, zipfile.BadZipFile) as error:
+    except (ValueError, KeyError, TypeError, IndexError, EOFError, zipfile.BadZipFile) as error:
         raise InputError("is no drift map, allowed is a file that one was saved to", file=path) from error
     if scenario is not None:
         check_made(drift_map, scenario, drift_map.made.thickness if thickness is None else thickness, path)

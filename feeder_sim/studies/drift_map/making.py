@@ -22,11 +22,13 @@ from feeder_sim.studies.drift_map.drift_map import DriftMap, Made
 from feeder_sim.studies.drift_map.increments import Bins, binned
 
 FREQUENCIES_HZ = (400.0, 900.0, 2000.0, 4500.0, 10000.0)
-SPEEDS_M_S = (0.005, 0.01, 0.02, 0.035, 0.06, 0.1, 0.15, 0.2, 0.3, 0.45, 0.6)
+SPEEDS_M_S = (0.005, 0.01, 0.02, 0.035, 0.06, 0.1, 0.15, 0.2, 0.3, 0.45, 0.7)
 SEEDS = 300
 ALL_SEEDS_M_S, LEAST_SEEDS = 0.06, 0.2  # below this speed parts hardly diffuse and fewer seeds do, of which this share
 BINS = 24
-MEASURED_S = 1.5  # of every seed, after it has forgotten its start
+MEASURED_S = 1.5  # of every seed, after it has forgotten its start; shorter where it would be at the node by then
+USUAL = 0.7  # drift over the speed of the surface to and fro, about
+MOST_SEEDS = 5.0  # times as many where runs are shorter
 LEAST_LAG_S, LAG_OF_HOPS = 0.05, 5.0  # lag: a time, and so many times V/g, about what hops last
 FORGETS_S = 0.1  # the begin of a seed that is left out, with as many hops
 FRAMES_PER_S = 100.0
@@ -85,7 +87,7 @@ def make_map(
         frequencies_hz: of the table, rising.
         speeds_m_s: velocity amplitudes of antinodes, rising.
         seeds: runs at each of their pairs, which start anywhere on the wave; fewer at low speeds.
-        measured_s: of every run.
+        measured_s: of every run, at most; shorter ones are more.
         bins: of the angle between antinode and node.
         workers: as for `simulate`.
         progress: called with the fraction done.
@@ -106,8 +108,9 @@ def make_map(
         for j, speed in enumerate(speeds_m_s):
             if omega * speed > GRAVITY:
                 wavelength_mm = 2e3 * math.pi / wavenumber
-                run = _on_strip(scenario, strip, wavelength_mm, frequency, speed, measured_s)
-                run = with_run(run, seeds=seeds_at(speed, seeds))
+                lasts = min(measured_s, _to_node(plate, wavenumber, speed))
+                number = math.ceil(seeds_at(speed, seeds) * min(MOST_SEEDS, measured_s / lasts))
+                run = with_run(_on_strip(scenario, strip, wavelength_mm, frequency, speed, lasts), seeds=number)
                 result = simulate(run, workers=workers, stop=stop, notify=notify)
                 if stop is not None and stop.is_set():
                     raise Interrupted("interrupted")
@@ -126,6 +129,12 @@ def make_map(
 def seeds_at(speed: float, seeds: int) -> int:
     """How many runs a velocity amplitude [m/s] gets."""
     return math.ceil(seeds * min(1.0, max(LEAST_SEEDS, speed / ALL_SEEDS_M_S)))
+
+
+def _to_node(plate: RectangularPlate, wavenumber: float, speed: float) -> float:
+    """Time [s] that a part takes for half of the way to the node, about, but two increments at least."""
+    half_way = 0.25 * math.pi / wavenumber
+    return max(2.0 * lag_of(speed), half_way / (USUAL * 0.5 * plate.thickness * wavenumber * speed))
 
 
 def lag_of(speed: float) -> float:
