@@ -1,6 +1,7 @@
 """A drift map against full runs: on three plates that it was not made from, and where it begins to be wrong.
 
-    python benchmarks/drift_map.py [--map FILE] [--seeds 200] [--quick] [--only laws plates borders] [--pictures FOLDER]
+    python benchmarks/drift_map.py [--map FILE] [--map-seeds 1000] [--seeds 200] [--quick]
+        [--only laws plates borders] [--pictures FOLDER]
 
 Makes the map of an M2.5 nut on 3 mm of aluminium, unless the file is there. Then tables as docs/drift_map.md has them.
 """
@@ -32,11 +33,10 @@ def scenario(name: str) -> Scenario:
     return load_scenario(ROOT / "scenarios" / f"{name}.toml")
 
 
-def the_map(path: Path, *, quick: bool) -> DriftMap:
+def the_map(path: Path, seeds: int) -> DriftMap:
     nut = scenario("drift_4750hz")
     if path.exists():
         return load_map(path, nut, 3e-3)
-    seeds = 20 if quick else SEEDS
     drift_map = make_map(nut, Strip(thickness_mm=3.0), seeds=seeds, progress=lambda x: print(f"\r{x:.0%}", end=""))
     save_map(drift_map, path)
     print(f"\rmade of {drift_map.simulated_s:.0f} simulated s in {drift_map.processor_s:.0f} s of processor time")
@@ -66,13 +66,14 @@ def note(point: BorderPoint) -> None:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--map", type=Path, default=Path("drift_map.npz"), help="made if it is not there")
+    parser.add_argument("--map-seeds", type=int, default=SEEDS, help=f"of each entry of the map [{SEEDS}]")
     parser.add_argument("--seeds", type=int, default=200, help="of full runs [200]")
     parser.add_argument("--quick", action="store_true", help="few seeds everywhere: does it all still work?")
     parser.add_argument("--only", nargs="+", choices=PARTS_OF_SCRIPT, default=PARTS_OF_SCRIPT)
     parser.add_argument("--pictures", type=Path, help="folder to draw to")
     options = parser.parse_args()
     seeds = 16 if options.quick else options.seeds
-    drift_map = the_map(options.map, quick=options.quick)
+    drift_map = the_map(options.map, 20 if options.quick else options.map_seeds)
     if "laws" in options.only and options.pictures:
         title = "An M2.5 nut on 3 mm of aluminium"
         draw_laws(drift_map, options.pictures / "drift_map_laws.png", title=title)

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import math
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -32,7 +33,9 @@ from feeder_sim.studies.drift_map.drift_map import DriftMap, Floats
 from feeder_sim.studies.drift_map.walk import Walked, walk
 
 WALKERS = 1000
+PERTURBED, FEWER = 6, 5  # maps that show the error of the map itself, each with so many times fewer walkers
 FRAMES_PER_S = 50.0  # of gathering
+FAR = 1e6  # [m]
 
 
 @dataclass(frozen=True)
@@ -43,8 +46,9 @@ class Agreement:
         what: the scene and the number, with its unit.
         full, walked: over seeds, and over walkers.
         full_cpu_s, walked_cpu_s: processor time of one part [s].
-        difference_se: standard error of the difference, where both have the same starts; else that of two independent
-            means.
+        map_se: standard error of the map's number that comes from the drifts of the map itself.
+        difference_se: standard error of the difference of seeds and walkers, where both have the same starts; else it
+            is that of two independent means.
     """
 
     what: str
@@ -52,6 +56,7 @@ class Agreement:
     walked: Statistic
     full_cpu_s: float
     walked_cpu_s: float
+    map_se: float
     difference_se: float = math.nan
 
     @property
@@ -62,10 +67,11 @@ class Agreement:
     @property
     def error_se_percent(self) -> float:
         """Standard error of that [%]."""
-        if math.isfinite(self.difference_se):
-            return 100.0 * self.difference_se / self.full.mean
-        relative = math.hypot(self.full.se / self.full.mean, self.walked.se / self.walked.mean)
-        return 100.0 * relative * self.walked.mean / self.full.mean
+        ratio = self.walked.mean / self.full.mean
+        apart = self.difference_se / self.full.mean
+        if math.isnan(apart):
+            apart = ratio * math.hypot(self.full.se / self.full.mean, self.walked.se / self.walked.mean)
+        return 100.0 * math.hypot(apart, self.map_se / self.full.mean)
 
     @property
     def speed_up(self) -> float:
@@ -73,7 +79,8 @@ class Agreement:
 
     def line(self) -> str:
         """A row of the table in the docs."""
-        full, walked = (f"{s.mean:.3g} +- {s.se:.2g}" for s in (self.full, self.walked))
+        full = f"{self.full.mean:.3g} +- {self.full.se:.2g}"
+        walked = f"{self.walked.mean:.3g} +- {math.hypot(self.walked.se, self.map_se):.2g}"
         error = f"{self.error_percent:+.1f} +- {self.error_se_percent:.1f} %"
         return f"| {self.what} | {full} | {walked} | {error} | {self.speed_up:.0f} |"
 
@@ -106,21 +113,33 @@ def compare_passage(drift_map: DriftMap, scenario: Scenario, seeds: int, walkers
     cell = prepared.cell
     assert cell is not None
     full = Statistic.of(1e3 * transport_speed(frames, cell) for frames in result.trajectories)
-    times, ways = [0.0], [np.full(walkers, cell.lines.distance(_start(prepared))[0] / cell.reach)]
+    walked, cpu, _ = passages(drift_map, prepared, walkers, 0)
+    map_se = _map_error(drift_map, lambda of, seed: passages(of, prepared, walkers // FEWER, seed)[0].mean)
+    return Agreement("transport speed (mm/s)", full, walked, full_cpu / seeds, cpu / walkers, map_se)
 
-    def look(now: float, points: Floats) -> None:
+
+def passages(drift_map: DriftMap, prepared: Prepared, walkers: int, seed: int) -> tuple[Statistic, float, float]:
+    """Transport speed [mm/s] of walkers, processor time [s] that they took, and the time that they walked [s]."""
+    cell = prepared.cell
+    assert cell is not None
+    places, began = np.repeat(_start(prepared), walkers, axis=0), time.process_time()
+    times, ways, looking = [0.0], [cell.lines.distance(places) / cell.reach], 0.0
+
+    def look(now: float, points: Floats) -> bool:
+        nonlocal looking
+        start = time.process_time()
         times.append(now)
-        ways.append(cell.lines.distance(points) / cell.reach)
+        # The nearest so far, as passages go; lost parts come no nearer.
+        ways.append(np.minimum(cell.lines.distance(np.nan_to_num(points, nan=FAR)) / cell.reach, ways[-1]))
+        looking += time.process_time() - start
+        return bool((np.isnan(points[:, 0]) | (ways[-1] < PASSAGE_TO)).all())
 
-    began = time.process_time()
-    walk(drift_map, prepared, np.repeat(_start(prepared), walkers, axis=0), np.random.default_rng(0), look=look)
-    cpu = time.process_time() - began
+    walk(drift_map, prepared, places, np.random.default_rng(seed), look=look)
+    cpu = time.process_time() - began - looking
     way, at = np.array(ways), np.array(times)
     took = [first_passage(at, w, PASSAGE_TO) - first_passage(at, w, PASSAGE_FROM) for w in way.T]
-    walked = Statistic.of(1e3 * (PASSAGE_FROM - PASSAGE_TO) * cell.reach / t for t in took if t > 0.0)
-    arrival = np.nanmean([first_passage(at, w, PASSAGE_TO) for w in way.T])
-    per_walker = cpu / walkers * float(arrival) / prepared.scene.times.duration  # a full run ends at its passage
-    return Agreement("transport speed (mm/s)", full, walked, full_cpu / seeds, per_walker)
+    speeds = (1e3 * (PASSAGE_FROM - PASSAGE_TO) * cell.reach / t for t in took if t > 0.0)
+    return Statistic.of(speeds), cpu, times[-1]
 
 
 def compare_transport(drift_map: DriftMap, scenario: Scenario, seeds: int, walkers: int = WALKERS) -> Agreement:
@@ -130,12 +149,24 @@ def compare_transport(drift_map: DriftMap, scenario: Scenario, seeds: int, walke
     ends = [prepared.scene.stages(seed.stops.tolist())[-1].end for seed in result.seeds]
     there = [bool(arrived(prepared.scene, seed.frames).all()) for seed in result.seeds]
     full = Statistic.of(end for end, came in zip(ends, there, strict=True) if came)
+
+    def arrivals(of: DriftMap, number: int, seed: int) -> tuple[Statistic, float]:
+        walked = walk(of, prepared, np.repeat(_start(prepared), number, axis=0), np.random.default_rng(seed))
+        came = _at_goal(prepared, walked)
+        return Statistic.of(walked.total[came].tolist()), float(came.mean())
+
     began = time.process_time()
-    walked = walk(drift_map, prepared, np.repeat(_start(prepared), walkers, axis=0), np.random.default_rng(0))
+    walked, came = arrivals(drift_map, walkers, 0)
     cpu = time.process_time() - began
-    came = _at_goal(prepared, walked)
-    what = f"time of arrival (s); {sum(there)} of {seeds} arrive, by the map {100.0 * came.mean():.1f} %"
-    return Agreement(what, full, Statistic.of(walked.total[came].tolist()), full_cpu / seeds, cpu / walkers)
+    map_se = _map_error(drift_map, lambda of, seed: arrivals(of, walkers // FEWER, seed)[0].mean)
+    what = f"time of arrival (s); {sum(there)} of {seeds} arrive, by the map {100.0 * came:.1f} %"
+    return Agreement(what, full, walked, full_cpu / seeds, cpu / walkers, map_se)
+
+
+def _map_error(drift_map: DriftMap, number: Callable[[DriftMap, int], float]) -> float:
+    """Standard error of a number that comes from the drifts of the map: its spread over perturbed maps."""
+    perturbed = (drift_map.perturbed(np.random.default_rng(k)) for k in range(PERTURBED))
+    return float(np.std([number(of, 1 + k) for k, of in enumerate(perturbed)], ddof=1))
 
 
 def _at_goal(prepared: Prepared, walked: Walked) -> NDArray[np.bool_]:
@@ -173,17 +204,17 @@ def compare_gathering(drift_map: DriftMap, scenario: Scenario, seeds: int, walke
     # The same starts, each for several walkers, so that the difference does not hang on where parts start.
     repeats = math.ceil(walkers / (seeds * count))
     starts = np.concatenate([frames.position[0, :, :2] for frames in result.trajectories]).repeat(repeats, axis=0)
-    times, by_start = [0.0], [_near(lines, starts).reshape(seeds, -1).mean(axis=1)]
 
-    def look(now: float, points: Floats) -> None:
-        times.append(now)
-        by_start.append(_near(lines, points).reshape(seeds, -1).mean(axis=1))
+    def share(of: DriftMap, seed: int) -> float:
+        fewer = starts[:: max(1, repeats // 2)]
+        return float(shares_near(of, prepared, lines, fewer, seed)[1][-1].mean())
 
-    walked = walk(drift_map, prepared, starts, np.random.default_rng(1), look=look)
+    times, near, walked = shares_near(drift_map, prepared, lines, starts, 1)
+    map_se, by_start = _map_error(drift_map, share), near.reshape(len(near), seeds, -1).mean(axis=2)
     began = time.process_time()
     walk(drift_map, prepared, starts, np.random.default_rng(0))  # without looking, for its time
     cpu = time.process_time() - began
-    walked_shares = np.array([np.interp(at, times, share) for share in np.array(by_start).T])
+    walked_shares = np.array([np.interp(at, times, of_seed) for of_seed in by_start.T])
     difference = Statistic.of((walked_shares - shares)[:, -1].tolist())
     agreement = Agreement(
         f"share near nodal lines after {at[-1]:.2g} s",
@@ -191,11 +222,27 @@ def compare_gathering(drift_map: DriftMap, scenario: Scenario, seeds: int, walke
         Statistic.of(walked_shares[:, -1].tolist()),
         full_cpu / (seeds * count),
         cpu / len(starts),
+        map_se,
         difference.se,
     )
     error = (walked_shares - shares).std(axis=0, ddof=1) / math.sqrt(seeds)
     curves = at, shares.mean(axis=0), walked_shares.mean(axis=0), error
     return Gathering(*curves, lost / (seeds * count), float(walked.lost.mean()), agreement)
+
+
+def shares_near(
+    drift_map: DriftMap, prepared: Prepared, lines: StageLines, starts: Floats, seed: int
+) -> tuple[Floats, Floats, Walked]:
+    """Times (m,) [s], which walkers are near a nodal line then (m, n), 1 or 0, and where they end."""
+    times, near = [0.0], [_near(lines, starts)]
+
+    def look(now: float, points: Floats) -> bool:
+        times.append(now)
+        near.append(_near(lines, points))
+        return False
+
+    walked = walk(drift_map, prepared, starts, np.random.default_rng(seed), look=look)
+    return np.array(times), np.array(near), walked
 
 
 def _near(lines: StageLines, points: Floats) -> Floats:

@@ -16,7 +16,7 @@ entries it is linear in theta, log V and log frequency.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -71,6 +71,10 @@ class DriftMap:
     across: Floats
     simulated_s: float
     processor_s: float
+
+    def perturbed(self, rng: np.random.Generator) -> DriftMap:
+        """A map whose drifts differ from these as those of other seeds would: what comes of it shows its own error."""
+        return replace(self, drift=self.drift + self.drift_se * rng.standard_normal(self.drift.shape))
 
     def check_covers(self, frequency: float, speed: float) -> None:
         """Refuse a drive that is beyond the table.

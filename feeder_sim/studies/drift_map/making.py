@@ -23,7 +23,7 @@ from feeder_sim.studies.drift_map.increments import Bins, binned
 
 FREQUENCIES_HZ = (400.0, 900.0, 2000.0, 4500.0, 10000.0)
 SPEEDS_M_S = (0.005, 0.01, 0.02, 0.035, 0.06, 0.1, 0.15, 0.2, 0.3, 0.45, 0.7)
-SEEDS = 300
+SEEDS = 1000
 ALL_SEEDS_M_S, LEAST_SEEDS = 0.06, 0.2  # below this speed parts hardly diffuse and fewer seeds do, of which this share
 BINS = 24
 MEASURED_S = 1.5  # of every seed, after it has forgotten its start; shorter where it would be at the node by then

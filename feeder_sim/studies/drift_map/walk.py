@@ -27,7 +27,7 @@ from feeder_sim.studies.drift_map.files import check_made
 Floats = NDArray[np.float64]
 STEP_S = 0.02
 LOOK_S = 0.04  # between two looks whether a part has settled
-Look = Callable[[float, Floats], None]  # takes the time [s] and the places (n, 2) [m]; NaN for lost parts
+Look = Callable[[float, Floats], bool]  # takes the time [s] and the places (n, 2) [m], NaN of lost parts; True: enough
 
 
 @dataclass(frozen=True)
@@ -112,7 +112,8 @@ def walk(
         points: places at the start (n, 2) [m].
         rng: of the noise.
         step: of time [s].
-        look: takes time and places after every step; only without stages that end when parts have settled.
+        look: takes time and places after every step, and says when to end; only without stages that end when parts
+            have settled.
 
     Raises:
         InputError: a map of something else, a drive beyond it, or several modes that are driven at once.
@@ -140,6 +141,8 @@ def walk(
         walkers.pause(ring, stage.end - stage.stop)
         before = ring.after(stage.end - stage.stop)
         total += durations[-1] + stage.end - stage.stop
+        if walkers.enough:
+            break
     return Walked(walkers.points, np.array(durations), total)
 
 
@@ -203,7 +206,7 @@ class _Walkers:
     ) -> None:
         self._map, self._scene, self._rng, self._step, self._look = drift_map, scene, rng, step, look
         self._lines = stage_lines(scene) if any(stage.until for stage in scene.times.stages) else None
-        self.points, self._clock = points, 0.0
+        self.points, self.enough, self._clock = points, False, 0.0
 
     def driven(self, ring: _Ring, number: int) -> Floats:
         """Move parts while a stage is driven; how long it was for each (n,) [s]."""
@@ -217,6 +220,8 @@ class _Walkers:
         every = max(1, round(LOOK_S / step))
         for k in range(steps):
             self._move(ring.strongest((k + 0.5) * step, float(amplitude[k])), step, going)
+            if self.enough:
+                break
             if self._lines is not None and stage.until is not None and (k + 1) % every == 0:
                 going &= ~np.isnan(self.points[:, 0])
                 now = np.flatnonzero(going)
@@ -230,7 +235,7 @@ class _Walkers:
 
     def pause(self, ring: _Ring, longest: float) -> None:
         """Move parts while the mode of a stage dies out."""
-        steps = math.ceil(longest / self._step - 1e-9)
+        steps = 0 if self.enough else math.ceil(longest / self._step - 1e-9)
         for k in range(steps):
             step = longest / steps
             left = ring.after((k + 0.5) * step)
@@ -243,7 +248,7 @@ class _Walkers:
             self.points[now] = np.where(_on_plate(self._scene.surface, places)[:, None], places, np.nan)
         self._clock += step
         if self._look is not None:
-            self._look(self._clock, self.points)
+            self.enough = self._look(self._clock, self.points)
 
 
 def _on_plate(surface: Surface, points: Floats) -> NDArray[np.bool_]:
