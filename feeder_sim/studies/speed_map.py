@@ -33,7 +33,8 @@ BATCH = 16  # points between two entries into the journal
 LEAST_DURATION_S = 2.0  # of a point: at high amplitudes a single hop takes a tenth of a second
 LONGEST_DURATION_S = 1e5  # what a scenario allows
 PROBED = 10.0  # throw number up to which a few seeds go first
-PROBE_SEEDS, PROBE_SHARE = 2, 0.05  # of the duration
+PROBE_SEEDS, PROBE_SHARE, LONGEST_PROBE_S = 2, 0.05, 5.0  # share of the duration; parts that ride the plate are costly
+STILL_M = 1e-4  # that a part may move as it settles; one that has moved less by the end of the probe does not move
 HARDLY = 0.1  # of the way that has to be covered on average to arrive in time; a part that comes so far goes on
 WAY = 0.7  # of the distance from antinode to node, from the start to the end of the passage, about
 
@@ -190,7 +191,7 @@ def _probe(scenario: Scenario, frequency_hz: float, amplitude_um: float) -> Scen
     """The first seeds of a point for a small part of its duration."""
     whole = at_point(scenario, frequency_hz, amplitude_um, PROBE_SEEDS)
     assert whole.run.duration_s
-    return with_run(whole, duration_s=PROBE_SHARE * whole.run.duration_s)
+    return with_run(whole, duration_s=min(PROBE_SHARE * whole.run.duration_s, LONGEST_PROBE_S))
 
 
 def _moves(scenario: Scenario, point: tuple[float, float], probe: Ensemble) -> bool:
@@ -198,7 +199,8 @@ def _moves(scenario: Scenario, point: tuple[float, float], probe: Ensemble) -> b
     whole = at_point(scenario, *point, PROBE_SEEDS).run.duration_s
     assert probe.prepared.cell is not None and whole
     speed = 1e-3 * abs(probe.findings.drift_velocity_x_mm_s.mean)
-    return not speed * whole < HARDLY * WAY * probe.prepared.cell.reach
+    took = probe.prepared.scene.times.duration
+    return not (speed * took < STILL_M or speed * whole < HARDLY * WAY * probe.prepared.cell.reach)
 
 
 def throw_number(frequency_hz: float, amplitude_um: float) -> float:

@@ -23,7 +23,7 @@ from feeder_sim.studies.speed_map import at_point
 GATHERING_HZ = 2646.0
 SPEEDS_M_S = (0.01, 0.03, 0.06, 0.1, 0.13, 0.16, 0.2, 0.25, 0.3)
 VOLTS = (5.0, 10.0, 20.0, 40.0, 60.0, 80.0, 120.0)
-COUNTS = (1, 10, 25, 50, 100, 200)
+COUNTS = (1, 10, 25, 50, 100, 200, 400)
 CROWD_VOLTS = 40.0
 GATHERING_S = 2.0
 PARTS = 400  # of all seeds of a crowd together
