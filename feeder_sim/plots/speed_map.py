@@ -62,7 +62,7 @@ def draw_speed_map(
             axes.annotate(
                 f"throw number {throw:g}",
                 (fine[inside][0], amplitude[inside][0]),
-                xytext=(3, 2),
+                xytext=(3, -9 if amplitude[inside][0] > 0.8 * y[-1] else 2),
                 textcoords="offset points",
                 color="#be3434",
                 fontsize=7,
@@ -72,8 +72,9 @@ def draw_speed_map(
         axes.annotate(
             f"measured {measured:g} mm/s",
             (frequency, amplitude_um),
-            xytext=(7, -10),
+            xytext=(0, -14),
             textcoords="offset points",
+            ha="right" if frequency > 0.5 * (x[0] + x[-1]) else "left",
             color="white",
             fontsize=8,
         )

@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
 
 import numpy as np
 
@@ -20,9 +21,10 @@ from feeder_sim.scene.start import start_poses
 from feeder_sim.studies.chart.cases import CASES
 from feeder_sim.studies.chart.methods import DEFAULT_STEPS, METHODS
 from feeder_sim.studies.chart.points import Point, scenario_of
-from feeder_sim.studies.drift_map.comparison import passages, shares_near
+from feeder_sim.studies.drift_map.comparison import map_error, passages, shares_near
 from feeder_sim.studies.drift_map.drift_map import DriftMap
 from feeder_sim.studies.drift_map.making import make_map
+from feeder_sim.studies.drift_map.walk import walk
 
 NAME, DETAILS = "drift map", "runs behind each entry"
 SETTINGS, QUICK = (100, 400), (40,)
@@ -51,7 +53,9 @@ def points_by_drift_map(references: dict[str, tuple[float, float]], *, quick: bo
         prepared = prepare(scenario)
         for seeds in QUICK if quick else SETTINGS:
             table = _table(prepared, OF_CROWD if crowd else AROUND, seeds, relative=not crowd)
-            value, se, cost = (_gathered if crowd else _speed)(table, prepared)
+            number = _gathered if crowd else _speed
+            value, own, cost = number(table, prepared)
+            se = math.hypot(own, map_error(table, partial(_value, number, prepared)))
             failure = "" if math.isfinite(value) else "no walker arrived"
             points.append(
                 Point(case.name, NAME, seeds, value, se, WALKERS, *references[case.name], cost, failure, DETAILS)
@@ -72,6 +76,12 @@ def _table(prepared: Prepared, speeds: Sequence[float], seeds: int, *, relative:
     )
 
 
+def _value(
+    number: Callable[[DriftMap, Prepared], tuple[float, float, float]], prepared: Prepared, table: DriftMap, seed: int
+) -> float:
+    return number(table, prepared)[0]
+
+
 def _of_one(scenario: Scenario) -> Scenario:
     return scenario.model_copy(update={"part": scenario.part[:1]})
 
@@ -88,8 +98,9 @@ def _gathered(table: DriftMap, prepared: Prepared) -> tuple[float, float, float]
     rng = np.random.default_rng(0)
     drawn = [start_poses(prepared.scene, rng) for _ in range(WALKERS // count)]
     starts = np.array([pose.position[:2] for poses in drawn for pose in poses])
-    lines, began = stage_lines(prepared.scene), time.process_time()
-    _, near, _ = shares_near(table, prepared, lines, starts, 0)
+    _, near, _ = shares_near(table, prepared, stage_lines(prepared.scene), starts, 0)
+    began = time.process_time()
+    walk(table, prepared, starts, np.random.default_rng(0))  # without looking, for its time
     cpu = time.process_time() - began
     shares = near[-1].reshape(-1, count).sum(axis=1)
     se = float(shares.std(ddof=1)) / math.sqrt(len(shares))

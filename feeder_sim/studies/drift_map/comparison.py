@@ -114,7 +114,7 @@ def compare_passage(drift_map: DriftMap, scenario: Scenario, seeds: int, walkers
     assert cell is not None
     full = Statistic.of(1e3 * transport_speed(frames, cell) for frames in result.trajectories)
     walked, cpu, _ = passages(drift_map, prepared, walkers, 0)
-    map_se = _map_error(drift_map, lambda of, seed: passages(of, prepared, walkers // FEWER, seed)[0].mean)
+    map_se = map_error(drift_map, lambda of, seed: passages(of, prepared, walkers // FEWER, seed)[0].mean)
     return Agreement("transport speed (mm/s)", full, walked, full_cpu / seeds, cpu / walkers, map_se)
 
 
@@ -158,12 +158,12 @@ def compare_transport(drift_map: DriftMap, scenario: Scenario, seeds: int, walke
     began = time.process_time()
     walked, came = arrivals(drift_map, walkers, 0)
     cpu = time.process_time() - began
-    map_se = _map_error(drift_map, lambda of, seed: arrivals(of, walkers // FEWER, seed)[0].mean)
+    map_se = map_error(drift_map, lambda of, seed: arrivals(of, walkers // FEWER, seed)[0].mean)
     what = f"time of arrival (s); {sum(there)} of {seeds} arrive, by the map {100.0 * came:.1f} %"
     return Agreement(what, full, walked, full_cpu / seeds, cpu / walkers, map_se)
 
 
-def _map_error(drift_map: DriftMap, number: Callable[[DriftMap, int], float]) -> float:
+def map_error(drift_map: DriftMap, number: Callable[[DriftMap, int], float]) -> float:
     """Standard error of a number that comes from the drifts of the map: its spread over perturbed maps."""
     perturbed = (drift_map.perturbed(np.random.default_rng(k)) for k in range(PERTURBED))
     return float(np.std([number(of, 1 + k) for k, of in enumerate(perturbed)], ddof=1))
@@ -210,7 +210,7 @@ def compare_gathering(drift_map: DriftMap, scenario: Scenario, seeds: int, walke
         return float(shares_near(of, prepared, lines, fewer, seed)[1][-1].mean())
 
     times, near, walked = shares_near(drift_map, prepared, lines, starts, 1)
-    map_se, by_start = _map_error(drift_map, share), near.reshape(len(near), seeds, -1).mean(axis=2)
+    map_se, by_start = map_error(drift_map, share), near.reshape(len(near), seeds, -1).mean(axis=2)
     began = time.process_time()
     walk(drift_map, prepared, starts, np.random.default_rng(0))  # without looking, for its time
     cpu = time.process_time() - began
