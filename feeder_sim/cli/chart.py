@@ -59,14 +59,17 @@ def chart(
 def _chart_methods(out: Path, names: Sequence[str], peers: Path | None, quick: bool) -> None:
     """Compute cases by all methods; write, draw and print the points, with those of other simulators."""
     from feeder_sim.plots.chart import draw_points
+    from feeder_sim.studies.chart.by_drift_map import points_by_drift_map
     from feeder_sim.studies.chart.cases import CASES
     from feeder_sim.studies.chart.methods import METHODS
     from feeder_sim.studies.chart.points import measure_all, read_peers, write_points
 
     cases = [c for c in CASES if c.name in names]
     points = measure_all(cases, METHODS, quick=quick, note=_note)
+    references = {p.case: (p.reference, p.reference_se) for p in points}
+    points += points_by_drift_map(references, quick=quick)
     if peers is not None:
-        points += read_peers(peers, {p.case: (p.reference, p.reference_se) for p in points})
+        points += read_peers(peers, references)
     write_points(points, out)
     draw_points(points, out / "methods", machine())
     for c in cases:

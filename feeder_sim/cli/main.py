@@ -20,6 +20,7 @@ from feeder_sim.cli.chart import chart
 from feeder_sim.cli.compare import compare
 from feeder_sim.cli.files import OptionalScenarioFile, ScenarioFile, naming, new_picture, scenario_of, writable
 from feeder_sim.cli.import_modes import import_modes_command
+from feeder_sim.cli.map import map_
 from feeder_sim.cli.new import new
 from feeder_sim.cli.optimise import optimise
 from feeder_sim.cli.part import part
@@ -188,10 +189,9 @@ def check(
 
 app.command()(modes)
 app.command("modes import")(import_modes_command)
-for command in (response, sequence, wave, chart, part, sweep, merge, uncertainty, optimise):
+app.command("map")(map_)
+for command in (response, sequence, wave, chart, part, sweep, merge, uncertainty, optimise, new, compare, schema):
     app.command()(command)
-for more in (new, compare, schema):
-    app.command()(more)
 
 
 @app.command()

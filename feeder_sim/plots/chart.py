@@ -18,6 +18,7 @@ COLOURS = {
     "one degree of freedom": "#8c1515",
     "impulses, tangent plane": "#e58a5c",
     "impulses, no in-plane velocity": "#b79a8c",
+    "drift map": "#3a8a5a",
     "MuJoCo": "#1f5fa8",
     "MuJoCo, compliant contact": "#5fa4d8",
     "MuJoCo, pyramidal cone": "#7a5ab5",

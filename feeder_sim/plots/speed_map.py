@@ -1,0 +1,95 @@
+"""The map of the transport speed over frequency and amplitude: colours, contours, lines of equal throw number."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from feeder_sim.plots.figure import empty_figure
+from feeder_sim.scene.scene import GRAVITY
+from feeder_sim.studies.speed_map import MapPoint
+
+SPEEDS = (0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0)  # [mm/s] of contours
+THROWS = (1.0, 10.0, 100.0, 1000.0)  # throw numbers of lines
+MOST_ARRIVE = 0.5  # of the seeds; where fewer do, the colour is hatched
+
+
+def draw_speed_map(
+    points: Sequence[MapPoint], path: Path, *, title: str, marks: Sequence[tuple[float, float, float]] = ()
+) -> None:
+    """Draw a map.
+
+    Args:
+        points: in any order; pairs of a frequency and an amplitude that are missing stay white.
+        path: of the picture.
+        title: over it.
+        marks: measured points: frequency [Hz], amplitude [um], speed [mm/s]; in the colour of their speed.
+    """
+    from matplotlib.colors import LogNorm
+
+    frequencies = np.array(sorted({p.frequency_hz for p in points}))
+    amplitudes = np.array(sorted({p.amplitude_um for p in points}))
+    speed = np.full((len(amplitudes), len(frequencies)), math.nan)
+    share = np.full(speed.shape, math.nan)
+    for p in points:
+        at = np.searchsorted(amplitudes, p.amplitude_um), np.searchsorted(frequencies, p.frequency_hz)
+        speed[at], share[at] = p.mean, p.n / p.seeds
+    figure = empty_figure(8.0, 5.6)
+    axes = figure.subplots()
+    known = speed[np.isfinite(speed)]
+    low, high = (known.min(), known.max()) if known.size else (0.1, 1.0)
+    norm = LogNorm(low, max(high, 1.001 * low))
+    x, y = _edges(frequencies, log=False), _edges(amplitudes, log=True)
+    mesh = axes.pcolormesh(x, y, np.ma.masked_invalid(speed), norm=norm, cmap="viridis", rasterized=True)
+    if np.isfinite(share).any() and min(speed.shape) > 1:
+        levels = [level for level in SPEEDS if low < level < high]
+        if levels:
+            lines = axes.contour(frequencies, amplitudes, speed, levels=levels, colors="white", linewidths=1.0)
+            axes.clabel(lines, fmt="%g mm/s", fontsize=7)
+        if (share < MOST_ARRIVE).any():
+            axes.contourf(
+                frequencies, amplitudes, share < MOST_ARRIVE, levels=[0.5, 1.5], colors="none", hatches=["///"]
+            )
+    fine = np.linspace(x[0], x[-1], 400)
+    for throw in THROWS:
+        amplitude = 1e6 * throw * GRAVITY / (2.0 * math.pi * fine) ** 2
+        inside = (amplitude > y[0]) & (amplitude < y[-1])
+        if inside.any():
+            axes.plot(fine[inside], amplitude[inside], color="#be3434", linewidth=1.6 if throw == 1.0 else 0.8)
+            axes.annotate(
+                f"throw number {throw:g}",
+                (fine[inside][0], amplitude[inside][0]),
+                xytext=(3, -9 if amplitude[inside][0] > 0.8 * y[-1] else 2),
+                textcoords="offset points",
+                color="#be3434",
+                fontsize=7,
+            )
+    for frequency, amplitude_um, measured in marks:
+        axes.scatter([frequency], [amplitude_um], c=[measured], norm=norm, cmap="viridis", s=90, edgecolors="white")
+        axes.annotate(
+            f"measured {measured:g} mm/s",
+            (frequency, amplitude_um),
+            xytext=(0, -14),
+            textcoords="offset points",
+            ha="right" if frequency > 0.5 * (x[0] + x[-1]) else "left",
+            color="white",
+            fontsize=8,
+        )
+    axes.set(yscale="log", xlim=(x[0], x[-1]), ylim=(y[0], y[-1]))
+    axes.set(xlabel="drive frequency (Hz)", ylabel="amplitude of the antinode (um)", title=title)
+    figure.colorbar(mesh, ax=axes, label="transport speed (mm/s)")
+    figure.savefig(path, dpi=150)
+
+
+def _edges(centres: np.ndarray, *, log: bool) -> np.ndarray:
+    """Edges of cells around sorted centres (n,), shape (n + 1,)."""
+    values = np.log(centres) if log else centres
+    middle = 0.5 * (values[1:] + values[:-1])
+    first, last = (
+        (values[1] - values[0], values[-1] - values[-2]) if len(values) > 1 else (0.1 * abs(values[0]) + 0.1,) * 2
+    )
+    edges = np.concatenate([[values[0] - 0.5 * first], middle, [values[-1] + 0.5 * last]])
+    return np.exp(edges) if log else edges

@@ -1,0 +1,107 @@
+"""The drift map as a method of the chart: parts that walk as a table of their drift and diffusion says.
+
+A setting is the number of runs behind each entry of the table; making it is not in the cost. The walkers know nothing
+of each other, so the cost of a crowd is that of as many single ones.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Sequence
+from functools import partial
+
+import numpy as np
+
+from feeder_sim.measures.stage_lines import stage_lines
+from feeder_sim.run.prepare import prepare
+from feeder_sim.scenario import Scenario, Strip
+from feeder_sim.scene.prepared import Prepared
+from feeder_sim.scene.start import start_poses
+from feeder_sim.studies.chart.cases import CASES
+from feeder_sim.studies.chart.methods import DEFAULT_STEPS, METHODS
+from feeder_sim.studies.chart.points import Point, scenario_of
+from feeder_sim.studies.drift_map.comparison import map_error, passages, shares_near
+from feeder_sim.studies.drift_map.drift_map import DriftMap
+from feeder_sim.studies.drift_map.making import make_map
+from feeder_sim.studies.drift_map.walk import walk
+
+NAME, DETAILS = "drift map", "runs behind each entry"
+SETTINGS, QUICK = (100, 400), (40,)
+WALKERS = 1000
+AROUND = (0.25, 0.5, 0.75, 1.0, 1.4)  # velocity amplitudes of the table over that of the case
+OF_CROWD = (0.03, 0.06, 0.1, 0.15, 0.2, 0.3, 0.45)  # [m/s]
+DRIFTS, CROWD = ("drift_4750", "drift_8775"), "crowd_20"
+
+
+def points_by_drift_map(references: dict[str, tuple[float, float]], *, quick: bool) -> list[Point]:
+    """The points of the cases that a drift map can compute.
+
+    Args:
+        references: value and standard error by name of the case; other cases are left out.
+        quick: one small map per case.
+    """
+    cases = [case for case in CASES if case.name in references and case.name in (*DRIFTS, CROWD)]
+    points = []
+    for case in cases:
+        scenario = scenario_of(case, METHODS[0], DEFAULT_STEPS)
+        crowd = case.name == CROWD
+        if crowd:  # the gathering is what counts
+            assert scenario.schedule is not None
+            gather = scenario.schedule.stage[:1]
+            scenario = scenario.model_copy(update={"schedule": scenario.schedule.model_copy(update={"stage": gather})})
+        prepared = prepare(scenario)
+        for seeds in QUICK if quick else SETTINGS:
+            table = _table(prepared, OF_CROWD if crowd else AROUND, seeds, relative=not crowd)
+            number = _gathered if crowd else _speed
+            value, own, cost = number(table, prepared)
+            se = math.hypot(own, map_error(table, partial(_value, number, prepared)))
+            failure = "" if math.isfinite(value) else "no walker arrived"
+            points.append(
+                Point(case.name, NAME, seeds, value, se, WALKERS, *references[case.name], cost, failure, DETAILS)
+            )
+    return points
+
+
+def _table(prepared: Prepared, speeds: Sequence[float], seeds: int, *, relative: bool) -> DriftMap:
+    """A map for the frequency of the first drive."""
+    drive = prepared.scene.drives[0]
+    own = 2.0 * math.pi * drive.drive_frequency * drive.steady_amplitude if relative else 1.0
+    return make_map(
+        _of_one(prepared.scenario),
+        Strip(thickness_mm=1e3 * prepared.scene.surface.thickness),
+        frequencies_hz=(drive.drive_frequency,),
+        speeds_m_s=[own * speed for speed in speeds],
+        seeds=seeds,
+    )
+
+
+def _value(
+    number: Callable[[DriftMap, Prepared], tuple[float, float, float]], prepared: Prepared, table: DriftMap, seed: int
+) -> float:
+    return number(table, prepared)[0]
+
+
+def _of_one(scenario: Scenario) -> Scenario:
+    return scenario.model_copy(update={"part": scenario.part[:1]})
+
+
+def _speed(table: DriftMap, prepared: Prepared) -> tuple[float, float, float]:
+    """Transport speed [mm/s], its standard error, and wall time per simulated second of a part."""
+    speed, cpu, walked_s = passages(table, prepared, WALKERS, 0)
+    return speed.mean, speed.se, cpu / (WALKERS * walked_s)
+
+
+def _gathered(table: DriftMap, prepared: Prepared) -> tuple[float, float, float]:
+    """Parts near a nodal line at the end, standard error, and wall time per simulated second of all parts."""
+    count = len(prepared.scene.parts)
+    rng = np.random.default_rng(0)
+    drawn = [start_poses(prepared.scene, rng) for _ in range(WALKERS // count)]
+    starts = np.array([pose.position[:2] for poses in drawn for pose in poses])
+    _, near, _ = shares_near(table, prepared, stage_lines(prepared.scene), starts, 0)
+    began = time.process_time()
+    walk(table, prepared, starts, np.random.default_rng(0))  # without looking, for its time
+    cpu = time.process_time() - began
+    shares = near[-1].reshape(-1, count).sum(axis=1)
+    se = float(shares.std(ddof=1)) / math.sqrt(len(shares))
+    return float(shares.mean()), se, cpu * count / (len(starts) * prepared.scene.times.duration)

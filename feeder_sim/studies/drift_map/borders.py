@@ -1,0 +1,103 @@
+"""Where a drift map begins to be wrong: high hops, and parts that meet each other."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from feeder_sim.run.prepare import prepare
+from feeder_sim.scenario import Scenario
+from feeder_sim.scene.scene import GRAVITY
+from feeder_sim.studies.drift_map.comparison import (
+    Agreement,
+    Gathering,
+    compare_gathering,
+    compare_passage,
+    gathering_scenario,
+)
+from feeder_sim.studies.drift_map.drift_map import DriftMap
+from feeder_sim.studies.speed_map import at_point
+
+GATHERING_HZ = 2646.0
+SPEEDS_M_S = (0.01, 0.03, 0.06, 0.1, 0.13, 0.16, 0.2, 0.25, 0.3)
+VOLTS = (5.0, 10.0, 20.0, 40.0, 60.0, 80.0, 120.0)
+COUNTS = (1, 10, 25, 50, 100, 200, 400)
+CROWD_VOLTS = 40.0
+GATHERING_S = 2.0
+PARTS = 400  # of all seeds of a crowd together
+
+
+@dataclass(frozen=True)
+class BorderPoint:
+    """How well the map does at one setting.
+
+    Attributes:
+        setting: velocity amplitude of the highest antinode [m/s], or number of parts.
+        hop: V^2 / g, the height scale of hops, over the radius of the part [1].
+        agreement: with full runs.
+        gathering: over time, where that is what is compared.
+    """
+
+    setting: float
+    hop: float
+    agreement: Agreement
+    gathering: Gathering | None = None
+
+
+def high_hops_on_strip(
+    drift_map: DriftMap,
+    scenario: Scenario,
+    seeds: int,
+    speeds: Sequence[float] = SPEEDS_M_S,
+    note: Callable[[BorderPoint], None] = lambda _: None,
+) -> list[BorderPoint]:
+    """Transport speed on a strip over the velocity amplitude, at the frequency of the scenario."""
+    found = []
+    frequency = scenario.drive[0].frequency_hz
+    for speed in speeds:
+        point = at_point(scenario, frequency, 1e6 * speed / (2.0 * math.pi * frequency), seeds)
+        found.append(BorderPoint(speed, _hop(point, speed), compare_passage(drift_map, point, seeds)))
+        note(found[-1])
+    return found
+
+
+def high_hops_on_plate(
+    drift_map: DriftMap,
+    mode_file: Path,
+    seeds: int,
+    volts: Sequence[float] = VOLTS,
+    note: Callable[[BorderPoint], None] = lambda _: None,
+) -> list[BorderPoint]:
+    """Gathering of single parts on a plate over the velocity amplitude of its highest antinode."""
+    found = []
+    for voltage in volts:
+        scenario = gathering_scenario(mode_file, GATHERING_HZ, voltage, GATHERING_S)
+        speed = prepare(scenario).scene.drives[0].steady_amplitude * 2.0 * math.pi * GATHERING_HZ
+        gathering = compare_gathering(drift_map, scenario, seeds)
+        found.append(BorderPoint(speed, _hop(scenario, speed), gathering.agreement, gathering))
+        note(found[-1])
+    return found
+
+
+def crowds(
+    drift_map: DriftMap,
+    mode_file: Path,
+    parts: int = PARTS,
+    counts: Sequence[int] = COUNTS,
+    note: Callable[[BorderPoint], None] = lambda _: None,
+) -> list[BorderPoint]:
+    """Gathering over the number of parts on the plate at once; the map lets each walk as if it were alone."""
+    found = []
+    for count in counts:
+        scenario = gathering_scenario(mode_file, GATHERING_HZ, CROWD_VOLTS, GATHERING_S, count)
+        gathering = compare_gathering(drift_map, scenario, max(4, parts // count))
+        found.append(BorderPoint(count, math.nan, gathering.agreement, gathering))
+        note(found[-1])
+    return found
+
+
+def _hop(scenario: Scenario, speed: float) -> float:
+    kind = prepare(scenario).scene.kinds[0]
+    return speed**2 / GRAVITY / kind.size

@@ -1,0 +1,191 @@
+"""Runs of one part on strips of all frequencies and amplitudes -> its drift map."""
+
+from __future__ import annotations
+
+import math
+import threading
+import time
+from collections.abc import Callable, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from feeder_sim.errors import InputError, Interrupted
+from feeder_sim.plate.mode_shapes import standing_wave
+from feeder_sim.plate.rectangle import RectangularPlate
+from feeder_sim.records.trajectory import Frames
+from feeder_sim.run.simulation import simulate
+from feeder_sim.scenario import Drive, Run, Scattered, Scenario, Strip, resolve_material, with_run
+from feeder_sim.scene.part import build_part
+from feeder_sim.scene.scene import GRAVITY
+from feeder_sim.studies.drift_map.drift_map import DriftMap, Made
+from feeder_sim.studies.drift_map.increments import Bins, binned
+
+FREQUENCIES_HZ = (400.0, 900.0, 2000.0, 4500.0, 10000.0)
+SPEEDS_M_S = (0.005, 0.01, 0.02, 0.035, 0.06, 0.1, 0.15, 0.2, 0.3, 0.45, 0.7)
+SEEDS = 1000
+ALL_SEEDS_M_S, LEAST_SEEDS = 0.06, 0.2  # below this speed parts hardly diffuse and fewer seeds do, of which this share
+BINS = 24
+MEASURED_S = 1.5  # of every seed, after it has forgotten its start; shorter where it would be at the node by then
+USUAL = 0.7  # drift over the speed of the surface to and fro, about
+MOST_SEEDS = 5.0  # times as many where runs are shorter
+LEAST_LAG_S, LAG_OF_HOPS = 0.05, 5.0  # lag: a time, and so many times V/g, about what hops last
+FORGETS_S = 0.1  # the begin of a seed that is left out, with as many hops
+FRAMES_PER_S = 100.0
+DROP_MM = (0.05, 0.3)
+WAVELENGTHS, WIDE_MM = 20.0, 3000.0  # of the strip; a part that tumbles crosses many cells
+STARTS_OVER = 4.0  # wavelengths
+
+
+def made_of(scenario: Scenario, thickness: float) -> Made:
+    """What a map for the part and the contact of a scenario is made of.
+
+    Raises:
+        InputError: there are several kinds of parts, a guide, or a contact or simplification beyond the map.
+    """
+    if len(scenario.part) != 1:
+        raise InputError(
+            f"is given {len(scenario.part)} times, allowed is one kind of part with a drift map", key="part"
+        )
+    if scenario.part[0].guide is not None:
+        raise InputError("is given, allowed is none with a drift map", key="part[0].guide")
+    run = scenario.run
+    for name, plain in (
+        ("in_plane_velocity", True),
+        ("tangent_surface", False),
+        ("planar", False),
+        ("reaction", False),
+    ):
+        if getattr(run, name) != plain:
+            raise InputError(
+                f"is {str(not plain).lower()}, allowed is {str(plain).lower()} with a drift map", key=f"run.{name}"
+            )
+    part = scenario.part[0].model_dump_json(exclude={"start", "count", "name", "guide"})
+    contact = scenario.contact.model_dump_json(exclude={"part_restitution", "part_friction"})
+    return Made(part, contact, thickness)
+
+
+def make_map(
+    scenario: Scenario,
+    strip: Strip,
+    *,
+    frequencies_hz: Sequence[float] = FREQUENCIES_HZ,
+    speeds_m_s: Sequence[float] = SPEEDS_M_S,
+    seeds: int = SEEDS,
+    measured_s: float = MEASURED_S,
+    bins: int = BINS,
+    workers: int | None = None,
+    progress: Callable[[float], None] | None = None,
+    stop: threading.Event | None = None,
+    notify: Callable[[str], None] | None = None,
+) -> DriftMap:
+    """Make the drift map of a part.
+
+    Args:
+        scenario: has the part and its contact; its plate, drives and starts do not count.
+        strip: thickness and material of the strips.
+        frequencies_hz: of the table, rising.
+        speeds_m_s: velocity amplitudes of antinodes, rising.
+        seeds: runs at each of their pairs, which start anywhere on the wave; fewer at low speeds.
+        measured_s: of every run, at most; shorter ones are more.
+        bins: of the angle between antinode and node.
+        workers: as for `simulate`.
+        progress: called with the fraction done.
+        stop: set it to give up.
+        notify: takes a line for the user.
+
+    Raises:
+        InputError: as for `made_of`, or no wave of a frequency.
+        Interrupted: it was given up.
+    """
+    plate = RectangularPlate(1.0, 1.0, 1e-3 * strip.thickness_mm, resolve_material(strip.material))
+    made = made_of(scenario, plate.thickness)
+    shape = (len(frequencies_hz), len(speeds_m_s), bins)
+    table, simulated, began = np.zeros((4, *shape)), 0.0, time.process_time()
+    for i, frequency in enumerate(frequencies_hz):
+        wavenumber = standing_wave(plate, frequency).wavenumber
+        omega = 2.0 * math.pi * frequency
+        for j, speed in enumerate(speeds_m_s):
+            if omega * speed > GRAVITY:
+                wavelength_mm = 2e3 * math.pi / wavenumber
+                lasts = min(measured_s, _to_node(plate, wavenumber, speed))
+                number = math.ceil(seeds_at(speed, seeds) * min(MOST_SEEDS, measured_s / lasts))
+                run = with_run(_on_strip(scenario, strip, wavelength_mm, frequency, speed, lasts), seeds=number)
+                result = simulate(run, workers=workers, stop=stop, notify=notify)
+                if stop is not None and stop.is_set():
+                    raise Interrupted("interrupted")
+                found = _bins(result.trajectories, speed, wavenumber, bins)
+                units = (0.5 * plate.thickness * wavenumber * speed,) * 2 + (speed**3 / GRAVITY,) * 2
+                values = (found.drift, found.drift_se, found.along, found.across)
+                table[:, i, j] = [filled(value) / unit for value, unit in zip(values, units, strict=True)]
+                simulated += sum(float(frames.time[-1]) for frames in result.trajectories)
+            if progress:
+                progress((i * len(speeds_m_s) + j + 1) / (len(frequencies_hz) * len(speeds_m_s)))
+    drift, drift_se, along, across = table
+    of = np.array(frequencies_hz, float), np.array(speeds_m_s, float)
+    return DriftMap(made, plate, *of, drift, drift_se, along, across, simulated, time.process_time() - began)
+
+
+def seeds_at(speed: float, seeds: int) -> int:
+    """How many runs a velocity amplitude [m/s] gets."""
+    return math.ceil(seeds * min(1.0, max(LEAST_SEEDS, speed / ALL_SEEDS_M_S)))
+
+
+def _to_node(plate: RectangularPlate, wavenumber: float, speed: float) -> float:
+    """Time [s] that a part takes for half of the way to the node, about, but two increments at least."""
+    half_way = 0.25 * math.pi / wavenumber
+    return max(2.0 * lag_of(speed), half_way / (USUAL * 0.5 * plate.thickness * wavenumber * speed))
+
+
+def lag_of(speed: float) -> float:
+    """Duration [s] of the increments at a velocity amplitude [m/s]."""
+    return LEAST_LAG_S + LAG_OF_HOPS * speed / GRAVITY
+
+
+def _on_strip(
+    scenario: Scenario,
+    strip: Strip,
+    wavelength_mm: float,
+    frequency: float,
+    speed: float,
+    measured_s: float,
+) -> Scenario:
+    """One part anywhere on a standing wave that has no ring-up."""
+    part = scenario.part[0]
+    size_mm = 2e3 * build_part(part, name="part").size
+    start = Scattered(
+        kind="scattered", size_mm=(STARTS_OVER * wavelength_mm + size_mm, 0.1 * WIDE_MM), drop_height_mm=DROP_MM
+    )
+    large = {"length_mm": WAVELENGTHS * wavelength_mm + WIDE_MM, "width_mm": WIDE_MM}
+    amplitude_um = 1e6 * speed / (2.0 * math.pi * frequency)
+    return Scenario(
+        plate=strip.model_copy(update=large),
+        drive=(Drive(frequency_hz=frequency, amplitude_um=amplitude_um, ring_up=False),),
+        part=(part.model_copy(update={"start": start, "count": 1}),),
+        contact=scenario.contact,
+        run=Run(
+            duration_s=_forgets(speed) + measured_s + lag_of(speed),
+            frames_per_second=FRAMES_PER_S,
+            steps_per_period=scenario.run.steps_per_period,
+        ),
+    )
+
+
+def _forgets(speed: float) -> float:
+    return FORGETS_S + LAG_OF_HOPS * speed / GRAVITY
+
+
+def _bins(trajectories: Sequence[Frames], speed: float, wavenumber: float, bins: int) -> Bins:
+    paths, interval = [], 1.0 / FRAMES_PER_S
+    for frames in trajectories:
+        if len(frames) > 1:
+            interval = float(frames.time[1] - frames.time[0])
+        paths.append(frames.position[int(_forgets(speed) / interval) :, 0, :2])
+    steps = max(1, round(lag_of(speed) / interval))
+    return binned(paths, steps, steps * interval, wavenumber, bins)
+
+
+def filled(values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Values of bins (n,); those of empty ones are interpolated between their neighbours."""
+    known = np.flatnonzero(np.isfinite(values))
+    return np.interp(np.arange(len(values)), known, values[known]) if len(known) else np.zeros(len(values))
