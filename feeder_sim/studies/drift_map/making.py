@@ -14,7 +14,8 @@ from feeder_sim.errors import InputError, Interrupted
 from feeder_sim.plate.mode_shapes import standing_wave
 from feeder_sim.plate.rectangle import RectangularPlate
 from feeder_sim.records.trajectory import Frames
-from feeder_sim.run.simulation import simulate
+from feeder_sim.run.prepare import prepare
+from feeder_sim.run.simulation import run_ensemble
 from feeder_sim.scenario import Drive, Run, Scattered, Scenario, Strip, resolve_material, with_run
 from feeder_sim.scene.part import build_part
 from feeder_sim.scene.scene import GRAVITY
@@ -111,7 +112,7 @@ def make_map(
                 lasts = min(measured_s, _to_node(plate, wavenumber, speed))
                 number = math.ceil(seeds_at(speed, seeds) * min(MOST_SEEDS, measured_s / lasts))
                 run = with_run(_on_strip(scenario, strip, wavelength_mm, frequency, speed, lasts), seeds=number)
-                result = simulate(run, workers=workers, stop=stop, notify=notify)
+                result = run_ensemble(prepare(run), workers=workers, stop=stop, notify=notify)
                 if stop is not None and stop.is_set():
                     raise Interrupted("interrupted")
                 found = _bins(result.trajectories, speed, wavenumber, bins)
