@@ -18,11 +18,13 @@ from typer.core import TyperGroup
 from feeder_sim import __version__
 from feeder_sim.cli.chart import chart
 from feeder_sim.cli.compare import compare
-from feeder_sim.cli.files import OptionalScenarioFile, ScenarioFile, naming, new_picture, scenario_of, writable
+from feeder_sim.cli.drift_map import drift_map
+from feeder_sim.cli.files import naming, new_picture, scenario_of, writable
 from feeder_sim.cli.import_modes import import_modes_command
 from feeder_sim.cli.map import map_
 from feeder_sim.cli.new import new
 from feeder_sim.cli.optimise import optimise
+from feeder_sim.cli.options import AsJson, EngineName, OptionalScenarioFile, ScenarioFile, Seed, Seeds, Set
 from feeder_sim.cli.part import part
 from feeder_sim.cli.plate import modes, sequence, wave
 from feeder_sim.cli.replay import replay
@@ -81,16 +83,6 @@ def _options(
     ] = False,
 ) -> None:
     pass
-
-
-AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout.")]
-EngineName = Annotated[str | None, typer.Option("--engine", help="Engine instead of the scenario's.")]
-Seeds = Annotated[int | None, typer.Option("--seeds", min=1, help="Number of seeds instead of the scenario's.")]
-Seed = Annotated[int | None, typer.Option("--seed", min=0, help="Root of the random numbers.")]
-Set = Annotated[
-    list[str] | None,
-    typer.Option("--set", help="KEY=VALUE in place of the scenario's, such as drive[0].amplitude_um=2; repeatable."),
-]
 
 
 @app.command()
@@ -190,6 +182,7 @@ def check(
 app.command()(modes)
 app.command("modes import")(import_modes_command)
 app.command("map")(map_)
+app.command("drift-map")(drift_map)
 for command in (response, sequence, wave, chart, part, sweep, merge, uncertainty, optimise, new, compare, schema):
     app.command()(command)
 

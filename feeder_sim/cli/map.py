@@ -13,93 +13,83 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from feeder_sim.cli.files import naming, scenario_of
+from feeder_sim.cli.options import AsJson, ScenarioFile, Seed, Set
 from feeder_sim.cli.terminal import notify, progress_bar, stop_on_signal
-from feeder_sim.errors import InputError, Interrupted, not_written, quoted
+from feeder_sim.errors import InputError, Interrupted, quoted
 
 if TYPE_CHECKING:
+    from feeder_sim.jobs.folder import WorkFolder
     from feeder_sim.studies.speed_map import MapPoint
 
+MAPS = Path("maps")
 MOST_VALUES = 1000  # of a list
-DATA, PICTURE = "map.csv", "map.png"
+QUESTION, DATA, PICTURE = "map.toml", "map.csv", "map.png"
 
 
 def map_(
-    scenario_file: Annotated[
-        Path, typer.Argument(help="Scenario file (TOML) of one part on a strip.", show_default=False)
-    ],
+    scenario_file: ScenarioFile,
     frequency: Annotated[
         str,
-        typer.Option(
-            "--frequency", help="Drive frequencies [Hz]: LOW:HIGH:COUNT, COUNTlog for equal ratios, or A,B,C."
-        ),
+        typer.Option("--frequency", help="Drive frequencies [Hz]: LOW:HIGH:COUNT, LOW:HIGH:logCOUNT or A,B,C."),
     ] = "2500:10000:40",
-    amplitude: Annotated[str, typer.Option("--amplitude", help="Amplitudes [um], likewise.")] = "0.3:6:40log",
+    amplitude: Annotated[str, typer.Option("--amplitude", help="Amplitudes [um], likewise.")] = "0.3:6:log40",
+    settings: Set = None,
     seeds: Annotated[int, typer.Option("--seeds", min=1, max=10_000, help="Seeds of every point.")] = 12,
-    out: Annotated[Path, typer.Option("--out", help="Folder for data and picture; the same map goes on there.")] = Path(
-        "map"
-    ),
+    seed: Seed = None,
+    out: Annotated[Path | None, typer.Option("--out", help="Folder of the map [maps/NAME].")] = None,
     mark: Annotated[
         list[str] | None,
         typer.Option("--mark", help="Measured point to draw: frequency [Hz], amplitude [um], speed [mm/s]."),
     ] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout.")] = False,
+    workers: Annotated[int | None, typer.Option("--workers", min=1, help="Threads [one per core].")] = None,
+    as_json: AsJson = False,
 ) -> None:
-    """Map the transport speed of a part over drive frequency and amplitude; done points are kept."""
+    """Map the transport speed of a part over drive frequency and amplitude; running the same again goes on."""
     frequencies, amplitudes = values_of(frequency, "--frequency"), values_of(amplitude, "--amplitude")
     marks = [mark_of(text) for text in mark or ()]
-    scenario = scenario_of(scenario_file, None, None, None)
+    scenario = scenario_of(scenario_file, None, None, seed, settings)
     with naming(scenario_file):
-        from feeder_sim.records.own_files import locked
-        from feeder_sim.studies.speed_map import JOURNAL, check_mapped, speed_map
+        import tomli_w
+
+        from feeder_sim.jobs.folder import WorkFolder
+        from feeder_sim.studies.speed_map import check_mapped, speed_map
 
         check_mapped(scenario)
-        _own_folder(out, JOURNAL)
-        with (
-            locked(out),
-            stop_on_signal() as stop,
-            progress_bar(scenario.title or scenario_file.stem, stop) as progress,
-        ):
+        asked = tomli_w.dumps({"frequency": frequency, "amplitude": amplitude, "seeds": seeds})
+        home, title = WorkFolder(out or MAPS / scenario_file.stem, QUESTION, asked, scenario), scenario.title
+        with home, stop_on_signal() as stop, progress_bar(title or scenario_file.stem, stop) as progress:
             points = speed_map(
                 scenario,
                 frequencies,
                 amplitudes,
                 seeds=seeds,
-                journal=out / JOURNAL,
+                journal=home.journal,
+                workers=workers,
                 progress=progress,
                 stop=stop,
                 notify=notify,
             )
-            _write(points, out, scenario.title or scenario_file.stem, marks)
+            _write(points, home, title or scenario_file.stem, marks)
     complete = len(points) == len(frequencies) * len(amplitudes)
-    _print(points, out, as_json)
+    _print(points, home.path, as_json)
     if not complete:
-        raise Interrupted(f"interrupted; what was computed is in {out}, the same command goes on")
+        typer.echo("feeder-sim: not complete; what was computed is kept, the same command goes on", err=True)
+        raise typer.Exit(Interrupted.exit_code)
 
 
-def values_of(text: str, key: str) -> list[float]:
-    """The values of LOW:HIGH:COUNT, with "log" at the count for equal ratios, or of numbers with commas between.
+def values_of(text: str, option: str) -> list[float]:
+    """Numbers above 0, written as an axis of a sweep is.
 
     Raises:
         InputError: it is written otherwise, or a value is not above 0.
     """
-    import numpy as np
+    from feeder_sim.studies.sweep.design import read_axis
 
-    allowed = "LOW:HIGH:COUNT, LOW:HIGH:COUNTlog, or numbers above 0 with commas between, none of them twice"
-    try:
-        if ":" in text:
-            low, high, number = text.split(":")
-            log = "log" in number
-            ends, count = (float(low), float(high)), int(number.replace("log", "", 1))
-            if not (0.0 < ends[0] < ends[1] < math.inf and 2 <= count <= MOST_VALUES):
-                raise ValueError
-            values = (np.geomspace if log else np.linspace)(*ends, count).tolist()
-        else:
-            values = sorted(float(part) for part in text.split(","))
-            if not (values[0] > 0.0 and values[-1] < math.inf and len(set(values)) == len(values) <= MOST_VALUES):
-                raise ValueError
-    except ValueError:
-        raise InputError(f"is {quoted(text)}, allowed is {allowed}", key=key) from None
-    return [float(f"{value:.6g}") for value in values]
+    values = read_axis(f"{option.removeprefix('--')}={text}", option).values
+    if not values or len(values) > MOST_VALUES or not all(isinstance(v, int | float) and v > 0 for v in values):
+        problem = f"is {quoted(text)}, allowed is LOW:HIGH:COUNT, LOW:HIGH:logCOUNT or A,B,C, all above 0"
+        raise InputError(problem, key=option)
+    return sorted(float(f"{value:.6g}") for value in values)
 
 
 def mark_of(text: str) -> tuple[float, float, float]:
@@ -118,35 +108,18 @@ def mark_of(text: str) -> tuple[float, float, float]:
     return frequency, amplitude, speed
 
 
-def _own_folder(folder: Path, journal: str) -> None:
-    """Make the folder of a map, or take one that holds a map already.
-
-    Raises:
-        InputError: it is a file, or holds something else.
-    """
-    if folder.exists() and not folder.is_dir():
-        raise InputError("is a file, allowed is a folder", file=folder, key="--out")
-    if folder.is_dir() and any(folder.iterdir()) and not (folder / journal).is_file():
-        raise InputError("holds other files, allowed is a new folder or that of a map", file=folder, key="--out")
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise not_written(folder, error) from error
-
-
-def _write(points: list[MapPoint], folder: Path, title: str, marks: list[tuple[float, float, float]]) -> None:
+def _write(points: list[MapPoint], folder: WorkFolder, title: str, marks: list[tuple[float, float, float]]) -> None:
     """Write the table and draw the picture."""
     from feeder_sim.plots.speed_map import draw_speed_map
-    from feeder_sim.records.whole_file import write_whole
     from feeder_sim.studies.speed_map import MapPoint, without_nan
 
     text = io.StringIO()
     writer = csv.DictWriter(text, [field.name for field in fields(MapPoint)], lineterminator="\n")
     writer.writeheader()
     writer.writerows(without_nan(asdict(point)) for point in points)
-    write_whole(folder / DATA, text.getvalue().encode())
+    folder.write(DATA, text.getvalue().encode())
     if points:
-        draw_speed_map(points, folder / PICTURE, title=title, marks=marks)
+        draw_speed_map(points, folder.path / PICTURE, title=title, marks=marks)
 
 
 def _print(points: list[MapPoint], folder: Path, as_json: bool) -> None:

@@ -11,12 +11,15 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import typer
 
 from feeder_sim.cli.files import naming, scenario_of
-from feeder_sim.cli.sweep import AsJson, Dask, EngineName, ScenarioFile, Seed, Set, WorkerCount
+from feeder_sim.cli.options import AsJson, Dask, EngineName, ScenarioFile, Seed, Set, WorkerCount
 from feeder_sim.cli.terminal import progress_bar, stop_on_signal
 from feeder_sim.errors import InputError, Interrupted, printable
 
 if TYPE_CHECKING:
     from feeder_sim.studies.search.search import Search
+    from feeder_sim.studies.search.space import Space
+    from feeder_sim.studies.search.trials import Aim
+    from feeder_sim.studies.sweep.design import Point
 
 OUT = Path("optimise")
 MOST_SEEDS = 8  # of a trial where the scenario has more
@@ -45,6 +48,11 @@ def optimise(
     check_seeds: Annotated[
         int, typer.Option("--check-seeds", min=2, max=10_000, help="Fresh seeds of the best recipe.")
     ] = 16,
+    screen: Annotated[
+        Path | None,
+        typer.Option("--screen", help="Drift map that screens recipes to begin with, for --minimise arrival_time_s."),
+    ] = None,
+    recipes: Annotated[int, typer.Option("--recipes", min=2, max=65536, help="Recipes that --screen walks.")] = 256,
     sampler: Annotated[str, typer.Option("--sampler", help="tpe, or cmaes for numbers only.")] = "tpe",
     seed: Seed = None,
     engine: EngineName = None,
@@ -75,6 +83,7 @@ def optimise(
         space = Space.of(scenario, over)
         asked = {"over": over, "measure": aim.measure, "maximise": aim.largest, "seeds": aim.seeds, "sampler": sampler}
         home = WorkFolder(out or OUT / scenario_file.stem, QUESTION, tomli_w.dumps(asked), scenario)
+        starts = _screened(space, aim, screen, recipes) if screen else []
         with home, stop_on_signal() as stop, progress_bar(scenario_file.stem, stop) as progress:
             with workers_of(workers, dask) as found_workers:
                 done = search(
@@ -86,6 +95,7 @@ def optimise(
                     budget=Budget(trials, seconds),
                     check_seeds=check_seeds,
                     sampler=_sampler(sampler),
+                    starts=starts,
                     stop=stop,
                     progress=progress,
                 )
@@ -102,6 +112,18 @@ def optimise(
     if done.best is None:
         typer.echo(f"feeder-sim: no recipe has {aim.measure} in all its seeds", err=True)
         raise typer.Exit(1)
+
+
+def _screened(space: Space, aim: Aim, file: Path, recipes: int) -> list[Point]:
+    """The recipes that a drift map in a file likes best."""
+    from feeder_sim.studies.drift_map.files import load_map
+    from feeder_sim.studies.search.screening import screened
+    from feeder_sim.studies.search.search import GENERATION
+
+    with progress_bar("screening") as progress:
+        found = screened(space, aim, load_map(file), recipes, GENERATION - 1, progress)
+    typer.echo(f"feeder-sim: {len(found)} recipes of {recipes} begin the search", err=True)
+    return found
 
 
 def _print(done: Search, folder: Path) -> None:

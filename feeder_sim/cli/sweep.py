@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from feeder_sim.cli.files import naming, scenario_of
+from feeder_sim.cli.options import AsJson, Dask, EngineName, Measure, ScenarioFile, Seed, Seeds, Set, WorkerCount
 from feeder_sim.cli.terminal import progress_bar, stop_on_signal
 from feeder_sim.errors import InputError, Interrupted, printable
 
@@ -21,23 +22,13 @@ SWEEPS = Path("sweeps")
 MOST_LINES = 60  # of a table on the terminal
 _TASK = re.compile(r"(\d{1,6})/(\d{1,6})")
 
-ScenarioFile = Annotated[Path, typer.Argument(help="Scenario file (TOML).", show_default=False)]
 Vary = Annotated[
     list[str],
     typer.Option(
         "--vary", help="KEY=LOW:HIGH:COUNT, LOW:HIGH:logCOUNT or A,B,C; for --sobol also LOW:HIGH.", show_default=False
     ),
 ]
-Set = Annotated[
-    list[str] | None, typer.Option("--set", help="KEY=VALUE in place of the scenario's, as often as needed.")
-]
-Seeds = Annotated[int | None, typer.Option("--seeds", min=1, help="Seeds of every point [the scenario's].")]
-Seed = Annotated[int | None, typer.Option("--seed", min=0, help="Root of the random numbers.")]
-EngineName = Annotated[str | None, typer.Option("--engine", help="Engine instead of the scenario's.")]
 Inputs = Annotated[int, typer.Option("--inputs", min=2, max=4096, help="Draws of inputs that are [uncertain].")]
-WorkerCount = Annotated[int | None, typer.Option("--workers", min=1, help="Processes [one per core].")]
-Dask = Annotated[str | None, typer.Option("--dask", help="Scheduler of a Dask cluster, such as tcp://host:8786.")]
-AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout.")]
 
 
 def sweep(
@@ -49,7 +40,7 @@ def sweep(
     seeds: Seeds = None,
     seed: Seed = None,
     engine: EngineName = None,
-    measure: Annotated[str | None, typer.Option("--measure", help="Measure to print and draw [the usual one].")] = None,
+    measure: Measure = None,
     until_se: Annotated[
         str | None, typer.Option("--until-se", help="More seeds until the standard error is below, such as 3%.")
     ] = None,
@@ -91,7 +82,7 @@ def sweep(
 
 def merge(
     folder: Annotated[Path, typer.Argument(help="Folder of a sweep, as job arrays leave it.", show_default=False)],
-    measure: Annotated[str | None, typer.Option("--measure", help="Measure to print and draw [the usual one].")] = None,
+    measure: Measure = None,
     as_json: AsJson = False,
 ) -> None:
     """Make the table of a sweep out of what the tasks of a job array have done."""

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from feeder_sim.cli.files import naming, scenario_of
-from feeder_sim.cli.sweep import AsJson, Dask, EngineName, ScenarioFile, Seed, Set, WorkerCount
+from feeder_sim.cli.options import AsJson, Dask, EngineName, Measure, ScenarioFile, Seed, Set, WorkerCount
 from feeder_sim.cli.terminal import progress_bar, stop_on_signal
 from feeder_sim.errors import InputError, Interrupted, nearest, printable
 
@@ -37,7 +37,7 @@ def uncertainty(
     indices: Annotated[
         bool, typer.Option("--indices", help="Also Sobol indices; takes (number of inputs + 2) times the draws.")
     ] = False,
-    measure: Annotated[str | None, typer.Option("--measure", help="Measure to print and draw [the usual one].")] = None,
+    measure: Measure = None,
     measured: Annotated[float | None, typer.Option("--measured", help="Value to mark in the picture.")] = None,
     out: Annotated[Path | None, typer.Option("--out", help="Folder for the tables [uncertainty/NAME].")] = None,
     workers: WorkerCount = None,

@@ -8,18 +8,17 @@ There two seeds go first, for a small part of the duration; where they have hard
 
 from __future__ import annotations
 
-import json
+import contextlib
 import math
-import os
 import threading
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass
-from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
-from feeder_sim import __version__
-from feeder_sim.errors import InputError, cause_of, not_written
+from feeder_sim.errors import InputError
+from feeder_sim.jobs.identity import identity_of
+from feeder_sim.jobs.journal import Journal, read_journal
 from feeder_sim.plate.mode_shapes import StandingWave, standing_wave
 from feeder_sim.plate.rectangle import RectangularPlate
 from feeder_sim.records.trajectory import Status
@@ -28,7 +27,6 @@ from feeder_sim.run.prepare import prepare
 from feeder_sim.scenario import Scenario, Start, Strip, resolve_material, with_run
 from feeder_sim.scene.scene import GRAVITY
 
-JOURNAL = "journal.jsonl"  # in the folder of a map
 BATCH = 16  # points between two entries into the journal
 LEAST_DURATION_S = 2.0  # of a point: at high amplitudes a single hop takes a tenth of a second
 LONGEST_DURATION_S = 1e5  # what a scenario allows
@@ -133,29 +131,36 @@ def speed_map(
         frequencies_hz: of the points.
         amplitudes_um: of the points.
         seeds: of every point.
-        journal: file that keeps the points that are done; those in it are not computed again.
+        journal: file that keeps the points that are done; those in it are not computed again, if they are of the same
+            scenario, number of seeds, files and version.
         workers: threads. Default: all cores.
         progress: called with the fraction done, from this thread.
         stop: set it to end within a second; the points done so far are returned.
         notify: takes a line for the user.
 
     Raises:
-        InputError: a scenario that cannot be mapped, or a journal of another map.
+        InputError: a scenario that cannot be mapped.
+        RecordingFailed: the journal cannot be written.
     """
     check_mapped(scenario)
     wanted = [(float(f), float(a)) for f in frequencies_hz for a in amplitudes_um]
     for f in (min(frequencies_hz), max(frequencies_hz)):
         at_point(scenario, float(f), max(amplitudes_um), seeds)  # refuses what is not allowed before anything is run
     stop = stop or threading.Event()
-    done = _Journal.opened(journal, scenario, seeds) if journal else _Journal(None, {})
+    done = _done(scenario, seeds, journal)
     # Slow points take longest: spread over all of the map, so that the time left can be told.
-    left = _strided([point for point in wanted if point not in done.points])
-    while left and not stop.is_set():
-        batch, left = left[:BATCH], left[BATCH:]
-        done.add(_measured(scenario, batch, seeds, workers=workers, stop=stop, notify=notify))
-        if progress:
-            progress(sum(point in done.points for point in wanted) / len(wanted))
-    return [done.points[point] for point in wanted if point in done.points]
+    left = _strided([point for point in wanted if point not in done])
+    with contextlib.ExitStack() as held:
+        written = held.enter_context(Journal(journal)) if journal and left else None
+        while left and not stop.is_set():
+            batch, left = left[:BATCH], left[BATCH:]
+            for point in _measured(scenario, batch, seeds, workers=workers, stop=stop, notify=notify):
+                done[point.frequency_hz, point.amplitude_um] = point
+                if written:
+                    written.add({"map": _whose(scenario, seeds), "point": without_nan(asdict(point))})
+            if progress:
+                progress(sum(point in done for point in wanted) / len(wanted))
+    return [done[point] for point in wanted if point in done]
 
 
 def _strided(points: list[tuple[float, float]]) -> list[tuple[float, float]]:
@@ -215,54 +220,17 @@ def _point(point: tuple[float, float], ensemble: Ensemble) -> MapPoint:
     return MapPoint(*point, throw_number(*point), speed.mean, speed.se, speed.n, failed, seeds)
 
 
-class _Journal:
-    """The points of a map that are done, a line each in a file."""
+def _done(scenario: Scenario, seeds: int, journal: Path | None) -> dict[tuple[float, float], MapPoint]:
+    """The points in a journal that are of this map."""
+    whose = _whose(scenario, seeds)
+    found = [entry for entry in read_journal(journal) if entry["map"] == whose] if journal else []
+    points = [MapPoint(**_with_nan(entry["point"])) for entry in found]
+    return {(point.frequency_hz, point.amplitude_um): point for point in points}
 
-    def __init__(self, path: Path | None, points: dict[tuple[float, float], MapPoint]) -> None:
-        self._path, self.points = path, points
 
-    @staticmethod
-    def opened(path: Path, scenario: Scenario, seeds: int) -> _Journal:
-        """Read a journal, or begin it. A line that a kill has cut off is taken out.
-
-        Raises:
-            InputError: it is of another map, or no journal.
-        """
-        whole = with_run(scenario, seeds=seeds).model_dump_json(exclude={"title"})
-        key = {"map": sha256(whole.encode()).hexdigest(), "version": __version__}
-        try:
-            text = path.read_text(encoding="utf-8") if path.exists() else ""
-            complete = text[: text.rfind("\n") + 1]
-            with path.open("w" if not complete else "r+", encoding="utf-8") as file:
-                file.truncate(len(complete.encode()))
-                if not complete:
-                    file.write(json.dumps(key) + "\n")
-        except (OSError, UnicodeDecodeError) as error:
-            raise InputError(f"cannot be used: {cause_of(error)}", file=path) from error
-        lines = complete.splitlines()
-        try:
-            if lines and json.loads(lines[0]) != key:
-                problem = (
-                    "is of another scenario, number of seeds or version, allowed is another folder or the same map"
-                )
-                raise InputError(problem, file=path)
-            points = [MapPoint(**_with_nan(json.loads(line))) for line in lines[1:]]
-        except (ValueError, TypeError) as error:
-            raise InputError("is no journal of a map, allowed is another folder", file=path) from error
-        return _Journal(path, {(p.frequency_hz, p.amplitude_um): p for p in points})
-
-    def add(self, points: Iterator[MapPoint]) -> None:
-        """Keep points; they are on the disk when this returns."""
-        for point in points:
-            self.points[point.frequency_hz, point.amplitude_um] = point
-            if self._path:
-                try:
-                    with self._path.open("a", encoding="utf-8") as file:
-                        file.write(json.dumps(without_nan(asdict(point))) + "\n")
-                        file.flush()
-                        os.fsync(file.fileno())
-                except OSError as error:
-                    raise not_written(self._path, error) from error
+def _whose(scenario: Scenario, seeds: int) -> str:
+    """What a point of a map depends on, besides its frequency and amplitude."""
+    return f"{identity_of(scenario)} {seeds}"
 
 
 def without_nan(row: dict[str, float]) -> dict[str, float | None]:

@@ -10,12 +10,13 @@ import numpy as np
 import pytest
 from conftest import REPOSITORY
 
+from feeder_sim.cli.drift_map import strip_of
 from feeder_sim.errors import InputError
 from feeder_sim.plate.materials import MATERIALS
 from feeder_sim.plate.mode_shapes import standing_wave
 from feeder_sim.plate.rectangle import RectangularPlate
 from feeder_sim.run.prepare import prepare
-from feeder_sim.scenario import Drive, HexNut, Rectangle, Run, Scenario, Strip, load_scenario
+from feeder_sim.scenario import Drive, HexNut, Rectangle, Run, Scenario, Strip, load_scenario, resolve_material
 from feeder_sim.scene.prepared import Prepared
 from feeder_sim.scene.scene import GRAVITY
 from feeder_sim.studies.drift_map.drift_map import DriftMap
@@ -23,6 +24,9 @@ from feeder_sim.studies.drift_map.files import load_map, save_map
 from feeder_sim.studies.drift_map.increments import binned
 from feeder_sim.studies.drift_map.making import made_of
 from feeder_sim.studies.drift_map.walk import Mode, velocity, walk
+from feeder_sim.studies.search.screening import screened
+from feeder_sim.studies.search.space import Space
+from feeder_sim.studies.search.trials import Aim
 
 THICKNESS, FREQUENCY, AMPLITUDE = 3e-3, 4750.0, 1e-6
 PLATE = RectangularPlate(1.0, 1.0, THICKNESS, MATERIALS["aluminium"])
@@ -194,3 +198,30 @@ def test_a_sequence_of_modes_carries_a_point_to_its_goal() -> None:
     assert (walked.duration[:, 0] < 20.0).all() and (walked.duration[:, 0] > 0.5).all()
     assert walked.total[0] == pytest.approx(walked.duration.sum() + 5 * 0.2)
     assert 25.0 < walked.total[0] < 45.0
+
+
+def test_screening_finds_the_recipes_that_arrive_soonest() -> None:
+    """Stronger drives bring a part to the goal sooner, as far as the walk keeps its way."""
+    scenario = load_scenario(REPOSITORY / "scenarios/transport_strip.toml")
+    key = "schedule.stage[0].drive[0].amplitude_um"
+    space = Space.of(scenario, [f"{key}=10:40"])
+    aim = Aim("arrival_time_s", False, 4)
+    found = screened(space, aim, drift_map(0.7, 1e-3, 1e-3), 4, 2)
+    amplitudes = [point[key] for point in found]
+    assert len(found) == 2 and amplitudes == sorted(amplitudes, reverse=True)
+    for wrong, said in ((Aim("picked", False, 4), "arrival_time_s only"), (Aim("arrival_time_s", True, 4), "minimise")):
+        with pytest.raises(InputError, match=said):
+            screened(space, wrong, drift_map(0.7), 8, 3)
+    with pytest.raises(InputError, match="of another part"):
+        screened(Space.of(scenario.changed({"part[0].size": "M3"}), [f"{key}=10:40"]), aim, drift_map(0.7), 2, 1)
+
+
+def test_a_strip_for_the_plate_of_a_scenario() -> None:
+    strip = strip_of(load_scenario(REPOSITORY / "scenarios/transport_strip.toml"))
+    assert strip.thickness_mm == pytest.approx(3.0)
+    assert resolve_material(strip.material).youngs_modulus == pytest.approx(MATERIALS["aluminium"].youngs_modulus)
+    assert strip_of(on_strip().scenario) == Strip(thickness_mm=3.0)
+    with pytest.raises(InputError, match=r"plate\.kind"):
+        strip_of(load_scenario(REPOSITORY / "scenarios/ball_50hz.toml"))
+    with pytest.raises(InputError, match="orthotropic"):
+        strip_of(load_scenario(REPOSITORY / "scenarios/chladni_plate.toml"))

