@@ -172,6 +172,7 @@ def check_one_line(done: subprocess.CompletedProcess[str], code: int, *expected:
         assert text in done.stderr
 
 
+@pytest.mark.slow
 def test_commands_refuse_a_damaged_trajectory_at_once(killed: Path, tmp_path: Path) -> None:
     whole = bytearray((killed / "killed.h5").read_bytes())
     at = whole.index(b"OHDR", 1000)
@@ -221,7 +222,7 @@ def interrupted(scenario: Scenario, folder: Path, monkeypatch: pytest.MonkeyPatc
         raise KeyboardInterrupt
 
     with monkeypatch.context() as patch:
-        patch.setattr(run_folder, "simulate", stop)
+        patch.setattr(run_folder, "run_ensemble", stop)
         with pytest.raises(KeyboardInterrupt):
             record_run(scenario, folder, replay=False)
 

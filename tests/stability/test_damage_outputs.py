@@ -84,6 +84,7 @@ def test_full_disk_leaves_no_part_of_a_mode_file(tmp_path: Path, monkeypatch: py
     assert [path.read_bytes() for path in tmp_path.iterdir()] == [before]
 
 
+@pytest.mark.slow
 def test_full_disk_leaves_no_cut_replay(tmp_path: Path) -> None:
     """rerun went on without a word, and the cut file took the replay's place."""
     scenario = tmp_path / "ball.toml"

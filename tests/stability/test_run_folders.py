@@ -141,6 +141,7 @@ def test_a_run_under_way_is_not_resumed_beside_itself(scenario: Path, tmp_path: 
         pass
 
 
+@pytest.mark.slow
 def test_of_runs_that_begin_at_once_in_one_folder_one_is_recorded(scenario: Path, tmp_path: Path) -> None:
     for attempt in range(3):
         out = tmp_path / f"run_{attempt}"

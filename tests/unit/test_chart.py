@@ -83,6 +83,7 @@ def test_ball_height_is_that_of_a_flight_of_one_period() -> None:
     assert take_off - landing_rate == pytest.approx(e * (take_off + landing_rate), rel=1e-9)
 
 
+@pytest.mark.slow
 def test_methods_differ_on_a_case_without_chance() -> None:
     case = next(c for c in CASES if c.name == "sliding_impact")
     impulses, mujoco = (next(m for m in METHODS if m.name == name) for name in ("impulses", "MuJoCo"))
