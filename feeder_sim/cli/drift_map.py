@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
@@ -12,9 +12,6 @@ from feeder_sim.cli.files import naming, scenario_of, writable
 from feeder_sim.cli.options import AsJson, ScenarioFile, Seed, Set
 from feeder_sim.cli.terminal import notify, progress_bar, stop_on_signal
 from feeder_sim.errors import InputError, printable
-
-if TYPE_CHECKING:
-    from feeder_sim.scenario import Scenario, Strip
 
 SEEDS = 1000
 
@@ -35,7 +32,7 @@ def drift_map(
     scenario = scenario_of(scenario_file, None, None, seed, settings)
     with naming(scenario_file):
         from feeder_sim.studies.drift_map.files import save_map
-        from feeder_sim.studies.drift_map.making import make_map
+        from feeder_sim.studies.drift_map.making import make_map, strip_of
 
         strip = strip_of(scenario)
         with stop_on_signal() as stop, progress_bar(scenario_file.stem, stop) as progress:
@@ -47,31 +44,3 @@ def drift_map(
     else:
         cost = f"made of {made.simulated_s:.0f} simulated s in {made.processor_s:.0f} s of processor time"
         print(f"{printable(str(out))}: {cost}")
-
-
-def strip_of(scenario: Scenario) -> Strip:
-    """A strip of the thickness and material of the plate of a scenario.
-
-    Raises:
-        InputError: it has no bending waves, or is not isotropic.
-    """
-    from feeder_sim.plate.mode_file import read_mode_file
-    from feeder_sim.scenario import CustomMaterial, ModePlate, Rectangle, Strip
-
-    plate = scenario.plate
-    if isinstance(plate, Strip):
-        return Strip(thickness_mm=plate.thickness_mm, material=plate.material)
-    if not isinstance(plate, Rectangle | ModePlate):
-        raise InputError(f'is "{plate.kind}", allowed is a plate with bending waves', key="plate.kind")
-    if plate.mode_file is None:
-        assert isinstance(plate, Rectangle) and plate.thickness_mm is not None  # its own check
-        return Strip(thickness_mm=plate.thickness_mm, material=plate.material or "aluminium")
-    body = read_mode_file(plate.mode_file).modes.plate
-    if not body.material.isotropic:
-        raise InputError("holds an orthotropic plate, allowed is an isotropic one", key="plate.mode_file")
-    material = CustomMaterial(
-        density_kg_m3=body.material.density,
-        youngs_modulus_gpa=1e-9 * body.material.youngs_modulus,
-        poisson_ratio=body.material.poisson_ratio,
-    )
-    return Strip(thickness_mm=1e3 * body.thickness, material=material)

@@ -34,7 +34,7 @@ from feeder_sim.cli.response import response
 from feeder_sim.cli.schema import schema
 from feeder_sim.cli.sweep import merge, sweep
 from feeder_sim.cli.terminal import notify, progress_bar, stop_on_signal
-from feeder_sim.cli.uncertainty import run_uncertain, uncertainty
+from feeder_sim.cli.uncertainty import go_on_uncertain, left_uncertain, run_uncertain, uncertainty
 from feeder_sim.errors import (
     LONGEST_MESSAGE,
     FeederSimError,
@@ -110,6 +110,9 @@ def run(
             )
         from feeder_sim.run.run_folder import resume_run
 
+        if left_uncertain(resume):
+            go_on_uncertain(resume, inputs, as_json)
+            return
         with stop_on_signal() as stop, progress_bar(str(resume), stop) as progress:
             result = resume_run(resume, progress=progress, stop=stop, notify=notify)
         _finish_run(result, resume, as_json, inputs)
@@ -140,9 +143,12 @@ def run(
 def _finish_run(result: Result, folder: Path, as_json: bool, inputs: int) -> None:
     """Go on to the uncertain inputs, if there are any; print what came out; the exit code says how it ended."""
     whole = not result.interrupted and not result.failures
-    uncertain = run_uncertain(result, folder / "uncertainty", inputs) if whole else None
-    print_result(result, folder, as_json, {"uncertainty": uncertain.as_json()} if uncertain else {})
-    if uncertain and not as_json:
+    if not as_json:
+        print_result(result, folder, as_json, {})
+    uncertain = run_uncertain(result.prepared.scenario, folder, inputs) if whole else None
+    if as_json:
+        print_result(result, folder, as_json, {"uncertainty": uncertain.as_json()} if uncertain else {})
+    elif uncertain:
         print(uncertain.as_text())
     for caution in result.prepared.cautions:
         print(f"feeder-sim: caution: {printable(caution)}", file=sys.stderr)
@@ -236,6 +242,8 @@ def list_(
     """List scenarios and mode files, those of the package too, engines, part shapes and materials."""
     from feeder_sim.cli.catalogue import catalogue
 
+    if not folder.is_dir():
+        raise InputError("no such folder", file=folder)
     found = catalogue(folder)
     if as_json:
         print(json.dumps(found))

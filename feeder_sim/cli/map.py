@@ -15,7 +15,7 @@ import typer
 from feeder_sim.cli.files import naming, scenario_of
 from feeder_sim.cli.options import AsJson, ScenarioFile, Seed, Set
 from feeder_sim.cli.terminal import notify, progress_bar, stop_on_signal
-from feeder_sim.errors import InputError, Interrupted, quoted
+from feeder_sim.errors import InputError, Interrupted, printable, quoted
 
 if TYPE_CHECKING:
     from feeder_sim.jobs.folder import WorkFolder
@@ -51,12 +51,14 @@ def map_(
     with naming(scenario_file):
         import tomli_w
 
-        from feeder_sim.jobs.folder import WorkFolder
+        from feeder_sim.jobs.folder import WorkFolder, usual_folder
         from feeder_sim.studies.speed_map import check_mapped, speed_map
 
         check_mapped(scenario)
         asked = tomli_w.dumps({"frequency": frequency, "amplitude": amplitude, "seeds": seeds})
-        home, title = WorkFolder(out or MAPS / scenario_file.stem, QUESTION, asked, scenario), scenario.title
+        path = out or usual_folder(MAPS, scenario_file.stem, QUESTION, scenario, f"{frequency} {amplitude}")
+        home = WorkFolder(path, QUESTION, asked, scenario, same=f"{frequency} {amplitude}")
+        title = scenario.title
         with home, stop_on_signal() as stop, progress_bar(title or scenario_file.stem, stop) as progress:
             points = speed_map(
                 scenario,
@@ -89,7 +91,7 @@ def values_of(text: str, option: str) -> list[float]:
     if not values or len(values) > MOST_VALUES or not all(isinstance(v, int | float) and v > 0 for v in values):
         problem = f"is {quoted(text)}, allowed is LOW:HIGH:COUNT, LOW:HIGH:logCOUNT or A,B,C, all above 0"
         raise InputError(problem, key=option)
-    return sorted(float(f"{value:.6g}") for value in values)
+    return sorted(float(f"{value:.6g}") if ":" in text else float(value) for value in values)
 
 
 def mark_of(text: str) -> tuple[float, float, float]:
@@ -134,4 +136,4 @@ def _print(points: list[MapPoint], folder: Path, as_json: bool) -> None:
         fastest = max(arrived, key=lambda point: point.mean)
         where = f"{fastest.frequency_hz:g} Hz, {fastest.amplitude_um:g} um"
         print(f"fastest: {fastest.mean:.3f} +- {fastest.se:.3f} mm/s at {where}, n = {fastest.n} of {fastest.seeds}")
-    print(f"written to {folder}")
+    print(f"written to {printable(str(folder))}")

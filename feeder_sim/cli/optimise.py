@@ -69,7 +69,7 @@ def optimise(
     with naming(scenario_file):
         import tomli_w
 
-        from feeder_sim.jobs.folder import WorkFolder
+        from feeder_sim.jobs.folder import WorkFolder, usual_folder
         from feeder_sim.jobs.workers import workers_of
         from feeder_sim.plots.search import draw_search
         from feeder_sim.studies.search.results import PICTURE, QUESTION, as_json_object, write_search
@@ -82,7 +82,9 @@ def optimise(
         )
         space = Space.of(scenario, over)
         asked = {"over": over, "measure": aim.measure, "maximise": aim.largest, "seeds": aim.seeds, "sampler": sampler}
-        home = WorkFolder(out or OUT / scenario_file.stem, QUESTION, tomli_w.dumps(asked), scenario)
+        text, same, checked = tomli_w.dumps(asked), str(asked), _sampler(sampler)
+        path = out or usual_folder(OUT, scenario_file.stem, QUESTION, scenario, same)
+        home = WorkFolder(path, QUESTION, text, scenario, same=same)
         starts = _screened(space, aim, screen, recipes) if screen else []
         with home, stop_on_signal() as stop, progress_bar(scenario_file.stem, stop) as progress:
             with workers_of(workers, dask) as found_workers:
@@ -94,7 +96,7 @@ def optimise(
                     home.journal,
                     budget=Budget(trials, seconds),
                     check_seeds=check_seeds,
-                    sampler=_sampler(sampler),
+                    sampler=checked,
                     starts=starts,
                     stop=stop,
                     progress=progress,

@@ -18,7 +18,6 @@ if TYPE_CHECKING:
     from feeder_sim.jobs.folder import WorkFolder
     from feeder_sim.studies.sweep.cases import Sweep
 
-SWEEPS = Path("sweeps")
 MOST_LINES = 60  # of a table on the terminal
 _TASK = re.compile(r"(\d{1,6})/(\d{1,6})")
 
@@ -62,21 +61,20 @@ def sweep(
         from feeder_sim.studies.sweep.folder import sweep_folder
         from feeder_sim.studies.sweep.question import Question
 
-        question = Question(
-            tuple(vary), zipped, sobol, seeds or 0, measure or "", _share_of(until_se) if until_se else 0.0, inputs
-        )
+        wanted = 0.0 if until_se is None else _share_of(until_se)
+        question = Question(tuple(vary), zipped, sobol, seeds or 0, measure or "", wanted, inputs)
         cases = Cases.of(scenario, question, file=scenario_file)
         if share:
             cases = cases.part(*share)
         title = f"{scenario_file.stem}: {len(cases.points)} points"
-        folder = sweep_folder(out or SWEEPS / scenario_file.stem, scenario, question, share)
+        folder = sweep_folder(out, scenario_file.stem, scenario, question, share)
         with (
             folder,
             stop_on_signal() as stop,
             progress_bar(title, stop) as progress,
             workers_of(workers, dask) as found,
         ):
-            done = run_cases(cases, found, folder.journal, stop=stop, progress=progress)
+            done = run_cases(cases, found, folder.journal, journals=folder.journals, stop=stop, progress=progress)
         _finish(done, folder, measure, as_json, table=share is None)
 
 
@@ -90,17 +88,20 @@ def merge(
 
     done, home = merged(folder)
     with home:
-        _finish(done, home, measure, as_json, table=True)
+        _finish(done, home, measure, as_json, table=True, goes_on=False)
 
 
-def _finish(done: Sweep, folder: WorkFolder, measure: str | None, as_json: bool, *, table: bool) -> None:
+def _finish(
+    done: Sweep, folder: WorkFolder, measure: str | None, as_json: bool, *, table: bool, goes_on: bool = True
+) -> None:
     """Write and print what there is; the exit code says how it ended."""
-    name = done.measure(measure)
     if table:
         from feeder_sim.plots.sweep import draw_sweep
         from feeder_sim.studies.sweep.folder import PICTURE, write_table
 
         write_table(folder, done)
+    name = done.measure(measure)
+    if table:
         draw_sweep(done, name, folder.path / PICTURE)
     if as_json:
         rows = [row.as_dict() for row in done.rows]
@@ -114,7 +115,8 @@ def _finish(done: Sweep, folder: WorkFolder, measure: str | None, as_json: bool,
         if done.others:
             why = "of other points, of another version, or of files that have changed"
             typer.echo(f"feeder-sim: {done.others} seeds in the folder do not count: they are {why}", err=True)
-        typer.echo("feeder-sim: not complete; what was computed is kept, the same command goes on", err=True)
+        more = "the same command goes on" if goes_on else "the tasks that are missing can be run again"
+        typer.echo(f"feeder-sim: not complete; what was computed is kept, {more}", err=True)
         raise typer.Exit(Interrupted.exit_code)
     if done.failures:
         raise typer.Exit(1)
@@ -149,9 +151,12 @@ def _share_of(text: str) -> float:
         InputError: it is neither.
     """
     try:
-        return float(text[:-1]) / 100.0 if text.endswith("%") else float(text)
+        share = float(text[:-1]) / 100.0 if text.endswith("%") else float(text)
+        if not 0.0 < share < 1.0:
+            raise ValueError
     except ValueError:
         raise InputError(f"is {text!r}, allowed is a share such as 3% or 0.03", key="--until-se") from None
+    return share
 
 
 def _task_of(text: str | None) -> tuple[int, int] | None:

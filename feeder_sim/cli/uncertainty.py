@@ -19,7 +19,6 @@ from feeder_sim.errors import InputError, Interrupted, nearest, printable
 
 if TYPE_CHECKING:
     from feeder_sim.jobs.workers import Workers
-    from feeder_sim.run.simulation import Result
     from feeder_sim.scenario import Scenario
     from feeder_sim.studies.uncertainty.propagate import Propagation
 
@@ -47,12 +46,24 @@ def uncertainty(
     """Run a scenario at many draws of its [uncertain] inputs; running the same again goes on."""
     scenario = scenario_of(scenario_file, engine, None, seed, settings)
     with naming(scenario_file):
+        from feeder_sim.jobs.folder import usual_folder
         from feeder_sim.jobs.workers import workers_of
+        from feeder_sim.studies.uncertainty.propagate import QUESTION, check_propagated
 
-        folder, name = out or OUT / scenario_file.stem, scenario_file.stem
+        check_propagated(scenario, inputs, indices)
+        name, same = scenario_file.stem, _same(inputs, indices)
+        folder = out or usual_folder(OUT, name, QUESTION, scenario, same)
         with stop_on_signal() as stop, progress_bar(name, stop) as progress, workers_of(workers, dask) as found:
             done = propagate_into(
-                folder, scenario, found, inputs=inputs, seeds=seeds, indices=indices, stop=stop, progress=progress
+                folder,
+                scenario,
+                found,
+                inputs=inputs,
+                seeds=seeds,
+                indices=indices,
+                measure=measure or "",
+                stop=stop,
+                progress=progress,
             )
         shown = _measure(done, measure)
         _draw(done, shown, folder, measured)
@@ -72,6 +83,7 @@ def propagate_into(
     inputs: int,
     seeds: int,
     indices: bool,
+    measure: str = "",
     stop: threading.Event,
     progress: Callable[[float], None],
 ) -> Propagation:
@@ -82,13 +94,14 @@ def propagate_into(
     from feeder_sim.studies.uncertainty.propagate import QUESTION, propagate, write_propagation
 
     asked = tomli_w.dumps({"inputs": inputs, "seeds": seeds, "indices": indices})
-    with WorkFolder(path, QUESTION, asked, scenario) as folder:
+    with WorkFolder(path, QUESTION, asked, scenario, same=_same(inputs, indices)) as folder:
         done = propagate(
             scenario,
             inputs=inputs,
             seeds=seeds,
             indices=indices,
             workers=workers,
+            measure=measure,
             journal=folder.journal,
             stop=stop,
             progress=progress,
@@ -99,9 +112,10 @@ def propagate_into(
 
 @dataclass(frozen=True)
 class UncertainRun:
-    """What the uncertain inputs of a run have come to."""
+    """What the uncertain inputs of a run have come to; `folder` is that of the run."""
 
     done: Propagation
+    folder: Path
 
     def as_json(self) -> dict[str, Any]:
         return as_json_object(self.done)
@@ -111,22 +125,46 @@ class UncertainRun:
         return "\n".join(f"  {line}" for line in lines)
 
     def finish(self) -> None:
-        finish(self.done)
+        finish(self.done, f"--resume {printable(str(self.folder))} goes on")
 
 
-def run_uncertain(result: Result, folder: Path, inputs: int) -> UncertainRun | None:
+def run_uncertain(scenario: Scenario, run: Path, inputs: int) -> UncertainRun | None:
     """Run the scenario of a run at draws of its uncertain inputs; None where it has none."""
-    scenario = result.prepared.scenario
     if not scenario.uncertain:
         return None
     from feeder_sim.jobs.workers import local_workers
 
+    folder = run / OUT.name
     with stop_on_signal() as stop, progress_bar("uncertain inputs", stop) as progress, local_workers() as workers:
         done = propagate_into(
             folder, scenario, workers, inputs=inputs, seeds=SEEDS, indices=False, stop=stop, progress=progress
         )
     _draw(done, done.main(), folder, None)
-    return UncertainRun(done)
+    return UncertainRun(done, run)
+
+
+def left_uncertain(run: Path) -> bool:
+    """Whether a run has ended, but not its uncertain inputs."""
+    from feeder_sim.run.run_folder import RESOLVED, SUMMARY
+
+    try:
+        interrupted = json.loads((run / SUMMARY).read_text(encoding="utf-8"))["interrupted"]
+        uncertain = "[uncertain" in (run / RESOLVED).read_text(encoding="utf-8")
+    except (OSError, ValueError, KeyError, TypeError):
+        return False
+    return not interrupted and uncertain
+
+
+def go_on_uncertain(run: Path, inputs: int, as_json: bool) -> None:
+    """Go on with the uncertain inputs of a run that has ended itself."""
+    from feeder_sim.run.run_folder import RESOLVED
+    from feeder_sim.scenario import load_scenario
+
+    found = run_uncertain(load_scenario(run / RESOLVED), run, inputs)
+    if found is None:
+        raise InputError("has ended, there is nothing to resume", file=run, key="--resume")
+    print(json.dumps({"folder": str(run), "uncertainty": found.as_json()}) if as_json else found.as_text())
+    found.finish()
 
 
 def _draw(done: Propagation, measure: str, folder: Path, measured: float | None) -> None:
@@ -135,6 +173,11 @@ def _draw(done: Propagation, measure: str, folder: Path, measured: float | None)
 
     if measure:
         draw_uncertainty(done, measure, folder / PICTURE, measured)
+
+
+def _same(inputs: int, indices: bool) -> str:
+    """What makes it the same question: more seeds are no other one."""
+    return f"{inputs} {indices}"
 
 
 def as_json_object(done: Propagation) -> dict[str, Any]:
@@ -176,12 +219,12 @@ def lines_of(done: Propagation, measure: str) -> list[str]:
     return lines
 
 
-def finish(done: Propagation) -> None:
+def finish(done: Propagation, goes_on: str = "the same command goes on") -> None:
     """Say what went wrong; the exit code tells it too."""
     for failure in done.swept.failures[:3]:
         typer.echo(f"feeder-sim: failed: {printable(failure)}", err=True)
     if not done.swept.complete:
-        typer.echo("feeder-sim: not complete; what was computed is kept, the same command goes on", err=True)
+        typer.echo(f"feeder-sim: not complete; what was computed is kept, {goes_on}", err=True)
         raise typer.Exit(Interrupted.exit_code)
     if done.swept.failures:
         raise typer.Exit(1)

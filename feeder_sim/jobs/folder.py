@@ -1,65 +1,95 @@
-"""A folder with what was asked, a journal of what is done, and what came out; one process at a time works in it."""
+"""A folder with what was asked, a journal of what is done, and what came out; one process at a time works in it.
+
+The tasks of a job array share a folder: each has a journal and a lock of its own.
+"""
 
 from __future__ import annotations
 
+import contextlib
+import hashlib
+import itertools
+import re
 from pathlib import Path
 from types import TracebackType
 from typing import Self
 
 from feeder_sim.errors import InputError, not_written
+from feeder_sim.records.own_files import holding
 from feeder_sim.records.whole_file import write_whole
 from feeder_sim.run.run_folder import scenario_toml
 from feeder_sim.scenario import Scenario
 
 SCENARIO, JOURNAL, LOCK = "scenario.toml", "journal", ".lock"
+WRITING = f"{LOCK}-question"  # held while the question is written
+WAIT_S = 30.0  # [s] for another task that writes the same question
+_LEFT_BY_A_KILL = re.compile(r"\.lock(-[a-z0-9-]+)?|.*\.partial")
+_MARK = "# question "
 
 
 class WorkFolder:
     """The folder of a question; as a context it is held by this process.
 
     Args:
-        path: made if missing; new, empty, or that of a question of the same kind. What is done in it counts as far as
-            it is of the same scenarios.
+        path: made if missing; new, empty, or that of the same question. What is done in it counts as far as it is of
+            the same scenarios.
         kind: name of the file that says what was asked, such as sweep.toml; it tells folders of this kind.
         question: what that file holds.
         scenario: that the question is about.
+        same: what has to be the same for this to be the same question; the scenario is, too. Other words of the
+            question, as the number of seeds, may change.
         share: number and how many, of a job array, whose tasks work in one folder.
 
     Raises:
-        InputError: the folder holds something else.
-        RecordingFailed: it cannot be made.
+        InputError: the folder holds something else, or another question.
     """
 
     def __init__(
-        self, path: Path, kind: str, question: str, scenario: Scenario, share: tuple[int, int] | None = None
+        self,
+        path: Path,
+        kind: str,
+        question: str,
+        scenario: Scenario,
+        *,
+        same: str = "",
+        share: tuple[int, int] | None = None,
     ) -> None:
-        from filelock import FileLock
-
-        check_work_folder(path, kind)
-        self.path, self._kind, self._question, self._scenario = path, kind, question, scenario
+        self.path, self._kind, self._scenario = path, kind, scenario
+        self._text = f"{mark_of(scenario, same)}\n{question}"
         suffix = f"-{share[0]}-of-{share[1]}" if share else ""
         self.journal = path / f"{JOURNAL}{suffix}.jsonl"
-        try:
-            path.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise not_written(path, error) from error
-        self._lock = FileLock(path / f"{LOCK}{suffix}", timeout=0)
+        self._lock = path / f"{LOCK}{suffix}"
+        check_work_folder(path, kind)
+        self._check_same()
+        self._held = contextlib.ExitStack()
+
+    @property
+    def journals(self) -> list[Path]:
+        """All journals in the folder, those of other tasks too."""
+        return sorted(self.path.glob(f"{JOURNAL}*.jsonl"))
 
     def __enter__(self) -> Self:
-        from filelock import Timeout
+        """Hold the folder and write what is asked.
 
+        Raises:
+            InputError: another process works on the same share, or has asked something else meanwhile.
+            RecordingFailed: it cannot be written.
+        """
         try:
-            self._lock.acquire()
-        except Timeout:
-            raise InputError("is in use, allowed is one process that works in it at a time", file=self.path) from None
-        write_whole(self.path / SCENARIO, scenario_toml(self._scenario).encode())
-        write_whole(self.path / self._kind, self._question.encode())
+            self.path.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise not_written(self.path, error) from error
+        check_no_links(self.path)
+        self._held.enter_context(holding(self._lock))
+        with holding(self.path / WRITING, WAIT_S):
+            self._check_same()
+            self._write_changed(self._kind, self._text)  # first: it tells that the folder is ours
+            self._write_changed(SCENARIO, scenario_toml(self._scenario))
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        self._lock.release()
+        self._held.close()
 
     def write(self, name: str, content: bytes) -> None:
         """Write a file in place of the one before.
@@ -68,6 +98,43 @@ class WorkFolder:
             RecordingFailed: it cannot be written.
         """
         write_whole(self.path / name, content)
+
+    def _write_changed(self, name: str, text: str) -> None:
+        file = self.path / name
+        if not file.is_file() or file.read_bytes() != text.encode():
+            write_whole(file, text.encode())
+
+    def _check_same(self) -> None:
+        """Refuse the folder of another question."""
+        told = _mark_in(self.path / self._kind)
+        if told is not None and told != self._text.partition("\n")[0]:
+            problem = f"holds another question ({self._kind}), allowed is a new folder or that of the same question"
+            raise InputError(problem, file=self.path, key="--out")
+
+
+def usual_folder(base: Path, name: str, kind: str, scenario: Scenario, same: str = "") -> Path:
+    """The first of BASE/NAME, BASE/NAME-2, ... that is free or has the same question; arguments as for `WorkFolder`."""
+    mark = mark_of(scenario, same)
+    for number in itertools.count(1):
+        folder = base / (name if number == 1 else f"{name}-{number}")
+        if not folder.exists() or _mark_in(folder / kind) == mark:
+            return folder
+    raise AssertionError("unreachable")
+
+
+def mark_of(scenario: Scenario, same: str) -> str:
+    """The first line of the file that says what was asked."""
+    text = f"{scenario.model_dump_json(exclude={'title': True, 'run': {'seeds'}})} {same}"
+    return f"{_MARK}{hashlib.sha256(text.encode()).hexdigest()[:16]}"
+
+
+def _mark_in(file: Path) -> str | None:
+    """The mark of the question in a file; None without one."""
+    try:
+        with file.open(encoding="utf-8") as lines:
+            return lines.readline().rstrip("\n")
+    except (OSError, UnicodeDecodeError):
+        return None
 
 
 def check_work_folder(path: Path, kind: str) -> None:
@@ -79,7 +146,18 @@ def check_work_folder(path: Path, kind: str) -> None:
     if path.exists() and not path.is_dir():
         raise InputError("is not a folder", file=path, key="--out")
     held = sorted(entry.name for entry in path.iterdir()) if path.exists() else []
-    foreign = [name for name in held if not name.startswith((LOCK, JOURNAL, SCENARIO, kind))]
+    foreign = [name for name in held if not _LEFT_BY_A_KILL.fullmatch(name)]
     if kind not in held and foreign:
         problem = f"holds {foreign[0]} and no {kind}, allowed is a new folder or one that has it"
         raise InputError(problem, file=path, key="--out")
+
+
+def check_no_links(path: Path) -> None:
+    """Refuse a folder with links in it: they would be written to elsewhere.
+
+    Raises:
+        InputError: as said.
+    """
+    for entry in sorted(path.iterdir()):
+        if entry.is_symlink():
+            raise InputError("is a link, allowed is a file of the folder itself", file=entry)

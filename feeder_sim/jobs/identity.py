@@ -22,8 +22,17 @@ def identity_of(scenario: Scenario) -> str:
         InputError: a file that the scenario names cannot be read.
     """
     raw = scenario.model_dump(exclude={"title": True, "uncertain": True, "run": {"seeds"}})
-    text = json.dumps([raw, library_versions()], default=_content, sort_keys=True)
+    text = content_text([raw, library_versions()])
     return hashlib.sha256(text.encode()).hexdigest()[:32]
+
+
+def content_text(value: Any) -> str:
+    """Values as JSON, files by a hash of their content.
+
+    Raises:
+        InputError: a file cannot be read.
+    """
+    return json.dumps(value, default=_content, sort_keys=True)
 
 
 def _content(value: Any) -> str:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 import os
+import time
 import zlib
 from collections.abc import Iterator
 from pathlib import Path
@@ -15,6 +16,8 @@ from types import TracebackType
 from typing import Any, Self
 
 from feeder_sim.errors import not_written
+
+SYNC_S = 1.0  # [s] that a power cut may lose
 
 
 def read_journal(path: Path) -> Iterator[dict[str, Any]]:
@@ -25,7 +28,9 @@ def read_journal(path: Path) -> Iterator[dict[str, Any]]:
         for line in file:
             check, _, text = line.rstrip(b"\n").partition(b" ")
             if line.endswith(b"\n") and check == _check(text):
-                yield json.loads(text)
+                entry = json.loads(text)
+                if isinstance(entry, dict):
+                    yield entry
 
 
 class Journal:
@@ -45,6 +50,7 @@ class Journal:
             flags = os.O_RDWR | os.O_CREAT | getattr(os, "O_NOFOLLOW", 0)  # never what a link leads to
             self._file = os.fdopen(os.open(path, flags, 0o666), "r+b")
             self._begin_a_line()
+            self._synced = time.monotonic()
         except OSError as error:
             raise not_written(path, error) from error
 
@@ -58,6 +64,9 @@ class Journal:
         try:
             self._file.write(_check(text) + b" " + text + b"\n")
             self._file.flush()
+            if time.monotonic() - self._synced > SYNC_S:
+                os.fsync(self._file.fileno())
+                self._synced = time.monotonic()
         except OSError as error:
             raise not_written(self._path, error) from error
 

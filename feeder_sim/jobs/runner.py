@@ -56,7 +56,8 @@ def run_work(
     breaks, seeds_done, seconds = 0, 0, 0.0
     while not stop.is_set():
         block = max(1, int(TASK_S * seeds_done / seconds)) if seconds > 0.0 else 1
-        while len(pending) < AHEAD * workers.count:
+        broken = False
+        while len(pending) < AHEAD * workers.count and not broken:
             handed = again.pop() if again else work.next(block)
             if handed is None:
                 break
@@ -64,11 +65,10 @@ def run_work(
                 pending[workers.executor.submit(run_task, handed[1])] = handed
             except BrokenExecutor:
                 again.append(handed)
-                breaks = _restarted(workers, breaks)
-        if not pending:
+                broken = True
+        if not pending and not broken:
             return True
-        finished, _ = wait(pending, timeout=LOOK_S, return_when=FIRST_COMPLETED)
-        broken = False
+        finished, _ = wait(pending, timeout=0.0 if broken else LOOK_S, return_when=FIRST_COMPLETED)
         for future in finished:
             place, task = pending.pop(future)
             try:
@@ -77,6 +77,8 @@ def run_work(
                 again.append((place, task))
                 broken = True
                 continue
+            except workers.lost as error:
+                raise FeederSimError(f"the workers gave a task up: {type(error).__name__}: {error}") from error
             breaks = 0
             seeds_done, seconds = seeds_done + len(done), seconds + sum(seed.wall_s for seed in done)
             work.take(place, done)

@@ -8,7 +8,7 @@ from collections import OrderedDict
 from dataclasses import dataclass
 from typing import Any
 
-from feeder_sim.errors import InputError
+from feeder_sim.errors import FeederSimError, InputError
 from feeder_sim.scenario import Scenario
 from feeder_sim.scene.prepared import Prepared
 from feeder_sim.single_thread import single_threaded
@@ -18,9 +18,10 @@ KEPT = 8  # prepared scenarios of a process
 
 @dataclass(frozen=True)
 class Task:
-    """Some seeds, by their indices, of one scenario."""
+    """Some seeds, by their indices, of one scenario, whose identity is that of who asks."""
 
     scenario: Scenario
+    identity: str
     seeds: tuple[int, ...]
 
 
@@ -57,11 +58,15 @@ _prepared: OrderedDict[str, Prepared | InputError] = OrderedDict()
 
 @single_threaded
 def run_task(task: Task) -> tuple[SeedValues, ...]:
-    """Run the seeds of a task, one after the other on one thread; the bits do not depend on where that is."""
+    """Run the seeds of a task, one after the other on one thread; the bits do not depend on where that is.
+
+    Raises:
+        FeederSimError: this process has another version of the package, or other files than who asks.
+    """
     from feeder_sim.measures.values import values_of_seed
     from feeder_sim.run.one_seed import run_one_seed
 
-    prepared = _prepared_once(task.scenario)
+    prepared = _prepared_once(task.scenario, task.identity)
     if isinstance(prepared, InputError):
         return tuple(SeedValues(seed, {}, 0.0, str(prepared)) for seed in task.seeds)
     done = []
@@ -78,17 +83,19 @@ def run_task(task: Task) -> tuple[SeedValues, ...]:
     return tuple(done)
 
 
-def _prepared_once(scenario: Scenario) -> Prepared | InputError:
+def _prepared_once(scenario: Scenario, identity: str) -> Prepared | InputError:
     """Prepare a scenario; what this process has prepared last is kept."""
+    from feeder_sim.jobs.identity import identity_of
     from feeder_sim.run.prepare import prepare
 
-    text = scenario.model_dump_json()
-    if text not in _prepared:
+    if identity not in _prepared:
+        if identity_of(scenario) != identity:
+            raise FeederSimError("a worker has another version of the package, or of a file that the scenario reads")
         try:
-            _prepared[text] = prepare(scenario)
+            _prepared[identity] = prepare(scenario)
         except InputError as error:
-            _prepared[text] = error
+            _prepared[identity] = error
         while len(_prepared) > KEPT:
             _prepared.popitem(last=False)
-    _prepared.move_to_end(text)
-    return _prepared[text]
+    _prepared.move_to_end(identity)
+    return _prepared[identity]

@@ -6,7 +6,7 @@ import multiprocessing
 import os
 import threading
 from collections.abc import Callable, Iterator
-from concurrent.futures import Executor, ProcessPoolExecutor
+from concurrent.futures import CancelledError, Executor, ProcessPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass
 from multiprocessing.connection import Connection
@@ -25,11 +25,13 @@ class Workers:
         executor: takes the tasks.
         count: how many tasks run at once.
         restart: another executor in place of one that is broken; None where there is no other.
+        lost: errors by which it says that a task is lost for good.
     """
 
     executor: Executor
     count: int
     restart: Callable[[], Executor] | None = None
+    lost: tuple[type[BaseException], ...] = (CancelledError,)
 
 
 @contextmanager
@@ -81,6 +83,8 @@ def dask_workers(address: str) -> Iterator[Workers]:
     """
     try:
         from distributed import Client
+        from distributed.comm.core import CommClosedError
+        from distributed.scheduler import KilledWorker
     except ImportError:
         raise InputError("needs the extra `dask`: pip install 'feeder_sim[dask]'", key="--dask") from None
     try:
@@ -89,11 +93,12 @@ def dask_workers(address: str) -> Iterator[Workers]:
         raise InputError(f"is {address!r}, where no scheduler answers: {error}", key="--dask") from error
     with client:
         threads = sum(client.nthreads().values())
-        yield Workers(client.get_executor(pure=False, retries=2), max(1, threads))
+        executor = client.get_executor(pure=False, retries=2)
+        yield Workers(executor, max(1, threads), lost=(CancelledError, KilledWorker, CommClosedError))
 
 
 @contextmanager
 def workers_of(count: int | None, dask: str | None) -> Iterator[Workers]:
     """Those of the command line: of a Dask cluster where an address is given, else processes of this machine."""
-    with dask_workers(dask) if dask else local_workers(count) as workers:
+    with local_workers(count) if dask is None else dask_workers(dask) as workers:
         yield workers

@@ -12,6 +12,7 @@ import numpy as np
 from feeder_sim.plots.figure import empty_figure, make_logarithmic
 from feeder_sim.plots.intervals import half_interval
 from feeder_sim.studies.sweep.cases import Sweep
+from feeder_sim.studies.sweep.design import labels
 from feeder_sim.studies.sweep.table import Row
 
 MOST_TICKS = 8  # on a logarithmic axis
@@ -71,11 +72,12 @@ def draw_map(figure: Any, rows: Sequence[Row], keys: tuple[str, ...], measure: s
     from matplotlib.ticker import NullLocator
 
     axes = figure.subplots()
-    ticks = [list(dict.fromkeys(row.point[key] for row in rows)) for key in keys]
+    points = [labels(row.point) for row in rows]
+    ticks = [list(dict.fromkeys(point[key] for point in points)) for key in keys]
     ticks = [sorted(values) if all(_is_number(v) for v in values) else values for values in ticks]
     grid = np.full((len(ticks[1]), len(ticks[0])), math.nan)
-    for row in rows:
-        grid[ticks[1].index(row.point[keys[1]]), ticks[0].index(row.point[keys[0]])] = row.found.mean
+    for point, row in zip(points, rows, strict=True):
+        grid[ticks[1].index(point[keys[1]]), ticks[0].index(point[keys[0]])] = row.found.mean
     edges = [_edges(values) for values in ticks]
     low, high = float(np.nanmin(grid)), float(np.nanmax(grid))
     norm = "log" if low > 0.0 and high > DECADES * low else "linear"

@@ -43,15 +43,33 @@ def locked(folder: Path) -> Iterator[None]:
     Raises:
         InputError: another process writes into it, or nobody can.
     """
+    check_no_links(folder)
+    with holding(folder / LOCK):
+        yield
+
+
+@contextmanager
+def holding(path: Path, wait_s: float = 0.0) -> Iterator[None]:
+    """Hold the lock on a file, which stands for its folder or a part of the work in it.
+
+    Args:
+        path: of the file, which is made if missing.
+        wait_s: how long to wait for another process [s].
+
+    Raises:
+        InputError: another process holds it, or nobody can.
+    """
     from filelock import FileLock, Timeout
 
-    path = folder / LOCK
-    check_no_links(folder)
-    lock = FileLock(path, timeout=0, fallback_to_soft=False)  # a lock that lies in the file outlives its process
+    if path.is_symlink():
+        raise InputError("is a link, allowed is a file of the folder itself", file=path)
+    # A lock that lies in the file would outlive its process.
+    lock = FileLock(path, timeout=wait_s, fallback_to_soft=False)
     try:
         lock.acquire()
     except Timeout:
-        raise InputError("is in use, allowed is one process that writes into it at a time", file=folder) from None
+        problem = "is in use, allowed is one process that writes into it at a time"
+        raise InputError(problem, file=path.parent) from None
     except NotImplementedError:
         pass  # on a file system without locks it is better to work without one than not at all
     except OSError as error:

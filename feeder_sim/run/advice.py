@@ -32,6 +32,9 @@ def cautions(scene: Scene, engine: Choice) -> list[str]:
     lines = [*known_failures(scenario), *_cautions_of_motion(scene)]
     if scenario.schedule is not None and scenario.schedule.by_hand:
         lines.append("schedule.by_hand is true: a run of the scenario does not pick and fill in what a program did")
+    if scenario.uncertain:
+        keys = ", ".join(scenario.uncertain)
+        lines.append(f"{keys}: uncertain inputs, which have the values of the scenario here, not those of draws")
     if not run.in_plane_velocity and scenario.plate.kind not in ("piston", "still"):
         lines.append("run.in_plane_velocity is false: drifts come out at a third of their speed or less")
     if scenario.plate.kind == "strip" and run.planar:

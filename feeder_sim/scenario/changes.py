@@ -21,7 +21,7 @@ _OF_SCHEDULE = ("stage", "prepare", "cycles")
 
 def full_key(key: str) -> str:
     """The key with the `schedule.` that may be left out."""
-    first = _ELEMENT.match(key)
+    first = _ELEMENT.match(key) if isinstance(key, str) else None
     return f"schedule.{key}" if first and first[1] in _OF_SCHEDULE else key
 
 
@@ -31,6 +31,8 @@ def path_of(key: str) -> KeyPath:
     Raises:
         InputError: it is not written as a key is.
     """
+    if not isinstance(key, str):
+        raise InputError("is no key, allowed is for example drive[0].amplitude_um", key=repr(key))
     path: list[str | int] = []
     for element in full_key(key).split("."):
         match = _ELEMENT.fullmatch(element)
@@ -38,6 +40,17 @@ def path_of(key: str) -> KeyPath:
             raise InputError("is no key, allowed is for example drive[0].amplitude_um", key=key or '""')
         path += [match[1], *(int(number) for number in re.findall(r"\d+", match[2]))]
     return tuple(path)
+
+
+def check_decides(key: str) -> None:
+    """Refuse a key whose values are no other scenario: they decide nothing, or only the random numbers.
+
+    Raises:
+        InputError: as said.
+    """
+    path = path_of(key)
+    if path[0] in ("title", "uncertain") or path == ("run",) or path[:2] in (("run", "seed"), ("run", "seeds")):
+        raise InputError("is varied, allowed is a key that decides what a run does", key=key)
 
 
 def value_at(raw: Mapping[str, Any], key: str) -> Any:

@@ -17,7 +17,7 @@ from pydantic import BeforeValidator, Field, ValidationError, model_validator
 
 from feeder_sim.errors import InputError
 from feeder_sim.scenario.attachments import ActuatorFile
-from feeder_sim.scenario.changes import KeyPath, changed_values, path_of
+from feeder_sim.scenario.changes import changed_values, check_decides
 from feeder_sim.scenario.engine_choice import known_failures, uncovered
 from feeder_sim.scenario.outline import OutlineFile
 from feeder_sim.scenario.part import MAX_PARTS, Heap, PartSpec, Scattered, Slide, Tube
@@ -211,9 +211,9 @@ class Scenario(Table):
         for key, uncertain in (self.uncertain or {}).items():
             keys = (key, *uncertain.also)
             for name in keys:
-                path = _path(name)
-                if name in seen or path[0] in ("uncertain", "title") or path[:2] in (("run", "seed"), ("run", "seeds")):
-                    raise ValueError(f"uncertain holds {name}, allowed is each key once, of what decides a run")
+                _check_decides(name)
+                if name in seen:
+                    raise ValueError(f"uncertain holds {name} twice, allowed is each key once")
                 seen.add(name)
             for value in uncertain.extremes:
                 self._check_changed(dict.fromkeys(keys, value), key)
@@ -234,10 +234,10 @@ class Scenario(Table):
             raise ValueError(f"uncertain.{key}: {error.key}: {error.problem}") from None
 
 
-def _path(key: str) -> KeyPath:
-    """The path of a key, for a validator."""
+def _check_decides(key: str) -> None:
+    """Refuse a key that decides nothing, for a validator."""
     try:
-        return path_of(key)
+        check_decides(key)
     except InputError as error:
         raise ValueError(f"uncertain.{error.key}: {error.problem}") from None
 

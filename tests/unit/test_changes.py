@@ -115,7 +115,7 @@ def test_uncertain_inputs_are_checked_at_both_ends() -> None:
         ("contact.restitution = { normal = [0.5, 0.3] }", r"may be -0\.4: allowed is greater"),
         ("contact.restitution = { uniform = [0, 1], choice = [0, 1] }", "exactly one of"),
         ("'drive[3].amplitude_um' = { uniform = [0, 1] }", r"allowed is 0 to 0"),
-        ("run.seed = { choice = [0, 1] }", "of what decides a run"),
+        ("run.seed = { choice = [0, 1] }", "allowed is a key that decides what a run does"),
         ("'a..b' = { choice = [0, 1] }", "is no key"),
     ):
         with pytest.raises(InputError, match=said) as refused:

@@ -90,7 +90,7 @@ def test_losers_are_stopped_early(tmp_path: Path) -> None:
     found, executor = searched(tmp_path)
     stopped = [trial for trial in found.trials if trial.stopped]
     assert len(stopped) >= len(found.trials) // 3
-    assert all(len(trial.case.done) < AIM.seeds for trial in stopped)
+    assert all(len(trial.values(AIM)) < AIM.seeds for trial in stopped)
     best = max(trial.mean(AIM) for trial in found.trials if trial.is_whole(AIM))
     lost = [t for t in stopped if not math.isnan(t.mean(AIM)) and 10 - (t.point[AMPLITUDE] - 3.0) ** 2 > best]
     assert not lost
@@ -106,6 +106,16 @@ def test_a_search_goes_on_to_the_same_end(tmp_path: Path) -> None:
     assert [trial.point for trial in again.trials] == [trial.point for trial in whole.trials]
     assert again.best == whole.best and again.present == whole.present
     assert executor.count == 0  # everything was in the journal
+
+
+def test_values_that_are_not_allowed_together_do_not_end_a_search(tmp_path: Path) -> None:
+    scenario = strip_scenario().changed({"contact.restitution_exponent": 0.25})
+    over = ["contact.restitution_exponent=0.0,0.25", "contact.restitution_speed_m_s=1.0,2.0", f"{AMPLITUDE}=1:4"]
+    space, journal = Space.of(scenario, over), tmp_path / "journal.jsonl"
+    found = search(space, AIM, Workers(Pretended(), 2), tmp_path, journal, budget=Budget(24), check_seeds=4)
+    refused = [trial for trial in found.trials if trial.refused]
+    assert found.complete and refused
+    assert all("restitution_speed_m_s belongs to" in trial.refused for trial in refused)
 
 
 def trial_of(values: list[float]) -> Trial:
@@ -170,8 +180,12 @@ def test_command(repository: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPat
     assert (out / "history.png").stat().st_size > 1000
     told = json.loads(feeder_sim(*asked, "--json").stdout)
     assert told["complete"] and told["gain"]["low"] < told["gain"]["mean"]
-    told = feeder_sim(*asked[:2], "--maximise", "height", *asked[4:-1], tmp_path / "none")
-    assert told.returncode == 1 and "no recipe has height" in told.stderr
+    told = feeder_sim(*asked[:2], "--maximise", "sped", *asked[4:-1], tmp_path / "none")
+    check_refused(told, "--maximise: is sped (did you mean 'speed'?), allowed are speed")
+    (tmp_path / "damaged").mkdir()
+    for name in ("search.toml", "optuna.log"):
+        (tmp_path / "damaged" / name).write_text("{" if name == "optuna.log" else (out / name).read_text())
+    check_refused(feeder_sim(*asked[:-1], tmp_path / "damaged"), "optuna.log", "is no record of a search")
     for options, said in (
         ((), "exactly one of them"),
         (("--maximise", "a", "--minimise", "b"), "exactly one of them"),

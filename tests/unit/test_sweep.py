@@ -5,7 +5,9 @@ from __future__ import annotations
 import csv
 import json
 import math
+import zlib
 from concurrent.futures import Executor, Future, ThreadPoolExecutor
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -20,12 +22,14 @@ from feeder_sim.jobs.journal import Journal, read_journal
 from feeder_sim.jobs.runner import run_work
 from feeder_sim.jobs.task import SeedValues, Task, run_task
 from feeder_sim.jobs.workers import Workers, given_workers
+from feeder_sim.measures.statistic import Statistic
 from feeder_sim.studies.sweep.case import Case, Effort
-from feeder_sim.studies.sweep.cases import Cases, SweepWork, run_cases
+from feeder_sim.studies.sweep.cases import Cases, SweepWork, run_cases, take_done
 from feeder_sim.studies.sweep.design import grid, read_axis, side_by_side, sobol_sample
 from feeder_sim.studies.sweep.folder import merged, sweep_folder
 from feeder_sim.studies.sweep.question import Question, axis_texts
 from feeder_sim.studies.sweep.sweep import sweep
+from feeder_sim.studies.sweep.table import Row, as_parquet
 from feeder_sim.studies.uncertainty.spread import spread_of
 
 AMPLITUDE = "drive[0].amplitude_um"
@@ -57,6 +61,8 @@ def test_axes() -> None:
         (["a=1,2", "a=3,4"], "varied twice"),
         (["a=1:2:1000", "b=1:2:1000"], "1000000 points"),
         ([], "--vary: is missing"),
+        (["run.seeds=2,4"], "decides what a run does"),
+        (["title=a,b"], "decides what a run does"),
     ],
 )
 def test_axes_that_are_refused(texts: list[str], said: str) -> None:
@@ -158,6 +164,9 @@ def test_a_journal_outlives_what_a_kill_leaves(tmp_path: Path) -> None:
         assert len(kept) - 1 >= whole[:cut].count(b"\n")
     path.write_bytes(whole.replace(b'"seed": 2', b'"seed": 7'))
     assert [entry["seed"] for entry in read_journal(path)] == [1]
+    path.write_bytes(b"%08x 5\n%08x {}\n" % (zlib.crc32(b"5"), zlib.crc32(b"{}")))
+    cases = cases_at(Question((f"{AMPLITUDE}=1,2",)))
+    assert take_done(cases, [path]) == 0 and not any(case.done for case in cases)
 
 
 def test_done_points_are_kept_and_others_added(tmp_path: Path) -> None:
@@ -174,13 +183,85 @@ def test_done_points_are_kept_and_others_added(tmp_path: Path) -> None:
 def test_tasks_of_a_job_array_merge_to_the_whole(tmp_path: Path) -> None:
     scenario, question = strip_scenario(seeds=3), Question((f"{AMPLITUDE}=1:2:5",))
     for number in (1, 2, 3):
-        with sweep_folder(tmp_path / "s", scenario, question, (number, 3)) as folder:
+        with sweep_folder(tmp_path / "s", "", scenario, question, (number, 3)) as folder:
             cases = Cases.of(scenario, question, file=Path("scenario")).part(number, 3)
             run_cases(cases, Workers(Pretended(), 1), folder.journal)
     assert len(list((tmp_path / "s").glob("journal-*-of-3.jsonl"))) == 3
     found, _ = merged(tmp_path / "s")
     assert found.complete
     assert found.rows == run_cases(cases_at(question.__class__(question.vary, seeds=3)), Workers(Pretended(), 1)).rows
+
+
+def test_tasks_that_begin_at_once_share_a_folder(tmp_path: Path) -> None:
+    scenario, question = strip_scenario(seeds=3), Question((f"{AMPLITUDE}=1:2:5",))
+
+    def begin(number: int) -> str:
+        with sweep_folder(tmp_path / "s", "", scenario, question, (number, 16)) as folder:
+            return folder.journal.name
+
+    with ThreadPoolExecutor(16) as pool:
+        assert len(set(pool.map(begin, range(1, 17)))) == 16
+    assert Question.of_toml(tmp_path / "s/sweep.toml") == question
+
+
+def test_a_folder_of_something_else_is_left_alone(tmp_path: Path) -> None:
+    scenario, question = strip_scenario(seeds=3), Question((f"{AMPLITUDE}=1:2:5",))
+    (tmp_path / "own").mkdir()
+    (tmp_path / "own/scenario.toml").write_text("# mine")
+    with pytest.raises(InputError, match=r"holds scenario\.toml and no sweep\.toml"):
+        sweep_folder(tmp_path / "own", "", scenario, question)
+    with sweep_folder(tmp_path / "s", "", scenario, question):
+        pass
+    with sweep_folder(tmp_path / "s", "", scenario, replace(question, seeds=7, measure="speed")):
+        pass  # more seeds are the same question
+    for other in (replace(question, vary=(f"{AMPLITUDE}=1:3:5",)), replace(question, zipped=True)):
+        with pytest.raises(InputError, match="holds another question"):
+            sweep_folder(tmp_path / "s", "", scenario, other)
+    with pytest.raises(InputError, match="holds another question"):
+        sweep_folder(tmp_path / "s", "", scenario.changed({"contact.friction": 0.1}), question)
+    (tmp_path / "s/sweep.png").symlink_to(tmp_path / "own/scenario.toml")
+    with pytest.raises(InputError, match="is a link"), sweep_folder(tmp_path / "s", "", scenario, question):
+        pass
+    assert (tmp_path / "own/scenario.toml").read_text() == "# mine"
+
+
+def test_a_single_arrival_does_not_end_a_sweep() -> None:
+    """Of which no standard error is known."""
+    effort, case = Effort(4, 0.03, 1000, "speed"), Case(strip_scenario(), "")
+    case.take(tuple(SeedValues(seed, {"speed": math.nan if seed else 1.0}, 0.1) for seed in range(4)))
+    assert case.wanted(effort) == 8
+    case.take(tuple(SeedValues(seed, {"speed": (-1.0) ** seed}, 0.1) for seed in range(8)))  # mean 0
+    assert case.wanted(effort) == 16
+
+
+def test_draws_of_uncertain_inputs_have_seeds_of_their_own() -> None:
+    held = {"contact.friction": {"uniform": [0.2, 0.4]}}
+    scenario = strip_scenario(seeds=2).changed({"uncertain": held})
+    question = Question((f"{AMPLITUDE}=1,2",), inputs=4)
+    cases = Cases.of(scenario, question, file=Path("scenario"))
+    executor = Pretended()
+    swept = run_cases(cases, Workers(executor, 1))
+    assert sorted(executor.seeds) == [(a, seed) for a in (1.0, 2.0) for seed in range(8)]
+    assert [row.found.n for row in swept.of("speed")] == [8, 8] and swept.uncertain
+    for vary in ("contact.friction=0.2,0.3", "contact={ friction = 0.2 },{ friction = 0.3 }"):
+        with pytest.raises(InputError, match=r"is varied, but also \[uncertain\]"):
+            Cases.of(scenario, Question((vary,)), file=Path("scenario"))
+    with pytest.raises(InputError, match="more --inputs narrow"):
+        Cases.of(scenario, replace(question, until_se=0.1, measure="speed"), file=Path("scenario"))
+
+
+def test_a_worker_with_other_files_or_another_version_is_told() -> None:
+    with pytest.raises(FeederSimError, match="another version of the package"):
+        run_task(Task(strip_scenario(), "of another version", (0,)))
+
+
+def test_columns_of_numbers_and_texts(tmp_path: Path) -> None:
+    import pyarrow.parquet
+
+    values = ([1.0, 0.0], 2.5, "x")
+    rows = [Row({"a": value}, "m", Statistic.of([1.0, 2.0]), 0) for value in values]
+    (tmp_path / "t.parquet").write_bytes(as_parquet(["a"], rows, uncertain=False))
+    assert pyarrow.parquet.read_table(tmp_path / "t.parquet")["a"].to_pylist() == ["[1.0, 0.0]", "2.5", "x"]
 
 
 def test_spread_over_inputs_and_seeds_apart() -> None:
@@ -210,7 +291,7 @@ def test_real_seeds_are_those_of_simulate() -> None:
 
 def test_a_task_that_cannot_be_run_says_why() -> None:
     scenario = strip_scenario().changed({"part[0].start.position_mm": [1e4, 0.0]})
-    (seed,) = run_task(Task(scenario, (0,)))
+    (seed,) = run_task(Task(scenario, identity_of(scenario), (0,)))
     assert "start.position_mm" in seed.failure and not seed.values
     entry = json.loads(json.dumps(seed.as_entry()))
     assert SeedValues.of_entry(entry) == seed
@@ -239,6 +320,8 @@ def test_command(repository: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPat
     for options, said in (
         (("--vary", f"{AMPLITUDE}=-1,2"), ("drive[0].amplitude_um", "is -1")),
         (("--vary", f"{AMPLITUDE}=1,2", "--until-se", "x"), ("--until-se", "3%")),
+        (("--vary", f"{AMPLITUDE}=1,2", "--until-se", "0"), ("--until-se", "3%")),
+        (("--vary", f"{AMPLITUDE}=1,2", "--measure", "sped"), ("did you mean 'speed'",)),
         (("--vary", f"{AMPLITUDE}=1,2", "--until-se", "3%"), ("--measure", "missing")),
         (("--vary", f"{AMPLITUDE}=1,2", "--task", "3/2"), ("--task", "I/N")),
         (("--vary", f"{AMPLITUDE}=1,2", "--out", scenario.parent), ("allowed is a new folder",)),
@@ -253,6 +336,9 @@ def test_a_question_is_kept_as_text(tmp_path: Path) -> None:
     (tmp_path / "q.toml").write_text(question.as_toml())
     assert Question.of_toml(tmp_path / "q.toml") == question
     assert question.axes[0].values == (1, 2.5)
-    (tmp_path / "q.toml").write_text("vary = 3\nx = 1")
-    with pytest.raises(InputError, match="holds no sweep"):
-        Question.of_toml(tmp_path / "q.toml")
+    for text in ("vary = 3\nx = 1", "vary = [1]", "vary = []\nseeds = 'x'", "{"):
+        (tmp_path / "q.toml").write_text(text)
+        with pytest.raises(InputError, match="holds no sweep"):
+            Question.of_toml(tmp_path / "q.toml")
+    with pytest.raises(InputError, match="a: is 3, allowed is a sequence"):
+        axis_texts({"a": 3})

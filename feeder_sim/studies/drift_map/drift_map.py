@@ -34,13 +34,15 @@ class Made:
     """What a map was made of: it holds for nothing else.
 
     Attributes:
-        part: the part's table of a scenario without its start, as JSON.
+        part: the part's table of a scenario without its start, as JSON; files by their content.
         contact: constants of its contact with the plate, as JSON.
+        method: engine and steps per period.
         thickness: of the plate [m].
     """
 
     part: str
     contact: str
+    method: str
     thickness: float
 
 

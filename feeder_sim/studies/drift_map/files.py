@@ -15,11 +15,11 @@ from feeder_sim.errors import InputError, cause_of
 from feeder_sim.plate.materials import Material
 from feeder_sim.plate.rectangle import RectangularPlate
 from feeder_sim.records.whole_file import write_whole
-from feeder_sim.scenario import Scenario
+from feeder_sim.scenario import Scenario, resolve_material
 from feeder_sim.studies.drift_map.drift_map import DriftMap, Made
-from feeder_sim.studies.drift_map.making import made_of
+from feeder_sim.studies.drift_map.making import made_of, strip_of
 
-FORMAT, VERSION = "feeder_sim drift map", 1
+FORMAT, VERSION = "feeder_sim drift map", 2
 TABLES = ("frequency", "speed", "drift", "drift_se", "along", "across")
 COST = ("simulated_s", "processor_s")
 
@@ -83,12 +83,16 @@ def check_made(drift_map: DriftMap, scenario: Scenario, thickness: float, path: 
     """Refuse a map of something else than a scenario has.
 
     Raises:
-        InputError: its part, its contact or the thickness [m] of its plate differ.
+        InputError: its part, its contact, its engine or step, the material or thickness [m] of its plate differ.
     """
     wanted, made = made_of(scenario, thickness), drift_map.made
-    for name, what in (("part", "part"), ("contact", "contact")):
+    for name, what in (("part", "part"), ("contact", "contact"), ("method", "engine or step")):
         if getattr(wanted, name) != getattr(made, name):
-            raise InputError(f"is of another {what}, allowed is a drift map of the {what} of the scenario", file=path)
+            raise InputError(f"is of another {what}, allowed is a drift map of that of the scenario", file=path)
+    material, of_map = resolve_material(strip_of(scenario).material), drift_map.plate.material
+    for constant in ("density", "youngs_modulus", "poisson_ratio"):
+        if abs(getattr(material, constant) / getattr(of_map, constant) - 1.0) > 1e-6:
+            raise InputError("is of a plate of another material, allowed is that of the scenario", file=path)
     if abs(wanted.thickness / made.thickness - 1.0) > 1e-6:
         raise InputError(
             f"is of a plate of {1e3 * made.thickness:g} mm, allowed is {1e3 * thickness:g} mm, that of the scenario",

@@ -11,12 +11,26 @@ import numpy as np
 from numpy.typing import NDArray
 
 from feeder_sim.errors import InputError, Interrupted
+from feeder_sim.jobs.identity import content_text
+from feeder_sim.plate.mode_file import read_mode_file
 from feeder_sim.plate.mode_shapes import standing_wave
 from feeder_sim.plate.rectangle import RectangularPlate
 from feeder_sim.records.trajectory import Frames
 from feeder_sim.run.prepare import prepare
 from feeder_sim.run.simulation import run_ensemble
-from feeder_sim.scenario import Drive, Run, Scattered, Scenario, Strip, resolve_material, with_run
+from feeder_sim.scenario import (
+    CustomMaterial,
+    Drive,
+    ModePlate,
+    Rectangle,
+    Run,
+    Scattered,
+    Scenario,
+    Strip,
+    resolve_material,
+    with_run,
+)
+from feeder_sim.scenario.engine_choice import choose_engine
 from feeder_sim.scene.part import build_part
 from feeder_sim.scene.scene import GRAVITY
 from feeder_sim.studies.drift_map.drift_map import DriftMap, Made
@@ -61,9 +75,35 @@ def made_of(scenario: Scenario, thickness: float) -> Made:
             raise InputError(
                 f"is {str(not plain).lower()}, allowed is {str(plain).lower()} with a drift map", key=f"run.{name}"
             )
-    part = scenario.part[0].model_dump_json(exclude={"start", "count", "name", "guide"})
+    part = content_text(scenario.part[0].model_dump(exclude={"start", "count", "name", "guide"}))
     contact = scenario.contact.model_dump_json(exclude={"part_restitution", "part_friction"})
-    return Made(part, contact, thickness)
+    method = f"{choose_engine(scenario).name}, {run.steps_per_period} steps per period"
+    return Made(part, contact, method, thickness)
+
+
+def strip_of(scenario: Scenario) -> Strip:
+    """A strip of the thickness and material of the plate of a scenario.
+
+    Raises:
+        InputError: it has no bending waves, or is not isotropic.
+    """
+    plate = scenario.plate
+    if isinstance(plate, Strip):
+        return Strip(thickness_mm=plate.thickness_mm, material=plate.material)
+    if not isinstance(plate, Rectangle | ModePlate):
+        raise InputError(f'is "{plate.kind}", allowed is a plate with bending waves', key="plate.kind")
+    if plate.mode_file is None:
+        assert isinstance(plate, Rectangle) and plate.thickness_mm is not None  # its own check
+        return Strip(thickness_mm=plate.thickness_mm, material=plate.material or "aluminium")
+    body = read_mode_file(plate.mode_file).modes.plate
+    if not body.material.isotropic:
+        raise InputError("holds an orthotropic plate, allowed is an isotropic one", key="plate.mode_file")
+    material = CustomMaterial(
+        density_kg_m3=body.material.density,
+        youngs_modulus_gpa=1e-9 * body.material.youngs_modulus,
+        poisson_ratio=body.material.poisson_ratio,
+    )
+    return Strip(thickness_mm=1e3 * body.thickness, material=material)
 
 
 def make_map(

@@ -4,7 +4,8 @@ search.toml     what was asked
 scenario.toml   the scenario that the search began with, with all its defaults
 journal.jsonl   measures of every seed that is done
 optuna.log      Optuna's journal of the trials
-trials.csv      one row per trial: its values, mean and standard error of the measure, seeds, whether it was stopped
+trials.csv      one row per trial: its values, mean and standard error of the measure, seeds, whether it was stopped,
+                    and why it is not allowed, if it is not
 best.toml       the best recipe; runs as it is
 history.png     the trials in order, and the check with fresh seeds
 """
@@ -29,13 +30,14 @@ def write_search(folder: WorkFolder, found: Search) -> None:
     """Write the table of the trials, and the best recipe, in place of those before."""
     text = io.StringIO()
     keys = [parameter.key for parameter in found.space.parameters]
-    writer = csv.DictWriter(text, ["trial", *keys, "mean", "se", "seeds", "stopped"], lineterminator="\n")
+    writer = csv.DictWriter(text, ["trial", *keys, "mean", "se", "seeds", "stopped", "refused"], lineterminator="\n")
     writer.writeheader()
     for trial in found.trials:
         values = trial.values(found.aim)
         statistic = Statistic.of(values if not math.isnan(trial.mean(found.aim)) else [])
         row: dict[str, Any] = {"trial": trial.number} | labels(trial.point)
         row |= {"mean": statistic.mean, "se": statistic.se, "seeds": len(values), "stopped": int(trial.stopped)}
+        row["refused"] = trial.refused
         writer.writerow({key: "" if isinstance(v, float) and math.isnan(v) else v for key, v in row.items()})
     folder.write(TRIALS, text.getvalue().encode())
     if found.best and found.best.point:

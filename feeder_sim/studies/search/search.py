@@ -10,6 +10,7 @@ them is run with fresh seeds, beside the recipe that the search began with.
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import math
 import threading
@@ -34,6 +35,7 @@ from feeder_sim.scenario import Scenario
 from feeder_sim.studies.search.space import Parameter, Space
 from feeder_sim.studies.search.trials import Aim, Trial, TrialWork
 from feeder_sim.studies.sweep.case import Case
+from feeder_sim.studies.sweep.cases import check_measure
 from feeder_sim.studies.sweep.design import Point
 
 if TYPE_CHECKING:
@@ -48,7 +50,7 @@ RANDOM_TRIALS = 16  # at the begin, before the sampler learns
 
 @dataclass(frozen=True)
 class Budget:
-    """When a search ends: after so many trials, or so long [s] of this call; a generation under way is left out."""
+    """When trials end: after so many, or so long [s] of this call; a generation under way is finished."""
 
     trials: int
     seconds: float = math.inf
@@ -139,7 +141,10 @@ def search(
     stop, began = stop or threading.Event(), time.monotonic()
     done: dict[str, dict[int, SeedValues]] = {}
     for entry in read_journal(journal):
-        done.setdefault(entry["case"], {})[entry["seed"]] = SeedValues.of_entry(entry)
+        with contextlib.suppress(KeyError, TypeError, ValueError, AttributeError):  # not written by this program
+            seed = SeedValues.of_entry(entry)
+            check_measure(aim.measure, seed.values, aim.option)
+            done.setdefault(str(entry["case"]), {})[seed.seed] = seed
     found = Search(space, aim)
     with Journal(journal) as written:
 
@@ -148,7 +153,13 @@ def search(
 
         def case_of(scenario: Scenario) -> Case:
             identity = identity_of(scenario)
-            return Case(scenario, identity, dict(done.get(identity, {})))
+            return Case(scenario, identity, done=dict(done.get(identity, {})))
+
+        def trial_at(number: int, point: Point) -> Trial:
+            try:
+                return Trial(number, point, case_of(space.changed(point)))
+            except InputError as error:  # values that are not allowed together
+                return Trial(number, point, None, stopped=True, refused=str(error))
 
         def spent() -> float:
             seconds = (time.monotonic() - began) / budget.seconds
@@ -158,7 +169,7 @@ def search(
             work = TrialWork(trials, aim, best, keep)
             return run_work(work, workers, stop=stop, progress=lambda _: progress(0.95 * spent()) if progress else None)
 
-        study = _study(folder / "optuna.log", space, aim)
+        study = _study(folder / "optuna.log", space, aim, sampler)
         first = [point for point in (space.present, *starts) if point is not None]
         generation = 0
         while len(found.trials) < budget.trials and spent() < 1.0 and not stop.is_set():
@@ -166,7 +177,7 @@ def search(
                 study.enqueue_trial(space.proposed(point), skip_if_exists=True)
             size = min(GENERATION, budget.trials - len(found.trials))
             proposed = _proposed(study, space, sampler, generation, size)
-            trials = [Trial(number, point, case_of(space.changed(point))) for number, point in proposed]
+            trials = [trial_at(number, point) for number, point in proposed]
             if not run(trials, aim, _best(found.trials, aim)):
                 return found
             found.trials += trials
@@ -180,19 +191,19 @@ def search(
             reverse=aim.largest,
         )[:FINALISTS]
         longer = replace(aim, seeds=2 * aim.seeds)
-        if not run(finalists, longer, None):
+        tried = [_Whole(trial.number, trial.point, trial.case) for trial in finalists]
+        if not run([*tried], longer, None):
             return found
-        best = _best(finalists, longer)
+        best = _best(tried, longer)
         fresh = replace(aim, seeds=check_seeds)
-        checks: list[Trial] = []
+        checks: list[_Whole] = []
         recipes: list[Point | None] = [None, best.point if best else None]
         for recipe in recipes:
             scenario = space.changed(recipe) if recipe else space.scenario
             anew = scenario.changed({"run.seed": scenario.run.seed + FRESH})
-            checks.append(Trial(-1, recipe or {}, case_of(anew)))
-        for check in checks:
-            if not _run_all(check, fresh, run):
-                return found
+            checks.append(_Whole(-1, recipe or {}, case_of(anew)))
+        if not run([*checks], fresh, None):
+            return found
         present, checked = (tuple(check.values(fresh)) for check in checks)
         found.present = Checked(None, present)
         found.best = Checked(best.point, checked) if best else None
@@ -202,14 +213,8 @@ def search(
     return found
 
 
-def _run_all(trial: Trial, aim: Aim, run: Callable[[list[Trial], Aim, Trial | None], bool]) -> bool:
-    """Run all seeds of a trial, also where some have no value."""
-    whole = _Whole(trial.number, trial.point, trial.case)
-    return run([whole], aim, None)
-
-
 class _Whole(Trial):
-    """A trial that is not given up."""
+    """A trial that is not given up, also where seeds have no value."""
 
     def judge(self, aim: Aim, best: Trial | None) -> int:
         return aim.seeds
@@ -224,7 +229,7 @@ def _best(trials: Sequence[Trial], aim: Aim) -> Trial | None:
     return best
 
 
-def _study(log: Path, space: Space, aim: Aim) -> Study:
+def _study(log: Path, space: Space, aim: Aim, sampler: str) -> Study:
     """Optuna's record of the search, in a journal file; another question in the same file has a record of its own."""
     try:
         import optuna
@@ -235,10 +240,13 @@ def _study(log: Path, space: Space, aim: Aim) -> Study:
         raise InputError("needs the extra `search`: pip install 'feeder_sim[search]'", key="optimise") from None
     optuna.logging.set_verbosity(optuna.logging.ERROR)
     direction = StudyDirection.MAXIMIZE if aim.largest else StudyDirection.MINIMIZE
-    asked = f"{identity_of(space.scenario)} {aim} {space.parameters}"
+    asked = f"{identity_of(space.scenario)} {aim} {space.parameters} {sampler}"
     name = hashlib.sha256(asked.encode()).hexdigest()[:16]
-    storage = JournalStorage(JournalFileBackend(str(log)))
-    return optuna.create_study(study_name=name, storage=storage, direction=direction, load_if_exists=True)
+    try:
+        storage = JournalStorage(JournalFileBackend(str(log)))
+        return optuna.create_study(study_name=name, storage=storage, direction=direction, load_if_exists=True)
+    except Exception as error:  # of a damaged file Optuna raises what it likes
+        raise InputError(f"is no record of a search, allowed is another folder ({error})", file=log) from error
 
 
 def _sampler(name: str, space: Space, number: int) -> BaseSampler:

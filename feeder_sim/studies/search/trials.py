@@ -11,6 +11,7 @@ from scipy.stats import t
 
 from feeder_sim.jobs.task import SeedValues, Task
 from feeder_sim.studies.sweep.case import Case, Effort
+from feeder_sim.studies.sweep.cases import check_measure
 from feeder_sim.studies.sweep.design import Point
 
 FIRST_SEEDS = 2  # of a trial, before it is first held against the best
@@ -26,6 +27,11 @@ class Aim:
     largest: bool
     seeds: int
 
+    @property
+    def option(self) -> str:
+        """Of the command line, that says it."""
+        return "--maximise" if self.largest else "--minimise"
+
     def better(self, a: float, b: float) -> bool:
         """Whether a value is better than another; no value is worse than any."""
         if math.isnan(a) or math.isnan(b):
@@ -40,22 +46,25 @@ class Trial:
     Attributes:
         number: of the trial.
         point: its values.
-        case: its scenario, with the seeds that are done.
+        case: its scenario, with the seeds that are done; None for a recipe that is not allowed.
         stopped: whether it was given up before it had all its seeds.
+        refused: why the recipe is not allowed.
     """
 
     number: int
     point: Point
-    case: Case
+    case: Case | None
     stopped: bool = False
+    refused: str = ""
 
     def values(self, aim: Aim, seeds: int | None = None) -> list[float]:
         """What its first seeds have come to, as far as they are done in a row."""
         found: list[float] = []
+        done = self.case.done if self.case else {}
         for seed in range(seeds or aim.seeds):
-            if seed not in self.case.done:
+            if seed not in done:
                 break
-            found.append(self.case.done[seed].values.get(aim.measure, math.nan))
+            found.append(done[seed].values.get(aim.measure, math.nan))
         return found
 
     def mean(self, aim: Aim) -> float:
@@ -73,6 +82,8 @@ class Trial:
         It has been given up when a seed has no value, or when it is worse than the best one before it with the
         confidence `SURE`: by Student's distribution of the differences seed by seed, which have the same starts.
         """
+        if self.case is None:
+            return 0
         wanted = min(FIRST_SEEDS, aim.seeds)
         while len(values := self.values(aim, wanted)) == wanted and wanted < aim.seeds:
             if any(math.isnan(value) for value in values) or (best and is_worse(values, best.values(aim), aim)):
@@ -103,17 +114,21 @@ class TrialWork:
     def next(self, seeds: int) -> tuple[Trial, Task] | None:
         for trial in self._trials:
             effort = Effort(trial.judge(self._aim, self._best))
-            handed = trial.case.hand_out(effort, seeds)
-            if handed:
-                return trial, Task(trial.case.scenario, handed)
+            handed = trial.case.hand_out(effort, seeds) if trial.case else ()
+            if trial.case and handed:
+                return trial, Task(trial.case.scenario, trial.case.identity, handed)
         return None
 
     def take(self, place: Trial, done: tuple[SeedValues, ...]) -> None:
+        if place.case is None:
+            return
         place.case.take(done)
         for seed in done:
+            check_measure(self._aim.measure, seed.values, self._aim.option)
             self._keep(place.case, seed)
 
     @property
     def share_done(self) -> float:
+        """Of the seeds that trials want by now [1]."""
         wanted = sum(trial.judge(self._aim, self._best) for trial in self._trials)
         return sum(min(len(trial.values(self._aim)), self._aim.seeds) for trial in self._trials) / max(1, wanted)

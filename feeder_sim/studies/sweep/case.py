@@ -37,13 +37,21 @@ class Case:
     Attributes:
         scenario: what is run.
         identity: see `feeder_sim.jobs.identity`.
+        first, stride: its seeds are `first`, `first + stride`, and so on: draws of uncertain inputs have seeds of their
+            own, so that their scatter is independent.
         done: what has come back, by seed.
     """
 
     scenario: Scenario
     identity: str
+    first: int = 0
+    stride: int = 1
     done: dict[int, SeedValues] = field(default_factory=dict)
     _handed: set[int] = field(default_factory=set)
+
+    def seed_numbers(self, count: int) -> range:
+        """The first so many seeds of the case."""
+        return range(self.first, self.first + self.stride * count, self.stride)
 
     def wanted(self, effort: Effort) -> int:
         """How many seeds the case should have, by those of them that are done; the order they came in does not matter.
@@ -53,7 +61,7 @@ class Case:
         if effort.until_se is None:
             return effort.seeds
         wanted = min(FIRST_LOOK, effort.seeds)
-        while all(seed in self.done for seed in range(wanted)):
+        while all(seed in self.done for seed in self.seed_numbers(wanted)):
             more = self._next_look(wanted, effort)
             if more <= wanted:
                 break
@@ -71,18 +79,21 @@ class Case:
         aim = effort.until_se * abs(found.mean)
         if found.n > 1 and found.se <= aim:
             return now
-        needed = now * (found.se / aim) ** 2 if found.n > 1 and aim > 0.0 else math.inf
-        return int(min(max(now + 1, math.ceil(needed)), GROWTH * now, effort.most_seeds))
+        most = int(min(GROWTH * now, effort.most_seeds))
+        if found.n < 2 or aim == 0.0:
+            return most
+        return min(max(now + 1, math.ceil(now * min((found.se / aim) ** 2, GROWTH))), most)
 
     def hand_out(self, effort: Effort, most: int) -> tuple[int, ...]:
         """Up to so many seeds that are to be run next."""
-        missing = [s for s in range(self.wanted(effort)) if s not in self.done and s not in self._handed][:most]
+        wanted = self.seed_numbers(self.wanted(effort))
+        missing = [seed for seed in wanted if seed not in self.done and seed not in self._handed][:most]
         self._handed.update(missing)
         return tuple(missing)
 
     def is_done(self, effort: Effort) -> bool:
         """Whether all seeds that are wanted have come back."""
-        return all(seed in self.done for seed in range(self.wanted(effort)))
+        return all(seed in self.done for seed in self.seed_numbers(self.wanted(effort)))
 
     def take(self, seeds: tuple[SeedValues, ...]) -> None:
         for seed in seeds:
@@ -91,8 +102,8 @@ class Case:
 
     def seeds(self, effort: Effort) -> list[SeedValues]:
         """The seeds that count, in order: those wanted, whatever else has been run before."""
-        return [self.done[seed] for seed in range(self.wanted(effort)) if seed in self.done]
+        return [self.done[seed] for seed in self.seed_numbers(self.wanted(effort)) if seed in self.done]
 
-    def values(self, measure: str, seeds: int) -> list[float]:
-        """What the first seeds have of a measure; NaN where there is none."""
-        return [self.done[seed].values.get(measure, math.nan) for seed in range(seeds) if seed in self.done]
+    def values(self, measure: str, count: int) -> list[float]:
+        """What the first so many seeds have of a measure; NaN where there is none."""
+        return [self.done[s].values.get(measure, math.nan) for s in self.seed_numbers(count) if s in self.done]

@@ -1,13 +1,15 @@
 """The cases of a sweep: the work they make, and what comes out.
 
 Every point has the same seeds, that is the same starts (common random numbers), so that differences between points are
-surer than the points themselves. With uncertain inputs every point is run with the same draws of them.
+surer than the points themselves. With uncertain inputs every point is run with the same draws of them. Each draw has
+seeds of its own, the same at every point.
 """
 
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable, Iterator, Sequence
+from collections import deque
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -19,6 +21,7 @@ from feeder_sim.jobs.runner import run_work
 from feeder_sim.jobs.task import SeedValues, Task
 from feeder_sim.jobs.workers import Workers
 from feeder_sim.scenario import Scenario
+from feeder_sim.scenario.changes import path_of
 from feeder_sim.studies.sweep.case import Case, Effort
 from feeder_sim.studies.sweep.design import Point
 from feeder_sim.studies.sweep.question import Question
@@ -51,10 +54,18 @@ class Cases:
         Raises:
             InputError: a key or a value that is not allowed.
         """
+        for key in points[0]:
+            if any(_overlap(key, other) for other in draws[0]):
+                raise InputError("is varied, but also [uncertain]; allowed is one of them", file=file, key=key)
+        if effort.until_se is not None and len(draws) > 1:
+            problem = "is given, allowed is none with [uncertain] inputs: more --inputs narrow their interval"
+            raise InputError(problem, key="--until-se")
         rows = []
         for point in points:
             changed = [scenario.changed({"uncertain": None, **draw, **point}, file=file) for draw in draws]
-            rows.append(tuple(Case(varied, identity_of(varied)) for varied in changed))
+            rows.append(
+                tuple(Case(varied, identity_of(varied), number, len(draws)) for number, varied in enumerate(changed))
+            )
         return Cases(tuple(points), tuple(rows), effort)
 
     def part(self, number: int, of: int) -> Cases:
@@ -66,30 +77,54 @@ class Cases:
         return (case for row in self.cases for case in row)
 
 
+def _overlap(key: str, other: str) -> bool:
+    """Whether two keys are the same, or one is within the value of the other."""
+    short, long = sorted((path_of(key), path_of(other)), key=len)
+    return long[: len(short)] == short
+
+
 class SweepWork:
     """The seeds of all cases that are still to be run, handed out in order."""
 
     def __init__(self, cases: Cases, keep: Callable[[Case, SeedValues], None]) -> None:
-        self._cases, self._effort, self._keep = list(cases), cases.effort, keep
-        self._open = list(cases)
+        self._effort, self._keep = cases.effort, keep
+        self._open = deque(cases)  # those that may have something to hand out
+        self._wanted = sum(case.wanted(self._effort) for case in cases)
+        self._done = sum(len(case.seeds(self._effort)) for case in cases)
 
     def next(self, seeds: int) -> tuple[Case, Task] | None:
-        self._open = [case for case in self._open if not case.is_done(self._effort)]
-        for case in self._open:
+        while self._open:
+            case = self._open[0]
             handed = case.hand_out(self._effort, seeds)
             if handed:
-                return case, Task(case.scenario, handed)
+                return case, Task(case.scenario, case.identity, handed)
+            self._open.popleft()
         return None
 
     def take(self, place: Case, done: tuple[SeedValues, ...]) -> None:
+        before = place.wanted(self._effort), len(place.seeds(self._effort))
         place.take(done)
+        self._wanted += place.wanted(self._effort) - before[0]
+        self._done += len(place.seeds(self._effort)) - before[1]
+        if place.wanted(self._effort) > before[0]:
+            self._open.appendleft(place)
         for seed in done:
+            check_measure(self._effort.measure, seed.values)
             self._keep(place, seed)
 
     @property
     def share_done(self) -> float:
-        wanted = sum(case.wanted(self._effort) for case in self._cases)
-        return sum(len(case.seeds(self._effort)) for case in self._cases) / max(1, wanted)
+        return self._done / max(1, self._wanted)
+
+
+def check_measure(name: str, values: Mapping[str, float], option: str = "--measure") -> None:
+    """Refuse a measure that a seed does not have; as soon as one is done, which is when it is known.
+
+    Raises:
+        InputError: as said.
+    """
+    if name and values and name not in values:
+        raise InputError(f"is {name}{nearest(name, values)}, allowed are {', '.join(values)}", key=option)
 
 
 @dataclass(frozen=True)
@@ -159,13 +194,23 @@ def run_cases(
     workers: Workers,
     journal: Path | None = None,
     *,
+    journals: Sequence[Path] = (),
     stop: threading.Event | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> Sweep:
-    """Run what is not done yet; with a journal, what is in it counts as done, and what comes is added."""
+    """Run what is not done yet; with a journal, what comes is added to it.
+
+    What is in the journal, or in all of `journals`, counts as done.
+
+    Raises:
+        InputError: there is no such measure as the effort looks at.
+    """
     if journal is None:
         return Sweep(cases, run_work(SweepWork(cases, _keep_nowhere), workers, stop=stop, progress=progress))
-    others = take_done(cases, [journal])
+    others = take_done(cases, journals or [journal])
+    for case in cases:
+        for seed in case.done.values():
+            check_measure(cases.effort.measure, seed.values)
     with Journal(journal) as written:
 
         def keep(case: Case, seed: SeedValues) -> None:
@@ -186,7 +231,11 @@ def take_done(cases: Cases, journals: Sequence[Path]) -> int:
         by_identity.setdefault(case.identity, []).append(case)
     for journal in journals:
         for entry in read_journal(journal):
-            others += entry["case"] not in by_identity
-            for case in by_identity.get(entry["case"], ()):
-                case.take((SeedValues.of_entry(entry),))
+            try:
+                seed, of = SeedValues.of_entry(entry), by_identity.get(str(entry["case"]), ())
+            except (KeyError, TypeError, ValueError, AttributeError):
+                continue  # not written by this program
+            others += not of
+            for case in of:
+                case.take((seed,))
     return others

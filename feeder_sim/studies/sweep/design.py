@@ -18,9 +18,9 @@ from dataclasses import dataclass
 from typing import Any
 
 from feeder_sim.errors import InputError, quoted
-from feeder_sim.scenario.changes import full_key, path_of, read_value
+from feeder_sim.scenario.changes import check_decides, full_key, read_value
 
-MOST_POINTS = 100_000
+MOST_POINTS = 20_000
 _NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
 _RANGE = re.compile(rf"({_NUMBER}):({_NUMBER})(?::(log)?(\d{{1,6}})?)?")
 Point = dict[str, Any]  # a value for each varied key
@@ -62,7 +62,7 @@ def read_axis(text: str, option: str = "--vary") -> Axis:
     if not equals or not key.strip() or not values.strip():
         raise InputError(f"is {quoted(text)}, allowed is KEY=LOW:HIGH:COUNT, LOW:HIGH:logCOUNT or A,B,C", key=option)
     key = full_key(key.strip())
-    path_of(key)
+    check_decides(key)
     match = _RANGE.fullmatch(values.strip())
     if match is not None:
         low, high, log, count = float(match[1]), float(match[2]), match[3] is not None, match[4]
@@ -83,7 +83,6 @@ def spread(key: str, span: Range, count: int, option: str) -> Axis:
 
 def listed_axis(key: str, values: Sequence[Any], option: str) -> Axis:
     """The values of a list, none of them twice."""
-    path_of(key)
     texts = [repr(value) for value in values]
     if not values or len(set(texts)) < len(texts) or None in values:
         raise InputError("has no value, or one twice; allowed are different values", key=f"{option} {key}")

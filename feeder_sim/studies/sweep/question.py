@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -42,6 +42,11 @@ class Question:
     inputs: int = 16
 
     @property
+    def same(self) -> str:
+        """What makes it this question: the points. More seeds or another measure are no other question."""
+        return f"{self.vary} {self.zipped} {self.sobol}"
+
+    @property
     def axes(self) -> list[Axis]:
         return [read_axis(text) for text in self.vary]
 
@@ -64,7 +69,7 @@ class Question:
             InputError: `until_se` without a measure to look at, or out of its limits.
         """
         if self.until_se and not 0.0 < self.until_se < 1.0:
-            raise InputError(f"is {self.until_se:g}, allowed is above 0 % and below 100 %", key="--until-se")
+            raise InputError(f"is {self.until_se:g}, allowed is above 0 and below 1, or 100 %", key="--until-se")
         if self.until_se and not self.measure:
             raise InputError("is missing, allowed is the measure that --until-se is to look at", key="--measure")
         return Effort(self.seeds or scenario.run.seeds, self.until_se or None, MOST_SEEDS, self.measure)
@@ -84,7 +89,14 @@ class Question:
         """
         try:
             raw = tomllib.loads(path.read_text(encoding="utf-8"))
-            return Question(**raw | {"vary": tuple(raw["vary"])})
+            found = Question(**raw | {"vary": tuple(raw["vary"])})
+            usual = Question(())
+            for name, value in asdict(found).items():
+                if type(value) is not type(getattr(usual, name)):
+                    raise TypeError(f"{name} is {value!r}")
+            if not all(isinstance(text, str) for text in found.vary):
+                raise TypeError(f"vary is {list(found.vary)!r}")
+            return found
         except FileNotFoundError as error:
             raise InputError("no such file, allowed is the folder of a sweep", file=path) from error
         except (OSError, ValueError, TypeError, KeyError) as error:
@@ -93,8 +105,10 @@ class Question:
 
 def axis_texts(vary: Mapping[str, Any]) -> tuple[str, ...]:
     """Axes as the command line has them, from values by key: sequences of values, or such texts."""
-    return tuple(f"{key}={values if isinstance(values, str) else _listed(values)}" for key, values in vary.items())
+    return tuple(f"{key}={values if isinstance(values, str) else _listed(key, values)}" for key, values in vary.items())
 
 
-def _listed(values: Any) -> str:
+def _listed(key: str, values: Any) -> str:
+    if not isinstance(values, Iterable):
+        raise InputError(f"is {values!r}, allowed is a sequence of values, or a text as for --vary", key=str(key))
     return json.dumps([value.item() if isinstance(value, np.generic) else value for value in values])

@@ -56,7 +56,7 @@ def sweep(
     with given_workers(executor, workers) if executor else local_workers(workers) as found:
         if out is None:
             return run_cases(cases, found, stop=stop, progress=progress)
-        with sweep_folder(Path(out), scenario, question) as folder:
-            result = run_cases(cases, found, folder.journal, stop=stop, progress=progress)
+        with sweep_folder(Path(out), "", scenario, question) as folder:
+            result = run_cases(cases, found, folder.journal, journals=folder.journals, stop=stop, progress=progress)
             write_table(folder, result)
         return result

@@ -20,7 +20,7 @@ from __future__ import annotations
 import csv
 import io
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -102,13 +102,17 @@ def as_parquet(keys: Sequence[str], rows: Sequence[Row], *, uncertain: bool) -> 
 
     columns = [*keys, *COLUMNS, *(UNCERTAIN_COLUMNS if uncertain else ())]
     entries = [row.as_dict() for row in rows]
-    table = pyarrow.table({name: [_plain(entry, name) for entry in entries] for name in columns})
+    table = pyarrow.table({name: _column([entry.get(name) for entry in entries], name) for name in columns})
     sink = pyarrow.BufferOutputStream()
     pyarrow.parquet.write_table(table, sink)
     return bytes(sink.getvalue().to_pybytes())
 
 
-def _plain(entry: Mapping[str, Any], name: str) -> Any:
-    """A value of a column that holds one type only."""
-    value = entry.get(name)
-    return float(value) if isinstance(value, int) and name not in ("n", "failed") and type(value) is int else value
+def _column(values: list[Any], name: str) -> list[Any]:
+    """Values of one type: whole numbers of counts, numbers, or else texts."""
+    given = [value for value in values if value is not None]
+    if name in ("n", "failed") or all(isinstance(value, bool) for value in given):
+        return values
+    if all(isinstance(value, int | float) and not isinstance(value, bool) for value in given):
+        return [None if value is None else float(value) for value in values]
+    return [None if value is None else str(value) for value in values]

@@ -102,11 +102,12 @@ def propagate(
     seeds: int,
     indices: bool,
     workers: Workers,
+    measure: str = "",
     journal: Path | None = None,
     stop: threading.Event | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> Propagation:
-    """Run a scenario at many draws of its uncertain inputs, each with the same seeds.
+    """Run a scenario at many draws of its uncertain inputs, each with seeds of its own.
 
     Args:
         scenario: with uncertain inputs.
@@ -114,6 +115,7 @@ def propagate(
         seeds: of every draw; two tell inputs and seeds apart.
         indices: draw them so that Sobol indices can be told.
         workers: run the seeds.
+        measure: that every seed has to have; "" for any.
         journal: what is in it counts as done.
         stop: set it to end.
         progress: called with the share that is done.
@@ -121,14 +123,25 @@ def propagate(
     Raises:
         InputError: no input is uncertain, a value is not allowed, or SALib is missing.
     """
+    check_propagated(scenario, inputs, indices)
+    draws = saltelli_draws(scenario, inputs) if indices else draws_of(scenario, inputs)
+    cases = Cases.at(scenario, [{}], draws, Effort(seeds, measure=measure), file=Path("scenario"))
+    swept = run_cases(cases, workers, journal, stop=stop, progress=progress)
+    return Propagation(scenario, tuple(draws), swept, indices)
+
+
+def check_propagated(scenario: Scenario, inputs: int, indices: bool) -> None:
+    """Refuse what cannot be propagated, before anything is written.
+
+    Raises:
+        InputError: as for `propagate`.
+    """
     if not scenario.uncertain:
         raise InputError("is missing, allowed is a table with the inputs that are uncertain", key="[uncertain]")
     if indices and inputs & (inputs - 1):
         raise InputError(f"is {inputs}, allowed is a power of two with --indices", key="--inputs")
-    draws = saltelli_draws(scenario, inputs) if indices else draws_of(scenario, inputs)
-    cases = Cases.at(scenario, [{}], draws, Effort(seeds), file=Path("scenario"))
-    swept = run_cases(cases, workers, journal, stop=stop, progress=progress)
-    return Propagation(scenario, tuple(draws), swept, indices)
+    if indices:
+        saltelli_draws(scenario, 2)  # refuses a library that is missing
 
 
 def write_propagation(folder: WorkFolder, found: Propagation) -> None:
