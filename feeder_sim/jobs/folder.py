@@ -14,8 +14,10 @@ from types import TracebackType
 from typing import Self
 
 from feeder_sim.errors import InputError, not_written
+from feeder_sim.jobs.identity import content_text
 from feeder_sim.records.own_files import holding
 from feeder_sim.records.whole_file import write_whole
+from feeder_sim.run.carried_files import carry_files
 from feeder_sim.run.run_folder import scenario_toml
 from feeder_sim.scenario import Scenario
 
@@ -83,13 +85,21 @@ class WorkFolder:
         with holding(self.path / WRITING, WAIT_S):
             self._check_same()
             self._write_changed(self._kind, self._text)  # first: it tells that the folder is ours
-            self._write_changed(SCENARIO, scenario_toml(self._scenario))
+            self._write_changed(SCENARIO, self.carried(self._scenario))
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self._held.close()
+
+    def carried(self, scenario: Scenario) -> str:
+        """The text of a scenario for this folder, which gets copies of the files that it reads.
+
+        Raises:
+            RecordingFailed, InputError: as for `carry_files`.
+        """
+        return scenario_toml(carry_files(scenario, self.path))
 
     def write(self, name: str, content: bytes) -> None:
         """Write a file in place of the one before.
@@ -124,7 +134,7 @@ def usual_folder(base: Path, name: str, kind: str, scenario: Scenario, same: str
 
 def mark_of(scenario: Scenario, same: str) -> str:
     """The first line of the file that says what was asked."""
-    text = f"{scenario.model_dump_json(exclude={'title': True, 'run': {'seeds'}})} {same}"
+    text = content_text([scenario.model_dump(exclude={"title": True, "run": {"seeds"}}), same])
     return f"{_MARK}{hashlib.sha256(text.encode()).hexdigest()[:16]}"
 
 

@@ -23,6 +23,7 @@ from feeder_sim.jobs.runner import run_work
 from feeder_sim.jobs.task import SeedValues, Task, run_task
 from feeder_sim.jobs.workers import Workers, given_workers
 from feeder_sim.measures.statistic import Statistic
+from feeder_sim.scenario import load_scenario
 from feeder_sim.studies.sweep.case import Case, Effort
 from feeder_sim.studies.sweep.cases import Cases, SweepWork, run_cases, take_done
 from feeder_sim.studies.sweep.design import grid, read_axis, side_by_side, sobol_sample
@@ -202,6 +203,23 @@ def test_tasks_that_begin_at_once_share_a_folder(tmp_path: Path) -> None:
     with ThreadPoolExecutor(16) as pool:
         assert len(set(pool.map(begin, range(1, 17)))) == 16
     assert Question.of_toml(tmp_path / "s/sweep.toml") == question
+
+
+def test_a_sweep_goes_on_elsewhere_without_the_files_it_began_with(repository: Path, tmp_path: Path) -> None:
+    mode_file = tmp_path / "here/modes.h5"
+    mode_file.parent.mkdir()
+    mode_file.write_bytes((repository / "models/plate_180/modes.h5").read_bytes())
+    changes = {"plate.mode_file": mode_file, AMPLITUDE: 1.0, "drive[0].voltage_vpp": None}
+    scenario = load_scenario(repository / "scenarios/drift_2797hz_plate.toml").changed(changes)
+    question = Question((f"{AMPLITUDE}=1,2",), seeds=2)
+    with sweep_folder(tmp_path / "here/s", "", scenario, question) as folder:
+        run_cases(Cases.of(scenario, question, file=Path("s")), Workers(Pretended(), 1), folder.journal)
+    (tmp_path / "here").rename(tmp_path / "there")
+    (tmp_path / "there/modes.h5").unlink()
+    found, folder = merged(tmp_path / "there/s")
+    assert found.complete and found.others == 0 and len(found.of("speed")) == 2
+    with folder:
+        assert "inputs/modes.h5" in (tmp_path / "there/s/scenario.toml").read_text()
 
 
 def test_a_folder_of_something_else_is_left_alone(tmp_path: Path) -> None:

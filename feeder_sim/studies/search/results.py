@@ -19,7 +19,6 @@ from typing import Any
 
 from feeder_sim.jobs.folder import WorkFolder
 from feeder_sim.measures.statistic import Statistic
-from feeder_sim.run.run_folder import scenario_toml
 from feeder_sim.studies.search.search import Search
 from feeder_sim.studies.sweep.design import labels
 
@@ -41,7 +40,7 @@ def write_search(folder: WorkFolder, found: Search) -> None:
         writer.writerow({key: "" if isinstance(v, float) and math.isnan(v) else v for key, v in row.items()})
     folder.write(TRIALS, text.getvalue().encode())
     if found.best and found.best.point:
-        folder.write(BEST, scenario_toml(found.space.changed(found.best.point)).encode())
+        folder.write(BEST, folder.carried(found.space.changed(found.best.point)).encode())
 
 
 def as_json_object(found: Search) -> dict[str, Any]:
