@@ -147,7 +147,8 @@ def speed_map(
     for f in (min(frequencies_hz), max(frequencies_hz)):
         at_point(scenario, float(f), max(amplitudes_um), seeds)  # refuses what is not allowed before anything is run
     stop = stop or threading.Event()
-    done = _done(scenario, seeds, journal)
+    whose = _whose(scenario, seeds)
+    done = _done(whose, journal)
     # Slow points take longest: spread over all of the map, so that the time left can be told.
     left = _strided([point for point in wanted if point not in done])
     with contextlib.ExitStack() as held:
@@ -157,7 +158,7 @@ def speed_map(
             for point in _measured(scenario, batch, seeds, workers=workers, stop=stop, notify=notify):
                 done[point.frequency_hz, point.amplitude_um] = point
                 if written:
-                    written.add({"map": _whose(scenario, seeds), "point": without_nan(asdict(point))})
+                    written.add({"map": whose, "point": without_nan(asdict(point))})
             if progress:
                 progress(sum(point in done for point in wanted) / len(wanted))
     return [done[point] for point in wanted if point in done]
@@ -220,9 +221,8 @@ def _point(point: tuple[float, float], ensemble: Ensemble) -> MapPoint:
     return MapPoint(*point, throw_number(*point), speed.mean, speed.se, speed.n, failed, seeds)
 
 
-def _done(scenario: Scenario, seeds: int, journal: Path | None) -> dict[tuple[float, float], MapPoint]:
+def _done(whose: str, journal: Path | None) -> dict[tuple[float, float], MapPoint]:
     """The points in a journal that are of this map."""
-    whose = _whose(scenario, seeds)
     found = [entry for entry in read_journal(journal) if entry["map"] == whose] if journal else []
     points = [MapPoint(**_with_nan(entry["point"])) for entry in found]
     return {(point.frequency_hz, point.amplitude_um): point for point in points}
