@@ -10,11 +10,11 @@ from pathlib import Path
 from typing import Any
 
 from feeder_sim.api.result import Result
-from feeder_sim.errors import InputError, cause_of
+from feeder_sim.errors import InputError
 from feeder_sim.records.trajectory import PlateRecord, Recording, Status
 from feeder_sim.records.trajectory_file import recording_of
 from feeder_sim.run.prepare import prepare
-from feeder_sim.run.provenance import input_hashes
+from feeder_sim.run.provenance import changed_inputs
 from feeder_sim.run.recorded_seeds import seeds_of
 from feeder_sim.run.run_folder import RESOLVED, SUMMARY
 from feeder_sim.scenario import Scenario, parse_scenario
@@ -63,15 +63,15 @@ class OpenedRun(Result):
     @cached_property
     def prepared(self) -> Prepared:
         without = "so that only frames, impacts and the stored summary can be had"
+        scenario = self.scenario
         try:
-            inputs = input_hashes(self.scenario)
-        except OSError as error:
-            raise InputError(f"cannot be read: {cause_of(error)}, {without}", file=error.filename) from error
-        changed = sorted(key for key, _ in set(inputs.items()) ^ set(self.recording.inputs.items()))
+            changed = changed_inputs(self.recording.inputs, scenario)
+        except InputError as error:
+            raise InputError(f"{error.problem}, {without}", file=error.file) from error
         if changed:
             problem = f"has another content than when this was run, {without}"
             raise InputError(problem, file=self.recording.path, key=changed[0])
-        return prepare(self.scenario)
+        return prepare(scenario)
 
     @property
     def title(self) -> str:

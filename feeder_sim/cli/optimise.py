@@ -16,6 +16,7 @@ from feeder_sim.cli.terminal import progress_bar, stop_on_signal
 from feeder_sim.errors import InputError, Interrupted, printable
 
 if TYPE_CHECKING:
+    from feeder_sim.scenario import Scenario
     from feeder_sim.studies.search.search import Search
     from feeder_sim.studies.search.space import Space
     from feeder_sim.studies.search.trials import Aim
@@ -62,10 +63,8 @@ def optimise(
     as_json: AsJson = False,
 ) -> None:
     """Search for the recipe that makes a measure largest or smallest; running the same again goes on."""
-    if (maximise is None) == (minimise is None):
-        raise InputError("exactly one of them is needed", key="--maximise, --minimise")
     scenario = scenario_of(scenario_file, engine, None, seed, settings)
-    seconds = _seconds(budget)
+    aim, seconds, checked = _aim(maximise, minimise, seeds, scenario), _seconds(budget), _sampler(sampler)
     with naming(scenario_file):
         import tomli_w
 
@@ -75,16 +74,11 @@ def optimise(
         from feeder_sim.studies.search.results import PICTURE, QUESTION, as_json_object, write_search
         from feeder_sim.studies.search.search import Budget, search
         from feeder_sim.studies.search.space import Space
-        from feeder_sim.studies.search.trials import Aim
 
-        aim = Aim(
-            maximise or minimise or "", maximise is not None, seeds or max(2, min(scenario.run.seeds, MOST_SEEDS))
-        )
         space = Space.of(scenario, over)
         asked = {"over": over, "measure": aim.measure, "maximise": aim.largest, "seeds": aim.seeds, "sampler": sampler}
-        text, same, checked = tomli_w.dumps(asked), str(asked), _sampler(sampler)
-        path = out or usual_folder(OUT, scenario_file.stem, QUESTION, scenario, same)
-        home = WorkFolder(path, QUESTION, text, scenario, same=same)
+        path = out or usual_folder(OUT, scenario_file.stem, QUESTION, scenario, str(asked))
+        home = WorkFolder(path, QUESTION, tomli_w.dumps(asked), scenario, same=str(asked))
         starts = _screened(space, aim, screen, recipes) if screen else []
         with home, stop_on_signal() as stop, progress_bar(scenario_file.stem, stop) as progress:
             with workers_of(workers, dask) as found_workers:
@@ -114,6 +108,19 @@ def optimise(
     if done.best is None:
         typer.echo(f"feeder-sim: no recipe has {aim.measure} in all its seeds", err=True)
         raise typer.Exit(1)
+
+
+def _aim(maximise: str | None, minimise: str | None, seeds: int | None, scenario: Scenario) -> Aim:
+    """What is searched for, from the options that say it.
+
+    Raises:
+        InputError: it is not said, or said twice.
+    """
+    from feeder_sim.studies.search.trials import Aim
+
+    if (maximise is None) == (minimise is None):
+        raise InputError("exactly one of them is needed", key="--maximise, --minimise")
+    return Aim(maximise or minimise or "", maximise is not None, seeds or max(2, min(scenario.run.seeds, MOST_SEEDS)))
 
 
 def _screened(space: Space, aim: Aim, file: Path, recipes: int) -> list[Point]:

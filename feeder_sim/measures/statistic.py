@@ -9,6 +9,19 @@ from dataclasses import dataclass
 import numpy as np
 
 
+def half_interval(se: float, n: float, confidence: float = 0.95) -> float:
+    """Half the width of Student's interval of a mean: t(n - 1) times its standard error; NaN below two values.
+
+    Args:
+        se: standard error of the mean.
+        n: number of independent values; with Satterthwaite's degrees of freedom it is not a whole one.
+        confidence: of the interval, to both sides [1].
+    """
+    from scipy.special import stdtrit
+
+    return float(stdtrit(n - 1, 0.5 + 0.5 * confidence)) * se if n > 1 else math.nan
+
+
 @dataclass(frozen=True)
 class Statistic:
     """Mean, standard deviation and standard error of n values; NaN where n is too small for them."""
@@ -26,6 +39,12 @@ class Statistic:
         mean = float(np.mean(finite)) if n else math.nan
         sd = float(np.std(finite, ddof=1)) if n > 1 else math.nan
         return Statistic(mean, sd, sd / math.sqrt(n) if n > 1 else math.nan, n)
+
+    @property
+    def interval(self) -> tuple[float, float]:
+        """Student's 95 % interval of the mean; NaN below two values."""
+        half = half_interval(self.se, self.n)
+        return self.mean - half, self.mean + half
 
     def as_dict(self) -> dict[str, float | int | None]:
         """As JSON takes it, which has no NaN: None stands for it."""

@@ -12,19 +12,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from feeder_sim.measures.statistic import Statistic
+from feeder_sim.measures.statistic import Statistic, half_interval
 
 COLOURS = ("#1f5fa8", "#c2571a", "#2a8a5f", "#8a4fa3", "#b3261e", "#5b6875")  # of curves, in this order
 SEED = "#aab4bf"  # of the thin curve of a single seed
 POINTS = 400  # of a curve at most; a picture has no room for more
 DODGE = 0.06  # of the distance of two points; curves side by side, so that their bars do not hide each other
-
-
-def half_interval(se: float, n: int) -> float:
-    """Half the width of the 95 % interval of a mean with a standard error of n values; NaN below two values."""
-    from scipy.special import stdtrit
-
-    return float(stdtrit(n - 1, 0.975)) * se if n > 1 else math.nan
 
 
 def thinned(n: int) -> NDArray[np.int64]:

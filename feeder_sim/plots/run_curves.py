@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from feeder_sim.measures.bounces import Flights
 from feeder_sim.measures.rate import RateFindings
 from feeder_sim.measures.separation import StageCounts
-from feeder_sim.measures.statistic import Statistic
+from feeder_sim.measures.statistic import Statistic, half_interval
 from feeder_sim.plots.figure import MM, MS
-from feeder_sim.plots.intervals import COLOURS, DODGE, SEED, draw_band, draw_bars, half_interval, thinned
+from feeder_sim.plots.intervals import COLOURS, DODGE, SEED, draw_band, draw_bars, thinned
 from feeder_sim.records.trajectory import Frames
 
 SHARES = ("#1f5fa8", "#9bb8d3", "#e0a030", "#5b6875")  # driving, pauses, looks, picks

@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
+from feeder_sim.measures.statistic import half_interval
 from feeder_sim.plots.figure import empty_figure, make_logarithmic
-from feeder_sim.plots.intervals import half_interval
 from feeder_sim.studies.sweep.cases import Sweep
 from feeder_sim.studies.sweep.design import labels
 from feeder_sim.studies.sweep.table import Row

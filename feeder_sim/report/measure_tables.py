@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from feeder_sim.plots.intervals import half_interval
+from feeder_sim.measures.statistic import half_interval
 from feeder_sim.report.page import Block, Folded, Table, Text, Tile
 from feeder_sim.report.words import headed, number, split_unit, with_error, worded
 

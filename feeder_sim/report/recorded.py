@@ -8,12 +8,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from feeder_sim.errors import FeederSimError, InputError, cause_of
+from feeder_sim.errors import FeederSimError, InputError
 from feeder_sim.records.own_files import locked
 from feeder_sim.records.trajectory import Recording, Status
 from feeder_sim.records.trajectory_file import recording_of
 from feeder_sim.run.prepare import prepare
-from feeder_sim.run.provenance import input_hashes, library_versions
+from feeder_sim.run.provenance import changed_inputs, library_versions
 from feeder_sim.run.recorded_seeds import seeds_of
 from feeder_sim.run.run_folder import RESOLVED
 from feeder_sim.run.simulation import Result
@@ -78,13 +78,9 @@ def _other_versions(recording: Recording) -> str:
 
 
 def _changed_inputs(recording: Recording, scenario: Scenario) -> tuple[str, ...]:
-    try:
-        inputs = input_hashes(scenario)
-    except OSError as error:
-        raise InputError(f"cannot be read: {cause_of(error)}", file=error.filename) from error
-    changed = sorted({key for key, _ in set(recording.inputs.items()) ^ set(inputs.items())})
     return tuple(
-        f"The file of {key} has changed since the run; measures that depend on it may be wrong." for key in changed
+        f"The file of {key} has changed since the run; measures that depend on it may be wrong."
+        for key in changed_inputs(recording.inputs, scenario)
     )
 
 

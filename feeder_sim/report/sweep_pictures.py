@@ -6,8 +6,9 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
+from feeder_sim.measures.statistic import half_interval
 from feeder_sim.plots.figure import make_logarithmic
-from feeder_sim.plots.intervals import COLOURS, half_interval
+from feeder_sim.plots.intervals import COLOURS
 from feeder_sim.plots.sweep import DECADES, draw_line, draw_map
 from feeder_sim.report.page import Picture
 from feeder_sim.report.pictures import picture_of

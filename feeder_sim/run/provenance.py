@@ -37,25 +37,42 @@ def input_hashes(scenario: Scenario) -> dict[str, str]:
     return {key: hashlib.sha256(file.read_bytes()).hexdigest() for key, file in files.items()}
 
 
+def changed_inputs(then: dict[str, str], scenario: Scenario) -> list[str]:
+    """Keys of the files that a scenario reads and that are no longer what a run has read.
+
+    Raises:
+        InputError: a file is missing.
+    """
+    try:
+        now = input_hashes(scenario)
+    except OSError as error:
+        raise InputError(f"cannot be read: {cause_of(error)}", file=error.filename) from error
+    return _different(then, now)
+
+
 def check_inputs(then: dict[str, str], scenario: Scenario, folder: Path, key: str | None = None) -> None:
     """Refuse to go on with a run whose files are no longer those that it has read; `key` is for the message.
 
     Raises:
         InputError: a file is missing or has another content.
     """
-    try:
-        now = input_hashes(scenario)
-    except OSError as error:
-        raise InputError(f"cannot be read: {cause_of(error)}", file=error.filename) from error
-    check_same(then, now, folder, "was begun with another content of", key)
+    _refuse(changed_inputs(then, scenario), folder, "was begun with another content of", key)
 
 
-def check_same(then: dict[str, str], now: dict[str, str], folder: Path, said: str, key: str | None) -> None:
-    """Refuse a run that has used other files or libraries than there are now.
+def check_libraries(then: dict[str, str], folder: Path, key: str | None = None) -> None:
+    """Refuse to go on with a run that was made by other libraries; `key` is for the message.
 
     Raises:
-        InputError: as said; it names the first of them.
+        InputError: it names the first of them.
     """
-    changed = sorted(name for name, _ in set(then.items()) ^ set(now.items()))
+    _refuse(_different(then, library_versions()), folder, "was begun with another version of", key)
+
+
+def _different(then: dict[str, str], now: dict[str, str]) -> list[str]:
+    """Names that two tables have with different values, or that only one of them has."""
+    return sorted({name for name, _ in set(then.items()) ^ set(now.items())})
+
+
+def _refuse(changed: list[str], folder: Path, said: str, key: str | None) -> None:
     if changed:
         raise InputError(f"{said} {changed[0]}, allowed is the same one", file=folder, key=key)

@@ -29,7 +29,7 @@ from feeder_sim.replay.replay import REPLAY, build_replay, remove_replays
 from feeder_sim.run.carried_files import carry_files, left_by_a_kill, relative
 from feeder_sim.run.keep import AllFrames, Keep, check_kept
 from feeder_sim.run.prepare import prepare
-from feeder_sim.run.provenance import check_inputs, check_same, input_hashes, library_versions
+from feeder_sim.run.provenance import check_inputs, check_libraries, input_hashes, library_versions
 from feeder_sim.run.recorder import RunRecorder
 from feeder_sim.run.seed_record import Begun, Left
 from feeder_sim.run.simulation import Result, announced, check_starts, run_ensemble
@@ -145,7 +145,7 @@ def _resume(folder: Path, **how: Any) -> Result:
     recording = recording_of(folder)
     if all(status != Status.UNFINISHED for status in recording.status) and (folder / SUMMARY).exists():
         raise InputError("has ended, there is nothing to resume", file=folder, key="--resume")
-    check_same(recording.libraries, library_versions(), folder, "was begun with another version of", "--resume")
+    check_libraries(recording.libraries, folder, "--resume")
     scenario = parse_scenario(recording.scenario_text, file=folder / RESOLVED)
     check_inputs(recording.inputs, scenario, folder, "--resume")
     prepared = prepare(scenario)

@@ -17,15 +17,13 @@ from typing import Any
 import numpy as np
 
 from feeder_sim.errors import InputError
-from feeder_sim.measures.statistic import Statistic
+from feeder_sim.measures.statistic import Statistic, half_interval
 from feeder_sim.measures.values import values_of_seed
 from feeder_sim.records.trajectory import Record, Recording, SeedRecord, Status
 from feeder_sim.records.trajectory_file import recording_of
 from feeder_sim.run.prepare import prepare
 from feeder_sim.run.provenance import check_inputs
 from feeder_sim.scenario import Scenario, parse_scenario
-
-CONFIDENCE = 0.95
 
 
 @dataclass(frozen=True)
@@ -166,25 +164,13 @@ def difference(name: str, first: list[float], second: list[float], *, paired: bo
     if paired:
         apart = b - a
         of_pairs = Statistic.of(apart.tolist())
-        half = _half_width(of_pairs.se, of_pairs.n - 1)
-        return Difference(
-            name, *means, of_pairs.mean, of_pairs.mean - half, of_pairs.mean + half, int(np.isfinite(apart).sum())
-        )
+        return Difference(name, *means, of_pairs.mean, *of_pairs.interval, of_pairs.n)
     apart_mean = means[1].mean - means[0].mean
     squares = [statistic.se**2 for statistic in means]
     error = math.sqrt(sum(squares))
     below = sum(square**2 / (statistic.n - 1) for square, statistic in zip(squares, means, strict=True) if square > 0.0)
-    half = _half_width(error, sum(squares) ** 2 / below if below else math.inf)
+    half = half_interval(error, 1.0 + (sum(squares) ** 2 / below if below else math.inf))
     return Difference(name, *means, apart_mean, apart_mean - half, apart_mean + half, None)
-
-
-def _half_width(error: float, degrees: float) -> float:
-    """Half of Student's interval of a mean with a standard error [1]; NaN without one."""
-    from scipy.stats import t
-
-    if not math.isfinite(error):
-        return math.nan
-    return error * float(t.ppf(0.5 + 0.5 * CONFIDENCE, degrees)) if error else 0.0
 
 
 def _flat(value: Any, key: str = "") -> Iterator[tuple[str, Any]]:

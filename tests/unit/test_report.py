@@ -13,9 +13,8 @@ from pages import checked
 from test_screenshot import drawn
 
 from feeder_sim.errors import Divergence, FeederSimError, SimulationDiverged
-from feeder_sim.measures.statistic import Statistic
+from feeder_sim.measures.statistic import Statistic, half_interval
 from feeder_sim.plots.figure import empty_figure
-from feeder_sim.plots.intervals import half_interval
 from feeder_sim.plots.run_curves import draw_over_time
 from feeder_sim.records.own_files import locked
 from feeder_sim.records.trajectory import Frames

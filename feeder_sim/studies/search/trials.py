@@ -7,9 +7,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import t
 
 from feeder_sim.jobs.task import SeedValues, Task
+from feeder_sim.measures.statistic import Statistic, half_interval
 from feeder_sim.studies.sweep.case import Case, Effort
 from feeder_sim.studies.sweep.cases import check_measure
 from feeder_sim.studies.sweep.design import Point
@@ -99,8 +99,8 @@ def is_worse(values: list[float], best: list[float], aim: Aim) -> bool:
     if n < 2:
         return False
     gain = np.array(values[:n]) - np.array(best[:n])
-    gain = gain if aim.largest else -gain
-    return bool(gain.mean() + t.ppf(SURE, n - 1) * gain.std(ddof=1) / math.sqrt(n) < 0.0)
+    found = Statistic.of(gain if aim.largest else -gain)
+    return found.mean + half_interval(found.se, found.n, 2.0 * SURE - 1.0) < 0.0  # to one side
 
 
 class TrialWork:
