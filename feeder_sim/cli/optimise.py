@@ -130,7 +130,7 @@ def _screened(space: Space, aim: Aim, file: Path, recipes: int) -> list[Point]:
     from feeder_sim.studies.search.search import GENERATION
 
     with progress_bar("screening") as progress:
-        found = screened(space, aim, load_map(file), recipes, GENERATION - 1, progress)
+        found = screened(space, aim, load_map(file), recipes, GENERATION, progress)
     typer.echo(f"feeder-sim: {len(found)} recipes of {recipes} begin the search", err=True)
     return found
 

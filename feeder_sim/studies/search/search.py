@@ -1,8 +1,9 @@
 """The search: generations of trials that Optuna proposes, then fresh seeds for the best of them.
 
-Trials are made in generations of a fixed size. Each generation is proposed from the results of those before it, by a
-sampler that is seeded by its number, and its trials are held against the best one before it. So the search takes the
-same way whatever runs it, and goes on after a break as if there had been none.
+Trials are made in generations of a fixed size, after the present recipe, which is the first one alone. Each generation
+is proposed from the results of those before it, by a sampler that is seeded by its number, and its trials are held
+against the best one before it. So the search takes the same way whatever runs it, and goes on after a break as if there
+had been none.
 
 The best of many noisy means is too good to be true (the winner's curse). Finalists get twice the seeds, and the best of
 them is run with fresh seeds, beside the recipe that the search began with.
@@ -143,7 +144,8 @@ def search(
         runs = _Runs(done, written, workers, stop, show)
         proposals = Proposals(folder / "optuna.log", space, aim, sampler, starts)
         while len(found.trials) < budget.trials and spent() < 1.0 and not stop.is_set():
-            size = min(GENERATION, budget.trials - len(found.trials))
+            size = GENERATION if found.trials or space.present is None else 1
+            size = min(size, budget.trials - len(found.trials))
             trials = [_trial(space, runs, number, point) for number, point in proposals.next(size)]
             if not runs.run(trials, aim, _best(found.trials, aim)):
                 return found
