@@ -206,10 +206,11 @@ def bifurcation(
     data: Annotated[Path | None, typer.Option("--data", help="Write the impact speeds to this CSV file.")] = None,
     engine: EngineName = None,
     seeds: Seeds = None,
+    settings: Set = None,
     as_json: AsJson = False,
 ) -> None:
     """Sweep the plate's amplitude under a bouncing part; find where period one, two, four, ... begin."""
-    scenario = scenario_of(scenario_file, engine, seeds, None)
+    scenario = scenario_of(scenario_file, engine, seeds, None, settings)
     if not 0.0 < low < high <= 1e6:
         raise InputError(f"are {low:g} and {high:g}, allowed is 0 < --from < --to <= 1e6", key="--from, --to")
     if picture is not None:

@@ -332,6 +332,9 @@ def test_bifurcation_with_bad_options_does_no_work(tmp_path: Path) -> None:
     check_refused(feeder_sim("bifurcation", ball, "--from", 3, "--to", 2), "--from", "3 and 2", "--from < --to")
     check_refused(feeder_sim("bifurcation", ball, "--from", "nan", "--to", 2), "--from", "nan")
     sweep = ("--from", 200, "--to", 300)
+    check_refused(
+        feeder_sim("bifurcation", ball, *sweep, "--set", "contact.restitution=2"), "contact.restitution: is 2"
+    )
     thick = feeder_sim("bifurcation", ball, "--from", 200, "--to", 5000)
     check_refused(thick, str(ball), "drive[0]", "5000 um", "plate's thickness")
     both = feeder_sim("bifurcation", ball, *sweep, "--picture", tmp_path / "d.png", "--data", tmp_path / "d.png")
