@@ -69,17 +69,22 @@ def optimise(
         import tomli_w
 
         from feeder_sim.jobs.folder import WorkFolder, usual_folder
+        from feeder_sim.jobs.identity import content_hash
         from feeder_sim.jobs.workers import workers_of
         from feeder_sim.plots.search import draw_search
+        from feeder_sim.studies.search.proposals import LOG
         from feeder_sim.studies.search.results import PICTURE, QUESTION, as_json_object, write_search
         from feeder_sim.studies.search.search import Budget, search
         from feeder_sim.studies.search.space import Space
 
-        space = Space.of(scenario, over)
+        space = Space.of(scenario, over, scenario_file)
         asked = {"over": over, "measure": aim.measure, "maximise": aim.largest, "seeds": aim.seeds, "sampler": sampler}
+        if screen is not None:
+            asked |= {"screen": content_hash(screen), "recipes": recipes}
         path = out or usual_folder(OUT, scenario_file.stem, QUESTION, scenario, str(asked))
         home = WorkFolder(path, QUESTION, tomli_w.dumps(asked), scenario, same=str(asked))
-        starts = _screened(space, aim, screen, recipes) if screen else []
+        begun = (home.path / LOG).exists()  # then the recipes that were screened are in its record
+        starts = _screened(space, aim, screen, recipes) if screen and not begun else []
         with home, stop_on_signal() as stop, progress_bar(scenario_file.stem, stop) as progress:
             with workers_of(workers, dask) as found_workers:
                 done = search(
@@ -102,12 +107,7 @@ def optimise(
         print(json.dumps({"folder": str(home.path), **as_json_object(done)}))
     else:
         _print(done, home.path)
-    if not done.complete:
-        typer.echo("feeder-sim: not complete; what was computed is kept, the same command goes on", err=True)
-        raise typer.Exit(Interrupted.exit_code)
-    if done.best is None:
-        typer.echo(f"feeder-sim: no recipe has {aim.measure} in all its seeds", err=True)
-        raise typer.Exit(1)
+    _end(done)
 
 
 def _aim(maximise: str | None, minimise: str | None, seeds: int | None, scenario: Scenario) -> Aim:
@@ -135,6 +135,21 @@ def _screened(space: Space, aim: Aim, file: Path, recipes: int) -> list[Point]:
     return found
 
 
+def _end(done: Search) -> None:
+    """End with the exit code of what was found, and a line where it is not what was asked for."""
+    measure = done.aim.measure
+    if not done.complete:
+        typer.echo("feeder-sim: not complete; what was computed is kept, the same command goes on", err=True)
+        raise typer.Exit(Interrupted.exit_code)
+    if done.best is None:
+        typer.echo(f"feeder-sim: no recipe has {measure} in all its seeds", err=True)
+        raise typer.Exit(1)
+    if done.best.without_value:
+        seeds = f"{done.best.without_value} of {len(done.best.values)} fresh seeds"
+        typer.echo(f"feeder-sim: the best recipe has no {measure} in {seeds}, its mean is of the others", err=True)
+        raise typer.Exit(1)
+
+
 def _print(done: Search, folder: Path) -> None:
     """What was found, in words."""
     from feeder_sim.measures.protocol import labelled
@@ -144,13 +159,12 @@ def _print(done: Search, folder: Path) -> None:
     for label, checked in (("as it is", done.present), ("best", done.best)):
         if checked is not None:
             found = checked.found
-            text = (
-                f"{done.aim.measure} {found.mean:.4g} +- {found.se:.2g}, {found.n} of {len(checked.values)} fresh seeds"
-            )
-            print(labelled(label, text))
-    if math.isfinite(done.gain[0]):
-        mean, low, high = done.gain
-        print(labelled("difference", f"{mean:+.4g}, 95 % interval {low:+.4g} to {high:+.4g}"))
+            value = f"{found.mean:.4g} +- {found.se:.2g}" if found.n > 1 else "in one seed at most"
+            print(labelled(label, f"{done.aim.measure} {value}, {found.n} of {len(checked.values)} fresh seeds"))
+    if done.gain.n > 1:
+        low, high = done.gain.interval
+        pairs = f"{done.gain.n} pairs of seeds"
+        print(labelled("difference", f"{done.gain.mean:+.4g}, 95 % interval {low:+.4g} to {high:+.4g}, {pairs}"))
     if done.best and done.best.point:
         for key, value in done.best.point.items():
             print(labelled("", f"{key} = {value:.4g}" if isinstance(value, float) else f"{key} = {value}"))

@@ -35,14 +35,23 @@ def content_text(value: Any) -> str:
     return json.dumps(value, default=_content, sort_keys=True)
 
 
+def content_hash(file: Path) -> str:
+    """SHA-256 of a file.
+
+    Raises:
+        InputError: it cannot be read.
+    """
+    try:
+        state = file.stat()
+        return _hash(file, state.st_mtime_ns, state.st_size)
+    except OSError as error:
+        raise InputError(f"cannot be read: {cause_of(error)}", file=file) from error
+
+
 def _content(value: Any) -> str:
     if not isinstance(value, Path):
         raise TypeError(f"{type(value).__name__} in a scenario")
-    try:
-        state = value.stat()
-        return _hash(value, state.st_mtime_ns, state.st_size)
-    except OSError as error:
-        raise InputError(f"cannot be read: {cause_of(error)}", file=value) from error
+    return content_hash(value)
 
 
 @functools.lru_cache(64)

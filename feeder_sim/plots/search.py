@@ -6,7 +6,7 @@ import math
 from pathlib import Path
 from typing import Any
 
-from feeder_sim.measures.statistic import Statistic
+from feeder_sim.measures.statistic import Statistic, half_interval
 from feeder_sim.plots.figure import empty_figure
 from feeder_sim.studies.search.search import Search
 
@@ -21,7 +21,7 @@ def draw_search(found: Search, path: Path) -> None:
 
 
 def draw_history(axes: Any, found: Search) -> None:
-    """Draw means with standard errors over the trials; those that were stopped are pale."""
+    """Draw means with standard errors over the trials, stopped ones pale; fresh seeds with their 95 % interval."""
     aim = found.aim
     judged = [(i, trial) for i, trial in enumerate(found.trials) if not math.isnan(trial.mean(aim))]
     for stopped, color, label in ((True, PALE, "stopped early"), (False, BLUE, "all seeds")):
@@ -41,7 +41,7 @@ def draw_history(axes: Any, found: Search) -> None:
         (4, found.best, "#3a8a5a", "best, fresh seeds"),
     ):
         if checked is not None and checked.found.n > 1:
-            reach = 1.96 * checked.found.se
+            reach = half_interval(checked.found.se, checked.found.n)
             axes.errorbar(len(steps) + after, checked.found.mean, reach, fmt="s", color=color, capsize=3, label=label)
     axes.set(xlabel="trial", ylabel=aim.measure)
     axes.grid(True, alpha=0.3)

@@ -87,9 +87,10 @@ def read_value(text: str) -> Any:
     if not text.strip():
         return None
     try:
-        return tomllib.loads(f"value = {text}")["value"]
-    except (tomllib.TOMLDecodeError, KeyError, ValueError, RecursionError):
+        read = tomllib.loads(f"value = {text}")
+    except (tomllib.TOMLDecodeError, ValueError, RecursionError):
         return text.strip()
+    return read["value"] if read.keys() == {"value"} else text.strip()  # a text of several lines may hold more keys
 
 
 def read_changes(settings: list[str], option: str = "--set") -> dict[str, Any]:

@@ -85,6 +85,7 @@ def test_values_on_the_command_line_are_those_of_toml() -> None:
     settings = ["drive[0].amplitude_um = 2", "run.engine=mujoco", "run.planar=true", "goal=", "a=[1, 2]"]
     read = read_changes(settings)
     assert read == {"drive[0].amplitude_um": 2, "run.engine": "mujoco", "run.planar": True, "goal": None, "a": [1, 2]}
+    assert read_changes(["a=1\nb=2"]) == {"a": "1\nb=2"}  # a line after the value is not dropped
     for wrong in (["a"], ["=1"], ["a=1", "a=2"], ["stage[0].duration_s=1", "schedule.stage[0].duration_s=2"]):
         with pytest.raises(InputError, match=r"--set|given twice"):
             read_changes(wrong)

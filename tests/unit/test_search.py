@@ -80,10 +80,25 @@ def test_the_best_is_found_and_checked_with_fresh_seeds(tmp_path: Path) -> None:
     assert found.best.point[AMPLITUDE] == pytest.approx(3.0, abs=0.5)
     assert found.trials[0].point == {AMPLITUDE: 1.0, FRICTION: 0.3}  # as it is, first of all
     assert found.present is not None and len(found.present.values) == 16
-    mean, low, high = found.gain
+    mean, (low, high) = found.gain.mean, found.gain.interval
     assert low < 5.0 < high and mean == pytest.approx(5.0, abs=0.7)  # the true difference, 10 - 5
     scenario = found.space.scenario.changed({"run.seed": FRESH})
     assert found.present.values == tuple(speed_of(scenario, seed) for seed in range(16))
+
+
+def test_a_best_recipe_without_a_value_in_some_fresh_seeds_says_so(
+    repository: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fails_when_fresh(scenario: Scenario, seed: int) -> float:
+        return math.nan if scenario.run.seed == FRESH - 1 and seed % 4 == 0 else 1.0 + seed  # after 2^63 - 1 comes 0
+
+    monkeypatch.setitem(globals(), "speed_of", fails_when_fresh)
+    monkeypatch.setattr("feeder_sim.jobs.workers.workers_of", lambda count, dask: given_workers(Pretended(), 2))
+    asked = ("optimise", repository / "scenarios/drift_4750hz.toml", "--maximise", "speed", "--over", OVER[0])
+    done = feeder_sim(*asked, "--trials", 4, "--seed", 2**63 - 1, "--json", "--out", tmp_path / "out")
+    told = json.loads(done.stdout)
+    assert done.returncode == 1 and "has no speed in 4 of 16 fresh seeds, its mean is of the others" in done.stderr
+    assert (told["best"]["n"], told["best"]["seeds"], told["gain"]["n"]) == (12, 16, 12)
 
 
 def test_losers_are_stopped_early(tmp_path: Path) -> None:
@@ -146,6 +161,8 @@ def test_a_mode_takes_its_frequency_along(repository: Path) -> None:
     assert changed.schedule.stage[0].drive[0].frequency_hz == scenario.schedule.stage[0].drive[0].frequency_hz
     with pytest.raises(InputError, match=r"drive\[0\]\.mode: is 999, allowed is 1 to"):
         Space.of(scenario, ["stage[0].drive[0].mode=1,999"])
+    (whole,) = Space.of(scenario, ["stage[0].drive[0].mode=12:14"]).parameters  # also where the file has no mode
+    assert [whole.at(share) for share in (0.0, 0.5, 1.0)] == [12, 13, 14]
 
 
 @pytest.mark.parametrize(
@@ -182,6 +199,8 @@ def test_command(repository: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPat
     assert told["complete"] and told["gain"]["low"] < told["gain"]["mean"]
     told = feeder_sim(*asked[:2], "--maximise", "sped", *asked[4:-1], tmp_path / "none")
     check_refused(told, "--maximise: is sped (did you mean 'speed'?), allowed are speed")
+    negative = feeder_sim("optimise", scenario, "--maximise", "speed", "--over", f"{AMPLITUDE}=-1:2", cwd=tmp_path)
+    check_refused(negative, str(scenario), f"{AMPLITUDE}: is -1")
     (tmp_path / "damaged").mkdir()
     for name in ("search.toml", "optuna.log"):
         (tmp_path / "damaged" / name).write_text("{" if name == "optuna.log" else (out / name).read_text())

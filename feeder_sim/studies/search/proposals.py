@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from optuna.study import Study
 
 Sampler = Literal["tpe", "cmaes"]
+LOG = "optuna.log"
 RANDOM_TRIALS = 16  # at the begin, before the sampler learns
 
 

@@ -19,7 +19,7 @@ from typing import Any
 
 from feeder_sim.jobs.folder import WorkFolder
 from feeder_sim.measures.statistic import Statistic
-from feeder_sim.studies.search.search import Search
+from feeder_sim.studies.search.search import Checked, Search
 from feeder_sim.studies.sweep.design import labels
 
 QUESTION, TRIALS, BEST, PICTURE = "search.toml", "trials.csv", "best.toml", "history.png"
@@ -45,14 +45,20 @@ def write_search(folder: WorkFolder, found: Search) -> None:
 
 def as_json_object(found: Search) -> dict[str, Any]:
     """What was found, as JSON takes it."""
-    gain = dict(zip(("mean", "low", "high"), found.gain, strict=True))
+    low, high = found.gain.interval
+    gain = found.gain.as_dict() | {name: v if math.isfinite(v) else None for name, v in (("low", low), ("high", high))}
     return {
         "measure": found.aim.measure,
         "maximise": found.aim.largest,
         "trials": len(found.trials),
         "stopped": sum(trial.stopped for trial in found.trials),
         "complete": found.complete,
-        "present": found.present.found.as_dict() if found.present else None,
-        "best": found.best.found.as_dict() | {"values": labels(found.best.point or {})} if found.best else None,
-        "gain": {name: value if math.isfinite(value) else None for name, value in gain.items()},
+        "present": _checked(found.present) if found.present else None,
+        "best": _checked(found.best) | {"values": labels(found.best.point or {})} if found.best else None,
+        "gain": gain,
     }
+
+
+def _checked(checked: Checked) -> dict[str, Any]:
+    """A recipe with fresh seeds: `n` of them have a value."""
+    return checked.found.as_dict() | {"seeds": len(checked.values)}

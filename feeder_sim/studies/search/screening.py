@@ -7,7 +7,6 @@ to look, and full runs decide.
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
 
 import numpy as np
 from scipy.stats import qmc
@@ -19,7 +18,7 @@ from feeder_sim.scene.prepared import Prepared
 from feeder_sim.scene.start import start_poses
 from feeder_sim.studies.drift_map.drift_map import DriftMap
 from feeder_sim.studies.drift_map.walk import walk
-from feeder_sim.studies.search.space import Parameter, Space
+from feeder_sim.studies.search.space import Space
 from feeder_sim.studies.search.trials import Aim
 from feeder_sim.studies.sweep.design import Point
 
@@ -57,9 +56,7 @@ def screened(
     found: list[tuple[float, Point]] = []
     refused: InputError | None = None
     for number, row in enumerate(shares):
-        point = {
-            parameter.key: _at(parameter, float(share)) for parameter, share in zip(space.parameters, row, strict=True)
-        }
+        point = {p.key: p.at(float(share)) for p, share in zip(space.parameters, row, strict=True)}
         try:
             arrival = _arrival(drift_map, space.changed(point), number)
         except InputError as error:  # beyond the map, or no recipe
@@ -91,11 +88,3 @@ def _arrival(drift_map: DriftMap, scenario: Scenario, number: int) -> float:
 def _starts(prepared: Prepared, rng: np.random.Generator) -> np.ndarray:
     """Places (walkers, 2) [m] as seeds would draw them."""
     return np.array([start_poses(prepared.scene, rng)[0].position[:2] for _ in range(WALKERS)])
-
-
-def _at(parameter: Parameter, share: float) -> Any:
-    """What a parameter has a share of its way along [1]."""
-    if parameter.span is None:
-        return parameter.choices[min(int(share * len(parameter.choices)), len(parameter.choices) - 1)]
-    value = parameter.span.at(share)
-    return round(value) if parameter.whole else value

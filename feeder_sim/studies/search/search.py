@@ -29,7 +29,7 @@ from feeder_sim.jobs.task import SeedValues
 from feeder_sim.jobs.workers import Workers
 from feeder_sim.measures.statistic import Statistic
 from feeder_sim.scenario import Scenario
-from feeder_sim.studies.search.proposals import Proposals, Sampler
+from feeder_sim.studies.search.proposals import LOG, Proposals, Sampler
 from feeder_sim.studies.search.space import Space
 from feeder_sim.studies.search.trials import Aim, Trial, TrialWork
 from feeder_sim.studies.sweep.case import Case
@@ -39,6 +39,7 @@ from feeder_sim.studies.sweep.design import Point
 GENERATION = 8  # trials that are proposed together
 FINALISTS = 4
 FRESH = 1_000_003  # added to the root of the random numbers for seeds that no trial has had
+SEED_LIMIT = 2**63  # of the root; what would be beyond begins again at 0
 TRIALS_SHARE = 0.95  # of the progress; the rest is the check
 
 
@@ -64,7 +65,13 @@ class Checked:
 
     @property
     def found(self) -> Statistic:
+        """Over the seeds that have a value."""
         return Statistic.of(self.values)
+
+    @property
+    def without_value(self) -> int:
+        """Number of seeds that have none."""
+        return sum(not math.isfinite(value) for value in self.values)
 
 
 @dataclass
@@ -88,12 +95,11 @@ class Search:
     complete: bool = False
 
     @property
-    def gain(self) -> tuple[float, float, float]:
-        """Mean difference of best and present, seed by seed, and its 95 % interval; NaN where there is none."""
+    def gain(self) -> Statistic:
+        """Difference of best and present over the fresh seeds that have a value in both."""
         if self.present is None or self.best is None:
-            return (math.nan,) * 3
-        gain = Statistic.of(np.array(self.best.values) - np.array(self.present.values))
-        return gain.mean, *gain.interval
+            return Statistic.of(())
+        return Statistic.of(np.array(self.best.values) - np.array(self.present.values))
 
 
 def search(
@@ -142,7 +148,7 @@ def search(
     done = _done(journal, aim)
     with Journal(journal) as written:
         runs = _Runs(done, written, workers, stop, show)
-        proposals = Proposals(folder / "optuna.log", space, aim, sampler, starts)
+        proposals = Proposals(folder / LOG, space, aim, sampler, starts)
         while len(found.trials) < budget.trials and spent() < 1.0 and not stop.is_set():
             size = GENERATION if found.trials or space.present is None else 1
             size = min(size, budget.trials - len(found.trials))
@@ -214,7 +220,8 @@ def _check(found: Search, runs: _Runs, check_seeds: int) -> bool:
     best = _best(tried, longer)
     fresh = replace(aim, seeds=check_seeds)
     scenarios = [space.scenario] + ([space.changed(best.point)] if best else [])
-    anew = [scenario.changed({"run.seed": scenario.run.seed + FRESH}) for scenario in scenarios]
+    root = (space.scenario.run.seed + FRESH) % SEED_LIMIT
+    anew = [scenario.changed({"run.seed": root}, file=space.file) for scenario in scenarios]
     checks = [_Whole(-1, {}, runs.case_of(scenario)) for scenario in anew]
     if not runs.run(checks, fresh, None):
         return False

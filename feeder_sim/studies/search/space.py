@@ -10,6 +10,7 @@ import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from feeder_sim.errors import InputError
@@ -46,6 +47,13 @@ class Parameter:
             return trial.suggest_int(self.key, int(self.span.low), int(self.span.high), log=self.span.log)
         return trial.suggest_float(self.key, self.span.low, self.span.high, log=self.span.log)
 
+    def at(self, share: float) -> Any:
+        """The value that lies a share of the way along [1]; of choices each has an equal share."""
+        if self.span is None:
+            return self.choices[min(int(share * len(self.choices)), len(self.choices) - 1)]
+        value = self.span.at(share)
+        return round(value) if self.whole else value
+
     def holds(self, value: Any) -> bool:
         """Whether a value is among those allowed."""
         if self.span is None:
@@ -63,10 +71,16 @@ class Space:
 
     scenario: Scenario
     parameters: tuple[Parameter, ...]
+    file: Path = Path("scenario")
 
     @staticmethod
-    def of(scenario: Scenario, over: Sequence[str]) -> Space:
+    def of(scenario: Scenario, over: Sequence[str], file: Path = Path("scenario")) -> Space:
         """The space of axes as the command line has them; every end and choice is checked by itself.
+
+        Args:
+            scenario: what is changed.
+            over: axes as texts, such as `drive[0].amplitude_um=1:5`.
+            file: names the scenario in messages.
 
         Raises:
             InputError: a key or a value that is not allowed, or a mode that the plate does not have.
@@ -75,12 +89,12 @@ class Space:
         parameters = []
         for axis in (read_axis(text, "--over") for text in over):
             now = value_at(raw, axis.key)
-            whole = isinstance(now, int) and not isinstance(now, bool)
+            whole = axis.key.endswith(MODE) or (isinstance(now, int) and not isinstance(now, bool))
             parameters.append(Parameter(axis.key, *_span_and_choices(axis, whole)))
         keys = [parameter.key for parameter in parameters]
         if not keys or len(set(keys)) < len(keys):
             raise InputError("is missing or names a key twice, allowed is each key once", key="--over")
-        space = Space(scenario, tuple(parameters))
+        space = Space(scenario, tuple(parameters), file)
         for parameter in parameters:
             ends = (parameter.span.low, parameter.span.high) if parameter.span else parameter.choices
             for value in ends:
@@ -106,7 +120,7 @@ class Space:
             if key.endswith(MODE):
                 drive = key.removesuffix(MODE)
                 changes |= {f"{drive}.frequency_hz": self._frequency(key, value), f"{drive}.natural_frequency_hz": None}
-        return self.scenario.changed(changes)
+        return self.scenario.changed(changes, file=self.file)
 
     @property
     def present(self) -> Point | None:

@@ -16,7 +16,7 @@ from feeder_sim.studies.sweep.design import Point
 
 FIRST_SEEDS = 2  # of a trial, before it is first held against the best
 GROWTH = 2  # of its seeds from one look to the next
-SURE = 0.95  # that a trial is worse, to stop it
+SURE = 0.95  # confidence of the test that stops a trial
 
 
 @dataclass(frozen=True)
@@ -79,8 +79,9 @@ class Trial:
     def judge(self, aim: Aim, best: Trial | None) -> int:
         """How many seeds it should have by those that are done; it is stopped where that is all there will be.
 
-        It has been given up when a seed has no value, or when it is worse than the best one before it with the
-        confidence `SURE`: by Student's distribution of the differences seed by seed, which have the same starts.
+        It has been given up when a seed has no value, or when it is worse than the best one before it by Student's
+        one-sided test of the differences seed by seed, which have the same starts. Trials are tested several times,
+        against a best that was chosen; so the test is a rule that saves seeds, and its error is larger than 5 %.
         """
         if self.case is None:
             return 0
@@ -94,7 +95,7 @@ class Trial:
 
 
 def is_worse(values: list[float], best: list[float], aim: Aim) -> bool:
-    """Whether values are worse than those of the best, seed by seed, with the confidence `SURE`."""
+    """Whether values are worse than those of the best, seed by seed, by a test with the confidence `SURE`."""
     n = min(len(values), len(best))
     if n < 2:
         return False
