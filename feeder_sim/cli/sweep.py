@@ -11,7 +11,7 @@ import typer
 
 from feeder_sim.cli.files import naming, scenario_of
 from feeder_sim.cli.options import AsJson, Dask, EngineName, Measure, ScenarioFile, Seed, Seeds, Set, WorkerCount
-from feeder_sim.cli.terminal import progress_bar, stop_on_signal
+from feeder_sim.cli.terminal import notify, progress_bar, stop_on_signal
 from feeder_sim.errors import InputError, Interrupted, printable
 
 if TYPE_CHECKING:
@@ -105,10 +105,13 @@ def _finish(
         draw_sweep(done, name, folder.path / PICTURE)
     if as_json:
         rows = [row.as_dict() for row in done.rows]
-        print(json.dumps({"folder": str(folder.path), "complete": done.complete, "measure": name, "rows": rows}))
+        told = {"folder": str(folder.path), "complete": done.complete, "measure": name, "rows": rows}
+        print(json.dumps(told | {"cautions": [caution.as_dict() for caution in done.cautions]}))
     else:
         print_table(done, name)
         print(f"{len(done.cases.points)} points in {printable(str(folder.path))}")
+    for caution in done.cautions:
+        notify(f"caution: {caution.in_words()}")
     for failure in done.failures[:3]:
         typer.echo(f"feeder-sim: failed: {printable(failure)}", err=True)
     if not done.complete:

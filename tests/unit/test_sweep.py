@@ -17,6 +17,7 @@ from command_line import check_refused, feeder_sim
 from conftest import strip_scenario
 
 from feeder_sim.errors import FeederSimError, InputError
+from feeder_sim.jobs.cautions import cautions_over
 from feeder_sim.jobs.identity import identity_of
 from feeder_sim.jobs.journal import Journal, read_journal
 from feeder_sim.jobs.runner import run_work
@@ -93,7 +94,8 @@ class Pretended(Executor):
             future.set_exception(BrokenProcessPool("killed"))
             return future
         self.seeds += [(amplitude, seed) for seed in task.seeds]
-        values = [SeedValues(seed, {"speed": speed_of(amplitude, seed)}, 0.1) for seed in task.seeds]
+        told = ("drive[0] is strong",) if amplitude > 3.0 else ()
+        values = [SeedValues(seed, {"speed": speed_of(amplitude, seed)}, 0.1, "", told) for seed in task.seeds]
         future.set_result(tuple(values))
         return future
 
@@ -315,6 +317,33 @@ def test_a_task_that_cannot_be_run_says_why() -> None:
     assert SeedValues.of_entry(entry) == seed
 
 
+def test_cautions_come_with_the_seeds_of_a_task() -> None:
+    scenario = strip_scenario(duration_s=0.02).changed({"run.in_plane_velocity": False})
+    (seed,) = run_task(Task(scenario, identity_of(scenario), (0,)))
+    assert [line.partition(" ")[0] for line in seed.cautions] == ["run.in_plane_velocity"]
+    entry = json.loads(json.dumps(seed.as_entry()))
+    assert SeedValues.of_entry(entry) == seed
+    del entry["cautions"]  # as journals had it once
+    assert SeedValues.of_entry(entry) == replace(seed, cautions=())
+
+
+def test_a_caution_is_told_once_for_all_points() -> None:
+    """Also where its numbers are those of each point."""
+    lines = [
+        ("run.planar is true: no",),
+        ("run.planar is true: no", "drive[0]: by 3.2 um"),
+        ("drive[0]: by 2.5e+03 um",),
+    ]
+    places = [[SeedValues(seed, {}, 0.1, "", told) for seed in range(2)] for told in lines]
+    assert [caution.in_words() for caution in cautions_over([*places, []])] == [
+        "run.planar is true: no (at 2 of 3 points)",
+        "drive[0]: by 3.2 um (at 2 of 3 points, the numbers are those of the first)",
+    ]
+    assert [caution.in_words() for caution in cautions_over(places[:1])] == ["run.planar is true: no"]
+    other = [SeedValues(0, {}, 0.1, "", ("drive[1]: by 3.2 um",))]
+    assert len(cautions_over([places[1], other])) == 3  # of another drive
+
+
 def test_command(repository: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("feeder_sim.jobs.workers.workers_of", lambda count, dask: given_workers(Pretended(), 2))
     scenario, out = repository / "scenarios/drift_4750hz.toml", tmp_path / "out"
@@ -322,6 +351,7 @@ def test_command(repository: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPat
     done = feeder_sim(*asked, "--seeds", 3)
     assert done.returncode == 0, done.stderr
     assert "speed" in done.stdout and "6 points" in done.stdout
+    assert done.stderr == "feeder-sim: caution: drive[0] is strong (at 2 of 6 points)\n"
     with (out / "sweep.csv").open(newline="") as file:
         rows = list(csv.DictReader(file))
     assert list(rows[0]) == [AMPLITUDE, "contact.friction", "measure", "mean", "se", "n", "failed"]
@@ -332,6 +362,7 @@ def test_command(repository: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPat
     assert pyarrow.parquet.read_table(out / "sweep.parquet").to_pylist()[0]["measure"] == "speed"
     told = json.loads(feeder_sim(*asked, "--json").stdout)
     assert told["complete"] and len(told["rows"]) == 6
+    assert told["cautions"] == [{"caution": "drive[0] is strong", "at": 2, "of": 6}]
     assert feeder_sim("merge", out).returncode == 0
     (out / "journal.jsonl").unlink()
     assert feeder_sim("merge", out).returncode == 130  # nothing is there

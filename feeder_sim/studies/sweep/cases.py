@@ -15,6 +15,7 @@ from functools import cached_property
 from pathlib import Path
 
 from feeder_sim.errors import InputError, nearest
+from feeder_sim.jobs.cautions import Caution, cautions_over
 from feeder_sim.jobs.identity import identity_of
 from feeder_sim.jobs.journal import Journal, read_journal
 from feeder_sim.jobs.runner import run_work
@@ -187,6 +188,12 @@ class Sweep:
         """Why seeds have failed, each reason once."""
         effort = self.cases.effort
         return list(dict.fromkeys(s.failure for case in self.cases for s in case.seeds(effort) if s.failure))
+
+    @cached_property
+    def cautions(self) -> list[Caution]:
+        """Settings that are known to mislead, each once, with the number of points where it holds."""
+        effort = self.cases.effort
+        return cautions_over([seed for case in row for seed in case.seeds(effort)] for row in self.cases.cases)
 
 
 def run_cases(
