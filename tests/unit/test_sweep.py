@@ -42,6 +42,7 @@ def test_axes() -> None:
     assert read_axis("stage[0].duration_s=1:2:3").key == "schedule.stage[0].duration_s"
     assert read_axis("a=x,2,[1, 2],{ b = 1, c = 2 }").values == ("x", 2, [1, 2], {"b": 1, "c": 2})
     assert read_axis("a=[1, 2]").values == (1, 2)
+    assert read_axis("a=1,true").values == (1, True)
     axes = [read_axis("a=1,2"), read_axis("b=3,4")]
     assert grid(axes) == [{"a": 1, "b": 3}, {"a": 1, "b": 4}, {"a": 2, "b": 3}, {"a": 2, "b": 4}]
     assert side_by_side(axes) == [{"a": 1, "b": 3}, {"a": 2, "b": 4}]
@@ -59,8 +60,12 @@ def test_axes() -> None:
         (["a=0:1:log3"], "above 0 on a logarithmic scale"),
         (["a=1:2:1"], "allowed are 2 to"),
         (["a=1,1"], "different values"),
+        (["a=1,1.0"], "different values"),
+        (["a={ b = [1] },{ b = [1.0] }"], "different values"),
         (["a=1:2"], "which only --sobol takes"),
         (["a=1,2", "a=3,4"], "varied twice"),
+        (["stage[0].duration_s=1,2", "schedule.stage[0].duration_s=3,4"], "varied twice"),
+        (["a[0].b=1,2", "a[0]={ b = 1 },{ b = 2 }"], r"--vary a\[0\]\.b: is varied, and so is a\[0\]"),
         (["a=1:2:1000", "b=1:2:1000"], "1000000 points"),
         ([], "--vary: is missing"),
         (["run.seeds=2,4"], "decides what a run does"),

@@ -22,9 +22,9 @@ from feeder_sim.jobs.runner import run_work
 from feeder_sim.jobs.task import SeedValues, Task
 from feeder_sim.jobs.workers import Workers
 from feeder_sim.scenario import Scenario
-from feeder_sim.scenario.changes import path_of
 from feeder_sim.studies.sweep.case import Case, Effort
-from feeder_sim.studies.sweep.design import Point
+from feeder_sim.studies.sweep.design import Point, overlap
+from feeder_sim.studies.sweep.modes import with_frequencies
 from feeder_sim.studies.sweep.question import Question
 from feeder_sim.studies.sweep.table import Row, main_measure, rows_of
 from feeder_sim.studies.uncertainty.draws import Draw, draws_of
@@ -55,15 +55,16 @@ class Cases:
         Raises:
             InputError: a key or a value that is not allowed.
         """
-        for key in points[0]:
-            if any(_overlap(key, other) for other in draws[0]):
+        for key in with_frequencies(scenario, points[0], file=file):
+            if any(overlap(key, other) for other in draws[0]):
                 raise InputError("is varied, but also [uncertain]; allowed is one of them", file=file, key=key)
         if effort.until_se is not None and len(draws) > 1:
             problem = "is given, allowed is none with [uncertain] inputs: more --inputs narrow their interval"
             raise InputError(problem, key="--until-se")
         rows = []
         for point in points:
-            changed = [scenario.changed({"uncertain": None, **draw, **point}, file=file) for draw in draws]
+            changes = with_frequencies(scenario, point, file=file)
+            changed = [scenario.changed({"uncertain": None, **draw, **changes}, file=file) for draw in draws]
             rows.append(
                 tuple(Case(varied, identity_of(varied), number, len(draws)) for number, varied in enumerate(changed))
             )
@@ -76,12 +77,6 @@ class Cases:
 
     def __iter__(self) -> Iterator[Case]:
         return (case for row in self.cases for case in row)
-
-
-def _overlap(key: str, other: str) -> bool:
-    """Whether two keys are the same, or one is within the value of the other."""
-    short, long = sorted((path_of(key), path_of(other)), key=len)
-    return long[: len(short)] == short
 
 
 class SweepWork:
