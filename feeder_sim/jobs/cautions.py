@@ -20,24 +20,29 @@ class Caution:
         text: what it is, and does; where numbers in it differ from place to place, that of the first.
         at: number of places, such as points of a sweep, where it holds.
         of: number of all places that have been run.
-        alike: whether the numbers in it differ.
+        numbers_differ: as said.
     """
 
     text: str
     at: int
     of: int
-    alike: bool = False
+    numbers_differ: bool = False
 
     def in_words(self, places: str = "points") -> str:
         """The caution with where it holds, as far as there is more than one place."""
         if self.of == 1:
             return self.text
         where = f"at all {self.of} {places}" if self.at == self.of else f"at {self.at} of {self.of} {places}"
-        return f"{self.text} ({where}{', the numbers are those of the first' if self.alike else ''})"
+        return f"{self.text} ({where}{', the numbers are those of the first' if self.numbers_differ else ''})"
 
     def as_dict(self) -> dict[str, Any]:
         """As JSON takes it."""
-        return {"caution": self.text, "at": self.at, "of": self.of}
+        return {"caution": self.text, "at": self.at, "of": self.of, "numbers_differ": self.numbers_differ}
+
+    @staticmethod
+    def of_dict(entry: dict[str, Any]) -> Caution:
+        """From what `as_dict` has made."""
+        return Caution(str(entry["caution"]), int(entry["at"]), int(entry["of"]), bool(entry["numbers_differ"]))
 
 
 def cautions_over(places: Iterable[Iterable[SeedValues]]) -> list[Caution]:
