@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -11,7 +12,7 @@ import typer
 
 from feeder_sim.cli.files import naming, scenario_of
 from feeder_sim.cli.options import AsJson, Dask, EngineName, Measure, ScenarioFile, Seed, Seeds, Set, WorkerCount
-from feeder_sim.cli.terminal import progress_bar, stop_on_signal
+from feeder_sim.cli.terminal import notify, progress_bar, stop_on_signal
 from feeder_sim.errors import InputError, Interrupted, printable
 
 if TYPE_CHECKING:
@@ -43,6 +44,9 @@ def sweep(
     until_se: Annotated[
         str | None, typer.Option("--until-se", help="More seeds until the standard error is below, such as 3%.")
     ] = None,
+    most_seeds: Annotated[
+        int, typer.Option("--most-seeds", min=8, max=1_000_000, help="Of a point, whatever --until-se asks for.")
+    ] = 1000,
     inputs: Inputs = 16,
     out: Annotated[Path | None, typer.Option("--out", help="Folder of the sweep [sweeps/NAME].")] = None,
     workers: WorkerCount = None,
@@ -57,24 +61,25 @@ def sweep(
     share = _task_of(task)
     with naming(scenario_file):
         from feeder_sim.jobs.workers import workers_of
-        from feeder_sim.studies.sweep.cases import Cases, run_cases
+        from feeder_sim.studies.sweep.cases import Cases, run_cases, take_checked
         from feeder_sim.studies.sweep.folder import sweep_folder
         from feeder_sim.studies.sweep.question import Question
 
         wanted = 0.0 if until_se is None else _share_of(until_se)
-        question = Question(tuple(vary), zipped, sobol, seeds or 0, measure or "", wanted, inputs)
+        question = Question(tuple(vary), zipped, sobol, seeds or 0, measure or "", wanted, inputs, most_seeds)
         cases = Cases.of(scenario, question, file=scenario_file)
         if share:
             cases = cases.part(*share)
         title = f"{scenario_file.stem}: {len(cases.points)} points"
         folder = sweep_folder(out, scenario_file.stem, scenario, question, share)
+        others = take_checked(cases, folder.journals)
         with (
-            folder,
             stop_on_signal() as stop,
             progress_bar(title, stop) as progress,
             workers_of(workers, dask) as found,
+            folder,  # last: a command that is refused leaves the question in it as it was
         ):
-            done = run_cases(cases, found, folder.journal, journals=folder.journals, stop=stop, progress=progress)
+            done = run_cases(cases, found, folder.journal, others=others, stop=stop, progress=progress)
         _finish(done, folder, measure, as_json, table=share is None)
 
 
@@ -95,26 +100,27 @@ def _finish(
     done: Sweep, folder: WorkFolder, measure: str | None, as_json: bool, *, table: bool, goes_on: bool = True
 ) -> None:
     """Write and print what there is; the exit code says how it ended."""
-    if table:
-        from feeder_sim.plots.sweep import draw_sweep
-        from feeder_sim.studies.sweep.folder import PICTURE, write_table
+    from feeder_sim.studies.sweep.folder import OTHERS, PICTURE, state_of, write_table
 
-        write_table(folder, done)
     name = done.measure(measure)
     if table:
+        from feeder_sim.plots.sweep import draw_sweep
+
+        write_table(folder, done)
         draw_sweep(done, name, folder.path / PICTURE)
     if as_json:
         rows = [row.as_dict() for row in done.rows]
-        print(json.dumps({"folder": str(folder.path), "complete": done.complete, "measure": name, "rows": rows}))
+        print(json.dumps({"folder": str(folder.path), "measure": name, "rows": rows} | state_of(done)))
     else:
         print_table(done, name)
         print(f"{len(done.cases.points)} points in {printable(str(folder.path))}")
+    for line in _remarks(done, name):
+        notify(line)
     for failure in done.failures[:3]:
         typer.echo(f"feeder-sim: failed: {printable(failure)}", err=True)
     if not done.complete:
         if done.others:
-            why = "of other points, of another version, or of files that have changed"
-            typer.echo(f"feeder-sim: {done.others} seeds in the folder do not count: they are {why}", err=True)
+            typer.echo(f"feeder-sim: {done.others} seeds in the folder do not count: they are {OTHERS}", err=True)
         more = "the same command goes on" if goes_on else "the tasks that are missing can be run again"
         typer.echo(f"feeder-sim: not complete; what was computed is kept, {more}", err=True)
         raise typer.Exit(Interrupted.exit_code)
@@ -122,14 +128,32 @@ def _finish(
         raise typer.Exit(1)
 
 
+def _remarks(done: Sweep, measure: str) -> Iterator[str]:
+    """What is to be known about the table, a line each."""
+    from feeder_sim.studies.sweep.table import means_of_some
+
+    for caution in done.cautions:
+        yield f"caution: {caution.in_words()}"
+    some = means_of_some(done.of(measure))
+    if some:
+        yield f"caution: {measure}: {some}"
+    effort = done.cases.effort
+    if done.short and effort.until_se:
+        yield (
+            f"caution: {done.short} of {len(done.cases.points)} points have not reached --until-se "
+            f"{100.0 * effort.until_se:g}% with as many seeds as --most-seeds allows, {effort.most_seeds}"
+        )
+    if done.kept:
+        yield f"{done.kept} points keep the seeds that they had, which are more than asked for now"
+
+
 def print_table(done: Sweep, measure: str) -> None:
     """One measure over the points."""
-    keys, rows = done.keys, done.of(measure)
+    keys, rows = done.keys, done.at_every_point(measure)
     more = ("low", "high") if done.uncertain else ()
-    head = [*keys, measure or "measure", "+-", *more, "n", "failed"]
-    lines = [
-        [_text(row.as_dict().get(column)) for column in (*keys, "mean", "se", *more, "n", "failed")] for row in rows
-    ]
+    counts = ("n", "seeds", "failed")
+    head = [*keys, measure or "measure", "+-", *more, *counts]
+    lines = [[_text(row.as_dict().get(column)) for column in (*keys, "mean", "se", *more, *counts)] for row in rows]
     shown = lines[:MOST_LINES]
     widths = [max(len(row[i]) for row in [head, *shown]) for i in range(len(head))]
     for line in [head, *shown]:

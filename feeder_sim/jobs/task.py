@@ -34,23 +34,27 @@ class SeedValues:
         values: measures by dotted name, see `values_of_seed`; NaN where it has none.
         wall_s: what it took [s].
         failure: why it has no values, a line; "" otherwise.
+        cautions: settings of its scenario that are known to mislead, a line each; see `feeder_sim.jobs.cautions`.
     """
 
     seed: int
     values: dict[str, float]
     wall_s: float
     failure: str = ""
+    cautions: tuple[str, ...] = ()
 
     def as_entry(self) -> dict[str, Any]:
         """As JSON takes it, which has no NaN."""
         values = {name: None if math.isnan(value) else value for name, value in self.values.items()}
-        return {"seed": self.seed, "values": values, "wall_s": self.wall_s, "failure": self.failure}
+        entry = {"seed": self.seed, "values": values, "wall_s": self.wall_s, "failure": self.failure}
+        return entry | ({"cautions": list(self.cautions)} if self.cautions else {})
 
     @staticmethod
     def of_entry(entry: dict[str, Any]) -> SeedValues:
         """From what `as_entry` has made."""
         values = {name: math.nan if value is None else float(value) for name, value in entry["values"].items()}
-        return SeedValues(int(entry["seed"]), values, float(entry["wall_s"]), str(entry["failure"]))
+        cautions = tuple(str(line) for line in entry.get("cautions", ()))
+        return SeedValues(int(entry["seed"]), values, float(entry["wall_s"]), str(entry["failure"]), cautions)
 
 
 _prepared: OrderedDict[str, Prepared | InputError] = OrderedDict()
@@ -69,17 +73,17 @@ def run_task(task: Task) -> tuple[SeedValues, ...]:
     prepared = _prepared_once(task.scenario, task.identity)
     if isinstance(prepared, InputError):
         return tuple(SeedValues(seed, {}, 0.0, str(prepared)) for seed in task.seeds)
-    done = []
+    done, cautions = [], prepared.cautions
     for seed in task.seeds:
         started = time.perf_counter()
         try:
             result = run_one_seed(prepared, seed)
         except InputError as error:  # no room for its parts
-            done.append(SeedValues(seed, {}, time.perf_counter() - started, str(error)))
+            done.append(SeedValues(seed, {}, time.perf_counter() - started, str(error), cautions))
             continue
         failure = str(result.failure) if result.failure else ""
         values = {} if failure else values_of_seed(prepared, result)
-        done.append(SeedValues(seed, values, time.perf_counter() - started, failure))
+        done.append(SeedValues(seed, values, time.perf_counter() - started, failure, cautions))
     return tuple(done)
 
 

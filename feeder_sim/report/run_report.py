@@ -16,7 +16,7 @@ from feeder_sim.report.recorded import Recorded, recorded_run
 from feeder_sim.report.run_curves import curves
 from feeder_sim.report.run_pictures import parts_picture, plate_picture, screenshot
 from feeder_sim.report.scenario_tables import scenario_blocks
-from feeder_sim.report.words import number
+from feeder_sim.report.words import number, sentence
 from feeder_sim.run.run_folder import RESOLVED
 
 HOW_ENDED = {
@@ -111,13 +111,8 @@ def _notices(run: Recorded) -> list[Text]:
 
 def _cautions(run: Recorded) -> tuple[Block, ...]:
     """Settings that mislead, failures, and what else limits the results."""
-    lines: list[Block] = [
-        Text(f"{str(failure)[0].upper()}{str(failure)[1:]}.", "failure") for failure in run.result.failures
-    ]
-    lines += [
-        Text(f"{caution[:1].upper()}{caution[1:]}.".replace("..", "."), "caution")
-        for caution in run.result.prepared.cautions
-    ]
+    lines: list[Block] = [Text(sentence(str(failure)), "failure") for failure in run.result.failures]
+    lines += [Text(sentence(caution), "caution") for caution in run.result.prepared.cautions]
     if run.result.prepared.scenario.uncertain:
         text = "Inputs of the scenario are uncertain: intervals here are over the seeds at its own values only."
         lines.append(Text(text, "caution"))

@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 import csv
+import json
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from feeder_sim.errors import InputError, cause_of, quoted
+from feeder_sim.jobs.cautions import Caution
 from feeder_sim.jobs.folder import SCENARIO
 from feeder_sim.measures.statistic import Statistic
 from feeder_sim.scenario import Scenario, load_scenario
+from feeder_sim.studies.sweep.case import FIRST_LOOK
 from feeder_sim.studies.sweep.design import Point
-from feeder_sim.studies.sweep.folder import CSV, QUESTION
+from feeder_sim.studies.sweep.folder import CSV, QUESTION, STATE
 from feeder_sim.studies.sweep.question import Question
 from feeder_sim.studies.sweep.table import COLUMNS, UNCERTAIN_COLUMNS, Row
 from feeder_sim.studies.uncertainty.spread import Spread
@@ -32,6 +35,9 @@ class SweepTable:
         question: what was asked.
         scenario: that was varied.
         text: of that scenario.
+        complete: whether it had come to its end when the table was written; True where that is not known.
+        short: points that have all seeds they may have, and not the standard error that was asked for.
+        cautions: about settings of the scenarios.
     """
 
     folder: Path
@@ -41,6 +47,9 @@ class SweepTable:
     question: Question
     scenario: Scenario
     text: str
+    complete: bool = True
+    short: int = 0
+    cautions: tuple[Caution, ...] = ()
 
     @property
     def points(self) -> list[Point]:
@@ -55,6 +64,15 @@ class SweepTable:
     def of(self, measure: str) -> list[Row]:
         """The rows of a measure that have a mean."""
         return [row for row in self.rows if row.measure == measure and math.isfinite(row.found.mean)]
+
+    @property
+    def missing(self) -> list[int]:
+        """Of each point of the table that has not all seeds asked for: how many are missing."""
+        asked = self.question.effort(self.scenario)
+        each = FIRST_LOOK if asked.until_se else asked.seeds
+        planned = each * (self.question.inputs if self.uncertain else 1)
+        seeds = {tuple(row.point.values()): row.seeds for row in self.rows}
+        return [planned - held for held in seeds.values() if held < planned]
 
     @property
     def failed(self) -> dict[tuple[Any, ...], int]:
@@ -74,7 +92,7 @@ def read_sweep(folder: Path) -> SweepTable:
     Raises:
         InputError: a file of it is missing or cannot be read, or its table has no point.
     """
-    for name in (QUESTION, SCENARIO, CSV):
+    for name in (QUESTION, SCENARIO, CSV, STATE):
         if (folder / name).is_symlink():
             raise InputError("is a link, allowed is a file of the sweep itself", file=folder / name)
     question = Question.of_toml(folder / QUESTION)
@@ -96,19 +114,36 @@ def read_sweep(folder: Path) -> SweepTable:
         raise InputError(f"is no table: {error}", file=table) from error
     if not rows:
         raise InputError("holds no point, allowed is a sweep with at least one that is done", file=table)
-    return SweepTable(folder, keys, rows, uncertain, question, scenario, _text(folder / SCENARIO))
+    found = SweepTable(folder, keys, rows, uncertain, question, scenario, _text(folder / SCENARIO))
+    return _with_state(found, folder / STATE)
+
+
+def _with_state(sweep: SweepTable, file: Path) -> SweepTable:
+    """What is to be known beside the table, as far as there is a file of it."""
+    if not file.is_file():
+        return sweep
+    try:
+        state = json.loads(_text(file))
+        cautions = tuple(Caution.of_dict(entry) for entry in state["cautions"])
+        return replace(
+            sweep, complete=bool(state["complete"]), short=int(state["points_short_of_se"]), cautions=cautions
+        )
+    except (ValueError, KeyError, TypeError, RecursionError) as error:
+        raise InputError(f"holds no state of a sweep: {error}", file=file) from error
 
 
 def _row(line: Mapping[str, str | None], keys: tuple[str, ...], table: Path, number: int, draws: int) -> Row:
     """A line of the table, whose number in the file is for messages; 0 draws where no input is uncertain."""
     try:
-        mean, se, n, failed = (_number(line[name]) for name in COLUMNS[1:])
+        mean, se, n, seeds, failed = (_number(line[name]) for name in COLUMNS[1:])
         spread = None
         if draws:
             low, high, of_inputs, of_seeds = (_number(line[name]) for name in UNCERTAIN_COLUMNS)
             spread = Spread(math.nan, math.nan, math.nan, low, high, of_inputs, of_seeds, se, min(draws, int(n)))
         found = Statistic(mean, se * math.sqrt(n), se, int(n))
-        return Row({key: _value(line[key]) for key in keys}, line["measure"] or "", found, int(failed), spread)
+        return Row(
+            {key: _value(line[key]) for key in keys}, line["measure"] or "", found, int(seeds), int(failed), spread
+        )
     except (ValueError, TypeError, OverflowError):
         raise InputError(f"line {number} is {quoted(list(line.values()))}, allowed are numbers", file=table) from None
 

@@ -24,9 +24,9 @@ from feeder_sim.report.sweep_pictures import (
     value_text,
     values_of,
 )
-from feeder_sim.report.words import number, split_unit, with_error
+from feeder_sim.report.words import number, sentence, split_unit, with_error
 from feeder_sim.studies.sweep.folder import CSV, QUESTION
-from feeder_sim.studies.sweep.table import MAIN, Row
+from feeder_sim.studies.sweep.table import MAIN, Row, means_of_some
 
 MOST_PICTURES = 8
 MOST_ROWS = 3000  # of all tables of values together; more would make the page too large to mail
@@ -110,7 +110,11 @@ def _effort(sweep: SweepTable) -> tuple[Block, ...]:
     rows = [("points", design), ("seeds of a point", str(asked.seeds or sweep.scenario.run.seeds))]
     if asked.until_se:
         rows.append(
-            ("more seeds", f"until the SE of {asked.measure} is below {100.0 * asked.until_se:g} % of the mean")
+            (
+                "more seeds",
+                f"until the SE of {asked.measure} is below {100.0 * asked.until_se:g} % of the mean, up to "
+                f"{asked.most_seeds} seeds",
+            )
         )
     if sweep.uncertain:
         rows.append(("draws of uncertain inputs", str(asked.inputs)))
@@ -141,9 +145,9 @@ def _with_se(row: Row) -> str:
 
 def _values(sweep: SweepTable, ordered: Sequence[str]) -> Iterator[Block]:
     """All values, a folded table for each measure, as far as a page should hold them."""
-    left, failed = MOST_ROWS, sweep.failed
+    left = MOST_ROWS
     inputs = ("90 % over inputs", "SD of inputs", "SD of seeds") if sweep.uncertain else ()
-    head = (*(key_label(key) for key in sweep.keys), "mean", "SE", "95 % interval", *inputs, "n", "failed")
+    head = (*(key_label(key) for key in sweep.keys), "mean", "SE", "95 % interval", *inputs, "n", "seeds", "failed")
     for place, measure in enumerate(ordered):
         rows = [row for row in sweep.rows if row.measure == measure]
         left -= len(rows)
@@ -153,15 +157,11 @@ def _values(sweep: SweepTable, ordered: Sequence[str]) -> Iterator[Block]:
             )
             return
         cells = tuple(
-            (*(value_text(value) for value in row.point.values()), *_cells(row), str(failed.get(_key(row), 0)))
+            (*(value_text(value) for value in row.point.values()), *_cells(row), str(row.seeds), str(row.failed))
             for row in rows
         )
         table = Table("", head, cells, len(sweep.keys))
         yield Folded(f"{measure_label(measure)}: all {len(rows)} points", (table,))
-
-
-def _key(row: Row) -> tuple[object, ...]:
-    return tuple(row.point.values())
 
 
 def _cells(row: Row) -> tuple[str, ...]:
@@ -188,18 +188,29 @@ def _cautions(sweep: SweepTable, ordered: Sequence[str], drawn: Sequence[str]) -
     planned = len(sweep.question.points(sweep.scenario))
     if points < planned:
         yield Text(f"{points} of {planned} points are there: the sweep has not ended.", "caution")
+    missing = sweep.missing
+    if missing:
+        yield Text(
+            f"{sum(missing)} seeds are missing, at {len(missing)} of {points} points: the sweep has not ended.",
+            "caution",
+        )
+    if not sweep.complete and not missing and points == planned:
+        yield Text("More seeds are to be run: the sweep has not ended.", "caution")
+    if sweep.short:
+        yield Text(
+            f"{sweep.short} of {points} points have as many seeds as were allowed ({sweep.question.most_seeds}), and "
+            "not the standard error that was asked for.",
+            "caution",
+        )
+    for caution in sweep.cautions:
+        yield Text(sentence(caution.in_words()), "caution")
     alone = sum(row.found.n == 1 for row in sweep.rows)
     if alone:
         yield Text(f"{alone} values come from a single seed and have no interval.", "caution")
     for measure in drawn:
-        seeds = [row.found.n for row in sweep.rows if row.measure == measure]
-        few = sum(n < max(seeds) for n in seeds)
-        if few and not sweep.question.until_se:
-            yield Text(
-                f"{measure_label(measure)}: at {few} of {points} points some seeds have no value, as where a part does "
-                "not come so far in time. Means there are of the others.",
-                "caution",
-            )
+        some = means_of_some([row for row in sweep.rows if row.measure == measure])
+        if some:
+            yield Text(f"{measure_label(measure)}: {some}.", "caution")
     if points > 1:
         yield Text(
             "All points have the same random starts, so that differences between them are surer than "
@@ -235,6 +246,7 @@ def _command(sweep: SweepTable) -> str:
         words += ["--vary", axis]
     words += ["--zip"] if asked.zipped else []
     given = {"--sobol": asked.sobol, "--seeds": asked.seeds, "--measure": asked.measure, "--until-se": asked.until_se}
+    given |= {"--most-seeds": asked.most_seeds} if asked.until_se else {}
     for name, value in given.items():
         words += [name, str(value)] if value else []
     if sweep.uncertain:

@@ -49,6 +49,11 @@ def headed(key: str) -> str:
     return f"{words} ({unit})" if unit else words
 
 
+def sentence(line: str) -> str:
+    """A line as a sentence, with a capital and a full stop."""
+    return f"{line[:1].upper()}{line[1:].removesuffix('.')}."
+
+
 def number(value: float, digits: int = ENOUGH_DIGITS) -> str:
     """A number with a few digits; large ones are not rounded to powers of ten."""
     if math.isnan(value):

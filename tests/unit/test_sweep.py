@@ -17,6 +17,7 @@ from command_line import check_refused, feeder_sim
 from conftest import strip_scenario
 
 from feeder_sim.errors import FeederSimError, InputError
+from feeder_sim.jobs.cautions import cautions_over
 from feeder_sim.jobs.identity import identity_of
 from feeder_sim.jobs.journal import Journal, read_journal
 from feeder_sim.jobs.runner import run_work
@@ -25,7 +26,7 @@ from feeder_sim.jobs.workers import Workers, given_workers
 from feeder_sim.measures.statistic import Statistic
 from feeder_sim.scenario import load_scenario
 from feeder_sim.studies.sweep.case import Case, Effort
-from feeder_sim.studies.sweep.cases import Cases, SweepWork, run_cases, take_done
+from feeder_sim.studies.sweep.cases import Cases, Sweep, SweepWork, run_cases, take_done
 from feeder_sim.studies.sweep.design import grid, read_axis, side_by_side, sobol_sample
 from feeder_sim.studies.sweep.folder import merged, sweep_folder
 from feeder_sim.studies.sweep.question import Question, axis_texts
@@ -41,6 +42,7 @@ def test_axes() -> None:
     assert read_axis("stage[0].duration_s=1:2:3").key == "schedule.stage[0].duration_s"
     assert read_axis("a=x,2,[1, 2],{ b = 1, c = 2 }").values == ("x", 2, [1, 2], {"b": 1, "c": 2})
     assert read_axis("a=[1, 2]").values == (1, 2)
+    assert read_axis("a=1,true").values == (1, True)
     axes = [read_axis("a=1,2"), read_axis("b=3,4")]
     assert grid(axes) == [{"a": 1, "b": 3}, {"a": 1, "b": 4}, {"a": 2, "b": 3}, {"a": 2, "b": 4}]
     assert side_by_side(axes) == [{"a": 1, "b": 3}, {"a": 2, "b": 4}]
@@ -58,8 +60,12 @@ def test_axes() -> None:
         (["a=0:1:log3"], "above 0 on a logarithmic scale"),
         (["a=1:2:1"], "allowed are 2 to"),
         (["a=1,1"], "different values"),
+        (["a=1,1.0"], "different values"),
+        (["a={ b = [1] },{ b = [1.0] }"], "different values"),
         (["a=1:2"], "which only --sobol takes"),
         (["a=1,2", "a=3,4"], "varied twice"),
+        (["stage[0].duration_s=1,2", "schedule.stage[0].duration_s=3,4"], "varied twice"),
+        (["a[0].b=1,2", "a[0]={ b = 1 },{ b = 2 }"], r"--vary a\[0\]\.b: is varied, and so is a\[0\]"),
         (["a=1:2:1000", "b=1:2:1000"], "1000000 points"),
         ([], "--vary: is missing"),
         (["run.seeds=2,4"], "decides what a run does"),
@@ -93,7 +99,8 @@ class Pretended(Executor):
             future.set_exception(BrokenProcessPool("killed"))
             return future
         self.seeds += [(amplitude, seed) for seed in task.seeds]
-        values = [SeedValues(seed, {"speed": speed_of(amplitude, seed)}, 0.1) for seed in task.seeds]
+        told = ("drive[0] is strong",) if amplitude > 3.0 else ()
+        values = [SeedValues(seed, {"speed": speed_of(amplitude, seed)}, 0.1, "", told) for seed in task.seeds]
         future.set_result(tuple(values))
         return future
 
@@ -252,6 +259,59 @@ def test_a_single_arrival_does_not_end_a_sweep() -> None:
     assert case.wanted(effort) == 16
 
 
+def done_with(values: list[float]) -> Case:
+    """A case whose first seeds have come back."""
+    case = Case(strip_scenario(), "")
+    case.take(tuple(SeedValues(seed, {"speed": value}, 0.1) for seed, value in enumerate(values)))
+    return case
+
+
+@pytest.mark.parametrize("seeds", [1, 2, 5])
+def test_few_values_that_happen_to_lie_together_do_not_end_a_point(seeds: int) -> None:
+    effort = Effort(seeds, 0.03, 1000, "speed")
+    assert done_with([10.0, 10.001]).wanted(effort) == 4  # the first look
+    assert done_with([10.0, 10.001, 10.0, 10.001]).wanted(effort) == 8
+    assert done_with([10.0, 10.001] * 4).wanted(effort) == 8
+    few = [10.0, 10.001, *[math.nan] * 6]
+    assert done_with(few).wanted(effort) == 16  # two values are not eight, whatever their standard error
+    assert done_with([10.0, 10.0, math.nan, math.nan]).wanted(effort) == 8  # two of the same value are not all
+
+
+def test_points_that_do_not_get_there_are_counted() -> None:
+    question = Question((f"{AMPLITUDE}=0.5,1,4",), until_se=0.01, measure="speed", most_seeds=40)
+    swept = run_cases(cases_at(question), Workers(Pretended(), 2))
+    assert swept.complete and swept.short == 1
+    nothing, sure, scattered = (len(case.done) for case in swept.cases)
+    assert nothing == 4 and 8 < sure < 40 and scattered == 40
+    assert replace(question, seeds=60).effort(strip_scenario()).most_seeds == 60
+    for wrong in ({"seeds": -1}, {"inputs": 1}, {"most_seeds": 7}):
+        with pytest.raises(InputError, match="or more"):
+            cases_at(replace(question, **wrong))
+
+
+def test_fewer_seeds_keep_those_that_are_there(tmp_path: Path) -> None:
+    journal = tmp_path / "journal.jsonl"
+    run_cases(cases_at(Question((f"{AMPLITUDE}=1,2",), seeds=6)), Workers(Pretended(), 1), journal)
+    again = Pretended()
+    swept = run_cases(cases_at(Question((f"{AMPLITUDE}=1,2,3",), seeds=2)), Workers(again, 1), journal)
+    assert sorted(again.seeds) == [(3.0, 0), (3.0, 1)]
+    assert [row.seeds for row in swept.of("speed")] == [6, 6, 2] and swept.kept == 2 and swept.complete
+
+
+def test_a_mode_takes_its_frequency_along(repository: Path) -> None:
+    scenario = load_scenario(repository / "scenarios/drift_2797hz_plate.toml")
+    both = Question(("drive[0].mode=1,12",)), Question(("drive[0].mode=1,12", "drive[0].frequency_hz=500,600"))
+    alone, beside = (Cases.of(scenario, question, file=Path("scenario")) for question in both)
+    frequencies = [case.scenario.drive[0].frequency_hz for case in alone]
+    assert len(set(frequencies)) == 2 and scenario.drive[0].frequency_hz not in frequencies
+    assert [case.scenario.drive[0].frequency_hz for case in beside] == [500, 600] * 2  # what is said counts
+    uncertain = scenario.changed({"uncertain": {"drive[0].frequency_hz": {"uniform": [2700.0, 2800.0]}}})
+    with pytest.raises(InputError, match=r"frequency_hz: is varied, but also \[uncertain\]"):
+        Cases.of(uncertain, both[0], file=Path("scenario"))
+    with pytest.raises(InputError, match=r"plate\.mode_file: is missing"):
+        cases_at(both[0])
+
+
 def test_draws_of_uncertain_inputs_have_seeds_of_their_own() -> None:
     held = {"contact.friction": {"uniform": [0.2, 0.4]}}
     scenario = strip_scenario(seeds=2).changed({"uncertain": held})
@@ -277,7 +337,7 @@ def test_columns_of_numbers_and_texts(tmp_path: Path) -> None:
     import pyarrow.parquet
 
     values = ([1.0, 0.0], 2.5, "x")
-    rows = [Row({"a": value}, "m", Statistic.of([1.0, 2.0]), 0) for value in values]
+    rows = [Row({"a": value}, "m", Statistic.of([1.0, 2.0]), 2, 0) for value in values]
     (tmp_path / "t.parquet").write_bytes(as_parquet(["a"], rows, uncertain=False))
     assert pyarrow.parquet.read_table(tmp_path / "t.parquet")["a"].to_pylist() == ["[1.0, 0.0]", "2.5", "x"]
 
@@ -315,6 +375,33 @@ def test_a_task_that_cannot_be_run_says_why() -> None:
     assert SeedValues.of_entry(entry) == seed
 
 
+def test_cautions_come_with_the_seeds_of_a_task() -> None:
+    scenario = strip_scenario(duration_s=0.02).changed({"run.in_plane_velocity": False})
+    (seed,) = run_task(Task(scenario, identity_of(scenario), (0,)))
+    assert [line.partition(" ")[0] for line in seed.cautions] == ["run.in_plane_velocity"]
+    entry = json.loads(json.dumps(seed.as_entry()))
+    assert SeedValues.of_entry(entry) == seed
+    del entry["cautions"]  # as journals had it once
+    assert SeedValues.of_entry(entry) == replace(seed, cautions=())
+
+
+def test_a_caution_is_told_once_for_all_points() -> None:
+    """Also where its numbers are those of each point."""
+    lines = [
+        ("run.planar is true: no",),
+        ("run.planar is true: no", "drive[0]: by 3.2 um"),
+        ("drive[0]: by 2.5e+03 um",),
+    ]
+    places = [[SeedValues(seed, {}, 0.1, "", told) for seed in range(2)] for told in lines]
+    assert [caution.in_words() for caution in cautions_over([*places, []])] == [
+        "run.planar is true: no (at 2 of 3 points)",
+        "drive[0]: by 3.2 um (at 2 of 3 points, the numbers are those of the first)",
+    ]
+    assert [caution.in_words() for caution in cautions_over(places[:1])] == ["run.planar is true: no"]
+    other = [SeedValues(0, {}, 0.1, "", ("drive[1]: by 3.2 um",))]
+    assert len(cautions_over([places[1], other])) == 3  # of another drive
+
+
 def test_command(repository: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("feeder_sim.jobs.workers.workers_of", lambda count, dask: given_workers(Pretended(), 2))
     scenario, out = repository / "scenarios/drift_4750hz.toml", tmp_path / "out"
@@ -322,19 +409,26 @@ def test_command(repository: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPat
     done = feeder_sim(*asked, "--seeds", 3)
     assert done.returncode == 0, done.stderr
     assert "speed" in done.stdout and "6 points" in done.stdout
+    assert done.stderr == "feeder-sim: caution: drive[0] is strong (at 2 of 6 points)\n"
     with (out / "sweep.csv").open(newline="") as file:
         rows = list(csv.DictReader(file))
-    assert list(rows[0]) == [AMPLITUDE, "contact.friction", "measure", "mean", "se", "n", "failed"]
-    assert len(rows) == 6 and rows[0]["n"] == "3"
+    assert list(rows[0]) == [AMPLITUDE, "contact.friction", "measure", "mean", "se", "n", "seeds", "failed"]
+    assert len(rows) == 6 and rows[0]["n"] == rows[0]["seeds"] == "3"
     assert (out / "sweep.png").stat().st_size > 1000
     import pyarrow.parquet
 
     assert pyarrow.parquet.read_table(out / "sweep.parquet").to_pylist()[0]["measure"] == "speed"
     told = json.loads(feeder_sim(*asked, "--json").stdout)
     assert told["complete"] and len(told["rows"]) == 6
+    assert told["cautions"] == [{"caution": "drive[0] is strong", "at": 2, "of": 6, "numbers_differ": False}]
     assert feeder_sim("merge", out).returncode == 0
+    before = {file.name: file.read_bytes() for file in out.iterdir()}
+    for refused in (feeder_sim(*asked, "--measure", "sped"), feeder_sim("merge", out, "--measure", "sped")):
+        check_refused(refused, "--measure: is sped", "allowed are speed")
     (out / "journal.jsonl").unlink()
-    assert feeder_sim("merge", out).returncode == 130  # nothing is there
+    check_refused(feeder_sim("merge", out), str(out), "holds no seed of the sweep")
+    left = {file.name: file.read_bytes() for file in out.iterdir()}
+    assert left == {name: content for name, content in before.items() if name != "journal.jsonl"}
     for options, said in (
         (("--vary", f"{AMPLITUDE}=-1,2"), ("drive[0].amplitude_um", "is -1")),
         (("--vary", f"{AMPLITUDE}=1,2", "--until-se", "x"), ("--until-se", "3%")),
@@ -347,6 +441,39 @@ def test_command(repository: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPat
     ):
         check_refused(feeder_sim("sweep", scenario, *options, cwd=tmp_path), *said)
     check_refused(feeder_sim("merge", tmp_path), "sweep.toml", "no such file")
+
+
+def test_command_says_what_its_means_are_of(repository: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("feeder_sim.jobs.workers.workers_of", lambda count, dask: given_workers(Pretended(), 2))
+    asked = ("sweep", repository / "scenarios/drift_4750hz.toml", "--out", tmp_path / "s")
+    asked += ("--vary", f"{AMPLITUDE}=0.5,0.7,2", "--measure", "speed")
+    done = feeder_sim(*asked, "--seeds", 4)
+    assert [line.split()[0] for line in done.stdout.splitlines()[1:4]] == ["0.5", "0.7", "2"]
+    assert "speed: at 2 of 3 points 8 of 8 seeds have no value" in done.stderr
+    fewer = feeder_sim(*asked, "--seeds", 2)
+    assert "3 points keep the seeds that they had" in fewer.stderr
+    never = feeder_sim(*asked, "--until-se", "0.1%", "--most-seeds", 20)
+    assert never.returncode == 0 and "1 of 3 points have not reached --until-se 0.1%" in never.stderr
+    assert "--most-seeds allows, 20" in never.stderr
+
+
+def test_points_without_any_value_have_a_row() -> None:
+    cases = cases_at(Question((f"{AMPLITUDE}=1,2,3",), seeds=2))
+    first, second, _ = cases
+    first.take((SeedValues(0, {"speed": 1.0}, 0.1), SeedValues(1, {"speed": math.nan}, 0.1)))
+    second.take((SeedValues(0, {}, 0.1, "no room"), SeedValues(1, {}, 0.1, "no room")))
+    rows = Sweep(cases, complete=False).at_every_point("speed")
+    assert [(row.found.n, row.seeds, row.failed, row.without_value) for row in rows] == [
+        (1, 2, 0, 1),
+        (0, 2, 2, 0),
+        (0, 0, 0, 0),
+    ]
+
+
+def test_a_number_of_seeds_that_is_none_is_refused() -> None:
+    for seeds in (0, -1):
+        with pytest.raises(InputError, match=f"seeds: is {seeds}, allowed is 1 or more"):
+            sweep(strip_scenario(), {AMPLITUDE: [1.0]}, seeds=seeds)
 
 
 def test_a_question_is_kept_as_text(tmp_path: Path) -> None:

@@ -40,13 +40,34 @@ def test_page_of_a_sweep(sweep: Path, coarse: None) -> None:
         "Sweep: <b>Nut</b>",
         "largest transport speed",
         "3.20 mm/s ± 0.32 (95 %), at amplitude 2 um",
-        "2 seeds failed, at 1 of 3 points",
+        "1 seeds failed, at 1 of 3 points",
         "3 of 4 points are there: the sweep has not ended.",
         "--vary 'drive[0].amplitude_um=0.5,1,2,4' --seeds 4 --out repeated",
-        "transport speed (mm/s): at 1 of 3 points some seeds have no value",
+        "transport speed (mm/s): at 1 of 3 points 1 of 4 seeds have no value",
     ):
         assert expected in page.text
+    assert "seeds are missing" not in page.text
     assert "<b>" not in (sweep / "report.html").read_text(encoding="utf-8")
+
+
+def test_page_of_a_sweep_that_has_not_ended(sweep: Path, coarse: None) -> None:
+    caution = {"caution": "run.planar is true: no", "at": 1, "of": 3, "numbers_differ": False}
+    state = {"complete": False, "missing_seeds": 9, "points_short_of_se": 2, "cautions": [caution]}
+    (sweep / "sweep.json").write_text(json.dumps(state))
+    question = (sweep / "sweep.toml").read_text().replace("seeds = 4", "seeds = 6").replace(",4", "")
+    (sweep / "sweep.toml").write_text(question)
+    assert feeder_sim("report", sweep).returncode == 0
+    text = checked((sweep / "report.html").read_text(encoding="utf-8")).text
+    assert "6 seeds are missing, at 3 of 3 points: the sweep has not ended." in text
+    assert "2 of 3 points have as many seeds as were allowed (1000)" in text
+    assert "Run.planar is true: no (at 1 of 3 points)." in text
+    (sweep / "sweep.toml").write_text(question.replace("seeds = 6", "seeds = 4"))
+    assert feeder_sim("report", sweep, "--force").returncode == 0
+    text = checked((sweep / "report.html").read_text(encoding="utf-8")).text
+    assert "seeds are missing" not in text and "More seeds are to be run: the sweep has not ended." in text
+    (sweep / "sweep.json").write_text("[]")
+    refused = feeder_sim("report", sweep, "--force")
+    assert refused.returncode == 2 and "holds no state of a sweep" in one_line(refused)
 
 
 @pytest.mark.parametrize(
@@ -61,8 +82,8 @@ def test_page_of_a_sweep(sweep: Path, coarse: None) -> None:
 def test_sweeps_over_more_keys_and_other_values(
     keys: str, points: list[str], said: str, sweep: Path, coarse: None
 ) -> None:
-    values = [f"{p},speed_mm_s,{1.5 + 0.1 * i},0.1,4,0" for i, p in enumerate(points)]
-    (sweep / "sweep.csv").write_text("\n".join([f"{keys},measure,mean,se,n,failed", *values]))
+    values = [f"{p},speed_mm_s,{1.5 + 0.1 * i},0.1,4,4,0" for i, p in enumerate(points)]
+    (sweep / "sweep.csv").write_text("\n".join([f"{keys},measure,mean,se,n,seeds,failed", *values]))
     assert feeder_sim("report", sweep, "--json").returncode == 0
     page = checked((sweep / "report.html").read_text(encoding="utf-8"))
     assert len(page.all("img")) == 1 and said in page.text
@@ -71,12 +92,12 @@ def test_sweeps_over_more_keys_and_other_values(
 def test_sweep_with_uncertain_inputs_counts_draws(sweep: Path, coarse: None) -> None:
     asked = (sweep / "sweep.toml").read_text()
     (sweep / "sweep.toml").write_text(f"{asked}inputs = 3\n")
-    columns = "drive[0].amplitude_um,measure,mean,se,n,failed,low,high,sd_inputs,sd_seeds"
-    rows = ["1,speed_mm_s,2.0,0.1,12,0,1.5,2.6,0.3,0.05", "2,speed_mm_s,3.0,,12,0,,,,"]
+    columns = "drive[0].amplitude_um,measure,mean,se,n,seeds,failed,low,high,sd_inputs,sd_seeds"
+    rows = ["1,speed_mm_s,2.0,0.1,12,12,0,1.5,2.6,0.3,0.05", "2,speed_mm_s,3.0,,12,12,0,,,,"]
     (sweep / "sweep.csv").write_text("\n".join([columns, *rows]))
     assert feeder_sim("report", sweep).returncode == 0
     text = checked((sweep / "report.html").read_text(encoding="utf-8")).text
-    assert "1 2.00 0.10 1.57 to 2.43 1.5 to 2.6 0.3 0.05 12 0" in text  # t for two degrees of freedom, 3 draws
+    assert "1 2.00 0.10 1.57 to 2.43 1.5 to 2.6 0.3 0.05 12 12 0" in text  # t for two degrees of freedom, 3 draws
     assert "The band is the 90 % interval over the inputs" in text and "--inputs 3" in text
 
 
@@ -85,10 +106,10 @@ def test_sweep_with_uncertain_inputs_counts_draws(sweep: Path, coarse: None) -> 
     [
         ("", "allowed is a column per varied key"),
         ("a,b,c\n1,2,3\n", "has the columns 'a, b, c', allowed is a column per varied key"),
-        ("a,measure,mean,se,n,failed\n", "holds no point"),
-        ("a,measure,mean,se,n,failed\n1,speed,fast,,3,0\n", "line 2 is ['1', 'speed', 'fast'"),
-        ("a,measure,mean,se,n,failed\n1,speed,2.0\n", "line 2 is ['1', 'speed', '2.0'"),
-        (f"a,measure,mean,se,n,failed\n{'1' * 200_000},speed,2.0,0.1,3,0\n", "is no table: field larger"),
+        ("a,measure,mean,se,n,seeds,failed\n", "holds no point"),
+        ("a,measure,mean,se,n,seeds,failed\n1,speed,fast,,3,3,0\n", "line 2 is ['1', 'speed', 'fast'"),
+        ("a,measure,mean,se,n,seeds,failed\n1,speed,2.0\n", "line 2 is ['1', 'speed', '2.0'"),
+        (f"a,measure,mean,se,n,seeds,failed\n{'1' * 200_000},speed,2.0,0.1,3,3,0\n", "is no table: field larger"),
     ],
 )
 def test_damaged_table_of_a_sweep_is_refused(table: str, said: str, sweep: Path) -> None:

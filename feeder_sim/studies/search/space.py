@@ -1,28 +1,21 @@
-"""What a search may change: numbers in ranges, and choices.
-
-A key that ends in `.mode` drives another mode of the plate: its frequency goes with it, that of the measured resonance
-where the mode file has one, else the natural frequency.
-"""
+"""What a search may change: numbers in ranges, and choices. A mode takes its frequency along, as in sweeps."""
 
 from __future__ import annotations
 
 import json
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from feeder_sim.errors import InputError
-from feeder_sim.plate.mode_file import read_mode_file
-from feeder_sim.scenario import ModePlate, Rectangle, Scenario
+from feeder_sim.scenario import Scenario
 from feeder_sim.scenario.changes import value_at
 from feeder_sim.studies.sweep.design import Axis, Point, Range, read_axis
+from feeder_sim.studies.sweep.modes import MODE, mode_frequencies, with_frequencies
 
 if TYPE_CHECKING:
     from optuna.trial import BaseTrial
-
-MODE = ".mode"
 
 
 @dataclass(frozen=True)
@@ -115,12 +108,7 @@ class Space:
         Raises:
             InputError: a value that is not allowed.
         """
-        changes = dict(point)
-        for key, value in point.items():
-            if key.endswith(MODE):
-                drive = key.removesuffix(MODE)
-                changes |= {f"{drive}.frequency_hz": self._frequency(key, value), f"{drive}.natural_frequency_hz": None}
-        return self.scenario.changed(changes, file=self.file)
+        return self.scenario.changed(with_frequencies(self.scenario, point, file=self.file), file=self.file)
 
     @property
     def present(self) -> Point | None:
@@ -133,27 +121,10 @@ class Space:
         inside = all(parameter.holds(point[parameter.key]) for parameter in self.parameters)
         return point if inside else None
 
-    @cached_property
-    def _frequencies(self) -> list[float]:
-        """Where each mode of the plate is driven [Hz]."""
-        plate = self.scenario.plate
-        file = plate.mode_file if isinstance(plate, Rectangle | ModePlate) else None
-        if file is None:
-            raise InputError("is missing, allowed is a mode file where modes are searched", key="plate.mode_file")
-        held = read_mode_file(file)
-        found = [float(frequency) for frequency in held.modes.natural_frequency]
-        for resonance in held.resonances:
-            found[resonance.mode] = resonance.frequency
-        return found
-
-    def _frequency(self, key: str, mode: Any) -> float:
-        if not isinstance(mode, int) or not 1 <= mode <= len(self._frequencies):
-            raise InputError(f"is {mode}, allowed is 1 to {len(self._frequencies)}, the modes of the plate", key=key)
-        return self._frequencies[mode - 1]
-
     def _mode_at(self, frequency: float) -> int:
         """The mode that is driven nearest to a frequency [Hz]."""
-        return 1 + min(range(len(self._frequencies)), key=lambda mode: abs(self._frequencies[mode] - frequency))
+        frequencies = mode_frequencies(self.scenario.plate.model_dump())
+        return 1 + min(range(len(frequencies)), key=lambda mode: abs(frequencies[mode] - frequency))
 
 
 def _span_and_choices(axis: Axis, whole: bool) -> tuple[Range | None, bool, tuple[Any, ...]]:

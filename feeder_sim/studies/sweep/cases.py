@@ -15,17 +15,18 @@ from functools import cached_property
 from pathlib import Path
 
 from feeder_sim.errors import InputError, nearest
+from feeder_sim.jobs.cautions import Caution, cautions_over
 from feeder_sim.jobs.identity import identity_of
 from feeder_sim.jobs.journal import Journal, read_journal
 from feeder_sim.jobs.runner import run_work
 from feeder_sim.jobs.task import SeedValues, Task
 from feeder_sim.jobs.workers import Workers
 from feeder_sim.scenario import Scenario
-from feeder_sim.scenario.changes import path_of
 from feeder_sim.studies.sweep.case import Case, Effort
-from feeder_sim.studies.sweep.design import Point
+from feeder_sim.studies.sweep.design import Point, overlap
+from feeder_sim.studies.sweep.modes import with_frequencies
 from feeder_sim.studies.sweep.question import Question
-from feeder_sim.studies.sweep.table import Row, main_measure, rows_of
+from feeder_sim.studies.sweep.table import Row, empty_row, main_measure, rows_of
 from feeder_sim.studies.uncertainty.draws import Draw, draws_of
 
 
@@ -54,15 +55,16 @@ class Cases:
         Raises:
             InputError: a key or a value that is not allowed.
         """
-        for key in points[0]:
-            if any(_overlap(key, other) for other in draws[0]):
+        for key in with_frequencies(scenario, points[0], file=file):
+            if any(overlap(key, other) for other in draws[0]):
                 raise InputError("is varied, but also [uncertain]; allowed is one of them", file=file, key=key)
         if effort.until_se is not None and len(draws) > 1:
             problem = "is given, allowed is none with [uncertain] inputs: more --inputs narrow their interval"
             raise InputError(problem, key="--until-se")
         rows = []
         for point in points:
-            changed = [scenario.changed({"uncertain": None, **draw, **point}, file=file) for draw in draws]
+            changes = with_frequencies(scenario, point, file=file)
+            changed = [scenario.changed({"uncertain": None, **draw, **changes}, file=file) for draw in draws]
             rows.append(
                 tuple(Case(varied, identity_of(varied), number, len(draws)) for number, varied in enumerate(changed))
             )
@@ -75,12 +77,6 @@ class Cases:
 
     def __iter__(self) -> Iterator[Case]:
         return (case for row in self.cases for case in row)
-
-
-def _overlap(key: str, other: str) -> bool:
-    """Whether two keys are the same, or one is within the value of the other."""
-    short, long = sorted((path_of(key), path_of(other)), key=len)
-    return long[: len(short)] == short
 
 
 class SweepWork:
@@ -154,11 +150,14 @@ class Sweep:
     @cached_property
     def rows(self) -> tuple[Row, ...]:
         """The table: every measure at every point."""
-        effort = self.cases.effort
-        found = []
-        for point, row in zip(self.cases.points, self.cases.cases, strict=True):
-            found += rows_of(point, [case.seeds(effort) for case in row], uncertain=self.uncertain)
-        return tuple(found)
+        return tuple(row for rows in self._by_point for row in rows)
+
+    @cached_property
+    def _by_point(self) -> list[list[Row]]:
+        """The rows of each point; none where nothing is done yet."""
+        effort, uncertain = self.cases.effort, self.uncertain
+        points = zip(self.cases.points, self.cases.cases, strict=True)
+        return [rows_of(point, [case.seeds(effort) for case in row], uncertain=uncertain) for point, row in points]
 
     @property
     def measures(self) -> tuple[str, ...]:
@@ -171,16 +170,40 @@ class Sweep:
         Raises:
             InputError: there is no such measure.
         """
-        if name is None:
-            return self.cases.effort.measure or main_measure(self.measures, self.rows)
-        if self.measures and name not in self.measures:
-            allowed = ", ".join(self.measures)
-            raise InputError(f"is {name}{nearest(name, self.measures)}, allowed are {allowed}", key="--measure")
-        return name
+        name = name or self.cases.effort.measure
+        check_measure(name, dict.fromkeys(self.measures, 0.0))
+        return name or main_measure(self.measures, self.rows)
 
     def of(self, measure: str) -> list[Row]:
         """The rows of one measure, one per point that has it."""
         return [row for row in self.rows if row.measure == measure]
+
+    def at_every_point(self, measure: str) -> list[Row]:
+        """A row for each point, also where it has no value of the measure, or has not begun."""
+        found = []
+        for point, rows in zip(self.cases.points, self._by_point, strict=True):
+            seeds, failed = (rows[0].seeds, rows[0].failed) if rows else (0, 0)
+            held = (row for row in rows if row.measure == measure)
+            found.append(next(held, empty_row(point, seeds, failed)))
+        return found
+
+    @property
+    def missing(self) -> int:
+        """Seeds that are still to be run, as far as is known by now."""
+        effort = self.cases.effort
+        return sum(case.wanted(effort) - len(case.seeds(effort)) for case in self.cases)
+
+    @property
+    def short(self) -> int:
+        """Points that have all seeds they may have, and not the standard error that was asked for."""
+        effort = self.cases.effort
+        return sum(any(case.falls_short(effort) for case in row) for row in self.cases.cases)
+
+    @property
+    def kept(self) -> int:
+        """Points that keep more seeds than were asked for, since they had been run before."""
+        effort = self.cases.effort
+        return sum(any(case.kept > case.asked(effort) for case in row) for row in self.cases.cases)
 
     @property
     def failures(self) -> list[str]:
@@ -188,29 +211,33 @@ class Sweep:
         effort = self.cases.effort
         return list(dict.fromkeys(s.failure for case in self.cases for s in case.seeds(effort) if s.failure))
 
+    @cached_property
+    def cautions(self) -> list[Caution]:
+        """Settings that are known to mislead, each once, with the number of points where it holds."""
+        effort = self.cases.effort
+        return cautions_over([seed for case in row for seed in case.seeds(effort)] for row in self.cases.cases)
+
 
 def run_cases(
     cases: Cases,
     workers: Workers,
     journal: Path | None = None,
     *,
-    journals: Sequence[Path] = (),
+    others: int | None = None,
     stop: threading.Event | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> Sweep:
     """Run what is not done yet; with a journal, what comes is added to it.
 
-    What is in the journal, or in all of `journals`, counts as done.
+    What is in the journal counts as done, unless `take_checked` has been called for it: then `others` is what it said.
 
     Raises:
         InputError: there is no such measure as the effort looks at.
     """
     if journal is None:
         return Sweep(cases, run_work(SweepWork(cases, _keep_nowhere), workers, stop=stop, progress=progress))
-    others = take_done(cases, journals or [journal])
-    for case in cases:
-        for seed in case.done.values():
-            check_measure(cases.effort.measure, seed.values)
+    if others is None:
+        others = take_checked(cases, [journal])
     with Journal(journal) as written:
 
         def keep(case: Case, seed: SeedValues) -> None:
@@ -238,4 +265,19 @@ def take_done(cases: Cases, journals: Sequence[Path]) -> int:
             others += not of
             for case in of:
                 case.take((seed,))
+    for case in cases:
+        case.keep_done()
+    return others
+
+
+def take_checked(cases: Cases, journals: Sequence[Path]) -> int:
+    """`take_done`, for a sweep that is to go on; to be called before its folder says what is asked.
+
+    Raises:
+        InputError: what is done has no such measure as the effort looks at.
+    """
+    others = take_done(cases, journals)
+    for case in cases:
+        for seed in case.done.values():
+            check_measure(cases.effort.measure, seed.values)
     return others

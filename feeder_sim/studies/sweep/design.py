@@ -18,7 +18,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from feeder_sim.errors import InputError, quoted
-from feeder_sim.scenario.changes import check_decides, full_key, read_value
+from feeder_sim.scenario.changes import check_decides, full_key, path_of, read_value
 
 MOST_POINTS = 20_000
 _NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
@@ -83,10 +83,38 @@ def spread(key: str, span: Range, count: int, option: str) -> Axis:
 
 def listed_axis(key: str, values: Sequence[Any], option: str) -> Axis:
     """The values of a list, none of them twice."""
-    texts = [repr(value) for value in values]
-    if not values or len(set(texts)) < len(texts) or None in values:
+    if not values or len({_comparable(value) for value in values}) < len(values) or None in values:
         raise InputError("has no value, or one twice; allowed are different values", key=f"{option} {key}")
     return Axis(key, tuple(values))
+
+
+def _comparable(value: Any) -> Any:
+    """What is the same for the same values: 1 and 1.0 are one, but true is none of them."""
+    if isinstance(value, Mapping):
+        return frozenset((name, _comparable(entry)) for name, entry in value.items())
+    if isinstance(value, list | tuple):
+        return tuple(_comparable(entry) for entry in value)
+    return isinstance(value, bool), value
+
+
+def overlap(key: str, other: str) -> bool:
+    """Whether two keys are the same, or one is within the value of the other."""
+    short, long = sorted((path_of(key), path_of(other)), key=len)
+    return long[: len(short)] == short
+
+
+def check_apart(keys: Sequence[str], option: str = "--vary") -> None:
+    """Refuse keys of which one would change what another has set.
+
+    Raises:
+        InputError: as said; `option` is that of the command line.
+    """
+    for key, other in itertools.combinations(keys, 2):
+        if path_of(key) == path_of(other):
+            raise InputError("is varied twice, allowed is once", key=f"{option} {key}")
+        if overlap(key, other):
+            problem = f"is varied, and so is {other}: one is within the other, allowed is one of them"
+            raise InputError(problem, key=f"{option} {key}")
 
 
 def grid(axes: Sequence[Axis]) -> list[Point]:
@@ -148,10 +176,7 @@ def _range(span: Range, key: str) -> Range:
 
 
 def _check_axes(axes: Sequence[Axis], *, ranges: bool = False) -> None:
-    keys = [axis.key for axis in axes]
-    for key in keys:
-        if keys.count(key) > 1:
-            raise InputError("is varied twice, allowed is once", key=key)
+    check_apart([axis.key for axis in axes])
     if not axes:
         raise InputError("is missing, allowed is KEY=VALUES, once or several times", key="--vary")
     for axis in axes:

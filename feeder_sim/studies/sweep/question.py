@@ -13,10 +13,8 @@ import numpy as np
 
 from feeder_sim.errors import InputError
 from feeder_sim.scenario import Scenario
-from feeder_sim.studies.sweep.case import Effort
+from feeder_sim.studies.sweep.case import FEWEST, MOST_SEEDS, Effort
 from feeder_sim.studies.sweep.design import Axis, Point, grid, read_axis, side_by_side, sobol_sample
-
-MOST_SEEDS = 1000  # of a point, whatever `until_se` asks for
 
 
 @dataclass(frozen=True)
@@ -31,6 +29,7 @@ class Question:
         measure: to show, and that `until_se` looks at; "" for the usual one.
         until_se: more seeds are run until the standard error is below this share of the mean [1]; 0 for no such rule.
         inputs: draws of the uncertain inputs, where the scenario has any.
+        most_seeds: of a point, whatever `until_se` asks for; `seeds` where that is more.
     """
 
     vary: tuple[str, ...]
@@ -40,6 +39,7 @@ class Question:
     measure: str = ""
     until_se: float = 0.0
     inputs: int = 16
+    most_seeds: int = MOST_SEEDS
 
     @property
     def same(self) -> str:
@@ -66,13 +66,19 @@ class Question:
         """How many seeds each point gets.
 
         Raises:
-            InputError: `until_se` without a measure to look at, or out of its limits.
+            InputError: `until_se` without a measure to look at, or a number out of its limits.
         """
+        for key, number, least in (("seeds", self.seeds, 0), ("inputs", self.inputs, 2)):
+            if number < least:
+                raise InputError(f"is {number}, allowed is {max(1, least)} or more", key=f"--{key}")
+        if self.most_seeds < FEWEST:
+            raise InputError(f"is {self.most_seeds}, allowed is {FEWEST} or more", key="--most-seeds")
         if self.until_se and not 0.0 < self.until_se < 1.0:
             raise InputError(f"is {self.until_se:g}, allowed is above 0 and below 1, or 100 %", key="--until-se")
         if self.until_se and not self.measure:
             raise InputError("is missing, allowed is the measure that --until-se is to look at", key="--measure")
-        return Effort(self.seeds or scenario.run.seeds, self.until_se or None, MOST_SEEDS, self.measure)
+        seeds = self.seeds or scenario.run.seeds
+        return Effort(seeds, self.until_se or None, max(self.most_seeds, seeds), self.measure)
 
     def as_toml(self) -> str:
         """As a text that `of_toml` reads."""

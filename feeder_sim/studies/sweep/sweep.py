@@ -8,9 +8,11 @@ from concurrent.futures import Executor
 from pathlib import Path
 from typing import Any
 
+from feeder_sim.errors import InputError
 from feeder_sim.jobs.workers import given_workers, local_workers
 from feeder_sim.scenario import Scenario
-from feeder_sim.studies.sweep.cases import Cases, Sweep, run_cases
+from feeder_sim.studies.sweep.case import MOST_SEEDS
+from feeder_sim.studies.sweep.cases import Cases, Sweep, run_cases, take_checked
 from feeder_sim.studies.sweep.folder import sweep_folder, write_table
 from feeder_sim.studies.sweep.question import Question, axis_texts
 
@@ -22,6 +24,7 @@ def sweep(
     seeds: int | None = None,
     measure: str | None = None,
     until_se: float | None = None,
+    most_seeds: int = MOST_SEEDS,
     inputs: int = 16,
     workers: int | None = None,
     executor: Executor | None = None,
@@ -38,7 +41,8 @@ def sweep(
         vary: values by dotted key, or a text as the command line takes it: `{"drive[0].amplitude_um": "0.5:8:log12"}`.
         seeds: of every point; default: those of the scenario.
         measure: that `until_se` looks at.
-        until_se: more seeds are run until the standard error is below this share of the mean [1].
+        until_se: more seeds, 8 or more, are run until the standard error is below this share of the mean [1].
+        most_seeds: of a point with `until_se`; `Sweep.short` counts the points that do not get there.
         inputs: draws of the uncertain inputs, where the scenario has any.
         workers: processes; default: one per core.
         executor: runs the tasks in place of processes of this machine, as that of a Dask client.
@@ -49,14 +53,23 @@ def sweep(
     Raises:
         InputError: a key or a value that is not allowed.
     """
+    if seeds is not None and seeds < 1:
+        raise InputError(f"is {seeds}, allowed is 1 or more", key="seeds")
     question = Question(
-        axis_texts(vary), seeds=seeds or 0, measure=measure or "", until_se=until_se or 0.0, inputs=inputs
+        axis_texts(vary),
+        seeds=seeds or 0,
+        measure=measure or "",
+        until_se=until_se or 0.0,
+        inputs=inputs,
+        most_seeds=most_seeds,
     )
     cases = Cases.of(scenario, question, file=Path("scenario"))
     with given_workers(executor, workers) if executor else local_workers(workers) as found:
         if out is None:
             return run_cases(cases, found, stop=stop, progress=progress)
-        with sweep_folder(Path(out), "", scenario, question) as folder:
-            result = run_cases(cases, found, folder.journal, journals=folder.journals, stop=stop, progress=progress)
+        folder = sweep_folder(Path(out), "", scenario, question)
+        others = take_checked(cases, folder.journals)
+        with folder:
+            result = run_cases(cases, found, folder.journal, others=others, stop=stop, progress=progress)
             write_table(folder, result)
         return result

@@ -6,7 +6,8 @@ One row per point and measure. Its columns are the varied keys, then
     mean      over all seeds that have a value
     se        standard error of the mean
     n         seeds that have a value
-    failed    seeds that ended without any
+    seeds     that were run, those that failed too
+    failed    seeds that ended without any value
 
 and where inputs are uncertain
 
@@ -29,7 +30,7 @@ from feeder_sim.measures.statistic import Statistic
 from feeder_sim.studies.sweep.design import Point, labels
 from feeder_sim.studies.uncertainty.spread import Spread, spread_of
 
-COLUMNS = ("measure", "mean", "se", "n", "failed")
+COLUMNS = ("measure", "mean", "se", "n", "seeds", "failed")
 UNCERTAIN_COLUMNS = ("low", "high", "sd_inputs", "sd_seeds")
 # What a sweep is most often asked for, in this order, where it is measured.
 MAIN = (
@@ -50,6 +51,7 @@ class Row:
     point: Point
     measure: str
     found: Statistic
+    seeds: int
     failed: int
     spread: Spread | None = None
 
@@ -57,8 +59,13 @@ class Row:
         """The row by column; None where there is no value."""
         found = self.found.as_dict()
         row = labels(self.point) | {"measure": self.measure, "mean": found["mean"], "se": found["se"]}
-        row |= {"n": found["n"], "failed": self.failed}
+        row |= {"n": found["n"], "seeds": self.seeds, "failed": self.failed}
         return row | (self.spread.as_dict() if self.spread else {})
+
+    @property
+    def without_value(self) -> int:
+        """Seeds that have run to the end and have no value all the same."""
+        return self.seeds - self.failed - self.found.n
 
 
 def rows_of(point: Point, draws: Sequence[Sequence[SeedValues]], *, uncertain: bool) -> list[Row]:
@@ -73,8 +80,24 @@ def rows_of(point: Point, draws: Sequence[Sequence[SeedValues]], *, uncertain: b
         found = Statistic.of(value for draw in values for value in draw)
         if spread is not None:  # seeds of the same inputs are not independent draws of them
             found = Statistic(found.mean, found.sd, spread.se, found.n)
-        rows.append(Row(point, measure, found, failed, spread))
-    return rows or [Row(point, "", Statistic.of([]), failed)] if failed else rows
+        rows.append(Row(point, measure, found, len(seeds), failed, spread))
+    return rows or [empty_row(point, len(seeds), failed)] if failed else rows
+
+
+def empty_row(point: Point, seeds: int, failed: int) -> Row:
+    """Of a point without any value."""
+    return Row(point, "", Statistic.of([]), seeds, failed)
+
+
+def means_of_some(rows: Sequence[Row]) -> str:
+    """A line where seeds at points have no value of a measure, whose rows these are; else ""."""
+    some = [row for row in rows if row.without_value]
+    if not some:
+        return ""
+    missing, seeds = sum(row.without_value for row in some), sum(row.seeds for row in some)
+    where = f"at {len(some)} of {len(rows)} points " if len(rows) > 1 else ""
+    why = "as where a part does not come so far in time"
+    return f"{where}{missing} of {seeds} seeds have no value, {why}; means are of the others"
 
 
 def main_measure(measures: Sequence[str], rows: Sequence[Row]) -> str:
@@ -111,7 +134,7 @@ def as_parquet(keys: Sequence[str], rows: Sequence[Row], *, uncertain: bool) -> 
 def _column(values: list[Any], name: str) -> list[Any]:
     """Values of one type: whole numbers of counts, numbers, or else texts."""
     given = [value for value in values if value is not None]
-    if name in ("n", "failed") or all(isinstance(value, bool) for value in given):
+    if name in ("n", "seeds", "failed") or all(isinstance(value, bool) for value in given):
         return values
     if all(isinstance(value, int | float) and not isinstance(value, bool) for value in given):
         return [None if value is None else float(value) for value in values]
