@@ -12,7 +12,7 @@ from feeder_sim.plots.intervals import COLOURS
 from feeder_sim.plots.sweep import DECADES, draw_line, draw_map
 from feeder_sim.report.page import Picture
 from feeder_sim.report.pictures import picture_of
-from feeder_sim.report.words import headed, number, split_unit
+from feeder_sim.report.words import key_label, measure_label, number, value_text
 from feeder_sim.studies.sweep.table import Row
 
 MOST_CURVES = 6  # of the key with fewer values; with more of them there is a map
@@ -68,32 +68,6 @@ def half_width(row: Row) -> float:
 def values_of(rows: Sequence[Row], key: str) -> list[Any]:
     """The different values of a key, in order of appearance."""
     return list(dict.fromkeys(row.point[key] for row in rows))
-
-
-def measure_label(measure: str) -> str:
-    """A measure by its dotted name as text, with the unit in brackets."""
-    path, _, last = measure.rpartition(".")
-    return f"{path.replace('_', ' ')}: {headed(last)}" if path else headed(last)
-
-
-def key_label(key: str) -> str:
-    """A key of a scenario as the label of an axis: its path, and its unit in brackets."""
-    path, _, last = key.rpartition(".")
-    return f"{path}.{headed(last)}" if path else headed(last)
-
-
-def value_text(value: Any, digits: int = 6) -> str:
-    """A value of a key in a table."""
-    return number(value, digits) if isinstance(value, float) else str(value)
-
-
-def at_point(row: Row) -> str:
-    """Where a row is, in words."""
-    texts = []
-    for key, value in row.point.items():
-        name, unit = split_unit(key.rpartition(".")[2])
-        texts.append(f"{name} {value_text(value, 4)}{f' {unit}' if unit else ''}")
-    return ", ".join(texts)
 
 
 def _draw_one(figure: Any, rows: Sequence[Row], key: str, label: str) -> None:
