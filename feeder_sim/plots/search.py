@@ -41,8 +41,8 @@ def draw_history(axes: Any, found: Search, trials: Sequence[Tried]) -> None:
     steps = running_best(trials, aim)
     axes.step(range(len(steps)), steps, where="post", color=GREY, linewidth=1.0, label="best so far")
     for after, checked, color, label in (
-        (2, found.present, RED, "as it is, fresh seeds"),
-        (4, found.best, GREEN, "best, fresh seeds"),
+        (2, found.present, RED, "recipe of the file, fresh seeds"),
+        (4, found.best, GREEN, "best recipe, fresh seeds"),
     ):
         if checked is not None and checked.found.n > 1:
             reach = half_interval(checked.found.se, checked.found.n)

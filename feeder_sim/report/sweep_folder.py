@@ -61,11 +61,6 @@ class SweepTable:
         return {point: failed for point, failed in counts.items() if failed}
 
 
-def is_sweep(folder: Path) -> bool:
-    """Whether a folder holds a sweep."""
-    return (folder / QUESTION).is_file()
-
-
 def read_sweep(folder: Path) -> SweepTable:
     """Read the folder of a sweep.
 

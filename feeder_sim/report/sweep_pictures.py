@@ -46,13 +46,13 @@ def measure_picture(rows: Sequence[Row], keys: tuple[str, ...], measure: str) ->
             sure = f" Half the 95 % intervals are within ± {middle}, all within ± {widest}; the tables have them."
         caption = f"{label}: means over the seeds.{sure} White: no value."
         return picture_of(lambda figure: _draw_map(figure, rows, keys, label), height=4.2, alt=alt, caption=caption)
+    return sample_picture(rows, keys, label, alt=alt, caption=f"{bars} Every panel has all points, over another key.")
+
+
+def sample_picture(rows: Sequence[Row], keys: Sequence[str], label: str, *, alt: str, caption: str) -> Picture:
+    """Points over each key in a panel of its own, the other keys as they happen to be."""
     height = 2.6 * math.ceil(len(keys) / BESIDE)
-    return picture_of(
-        lambda figure: _draw_sample(figure, rows, keys, label),
-        height=height,
-        alt=alt,
-        caption=f"{bars} Every panel has all points, over another key.",
-    )
+    return picture_of(lambda figure: _draw_sample(figure, rows, keys, label), height=height, alt=alt, caption=caption)
 
 
 def count_of(row: Row) -> int:
@@ -93,8 +93,7 @@ def _draw_map(figure: Any, rows: Sequence[Row], keys: tuple[str, ...], label: st
     figure.axes[0].set(xlabel=key_label(keys[0]), ylabel=key_label(keys[1]))
 
 
-def _draw_sample(figure: Any, rows: Sequence[Row], keys: tuple[str, ...], label: str) -> None:
-    """Points over each key, the others as they happen to be."""
+def _draw_sample(figure: Any, rows: Sequence[Row], keys: Sequence[str], label: str) -> None:
     columns = min(len(keys), BESIDE)
     grid = figure.subplots(math.ceil(len(keys) / columns), columns, squeeze=False, sharey=True)
     for axes in grid.ravel()[len(keys) :]:
