@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from feeder_sim.measures.statistic import half_interval
 from feeder_sim.plots.figure import empty_figure
-from feeder_sim.plots.intervals import half_interval
 from feeder_sim.studies.search.results import Tried, running_best, tried
 from feeder_sim.studies.search.search import Search
 

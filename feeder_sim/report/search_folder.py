@@ -50,6 +50,12 @@ class SearchTable:
         return self.found.space.present or _point_of(self.scenario, self.keys)
 
     @property
+    def best_is_present(self) -> bool:
+        """Whether the best recipe is that of the file."""
+        best = self.found.best
+        return best is not None and _as_read(best.point or {}) == _as_read(self.present)
+
+    @property
     def leader(self) -> Tried | None:
         """The trial of the best recipe; before the check the one with the best mean of all its seeds."""
         whole = [trial for trial in self.trials if trial.is_whole(self.found.aim)]

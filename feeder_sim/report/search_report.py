@@ -10,8 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from feeder_sim.jobs.folder import SCENARIO
-from feeder_sim.measures.statistic import Statistic
-from feeder_sim.plots.intervals import half_interval
+from feeder_sim.measures.statistic import Statistic, half_interval
 from feeder_sim.report.measure_tables import statistic_cells
 from feeder_sim.report.page import Block, Folded, Page, Section, Table, Text, Tile
 from feeder_sim.report.provenance import foot, repeated
@@ -19,8 +18,8 @@ from feeder_sim.report.scenario_tables import scenario_blocks
 from feeder_sim.report.search_folder import SearchTable, read_search
 from feeder_sim.report.search_pictures import course_picture, keys_picture
 from feeder_sim.report.words import key_label, measure_label, number, split_unit, value_text, with_error
+from feeder_sim.studies.search.proposals import RANDOM_TRIALS
 from feeder_sim.studies.search.results import BEST, CHECK, QUESTION, TRIALS, Tried
-from feeder_sim.studies.search.search import RANDOM_TRIALS
 from feeder_sim.studies.search.space import Parameter
 from feeder_sim.studies.sweep.design import Point, labels
 
@@ -109,7 +108,7 @@ def _tiles(search: SearchTable) -> Iterator[Tile]:
         if checked is not None and checked.found.n:
             yield Tile(label, *_mean_and_note(checked.found, unit, "fresh seeds"))
     mean, low, high = found.gain
-    if math.isfinite(mean):
+    if math.isfinite(low):
         text, reach = with_error(mean, 0.5 * (high - low))
         yield Tile("difference", _signed(text), unit, f"± {reach} (95 %), seed by seed")
     leader = search.leader
@@ -189,12 +188,12 @@ def _value(point: Point, key: str) -> str:
 def _verdict(search: SearchTable) -> Iterator[Text]:
     """Whether the best recipe is better, and what its mean in the search was worth."""
     found, leader = search.found, search.leader
-    mean, low, high = found.gain
-    if math.isnan(mean):
+    _, low, high = found.gain
+    if math.isnan(low):
         return
     worst = low if found.aim.largest else -high  # the end of the interval towards what is not wanted
     best_of_all = high if found.aim.largest else -low
-    if found.present and found.best and found.present.values == found.best.values:
+    if search.best_is_present:
         yield Text("No recipe that was tried came out better than that of the file.", "note")
     elif worst > 0.0:
         yield Text(

@@ -71,7 +71,8 @@ def read_uncertainty(folder: Path) -> Uncertainty:
     rows = table.rows(lambda line: _row(line, keys, measures))
     if not rows:
         raise InputError("holds no draw, allowed is a folder with at least one that is done", file=folder / DRAWS)
-    causes = _causes(folder / f"{JOURNAL}.jsonl")
+    empty = any(not seed.values for _, seed in rows)
+    causes = _causes(folder / f"{JOURNAL}.jsonl") if empty else {}
     count = question.draws(scenario)
     draws: list[Draw] = [{} for _ in range(count)]
     cases = [Case(scenario, "", number, count) for number in range(count)]
@@ -85,7 +86,7 @@ def read_uncertainty(folder: Path) -> Uncertainty:
 
 
 def _row(line: Line, keys: tuple[str, ...], measures: tuple[str, ...]) -> tuple[Draw, SeedValues]:
-    """A line of the table: the values of a draw, and a seed of it; without any value it has failed."""
+    """A line of the table: the values of a draw, and a seed of it."""
     values = {name: number_in(line[name]) for name in measures}
     if all(math.isnan(value) for value in values.values()):
         values = {}
@@ -93,5 +94,5 @@ def _row(line: Line, keys: tuple[str, ...], measures: tuple[str, ...]) -> tuple[
 
 
 def _causes(journal: Path) -> dict[int, str]:
-    """Why seeds have failed, which the table does not say; what was written last counts."""
-    return {entry["seed"]: str(entry["failure"]) for entry in read_journal(journal) if entry.get("failure")}
+    """Why seeds have failed, which the table does not say, "" for those that have not; what was written last counts."""
+    return {int(entry["seed"]): str(entry["failure"]) for entry in read_journal(journal) if "failure" in entry}
