@@ -56,14 +56,22 @@ class SearchTable:
         return best is not None and _as_read(best.point or {}) == _as_read(self.present)
 
     @property
-    def leader(self) -> Tried | None:
-        """The trial of the best recipe; before the check the one with the best mean of all its seeds."""
-        whole = [trial for trial in self.trials if trial.is_whole(self.found.aim)]
-        if self.found.best is not None:
-            wanted = _as_read(self.found.best.point or {})
-            return next((trial for trial in whole if _as_read(trial.point) == wanted), None)
+    def first(self) -> Tried | None:
+        """The trial with the best mean, of those that have all their seeds."""
         pick = max if self.found.aim.largest else min
-        return pick(whole, key=lambda trial: trial.found.mean) if whole else None
+        return pick(self._whole, key=lambda trial: trial.found.mean, default=None)
+
+    @property
+    def leader(self) -> Tried | None:
+        """The trial of the best recipe; before the check the one with the best mean."""
+        if self.found.best is None:
+            return self.first
+        wanted = _as_read(self.found.best.point or {})
+        return next((trial for trial in self._whole if _as_read(trial.point) == wanted), None)
+
+    @property
+    def _whole(self) -> list[Tried]:
+        return [trial for trial in self.trials if trial.is_whole(self.found.aim)]
 
 
 def read_search(folder: Path) -> SearchTable:

@@ -46,10 +46,4 @@ def keys_picture(search: SearchTable) -> Picture:
         if trial.found.n
     ]
     alt = f"{label} over {' and '.join(keys)}, {len(rows)} trials."
-    return sample_picture(
-        rows,
-        keys,
-        label,
-        alt=alt,
-        caption=f"{label}: means of the trials. Every panel has all of them, over another key.",
-    )
+    return sample_picture(rows, keys, label, alt=alt, caption=f"{label}: means of the trials.")

@@ -207,6 +207,13 @@ def _verdict(search: SearchTable) -> Iterator[Text]:
             "file. More --check-seeds, or more --seeds of a recipe, tell more.",
             "caution",
         )
+    first = search.first
+    if leader is not None and first is not None and first.number != leader.number:
+        yield Text(
+            f"Trial {first.number} had a better mean in the search, {number(first.found.mean)} over {first.seeds} "
+            "seeds. With twice the seeds it came out worse, or a seed had no value.",
+            "note",
+        )
     if leader is not None:
         mean_then, _ = with_error(leader.found.mean, leader.found.se)
         yield Text(

@@ -46,11 +46,12 @@ def measure_picture(rows: Sequence[Row], keys: tuple[str, ...], measure: str) ->
             sure = f" Half the 95 % intervals are within ± {middle}, all within ± {widest}; the tables have them."
         caption = f"{label}: means over the seeds.{sure} White: no value."
         return picture_of(lambda figure: _draw_map(figure, rows, keys, label), height=4.2, alt=alt, caption=caption)
-    return sample_picture(rows, keys, label, alt=alt, caption=f"{bars} Every panel has all points, over another key.")
+    return sample_picture(rows, keys, label, alt=alt, caption=bars)
 
 
 def sample_picture(rows: Sequence[Row], keys: Sequence[str], label: str, *, alt: str, caption: str) -> Picture:
     """Points over each key in a panel of its own, the other keys as they happen to be."""
+    caption += " Every panel has all points, over another key." if len(keys) > 1 else ""
     height = 2.6 * math.ceil(len(keys) / BESIDE)
     return picture_of(lambda figure: _draw_sample(figure, rows, keys, label), height=height, alt=alt, caption=caption)
 

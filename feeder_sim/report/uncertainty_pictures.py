@@ -45,7 +45,7 @@ def inputs_picture(found: Propagation, measure: str) -> Picture:
     pairs = zip(found.draws, found.values(measure), strict=True)
     rows = [Row(draw, measure, Statistic.of([float(np.mean(values))]), 0) for draw, values in pairs if values]
     alt = f"{label} over {' and '.join(keys)}, {len(rows)} draws."
-    caption = f"{label}: means over the seeds of each draw. Every panel has all draws, over another input."
+    caption = f"{label}: means over the seeds of each draw."
     return sample_picture(rows, keys, label, alt=alt, caption=caption)
 
 

@@ -15,13 +15,13 @@ from feeder_sim.report.provenance import foot, repeated
 from feeder_sim.report.scenario_tables import scenario_blocks
 from feeder_sim.report.uncertainty_folder import Uncertainty, read_uncertainty
 from feeder_sim.report.uncertainty_pictures import indices_picture, inputs_picture, spread_picture
-from feeder_sim.report.words import between, key_label, measure_label, number, split_unit, value_text, worded
+from feeder_sim.report.words import between, key_label, measure_label, number, split_unit, value_text
 from feeder_sim.scenario import Uncertain
 from feeder_sim.studies.uncertainty.indices import Index
 from feeder_sim.studies.uncertainty.propagate import DRAWS, QUESTION, TABLE
 from feeder_sim.studies.uncertainty.spread import Spread
 
-MOST_COLUMNS = 6  # measures in the table of the draws; all of them would not fit the page
+MOST_COLUMNS = 7  # inputs and measures in the table of the draws; all of them would not fit the page
 MOST_ROWS = 2000  # of that table
 FEW_DRAWS = 20  # below it not even one draw lies beyond each end of 90 %
 FEW_FOR_INDICES = 64  # draws, each (inputs + 2) times
@@ -131,7 +131,7 @@ def _inputs(asked: Uncertainty) -> Table:
 def _may_be(uncertain: Uncertain) -> str:
     """A distribution in words."""
     if uncertain.choice is not None:
-        return f"one of {worded(uncertain.choice)}"
+        return f"one of {', '.join(value_text(value) for value in uncertain.choice)}"
     if uncertain.normal is not None:
         mean, deviation = (number(value, 6) for value in uncertain.normal)
         return f"{mean} ± {deviation} (normal, one standard deviation)"
@@ -173,6 +173,13 @@ def _measures(asked: Uncertainty, measures: Sequence[str]) -> Iterator[Block]:
         "many seeds may be, over the inputs alone; more seeds do not make it narrower. The standard deviations (SD) "
         "are those of the means over the inputs, and of the seeds at the same inputs."
     )
+    nested = [measure for measure in measures if "[" in measure or "." in measure]
+    yield _table_of(asked, [measure for measure in measures if measure not in nested] or nested)
+    if 0 < len(nested) < len(measures):
+        yield Folded(f"{len(nested)} measures in detail, such as those of stages", (_table_of(asked, nested),))
+
+
+def _table_of(asked: Uncertainty, measures: Sequence[str]) -> Table:
     rows = []
     for measure in measures:
         spread = asked.found.spread(measure)
@@ -181,7 +188,7 @@ def _measures(asked: Uncertainty, measures: Sequence[str]) -> Iterator[Block]:
         scatter = number(spread.sd_inputs, 2), number(spread.sd_seeds, 2)
         rows.append((measure_label(measure), *intervals, *scatter, str(spread.draws)))
     head = ("measure", "median", "90 % of runs", "90 % of means", "SD over inputs", "SD over seeds", "draws")
-    yield Table("", head, tuple(rows), numbers_from=1)
+    return Table("", head, tuple(rows), numbers_from=1)
 
 
 def _index_tables(indices: Indices) -> Iterator[Block]:
@@ -208,10 +215,11 @@ def _index_table(measure: str, indices: Sequence[Index]) -> Table:
 
 def _draws(asked: Uncertainty, measures: Sequence[str]) -> Iterator[Block]:
     """All runs with the values of their inputs, folded, as far as a page should hold them."""
-    listed, keys = measures[:MOST_COLUMNS], list(asked.done[0][0])
+    keys = list(asked.scenario.uncertain or {})
+    listed = measures[: max(1, MOST_COLUMNS - len(keys))]
     rows = tuple(
         (
-            *(value_text(value, 4) for value in draw.values()),
+            *(value_text(draw[key], 4) for key in keys),
             str(seed.seed),
             *("failed" if seed.failure else number(seed.values.get(name, math.nan)) for name in listed),
         )
@@ -220,7 +228,7 @@ def _draws(asked: Uncertainty, measures: Sequence[str]) -> Iterator[Block]:
     head = (*(key_label(key) for key in keys), "seed", *(measure_label(name) for name in listed))
     yield Folded(f"All {len(asked.done)} runs with their inputs", (Table("", head, rows, len(keys)),))
     left = [f"{len(asked.done) - MOST_ROWS} more runs"] if len(asked.done) > MOST_ROWS else []
-    left += [f"{len(measures) - MOST_COLUMNS} more measures"] if len(measures) > MOST_COLUMNS else []
+    left += [f"{len(measures) - len(listed)} more measures"] if len(measures) > len(listed) else []
     if left:
         yield Text(f"{' and '.join(left)} are not listed here; {DRAWS} has them.", "note")
 
@@ -253,7 +261,9 @@ def _cautions(asked: Uncertainty, shown: str, indices: Indices, trouble: str) ->
                 f"; {FEW_FOR_INDICES} or more --inputs make them narrower" if question.inputs < FEW_FOR_INDICES else ""
             )
             yield Text(f"The intervals of the Sobol indices are wide, up to ± {widest:.2f}{more}.", "caution")
-    yield Text("All intervals hold as far as the inputs are as uncertain as said above, each by itself.", "note")
+    yield Text(
+        "All intervals hold only if the inputs are as uncertain as said above, and independent of each other.", "note"
+    )
 
 
 def _failures(asked: Uncertainty) -> Iterator[Text]:

@@ -222,7 +222,10 @@ def test_uncertain_inputs_of_a_run_are_said(tmp_path: Path, undrawn: None) -> No
     uncertain = {"contact.restitution": Uncertain(uniform=(0.1, 0.3))}
     scenario = titled("unsure").model_copy(update={"uncertain": uncertain})
     record_run(scenario, tmp_path / "run", replay=False)
+    (tmp_path / "run/uncertainty").mkdir()
+    (tmp_path / "run/uncertainty/uncertainty.toml").touch()
     text = checked(html_of(run_page(tmp_path / "run"))).text
+    assert f"a page of its draws: feeder-sim report {tmp_path}/run/uncertainty" in text
     assert "Inputs of the scenario are uncertain" in text and "uncertain contact.restitution uniform 0.1, 0.3" in text
 
 

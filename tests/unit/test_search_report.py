@@ -107,6 +107,10 @@ def test_what_is_read_is_what_was_found(tmp_path: Path) -> None:
     assert [row.point for row in read.trials] == [row.point for row in rows]
     assert [row.found.mean for row in read.trials] == pytest.approx([row.found.mean for row in rows], nan_ok=True)
     assert read.leader is not None and found.best is not None and read.leader.point == found.best.point
+    with (tmp_path / "trials.csv").open("a") as file:
+        file.write("99,1.5,0.2,0.5,0.1,4,0,\n98,1.5,0.2,0.4,0.1,2,1,\n")  # too good to last; stopped early
+    again = read_search(tmp_path)
+    assert again.first is not None and again.first.number == 99 and again.leader == read.leader
 
 
 def test_page_of_a_search_that_has_not_ended(tmp_path: Path, coarse: None) -> None:
