@@ -153,8 +153,8 @@ def test_a_space_that_is_refused(over: list[str], said: str) -> None:
 
 
 def test_command(repository: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    workers = given_workers(Pretended(values_of), 2)
-    monkeypatch.setattr("feeder_sim.jobs.workers.workers_of", lambda count, dask: workers)
+    executor = Pretended(values_of)
+    monkeypatch.setattr("feeder_sim.jobs.workers.workers_of", lambda count, dask: given_workers(executor, 2))
     scenario, out = repository / "scenarios/drift_4750hz.toml", tmp_path / "out"
     asked = ("optimise", scenario, "--maximise", "speed", "--over", OVER[0], "--trials", 24, "--out", out)
     done = feeder_sim(*asked)
