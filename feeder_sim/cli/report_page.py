@@ -1,4 +1,4 @@
-"""The command `report`: a run or a sweep as one HTML page."""
+"""The command `report`: a run, or a question asked of many runs, as one HTML page."""
 
 from __future__ import annotations
 
@@ -17,7 +17,9 @@ SUFFIXES = (".html", ".htm")
 
 
 def report(
-    folder: Annotated[Path, typer.Argument(help="Folder of a run or of a sweep.", show_default=False)],
+    folder: Annotated[
+        Path, typer.Argument(help="Folder of a run, sweep, uncertainty or optimise.", show_default=False)
+    ],
     out: Annotated[Path | None, typer.Option("--out", help=f"File to write (.html) [{PAGE} in the folder].")] = None,
     screenshot: Annotated[
         bool, typer.Option("--screenshot", help="With a picture of the replay; needs a graphics driver, no screen.")
@@ -25,36 +27,35 @@ def report(
     force: Annotated[bool, typer.Option("--force", help="Replace an existing page.")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout.")] = False,
 ) -> None:
-    """Write a run or a sweep as one HTML page that opens anywhere, offline."""
+    """Write a run, a sweep, uncertain inputs or a search as one HTML page that opens anywhere, offline."""
     from feeder_sim.records.trajectory_file import TRAJECTORY
     from feeder_sim.records.whole_file import write_whole
     from feeder_sim.report.page import html_of
+    from feeder_sim.report.question_report import QUESTIONS, kind_of, question_page
     from feeder_sim.report.run_report import run_page
-    from feeder_sim.report.sweep_folder import is_sweep
-    from feeder_sim.report.sweep_report import sweep_page
-    from feeder_sim.studies.sweep.folder import QUESTION
 
     file = out or (folder if folder.is_dir() else folder.parent) / PAGE
     if file.suffix.lower() not in SUFFIXES:
         raise InputError(f"is {quoted(file.suffix)}, allowed is {' or '.join(SUFFIXES)}", file=file, key="--out")
     if file.is_file() and not force:
         raise InputError("exists already, --force replaces it", file=file, key="--out")
-    sweep = is_sweep(folder)
-    if sweep and screenshot:
-        raise InputError("is not allowed for a sweep, which keeps no recordings", file=folder, key="--screenshot")
-    if not sweep and not (folder / TRAJECTORY).is_file() and not (folder.suffix == ".h5" and folder.is_file()):
+    kind = kind_of(folder)
+    if kind and screenshot:
         raise InputError(
-            f"no run or sweep here, allowed is a folder that holds {TRAJECTORY} or {QUESTION}", file=folder
+            f"is not allowed for the folder of {kind}, which keeps no recordings", file=folder, key="--screenshot"
         )
+    if not kind and not (folder / TRAJECTORY).is_file() and not (folder.suffix == ".h5" and folder.is_file()):
+        allowed = f"a folder that holds {', '.join((TRAJECTORY, *QUESTIONS))}"
+        raise InputError(f"is no run, sweep, uncertainty or optimise, allowed is {allowed}", file=folder)
     with progress_bar(str(folder)) as progress:
-        if sweep:
-            page = sweep_page(folder, progress=progress)
+        if kind:
+            page = question_page(kind, folder, progress=progress)
         else:
             page = run_page(folder, with_screenshot=screenshot, progress=progress, notify=notify)
         content = html_of(page).encode()
     write_whole(writable(file, force=force), content)
     if as_json:
         made = {"file": str(file), "bytes": len(content), "pictures": page.pictures}
-        print(json.dumps({"kind": "sweep" if sweep else "run", "title": page.title} | made))
+        print(json.dumps({"kind": kind or "run", "title": page.title} | made))
         return
     print(printable(str(file)))

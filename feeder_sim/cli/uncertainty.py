@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from feeder_sim.jobs.workers import Workers
     from feeder_sim.scenario import Scenario
     from feeder_sim.studies.uncertainty.propagate import Propagation
+    from feeder_sim.studies.uncertainty.question import Question
 
 OUT = Path("uncertainty")
 SEEDS = 2  # of a draw: the fewest that tell inputs and seeds apart
@@ -49,22 +50,14 @@ def uncertainty(
         from feeder_sim.jobs.folder import usual_folder
         from feeder_sim.jobs.workers import workers_of
         from feeder_sim.studies.uncertainty.propagate import QUESTION, check_propagated
+        from feeder_sim.studies.uncertainty.question import Question
 
         check_propagated(scenario, inputs, indices)
-        name, same = scenario_file.stem, _same(inputs, indices)
-        folder = out or usual_folder(OUT, name, QUESTION, scenario, same)
+        mark = math.nan if measured is None else measured
+        name, question = scenario_file.stem, Question(inputs, seeds, indices, measure or "", mark)
+        folder = out or usual_folder(OUT, name, QUESTION, scenario, question.same)
         with stop_on_signal() as stop, progress_bar(name, stop) as progress, workers_of(workers, dask) as found:
-            done = propagate_into(
-                folder,
-                scenario,
-                found,
-                inputs=inputs,
-                seeds=seeds,
-                indices=indices,
-                measure=measure or "",
-                stop=stop,
-                progress=progress,
-            )
+            done = propagate_into(folder, scenario, found, question, stop=stop, progress=progress)
         shown = _measure(done, measure)
         _draw(done, shown, folder, measured)
     if as_json:
@@ -79,29 +72,23 @@ def propagate_into(
     path: Path,
     scenario: Scenario,
     workers: Workers,
+    question: Question,
     *,
-    inputs: int,
-    seeds: int,
-    indices: bool,
-    measure: str = "",
     stop: threading.Event,
     progress: Callable[[float], None],
 ) -> Propagation:
     """Run what is not done yet, and write the tables."""
-    import tomli_w
-
     from feeder_sim.jobs.folder import WorkFolder
     from feeder_sim.studies.uncertainty.propagate import QUESTION, propagate, write_propagation
 
-    asked = tomli_w.dumps({"inputs": inputs, "seeds": seeds, "indices": indices})
-    with WorkFolder(path, QUESTION, asked, scenario, same=_same(inputs, indices)) as folder:
+    with WorkFolder(path, QUESTION, question.as_toml(), scenario, same=question.same) as folder:
         done = propagate(
             scenario,
-            inputs=inputs,
-            seeds=seeds,
-            indices=indices,
+            inputs=question.inputs,
+            seeds=question.seeds,
+            indices=question.indices,
             workers=workers,
-            measure=measure,
+            measure=question.measure,
             journal=folder.journal,
             stop=stop,
             progress=progress,
@@ -133,12 +120,11 @@ def run_uncertain(scenario: Scenario, run: Path, inputs: int) -> UncertainRun | 
     if not scenario.uncertain:
         return None
     from feeder_sim.jobs.workers import local_workers
+    from feeder_sim.studies.uncertainty.question import Question
 
     folder = run / OUT.name
     with stop_on_signal() as stop, progress_bar("uncertain inputs", stop) as progress, local_workers() as workers:
-        done = propagate_into(
-            folder, scenario, workers, inputs=inputs, seeds=SEEDS, indices=False, stop=stop, progress=progress
-        )
+        done = propagate_into(folder, scenario, workers, Question(inputs, SEEDS), stop=stop, progress=progress)
     _draw(done, done.main(), folder, None)
     return UncertainRun(done, run)
 
@@ -173,11 +159,6 @@ def _draw(done: Propagation, measure: str, folder: Path, measured: float | None)
 
     if measure:
         draw_uncertainty(done, measure, folder / PICTURE, measured)
-
-
-def _same(inputs: int, indices: bool) -> str:
-    """What makes it the same question: more seeds are no other one."""
-    return f"{inputs} {indices}"
 
 
 def as_json_object(done: Propagation) -> dict[str, Any]:

@@ -3,42 +3,46 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from feeder_sim.measures.statistic import Statistic, half_interval
+from feeder_sim.measures.statistic import half_interval
 from feeder_sim.plots.figure import empty_figure
+from feeder_sim.studies.search.results import Tried, running_best, tried
 from feeder_sim.studies.search.search import Search
 
-BLUE, PALE, RED, GREY = "#3a60be", "#b8c6ea", "#be3434", "0.55"
+BLUE, PALE, RED, GREEN, GREY = "#3a60be", "#b8c6ea", "#be3434", "#3a8a5a", "0.55"
 
 
 def draw_search(found: Search, path: Path) -> None:
     """Draw the history of a search to a file."""
     figure = empty_figure(7.5, 4.4)
-    draw_history(figure.subplots(), found)
+    draw_history(figure.subplots(), found, tried(found))
     figure.savefig(path, dpi=150)
 
 
-def draw_history(axes: Any, found: Search) -> None:
-    """Draw means with standard errors over the trials, stopped ones pale; fresh seeds with their 95 % interval."""
+def draw_history(axes: Any, found: Search, trials: Sequence[Tried]) -> None:
+    """Draw means with standard errors over the trials, and the check of a search with 95 % intervals.
+
+    Trials that were stopped are pale.
+    """
     aim = found.aim
-    judged = [(i, trial) for i, trial in enumerate(found.trials) if not math.isnan(trial.mean(aim))]
     for stopped, color, label in ((True, PALE, "stopped early"), (False, BLUE, "all seeds")):
-        shown = [(i, Statistic.of(trial.values(aim))) for i, trial in judged if trial.stopped == stopped]
+        shown = [
+            (i, trial.found)
+            for i, trial in enumerate(trials)
+            if trial.stopped == stopped and not math.isnan(trial.found.mean)
+        ]
         if shown:
             place, found_there = zip(*shown, strict=True)
             error = [0.0 if math.isnan(s.se) else s.se for s in found_there]
             axes.errorbar(place, [s.mean for s in found_there], error, fmt="o", color=color, markersize=4, label=label)
-    best, steps = math.nan, []
-    for trial in found.trials:
-        if trial.is_whole(aim) and aim.better(trial.mean(aim), best):
-            best = trial.mean(aim)
-        steps.append(best)
+    steps = running_best(trials, aim)
     axes.step(range(len(steps)), steps, where="post", color=GREY, linewidth=1.0, label="best so far")
     for after, checked, color, label in (
-        (2, found.present, RED, "as it is, fresh seeds"),
-        (4, found.best, "#3a8a5a", "best, fresh seeds"),
+        (2, found.present, RED, "recipe of the file, fresh seeds"),
+        (4, found.best, GREEN, "best recipe, fresh seeds"),
     ):
         if checked is not None and checked.found.n > 1:
             reach = half_interval(checked.found.se, checked.found.n)

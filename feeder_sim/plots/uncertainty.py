@@ -13,6 +13,7 @@ from feeder_sim.studies.uncertainty.indices import Index
 from feeder_sim.studies.uncertainty.propagate import Propagation
 
 BLUE, PALE, RED = "#3a60be", "#b8c6ea", "#be3434"
+ROOM = 1.45  # of the height of a histogram, with the legend above it
 
 
 def draw_uncertainty(found: Propagation, measure: str, path: Path, measured: float | None = None) -> None:
@@ -38,10 +39,11 @@ def draw_values(axes: Any, found: Propagation, measure: str, measured: float | N
     ):
         if math.isfinite(low):
             axes.plot([low, high], [height * top] * 2, "|-", color=color, linewidth=2.5, markersize=9, label=label)
-    axes.axvline(spread.median, color=BLUE, linestyle="--", label=f"median {spread.median:.4g}")
+    below = 1.0 / ROOM  # the legend
+    axes.axvline(spread.median, ymax=below, color=BLUE, linestyle="--", label=f"median {spread.median:.4g}")
     if measured is not None:
-        axes.axvline(measured, color=RED, linewidth=1.8, label=f"measured {measured:g}")
-    axes.set(xlabel=measure, ylabel="runs", ylim=(0.0, 1.45 * top))  # room for the legend
+        axes.axvline(measured, ymax=below, color=RED, linewidth=1.8, label=f"measured {measured:g}")
+    axes.set(xlabel=measure, ylabel="runs", ylim=(0.0, ROOM * top))
     axes.legend(fontsize=8, loc="upper center", ncols=2)
 
 

@@ -1,1 +1,1 @@
-"""Reports: a run or a sweep as one HTML page that opens anywhere, offline."""
+"""Reports: a run, or a question asked of many runs, as one HTML page that opens anywhere, offline."""

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
 from feeder_sim.measures.statistic import half_interval
 from feeder_sim.report.page import Block, Folded, Table, Text, Tile
 from feeder_sim.report.words import headed, number, split_unit, with_error, worded
+from feeder_sim.studies.sweep.table import MAIN
 
 HEAD = ("measure", "unit", "mean", "SE", "95 % interval", "n")
 # Measures that stand at the top of a page, the most telling ones first, and how many of them.
@@ -24,9 +25,16 @@ FIRST = (
     "lost",
     "refilled",
 )
+TELLING = tuple(dict.fromkeys((*MAIN, *FIRST)))  # those of questions of many runs
 TILES = 4
 MOST_ROWS = 200  # of a table of stages; more would make the page too large to mail
 LEAST_FOR_INTERVAL = 3  # values; that of two is as wide as 25 standard errors
+
+
+def in_order(measures: Iterable[str], asked: str = "") -> list[str]:
+    """Measures: the one that was asked for, the most telling ones, the others, at last those of stages."""
+    rank = {name: i for i, name in enumerate(dict.fromkeys((asked, *TELLING)))}
+    return sorted(measures, key=lambda name: (rank.get(name, len(rank)), "[" in name or "." in name))
 
 
 def tiles(measures: Mapping[str, Any]) -> tuple[Tile, ...]:

@@ -18,6 +18,7 @@ from feeder_sim.report.run_pictures import parts_picture, plate_picture, screens
 from feeder_sim.report.scenario_tables import scenario_blocks
 from feeder_sim.report.words import number, sentence
 from feeder_sim.run.run_folder import RESOLVED
+from feeder_sim.studies.uncertainty.propagate import QUESTION
 
 HOW_ENDED = {
     Status.UNFINISHED: "not finished",
@@ -25,6 +26,7 @@ HOW_ENDED = {
     Status.DIVERGED: "stopped, since their state was not valid",
     Status.LEFT_PLATE: "ended when all parts had left the plate",
 }
+DRAWS_OF_RUN = "uncertainty"  # folder of the draws of uncertain inputs, in that of a run
 Progress = Callable[[float], None]
 
 
@@ -115,6 +117,8 @@ def _cautions(run: Recorded) -> tuple[Block, ...]:
     lines += [Text(sentence(caution), "caution") for caution in run.result.prepared.cautions]
     if run.result.prepared.scenario.uncertain:
         text = "Inputs of the scenario are uncertain: intervals here are over the seeds at its own values only."
+        if (run.folder / DRAWS_OF_RUN / QUESTION).is_file():
+            text += f" This makes a page of its draws: feeder-sim report {shlex.quote(str(run.folder / DRAWS_OF_RUN))}"
         lines.append(Text(text, "caution"))
     unresolved = sum(run.recording.unresolved_impacts)
     if unresolved:

@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
-import csv
 import json
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from feeder_sim.errors import InputError, cause_of, quoted
+from feeder_sim.errors import InputError
 from feeder_sim.jobs.cautions import Caution
-from feeder_sim.jobs.folder import SCENARIO
 from feeder_sim.measures.statistic import Statistic
-from feeder_sim.scenario import Scenario, load_scenario
+from feeder_sim.report.question_folder import Line, TableFile, number_in, scenario_of, text_of, value_in
+from feeder_sim.scenario import Scenario
 from feeder_sim.studies.sweep.case import FIRST_LOOK
 from feeder_sim.studies.sweep.design import Point
 from feeder_sim.studies.sweep.folder import CSV, QUESTION, STATE
@@ -81,41 +79,25 @@ class SweepTable:
         return {point: failed for point, failed in counts.items() if failed}
 
 
-def is_sweep(folder: Path) -> bool:
-    """Whether a folder holds a sweep."""
-    return (folder / QUESTION).is_file()
-
-
 def read_sweep(folder: Path) -> SweepTable:
     """Read the folder of a sweep.
 
     Raises:
         InputError: a file of it is missing or cannot be read, or its table has no point.
     """
-    for name in (QUESTION, SCENARIO, CSV, STATE):
-        if (folder / name).is_symlink():
-            raise InputError("is a link, allowed is a file of the sweep itself", file=folder / name)
+    scenario, text = scenario_of(folder, (QUESTION, CSV, STATE))
     question = Question.of_toml(folder / QUESTION)
-    scenario = load_scenario(folder / SCENARIO)
-    table = folder / CSV
-    if not table.is_file():
-        raise InputError("is missing: the sweep has not come so far, run it again to go on", file=table)
-    reader = csv.DictReader(_text(table).splitlines())
-    head = tuple(reader.fieldnames or ())
+    table = TableFile(folder / CSV)
+    head = table.head
     keys = head[: head.index(COLUMNS[0])] if COLUMNS[0] in head else ()
     uncertain = head[len(keys) :] == COLUMNS + UNCERTAIN_COLUMNS
     if not keys or not (uncertain or head[len(keys) :] == COLUMNS):
-        allowed = f"a column per varied key, then {', '.join(COLUMNS)}"
-        raise InputError(f"has the columns {quoted(', '.join(head))}, allowed is {allowed}", file=table)
+        raise table.refused(f"a column per varied key, then {', '.join(COLUMNS)}")
     draws = question.inputs if uncertain else 0
-    try:
-        rows = tuple(_row(line, keys, table, number, draws) for number, line in enumerate(reader, 2))
-    except csv.Error as error:
-        raise InputError(f"is no table: {error}", file=table) from error
+    rows = table.rows(lambda line: _row(line, keys, draws))
     if not rows:
-        raise InputError("holds no point, allowed is a sweep with at least one that is done", file=table)
-    found = SweepTable(folder, keys, rows, uncertain, question, scenario, _text(folder / SCENARIO))
-    return _with_state(found, folder / STATE)
+        raise InputError("holds no point, allowed is a sweep with at least one that is done", file=folder / CSV)
+    return _with_state(SweepTable(folder, keys, rows, uncertain, question, scenario, text), folder / STATE)
 
 
 def _with_state(sweep: SweepTable, file: Path) -> SweepTable:
@@ -123,7 +105,7 @@ def _with_state(sweep: SweepTable, file: Path) -> SweepTable:
     if not file.is_file():
         return sweep
     try:
-        state = json.loads(_text(file))
+        state = json.loads(text_of(file))
         cautions = tuple(Caution.of_dict(entry) for entry in state["cautions"])
         return replace(
             sweep, complete=bool(state["complete"]), short=int(state["points_short_of_se"]), cautions=cautions
@@ -132,38 +114,13 @@ def _with_state(sweep: SweepTable, file: Path) -> SweepTable:
         raise InputError(f"holds no state of a sweep: {error}", file=file) from error
 
 
-def _row(line: Mapping[str, str | None], keys: tuple[str, ...], table: Path, number: int, draws: int) -> Row:
-    """A line of the table, whose number in the file is for messages; 0 draws where no input is uncertain."""
-    try:
-        mean, se, n, seeds, failed = (_number(line[name]) for name in COLUMNS[1:])
-        spread = None
-        if draws:
-            low, high, of_inputs, of_seeds = (_number(line[name]) for name in UNCERTAIN_COLUMNS)
-            spread = Spread(math.nan, math.nan, math.nan, low, high, of_inputs, of_seeds, se, min(draws, int(n)))
-        found = Statistic(mean, se * math.sqrt(n), se, int(n))
-        return Row(
-            {key: _value(line[key]) for key in keys}, line["measure"] or "", found, int(seeds), int(failed), spread
-        )
-    except (ValueError, TypeError, OverflowError):
-        raise InputError(f"line {number} is {quoted(list(line.values()))}, allowed are numbers", file=table) from None
-
-
-def _number(text: str | None) -> float:
-    """A number; NaN for an empty field, and for what is not finite."""
-    value = float(text) if text else math.nan
-    return value if math.isfinite(value) else math.nan
-
-
-def _value(text: str | None) -> float | str:
-    """The value of a key: a number where it is one."""
-    try:
-        return float(text or "")
-    except ValueError:
-        return text or ""
-
-
-def _text(file: Path) -> str:
-    try:
-        return file.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(f"cannot be read: {cause_of(error)}", file=file) from error
+def _row(line: Line, keys: tuple[str, ...], draws: int) -> Row:
+    """A line of the table; 0 draws where no input is uncertain."""
+    mean, se, n, seeds, failed = (number_in(line[name]) for name in COLUMNS[1:])
+    spread = None
+    if draws:
+        low, high, of_inputs, of_seeds = (number_in(line[name]) for name in UNCERTAIN_COLUMNS)
+        spread = Spread(math.nan, math.nan, math.nan, low, high, of_inputs, of_seeds, se, min(draws, int(n)))
+    found = Statistic(mean, se * math.sqrt(n), se, int(n))
+    point = {key: value_in(line[key]) for key in keys}
+    return Row(point, line["measure"] or "", found, int(seeds), int(failed), spread)

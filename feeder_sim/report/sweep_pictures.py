@@ -12,7 +12,7 @@ from feeder_sim.plots.intervals import COLOURS
 from feeder_sim.plots.sweep import DECADES, draw_line, draw_map
 from feeder_sim.report.page import Picture
 from feeder_sim.report.pictures import picture_of
-from feeder_sim.report.words import headed, number, split_unit
+from feeder_sim.report.words import key_label, measure_label, number, value_text
 from feeder_sim.studies.sweep.table import Row
 
 MOST_CURVES = 6  # of the key with fewer values; with more of them there is a map
@@ -46,13 +46,14 @@ def measure_picture(rows: Sequence[Row], keys: tuple[str, ...], measure: str) ->
             sure = f" Half the 95 % intervals are within ± {middle}, all within ± {widest}; the tables have them."
         caption = f"{label}: means over the seeds.{sure} White: no value."
         return picture_of(lambda figure: _draw_map(figure, rows, keys, label), height=4.2, alt=alt, caption=caption)
+    return sample_picture(rows, keys, label, alt=alt, caption=bars)
+
+
+def sample_picture(rows: Sequence[Row], keys: Sequence[str], label: str, *, alt: str, caption: str) -> Picture:
+    """Points over each key in a panel of its own, the other keys as they happen to be."""
+    caption += " Every panel has all points, over another key." if len(keys) > 1 else ""
     height = 2.6 * math.ceil(len(keys) / BESIDE)
-    return picture_of(
-        lambda figure: _draw_sample(figure, rows, keys, label),
-        height=height,
-        alt=alt,
-        caption=f"{bars} Every panel has all points, over another key.",
-    )
+    return picture_of(lambda figure: _draw_sample(figure, rows, keys, label), height=height, alt=alt, caption=caption)
 
 
 def count_of(row: Row) -> int:
@@ -68,32 +69,6 @@ def half_width(row: Row) -> float:
 def values_of(rows: Sequence[Row], key: str) -> list[Any]:
     """The different values of a key, in order of appearance."""
     return list(dict.fromkeys(row.point[key] for row in rows))
-
-
-def measure_label(measure: str) -> str:
-    """A measure by its dotted name as text, with the unit in brackets."""
-    path, _, last = measure.rpartition(".")
-    return f"{path.replace('_', ' ')}: {headed(last)}" if path else headed(last)
-
-
-def key_label(key: str) -> str:
-    """A key of a scenario as the label of an axis: its path, and its unit in brackets."""
-    path, _, last = key.rpartition(".")
-    return f"{path}.{headed(last)}" if path else headed(last)
-
-
-def value_text(value: Any, digits: int = 6) -> str:
-    """A value of a key in a table."""
-    return number(value, digits) if isinstance(value, float) else str(value)
-
-
-def at_point(row: Row) -> str:
-    """Where a row is, in words."""
-    texts = []
-    for key, value in row.point.items():
-        name, unit = split_unit(key.rpartition(".")[2])
-        texts.append(f"{name} {value_text(value, 4)}{f' {unit}' if unit else ''}")
-    return ", ".join(texts)
 
 
 def _draw_one(figure: Any, rows: Sequence[Row], key: str, label: str) -> None:
@@ -119,8 +94,7 @@ def _draw_map(figure: Any, rows: Sequence[Row], keys: tuple[str, ...], label: st
     figure.axes[0].set(xlabel=key_label(keys[0]), ylabel=key_label(keys[1]))
 
 
-def _draw_sample(figure: Any, rows: Sequence[Row], keys: tuple[str, ...], label: str) -> None:
-    """Points over each key, the others as they happen to be."""
+def _draw_sample(figure: Any, rows: Sequence[Row], keys: Sequence[str], label: str) -> None:
     columns = min(len(keys), BESIDE)
     grid = figure.subplots(math.ceil(len(keys) / columns), columns, squeeze=False, sharey=True)
     for axes in grid.ravel()[len(keys) :]:

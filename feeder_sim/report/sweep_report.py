@@ -3,30 +3,34 @@
 from __future__ import annotations
 
 import math
-import shlex
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 from feeder_sim.jobs.folder import SCENARIO
-from feeder_sim.report.measure_tables import FIRST, TILES, statistic_cells
+from feeder_sim.report.measure_tables import TELLING, TILES, in_order, statistic_cells
 from feeder_sim.report.page import Block, Folded, Page, Section, Table, Text, Tile
-from feeder_sim.report.provenance import foot, hash_of, version_rows
+from feeder_sim.report.provenance import foot, repeated
 from feeder_sim.report.scenario_tables import scenario_blocks
 from feeder_sim.report.sweep_folder import SweepTable, read_sweep
 from feeder_sim.report.sweep_pictures import (
     TOO_FEW,
-    at_point,
     count_of,
     half_width,
-    key_label,
-    measure_label,
     measure_picture,
-    value_text,
     values_of,
 )
-from feeder_sim.report.words import number, sentence, split_unit, with_error
+from feeder_sim.report.words import (
+    key_label,
+    measure_label,
+    number,
+    point_text,
+    sentence,
+    split_unit,
+    value_text,
+    with_error,
+)
 from feeder_sim.studies.sweep.folder import CSV, QUESTION
-from feeder_sim.studies.sweep.table import MAIN, Row, means_of_some
+from feeder_sim.studies.sweep.table import Row, means_of_some
 
 MOST_PICTURES = 8
 MOST_ROWS = 3000  # of all tables of values together; more would make the page too large to mail
@@ -40,7 +44,7 @@ def sweep_page(folder: Path, *, progress: Callable[[float], None] | None = None)
         InputError: the sweep cannot be read.
     """
     sweep = read_sweep(folder)
-    ordered = _ordered(sweep)
+    ordered = in_order(sweep.measures, sweep.question.measure)
     drawn = [measure for measure in ordered if _varies(sweep.of(measure))][:MOST_PICTURES]
     pictures: list[Block] = []
     for i, measure in enumerate(drawn):
@@ -53,7 +57,7 @@ def sweep_page(folder: Path, *, progress: Callable[[float], None] | None = None)
         Section("All measures", (_extremes(sweep, ordered), *_values(sweep, ordered))),
         Section("Cautions", tuple(_cautions(sweep, ordered, drawn))),
         Section("The scenario that was varied", scenario_blocks(sweep.scenario, sweep.text)),
-        Section("How to repeat it", _provenance(sweep)),
+        Section("How to repeat it", repeated(sweep.folder, _command(sweep), (QUESTION, CSV))),
     )
     n = len(sweep.points)
     keys = " and ".join(sweep.keys) if len(sweep.keys) < 3 else f"{len(sweep.keys)} keys"
@@ -67,27 +71,22 @@ def sweep_page(folder: Path, *, progress: Callable[[float], None] | None = None)
     )
 
 
-def _ordered(sweep: SweepTable) -> list[str]:
-    """Measures: the one that was asked for, the most telling ones, the others, at last those of stages."""
-    first = dict.fromkeys((sweep.question.measure, *MAIN, *FIRST))
-    rank = {name: i for i, name in enumerate(first)}
-    return sorted(sweep.measures, key=lambda name: (rank.get(name, len(rank)), "[" in name or "." in name))
-
-
 def _varies(rows: Sequence[Row]) -> bool:
     return len({row.found.mean for row in rows}) > 1
 
 
 def _tiles(sweep: SweepTable, ordered: Sequence[str]) -> Iterator[Tile]:
     """Where the most telling measures are largest."""
-    telling = [name for name in ordered if name in (sweep.question.measure, *MAIN, *FIRST) and _varies(sweep.of(name))]
+    telling = [name for name in ordered if name in (sweep.question.measure, *TELLING) and _varies(sweep.of(name))]
     for measure in telling[:TILES]:
         row = max(sweep.of(measure), key=lambda row: row.found.mean)
         label, unit = split_unit(measure)
         mean, half = with_error(row.found.mean, half_width(row))
         sure = count_of(row) > TOO_FEW and half
         spread = f"± {half} (95 %), " if sure else ""
-        yield Tile(f"largest {label}", mean if sure else number(row.found.mean), unit, f"{spread}at {at_point(row)}")
+        yield Tile(
+            f"largest {label}", mean if sure else number(row.found.mean), unit, f"{spread}at {point_text(row.point)}"
+        )
 
 
 def _keys_table(sweep: SweepTable) -> Table:
@@ -130,7 +129,7 @@ def _extremes(sweep: SweepTable, ordered: Sequence[str]) -> Table:
             rows.append((measure_label(measure), "no value", "", "", "", "0"))
             continue
         low, high = (pick(held, key=lambda row: row.found.mean) for pick in (min, max))
-        ends = [(_with_se(row), at_point(row)) for row in ((low, high) if _varies(held) else (low,))]
+        ends = [(_with_se(row), point_text(row.point)) for row in ((low, high) if _varies(held) else (low,))]
         cells = [text for end in ends for text in end]
         if len(ends) == 1:
             cells = [cells[0], "everywhere", "", ""]
@@ -227,21 +226,9 @@ def _cautions(sweep: SweepTable, ordered: Sequence[str], drawn: Sequence[str]) -
         yield Text(f"{more} more measures that change over the sweep are in the tables only.", "note")
 
 
-def _provenance(sweep: SweepTable) -> tuple[Block, ...]:
-    """The command, versions, hashes, and where the data are."""
-    files = tuple((name, hash_of(sweep.folder / name)) for name in (QUESTION, SCENARIO, CSV))
-    return (
-        Text("This asks the same again:"),
-        Text(_command(sweep), "code"),
-        Text(f"With --out {sweep.folder} it goes on with what is not done there."),
-        Table("Versions of what made this page", ("library", "version"), version_rows()),
-        Table("Files of the sweep (SHA-256)", ("file", "hash"), files),
-    )
-
-
-def _command(sweep: SweepTable) -> str:
+def _command(sweep: SweepTable) -> list[str]:
     """What repeats a sweep, from its folder."""
-    asked, words = sweep.question, ["feeder-sim", "sweep", str(sweep.folder / SCENARIO)]
+    asked, words = sweep.question, ["sweep", str(sweep.folder / SCENARIO)]
     for axis in asked.vary:
         words += ["--vary", axis]
     words += ["--zip"] if asked.zipped else []
@@ -249,6 +236,4 @@ def _command(sweep: SweepTable) -> str:
     given |= {"--most-seeds": asked.most_seeds} if asked.until_se else {}
     for name, value in given.items():
         words += [name, str(value)] if value else []
-    if sweep.uncertain:
-        words += ["--inputs", str(asked.inputs)]
-    return " ".join(shlex.quote(word) for word in [*words, "--out", "repeated"])
+    return [*words, "--inputs", str(asked.inputs)] if sweep.uncertain else words

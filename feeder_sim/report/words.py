@@ -54,6 +54,32 @@ def sentence(line: str) -> str:
     return f"{line[:1].upper()}{line[1:].removesuffix('.')}."
 
 
+def measure_label(measure: str) -> str:
+    """A measure by its dotted name as text, with the unit in brackets."""
+    path, _, last = measure.rpartition(".")
+    return f"{path.replace('_', ' ')}: {headed(last)}" if path else headed(last)
+
+
+def key_label(key: str) -> str:
+    """A key of a scenario as the label of an axis: its path, and its unit in brackets."""
+    path, _, last = key.rpartition(".")
+    return f"{path}.{headed(last)}" if path else headed(last)
+
+
+def value_text(value: Any, digits: int = 6) -> str:
+    """A value of a key in a table."""
+    return number(value, digits) if isinstance(value, float) else str(value)
+
+
+def point_text(point: Mapping[str, Any]) -> str:
+    """Values of keys in words."""
+    texts = []
+    for key, value in point.items():
+        name, unit = split_unit(key.rpartition(".")[2])
+        texts.append(f"{name} {value_text(value, 4)}{f' {unit}' if unit else ''}")
+    return ", ".join(texts)
+
+
 def number(value: float, digits: int = ENOUGH_DIGITS) -> str:
     """A number with a few digits; large ones are not rounded to powers of ten."""
     if math.isnan(value):
@@ -75,6 +101,14 @@ def with_error(value: float, error: float) -> tuple[str, str]:
     if places > 6:
         return f"{value:.6g}", f"{error:.2g}"
     return f"{value:.{places}f}", f"{error:.{places}f}"
+
+
+def between(low: float, high: float) -> str:
+    """Both ends of an interval with as many places as two digits of its width need; empty without one."""
+    if not (math.isfinite(low) and math.isfinite(high)):
+        return ""
+    first, last = (with_error(end, high - low)[0] for end in (low, high))
+    return first if low == high else f"{first} to {last}"
 
 
 def worded(value: Any) -> str:

@@ -105,8 +105,8 @@ def test_page_is_not_replaced_unasked(recorded: Path, tmp_path: Path, undrawn: N
 def test_what_is_no_run_is_refused_in_one_line(recorded: Path, tmp_path: Path) -> None:
     (tmp_path / "notes.h5").write_text("no run")
     for folder, out, said in (
-        (tmp_path, "a.html", "no run or sweep here, allowed is a folder that holds trajectory.h5 or sweep.toml"),
-        (tmp_path / "missing", "a.html", "no run or sweep here"),
+        (tmp_path, "a.html", "is no run, sweep, uncertainty or optimise, allowed is a folder that holds trajectory.h5"),
+        (tmp_path / "missing", "a.html", "trajectory.h5, sweep.toml, uncertainty.toml, search.toml"),
         (tmp_path / "notes.h5", "a.html", "not a readable trajectory file"),
         (recorded, "a.pdf", "is '.pdf', allowed is .html or .htm"),
         (recorded, "missing/a.html", "allowed is a file in a folder that exists"),
@@ -222,7 +222,10 @@ def test_uncertain_inputs_of_a_run_are_said(tmp_path: Path, undrawn: None) -> No
     uncertain = {"contact.restitution": Uncertain(uniform=(0.1, 0.3))}
     scenario = titled("unsure").model_copy(update={"uncertain": uncertain})
     record_run(scenario, tmp_path / "run", replay=False)
+    (tmp_path / "run/uncertainty").mkdir()
+    (tmp_path / "run/uncertainty/uncertainty.toml").touch()
     text = checked(html_of(run_page(tmp_path / "run"))).text
+    assert f"a page of its draws: feeder-sim report {tmp_path}/run/uncertainty" in text
     assert "Inputs of the scenario are uncertain" in text and "uncertain contact.restitution uniform 0.1, 0.3" in text
 
 

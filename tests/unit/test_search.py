@@ -7,17 +7,16 @@ import json
 import math
 import threading
 import tomllib
-from concurrent.futures import Executor, Future
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 from command_line import check_refused, feeder_sim
 from conftest import strip_scenario
+from pretended import Pretended
 
 from feeder_sim.errors import InputError
-from feeder_sim.jobs.task import SeedValues, Task
+from feeder_sim.jobs.task import SeedValues
 from feeder_sim.jobs.workers import Workers, given_workers
 from feeder_sim.scenario import Scenario, load_scenario
 from feeder_sim.studies.search.search import FRESH, Budget, Search, search
@@ -39,26 +38,14 @@ def speed_of(scenario: Scenario, seed: int) -> float:
     return float(10.0 - (amplitude - 3.0) ** 2 - 10.0 * abs(friction - 0.2) + 1.0 * of_seed + 0.3 * own)
 
 
-class Pretended(Executor):
-    """Runs tasks at once, with values from the scenario; asks to stop after some."""
-
-    def __init__(self, stop: threading.Event | None = None, after: int = 0) -> None:
-        self.count, self._stop, self._after = 0, stop, after
-
-    def submit(self, function: Any, task: Task, /) -> Future[Any]:  # type: ignore[override]
-        future: Future[Any] = Future()
-        self.count += len(task.seeds)
-        if self._stop and self.count >= self._after:
-            self._stop.set()
-        done = [SeedValues(seed, {"speed": speed_of(task.scenario, seed)}, 0.1) for seed in task.seeds]
-        future.set_result(tuple(done))
-        return future
+def values_of(scenario: Scenario, seed: int) -> dict[str, float]:
+    return {"speed": speed_of(scenario, seed)}
 
 
 def searched(
     folder: Path, trials: int = 48, stop: threading.Event | None = None, after: int = 0
 ) -> tuple[Search, Pretended]:
-    executor = Pretended(stop, after)
+    executor = Pretended(values_of, stop, after)
     folder.mkdir(exist_ok=True)
     found = search(
         Space.of(strip_scenario(amplitude_um=1.0), OVER),
@@ -89,11 +76,12 @@ def test_the_best_is_found_and_checked_with_fresh_seeds(tmp_path: Path) -> None:
 def test_a_best_recipe_without_a_value_in_some_fresh_seeds_says_so(
     repository: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def fails_when_fresh(scenario: Scenario, seed: int) -> float:
-        return math.nan if scenario.run.seed == FRESH - 1 and seed % 4 == 0 else 1.0 + seed  # after 2^63 - 1 comes 0
+    def values_of(scenario: Scenario, seed: int) -> dict[str, float]:
+        fresh = scenario.run.seed == FRESH - 1  # after 2^63 - 1 comes 0
+        return {"speed": math.nan if fresh and seed % 4 == 0 else 1.0 + seed}
 
-    monkeypatch.setitem(globals(), "speed_of", fails_when_fresh)
-    monkeypatch.setattr("feeder_sim.jobs.workers.workers_of", lambda count, dask: given_workers(Pretended(), 2))
+    executor = Pretended(values_of)
+    monkeypatch.setattr("feeder_sim.jobs.workers.workers_of", lambda count, dask: given_workers(executor, 2))
     asked = ("optimise", repository / "scenarios/drift_4750hz.toml", "--maximise", "speed", "--over", OVER[0])
     done = feeder_sim(*asked, "--trials", 4, "--seed", 2**63 - 1, "--json", "--out", tmp_path / "out")
     told = json.loads(done.stdout)
@@ -127,7 +115,7 @@ def test_values_that_are_not_allowed_together_do_not_end_a_search(tmp_path: Path
     scenario = strip_scenario().changed({"contact.restitution_exponent": 0.25})
     over = ["contact.restitution_exponent=0.0,0.25", "contact.restitution_speed_m_s=1.0,2.0", f"{AMPLITUDE}=1:4"]
     space, journal = Space.of(scenario, over), tmp_path / "journal.jsonl"
-    found = search(space, AIM, Workers(Pretended(), 2), tmp_path, journal, budget=Budget(24), check_seeds=4)
+    found = search(space, AIM, Workers(Pretended(values_of), 2), tmp_path, journal, budget=Budget(24), check_seeds=4)
     refused = [trial for trial in found.trials if trial.refused]
     assert found.complete and refused
     assert all("restitution_speed_m_s belongs to" in trial.refused for trial in refused)
@@ -183,7 +171,8 @@ def test_a_space_that_is_refused(over: list[str], said: str) -> None:
 
 
 def test_command(repository: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("feeder_sim.jobs.workers.workers_of", lambda count, dask: given_workers(Pretended(), 2))
+    executor = Pretended(values_of)
+    monkeypatch.setattr("feeder_sim.jobs.workers.workers_of", lambda count, dask: given_workers(executor, 2))
     scenario, out = repository / "scenarios/drift_4750hz.toml", tmp_path / "out"
     asked = ("optimise", scenario, "--maximise", "speed", "--over", OVER[0], "--trials", 24, "--out", out)
     done = feeder_sim(*asked)

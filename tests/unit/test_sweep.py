@@ -284,9 +284,9 @@ def test_points_that_do_not_get_there_are_counted() -> None:
     nothing, sure, scattered = (len(case.done) for case in swept.cases)
     assert nothing == 4 and 8 < sure < 40 and scattered == 40
     assert replace(question, seeds=60).effort(strip_scenario()).most_seeds == 60
-    for wrong in ({"seeds": -1}, {"inputs": 1}, {"most_seeds": 7}):
+    for wrong in (replace(question, seeds=-1), replace(question, inputs=1), replace(question, most_seeds=7)):
         with pytest.raises(InputError, match="or more"):
-            cases_at(replace(question, **wrong))
+            cases_at(wrong)
 
 
 def test_fewer_seeds_keep_those_that_are_there(tmp_path: Path) -> None:
@@ -445,8 +445,8 @@ def test_command(repository: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPat
 
 def test_command_says_what_its_means_are_of(repository: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("feeder_sim.jobs.workers.workers_of", lambda count, dask: given_workers(Pretended(), 2))
-    asked = ("sweep", repository / "scenarios/drift_4750hz.toml", "--out", tmp_path / "s")
-    asked += ("--vary", f"{AMPLITUDE}=0.5,0.7,2", "--measure", "speed")
+    scenario, vary = repository / "scenarios/drift_4750hz.toml", f"{AMPLITUDE}=0.5,0.7,2"
+    asked = ("sweep", scenario, "--out", tmp_path / "s", "--vary", vary, "--measure", "speed")
     done = feeder_sim(*asked, "--seeds", 4)
     assert [line.split()[0] for line in done.stdout.splitlines()[1:4]] == ["0.5", "0.7", "2"]
     assert "speed: at 2 of 3 points 8 of 8 seeds have no value" in done.stderr

@@ -6,6 +6,7 @@ journal.jsonl   measures of every seed that is done
 optuna.log      Optuna's journal of the trials
 trials.csv      one row per trial: its values, mean and standard error of the measure, seeds, whether it was stopped,
                     and why it is not allowed, if it is not
+check.csv       one row per fresh seed: the measure of the scenario as it is, and of the best recipe; none before that
 best.toml       the best recipe; runs as it is
 history.png     the trials in order, and the check with fresh seeds
 """
@@ -14,33 +15,129 @@ from __future__ import annotations
 
 import csv
 import io
+import itertools
 import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 from feeder_sim.jobs.folder import WorkFolder
+from feeder_sim.jobs.question_file import read_question
 from feeder_sim.measures.statistic import Statistic
 from feeder_sim.studies.search.search import Checked, Search
-from feeder_sim.studies.sweep.design import labels
+from feeder_sim.studies.search.trials import Aim
+from feeder_sim.studies.sweep.design import Point, labels
 
-QUESTION, TRIALS, BEST, PICTURE = "search.toml", "trials.csv", "best.toml", "history.png"
+QUESTION, TRIALS, CHECK, BEST, PICTURE = "search.toml", "trials.csv", "check.csv", "best.toml", "history.png"
+COLUMNS = ("mean", "se", "seeds", "stopped", "refused")  # of a trial, after its number and its values
+CHECKED = ("seed", "present", "best")
 
 
-def write_search(folder: WorkFolder, found: Search) -> None:
-    """Write the table of the trials, and the best recipe, in place of those before."""
-    text = io.StringIO()
-    keys = [parameter.key for parameter in found.space.parameters]
-    writer = csv.DictWriter(text, ["trial", *keys, "mean", "se", "seeds", "stopped", "refused"], lineterminator="\n")
-    writer.writeheader()
+@dataclass(frozen=True)
+class Question:
+    """What is asked, as the folder keeps it.
+
+    Attributes:
+        over: an axis each, as the command line has it; see `feeder_sim.studies.sweep.design`.
+        measure: that is to be large or small.
+        maximise: whether it is to be large.
+        seeds: of a trial, at most.
+        sampler: of Optuna.
+    """
+
+    over: tuple[str, ...]
+    measure: str
+    maximise: bool
+    seeds: int
+    sampler: str
+
+    @property
+    def aim(self) -> Aim:
+        return Aim(self.measure, self.maximise, self.seeds)
+
+    @staticmethod
+    def of_toml(path: Path) -> Question:
+        """From a folder of a search.
+
+        Raises:
+            InputError: the file is missing or holds no question.
+        """
+        return read_question(path, Question((), "", True, 2, ""), "search")
+
+
+@dataclass(frozen=True)
+class Tried:
+    """A trial as a row of the table.
+
+    Attributes:
+        number: of the trial.
+        point: its values.
+        found: the measure over its seeds; none where one of them has no value, as such a recipe does not count.
+        seeds: that it has had.
+        stopped: whether it was given up before it had all its seeds.
+        refused: why the recipe is not allowed; "" where it is.
+    """
+
+    number: int
+    point: Point
+    found: Statistic
+    seeds: int
+    stopped: bool
+    refused: str = ""
+
+    def is_whole(self, aim: Aim) -> bool:
+        """Whether it has all its seeds, and a value in each."""
+        return self.seeds == aim.seeds and not math.isnan(self.found.mean)
+
+
+def tried(found: Search) -> list[Tried]:
+    """The trials of a search as rows."""
+    rows = []
     for trial in found.trials:
         values = trial.values(found.aim)
         statistic = Statistic.of(values if not math.isnan(trial.mean(found.aim)) else [])
-        row: dict[str, Any] = {"trial": trial.number} | labels(trial.point)
-        row |= {"mean": statistic.mean, "se": statistic.se, "seeds": len(values), "stopped": int(trial.stopped)}
-        row["refused"] = trial.refused
-        writer.writerow({key: "" if isinstance(v, float) and math.isnan(v) else v for key, v in row.items()})
-    folder.write(TRIALS, text.getvalue().encode())
+        rows.append(Tried(trial.number, trial.point, statistic, len(values), trial.stopped, trial.refused))
+    return rows
+
+
+def running_best(trials: Sequence[Tried], aim: Aim) -> list[float]:
+    """The best mean up to each trial, of those that have all their seeds; NaN before the first of them."""
+
+    def better(best: float, trial: Tried) -> float:
+        mean = trial.found.mean
+        return mean if trial.is_whole(aim) and aim.better(mean, best) else best
+
+    return list(itertools.accumulate(trials, better, initial=math.nan))[1:]
+
+
+def write_search(folder: WorkFolder, found: Search) -> None:
+    """Write the tables of the trials and of the check, and the best recipe, in place of those before."""
+    keys = [parameter.key for parameter in found.space.parameters]
+    rows = [
+        {"trial": row.number}
+        | labels(row.point)
+        | {"mean": row.found.mean, "se": row.found.se, "seeds": row.seeds}
+        | {"stopped": int(row.stopped), "refused": row.refused}
+        for row in tried(found)
+    ]
+    folder.write(TRIALS, _csv(["trial", *keys, *COLUMNS], rows))
+    present, best = (checked.values if checked else () for checked in (found.present, found.best))
+    pairs = itertools.zip_longest(present, best, fillvalue=math.nan)
+    checks = [dict(zip(CHECKED, (seed, *pair), strict=True)) for seed, pair in enumerate(pairs)]
+    folder.write(CHECK, _csv(CHECKED, checks))
     if found.best and found.best.point:
         folder.write(BEST, folder.carried(found.space.changed(found.best.point)).encode())
+
+
+def _csv(columns: Sequence[str], rows: Iterable[dict[str, Any]]) -> bytes:
+    """A table; an empty field is no value."""
+    text = io.StringIO()
+    writer = csv.DictWriter(text, columns, lineterminator="\n")
+    writer.writeheader()
+    for row in rows:
+        writer.writerow({key: "" if isinstance(v, float) and math.isnan(v) else v for key, v in row.items()})
+    return text.getvalue().encode()
 
 
 def as_json_object(found: Search) -> dict[str, Any]:

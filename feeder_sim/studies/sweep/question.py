@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import json
-import tomllib
 from collections.abc import Iterable, Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from feeder_sim.errors import InputError
+from feeder_sim.jobs.question_file import question_toml, read_question
 from feeder_sim.scenario import Scenario
 from feeder_sim.studies.sweep.case import FEWEST, MOST_SEEDS, Effort
 from feeder_sim.studies.sweep.design import Axis, Point, grid, read_axis, side_by_side, sobol_sample
@@ -82,9 +82,7 @@ class Question:
 
     def as_toml(self) -> str:
         """As a text that `of_toml` reads."""
-        import tomli_w
-
-        return tomli_w.dumps({name: list(v) if isinstance(v, tuple) else v for name, v in asdict(self).items()})
+        return question_toml(self)
 
     @staticmethod
     def of_toml(path: Path) -> Question:
@@ -93,20 +91,7 @@ class Question:
         Raises:
             InputError: the file is missing or holds no question.
         """
-        try:
-            raw = tomllib.loads(path.read_text(encoding="utf-8"))
-            found = Question(**raw | {"vary": tuple(raw["vary"])})
-            usual = Question(())
-            for name, value in asdict(found).items():
-                if type(value) is not type(getattr(usual, name)):
-                    raise TypeError(f"{name} is {value!r}")
-            if not all(isinstance(text, str) for text in found.vary):
-                raise TypeError(f"vary is {list(found.vary)!r}")
-            return found
-        except FileNotFoundError as error:
-            raise InputError("no such file, allowed is the folder of a sweep", file=path) from error
-        except (OSError, ValueError, TypeError, KeyError) as error:
-            raise InputError(f"holds no sweep: {error}", file=path) from error
+        return read_question(path, Question(()), "sweep")
 
 
 def axis_texts(vary: Mapping[str, Any]) -> tuple[str, ...]:

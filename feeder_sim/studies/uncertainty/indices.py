@@ -66,7 +66,7 @@ def sobol_indices(scenario: Scenario, values: Sequence[Sequence[float]]) -> list
         (means - means.mean()) / math.sqrt(variance),
         calc_second_order=False,
         num_resamples=RESAMPLES,
-        seed=scenario.run.seed,
+        seed=scenario.run.seed + 1,  # SALib takes 0 for no seed, and its intervals would be others each time
     )
     scale, shift = variance / inputs, scatter / inputs
     return [

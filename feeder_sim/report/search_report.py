@@ -1,0 +1,297 @@
+"""The report of a search: the best recipe beside that of the file, with fresh seeds, the trials, and what limits it."""
+
+from __future__ import annotations
+
+import math
+import shlex
+from collections import Counter
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+from feeder_sim.jobs.folder import SCENARIO
+from feeder_sim.measures.statistic import Statistic, half_interval
+from feeder_sim.report.measure_tables import statistic_cells
+from feeder_sim.report.page import Block, Folded, Page, Section, Table, Text, Tile
+from feeder_sim.report.provenance import foot, repeated
+from feeder_sim.report.scenario_tables import scenario_blocks
+from feeder_sim.report.search_folder import SearchTable, read_search
+from feeder_sim.report.search_pictures import course_picture, keys_picture
+from feeder_sim.report.words import key_label, measure_label, number, split_unit, value_text, with_error
+from feeder_sim.studies.search.proposals import RANDOM_TRIALS
+from feeder_sim.studies.search.results import BEST, CHECK, QUESTION, TRIALS, Tried
+from feeder_sim.studies.search.space import Parameter
+from feeder_sim.studies.sweep.design import Point, labels
+
+MOST_ROWS = 2000  # of the table of the trials
+FEW_FRESH = 8  # fresh seeds, below which an interval is wide
+CHECK_HEAD = ("recipe", "mean", "SE", "95 % interval", "n")
+AT_AN_END = 0.02  # of a range, or of its logarithm: as near to an end as this is at it
+MOST_REASONS = 3  # why recipes are not allowed, one by one
+REFUSED, NO_VALUE, STOPPED = "not allowed", "a seed has no value", "stopped early"
+
+
+def search_page(folder: Path, *, progress: Callable[[float], None] | None = None) -> Page:
+    """The page of a search; `progress` is called with the fraction done.
+
+    Raises:
+        InputError: the folder cannot be read.
+    """
+    tell = progress or (lambda _: None)
+    search = read_search(folder)
+    pictures = [course_picture(search)] if search.trials else []
+    tell(0.5)
+    pictures += [keys_picture(search)] if any(trial.found.n for trial in search.trials) else []
+    tell(1.0)
+    sections = (
+        Section("What was searched", (_keys_table(search), _effort(search))),
+        Section("The best recipe", tuple(_best(search))),
+        Section("The course of the search", (*pictures, *_trials(search))),
+        Section("Cautions", tuple(_cautions(search)) or (Text("None known."),)),
+        Section("The scenario that the search began with", scenario_blocks(search.scenario, search.text)),
+        Section("How to repeat it", _repeated(search)),
+    )
+    return Page(
+        title=f"Best recipe: {search.scenario.title or folder.resolve().name}",
+        subtitle=f"Search for the {_aim(search)}: {_tried(search)} over {_plural(len(search.keys), 'key')}.",
+        tiles=tuple(_tiles(search)),
+        notices=tuple(_notices(search)),
+        sections=tuple(section for section in sections if section.blocks),
+        foot=foot(),
+    )
+
+
+def _aim(search: SearchTable) -> str:
+    """What was searched for, in words."""
+    return f"{'largest' if search.found.aim.largest else 'smallest'} {measure_label(search.found.aim.measure)}"
+
+
+def _tried(search: SearchTable) -> str:
+    return f"{_plural(len(search.trials), 'recipe')} tried"
+
+
+def _became(trial: Tried) -> str:
+    """What became of a trial."""
+    if trial.refused:
+        return REFUSED
+    if math.isnan(trial.found.mean):
+        return NO_VALUE
+    return STOPPED if trial.stopped else "all seeds"
+
+
+def _count(search: SearchTable, became: str) -> int:
+    return sum(_became(trial) == became for trial in search.trials)
+
+
+def _plural(count: int, noun: str) -> str:
+    return f"{count} {noun}{'' if count == 1 else 's'}"
+
+
+def _notices(search: SearchTable) -> Iterator[Text]:
+    """What a reader has to know first: that there is no best recipe, or none that is checked."""
+    found, measure = search.found, measure_label(search.found.aim.measure)
+    if not found.complete:
+        yield Text(
+            "The search has not come to its end: no recipe has been checked with fresh seeds. The best of many noisy "
+            "means is too good to be true. The same command goes on.",
+            "caution",
+        )
+    elif found.best is None:
+        yield Text(f"No recipe has {measure} in all its seeds, so that there is no best one.", "failure")
+
+
+def _tiles(search: SearchTable) -> Iterator[Tile]:
+    """The recipe of the file, the best one, and their difference."""
+    found = search.found
+    unit = split_unit(found.aim.measure)[1]
+    for label, checked in (("recipe of the file", found.present), ("best recipe", found.best)):
+        if checked is not None and checked.found.n:
+            yield Tile(label, *_mean_and_note(checked.found, unit, "fresh seeds"))
+    gain = found.gain
+    if gain.n > 1:
+        text, reach = with_error(gain.mean, half_interval(gain.se, gain.n))
+        yield Tile("difference", _signed(text), unit, f"± {reach} (95 %), seed by seed")
+    leader = search.leader
+    if not found.complete and leader is not None:
+        yield Tile("best trial, not checked", *_mean_and_note(leader.found, unit, "seeds"))
+    yield Tile("recipes tried", str(len(search.trials)), "", f"{_count(search, STOPPED)} stopped early")
+
+
+def _mean_and_note(found: Statistic, unit: str, seeds: str) -> tuple[str, str, str]:
+    """Value, unit and note of a tile."""
+    half = half_interval(found.se, found.n)
+    mean, reach = with_error(found.mean, half)
+    return (mean, unit, f"± {reach} (95 %), {found.n} {seeds}") if half > 0.0 else (mean, unit, f"{found.n} {seeds}")
+
+
+def _signed(text: str) -> str:
+    return text if text.startswith("-") else f"+{text}"
+
+
+def _keys_table(search: SearchTable) -> Table:
+    """Every key that was changed, and what it could be."""
+    rows = [(p.key, split_unit(p.key)[1], _could_be(p)) for p in search.found.space.parameters]
+    return Table("", ("key", "unit", "could be"), tuple(rows))
+
+
+def _could_be(parameter: Parameter) -> str:
+    if parameter.span is None:
+        return f"one of {', '.join(_value({'': choice}, '') for choice in parameter.choices)}"
+    span = f"{number(parameter.span.low, 6)} to {number(parameter.span.high, 6)}"
+    return span + (", whole numbers" if parameter.whole else "") + (", by ratios" if parameter.span.log else "")
+
+
+def _effort(search: SearchTable) -> Table:
+    """What was searched for, and how."""
+    question, found = search.question, search.found
+    rows = [
+        ("searched for", f"the {_aim(search)}, mean over the seeds"),
+        ("recipes tried", f"{len(search.trials)}, {_count(search, STOPPED)} of them stopped early"),
+        ("seeds of a recipe", f"up to {question.seeds}"),
+        ("proposed by", f"Optuna, sampler {question.sampler}"),
+    ]
+    if found.present is not None:
+        rows.append(("fresh seeds of the check", str(len(found.present.values))))
+    return Table("", ("what", "how"), tuple(rows))
+
+
+def _best(search: SearchTable) -> Iterator[Block]:
+    """The best recipe beside that of the file, and both with fresh seeds."""
+    found, leader = search.found, search.leader
+    best = found.best.point if found.best else leader.point if leader else None
+    if best:
+        head = "best recipe" if found.best else "best trial, not checked"
+        rows = [(key, split_unit(key)[1], *(_value(point, key) for point in (search.present, best))) for key in best]
+        yield Table("", ("key", "unit", "recipe of the file", head), tuple(rows), numbers_from=2)
+    if found.present is None:
+        return
+    recipes = [("recipe of the file", found.present.found)]
+    recipes += [("best recipe", found.best.found)] if found.best else []
+    cells: list[tuple[str, ...]] = [(label, *statistic_cells(statistic.as_dict())) for label, statistic in recipes]
+    if found.best and found.gain.n:
+        mean, *rest = statistic_cells(found.gain.as_dict())
+        cells.append(("difference, seed by seed", _signed(mean), *rest))
+    unit = measure_label(found.aim.measure)
+    yield Table(f"{unit[:1].upper()}{unit[1:]} with fresh seeds", CHECK_HEAD, tuple(cells), numbers_from=1)
+    yield from _verdict(search)
+    if found.best:
+        yield Text("This runs the best recipe:")
+        yield Text(f"feeder-sim run {shlex.quote(str(search.folder / BEST))}", "code")
+
+
+def _value(point: Point, key: str) -> str:
+    value = labels({key: point[key]})[key]
+    return "" if value is None else value_text(value, 4)
+
+
+def _verdict(search: SearchTable) -> Iterator[Text]:
+    """Whether the best recipe is better, and what its mean in the search was worth."""
+    found, leader = search.found, search.leader
+    low, high = found.gain.interval
+    if math.isnan(low):
+        return
+    worst = low if found.aim.largest else -high  # the end of the interval towards what is not wanted
+    best_of_all = high if found.aim.largest else -low
+    if search.best_is_present:
+        yield Text("No recipe that was tried came out better than that of the file.", "note")
+    elif worst > 0.0:
+        yield Text(
+            "The best recipe is better than that of the file: the interval of the difference leaves 0 out.", "note"
+        )
+    elif best_of_all < 0.0:
+        yield Text("With fresh seeds the best recipe is worse than that of the file: it was chosen by luck.", "caution")
+    else:
+        yield Text(
+            "The interval of the difference holds 0: it is not sure that the best recipe is better than that of the "
+            "file. More --check-seeds, or more --seeds of a recipe, tell more.",
+            "caution",
+        )
+    first = search.first
+    if leader is not None and first is not None and first.number != leader.number:
+        yield Text(
+            f"Trial {first.number} had a better mean in the search, {number(first.found.mean)} over {first.seeds} "
+            "seeds. With twice the seeds it came out worse, or a seed had no value.",
+            "note",
+        )
+    if leader is not None:
+        mean_then, _ = with_error(leader.found.mean, leader.found.se)
+        yield Text(
+            f"In the search it was trial {leader.number}, with a mean of {mean_then} over {leader.seeds} seeds. Chance "
+            "has helped to choose it: only the mean with fresh seeds counts.",
+            "note",
+        )
+
+
+def _trials(search: SearchTable) -> Iterator[Block]:
+    """All trials, folded, as far as a page should hold them."""
+    if not search.trials:
+        return
+    rows = tuple(
+        (
+            str(trial.number),
+            _became(trial),
+            *(_value(trial.point, key) for key in search.keys),
+            *(with_error(trial.found.mean, trial.found.se)),
+            str(trial.seeds),
+        )
+        for trial in search.trials[:MOST_ROWS]
+    )
+    head = ("trial", "what became of it", *(key_label(key) for key in search.keys), "mean", "SE", "seeds")
+    table = Table(measure_label(search.found.aim.measure), head, rows, numbers_from=2)
+    yield Folded(f"All {len(search.trials)} trials", (table,))
+    if len(search.trials) > MOST_ROWS:
+        yield Text(f"{len(search.trials) - MOST_ROWS} more are not listed here; {TRIALS} has them.", "note")
+
+
+def _cautions(search: SearchTable) -> Iterator[Text]:
+    """What limits the result."""
+    found, measure = search.found, measure_label(search.found.aim.measure)
+    for name, checked in (("recipe of the file", found.present), ("best recipe", found.best)):
+        if checked is not None and checked.found.n < len(checked.values):
+            none = len(checked.values) - checked.found.n
+            yield Text(f"{none} of {len(checked.values)} fresh seeds of the {name} have no {measure}.", "caution")
+    if found.present is not None and len(found.present.values) < FEW_FRESH:
+        yield Text(f"{len(found.present.values)} fresh seeds are few: intervals are wide.", "caution")
+    if len(search.trials) < RANDOM_TRIALS:
+        yield Text(f"{len(search.trials)} recipes are few: the first {RANDOM_TRIALS} are drawn at random, and the "
+                   "search learns from them.", "caution")  # fmt: skip
+    best = found.best.point if found.best else None
+    for parameter in found.space.parameters if best else ():
+        end = _end_of_range(parameter, best[parameter.key]) if best else ""
+        if end:
+            yield Text(f"{parameter.key} of the best recipe lies at the {end} end of its range: a wider one may hold a "
+                       "better recipe.", "caution")  # fmt: skip
+    if none := _count(search, NO_VALUE):
+        yield Text(f"Recipes with a seed without a value, as where a part does not arrive: {none}. They do not "
+                   "count.", "note")  # fmt: skip
+    reasons = Counter(trial.refused for trial in search.trials if trial.refused).most_common()
+    if reasons:
+        listed = "; ".join(reason for reason, _ in reasons[:MOST_REASONS])
+        refused = _count(search, REFUSED)
+        yield Text(f"Recipes with values that are not allowed together: {refused}. Why: {listed}.", "note")
+    if found.best:
+        yield Text("A search finds a good recipe, not surely the best there is.", "note")
+
+
+def _end_of_range(parameter: Parameter, value: Any) -> str:
+    """Which end of its range a value lies at; "" for none."""
+    span = parameter.span
+    if span is None:
+        return ""
+    low, high, here = (math.log(x) if span.log else x for x in (span.low, span.high, float(value)))
+    share = (here - low) / (high - low)
+    return "lower" if share < AT_AN_END else "upper" if share > 1.0 - AT_AN_END else ""
+
+
+def _repeated(search: SearchTable) -> tuple[Block, ...]:
+    """The command, versions, hashes, and where the data are."""
+    asked, found = search.question, search.found
+    words = ["optimise", str(search.folder / SCENARIO), "--maximise" if asked.maximise else "--minimise", asked.measure]
+    for axis in asked.over:
+        words += ["--over", axis]
+    words += ["--trials", str(max(1, len(search.trials))), "--seeds", str(asked.seeds)]
+    words += ["--check-seeds", str(len(found.present.values))] if found.present else []
+    words += ["--sampler", asked.sampler] if asked.sampler != "tpe" else []
+    files = [name for name in (QUESTION, TRIALS, CHECK, BEST) if (search.folder / name).is_file()]
+    more = "A search that began with --screen takes the same way only with that option."
+    return repeated(search.folder, words, files, more)

@@ -1,0 +1,67 @@
+"""Pictures of uncertain inputs: how a measure spreads, and which inputs it hangs on."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from feeder_sim.measures.statistic import Statistic
+from feeder_sim.plots.uncertainty import draw_indices, draw_values
+from feeder_sim.report.page import Picture
+from feeder_sim.report.pictures import picture_of
+from feeder_sim.report.sweep_pictures import sample_picture
+from feeder_sim.report.words import between, key_label, measure_label, number
+from feeder_sim.studies.sweep.table import Row
+from feeder_sim.studies.uncertainty.indices import Index
+from feeder_sim.studies.uncertainty.propagate import Propagation
+
+MOST_PANELS = 9  # of inputs; more would make the picture too high
+
+
+def spread_picture(found: Propagation, measure: str, measured: float) -> Picture:
+    """All runs as a histogram, with the intervals and a measured value; NaN for none."""
+    label, spread = measure_label(measure), found.spread(measure)
+    runs = sum(len(row) for row in found.values(measure))
+    mark = None if math.isnan(measured) else measured
+
+    def draw(figure: Any) -> None:
+        axes = figure.add_subplot()
+        draw_values(axes, found, measure, mark)
+        axes.set(xlabel=label)
+
+    alt = f"Histogram of {label} in {runs} runs: median {number(spread.median)}"
+    alt += f", 90 % of runs {between(spread.low, spread.high)}" + (f", measured {number(measured)}." if mark else ".")
+    caption = f"{label}: {runs} runs, every seed of every draw. Bars: 90 % of the runs"
+    caption += ", and of the means over many seeds." if math.isfinite(spread.inputs_low) else "."
+    return picture_of(draw, height=3.4, alt=alt, caption=caption)
+
+
+def inputs_picture(found: Propagation, measure: str) -> Picture:
+    """The mean of every draw over each uncertain input."""
+    keys, label = list(found.scenario.uncertain or {})[:MOST_PANELS], measure_label(measure)
+    pairs = zip(found.draws, found.values(measure), strict=True)
+    rows = [Row(draw, measure, Statistic.of([float(np.mean(values))]), 1, 0) for draw, values in pairs if values]
+    alt = f"{label} over {' and '.join(keys)}, {len(rows)} draws."
+    caption = f"{label}: means over the seeds of each draw."
+    return sample_picture(rows, keys, label, alt=alt, caption=caption)
+
+
+def indices_picture(indices: Sequence[Index], measure: str) -> Picture:
+    """The Sobol indices of a measure as bars."""
+    label = measure_label(measure)
+
+    def draw(figure: Any) -> None:
+        axes = figure.add_subplot()
+        draw_indices(axes, list(indices))
+        axes.set_yticks(range(len(indices)), [key_label(index.key) for index in indices])
+
+    shares = ", ".join(f"{index.key} {index.first:.2f}" for index in indices)
+    return picture_of(
+        draw,
+        height=1.2 + 0.5 * len(indices),
+        alt=f"Sobol indices of {label}; first order: {shares}.",
+        caption=f"{label}: what share of its variance over the inputs hangs on each of them. Lines are 95 % intervals.",
+    )

@@ -1,0 +1,155 @@
+"""Pages of searches, from values that are made up."""
+
+from __future__ import annotations
+
+import json
+import math
+import threading
+from pathlib import Path
+
+import numpy as np
+import pytest
+from command_line import feeder_sim, one_line
+from conftest import strip_scenario
+from pages import checked
+from pretended import Pretended
+
+from feeder_sim.jobs.folder import WorkFolder
+from feeder_sim.jobs.question_file import question_toml
+from feeder_sim.jobs.workers import Workers
+from feeder_sim.report import pictures
+from feeder_sim.report.search_folder import read_search
+from feeder_sim.report.words import with_error
+from feeder_sim.scenario import Scenario
+from feeder_sim.studies.search.results import QUESTION, Question, tried, write_search
+from feeder_sim.studies.search.search import Budget, Search, search
+from feeder_sim.studies.search.space import Space
+
+AMPLITUDE, FRICTION = "drive[0].amplitude_um", "contact.friction"
+OVER = (f"{AMPLITUDE}=0.5:5:log", f"{FRICTION}=0.1,0.2,0.3")
+TIME = "arrival_time_s"
+
+
+def values_of(scenario: Scenario, seed: int) -> dict[str, float]:
+    """A time that is shortest at the middle friction and the largest amplitude; below 0.7 um seed 1 does not arrive."""
+    amplitude, friction = float(scenario.drive[0].amplitude_um or 0.0), scenario.contact.friction
+    chance = float(np.random.default_rng([seed, scenario.run.seed]).normal())
+    time = 20.0 / amplitude + 30.0 * abs(friction - 0.2) + 0.5 * chance * amplitude
+    return {TIME: math.nan if amplitude < 0.7 and seed == 1 else time}
+
+
+def searched(
+    path: Path, trials: int = 20, stop: threading.Event | None = None, after: int = 0, over: tuple[str, ...] = OVER
+) -> Search:
+    """A folder as the command leaves it."""
+    scenario = strip_scenario(amplitude_um=1.0).changed({"title": "<b>Nut</b>"})
+    asked = Question(over, TIME, False, 4, "tpe")
+    space = Space.of(scenario, over)
+    with WorkFolder(path, QUESTION, question_toml(asked), scenario) as folder:
+        found = search(
+            space,
+            asked.aim,
+            Workers(Pretended(values_of, stop, after), 2),
+            path,
+            folder.journal,
+            budget=Budget(trials),
+            check_seeds=8,
+            stop=stop,
+        )
+        write_search(folder, found)
+    return found
+
+
+@pytest.fixture
+def coarse(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Pictures of few pixels: they take most of the time."""
+    monkeypatch.setattr(pictures, "PIXELS_PER_INCH", 40)
+
+
+def test_page_of_a_search(tmp_path: Path, coarse: None) -> None:
+    found = searched(tmp_path / "s")
+    assert found.best is not None and found.best.point is not None and found.present is not None
+    made = feeder_sim("report", tmp_path / "s", "--json")
+    assert made.returncode == 0, made.stderr
+    told = json.loads(made.stdout)
+    assert told["kind"] == "optimise" and told["pictures"] == 2
+    text = (tmp_path / "s/report.html").read_text(encoding="utf-8")
+    page = checked(text)
+    mean, (low, _), present = found.gain.mean, found.gain.interval, found.present.found
+    amplitude = found.best.point[AMPLITUDE]
+    winner = next(trial.number for trial in found.trials if trial.point == found.best.point)
+    for expected in (
+        "Best recipe: <b>Nut</b>",
+        "Search for the smallest arrival time (s): 20 recipes tried over 2 keys.",
+        f"difference {mean:.2f} s ± {mean - low:.2f} (95 %), seed by seed",
+        f"{AMPLITUDE} um 0.5 to 5, by ratios",
+        f"{FRICTION} one of 0.1, 0.2, 0.3",
+        f"{AMPLITUDE} um 1 {amplitude:.4g} {FRICTION} 0.3 {found.best.point[FRICTION]:.4g}",
+        f"recipe of the file {' '.join(with_error(present.mean, present.se))}",
+        "The best recipe is better than that of the file",
+        f"In the search it was trial {winner}, with a mean of",
+        "Recipes with a seed without a value, as where a part does not arrive:",
+        f"--minimise {TIME} --over '{OVER[0]}' --over {OVER[1]} --trials 20 --seeds 4 --check-seeds 8 --out repeated",
+    ):
+        assert expected in page.text, expected
+    assert "<b>" not in text
+
+
+def test_what_is_read_is_what_was_found(tmp_path: Path) -> None:
+    found = searched(tmp_path)
+    read = read_search(tmp_path)
+    assert read.found.gain == found.gain and read.found.aim == found.aim and read.found.complete
+    assert read.found.best == found.best and read.found.present == found.present
+    rows = tried(found)
+    assert [(row.number, row.seeds, row.stopped, row.refused) for row in read.trials] == [
+        (row.number, row.seeds, row.stopped, row.refused) for row in rows
+    ]
+    assert [row.point for row in read.trials] == [row.point for row in rows]
+    assert [row.found.mean for row in read.trials] == pytest.approx([row.found.mean for row in rows], nan_ok=True)
+    assert read.leader is not None and found.best is not None and read.leader.point == found.best.point
+    with (tmp_path / "trials.csv").open("a") as file:
+        file.write("99,1.5,0.2,0.5,0.1,4,0,\n98,1.5,0.2,0.4,0.1,2,1,\n")  # too good to last; stopped early
+    again = read_search(tmp_path)
+    assert again.first is not None and again.first.number == 99 and again.leader == read.leader
+
+
+def test_page_of_a_search_that_has_not_ended(tmp_path: Path, coarse: None) -> None:
+    found = searched(tmp_path, stop=threading.Event(), after=40)
+    assert not found.complete and found.trials
+    assert feeder_sim("report", tmp_path).returncode == 0
+    page = checked((tmp_path / "report.html").read_text(encoding="utf-8"))
+    assert "no recipe has been checked with fresh seeds" in page.text and "best trial, not checked" in page.text
+    assert "difference" not in page.text and "--check-seeds" not in page.text
+
+
+def test_recipe_of_the_file_may_be_the_best_or_none(tmp_path: Path, coarse: None) -> None:
+    found = searched(tmp_path / "same", trials=4, over=(f"{AMPLITUDE}=0.9:1.0",))
+    assert found.best is not None and found.best.point == {AMPLITUDE: 1.0}
+    assert feeder_sim("report", tmp_path / "same").returncode == 0
+    text = checked((tmp_path / "same/report.html").read_text(encoding="utf-8")).text
+    assert "No recipe that was tried came out better" in text and "at the upper end of its range" in text
+    found = searched(tmp_path / "none", trials=4, over=(f"{AMPLITUDE}=0.5:0.6",))
+    assert found.complete and found.best is None
+    assert feeder_sim("report", tmp_path / "none").returncode == 0
+    text = checked((tmp_path / "none/report.html").read_text(encoding="utf-8")).text
+    assert "No recipe has arrival time (s) in all its seeds" in text and "a seed has no value" in text
+
+
+def test_damaged_folder_is_refused(tmp_path: Path) -> None:
+    searched(tmp_path, trials=2)
+    held = {name: (tmp_path / name).read_text() for name in ("trials.csv", "check.csv", "search.toml")}
+    head = held["trials.csv"].splitlines()[0]
+    for name, text, said in (
+        ("trials.csv", "a,b\n", "has the columns 'a, b', allowed is trial, a column per key that was searched"),
+        ("trials.csv", f"{head}\n0,1,0.2,fast,0.1,4,0,\n", "line 2 is"),
+        ("check.csv", "seed,present\n", "has the columns 'seed, present', allowed is seed, present, best"),
+        ("check.csv", "seed,present,best\n0,1.0\n", "line 2 is"),
+        ("search.toml", held["search.toml"].replace("seeds = 4", "seeds = true"), "holds no search: seeds is True"),
+        ("search.toml", held["search.toml"].replace("friction", "frction"), "did you mean 'friction'"),
+    ):
+        for file, before in held.items():
+            (tmp_path / file).write_text(before)
+        (tmp_path / name).write_text(text)
+        refused = feeder_sim("report", tmp_path)
+        assert refused.returncode == 2 and said in one_line(refused), refused.stderr
+    assert not (tmp_path / "report.html").exists()

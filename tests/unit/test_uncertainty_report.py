@@ -1,0 +1,130 @@
+"""Pages of uncertain inputs, from values that are made up."""
+
+from __future__ import annotations
+
+import json
+import math
+import threading
+from pathlib import Path
+
+import numpy as np
+import pytest
+from command_line import feeder_sim, one_line
+from conftest import strip_scenario
+from pages import checked
+from pretended import Pretended
+
+from feeder_sim.cli.uncertainty import propagate_into
+from feeder_sim.jobs.workers import Workers
+from feeder_sim.report import pictures
+from feeder_sim.report.uncertainty_folder import read_uncertainty
+from feeder_sim.scenario import Scenario, load_scenario
+from feeder_sim.studies.uncertainty.propagate import Propagation
+from feeder_sim.studies.uncertainty.question import Question
+
+AMPLITUDE, FRICTION = "drive[0].amplitude_um", "contact.friction"
+INPUTS = {
+    AMPLITUDE: {"log_uniform": [1.0, 2.0]},
+    FRICTION: {"normal": [0.3, 0.03], "also": ["contact.part_friction"]},
+    "part[0].material": {"choice": ["steel", "aluminium"]},
+}
+SPEED = "transport_speed_mm_s"
+
+
+def values_of(scenario: Scenario, seed: int) -> dict[str, float] | str:
+    """A speed that goes with the amplitude, a rise that is chance alone; seed 3 fails, seed 5 does not arrive."""
+    if seed == 3:
+        return "seed 3: <b>a part</b> lies too deep"
+    chance = float(np.random.default_rng(seed).normal())
+    speed = 4.0 * float(scenario.drive[0].amplitude_um or 0.0) + 0.2 * chance
+    return {SPEED: math.nan if seed == 5 else speed, "highest_rise_mm": 0.5 + 0.1 * chance}
+
+
+def studied(folder: Path, question: Question, stop: threading.Event | None = None, after: int = 0) -> Propagation:
+    """A folder as the command leaves it."""
+    scenario = strip_scenario().changed({"title": "<b>Nut</b>", "uncertain": INPUTS})
+    stop = stop or threading.Event()
+    workers = Workers(Pretended(values_of, stop if after else None, after), 2)
+    return propagate_into(folder, scenario, workers, question, stop=stop, progress=lambda _: None)
+
+
+@pytest.fixture
+def coarse(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Pictures of few pixels: they take most of the time."""
+    monkeypatch.setattr(pictures, "PIXELS_PER_INCH", 40)
+
+
+@pytest.mark.filterwarnings("default")  # of SALib
+def test_page_with_indices(tmp_path: Path, coarse: None) -> None:
+    done = studied(tmp_path / "u", Question(8, 2, True, SPEED, 6.5))
+    made = feeder_sim("report", tmp_path / "u", "--json")
+    assert made.returncode == 0, made.stderr
+    told = json.loads(made.stdout)
+    # All draws have a value of the speed, though two seeds do not: a histogram, the inputs, the indices.
+    assert told["kind"] == "uncertainty" and told["pictures"] == 3
+    text = (tmp_path / "u/report.html").read_text(encoding="utf-8")
+    page, spread = checked(text), done.spread(SPEED)
+    below = sum(value < 6.5 for row in done.values(SPEED) for value in row)
+    amplitude = next(index for index in done.indices(SPEED) if index.key == AMPLITUDE)
+    for expected in (
+        "Uncertain inputs: <b>Nut</b>",
+        "40 draws of 3 uncertain inputs, 2 seeds of each.",
+        f"median transport speed {spread.median:.2f} mm/s 90 % of runs {spread.low:.1f} to {spread.high:.1f}",
+        f"{AMPLITUDE} um 1 to 2, every ratio equally likely",
+        "0.3 ± 0.03 (normal, one standard deviation) contact.part_friction",
+        "one of steel, aluminium",
+        "40 = 8 x (3 inputs + 2), for Sobol indices",
+        f"The measured value, 6.5 mm/s, lies within the 90 % of runs, {spread.low:.1f} to {spread.high:.1f}; "
+        f"{below} of 78 runs are below it.",
+        f"{AMPLITUDE} {amplitude.first:.2f} ± {amplitude.first_interval:.2f}",
+        "1 of 80 runs failed: seed 3: <b>a part</b> lies too deep.",
+        "transport speed (mm/s): 1 of 79 runs have no value",
+        "These are few draws",
+        f"--inputs 8 --seeds 2 --indices --measure {SPEED} --measured 6.5 --out repeated",
+    ):
+        assert expected in page.text, expected
+    assert "<b>" not in text
+
+
+def test_what_is_read_is_what_was_found(tmp_path: Path) -> None:
+    done = studied(tmp_path, Question(4, 3))
+    asked = read_uncertainty(tmp_path)
+    assert asked.question == Question(4, 3)
+    assert asked.found.rows() == done.rows() and asked.found.main() == done.main() == SPEED
+    assert [dict(draw) for draw in asked.found.draws] == list(done.draws)
+    assert [seed.seed for seed in asked.failed] == [3]
+    assert asked.found.swept.complete
+    (tmp_path / "journal.jsonl").unlink()
+    assert [seed.failure for seed in read_uncertainty(tmp_path).failed] == ["why is not known"]
+
+
+def test_page_of_a_study_that_has_not_ended(tmp_path: Path, coarse: None) -> None:
+    done = studied(tmp_path, Question(16, 1), threading.Event(), after=6)
+    runs = sum(len(case.done) for case in done.swept.cases)
+    assert runs < 16
+    assert feeder_sim("report", tmp_path).returncode == 0
+    page = checked((tmp_path / "report.html").read_text(encoding="utf-8"))
+    assert f"{runs} of 16 runs are there: the study has not ended." in page.text
+    assert "cannot be told apart" in page.text and "The measured value" not in page.text
+    assert len(page.all("img")) == 2 and "First order" not in page.text
+
+
+def test_damaged_folder_is_refused(tmp_path: Path) -> None:
+    studied(tmp_path, Question(4, 1))
+    draws, asked = (tmp_path / "draws.csv").read_text(), (tmp_path / "uncertainty.toml").read_text()
+    head, first = draws.splitlines()[:2]
+    for name, text, said in (
+        ("draws.csv", "", "has the columns '', allowed is a column per uncertain input"),
+        ("draws.csv", f"{head}\n", "holds no draw"),
+        ("draws.csv", f"{head}\n{first.replace(',0,', ',zero,')}\n", "line 2 is"),
+        ("draws.csv", f"{head}\n{first.rpartition(',')[0]}\n", "line 2 is"),
+        ("uncertainty.toml", "inputs = 'many'\nseeds = 1\n", "holds no study of uncertain inputs: inputs is 'many'"),
+    ):
+        (tmp_path / "draws.csv").write_text(draws)
+        (tmp_path / "uncertainty.toml").write_text(asked)
+        (tmp_path / name).write_text(text)
+        refused = feeder_sim("report", tmp_path)
+        assert refused.returncode == 2 and said in one_line(refused), refused.stderr
+    assert feeder_sim("report", tmp_path, "--screenshot").returncode == 2
+    assert not (tmp_path / "report.html").exists()
+    assert load_scenario(tmp_path / "scenario.toml").uncertain
