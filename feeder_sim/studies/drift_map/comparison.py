@@ -175,13 +175,13 @@ def _at_goal(prepared: Prepared, walked: Walked) -> NDArray[np.bool_]:
 
 
 def gathering_scenario(
-    mode_file: Path, frequency_hz: float, volts: float, duration_s: float, count: int = 1, part: PartSpec | None = None
+    mode_file: Path, drive: Drive, duration_s: float, count: int = 1, part: PartSpec | None = None
 ) -> Scenario:
     """Parts scattered over a plate that one mode moves."""
     start = Scattered(kind="scattered")
     return Scenario(
         plate=Rectangle(kind="rectangle", mode_file=mode_file),
-        drive=(Drive(frequency_hz=frequency_hz, voltage_vpp=volts),),
+        drive=(drive,),
         part=((part or HexNut(size="M2.5")).model_copy(update={"start": start, "count": count}),),
         run=Run(duration_s=duration_s, frames_per_second=FRAMES_PER_S),
     )
@@ -204,8 +204,8 @@ def compare_gathering(drift_map: DriftMap, scenario: Scenario, seeds: int, walke
     starts = np.concatenate([frames.position[0, :, :2] for frames in result.trajectories]).repeat(repeats, axis=0)
 
     def share(of: DriftMap, seed: int) -> float:
-        fewer = starts[:: max(1, repeats // 2)]
-        return float(shares_near(of, prepared, lines, fewer, seed)[1][-1].mean())
+        walked = walk(of, prepared, starts[:: max(1, repeats // 2)], np.random.default_rng(seed))
+        return float(_near(lines, walked.points).mean())
 
     times, near, walked = shares_near(drift_map, prepared, lines, starts, 1)
     map_se, by_start = map_error(drift_map, share), near.reshape(len(near), seeds, -1).mean(axis=2)
