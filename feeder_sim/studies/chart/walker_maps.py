@@ -31,7 +31,7 @@ NUTS = Axis("nuts on the plate", (1, 10, 50, 100, 200), (10,))
 PLATE = "models/plate_180/modes.h5"
 TABLE_M_S = (0.01, 0.02, 0.035, 0.06, 0.1, 0.16, 0.25, 0.45)  # of the drift map, to beyond the largest V
 TABLE_SEEDS, QUICK_TABLE_SEEDS = 300, 20
-SEEDS, QUICK_SEEDS = 96, 4  # of passages
+SEEDS, QUICK_SEEDS = 48, 4  # of passages
 PARTS, QUICK_PARTS = 100, 20  # that gather, of all seeds together; more in crowds
 
 
