@@ -12,7 +12,7 @@ import argparse
 from pathlib import Path
 
 from feeder_sim.plots.drift_map import draw_borders, draw_laws
-from feeder_sim.scenario import Scenario, Strip, load_scenario
+from feeder_sim.scenario import Drive, Scenario, Strip, load_scenario
 from feeder_sim.studies.drift_map.borders import BorderPoint, crowds, high_hops_on_plate, high_hops_on_strip
 from feeder_sim.studies.drift_map.comparison import (
     compare_gathering,
@@ -52,7 +52,8 @@ def plates(drift_map: DriftMap, seeds: int) -> None:
     print(f"| 160 x 120 mm, six modes {rectangle.line()}", flush=True)
     ring = compare_passage(drift_map, scenario("drift_2797hz_plate"), seeds)
     print(f"| 180 x 180 mm, ring mode at 2797 Hz {ring.line()}", flush=True)
-    gathering = compare_gathering(drift_map, gathering_scenario(PLATE, 2646.0, 20.0, 4.0), 2 * seeds)
+    drive = Drive(frequency_hz=2646.0, voltage_vpp=20.0)
+    gathering = compare_gathering(drift_map, gathering_scenario(PLATE, drive, 4.0), 2 * seeds)
     print(f"| 180 x 180 mm, 2646 Hz, 20 V {gathering.agreement.line()}", flush=True)
 
 

@@ -31,6 +31,18 @@ def examples() -> dict[str, Path]:
     return {path.stem: path for path in sorted(folder.glob("scenarios/*.toml"))} if folder else {}
 
 
+def example_file(place: str) -> Path:
+    """A file of the examples by its place among them, such as "scenarios/transport_strip.toml".
+
+    Raises:
+        InputError: it is not at hand.
+    """
+    folder = examples_folder()
+    if folder is None or not (folder / place).is_file():
+        raise InputError("no such file, the package is here without its examples", file=Path(place))
+    return folder / place
+
+
 def scenario_path(name: str | Path) -> Path:
     """What a command means by a scenario: the file of this path, or else the example of this name.
 

@@ -5,6 +5,7 @@ A part has *arrived* if it is on the plate and within `goal.within_mm` of the go
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
@@ -13,7 +14,7 @@ from numpy.typing import NDArray
 
 from feeder_sim.measures.protocol import Measure, labelled
 from feeder_sim.measures.statistic import Statistic
-from feeder_sim.records.trajectory import SAME_TIME, Frames, SeedRecord, Status
+from feeder_sim.records.trajectory import SAME_TIME, Frames, Record, SeedRecord, Status
 from feeder_sim.scene.prepared import Prepared
 from feeder_sim.scene.scene import Scene
 
@@ -138,6 +139,15 @@ def arrived(scene: Scene, frames: Frames) -> NDArray[np.bool_]:
     x, y = frames.position[-1, :, :2].T * 1e3
     distance = np.hypot(x - goal.x_mm, 0.0 if goal.y_mm is None else y - goal.y_mm)
     return np.asarray(frames[slice(-1, None)].on_plate(scene.surface)[0] & (distance <= goal.within_mm))
+
+
+def arrival_time(scene: Scene, seed: Record) -> float:
+    """End of the schedule [s] in a seed whose parts all arrived; NaN in others.
+
+    Raises:
+        ValueError: the scenario has no goal.
+    """
+    return scene.stages(seed.stops.tolist())[-1].end if arrived(scene, seed.frames).all() else math.nan
 
 
 def _mean_place(scene: Scene, frames: Frames, row: int) -> NDArray[np.float64]:

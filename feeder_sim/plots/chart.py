@@ -9,8 +9,9 @@ from typing import Any
 
 from feeder_sim.studies.chart.cases import CASES, Case
 from feeder_sim.studies.chart.ladder import Rung
+from feeder_sim.studies.chart.map_cells import MapCell, State
 from feeder_sim.studies.chart.points import Point, front, is_default
-from feeder_sim.studies.chart.stability_map import MAPS, MapCell, State
+from feeder_sim.studies.chart.stability_map import MAPS
 
 FORMATS = (".png", ".svg")
 COLOURS = {

@@ -20,8 +20,9 @@ from feeder_sim.scenario.engine_choice import choose_engine
 from feeder_sim.scenario.tables import validated
 from feeder_sim.scene.scene import Scene, build_scene
 from feeder_sim.studies.chart.cases import APPROACH, CASES, RESTITUTION
+from feeder_sim.studies.chart.engine_maps import FAST, classify, falling, half_way, made_by
+from feeder_sim.studies.chart.map_cells import State
 from feeder_sim.studies.chart.methods import Change, compliant, mujoco, steps
-from feeder_sim.studies.chart.stability_map import FAST, State, classify, falling, half_way, made_by
 
 RIGID = Contact()
 

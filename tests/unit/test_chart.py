@@ -11,7 +11,10 @@ import pytest
 from command_line import feeder_sim
 
 from feeder_sim.errors import InputError
+from feeder_sim.measures.statistic import Statistic
+from feeder_sim.studies.chart.by_drift_map import NAME, NUMBERS
 from feeder_sim.studies.chart.cases import CASES, ball_height
+from feeder_sim.studies.chart.map_cells import Axis, State
 from feeder_sim.studies.chart.methods import EVERYTHING, METHODS
 from feeder_sim.studies.chart.points import (
     PEER_COLUMNS,
@@ -24,6 +27,9 @@ from feeder_sim.studies.chart.points import (
     scenario_of,
     write_points,
 )
+from feeder_sim.studies.chart.stability_map import MAPS, fill
+from feeder_sim.studies.chart.walker_maps import WalkerMap
+from feeder_sim.studies.drift_map.comparison import Agreement
 
 HEADER = ",".join(PEER_COLUMNS)
 
@@ -81,6 +87,34 @@ def test_ball_height_is_that_of_a_flight_of_one_period() -> None:
     landing_rate = a * 2.0 * math.pi * f * math.sqrt(1.0 - sine**2)
     take_off = g / (2.0 * f)
     assert take_off - landing_rate == pytest.approx(e * (take_off + landing_rate), rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("walked", "walked_se", "n", "expected"),
+    [
+        (1.1, 0.01, 8, State.STABLE),
+        (0.8, 0.01, 8, State.BIASED),
+        (1.3, 0.2, 8, State.UNCLEAR),  # within two standard errors
+        (1.1, math.nan, 1, State.UNCLEAR),
+        (1.3, math.nan, 1, State.UNCLEAR),  # of one seed the error is not known
+        (math.nan, math.nan, 0, State.UNCLEAR),
+    ],
+)
+def test_cells_of_walkers_are_judged_by_their_deviation_from_full_runs(
+    walked: float, walked_se: float, n: int, expected: State
+) -> None:
+    asked = []
+
+    def compared(x: float, y: float, quick: bool) -> Agreement:
+        asked.append((x, y, quick))
+        full, of_map = Statistic(1.0, 0.0, 0.0, 8), Statistic(walked, math.nan, walked_se, n)
+        return Agreement("speed", full, of_map, 1.0, 1.0, 0.0)
+
+    axis = Axis("V", (1.0, 2.0), (3.0,))
+    (cell,) = fill([WalkerMap("m", "m", axis, axis, "speed", compared)], quick=True)
+    assert asked == [(3.0, 3.0, True)] and (cell.map, cell.x, cell.y) == ("m", 3.0, 3.0)
+    assert cell.state == expected and (cell.why == "") == (expected == State.STABLE)
+    assert cell.deviation == pytest.approx(walked - 1.0, nan_ok=True)
 
 
 @pytest.mark.slow
@@ -161,15 +195,17 @@ def test_quick_chart(tmp_path: Path) -> None:
     assert sorted(path.name for path in (tmp_path / "chart").iterdir()) == sorted(names)
     points = json.loads((tmp_path / "chart/methods.json").read_text())
     assert {row["case"] for row in points} == {case.name for case in CASES}
+    assert {row["case"] for row in points if row["method"] == NAME} == set(NUMBERS)
     known = {method.name for method in METHODS if method.fails}
     discrete_slide = ("MuJoCo, discrete integrator", "sliding_impact")  # whose error is mostly that of the slide
     for row in points:
         if row["method"] in known and (row["method"], row["case"]) != discrete_slide:
             assert row["failure"] or row["error_percent"] > 40.0, row
-        elif row["default"] and row["case"] not in ("drift_4750", "drift_8775", "crowd_20"):
+        elif row["default"] and row["case"] not in ("drift_4750", "drift_8775", "crowd_20", "transport_strip"):
             assert row["error_percent"] < 0.5
         elif row["default"] and row["case"] != "crowd_20":
             assert abs(row["value"] / row["reference"] - 1.0) < 0.15
     cells = json.loads((tmp_path / "chart/stability.json").read_text())
     assert {"stable", "exploding", "tunnelling"} <= {cell["state"] for cell in cells}
+    assert {cell["map"] for cell in cells} == {stability_map.name for stability_map in MAPS}
     assert done.stdout.count("default on the front") == len(CASES)

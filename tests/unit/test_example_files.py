@@ -12,7 +12,7 @@ from conftest import REPOSITORY
 
 from feeder_sim.cli.files import complete_scenario
 from feeder_sim.errors import InputError
-from feeder_sim.example_files import examples, examples_folder, scenario_path, starter_folder
+from feeder_sim.example_files import example_file, examples, examples_folder, scenario_path, starter_folder
 from feeder_sim.scenario import input_files, load_scenario
 
 DRIFT = REPOSITORY / "scenarios/drift_4750hz.toml"
@@ -41,6 +41,8 @@ def test_without_examples_there_are_none(tmp_path: Path, monkeypatch: pytest.Mon
     assert examples_folder() is None and examples() == {} and starter_folder() is None
     with pytest.raises(InputError, match="drift_4750hz: no such file, and no such example; feeder-sim list"):
         scenario_path("drift_4750hz")
+    with pytest.raises(InputError, match=r"modes\.h5: no such file, the package is here without its examples"):
+        example_file("models/plate_180/modes.h5")
     check_refused(feeder_sim("new", tmp_path / "a"), "without its examples, allowed is --from")
 
 

@@ -15,15 +15,15 @@ import numpy as np
 
 from feeder_sim.measures.stage_lines import stage_lines
 from feeder_sim.run.prepare import prepare
-from feeder_sim.scenario import Scenario, Strip
+from feeder_sim.scenario import Scenario
 from feeder_sim.scene.prepared import Prepared
 from feeder_sim.scene.start import start_poses
 from feeder_sim.studies.chart.cases import CASES
 from feeder_sim.studies.chart.methods import DEFAULT_STEPS, METHODS
 from feeder_sim.studies.chart.points import Point, scenario_of
-from feeder_sim.studies.drift_map.comparison import map_error, passages, shares_near
+from feeder_sim.studies.drift_map.comparison import arrivals, map_error, passages, shares_near
 from feeder_sim.studies.drift_map.drift_map import DriftMap
-from feeder_sim.studies.drift_map.making import make_map
+from feeder_sim.studies.drift_map.making import make_map, strip_of
 from feeder_sim.studies.drift_map.walk import walk
 
 NAME, DETAILS = "drift map", "runs behind each entry"
@@ -31,7 +31,8 @@ SETTINGS, QUICK = (100, 400), (40,)
 WALKERS = 1000
 AROUND = (0.25, 0.5, 0.75, 1.0, 1.4)  # velocity amplitudes of the table over that of the case
 OF_CROWD = (0.03, 0.06, 0.1, 0.15, 0.2, 0.3, 0.45)  # [m/s]
-DRIFTS, CROWD = ("drift_4750", "drift_8775"), "crowd_20"
+CROWD = "crowd_20"
+Number = Callable[[DriftMap, Prepared], tuple[float, float, float]]
 
 
 def points_by_drift_map(references: dict[str, tuple[float, float]], *, quick: bool) -> list[Point]:
@@ -41,9 +42,10 @@ def points_by_drift_map(references: dict[str, tuple[float, float]], *, quick: bo
         references: value and standard error by name of the case; other cases are left out.
         quick: one small map per case.
     """
-    cases = [case for case in CASES if case.name in references and case.name in (*DRIFTS, CROWD)]
     points = []
-    for case in cases:
+    for case in CASES:
+        if case.name not in references or case.name not in NUMBERS:
+            continue
         scenario = scenario_of(case, METHODS[0], DEFAULT_STEPS)
         crowd = case.name == CROWD
         if crowd:  # the gathering is what counts
@@ -53,7 +55,7 @@ def points_by_drift_map(references: dict[str, tuple[float, float]], *, quick: bo
         prepared = prepare(scenario)
         for seeds in QUICK if quick else SETTINGS:
             table = _table(prepared, OF_CROWD if crowd else AROUND, seeds, relative=not crowd)
-            number = _gathered if crowd else _speed
+            number = NUMBERS[case.name]
             value, own, cost = number(table, prepared)
             se = math.hypot(own, map_error(table, partial(_value, number, prepared)))
             failure = "" if math.isfinite(value) else "no walker arrived"
@@ -64,21 +66,19 @@ def points_by_drift_map(references: dict[str, tuple[float, float]], *, quick: bo
 
 
 def _table(prepared: Prepared, speeds: Sequence[float], seeds: int, *, relative: bool) -> DriftMap:
-    """A map for the frequency of the first drive."""
-    drive = prepared.scene.drives[0]
-    own = 2.0 * math.pi * drive.drive_frequency * drive.steady_amplitude if relative else 1.0
+    """A map for the frequencies of all drives; relative speeds are over that of the fastest drive."""
+    drives = prepared.scene.drives
+    own = max(2.0 * math.pi * drive.drive_frequency * drive.steady_amplitude for drive in drives) if relative else 1.0
     return make_map(
         _of_one(prepared.scenario),
-        Strip(thickness_mm=1e3 * prepared.scene.surface.thickness),
-        frequencies_hz=(drive.drive_frequency,),
+        strip_of(prepared.scenario),
+        frequencies_hz=sorted({drive.drive_frequency for drive in drives}),
         speeds_m_s=[own * speed for speed in speeds],
         seeds=seeds,
     )
 
 
-def _value(
-    number: Callable[[DriftMap, Prepared], tuple[float, float, float]], prepared: Prepared, table: DriftMap, seed: int
-) -> float:
+def _value(number: Number, prepared: Prepared, table: DriftMap, seed: int) -> float:
     return number(table, prepared)[0]
 
 
@@ -105,3 +105,17 @@ def _gathered(table: DriftMap, prepared: Prepared) -> tuple[float, float, float]
     shares = near[-1].reshape(-1, count).sum(axis=1)
     se = float(shares.std(ddof=1)) / math.sqrt(len(shares))
     return float(shares.mean()), se, cpu * count / (len(starts) * prepared.scene.times.duration)
+
+
+def _arrival(table: DriftMap, prepared: Prepared) -> tuple[float, float, float]:
+    """Time of arrival [s], its standard error, and wall time per simulated second of a part."""
+    end, cpu, walked_s = arrivals(table, prepared, WALKERS, 0)
+    return end.mean, end.se, cpu / (WALKERS * walked_s)
+
+
+NUMBERS: dict[str, Number] = {
+    "drift_4750": _speed,
+    "drift_8775": _speed,
+    CROWD: _gathered,
+    "transport_strip": _arrival,
+}

@@ -7,6 +7,7 @@ sliding impact  a ball that slides throughout leaves with e v_n and v_t - mu (1+
 drift           transport speed of a nut on a standing wave; reference: the finest run
 crowd           one cycle of gathering 20 nuts and throwing them apart: how many of them come to lie within 5 mm of
                 a nodal line; reference: the finest run
+transport       time in which a sequence of modes carries a nut along a strip; reference: the finest run
 """
 
 from __future__ import annotations
@@ -18,11 +19,14 @@ from typing import Any
 
 import numpy as np
 
+from feeder_sim.example_files import example_file
+from feeder_sim.measures.arrivals import arrival_time
 from feeder_sim.measures.drift import transport_speed
 from feeder_sim.measures.separation import stage_reports
 from feeder_sim.measures.stage_lines import stage_lines
 from feeder_sim.part.rigid_part import CORNER_RADIUS
 from feeder_sim.records.trajectory import Record
+from feeder_sim.scenario import load_scenario
 from feeder_sim.scene.prepared import Prepared
 from feeder_sim.scene.scene import GRAVITY, Scene
 
@@ -190,6 +194,16 @@ def _gathered(prepared: Prepared, record: Record) -> float:
     return float(stage_reports(prepared.scene, stage_lines(prepared.scene), record)[0].on_nodal_line)
 
 
+def _transport() -> Raw:
+    """The example of this name: the modes of a strip that is free at its ends are in a file."""
+    return dict(load_scenario(example_file("scenarios/transport_strip.toml")).model_dump(exclude_unset=True))
+
+
+def _arrival(prepared: Prepared, record: Record) -> float:
+    """Time of arrival [s]; NaN if the part has not come to the goal."""
+    return arrival_time(prepared.scene, record)
+
+
 CASES = (
     Case(
         "bouncing_ball",
@@ -244,5 +258,15 @@ CASES = (
         None,
         (16, 4, 32),
         (2, 1, 4),
+    ),
+    Case(
+        "transport_strip",
+        "Transport by five modes",
+        "time of arrival (s)",
+        _transport,
+        _arrival,
+        None,
+        (24, 4, 48),
+        (2, 1, 2),
     ),
 )

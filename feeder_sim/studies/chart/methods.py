@@ -15,13 +15,15 @@ Change = Callable[[Raw, int], None]
 DEFAULT_STEPS = 40  # per period
 SHORTEST_CONTACT = 5  # steps per time constant of a compliant contact
 FAILURE_S = 6.0  # simulated time within which a method that is known to fail does so
-BALL, DROPS, DRIFTS, CROWD = (
+BALL, DROPS, DRIFTS, CROWD, TRANSPORT = (
     ("bouncing_ball",),
     ("flat_drop", "sliding_impact"),
     ("drift_4750", "drift_8775"),
     ("crowd_20",),
+    ("transport_strip",),
 )
-EVERYTHING = (*BALL, *DROPS, *DRIFTS, *CROWD)
+SHORT = (*BALL, *DROPS, *DRIFTS, *CROWD)  # what a method that is a hundred times as slow computes in minutes
+EVERYTHING = (*SHORT, *TRANSPORT)
 
 
 @dataclass(frozen=True)
@@ -138,8 +140,9 @@ METHODS = (
         slow=False,
     ),
     Method("one degree of freedom", on_slide, (40,), BALL, (40,), slow=False),
-    Method("MuJoCo", mujoco(), (20, 40, 80, 160), quick=(40,), costly=COARSE_TO_FINE),
-    Method("MuJoCo, compliant contact", compliant(SHORTEST_CONTACT), (40, 80, 160), EVERYTHING, (), (40,)),
+    Method("MuJoCo", mujoco(), (20, 40, 80, 160), SHORT, quick=(40,), costly=COARSE_TO_FINE),
+    Method("MuJoCo", mujoco(), (40,), TRANSPORT),
+    Method("MuJoCo, compliant contact", compliant(SHORTEST_CONTACT), (40, 80, 160), SHORT, (), (40,)),
     Method("MuJoCo, pyramidal cone", mujoco(cone="pyramidal"), (40, 80), (*DROPS, "drift_8775"), costly=(40,)),
     Method("MuJoCo, contact of hulls", mujoco(contact_set="hull"), (40, 80), (*DROPS, "drift_8775"), costly=(40,)),
     Method("MuJoCo, few iterations", iterations, (1, 3), (*DROPS, "drift_4750"), costly=(1,), sweep="iterations"),

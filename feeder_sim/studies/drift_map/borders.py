@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from feeder_sim.run.prepare import prepare
-from feeder_sim.scenario import Scenario
+from feeder_sim.scenario import Drive, Scenario
 from feeder_sim.scene.scene import GRAVITY
 from feeder_sim.studies.drift_map.comparison import (
     Agreement,
@@ -26,7 +26,7 @@ VOLTS = (5.0, 10.0, 20.0, 40.0, 60.0, 80.0, 120.0)
 COUNTS = (1, 10, 25, 50, 100, 200, 400)
 CROWD_VOLTS = 40.0
 GATHERING_S = 2.0
-PARTS = 400  # of all seeds of a crowd together
+PARTS, LEAST_SEEDS = 400, 4  # of all seeds of a crowd together
 
 
 @dataclass(frozen=True)
@@ -57,10 +57,16 @@ def high_hops_on_strip(
     found = []
     frequency = scenario.drive[0].frequency_hz
     for speed in speeds:
-        point = at_point(scenario, frequency, 1e6 * speed / (2.0 * math.pi * frequency), seeds)
-        found.append(BorderPoint(speed, _hop(point, speed), compare_passage(drift_map, point, seeds)))
+        agreement = passage_at(drift_map, scenario, frequency, speed, seeds)
+        found.append(BorderPoint(speed, _hop(scenario, speed), agreement))
         note(found[-1])
     return found
+
+
+def passage_at(drift_map: DriftMap, scenario: Scenario, frequency: float, speed: float, seeds: int) -> Agreement:
+    """Transport speed on a strip at another frequency [Hz] and velocity amplitude [m/s] than the scenario has."""
+    point = at_point(scenario, frequency, 1e6 * speed / (2.0 * math.pi * frequency), seeds)
+    return compare_passage(drift_map, point, seeds)
 
 
 def high_hops_on_plate(
@@ -73,7 +79,8 @@ def high_hops_on_plate(
     """Gathering of single parts on a plate over the velocity amplitude of its highest antinode."""
     found = []
     for voltage in volts:
-        scenario = gathering_scenario(mode_file, GATHERING_HZ, voltage, GATHERING_S)
+        drive = Drive(frequency_hz=GATHERING_HZ, voltage_vpp=voltage)
+        scenario = gathering_scenario(mode_file, drive, GATHERING_S)
         speed = prepare(scenario).scene.drives[0].steady_amplitude * 2.0 * math.pi * GATHERING_HZ
         gathering = compare_gathering(drift_map, scenario, seeds)
         found.append(BorderPoint(speed, _hop(scenario, speed), gathering.agreement, gathering))
@@ -90,12 +97,18 @@ def crowds(
 ) -> list[BorderPoint]:
     """Gathering over the number of parts on the plate at once; the map lets each walk as if it were alone."""
     found = []
+    drive = Drive(frequency_hz=GATHERING_HZ, voltage_vpp=CROWD_VOLTS)
     for count in counts:
-        scenario = gathering_scenario(mode_file, GATHERING_HZ, CROWD_VOLTS, GATHERING_S, count)
-        gathering = compare_gathering(drift_map, scenario, max(4, parts // count))
+        gathering = crowd_at(drift_map, mode_file, drive, count, parts)
         found.append(BorderPoint(count, math.nan, gathering.agreement, gathering))
         note(found[-1])
     return found
+
+
+def crowd_at(drift_map: DriftMap, mode_file: Path, drive: Drive, count: int, parts: int) -> Gathering:
+    """Gathering of so many parts at once under a drive; `parts` of all seeds together, of which there are a few."""
+    scenario = gathering_scenario(mode_file, drive, GATHERING_S, count)
+    return compare_gathering(drift_map, scenario, max(LEAST_SEEDS, parts // count))
 
 
 def _hop(scenario: Scenario, speed: float) -> float:

@@ -18,7 +18,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from feeder_sim.measures.arrivals import arrived
+from feeder_sim.measures.arrivals import arrival_time
 from feeder_sim.measures.drift import first_passage, transport_speed
 from feeder_sim.measures.separation import ON_LINE
 from feeder_sim.measures.stage_lines import StageLines, stage_lines
@@ -146,21 +146,19 @@ def compare_transport(drift_map: DriftMap, scenario: Scenario, seeds: int, walke
     """Time [s] until the end of a sequence of modes, of parts that arrive."""
     prepared = prepare(with_run(scenario, seeds=seeds))
     result, full_cpu = _simulated(prepared)
-    ends = [prepared.scene.stages(seed.stops.tolist())[-1].end for seed in result.seeds]
-    there = [bool(arrived(prepared.scene, seed.frames).all()) for seed in result.seeds]
-    full = Statistic.of(end for end, came in zip(ends, there, strict=True) if came)
-
-    def arrivals(of: DriftMap, number: int, seed: int) -> tuple[Statistic, float]:
-        walked = walk(of, prepared, np.repeat(_start(prepared), number, axis=0), np.random.default_rng(seed))
-        came = _at_goal(prepared, walked)
-        return Statistic.of(walked.total[came].tolist()), float(came.mean())
-
-    began = time.process_time()
-    walked, came = arrivals(drift_map, walkers, 0)
-    cpu = time.process_time() - began
-    map_se = map_error(drift_map, lambda of, seed: arrivals(of, walkers // FEWER, seed)[0].mean)
-    what = f"time of arrival (s); {sum(there)} of {seeds} arrive, by the map {100.0 * came:.1f} %"
+    full = Statistic.of(arrival_time(prepared.scene, seed) for seed in result.seeds)
+    walked, cpu, _ = arrivals(drift_map, prepared, walkers, 0)
+    map_se = map_error(drift_map, lambda of, seed: arrivals(of, prepared, walkers // FEWER, seed)[0].mean)
+    what = f"time of arrival (s); {full.n} of {seeds} arrive, by the map {100.0 * walked.n / walkers:.1f} %"
     return Agreement(what, full, walked, full_cpu / seeds, cpu / walkers, map_se)
+
+
+def arrivals(drift_map: DriftMap, prepared: Prepared, walkers: int, seed: int) -> tuple[Statistic, float, float]:
+    """Time [s] of walkers that arrive, processor time [s] that all took, and the mean time that they walked [s]."""
+    places, began = np.repeat(_start(prepared), walkers, axis=0), time.process_time()
+    walked = walk(drift_map, prepared, places, np.random.default_rng(seed))
+    cpu = time.process_time() - began
+    return Statistic.of(walked.total[_at_goal(prepared, walked)].tolist()), cpu, float(walked.total.mean())
 
 
 def map_error(drift_map: DriftMap, number: Callable[[DriftMap, int], float]) -> float:
@@ -177,13 +175,13 @@ def _at_goal(prepared: Prepared, walked: Walked) -> NDArray[np.bool_]:
 
 
 def gathering_scenario(
-    mode_file: Path, frequency_hz: float, volts: float, duration_s: float, count: int = 1, part: PartSpec | None = None
+    mode_file: Path, drive: Drive, duration_s: float, count: int = 1, part: PartSpec | None = None
 ) -> Scenario:
     """Parts scattered over a plate that one mode moves."""
     start = Scattered(kind="scattered")
     return Scenario(
         plate=Rectangle(kind="rectangle", mode_file=mode_file),
-        drive=(Drive(frequency_hz=frequency_hz, voltage_vpp=volts),),
+        drive=(drive,),
         part=((part or HexNut(size="M2.5")).model_copy(update={"start": start, "count": count}),),
         run=Run(duration_s=duration_s, frames_per_second=FRAMES_PER_S),
     )
@@ -206,8 +204,8 @@ def compare_gathering(drift_map: DriftMap, scenario: Scenario, seeds: int, walke
     starts = np.concatenate([frames.position[0, :, :2] for frames in result.trajectories]).repeat(repeats, axis=0)
 
     def share(of: DriftMap, seed: int) -> float:
-        fewer = starts[:: max(1, repeats // 2)]
-        return float(shares_near(of, prepared, lines, fewer, seed)[1][-1].mean())
+        walked = walk(of, prepared, starts[:: max(1, repeats // 2)], np.random.default_rng(seed))
+        return float(_near(lines, walked.points).mean())
 
     times, near, walked = shares_near(drift_map, prepared, lines, starts, 1)
     map_se, by_start = map_error(drift_map, share), near.reshape(len(near), seeds, -1).mean(axis=2)
