@@ -18,12 +18,18 @@ from feeder_sim.cli.terminal import progress_bar, stop_on_signal
 from feeder_sim.errors import InputError, Interrupted, nearest, printable
 
 if TYPE_CHECKING:
+    from feeder_sim.jobs.folder import WorkFolder
     from feeder_sim.jobs.workers import Workers
     from feeder_sim.scenario import Scenario
     from feeder_sim.studies.uncertainty.propagate import Propagation
 
 OUT = Path("uncertainty")
 SEEDS = 2  # of a draw: the fewest that tell inputs and seeds apart
+DRAWS, MOST_DRAWS = 16, 4096  # of a run
+RunInputs = Annotated[
+    int | None,
+    typer.Option("--inputs", min=2, max=MOST_DRAWS, help=f"Draws of inputs that are [uncertain] [{DRAWS}]."),
+]
 
 
 def uncertainty(
@@ -88,13 +94,9 @@ def propagate_into(
     progress: Callable[[float], None],
 ) -> Propagation:
     """Run what is not done yet, and write the tables."""
-    import tomli_w
+    from feeder_sim.studies.uncertainty.propagate import propagate, write_propagation
 
-    from feeder_sim.jobs.folder import WorkFolder
-    from feeder_sim.studies.uncertainty.propagate import QUESTION, propagate, write_propagation
-
-    asked = tomli_w.dumps({"inputs": inputs, "seeds": seeds, "indices": indices})
-    with WorkFolder(path, QUESTION, asked, scenario, same=_same(inputs, indices)) as folder:
+    with _work_folder(path, scenario, inputs, seeds, indices) as folder:
         done = propagate(
             scenario,
             inputs=inputs,
@@ -108,6 +110,16 @@ def propagate_into(
         )
         write_propagation(folder, done)
     return done
+
+
+def _work_folder(path: Path, scenario: Scenario, inputs: int, seeds: int, indices: bool) -> WorkFolder:
+    import tomli_w
+
+    from feeder_sim.jobs.folder import WorkFolder
+    from feeder_sim.studies.uncertainty.propagate import QUESTION
+
+    asked = tomli_w.dumps({"inputs": inputs, "seeds": seeds, "indices": indices})
+    return WorkFolder(path, QUESTION, asked, scenario, same=_same(inputs, indices))
 
 
 @dataclass(frozen=True)
@@ -141,6 +153,27 @@ def run_uncertain(scenario: Scenario, run: Path, inputs: int) -> UncertainRun | 
         )
     _draw(done, done.main(), folder, None)
     return UncertainRun(done, run)
+
+
+def keep_asked(scenario: Scenario, run: Path, inputs: int) -> None:
+    """Note how many draws were asked for in the folder of a run that has not come to them."""
+    if scenario.uncertain:
+        with _work_folder(run / OUT.name, scenario, inputs, SEEDS, indices=False):
+            pass
+
+
+def inputs_asked(run: Path, given: int | None) -> int:
+    """How many draws a run goes on with: as many as its folder says, or else those that are given.
+
+    Raises:
+        InputError: another number is given than the folder says, or what it says cannot be read.
+    """
+    from feeder_sim.studies.uncertainty.propagate import asked_in
+
+    asked = asked_in(run / OUT.name)
+    if given is not None and asked not in (None, given):
+        raise InputError(f"is {given}, allowed is {asked}, which the run was begun with", file=run, key="--inputs")
+    return asked or given or DRAWS
 
 
 def left_uncertain(run: Path) -> bool:

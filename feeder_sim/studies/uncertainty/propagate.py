@@ -16,13 +16,14 @@ import csv
 import io
 import math
 import threading
+import tomllib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from feeder_sim.errors import InputError
+from feeder_sim.errors import InputError, quoted
 from feeder_sim.jobs.folder import WorkFolder
 from feeder_sim.jobs.workers import Workers
 from feeder_sim.measures.statistic import Statistic
@@ -142,6 +143,24 @@ def check_propagated(scenario: Scenario, inputs: int, indices: bool) -> None:
         raise InputError(f"is {inputs}, allowed is a power of two with --indices", key="--inputs")
     if indices:
         saltelli_draws(scenario, 2)  # refuses a library that is missing
+
+
+def asked_in(folder: Path) -> int | None:
+    """How many draws were asked for in a folder; None where nothing was.
+
+    Raises:
+        InputError: the file that says it cannot be read.
+    """
+    file = folder / QUESTION
+    try:
+        inputs = tomllib.loads(file.read_text(encoding="utf-8"))["inputs"]
+    except (FileNotFoundError, NotADirectoryError):
+        return None
+    except (OSError, ValueError, KeyError) as error:
+        raise InputError(f"does not say what was asked: {error}", file=file) from error
+    if type(inputs) is not int or inputs < 2:
+        raise InputError(f"is {quoted(inputs)}, allowed is a whole number of at least 2", file=file, key="inputs")
+    return inputs
 
 
 def write_propagation(folder: WorkFolder, found: Propagation) -> None:
