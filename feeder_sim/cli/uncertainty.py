@@ -236,9 +236,9 @@ def lines_of(done: Propagation, measure: str) -> list[str]:
         return ["no measure has a value"]
     spread = done.spread(measure)
     lines = [labelled(measure, f"median {spread.median:.4g}, 90 % of runs {spread.low:.4g} to {spread.high:.4g}")]
-    if math.isfinite(spread.inputs_low):
-        interval = f"90 % of means {spread.inputs_low:.4g} to {spread.inputs_high:.4g}"
-        lines.append(labelled("over inputs", f"{interval}, SD {spread.sd_inputs:.3g}"))
+    if math.isfinite(spread.sd_inputs):
+        interval = f"90 % of means {spread.inputs_low:.4g} to {spread.inputs_high:.4g}, SD {spread.sd_inputs:.3g}"
+        lines.append(labelled("over inputs", spread.not_told or interval))
         lines.append(labelled("over seeds", f"SD {spread.sd_seeds:.3g} at the same inputs"))
     if done.saltelli and done.swept.complete:
         lines += [

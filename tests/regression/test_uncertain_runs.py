@@ -9,16 +9,21 @@ from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
 from command_line import check_refused, feeder_sim
 from conftest import REPOSITORY, StopsAfter
 
+from feeder_sim.cli.uncertainty import lines_of
 from feeder_sim.jobs import workers
 from feeder_sim.jobs.workers import Workers, given_workers
+from feeder_sim.plots.figure import empty_figure
+from feeder_sim.plots.uncertainty import draw_values
 from feeder_sim.run import run_folder
 from feeder_sim.run.run_folder import record_run
+from feeder_sim.studies.uncertainty.spread import spread_of
 
 INPUTS = 8
 UNCERTAIN = """
@@ -116,3 +121,13 @@ def test_an_interrupted_run_keeps_how_many_draws_were_asked_for(
     assert done.returncode == 0, done.stderr
     measures = json.loads(done.stdout)["uncertainty"]["measures"]
     assert {found["draws"] for found in measures.values()} == {3}
+
+
+def test_inputs_that_are_not_told_apart_from_the_seeds_are_said_to_be_so() -> None:
+    values = [[1.0, 5.0], [2.0, 4.5], [0.5, 5.5]]
+    found: Any = SimpleNamespace(spread=lambda _: spread_of(values), values=lambda _: values, saltelli=False)
+    lines = lines_of(found, "picked")
+    assert lines[1].split(maxsplit=2)[2] == "not told apart from the seeds" and "over seeds" in lines[2]
+    axes = empty_figure(3.0, 2.0).subplots()
+    draw_values(axes, found, "picked", None)
+    assert "means, inputs alone:\nnot told apart from the seeds" in axes.get_legend_handles_labels()[1]

@@ -37,7 +37,8 @@ from feeder_sim.studies.uncertainty.indices import Index, saltelli_draws, sobol_
 from feeder_sim.studies.uncertainty.spread import Spread, spread_of
 
 QUESTION, DRAWS, TABLE, PICTURE = "uncertainty.toml", "draws.csv", "uncertainty.csv", "uncertainty.png"
-# low, high: 90 % interval of one run, inputs and seeds together; inputs_low, inputs_high: of the mean over the seeds.
+# low, high: 90 % interval of one run, inputs and seeds together; inputs_low, inputs_high: of the mean over the seeds,
+# empty where sd_inputs is 0 because the inputs are not told apart from the seeds.
 COLUMNS = (
     *("measure", "mean", "se", "median", "low", "high", "inputs_low", "inputs_high", "sd_inputs", "sd_seeds"),
     *("draws", "failed"),

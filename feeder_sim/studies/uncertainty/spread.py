@@ -6,7 +6,9 @@ With S seeds at each of N draws of the inputs, the mean of a draw varies by
 
 (one-way analysis of variance, Searle, Casella and McCulloch, Variance Components, section 3.5). The variance of the
 seeds is known from within the draws, that of the inputs is the rest. For an interval over the inputs the means are
-drawn together towards their own mean until only that rest is left.
+drawn together towards their own mean until only that rest is left. Where nothing is left, because the means scatter no
+more than the seeds let them, the inputs are not told apart from the seeds: how far they reach is not known, and there
+is no interval over them.
 """
 
 from __future__ import annotations
@@ -18,6 +20,7 @@ from dataclasses import dataclass
 import numpy as np
 
 INTERVAL = (0.05, 0.95)  # quantiles of the intervals: 90 %
+NOT_TOLD = "not told apart from the seeds"
 
 
 @dataclass(frozen=True)
@@ -27,7 +30,8 @@ class Spread:
     Attributes:
         median: over all draws and seeds.
         low, high: 90 % interval of a single run: inputs and seeds together.
-        inputs_low, inputs_high: 90 % interval of the mean over the seeds.
+        inputs_low, inputs_high: 90 % interval of the mean over the seeds; NaN also where `sd_inputs` is 0 because the
+            inputs are not told apart from the seeds.
         sd_inputs, sd_seeds: standard deviations, apart.
         se: standard error of the mean over all.
         draws: with a value.
@@ -42,6 +46,16 @@ class Spread:
     sd_seeds: float
     se: float
     draws: int
+
+    @property
+    def is_told(self) -> bool:
+        """Whether there is an interval over the inputs."""
+        return math.isfinite(self.inputs_low)
+
+    @property
+    def not_told(self) -> str:
+        """Why there is no interval over the inputs, in words; "" where there is one, or too little to tell."""
+        return NOT_TOLD if self.sd_inputs == 0.0 and not self.is_told else ""
 
     def as_dict(self) -> dict[str, float | None]:
         """The columns of a table; None where there is no value."""
@@ -62,12 +76,12 @@ def spread_of(values: Sequence[Sequence[float]]) -> Spread:
     freedom = int((sizes - 1).sum())
     of_seeds = within / freedom if freedom else math.nan
     of_means = float(np.var(means, ddof=1)) if len(means) > 1 else math.nan
-    of_inputs = max(of_means - of_seeds * float(np.mean(1.0 / sizes)), 0.0)
-    if math.isnan(of_means - of_seeds):
-        of_inputs = math.nan
+    left = of_means - of_seeds * float(np.mean(1.0 / sizes))
+    of_inputs = max(left, 0.0) if math.isfinite(left) else math.nan
     median, low, high = (float(q) for q in np.quantile(everything, (0.5, *INTERVAL)))
     inputs_low = inputs_high = math.nan
-    if math.isfinite(of_inputs):
+    constant = math.isfinite(left) and everything.min() == everything.max()
+    if left > 0.0 or constant:
         share = math.sqrt(of_inputs / of_means) if of_means > 0.0 else 0.0
         drawn = means.mean() + share * (means - means.mean())
         inputs_low, inputs_high = (float(q) for q in np.quantile(drawn, INTERVAL))
