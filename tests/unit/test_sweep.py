@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 from command_line import check_refused, feeder_sim
 from conftest import strip_scenario
+from scipy.special import ndtr
 
 from feeder_sim.errors import FeederSimError, InputError
 from feeder_sim.jobs.identity import identity_of
@@ -33,7 +34,7 @@ from feeder_sim.studies.sweep.folder import merged, sweep_folder
 from feeder_sim.studies.sweep.question import Question, axis_texts
 from feeder_sim.studies.sweep.sweep import sweep
 from feeder_sim.studies.sweep.table import Row, as_csv, as_parquet
-from feeder_sim.studies.uncertainty.spread import spread_of
+from feeder_sim.studies.uncertainty.spread import interval_of, spread_of
 
 AMPLITUDE = "drive[0].amplitude_um"
 
@@ -295,6 +296,26 @@ def test_spread_over_inputs_and_seeds_apart() -> None:
     alone = spread_of([[value] for value in inputs.tolist()])
     assert math.isnan(alone.sd_inputs) and alone.low < alone.median < alone.high
     assert spread_of([[math.nan], []]).draws == 0
+
+
+def test_intervals_hold_what_they_say() -> None:
+    """The chance of another run, and of the mean at other inputs, to lie inside; the mean over many samples."""
+    random = np.random.default_rng(0)
+    of_inputs, of_seeds = 2.0, 1.0
+    held = []
+    for _ in range(300):
+        values = random.normal(0.0, of_inputs, (32, 1)) + random.normal(0.0, of_seeds, (32, 2))
+        spread = spread_of(values.tolist())
+        run = np.array([spread.low, spread.high]) / math.hypot(of_inputs, of_seeds)
+        mean = np.array([spread.inputs_low, spread.inputs_high]) / of_inputs
+        held.append([np.ptp(ndtr(run)), np.ptp(ndtr(mean))])
+    assert np.mean(held, axis=0) == pytest.approx([0.9, 0.9], abs=0.02)
+
+
+def test_an_interval_of_few_values_is_from_the_least_to_the_largest() -> None:
+    assert interval_of([3.0]) == (3.0, 3.0)
+    assert interval_of(np.arange(16.0)) == (0.0, 15.0)
+    assert interval_of(np.arange(1.0, 40.0)) == (2.0, 38.0)  # the second of 39, and the last but one
 
 
 def test_inputs_that_are_not_told_apart_from_the_seeds_have_no_interval() -> None:
