@@ -56,7 +56,7 @@ def uncertainty(
         from feeder_sim.jobs.workers import workers_of
         from feeder_sim.studies.uncertainty.propagate import QUESTION, check_propagated
 
-        check_propagated(scenario, inputs, indices)
+        check_propagated(scenario, inputs, seeds, indices)
         name, same = scenario_file.stem, _same(inputs, indices)
         folder = out or usual_folder(OUT, name, QUESTION, scenario, same)
         with stop_on_signal() as stop, progress_bar(name, stop) as progress, workers_of(workers, dask) as found:

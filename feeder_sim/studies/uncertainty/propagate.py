@@ -114,7 +114,7 @@ def propagate(
     Args:
         scenario: with uncertain inputs.
         inputs: draws; with `indices` so many times (inputs + 2), a power of two.
-        seeds: of every draw; two tell inputs and seeds apart.
+        seeds: of every draw; two tell inputs and seeds apart, and `indices` take them.
         indices: draw them so that Sobol indices can be told.
         workers: run the seeds.
         measure: that every seed has to have; "" for any.
@@ -125,14 +125,14 @@ def propagate(
     Raises:
         InputError: no input is uncertain, a value is not allowed, or SALib is missing.
     """
-    check_propagated(scenario, inputs, indices)
+    check_propagated(scenario, inputs, seeds, indices)
     draws = saltelli_draws(scenario, inputs) if indices else draws_of(scenario, inputs)
     cases = Cases.at(scenario, [{}], draws, Effort(seeds, measure=measure), file=Path("scenario"))
     swept = run_cases(cases, workers, journal, stop=stop, progress=progress)
     return Propagation(scenario, tuple(draws), swept, indices)
 
 
-def check_propagated(scenario: Scenario, inputs: int, indices: bool) -> None:
+def check_propagated(scenario: Scenario, inputs: int, seeds: int, indices: bool) -> None:
     """Refuse what cannot be propagated, before anything is written.
 
     Raises:
@@ -142,6 +142,9 @@ def check_propagated(scenario: Scenario, inputs: int, indices: bool) -> None:
         raise InputError("is missing, allowed is a table with the inputs that are uncertain", key="[uncertain]")
     if indices and inputs & (inputs - 1):
         raise InputError(f"is {inputs}, allowed is a power of two with --indices", key="--inputs")
+    if indices and seeds < 2:
+        problem = "is 1, allowed is 2 or more with --indices: one seed does not tell how far seeds scatter"
+        raise InputError(problem, key="--seeds")
     if indices:
         saltelli_draws(scenario, 2)  # refuses a library that is missing
 
