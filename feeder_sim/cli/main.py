@@ -36,6 +36,7 @@ from feeder_sim.cli.sweep import merge, sweep
 from feeder_sim.cli.terminal import notify, progress_bar, stop_on_signal
 from feeder_sim.cli.uncertainty import (
     DRAWS,
+    SEEDS,
     RunInputs,
     go_on_uncertain,
     inputs_asked,
@@ -136,7 +137,7 @@ def run(
         if out is not None:
             check_free(out, scenario)
         if dry_run:
-            _print_plan(scenario, as_json)
+            _print_plan(scenario, as_json, inputs or DRAWS)
             return
         folder = out or fresh_folder(scenario_file.stem)
         try:
@@ -194,7 +195,7 @@ def check(
 
             text = mjcf_text(build_scene(scenario))
             writable(mjcf).write_text(text, encoding="utf-8")
-        _print_plan(scenario, as_json)
+        _print_plan(scenario, as_json, DRAWS)
 
 
 app.command()(modes)
@@ -323,9 +324,9 @@ def _silent_interrupt(failure: sys.UnraisableHookArgs) -> None:
         sys.__unraisablehook__(failure)
 
 
-def _print_plan(scenario: Scenario, as_json: bool) -> None:
+def _print_plan(scenario: Scenario, as_json: bool, inputs: int) -> None:
     from feeder_sim.run.plan import plan_run
     from feeder_sim.run.prepare import prepare
 
-    plan = plan_run(prepare(scenario))
+    plan = plan_run(prepare(scenario), inputs * SEEDS)
     print(json.dumps(plan) if as_json else as_lines(plan))

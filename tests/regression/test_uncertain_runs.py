@@ -110,6 +110,16 @@ def test_a_run_goes_on_with_as_many_draws_as_it_was_begun_with(ball: Path, tmp_p
     check_refused(feeder_sim("run", "--resume", out), "uncertainty.toml: inputs: is True, allowed is a whole number")
 
 
+def test_the_plan_counts_the_draws(ball: Path) -> None:
+    many = json.loads(feeder_sim("run", ball, "--inputs", 1000, "--dry-run", "--json").stdout)
+    usual = json.loads(feeder_sim("check", ball, "--json").stdout)
+    assert many["input_runs"] == 2000 and usual["input_runs"] == 32 and usual["seeds"] == 2
+    assert many["estimated_inputs_wall_s"] > 10.0 * many["estimated_wall_s"] > 0.0  # a thousand times on two cores
+    known = json.loads(feeder_sim("check", REPOSITORY / "scenarios/ball_50hz.toml", "--json").stdout)
+    assert known["input_runs"] == known["estimated_inputs_wall_s"] == 0
+    assert feeder_sim("run", ball, "--inputs", 5000, "--dry-run").returncode == 2
+
+
 def test_an_interrupted_run_keeps_how_many_draws_were_asked_for(
     ball: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
