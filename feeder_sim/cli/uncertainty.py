@@ -215,16 +215,12 @@ def _same(inputs: int, indices: bool) -> str:
 
 def as_json_object(done: Propagation) -> dict[str, Any]:
     """Everything that was found, as JSON takes it."""
+    from feeder_sim.measures.protocol import as_json
+
     rows = done.rows()
     found: dict[str, Any] = {"complete": done.swept.complete, "measures": {row.pop("measure"): row for row in rows}}
     if done.saltelli and done.swept.complete:
-        found["indices"] = {
-            measure: [
-                {name: None if isinstance(v, float) and math.isnan(v) else v for name, v in vars(index).items()}
-                for index in done.indices(measure)
-            ]
-            for measure in done.measures
-        }
+        found["indices"] = {measure: as_json(done.indices(measure)) for measure in done.measures}
     return found
 
 

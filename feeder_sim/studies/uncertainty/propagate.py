@@ -26,7 +26,7 @@ from typing import Any
 from feeder_sim.errors import InputError, quoted
 from feeder_sim.jobs.folder import WorkFolder
 from feeder_sim.jobs.workers import Workers
-from feeder_sim.measures.statistic import Statistic
+from feeder_sim.measures.statistic import Statistic, finite_or_none
 from feeder_sim.scenario import Scenario
 from feeder_sim.studies.sweep.case import Effort
 from feeder_sim.studies.sweep.cases import Cases, Sweep, run_cases
@@ -92,7 +92,7 @@ class Propagation:
         for measure in self.measures:
             spread, mean = self.spread(measure), Statistic.of(v for row in self.values(measure) for v in row).mean
             numbers = {"mean": mean} | {name: getattr(spread, name) for name in COLUMNS[2:10]}
-            finite = {name: value if math.isfinite(value) else None for name, value in numbers.items()}
+            finite = {name: finite_or_none(value) for name, value in numbers.items()}
             rows.append({"measure": measure} | finite | {"draws": spread.draws, "failed": failed})
         return rows
 
@@ -173,7 +173,7 @@ def write_propagation(folder: WorkFolder, found: Propagation) -> None:
     rows = []
     for draw, case in zip(found.draws, found.swept.cases, strict=True):
         for seed in case.seeds(found.swept.cases.effort):
-            values = {name: "" if math.isnan(value) else value for name, value in seed.values.items()}
+            values = {name: finite_or_none(value) for name, value in seed.values.items()}
             rows.append(labels(draw) | {"seed": seed.seed} | values)
     keys = [*found.draws[0], "seed", *found.measures]
     folder.write(DRAWS, _csv(keys, rows).encode())

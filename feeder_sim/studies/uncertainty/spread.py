@@ -20,6 +20,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from feeder_sim.measures.statistic import finite_or_none
+
 INTERVAL = (0.05, 0.95)  # quantiles of the intervals: 90 %
 NOT_TOLD = "not told apart from the seeds"
 
@@ -62,7 +64,7 @@ class Spread:
         """The columns of a table; None where there is no value."""
         values = {"low": self.inputs_low, "high": self.inputs_high, "sd_inputs": self.sd_inputs}
         values["sd_seeds"] = self.sd_seeds
-        return {name: value if math.isfinite(value) else None for name, value in values.items()}
+        return {name: finite_or_none(value) for name, value in values.items()}
 
 
 def spread_of(values: Sequence[Sequence[float]]) -> Spread:
