@@ -26,6 +26,7 @@ from scipy.stats import qmc, spearmanr
 
 import feeder_sim
 from feeder_sim.scenario import Scenario, load_scenario
+from feeder_sim.studies.uncertainty.spread import interval_of
 
 SCENARIOS = Path(__file__).parents[1] / "scenarios"
 RESTITUTION, FRICTION = (0.2, 0.5), (0.2, 0.5)
@@ -86,7 +87,7 @@ def computed(n: int, workers: int, data: Path) -> list[dict[str, float]]:
 def report(rows: list[dict[str, float]]) -> None:
     """Median and interval of the picks, and how they go with each input."""
     picked = np.array([row["picked"] for row in rows])
-    low, median, high = np.quantile(picked, [0.05, 0.5, 0.95])
+    median, (low, high) = np.median(picked), interval_of(picked)
     share = float((picked >= MEASURED).mean())
     print(f"{len(rows)} runs: median {median:.1f} picked, 90 % interval {low:.1f} to {high:.1f}, measured {MEASURED}")
     print(f"runs with at least {MEASURED} picked: {100 * share:.0f} %")
@@ -101,7 +102,8 @@ def report(rows: list[dict[str, float]]) -> None:
         ],
     }
     for words, group in groups.items():
-        low, median, high = np.quantile([row["picked"] for row in group], [0.05, 0.5, 0.95])
+        of_group = [row["picked"] for row in group]
+        median, (low, high) = np.median(of_group), interval_of(of_group)
         lost = np.mean([row["lost"] for row in group])
         print(f"{words}: median {median:.1f}, 90 % interval {low:.1f} to {high:.1f}; lost over the edge {lost:.1f}")
 
@@ -125,7 +127,7 @@ def draw(rows: list[dict[str, float]], path: Path) -> None:
             label=words,
         )
     figure.colorbar(points, ax=axes, label="friction")
-    low, median, high = np.quantile(picked, [0.05, 0.5, 0.95])
+    median, (low, high) = np.median(picked), interval_of(picked)
     axes.axhspan(low, high, color="0.5", alpha=0.15, label="90 % interval")
     axes.axhline(median, color="0.4", linewidth=1.0, label="median")
     axes.axhline(MEASURED, color="#be3434", linewidth=1.4, label="measured")

@@ -34,7 +34,17 @@ from feeder_sim.cli.response import response
 from feeder_sim.cli.schema import schema
 from feeder_sim.cli.sweep import merge, sweep
 from feeder_sim.cli.terminal import notify, progress_bar, stop_on_signal
-from feeder_sim.cli.uncertainty import go_on_uncertain, left_uncertain, run_uncertain, uncertainty
+from feeder_sim.cli.uncertainty import (
+    DRAWS,
+    SEEDS,
+    RunInputs,
+    go_on_uncertain,
+    inputs_asked,
+    keep_asked,
+    left_uncertain,
+    run_uncertain,
+    uncertainty,
+)
 from feeder_sim.errors import (
     LONGEST_MESSAGE,
     FeederSimError,
@@ -96,7 +106,7 @@ def run(
     as_json: AsJson = False,
     dry_run: Annotated[bool, typer.Option("--dry-run", help="Say what would be done, as `check` does.")] = False,
     resume: Annotated[Path | None, typer.Option("--resume", help="Go on with the interrupted run in a folder.")] = None,
-    inputs: Annotated[int, typer.Option("--inputs", min=2, help="Draws of inputs that are [uncertain].")] = 16,
+    inputs: RunInputs = None,
 ) -> None:
     """Simulate a scenario and record it, or go on with a run that was interrupted."""
     if resume is not None:
@@ -110,12 +120,13 @@ def run(
             )
         from feeder_sim.run.run_folder import resume_run
 
+        asked = inputs_asked(resume, inputs)
         if left_uncertain(resume):
-            go_on_uncertain(resume, inputs, as_json)
+            go_on_uncertain(resume, asked, as_json)
             return
         with stop_on_signal() as stop, progress_bar(str(resume), stop) as progress:
             result = resume_run(resume, progress=progress, stop=stop, notify=notify)
-        _finish_run(result, resume, as_json, inputs)
+        _finish_run(result, resume, as_json, asked)
         return
     if scenario_file is None:
         raise InputError("a scenario file is needed, or --resume with the folder of a run", key="run")
@@ -126,7 +137,7 @@ def run(
         if out is not None:
             check_free(out, scenario)
         if dry_run:
-            _print_plan(scenario, as_json)
+            _print_plan(scenario, as_json, inputs or DRAWS)
             return
         folder = out or fresh_folder(scenario_file.stem)
         try:
@@ -137,7 +148,7 @@ def run(
                 with contextlib.suppress(OSError):  # it holds something
                     folder.rmdir()
             raise
-    _finish_run(result, folder, as_json, inputs)
+    _finish_run(result, folder, as_json, inputs or DRAWS)
 
 
 def _finish_run(result: Result, folder: Path, as_json: bool, inputs: int) -> None:
@@ -146,6 +157,8 @@ def _finish_run(result: Result, folder: Path, as_json: bool, inputs: int) -> Non
     if not as_json:
         print_result(result, folder, as_json, {})
     uncertain = run_uncertain(result.prepared.scenario, folder, inputs) if whole else None
+    if not whole:
+        keep_asked(result.prepared.scenario, folder, inputs)
     if as_json:
         print_result(result, folder, as_json, {"uncertainty": uncertain.as_json()} if uncertain else {})
     elif uncertain:
@@ -182,7 +195,7 @@ def check(
 
             text = mjcf_text(build_scene(scenario))
             writable(mjcf).write_text(text, encoding="utf-8")
-        _print_plan(scenario, as_json)
+        _print_plan(scenario, as_json, DRAWS)
 
 
 app.command()(modes)
@@ -311,9 +324,9 @@ def _silent_interrupt(failure: sys.UnraisableHookArgs) -> None:
         sys.__unraisablehook__(failure)
 
 
-def _print_plan(scenario: Scenario, as_json: bool) -> None:
+def _print_plan(scenario: Scenario, as_json: bool, inputs: int) -> None:
     from feeder_sim.run.plan import plan_run
     from feeder_sim.run.prepare import prepare
 
-    plan = plan_run(prepare(scenario))
+    plan = plan_run(prepare(scenario), inputs * SEEDS)
     print(json.dumps(plan) if as_json else as_lines(plan))

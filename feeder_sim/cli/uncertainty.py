@@ -18,6 +18,7 @@ from feeder_sim.cli.terminal import progress_bar, stop_on_signal
 from feeder_sim.errors import InputError, Interrupted, nearest, printable
 
 if TYPE_CHECKING:
+    from feeder_sim.jobs.folder import WorkFolder
     from feeder_sim.jobs.workers import Workers
     from feeder_sim.scenario import Scenario
     from feeder_sim.studies.uncertainty.propagate import Propagation
@@ -25,6 +26,11 @@ if TYPE_CHECKING:
 
 OUT = Path("uncertainty")
 SEEDS = 2  # of a draw: the fewest that tell inputs and seeds apart
+DRAWS, MOST_DRAWS = 16, 4096  # of a run
+RunInputs = Annotated[
+    int | None,
+    typer.Option("--inputs", min=2, max=MOST_DRAWS, help=f"Draws of inputs that are [uncertain] [{DRAWS}]."),
+]
 
 
 def uncertainty(
@@ -52,7 +58,7 @@ def uncertainty(
         from feeder_sim.studies.uncertainty.propagate import QUESTION, check_propagated
         from feeder_sim.studies.uncertainty.question import Question
 
-        check_propagated(scenario, inputs, indices)
+        check_propagated(scenario, inputs, seeds, indices)
         mark = math.nan if measured is None else measured
         name, question = scenario_file.stem, Question(inputs, seeds, indices, measure or "", mark)
         folder = out or usual_folder(OUT, name, QUESTION, scenario, question.same)
@@ -78,10 +84,9 @@ def propagate_into(
     progress: Callable[[float], None],
 ) -> Propagation:
     """Run what is not done yet, and write the tables."""
-    from feeder_sim.jobs.folder import WorkFolder
-    from feeder_sim.studies.uncertainty.propagate import QUESTION, propagate, write_propagation
+    from feeder_sim.studies.uncertainty.propagate import propagate, write_propagation
 
-    with WorkFolder(path, QUESTION, question.as_toml(), scenario, same=question.same) as folder:
+    with _work_folder(path, scenario, question) as folder:
         done = propagate(
             scenario,
             inputs=question.inputs,
@@ -95,6 +100,13 @@ def propagate_into(
         )
         write_propagation(folder, done)
     return done
+
+
+def _work_folder(path: Path, scenario: Scenario, question: Question) -> WorkFolder:
+    from feeder_sim.jobs.folder import WorkFolder
+    from feeder_sim.studies.uncertainty.propagate import QUESTION
+
+    return WorkFolder(path, QUESTION, question.as_toml(), scenario, same=question.same)
 
 
 @dataclass(frozen=True)
@@ -127,6 +139,29 @@ def run_uncertain(scenario: Scenario, run: Path, inputs: int) -> UncertainRun | 
         done = propagate_into(folder, scenario, workers, Question(inputs, SEEDS), stop=stop, progress=progress)
     _draw(done, done.main(), folder, None)
     return UncertainRun(done, run)
+
+
+def keep_asked(scenario: Scenario, run: Path, inputs: int) -> None:
+    """Note how many draws were asked for in the folder of a run that has not come to them."""
+    from feeder_sim.studies.uncertainty.question import Question
+
+    if scenario.uncertain:
+        with _work_folder(run / OUT.name, scenario, Question(inputs, SEEDS)):
+            pass
+
+
+def inputs_asked(run: Path, given: int | None) -> int:
+    """How many draws a run goes on with: as many as its folder says, or else those that are given.
+
+    Raises:
+        InputError: another number is given than the folder says, or what it says cannot be read.
+    """
+    from feeder_sim.studies.uncertainty.propagate import asked_in
+
+    asked = asked_in(run / OUT.name)
+    if given is not None and asked not in (None, given):
+        raise InputError(f"is {given}, allowed is {asked}, which the run was begun with", file=run, key="--inputs")
+    return asked or given or DRAWS
 
 
 def left_uncertain(run: Path) -> bool:
@@ -163,16 +198,12 @@ def _draw(done: Propagation, measure: str, folder: Path, measured: float | None)
 
 def as_json_object(done: Propagation) -> dict[str, Any]:
     """Everything that was found, as JSON takes it."""
+    from feeder_sim.measures.protocol import as_json
+
     rows = done.rows()
     found: dict[str, Any] = {"complete": done.swept.complete, "measures": {row.pop("measure"): row for row in rows}}
     if done.saltelli and done.swept.complete:
-        found["indices"] = {
-            measure: [
-                {name: None if isinstance(v, float) and math.isnan(v) else v for name, v in vars(index).items()}
-                for index in done.indices(measure)
-            ]
-            for measure in done.measures
-        }
+        found["indices"] = {measure: as_json(done.indices(measure)) for measure in done.measures}
     return found
 
 
@@ -184,9 +215,9 @@ def lines_of(done: Propagation, measure: str) -> list[str]:
         return ["no measure has a value"]
     spread = done.spread(measure)
     lines = [labelled(measure, f"median {spread.median:.4g}, 90 % of runs {spread.low:.4g} to {spread.high:.4g}")]
-    if math.isfinite(spread.inputs_low):
-        interval = f"90 % of means {spread.inputs_low:.4g} to {spread.inputs_high:.4g}"
-        lines.append(labelled("over inputs", f"{interval}, SD {spread.sd_inputs:.3g}"))
+    if math.isfinite(spread.sd_inputs):
+        interval = f"90 % of means {spread.inputs_low:.4g} to {spread.inputs_high:.4g}, SD {spread.sd_inputs:.3g}"
+        lines.append(labelled("over inputs", spread.not_told or interval))
         lines.append(labelled("over seeds", f"SD {spread.sd_seeds:.3g} at the same inputs"))
     if done.saltelli and done.swept.complete:
         lines += [

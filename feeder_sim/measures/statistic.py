@@ -22,6 +22,11 @@ def half_interval(se: float, n: float, confidence: float = 0.95) -> float:
     return float(stdtrit(n - 1, 0.5 + 0.5 * confidence)) * se if n > 1 else math.nan
 
 
+def finite_or_none(value: float) -> float | None:
+    """A number as JSON and tables take it; None where it is not finite."""
+    return value if math.isfinite(value) else None
+
+
 @dataclass(frozen=True)
 class Statistic:
     """Mean, standard deviation and standard error of n values; NaN where n is too small for them."""
@@ -47,6 +52,5 @@ class Statistic:
         return self.mean - half, self.mean + half
 
     def as_dict(self) -> dict[str, float | int | None]:
-        """As JSON takes it, which has no NaN: None stands for it."""
-        values = {"mean": self.mean, "sd": self.sd, "se": self.se}
-        return {name: v if math.isfinite(v) else None for name, v in values.items()} | {"n": self.n}
+        """As JSON takes it."""
+        return {name: finite_or_none(getattr(self, name)) for name in ("mean", "sd", "se")} | {"n": self.n}

@@ -42,7 +42,7 @@ def draw_sweep(sweep: Sweep, measure: str, path: Path) -> None:
 def draw_line(
     axes: Any, rows: Sequence[Row], key: str, *, joined: bool, colour: str = BLUE, label: str | None = None
 ) -> None:
-    """Draw means with 95 % intervals over one key; where inputs are uncertain, a band of 90 % over them."""
+    """Draw means with 95 % intervals over one key; where inputs are uncertain, a band of 90 % over them, if told."""
     values = [row.point[key] for row in rows]
     numbers = all(_is_number(value) for value in values)
     names = list(dict.fromkeys(str(value) for value in values))
@@ -54,8 +54,11 @@ def draw_line(
     reach = np.nan_to_num([half_interval(row.found.se, n) for row, n in zip(rows, counts, strict=True)])
     if joined and all(row.spread for row in rows):
         low, high = (np.array([getattr(row.spread, name) for row in rows]) for name in ("inputs_low", "inputs_high"))
-        axes.fill_between(x[order], low[order], high[order], color=PALE, label="90 % over the inputs")
-        axes.legend()
+        told = np.isfinite(low)
+        if told.any():
+            axes.fill_between(x[order], low[order], high[order], color=PALE, label="90 % over the inputs")
+            axes.vlines(x[told], low[told], high[told], color=PALE, linewidth=3.0)  # seen where points beside have none
+            axes.legend()
     line = "o-" if joined and numbers else "o"
     bars = {"fmt": line, "color": colour, "markersize": 4, "capsize": 2, "linewidth": 1.2, "label": label}
     axes.errorbar(x[order], mean[order], reach[order], **bars)

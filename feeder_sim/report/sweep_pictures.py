@@ -14,6 +14,7 @@ from feeder_sim.report.page import Picture
 from feeder_sim.report.pictures import picture_of
 from feeder_sim.report.words import key_label, measure_label, number, value_text
 from feeder_sim.studies.sweep.table import Row
+from feeder_sim.studies.uncertainty.spread import NOT_TOLD
 
 MOST_CURVES = 6  # of the key with fewer values; with more of them there is a map
 TOO_FEW = 2  # values of a mean whose interval says next to nothing
@@ -29,10 +30,8 @@ def measure_picture(rows: Sequence[Row], keys: tuple[str, ...], measure: str) ->
     bars += _beyond(rows)
     grid = math.prod(len(values_of(rows, key)) for key in keys) <= 1.5 * len(rows)
     if len(keys) == 1:
-        band = " The band is the 90 % interval over the inputs." if rows[0].spread is not None else ""
-        return picture_of(
-            lambda figure: _draw_one(figure, rows, keys[0], label), height=3.0, alt=alt, caption=bars + band
-        )
+        caption = bars + _on_band(rows)
+        return picture_of(lambda figure: _draw_one(figure, rows, keys[0], label), height=3.0, alt=alt, caption=caption)
     few, many = sorted(keys, key=lambda key: len(values_of(rows, key)))[:2]
     if len(keys) == 2 and grid and len(values_of(rows, few)) <= MOST_CURVES:
         return picture_of(
@@ -54,6 +53,14 @@ def sample_picture(rows: Sequence[Row], keys: Sequence[str], label: str, *, alt:
     caption += " Every panel has all points, over another key." if len(keys) > 1 else ""
     height = 2.6 * math.ceil(len(keys) / BESIDE)
     return picture_of(lambda figure: _draw_sample(figure, rows, keys, label), height=height, alt=alt, caption=caption)
+
+
+def _on_band(rows: Sequence[Row]) -> str:
+    """What is to be said of the band over uncertain inputs, and of where there is none."""
+    spreads = [row.spread for row in rows if row.spread is not None]
+    band = " The band is the 90 % interval over the inputs." if any(spread.is_told for spread in spreads) else ""
+    gaps = sum(bool(spread.not_told) for spread in spreads)
+    return f"{band} At {gaps} of {len(rows)} points the inputs are {NOT_TOLD}: no band." if gaps else band
 
 
 def count_of(row: Row) -> int:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
@@ -169,8 +168,8 @@ def _cells(row: Row) -> tuple[str, ...]:
     if row.spread is None:
         return mean, se, interval, n
     spread = row.spread
-    over = ""
-    if math.isfinite(spread.inputs_low):
+    over = spread.not_told
+    if spread.is_told:
         over = f"{number(spread.inputs_low)} to {number(spread.inputs_high)}"
     return mean, se, interval, over, number(spread.sd_inputs, 2), number(spread.sd_seeds, 2), n
 

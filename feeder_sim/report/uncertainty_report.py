@@ -19,14 +19,12 @@ from feeder_sim.report.words import between, key_label, measure_label, number, s
 from feeder_sim.scenario import Uncertain
 from feeder_sim.studies.uncertainty.indices import Index
 from feeder_sim.studies.uncertainty.propagate import DRAWS, QUESTION, TABLE
-from feeder_sim.studies.uncertainty.spread import Spread
 
 MOST_COLUMNS = 7  # inputs and measures in the table of the draws; all of them would not fit the page
 MOST_ROWS = 2000  # of that table
 FEW_DRAWS = 20  # below it not even one draw lies beyond each end of 90 %
 FEW_FOR_INDICES = 64  # draws, each (inputs + 2) times
 WIDE = 0.3  # of the interval of an index, on each side, that tells nothing apart
-NO_SPREAD = "no spread seen"  # in place of an interval of the means, where seeds scatter more than they do
 MOST_CAUSES = 5  # of failures, one by one
 
 Indices = dict[str, list[Index]]  # of every measure that has some
@@ -107,14 +105,9 @@ def _tiles(asked: Uncertainty, measures: Sequence[str], shown: str) -> Iterator[
         spread = asked.found.spread(measure)
         label, unit = split_unit(measure)
         note = f"90 % of runs {between(spread.low, spread.high)}"
-        if math.isfinite(spread.inputs_low) and not _hides(spread):
+        if spread.is_told:
             note += f", of means {between(spread.inputs_low, spread.inputs_high)}"
         yield Tile(f"median {label}", number(spread.median, 3), unit, note)
-
-
-def _hides(spread: Spread) -> bool:
-    """Whether the scatter of the seeds hides whatever the inputs do."""
-    return spread.sd_inputs == 0.0 and spread.sd_seeds > 0.0
 
 
 def _inputs(asked: Uncertainty) -> Table:
@@ -183,7 +176,7 @@ def _table_of(asked: Uncertainty, measures: Sequence[str]) -> Table:
     rows = []
     for measure in measures:
         spread = asked.found.spread(measure)
-        means = NO_SPREAD if _hides(spread) else between(spread.inputs_low, spread.inputs_high)
+        means = spread.not_told or between(spread.inputs_low, spread.inputs_high)
         intervals = number(spread.median, 3), between(spread.low, spread.high), means
         scatter = number(spread.sd_inputs, 2), number(spread.sd_seeds, 2)
         rows.append((measure_label(measure), *intervals, *scatter, str(spread.draws)))
@@ -282,7 +275,7 @@ def _cautions_of(asked: Uncertainty, measure: str) -> Iterator[Text]:
     if held < ended:
         text = "have no value, as where a part does not come so far in time. The intervals are those of the others."
         yield Text(f"{label}: {ended - held} of {ended} runs {text}", "caution")
-    if _hides(spread):
+    if spread.not_told:
         yield Text(f"{label}: draws differ no more than seeds of the same draw do. The inputs hardly change it, or "
                    "more seeds are needed to see it.", "note")  # fmt: skip
 

@@ -15,6 +15,7 @@ from feeder_sim.part.rigid_part import RigidPart
 from feeder_sim.plate.drive import ModalDrive
 from feeder_sim.replay.wave import PERIODS, PICTURES, POINTS
 from feeder_sim.run.advice import recommendations
+from feeder_sim.run.prepare import prepare
 from feeder_sim.run.run_folder import DISPLAY_POINTS
 from feeder_sim.run.simulation import available_cores
 from feeder_sim.run.trial import seed_seconds
@@ -98,6 +99,7 @@ class Plan:
             takes `robot.pick_s` more.
         steps_per_seed, seeds, frames_per_seed: numbers.
         estimated_wall_s: on this machine, with all cores.
+        input_runs, estimated_inputs_wall_s: at draws of uncertain inputs, which come after that; 0 without any.
         estimated_file_size_mb: of the run folder.
         cautions, recommended: lines of feeder_sim.run.advice.
         estimates_are_upper_bounds: whether the run may end before its full duration.
@@ -119,23 +121,31 @@ class Plan:
     seeds: int
     frames_per_seed: int
     estimated_wall_s: float
+    input_runs: int
+    estimated_inputs_wall_s: float
     estimated_file_size_mb: float
     cautions: list[str]
     recommended: list[str]
     estimates_are_upper_bounds: bool
 
 
-def plan_run(prepared: Prepared) -> dict[str, Any]:
+def plan_run(prepared: Prepared, input_runs: int = 0) -> dict[str, Any]:
     """The plan of a run as JSON takes it; see `make_plan`."""
-    plan: dict[str, Any] = as_json(make_plan(prepared))
+    plan: dict[str, Any] = as_json(make_plan(prepared, input_runs))
     return plan
 
 
-def make_plan(prepared: Prepared) -> Plan:
-    """Describe a run; a short trial of its engine says how long it takes."""
+def make_plan(prepared: Prepared, input_runs: int = 0) -> Plan:
+    """Describe a run; a short trial of its engine says how long it takes.
+
+    Args:
+        prepared: what is to be run.
+        input_runs: of one seed each, at draws of uncertain inputs; counted where there are such inputs.
+    """
     scene, cell, engine = prepared.scene, prepared.cell, prepared.engine
     run, surface = scene.scenario.run, scene.surface
     seconds = seed_seconds(prepared)
+    input_runs = input_runs if scene.scenario.uncertain else 0
     return Plan(
         title=scene.scenario.title,
         engine=engine.name,
@@ -153,11 +163,21 @@ def make_plan(prepared: Prepared) -> Plan:
         seeds=run.seeds,
         frames_per_seed=scene.n_frames,
         estimated_wall_s=seconds * math.ceil(run.seeds / available_cores()),
+        input_runs=input_runs,
+        estimated_inputs_wall_s=_inputs_seconds(prepared, seconds, input_runs),
         estimated_file_size_mb=1e-6 * _file_size(scene),
         cautions=list(prepared.cautions),
         recommended=recommendations(scene),
         estimates_are_upper_bounds=run.stop != "time" or any(stage.until for stage in scene.times.stages),
     )
+
+
+def _inputs_seconds(prepared: Prepared, of_seed: float, runs: int) -> float:
+    """Wall time of so many runs of one thread each [s]; `of_seed` is that of a seed of the run."""
+    if runs > prepared.scenario.run.seeds < available_cores():  # the seeds of the run have several threads each
+        run = prepared.scenario.run.model_copy(update={"seeds": runs})
+        of_seed = seed_seconds(prepare(prepared.scenario.model_copy(update={"run": run})))
+    return of_seed * math.ceil(runs / available_cores())
 
 
 def _drive_plans(scene: Scene) -> list[DrivePlan]:

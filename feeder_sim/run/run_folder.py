@@ -20,7 +20,7 @@ from feeder_sim.engines.mujoco.mjcf import build_mjcf
 from feeder_sim.errors import InputError, RecordingFailed, not_written, shortened
 from feeder_sim.measures.picks import has_picks, picks_csv
 from feeder_sim.records.checkpoint import CheckpointFolder, run_identity
-from feeder_sim.records.own_files import INPUTS, LOCK, locked
+from feeder_sim.records.own_files import INPUTS, LOCK, is_own, locked
 from feeder_sim.records.trajectory import PartRecord, PlateRecord, Record, Recording, Status, WallTime
 from feeder_sim.records.trajectory_file import TRAJECTORY, recording_of
 from feeder_sim.records.trajectory_writer import TrajectoryWriter
@@ -128,10 +128,21 @@ def resume_run(
         RecordingFailed: as for `record_run`.
     """
     folder = Path(folder)
-    if not any((folder / name).is_file() for name in (TRAJECTORY, RESOLVED)):
+    if not _is_begun(folder):
         raise InputError(f"no run here, allowed is a folder that holds {TRAJECTORY}", file=folder, key="--resume")
     with locked(folder):
         return _resume(folder, progress=progress, stop=stop, replay=replay, notify=notify)
+
+
+def _is_begun(folder: Path) -> bool:
+    """Whether a run has begun in a folder: its trajectory is there, or its lock and scenario and no file of others.
+
+    A scenario alone does not tell: sweeps, folders to start from and those of users have one, too.
+    """
+    if (folder / TRAJECTORY).is_file():
+        return True
+    held = {path.name for path in folder.iterdir()} if folder.is_dir() else set()
+    return {LOCK, RESOLVED} <= held and all(is_own(name) for name in held)
 
 
 def _resume(folder: Path, **how: Any) -> Result:

@@ -5,11 +5,25 @@ from __future__ import annotations
 import csv
 import json
 import shutil
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import pytest
 from command_line import check_refused, feeder_sim
-from conftest import REPOSITORY
+from conftest import REPOSITORY, StopsAfter
+
+from feeder_sim.cli.uncertainty import lines_of
+from feeder_sim.jobs import workers
+from feeder_sim.jobs.workers import Workers, given_workers
+from feeder_sim.plots.figure import empty_figure
+from feeder_sim.plots.uncertainty import draw_values
+from feeder_sim.run import run_folder
+from feeder_sim.run.run_folder import record_run
+from feeder_sim.studies.uncertainty.spread import spread_of
 
 INPUTS = 8
 UNCERTAIN = """
@@ -17,6 +31,38 @@ UNCERTAIN = """
 contact.restitution = { uniform = [0.1, 0.5] }
 "drive[0].amplitude_um" = { normal = [1.0, 0.1] }
 """
+
+
+BALL = """
+[plate]
+kind = "piston"
+[[drive]]
+frequency_hz = 50.0
+amplitude_um = 150.0
+[[part]]
+shape = "ball"
+diameter_mm = 3.0
+guide = { kind = "slide" }
+[run]
+seeds = 2
+duration_s = 0.2
+[uncertain]
+contact.restitution = { uniform = [0.1, 0.5] }
+"""
+
+
+@pytest.fixture
+def ball(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A scenario whose draws take next to nothing, in a thread of this process."""
+
+    @contextmanager
+    def in_a_thread() -> Iterator[Workers]:
+        with ThreadPoolExecutor(1) as pool, given_workers(pool) as found:
+            yield found
+
+    monkeypatch.setattr(workers, "local_workers", in_a_thread)
+    (tmp_path / "ball.toml").write_text(BALL, encoding="utf-8")
+    return tmp_path / "ball.toml"
 
 
 @pytest.mark.slow
@@ -47,4 +93,53 @@ def test_what_is_not_uncertain_is_refused_before_anything_is_written(tmp_path: P
     (tmp_path / "u.toml").write_text(scenario.read_text() + UNCERTAIN, encoding="utf-8")
     wrong = feeder_sim("uncertainty", tmp_path / "u.toml", "--indices", "--inputs", 6, "--out", tmp_path / "u")
     check_refused(wrong, "--inputs: is 6, allowed is a power of two")
+    wrong = feeder_sim("uncertainty", tmp_path / "u.toml", "--indices", "--seeds", 1, "--out", tmp_path / "u")
+    check_refused(wrong, "--seeds: is 1, allowed is 2 or more with --indices")
     assert not (tmp_path / "u").exists()
+
+
+def test_a_run_goes_on_with_as_many_draws_as_it_was_begun_with(ball: Path, tmp_path: Path) -> None:
+    out = tmp_path / "run"
+    done = feeder_sim("run", ball, "--inputs", 3, "--out", out, "--json")
+    assert done.returncode == 0, done.stderr
+    again = feeder_sim("run", "--resume", out, "--json")
+    assert again.returncode == 0, again.stderr
+    assert json.loads(again.stdout)["uncertainty"] == json.loads(done.stdout)["uncertainty"]
+    check_refused(feeder_sim("run", "--resume", out, "--inputs", 4), "--inputs: is 4, allowed is 3, which the run")
+    (out / "uncertainty/uncertainty.toml").write_text("inputs = true")
+    check_refused(feeder_sim("run", "--resume", out), "uncertainty.toml: inputs: is True, allowed is a whole number")
+
+
+def test_the_plan_counts_the_draws(ball: Path) -> None:
+    many = json.loads(feeder_sim("run", ball, "--inputs", 1000, "--dry-run", "--json").stdout)
+    usual = json.loads(feeder_sim("check", ball, "--json").stdout)
+    assert many["input_runs"] == 2000 and usual["input_runs"] == 32 and usual["seeds"] == 2
+    assert many["estimated_inputs_wall_s"] > 10.0 * many["estimated_wall_s"] > 0.0  # a thousand times on two cores
+    known = json.loads(feeder_sim("check", REPOSITORY / "scenarios/ball_50hz.toml", "--json").stdout)
+    assert known["input_runs"] == known["estimated_inputs_wall_s"] == 0
+    assert feeder_sim("run", ball, "--inputs", 5000, "--dry-run").returncode == 2
+
+
+def test_an_interrupted_run_keeps_how_many_draws_were_asked_for(
+    ball: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def interrupted(*given: Any, stop: object, **named: Any) -> Any:
+        return record_run(*given, stop=StopsAfter(1), **named)
+
+    monkeypatch.setattr(run_folder, "record_run", interrupted)
+    out = tmp_path / "run"
+    assert feeder_sim("run", ball, "--inputs", 3, "--out", out).returncode == 130
+    done = feeder_sim("run", "--resume", out, "--json")
+    assert done.returncode == 0, done.stderr
+    measures = json.loads(done.stdout)["uncertainty"]["measures"]
+    assert {found["draws"] for found in measures.values()} == {3}
+
+
+def test_inputs_that_are_not_told_apart_from_the_seeds_are_said_to_be_so() -> None:
+    values = [[1.0, 5.0], [2.0, 4.5], [0.5, 5.5]]
+    found: Any = SimpleNamespace(spread=lambda _: spread_of(values), values=lambda _: values, saltelli=False)
+    lines = lines_of(found, "picked")
+    assert lines[1].split(maxsplit=2)[2] == "not told apart from the seeds" and "over seeds" in lines[2]
+    axes = empty_figure(3.0, 2.0).subplots()
+    draw_values(axes, found, "picked", None)
+    assert "means, inputs alone:\nnot told apart from the seeds" in axes.get_legend_handles_labels()[1]

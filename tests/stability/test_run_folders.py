@@ -156,7 +156,9 @@ def test_of_runs_that_begin_at_once_in_one_folder_one_is_recorded(scenario: Path
         assert read_recording(out / "trajectory.h5").status == (Status.DONE,) * 2
 
 
-@pytest.mark.parametrize("left", [["scenario.toml", "scene.xml"], ["scenario.toml", "scene.xml", "trajectory.h5.new"]])
+@pytest.mark.parametrize(
+    "left", [[LOCK, "scenario.toml", "scene.xml"], [LOCK, "scenario.toml", "scene.xml", "trajectory.h5.new"]]
+)
 def test_a_run_that_was_killed_before_its_first_block_begins_anew(
     left: list[str], scenario: Path, tmp_path: Path
 ) -> None:
@@ -170,6 +172,24 @@ def test_a_run_that_was_killed_before_its_first_block_begins_anew(
     for a, b in zip(one.seeds, other.seeds, strict=True):
         assert np.array_equal(a.position, b.position)
     assert one.scenario_text == other.scenario_text
+
+
+@pytest.mark.parametrize(
+    "beside",
+    [[], ["plate.toml", "notebook.ipynb"], [LOCK, "sweep.toml", "journal.jsonl"], [LOCK, "uncertainty.toml", "inputs"]],
+)
+def test_a_scenario_in_a_folder_of_the_user_or_of_a_question_is_no_run(
+    beside: list[str], scenario: Path, tmp_path: Path
+) -> None:
+    mine = tmp_path / "mine"
+    mine.mkdir()
+    scenario.rename(mine / "scenario.toml")
+    for name in beside:
+        (mine / name).write_text("mine")
+    before = contents(mine)
+    with pytest.raises(InputError, match="mine: --resume: no run here, allowed is a folder that holds"):
+        resume_run(mine)
+    assert contents(mine) == before
 
 
 def test_what_a_kill_before_the_first_file_leaves_is_as_good_as_empty(scenario: Path, tmp_path: Path) -> None:

@@ -94,11 +94,13 @@ def test_sweep_with_uncertain_inputs_counts_draws(sweep: Path, coarse: None) -> 
     (sweep / "sweep.toml").write_text(f"{asked}inputs = 3\n")
     columns = "drive[0].amplitude_um,measure,mean,se,n,seeds,failed,low,high,sd_inputs,sd_seeds"
     rows = ["1,speed_mm_s,2.0,0.1,12,12,0,1.5,2.6,0.3,0.05", "2,speed_mm_s,3.0,,12,12,0,,,,"]
+    rows.append("4,speed_mm_s,4.0,0.1,12,12,0,,,0.0,0.3")
     (sweep / "sweep.csv").write_text("\n".join([columns, *rows]))
     assert feeder_sim("report", sweep).returncode == 0
     text = checked((sweep / "report.html").read_text(encoding="utf-8")).text
     assert "1 2.00 0.10 1.57 to 2.43 1.5 to 2.6 0.3 0.05 12 12 0" in text  # t for two degrees of freedom, 3 draws
     assert "The band is the 90 % interval over the inputs" in text and "--inputs 3" in text
+    assert "not told apart from the seeds 0 0.3 12 12 0" in text and "At 1 of 3 points the inputs are not told" in text
 
 
 @pytest.mark.parametrize(

@@ -37,6 +37,22 @@ def test_ishigami_function_with_noise() -> None:
         assert index.first_interval < 0.15 and index.total_interval < 0.15
 
 
+def test_indices_are_shares_of_the_variance_of_the_independent_draws() -> None:
+    """By hand, from the first, the middle and the last of every three draws: A, AB and B of one input."""
+    scenario = strip_scenario().changed({"uncertain": {KEYS[0]: {"uniform": [1.0, 2.0]}}})
+    random = np.random.default_rng(3)
+    draws = saltelli_draws(scenario, 8)
+    values = [(draw[KEYS[0]] + random.normal(0.0, 0.2, 2)).tolist() for draw in draws]
+    a, ab, b = np.mean(values, axis=1).reshape(-1, 3).T
+    scatter = np.mean([np.var(seeds, ddof=1) / 2.0 for seeds in values])
+    inputs = np.var(np.concatenate([a, b])) - scatter
+    (index,) = sobol_indices(scenario, values)
+    assert index.total == pytest.approx((0.5 * np.mean((a - ab) ** 2) - scatter) / inputs)
+    assert scenario.run.seed == 0 and sobol_indices(scenario, values) == [index]  # the interval, too
+    alone = [seeds[:1] for seeds in values]
+    assert np.isnan(sobol_indices(scenario, alone)[0].total)  # nobody knows how far seeds scatter
+
+
 def test_inputs_that_change_nothing_have_no_indices() -> None:
     scenario = strip_scenario().changed({"uncertain": {KEYS[0]: {"uniform": [1.0, 2.0]}}})
     constant = [[1.0, 1.0] for _ in saltelli_draws(scenario, 8)]

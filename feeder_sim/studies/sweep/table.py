@@ -11,8 +11,9 @@ One row per point and measure. Its columns are the varied keys, then
 
 and where inputs are uncertain
 
-    low, high   90 % interval of the mean over the inputs, the scatter of the seeds taken out
-    sd_inputs   standard deviation of the mean over the inputs
+    low, high   90 % interval of the mean over the inputs, the scatter of the seeds taken out; empty where the inputs
+                are not told apart from the seeds
+    sd_inputs   standard deviation of the mean over the inputs; 0 where they are not told apart
     sd_seeds    standard deviation over the seeds at the same inputs
 """
 

@@ -3,10 +3,10 @@
 *First order* S: the share of the variance over the inputs that would go if this input were known. *Total order* T: the
 share that would stay if all others were known (Saltelli et al., Computer Physics Communications 181, 259, 2010).
 
-Seeds scatter too. With the scatter of a mean, s2, known from the seeds, the variance over the inputs is
-V = var(Y) - s2. Estimators of S compare draws that share an input, whose scatter is independent: V S = var(Y) S'. Those
-of T compare draws that differ in one input, which the scatter makes differ by 2 s2 on the mean square:
-V T = var(Y) T' - s2.
+SALib's indices S' and T' are shares of the variance of two independent samples of all inputs, A and B: var(Y). Seeds
+scatter too. With the scatter of a mean, s2, known from the seeds, the variance over the inputs is V = var(Y) - s2.
+Estimators of S compare draws that share an input, whose scatter is independent: V S = var(Y) S'. Those of T compare
+draws that differ in one input, which the scatter makes differ by 2 s2 on the mean square: V T = var(Y) T' - s2.
 """
 
 from __future__ import annotations
@@ -51,19 +51,21 @@ def saltelli_draws(scenario: Scenario, base: int) -> list[Draw]:
 def sobol_indices(scenario: Scenario, values: Sequence[Sequence[float]]) -> list[Index]:
     """Indices of every uncertain input from the values of the seeds at each draw of `saltelli_draws`.
 
-    A draw without a value makes all of them NaN.
+    A draw without a value makes all of them NaN, and so do draws of one seed each, whose scatter is not known.
     """
     keys = list(scenario.uncertain or {})
     means = np.array([np.mean(draw) if len(draw) else math.nan for draw in values])
     scatter = _scatter(values)
-    variance = float(np.var(means)) if np.isfinite(means).all() else math.nan
+    # Of A and B, the first and the last of every (inputs + 2) draws. Those between differ from A in one input alone.
+    apart = np.concatenate([means[:: len(keys) + 2], means[len(keys) + 1 :: len(keys) + 2]])
+    variance = float(np.var(apart)) if np.isfinite(means).all() else math.nan
     inputs = variance - scatter
     if not inputs > 0.0:
         return [Index(key, *(math.nan,) * 4) for key in keys]
     analyze = _salib("SALib.analyze.sobol").analyze
     found = analyze(
         _problem(scenario),
-        (means - means.mean()) / math.sqrt(variance),
+        means,
         calc_second_order=False,
         num_resamples=RESAMPLES,
         seed=scenario.run.seed + 1,  # SALib takes 0 for no seed, and its intervals would be others each time
@@ -82,9 +84,9 @@ def sobol_indices(scenario: Scenario, values: Sequence[Sequence[float]]) -> list
 
 
 def _scatter(values: Sequence[Sequence[float]]) -> float:
-    """Variance of the mean of a draw by its seeds, the mean over all draws; 0 where each has but one."""
+    """Variance of the mean of a draw by its seeds, the mean over all draws; NaN where each has but one."""
     variances: NDArray[np.float64] = np.array([np.var(draw, ddof=1) / len(draw) for draw in values if len(draw) > 1])
-    return float(variances.mean()) if len(variances) else 0.0
+    return float(variances.mean()) if len(variances) else math.nan
 
 
 def _problem(scenario: Scenario) -> dict[str, Any]:

@@ -16,16 +16,17 @@ import csv
 import io
 import math
 import threading
+import tomllib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from feeder_sim.errors import InputError
+from feeder_sim.errors import InputError, quoted
 from feeder_sim.jobs.folder import WorkFolder
 from feeder_sim.jobs.workers import Workers
-from feeder_sim.measures.statistic import Statistic
+from feeder_sim.measures.statistic import Statistic, finite_or_none
 from feeder_sim.scenario import Scenario
 from feeder_sim.studies.sweep.case import Effort
 from feeder_sim.studies.sweep.cases import Cases, Sweep, run_cases
@@ -36,7 +37,8 @@ from feeder_sim.studies.uncertainty.indices import Index, saltelli_draws, sobol_
 from feeder_sim.studies.uncertainty.spread import Spread, spread_of
 
 QUESTION, DRAWS, TABLE, PICTURE = "uncertainty.toml", "draws.csv", "uncertainty.csv", "uncertainty.png"
-# low, high: 90 % interval of one run, inputs and seeds together; inputs_low, inputs_high: of the mean over the seeds.
+# low, high: 90 % interval of one run, inputs and seeds together; inputs_low, inputs_high: of the mean over the seeds,
+# empty where sd_inputs is 0 because the inputs are not told apart from the seeds.
 COLUMNS = (
     *("measure", "mean", "se", "median", "low", "high", "inputs_low", "inputs_high", "sd_inputs", "sd_seeds"),
     *("draws", "failed"),
@@ -90,7 +92,7 @@ class Propagation:
         for measure in self.measures:
             spread, mean = self.spread(measure), Statistic.of(v for row in self.values(measure) for v in row).mean
             numbers = {"mean": mean} | {name: getattr(spread, name) for name in COLUMNS[2:10]}
-            finite = {name: value if math.isfinite(value) else None for name, value in numbers.items()}
+            finite = {name: finite_or_none(value) for name, value in numbers.items()}
             rows.append({"measure": measure} | finite | {"draws": spread.draws, "failed": failed})
         return rows
 
@@ -112,7 +114,7 @@ def propagate(
     Args:
         scenario: with uncertain inputs.
         inputs: draws; with `indices` so many times (inputs + 2), a power of two.
-        seeds: of every draw; two tell inputs and seeds apart.
+        seeds: of every draw; two tell inputs and seeds apart, and `indices` take them.
         indices: draw them so that Sobol indices can be told.
         workers: run the seeds.
         measure: that every seed has to have; "" for any.
@@ -123,14 +125,14 @@ def propagate(
     Raises:
         InputError: no input is uncertain, a value is not allowed, or SALib is missing.
     """
-    check_propagated(scenario, inputs, indices)
+    check_propagated(scenario, inputs, seeds, indices)
     draws = saltelli_draws(scenario, inputs) if indices else draws_of(scenario, inputs)
     cases = Cases.at(scenario, [{}], draws, Effort(seeds, measure=measure), file=Path("scenario"))
     swept = run_cases(cases, workers, journal, stop=stop, progress=progress)
     return Propagation(scenario, tuple(draws), swept, indices)
 
 
-def check_propagated(scenario: Scenario, inputs: int, indices: bool) -> None:
+def check_propagated(scenario: Scenario, inputs: int, seeds: int, indices: bool) -> None:
     """Refuse what cannot be propagated, before anything is written.
 
     Raises:
@@ -140,8 +142,29 @@ def check_propagated(scenario: Scenario, inputs: int, indices: bool) -> None:
         raise InputError("is missing, allowed is a table with the inputs that are uncertain", key="[uncertain]")
     if indices and inputs & (inputs - 1):
         raise InputError(f"is {inputs}, allowed is a power of two with --indices", key="--inputs")
+    if indices and seeds < 2:
+        problem = "is 1, allowed is 2 or more with --indices: one seed does not tell how far seeds scatter"
+        raise InputError(problem, key="--seeds")
     if indices:
         saltelli_draws(scenario, 2)  # refuses a library that is missing
+
+
+def asked_in(folder: Path) -> int | None:
+    """How many draws were asked for in a folder; None where nothing was.
+
+    Raises:
+        InputError: the file that says it cannot be read.
+    """
+    file = folder / QUESTION
+    try:
+        inputs = tomllib.loads(file.read_text(encoding="utf-8"))["inputs"]
+    except (FileNotFoundError, NotADirectoryError):
+        return None
+    except (OSError, ValueError, KeyError) as error:
+        raise InputError(f"does not say what was asked: {error}", file=file) from error
+    if type(inputs) is not int or inputs < 2:
+        raise InputError(f"is {quoted(inputs)}, allowed is a whole number of at least 2", file=file, key="inputs")
+    return inputs
 
 
 def write_propagation(folder: WorkFolder, found: Propagation) -> None:
@@ -150,7 +173,7 @@ def write_propagation(folder: WorkFolder, found: Propagation) -> None:
     rows = []
     for draw, case in zip(found.draws, found.swept.cases, strict=True):
         for seed in case.seeds(found.swept.cases.effort):
-            values = {name: "" if math.isnan(value) else value for name, value in seed.values.items()}
+            values = {name: finite_or_none(value) for name, value in seed.values.items()}
             rows.append(labels(draw) | {"seed": seed.seed} | values)
     keys = [*found.draws[0], "seed", *found.measures]
     folder.write(DRAWS, _csv(keys, rows).encode())

@@ -6,7 +6,9 @@ With S seeds at each of N draws of the inputs, the mean of a draw varies by
 
 (one-way analysis of variance, Searle, Casella and McCulloch, Variance Components, section 3.5). The variance of the
 seeds is known from within the draws, that of the inputs is the rest. For an interval over the inputs the means are
-drawn together towards their own mean until only that rest is left.
+drawn together towards their own mean until only that rest is left. Where nothing is left, because the means scatter no
+more than the seeds let them, the inputs are not told apart from the seeds: how far they reach is not known, and there
+is no interval over them.
 """
 
 from __future__ import annotations
@@ -16,8 +18,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
+
+from feeder_sim.measures.statistic import finite_or_none
 
 INTERVAL = (0.05, 0.95)  # quantiles of the intervals: 90 %
+NOT_TOLD = "not told apart from the seeds"
 
 
 @dataclass(frozen=True)
@@ -27,7 +33,8 @@ class Spread:
     Attributes:
         median: over all draws and seeds.
         low, high: 90 % interval of a single run: inputs and seeds together.
-        inputs_low, inputs_high: 90 % interval of the mean over the seeds.
+        inputs_low, inputs_high: 90 % interval of the mean over the seeds; NaN also where `sd_inputs` is 0 because the
+            inputs are not told apart from the seeds.
         sd_inputs, sd_seeds: standard deviations, apart.
         se: standard error of the mean over all.
         draws: with a value.
@@ -43,11 +50,21 @@ class Spread:
     se: float
     draws: int
 
+    @property
+    def is_told(self) -> bool:
+        """Whether there is an interval over the inputs."""
+        return math.isfinite(self.inputs_low)
+
+    @property
+    def not_told(self) -> str:
+        """Why there is no interval over the inputs, in words; "" where there is one, or too little to tell."""
+        return NOT_TOLD if self.sd_inputs == 0.0 and not self.is_told else ""
+
     def as_dict(self) -> dict[str, float | None]:
         """The columns of a table; None where there is no value."""
         values = {"low": self.inputs_low, "high": self.inputs_high, "sd_inputs": self.sd_inputs}
         values["sd_seeds"] = self.sd_seeds
-        return {name: value if math.isfinite(value) else None for name, value in values.items()}
+        return {name: finite_or_none(value) for name, value in values.items()}
 
 
 def spread_of(values: Sequence[Sequence[float]]) -> Spread:
@@ -62,14 +79,34 @@ def spread_of(values: Sequence[Sequence[float]]) -> Spread:
     freedom = int((sizes - 1).sum())
     of_seeds = within / freedom if freedom else math.nan
     of_means = float(np.var(means, ddof=1)) if len(means) > 1 else math.nan
-    of_inputs = max(of_means - of_seeds * float(np.mean(1.0 / sizes)), 0.0)
-    if math.isnan(of_means - of_seeds):
-        of_inputs = math.nan
-    median, low, high = (float(q) for q in np.quantile(everything, (0.5, *INTERVAL)))
+    left = of_means - of_seeds * float(np.mean(1.0 / sizes))
+    of_inputs = max(left, 0.0) if math.isfinite(left) else math.nan
+    low, high = interval_of(everything)
     inputs_low = inputs_high = math.nan
-    if math.isfinite(of_inputs):
+    constant = math.isfinite(left) and everything.min() == everything.max()
+    if left > 0.0 or constant:
         share = math.sqrt(of_inputs / of_means) if of_means > 0.0 else 0.0
         drawn = means.mean() + share * (means - means.mean())
-        inputs_low, inputs_high = (float(q) for q in np.quantile(drawn, INTERVAL))
-    se = math.sqrt(of_means / len(means)) if len(means) > 1 else math.nan
-    return Spread(median, low, high, inputs_low, inputs_high, math.sqrt(of_inputs), math.sqrt(of_seeds), se, len(means))
+        inputs_low, inputs_high = interval_of(drawn)
+    return Spread(
+        median=float(np.median(everything)),
+        low=low,
+        high=high,
+        inputs_low=inputs_low,
+        inputs_high=inputs_high,
+        sd_inputs=math.sqrt(of_inputs),
+        sd_seeds=math.sqrt(of_seeds),
+        se=math.sqrt(of_means / len(means)) if len(means) > 1 else math.nan,
+        draws=len(means),
+    )
+
+
+def interval_of(values: Sequence[float] | NDArray[np.float64]) -> tuple[float, float]:
+    """The interval that holds another value, drawn as these were, with a chance of 90 %.
+
+    The chance that another value lies below the k-th of n is k / (n + 1), whatever they are drawn from. NumPy's usual
+    quantiles lie further inward: of 16 values they would hold 84 %. Of fewer than 19 values the least and the largest
+    are the interval, which hold (n - 1) / (n + 1).
+    """
+    low, high = np.quantile(values, INTERVAL, method="weibull")
+    return float(low), float(high)
