@@ -5,18 +5,20 @@
     observation, reward, terminated, truncated, info = environment.step(environment.action_space.sample())
 
 Each step runs one stage of the schedule and picks what its pick allows, and with `pick` what that allows after any
-stage. The reward is picks per second on the clock of the robot: the stage, and the times of `[robot]`.
+stage. The reward of a step is its picks over its seconds on the clock of the robot: the stage, and the times of
+`[robot]`. The sum of such rewards is not picks per time: a stage of 0.1 s with one pick earns more than one of 3 s with
+twenty. With `reward="picks"` the picks themselves are the reward, and `info["seconds"]` says what they took.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
-from feeder_sim.errors import InputError, check_whole
+from feeder_sim.errors import InputError, check_whole, quoted
 from feeder_sim.feeder.feeder import Feeder, checked_pick
 from feeder_sim.feeder.poses import Poses
 from feeder_sim.scenario import Pick, Robot, Scenario, Stage
@@ -31,6 +33,7 @@ except ImportError:
     ) from None
 
 Observation = dict[str, NDArray[Any]]
+Reward = Literal["rate", "picks"]
 MOST_STEPS = 100
 HIGHEST = 1.0  # [m] over the plate, or the side of one that is larger; a part above it is shown there
 
@@ -42,6 +45,8 @@ class FeederEnvironment(gymnasium.Env[Observation, np.int64]):
     `position` of the centre of mass [m] (parts, 3), `quaternion` with w first (parts, 4), `kind`, and `pose`, the
     number of the stable pose from 1 on, 0 in none (parts,). Bounds of positions are the sides of the plate.
 
+    `info` has what the step picked, `seconds` that it took on the clock of the robot, simulated time and parts lost.
+
     An episode ends when no part is left on the plate, and is cut after `most_steps` stages.
 
     Args:
@@ -49,6 +54,7 @@ class FeederEnvironment(gymnasium.Env[Observation, np.int64]):
         stages: as for `Feeder`.
         pick: allows picks after every stage, besides the picks of the stages; a `Pick`, or what makes one.
         most_steps: stages of an episode, from 1 on.
+        reward: of a step: "rate", its picks per second on the clock of the robot, or "picks", their number.
         refill_below: with a [refill] in the scenario, parts are filled up to `refill.to` when fewer are on the plate;
             up to that number, 0 for never.
 
@@ -65,11 +71,15 @@ class FeederEnvironment(gymnasium.Env[Observation, np.int64]):
         stages: Sequence[Stage | Mapping[str, Any]] = (),
         pick: Pick | Mapping[str, Any] | None = None,
         most_steps: int = MOST_STEPS,
+        reward: Reward = "rate",
         refill_below: int = 0,
     ) -> None:
         self._pick = None if pick is None else checked_pick(pick)
         self._most_steps = check_whole(most_steps, "most_steps")
         self._ready = self._feeder = Feeder(scenario, stages=stages)
+        if reward not in get_args(Reward):
+            raise InputError(f"is {quoted(reward)}, allowed are {', '.join(get_args(Reward))}", key="reward")
+        self._reward = reward
         self._refill_below = _checked_refill(scenario, refill_below)
         self._steps = 0
         scene = self._feeder.scene
@@ -101,7 +111,7 @@ class FeederEnvironment(gymnasium.Env[Observation, np.int64]):
         super().reset(seed=seed)
         self._steps = 0
         self._feeder = self._ready.again(int(self.np_random.integers(2**31)) if seed is None else seed)
-        return self._observe(self._feeder.poses()), self._info(0)
+        return self._observe(self._feeder.poses()), self._info(0, 0.0)
 
     def step(self, action: np.int64) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
         """Run the stage of a number, pick, and fill in."""
@@ -116,12 +126,12 @@ class FeederEnvironment(gymnasium.Env[Observation, np.int64]):
             scenario = feeder.scene.scenario
             feeder.refill(scenario.parts_at_once - len(feeder.poses()))
         poses = feeder.poses()
-        over = len(poses) == 0
-        return self._observe(poses), picked / seconds, over, self._steps >= self._most_steps, self._info(picked)
+        over, reward = len(poses) == 0, float(picked) if self._reward == "picks" else picked / seconds
+        return self._observe(poses), reward, over, self._steps >= self._most_steps, self._info(picked, seconds)
 
-    def _info(self, picked: int) -> dict[str, Any]:
+    def _info(self, picked: int, seconds: float) -> dict[str, Any]:
         feeder = self._feeder
-        return {"time_s": feeder.time, "picked": picked, "lost": len(feeder.lost)}
+        return {"time_s": feeder.time, "seconds": seconds, "picked": picked, "lost": len(feeder.lost)}
 
     def _observe(self, poses: Poses) -> Observation:
         scene: Scene = self._ready.scene

@@ -54,6 +54,15 @@ def test_a_seed_decides_the_start_and_numbers_of_gymnasium_those_after_it() -> N
     assert not np.array_equal(one.reset(seed=7)[0]["position"], first["position"])
 
 
+def test_picks_can_be_the_reward_with_their_time_beside_them() -> None:
+    """So that a sum of rewards over a sum of seconds is what a feeder is worth: picks per time."""
+    env = FeederEnvironment(with_refill(), pick=Pick(clearance_mm=1.0), reward="picks")
+    assert env.reset(seed=4)[1]["seconds"] == 0.0
+    _, reward, _, _, info = env.step(np.int64(0))
+    assert reward == info["picked"] == 4
+    assert info["seconds"] == pytest.approx(info["time_s"] + 1.0 + 4 * 0.5)
+
+
 @pytest.mark.parametrize(
     ("changes", "said"),
     [
@@ -61,6 +70,7 @@ def test_a_seed_decides_the_start_and_numbers_of_gymnasium_those_after_it() -> N
         ({"most_steps": 2.5}, "most_steps: is 2.5, allowed"),
         ({"refill_below": 1000}, "refill_below: is 1000, allowed is a whole number from 0 to 4"),
         ({"refill_below": -1}, "refill_below: is -1, allowed"),
+        ({"reward": "money"}, "reward: is 'money', allowed are rate, picks"),
         ({"pick": 3}, "pick: is 3, allowed is a Pick"),
         ({"pick": Pick(part="bolt", clearance_mm=1.0)}, 'pick.part: is "bolt", allowed'),
     ],
@@ -84,5 +94,6 @@ def test_bounds_are_those_of_the_plate() -> None:
     env = FeederEnvironment(large)
     seen, _ = env.reset(seed=1)
     assert seen["position"][0, 0] == pytest.approx(1.2)
-    assert env.observation_space["position"].high[0] == pytest.approx([1.5, 0.2, 3.0])
-    assert env.observation_space.contains(seen)
+    bounds: Any = env.observation_space
+    assert bounds["position"].high[0] == pytest.approx([1.5, 0.2, 3.0])
+    assert bounds.contains(seen)
