@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable
 from pathlib import Path
 
-from feeder_sim.api.progress import shown
+from feeder_sim.api.progress import Progress, shown
 from feeder_sim.api.result import Result
 from feeder_sim.errors import check_whole, path_of_user
 from feeder_sim.run import run_folder
@@ -15,8 +14,6 @@ from feeder_sim.run.prepare import prepare
 from feeder_sim.run.simulation import run_ensemble
 from feeder_sim.scenario import Scenario, check_scenario
 from feeder_sim.scene.prepared import Prepared
-
-Progress = Callable[[float], None] | bool | None
 
 
 def simulate(

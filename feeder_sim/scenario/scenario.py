@@ -16,6 +16,7 @@ from typing import Annotated, Any, Self
 from pydantic import BeforeValidator, Field, ValidationError, model_validator
 
 from feeder_sim.errors import InputError, check_type, path_of_user
+from feeder_sim.example_files import scenario_path
 from feeder_sim.scenario.attachments import ActuatorFile
 from feeder_sim.scenario.changes import changed_values, check_decides
 from feeder_sim.scenario.engine_choice import known_failures, uncovered
@@ -253,12 +254,16 @@ def check_scenario(value: object) -> None:
 
 
 def load_scenario(path: str | Path) -> Scenario:
-    """Read and check a scenario file; paths in it are relative to the file.
+    """Read and check a scenario file, or an example by its name; paths in a file are relative to it.
+
+    Args:
+        path: of the file, or as `feeder-sim list` names an example, such as "drift_4750hz". A file of that name is
+            taken first.
 
     Raises:
         InputError: unreadable file, TOML syntax, or any key or value that is not allowed.
     """
-    path = path_of_user(path, "load_scenario")
+    path = scenario_path(path_of_user(path, "load_scenario"))
     return parse_scenario(read_text(path), file=path)
 
 

@@ -12,12 +12,13 @@ import pytest
 from command_line import feeder_sim
 from conftest import REPOSITORY
 
-from feeder_sim.cli.map import mark_of, values_of
+from feeder_sim.cli.map import mark_of
 from feeder_sim.errors import InputError
 from feeder_sim.run.batch import measure_drift
 from feeder_sim.run.prepare import prepare
 from feeder_sim.scenario import Scenario, Start, load_scenario
 from feeder_sim.studies import speed_map as studied
+from feeder_sim.studies.map_folder import values_of
 from feeder_sim.studies.speed_map import MapPoint, at_point, speed_map, throw_number
 
 SCENARIO = REPOSITORY / "scenarios/drift_4750hz.toml"
