@@ -165,8 +165,8 @@ class Search(Answer, searching.Search):
 
     def _line(self) -> str:
         aim = f"{'largest' if self.aim.largest else 'smallest'} {self.aim.measure}"
-        mean, low, high = self.gain
-        gain = f", best less present {mean:+.3g} ({low:+.3g} to {high:+.3g}) with fresh seeds"
+        low, high = self.gain.interval
+        gain = f", best less present {self.gain.mean:+.3g} ({low:+.3g} to {high:+.3g}) with fresh seeds"
         known = math.isfinite(low) and math.isfinite(high)
         return f"Search for the {aim}: {counted(len(self.trials), 'trial')}{gain if known else ''}"
 

@@ -121,11 +121,12 @@ class Sweep(Answer, cases.Sweep):
 
     def _line(self) -> str:
         rest = "" if self.complete else ", not complete"
-        points = counted(len(self.cases.points), "point")
-        return f"Sweep over {' and '.join(self.keys)}: {points}, {counted(len(self.measures), 'measure')}{rest}"
+        held = [counted(len(self.cases.points), "point"), counted(len(self.measures), "measure")]
+        held += [counted(len(self.cautions), "caution")] if self.cautions else []
+        return f"Sweep over {' and '.join(self.keys)}: {', '.join(held)}{rest}"
 
     def _table(self) -> Sequence[Mapping[str, Any]]:
         return [row.as_dict() for row in self.rows]
 
     def _shown(self) -> Sequence[Mapping[str, Any]]:
-        return [row.as_dict() for row in self.of(self.measure())]
+        return [row.as_dict() for row in self.at_every_point(self.measure())]
