@@ -83,6 +83,14 @@ class SpeedMap(Answer):
     complete: bool
     title: str = ""
 
+    @property
+    def fastest(self) -> MapPoint | None:
+        """The largest mean where at least half of the seeds arrive; None where they do at no point.
+
+        The largest of many means is too large on average: check it with fresh seeds.
+        """
+        return mapping.fastest_of(self.points)
+
     def plot(self, *, marks: Sequence[tuple[float, float, float]] = (), ax: Axes | None = None) -> Axes:
         """Draw the map, with lines of equal throw number; returns matplotlib axes.
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -95,8 +96,22 @@ def _print(points: list[MapPoint], folder: Path, as_json: bool) -> None:
         return
     arrived = [point for point in points if point.n]
     print(f"{len(points)} points, {len(arrived)} with arrivals, {sum(p.failed for p in points)} failed seeds")
-    if arrived:
-        fastest = max(arrived, key=lambda point: point.mean)
-        where = f"{fastest.frequency_hz:g} Hz, {fastest.amplitude_um:g} um"
-        print(f"fastest: {fastest.mean:.3f} +- {fastest.se:.3f} mm/s at {where}, n = {fastest.n} of {fastest.seeds}")
+    for line in _fastest(points):
+        print(line)
     print(f"written to {printable(str(folder))}")
+
+
+def _fastest(points: list[MapPoint]) -> Iterator[str]:
+    """Where parts are fastest, as far as that can be told, and what it is worth."""
+    from feeder_sim.measures.statistic import LARGEST_OF_MANY
+    from feeder_sim.studies.speed_map import fastest_of
+
+    best = fastest_of(points)
+    if best is None:
+        yield "fastest: not told, at no point at least half of the seeds arrive"
+        return
+    error = f" +- {best.se:.3f}" if math.isfinite(best.se) else ""
+    where = f"{best.frequency_hz:g} Hz, {best.amplitude_um:g} um, n = {best.n} of {best.seeds}"
+    yield f"fastest, where at least half of the seeds arrive: {best.mean:.3f}{error} mm/s at {where}"
+    if len(points) > 1:
+        yield LARGEST_OF_MANY

@@ -11,11 +11,10 @@ import numpy as np
 
 from feeder_sim.plots.figure import empty_figure
 from feeder_sim.scene.scene import GRAVITY
-from feeder_sim.studies.speed_map import MapPoint
+from feeder_sim.studies.speed_map import MOST_ARRIVE, MapPoint
 
 SPEEDS = (0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0)  # [mm/s] of contours
 THROWS = (1.0, 10.0, 100.0, 1000.0)  # throw numbers of lines
-MOST_ARRIVE = 0.5  # of the seeds; where fewer do, the colour is hatched
 
 
 def draw_speed_map(
@@ -34,7 +33,8 @@ def draw_points(
 
     Args:
         axes: of matplotlib.
-        points: in any order; pairs of a frequency and an amplitude that are missing stay white.
+        points: in any order; pairs of a frequency and an amplitude that are missing stay white, and those where less
+            than `MOST_ARRIVE` of the seeds arrive are hatched.
         title: over it.
         marks: measured points: frequency [Hz], amplitude [um], speed [mm/s]; in the colour of their speed.
     """
