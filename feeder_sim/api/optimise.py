@@ -6,7 +6,7 @@ import contextlib
 import math
 import tempfile
 import threading
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import Executor
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, get_args
@@ -92,7 +92,7 @@ def optimise(
     space = Space.of(scenario, texts)
     with contextlib.ExitStack() as held:
         show, _ = held.enter_context(shown(progress, scenario.title or "optimise"))
-        starts = _screened(space, aim, path_of_user(screen, "screen"), recipes, show) if screen is not None else []
+        starts = _screened(space, aim, path_of_user(screen, "screen"), recipes) if screen is not None else []
         folder = held.enter_context(_folder(out, scenario, aim, texts, sampler))
         found = searching.search(
             space,
@@ -111,12 +111,12 @@ def optimise(
     return Search(**held_by(found))
 
 
-def _screened(space: Space, aim: Aim, file: Path, recipes: int, show: Callable[[float], None] | None) -> list[Point]:
+def _screened(space: Space, aim: Aim, file: Path, recipes: int) -> list[Point]:
     """The recipes that a drift map in a file likes best."""
     from feeder_sim.studies.drift_map.files import load_map
     from feeder_sim.studies.search.screening import screened
 
-    return screened(space, aim, load_map(file), recipes, searching.GENERATION, show)
+    return screened(space, aim, load_map(file), recipes, searching.GENERATION)
 
 
 @contextlib.contextmanager
