@@ -6,7 +6,7 @@ import contextlib
 import math
 import tempfile
 import threading
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, get_args
@@ -16,12 +16,12 @@ from feeder_sim.api.plots import axes_for
 from feeder_sim.api.progress import Progress, shown
 from feeder_sim.errors import InputError, check_type, check_whole, path_of_user, quoted
 from feeder_sim.jobs.folder import WorkFolder
-from feeder_sim.measures.statistic import Statistic
+from feeder_sim.jobs.identity import content_hash
 from feeder_sim.notebook import counted
 from feeder_sim.scenario import Scenario, check_scenario
 from feeder_sim.studies.search import search as searching
-from feeder_sim.studies.search.proposals import Sampler
-from feeder_sim.studies.search.results import QUESTION, write_search
+from feeder_sim.studies.search.proposals import LOG, Sampler
+from feeder_sim.studies.search.results import QUESTION, Question, tried, write_search
 from feeder_sim.studies.search.space import Space
 from feeder_sim.studies.search.trials import Aim
 from feeder_sim.studies.sweep.design import Point, labels
@@ -85,15 +85,25 @@ def optimise(
     for key, value in {"seeds": seeds, "check_seeds": check_seeds, "recipes": recipes}.items():
         if value is not None:
             check_whole(value, key, 2)
+    for key, name in {"maximise": maximise, "minimise": minimise}.items():
+        check_type(name, str | None, "the name of a measure", key)
     check_number(budget_s, "budget_s")
+    if budget_s is not None and not budget_s > 0.0:
+        raise InputError(f"is {budget_s:g}, allowed is above 0", key="budget_s")
     if sampler not in get_args(Sampler):
         raise InputError(f"is {quoted(sampler)}, allowed are {', '.join(get_args(Sampler))}", key="sampler")
     aim, texts = Aim.of(scenario, maximise, minimise, seeds), axis_texts(over)
     space = Space.of(scenario, texts)
+    drift_map = path_of_user(screen, "screen") if screen is not None else None
+    screened = (content_hash(drift_map), recipes) if drift_map else ()
+    asked = Question(texts, aim.measure, aim.largest, aim.seeds, sampler, *screened)
     with contextlib.ExitStack() as held:
         show, _ = held.enter_context(shown(progress, scenario.title or "optimise"))
-        starts = _screened(space, aim, path_of_user(screen, "screen"), recipes) if screen is not None else []
-        folder = held.enter_context(_folder(out, scenario, aim, texts, sampler))
+        path = path_of_user(out, "out") if out is not None else Path(held.enter_context(tempfile.TemporaryDirectory()))
+        folder = WorkFolder(path, QUESTION, asked.as_toml(), scenario, same=asked.same)
+        begun = (path / LOG).exists()  # then the recipes that were screened are in its record
+        starts = _screened(space, aim, drift_map, recipes) if drift_map and not begun else []
+        held.enter_context(folder)
         found = searching.search(
             space,
             aim,
@@ -117,19 +127,6 @@ def _screened(space: Space, aim: Aim, file: Path, recipes: int) -> list[Point]:
     from feeder_sim.studies.search.screening import screened
 
     return screened(space, aim, load_map(file), recipes, searching.GENERATION)
-
-
-@contextlib.contextmanager
-def _folder(
-    out: str | Path | None, scenario: Scenario, aim: Aim, over: Sequence[str], sampler: str
-) -> Iterator[WorkFolder]:
-    """The folder that the command makes of the same question, or one that is removed at the end."""
-    import tomli_w
-
-    asked = {"over": [*over], "measure": aim.measure, "maximise": aim.largest, "seeds": aim.seeds, "sampler": sampler}
-    with contextlib.ExitStack() as held:
-        path = path_of_user(out, "out") if out is not None else Path(held.enter_context(tempfile.TemporaryDirectory()))
-        yield held.enter_context(WorkFolder(path, QUESTION, tomli_w.dumps(asked), scenario, same=str(asked)))
 
 
 class Search(Answer, searching.Search):
@@ -160,7 +157,7 @@ class Search(Answer, searching.Search):
         from feeder_sim.plots.search import draw_history
 
         axes = axes_for(ax)
-        draw_history(axes, self)
+        draw_history(axes, self, tried(self))
         return axes
 
     def _line(self) -> str:
@@ -172,13 +169,11 @@ class Search(Answer, searching.Search):
 
     def _table(self) -> Sequence[Mapping[str, Any]]:
         """A row per trial."""
-        rows = []
-        for trial in self.trials:
-            values = trial.values(self.aim)
-            found = Statistic.of(values if not math.isnan(trial.mean(self.aim)) else [])
-            numbers = {"mean": found.mean, "se": found.se, "seeds": len(values)}
-            rows.append({"trial": trial.number, **labels(trial.point), **numbers, "stopped": trial.stopped})
-        return rows
+        return [
+            {"trial": row.number, **labels(row.point), "mean": row.found.mean, "se": row.found.se}
+            | {"seeds": row.seeds, "stopped": row.stopped}
+            for row in tried(self)
+        ]
 
     def _shown(self) -> Sequence[Mapping[str, Any]]:
         """The recipes with fresh seeds, or else the trials."""

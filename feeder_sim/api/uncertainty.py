@@ -22,6 +22,7 @@ from feeder_sim.studies.uncertainty.propagate import (
     propagate,
     write_propagation,
 )
+from feeder_sim.studies.uncertainty.question import Question
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -71,18 +72,11 @@ def uncertainty(
     with shown(progress, scenario.title or "uncertainty") as (show, _), workers_for(executor, workers) as found:
         if out is None:
             return Uncertainty(**held_by(propagate(scenario, **how, workers=found, progress=show)))
-        with _folder(path_of_user(out, "out"), scenario, inputs, seeds, indices) as folder:
+        asked = Question(inputs, seeds, indices, measure or "")
+        with WorkFolder(path_of_user(out, "out"), QUESTION, asked.as_toml(), scenario, same=asked.same) as folder:
             done = propagate(scenario, **how, workers=found, journal=folder.journal, progress=show)
             write_propagation(folder, done)
         return Uncertainty(**held_by(done))
-
-
-def _folder(path: Path, scenario: Scenario, inputs: int, seeds: int, indices: bool) -> WorkFolder:
-    """The folder that the command makes of the same question."""
-    import tomli_w
-
-    asked = tomli_w.dumps({"inputs": inputs, "seeds": seeds, "indices": indices})
-    return WorkFolder(path, QUESTION, asked, scenario, same=f"{inputs} {indices}")
 
 
 class Uncertainty(Answer, Propagation):

@@ -66,23 +66,20 @@ def optimise(
 
     aim, seconds, checked = Aim.of(scenario, maximise, minimise, seeds), _seconds(budget), _sampler(sampler)
     with naming(scenario_file):
-        import tomli_w
-
         from feeder_sim.jobs.folder import WorkFolder, usual_folder
         from feeder_sim.jobs.identity import content_hash
         from feeder_sim.jobs.workers import workers_of
         from feeder_sim.plots.search import draw_search
         from feeder_sim.studies.search.proposals import LOG
-        from feeder_sim.studies.search.results import PICTURE, QUESTION, as_json_object, write_search
+        from feeder_sim.studies.search.results import PICTURE, QUESTION, Question, as_json_object, write_search
         from feeder_sim.studies.search.search import Budget, search
         from feeder_sim.studies.search.space import Space
 
         space = Space.of(scenario, over, scenario_file)
-        asked = {"over": over, "measure": aim.measure, "maximise": aim.largest, "seeds": aim.seeds, "sampler": sampler}
-        if screen is not None:
-            asked |= {"screen": content_hash(screen), "recipes": recipes}
-        path = out or usual_folder(OUT, scenario_file.stem, QUESTION, scenario, str(asked))
-        home = WorkFolder(path, QUESTION, tomli_w.dumps(asked), scenario, same=str(asked))
+        screened = (content_hash(screen), recipes) if screen is not None else ()
+        asked = Question(tuple(over), aim.measure, aim.largest, aim.seeds, sampler, *screened)
+        path = out or usual_folder(OUT, scenario_file.stem, QUESTION, scenario, asked.same)
+        home = WorkFolder(path, QUESTION, asked.as_toml(), scenario, same=asked.same)
         begun = (home.path / LOG).exists()  # then the recipes that were screened are in its record
         starts = _screened(space, aim, screen, recipes) if screen and not begun else []
         with home, stop_on_signal() as stop, progress_bar(scenario_file.stem, stop) as progress:

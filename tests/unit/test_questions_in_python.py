@@ -11,13 +11,15 @@ from typing import Any
 
 import pytest
 from conftest import strip_scenario
-from test_search import AMPLITUDE, FRICTION, Pretended
+from pretended import Pretended
+from test_search import AMPLITUDE, FRICTION, values_of
 
 import feeder_sim
 from feeder_sim.api.answer import Answer
 from feeder_sim.notebook import MOST_ROWS, table
 from feeder_sim.scenario import Scenario
 from feeder_sim.studies import speed_map as mapping
+from feeder_sim.studies.search.results import Question
 from feeder_sim.studies.speed_map import MapPoint, throw_number
 
 LONGEST = 200  # characters of a line
@@ -42,7 +44,7 @@ def check_shown(answer: Answer) -> None:
 
 def test_sweep() -> None:
     values = [0.5 + 0.01 * i for i in range(200)]
-    swept = feeder_sim.sweep(strip_scenario(), {AMPLITUDE: values}, seeds=4, executor=Pretended())
+    swept = feeder_sim.sweep(strip_scenario(), {AMPLITUDE: values}, seeds=4, executor=Pretended(values_of))
     assert swept.complete and repr(swept) == f"<Sweep over {AMPLITUDE}: 200 points, 1 measure>"
     check_shown(swept)
     assert list(swept.to_frame().columns[:4]) == [AMPLITUDE, "measure", "mean", "se"] and len(swept.to_frame()) == 200
@@ -53,11 +55,11 @@ def test_sweep() -> None:
 
 def test_designs_of_a_sweep() -> None:
     vary: dict[str, Any] = {AMPLITUDE: [1.0, 2.0], FRICTION: [0.1, 0.2]}
-    zipped = feeder_sim.sweep(strip_scenario(), vary, zip=True, executor=Pretended())
+    zipped = feeder_sim.sweep(strip_scenario(), vary, zip=True, executor=Pretended(values_of))
     assert [row.point[FRICTION] for row in zipped.rows] == [0.1, 0.2]
-    crossed = feeder_sim.sweep(strip_scenario(), vary, executor=Pretended())
+    crossed = feeder_sim.sweep(strip_scenario(), vary, executor=Pretended(values_of))
     assert len(crossed.rows) == 4 and len(crossed.plot()) == 2  # a map, and its colours
-    drawn = feeder_sim.sweep(strip_scenario(), {AMPLITUDE: "0.5:2"}, sobol=8, executor=Pretended())
+    drawn = feeder_sim.sweep(strip_scenario(), {AMPLITUDE: "0.5:2"}, sobol=8, executor=Pretended(values_of))
     assert len(drawn.rows) == 8
 
 
@@ -66,21 +68,30 @@ def test_optimise(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
     over = {AMPLITUDE: "0.5:5", FRICTION: [0.1, 0.2, 0.3]}
     how: dict[str, Any] = {"maximise": "speed", "trials": 16, "seeds": 2, "check_seeds": 4}
-    found = feeder_sim.optimise(strip_scenario(), over, **how, executor=Pretended())
+    found = feeder_sim.optimise(strip_scenario(), over, **how, executor=Pretended(values_of))
     assert found.complete and len(found.trials) == 16 and not list(tmp_path.iterdir())
     check_shown(found)
     assert "as it is" in found._repr_html_() and found.plot().get_ylabel() == "speed"
     assert found.best is not None and found.best.point is not None
     assert found.best_scenario.contact.friction == found.best.point[FRICTION]
-    first, second = Pretended(), Pretended()
+    first, second = Pretended(values_of), Pretended(values_of)
     kept = [feeder_sim.optimise(strip_scenario(), over, **how, executor=e, out=tmp_path / "s") for e in (first, second)]
     assert first.count and not second.count and kept[0].best == kept[1].best == found.best
     assert (tmp_path / "s/best.toml").is_file()
+    asked = Question.of_toml(tmp_path / "s/search.toml")
+    assert asked.aim == found.aim and asked.over == (f"{AMPLITUDE}=0.5:5", f"{FRICTION}=[0.1, 0.2, 0.3]")
+
+
+def test_a_search_that_was_screened_can_be_read(tmp_path: Path) -> None:
+    """As by the page of its folder."""
+    asked = Question((f"{AMPLITUDE}=0.5:5",), "arrival_time_s", False, 4, "tpe", "0123abcd", 256)
+    (tmp_path / "search.toml").write_text(asked.as_toml())
+    assert Question.of_toml(tmp_path / "search.toml") == asked
 
 
 def test_uncertainty(tmp_path: Path) -> None:
     scenario = strip_scenario().changed({"uncertain": {AMPLITUDE: {"uniform": [1.0, 4.0]}}})
-    executor = Pretended()
+    executor = Pretended(values_of)
     for out in (None, tmp_path / "u", str(tmp_path / "u")):
         found = feeder_sim.uncertainty(scenario, inputs=8, executor=executor, out=out)
         assert found.complete and found.measures == ("speed",)
@@ -123,7 +134,7 @@ def test_speed_map(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 def test_stopped_is_not_complete() -> None:
     stop = threading.Event()
     stop.set()
-    swept = feeder_sim.sweep(strip_scenario(), {AMPLITUDE: [1.0]}, executor=Pretended(), stop=stop)
+    swept = feeder_sim.sweep(strip_scenario(), {AMPLITUDE: [1.0]}, executor=Pretended(values_of), stop=stop)
     assert not swept.complete and repr(swept).endswith("not complete>")
     with pytest.raises(feeder_sim.InputError, match="nothing to draw"):
         swept.plot()
@@ -140,6 +151,7 @@ REFUSED: list[tuple[Callable[[], Any], str]] = [
     (lambda: feeder_sim.optimise(DRIFT, {AMPLITUDE: "1:2"}), "exactly one of them is needed"),
     (lambda: feeder_sim.optimise(DRIFT, {AMPLITUDE: "1:2"}, maximise="a", seeds=1), "seeds: is 1, allowed"),
     (lambda: feeder_sim.optimise(DRIFT, {AMPLITUDE: "1:2"}, maximise="a", sampler="x"), "sampler: is 'x', allowed"),  # type: ignore[arg-type]
+    (lambda: feeder_sim.optimise(DRIFT, {AMPLITUDE: "1:2"}, maximise="a", budget_s=0), "budget_s: is 0, allowed"),
     (lambda: feeder_sim.uncertainty(DRIFT), r"\[uncertain\]: is missing"),
     (lambda: feeder_sim.uncertainty(DRIFT, inputs=1), "inputs: is 1, allowed is a whole number from 2 on"),
     (lambda: feeder_sim.compare(3, 4), "first: is 3, allowed is a path"),  # type: ignore[arg-type]
