@@ -8,7 +8,8 @@
 Build scenarios in code from `Scenario` and its tables in `feeder_sim.scenario`; `scenario.changed` changes one.
 `record_run` also writes a run folder, and `open` gives its result again, as long as it is there. A result has findings,
 tables (`to_frame`, `to_xarray`) and plots; `record` of `simulate` says what to keep of it: `AllFrames`, `EveryNth`,
-`ImpactsOnly`, `StatisticsOnly`. `measure_drift` runs many drifts without frames. Bad input is an `InputError`.
+`ImpactsOnly`, `StatisticsOnly`. Questions about many runs are `sweep`, `uncertainty`, `optimise`, `speed_map` and
+`compare`; `measure_drift` runs many drifts without frames. Bad input is an `InputError`.
 """
 
 from __future__ import annotations
@@ -22,8 +23,13 @@ if TYPE_CHECKING:
     from feeder_sim import scenario as scenario
     from feeder_sim.api.calls import record_run as record_run
     from feeder_sim.api.calls import simulate as simulate
+    from feeder_sim.api.compare import compare as compare
     from feeder_sim.api.opened import open as open
+    from feeder_sim.api.optimise import optimise as optimise
     from feeder_sim.api.result import Result as Result
+    from feeder_sim.api.speed_map import speed_map as speed_map
+    from feeder_sim.api.sweep import sweep as sweep
+    from feeder_sim.api.uncertainty import uncertainty as uncertainty
     from feeder_sim.errors import FeederSimError as FeederSimError
     from feeder_sim.errors import InputError as InputError
     from feeder_sim.feeder.feeder import Feeder as Feeder
@@ -38,7 +44,6 @@ if TYPE_CHECKING:
     from feeder_sim.scenario import Scenario as Scenario
     from feeder_sim.scenario import load_scenario as load_scenario
     from feeder_sim.scene.scene import build_scene as build_scene
-    from feeder_sim.studies.sweep.sweep import sweep as sweep
 
 _PUBLIC = {
     "AllFrames": "run.keep",
@@ -52,14 +57,18 @@ _PUBLIC = {
     "StatisticsOnly": "run.keep",
     "build_replay": "replay.replay",
     "build_scene": "scene.scene",
+    "compare": "api.compare",
     "load_scenario": "scenario",
     "measure_drift": "run.batch",
     "open": "api.opened",
+    "optimise": "api.optimise",
     "prepare": "run.prepare",
     "read_recording": "records.trajectory_file",
     "record_run": "api.calls",
     "simulate": "api.calls",
-    "sweep": "studies.sweep.sweep",
+    "speed_map": "api.speed_map",
+    "sweep": "api.sweep",
+    "uncertainty": "api.uncertainty",
 }
 # `from feeder_sim import *` leaves Python's own `open` alone.
 __all__ = ["__version__", *(name for name in _PUBLIC if name != "open")]

@@ -7,7 +7,10 @@ import errno
 import os
 from collections.abc import Iterable
 from enum import Enum
+from numbers import Integral
 from pathlib import Path
+from types import UnionType
+from typing import cast
 
 LONGEST_VALUE = 80  # characters of a value, or of a key, in a message
 LONGEST_MESSAGE = 500  # characters: a few lines of a terminal
@@ -120,6 +123,39 @@ _OF_A_NAME = (
     *(errno.ENOENT, errno.EACCES, errno.EPERM, errno.EROFS, errno.EISDIR, errno.ENOTDIR),
     *(errno.EEXIST, errno.ENAMETOOLONG, errno.ELOOP),
 )
+
+
+def check_type(value: object, kind: type | UnionType, allowed: str, key: str) -> None:
+    """Refuse an argument of another type than a public function takes.
+
+    Raises:
+        InputError: as said; `key` names the argument, `allowed` says what it takes.
+    """
+    if not isinstance(value, kind):
+        raise InputError(f"is {quoted(value)}, allowed is {allowed}", key=key)
+
+
+def check_whole(value: object, key: str, least: int = 1, most: int | None = None) -> int:
+    """A whole number from one on, perhaps up to another, as a user of Python gives it.
+
+    Raises:
+        InputError: it is none, or out of these limits.
+    """
+    number = int(value) if isinstance(value, Integral) and not isinstance(value, bool) else None
+    if number is None or number < least or (most is not None and number > most):
+        limits = f"from {least} on" if most is None else f"from {least} to {most}"
+        raise InputError(f"is {quoted(value)}, allowed is a whole number {limits}", key=key)
+    return number
+
+
+def path_of_user(value: object, key: str) -> Path:
+    """The path of a file or a folder, as a user of Python gives it.
+
+    Raises:
+        InputError: it is none.
+    """
+    check_type(value, str | os.PathLike, "a path", key)
+    return Path(cast("str | os.PathLike[str]", value))
 
 
 def cause_of(error: BaseException) -> str:

@@ -3,13 +3,34 @@
 from __future__ import annotations
 
 import html
-from collections.abc import Iterable
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
+
+MOST_ROWS = 20  # of a table
 
 
 def block(title: str, lines: Iterable[str]) -> str:
     """A title and lines of text below it, as HTML."""
     text = "\n".join(html.escape(line) for line in lines)
     return f"<b>{html.escape(title)}</b><pre style='margin: 0.3em 0'>{text}</pre>"
+
+
+def table(title: str, rows: Sequence[Mapping[str, Any]]) -> str:
+    """A title and a table below it, as HTML; the columns are those of the first row. Of many rows the first ones."""
+    columns = list(rows[0]) if rows else []
+    head = "".join(f"<th>{html.escape(column)}</th>" for column in columns)
+    lines = ["".join(f"<td>{html.escape(cell(row[name]))}</td>" for name in columns) for row in rows[:MOST_ROWS]]
+    more = f"<p>and {counted(len(rows) - MOST_ROWS, 'more row')}</p>" if len(rows) > MOST_ROWS else ""
+    body = "".join(f"<tr>{line}</tr>" for line in lines)
+    return f"<b>{html.escape(title)}</b><table><tr>{head}</tr>{body}</table>{more}"
+
+
+def cell(value: Any) -> str:
+    """A value as a table shows it; a dash for none."""
+    if value is None or (isinstance(value, float) and math.isnan(value)):
+        return "-"
+    return f"{value:.4g}" if isinstance(value, float) else str(value)
 
 
 def counted(number: int, name: str) -> str:

@@ -3,19 +3,17 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable
 from pathlib import Path
 
-from feeder_sim.api.progress import shown
+from feeder_sim.api.progress import Progress, shown
 from feeder_sim.api.result import Result
+from feeder_sim.errors import check_whole, path_of_user
 from feeder_sim.run import run_folder
 from feeder_sim.run.keep import AllFrames, Keep
 from feeder_sim.run.prepare import prepare
 from feeder_sim.run.simulation import run_ensemble
-from feeder_sim.scenario import Scenario
+from feeder_sim.scenario import Scenario, check_scenario
 from feeder_sim.scene.prepared import Prepared
-
-Progress = Callable[[float], None] | bool | None
 
 
 def simulate(
@@ -40,6 +38,8 @@ def simulate(
         InputError: the scenario cannot be built, its start does not suit its stop rule, or what is to be kept is not
             recorded in it.
     """
+    if workers is not None:
+        check_whole(workers, "workers")
     prepared = scenario if isinstance(scenario, Prepared) else prepare(scenario)
     with shown(progress, prepared.scenario.title) as (show, notify):
         found = run_ensemble(prepared, workers=workers, progress=show, stop=stop, notify=notify, record=record)
@@ -69,8 +69,10 @@ def record_run(
         InputError: the scenario cannot be built (nothing is written), or the folder is not empty or in use.
         RecordingFailed: a file cannot be written, as when the disk is full.
     """
+    check_scenario(scenario)
+    path = path_of_user(folder, "folder")
     with shown(progress, scenario.title) as (show, notify):
         found = run_folder.record_run(
-            scenario, folder, progress=show, stop=stop, replay=replay, record=record, notify=notify
+            scenario, path, progress=show, stop=stop, replay=replay, record=record, notify=notify
         )
     return Result.of(found)

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from feeder_sim.api.result import Result
-from feeder_sim.errors import InputError
+from feeder_sim.errors import InputError, path_of_user
 from feeder_sim.records.trajectory import PlateRecord, Recording, Status
 from feeder_sim.records.trajectory_file import recording_of
 from feeder_sim.run.prepare import prepare
@@ -32,7 +32,7 @@ def open(run: str | Path) -> OpenedRun:
     Raises:
         InputError: there is no run, or its trajectory file cannot be read.
     """
-    return OpenedRun(recording_of(Path(run)))
+    return OpenedRun(recording_of(path_of_user(run, "open")))
 
 
 class OpenedRun(Result):

@@ -35,7 +35,7 @@ class Plots:
         """
         many = len(self._result.part_names) > 1
         chosen = self._frames([0] if seed is None and many else None if seed is None else [seed])
-        return draw_paths(_axes(ax), self._result.plate, chosen)
+        return draw_paths(axes_for(ax), self._result.plate, chosen)
 
     def drift(self, *, ax: Axes | None = None) -> Axes:
         """The way of the part from antinode to node over time, a curve per seed.
@@ -47,7 +47,7 @@ class Plots:
         if cell is None:
             raise InputError("has no transport to draw: one free part in a cell of a mode, no schedule", key="drift")
         frames = self._frames(None)
-        return draw_ways(_axes(ax), [(seed.time, cell.way(seed)) for seed in frames])
+        return draw_ways(axes_for(ax), [(seed.time, cell.way(seed)) for seed in frames])
 
     def separation(self, *, ax: Axes | None = None) -> Axes:
         """How many parts are on the plate, on nodal lines and isolated at the end of every stage, mean and SE.
@@ -55,7 +55,7 @@ class Plots:
         Raises:
             InputError: a single part without a schedule.
         """
-        return draw_stages(_axes(ax), self._result.separation)
+        return draw_stages(axes_for(ax), self._result.separation)
 
     def bounces(self, *, ax: Axes | None = None) -> Axes:
         """Histogram of the bounce intervals of all seeds.
@@ -65,7 +65,7 @@ class Plots:
         """
         found, read = self._result.bounces, SeedReader(Bounces(), self._result.prepared)
         readings = [reading for seed in self._result.seeds if (reading := read(seed)) is not None]
-        return draw_intervals(_axes(ax), [seed.flights.interval for seed in readings], found)
+        return draw_intervals(axes_for(ax), [seed.flights.interval for seed in readings], found)
 
     def _frames(self, seeds: Iterable[int] | None) -> list[Frames]:
         from feeder_sim.api.tables import kept_frames
@@ -82,7 +82,7 @@ class Plots:
         return "<plots: path(), drift(), separation(), bounces()>"
 
 
-def _axes(ax: Axes | None) -> Axes:
+def axes_for(ax: Axes | None) -> Axes:
     """Axes to draw into: those given, or new ones, which a notebook shows."""
     if ax is not None:
         return ax

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import json
 import math
-from dataclasses import asdict, fields
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -18,12 +16,7 @@ from feeder_sim.cli.terminal import notify, progress_bar, stop_on_signal
 from feeder_sim.errors import InputError, Interrupted, printable, quoted
 
 if TYPE_CHECKING:
-    from feeder_sim.jobs.folder import WorkFolder
     from feeder_sim.studies.speed_map import MapPoint
-
-MAPS = Path("maps")
-MOST_VALUES = 1000  # of a list
-QUESTION, DATA, PICTURE = "map.toml", "map.csv", "map.png"
 
 
 def map_(
@@ -45,21 +38,19 @@ def map_(
     as_json: AsJson = False,
 ) -> None:
     """Map the transport speed of a part over drive frequency and amplitude; running the same again goes on."""
+    from feeder_sim.studies.map_folder import PICTURE, map_folder, values_of, write_points
+
     frequencies, amplitudes = values_of(frequency, "--frequency"), values_of(amplitude, "--amplitude")
     marks = [mark_of(text) for text in mark or ()]
     scenario = scenario_of(scenario_file, None, None, seed, settings)
     with naming(scenario_file):
-        import tomli_w
-
-        from feeder_sim.jobs.folder import WorkFolder, usual_folder
+        from feeder_sim.plots.speed_map import draw_speed_map
         from feeder_sim.studies.speed_map import check_mapped, speed_map
 
         check_mapped(scenario)
-        asked = tomli_w.dumps({"frequency": frequency, "amplitude": amplitude, "seeds": seeds})
-        path = out or usual_folder(MAPS, scenario_file.stem, QUESTION, scenario, f"{frequency} {amplitude}")
-        home = WorkFolder(path, QUESTION, asked, scenario, same=f"{frequency} {amplitude}")
-        title = scenario.title
-        with home, stop_on_signal() as stop, progress_bar(title or scenario_file.stem, stop) as progress:
+        home = map_folder(out, scenario_file.stem, scenario, frequency, amplitude, seeds)
+        title = scenario.title or scenario_file.stem
+        with home, stop_on_signal() as stop, progress_bar(title, stop) as progress:
             points = speed_map(
                 scenario,
                 frequencies,
@@ -71,27 +62,14 @@ def map_(
                 stop=stop,
                 notify=notify,
             )
-            _write(points, home, title or scenario_file.stem, marks)
+            write_points(home, points)
+            if points:
+                draw_speed_map(points, home.path / PICTURE, title=title, marks=marks)
     complete = len(points) == len(frequencies) * len(amplitudes)
     _print(points, home.path, as_json)
     if not complete:
         typer.echo("feeder-sim: not complete; what was computed is kept, the same command goes on", err=True)
         raise typer.Exit(Interrupted.exit_code)
-
-
-def values_of(text: str, option: str) -> list[float]:
-    """Numbers above 0, written as an axis of a sweep is.
-
-    Raises:
-        InputError: it is written otherwise, or a value is not above 0.
-    """
-    from feeder_sim.studies.sweep.design import read_axis
-
-    values = read_axis(f"{option.removeprefix('--')}={text}", option).values
-    if not values or len(values) > MOST_VALUES or not all(isinstance(v, int | float) and v > 0 for v in values):
-        problem = f"is {quoted(text)}, allowed is LOW:HIGH:COUNT, LOW:HIGH:logCOUNT or A,B,C, all above 0"
-        raise InputError(problem, key=option)
-    return sorted(float(f"{value:.6g}") if ":" in text else float(value) for value in values)
 
 
 def mark_of(text: str) -> tuple[float, float, float]:
@@ -110,30 +88,30 @@ def mark_of(text: str) -> tuple[float, float, float]:
     return frequency, amplitude, speed
 
 
-def _write(points: list[MapPoint], folder: WorkFolder, title: str, marks: list[tuple[float, float, float]]) -> None:
-    """Write the table and draw the picture."""
-    from feeder_sim.plots.speed_map import draw_speed_map
-    from feeder_sim.studies.speed_map import MapPoint, without_nan
-
-    text = io.StringIO()
-    writer = csv.DictWriter(text, [field.name for field in fields(MapPoint)], lineterminator="\n")
-    writer.writeheader()
-    writer.writerows(without_nan(asdict(point)) for point in points)
-    folder.write(DATA, text.getvalue().encode())
-    if points:
-        draw_speed_map(points, folder.path / PICTURE, title=title, marks=marks)
-
-
 def _print(points: list[MapPoint], folder: Path, as_json: bool) -> None:
-    from feeder_sim.studies.speed_map import without_nan
+    from feeder_sim.studies.map_folder import rows_of
 
     if as_json:
-        print(json.dumps({"folder": str(folder), "points": [without_nan(asdict(point)) for point in points]}))
+        print(json.dumps({"folder": str(folder), "points": rows_of(points)}))
         return
     arrived = [point for point in points if point.n]
     print(f"{len(points)} points, {len(arrived)} with arrivals, {sum(p.failed for p in points)} failed seeds")
-    if arrived:
-        fastest = max(arrived, key=lambda point: point.mean)
-        where = f"{fastest.frequency_hz:g} Hz, {fastest.amplitude_um:g} um"
-        print(f"fastest: {fastest.mean:.3f} +- {fastest.se:.3f} mm/s at {where}, n = {fastest.n} of {fastest.seeds}")
+    for line in _fastest(points):
+        print(line)
     print(f"written to {printable(str(folder))}")
+
+
+def _fastest(points: list[MapPoint]) -> Iterator[str]:
+    """Where parts are fastest, as far as that can be told, and what it is worth."""
+    from feeder_sim.measures.statistic import LARGEST_OF_MANY
+    from feeder_sim.studies.speed_map import fastest_of
+
+    best = fastest_of(points)
+    if best is None:
+        yield "fastest: not told, at no point at least half of the seeds arrive"
+        return
+    error = f" +- {best.se:.3f}" if math.isfinite(best.se) else ""
+    where = f"{best.frequency_hz:g} Hz, {best.amplitude_um:g} um, n = {best.n} of {best.seeds}"
+    yield f"fastest, where at least half of the seeds arrive: {best.mean:.3f}{error} mm/s at {where}"
+    if len(points) > 1:
+        yield LARGEST_OF_MANY

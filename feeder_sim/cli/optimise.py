@@ -16,14 +16,12 @@ from feeder_sim.cli.terminal import progress_bar, stop_on_signal
 from feeder_sim.errors import InputError, Interrupted, printable
 
 if TYPE_CHECKING:
-    from feeder_sim.scenario import Scenario
     from feeder_sim.studies.search.search import Search
     from feeder_sim.studies.search.space import Space
     from feeder_sim.studies.search.trials import Aim
     from feeder_sim.studies.sweep.design import Point
 
 OUT = Path("optimise")
-MOST_SEEDS = 8  # of a trial where the scenario has more
 _TIME = re.compile(r"(\d+(?:\.\d+)?)(s|min|h)")
 _SECONDS = {"s": 1.0, "min": 60.0, "h": 3600.0}
 
@@ -64,25 +62,24 @@ def optimise(
 ) -> None:
     """Search for the recipe that makes a measure largest or smallest; running the same again goes on."""
     scenario = scenario_of(scenario_file, engine, None, seed, settings)
-    aim, seconds, checked = _aim(maximise, minimise, seeds, scenario), _seconds(budget), _sampler(sampler)
-    with naming(scenario_file):
-        import tomli_w
+    from feeder_sim.studies.search.trials import Aim
 
+    aim, seconds, checked = Aim.of(scenario, maximise, minimise, seeds), _seconds(budget), _sampler(sampler)
+    with naming(scenario_file):
         from feeder_sim.jobs.folder import WorkFolder, usual_folder
         from feeder_sim.jobs.identity import content_hash
         from feeder_sim.jobs.workers import workers_of
         from feeder_sim.plots.search import draw_search
         from feeder_sim.studies.search.proposals import LOG
-        from feeder_sim.studies.search.results import PICTURE, QUESTION, as_json_object, write_search
+        from feeder_sim.studies.search.results import PICTURE, QUESTION, Question, as_json_object, write_search
         from feeder_sim.studies.search.search import Budget, search
         from feeder_sim.studies.search.space import Space
 
         space = Space.of(scenario, over, scenario_file)
-        asked = {"over": over, "measure": aim.measure, "maximise": aim.largest, "seeds": aim.seeds, "sampler": sampler}
-        if screen is not None:
-            asked |= {"screen": content_hash(screen), "recipes": recipes}
-        path = out or usual_folder(OUT, scenario_file.stem, QUESTION, scenario, str(asked))
-        home = WorkFolder(path, QUESTION, tomli_w.dumps(asked), scenario, same=str(asked))
+        screened = (content_hash(screen), recipes) if screen is not None else ()
+        asked = Question(tuple(over), aim.measure, aim.largest, aim.seeds, sampler, *screened)
+        path = out or usual_folder(OUT, scenario_file.stem, QUESTION, scenario, asked.same)
+        home = WorkFolder(path, QUESTION, asked.as_toml(), scenario, same=asked.same)
         begun = (home.path / LOG).exists()  # then the recipes that were screened are in its record
         starts = _screened(space, aim, screen, recipes) if screen and not begun else []
         with home, stop_on_signal() as stop, progress_bar(scenario_file.stem, stop) as progress:
@@ -108,19 +105,6 @@ def optimise(
     else:
         _print(done, home.path)
     _end(done)
-
-
-def _aim(maximise: str | None, minimise: str | None, seeds: int | None, scenario: Scenario) -> Aim:
-    """What is searched for, from the options that say it.
-
-    Raises:
-        InputError: it is not said, or said twice.
-    """
-    from feeder_sim.studies.search.trials import Aim
-
-    if (maximise is None) == (minimise is None):
-        raise InputError("exactly one of them is needed", key="--maximise, --minimise")
-    return Aim(maximise or minimise or "", maximise is not None, seeds or max(2, min(scenario.run.seeds, MOST_SEEDS)))
 
 
 def _screened(space: Space, aim: Aim, file: Path, recipes: int) -> list[Point]:

@@ -15,7 +15,7 @@ Seeds = Annotated[int | None, typer.Option("--seeds", min=1, help="Number of see
 Seed = Annotated[int | None, typer.Option("--seed", min=0, help="Root of the random numbers.")]
 Set = Annotated[
     list[str] | None,
-    typer.Option("--set", help="KEY=VALUE in place of the scenario's, such as drive[0].amplitude_um=2; repeatable."),
+    typer.Option("--set", help="KEY=VALUE in place of the scenario's, such as 'drive[0].amplitude_um=2'; repeatable."),
 ]
 Measure = Annotated[str | None, typer.Option("--measure", help="Measure to print and draw [the usual one].")]
 WorkerCount = Annotated[int | None, typer.Option("--workers", min=1, help="Processes [one per core].")]

@@ -14,9 +14,9 @@ from typing import Any
 
 import numpy as np
 
-from feeder_sim.errors import InputError, nearest, quoted
+from feeder_sim.errors import InputError, check_type, nearest, quoted
 from feeder_sim.run.prepare import prepare
-from feeder_sim.scenario import Scenario, Stage, with_run
+from feeder_sim.scenario import Scenario, Stage, check_scenario, with_run
 from feeder_sim.scenario.tables import validated
 from feeder_sim.scene.prepared import Prepared
 
@@ -39,6 +39,8 @@ class Catalogue:
     """
 
     def __init__(self, scenario: Scenario, seed: int, stages: Sequence[Stage | Mapping[str, Any]]) -> None:
+        check_scenario(scenario)
+        check_type(stages, Sequence, "a list of stages", "stages")
         if scenario.schedule is None:
             raise InputError("is missing, allowed is a scenario with stages that a feeder can run", key="schedule")
         tables = [*scenario.schedule.stage, *(_checked(stage) for stage in stages)]
@@ -136,6 +138,7 @@ def _checked(stage: Stage | Mapping[str, Any]) -> Stage:
     Raises:
         InputError: any key or value that is not allowed.
     """
+    check_type(stage, Stage | Mapping, "a Stage, or a table of one", "stage")
     return stage if isinstance(stage, Stage) else validated(dict(stage), Stage, STAGE)
 
 

@@ -4,22 +4,25 @@
     observation, _ = environment.reset(seed=0)
     observation, reward, terminated, truncated, info = environment.step(environment.action_space.sample())
 
-Each step runs one stage of the schedule and then picks what its pick allows, or with `pick` what that allows after any
-stage. The reward is picks per second on the clock of the robot: the stage, and the times of `[robot]`.
+Each step runs one stage of the schedule and picks what its pick allows, and with `pick` what that allows after any
+stage. The reward of a step is its picks over its seconds on the clock of the robot: the stage, and the times of
+`[robot]`. The sum of such rewards is not picks per time: a stage of 0.1 s with one pick earns more than one of 3 s with
+twenty. With `reward="picks"` the picks themselves are the reward, and `info["seconds"]` says what they took.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
-from feeder_sim.errors import InputError
-from feeder_sim.feeder.feeder import Feeder
+from feeder_sim.errors import InputError, check_whole, quoted
+from feeder_sim.feeder.feeder import Feeder, checked_pick
 from feeder_sim.feeder.poses import Poses
 from feeder_sim.scenario import Pick, Robot, Scenario, Stage
+from feeder_sim.scene.fits import check_pick
 from feeder_sim.scene.scene import Scene
 
 try:
@@ -30,8 +33,9 @@ except ImportError:
     ) from None
 
 Observation = dict[str, NDArray[Any]]
+Reward = Literal["rate", "picks"]
 MOST_STEPS = 100
-REACH = 1.0  # [m]; no part on a plate is farther from its centre
+HIGHEST = 1.0  # [m] over the plate, or the side of one that is larger; a part above it is shown there
 
 
 class FeederEnvironment(gymnasium.Env[Observation, np.int64]):
@@ -39,19 +43,23 @@ class FeederEnvironment(gymnasium.Env[Observation, np.int64]):
 
     An observation has a row for every part of the scenario, of which those count that are on the plate (`present`):
     `position` of the centre of mass [m] (parts, 3), `quaternion` with w first (parts, 4), `kind`, and `pose`, the
-    number of the stable pose from 1 on, 0 in none (parts,).
+    number of the stable pose from 1 on, 0 in none (parts,). Bounds of positions are the sides of the plate.
+
+    `info` has what the step picked, `seconds` that it took on the clock of the robot, simulated time and parts lost.
 
     An episode ends when no part is left on the plate, and is cut after `most_steps` stages.
 
     Args:
         scenario: as for `Feeder`; an action is the number of one of its stages.
         stages: as for `Feeder`.
-        pick: allows picks after every stage, instead of the picks of the stages.
-        most_steps: stages of an episode.
-        refill_below: with a [refill] in the scenario, parts are filled up to `refill.to` when fewer are on the plate.
+        pick: allows picks after every stage, besides the picks of the stages; a `Pick`, or what makes one.
+        most_steps: stages of an episode, from 1 on.
+        reward: of a step: "rate", its picks per second on the clock of the robot, or "picks", their number.
+        refill_below: with a [refill] in the scenario, parts are filled up to `refill.to` when fewer are on the plate;
+            up to that number, 0 for never.
 
     Raises:
-        InputError: as for `Feeder`.
+        InputError: as for `Feeder`, or an argument that is not allowed.
     """
 
     metadata = {"render_modes": []}  # noqa: RUF012 - as Gymnasium has it
@@ -61,21 +69,31 @@ class FeederEnvironment(gymnasium.Env[Observation, np.int64]):
         scenario: Scenario,
         *,
         stages: Sequence[Stage | Mapping[str, Any]] = (),
-        pick: Pick | None = None,
+        pick: Pick | Mapping[str, Any] | None = None,
         most_steps: int = MOST_STEPS,
+        reward: Reward = "rate",
         refill_below: int = 0,
     ) -> None:
-        self._pick, self._most_steps, self._refill_below = pick, most_steps, refill_below
+        self._pick = None if pick is None else checked_pick(pick)
+        self._most_steps = check_whole(most_steps, "most_steps")
         self._ready = self._feeder = Feeder(scenario, stages=stages)
+        if reward not in get_args(Reward):
+            raise InputError(f"is {quoted(reward)}, allowed are {', '.join(get_args(Reward))}", key="reward")
+        self._reward = reward
+        self._refill_below = _checked_refill(scenario, refill_below)
         self._steps = 0
         scene = self._feeder.scene
+        if self._pick is not None:
+            check_pick(scene, self._pick, "pick")
+        length, width = scene.surface.length, scene.surface.width
+        self._reach = np.array([0.5 * length, 0.5 * width, max(HIGHEST, length, width)])
         n, poses = len(scene.parts), max((len(table.names) for table in scene.poses), default=0)
         self.action_space = gymnasium.spaces.Discrete(len(self._feeder.stage_names))
         self.observation_space: gymnasium.Space[Any] = gymnasium.spaces.Dict(
             {
                 "present": gymnasium.spaces.MultiBinary(n),
-                "position": gymnasium.spaces.Box(-REACH, REACH, (n, 3), np.float64),
-                "quaternion": gymnasium.spaces.Box(-1.0, 1.0, (n, 4), np.float64),
+                "position": _box(np.tile(self._reach, (n, 1))),
+                "quaternion": _box(np.ones((n, 4))),
                 "kind": gymnasium.spaces.MultiDiscrete([len(scene.kinds)] * n),
                 "pose": gymnasium.spaces.MultiDiscrete([poses + 1] * n),
             }
@@ -93,7 +111,7 @@ class FeederEnvironment(gymnasium.Env[Observation, np.int64]):
         super().reset(seed=seed)
         self._steps = 0
         self._feeder = self._ready.again(int(self.np_random.integers(2**31)) if seed is None else seed)
-        return self._observe(self._feeder.poses()), self._info(0)
+        return self._observe(self._feeder.poses()), self._info(0, 0.0)
 
     def step(self, action: np.int64) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
         """Run the stage of a number, pick, and fill in."""
@@ -108,12 +126,12 @@ class FeederEnvironment(gymnasium.Env[Observation, np.int64]):
             scenario = feeder.scene.scenario
             feeder.refill(scenario.parts_at_once - len(feeder.poses()))
         poses = feeder.poses()
-        over = len(poses) == 0
-        return self._observe(poses), picked / seconds, over, self._steps >= self._most_steps, self._info(picked)
+        over, reward = len(poses) == 0, float(picked) if self._reward == "picks" else picked / seconds
+        return self._observe(poses), reward, over, self._steps >= self._most_steps, self._info(picked, seconds)
 
-    def _info(self, picked: int) -> dict[str, Any]:
+    def _info(self, picked: int, seconds: float) -> dict[str, Any]:
         feeder = self._feeder
-        return {"time_s": feeder.time, "picked": picked, "lost": len(feeder.lost)}
+        return {"time_s": feeder.time, "seconds": seconds, "picked": picked, "lost": len(feeder.lost)}
 
     def _observe(self, poses: Poses) -> Observation:
         scene: Scene = self._ready.scene
@@ -125,8 +143,20 @@ class FeederEnvironment(gymnasium.Env[Observation, np.int64]):
             lying[i] = 0 if name is None else 1 + scene.poses[scene.kind_of[i]].names.index(name)
         return {
             "present": present,
-            "position": np.clip(place, -REACH, REACH),
+            "position": np.clip(place, -self._reach, self._reach),
             "quaternion": np.clip(turn, -1.0, 1.0),
             "kind": scene.kind_of.astype(np.int64),
             "pose": lying,
         }
+
+
+def _checked_refill(scenario: Scenario, below: int) -> int:
+    """Refuse a refill that the scenario does not have, or that could never be reached."""
+    if check_whole(below, "refill_below", 0, scenario.parts_at_once) and scenario.refill is None:
+        raise InputError(f"is {below}, allowed is 0 without a [refill] in the scenario", key="refill_below")
+    return int(below)
+
+
+def _box(reach: NDArray[np.float64]) -> gymnasium.spaces.Box:
+    """Numbers up to a reach to both sides."""
+    return gymnasium.spaces.Box(-reach, reach, dtype=np.float64)

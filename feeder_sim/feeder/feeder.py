@@ -19,7 +19,7 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from feeder_sim.errors import InputError
+from feeder_sim.errors import InputError, check_type, check_whole, path_of_user, quoted
 from feeder_sim.feeder.catalogue import Catalogue
 from feeder_sim.feeder.poses import Poses, poses_of
 from feeder_sim.measures.picking import pickable
@@ -58,7 +58,7 @@ class Feeder:
         stages: Sequence[Stage | Mapping[str, Any]] = (),
         threads: int = 1,
     ) -> None:
-        self._begin(Catalogue(scenario, seed, stages), threads)
+        self._begin(Catalogue(scenario, seed, stages), check_whole(threads, "threads"))
 
     def _begin(self, catalogue: Catalogue, threads: int) -> None:
         self._catalogue, self._threads = catalogue, threads
@@ -153,9 +153,13 @@ class Feeder:
             InputError: a number that no part on the plate has, or one that comes twice; nothing is picked then.
         """
         self._check_open()
-        chosen, there = np.atleast_1d(np.asarray(parts)), self.poses().part
+        there = self.poses().part
+        try:
+            chosen = np.atleast_1d(np.asarray(parts))
+        except ValueError:  # lists of different lengths
+            raise InputError(f"is {quoted(parts)}, allowed is the number of a part, or several", key="pick") from None
         if chosen.ndim != 1 or (chosen.size and not np.issubdtype(chosen.dtype, np.integer)):
-            raise InputError(f"is {parts!r}, allowed is the number of a part, or several", key="pick")
+            raise InputError(f"is {quoted(parts)}, allowed is the number of a part, or several", key="pick")
         missing = chosen[~np.isin(chosen, there)]
         if len(missing):
             raise InputError(
@@ -178,7 +182,7 @@ class Feeder:
             InputError: the rule is not allowed.
         """
         self._check_open()
-        pick = rule if isinstance(rule, Pick) else validated(dict(rule), Pick, Path("pick"))
+        pick = checked_pick(rule)
         scene = self._catalogue.prepared.scene
         check_pick(scene, pick, "pick")
         return self.pick(pickable(scene, (pick,), self._run.current()))
@@ -192,8 +196,7 @@ class Feeder:
             InputError: n is no whole number from 1 on, or the scenario has no [refill].
         """
         self._check_open()
-        if isinstance(n, bool) or not isinstance(n, int | np.integer) or n < 1:
-            raise InputError(f"is {n!r}, allowed is a whole number from 1 on", key="refill")
+        check_whole(n, "refill")
         if self._catalogue.prepared.scenario.refill is None:
             raise InputError("is missing, allowed is a scenario that says where new parts come from", key="refill")
         self._by_hand = True
@@ -212,8 +215,9 @@ class Feeder:
         self._check_open()
         if self._began:
             raise InputError("comes after a stage, allowed is before the first one", key="record")
-        check_free(Path(folder))
-        self._folder, self._replay = Path(folder), replay
+        path = path_of_user(folder, "record")
+        check_free(path)
+        self._folder, self._replay = path, replay
         return self
 
     def close(self) -> Result | None:
@@ -255,3 +259,13 @@ class Feeder:
             raise InputError("is closed, allowed is a new one", key="Feeder")
         if self._run.status == Status.DIVERGED:
             raise InputError("has diverged, allowed is a new one", key="Feeder")
+
+
+def checked_pick(rule: Pick | Mapping[str, Any]) -> Pick:
+    """A rule as a scenario would take it.
+
+    Raises:
+        InputError: any key or value that is not allowed.
+    """
+    check_type(rule, Pick | Mapping, "a Pick, or a table of one", "pick")
+    return rule if isinstance(rule, Pick) else validated(dict(rule), Pick, Path("pick"))

@@ -8,6 +8,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+# What is to be said wherever the best of many points is named.
+LARGEST_OF_MANY = (
+    "The largest of many means is too large on average, the smallest too small: check a winner with fresh seeds "
+    "(another --seed) before relying on its value."
+)
+
 
 def half_interval(se: float, n: float, confidence: float = 0.95) -> float:
     """Half the width of Student's interval of a mean: t(n - 1) times its standard error; NaN below two values.

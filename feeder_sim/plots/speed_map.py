@@ -5,26 +5,36 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from feeder_sim.plots.figure import empty_figure
 from feeder_sim.scene.scene import GRAVITY
-from feeder_sim.studies.speed_map import MapPoint
+from feeder_sim.studies.speed_map import MOST_ARRIVE, MapPoint
 
 SPEEDS = (0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0)  # [mm/s] of contours
 THROWS = (1.0, 10.0, 100.0, 1000.0)  # throw numbers of lines
-MOST_ARRIVE = 0.5  # of the seeds; where fewer do, the colour is hatched
 
 
 def draw_speed_map(
     points: Sequence[MapPoint], path: Path, *, title: str, marks: Sequence[tuple[float, float, float]] = ()
 ) -> None:
-    """Draw a map.
+    """Draw a map to a file; arguments as for `draw_points`."""
+    figure = empty_figure(8.0, 5.6)
+    draw_points(figure.subplots(), points, title=title, marks=marks)
+    figure.savefig(path, dpi=150)
+
+
+def draw_points(
+    axes: Any, points: Sequence[MapPoint], *, title: str, marks: Sequence[tuple[float, float, float]] = ()
+) -> None:
+    """Draw a map into axes.
 
     Args:
-        points: in any order; pairs of a frequency and an amplitude that are missing stay white.
-        path: of the picture.
+        axes: of matplotlib.
+        points: in any order; pairs of a frequency and an amplitude that are missing stay white, and those where less
+            than `MOST_ARRIVE` of the seeds arrive are hatched.
         title: over it.
         marks: measured points: frequency [Hz], amplitude [um], speed [mm/s]; in the colour of their speed.
     """
@@ -37,8 +47,6 @@ def draw_speed_map(
     for p in points:
         at = np.searchsorted(amplitudes, p.amplitude_um), np.searchsorted(frequencies, p.frequency_hz)
         speed[at], share[at] = p.mean, p.n / p.seeds
-    figure = empty_figure(8.0, 5.6)
-    axes = figure.subplots()
     known = speed[np.isfinite(speed)]
     low, high = (known.min(), known.max()) if known.size else (0.1, 1.0)
     norm = LogNorm(low, max(high, 1.001 * low))
@@ -80,8 +88,7 @@ def draw_speed_map(
         )
     axes.set(yscale="log", xlim=(x[0], x[-1]), ylim=(y[0], y[-1]))
     axes.set(xlabel="drive frequency (Hz)", ylabel="amplitude of the antinode (um)", title=title)
-    figure.colorbar(mesh, ax=axes, label="transport speed (mm/s)")
-    figure.savefig(path, dpi=150)
+    axes.figure.colorbar(mesh, ax=axes, label="transport speed (mm/s)")
 
 
 def _edges(centres: np.ndarray, *, log: bool) -> np.ndarray:

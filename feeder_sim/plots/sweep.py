@@ -23,20 +23,27 @@ EVEN = 1e-6  # relative difference of steps, or of ratios, that counts as none
 
 def draw_sweep(sweep: Sweep, measure: str, path: Path) -> None:
     """Draw one measure of a sweep to a file; nothing where it has no value anywhere."""
+    figure = empty_figure(6.4, 4.2)
+    if draw_measure(figure, sweep, measure):
+        figure.savefig(path, dpi=150)
+
+
+def draw_measure(figure: Any, sweep: Sweep, measure: str) -> bool:
+    """Draw one measure into an empty figure, which gets the size it needs; returns whether it has a value anywhere."""
     rows = [row for row in sweep.of(measure) if math.isfinite(row.found.mean)]
     if not rows:
-        return
+        return False
     keys = sweep.keys
     if len(keys) == 2 and _is_grid(sweep, rows):
-        figure = empty_figure(6.4, 4.8)
+        figure.set_size_inches(6.4, 4.8)
         draw_map(figure, rows, keys, measure)
     else:
-        figure = empty_figure(6.4 if len(keys) == 1 else 4.2 * len(keys), 4.2)
+        figure.set_size_inches(6.4 if len(keys) == 1 else 4.2 * len(keys), 4.2)
         beside = figure.subplots(1, len(keys), sharey=True, squeeze=False)[0]
         for axes, key in zip(beside, keys, strict=True):
             draw_line(axes, rows, key, joined=len(keys) == 1)
         beside[0].set_ylabel(measure)
-    figure.savefig(path, dpi=150)
+    return True
 
 
 def draw_line(

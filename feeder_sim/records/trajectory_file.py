@@ -39,7 +39,7 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from feeder_sim.errors import InputError
+from feeder_sim.errors import InputError, path_of_user
 from feeder_sim.hdf5_text import get_text
 from feeder_sim.hdf5_trust import check_trusted
 from feeder_sim.records.arrivals import Arrivals
@@ -66,12 +66,13 @@ REMOVAL_FIELDS = {"time": ("s", "f8"), "part": ("1", "i8"), "cause": ("1", "i8")
 ARRIVAL_FIELDS = {"time": ("s", "f8"), "part": ("1", "i8"), "cycle": ("1", "i8"), "height": ("m", "f8")}
 
 
-def read_recording(path: Path) -> Recording:
+def read_recording(path: str | Path) -> Recording:
     """Read a trajectory file, also one whose writer was killed.
 
     Raises:
         InputError: missing, truncated, not HDF5, not a trajectory, another schema version.
     """
+    path = path_of_user(path, "read_recording")
     if not path.is_file():
         raise InputError("no such trajectory file", file=path)
     try:

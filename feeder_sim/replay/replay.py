@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from feeder_sim.errors import InputError
+from feeder_sim.errors import InputError, path_of_user
 from feeder_sim.plate.drive import modal_terms
 from feeder_sim.records.own_files import is_own
 from feeder_sim.records.trajectory import Recording
@@ -47,7 +47,9 @@ def remove_replays(folder: Path) -> None:
                 path.unlink()
 
 
-def build_replay(trajectory: Path, replay: Path, *, shown_seed: int = 0, colour: Colour | None = None) -> None:
+def build_replay(
+    trajectory: str | Path, replay: str | Path, *, shown_seed: int = 0, colour: Colour | None = None
+) -> None:
     """Build an .rrd from a trajectory file; also works on the file of a run that was killed.
 
     Args:
@@ -60,7 +62,8 @@ def build_replay(trajectory: Path, replay: Path, *, shown_seed: int = 0, colour:
         InputError: the trajectory cannot be read.
         RecordingFailed: the replay cannot be written, as when the disk is full; one that was there stays.
     """
-    recording = read_recording(trajectory)
+    recording = read_recording(path_of_user(trajectory, "trajectory"))
+    replay = path_of_user(replay, "replay")
     # Not by rerun: on a full disk it goes on without a word, or waits for ever.
     write_whole(replay, replay_content(recording, shown_seed, colour=colour))
 

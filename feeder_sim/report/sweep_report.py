@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 from feeder_sim.jobs.folder import SCENARIO
+from feeder_sim.measures.statistic import LARGEST_OF_MANY
 from feeder_sim.report.measure_tables import TELLING, TILES, in_order, statistic_cells
 from feeder_sim.report.page import Block, Folded, Page, Section, Table, Text, Tile
 from feeder_sim.report.provenance import foot, repeated
@@ -215,11 +216,7 @@ def _cautions(sweep: SweepTable, ordered: Sequence[str], drawn: Sequence[str]) -
             "the intervals say.",
             "note",
         )
-        yield Text(
-            "The largest of many means is too large on average, the smallest too small: check a winner with fresh "
-            "seeds (another --seed) before relying on its value.",
-            "note",
-        )
+        yield Text(LARGEST_OF_MANY, "note")
     more = sum(_varies(sweep.of(measure)) for measure in ordered) - len(drawn)
     if more > 0:
         yield Text(f"{more} more measures that change over the sweep are in the tables only.", "note")

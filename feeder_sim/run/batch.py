@@ -24,7 +24,7 @@ from feeder_sim.engines.impulse.engine import WINDOW_ALONE
 from feeder_sim.engines.impulse.kinds import read_kinds
 from feeder_sim.engines.impulse.state import PART, Kinds, new_parts, new_scratch
 from feeder_sim.engines.surface_arrays import surface_arrays
-from feeder_sim.errors import InputError
+from feeder_sim.errors import InputError, check_type, check_whole
 from feeder_sim.measures.drift import Drift, DriftFindings
 from feeder_sim.notebook import block
 from feeder_sim.records.trajectory import Frames, Status, endings
@@ -95,8 +95,9 @@ def measure_drift(
     Raises:
         InputError: a scenario cannot be built, or is not of that kind.
     """
+    check_type(scenarios, Iterable, "a list of scenarios", "measure_drift")
     stop, interrupt = stop or threading.Event(), np.zeros(1, np.int64)
-    cores = workers or available_cores()
+    cores = available_cores() if workers is None else check_whole(workers, "workers")
     done: list[Ensemble] = []
     under_way: deque[_UnderWay] = deque()
     starts: _Starts | None = None

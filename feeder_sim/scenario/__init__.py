@@ -35,6 +35,7 @@ from feeder_sim.scenario.refill import Refill, Robot
 from feeder_sim.scenario.run import Contact, MujocoSettings, Run
 from feeder_sim.scenario.scenario import (
     Scenario,
+    check_scenario,
     load_actuator_file,
     load_outline_file,
     load_plate_file,
@@ -87,6 +88,7 @@ __all__ = [
     "Strip",
     "Tube",
     "Uncertain",
+    "check_scenario",
     "input_files",
     "load_actuator_file",
     "load_outline_file",

@@ -15,7 +15,8 @@ from typing import Annotated, Any, Self
 
 from pydantic import BeforeValidator, Field, ValidationError, model_validator
 
-from feeder_sim.errors import InputError
+from feeder_sim.errors import InputError, check_type, path_of_user
+from feeder_sim.example_files import scenario_path
 from feeder_sim.scenario.attachments import ActuatorFile
 from feeder_sim.scenario.changes import changed_values, check_decides
 from feeder_sim.scenario.engine_choice import known_failures, uncovered
@@ -122,6 +123,7 @@ class Scenario(Table):
         Raises:
             InputError: a key that does not exist, or a value that is not allowed.
         """
+        check_type(changes, Mapping, "a dictionary of values by key", "changed")
         raw = changed_values(self.model_dump(), changes, file)
         return _anchor_paths(validated(raw, Scenario, file), Path.cwd())
 
@@ -242,13 +244,26 @@ def _check_decides(key: str) -> None:
         raise ValueError(f"uncertain.{error.key}: {error.problem}") from None
 
 
+def check_scenario(value: object) -> None:
+    """Refuse what is no scenario, as where a user of Python gives its file.
+
+    Raises:
+        InputError: as said.
+    """
+    check_type(value, Scenario, "a Scenario, such as load_scenario gives", "scenario")
+
+
 def load_scenario(path: str | Path) -> Scenario:
-    """Read and check a scenario file; paths in it are relative to the file.
+    """Read and check a scenario file, or an example by its name; paths in a file are relative to it.
+
+    Args:
+        path: of the file, or as `feeder-sim list` names an example, such as "drift_4750hz". A file of that name is
+            taken first.
 
     Raises:
         InputError: unreadable file, TOML syntax, or any key or value that is not allowed.
     """
-    path = Path(path)
+    path = scenario_path(path_of_user(path, "load_scenario"))
     return parse_scenario(read_text(path), file=path)
 
 

@@ -16,7 +16,7 @@ from feeder_sim.part.rigid_part import RigidPart, outline
 from feeder_sim.part.stable_poses import NONE, PoseTable, stable_poses
 from feeder_sim.plate.drive import ModalDrive, silent_terms
 from feeder_sim.plate.surface import Surface
-from feeder_sim.scenario import GivenState, Scenario, Start
+from feeder_sim.scenario import GivenState, Scenario, Start, check_scenario
 from feeder_sim.scene.driven_mode import DrivenMode
 from feeder_sim.scene.driven_plate import DrivenPlate, assemble_plate, motion_terms
 from feeder_sim.scene.fits import check_goal, check_in_tube, check_on_plate, check_picks, check_refill
@@ -191,6 +191,7 @@ def build_scene(scenario: Scenario) -> Scene:
         InputError: a mode file or mesh cannot be used, the plate has no mode for a drive, or a start, a goal or a pick
             does not fit the plate, the guide or the duration.
     """
+    check_scenario(scenario)
     plate = assemble_plate(scenario)
     if scenario.run.reaction:
         free_modes(plate.driven)  # refuses modes that cannot react

@@ -34,6 +34,7 @@ PROBED = 10.0  # throw number up to which a few seeds go first
 PROBE_SEEDS, PROBE_SHARE, LONGEST_PROBE_S = 2, 0.05, 5.0  # share of the duration; parts that ride the plate are costly
 STILL_M = 1e-4  # that a part may move as it settles; one that has moved less by the end of the probe does not move
 HARDLY = 0.1  # of the way that has to be covered on average to arrive in time; a part that comes so far goes on
+MOST_ARRIVE = 0.5  # of the seeds of a point; where fewer do, its mean is that of the fast ones alone
 WAY = 0.7  # of the distance from antinode to node, from the start to the end of the passage, about
 
 
@@ -162,6 +163,12 @@ def speed_map(
             if progress:
                 progress(sum(point in done for point in wanted) / len(wanted))
     return [done[point] for point in wanted if point in done]
+
+
+def fastest_of(points: Sequence[MapPoint]) -> MapPoint | None:
+    """The point with the largest mean among those where at least half of the seeds arrive; None where there is none."""
+    believed = [point for point in points if point.n and point.n >= MOST_ARRIVE * point.seeds]
+    return max(believed, key=lambda point: point.mean, default=None)
 
 
 def _strided(points: list[tuple[float, float]]) -> list[tuple[float, float]]:

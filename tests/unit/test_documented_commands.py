@@ -16,11 +16,14 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
+from typing import get_args
 
 import pytest
 from command_line import feeder_sim
 from conftest import REPOSITORY
 from test_screenshot import DRIVERS
+
+from feeder_sim.cli.options import Set
 
 PAGES = ["README.md", "CONTRIBUTING.md", *sorted(f"docs/{page.name}" for page in REPOSITORY.glob("docs/*.md"))]
 MORE_PAGES = ["CHANGELOG.md", "models/README.md", "benchmarks/peers/README.md"]  # whose links are looked at, too
@@ -167,6 +170,18 @@ def test_commands_of_the_docs_have_these_options_and_files(page: str) -> None:
         check_files(command)
         if command.words[0] in PROGRAMS:
             check_arguments(command)
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_brackets_of_commands_are_quoted(page: str) -> None:
+    """Some shells, as zsh, read them as a pattern, and refuse a command of which no file has the name."""
+    text = (REPOSITORY / page).read_text(encoding="utf-8")
+    for line in re.findall(r"(?:feeder-sim|--set\b|--vary|--over)[^`\n]*", text):
+        assert not re.search(r"\w\[\d+\][\w.]*=", re.sub(r"\"[^\"]*\"|'[^']*'", "", line)), f"{page}: {line}"
+
+
+def test_brackets_of_the_help_are_quoted() -> None:
+    assert "'drive[0].amplitude_um=2'" in get_args(Set)[1].help
 
 
 def test_tests_that_the_docs_choose_by_name_exist() -> None:

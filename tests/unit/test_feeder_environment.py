@@ -10,8 +10,9 @@ from test_feeder import scenario, with_refill
 
 pytest.importorskip("gymnasium")
 
+from feeder_sim.errors import InputError
 from feeder_sim.feeder.environment import FeederEnvironment
-from feeder_sim.scenario import Pick
+from feeder_sim.scenario import Excitation, HexNut, Pick, Placed, Rectangle, Schedule, Stage
 
 
 def environment(**changes: Any) -> FeederEnvironment:
@@ -51,3 +52,48 @@ def test_a_seed_decides_the_start_and_numbers_of_gymnasium_those_after_it() -> N
         first, second = one.reset(seed=seed)[0], other.reset(seed=seed)[0]
         assert np.array_equal(first["position"], second["position"])
     assert not np.array_equal(one.reset(seed=7)[0]["position"], first["position"])
+
+
+def test_picks_can_be_the_reward_with_their_time_beside_them() -> None:
+    """So that a sum of rewards over a sum of seconds is what a feeder is worth: picks per time."""
+    env = FeederEnvironment(with_refill(), pick=Pick(clearance_mm=1.0), reward="picks")
+    assert env.reset(seed=4)[1]["seconds"] == 0.0
+    _, reward, _, _, info = env.step(np.int64(0))
+    assert reward == info["picked"] == 4
+    assert info["seconds"] == pytest.approx(info["time_s"] + 1.0 + 4 * 0.5)
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ({"most_steps": 0}, "most_steps: is 0, allowed is a whole number from 1 on"),
+        ({"most_steps": 2.5}, "most_steps: is 2.5, allowed"),
+        ({"refill_below": 1000}, "refill_below: is 1000, allowed is a whole number from 0 to 4"),
+        ({"refill_below": -1}, "refill_below: is -1, allowed"),
+        ({"reward": "money"}, "reward: is 'money', allowed are rate, picks"),
+        ({"pick": 3}, "pick: is 3, allowed is a Pick"),
+        ({"pick": Pick(part="bolt", clearance_mm=1.0)}, 'pick.part: is "bolt", allowed'),
+    ],
+)
+def test_arguments_are_checked_before_any_step(changes: dict[str, Any], said: str) -> None:
+    with pytest.raises(InputError, match=said):
+        FeederEnvironment(with_refill(), **changes)
+
+
+def test_a_refill_needs_one_in_the_scenario() -> None:
+    with pytest.raises(InputError, match=r"refill_below: is 2, allowed is 0 without a \[refill\]"):
+        environment(refill_below=2)
+
+
+def test_bounds_are_those_of_the_plate() -> None:
+    """A plate of 3 m: what lies 1.2 m from its middle is seen there."""
+    place = Placed(kind="placed", places_mm_deg=((1200.0, 0.0, 0.0),))
+    plate = Rectangle(kind="rectangle", length_mm=3000.0, width_mm=400.0, thickness_mm=20.0, material="aluminium")
+    slow = Stage(drive=(Excitation(frequency_hz=11.4, amplitude_um=1.0),), duration_s=0.1)
+    large = scenario(plate=plate, part=(HexNut(size="M2.5", start=place),), schedule=Schedule(stage=(slow,)))
+    env = FeederEnvironment(large)
+    seen, _ = env.reset(seed=1)
+    assert seen["position"][0, 0] == pytest.approx(1.2)
+    bounds: Any = env.observation_space
+    assert bounds["position"].high[0] == pytest.approx([1.5, 0.2, 3.0])
+    assert bounds.contains(seen)

@@ -12,13 +12,15 @@ import pytest
 from command_line import feeder_sim
 from conftest import REPOSITORY
 
-from feeder_sim.cli.map import mark_of, values_of
+from feeder_sim.cli.map import _print, mark_of
 from feeder_sim.errors import InputError
+from feeder_sim.measures.statistic import LARGEST_OF_MANY
 from feeder_sim.run.batch import measure_drift
 from feeder_sim.run.prepare import prepare
 from feeder_sim.scenario import Scenario, Start, load_scenario
 from feeder_sim.studies import speed_map as studied
-from feeder_sim.studies.speed_map import MapPoint, at_point, speed_map, throw_number
+from feeder_sim.studies.map_folder import values_of
+from feeder_sim.studies.speed_map import MapPoint, at_point, fastest_of, speed_map, throw_number
 
 SCENARIO = REPOSITORY / "scenarios/drift_4750hz.toml"
 FREQUENCIES, AMPLITUDES = (4000.0, 5000.0, 6000.0), (0.5, 1.0, 2.0, 4.0, 5.0, 6.0)
@@ -122,6 +124,24 @@ def test_done_points_are_kept(scenario: Scenario, tmp_path: Path, monkeypatch: p
     assert str(again) == str(whole)  # NaN is no equal of itself
     speed_map(scenario, FREQUENCIES, AMPLITUDES, seeds=3, journal=journal)
     assert sum(batches) == 3 * n - 8  # points of two seeds are others
+
+
+def point(mean: float, n: int, seeds: int = 12, se: float = 0.1) -> MapPoint:
+    return MapPoint(5000.0, 10.0 * mean, 1.0, mean, se, n, 0, seeds)
+
+
+def test_the_fastest_point_is_one_where_most_parts_arrive(capsys: pytest.CaptureFixture[str]) -> None:
+    """The mean of a few survivors is no speed of the part."""
+    slow, few, none = point(2.0, 6), point(9.0, 5), point(math.nan, 0, 2, math.nan)
+    assert fastest_of([none, few, slow]) == slow and fastest_of([none, few]) is None
+    _print([none, few, slow], Path("m"), False)
+    told = capsys.readouterr().out
+    assert "2.000 +- 0.100 mm/s at 5000 Hz, 20 um, n = 6 of 12" in told and LARGEST_OF_MANY in told
+    _print([few], Path("m"), False)
+    assert "fastest: not told" in capsys.readouterr().out
+    _print([point(1.0, 1, 1, math.nan)], Path("m"), False)
+    told = capsys.readouterr().out
+    assert "1.000 mm/s at" in told and "nan" not in told and LARGEST_OF_MANY not in told
 
 
 @pytest.mark.slow

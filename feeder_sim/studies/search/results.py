@@ -23,7 +23,7 @@ from pathlib import Path
 from typing import Any
 
 from feeder_sim.jobs.folder import WorkFolder
-from feeder_sim.jobs.question_file import read_question
+from feeder_sim.jobs.question_file import question_toml, read_question
 from feeder_sim.measures.statistic import Statistic
 from feeder_sim.studies.search.search import Checked, Search
 from feeder_sim.studies.search.trials import Aim
@@ -44,6 +44,8 @@ class Question:
         maximise: whether it is to be large.
         seeds: of a trial, at most.
         sampler: of Optuna.
+        screen: hash of the drift map that proposes recipes to begin with; "" for none.
+        recipes: that it walks; 0 for none.
     """
 
     over: tuple[str, ...]
@@ -51,10 +53,21 @@ class Question:
     maximise: bool
     seeds: int
     sampler: str
+    screen: str = ""
+    recipes: int = 0
+
+    @property
+    def same(self) -> str:
+        """What makes it this question: all of it, since a search with other words takes another way."""
+        return str(self)
 
     @property
     def aim(self) -> Aim:
         return Aim(self.measure, self.maximise, self.seeds)
+
+    def as_toml(self) -> str:
+        """As a text that `of_toml` reads."""
+        return question_toml(self)
 
     @staticmethod
     def of_toml(path: Path) -> Question:

@@ -8,12 +8,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from feeder_sim.errors import InputError
 from feeder_sim.jobs.task import SeedValues, Task
 from feeder_sim.measures.statistic import Statistic, half_interval
+from feeder_sim.scenario import Scenario
 from feeder_sim.studies.sweep.case import Case, Effort
 from feeder_sim.studies.sweep.cases import check_measure
 from feeder_sim.studies.sweep.design import Point
 
+MOST_SEEDS = 8  # of a trial where the scenario has more and nobody says how many
 FIRST_SEEDS = 2  # of a trial, before it is first held against the best
 GROWTH = 2  # of its seeds from one look to the next
 SURE = 0.95  # confidence of the test that stops a trial
@@ -26,6 +29,19 @@ class Aim:
     measure: str
     largest: bool
     seeds: int
+
+    @staticmethod
+    def of(scenario: Scenario, maximise: str | None, minimise: str | None, seeds: int | None) -> Aim:
+        """From the measure that is to be large, or the one that is to be small; by default with the usual seeds.
+
+        Raises:
+            InputError: it is not said, or said twice.
+        """
+        if (maximise is None) == (minimise is None):
+            raise InputError("exactly one of them is needed", key="--maximise, --minimise")
+        return Aim(
+            maximise or minimise or "", maximise is not None, seeds or max(2, min(scenario.run.seeds, MOST_SEEDS))
+        )
 
     @property
     def option(self) -> str:

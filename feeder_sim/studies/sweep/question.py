@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from feeder_sim.errors import InputError
+from feeder_sim.errors import InputError, quoted
 from feeder_sim.jobs.question_file import question_toml, read_question
 from feeder_sim.scenario import Scenario
 from feeder_sim.studies.sweep.case import FEWEST, MOST_SEEDS, Effort
@@ -101,5 +101,8 @@ def axis_texts(vary: Mapping[str, Any]) -> tuple[str, ...]:
 
 def _listed(key: str, values: Any) -> str:
     if not isinstance(values, Iterable):
-        raise InputError(f"is {values!r}, allowed is a sequence of values, or a text as for --vary", key=str(key))
-    return json.dumps([value.item() if isinstance(value, np.generic) else value for value in values])
+        raise InputError(f"is {quoted(values)}, allowed is a sequence of values, or a text as for --vary", key=str(key))
+    try:
+        return json.dumps([value.item() if isinstance(value, np.generic) else value for value in values])
+    except TypeError as error:
+        raise InputError(f"is {quoted(values)}, allowed are numbers, texts and tables", key=str(key)) from error

@@ -21,6 +21,8 @@ def sweep(
     scenario: Scenario,
     vary: Mapping[str, Any],
     *,
+    zipped: bool = False,
+    sobol: int = 0,
     seeds: int | None = None,
     measure: str | None = None,
     until_se: float | None = None,
@@ -32,31 +34,13 @@ def sweep(
     progress: Callable[[float], None] | None = None,
     stop: threading.Event | None = None,
 ) -> Sweep:
-    """Run a scenario at every point of a grid, in many processes.
-
-    In a script, call it below `if __name__ == "__main__":`, as everything that starts processes.
-
-    Args:
-        scenario: what is varied; the values it has stand for all keys that are not.
-        vary: values by dotted key, or a text as the command line takes it: `{"drive[0].amplitude_um": "0.5:8:log12"}`.
-        seeds: of every point; default: those of the scenario.
-        measure: that `until_se` looks at.
-        until_se: more seeds, 8 or more, are run until the standard error is below this share of the mean [1].
-        most_seeds: of a point with `until_se`; `Sweep.short` counts the points that do not get there.
-        inputs: draws of the uncertain inputs, where the scenario has any.
-        workers: processes; default: one per core.
-        executor: runs the tasks in place of processes of this machine, as that of a Dask client.
-        out: folder for the table and a journal, with which the same call goes on after a break.
-        progress: called with the share that is done, from this thread.
-        stop: set it to end.
-
-    Raises:
-        InputError: a key or a value that is not allowed.
-    """
+    """Run a scenario at every point of a design; see `feeder_sim.sweep`, which gives more to look at."""
     if seeds is not None and seeds < 1:
         raise InputError(f"is {seeds}, allowed is 1 or more", key="seeds")
     question = Question(
         axis_texts(vary),
+        zipped,
+        sobol,
         seeds=seeds or 0,
         measure=measure or "",
         until_se=until_se or 0.0,

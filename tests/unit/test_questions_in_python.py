@@ -1,0 +1,172 @@
+"""Questions as functions: a scenario in, a result out that shows itself shortly; folders as those of the commands."""
+
+from __future__ import annotations
+
+import math
+import tempfile
+import threading
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from conftest import strip_scenario
+from pretended import Pretended
+from test_search import AMPLITUDE, FRICTION, values_of
+
+import feeder_sim
+from feeder_sim.api.answer import Answer
+from feeder_sim.notebook import MOST_ROWS, table
+from feeder_sim.scenario import Scenario
+from feeder_sim.studies import speed_map as mapping
+from feeder_sim.studies.search.results import Question
+from feeder_sim.studies.speed_map import MapPoint, throw_number
+
+LONGEST = 200  # characters of a line
+
+
+@pytest.fixture(autouse=True)
+def no_window() -> Iterator[None]:
+    from matplotlib import pyplot
+
+    pyplot.switch_backend("Agg")
+    yield
+    pyplot.close("all")
+
+
+def check_shown(answer: Answer) -> None:
+    """A short line, a page of HTML, a tidy table."""
+    assert repr(answer).startswith("<") and len(repr(answer)) < LONGEST
+    assert len(answer._repr_html_()) < 200 * LONGEST
+    frame = answer.to_frame()
+    assert len(frame) and not (frame.map(lambda value: value is None)).any().any()
+
+
+def test_sweep() -> None:
+    values = [0.5 + 0.01 * i for i in range(200)]
+    swept = feeder_sim.sweep(strip_scenario(), {AMPLITUDE: values}, seeds=4, executor=Pretended(values_of))
+    assert swept.complete and repr(swept) == f"<Sweep over {AMPLITUDE}: 200 points, 1 measure>"
+    check_shown(swept)
+    assert list(swept.to_frame().columns[:4]) == [AMPLITUDE, "measure", "mean", "se"] and len(swept.to_frame()) == 200
+    assert len(swept.plot()) == 1
+    with pytest.raises(feeder_sim.InputError, match="is sped"):
+        swept.plot("sped")
+
+
+def test_designs_of_a_sweep() -> None:
+    vary: dict[str, Any] = {AMPLITUDE: [1.0, 2.0], FRICTION: [0.1, 0.2]}
+    zipped = feeder_sim.sweep(strip_scenario(), vary, zip=True, executor=Pretended(values_of))
+    assert [row.point[FRICTION] for row in zipped.rows] == [0.1, 0.2]
+    crossed = feeder_sim.sweep(strip_scenario(), vary, executor=Pretended(values_of))
+    assert len(crossed.rows) == 4 and len(crossed.plot()) == 2  # a map, and its colours
+    drawn = feeder_sim.sweep(strip_scenario(), {AMPLITUDE: "0.5:2"}, sobol=8, executor=Pretended(values_of))
+    assert len(drawn.rows) == 8
+
+
+def test_optimise(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Without a folder nothing is left of it; with one the same call goes on."""
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    over = {AMPLITUDE: "0.5:5", FRICTION: [0.1, 0.2, 0.3]}
+    how: dict[str, Any] = {"maximise": "speed", "trials": 16, "seeds": 2, "check_seeds": 4}
+    found = feeder_sim.optimise(strip_scenario(), over, **how, executor=Pretended(values_of))
+    assert found.complete and len(found.trials) == 16 and not list(tmp_path.iterdir())
+    check_shown(found)
+    assert "as it is" in found._repr_html_() and found.plot().get_ylabel() == "speed"
+    assert found.best is not None and found.best.point is not None
+    assert found.best_scenario.contact.friction == found.best.point[FRICTION]
+    first, second = Pretended(values_of), Pretended(values_of)
+    kept = [feeder_sim.optimise(strip_scenario(), over, **how, executor=e, out=tmp_path / "s") for e in (first, second)]
+    assert first.count and not second.count and kept[0].best == kept[1].best == found.best
+    assert (tmp_path / "s/best.toml").is_file()
+    asked = Question.of_toml(tmp_path / "s/search.toml")
+    assert asked.aim == found.aim and asked.over == (f"{AMPLITUDE}=0.5:5", f"{FRICTION}=[0.1, 0.2, 0.3]")
+
+
+def test_a_search_that_was_screened_can_be_read(tmp_path: Path) -> None:
+    """As by the page of its folder."""
+    asked = Question((f"{AMPLITUDE}=0.5:5",), "arrival_time_s", False, 4, "tpe", "0123abcd", 256)
+    (tmp_path / "search.toml").write_text(asked.as_toml())
+    assert Question.of_toml(tmp_path / "search.toml") == asked
+
+
+def test_uncertainty(tmp_path: Path) -> None:
+    scenario = strip_scenario().changed({"uncertain": {AMPLITUDE: {"uniform": [1.0, 4.0]}}})
+    executor = Pretended(values_of)
+    for out in (None, tmp_path / "u", str(tmp_path / "u")):
+        found = feeder_sim.uncertainty(scenario, inputs=8, executor=executor, out=out)
+        assert found.complete and found.measures == ("speed",)
+    assert executor.count == 2 * 16  # the third call found all of it in the folder
+    check_shown(found)
+    assert found.plot(measured=9.0).get_xlabel() == "speed"
+    with pytest.raises(feeder_sim.InputError, match="is sped"):
+        found.plot("sped")
+
+
+def test_compare(tmp_path: Path) -> None:
+    for name, amplitude in (("a", 1.0), ("b", 2.0)):
+        feeder_sim.record_run(strip_scenario(seeds=2, amplitude_um=amplitude), tmp_path / name, replay=False)
+    shares: list[float] = []
+    found = feeder_sim.compare(tmp_path / "a", str(tmp_path / "b"), progress=shares.append)
+    assert found.paired and AMPLITUDE in found.settings and shares[-1] == 1.0
+    check_shown(found)
+    assert list(found.to_frame().columns[:4]) == ["measure", "first", "second", "difference"]
+
+
+def test_speed_map(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: list[tuple[float, float]] = []
+
+    def measured(scenario: Scenario, batch: list[tuple[float, float]], seeds: int, **_: Any) -> Iterator[MapPoint]:
+        asked.extend(batch)
+        for f, a in batch:
+            yield MapPoint(f, a, throw_number(f, a), a if a > 1.0 else math.nan, 0.1, seeds if a > 1.0 else 0, 0, seeds)
+
+    monkeypatch.setattr(mapping, "_measured", measured)
+    scenario = feeder_sim.load_scenario("drift_4750hz")
+    for out in (None, tmp_path / "m", tmp_path / "m"):
+        found = feeder_sim.speed_map(scenario, [4000.0, 5000.0], "1:2:2", seeds=2, out=out)
+        assert found.complete and [point.frequency_hz for point in found.points] == [4000.0, 4000.0, 5000.0, 5000.0]
+    assert len(asked) == 2 * 4
+    check_shown(found)
+    assert found.plot().get_xlabel() == "drive frequency (Hz)"
+    assert (tmp_path / "m/map.csv").read_text().count("\n") == 5
+
+
+def test_stopped_is_not_complete() -> None:
+    stop = threading.Event()
+    stop.set()
+    swept = feeder_sim.sweep(strip_scenario(), {AMPLITUDE: [1.0]}, executor=Pretended(values_of), stop=stop)
+    assert not swept.complete and repr(swept).endswith("not complete>")
+    with pytest.raises(feeder_sim.InputError, match="nothing to draw"):
+        swept.plot()
+
+
+DRIFT = strip_scenario()
+REFUSED: list[tuple[Callable[[], Any], str]] = [
+    (lambda: feeder_sim.sweep(DRIFT, ["a"]), r"vary: is \['a'\], allowed is a dictionary"),  # type: ignore[arg-type]
+    (lambda: feeder_sim.sweep("x", {}), "scenario: is 'x', allowed"),  # type: ignore[arg-type]
+    (lambda: feeder_sim.sweep(DRIFT, {AMPLITUDE: [object()]}), "allowed are numbers, texts and tables"),
+    (lambda: feeder_sim.sweep(DRIFT, {AMPLITUDE: [1]}, seeds=0), "seeds: is 0, allowed"),
+    (lambda: feeder_sim.sweep(DRIFT, {AMPLITUDE: [1]}, measure=3), "measure: is 3, allowed"),  # type: ignore[arg-type]
+    (lambda: feeder_sim.sweep(DRIFT, {AMPLITUDE: [1]}, until_se="3%"), "until_se: is '3%', allowed"),  # type: ignore[arg-type]
+    (lambda: feeder_sim.optimise(DRIFT, {AMPLITUDE: "1:2"}), "exactly one of them is needed"),
+    (lambda: feeder_sim.optimise(DRIFT, {AMPLITUDE: "1:2"}, maximise="a", seeds=1), "seeds: is 1, allowed"),
+    (lambda: feeder_sim.optimise(DRIFT, {AMPLITUDE: "1:2"}, maximise="a", sampler="x"), "sampler: is 'x', allowed"),  # type: ignore[arg-type]
+    (lambda: feeder_sim.optimise(DRIFT, {AMPLITUDE: "1:2"}, maximise="a", budget_s=0), "budget_s: is 0, allowed"),
+    (lambda: feeder_sim.uncertainty(DRIFT), r"\[uncertain\]: is missing"),
+    (lambda: feeder_sim.uncertainty(DRIFT, inputs=1), "inputs: is 1, allowed is a whole number from 2 on"),
+    (lambda: feeder_sim.compare(3, 4), "first: is 3, allowed is a path"),  # type: ignore[arg-type]
+    (lambda: feeder_sim.speed_map(DRIFT, [1.0], 3), "amplitudes_um: is 3, allowed"),  # type: ignore[arg-type]
+    (lambda: feeder_sim.speed_map(DRIFT, [-1.0], [1.0]), "frequencies_hz: is .* all above 0"),
+]
+
+
+@pytest.mark.parametrize(("call", "said"), REFUSED)
+def test_what_is_not_allowed_is_one_line(call: Callable[[], Any], said: str) -> None:
+    with pytest.raises(feeder_sim.InputError, match=f"^[^\n]*{said}[^\n]*$"):
+        call()
+
+
+def test_a_long_table_is_cut() -> None:
+    text = table("<a>", [{"n": i, "x": math.nan} for i in range(MOST_ROWS + 5)])
+    assert text.count("<tr>") == MOST_ROWS + 1 and "5 more rows" in text and "<td>-</td>" in text
+    assert "&lt;a&gt;" in text
