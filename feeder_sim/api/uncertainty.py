@@ -67,7 +67,7 @@ def uncertainty(
     check_whole(inputs, "inputs", 2)
     check_whole(seeds, "seeds")
     check_type(measure, str | None, "the name of a measure", "measure")
-    check_propagated(scenario, inputs, indices)
+    check_propagated(scenario, inputs, seeds, indices)
     how: dict[str, Any] = {"inputs": inputs, "seeds": seeds, "indices": indices, "measure": measure or "", "stop": stop}
     with shown(progress, scenario.title or "uncertainty") as (show, _), workers_for(executor, workers) as found:
         if out is None:

@@ -12,7 +12,7 @@ import typer
 
 from feeder_sim.cli.files import naming, scenario_of
 from feeder_sim.cli.options import AsJson, Dask, EngineName, ScenarioFile, Seed, Set, WorkerCount
-from feeder_sim.cli.terminal import progress_bar, stop_on_signal
+from feeder_sim.cli.terminal import notify, progress_bar, stop_on_signal
 from feeder_sim.errors import InputError, Interrupted, printable
 
 if TYPE_CHECKING:
@@ -122,6 +122,10 @@ def _screened(space: Space, aim: Aim, file: Path, recipes: int) -> list[Point]:
 def _end(done: Search) -> None:
     """End with the exit code of what was found, and a line where it is not what was asked for."""
     measure = done.aim.measure
+    for caution in done.cautions:
+        notify(f"caution: {caution.in_words('recipes')}")
+    for line in done.best.cautions if done.best else ():
+        notify(f"caution: the best recipe: {line}")
     if not done.complete:
         typer.echo("feeder-sim: not complete; what was computed is kept, the same command goes on", err=True)
         raise typer.Exit(Interrupted.exit_code)

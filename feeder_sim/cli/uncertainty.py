@@ -14,7 +14,7 @@ import typer
 
 from feeder_sim.cli.files import naming, scenario_of
 from feeder_sim.cli.options import AsJson, Dask, EngineName, Measure, ScenarioFile, Seed, Set, WorkerCount
-from feeder_sim.cli.terminal import progress_bar, stop_on_signal
+from feeder_sim.cli.terminal import notify, progress_bar, stop_on_signal
 from feeder_sim.errors import InputError, Interrupted, nearest, printable
 
 if TYPE_CHECKING:
@@ -232,7 +232,11 @@ def lines_of(done: Propagation, measure: str) -> list[str]:
 
 
 def finish(done: Propagation, goes_on: str = "the same command goes on") -> None:
-    """Say what went wrong; the exit code tells it too."""
+    """Say what misleads and what went wrong; the exit code tells the latter too."""
+    from feeder_sim.jobs.cautions import cautions_over
+
+    for caution in cautions_over(case.done.values() for case in done.swept.cases):
+        notify(f"caution: {caution.in_words('draws')}")
     for failure in done.swept.failures[:3]:
         typer.echo(f"feeder-sim: failed: {printable(failure)}", err=True)
     if not done.swept.complete:

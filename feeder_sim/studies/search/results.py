@@ -166,9 +166,10 @@ def as_json_object(found: Search) -> dict[str, Any]:
         "present": _checked(found.present) if found.present else None,
         "best": _checked(found.best) | {"values": labels(found.best.point or {})} if found.best else None,
         "gain": gain,
+        "cautions": [caution.as_dict() for caution in found.cautions],
     }
 
 
 def _checked(checked: Checked) -> dict[str, Any]:
     """A recipe with fresh seeds: `n` of them have a value."""
-    return checked.found.as_dict() | {"seeds": len(checked.values)}
+    return checked.found.as_dict() | {"seeds": len(checked.values), "cautions": list(checked.cautions)}

@@ -22,6 +22,7 @@ from pathlib import Path
 import numpy as np
 
 from feeder_sim.errors import InputError
+from feeder_sim.jobs.cautions import Caution, cautions_over
 from feeder_sim.jobs.identity import identity_of
 from feeder_sim.jobs.journal import Journal, read_journal
 from feeder_sim.jobs.runner import run_work
@@ -58,10 +59,12 @@ class Checked:
     Attributes:
         point: its values; None for the scenario as it is.
         values: of the measure, seed by seed; NaN where a seed has none.
+        cautions: settings of the recipe that are known to mislead, a line each.
     """
 
     point: Point | None
     values: tuple[float, ...]
+    cautions: tuple[str, ...] = ()
 
     @property
     def found(self) -> Statistic:
@@ -93,6 +96,11 @@ class Search:
     present: Checked | None = None
     best: Checked | None = None
     complete: bool = False
+
+    @property
+    def cautions(self) -> list[Caution]:
+        """What is known to mislead in the recipes that were tried."""
+        return cautions_over(trial.case.done.values() for trial in self.trials if trial.case)
 
     @property
     def gain(self) -> Statistic:
@@ -225,9 +233,15 @@ def _check(found: Search, runs: _Runs, check_seeds: int) -> bool:
     checks = [_Whole(-1, {}, runs.case_of(scenario)) for scenario in anew]
     if not runs.run(checks, fresh, None):
         return False
-    found.present = Checked(None, tuple(checks[0].values(fresh)))
-    found.best = Checked(best.point, tuple(checks[1].values(fresh))) if best else None
+    found.present = _checked(None, checks[0], fresh)
+    found.best = _checked(best.point, checks[1], fresh) if best else None
     return True
+
+
+def _checked(point: Point | None, trial: Trial, aim: Aim) -> Checked:
+    seeds = trial.case.done.values() if trial.case else ()
+    cautions = next((seed.cautions for seed in seeds), ())  # those of the scenario, so all seeds have the same
+    return Checked(point, tuple(trial.values(aim)), cautions)
 
 
 class _Whole(Trial):
