@@ -28,7 +28,7 @@ from feeder_sim.records.trajectory import FRAME_FIELDS, Frames, PartRecord, Plat
 from feeder_sim.records.trajectory_file import TRAJECTORY, read_recording
 from feeder_sim.records.trajectory_writer import TrajectoryWriter
 from feeder_sim.records.unclosed_file import closed_head, lookup3
-from feeder_sim.run import run_folder
+from feeder_sim.run import provenance, run_folder
 from feeder_sim.run.provenance import library_versions
 from feeder_sim.run.run_folder import SUMMARY, record_run, resume_run, scenario_toml
 from feeder_sim.scenario import Ball, Drive, MeshPart, PistonPlate, Run, Scenario, Slide, load_scenario
@@ -254,7 +254,7 @@ def test_run_does_not_go_on_with_another_version(changed: str, tmp_path: Path, m
     versions = library_versions()
     interrupted(ball(), tmp_path, monkeypatch)
     other = versions | {changed: versions[changed] + "0"}
-    monkeypatch.setattr(run_folder, "library_versions", lambda: other)
+    monkeypatch.setattr(provenance, "library_versions", lambda: other)
     with pytest.raises(InputError, match=f"--resume: was begun with another version of {changed}, allowed is the same"):
         resume_run(tmp_path, replay=False)
 
