@@ -34,6 +34,7 @@ from feeder_sim.single_thread import single_threaded
 GRACE_S = 0.3  # [s] from the wish to stop until blocks under way are given up
 ANNOUNCED_S = 1.5  # [s]; what takes longer is announced
 COMPILING = "compiling the engine, which takes up to a minute; the result is kept for the next time"
+LOOKING = "looking for places"
 
 
 @dataclass(frozen=True, repr=False)
@@ -211,7 +212,7 @@ def check_starts(scene: Scene, notify: Callable[[str], None] | None = None) -> N
         InputError: there is no room for the parts.
     """
     seeds, parts = scene.scenario.run.seeds, len(scene.parts)
-    with announced(f"looking for places of {parts} parts in {seeds} seeds", notify):
+    with announced(f"{LOOKING} of {parts} parts in {seeds} seeds", notify):
         for rng in generators(scene):
             start_poses(scene, rng)
 

@@ -48,11 +48,13 @@ def speeds() -> dict[float, Statistic]:
     return found
 
 
+@pytest.mark.slow
 def test_nuts_run_the_way_of_the_wave(speeds: dict[float, Statistic]) -> None:
     assert speeds[90.0].mean > 3.0 * speeds[90.0].se
     assert speeds[-90.0].mean < -3.0 * speeds[-90.0].se
 
 
+@pytest.mark.slow
 def test_nuts_do_not_run_round_on_a_standing_wave(speeds: dict[float, Statistic]) -> None:
     standing = speeds[0.0]
     assert abs(standing.mean) < 3.0 * standing.se

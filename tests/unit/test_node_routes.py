@@ -197,6 +197,7 @@ def test_what_does_not_go_together_is_one_line(source: Path, options: list[str],
     assert says in str(done.exception)
 
 
+@pytest.mark.slow
 def test_growth_is_not_told_off_the_middle() -> None:
     options = ["--from", "-75", "--to", "0", "--y", "20", "--json"]
     rows = json.loads(CliRunner().invoke(app, ["sequence", str(RECTANGLE), *options]).stdout)

@@ -67,7 +67,8 @@ def test_first_seeds_do_not_depend_on_how_many_follow() -> None:
     assert same(few[0], many[0])
 
 
-@pytest.mark.parametrize("sent", [signal.SIGKILL, pytest.param(signal.SIGINT, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("sent", [signal.SIGKILL, signal.SIGINT])
 def test_stopped_run_leaves_a_readable_file(tmp_path: Path, repository: Path, sent: signal.Signals) -> None:
     folder = tmp_path / "run"
     scenario = repository / "scenarios/separation_100.toml"
