@@ -20,11 +20,12 @@ from feeder_sim.jobs.identity import content_hash
 from feeder_sim.notebook import counted
 from feeder_sim.scenario import Scenario, check_scenario
 from feeder_sim.studies.search import search as searching
-from feeder_sim.studies.search.proposals import LOG, Sampler
+from feeder_sim.studies.search.proposals import Sampler
 from feeder_sim.studies.search.results import QUESTION, Question, tried, write_search
+from feeder_sim.studies.search.screening import first_recipes
 from feeder_sim.studies.search.space import Space
 from feeder_sim.studies.search.trials import Aim
-from feeder_sim.studies.sweep.design import Point, labels
+from feeder_sim.studies.sweep.design import labels
 from feeder_sim.studies.sweep.question import axis_texts
 
 if TYPE_CHECKING:
@@ -101,8 +102,7 @@ def optimise(
         show, _ = held.enter_context(shown(progress, scenario.title or "optimise"))
         path = path_of_user(out, "out") if out is not None else Path(held.enter_context(tempfile.TemporaryDirectory()))
         folder = WorkFolder(path, QUESTION, asked.as_toml(), scenario, same=asked.same)
-        begun = (path / LOG).exists()  # then the recipes that were screened are in its record
-        starts = _screened(space, aim, drift_map, recipes) if drift_map and not begun else []
+        starts = first_recipes(path, space, aim, drift_map, recipes) if drift_map else []
         held.enter_context(folder)
         found = searching.search(
             space,
@@ -119,14 +119,6 @@ def optimise(
         )
         write_search(folder, found)
     return Search(**held_by(found))
-
-
-def _screened(space: Space, aim: Aim, file: Path, recipes: int) -> list[Point]:
-    """The recipes that a drift map in a file likes best."""
-    from feeder_sim.studies.drift_map.files import load_map
-    from feeder_sim.studies.search.screening import screened
-
-    return screened(space, aim, load_map(file), recipes, searching.GENERATION)
 
 
 class Search(Answer, searching.Search):

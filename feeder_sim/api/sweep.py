@@ -8,14 +8,15 @@ from concurrent.futures import Executor
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from feeder_sim.api.answer import Answer, check_number, check_some, held_by
+from feeder_sim.api.answer import Answer, check_number, check_some, held_by, workers_for
 from feeder_sim.api.progress import Progress, shown
-from feeder_sim.errors import InputError, check_type, check_whole
+from feeder_sim.errors import InputError, check_type, check_whole, path_of_user
 from feeder_sim.notebook import counted
 from feeder_sim.scenario import Scenario, check_scenario
 from feeder_sim.studies.sweep import cases
 from feeder_sim.studies.sweep.case import MOST_SEEDS
-from feeder_sim.studies.sweep.sweep import sweep as run_sweep
+from feeder_sim.studies.sweep.folder import sweep_folder, write_table
+from feeder_sim.studies.sweep.question import Question, axis_texts
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -71,24 +72,26 @@ def sweep(
     check_whole(inputs, "inputs", 2)
     check_whole(sobol, "sobol", 0)
     check_whole(most_seeds, "most_seeds")
-    with shown(progress, scenario.title or "sweep") as (show, _):
-        found = run_sweep(
-            scenario,
-            vary,
-            zipped=zip,
-            sobol=sobol,
-            seeds=seeds,
-            measure=measure,
-            until_se=until_se,
-            most_seeds=most_seeds,
-            inputs=inputs,
-            workers=workers,
-            executor=executor,
-            out=out,
-            progress=show,
-            stop=stop,
-        )
-    return Sweep(**held_by(found))
+    question = Question(
+        axis_texts(vary),
+        zip,
+        sobol,
+        seeds=seeds or 0,
+        measure=measure or "",
+        until_se=until_se or 0.0,
+        inputs=inputs,
+        most_seeds=most_seeds,
+    )
+    points = cases.Cases.of(scenario, question, file=Path("scenario"))
+    with shown(progress, scenario.title or "sweep") as (show, _), workers_for(executor, workers) as found:
+        if out is None:
+            return Sweep(**held_by(cases.run_cases(points, found, stop=stop, progress=show)))
+        folder = sweep_folder(path_of_user(out, "out"), "", scenario, question)
+        others = cases.take_checked(points, folder.journals)
+        with folder:
+            done = cases.run_cases(points, found, folder.journal, others=others, stop=stop, progress=show)
+            write_table(folder, done)
+        return Sweep(**held_by(done))
 
 
 class Sweep(Answer, cases.Sweep):

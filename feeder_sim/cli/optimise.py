@@ -17,9 +17,6 @@ from feeder_sim.errors import InputError, Interrupted, printable
 
 if TYPE_CHECKING:
     from feeder_sim.studies.search.search import Search
-    from feeder_sim.studies.search.space import Space
-    from feeder_sim.studies.search.trials import Aim
-    from feeder_sim.studies.sweep.design import Point
 
 OUT = Path("optimise")
 _TIME = re.compile(r"(\d+(?:\.\d+)?)(s|min|h)")
@@ -70,8 +67,8 @@ def optimise(
         from feeder_sim.jobs.identity import content_hash
         from feeder_sim.jobs.workers import workers_of
         from feeder_sim.plots.search import draw_search
-        from feeder_sim.studies.search.proposals import LOG
         from feeder_sim.studies.search.results import PICTURE, QUESTION, Question, as_json_object, write_search
+        from feeder_sim.studies.search.screening import first_recipes
         from feeder_sim.studies.search.search import Budget, search
         from feeder_sim.studies.search.space import Space
 
@@ -80,8 +77,12 @@ def optimise(
         asked = Question(tuple(over), aim.measure, aim.largest, aim.seeds, sampler, *screened)
         path = out or usual_folder(OUT, scenario_file.stem, QUESTION, scenario, asked.same)
         home = WorkFolder(path, QUESTION, asked.as_toml(), scenario, same=asked.same)
-        begun = (home.path / LOG).exists()  # then the recipes that were screened are in its record
-        starts = _screened(space, aim, screen, recipes) if screen and not begun else []
+        starts = []
+        if screen is not None:
+            with progress_bar("screening") as progress:
+                starts = first_recipes(home.path, space, aim, screen, recipes, progress)
+        if starts:
+            notify(f"{len(starts)} recipes of {recipes} begin the search")
         with home, stop_on_signal() as stop, progress_bar(scenario_file.stem, stop) as progress:
             with workers_of(workers, dask) as found_workers:
                 done = search(
@@ -105,18 +106,6 @@ def optimise(
     else:
         _print(done, home.path)
     _end(done)
-
-
-def _screened(space: Space, aim: Aim, file: Path, recipes: int) -> list[Point]:
-    """The recipes that a drift map in a file likes best."""
-    from feeder_sim.studies.drift_map.files import load_map
-    from feeder_sim.studies.search.screening import screened
-    from feeder_sim.studies.search.search import GENERATION
-
-    with progress_bar("screening") as progress:
-        found = screened(space, aim, load_map(file), recipes, GENERATION, progress)
-    typer.echo(f"feeder-sim: {len(found)} recipes of {recipes} begin the search", err=True)
-    return found
 
 
 def _end(done: Search) -> None:

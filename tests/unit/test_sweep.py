@@ -17,6 +17,7 @@ from command_line import check_refused, feeder_sim
 from conftest import strip_scenario
 from scipy.special import ndtr
 
+from feeder_sim import sweep
 from feeder_sim.errors import FeederSimError, InputError
 from feeder_sim.jobs.cautions import cautions_over
 from feeder_sim.jobs.identity import identity_of
@@ -33,7 +34,6 @@ from feeder_sim.studies.sweep.cases import Cases, Sweep, SweepWork, run_cases, t
 from feeder_sim.studies.sweep.design import grid, read_axis, side_by_side, sobol_sample
 from feeder_sim.studies.sweep.folder import merged, sweep_folder
 from feeder_sim.studies.sweep.question import Question, axis_texts
-from feeder_sim.studies.sweep.sweep import sweep
 from feeder_sim.studies.sweep.table import Row, as_csv, as_parquet
 from feeder_sim.studies.uncertainty.spread import interval_of, spread_of
 
@@ -518,7 +518,7 @@ def test_points_without_any_value_have_a_row() -> None:
 
 def test_a_number_of_seeds_that_is_none_is_refused() -> None:
     for seeds in (0, -1):
-        with pytest.raises(InputError, match=f"seeds: is {seeds}, allowed is 1 or more"):
+        with pytest.raises(InputError, match=f"seeds: is {seeds}, allowed is a whole number from 1 on"):
             sweep(strip_scenario(), {AMPLITUDE: [1.0]}, seeds=seeds)
 
 

@@ -7,6 +7,7 @@ to look, and full runs decide.
 from __future__ import annotations
 
 from collections.abc import Callable
+from pathlib import Path
 
 import numpy as np
 from scipy.stats import qmc
@@ -17,13 +18,36 @@ from feeder_sim.scenario import Scenario
 from feeder_sim.scene.prepared import Prepared
 from feeder_sim.scene.start import start_poses
 from feeder_sim.studies.drift_map.drift_map import DriftMap
+from feeder_sim.studies.drift_map.files import load_map
 from feeder_sim.studies.drift_map.walk import walk
+from feeder_sim.studies.search.proposals import LOG
+from feeder_sim.studies.search.search import GENERATION
 from feeder_sim.studies.search.space import Space
 from feeder_sim.studies.search.trials import Aim
 from feeder_sim.studies.sweep.design import Point
 
 MEASURE = "arrival_time_s"  # the one that a walk can tell
 WALKERS = 24  # of a recipe; all of them have to arrive
+
+
+def first_recipes(
+    folder: Path,
+    space: Space,
+    aim: Aim,
+    map_file: Path,
+    recipes: int,
+    progress: Callable[[float], None] | None = None,
+) -> list[Point]:
+    """The recipes of `screened` that a search begins with besides the present one.
+
+    There are none where it has begun before, since they are in its record in the folder then.
+
+    Raises:
+        InputError: as `screened`, or the file holds no drift map.
+    """
+    if (folder / LOG).exists():
+        return []
+    return screened(space, aim, load_map(map_file), recipes, GENERATION, progress)
 
 
 def screened(
