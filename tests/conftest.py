@@ -22,6 +22,7 @@ from feeder_sim.engines.impulse.engine import COLUMNS, ImpulseEngine
 from feeder_sim.engines.impulse.state import ARM, FRICTION, NORMAL, RESTITUTION, VELOCITY
 from feeder_sim.machine_code import entry_point
 from feeder_sim.records.trajectory import Frames
+from feeder_sim.run.seed_run import SeedRun
 from feeder_sim.scenario import Contact, Drive, HexNut, PistonPlate, Run, Scenario, Start, Strip
 from feeder_sim.scenario.engine_choice import choose_engine
 from feeder_sim.scene.cell import transport_cell
@@ -110,6 +111,15 @@ class StopsAfter(threading.Event):
         if threading.current_thread() is not threading.main_thread():
             self._left -= 1
         return self._left < 0 or super().is_set()
+
+
+@contextmanager
+def each_seed_stops_after(looks: int) -> Iterator[None]:
+    """Runs within it are stopped once every seed has looked so many times, whichever seed has its turn first."""
+    run = SeedRun.run
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(SeedRun, "run", lambda seed, rng, done, stop: run(seed, rng, done, StopsAfter(looks)))
+        yield
 
 
 @contextmanager

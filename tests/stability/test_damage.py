@@ -14,7 +14,7 @@ from typing import Any
 import h5py
 import numpy as np
 import pytest
-from conftest import REPOSITORY, StopsAfter
+from conftest import REPOSITORY, StopsAfter, each_seed_stops_after
 
 import feeder_sim.run.recorder as recorder
 from feeder_sim.errors import InputError
@@ -184,7 +184,8 @@ def test_commands_refuse_a_damaged_trajectory_at_once(killed: Path, tmp_path: Pa
 
 def test_run_does_not_go_on_from_a_checkpoint_that_is_not_its_own(tmp_path: Path) -> None:
     for seed in range(2):
-        record_run(ball(seed=seed), tmp_path / f"run_{seed}", stop=StopsAfter(3), replay=False)
+        with each_seed_stops_after(2):
+            record_run(ball(seed=seed), tmp_path / f"run_{seed}", replay=False)
     run, path = tmp_path / "run_0", tmp_path / "run_0/checkpoints/seed_000.npz"
     content = path.read_bytes()
     for other, said in (

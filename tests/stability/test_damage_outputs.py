@@ -11,7 +11,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from conftest import REPOSITORY, StopsAfter
+from conftest import REPOSITORY, StopsAfter, each_seed_stops_after
 from test_damage import ball, block, check_one_line, feeder_sim, limited, writer
 
 import feeder_sim.cli.main as command_line
@@ -52,7 +52,8 @@ def full(*names: str) -> Callable[[int], None]:
 def test_full_disk_at_a_checkpoint_ends_the_run_as_a_failure(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """In one line that names the checkpoint; the one before stays, and the run goes on from there."""
     run = tmp_path / "run"
-    record_run(ball(), run, stop=StopsAfter(6), replay=False)
+    with each_seed_stops_after(3):
+        record_run(ball(), run, replay=False)
     before = {path: path.read_bytes() for path in run.glob("checkpoints/*")}
     assert len(before) == 2
     with monkeypatch.context() as patch:
