@@ -14,6 +14,7 @@ import typer
 
 from feeder_sim.cli.files import naming, scenario_of
 from feeder_sim.cli.options import AsJson, Dask, EngineName, Measure, ScenarioFile, Seed, Set, WorkerCount
+from feeder_sim.cli.report_uncertainty import as_json_object, lines_of
 from feeder_sim.cli.terminal import notify, progress_bar, stop_on_signal
 from feeder_sim.errors import InputError, Interrupted, nearest, printable
 
@@ -194,41 +195,6 @@ def _draw(done: Propagation, measure: str, folder: Path, measured: float | None)
 
     if measure:
         draw_uncertainty(done, measure, folder / PICTURE, measured)
-
-
-def as_json_object(done: Propagation) -> dict[str, Any]:
-    """Everything that was found, as JSON takes it."""
-    from feeder_sim.measures.protocol import as_json
-
-    rows = done.rows()
-    found: dict[str, Any] = {"complete": done.swept.complete, "measures": {row.pop("measure"): row for row in rows}}
-    if done.saltelli and done.swept.complete:
-        found["indices"] = {measure: as_json(done.indices(measure)) for measure in done.measures}
-    return found
-
-
-def lines_of(done: Propagation, measure: str) -> list[str]:
-    """What was found of one measure, in words."""
-    from feeder_sim.measures.protocol import labelled
-
-    if not measure:
-        return ["no measure has a value"]
-    spread = done.spread(measure)
-    lines = [labelled(measure, f"median {spread.median:.4g}, 90 % of runs {spread.low:.4g} to {spread.high:.4g}")]
-    if math.isfinite(spread.sd_inputs):
-        interval = f"90 % of means {spread.inputs_low:.4g} to {spread.inputs_high:.4g}, SD {spread.sd_inputs:.3g}"
-        lines.append(labelled("over inputs", spread.not_told or interval))
-        lines.append(labelled("over seeds", f"SD {spread.sd_seeds:.3g} at the same inputs"))
-    if done.saltelli and done.swept.complete:
-        lines += [
-            labelled(
-                index.key,
-                f"first order {index.first:.2f} +- {index.first_interval:.2f}, "
-                f"total {index.total:.2f} +- {index.total_interval:.2f}",
-            )
-            for index in done.indices(measure)
-        ]
-    return lines
 
 
 def finish(done: Propagation, goes_on: str = "the same command goes on") -> None:

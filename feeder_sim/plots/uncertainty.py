@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -10,20 +11,22 @@ import numpy as np
 
 from feeder_sim.plots.figure import empty_figure
 from feeder_sim.studies.uncertainty.indices import Index
+from feeder_sim.studies.uncertainty.linear_shares import LinearShares
 from feeder_sim.studies.uncertainty.propagate import Propagation
 
-BLUE, PALE, RED = "#3a60be", "#b8c6ea", "#be3434"
+BLUE, PALE, RED, GREEN = "#3a60be", "#b8c6ea", "#be3434", "#3a8a5a"
 ROOM = 1.45  # of the height of a histogram, with the legend above it
 
 
 def draw_uncertainty(found: Propagation, measure: str, path: Path, measured: float | None = None) -> None:
-    """Draw a measure over all draws, with its intervals and a measured value, beside its Sobol indices."""
-    indices = [index for index in found.indices(measure) if math.isfinite(index.total)]
-    figure = empty_figure(10.0 if indices else 6.0, 4.2)
-    axes = figure.subplots(1, 2 if indices else 1, squeeze=False)[0]
+    """Draw a measure over all draws, with its intervals and a measured value, beside the inputs that it hangs on."""
+    linear, indices = found.linear_shares(measure), found.indices(measure)
+    beside = bool(linear or indices)
+    figure = empty_figure(10.0 if beside else 6.0, 4.2)
+    axes = figure.subplots(1, 2 if beside else 1, squeeze=False)[0]
     draw_values(axes[0], found, measure, measured)
-    if indices:
-        draw_indices(axes[1], indices)
+    if beside:
+        draw_shares(axes[1], linear, indices)
     figure.savefig(path, dpi=150)
 
 
@@ -35,7 +38,7 @@ def draw_values(axes: Any, found: Propagation, measure: str, measured: float | N
     top = axes.get_ylim()[1]
     for height, low, high, label, color in (
         (0.06, spread.low, spread.high, "90 % of runs, inputs and seeds", BLUE),
-        (0.13, spread.inputs_low, spread.inputs_high, "90 % of means, inputs alone", "#3a8a5a"),
+        (0.13, spread.inputs_low, spread.inputs_high, "90 % of means, inputs alone", GREEN),
     ):
         if math.isfinite(low):
             axes.plot([low, high], [height * top] * 2, "|-", color=color, linewidth=2.5, markersize=9, label=label)
@@ -49,16 +52,24 @@ def draw_values(axes: Any, found: Propagation, measure: str, measured: float | N
     axes.legend(fontsize=8, loc="upper center", ncols=2)
 
 
-def draw_indices(axes: Any, indices: list[Index]) -> None:
-    """Bars of the first and the total order of every input, with their 95 % intervals."""
-    place = np.arange(len(indices))
-    for shift, color, label, value, interval in (
-        (-0.18, BLUE, "first order", [i.first for i in indices], [i.first_interval for i in indices]),
-        (0.18, PALE, "total order", [i.total for i in indices], [i.total_interval for i in indices]),
-    ):
-        axes.barh(place + shift, value, 0.34, xerr=interval, color=color, label=label, capsize=3)
-    axes.set_yticks(place, [index.key for index in indices])
+def draw_shares(axes: Any, linear: LinearShares | None, indices: Sequence[Index]) -> None:
+    """Bars of the linear share, the first and the total order of every input, with their 95 % intervals."""
+    bars: list[tuple[str, str, list[tuple[str, float, float]]]] = []
+    if linear:
+        label = f"straight line (all: {linear.explained:.2f} ± {linear.explained_interval:.2f})"
+        bars.append((GREEN, label, [(i.key, i.share, i.interval) for i in linear.inputs]))
+    if indices:
+        bars.append((BLUE, "Sobol, first order", [(i.key, i.first, i.first_interval) for i in indices]))
+        bars.append((PALE, "Sobol, total order", [(i.key, i.total, i.total_interval) for i in indices]))
+    height = 0.8 / len(bars)
+    for number, (color, label, rows) in enumerate(bars):
+        place = np.arange(len(rows)) + (number - 0.5 * (len(bars) - 1)) * height
+        halves = [0.0 if math.isnan(half) else half for _, _, half in rows]
+        axes.barh(
+            place, [share for _, share, _ in rows], 0.9 * height, xerr=halves, color=color, label=label, capsize=3
+        )
+    axes.set_yticks(range(len(bars[0][2])), [key for key, _, _ in bars[0][2]])
     axes.invert_yaxis()
     axes.axvline(0.0, color="0.4", linewidth=0.8)
     axes.set(xlabel="share of the variance over the inputs")
-    axes.legend(fontsize=8)
+    axes.legend(fontsize=8, loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=2)  # over the bars, not on them

@@ -9,13 +9,14 @@ from typing import Any
 import numpy as np
 
 from feeder_sim.measures.statistic import Statistic
-from feeder_sim.plots.uncertainty import draw_indices, draw_values
+from feeder_sim.plots.uncertainty import draw_shares, draw_values
 from feeder_sim.report.page import Picture
 from feeder_sim.report.pictures import picture_of
 from feeder_sim.report.sweep_pictures import sample_picture
 from feeder_sim.report.words import between, key_label, measure_label, number
 from feeder_sim.studies.sweep.table import Row
 from feeder_sim.studies.uncertainty.indices import Index
+from feeder_sim.studies.uncertainty.linear_shares import LinearShares
 from feeder_sim.studies.uncertainty.propagate import Propagation
 
 MOST_PANELS = 9  # of inputs; more would make the picture too high
@@ -49,19 +50,22 @@ def inputs_picture(found: Propagation, measure: str) -> Picture:
     return sample_picture(rows, keys, label, alt=alt, caption=caption)
 
 
-def indices_picture(indices: Sequence[Index], measure: str) -> Picture:
-    """The Sobol indices of a measure as bars."""
+def shares_picture(linear: LinearShares | None, indices: Sequence[Index], measure: str) -> Picture:
+    """The linear shares and the Sobol indices of a measure as bars."""
     label = measure_label(measure)
+    keys = [i.key for i in linear.inputs] if linear else [i.key for i in indices]
 
     def draw(figure: Any) -> None:
         axes = figure.add_subplot()
-        draw_indices(axes, list(indices))
-        axes.set_yticks(range(len(indices)), [key_label(index.key) for index in indices])
+        draw_shares(axes, linear, indices)
+        axes.set_yticks(range(len(keys)), [key_label(key) for key in keys])
 
-    shares = ", ".join(f"{index.key} {index.first:.2f}" for index in indices)
+    kinds = [("by straight lines", [i.share for i in linear.inputs])] if linear else []
+    kinds += [("Sobol, first order", [i.first for i in indices])] if indices else []
+    told = [f"{kind}: {', '.join(f'{k} {s:.2f}' for k, s in zip(keys, s_, strict=True))}" for kind, s_ in kinds]
     return picture_of(
         draw,
-        height=1.2 + 0.5 * len(indices),
-        alt=f"Sobol indices of {label}; first order: {shares}.",
+        height=1.2 + (0.4 + 0.2 * len(kinds)) * len(keys),
+        alt=f"Shares of the variance of {label}; {'; '.join(told)}.",
         caption=f"{label}: what share of its variance over the inputs hangs on each of them. Lines are 95 % intervals.",
     )

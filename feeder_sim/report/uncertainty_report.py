@@ -14,10 +14,11 @@ from feeder_sim.report.page import Block, Folded, Page, Section, Table, Text, Ti
 from feeder_sim.report.provenance import foot, repeated
 from feeder_sim.report.scenario_tables import scenario_blocks
 from feeder_sim.report.uncertainty_folder import Uncertainty, read_uncertainty
-from feeder_sim.report.uncertainty_pictures import indices_picture, inputs_picture, spread_picture
+from feeder_sim.report.uncertainty_pictures import inputs_picture, shares_picture, spread_picture
 from feeder_sim.report.words import between, key_label, measure_label, number, split_unit, value_text
 from feeder_sim.scenario import Uncertain
 from feeder_sim.studies.uncertainty.indices import Index
+from feeder_sim.studies.uncertainty.linear_shares import LinearShares
 from feeder_sim.studies.uncertainty.propagate import DRAWS, QUESTION, TABLE
 
 MOST_COLUMNS = 7  # inputs and measures in the table of the draws; all of them would not fit the page
@@ -25,9 +26,11 @@ MOST_ROWS = 2000  # of that table
 FEW_DRAWS = 20  # below it not even one draw lies beyond each end of 90 %
 FEW_FOR_INDICES = 64  # draws, each (inputs + 2) times
 WIDE = 0.3  # of the interval of an index, on each side, that tells nothing apart
+MOSTLY = 0.9  # of the variance that straight lines explain where they tell what the result hangs on
 MOST_CAUSES = 5  # of failures, one by one
 
-Indices = dict[str, list[Index]]  # of every measure that has some
+Linear = dict[str, LinearShares]  # of every measure that has some
+Indices = dict[str, list[Index]]  # the same
 
 
 def uncertainty_page(folder: Path, *, progress: Callable[[float], None] | None = None) -> Page:
@@ -46,15 +49,17 @@ def uncertainty_page(folder: Path, *, progress: Callable[[float], None] | None =
     pictures: list[Block] = [spread_picture(found, shown, question.measured)] if shown else []
     tell(0.7)
     hangs: list[Block] = [inputs_picture(found, shown)] if shown else []
-    hangs += [indices_picture(indices[shown], shown)] if shown in indices else []
+    linear = {measure: told for measure in measures if (told := found.linear_shares(measure))}
+    if shown in linear or shown in indices:
+        hangs.append(shares_picture(linear.get(shown), indices.get(shown, []), shown))
     tell(1.0)
     sections = (
         Section("What was uncertain", (_inputs(asked), _effort(asked))),
         Section("Results", (*pictures, *_of_measured(asked, shown))),
         Section("All measures", tuple(_measures(asked, measures))),
-        Section("What it hangs on", (*hangs, *_index_tables(indices))),
+        Section("What it hangs on", (*hangs, *_share_tables(measures, linear, indices))),
         Section("The draws", tuple(_draws(asked, measures))),
-        Section("Cautions", tuple(_cautions(asked, shown, indices, trouble)) or (Text("None known."),)),
+        Section("Cautions", tuple(_cautions(asked, shown, linear, indices, trouble)) or (Text("None known."),)),
         Section("The scenario", scenario_blocks(asked.scenario, asked.text)),
         Section("How to repeat it", repeated(folder, _command(asked), (QUESTION, DRAWS, TABLE))),
     )
@@ -70,13 +75,10 @@ def uncertainty_page(folder: Path, *, progress: Callable[[float], None] | None =
 
 def _indices(asked: Uncertainty, measures: Sequence[str]) -> tuple[Indices, str]:
     """Sobol indices where they can be told, and why not where a library is missing."""
-    if not (asked.question.indices and asked.found.swept.complete):
-        return {}, ""
     try:
-        every = {measure: asked.found.indices(measure) for measure in measures}
+        return {measure: told for measure in measures if (told := asked.found.indices(measure))}, ""
     except InputError as error:
         return {}, error.problem
-    return {measure: found for measure, found in every.items() if all(math.isfinite(i.total) for i in found)}, ""
 
 
 def _subtitle(asked: Uncertainty) -> str:
@@ -184,26 +186,39 @@ def _table_of(asked: Uncertainty, measures: Sequence[str]) -> Table:
     return Table("", head, tuple(rows), numbers_from=1)
 
 
-def _index_tables(indices: Indices) -> Iterator[Block]:
-    """Sobol indices: of the most telling measures as tables, of the others folded."""
-    if not indices:
+def _share_tables(measures: Sequence[str], linear: Linear, indices: Indices) -> Iterator[Block]:
+    """Shares of the inputs: of the most telling measure as a table, of the others folded."""
+    tables = [_share_table(m, linear.get(m), indices.get(m, [])) for m in measures if m in linear or m in indices]
+    if not tables:
         return
-    yield Text(
-        "First order: the share of the variance over the inputs that would go if this input were known. Total: the "
-        "share that would stay if all others were known. ± is half the 95 % interval."
-    )
-    tables = {measure: _index_table(measure, found) for measure, found in indices.items()}
-    first = next(iter(tables))
-    yield tables.pop(first)
-    if tables:
-        yield Folded(f"{len(tables)} other measures", tuple(tables.values()))
+    text = "Straight line: the share of the variance over the inputs that goes in a straight line with this input. "
+    if indices:
+        text += (
+            "First order: the share that would go if this input were known. Total: the share that would stay if all "
+        )
+        text += "others were known. "
+    yield Text(f"{text}± is half the 95 % interval.")
+    yield tables[0]
+    if tables[1:]:
+        yield Folded(f"{len(tables) - 1} other measures", tuple(tables[1:]))
 
 
-def _index_table(measure: str, indices: Sequence[Index]) -> Table:
-    rows = tuple(
-        (i.key, f"{i.first:.2f} ± {i.first_interval:.2f}", f"{i.total:.2f} ± {i.total_interval:.2f}") for i in indices
-    )
-    return Table(measure_label(measure), ("input", "first order", "total"), rows, numbers_from=1)
+def _share_table(measure: str, linear: LinearShares | None, indices: Sequence[Index]) -> Table:
+    columns: list[tuple[str, list[str]]] = [("input", [i.key for i in (linear.inputs if linear else indices)])]
+    if linear:
+        columns.append(("straight line", [_with_interval(i.share, i.interval) for i in linear.inputs]))
+    if indices:
+        columns.append(("first order", [_with_interval(i.first, i.first_interval) for i in indices]))
+        columns.append(("total", [_with_interval(i.total, i.total_interval) for i in indices]))
+    rows = list(zip(*(column for _, column in columns), strict=True))
+    if linear:
+        explained = _with_interval(linear.explained, linear.explained_interval)
+        rows.append(("all of them", explained, *("" for _ in columns[2:])))
+    return Table(measure_label(measure), tuple(name for name, _ in columns), tuple(rows), numbers_from=1)
+
+
+def _with_interval(value: float, half: float) -> str:
+    return f"{value:.2f} ± {half:.2f}"
 
 
 def _draws(asked: Uncertainty, measures: Sequence[str]) -> Iterator[Block]:
@@ -226,7 +241,7 @@ def _draws(asked: Uncertainty, measures: Sequence[str]) -> Iterator[Block]:
         yield Text(f"{' and '.join(left)} are not listed here; {DRAWS} has them.", "note")
 
 
-def _cautions(asked: Uncertainty, shown: str, indices: Indices, trouble: str) -> Iterator[Text]:
+def _cautions(asked: Uncertainty, shown: str, linear: Linear, indices: Indices, trouble: str) -> Iterator[Text]:
     """Failures, and what else limits the results."""
     yield from _failures(asked)
     question, found = asked.question, asked.found
@@ -240,6 +255,9 @@ def _cautions(asked: Uncertainty, shown: str, indices: Indices, trouble: str) ->
         yield Text("With one seed of each draw the scatter over inputs and over seeds cannot be told apart.", "caution")
     if shown:
         yield from _cautions_of(asked, shown)
+    if shown in linear and linear[shown].explained + linear[shown].explained_interval < MOSTLY:
+        text = "does not go in a straight line with the inputs, or they act together: the shares are not all of it."
+        yield Text(f"{measure_label(shown)} {text}{'' if question.indices else ' --indices asks for more.'}", "caution")
     if trouble:
         yield Text(f"Sobol indices are not here: computing them {trouble}", "caution")
     elif question.indices and not found.swept.complete:

@@ -16,7 +16,7 @@ import pytest
 from command_line import check_refused, feeder_sim
 from conftest import REPOSITORY, StopsAfter
 
-from feeder_sim.cli.uncertainty import lines_of
+from feeder_sim.cli.report_uncertainty import lines_of
 from feeder_sim.jobs import workers
 from feeder_sim.jobs.workers import Workers, given_workers
 from feeder_sim.plots.figure import empty_figure
@@ -137,7 +137,8 @@ def test_an_interrupted_run_keeps_how_many_draws_were_asked_for(
 
 def test_inputs_that_are_not_told_apart_from_the_seeds_are_said_to_be_so() -> None:
     values = [[1.0, 5.0], [2.0, 4.5], [0.5, 5.5]]
-    found: Any = SimpleNamespace(spread=lambda _: spread_of(values), values=lambda _: values, saltelli=False)
+    found: Any = SimpleNamespace(spread=lambda _: spread_of(values), values=lambda _: values)
+    found.linear_shares, found.indices = lambda _: None, lambda _: []
     lines = lines_of(found, "picked")
     assert lines[1].split(maxsplit=2)[2] == "not told apart from the seeds" and "over seeds" in lines[2]
     axes = empty_figure(3.0, 2.0).subplots()

@@ -65,6 +65,9 @@ def test_page_with_indices(tmp_path: Path, coarse: None) -> None:
     text = (tmp_path / "u/report.html").read_text(encoding="utf-8")
     page, spread = checked(text), done.spread(SPEED)
     below = sum(value < 6.5 for row in done.values(SPEED) for value in row)
+    linear = done.linear_shares(SPEED)
+    assert linear
+    line = next(share for share in linear.inputs if share.key == AMPLITUDE)
     amplitude = next(index for index in done.indices(SPEED) if index.key == AMPLITUDE)
     for expected in (
         "Uncertain inputs: <b>Nut</b>",
@@ -76,7 +79,7 @@ def test_page_with_indices(tmp_path: Path, coarse: None) -> None:
         "40 = 8 x (3 inputs + 2), for Sobol indices",
         f"The measured value, 6.5 mm/s, lies within the 90 % of runs, {spread.low:.1f} to {spread.high:.1f}; "
         f"{below} of 78 runs are below it.",
-        f"{AMPLITUDE} {amplitude.first:.2f} ± {amplitude.first_interval:.2f}",
+        f"{AMPLITUDE} {line.share:.2f} ± {line.interval:.2f} {amplitude.first:.2f} ± {amplitude.first_interval:.2f}",
         "1 of 80 runs failed: seed 3: <b>a part</b> lies too deep.",
         "transport speed (mm/s): 1 of 79 runs have no value",
         "These are few draws",

@@ -7,6 +7,7 @@ The folder holds
     journal.jsonl       measures of every seed that is done
     draws.csv           one row per draw and seed: the inputs, then the measures
     uncertainty.csv     one row per measure, see `COLUMNS`
+    inputs.csv          one row per measure and input: on which inputs it hangs, see `SHARES`
     uncertainty.png     a picture of one measure
 """
 
@@ -18,7 +19,7 @@ import math
 import threading
 import tomllib
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -34,14 +35,21 @@ from feeder_sim.studies.sweep.design import labels
 from feeder_sim.studies.sweep.table import main_measure
 from feeder_sim.studies.uncertainty.draws import Draw, draws_of
 from feeder_sim.studies.uncertainty.indices import Index, saltelli_draws, sobol_indices
+from feeder_sim.studies.uncertainty.linear_shares import LinearShares, linear_shares
 from feeder_sim.studies.uncertainty.spread import Spread, spread_of
 
 QUESTION, DRAWS, TABLE, PICTURE = "uncertainty.toml", "draws.csv", "uncertainty.csv", "uncertainty.png"
+INPUTS = "inputs.csv"
 # low, high: 90 % interval of one run, inputs and seeds together; inputs_low, inputs_high: of the mean over the seeds,
 # empty where sd_inputs is 0 because the inputs are not told apart from the seeds.
 COLUMNS = (
     *("measure", "mean", "se", "median", "low", "high", "inputs_low", "inputs_high", "sd_inputs", "sd_seeds"),
     *("draws", "failed"),
+)
+# Shares of the variance over the inputs, each with half its 95 % interval; empty where they are not told.
+SHARES = (
+    *("measure", "input", "linear", "linear_interval"),
+    *("first_order", "first_order_interval", "total", "total_interval"),
 )
 
 
@@ -77,9 +85,33 @@ class Propagation:
         """How far a measure spreads."""
         return spread_of(self.values(measure))
 
+    def linear_shares(self, measure: str) -> LinearShares | None:
+        """What a straight line in each input explains of a measure; None where that cannot be told."""
+        group = len(self.scenario.uncertain or {}) + 2 if self.saltelli else 1
+        return linear_shares(self.scenario, self.draws, self.values(measure), group)
+
     def indices(self, measure: str) -> list[Index]:
-        """Sobol indices of a measure by every input; empty without such a sample."""
-        return sobol_indices(self.scenario, self.values(measure)) if self.saltelli else []
+        """Sobol indices of a measure by every input; empty where they cannot be told."""
+        if not (self.saltelli and self.swept.complete):
+            return []
+        found = sobol_indices(self.scenario, self.values(measure))
+        return [index for index in found if math.isfinite(index.total)]
+
+    @cached_property
+    def shares(self) -> list[dict[str, Any]]:
+        """A row per measure and input: on which inputs it hangs, by column; see `SHARES`."""
+        return [row for measure in self.measures for row in self._shares_of(measure)]
+
+    def _shares_of(self, measure: str) -> list[dict[str, Any]]:
+        linear, indices = self.linear_shares(measure), {index.key: index for index in self.indices(measure)}
+        rows = []
+        for place, key in enumerate(self.scenario.uncertain or {}):
+            line, index = linear.inputs[place] if linear else None, indices.get(key)
+            numbers = (line.share, line.interval) if line else (math.nan,) * 2
+            numbers += astuple(index)[1:] if index else (math.nan,) * 4
+            finite = [finite_or_none(value) for value in numbers]
+            rows.append(dict(zip(SHARES, (measure, key, *finite), strict=True)))
+        return rows
 
     def main(self) -> str:
         """The measure to show where none is asked for."""
@@ -170,6 +202,7 @@ def asked_in(folder: Path) -> int | None:
 def write_propagation(folder: WorkFolder, found: Propagation) -> None:
     """Write the tables in place of those before."""
     folder.write(TABLE, _csv(COLUMNS, found.rows()).encode())
+    folder.write(INPUTS, _csv(SHARES, found.shares).encode())
     rows = []
     for draw, case in zip(found.draws, found.swept.cases, strict=True):
         for seed in case.seeds(found.swept.cases.effort):
