@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from feeder_sim.cli.files import naming, scenario_of
+from feeder_sim.cli.files import naming, naming_options, scenario_of
 from feeder_sim.cli.options import AsJson, Dask, EngineName, ScenarioFile, Seed, Set, WorkerCount
 from feeder_sim.cli.terminal import notify, progress_bar, stop_on_signal
 from feeder_sim.errors import InputError, Interrupted, printable
@@ -61,7 +61,9 @@ def optimise(
     scenario = scenario_of(scenario_file, engine, None, seed, settings)
     from feeder_sim.studies.search.trials import Aim
 
-    aim, seconds, checked = Aim.of(scenario, maximise, minimise, seeds), _seconds(budget), _sampler(sampler)
+    with naming_options():
+        aim = Aim.of(scenario, maximise, minimise, seeds)
+    seconds, checked = _seconds(budget), _sampler(sampler)
     with naming(scenario_file):
         from feeder_sim.jobs.folder import WorkFolder, usual_folder
         from feeder_sim.jobs.identity import content_hash

@@ -111,7 +111,7 @@ def _wave(scenario: Scenario, frequency_hz: float) -> StandingWave:
     try:
         return standing_wave(RectangularPlate(1.0, 1.0, 1e-3 * scenario.plate.thickness_mm, material), frequency_hz)
     except ValueError as error:
-        raise InputError(f"is {frequency_hz:g}, {error}", key="--frequency") from error
+        raise InputError(f"is {frequency_hz:g}, {error}", key="drive[0].frequency_hz") from error
 
 
 def speed_map(

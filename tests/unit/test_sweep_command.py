@@ -12,6 +12,8 @@ from swept import AMPLITUDE, Pretended
 
 from feeder_sim.jobs.workers import given_workers
 
+UNCERTAIN = 'uncertain={ "contact.friction" = { uniform = [0.2, 0.4] } }'
+
 
 def test_command(repository: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("feeder_sim.jobs.workers.workers_of", lambda count, dask: given_workers(Pretended(), 2))
@@ -45,10 +47,15 @@ def test_command(repository: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPat
         (("--vary", f"{AMPLITUDE}=1,2", "--until-se", "x"), ("--until-se", "3%")),
         (("--vary", f"{AMPLITUDE}=1,2", "--until-se", "0"), ("--until-se", "3%")),
         (("--vary", f"{AMPLITUDE}=1,2", "--measure", "sped"), ("did you mean 'speed'",)),
-        (("--vary", f"{AMPLITUDE}=1,2", "--until-se", "3%"), ("--measure", "missing")),
+        (("--vary", f"{AMPLITUDE}=1,2", "--until-se", "3%"), ("--measure: is missing",)),
+        (("--vary", f"{AMPLITUDE}=1,1"), (f"{scenario}: --vary {AMPLITUDE}: has no value, or one twice",)),
+        (
+            ("--vary", f"{AMPLITUDE}=1,2", "--until-se", "3%", "--measure", "speed", "--set", UNCERTAIN),
+            ("--until-se: is given, allowed is none with [uncertain]",),
+        ),
         (("--vary", f"{AMPLITUDE}=1,2", "--task", "3/2"), ("--task", "I/N")),
-        (("--vary", f"{AMPLITUDE}=1,2", "--out", scenario.parent), ("allowed is a new folder",)),
-        (("--vary", f"{AMPLITUDE}=1,2", "--zip", "--sobol", "4"), ("--zip",)),
+        (("--vary", f"{AMPLITUDE}=1,2", "--out", scenario.parent), ("--out: holds", "allowed is a new folder")),
+        (("--vary", f"{AMPLITUDE}=1,2", "--zip", "--sobol", "4"), ("--zip, --sobol: are both given",)),
     ):
         check_refused(feeder_sim("sweep", scenario, *options, cwd=tmp_path), *said)
     check_refused(feeder_sim("merge", tmp_path), "sweep.toml", "no such file")

@@ -44,12 +44,12 @@ def test_axes() -> None:
         (["a=1,1"], "different values"),
         (["a=1,1.0"], "different values"),
         (["a={ b = [1] },{ b = [1.0] }"], "different values"),
-        (["a=1:2"], "which only --sobol takes"),
+        (["a=1:2"], "which only a Sobol sample takes"),
         (["a=1,2", "a=3,4"], "varied twice"),
         (["stage[0].duration_s=1,2", "schedule.stage[0].duration_s=3,4"], "varied twice"),
-        (["a[0].b=1,2", "a[0]={ b = 1 },{ b = 2 }"], r"--vary a\[0\]\.b: is varied, and so is a\[0\]"),
+        (["a[0].b=1,2", "a[0]={ b = 1 },{ b = 2 }"], r"vary a\[0\]\.b: is varied, and so is a\[0\]"),
         (["a=1:2:1000", "b=1:2:1000"], "1000000 points"),
-        ([], "--vary: is missing"),
+        ([], "^vary: is missing"),
         (["run.seeds=2,4"], "decides what a run does"),
         (["title=a,b"], "decides what a run does"),
     ],
@@ -109,5 +109,5 @@ def test_draws_of_uncertain_inputs_have_seeds_of_their_own() -> None:
     for vary in ("contact.friction=0.2,0.3", "contact={ friction = 0.2 },{ friction = 0.3 }"):
         with pytest.raises(InputError, match=r"is varied, but also \[uncertain\]"):
             Cases.of(scenario, Question((vary,)), file=Path("scenario"))
-    with pytest.raises(InputError, match="more --inputs narrow"):
+    with pytest.raises(InputError, match=r"^until_se: is given, .* more draws narrow"):
         Cases.of(scenario, replace(question, until_se=0.1, measure="speed"), file=Path("scenario"))
