@@ -66,7 +66,6 @@ def optimise(
     seconds, checked = _seconds(budget), _sampler(sampler)
     with naming(scenario_file):
         from feeder_sim.jobs.folder import WorkFolder, usual_folder
-        from feeder_sim.jobs.identity import content_hash
         from feeder_sim.jobs.workers import workers_of
         from feeder_sim.plots.search import draw_search
         from feeder_sim.studies.search.results import PICTURE, QUESTION, Question, as_json_object, write_search
@@ -75,8 +74,7 @@ def optimise(
         from feeder_sim.studies.search.space import Space
 
         space = Space.of(scenario, over, scenario_file)
-        screened = (content_hash(screen), recipes) if screen is not None else ()
-        asked = Question(tuple(over), aim.measure, aim.largest, aim.seeds, sampler, *screened)
+        asked = Question.of(over, aim, sampler, screen, recipes)
         path = out or usual_folder(OUT, scenario_file.stem, QUESTION, scenario, asked.same)
         home = WorkFolder(path, QUESTION, asked.as_toml(), scenario, same=asked.same)
         starts = []

@@ -20,6 +20,7 @@ from feeder_sim.notebook import MOST_ROWS, table
 from feeder_sim.scenario import Scenario
 from feeder_sim.studies import speed_map as mapping
 from feeder_sim.studies.search.results import Question
+from feeder_sim.studies.search.trials import Aim
 from feeder_sim.studies.speed_map import MapPoint, throw_number
 
 LONGEST = 200  # characters of a line
@@ -84,7 +85,11 @@ def test_optimise(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_a_search_that_was_screened_can_be_read(tmp_path: Path) -> None:
     """As by the page of its folder."""
-    asked = Question((f"{AMPLITUDE}=0.5:5",), "arrival_time_s", False, 4, "tpe", "0123abcd", 256)
+    over, aim, drift_map = [f"{AMPLITUDE}=0.5:5"], Aim("arrival_time_s", False, 4), tmp_path / "map.npz"
+    drift_map.write_bytes(b"a map")
+    asked, alone = (Question.of(over, aim, "tpe", screen, 256) for screen in (drift_map, None))
+    assert len(asked.screen) == 64 and asked.recipes == 256
+    assert not alone.screen and not alone.recipes  # which nothing walks
     (tmp_path / "search.toml").write_text(asked.as_toml())
     assert Question.of_toml(tmp_path / "search.toml") == asked
 

@@ -23,6 +23,7 @@ from pathlib import Path
 from typing import Any
 
 from feeder_sim.jobs.folder import WorkFolder
+from feeder_sim.jobs.identity import content_hash
 from feeder_sim.jobs.question_file import question_toml, read_question
 from feeder_sim.measures.statistic import Statistic, finite_or_none
 from feeder_sim.studies.search.search import Checked, Search
@@ -55,6 +56,16 @@ class Question:
     sampler: str
     screen: str = ""
     recipes: int = 0
+
+    @staticmethod
+    def of(over: Sequence[str], aim: Aim, sampler: str, screen: Path | None, recipes: int) -> Question:
+        """What is asked with the file of a drift map, which walks so many recipes, or without one.
+
+        Raises:
+            InputError: the file cannot be read.
+        """
+        screened = (content_hash(screen), recipes) if screen is not None else ()
+        return Question(tuple(over), aim.measure, aim.largest, aim.seeds, sampler, *screened)
 
     @property
     def same(self) -> str:
