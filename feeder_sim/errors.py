@@ -61,14 +61,23 @@ class Interrupted(FeederSimError):
 
 
 class InputError(FeederSimError):
-    """The user's input cannot be used: file, key, value and what is allowed, in one line."""
+    """The user's input cannot be used: file, key, value and what is allowed, in one line.
+
+    Args:
+        problem: the value and what is allowed; it names no argument, which is an option for users of commands.
+        file: where the input is from.
+        key: that the value has there.
+        argument: of a public function, or several as "low, high"; commands name their option in its place.
+    """
 
     exit_code = 2
 
-    def __init__(self, problem: str, *, file: str | Path | None = None, key: str | None = None) -> None:
-        self.problem, self.file, self.key = problem, file, key
-        named = key if key is None else shortened(key)
-        where = ": ".join(str(part) for part in (file, named) if part is not None)
+    def __init__(
+        self, problem: str, *, file: str | Path | None = None, key: str | None = None, argument: str | None = None
+    ) -> None:
+        self.problem, self.file, self.key, self.argument = problem, file, key, argument
+        named = " ".join(shortened(name) for name in (argument, key) if name is not None)
+        where = ": ".join(str(part) for part in (file, named) if part)
         super().__init__(f"{where}: {problem}" if where else problem)
 
 

@@ -16,7 +16,6 @@ from feeder_sim.api.plots import axes_for
 from feeder_sim.api.progress import Progress, shown
 from feeder_sim.errors import InputError, check_type, check_whole, path_of_user, quoted
 from feeder_sim.jobs.folder import WorkFolder
-from feeder_sim.jobs.identity import content_hash
 from feeder_sim.notebook import counted
 from feeder_sim.scenario import Scenario, check_scenario
 from feeder_sim.studies.search import search as searching
@@ -96,8 +95,7 @@ def optimise(
     aim, texts = Aim.of(scenario, maximise, minimise, seeds), axis_texts(over)
     space = Space.of(scenario, texts)
     drift_map = path_of_user(screen, "screen") if screen is not None else None
-    screened = (content_hash(drift_map), recipes) if drift_map else ()
-    asked = Question(texts, aim.measure, aim.largest, aim.seeds, sampler, *screened)
+    asked = Question.of(texts, aim, sampler, drift_map, recipes)
     with contextlib.ExitStack() as held:
         show, _ = held.enter_context(shown(progress, scenario.title or "optimise"))
         path = path_of_user(out, "out") if out is not None else Path(held.enter_context(tempfile.TemporaryDirectory()))

@@ -60,12 +60,14 @@ def _run_as_json(run: MeasuredRun) -> dict[str, Any]:
 
 
 def _difference_as_json(difference: Difference) -> dict[str, Any]:
+    from feeder_sim.measures.statistic import finite_or_none
+
     numbers = {name: getattr(difference, name) for name in ("difference", "low", "high")}
     return {
         "name": difference.name,
         "first": difference.first.as_dict(),
         "second": difference.second.as_dict(),
-        **{name: value if math.isfinite(value) else None for name, value in numbers.items()},
+        **{name: finite_or_none(value) for name, value in numbers.items()},
         "pairs": difference.pairs,
     }
 

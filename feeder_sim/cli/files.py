@@ -99,10 +99,24 @@ def writable(path: Path, *, force: bool = False) -> Path:
 
 
 @contextlib.contextmanager
-def naming(file: Path) -> Iterator[None]:
-    """Add the name of a file to each InputError that is raised without one in the block."""
+def naming_options() -> Iterator[None]:
+    """Let each InputError in the block name an option, such as --until-se, where it names an argument, until_se."""
     try:
         yield
+    except InputError as error:
+        if error.argument is None:
+            raise
+        options = ", ".join(f"--{name.replace('_', '-')}" for name in error.argument.split(", "))
+        key = options if error.key is None else f"{options} {error.key}"
+        raise InputError(error.problem, file=error.file, key=key) from error
+
+
+@contextlib.contextmanager
+def naming(file: Path) -> Iterator[None]:
+    """Add the name of a file to each InputError that is raised without one in the block; `naming_options`, too."""
+    try:
+        with naming_options():
+            yield
     except InputError as error:
         if error.file is not None:
             raise

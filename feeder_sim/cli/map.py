@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from feeder_sim.cli.files import naming, scenario_of
+from feeder_sim.cli.files import naming, naming_options, scenario_of
 from feeder_sim.cli.options import AsJson, ScenarioFile, Seed, Set
 from feeder_sim.cli.terminal import notify, progress_bar, stop_on_signal
 from feeder_sim.errors import InputError, Interrupted, printable, quoted
@@ -40,7 +40,8 @@ def map_(
     """Map the transport speed of a part over drive frequency and amplitude; running the same again goes on."""
     from feeder_sim.studies.map_folder import PICTURE, map_folder, values_of, write_points
 
-    frequencies, amplitudes = values_of(frequency, "--frequency"), values_of(amplitude, "--amplitude")
+    with naming_options():
+        frequencies, amplitudes = values_of(frequency, "frequency"), values_of(amplitude, "amplitude")
     marks = [mark_of(text) for text in mark or ()]
     scenario = scenario_of(scenario_file, None, None, seed, settings)
     with naming(scenario_file):

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from feeder_sim.cli.files import naming, scenario_of
+from feeder_sim.cli.files import naming, naming_options, scenario_of
 from feeder_sim.cli.options import AsJson, Dask, EngineName, ScenarioFile, Seed, Set, WorkerCount
 from feeder_sim.cli.terminal import notify, progress_bar, stop_on_signal
 from feeder_sim.errors import InputError, Interrupted, printable
@@ -61,10 +61,11 @@ def optimise(
     scenario = scenario_of(scenario_file, engine, None, seed, settings)
     from feeder_sim.studies.search.trials import Aim
 
-    aim, seconds, checked = Aim.of(scenario, maximise, minimise, seeds), _seconds(budget), _sampler(sampler)
+    with naming_options():
+        aim = Aim.of(scenario, maximise, minimise, seeds)
+    seconds, checked = _seconds(budget), _sampler(sampler)
     with naming(scenario_file):
         from feeder_sim.jobs.folder import WorkFolder, usual_folder
-        from feeder_sim.jobs.identity import content_hash
         from feeder_sim.jobs.workers import workers_of
         from feeder_sim.plots.search import draw_search
         from feeder_sim.studies.search.results import PICTURE, QUESTION, Question, as_json_object, write_search
@@ -73,8 +74,7 @@ def optimise(
         from feeder_sim.studies.search.space import Space
 
         space = Space.of(scenario, over, scenario_file)
-        screened = (content_hash(screen), recipes) if screen is not None else ()
-        asked = Question(tuple(over), aim.measure, aim.largest, aim.seeds, sampler, *screened)
+        asked = Question.of(over, aim, sampler, screen, recipes)
         path = out or usual_folder(OUT, scenario_file.stem, QUESTION, scenario, asked.same)
         home = WorkFolder(path, QUESTION, asked.as_toml(), scenario, same=asked.same)
         starts = []

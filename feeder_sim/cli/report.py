@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -124,6 +123,8 @@ def print_routes(routes: Sequence[Route], frequency: NDArray[np.float64], as_jso
 
     `frequency` has the natural frequencies of the plate's modes [Hz].
     """
+    from feeder_sim.measures.statistic import finite_or_none
+
     if as_json:
         rows = [
             {
@@ -132,7 +133,7 @@ def print_routes(routes: Sequence[Route], frequency: NDArray[np.float64], as_jso
                 "frequency_hz": [float(frequency[mode]) for mode in route.modes],
                 "station_mm": [1e3 * route.steps[0].start, *(1e3 * step.end for step in route.steps)],
                 "k": [step.k for step in route.steps],
-                "growth": [_or_none(step.growth) for step in route.steps],
+                "growth": [finite_or_none(step.growth) for step in route.steps],
             }
             for route in routes
         ]
@@ -148,12 +149,14 @@ def print_routes(routes: Sequence[Route], frequency: NDArray[np.float64], as_jso
 
 def print_ratios(rows: Sequence[RatioRoutes], as_json: bool) -> None:
     """Print the best sequence of every length-to-width ratio."""
+    from feeder_sim.measures.statistic import finite_or_none
+
     if as_json:
         entries = [
             {
                 "ratio": row.ratio,
                 "largest_k": row.routes[0].largest_k if row.routes else None,
-                "growth": _or_none(row.routes[0].growth) if row.routes else None,
+                "growth": finite_or_none(row.routes[0].growth) if row.routes else None,
                 "modes": [mode + 1 for mode in row.routes[0].modes] if row.routes else [],
             }
             for row in rows
@@ -168,11 +171,6 @@ def print_ratios(rows: Sequence[RatioRoutes], as_json: bool) -> None:
             print(f"{row.ratio:>12.3f}  {best.largest_k:>9.3f}  {best.growth:>15.3g}  {numbers}")
         else:
             print(f"{row.ratio:>12.3f}  {'none':>9}")
-
-
-def _or_none(value: float) -> float | None:
-    """A number as JSON takes it, which has no NaN."""
-    return None if math.isnan(value) else value
 
 
 def print_waves(waves: Sequence[StageWave], as_json: bool) -> None:

@@ -28,13 +28,15 @@ def print_response(
     as_json: bool,
 ) -> None:
     """Print the peaks of a response, and with what force each actuator drives their modes (n_modes, n_actuators)."""
+    from feeder_sim.measures.statistic import finite_or_none
+
     at_peak = [int(abs(found.frequency - peak.frequency).argmin()) for peak in found.peaks]
     rows = [
         {
             "mode": peak.mode + 1,
             "frequency_hz": peak.frequency,
             "amplitude_um": 1e6 * peak.amplitude,
-            "damping_ratio": None if math.isnan(peak.damping_ratio) else peak.damping_ratio,
+            "damping_ratio": finite_or_none(peak.damping_ratio),
             "current_ma": 1e3 * float(abs(found.current[i].sum())),
             "power_w": float(found.power[i]),
             "force_per_volt_n": dict(zip((a.name for a in held.actuators), forces[peak.mode].tolist(), strict=True)),

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from feeder_sim.cli.files import naming, scenario_of
+from feeder_sim.cli.files import naming, naming_options, scenario_of
 from feeder_sim.cli.options import AsJson, Dask, EngineName, Measure, ScenarioFile, Seed, Seeds, Set, WorkerCount
 from feeder_sim.cli.terminal import notify, progress_bar, stop_on_signal
 from feeder_sim.errors import InputError, Interrupted, printable
@@ -92,7 +92,7 @@ def merge(
     from feeder_sim.studies.sweep.folder import merged
 
     done, home = merged(folder)
-    with home:
+    with naming_options(), home:
         _finish(done, home, measure, as_json, table=True, goes_on=False)
 
 

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from feeder_sim.cli.files import naming, scenario_of
+from feeder_sim.cli.files import naming, naming_options, scenario_of
 from feeder_sim.cli.options import AsJson, Dask, EngineName, Measure, ScenarioFile, Seed, Set, WorkerCount
 from feeder_sim.cli.report_uncertainty import as_json_object, lines_of
 from feeder_sim.cli.terminal import notify, progress_bar, stop_on_signal
@@ -87,7 +87,7 @@ def propagate_into(
     """Run what is not done yet, and write the tables."""
     from feeder_sim.studies.uncertainty.propagate import propagate, write_propagation
 
-    with _work_folder(path, scenario, question) as folder:
+    with naming_options(), _work_folder(path, scenario, question) as folder:
         done = propagate(
             scenario,
             inputs=question.inputs,
@@ -147,7 +147,7 @@ def keep_asked(scenario: Scenario, run: Path, inputs: int) -> None:
     from feeder_sim.studies.uncertainty.question import Question
 
     if scenario.uncertain:
-        with _work_folder(run / OUT.name, scenario, Question(inputs, SEEDS)):
+        with naming_options(), _work_folder(run / OUT.name, scenario, Question(inputs, SEEDS)):
             pass
 
 

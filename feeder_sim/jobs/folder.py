@@ -119,7 +119,7 @@ class WorkFolder:
         told = _mark_in(self.path / self._kind)
         if told is not None and told != self._text.partition("\n")[0]:
             problem = f"holds another question ({self._kind}), allowed is a new folder or that of the same question"
-            raise InputError(problem, file=self.path, key="--out")
+            raise InputError(problem, file=self.path, argument="out")
 
 
 def usual_folder(base: Path, name: str, kind: str, scenario: Scenario, same: str = "") -> Path:
@@ -154,12 +154,12 @@ def check_work_folder(path: Path, kind: str) -> None:
         InputError: as said.
     """
     if path.exists() and not path.is_dir():
-        raise InputError("is not a folder", file=path, key="--out")
+        raise InputError("is not a folder", file=path, argument="out")
     held = sorted(entry.name for entry in path.iterdir()) if path.exists() else []
     foreign = [name for name in held if not _LEFT_BY_A_KILL.fullmatch(name)]
     if kind not in held and foreign:
         problem = f"holds {foreign[0]} and no {kind}, allowed is a new folder or one that has it"
-        raise InputError(problem, file=path, key="--out")
+        raise InputError(problem, file=path, argument="out")
 
 
 def check_no_links(path: Path) -> None:

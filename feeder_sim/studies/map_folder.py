@@ -28,16 +28,19 @@ MOST_VALUES = 1000  # of a list
 QUESTION, DATA, PICTURE = "map.toml", "map.csv", "map.png"
 
 
-def values_of(text: str, option: str) -> list[float]:
-    """Numbers above 0, written as an axis of a sweep is.
+def values_of(text: str, argument: str) -> list[float]:
+    """Numbers above 0, written as an axis of a sweep is; `argument` is the one that holds them.
 
     Raises:
         InputError: it is written otherwise, or a value is not above 0.
     """
-    values = read_axis(f"{option.removeprefix('--')}={text}", option).values
+    try:
+        values = read_axis(f"{argument}={text}").values
+    except InputError as error:
+        raise InputError(error.problem, argument=argument) from None
     if not values or len(values) > MOST_VALUES or not all(isinstance(v, int | float) and v > 0 for v in values):
         problem = f"is {quoted(text)}, allowed is LOW:HIGH:COUNT, LOW:HIGH:logCOUNT or A,B,C, all above 0"
-        raise InputError(problem, key=option)
+        raise InputError(problem, argument=argument)
     return sorted(float(f"{value:.6g}") if ":" in text else float(value) for value in values)
 
 

@@ -19,6 +19,7 @@ from typing import Any
 from feeder_sim.errors import InputError
 from feeder_sim.jobs.identity import identity_of
 from feeder_sim.jobs.journal import Journal, read_journal
+from feeder_sim.measures.statistic import finite_or_none
 from feeder_sim.plate.mode_shapes import StandingWave, standing_wave
 from feeder_sim.plate.rectangle import RectangularPlate
 from feeder_sim.records.trajectory import Status
@@ -110,7 +111,7 @@ def _wave(scenario: Scenario, frequency_hz: float) -> StandingWave:
     try:
         return standing_wave(RectangularPlate(1.0, 1.0, 1e-3 * scenario.plate.thickness_mm, material), frequency_hz)
     except ValueError as error:
-        raise InputError(f"is {frequency_hz:g}, {error}", key="--frequency") from error
+        raise InputError(f"is {frequency_hz:g}, {error}", key="drive[0].frequency_hz") from error
 
 
 def speed_map(
@@ -242,7 +243,7 @@ def _whose(scenario: Scenario, seeds: int) -> str:
 
 def without_nan(row: dict[str, float]) -> dict[str, float | None]:
     """As JSON and CSV take it: None for a number that is not there."""
-    return {name: value if math.isfinite(value) else None for name, value in row.items()}
+    return {name: finite_or_none(value) for name, value in row.items()}
 
 
 def _with_nan(row: dict[str, Any]) -> dict[str, Any]:

@@ -94,7 +94,7 @@ def test_what_is_not_uncertain_is_refused_before_anything_is_written(tmp_path: P
     wrong = feeder_sim("uncertainty", tmp_path / "u.toml", "--indices", "--inputs", 6, "--out", tmp_path / "u")
     check_refused(wrong, "--inputs: is 6, allowed is a power of two")
     wrong = feeder_sim("uncertainty", tmp_path / "u.toml", "--indices", "--seeds", 1, "--out", tmp_path / "u")
-    check_refused(wrong, "--seeds: is 1, allowed is 2 or more with --indices")
+    check_refused(wrong, "--seeds: is 1, allowed is 2 or more with indices")
     assert not (tmp_path / "u").exists()
 
 

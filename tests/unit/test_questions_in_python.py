@@ -20,6 +20,7 @@ from feeder_sim.notebook import MOST_ROWS, table
 from feeder_sim.scenario import Scenario
 from feeder_sim.studies import speed_map as mapping
 from feeder_sim.studies.search.results import Question
+from feeder_sim.studies.search.trials import Aim
 from feeder_sim.studies.speed_map import MapPoint, throw_number
 
 LONGEST = 200  # characters of a line
@@ -84,7 +85,11 @@ def test_optimise(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_a_search_that_was_screened_can_be_read(tmp_path: Path) -> None:
     """As by the page of its folder."""
-    asked = Question((f"{AMPLITUDE}=0.5:5",), "arrival_time_s", False, 4, "tpe", "0123abcd", 256)
+    over, aim, drift_map = [f"{AMPLITUDE}=0.5:5"], Aim("arrival_time_s", False, 4), tmp_path / "map.npz"
+    drift_map.write_bytes(b"a map")
+    asked, alone = (Question.of(over, aim, "tpe", screen, 256) for screen in (drift_map, None))
+    assert len(asked.screen) == 64 and asked.recipes == 256
+    assert not alone.screen and not alone.recipes  # which nothing walks
     (tmp_path / "search.toml").write_text(asked.as_toml())
     assert Question.of_toml(tmp_path / "search.toml") == asked
 
@@ -141,6 +146,7 @@ def test_stopped_is_not_complete() -> None:
 
 
 DRIFT = strip_scenario()
+UNCERTAIN = DRIFT.changed({"uncertain": {FRICTION: {"uniform": [0.2, 0.4]}}})
 REFUSED: list[tuple[Callable[[], Any], str]] = [
     (lambda: feeder_sim.sweep(DRIFT, ["a"]), r"vary: is \['a'\], allowed is a dictionary"),  # type: ignore[arg-type]
     (lambda: feeder_sim.sweep("x", {}), "scenario: is 'x', allowed"),  # type: ignore[arg-type]
@@ -148,11 +154,24 @@ REFUSED: list[tuple[Callable[[], Any], str]] = [
     (lambda: feeder_sim.sweep(DRIFT, {AMPLITUDE: [1]}, seeds=0), "seeds: is 0, allowed"),
     (lambda: feeder_sim.sweep(DRIFT, {AMPLITUDE: [1]}, measure=3), "measure: is 3, allowed"),  # type: ignore[arg-type]
     (lambda: feeder_sim.sweep(DRIFT, {AMPLITUDE: [1]}, until_se="3%"), "until_se: is '3%', allowed"),  # type: ignore[arg-type]
-    (lambda: feeder_sim.optimise(DRIFT, {AMPLITUDE: "1:2"}), "exactly one of them is needed"),
+    (lambda: feeder_sim.sweep(DRIFT, {AMPLITUDE: [1]}, until_se=2), "until_se: is 2, allowed is above 0 and below 1"),
+    (lambda: feeder_sim.sweep(DRIFT, {AMPLITUDE: [1]}, until_se=0.1), "measure: is missing"),
+    (lambda: feeder_sim.sweep(DRIFT, {AMPLITUDE: [1]}, most_seeds=7), "most_seeds: is 7, allowed is 8 or more"),
+    (lambda: feeder_sim.sweep(DRIFT, {AMPLITUDE: [1]}, zip=True, sobol=4), "zip, sobol: are both given"),
+    (
+        lambda: feeder_sim.sweep(DRIFT, {AMPLITUDE: [1, 1]}),
+        r"vary drive\[0\]\.amplitude_um: has no value, or one",
+    ),
+    (lambda: feeder_sim.sweep(DRIFT, {}), "vary: is missing"),
+    (lambda: feeder_sim.sweep(DRIFT, {AMPLITUDE: [1]}, out=__file__), "out: is not a folder"),
+    (lambda: feeder_sim.optimise(DRIFT, {AMPLITUDE: "1:2"}), "maximise, minimise: exactly one of them is needed"),
+    (lambda: feeder_sim.optimise(DRIFT, {AMPLITUDE: "1:2:5"}, maximise="a"), r"over drive\[0\]\.amplitude_um: has a"),
     (lambda: feeder_sim.optimise(DRIFT, {AMPLITUDE: "1:2"}, maximise="a", seeds=1), "seeds: is 1, allowed"),
     (lambda: feeder_sim.optimise(DRIFT, {AMPLITUDE: "1:2"}, maximise="a", sampler="x"), "sampler: is 'x', allowed"),  # type: ignore[arg-type]
     (lambda: feeder_sim.optimise(DRIFT, {AMPLITUDE: "1:2"}, maximise="a", budget_s=0), "budget_s: is 0, allowed"),
     (lambda: feeder_sim.uncertainty(DRIFT), r"\[uncertain\]: is missing"),
+    (lambda: feeder_sim.uncertainty(UNCERTAIN, indices=True, inputs=6), "inputs: is 6, allowed is a power of two"),
+    (lambda: feeder_sim.uncertainty(UNCERTAIN, indices=True, seeds=1), "seeds: is 1, allowed is 2 or more"),
     (lambda: feeder_sim.uncertainty(DRIFT, inputs=1), "inputs: is 1, allowed is a whole number from 2 on"),
     (lambda: feeder_sim.compare(3, 4), "first: is 3, allowed is a path"),  # type: ignore[arg-type]
     (lambda: feeder_sim.speed_map(DRIFT, [1.0], 3), "amplitudes_um: is 3, allowed"),  # type: ignore[arg-type]
@@ -162,8 +181,10 @@ REFUSED: list[tuple[Callable[[], Any], str]] = [
 
 @pytest.mark.parametrize(("call", "said"), REFUSED)
 def test_what_is_not_allowed_is_one_line(call: Callable[[], Any], said: str) -> None:
-    with pytest.raises(feeder_sim.InputError, match=f"^[^\n]*{said}[^\n]*$"):
+    """Which names arguments, not the options of a command."""
+    with pytest.raises(feeder_sim.InputError, match=f"^[^\n]*{said}[^\n]*$") as refused:
         call()
+    assert "--" not in str(refused.value)
 
 
 def test_a_long_table_is_cut() -> None:

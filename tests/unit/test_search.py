@@ -195,9 +195,10 @@ def test_command(repository: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPat
         (tmp_path / "damaged" / name).write_text("{" if name == "optuna.log" else (out / name).read_text())
     check_refused(feeder_sim(*asked[:-1], tmp_path / "damaged"), "optuna.log", "is no record of a search")
     for options, said in (
-        ((), "exactly one of them"),
+        ((), "--maximise, --minimise: exactly one of them"),
         (("--maximise", "a", "--minimise", "b"), "exactly one of them"),
         (("--maximise", "a", "--budget", "soon"), "30min"),
+        (("--maximise", "a", "--over", "contact.friction=0.2:0.3:5"), "--over contact.friction: has a number of"),
         (("--maximise", "a", "--sampler", "x"), "tpe or cmaes"),
     ):
         check_refused(feeder_sim("optimise", scenario, "--over", OVER[0], *options, cwd=tmp_path), said)

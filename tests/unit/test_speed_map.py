@@ -48,9 +48,9 @@ def test_a_point_starts_at_the_same_fraction_of_the_way(scenario: Scenario) -> N
 
 
 def test_lists_of_values() -> None:
-    assert values_of("1:3:5", "--frequency") == [1.0, 1.5, 2.0, 2.5, 3.0]
-    assert values_of("1:100:log3", "--frequency") == [1.0, 10.0, 100.0]
-    assert values_of("5,2", "--frequency") == [2.0, 5.0]
+    assert values_of("1:3:5", "frequencies_hz") == [1.0, 1.5, 2.0, 2.5, 3.0]
+    assert values_of("1:100:log3", "frequencies_hz") == [1.0, 10.0, 100.0]
+    assert values_of("5,2", "frequencies_hz") == [2.0, 5.0]
     assert mark_of("4750,1.0,1.44") == (4750.0, 1.0, 1.44)
 
 
@@ -58,8 +58,8 @@ def test_lists_of_values() -> None:
     "text", ["", "a", "1:2", "2:1:3", "0:1:3", "1:2:1", "1:2:2000", "1:inf:3", "nan", "1,1", "-1,2", "1:2:3:4"]
 )
 def test_lists_that_are_none_are_refused(text: str) -> None:
-    with pytest.raises(InputError, match=r"--amplitude"):
-        values_of(text, "--amplitude")
+    with pytest.raises(InputError, match=r"^amplitudes_um: "):
+        values_of(text, "amplitudes_um")
     with pytest.raises(InputError, match=r"--mark: is .*, allowed are three numbers"):
         mark_of(text)
 
@@ -82,10 +82,10 @@ def test_scenarios_that_cannot_be_mapped_are_refused(scenario: Scenario, changes
     ("arguments", "said"),
     [
         (["scenarios/separation_100.toml"], 'separation_100.toml: plate.kind: is "rectangle", allowed is "strip"'),
-        ([str(SCENARIO), "--frequency", "1000:1e7:3"], "waves of this plate exist below"),
-        ([str(SCENARIO), "--amplitude", "1:0:4"], "allowed is LOW:HIGH with LOW below HIGH"),
+        ([str(SCENARIO), "--frequency", "1000:1e7:3"], "drive[0].frequency_hz: is 1e+07, bending waves of this plate"),
+        ([str(SCENARIO), "--amplitude", "1:0:4"], "--amplitude: is 1:0, allowed is LOW:HIGH with LOW below HIGH"),
         ([str(SCENARIO), "--mark", "1,2"], "--mark: is '1,2', allowed are three numbers"),
-        ([str(SCENARIO), "--out", "."], "allowed is a new folder"),
+        ([str(SCENARIO), "--out", "."], "--out: holds "),
     ],
 )
 def test_bad_input_is_one_line(arguments: list[str], said: str, tmp_path: Path) -> None:

@@ -111,11 +111,11 @@ def _sampler_of(name: str, space: Space, number: int) -> BaseSampler:
                 seed=seed, n_startup_trials=RANDOM_TRIALS, multivariate=True, constant_liar=True
             )
         if any(parameter.span is None for parameter in space.parameters):
-            raise InputError('is "cmaes", allowed is "tpe" where there are choices', key="--sampler")
+            raise InputError('is "cmaes", allowed is "tpe" where there are choices', argument="sampler")
         try:
             return optuna.samplers.CmaEsSampler(seed=seed, n_startup_trials=RANDOM_TRIALS)
         except ImportError:
-            raise InputError("needs the package cmaes: pip install cmaes", key="--sampler") from None
+            raise InputError("needs the package cmaes: pip install cmaes", argument="sampler") from None
 
 
 def _value(parameter: Parameter, kept: Any) -> Any:

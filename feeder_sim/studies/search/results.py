@@ -23,8 +23,9 @@ from pathlib import Path
 from typing import Any
 
 from feeder_sim.jobs.folder import WorkFolder
+from feeder_sim.jobs.identity import content_hash
 from feeder_sim.jobs.question_file import question_toml, read_question
-from feeder_sim.measures.statistic import Statistic
+from feeder_sim.measures.statistic import Statistic, finite_or_none
 from feeder_sim.studies.search.search import Checked, Search
 from feeder_sim.studies.search.trials import Aim
 from feeder_sim.studies.sweep.design import Point, labels
@@ -55,6 +56,16 @@ class Question:
     sampler: str
     screen: str = ""
     recipes: int = 0
+
+    @staticmethod
+    def of(over: Sequence[str], aim: Aim, sampler: str, screen: Path | None, recipes: int) -> Question:
+        """What is asked with the file of a drift map, which walks so many recipes, or without one.
+
+        Raises:
+            InputError: the file cannot be read.
+        """
+        screened = (content_hash(screen), recipes) if screen is not None else ()
+        return Question(tuple(over), aim.measure, aim.largest, aim.seeds, sampler, *screened)
 
     @property
     def same(self) -> str:
@@ -149,14 +160,14 @@ def _csv(columns: Sequence[str], rows: Iterable[dict[str, Any]]) -> bytes:
     writer = csv.DictWriter(text, columns, lineterminator="\n")
     writer.writeheader()
     for row in rows:
-        writer.writerow({key: "" if isinstance(v, float) and math.isnan(v) else v for key, v in row.items()})
+        writer.writerow({key: finite_or_none(v) if isinstance(v, float) else v for key, v in row.items()})
     return text.getvalue().encode()
 
 
 def as_json_object(found: Search) -> dict[str, Any]:
     """What was found, as JSON takes it."""
     low, high = found.gain.interval
-    gain = found.gain.as_dict() | {name: v if math.isfinite(v) else None for name, v in (("low", low), ("high", high))}
+    gain = found.gain.as_dict() | {"low": finite_or_none(low), "high": finite_or_none(high)}
     return {
         "measure": found.aim.measure,
         "maximise": found.aim.largest,

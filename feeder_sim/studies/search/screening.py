@@ -72,9 +72,9 @@ def screened(
         InputError: another aim, no goal, several parts, or a map that covers none of the recipes.
     """
     if aim.measure != MEASURE or aim.largest:
-        raise InputError(f"screens for --minimise {MEASURE} only, which a drift map can tell", key="--screen")
+        raise InputError(f"screens for the least {MEASURE} only, which a drift map can tell", argument="screen")
     if space.scenario.goal is None or space.scenario.n_parts > 1:
-        raise InputError("needs a [goal] and a single part, which a drift map moves", key="--screen")
+        raise InputError("needs a [goal] and a single part, which a drift map moves", argument="screen")
     exponent = max(1, int(np.ceil(np.log2(recipes))))
     shares = qmc.Sobol(len(space.parameters), rng=space.scenario.run.seed).random_base2(exponent)
     found: list[tuple[float, Point]] = []

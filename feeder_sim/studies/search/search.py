@@ -204,7 +204,7 @@ def _done(journal: Path, aim: Aim) -> dict[str, dict[int, SeedValues]]:
     for entry in read_journal(journal):
         with contextlib.suppress(KeyError, TypeError, ValueError, AttributeError):  # not written by this program
             seed = SeedValues.of_entry(entry)
-            check_measure(aim.measure, seed.values, aim.option)
+            check_measure(aim.measure, seed.values, aim.argument)
             done.setdefault(str(entry["case"]), {})[seed.seed] = seed
     return done
 

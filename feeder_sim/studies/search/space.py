@@ -80,13 +80,13 @@ class Space:
         """
         raw = scenario.model_dump()
         parameters = []
-        for axis in (read_axis(text, "--over") for text in over):
+        for axis in (read_axis(text, "over") for text in over):
             now = value_at(raw, axis.key)
             whole = axis.key.endswith(MODE) or (isinstance(now, int) and not isinstance(now, bool))
             parameters.append(Parameter(axis.key, *_span_and_choices(axis, whole)))
         keys = [parameter.key for parameter in parameters]
         if not keys or len(set(keys)) < len(keys):
-            raise InputError("is missing or names a key twice, allowed is each key once", key="--over")
+            raise InputError("is missing or names a key twice, allowed is each key once", argument="over")
         space = Space(scenario, tuple(parameters), file)
         for parameter in parameters:
             ends = (parameter.span.low, parameter.span.high) if parameter.span else parameter.choices
@@ -129,9 +129,9 @@ class Space:
 
 def _span_and_choices(axis: Axis, whole: bool) -> tuple[Range | None, bool, tuple[Any, ...]]:
     if axis.values and axis.span:
-        raise InputError("has a number of values, allowed is LOW:HIGH or LOW:HIGH:log", key=f"--over {axis.key}")
+        raise InputError("has a number of values, allowed is LOW:HIGH or LOW:HIGH:log", key=axis.key, argument="over")
     if axis.span is None:
         return None, False, axis.values
     if whole and not (axis.span.low.is_integer() and axis.span.high.is_integer()):
-        raise InputError("has ends that are not whole, allowed are whole numbers", key=f"--over {axis.key}")
+        raise InputError("has ends that are not whole, allowed are whole numbers", key=axis.key, argument="over")
     return axis.span, whole, ()

@@ -38,15 +38,15 @@ class Aim:
             InputError: it is not said, or said twice.
         """
         if (maximise is None) == (minimise is None):
-            raise InputError("exactly one of them is needed", key="--maximise, --minimise")
+            raise InputError("exactly one of them is needed", argument="maximise, minimise")
         return Aim(
             maximise or minimise or "", maximise is not None, seeds or max(2, min(scenario.run.seeds, MOST_SEEDS))
         )
 
     @property
-    def option(self) -> str:
-        """Of the command line, that says it."""
-        return "--maximise" if self.largest else "--minimise"
+    def argument(self) -> str:
+        """The one that says it."""
+        return "maximise" if self.largest else "minimise"
 
     def better(self, a: float, b: float) -> bool:
         """Whether a value is better than another; no value is worse than any."""
@@ -141,7 +141,7 @@ class TrialWork:
             return
         place.case.take(done)
         for seed in done:
-            check_measure(self._aim.measure, seed.values, self._aim.option)
+            check_measure(self._aim.measure, seed.values, self._aim.argument)
             self._keep(place.case, seed)
 
     @property

@@ -59,8 +59,8 @@ class Cases:
             if any(overlap(key, other) for other in draws[0]):
                 raise InputError("is varied, but also [uncertain]; allowed is one of them", file=file, key=key)
         if effort.until_se is not None and len(draws) > 1:
-            problem = "is given, allowed is none with [uncertain] inputs: more --inputs narrow their interval"
-            raise InputError(problem, key="--until-se")
+            problem = "is given, allowed is none with [uncertain] inputs: more draws narrow their interval"
+            raise InputError(problem, argument="until_se")
         rows = []
         for point in points:
             changes = with_frequencies(scenario, point, file=file)
@@ -113,14 +113,14 @@ class SweepWork:
         return self._done / max(1, self._wanted)
 
 
-def check_measure(name: str, values: Mapping[str, float], option: str = "--measure") -> None:
+def check_measure(name: str, values: Mapping[str, float], argument: str = "measure") -> None:
     """Refuse a measure that a seed does not have; as soon as one is done, which is when it is known.
 
     Raises:
         InputError: as said.
     """
     if name and values and name not in values:
-        raise InputError(f"is {name}{nearest(name, values)}, allowed are {', '.join(values)}", key=option)
+        raise InputError(f"is {name}{nearest(name, values)}, allowed are {', '.join(values)}", argument=argument)
 
 
 @dataclass(frozen=True)

@@ -52,39 +52,40 @@ class Axis:
     span: Range | None = None
 
 
-def read_axis(text: str, option: str = "--vary") -> Axis:
-    """An axis as the command line has it.
+def read_axis(text: str, argument: str = "vary") -> Axis:
+    """An axis as the command line has it; `argument` is the one that holds it.
 
     Raises:
         InputError: it is not written as an axis is.
     """
     key, equals, values = text.partition("=")
     if not equals or not key.strip() or not values.strip():
-        raise InputError(f"is {quoted(text)}, allowed is KEY=LOW:HIGH:COUNT, LOW:HIGH:logCOUNT or A,B,C", key=option)
+        problem = f"is {quoted(text)}, allowed is KEY=LOW:HIGH:COUNT, LOW:HIGH:logCOUNT or A,B,C"
+        raise InputError(problem, argument=argument)
     key = full_key(key.strip())
     check_decides(key)
     match = _RANGE.fullmatch(values.strip())
     if match is not None:
         low, high, log, count = float(match[1]), float(match[2]), match[3] is not None, match[4]
-        span = _range(Range(low, high, log), f"{option} {key}")
-        return spread(key, span, int(count), option) if count else Axis(key, span=span)
+        span = _range(Range(low, high, log), key, argument)
+        return spread(key, span, int(count), argument) if count else Axis(key, span=span)
     listed = read_value(values)
     if not isinstance(listed, list) or values.lstrip()[0] != "[":
         listed = [read_value(value) for value in _at_commas(values)]
-    return listed_axis(key, listed, option)
+    return listed_axis(key, listed, argument)
 
 
-def spread(key: str, span: Range, count: int, option: str) -> Axis:
+def spread(key: str, span: Range, count: int, argument: str) -> Axis:
     """So many values over a range, both ends among them."""
     if not 2 <= count <= MOST_POINTS:
-        raise InputError(f"has {count} values, allowed are 2 to {MOST_POINTS}", key=f"{option} {key}")
+        raise InputError(f"has {count} values, allowed are 2 to {MOST_POINTS}", key=key, argument=argument)
     return Axis(key, tuple(span.at(i / (count - 1)) for i in range(count)), span)
 
 
-def listed_axis(key: str, values: Sequence[Any], option: str) -> Axis:
+def listed_axis(key: str, values: Sequence[Any], argument: str) -> Axis:
     """The values of a list, none of them twice."""
     if not values or len({_comparable(value) for value in values}) < len(values) or None in values:
-        raise InputError("has no value, or one twice; allowed are different values", key=f"{option} {key}")
+        raise InputError("has no value, or one twice; allowed are different values", key=key, argument=argument)
     return Axis(key, tuple(values))
 
 
@@ -103,18 +104,18 @@ def overlap(key: str, other: str) -> bool:
     return long[: len(short)] == short
 
 
-def check_apart(keys: Sequence[str], option: str = "--vary") -> None:
+def check_apart(keys: Sequence[str]) -> None:
     """Refuse keys of which one would change what another has set.
 
     Raises:
-        InputError: as said; `option` is that of the command line.
+        InputError: as said.
     """
     for key, other in itertools.combinations(keys, 2):
         if path_of(key) == path_of(other):
-            raise InputError("is varied twice, allowed is once", key=f"{option} {key}")
+            raise InputError("is varied twice, allowed is once", key=key, argument="vary")
         if overlap(key, other):
             problem = f"is varied, and so is {other}: one is within the other, allowed is one of them"
-            raise InputError(problem, key=f"{option} {key}")
+            raise InputError(problem, key=key, argument="vary")
 
 
 def grid(axes: Sequence[Axis]) -> list[Point]:
@@ -134,7 +135,7 @@ def side_by_side(axes: Sequence[Axis]) -> list[Point]:
     counts = {len(axis.values) for axis in axes}
     if len(counts) > 1:
         counted = ", ".join(f"{axis.key} {len(axis.values)}" for axis in axes)
-        raise InputError(f"have different numbers of values ({counted}), allowed is the same", key="--vary, --zip")
+        raise InputError(f"have different numbers of values ({counted}), allowed is the same", argument="vary, zip")
     _check_number(max(counts))
     return [_point(axes, values) for values in zip(*(axis.values for axis in axes), strict=True)]
 
@@ -167,26 +168,28 @@ def _point(axes: Sequence[Axis], values: Sequence[Any]) -> Point:
     return {axis.key: value for axis, value in zip(axes, values, strict=True)}
 
 
-def _range(span: Range, key: str) -> Range:
+def _range(span: Range, key: str, argument: str) -> Range:
     if not (math.isfinite(span.low) and math.isfinite(span.high) and span.low < span.high):
-        raise InputError(f"is {span.low:g}:{span.high:g}, allowed is LOW:HIGH with LOW below HIGH", key=key)
+        problem = f"is {span.low:g}:{span.high:g}, allowed is LOW:HIGH with LOW below HIGH"
+        raise InputError(problem, key=key, argument=argument)
     if span.log and span.low <= 0.0:
-        raise InputError(f"begins at {span.low:g}, allowed is above 0 on a logarithmic scale", key=key)
+        problem = f"begins at {span.low:g}, allowed is above 0 on a logarithmic scale"
+        raise InputError(problem, key=key, argument=argument)
     return span
 
 
 def _check_axes(axes: Sequence[Axis], *, ranges: bool = False) -> None:
     check_apart([axis.key for axis in axes])
     if not axes:
-        raise InputError("is missing, allowed is KEY=VALUES, once or several times", key="--vary")
+        raise InputError("is missing, allowed are one or several keys with values", argument="vary")
     for axis in axes:
         if not axis.values and not ranges:
-            raise InputError("has a range without a number of values, which only --sobol takes", key=axis.key)
+            raise InputError("has a range without a number of values, which only a Sobol sample takes", key=axis.key)
 
 
 def _check_number(count: int) -> None:
     if not 1 <= count <= MOST_POINTS:
-        raise InputError(f"has {count} points, allowed are 1 to {MOST_POINTS}", key="--vary")
+        raise InputError(f"has {count} points, allowed are 1 to {MOST_POINTS}", argument="vary")
 
 
 def _at_commas(text: str) -> list[str]:

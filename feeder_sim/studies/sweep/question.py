@@ -57,7 +57,7 @@ class Question:
             InputError: axes that do not make points.
         """
         if self.sobol and self.zipped:
-            raise InputError("is given with --sobol, allowed is one of them", key="--zip")
+            raise InputError("are both given, allowed is one of them", argument="zip, sobol")
         if self.sobol:
             return sobol_sample(self.axes, self.sobol, scenario.run.seed)
         return side_by_side(self.axes) if self.zipped else grid(self.axes)
@@ -68,15 +68,15 @@ class Question:
         Raises:
             InputError: `until_se` without a measure to look at, or a number out of its limits.
         """
-        for key, number, least in (("seeds", self.seeds, 0), ("inputs", self.inputs, 2)):
+        for argument, number, least in (("seeds", self.seeds, 0), ("inputs", self.inputs, 2)):
             if number < least:
-                raise InputError(f"is {number}, allowed is {max(1, least)} or more", key=f"--{key}")
+                raise InputError(f"is {number}, allowed is {max(1, least)} or more", argument=argument)
         if self.most_seeds < FEWEST:
-            raise InputError(f"is {self.most_seeds}, allowed is {FEWEST} or more", key="--most-seeds")
+            raise InputError(f"is {self.most_seeds}, allowed is {FEWEST} or more", argument="most_seeds")
         if self.until_se and not 0.0 < self.until_se < 1.0:
-            raise InputError(f"is {self.until_se:g}, allowed is above 0 and below 1, or 100 %", key="--until-se")
+            raise InputError(f"is {self.until_se:g}, allowed is above 0 and below 1", argument="until_se")
         if self.until_se and not self.measure:
-            raise InputError("is missing, allowed is the measure that --until-se is to look at", key="--measure")
+            raise InputError("is missing, allowed is the measure whose standard error is looked at", argument="measure")
         seeds = self.seeds or scenario.run.seeds
         return Effort(seeds, self.until_se or None, max(self.most_seeds, seeds), self.measure)
 
@@ -101,7 +101,7 @@ def axis_texts(vary: Mapping[str, Any]) -> tuple[str, ...]:
 
 def _listed(key: str, values: Any) -> str:
     if not isinstance(values, Iterable):
-        raise InputError(f"is {quoted(values)}, allowed is a sequence of values, or a text as for --vary", key=str(key))
+        raise InputError(f"is {quoted(values)}, allowed is a sequence of values, or a text of them", key=str(key))
     try:
         return json.dumps([value.item() if isinstance(value, np.generic) else value for value in values])
     except TypeError as error:

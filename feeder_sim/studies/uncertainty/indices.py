@@ -101,5 +101,5 @@ def _salib(module: str) -> Any:
         return importlib.import_module(module)
     except ImportError:
         raise InputError(
-            "needs the extra `uncertainty`: pip install 'feeder_sim[uncertainty]'", key="--indices"
+            "needs the extra `uncertainty`: pip install 'feeder_sim[uncertainty]'", argument="indices"
         ) from None

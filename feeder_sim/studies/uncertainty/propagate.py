@@ -173,10 +173,10 @@ def check_propagated(scenario: Scenario, inputs: int, seeds: int, indices: bool)
     if not scenario.uncertain:
         raise InputError("is missing, allowed is a table with the inputs that are uncertain", key="[uncertain]")
     if indices and inputs & (inputs - 1):
-        raise InputError(f"is {inputs}, allowed is a power of two with --indices", key="--inputs")
+        raise InputError(f"is {inputs}, allowed is a power of two with indices", argument="inputs")
     if indices and seeds < 2:
-        problem = "is 1, allowed is 2 or more with --indices: one seed does not tell how far seeds scatter"
-        raise InputError(problem, key="--seeds")
+        problem = "is 1, allowed is 2 or more with indices: one seed does not tell how far seeds scatter"
+        raise InputError(problem, argument="seeds")
     if indices:
         saltelli_draws(scenario, 2)  # refuses a library that is missing
 

@@ -16,6 +16,7 @@ from typing import Any, TextIO
 import numpy as np
 from numpy.typing import NDArray
 
+from feeder_sim.measures.statistic import finite_or_none
 from feeder_sim.plate.actuators import Actuator
 from feeder_sim.plate.materials import Material
 from feeder_sim.plate.mode_shapes import standing_wave
@@ -151,7 +152,7 @@ def as_row(steps: Steps, own: Profile) -> dict[str, Any]:
         "median_step_mm": 1e3 * float(np.median(steps.length)),
         "quantile_step_mm": 1e3 * steps.quantile,
         "largest_step_mm": 1e3 * float(steps.length.max()),
-        "spread_mm": None if math.isnan(steps.spread) else 1e3 * steps.spread,
+        "spread_mm": finite_or_none(1e3 * steps.spread),
         "lost": steps.lost,
         "share": share(steps),
         "correlation_gradient": own.correlation("gradient"),
@@ -162,4 +163,4 @@ def as_row(steps: Steps, own: Profile) -> dict[str, Any]:
 
 def as_table(own: Profile) -> dict[str, list[float | None]]:
     """The binned profile as JSON takes it, which has no NaN."""
-    return {name: [float(v) if math.isfinite(v) else None for v in values] for name, values in own.binned().items()}
+    return {name: [finite_or_none(float(v)) for v in values] for name, values in own.binned().items()}

@@ -1,0 +1,90 @@
+"""Seeds as tasks of workers: what is sent, what comes back, and what is said when it does not."""
+
+from __future__ import annotations
+
+import json
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+
+import pytest
+from conftest import strip_scenario
+from swept import AMPLITUDE, Pretended, cases_at
+
+from feeder_sim import sweep
+from feeder_sim.errors import FeederSimError
+from feeder_sim.jobs.cautions import cautions_over
+from feeder_sim.jobs.identity import identity_of
+from feeder_sim.jobs.runner import run_work
+from feeder_sim.jobs.task import SeedValues, Task, run_task
+from feeder_sim.jobs.workers import Workers
+from feeder_sim.studies.sweep.cases import SweepWork, run_cases
+from feeder_sim.studies.sweep.question import Question
+
+
+def test_real_seeds_are_those_of_simulate() -> None:
+    """A sweep in threads, with uncertain inputs, against `simulate` of the same scenarios."""
+    from feeder_sim import simulate
+
+    scenario = strip_scenario(seeds=2, duration_s=0.05)
+    with ThreadPoolExecutor(1) as pool:
+        swept = sweep(scenario, {AMPLITUDE: [0.5, 1.0]}, executor=pool, workers=1)
+    for row in swept.of("drift_velocity_x_mm_s"):
+        found = simulate(scenario.changed(row.point)).measures()["drift_velocity_x_mm_s"]
+        assert (row.found.mean, row.found.se, row.found.n) == (found["mean"], found["se"], 2)
+
+
+def test_a_broken_executor_loses_nothing() -> None:
+    question = Question((f"{AMPLITUDE}=1:2:3",), seeds=5)
+    whole = run_cases(cases_at(question), Workers(Pretended(), 2))
+    second = Pretended()
+    workers = Workers(Pretended(break_at=(3,)), 2, lambda: second)
+    broken = run_cases(cases_at(question), workers)
+    assert second.seeds
+    assert broken.rows == whole.rows
+
+
+def test_workers_that_end_again_and_again_end_the_sweep(monkeypatch: pytest.MonkeyPatch) -> None:
+    cases = cases_at(Question((f"{AMPLITUDE}=1:2:3",), seeds=5))
+    workers = Workers(Pretended(break_at=(0,)), 2, lambda: Pretended(break_at=(0,)))
+    with pytest.raises(FeederSimError, match="again and again"):
+        run_work(SweepWork(cases, lambda case, seed: None), workers)
+
+
+def test_a_worker_with_other_files_or_another_version_is_told() -> None:
+    with pytest.raises(FeederSimError, match="another version of the package"):
+        run_task(Task(strip_scenario(), "of another version", (0,)))
+
+
+def test_a_task_that_cannot_be_run_says_why() -> None:
+    scenario = strip_scenario().changed({"part[0].start.position_mm": [1e4, 0.0]})
+    (seed,) = run_task(Task(scenario, identity_of(scenario), (0,)))
+    assert "start.position_mm" in seed.failure and not seed.values
+    entry = json.loads(json.dumps(seed.as_entry()))
+    assert SeedValues.of_entry(entry) == seed
+
+
+def test_cautions_come_with_the_seeds_of_a_task() -> None:
+    scenario = strip_scenario(duration_s=0.02).changed({"run.in_plane_velocity": False})
+    (seed,) = run_task(Task(scenario, identity_of(scenario), (0,)))
+    assert [line.partition(" ")[0] for line in seed.cautions] == ["run.in_plane_velocity"]
+    entry = json.loads(json.dumps(seed.as_entry()))
+    assert SeedValues.of_entry(entry) == seed
+    del entry["cautions"]  # as journals had it once
+    assert SeedValues.of_entry(entry) == replace(seed, cautions=())
+
+
+def test_a_caution_is_told_once_for_all_points() -> None:
+    """Also where its numbers are those of each point."""
+    lines = [
+        ("run.planar is true: no",),
+        ("run.planar is true: no", "drive[0]: by 3.2 um"),
+        ("drive[0]: by 2.5e+03 um",),
+    ]
+    places = [[SeedValues(seed, {}, 0.1, "", told) for seed in range(2)] for told in lines]
+    assert [caution.in_words() for caution in cautions_over([*places, []])] == [
+        "run.planar is true: no (at 2 of 3 points)",
+        "drive[0]: by 3.2 um (at 2 of 3 points, the numbers are those of the first)",
+    ]
+    assert [caution.in_words() for caution in cautions_over(places[:1])] == ["run.planar is true: no"]
+    other = [SeedValues(0, {}, 0.1, "", ("drive[1]: by 3.2 um",))]
+    assert len(cautions_over([places[1], other])) == 3  # of another drive
