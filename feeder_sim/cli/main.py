@@ -70,6 +70,13 @@ class _Commands(TyperGroup):
             args = ["modes import", *args[2:]]
         return super().resolve_command(ctx, args)
 
+    def invoke(self, ctx: Any) -> Any:
+        """Ctrl-C in any command is one line; typer would end without a word."""
+        try:
+            return super().invoke(ctx)
+        except KeyboardInterrupt:
+            raise Interrupted("interrupted") from None
+
 
 app = typer.Typer(
     cls=_Commands,
