@@ -70,6 +70,13 @@ class _Commands(TyperGroup):
             args = ["modes import", *args[2:]]
         return super().resolve_command(ctx, args)
 
+    def invoke(self, ctx: Any) -> Any:
+        """Ctrl-C in any command is one line; typer would end without a word."""
+        try:
+            return super().invoke(ctx)
+        except KeyboardInterrupt:
+            raise Interrupted("interrupted") from None
+
 
 app = typer.Typer(
     cls=_Commands,
@@ -280,15 +287,20 @@ def vibrometer(
     start: Annotated[float, typer.Option("--from", min=0.0, help="Begin of the record [s].")] = 0.0,
     stop: Annotated[float, typer.Option("--to", min=0.0, help="End of the record [s].")] = 1.0,
     show_seed: Annotated[int, typer.Option("--show-seed", min=0, help="Index of the seed shown.")] = 0,
+    as_json: AsJson = False,
 ) -> None:
     """Draw the velocity of a guided part over time, as a laser vibrometer records it, and its bounce intervals."""
+    from feeder_sim.measures.velocity_record import velocity_record
     from feeder_sim.plots.pictures import draw_velocity
     from feeder_sim.records.trajectory_file import recording_of
 
     if not start < stop:
         raise InputError(f"are {start:g} and {stop:g}, allowed is --from < --to", key="--from, --to")
     new_picture(picture)
-    draw_velocity(recording_of(folder), picture, seed=show_seed, start=start, stop=stop)
+    record = velocity_record(recording_of(folder), seed=show_seed, start=start, stop=stop)
+    draw_velocity(record, picture)
+    if as_json:
+        print(json.dumps({"picture": str(picture), "seed": show_seed} | record.as_json_object()))
 
 
 def main() -> NoReturn:

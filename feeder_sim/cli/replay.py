@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, cast, get_args
+from typing import TYPE_CHECKING, Annotated, Any, cast, get_args
 
 import typer
 
 from feeder_sim.cli.files import writable
+from feeder_sim.cli.options import AsJson
 from feeder_sim.cli.terminal import progress_bar
 from feeder_sim.errors import InputError, quoted
 
@@ -39,10 +41,11 @@ def replay(
     rebuild: Annotated[
         bool, typer.Option("--rebuild", help="Build the .rrd again, as pictures and films always do.")
     ] = False,
+    as_json: AsJson = False,
 ) -> None:
     """Open a recorded run in the rerun viewer, take a picture of it or make a film."""
     from feeder_sim.replay.plate import TIMELINE
-    from feeder_sim.replay.viewer import FORMATS, open_viewer, replay_file, take_screenshot, time_shown
+    from feeder_sim.replay.viewer import FORMATS, SIZE, open_viewer, replay_file, take_screenshot, time_shown
     from feeder_sim.replay.wave import SLOW
 
     if screenshot is not None and video is not None:
@@ -62,15 +65,26 @@ def replay(
         film = film_of(folder, begin, end, speed=speed, fps=fps, size=_size(size), seed=show_seed, slow=slow)
         with progress_bar(str(video)) as progress:
             make_film(folder, video, film, seed=show_seed, colour=meaning, progress=progress)
+        _tell(as_json, {"video": str(video), "seed": show_seed, **film.as_json_object()})
         return
     if screenshot is not None:
         _check_new(screenshot, "--screenshot", tuple(FORMATS))
         moment = time_shown(folder, at, seed=show_seed, slow=slow)
         take_screenshot(folder, screenshot, at=moment, timeline=timeline, seed=show_seed, colour=meaning)
+        shown = {"timeline": timeline, "time_s": moment, "size_pixels": SIZE}
+        _tell(as_json, {"screenshot": str(screenshot), "seed": show_seed, **shown})
         return
     if slow:
         raise InputError("belongs to --screenshot and --video; in the viewer choose the timeline", key="--slow-motion")
-    open_viewer(replay_file(folder, seed=show_seed, colour=meaning, rebuild=rebuild))
+    file = replay_file(folder, seed=show_seed, colour=meaning, rebuild=rebuild)
+    open_viewer(file)
+    _tell(as_json, {"replay": str(file), "seed": show_seed})
+
+
+def _tell(as_json: bool, made: dict[str, Any]) -> None:
+    """Print what was made, where JSON is asked for."""
+    if as_json:
+        print(json.dumps(made))
 
 
 def _check_new(path: Path, key: str, suffixes: tuple[str, ...]) -> None:

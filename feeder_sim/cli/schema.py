@@ -18,6 +18,9 @@ def schema(
     kind: Annotated[str, typer.Argument(help=f"Kind of file: {' or '.join(KINDS)}.")] = KINDS[0],
     out: Annotated[Path | None, typer.Option("--out", help="Write it to this file instead of stdout.")] = None,
     force: Annotated[bool, typer.Option("--force", help="Replace an existing --out file.")] = False,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="Print one JSON object on stdout: the schema and where it was written.")
+    ] = False,
 ) -> None:
     """Print the JSON Schema of scenarios or of plate files, by which editors complete and check them."""
     if kind not in KINDS:
@@ -25,10 +28,12 @@ def schema(
     if out is not None:
         writable(out, force=force)
     text = schema_text(kind)
-    if out is None:
-        print(text, end="")
-    else:
+    if out is not None:
         out.write_text(text, encoding="utf-8")
+    if as_json:
+        print(json.dumps({"kind": kind, "file": None if out is None else str(out), "schema": json.loads(text)}))
+    elif out is None:
+        print(text, end="")
 
 
 def schema_text(kind: str) -> str:

@@ -8,16 +8,13 @@ from typing import Any
 
 import numpy as np
 
-from feeder_sim.errors import InputError
-from feeder_sim.measures.bounces import seed_flights
 from feeder_sim.measures.circulation import StageWave
+from feeder_sim.measures.velocity_record import VelocityRecord
 from feeder_sim.plate.modes import PlateModes
 from feeder_sim.plate.sequences import Route
 from feeder_sim.plots.figure import MM, MS, UM, empty_figure
 from feeder_sim.plots.outline import cut_to_plate
-from feeder_sim.records.trajectory import Recording
-from feeder_sim.scenario import parse_scenario
-from feeder_sim.scene.scene import GRAVITY, build_scene
+from feeder_sim.scene.scene import GRAVITY
 from feeder_sim.studies.bifurcation import Boundary, Diagram
 from feeder_sim.studies.width_ratios import RatioRoutes
 
@@ -148,47 +145,21 @@ def draw_bifurcation(diagram: Diagram, path: Path) -> None:
     figure.savefig(path, dpi=150)
 
 
-def draw_velocity(recording: Recording, path: Path, *, seed: int, start: float, stop: float) -> None:
-    """Draw the vertical velocity of a guided part, as a vibrometer above it records it, and the bounce intervals.
-
-    Args:
-        recording: of a run with a part in a guide.
-        path: of the picture.
-        seed: index of the seed whose velocity is shown; the bounce intervals are those of all seeds.
-        start: of the velocity record [s].
-        stop: of the velocity record [s].
-
-    Raises:
-        InputError: no such seed, no frames in that time, or no impacts were recorded.
-    """
-    impacts = [record.impacts for record in recording.records]
-    if not any(len(impacts_of_seed) for impacts_of_seed in impacts):
-        raise InputError("holds no impacts, allowed is a run of a part in a guide", file=recording.path)
-    if not 0 <= seed < len(recording.seeds):
-        raise InputError(
-            f"is {seed}, allowed is 0 to {len(recording.seeds) - 1}", file=recording.path, key="--show-seed"
-        )
-    frames = recording.seeds[seed]
-    in_window = (frames.time >= start) & (frames.time <= stop)
-    if not in_window.any():
-        raise InputError(f"no frames between {start:g} and {stop:g} s", file=recording.path)
-    scenario = parse_scenario(recording.scenario_text, file=recording.path)
-    scene = build_scene(scenario)
+def draw_velocity(record: VelocityRecord, path: Path) -> None:
+    """Draw the vertical velocity of a guided part with that of the plate, and the bounce intervals of all seeds."""
     figure = empty_figure(10.0, 3.8)
     left, right = figure.subplots(1, 2, width_ratios=[3, 1])
-    times = frames.time[in_window]
-    left.plot(times, frames.velocity[in_window, 0, 2] * MM, linewidth=0.8, color="tab:orange")
-    if len(scenario.drive) == 1:
-        amplitude = np.abs(scene.surface.terms.phasor(times, 1)[:, 0])
-        envelope = amplitude * 2.0 * np.pi * scenario.drive[0].frequency_hz * MM
+    left.plot(record.time, record.velocity * MM, linewidth=0.8, color="tab:orange")
+    if record.plate_velocity is not None:
+        envelope = record.plate_velocity * MM
         fill = {"alpha": 0.3, "color": "tab:blue", "linewidth": 0.0, "label": "plate"}
-        left.fill_between(times, -envelope, envelope, **fill)
+        left.fill_between(record.time, -envelope, envelope, **fill)
         left.legend(loc="lower left", fontsize=8)
-    left.set(xlabel="time (s)", ylabel="vertical velocity (mm/s)", xlim=(start, min(stop, frames.time[-1])))
-    intervals = np.concatenate([flights.interval for flights in seed_flights(scene, impacts)]) * MS
+    left.set(xlabel="time (s)", ylabel="vertical velocity (mm/s)", xlim=record.window)
+    intervals = np.concatenate(record.intervals) * MS
     right.hist(intervals, bins=40, color="tab:orange")
     right.set(xlabel="bounce interval (ms)", ylabel=f"number of {len(intervals)}, all seeds")
-    left.set_title(scenario.title or recording.path.parent.name, fontsize=10)
+    left.set_title(record.title, fontsize=10)
     figure.savefig(path, dpi=150)
 
 

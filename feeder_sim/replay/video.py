@@ -56,6 +56,18 @@ class Film:
         steps = np.arange(math.floor((self.end - self.begin) / step * (1.0 + 1e-12)) + 1)
         return np.asarray(np.minimum(self.begin + step * steps, self.end), float)
 
+    def as_json_object(self) -> dict[str, Any]:
+        """As JSON takes it."""
+        return {
+            "timeline": self.timeline,
+            "from_s": self.begin,
+            "to_s": self.end,
+            "speed": self.speed,
+            "fps": self.fps,
+            "frames": len(self.times),
+            "size_pixels": list(self.size),
+        }
+
 
 def check_library() -> None:
     """Refuse to make a film without the extra `video`.

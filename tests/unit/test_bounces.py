@@ -21,6 +21,7 @@ from feeder_sim.measures.bounces import (
     settling_time,
 )
 from feeder_sim.measures.statistic import Statistic
+from feeder_sim.measures.velocity_record import VelocityRecord
 from feeder_sim.records.impacts import Impacts
 from feeder_sim.records.trajectory_file import TRAJECTORY, read_recording
 from feeder_sim.run.run_folder import SUMMARY, record_run
@@ -156,6 +157,14 @@ def test_standard_error_allows_for_correlation_of_neighbours() -> None:
 def test_standard_error_of_independent_values_stays() -> None:
     values = np.random.default_rng(0).normal(size=20_000)
     assert batched([values]).se == pytest.approx(values.std() / math.sqrt(20_000), rel=0.4)
+
+
+def test_velocity_record_without_bounces_has_no_numbers_of_them() -> None:
+    time, none = np.array([0.0, 0.1]), np.empty(0)
+    told = VelocityRecord("ball", (0.0, 0.1), time, np.array([-0.02, 0.01]), None, (none, none)).as_json_object()
+    assert told["bounce_interval_ms"] == {"mean": None, "sd": None, "se": None, "n": 0}
+    assert told["least_bounce_interval_ms"] is None and told["largest_bounce_interval_ms"] is None
+    assert told["plate_velocity_mm_s"] is None and told["least_velocity_mm_s"] == pytest.approx(-20.0)
 
 
 def test_few_values_have_the_plain_standard_error_and_none_have_none() -> None:

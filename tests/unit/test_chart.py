@@ -5,16 +5,21 @@ from __future__ import annotations
 import csv
 import json
 import math
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import pytest
 from command_line import feeder_sim
 
+from feeder_sim.cli.chart import PARTS, _print_case
 from feeder_sim.errors import InputError
 from feeder_sim.measures.statistic import Statistic
+from feeder_sim.studies.chart import ladder, points, stability_map, walker_maps
 from feeder_sim.studies.chart.by_drift_map import NAME, NUMBERS
 from feeder_sim.studies.chart.cases import CASES, ball_height
-from feeder_sim.studies.chart.map_cells import Axis, State
+from feeder_sim.studies.chart.engine_maps import EngineMap
+from feeder_sim.studies.chart.ladder import Rung, run_ladders
+from feeder_sim.studies.chart.map_cells import Axis, MapCell, State
 from feeder_sim.studies.chart.methods import EVERYTHING, METHODS
 from feeder_sim.studies.chart.points import (
     PEER_COLUMNS,
@@ -23,11 +28,14 @@ from feeder_sim.studies.chart.points import (
     front,
     is_default,
     measure,
+    measure_all,
     read_peers,
     scenario_of,
     write_points,
 )
+from feeder_sim.studies.chart.shares import shares
 from feeder_sim.studies.chart.stability_map import MAPS, fill
+from feeder_sim.studies.chart.summary import CaseSummary
 from feeder_sim.studies.chart.walker_maps import WalkerMap
 from feeder_sim.studies.drift_map.comparison import Agreement
 
@@ -61,6 +69,92 @@ def test_fastest_within_counts_valid_points_alone() -> None:
     found = fastest_within(points, 5.0)
     assert found is not None and found.wall_s_per_simulated_s == 1.0
     assert fastest_within(points, 0.2) is None
+
+
+def test_summary_names_the_front_the_default_and_the_next_best_simulator(capsys: pytest.CaptureFixture[str]) -> None:
+    default, variant = point(4.0, 1.0, method="impulses"), point(4.5, 0.9, method="impulses, tangent plane")
+    other, failed = point(1.0, 10.0, method="MuJoCo"), point(0.5, 0.01, "thrown off", method="Peer")
+    found = CaseSummary.of("drift_4750", "Drift", [default, variant, other, failed])
+    told = json.loads(json.dumps(found.as_json_object()))
+    assert [p["method"] for p in told["front"]] == ["impulses", "MuJoCo"]
+    assert told["default"]["on_front"] and told["default"]["cost"] == 1.0
+    assert (told["fastest"]["method"], told["next"]["method"], told["next"]["cost"]) == ("impulses", "MuJoCo", 10.0)
+    assert told["failed"] == [{"method": "Peer", "setting": 40, "failure": "thrown off"}]
+    _print_case(found)
+    assert capsys.readouterr().out.splitlines() == [
+        "Drift",
+        "  front  impulses, 40: error 4 %, cost 1",
+        "  front  MuJoCo, 40: error 1 %, cost 10",
+        "  default on the front: yes, error 4 %",
+        "  fastest within 5 %: impulses, 40",
+        "  next: MuJoCo, 40, 10 times its cost",
+        "  failed  Peer, 40: thrown off",
+    ]
+    alone = CaseSummary.of("drift_4750", "Drift", [failed]).as_json_object()
+    assert alone["front"] == [] and alone["default"] is None and alone["fastest"] is None and alone["next"] is None
+
+
+def test_pieces_of_a_work_tell_their_share_of_it() -> None:
+    told: list[float] = []
+    first, nothing, last = shares(told.append, (3.0, 0.0, 1.0))
+    for show, fraction in ((first, 0.5), (first, 1.0), (nothing, 1.0), (last, 0.5), (last, 1.0)):
+        show(fraction)
+    assert told == pytest.approx([0.375, 0.75, 0.75, 0.875, 1.0])
+
+
+@pytest.mark.parametrize("quick", [True, False])
+@pytest.mark.parametrize("part", ["methods", "ladder", "stability"])
+def test_progress_of_a_part_rises_to_its_end(part: str, quick: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Whatever its pieces are; here they take no time."""
+
+    def run(raw: object, number: int, progress: Callable[[float], None], *, quick: bool) -> object:
+        progress(1.0)
+        return [1.0, 1.1], 0.1
+
+    steady = State.STABLE, Statistic(0.0, 0.0, 0.0, 2), ""
+    monkeypatch.setattr(points, "_once", lambda case, method, setting: point(1.0, 1.0))
+    monkeypatch.setattr(points, "_ensemble", lambda case, method, setting, seeds, progress: point(1.0, 1.0))
+    monkeypatch.setattr(ladder, "_run", run)
+    for kind in (EngineMap, WalkerMap):
+        monkeypatch.setattr(kind, "judge", lambda self, x, y, *, quick: steady)
+    monkeypatch.setitem(walker_maps._MADE, quick, None)
+    told, notes = [0.0], list[str]()
+    compute: dict[str, Callable[..., Sequence[object]]] = {
+        "methods": lambda **how: measure_all(CASES, METHODS, **how),
+        "ladder": run_ladders,
+        "stability": fill,
+    }
+    found = compute[part](quick=quick, note=notes.append, progress=told.append)
+    assert told == sorted(told) and told[-1] == pytest.approx(1.0)
+    assert len(notes) == len(found) and len(set(told)) > len(found) / 2
+
+
+def test_json_of_the_chart_is_one_object_and_notes_go_elsewhere(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    rung = Rung("strip", "full", 1.5, math.nan, 1, 0.0, 0.0, 1.0, "1 of 1")
+    cell = MapCell("impulses", 10, 0.2, State.UNCLEAR, math.nan, math.nan, "drift not known")
+
+    def climb(*, quick: bool, note: Callable[[str], None], progress: Callable[[float], None]) -> list[Rung]:
+        note("strip, full: 1.500 mm/s")
+        progress(1.0)
+        return [rung]
+
+    monkeypatch.setattr(ladder, "run_ladders", climb)
+    monkeypatch.setattr(stability_map, "fill", lambda **_: [cell])
+    parts = ("--only", "stability", "--only", "ladder")
+    done = feeder_sim("chart", *parts, "--quick", "--json", "--out", "c", cwd=tmp_path)
+    assert done.returncode == 0 and done.stderr == "feeder-sim: strip, full: 1.500 mm/s\n"
+    told = json.loads(done.stdout)
+    assert (told["folder"], told["quick"], list(told)[3:]) == ("c", True, ["ladder", "stability"])
+    files = [file for part in ("ladder", "stability") for file in told[part]["files"]]
+    assert sorted(files) == sorted(f"c/{path.name}" for path in (tmp_path / "c").iterdir())
+    (row,) = told["ladder"]["rungs"]
+    assert row["speed_mm_s"] == 1.5 and row["se_mm_s"] is None
+    assert told["ladder"]["rungs"] == json.loads((tmp_path / "c/ladder.json").read_text())
+    assert told["stability"]["states"] == {"unclear": 1} and told["stability"]["cells"][0]["deviation"] is None
+    in_words = feeder_sim("chart", *parts, "--quick", "--out", "d", cwd=tmp_path).stdout
+    assert "saves 1.00" in in_words and "unclear: 1 of 1 cells" in in_words
 
 
 def test_every_case_has_one_default_and_every_method_a_case() -> None:
@@ -187,18 +281,18 @@ def test_bad_arguments_get_one_line(tmp_path: Path, arguments: list[str], compla
 @pytest.mark.slow
 def test_quick_chart(tmp_path: Path) -> None:
     """All of it with few seeds: every method that ought to work does, the others fail, the default is accurate."""
-    done = feeder_sim("chart", "--quick", "--out", tmp_path / "chart")
+    done = feeder_sim("chart", "--quick", "--json", "--out", tmp_path / "chart")
     assert done.returncode == 0, done.stderr
     names = [
         f"{part}{suffix}" for part in ("methods", "ladder", "stability") for suffix in (".csv", ".json", ".png", ".svg")
     ]
     assert sorted(path.name for path in (tmp_path / "chart").iterdir()) == sorted(names)
-    points = json.loads((tmp_path / "chart/methods.json").read_text())
-    assert {row["case"] for row in points} == {case.name for case in CASES}
-    assert {row["case"] for row in points if row["method"] == NAME} == set(NUMBERS)
+    rows = json.loads((tmp_path / "chart/methods.json").read_text())
+    assert {row["case"] for row in rows} == {case.name for case in CASES}
+    assert {row["case"] for row in rows if row["method"] == NAME} == set(NUMBERS)
     known = {method.name for method in METHODS if method.fails}
     discrete_slide = ("MuJoCo, discrete integrator", "sliding_impact")  # whose error is mostly that of the slide
-    for row in points:
+    for row in rows:
         if row["method"] in known and (row["method"], row["case"]) != discrete_slide:
             assert row["failure"] or row["error_percent"] > 40.0, row
         elif row["default"] and row["case"] not in ("drift_4750", "drift_8775", "crowd_20", "transport_strip"):
@@ -208,4 +302,9 @@ def test_quick_chart(tmp_path: Path) -> None:
     cells = json.loads((tmp_path / "chart/stability.json").read_text())
     assert {"stable", "exploding", "tunnelling"} <= {cell["state"] for cell in cells}
     assert {cell["map"] for cell in cells} == {stability_map.name for stability_map in MAPS}
-    assert done.stdout.count("default on the front") == len(CASES)
+    told = json.loads(done.stdout)
+    assert told["methods"]["points"] == rows and told["stability"]["cells"] == cells
+    assert [case["case"] for case in told["methods"]["cases"]] == [case.name for case in CASES]
+    assert all(case["default"] for case in told["methods"]["cases"])
+    assert told["ladder"]["rungs"] == json.loads((tmp_path / "chart/ladder.json").read_text())
+    assert [told[part]["files"][0] for part in PARTS] == [str(tmp_path / f"chart/{part}.csv") for part in PARTS]

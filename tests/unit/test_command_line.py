@@ -7,14 +7,20 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
+import typer
 from command_line import feeder_sim, in_new_process, one_line, said
 from conftest import REPOSITORY
+from typer.testing import CliRunner
 
+from feeder_sim.cli.main import app
 from feeder_sim.cli.report import print_result
+from feeder_sim.errors import Interrupted
 from feeder_sim.run.prepare import prepare
 from feeder_sim.run.simulation import Result
 from feeder_sim.scenario import load_scenario
+from feeder_sim.studies.chart import ladder
 
 MODE_FILE = REPOSITORY / "models/plate_180/modes.h5"
 SHORT = """
@@ -127,6 +133,22 @@ def test_modes_are_computed_listed_stored_and_drawn(tmp_path: Path) -> None:
     assert too_high.returncode == 2 and "allowed is 1 to 59" in one_line(too_high)
 
 
+def test_every_command_has_json() -> None:
+    commands = typer.main.get_command(app).commands  # type: ignore[attr-defined]
+    assert "modes import" in commands and "replay" in commands
+    options = {name: [option for of in command.params for option in of.opts] for name, command in commands.items()}
+    assert [name for name, known in options.items() if "--json" not in known] == []
+
+
+def test_ctrl_c_is_told_also_where_nothing_can_be_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def interrupted(**_: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(ladder, "run_ladders", interrupted)
+    done = CliRunner().invoke(app, ["chart", "--only", "ladder", "--out", str(tmp_path / "c")])
+    assert isinstance(done.exception, Interrupted) and str(done.exception) == "interrupted"
+
+
 def test_list_names_what_there_is() -> None:
     listed = feeder_sim("list", cwd=REPOSITORY)
     for expected in ("scenarios/drift_4750hz.toml", "models/plate_180/modes.h5", "mujoco", "M2.5", "aluminium"):
@@ -218,9 +240,17 @@ def test_run_of_a_guided_part_reports_its_bounces_and_can_be_drawn(tmp_path: Pat
     assert "bounce interval  20" in done.stdout
     assert "motion           1 (4 seeds)" in done.stdout
     assert "drift" not in done.stdout
-    drawn = feeder_sim("vibrometer", tmp_path / "run", "--picture", tmp_path / "v.png", "--to", 0.5)
+    drawn = feeder_sim("vibrometer", tmp_path / "run", "--picture", tmp_path / "v.png", "--to", 0.5, "--json")
     assert drawn.returncode == 0, drawn.stderr
     assert (tmp_path / "v.png").read_bytes().startswith(b"\x89PNG")
+    told = json.loads(drawn.stdout)
+    assert (told["picture"], told["seed"], told["to_s"]) == (str(tmp_path / "v.png"), 0, 0.5)
+    # The plate moves at A omega; the ball falls onto it from 2 mm at most, and is nowhere faster than that.
+    assert told["plate_velocity_mm_s"] == pytest.approx(240e-3 * 2 * np.pi * 50.0, rel=1e-6)
+    assert -300.0 < told["least_velocity_mm_s"] < -90.0 < 90.0 < told["largest_velocity_mm_s"] < 300.0
+    assert told["least_bounce_interval_ms"] <= told["bounce_interval_ms"]["mean"] <= told["largest_bounce_interval_ms"]
+    summary = json.loads((tmp_path / "run/summary.json").read_text())
+    assert told["bounce_interval_ms"] == summary["bounce_interval_ms"]
 
 
 @pytest.mark.parametrize("name", ["drift_4750hz", "separation_heap", "transport_strip", "wave_circulation"])

@@ -71,6 +71,14 @@ def test_a_schema_is_written_to_a_new_file_only(tmp_path: Path) -> None:
     check_refused(feeder_sim("schema", "plat"), "is 'plat' (did you mean 'plate'?), allowed is scenario or plate")
 
 
+def test_json_says_what_the_schema_is_of_and_where_it_was_written(tmp_path: Path) -> None:
+    out = tmp_path / "plate.json"
+    for file, arguments in ((None, []), (str(out), ["--out", out])):
+        told = json.loads(feeder_sim("schema", "plate", "--json", *arguments).stdout)
+        assert told == {"kind": "plate", "file": file, "schema": json_schema("plate")}
+    assert out.read_text(encoding="utf-8") == feeder_sim("schema", "plate").stdout
+
+
 def lint(*paths: Path) -> tuple[int, str]:
     command = list(map(str, [TOMBI, "lint", "--offline", *paths]))
     done = subprocess.run(command, capture_output=True, text=True, cwd=REPOSITORY, timeout=60, check=False)

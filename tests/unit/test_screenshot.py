@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import json
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -13,6 +15,7 @@ from typer.testing import CliRunner
 
 from feeder_sim.cli.main import app
 from feeder_sim.errors import FeederSimError, InputError
+from feeder_sim.replay import video, viewer
 from feeder_sim.replay.video import check_library, film_of, make_film
 from feeder_sim.replay.viewer import take_screenshot
 from feeder_sim.run.run_folder import record_run
@@ -57,6 +60,51 @@ def test_film_has_its_frames_and_nothing_else_is_left(tmp_path: Path) -> None:
     assert np.abs(first - last)[:, 400:].max() > 60  # the cursor of the plots has moved on
     assert done == pytest.approx([0.2, 0.4, 0.6, 0.8, 1.0])
     assert sorted(path.name for path in tmp_path.iterdir()) == ["film.mp4", "run"]
+
+
+@pytest.mark.parametrize(
+    ("options", "told"),
+    [
+        ((), {"replay": "run/replay.rrd", "seed": 0}),
+        (
+            ("--screenshot", "shot.png"),
+            {
+                "screenshot": "shot.png",
+                "seed": 0,
+                "timeline": "sim_time",
+                "time_s": pytest.approx(0.02, abs=0.001),
+                "size_pixels": [1920, 1080],
+            },
+        ),
+        (
+            ("--video", "film.mp4", "--from", "0.005", "--to", "0.015", "--fps", "50", "--speed", "0.1"),
+            {
+                "video": "film.mp4",
+                "seed": 0,
+                "timeline": "sim_time",
+                "from_s": 0.005,
+                "to_s": 0.015,
+                "speed": 0.1,
+                "fps": 50.0,
+                "frames": 6,
+                "size_pixels": [1280, 720],
+            },
+        ),
+    ],
+)
+def test_json_says_what_was_made(
+    options: tuple[str, ...], told: dict[str, Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Without a screen and a graphics driver: what draws is left out."""
+    monkeypatch.setattr(viewer, "open_viewer", lambda replay: None)
+    monkeypatch.setattr(viewer, "take_screenshot", lambda *_, **__: None)
+    monkeypatch.setattr(video, "make_film", lambda *_, **__: None)
+    monkeypatch.setattr(video, "check_library", lambda: None)
+    record_run(strip_scenario(duration_s=0.02), tmp_path / "run")
+    monkeypatch.chdir(tmp_path)
+    done = CliRunner().invoke(app, ["replay", "run", "--json", *options])
+    assert done.exit_code == 0 and json.loads(done.stdout) == told
+    assert CliRunner().invoke(app, ["replay", "run", *options]).stdout == ""
 
 
 class _NoMore(Exception):

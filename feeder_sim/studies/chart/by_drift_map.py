@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from functools import partial
 
 import numpy as np
@@ -21,6 +21,7 @@ from feeder_sim.scene.start import start_poses
 from feeder_sim.studies.chart.cases import CASES
 from feeder_sim.studies.chart.methods import DEFAULT_STEPS, METHODS
 from feeder_sim.studies.chart.points import Point, scenario_of
+from feeder_sim.studies.chart.shares import Show, no_progress, shares
 from feeder_sim.studies.drift_map.comparison import arrivals, map_error, passages, shares_near
 from feeder_sim.studies.drift_map.drift_map import DriftMap
 from feeder_sim.studies.drift_map.making import make_map, strip_of
@@ -32,17 +33,37 @@ WALKERS = 1000
 AROUND = (0.25, 0.5, 0.75, 1.0, 1.4)  # velocity amplitudes of the table over that of the case
 OF_CROWD = (0.03, 0.06, 0.1, 0.15, 0.2, 0.3, 0.45)  # [m/s]
 CROWD = "crowd_20"
+TABLE_SEED_S, WALK_S = 0.03, 10.0  # what a map takes per run behind each entry, and what its walkers take, about [s]
 Number = Callable[[DriftMap, Prepared], tuple[float, float, float]]
 
 
-def points_by_drift_map(references: dict[str, tuple[float, float]], *, quick: bool) -> list[Point]:
+def maps_cost(cases: Collection[str], *, quick: bool) -> float:
+    """How long the points of these cases take by drift maps, about [s]."""
+    return sum(_costs_of(cases, quick=quick))
+
+
+def _costs_of(cases: Collection[str], *, quick: bool) -> list[float]:
+    settings = QUICK if quick else SETTINGS
+    return [TABLE_SEED_S * seeds + WALK_S for name in NUMBERS if name in cases for seeds in settings]
+
+
+def points_by_drift_map(
+    references: dict[str, tuple[float, float]],
+    *,
+    quick: bool,
+    note: Callable[[str], None] = lambda _: None,
+    progress: Show = no_progress,
+) -> list[Point]:
     """The points of the cases that a drift map can compute.
 
     Args:
         references: value and standard error by name of the case; other cases are left out.
         quick: one small map per case.
+        note: called with a line about each finished point.
+        progress: called with the fraction done.
     """
     points = []
+    pieces = iter(shares(progress, _costs_of(references, quick=quick)))
     for case in CASES:
         if case.name not in references or case.name not in NUMBERS:
             continue
@@ -54,7 +75,9 @@ def points_by_drift_map(references: dict[str, tuple[float, float]], *, quick: bo
             scenario = scenario.model_copy(update={"schedule": scenario.schedule.model_copy(update={"stage": gather})})
         prepared = prepare(scenario)
         for seeds in QUICK if quick else SETTINGS:
-            table = _table(prepared, OF_CROWD if crowd else AROUND, seeds, relative=not crowd)
+            show = next(pieces)
+            of_table, _ = shares(show, (TABLE_SEED_S * seeds, WALK_S))
+            table = _table(prepared, OF_CROWD if crowd else AROUND, seeds, relative=not crowd, progress=of_table)
             number = NUMBERS[case.name]
             value, own, cost = number(table, prepared)
             se = math.hypot(own, map_error(table, partial(_value, number, prepared)))
@@ -62,10 +85,12 @@ def points_by_drift_map(references: dict[str, tuple[float, float]], *, quick: bo
             points.append(
                 Point(case.name, NAME, seeds, value, se, WALKERS, *references[case.name], cost, failure, DETAILS)
             )
+            show(1.0)
+            note(points[-1].line())
     return points
 
 
-def _table(prepared: Prepared, speeds: Sequence[float], seeds: int, *, relative: bool) -> DriftMap:
+def _table(prepared: Prepared, speeds: Sequence[float], seeds: int, *, relative: bool, progress: Show) -> DriftMap:
     """A map for the frequencies of all drives; relative speeds are over that of the fastest drive."""
     drives = prepared.scene.drives
     own = max(2.0 * math.pi * drive.drive_frequency * drive.steady_amplitude for drive in drives) if relative else 1.0
@@ -75,6 +100,7 @@ def _table(prepared: Prepared, speeds: Sequence[float], seeds: int, *, relative:
         frequencies_hz=sorted({drive.drive_frequency for drive in drives}),
         speeds_m_s=[own * speed for speed in speeds],
         seeds=seeds,
+        progress=progress,
     )
 
 

@@ -57,6 +57,7 @@ class Case:
             reference.
         seeds: number for a fast method, for a slow method, and for the reference; 0 for a case without chance.
         quick_seeds: the same in the quick variant.
+        seed_s: how long a seed takes by impulses, about [s]; 0 for a case without chance.
     """
 
     name: str
@@ -67,6 +68,7 @@ class Case:
     exact: float | None
     seeds: tuple[int, int, int] = (0, 0, 0)
     quick_seeds: tuple[int, int, int] = (0, 0, 0)
+    seed_s: float = 0.0
 
     @property
     def by_chance(self) -> bool:
@@ -238,6 +240,7 @@ CASES = (
         None,
         (48, 4, 96),
         (8, 1, 16),
+        0.05,
     ),
     Case(
         "drift_8775",
@@ -248,6 +251,7 @@ CASES = (
         None,
         (128, 12, 256),
         (16, 2, 32),
+        0.02,
     ),
     Case(
         "crowd_20",
@@ -258,6 +262,7 @@ CASES = (
         None,
         (16, 4, 32),
         (2, 1, 4),
+        0.3,
     ),
     Case(
         "transport_strip",
@@ -268,5 +273,6 @@ CASES = (
         None,
         (24, 4, 48),
         (2, 1, 2),
+        0.1,
     ),
 )

@@ -5,17 +5,20 @@ from __future__ import annotations
 import csv
 import json
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
+Row = dict[str, Any]
 
-def write_rows(rows: Sequence[dict[str, Any]], folder: Path, name: str) -> None:
-    """Write rows with the same keys to NAME.csv and NAME.json of a folder.
 
-    A number that is not finite becomes an empty field in CSV and null in JSON.
-    """
-    finite = [{k: None if isinstance(v, float) and not math.isfinite(v) else v for k, v in row.items()} for row in rows]
+def finite_rows(rows: Iterable[Row]) -> list[Row]:
+    """Rows as JSON takes them: a number that is not finite becomes None."""
+    return [{k: None if isinstance(v, float) and not math.isfinite(v) else v for k, v in row.items()} for row in rows]
+
+
+def write_rows(finite: Sequence[Row], folder: Path, name: str) -> None:
+    """Write rows with the same keys to NAME.csv and NAME.json of a folder; None is an empty field in CSV."""
     with (folder / f"{name}.csv").open("w", newline="", encoding="utf-8") as file:
         writer = csv.DictWriter(file, list(finite[0]))
         writer.writeheader()

@@ -22,6 +22,7 @@ from feeder_sim.studies.chart.cases import CONTACT, Raw, strip
 from feeder_sim.studies.chart.map_cells import Axis, StabilityMap, State, Verdict, by_deviation
 from feeder_sim.studies.chart.methods import Change, compliant, mujoco, steps
 from feeder_sim.studies.chart.points import FINEST
+from feeder_sim.studies.chart.shares import MUJOCO, MUJOCO_STEPS, SEED_S
 
 EXPLODING_RISE = 5.0  # times the rise of the reference
 LEAST_EXPLODING_RISE_MM = 2.0  # a smaller rise is never an explosion
@@ -49,9 +50,21 @@ class EngineMap(StabilityMap):
         if self.reference is not None:
             reference = _reference(json.dumps(self.reference(x, y)), QUICK_SEEDS if quick else SEEDS)
         raw = self.scenario(x, y)
-        slow = raw["run"]["engine"] == "mujoco"
-        seeds = QUICK_SEEDS if quick or reference is None else MUJOCO_SEEDS if slow else SEEDS
-        return classify(_run(raw, seeds), reference)
+        return classify(_run(raw, self._seeds(raw, quick=quick)), reference)
+
+    def cost(self, x: float, y: float, *, quick: bool) -> float:
+        raw = self.scenario(x, y)
+        run, seeds = raw["run"], self._seeds(raw, quick=quick)
+        slower = MUJOCO * run["steps_per_period"] / MUJOCO_STEPS if _slow(raw) else 1.0
+        return float(seeds * run["duration_s"] * SEED_S * slower)
+
+    def _seeds(self, raw: Raw, *, quick: bool) -> int:
+        """Number of seeds of a cell."""
+        return QUICK_SEEDS if quick or self.reference is None else MUJOCO_SEEDS if _slow(raw) else SEEDS
+
+
+def _slow(raw: Raw) -> bool:
+    return bool(raw["run"]["engine"] == "mujoco")
 
 
 @cache

@@ -25,7 +25,8 @@ from feeder_sim.scenario.tables import validated
 from feeder_sim.scene.cell import transport_cell
 from feeder_sim.scene.scene import build_scene
 from feeder_sim.studies.chart.cases import CONTACT, Raw, speed, strip
-from feeder_sim.studies.chart.data_files import write_rows
+from feeder_sim.studies.chart.data_files import Row, finite_rows, write_rows
+from feeder_sim.studies.chart.shares import MUJOCO, Show, no_progress, shares
 
 SLOW_LADDERS = ("MuJoCo, 4750 Hz",)  # not in the quick variant
 ROUNDS, SEEDS, SLOW_SEEDS = 3, 12, 2
@@ -134,7 +135,9 @@ LADDERS: dict[str, dict[str, Callable[[], Raw]]] = {
 }
 
 
-def run_ladders(*, quick: bool, note: Callable[[str], None] = lambda _: None) -> list[Rung]:
+def run_ladders(
+    *, quick: bool, note: Callable[[str], None] = lambda _: None, progress: Show = no_progress
+) -> list[Rung]:
     """Run the models of all ladders.
 
     The seeds of a model are divided into rounds, and in each round all models of a ladder run one after the other. The
@@ -143,14 +146,17 @@ def run_ladders(*, quick: bool, note: Callable[[str], None] = lambda _: None) ->
     Args:
         quick: few seeds, and without the slow ladders.
         note: called with a line about each finished rung.
+        progress: called with the fraction done.
     """
     rungs: list[Rung] = []
-    for ladder, models in LADDERS.items():
-        if quick and ladder in SLOW_LADDERS:
-            continue
+    ladders = {name: models for name, models in LADDERS.items() if not (quick and name in SLOW_LADDERS)}
+    numbers = range(QUICK_ROUNDS if quick else ROUNDS)
+    rounds_cost = [[_cost(make(), quick=quick) for make in models.values()] for models in ladders.values()]
+    pieces = iter(shares(progress, [cost for costs in rounds_cost for _ in numbers for cost in costs]))
+    for ladder, models in ladders.items():
         rounds = [
-            {model: _run(scenario(), number, quick=quick) for model, scenario in models.items()}
-            for number in range(QUICK_ROUNDS if quick else ROUNDS)
+            {model: _run(scenario(), number, next(pieces), quick=quick) for model, scenario in models.items()}
+            for number in numbers
         ]
         full_model = next(iter(models))
         for model in models:
@@ -180,18 +186,37 @@ def _rung(ladder: str, model: str, full_model: str, rounds: Sequence[Round]) -> 
     )
 
 
-def _run(raw: Raw, number: int, *, quick: bool) -> tuple[list[float], float]:
+def _slow(raw: Raw) -> bool:
+    return raw["run"].get("engine") == "mujoco"
+
+
+def _seeds(raw: Raw, *, quick: bool) -> int:
+    """Number of seeds of a model in one round."""
+    return QUICK_SEEDS if quick else SLOW_SEEDS if _slow(raw) else SEEDS
+
+
+def _cost(raw: Raw, *, quick: bool) -> float:
+    """How long a model takes in one round, about, in seeds of the impulses."""
+    return _seeds(raw, quick=quick) * (MUJOCO if _slow(raw) else 1.0)
+
+
+def _run(raw: Raw, number: int, progress: Show, *, quick: bool) -> tuple[list[float], float]:
     """Transport speeds [mm/s] of a model in one round, NaN for seeds that did not arrive; wall over simulated time."""
-    slow = raw["run"].get("engine") == "mujoco"
-    seeds = QUICK_SEEDS if quick else SLOW_SEEDS if slow else SEEDS
-    raw["run"] |= {"seeds": seeds, "seed": number}
-    result = simulate(validated(raw, Scenario, Path("ladder")))
+    raw["run"] |= {"seeds": _seeds(raw, quick=quick), "seed": number}
+    result = simulate(validated(raw, Scenario, Path("ladder")), progress=progress)
+    progress(1.0)
     simulated = sum(float(seed.frames.time[-1]) for seed in result.seeds)
     speeds = [speed(result.prepared, seed) if seed.status == Status.DONE else math.nan for seed in result.seeds]
     return speeds, sum(seed.wall_s for seed in result.seeds) / simulated
 
 
+def rows_of(rungs: Sequence[Rung]) -> list[Row]:
+    """The rungs as JSON takes them; the column with the name of the ladder is called "flight"."""
+    return finite_rows(
+        {"flight" if key == "ladder" else key: value for key, value in asdict(rung).items()} for rung in rungs
+    )
+
+
 def write_rungs(rungs: Sequence[Rung], folder: Path) -> None:
-    """Write the rungs as CSV and as JSON; the column with the name of the ladder is called "flight"."""
-    rows = [{"flight" if key == "ladder" else key: value for key, value in asdict(rung).items()} for rung in rungs]
-    write_rows(rows, folder, "ladder")
+    """Write the rungs as CSV and as JSON; see `rows_of`."""
+    write_rows(rows_of(rungs), folder, "ladder")

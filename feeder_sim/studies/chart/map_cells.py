@@ -60,6 +60,15 @@ class StabilityMap(ABC):
     def judge(self, x: float, y: float, *, quick: bool) -> Verdict:
         """Compute the cell of two settings; `quick` with few seeds."""
 
+    @abstractmethod
+    def cost(self, x: float, y: float, *, quick: bool) -> float:
+        """How long that takes, about [s]."""
+
+    def settings(self, *, quick: bool) -> list[tuple[float, float]]:
+        """The x and y of all cells, row by row."""
+        xs, ys = (axis.quick if quick else axis.values for axis in (self.x, self.y))
+        return [(x, y) for y in ys for x in xs]
+
 
 @dataclass(frozen=True)
 class MapCell:

@@ -9,6 +9,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from feeder_sim.studies.chart.cases import Case, Raw
+from feeder_sim.studies.chart.shares import MUJOCO, MUJOCO_STEPS
 
 Change = Callable[[Raw, int], None]
 
@@ -59,6 +60,11 @@ class Method:
         if quick:  # leaves out failures that take long
             return () if self.fails and case.by_chance else self.quick
         return self.costly or self.settings if case.by_chance else self.settings
+
+    def slower(self, setting: int) -> float:
+        """How many times as long as by impulses a seed takes, about."""
+        steps_per_period = setting if self.sweep == Method.sweep else DEFAULT_STEPS
+        return MUJOCO * steps_per_period / MUJOCO_STEPS if self.slow else 1.0
 
     def apply(self, raw: Raw, setting: int) -> Raw:
         """Change the scenario of a case in place to that of the method, and return it."""

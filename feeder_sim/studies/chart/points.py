@@ -22,8 +22,9 @@ from feeder_sim.run.simulation import simulate
 from feeder_sim.scenario import Scenario
 from feeder_sim.scenario.tables import validated
 from feeder_sim.studies.chart.cases import Case
-from feeder_sim.studies.chart.data_files import write_rows
+from feeder_sim.studies.chart.data_files import Row, finite_rows, write_rows
 from feeder_sim.studies.chart.methods import DEFAULT_STEPS, METHODS, Method
+from feeder_sim.studies.chart.shares import Show, no_progress, shares
 
 SEEDS_TO_FAIL = 2  # of a method that is known to fail
 REPEAT_S = 0.5  # wall time over which a case without chance is repeated; the shortest run counts
@@ -82,6 +83,11 @@ class Point:
     def valid(self) -> bool:
         return not self.failure
 
+    def line(self) -> str:
+        """The point in one line."""
+        outcome = self.failure or f"{self.value:.4g}, error {self.error_percent:.2g} %"
+        return f"{self.case}: {self.method}, {self.setting}: {outcome}; {self.wall_s_per_simulated_s:.3g} s/s"
+
 
 def front(points: Iterable[Point]) -> list[Point]:
     """Valid points of one case that no other valid point beats, in order of cost.
@@ -118,8 +124,13 @@ def fastest_within(points: Iterable[Point], percent: float) -> Point | None:
     return min(as_cheap, key=lambda point: point.error_percent, default=None)
 
 
-def reference_of(case: Case, *, quick: bool) -> tuple[float, float]:
+def reference_of(case: Case, *, quick: bool, progress: Show = no_progress) -> tuple[float, float]:
     """Reference value of a case and its standard error: by a closed form, or by the finest run of the impulses.
+
+    Args:
+        case: to compute.
+        quick: few seeds, and not quite as fine.
+        progress: called with the fraction done.
 
     Raises:
         InputError: a seed of the finest run failed.
@@ -127,13 +138,21 @@ def reference_of(case: Case, *, quick: bool) -> tuple[float, float]:
     if case.exact is not None:
         return case.exact, 0.0
     finest, seeds = (QUICK_FINEST, case.quick_seeds[2]) if quick else (FINEST, case.seeds[2])
-    point = _ensemble(case, METHODS[0], finest, seeds)
+    point = _ensemble(case, METHODS[0], finest, seeds, progress)
     if point.failure:
         raise InputError(f"its reference failed: {point.failure}", key=case.name)
     return point.value, point.se
 
 
-def measure(case: Case, method: Method, setting: int, reference: tuple[float, float], *, quick: bool) -> Point:
+def measure(
+    case: Case,
+    method: Method,
+    setting: int,
+    reference: tuple[float, float],
+    *,
+    quick: bool,
+    progress: Show = no_progress,
+) -> Point:
     """Compute a case by a method at a setting.
 
     Args:
@@ -142,10 +161,10 @@ def measure(case: Case, method: Method, setting: int, reference: tuple[float, fl
         setting: of the method.
         reference: value and standard error; see `reference_of`.
         quick: few seeds.
+        progress: called with the fraction done.
     """
     if case.by_chance:
-        seeds = (case.quick_seeds if quick else case.seeds)[int(method.slow)]
-        point = _ensemble(case, method, setting, min(seeds, SEEDS_TO_FAIL) if method.fails else seeds)
+        point = _ensemble(case, method, setting, _seeds(case, method, quick=quick), progress)
     else:
         point = _once(case, method, setting)
     details = f"setting: {method.sweep}" + (f"; known to fail, {method.fails}" if method.fails else "")
@@ -156,8 +175,33 @@ def measure(case: Case, method: Method, setting: int, reference: tuple[float, fl
     return point
 
 
+def _seeds(case: Case, method: Method, *, quick: bool) -> int:
+    """Number of seeds of a case by chance."""
+    seeds = (case.quick_seeds if quick else case.seeds)[int(method.slow)]
+    return min(seeds, SEEDS_TO_FAIL) if method.fails else seeds
+
+
+def costs_of(cases: Sequence[Case], methods: Sequence[Method], *, quick: bool) -> list[float]:
+    """How long each piece of `measure_all` takes, about [s]: of a case the reference first, then the points."""
+    return [cost for case in cases for cost in _costs_of(case, methods, quick=quick)]
+
+
+def _costs_of(case: Case, methods: Sequence[Method], *, quick: bool) -> list[float]:
+    points = [(method, setting) for method in methods for setting in method.settings_for(case, quick=quick)]
+    if not case.by_chance:
+        return [0.0, *(REPEAT_S for _ in points)]
+    seeds = [(case.quick_seeds if quick else case.seeds)[2], *(_seeds(case, m, quick=quick) for m, _ in points)]
+    slower = [1.0, *(method.slower(setting) for method, setting in points)]
+    return [case.seed_s * n * factor for n, factor in zip(seeds, slower, strict=True)]
+
+
 def measure_all(
-    cases: Sequence[Case], methods: Sequence[Method], *, quick: bool, note: Callable[[str], None] = lambda _: None
+    cases: Sequence[Case],
+    methods: Sequence[Method],
+    *,
+    quick: bool,
+    note: Callable[[str], None] = lambda _: None,
+    progress: Show = no_progress,
 ) -> list[Point]:
     """Compute every case by every method at every setting.
 
@@ -166,21 +210,19 @@ def measure_all(
         methods: to compute them by; each names the cases that it is used for.
         quick: few seeds and few settings.
         note: called with a line about each finished point.
+        progress: called with the fraction done.
     """
     points = []
+    pieces = iter(shares(progress, costs_of(cases, methods, quick=quick)))
     for case in cases:
-        reference = reference_of(case, quick=quick)
+        reference = reference_of(case, quick=quick, progress=next(pieces))
         for method in methods:
             for setting in method.settings_for(case, quick=quick):
-                points.append(measure(case, method, setting, reference, quick=quick))
-                note(_line(points[-1]))
+                show = next(pieces)
+                points.append(measure(case, method, setting, reference, quick=quick, progress=show))
+                show(1.0)
+                note(points[-1].line())
     return points
-
-
-def _line(p: Point) -> str:
-    """A point in one line."""
-    outcome = p.failure or f"{p.value:.4g}, error {p.error_percent:.2g} %"
-    return f"{p.case}: {p.method}, {p.setting}: {outcome}; {p.wall_s_per_simulated_s:.3g} s/s"
 
 
 def scenario_of(case: Case, method: Method, setting: int, seeds: int = 1) -> Scenario:
@@ -208,9 +250,9 @@ def _once(case: Case, method: Method, setting: int) -> Point:
     return Point(case.name, method.name, setting, value, math.nan, 1, 0.0, 0.0, cost, failure)
 
 
-def _ensemble(case: Case, method: Method, setting: int, seeds: int) -> Point:
+def _ensemble(case: Case, method: Method, setting: int, seeds: int, progress: Show = no_progress) -> Point:
     """Compute a case by chance: mean and standard error over the seeds; a seed that does not end is a failure."""
-    result = simulate(scenario_of(case, method, setting, seeds))
+    result = simulate(scenario_of(case, method, setting, seeds), progress=progress)
     simulated = sum(float(seed.frames.time[-1]) for seed in result.seeds)
     cost = sum(seed.wall_s for seed in result.seeds) / simulated
     values = [case.observe(result.prepared, seed) for seed in result.seeds if seed.status == Status.DONE]
@@ -223,10 +265,10 @@ def _ensemble(case: Case, method: Method, setting: int, seeds: int) -> Point:
     return Point(case.name, method.name, setting, mean.mean, mean.se, mean.n, 0.0, 0.0, cost, failure)
 
 
-def write_points(points: Sequence[Point], folder: Path) -> None:
-    """Write points as CSV and as JSON, with their errors, whether they are on the front, and whether the default."""
+def rows_of(points: Sequence[Point]) -> list[Row]:
+    """Points as JSON takes them, with their errors, whether they are on the front, and whether the default."""
     on_front = {id(p) for case in {p.case for p in points} for p in front(q for q in points if q.case == case)}
-    rows = [
+    return finite_rows(
         asdict(p)
         | {
             "error_percent": p.error_percent,
@@ -235,8 +277,12 @@ def write_points(points: Sequence[Point], folder: Path) -> None:
             "default": is_default(p),
         }
         for p in points
-    ]
-    write_rows(rows, folder, "methods")
+    )
+
+
+def write_points(points: Sequence[Point], folder: Path) -> None:
+    """Write points as CSV and as JSON; see `rows_of`."""
+    write_rows(rows_of(points), folder, "methods")
 
 
 PEER_COLUMNS = ("case", "method", "setting", "value", "se", "n", "wall_s_per_simulated_s", "failure", "details")
