@@ -125,6 +125,27 @@ class Uncertainty(Answer, Propagation):
         draw_values(axes, self, name, measured)
         return axes
 
+    def plot_shares(self, measure: str | None = None, *, ax: Axes | None = None) -> Axes:
+        """Bars of the share of the variance that each input has in a measure, with their 95 % intervals.
+
+        Args:
+            measure: its name; default: the usual one.
+            ax: matplotlib axes to draw into; default: new ones.
+
+        Raises:
+            InputError: there is no such measure, or its shares are not told, as where the inputs are not told apart
+                from the seeds or draws are few.
+        """
+        from feeder_sim.plots.uncertainty import draw_shares
+
+        name = self.measure(measure)
+        linear, indices = self.linear_shares(name), self.indices(name)
+        if linear is None and not indices:
+            raise InputError(f"{name or 'no measure'} has no shares that can be told", key="plot_shares")
+        axes = axes_for(ax)
+        draw_shares(axes, linear, indices)
+        return axes
+
     def _line(self) -> str:
         rest = "" if self.complete else ", not complete"
         inputs = counted(len(self.scenario.uncertain or {}), "uncertain input")

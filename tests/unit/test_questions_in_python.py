@@ -103,6 +103,10 @@ def test_uncertainty(tmp_path: Path) -> None:
     assert executor.count == 2 * 16  # the third call found all of it in the folder
     check_shown(found)
     assert found.plot(measured=9.0).get_xlabel() == "speed"
+    assert [tick.get_text() for tick in found.plot_shares().get_yticklabels()] == [AMPLITUDE]
+    few = feeder_sim.uncertainty(scenario, inputs=3, executor=executor)
+    with pytest.raises(feeder_sim.InputError, match="speed has no shares that can be told"):
+        few.plot_shares()
     with pytest.raises(feeder_sim.InputError, match="is sped"):
         found.plot("sped")
 
