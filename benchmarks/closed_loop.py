@@ -1,7 +1,8 @@
 """Closed loops: picks per minute of a greedy policy against a fixed schedule, and a nut along a letter.
 
-python benchmarks/closed_loop.py --seeds 12
-python benchmarks/closed_loop.py --fit 0.03 --seeds 40
+feeder-sim drift-map separation_100 --seeds 300 --out nut.npz
+python benchmarks/closed_loop.py --seeds 12 --map nut.npz
+python benchmarks/closed_loop.py --fit 0.03 --seeds 40 --map nut.npz
 python benchmarks/closed_loop.py --letter N --seeds 8 --picture docs/figures/letter.png
 """
 
@@ -9,6 +10,7 @@ from __future__ import annotations
 
 import argparse
 import time
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -17,8 +19,9 @@ import feeder_sim
 from feeder_sim.measures.statistic import Statistic
 from feeder_sim.studies.closed_loop.fit import fit_pulses
 from feeder_sim.studies.closed_loop.letter import LETTERS, letter_path, letter_scenario, steer
-from feeder_sim.studies.closed_loop.prediction import GradientDrift
+from feeder_sim.studies.closed_loop.prediction import GradientDrift, MapDrift, Prediction
 from feeder_sim.studies.closed_loop.separation import SECONDS, SHARE, compare
+from feeder_sim.studies.drift_map.files import load_map
 
 ROOT = Path(__file__).resolve().parent.parent
 
@@ -32,6 +35,7 @@ def main() -> None:
     parser.add_argument("--seconds", type=float, default=SECONDS, help="on the clock at most")
     parser.add_argument("--letter", choices=sorted(LETTERS), help="steer a nut along it instead")
     parser.add_argument("--fit", type=float, metavar="M_S", help="fit the prediction to random pulses of this speed")
+    parser.add_argument("--map", type=Path, help="drift map of the nut, to predict by in place of the gradient")
     parser.add_argument("--plate", type=Path, default=ROOT / "models" / "plate_180" / "modes.h5")
     parser.add_argument("--picture", type=Path, help="of the first seed's way along the letter")
     asked = parser.parse_args()
@@ -48,12 +52,20 @@ def main() -> None:
 def separation(asked: argparse.Namespace) -> None:
     scenario = feeder_sim.load_scenario(asked.scenario)
     how = {"share": asked.share, "seconds": asked.seconds, "threads": asked.threads}
-    found = compare(scenario, range(asked.seeds), **how)
+    predictions = {"greedy by gradient": partial(_prediction, file=None)}
+    if asked.map:
+        predictions["greedy by map"] = partial(_prediction, file=asked.map)
+    found = compare(scenario, range(asked.seeds), predictions=predictions, **how)
     for rate in found.rates:
-        print(f"{rate.name:<15} {text(Statistic.of(rate.per_minute.tolist()))} picks per minute, ", end="")
+        print(f"{rate.name:<18} {text(Statistic.of(rate.per_minute.tolist()))} picks per minute, ", end="")
         print(f"{rate.picked.mean():.1f} picked and {rate.lost.mean():.1f} lost in {60.0 * rate.minutes.mean():.1f} s")
     for other in range(len(found.rates) - 1):
-        print(f"greedy - {found.rates[other].name:<15} {text(found.difference(-1, other))}")
+        print(f"{found.rates[-1].name} - {found.rates[other].name:<18} {text(found.difference(-1, other))}")
+
+
+def _prediction(feeder: feeder_sim.Feeder, file: Path | None) -> Prediction:
+    """By a drift map, or by the gradient where there is none."""
+    return MapDrift(feeder.scene, load_map(file)) if file else GradientDrift(feeder.scene)
 
 
 def text(value: Statistic) -> str:
@@ -61,7 +73,7 @@ def text(value: Statistic) -> str:
 
 
 def fit(asked: argparse.Namespace) -> None:
-    found = fit_pulses(asked.plate, asked.fit, asked.seeds)
+    found = fit_pulses(asked.plate, asked.fit, asked.seeds, drift_map=load_map(asked.map) if asked.map else None)
     print(
         f"{len(found.way)} pulses of {asked.fit:g} m/s, {found.way_mm:.2f} mm each: share {found.share:.3f}, ", end=""
     )
@@ -70,7 +82,7 @@ def fit(asked: argparse.Namespace) -> None:
 
 def letter(asked: argparse.Namespace) -> None:
     first = feeder_sim.Feeder(letter_scenario(asked.plate, asked.letter))
-    path, prediction = letter_path(asked.letter), GradientDrift(first.scene)
+    path, prediction = letter_path(asked.letter), _prediction(first, asked.map)
     ways = []
     for seed in range(asked.seeds):
         way = steer(first.again(seed), path, prediction=prediction)

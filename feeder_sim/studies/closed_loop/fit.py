@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 from feeder_sim.feeder.feeder import Feeder
 from feeder_sim.scenario import Scattered
 from feeder_sim.studies.closed_loop.letter import MIDDLE, letter_scenario
-from feeder_sim.studies.closed_loop.prediction import GradientDrift
+from feeder_sim.studies.closed_loop.prediction import GradientDrift, MapDrift
+from feeder_sim.studies.drift_map.drift_map import DriftMap
 
 PULSES = 25  # of one start
 SLIGHT = 0.01  # a share with which no part comes to a node
@@ -20,11 +21,11 @@ SLIGHT = 0.01  # a share with which no part comes to a node
 
 @dataclass(frozen=True)
 class Fit:
-    """Ways of pulses against the gradient of the speed.
+    """Ways of pulses against what is predicted.
 
     Attributes:
         way: computed, shape (n, 2) [m].
-        share: of the in-plane speed, by least squares [1].
+        share: of the in-plane speed, or of what a drift map predicts, by least squares [1].
         correlation: of computed and predicted ways [1].
         left: root mean square of what the prediction leaves, over that of the ways [1].
     """
@@ -40,19 +41,28 @@ class Fit:
         return 1e3 * float(np.sqrt((self.way**2).sum(axis=1).mean()))
 
 
-def fit_pulses(mode_file: Path, speed: float, seeds: int, *, seen: Callable[[float], None] | None = None) -> Fit:
+def fit_pulses(
+    mode_file: Path,
+    speed: float,
+    seeds: int,
+    *,
+    drift_map: DriftMap | None = None,
+    seen: Callable[[float], None] | None = None,
+) -> Fit:
     """Let a nut take random pulses in the middle of the plate, `PULSES` from every one of some random starts.
 
     Args:
         mode_file: of the plate.
         speed: root mean square of the velocity amplitude in the middle [m/s].
         seeds: number of starts.
+        drift_map: predicts in place of the gradient.
         seen: takes the share of the work that is done.
     """
     scenario = letter_scenario(mode_file, "N", speed=speed)
     start = Scattered(kind="scattered", size_mm=(2e3 * MIDDLE, 2e3 * MIDDLE))
     first = Feeder(scenario.model_copy(update={"part": (scenario.part[0].model_copy(update={"start": start}),)}))
-    slight = GradientDrift(first.scene, share=SLIGHT)
+    slight = 1.0 if drift_map else SLIGHT
+    prediction = MapDrift(first.scene, drift_map) if drift_map else GradientDrift(first.scene, share=slight)
     ways, predicted = [], []
     for seed in range(seeds):
         feeder, rng = first.again(seed), np.random.default_rng(seed)
@@ -63,7 +73,7 @@ def fit_pulses(mode_file: Path, speed: float, seeds: int, *, seen: Callable[[flo
             if not len(after):
                 break
             ways.append(after[0] - before[0])
-            predicted.append((slight.predict(int(number), before) - before)[0] / SLIGHT)
+            predicted.append((prediction.predict(int(number), before) - before)[0] / slight)
         if seen:
             seen((seed + 1) / seeds)
     way, unit = np.array(ways), np.array(predicted)

@@ -1,12 +1,14 @@
 """Where a stage will carry parts: along the gradient of the plate's local speed, to its nodes.
 
-With the velocity amplitude v(x, y) of the surface, the top of a plate of the thickness h moves sideways with the
-amplitude h/2 |grad v|. Parts drift toward the node at a share of that:
+How fast is said by one of two laws. A drift map (studies/drift_map) says it of the part, its contact and the local
+motion of the surface: *MapDrift*. Without a map there is a rule of thumb, *GradientDrift*: with the velocity amplitude
+v(x, y) of the surface, the top of a plate of the thickness h moves sideways with the amplitude h/2 |grad v|, and parts
+drift toward the node at a share of that:
 
-    dx/dt = -share * h/2 * grad v        where the surface throws parts, omega v > g;   no further than to the node
+    dx/dt = -share * h/2 * grad v        where the surface throws parts, omega v > g
 
-Modes of one frequency add up as phasors; of several frequencies each adds its own way. SHARE is what short
-pulses gave of an M2.5 nut on the 180 mm plate (fit.py).
+SHARE is what short pulses gave of an M2.5 nut on the 180 mm plate (fit.py). By either law a part comes no further than
+to the node. Modes of one frequency add up as phasors; of several frequencies each adds its own way.
 """
 
 from __future__ import annotations
@@ -14,12 +16,16 @@ from __future__ import annotations
 import cmath
 import itertools
 import math
+from abc import ABC, abstractmethod
 from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
+from feeder_sim.plate.mode_shapes import standing_wave
 from feeder_sim.scene.scene import GRAVITY, Scene
+from feeder_sim.studies.drift_map.drift_map import DriftMap
+from feeder_sim.studies.drift_map.files import check_made
 
 SHARE = 0.66
 STEP_S = 0.1  # [s] of one step of the way
@@ -36,16 +42,12 @@ class Prediction(Protocol):
         ...
 
 
-class GradientDrift:
-    """The prediction of this module.
+class AlongGradient(ABC):
+    """A prediction along the gradient of the speed, at a rate that the subclass says."""
 
-    Args:
-        scene: has the plate and the stages, all of them in its schedule.
-        share: of the in-plane speed.
-    """
-
-    def __init__(self, scene: Scene, *, share: float = SHARE) -> None:
-        self._surface, self._share = scene.surface, share
+    def __init__(self, scene: Scene) -> None:
+        """`scene` has the plate and the stages, all of them in its schedule."""
+        self._surface = scene.surface
         schedule = scene.scenario.schedule
         assert schedule is not None
         drives = iter(scene.drives[sum(len(stage.drive) for stage in schedule.prepare) :])
@@ -68,12 +70,17 @@ class GradientDrift:
                         amplitude[drive.shape] += rate * drive.steady_amplitude * cmath.exp(1j * drive.phase)
                 speed, gradient = self._speed(amplitude, places)
                 steepness = np.linalg.norm(gradient, axis=1)
-                length = self._share * 0.5 * self._surface.thickness * steepness * duration / n_steps
+                length = self._drift(frequency, speed, steepness) * duration / n_steps
                 length = np.minimum(length, speed / np.maximum(steepness, TINY))
-                length[rate * speed < GRAVITY] = 0.0
                 way -= gradient * (length / np.maximum(steepness, TINY))[:, None]
             places += way
         return places
+
+    @abstractmethod
+    def _drift(
+        self, frequency: float, speed: NDArray[np.float64], steepness: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
+        """Drift toward the node (n,) [m/s] where the surface moves at a speed (n,) [m/s] with a gradient (n,) [1/s]."""
 
     def _speed(
         self, amplitude: NDArray[np.complex128], places: NDArray[np.float64]
@@ -94,3 +101,43 @@ class GradientDrift:
             points = (places[:, None] + AROUND).reshape(-1, 2)
             self._places, self._shapes = key, self._surface.deflections(points).reshape(-1, len(places), len(AROUND))
         return self._shapes
+
+
+class GradientDrift(AlongGradient):
+    """The rule of thumb: a share of the in-plane speed of the surface."""
+
+    def __init__(self, scene: Scene, *, share: float = SHARE) -> None:
+        super().__init__(scene)
+        self._share = share
+
+    def _drift(
+        self, frequency: float, speed: NDArray[np.float64], steepness: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
+        thrown = 2.0 * math.pi * frequency * speed > GRAVITY
+        return np.where(thrown, self._share * 0.5 * self._surface.thickness * steepness, 0.0)
+
+
+class MapDrift(AlongGradient):
+    """What a drift map says.
+
+    Raises:
+        InputError: the map is of another part, contact or thickness, or does not cover a drive.
+    """
+
+    def __init__(self, scene: Scene, drift_map: DriftMap) -> None:
+        super().__init__(scene)
+        check_made(drift_map, scene.scenario, scene.surface.thickness)
+        for _, drives in self._stages:
+            for drive in drives:
+                fastest = 2.0 * math.pi * drive.drive_frequency * drive.steady_amplitude
+                drift_map.check_covers(drive.drive_frequency, fastest * float(scene.surface.extremes[0, drive.shape]))
+        frequencies = {drive.drive_frequency for _, drives in self._stages for drive in drives}
+        self._map = drift_map
+        self._wavenumber = {f: standing_wave(drift_map.plate, f).wavenumber for f in frequencies}
+
+    def _drift(
+        self, frequency: float, speed: NDArray[np.float64], steepness: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
+        rate, wavenumber = 2.0 * math.pi * frequency, self._wavenumber[frequency]
+        drift, _, _ = self._map.at_wave(frequency, speed / rate, steepness / (rate * wavenumber), wavenumber)
+        return drift

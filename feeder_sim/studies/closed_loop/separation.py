@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -149,18 +149,19 @@ def compare(
     *,
     share: float = SHARE,
     seconds: float = SECONDS,
-    prediction: Callable[[Feeder], Prediction] | None = None,
+    predictions: Mapping[str, Callable[[Feeder], Prediction]] | None = None,
     threads: int = 1,
     seen: Callable[[float], None] | None = None,
 ) -> Comparison:
-    """Run the fixed schedule, the pulses in turn, and the greedy policy, each on the same seeds.
+    """Run the fixed schedule, the pulses in turn, and greedy policies, each on the same seeds.
 
     Args:
         scenario: has a schedule with a pick.
         seeds: of the starts.
         share: of the parts, after which a policy has picked enough.
         seconds: on the clock at most: simulated, and that of the scenario's robot and camera.
-        prediction: makes that of the greedy policy from a feeder; `GradientDrift` by default.
+        predictions: makes one from a feeder, by the name of the greedy policy that chooses by it; `GradientDrift`,
+            which needs no drift map, by default.
         threads: as for `Feeder`.
         seen: takes the share of the work that is done.
 
@@ -173,13 +174,13 @@ def compare(
     rule = rules[0][1]
     first = Feeder(scenario, stages=pulses(), threads=threads)
     numbers = range(len(first.stage_names) - len(pulses()), len(first.stage_names))
-    predicted = prediction(first) if prediction else GradientDrift(first.scene)
     assert rule.clearance_mm is not None
     policies: dict[str, Policy] = {
         "fixed schedule": FixedSchedule(scenario),
         "pulses in turn": InTurn(numbers),
-        "greedy": Greedy(numbers, predicted, 1e-3 * rule.clearance_mm),
     }
+    for name, made in (predictions or {"greedy": lambda feeder: GradientDrift(feeder.scene)}).items():
+        policies[name] = Greedy(numbers, made(first), 1e-3 * rule.clearance_mm)
     ends: dict[str, list[tuple[int, int, float]]] = {name: [] for name in policies}
     done = 0
     for seed in seeds:
