@@ -1,6 +1,5 @@
 """Closed loops: picks per minute of a greedy policy against a fixed schedule, and a nut along a letter.
 
-feeder-sim drift-map separation_100 --seeds 300 --out nut.npz
 python benchmarks/closed_loop.py --seeds 12 --map nut.npz
 python benchmarks/closed_loop.py --fit 0.03 --seeds 40 --map nut.npz
 python benchmarks/closed_loop.py --letter N --seeds 8 --picture docs/figures/letter.png
@@ -21,8 +20,10 @@ from feeder_sim.studies.closed_loop.fit import fit_pulses
 from feeder_sim.studies.closed_loop.letter import LETTERS, letter_path, letter_scenario, steer
 from feeder_sim.studies.closed_loop.prediction import GradientDrift, MapDrift, Prediction
 from feeder_sim.studies.closed_loop.separation import SECONDS, SHARE, compare
-from feeder_sim.studies.drift_map.files import load_map
+from feeder_sim.studies.drift_map.files import load_map, save_map
+from feeder_sim.studies.drift_map.making import SPEEDS_M_S, make_map, strip_of
 
+FASTEST_M_S = 1.2  # antinodes that the pulses of the separation move
 ROOT = Path(__file__).resolve().parent.parent
 
 
@@ -35,10 +36,14 @@ def main() -> None:
     parser.add_argument("--seconds", type=float, default=SECONDS, help="on the clock at most")
     parser.add_argument("--letter", choices=sorted(LETTERS), help="steer a nut along it instead")
     parser.add_argument("--fit", type=float, metavar="M_S", help="fit the prediction to random pulses of this speed")
-    parser.add_argument("--map", type=Path, help="drift map of the nut, to predict by in place of the gradient")
+    parser.add_argument("--map", type=Path, help="predict by this drift map of the nut; it is made if it is not there")
+    parser.add_argument("--map-seeds", type=int, default=300, help="of each entry of the map")
     parser.add_argument("--plate", type=Path, default=ROOT / "models" / "plate_180" / "modes.h5")
     parser.add_argument("--picture", type=Path, help="of the first seed's way along the letter")
     asked = parser.parse_args()
+    if asked.map and not asked.map.exists():
+        nut = feeder_sim.load_scenario(asked.scenario)
+        save_map(make_map(nut, strip_of(nut), speeds_m_s=(*SPEEDS_M_S, FASTEST_M_S), seeds=asked.map_seeds), asked.map)
     begun = time.perf_counter()
     if asked.fit:
         fit(asked)
