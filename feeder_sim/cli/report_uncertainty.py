@@ -19,18 +19,25 @@ def as_json_object(done: Propagation) -> dict[str, Any]:
     return {"complete": done.swept.complete, "measures": measures, "shares": done.shares}
 
 
-def lines_of(done: Propagation, measure: str) -> list[str]:
-    """What was found of one measure, in words."""
+def lines_of(done: Propagation, measure: str, measured: float | None = None) -> list[str]:
+    """What was found of one measure, in words; and where a value of it lies that was measured."""
     from feeder_sim.measures.protocol import labelled
 
     if not measure:
         return ["no measure has a value"]
     spread = done.spread(measure)
-    lines = [labelled(measure, f"median {spread.median:.4g}, 90 % of runs {spread.low:.4g} to {spread.high:.4g}")]
+    runs = f"{spread.of_runs} {spread.low:.4g} to {spread.high:.4g}"
+    lines = [labelled(measure, f"median {spread.median:.4g}, {runs}")]
     if math.isfinite(spread.sd_inputs):
-        interval = f"90 % of means {spread.inputs_low:.4g} to {spread.inputs_high:.4g}, SD {spread.sd_inputs:.3g}"
+        interval = f"{spread.of_means} {spread.inputs_low:.4g} to {spread.inputs_high:.4g}, SD {spread.sd_inputs:.3g}"
         lines.append(labelled("over inputs", spread.not_told or interval))
         lines.append(labelled("over seeds", f"SD {spread.sd_seeds:.3g} at the same inputs"))
+    if measured is not None:
+        values = [value for row in done.values(measure) for value in row]
+        below = sum(value < measured for value in values)
+        where = "within" if spread.low <= measured <= spread.high else "outside of"
+        told = f"{measured:.4g} is {where} the {spread.of_runs}; {below} of {len(values)} runs are below it"
+        lines.append(labelled("measured", told))
     return [*lines, *_share_lines(done.linear_shares(measure), done.indices(measure))]
 
 

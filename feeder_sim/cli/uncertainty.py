@@ -70,7 +70,7 @@ def uncertainty(
     if as_json:
         print(json.dumps({"folder": str(folder), **as_json_object(done)}))
     else:
-        for line in [*lines_of(done, shown), f"{len(done.draws)} draws in {printable(str(folder))}"]:
+        for line in [*lines_of(done, shown, measured), f"{len(done.draws)} draws in {printable(str(folder))}"]:
             print(line)
     finish(done)
 

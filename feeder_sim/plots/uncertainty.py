@@ -37,8 +37,8 @@ def draw_values(axes: Any, found: Propagation, measure: str, measured: float | N
     axes.hist(values, bins=min(30, max(5, round(math.sqrt(len(values))))), color=PALE)
     top = axes.get_ylim()[1]
     for height, low, high, label, color in (
-        (0.06, spread.low, spread.high, "90 % of runs, inputs and seeds", BLUE),
-        (0.13, spread.inputs_low, spread.inputs_high, "90 % of means, inputs alone", GREEN),
+        (0.06, spread.low, spread.high, f"{spread.of_runs}, inputs and seeds", BLUE),
+        (0.13, spread.inputs_low, spread.inputs_high, f"{spread.of_means}, inputs alone", GREEN),
     ):
         if math.isfinite(low):
             axes.plot([low, high], [height * top] * 2, "|-", color=color, linewidth=2.5, markersize=9, label=label)

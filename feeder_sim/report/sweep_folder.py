@@ -120,7 +120,7 @@ def _row(line: Line, keys: tuple[str, ...], draws: int) -> Row:
     spread = None
     if draws:
         low, high, of_inputs, of_seeds = (number_in(line[name]) for name in UNCERTAIN_COLUMNS)
-        spread = Spread(math.nan, math.nan, math.nan, low, high, of_inputs, of_seeds, se, min(draws, int(n)))
+        spread = Spread(math.nan, math.nan, math.nan, low, high, of_inputs, of_seeds, se, min(draws, int(n)), int(n))
     found = Statistic(mean, se * math.sqrt(n), se, int(n))
     point = {key: value_in(line[key]) for key in keys}
     return Row(point, line["measure"] or "", found, int(seeds), int(failed), spread)

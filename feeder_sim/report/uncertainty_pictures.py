@@ -34,9 +34,11 @@ def spread_picture(found: Propagation, measure: str, measured: float) -> Picture
         axes.set(xlabel=label)
 
     alt = f"Histogram of {label} in {runs} runs: median {number(spread.median)}"
-    alt += f", 90 % of runs {between(spread.low, spread.high)}" + (f", measured {number(measured)}." if mark else ".")
-    caption = f"{label}: {runs} runs, every seed of every draw. Bars: 90 % of the runs"
-    caption += ", and of the means over many seeds." if math.isfinite(spread.inputs_low) else "."
+    alt += f", {spread.of_runs} {between(spread.low, spread.high)}" + (
+        f", measured {number(measured)}." if mark else "."
+    )
+    caption = f"{label}: {runs} runs, every seed of every draw. Bars: {spread.of_runs}"
+    caption += f", and {spread.of_means} over many seeds." if math.isfinite(spread.inputs_low) else "."
     return picture_of(draw, height=3.4, alt=alt, caption=caption)
 
 

@@ -106,7 +106,7 @@ def _tiles(asked: Uncertainty, measures: Sequence[str], shown: str) -> Iterator[
     for measure in [name for name in dict.fromkeys((shown, *measures)) if name and name in (shown, *TELLING)][:TILES]:
         spread = asked.found.spread(measure)
         label, unit = split_unit(measure)
-        note = f"90 % of runs {between(spread.low, spread.high)}"
+        note = f"{spread.of_runs} {between(spread.low, spread.high)}"
         if spread.is_told:
             note += f", of means {between(spread.inputs_low, spread.inputs_high)}"
         yield Tile(f"median {label}", number(spread.median, 3), unit, note)
@@ -153,7 +153,7 @@ def _of_measured(asked: Uncertainty, shown: str) -> Iterator[Text]:
     runs = [value for row in asked.found.values(shown) for value in row]
     below = sum(value < measured for value in runs)
     value = f"{number(measured, 6)} {split_unit(shown)[1]}".rstrip()
-    interval = f"90 % of runs, {between(spread.low, spread.high)}"
+    interval = f"{spread.of_runs}, {between(spread.low, spread.high)}"
     where = f"within the {interval}" if spread.low <= measured <= spread.high else f"outside of the {interval}"
     yield Text(f"The measured value, {value}, lies {where}; {below} of {len(runs)} runs are below it.", "note")
 

@@ -140,6 +140,9 @@ def test_inputs_that_are_not_told_apart_from_the_seeds_are_said_to_be_so() -> No
     found: Any = SimpleNamespace(spread=lambda _: spread_of(values), values=lambda _: values)
     found.linear_shares, found.indices = lambda _: None, lambda _: []
     lines = lines_of(found, "picked")
+    assert lines_of(found, "picked", 5.2)[-1].split(maxsplit=1)[1] == (
+        "5.2 is within the 71 % of runs; 5 of 6 runs are below it"
+    )
     assert lines[1].split(maxsplit=2)[2] == "not told apart from the seeds" and "over seeds" in lines[2]
     axes = empty_figure(3.0, 2.0).subplots()
     draw_values(axes, found, "picked", None)

@@ -38,6 +38,7 @@ class Spread:
         sd_inputs, sd_seeds: standard deviations, apart.
         se: standard error of the mean over all.
         draws: with a value.
+        runs: with a value.
     """
 
     median: float
@@ -49,6 +50,17 @@ class Spread:
     sd_seeds: float
     se: float
     draws: int
+    runs: int
+
+    @property
+    def of_runs(self) -> str:
+        """What `low` and `high` hold, in words."""
+        return f"{_percent(self.runs)} of runs"
+
+    @property
+    def of_means(self) -> str:
+        """What `inputs_low` and `inputs_high` hold, in words."""
+        return f"{_percent(self.draws)} of means"
 
     @property
     def is_told(self) -> bool:
@@ -72,7 +84,7 @@ def spread_of(values: Sequence[Sequence[float]]) -> Spread:
     draws = [[value for value in draw if math.isfinite(value)] for draw in values]
     draws = [draw for draw in draws if draw]
     if not draws:
-        return Spread(*(math.nan,) * 8, 0)
+        return Spread(*(math.nan,) * 8, 0, 0)
     everything = np.concatenate([np.array(draw) for draw in draws])
     means, sizes = np.array([np.mean(draw) for draw in draws]), np.array([len(draw) for draw in draws])
     within = sum(float(np.var(draw, ddof=1)) * (len(draw) - 1) for draw in draws if len(draw) > 1)
@@ -98,6 +110,7 @@ def spread_of(values: Sequence[Sequence[float]]) -> Spread:
         sd_seeds=math.sqrt(of_seeds),
         se=math.sqrt(of_means / len(means)) if len(means) > 1 else math.nan,
         draws=len(means),
+        runs=len(everything),
     )
 
 
@@ -110,3 +123,9 @@ def interval_of(values: Sequence[float] | NDArray[np.float64]) -> tuple[float, f
     """
     low, high = np.quantile(values, INTERVAL, method="weibull")
     return float(low), float(high)
+
+
+def _percent(n: int) -> str:
+    """What share such an interval of n values holds: that between the least and the largest, if they are few."""
+    share = INTERVAL[1] - INTERVAL[0]
+    return f"{100.0 * min(share, (n - 1) / (n + 1)):.0f} %"
