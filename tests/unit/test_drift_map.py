@@ -18,6 +18,7 @@ from feeder_sim.run.prepare import prepare
 from feeder_sim.scenario import Drive, HexNut, Rectangle, Run, Scenario, Strip, load_scenario, resolve_material
 from feeder_sim.scene.prepared import Prepared
 from feeder_sim.scene.scene import GRAVITY
+from feeder_sim.studies.closed_loop.prediction import GradientDrift, MapDrift
 from feeder_sim.studies.drift_map.drift_map import DriftMap
 from feeder_sim.studies.drift_map.files import load_map, save_map
 from feeder_sim.studies.drift_map.increments import binned
@@ -107,6 +108,20 @@ def test_on_a_plate_parts_drift_to_where_its_mode_moves_less() -> None:
     off_node = np.arctan2(quadrature, w) < ANGLES[-1]  # by symmetry nothing drifts right on a node
     assert off_node.mean() > 0.9
     assert np.linalg.norm(v, axis=1)[off_node] == pytest.approx(expected[off_node], rel=5e-3)
+
+
+def test_a_loop_predicts_by_the_map_as_by_the_gradient_where_both_say_the_same() -> None:
+    """A drift in proportion to the slope is a share of the in-plane speed, h/2 times the gradient of the speed."""
+    stage = {"drive": [{"frequency_hz": FREQUENCY, "amplitude_um": 1e6 * AMPLITUDE}], "duration_s": 0.3}
+    scenario = on_strip().scenario.changed({"drive": [], "schedule": {"stage": [stage]}, "run": {"seeds": 1}})
+    scene = prepare(scenario).scene
+    quarter = 0.5 * math.pi / standing_wave(PLATE, FREQUENCY).wavenumber
+    places = np.stack([quarter * np.array([0.1, 0.4, 0.7]), np.zeros(3)], axis=1)
+    by_map = MapDrift(scene, drift_map(0.7)).predict(0, places)
+    assert np.linalg.norm(by_map - places, axis=1).min() > 2e-5
+    assert by_map == pytest.approx(GradientDrift(scene, share=0.7).predict(0, places), rel=2e-3)
+    with pytest.raises(InputError, match="of another part"):
+        MapDrift(scene, replace(drift_map(0.7), made=replace(drift_map(0.7).made, part="other")))
 
 
 def test_increments_give_drift_toward_the_node_and_diffusion() -> None:
@@ -208,7 +223,7 @@ def test_screening_finds_the_recipes_that_arrive_soonest() -> None:
     found = screened(space, aim, drift_map(0.7, 1e-3, 1e-3), 4, 2)
     amplitudes = [point[key] for point in found]
     assert len(found) == 2 and amplitudes == sorted(amplitudes, reverse=True)
-    for wrong, said in ((Aim("picked", False, 4), "arrival_time_s only"), (Aim("arrival_time_s", True, 4), "minimise")):
+    for wrong, said in ((Aim("picked", False, 4), "arrival_time_s only"), (Aim("arrival_time_s", True, 4), "the least")):
         with pytest.raises(InputError, match=said):
             screened(space, wrong, drift_map(0.7), 8, 3)
     with pytest.raises(InputError, match="of another part"):

@@ -83,7 +83,10 @@ def test_inputs_that_are_not_told_apart_from_the_seeds_have_no_interval() -> Non
     constant = spread_of([[0.1] * 3] * 4)
     assert constant.inputs_low == constant.inputs_high == pytest.approx(0.1) and not constant.not_told
     known = spread_of([[1.0, 1.1], [2.0, 2.1], [3.0, 3.1]])
-    assert (known.of_runs, known.of_means) == ("71 % of runs", "50 % of means")  # 5/7 and 2/4: the least and the largest
+    assert (known.of_runs, known.of_means) == (
+        "71 % of runs",
+        "50 % of means",
+    )  # 5/7 and 2/4: the least and the largest
     assert known.is_told and not known.not_told
     assert not spread_of([[1.0], [2.0]]).not_told  # one seed each tells nothing
     rows = [
