@@ -85,14 +85,19 @@ def new_picture(path: Path) -> Path:
     return path
 
 
-def writable(path: Path, *, force: bool = False) -> Path:
+def writable(path: Path, *, force: bool | None = None) -> Path:
     """Refuse a path to which no file can be written; return the path.
+
+    Args:
+        path: of the file.
+        force: whether it may exist; None for a command that never replaces a file.
 
     Raises:
         InputError: the file exists, unless `force` is set, or its folder does not.
     """
     if path.exists() and not force:
-        raise InputError("exists already, allowed is a new file", file=path)
+        other = "allowed is a new file" if force is None else "--force replaces it"
+        raise InputError(f"exists already, {other}", file=path)
     if not path.parent.is_dir() or path.is_dir():
         raise InputError("allowed is a file in a folder that exists", file=path)
     return path

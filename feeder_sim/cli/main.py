@@ -10,13 +10,13 @@ import json
 import os
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, NoReturn
+from typing import TYPE_CHECKING, Annotated, NoReturn
 
 import typer
-from typer.core import TyperGroup
 
 from feeder_sim import __version__
 from feeder_sim.cli.chart import chart
+from feeder_sim.cli.commands import Commands
 from feeder_sim.cli.compare import compare
 from feeder_sim.cli.drift_map import drift_map
 from feeder_sim.cli.files import naming, new_picture, scenario_of, writable
@@ -62,24 +62,8 @@ if TYPE_CHECKING:
     from feeder_sim.scenario import Scenario
 
 
-class _Commands(TyperGroup):
-    """The commands; `modes import` is one of two words beside `modes`, which takes a file there."""
-
-    def resolve_command(self, ctx: Any, args: list[str]) -> Any:
-        if args[:2] == ["modes", "import"]:
-            args = ["modes import", *args[2:]]
-        return super().resolve_command(ctx, args)
-
-    def invoke(self, ctx: Any) -> Any:
-        """Ctrl-C in any command is one line; typer would end without a word."""
-        try:
-            return super().invoke(ctx)
-        except KeyboardInterrupt:
-            raise Interrupted("interrupted") from None
-
-
 app = typer.Typer(
-    cls=_Commands,
+    cls=Commands,
     no_args_is_help=True,
     rich_markup_mode=None,
     pretty_exceptions_enable=False,

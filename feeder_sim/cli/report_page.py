@@ -34,6 +34,8 @@ def report(
     from feeder_sim.report.question_report import QUESTIONS, kind_of, question_page
     from feeder_sim.report.run_report import run_page
 
+    if not folder.exists():
+        raise InputError("no such folder", file=folder)
     file = out or (folder if folder.is_dir() else folder.parent) / PAGE
     if file.suffix.lower() not in SUFFIXES:
         raise InputError(f"is {quoted(file.suffix)}, allowed is {' or '.join(SUFFIXES)}", file=file, key="--out")

@@ -27,6 +27,8 @@ def schema(
         raise InputError(f"is {kind!r}{nearest(kind, KINDS)}, allowed is {' or '.join(KINDS)}", key="KIND")
     if out is not None:
         writable(out, force=force)
+    from feeder_sim.scenario.schema import schema_text
+
     text = schema_text(kind)
     if out is not None:
         out.write_text(text, encoding="utf-8")
@@ -34,10 +36,3 @@ def schema(
         print(json.dumps({"kind": kind, "file": None if out is None else str(out), "schema": json.loads(text)}))
     elif out is None:
         print(text, end="")
-
-
-def schema_text(kind: str) -> str:
-    """The schema of a kind of file as text."""
-    from feeder_sim.scenario.schema import json_schema
-
-    return json.dumps(json_schema(kind), indent=1) + "\n"

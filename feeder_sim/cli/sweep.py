@@ -13,7 +13,7 @@ import typer
 from feeder_sim.cli.files import naming, naming_options, scenario_of
 from feeder_sim.cli.options import AsJson, Dask, EngineName, Measure, ScenarioFile, Seed, Seeds, Set, WorkerCount
 from feeder_sim.cli.terminal import notify, progress_bar, stop_on_signal
-from feeder_sim.errors import InputError, Interrupted, printable
+from feeder_sim.errors import FeederSimError, InputError, Interrupted, printable
 
 if TYPE_CHECKING:
     from feeder_sim.jobs.folder import WorkFolder
@@ -123,7 +123,7 @@ def _finish(
             typer.echo(f"feeder-sim: {done.others} seeds in the folder do not count: they are {OTHERS}", err=True)
         more = "the same command goes on" if goes_on else "the tasks that are missing can be run again"
         typer.echo(f"feeder-sim: not complete; what was computed is kept, {more}", err=True)
-        raise typer.Exit(Interrupted.exit_code)
+        raise typer.Exit(Interrupted.exit_code if goes_on else FeederSimError.exit_code)
     if done.failures:
         raise typer.Exit(1)
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import multiprocessing
 import os
+import sys
 import threading
 from collections.abc import Callable, Iterator
 from concurrent.futures import CancelledError, Executor, ProcessPoolExecutor
@@ -11,10 +12,12 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from multiprocessing.connection import Connection
 
-from feeder_sim.errors import InputError
+from feeder_sim.errors import InputError, quoted
 from feeder_sim.run.simulation import available_cores
 
 CLUSTER_WAIT_S = 30.0  # [s] until a scheduler has to have answered
+LAST_PORT = 65535
+GUARD = 'each imports the script that calls, so put the call below `if __name__ == "__main__":`'
 
 
 @dataclass
@@ -36,30 +39,53 @@ class Workers:
 
 @contextmanager
 def local_workers(count: int | None = None) -> Iterator[Workers]:
-    """Processes of this machine, by default one for each core; they end with this process, however it ends."""
+    """Processes of this machine, by default one for each core; they end with this process, however it ends.
+
+    Raises:
+        InputError: the script that calls cannot be imported by processes, or calls again as they import it.
+    """
+    _check_main()
     count = count or available_cores()
     context = multiprocessing.get_context("spawn")
     pools: list[tuple[ProcessPoolExecutor, Connection]] = []
 
     def start() -> Executor:
-        end, alive = context.Pipe(duplex=False)
+        end, alive = context.Pipe()
         pool = ProcessPoolExecutor(count, mp_context=context, initializer=_live_with, initargs=(end,))
         pools.append((pool, alive))
         return pool
 
+    def restart() -> Executor:
+        if not any(alive.poll() for _, alive in pools):
+            raise InputError(f"processes end before they begin: {GUARD}; or is memory short?", argument="workers")
+        return start()
+
     try:
-        yield Workers(start(), count, start)
+        yield Workers(start(), count, restart)
     finally:
         for pool, alive in pools:
             alive.close()  # ends the processes, in whatever they are
             pool.shutdown(cancel_futures=True)
 
 
+def _check_main() -> None:
+    """Refuse a script that processes cannot import; in a process that imports one, end the process without a word.
+
+    There the script calls for processes again. The process that has started this one says so, once.
+    """
+    if getattr(multiprocessing.current_process(), "_inheriting", False):
+        raise SystemExit(1)  # an error would be a traceback of every process
+    if getattr(sys.modules["__main__"], "__file__", None) == "<stdin>":
+        problem = "processes cannot import a script that Python reads from standard input, allowed is one in a file"
+        raise InputError(problem, argument="workers")
+
+
 def _live_with(end: Connection) -> None:
-    """End this process as soon as the one that has started it ends or closes its end of the pipe."""
+    """Tell that this process has begun; end it as soon as the one that has started it ends or closes its end."""
     import signal
 
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches the whole group; who has started it decides
+    end.send_bytes(b"begun")
 
     def watch() -> None:
         end.poll(None)  # until the other end is closed
@@ -79,7 +105,7 @@ def dask_workers(address: str) -> Iterator[Workers]:
     """The workers of a Dask cluster, by the address of its scheduler, such as tcp://host:8786.
 
     Raises:
-        InputError: Dask is not installed, or no scheduler answers.
+        InputError: Dask is not installed, the address is none, or no scheduler answers.
     """
     try:
         from distributed import Client
@@ -87,6 +113,7 @@ def dask_workers(address: str) -> Iterator[Workers]:
         from distributed.scheduler import KilledWorker
     except ImportError:
         raise InputError("needs the extra `dask`: pip install 'feeder_sim[dask]'", key="--dask") from None
+    _check_address(address)
     try:
         client = Client(address, timeout=CLUSTER_WAIT_S, set_as_default=False)
     except (OSError, TimeoutError, ValueError) as error:
@@ -95,6 +122,23 @@ def dask_workers(address: str) -> Iterator[Workers]:
         threads = sum(client.nthreads().values())
         executor = client.get_executor(pure=False, retries=2)
         yield Workers(executor, max(1, threads), lost=(CancelledError, KilledWorker, CommClosedError))
+
+
+def _check_address(address: str) -> None:
+    """Refuse what is no address. Dask's client would do so half made, and end in a traceback a minute later.
+
+    Raises:
+        InputError: as said.
+    """
+    from distributed.comm.addressing import get_address_host_port
+
+    try:
+        _, port = get_address_host_port(address)
+        if not 1 <= port <= LAST_PORT:
+            raise ValueError(f"the port is {port}")
+    except ValueError as error:
+        problem = f"is {quoted(address)}, allowed is an address such as tcp://host:8786 ({error})"
+        raise InputError(problem, key="--dask") from error
 
 
 @contextmanager

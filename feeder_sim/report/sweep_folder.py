@@ -10,6 +10,7 @@ from typing import Any
 
 from feeder_sim.errors import InputError
 from feeder_sim.jobs.cautions import Caution
+from feeder_sim.jobs.folder import JOURNAL
 from feeder_sim.measures.statistic import Statistic
 from feeder_sim.report.question_folder import Line, TableFile, number_in, scenario_of, text_of, value_in
 from feeder_sim.scenario import Scenario
@@ -87,6 +88,9 @@ def read_sweep(folder: Path) -> SweepTable:
     """
     scenario, text = scenario_of(folder, (QUESTION, CSV, STATE))
     question = Question.of_toml(folder / QUESTION)
+    if not (folder / CSV).is_file() and any(folder.glob(f"{JOURNAL}-*.jsonl")):
+        problem = f"is missing: `feeder-sim merge {folder}` makes it of what the tasks of a job array have done"
+        raise InputError(problem, file=folder / CSV)
     table = TableFile(folder / CSV)
     head = table.head
     keys = head[: head.index(COLUMNS[0])] if COLUMNS[0] in head else ()

@@ -1,4 +1,4 @@
-"""A folder to start from: a scenario, the files that it reads, the plate file, and a notebook."""
+"""A folder to start from: a scenario, the files that it reads, the plate file, schemas for editors, and a notebook."""
 
 from __future__ import annotations
 
@@ -22,9 +22,11 @@ from feeder_sim.scenario import (
     parse_scenario,
     with_files,
 )
+from feeder_sim.scenario.schema import schema_text
 from feeder_sim.scenario.tables import parse, read_text
 
 SCENARIO, PLATE, NOTEBOOK, MODES = RESOLVED, "plate.toml", "notebook.ipynb", "modes.h5"
+SCHEMAS = {SCENARIO: "scenario", PLATE: "plate"}  # kinds of files that can name one
 _SCHEMA_LINE = re.compile(r"\A#:schema [^\n]*\n")
 
 
@@ -45,6 +47,9 @@ def new_folder(folder: Path, source: Path | None = None) -> list[Path]:
     """
     check_empty(folder)
     contents = _starter() if source is None else _copied(source, folder)
+    for name, kind in SCHEMAS.items():
+        if _SCHEMA_LINE.match(contents.get(name, b"").decode()):
+            contents[_schema_file(kind)] = schema_text(kind).encode()
     scenario = contents[SCENARIO].decode()
     contents[NOTEBOOK] = f"{json.dumps(notebook(parse(scenario, Scenario, folder / SCENARIO)), indent=1)}\n".encode()
     try:
@@ -93,7 +98,7 @@ def _starter() -> dict[str, bytes]:
         modes = Path(place) / MODES
         write_mode_file(modes, compute_modes(load_plate_file(source / PLATE)))
         held = modes.read_bytes()
-    return {PLATE: _without_schema(source / PLATE), MODES: held, SCENARIO: _without_schema(source / "drift.toml")}
+    return {PLATE: (source / PLATE).read_bytes(), MODES: held, SCENARIO: (source / "drift.toml").read_bytes()}
 
 
 def _copied(source: Path, folder: Path) -> dict[str, bytes]:
@@ -106,14 +111,14 @@ def _copied(source: Path, folder: Path) -> dict[str, bytes]:
     if plate_file is not None and plate_file.is_file():
         with contextlib.suppress(InputError):  # it is another kind of file
             load_plate_file(plate_file)
-            contents[PLATE] = _without_schema(plate_file)
+            contents[PLATE] = _with_schema(plate_file, SCHEMAS[PLATE])
     contents[SCENARIO] = _renamed(source, scenario, names, folder).encode()
     return contents
 
 
 def _renamed(source: Path, scenario: Scenario, names: dict[Path, str], folder: Path) -> str:
     """The text of a scenario with the names of the copies; where that is not simple, the scenario with all defaults."""
-    text = _without_schema(source).decode()
+    text = _with_schema(source, SCHEMAS[SCENARIO]).decode()
     as_written = input_files(parse(text, Scenario, source))
     for key, path in input_files(scenario).items():
         if path in names:
@@ -127,6 +132,10 @@ def _renamed(source: Path, scenario: Scenario, names: dict[Path, str], folder: P
     return scenario_toml(with_files(scenario, lambda path: Path(names.get(path, path))))
 
 
-def _without_schema(path: Path) -> bytes:
-    """A text without the first line that names its schema, which is not there in another folder."""
-    return _SCHEMA_LINE.sub("", read_text(path)).encode()
+def _with_schema(path: Path, kind: str) -> bytes:
+    """A text whose first line, where it names a schema, names the copy that will lie beside it."""
+    return _SCHEMA_LINE.sub(f"#:schema {_schema_file(kind)}\n", read_text(path)).encode()
+
+
+def _schema_file(kind: str) -> str:
+    return f"{kind}.schema.json"

@@ -7,6 +7,7 @@ together, such as that a drive has an amplitude or a voltage, only `feeder-sim c
 from __future__ import annotations
 
 import inspect
+import json
 import re
 from collections.abc import Iterator
 from typing import Any, get_args, get_origin
@@ -34,6 +35,11 @@ def json_schema(kind: str) -> dict[str, Any]:
     _require_tags(schema, definitions)
     _allow_dotted_keys(schema, definitions)
     return {"$schema": DRAFT, "title": f"feeder_sim {kind} file"} | schema
+
+
+def schema_text(kind: str) -> str:
+    """The same as the text of a file."""
+    return json.dumps(json_schema(kind), indent=1) + "\n"
 
 
 def _plain(value: Any) -> Any:

@@ -136,7 +136,7 @@ def speed_map(
         journal: file that keeps the points that are done; those in it are not computed again, if they are of the same
             scenario, number of seeds, files and version.
         workers: threads. Default: all cores.
-        progress: called with the fraction done, from this thread.
+        progress: called with the fraction done, from this thread; first when there is something to keep.
         stop: set it to end within a second; the points done so far are returned.
         notify: takes a line for the user.
 
@@ -153,16 +153,22 @@ def speed_map(
     done = _done(whose, journal)
     # Slow points take longest: spread over all of the map, so that the time left can be told.
     left = _strided([point for point in wanted if point not in done])
+
+    def tell(*_: int) -> None:
+        if progress:
+            progress(sum(point in done for point in wanted) / len(wanted))
+
+    if done:
+        tell()  # there is something to keep, whenever it ends
     with contextlib.ExitStack() as held:
         written = held.enter_context(Journal(journal)) if journal and left else None
         while left and not stop.is_set():
             batch, left = left[:BATCH], left[BATCH:]
-            for point in _measured(scenario, batch, seeds, workers=workers, stop=stop, notify=notify):
+            for point in _measured(scenario, batch, seeds, workers=workers, progress=tell, stop=stop, notify=notify):
                 done[point.frequency_hz, point.amplitude_um] = point
                 if written:
                     written.add({"map": whose, "point": without_nan(asdict(point))})
-            if progress:
-                progress(sum(point in done for point in wanted) / len(wanted))
+            tell()
     return [done[point] for point in wanted if point in done]
 
 
@@ -185,17 +191,17 @@ def _measured(
     seeds: int,
     *,
     workers: int | None,
+    progress: Callable[[int], None],
     stop: threading.Event,
     notify: Callable[[str], None] | None,
 ) -> Iterator[MapPoint]:
-    """The points of a batch that are done when `stop` is set, or all of them."""
+    """The points of a batch that are done when `stop` is set, or all of them; `progress` is called as they come."""
+    how: dict[str, Any] = {"workers": workers, "progress": progress, "stop": stop, "notify": notify}
     slow = [point for point in batch if throw_number(*point) < PROBED]
-    probes = measure_drift((_probe(scenario, *point) for point in slow), workers=workers, stop=stop, notify=notify)
+    probes = measure_drift((_probe(scenario, *point) for point in slow), **how)
     given_up = {point: probe for point, probe in zip(slow, probes, strict=False) if not _moves(scenario, point, probe)}
     whole = [point for point in batch if point not in given_up]
-    ensembles = measure_drift(
-        (at_point(scenario, *point, seeds) for point in whole), workers=workers, stop=stop, notify=notify
-    )
+    ensembles = measure_drift((at_point(scenario, *point, seeds) for point in whole), **how)
     if len(probes) == len(slow):  # else it was stopped, and which points move is not known
         yield from (_point(*of) for of in given_up.items())
         yield from (_point(*of) for of in zip(whole, ensembles, strict=False))

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import typer
-from command_line import feeder_sim, in_new_process, one_line, said
+from command_line import check_refused, feeder_sim, in_new_process, one_line, said
 from conftest import REPOSITORY
 from typer.testing import CliRunner
 
@@ -131,6 +131,31 @@ def test_modes_are_computed_listed_stored_and_drawn(tmp_path: Path) -> None:
     assert refused.returncode == 2 and "exists already" in one_line(refused)
     too_high = feeder_sim("modes", tmp_path / "m.h5", "--picture", tmp_path / "n.png", "--mode", 99)
     assert too_high.returncode == 2 and "allowed is 1 to 59" in one_line(too_high)
+
+
+@pytest.mark.parametrize(
+    ("typed", "expected"),
+    [
+        ("sweep drift_4750hz --vary a=1,2 --inputs 1", ("'--inputs'", "2", "feeder-sim sweep --help")),
+        ("run drift_4750hz --seeds abc", ("'--seeds'", "integer", "feeder-sim run --help")),
+        ("sweep drift_4750hz", ("'--vary'", "feeder-sim sweep --help")),
+        ("modes import", ("Missing argument", "feeder-sim modes import --help")),
+        ("run --out", ("'--out'", "feeder-sim run --help")),
+        ("run --sedes 3", ("--sedes", "--seeds", "feeder-sim run --help")),
+        ("swep", ("'swep'", "'sweep'", "feeder-sim --help")),
+        ("--nonsense", ("--nonsense", "feeder-sim --help")),
+    ],
+)
+def test_a_command_that_is_typed_wrongly_is_refused_in_one_line(typed: str, expected: tuple[str, ...]) -> None:
+    """Click prints its usage, four lines, without a word on which program it is."""
+    refused = feeder_sim(*typed.split())
+    check_refused(refused, *expected)
+    assert refused.stderr.startswith("feeder-sim: ")
+
+
+def test_without_a_command_there_is_help() -> None:
+    shown = feeder_sim()
+    assert shown.returncode == 2 and "optimise" in shown.stdout + shown.stderr
 
 
 def test_every_command_has_json() -> None:

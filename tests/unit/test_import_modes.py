@@ -255,7 +255,7 @@ def test_options_that_are_refused(tmp_path: Path) -> None:
         (["--thickness", 0], "--thickness"),
         (["--thickness", 3, "--material", "alu"], "--material"),
         (["--thickness", 3, "--unit", "mm"], "--unit"),
-        (["--thickness", 3, "--out", file], "exists already"),
+        (["--thickness", 3, "--out", file], "exists already, --force replaces it"),
         (["--thickness", 3, "--picture", tmp_path / "a.xyz"], "--picture"),
         (["--thickness", 3, "--outline", tmp_path / "none.toml"], "none.toml"),
         (["--thickness", 80_000], "thickness right"),

@@ -18,6 +18,7 @@ from feeder_sim.plate.mode_file import read_mode_file
 from feeder_sim.records.whole_file import write_whole
 from feeder_sim.run.new_folder import new_folder
 from feeder_sim.scenario import Scenario, input_files, load_plate_file, load_scenario, with_files
+from feeder_sim.scenario.schema import json_schema
 
 
 def code_of(folder: Path) -> list[str]:
@@ -54,14 +55,17 @@ def test_every_example_can_be_copied_with_its_words_and_files(name: str, tmp_pat
     for key, file in input_files(copied).items():
         assert file.parent == tmp_path / "copy" and file.read_bytes() == input_files(original)[key].read_bytes()
     comment = source.read_text(encoding="utf-8").splitlines()[1]
-    text = (tmp_path / "copy/scenario.toml").read_text(encoding="utf-8")
-    assert text.splitlines()[0] == comment and comment.startswith("# ") and "#:schema" not in text
+    schema, copied_comment = (tmp_path / "copy/scenario.toml").read_text(encoding="utf-8").splitlines()[:2]
+    assert copied_comment == comment and comment.startswith("# ") and schema == "#:schema scenario.schema.json"
+    assert json.loads((tmp_path / "copy/scenario.schema.json").read_text(encoding="utf-8")) == json_schema("scenario")
     assert all(compile(code, name, "exec") for code in code_of(tmp_path / "copy"))
 
 
 def test_the_plate_file_that_lies_with_the_modes_is_copied(tmp_path: Path) -> None:
     new_folder(tmp_path / "copy", examples()["separation_100"])
     assert len(load_plate_file(tmp_path / "copy/plate.toml").resonance) > 5
+    schema = (tmp_path / "copy/plate.toml").read_text(encoding="utf-8").splitlines()[0]
+    assert schema == "#:schema plate.schema.json" and (tmp_path / "copy/plate.schema.json").is_file()
 
 
 def test_a_text_that_cannot_be_changed_simply_is_written_anew(tmp_path: Path) -> None:
@@ -74,6 +78,7 @@ def test_a_text_that_cannot_be_changed_simply_is_written_anew(tmp_path: Path) ->
     copied, original = (load_scenario(tmp_path / name) for name in ("copy/scenario.toml", "mine.toml"))
     assert without_places(copied) == without_places(original)
     assert all(file.parent == tmp_path / "copy" for file in input_files(copied).values())
+    assert not (tmp_path / "copy/scenario.schema.json").exists()  # the text names none
 
 
 def test_nothing_is_written_over(tmp_path: Path) -> None:

@@ -106,7 +106,8 @@ def test_what_is_no_run_is_refused_in_one_line(recorded: Path, tmp_path: Path) -
     (tmp_path / "notes.h5").write_text("no run")
     for folder, out, said in (
         (tmp_path, "a.html", "is no run, sweep, uncertainty or optimise, allowed is a folder that holds trajectory.h5"),
-        (tmp_path / "missing", "a.html", "trajectory.h5, sweep.toml, uncertainty.toml, search.toml"),
+        (tmp_path, "a.html", "trajectory.h5, sweep.toml, uncertainty.toml, search.toml"),
+        (tmp_path / "missing", "a.html", "missing: no such folder"),
         (tmp_path / "notes.h5", "a.html", "not a readable trajectory file"),
         (recorded, "a.pdf", "is '.pdf', allowed is .html or .htm"),
         (recorded, "missing/a.html", "allowed is a file in a folder that exists"),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import signal
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -124,6 +125,27 @@ def test_done_points_are_kept(scenario: Scenario, tmp_path: Path, monkeypatch: p
     assert str(again) == str(whole)  # NaN is no equal of itself
     speed_map(scenario, FREQUENCIES, AMPLITUDES, seeds=3, journal=journal)
     assert sum(batches) == 3 * n - 8  # points of two seeds are others
+
+
+def test_an_interrupted_map_has_a_table_and_a_picture(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Ctrl-C keeps what there is once a first ensemble is done, and from the start where points were done before."""
+    ensembles = iter((1, 0))
+
+    def interrupted(
+        scenario: Scenario, batch: list[tuple[float, float]], seeds: int, *, progress: Any, **_: Any
+    ) -> Iterator[MapPoint]:
+        for n in range(next(ensembles)):
+            progress(n + 1)
+        signal.raise_signal(signal.SIGINT)
+        yield from made_up(scenario, batch[:4], seeds)
+
+    monkeypatch.setattr(studied, "_measured", interrupted)
+    out = tmp_path / "m"
+    for points in (4, 8):
+        done = feeder_sim("map", SCENARIO, "--frequency", "4000,5000,6000", "--amplitude", "1:6:14", "--out", out)
+        assert done.returncode == 130 and "the same command goes on" in done.stderr
+        assert len((out / "map.csv").read_text().splitlines()) == 1 + points
+        (out / "map.png").unlink()
 
 
 def point(mean: float, n: int, seeds: int = 12, se: float = 0.1) -> MapPoint:

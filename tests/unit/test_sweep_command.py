@@ -73,3 +73,15 @@ def test_command_says_what_its_means_are_of(repository: Path, tmp_path: Path, mo
     never = feeder_sim(*asked, "--until-se", "0.1%", "--most-seeds", 20)
     assert never.returncode == 0 and "1 of 3 points have not reached --until-se 0.1%" in never.stderr
     assert "--most-seeds allows, 20" in never.stderr
+
+
+def test_tasks_of_a_job_array_are_merged(repository: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A task that is missing is no interruption: what was asked of `merge` is done, and not whole."""
+    monkeypatch.setattr("feeder_sim.jobs.workers.workers_of", lambda count, dask: given_workers(Pretended(), 2))
+    asked = ("sweep", repository / "scenarios/drift_4750hz.toml", "--vary", f"{AMPLITUDE}=1,2", "--out", tmp_path / "s")
+    assert feeder_sim(*asked, "--task", "2/2").returncode == 0
+    check_refused(feeder_sim("report", tmp_path / "s"), "sweep.csv: is missing", f"feeder-sim merge {tmp_path / 's'}")
+    half = feeder_sim("merge", tmp_path / "s")
+    assert half.returncode == 1 and "the tasks that are missing can be run again" in half.stderr
+    assert feeder_sim(*asked, "--task", "1/2").returncode == 0
+    assert feeder_sim("merge", tmp_path / "s").returncode == 0

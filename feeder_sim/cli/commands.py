@@ -1,0 +1,48 @@
+"""The commands as a group: their names, and errors in how they are called, which are one line as all others."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import typer
+from typer.core import TyperGroup
+
+from feeder_sim.errors import InputError, Interrupted
+
+# Of Click. Newer versions of typer have a Click of their own inside, so that its class has no other name in common.
+_USAGE_ERROR: type[Exception] = typer.BadParameter.__mro__[1]
+
+
+class Commands(TyperGroup):
+    """The commands; `modes import` is one of two words beside `modes`, which takes a file there."""
+
+    def resolve_command(self, ctx: Any, args: list[str]) -> Any:
+        if args[:2] == ["modes", "import"]:
+            args = ["modes import", *args[2:]]
+        return super().resolve_command(ctx, args)
+
+    def make_context(self, info_name: str | None, args: list[str], parent: Any = None, **extra: Any) -> Any:
+        """Options before the command; without any word Click's "error" is the help, which stays as it is."""
+        asked = bool(args)
+        try:
+            return super().make_context(info_name, args, parent, **extra)
+        except _USAGE_ERROR as error:
+            if not asked:
+                raise
+            raise _in_one_line(error, None) from error
+
+    def invoke(self, ctx: Any) -> Any:
+        """Ctrl-C in any command is one line; typer would end without a word. So are wrong options."""
+        try:
+            return super().invoke(ctx)
+        except KeyboardInterrupt:
+            raise Interrupted("interrupted") from None
+        except _USAGE_ERROR as error:
+            raise _in_one_line(error, ctx.invoked_subcommand) from error
+
+
+def _in_one_line(error: Any, command: str | None) -> InputError:
+    """What Click prints below three lines on usage; in place of them the command that prints what is allowed."""
+    problem = str(error.format_message()).rstrip(".")
+    end = "" if problem.endswith("?") else "."
+    return InputError(f"{problem}{end} See {' '.join(filter(None, ('feeder-sim', command)))} --help")
