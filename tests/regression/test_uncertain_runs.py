@@ -56,7 +56,7 @@ def ball(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A scenario whose draws take next to nothing, in a thread of this process."""
 
     @contextmanager
-    def in_a_thread() -> Iterator[Workers]:
+    def in_a_thread(_: int | None = None) -> Iterator[Workers]:
         with ThreadPoolExecutor(1) as pool, given_workers(pool) as found:
             yield found
 
@@ -118,6 +118,12 @@ def test_the_plan_counts_the_draws(ball: Path) -> None:
     known = json.loads(feeder_sim("check", REPOSITORY / "scenarios/ball_50hz.toml", "--json").stdout)
     assert known["input_runs"] == known["estimated_inputs_wall_s"] == 0
     assert feeder_sim("run", ball, "--inputs", 5000, "--dry-run").returncode == 2
+
+
+def test_draws_that_have_more_seeds_than_asked_for_keep_them(ball: Path, tmp_path: Path) -> None:
+    asked = ("uncertainty", ball, "--inputs", 3, "--out", tmp_path / "u")
+    assert "keep the seeds" not in feeder_sim(*asked).stderr
+    assert "3 draws keep the seeds that they had" in feeder_sim(*asked, "--seeds", 1).stderr
 
 
 def test_an_interrupted_run_keeps_how_many_draws_were_asked_for(
