@@ -204,7 +204,7 @@ def finish(done: Propagation, goes_on: str = "the same command goes on") -> None
     for caution in cautions_over(case.done.values() for case in done.swept.cases):
         notify(f"caution: {caution.in_words('draws')}")
     if done.swept.kept:
-        notify(f"caution: {done.swept.kept} draws keep the seeds that they had, which are more than asked for now")
+        notify("caution: draws keep the seeds that they had, which are more than asked for now")
     for failure in done.swept.failures[:3]:
         typer.echo(f"feeder-sim: failed: {printable(failure)}", err=True)
     if not done.swept.complete:

@@ -123,7 +123,7 @@ def test_the_plan_counts_the_draws(ball: Path) -> None:
 def test_draws_that_have_more_seeds_than_asked_for_keep_them(ball: Path, tmp_path: Path) -> None:
     asked = ("uncertainty", ball, "--inputs", 3, "--out", tmp_path / "u")
     assert "keep the seeds" not in feeder_sim(*asked).stderr
-    assert "3 draws keep the seeds that they had" in feeder_sim(*asked, "--seeds", 1).stderr
+    assert "draws keep the seeds that they had" in feeder_sim(*asked, "--seeds", 1).stderr
 
 
 def test_an_interrupted_run_keeps_how_many_draws_were_asked_for(

@@ -223,8 +223,8 @@ def test_screening_finds_the_recipes_that_arrive_soonest() -> None:
     found = screened(space, aim, drift_map(0.7, 1e-3, 1e-3), 4, 2)
     amplitudes = [point[key] for point in found]
     assert len(found) == 2 and amplitudes == sorted(amplitudes, reverse=True)
-    for wrong, said in ((Aim("picked", False, 4), "arrival_time_s only"), (Aim("arrival_time_s", True, 4), "the least")):
-        with pytest.raises(InputError, match=said):
+    for wrong in (Aim("picked", False, 4), Aim("arrival_time_s", True, 4)):
+        with pytest.raises(InputError, match="the least arrival_time_s only"):
             screened(space, wrong, drift_map(0.7), 8, 3)
     with pytest.raises(InputError, match="of another part"):
         screened(Space.of(scenario.changed({"part[0].size": "M3"}), [f"{key}=10:40"]), aim, drift_map(0.7), 2, 1)
