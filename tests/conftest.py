@@ -32,6 +32,11 @@ from feeder_sim.scene.scene import Scene
 REPOSITORY = Path(__file__).parents[1]
 
 
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Tests that take minutes come first: at the end one of them would keep a single core at work."""
+    items.sort(key=lambda item: not any(mark.kwargs.get("minutes") for mark in item.iter_markers("slow")))
+
+
 @pytest.fixture
 def repository() -> Path:
     return REPOSITORY

@@ -278,7 +278,7 @@ def test_bad_arguments_get_one_line(tmp_path: Path, arguments: list[str], compla
     assert sorted(path.name for path in tmp_path.iterdir()) == ["file"]
 
 
-@pytest.mark.slow
+@pytest.mark.slow(minutes=True)
 def test_quick_chart(tmp_path: Path) -> None:
     """All of it with few seeds: every method that ought to work does, the others fail, the default is accurate."""
     done = feeder_sim("chart", "--quick", "--json", "--out", tmp_path / "chart")
