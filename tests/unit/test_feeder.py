@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 from typing import Any
 
@@ -282,3 +283,19 @@ def test_a_sequence_names_stages(tmp_path: Path) -> None:
     raw["schedule"]["stage"][1]["name"] = "out"
     with pytest.raises(ValueError, match="allowed is a name of its own"):
         Scenario.model_validate(raw)
+
+
+def test_reprs_say_where_it_is_and_stay_short(tmp_path: Path) -> None:
+    feeder = Feeder(scenario(title="two ways")).record(tmp_path / "run", replay=False)
+    assert "has run          nothing" in feeder._repr_html_()
+    feeder.vibrate("out")
+    feeder.pick(feeder.poses().part[0])
+    line = r"<Feeder 'two ways' at 0\.05\d* s: 3 parts on the plate, 1 picked, 0 lost, 1 stage run>"
+    assert re.fullmatch(line, repr(feeder))
+    shown = feeder._repr_html_()
+    assert "can run          out, in" in shown and "has run          out\n" in shown and str(tmp_path) in shown
+    poses = feeder.poses()
+    assert repr(poses) == f"<Poses at {feeder.time:.6g} s: 3 parts on the plate>"
+    assert poses._repr_html_().count("<tr>") == 4 and "<td>hex_nut</td>" in poses._repr_html_()
+    feeder.close()
+    assert repr(feeder).endswith("1 stage run, closed>")

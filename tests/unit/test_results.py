@@ -8,7 +8,7 @@ import pydoc
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, get_type_hints
 
 import matplotlib
 import numpy as np
@@ -17,9 +17,11 @@ from conftest import StopsAfter, strip_scenario
 from test_keep import bouncing, picking
 
 import feeder_sim
+from feeder_sim.api import result as result_module
 from feeder_sim.api.opened import OpenedRun
 from feeder_sim.api.progress import shown
 from feeder_sim.errors import InputError
+from feeder_sim.measures.found import Found
 from feeder_sim.run.run_folder import SUMMARY, scenario_toml
 from feeder_sim.scenario import HexNut, Rectangle, Scenario, Start
 
@@ -118,6 +120,29 @@ def test_reprs_are_short(run: Path) -> None:
     uncertain = scenario.changed({"uncertain": {"contact.friction": {"uniform": [0.2, 0.4]}}})
     assert "[uncertain.&quot;contact.friction&quot;]\nuniform = [0.2, 0.4]" in uncertain._repr_html_()
     assert "&lt;i&gt;" in scenario.changed({"title": "<i>"})._repr_html_()
+
+
+def test_findings_of_many_stages_are_a_line_and_tables() -> None:
+    many = {"part[0].count": 8, "part[0].start": {"kind": "scattered"}}
+    cycles = picking().changed(many | {"schedule.cycles": 12, "stage[0].duration_s": 0.02})
+    result = feeder_sim.simulate(cycles, record=feeder_sim.StatisticsOnly())
+    found = (result.separation, result.poses, result.rate)
+    for findings in (*found, result.separation.stages[0], result.poses.pose_kinds[0].stages[-1]):
+        assert 20 < len(repr(findings)) < 200 and "\n" not in repr(findings) and "Statistic(" not in repr(findings)
+        assert 100 < len(findings._repr_html_()) < 10_000
+    assert repr(result.separation) == "<SeparationFindings: parts 8, picked 8 +- 0, lost 0 +- 0, 12 stages>"
+    assert len(repr(result.findings)) < 1000 and repr(result.findings).startswith("((Separation(), <Sep")
+    shown = result.separation._repr_html_()
+    assert "<th>mean</th><th>sd</th><th>se</th><th>n</th>" in shown and "<b>stages</b><table>" in shown
+    assert shown.count("<tr>") == (1 + 2) + (1 + 12) and "<th>touching_pairs</th>" in shown
+    assert "<b>pose_kinds[0].stages</b>" in result.poses._repr_html_()
+    assert "<td>time_shares.driving</td>" in result.rate._repr_html_()
+
+
+def test_every_measure_has_findings_with_a_short_repr() -> None:
+    for name in ("drift", "bounces", "separation", "poses", "refills", "rate", "arrivals", "circulation"):
+        findings = get_type_hints(getattr(feeder_sim.Result, name).fget, vars(result_module))["return"]
+        assert issubclass(findings, Found) and findings.__repr__ is Found.__repr__, name
 
 
 def test_repr_of_a_table_makes_it_again() -> None:
