@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import builtins
+import inspect
 import json
 import pydoc
 from collections.abc import Iterator
@@ -99,6 +100,8 @@ def test_findings_have_types_and_those_that_do_not_apply_say_so() -> None:
         line = f"^{name}: is not measured of this scenario, measured are separation, poses, rate$"
         with pytest.raises(InputError, match=line):
             getattr(result, name)
+        assert not hasattr(result, name)
+    assert {"rate", "poses"} <= {name for name, _ in inspect.getmembers(result)}
     assert feeder_sim.simulate(bouncing()).bounces.bounce_interval_ms.n > 2
 
 
