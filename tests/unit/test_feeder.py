@@ -80,6 +80,8 @@ def test_a_loop_moves_as_its_sequence_does_in_a_run(tmp_path: Path) -> None:
     assert same(run.trajectories[0], result.trajectories[0])
     assert len(np.concatenate(by_rule)) > 0  # or picks have not been compared
     assert np.concatenate(by_rule).tolist() == run.seeds[0].removals.part.tolist()
+    assert result.wall_s >= result.seeds[0].wall_s > 0.0
+    assert feeder_sim.open(tmp_path / "run").wall_s >= result.seeds[0].wall_s
     again = feeder_sim.simulate(feeder_sim.load_scenario(tmp_path / "run" / RESOLVED))
     assert same(again.trajectories[0], result.trajectories[0])
 
@@ -251,7 +253,7 @@ def test_recording_begins_at_the_start_and_ends_once(tmp_path: Path) -> None:
         feeder.vibrate("out")
     (tmp_path / "held").mkdir()
     (tmp_path / "held" / "file").touch()
-    with pytest.raises(InputError, match="is not empty"):
+    with pytest.raises(InputError, match=r"held: folder: is not empty \(file\), allowed is a new or an empty folder$"):
         Feeder(scenario()).record(tmp_path / "held")
     with pytest.raises(InputError, match="nothing to record"):
         Feeder(scenario()).record(tmp_path / "none").close()
