@@ -106,7 +106,7 @@ def test_other_engines_move_alike(changes: dict[str, Any], tmp_path: Path) -> No
 def test_the_plate_rings_on_from_one_stage_into_the_next() -> None:
     feeder = Feeder(scenario())
     feeder.vibrate("out")
-    feeder.vibrate(duration_s=0.02)
+    feeder.vibrate(duration_s=np.float32(0.02))
     scene = feeder.scene.begun(2)
     ringing = abs(scene.surface.terms.phasor(feeder.scene.times.stages[1].start, 2)[0])
     assert ringing[0] > 1e-6  # of 2 um
