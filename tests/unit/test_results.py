@@ -58,6 +58,16 @@ def test_opened_run_is_the_result_it_was(run: Path) -> None:
         feeder_sim.open(run.parent)
 
 
+@pytest.mark.parametrize(
+    ("file", "kind"), [("sweep", "sweep"), ("search", "optimise"), ("uncertainty", "uncertainty"), ("map", "speed_map")]
+)
+def test_the_folder_of_a_question_says_what_reads_it(file: str, kind: str, tmp_path: Path) -> None:
+    (tmp_path / f"{file}.toml").touch()
+    reads = rf"feeder_sim\.{kind}\(\.\.\., out=\.\.\.\) with the same arguments reads it$"
+    with pytest.raises(InputError, match=f": is the folder of {kind}, which keeps no run: .*{reads}"):
+        feeder_sim.open(tmp_path)
+
+
 def test_interrupted_run_opens(tmp_path: Path) -> None:
     begun = feeder_sim.record_run(strip_scenario(seeds=6, duration_s=20.0), tmp_path, stop=StopsAfter(2), replay=False)
     opened = feeder_sim.open(tmp_path)
