@@ -23,6 +23,7 @@ __version__ = "0.1.0"
 
 if TYPE_CHECKING:
     from feeder_sim import scenario as scenario
+    from feeder_sim.api.calls import measure_drift as measure_drift
     from feeder_sim.api.calls import record_run as record_run
     from feeder_sim.api.calls import simulate as simulate
     from feeder_sim.api.compare import compare as compare
@@ -38,7 +39,6 @@ if TYPE_CHECKING:
     from feeder_sim.feeder.feeder import Feeder as Feeder
     from feeder_sim.records.trajectory_file import read_recording as read_recording
     from feeder_sim.replay.replay import build_replay as build_replay
-    from feeder_sim.run.batch import measure_drift as measure_drift
     from feeder_sim.run.keep import AllFrames as AllFrames
     from feeder_sim.run.keep import EveryNth as EveryNth
     from feeder_sim.run.keep import ImpactsOnly as ImpactsOnly
@@ -63,7 +63,7 @@ _PUBLIC = {
     "build_scene": "scene.scene",
     "compare": "api.compare",
     "load_scenario": "scenario",
-    "measure_drift": "run.batch",
+    "measure_drift": "api.calls",
     "open": "api.opened",
     "optimise": "api.optimise",
     "prepare": "run.prepare",

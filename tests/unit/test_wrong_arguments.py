@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 from collections.abc import Callable
 from typing import Any
 
@@ -54,6 +55,11 @@ def test_a_feeder_refuses_something_else_and_goes_on() -> None:
         with pytest.raises(feeder_sim.InputError, match=f"^{said}"):
             call(value)
     assert len(feeder.vibrate(0)) == 0
+
+
+def test_what_runs_hand_to_each_other_is_no_argument() -> None:
+    for call in (feeder_sim.simulate, feeder_sim.record_run, feeder_sim.measure_drift):
+        assert not {"recorder", "begun", "left", "notify"} & {*inspect.signature(call).parameters}
 
 
 def test_whole_numbers() -> None:
