@@ -143,7 +143,7 @@ class Result(simulation.Result):
 
     def _repr_html_(self) -> str:
         try:
-            lines = self.lines()
+            lines = [*self.lines(), *(f"caution: {caution}" for caution in self.cautions)]
         except FeederSimError as error:
             lines = [str(error)]
         return block(repr(self)[1:-1], lines)

@@ -132,6 +132,10 @@ def test_reprs_are_short(run: Path) -> None:
     assert repr(scenario) == "<Scenario: strip plate, 4750 Hz, 1 hex_nut, 0.3 s, 2 seeds>"
     uncertain = scenario.changed({"uncertain": {"contact.friction": {"uniform": [0.2, 0.4]}}})
     assert "[uncertain.&quot;contact.friction&quot;]\nuniform = [0.2, 0.4]" in uncertain._repr_html_()
+    (of_uncertain,) = feeder_sim.measure_drift([uncertain])
+    for value in (of_uncertain, feeder_sim.simulate(uncertain)):
+        (caution,) = (line for line in value.cautions if "contact.friction: uncertain inputs" in line)
+        assert f"caution: {caution}" in value._repr_html_()
     assert "&lt;i&gt;" in scenario.changed({"title": "<i>"})._repr_html_()
 
 
