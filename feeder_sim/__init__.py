@@ -9,18 +9,21 @@ Build scenarios in code from `Scenario` and its tables in `feeder_sim.scenario`;
 `record_run` also writes a run folder, and `open` gives its result again, as long as it is there. A result has findings,
 tables (`to_frame`, `to_xarray`) and plots; `record` of `simulate` says what to keep of it: `AllFrames`, `EveryNth`,
 `ImpactsOnly`, `StatisticsOnly`. Questions about many runs are `sweep`, `uncertainty`, `optimise`, `speed_map` and
-`compare`; `measure_drift` runs many drifts without frames. Bad input is an `InputError`.
+`compare`; `measure_drift` runs many drifts without frames. A `Feeder` is run stage by stage, `FeederEnvironment` is one
+for Gymnasium (extra `gym`). Bad input is an `InputError`.
 """
 
 from __future__ import annotations
 
 import importlib
+import importlib.util
 from typing import TYPE_CHECKING, Any
 
 __version__ = "0.1.0"
 
 if TYPE_CHECKING:
     from feeder_sim import scenario as scenario
+    from feeder_sim.api.calls import measure_drift as measure_drift
     from feeder_sim.api.calls import record_run as record_run
     from feeder_sim.api.calls import simulate as simulate
     from feeder_sim.api.compare import compare as compare
@@ -32,10 +35,10 @@ if TYPE_CHECKING:
     from feeder_sim.api.uncertainty import uncertainty as uncertainty
     from feeder_sim.errors import FeederSimError as FeederSimError
     from feeder_sim.errors import InputError as InputError
+    from feeder_sim.feeder.environment import FeederEnvironment as FeederEnvironment
     from feeder_sim.feeder.feeder import Feeder as Feeder
     from feeder_sim.records.trajectory_file import read_recording as read_recording
     from feeder_sim.replay.replay import build_replay as build_replay
-    from feeder_sim.run.batch import measure_drift as measure_drift
     from feeder_sim.run.keep import AllFrames as AllFrames
     from feeder_sim.run.keep import EveryNth as EveryNth
     from feeder_sim.run.keep import ImpactsOnly as ImpactsOnly
@@ -54,12 +57,13 @@ _PUBLIC = {
     "Result": "api.result",
     "Scenario": "scenario",
     "Feeder": "feeder.feeder",
+    "FeederEnvironment": "feeder.environment",
     "StatisticsOnly": "run.keep",
     "build_replay": "replay.replay",
     "build_scene": "scene.scene",
     "compare": "api.compare",
     "load_scenario": "scenario",
-    "measure_drift": "run.batch",
+    "measure_drift": "api.calls",
     "open": "api.opened",
     "optimise": "api.optimise",
     "prepare": "run.prepare",
@@ -70,8 +74,8 @@ _PUBLIC = {
     "sweep": "api.sweep",
     "uncertainty": "api.uncertainty",
 }
-# `from feeder_sim import *` leaves Python's own `open` alone.
-__all__ = ["__version__", *(name for name in _PUBLIC if name != "open")]
+# `from feeder_sim import *` leaves Python's own `open` alone, and needs no extra.
+__all__ = ["__version__", *(name for name in _PUBLIC if name not in ("open", "FeederEnvironment"))]
 
 
 def __getattr__(name: str) -> Any:
@@ -84,4 +88,6 @@ def __getattr__(name: str) -> Any:
 
 
 def __dir__() -> list[str]:
-    return sorted({*__all__, *_PUBLIC, "scenario", "__doc__", "__file__", "__name__", "__path__"})
+    # Of the names that are listed, `help` asks for every one.
+    missing = set() if importlib.util.find_spec("gymnasium") else {"FeederEnvironment"}
+    return sorted({*__all__, *_PUBLIC, "scenario", "__doc__", "__file__", "__name__", "__path__"} - missing)

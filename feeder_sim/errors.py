@@ -81,6 +81,10 @@ class InputError(FeederSimError):
         super().__init__(f"{where}: {problem}" if where else problem)
 
 
+class NotMeasured(InputError, AttributeError):
+    """A measure that has no meaning for a scenario; as an attribute that is missing, so that `hasattr` says False."""
+
+
 class Divergence(Enum):
     """Why a seed was stopped: what no part over a vibrating plate can do; the value says so in words."""
 

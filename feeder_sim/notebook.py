@@ -7,7 +7,15 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
+from feeder_sim.errors import shortened
+
 MOST_ROWS = 20  # of a table
+LONGEST_LINE = 160  # characters of a repr that is made of many values
+
+
+def line(text: str) -> str:
+    """A repr in one line that is not too long."""
+    return f"<{shortened(text, LONGEST_LINE)}>"
 
 
 def block(title: str, lines: Iterable[str]) -> str:

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import threading
+from collections.abc import Callable, Iterable
 from pathlib import Path
 
 from feeder_sim.api.progress import Progress, shown
 from feeder_sim.api.result import Result
 from feeder_sim.errors import check_whole, path_of_user
-from feeder_sim.run import run_folder
+from feeder_sim.run import batch, run_folder
 from feeder_sim.run.keep import AllFrames, Keep
 from feeder_sim.run.prepare import prepare
 from feeder_sim.run.simulation import run_ensemble
@@ -25,6 +26,8 @@ def simulate(
     record: Keep = AllFrames(),  # noqa: B008, it cannot be changed
 ) -> Result:
     """Run every seed of a scenario; the result does not depend on the number of workers.
+
+    Inputs that are `[uncertain]` have the values of the scenario; `feeder_sim.uncertainty` draws others.
 
     Args:
         scenario: what to run.
@@ -57,6 +60,8 @@ def record_run(
 ) -> Result:
     """Simulate a scenario and write everything about it into a folder.
 
+    Inputs that are `[uncertain]` have the values of the scenario; `feeder_sim.uncertainty` draws others.
+
     Args:
         scenario: what to run.
         folder: made if missing; it must be empty.
@@ -76,3 +81,30 @@ def record_run(
             scenario, path, progress=show, stop=stop, replay=replay, record=record, notify=notify
         )
     return Result.of(found)
+
+
+def measure_drift(
+    scenarios: Iterable[Scenario | Prepared],
+    *,
+    workers: int | None = None,
+    progress: Callable[[int], None] | None = None,
+    stop: threading.Event | None = None,
+) -> list[batch.Ensemble]:
+    """Run all seeds of many scenarios and measure their drift.
+
+    Every seed moves as the same seed of `simulate` does. With stop = "passage" it ends at that frame, where `simulate`
+    records some hundred more, so that only the transport speed is the same. Inputs that are `[uncertain]` have the
+    values of the scenario.
+
+    Args:
+        scenarios: each with one free part on a plate without rim and without a schedule. They are prepared one by one
+            while others run.
+        workers: threads. Default: all cores.
+        progress: called with the number of ensembles done, from this thread.
+        stop: set it to end within a second; ensembles that have not ended then are left out, and those that have ended
+            after them.
+
+    Raises:
+        InputError: a scenario cannot be built, or is not of that kind.
+    """
+    return batch.measure_drift(scenarios, workers=workers, progress=progress, stop=stop)

@@ -12,13 +12,14 @@ from typing import Any
 from feeder_sim.api.result import Result
 from feeder_sim.errors import InputError, path_of_user
 from feeder_sim.records.trajectory import PlateRecord, Recording, Status
-from feeder_sim.records.trajectory_file import recording_of
+from feeder_sim.records.trajectory_file import TRAJECTORY, recording_of
 from feeder_sim.run.prepare import prepare
 from feeder_sim.run.provenance import changed_inputs
 from feeder_sim.run.recorded_seeds import seeds_of
 from feeder_sim.run.run_folder import RESOLVED, SUMMARY
 from feeder_sim.scenario import Scenario, parse_scenario
 from feeder_sim.scene.prepared import Prepared
+from feeder_sim.studies.map_folder import QUESTION as MAP
 
 
 def open(run: str | Path) -> OpenedRun:
@@ -30,9 +31,24 @@ def open(run: str | Path) -> OpenedRun:
         run: its folder, or its trajectory file.
 
     Raises:
-        InputError: there is no run, or its trajectory file cannot be read.
+        InputError: there is no run, as in the folder of a sweep, or its trajectory file cannot be read.
     """
-    return OpenedRun(recording_of(path_of_user(run, "open")))
+    path = path_of_user(run, "open")
+    if path.is_dir() and not (path / TRAJECTORY).is_file():
+        _refuse_question(path)
+    return OpenedRun(recording_of(path))
+
+
+def _refuse_question(folder: Path) -> None:
+    """Say what a folder is that holds a question of many runs, and what reads it."""
+    from feeder_sim.report.question_report import kind_of
+
+    if kind := kind_of(folder):
+        shows = f"`feeder-sim report` shows it, feeder_sim.{kind}(..., out=...) with the same arguments reads it"
+        raise InputError(f"is the folder of {kind}, which keeps no run: {shows}", file=folder)
+    if (folder / MAP).is_file():
+        reads = "feeder_sim.speed_map(..., out=...) with the same arguments reads it"
+        raise InputError(f"is the folder of speed_map, which keeps no run: {reads}", file=folder)
 
 
 class OpenedRun(Result):

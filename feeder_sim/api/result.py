@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 from feeder_sim.api.plots import Plots
 from feeder_sim.api.tables import Table, frame_of
-from feeder_sim.errors import FeederSimError, InputError
+from feeder_sim.errors import FeederSimError, NotMeasured
 from feeder_sim.measures.arrivals import ArrivalFindings, Arrivals
 from feeder_sim.measures.bounces import BounceFindings, Bounces
 from feeder_sim.measures.circulation import Circulation, WaveFindings
@@ -31,7 +31,8 @@ Findings = TypeVar("Findings")
 class Result(simulation.Result):
     """An ensemble: what `simulate`, `record_run` and `open` return.
 
-    Findings have a property each. One that does not apply to the scenario is an `InputError` that names those that do.
+    Findings have a property each. One that does not apply to the scenario is an `InputError` that names those that do,
+    and `hasattr` says False.
 
     Attributes:
         prepared: what was simulated.
@@ -89,7 +90,7 @@ class Result(simulation.Result):
             if type(applied) is measure:
                 return found
         names = ", ".join(name_of(applied).lower() for applied, _ in self.findings)
-        raise InputError(f"is not measured of this scenario, measured are {names}", key=measure.__name__.lower())
+        raise NotMeasured(f"is not measured of this scenario, measured are {names}", key=measure.__name__.lower())
 
     @property
     def plot(self) -> Plots:
@@ -142,7 +143,7 @@ class Result(simulation.Result):
 
     def _repr_html_(self) -> str:
         try:
-            lines = self.lines()
+            lines = [*self.lines(), *(f"caution: {caution}" for caution in self.cautions)]
         except FeederSimError as error:
             lines = [str(error)]
         return block(repr(self)[1:-1], lines)

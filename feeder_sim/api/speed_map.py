@@ -13,6 +13,7 @@ from feeder_sim.api.plots import axes_for
 from feeder_sim.api.progress import Progress, shown
 from feeder_sim.errors import InputError, check_whole, path_of_user
 from feeder_sim.notebook import counted
+from feeder_sim.run.advice import not_drawn
 from feeder_sim.scenario import Scenario, check_scenario
 from feeder_sim.studies import speed_map as mapping
 from feeder_sim.studies.map_folder import map_folder, rows_of, text_of, values_of, write_points
@@ -37,7 +38,8 @@ def speed_map(
 
     Args:
         scenario: one part that starts at a point of a strip, with `run.stop = "passage"` and one drive by an amplitude.
-            Start and duration of a point go with its wavelength and speed.
+            Start and duration of a point go with its wavelength and speed. Inputs that are `[uncertain]` have the
+            values of the scenario.
         frequencies_hz: numbers above 0 [Hz], or a text as the command line takes it, such as "2500:10000:40".
         amplitudes_um: numbers above 0 [um], or such a text.
         seeds: of every point.
@@ -66,7 +68,8 @@ def speed_map(
             with map_folder(path_of_user(out, "out"), "", scenario, frequency, amplitude, seeds) as folder:
                 points = mapping.speed_map(scenario, *axes, **how, journal=folder.journal)
                 write_points(folder, points)
-    return SpeedMap(tuple(points), len(points) == len(axes[0]) * len(axes[1]), scenario.title)
+    complete = len(points) == len(axes[0]) * len(axes[1])
+    return SpeedMap(tuple(points), complete, scenario.title, tuple(not_drawn(scenario)))
 
 
 @dataclass(frozen=True, repr=False)
@@ -77,11 +80,13 @@ class SpeedMap(Answer):
         points: of the map, a `MapPoint` each.
         complete: whether all of them are done.
         title: that of the scenario.
+        cautions: what misleads, a line each: uncertain inputs, whose values are those of the scenario.
     """
 
     points: tuple[MapPoint, ...]
     complete: bool
     title: str = ""
+    cautions: tuple[str, ...] = ()
 
     @property
     def fastest(self) -> MapPoint | None:
@@ -111,6 +116,7 @@ class SpeedMap(Answer):
 
     def _line(self) -> str:
         rest = "" if self.complete else ", not complete"
+        rest += f", {counted(len(self.cautions), 'caution')}" if self.cautions else ""
         arrived = sum(point.n > 0 for point in self.points)
         return f"SpeedMap: {counted(len(self.points), 'point')}, {arrived} with arrivals{rest}"
 

@@ -31,10 +31,13 @@ def drift_map(
         raise InputError(f"is {out.suffix!r}, allowed is .npz", file=out, key="--out")
     scenario = scenario_of(scenario_file, None, None, seed, settings)
     with naming(scenario_file):
+        from feeder_sim.run.advice import not_drawn
         from feeder_sim.studies.drift_map.files import save_map
         from feeder_sim.studies.drift_map.making import make_map, strip_of
 
         strip = strip_of(scenario)
+        for caution in not_drawn(scenario):
+            notify(f"caution: {caution}")
         with stop_on_signal() as stop, progress_bar(scenario_file.stem, stop) as progress:
             made = make_map(scenario, strip, seeds=seeds, workers=workers, progress=progress, stop=stop, notify=notify)
         save_map(made, out)

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from feeder_sim.plate.mode_file import ModeFile
     from feeder_sim.scenario import Scenario
 
+_OPTIONS = {"folder": "out"}  # of arguments that have another name in Python
 PICTURES = (".png", ".svg", ".pdf", ".jpg")
 
 
@@ -111,7 +112,8 @@ def naming_options() -> Iterator[None]:
     except InputError as error:
         if error.argument is None:
             raise
-        options = ", ".join(f"--{name.replace('_', '-')}" for name in error.argument.split(", "))
+        names = (_OPTIONS.get(name, name) for name in error.argument.split(", "))
+        options = ", ".join(f"--{name.replace('_', '-')}" for name in names)
         key = options if error.key is None else f"{options} {error.key}"
         raise InputError(error.problem, file=error.file, key=key) from error
 

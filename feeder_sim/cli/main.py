@@ -144,6 +144,8 @@ def run(
 
 def _finish_run(result: Result, folder: Path, as_json: bool, inputs: int) -> None:
     """Go on to the uncertain inputs, if there are any; print what came out; the exit code says how it ended."""
+    from feeder_sim.run.advice import not_drawn
+
     whole = not result.interrupted and not result.failures
     if not as_json:
         print_result(result, folder, as_json, {})
@@ -154,8 +156,10 @@ def _finish_run(result: Result, folder: Path, as_json: bool, inputs: int) -> Non
         print_result(result, folder, as_json, {"uncertainty": uncertain.as_json()} if uncertain else {})
     elif uncertain:
         print(uncertain.as_text())
-    for caution in result.prepared.cautions:
-        print(f"feeder-sim: caution: {printable(caution)}", file=sys.stderr)
+    drawn = not_drawn(result.scenario) if uncertain and uncertain.done.measures else []
+    for caution in result.cautions:
+        if caution not in drawn:
+            print(f"feeder-sim: caution: {printable(caution)}", file=sys.stderr)
     for failure in result.failures:
         print(f"feeder-sim: {failure}", file=sys.stderr)
     if result.interrupted:

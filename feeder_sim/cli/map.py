@@ -46,11 +46,14 @@ def map_(
     scenario = scenario_of(scenario_file, None, None, seed, settings)
     with naming(scenario_file):
         from feeder_sim.plots.speed_map import draw_speed_map
+        from feeder_sim.run.advice import not_drawn
         from feeder_sim.studies.speed_map import check_mapped, speed_map
 
         check_mapped(scenario)
         home = map_folder(out, scenario_file.stem, scenario, frequency, amplitude, seeds)
         title = scenario.title or scenario_file.stem
+        for caution in not_drawn(scenario):
+            notify(f"caution: {caution}")
         with home, stop_on_signal() as stop, progress_bar(title, stop) as progress:
             points = speed_map(
                 scenario,

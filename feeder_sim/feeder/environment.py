@@ -1,6 +1,6 @@
 """A feeder as a Gymnasium environment: look at the parts, choose a stage, and be paid in picks per time.
 
-    environment = FeederEnvironment(feeder_sim.load_scenario("scenarios/separation_100.toml"))
+    environment = feeder_sim.FeederEnvironment(feeder_sim.load_scenario("scenarios/separation_100.toml"))
     observation, _ = environment.reset(seed=0)
     observation, reward, terminated, truncated, info = environment.step(environment.action_space.sample())
 
@@ -28,9 +28,7 @@ from feeder_sim.scene.scene import Scene
 try:
     import gymnasium
 except ImportError:
-    raise InputError(
-        "needs the extra `gym`: pip install 'feeder_sim[gym]'", key="feeder_sim.feeder.environment"
-    ) from None
+    raise InputError("needs the extra `gym`: pip install 'feeder_sim[gym]'", key="FeederEnvironment") from None
 
 Observation = dict[str, NDArray[Any]]
 Reward = Literal["rate", "picks"]

@@ -23,6 +23,8 @@ from feeder_sim.errors import InputError, check_type, check_whole, path_of_user,
 from feeder_sim.feeder.catalogue import Catalogue
 from feeder_sim.feeder.poses import Poses, poses_of
 from feeder_sim.measures.picking import pickable
+from feeder_sim.measures.protocol import labelled
+from feeder_sim.notebook import block, counted, line
 from feeder_sim.records.removals import Cause
 from feeder_sim.records.trajectory import Status
 from feeder_sim.run.open_run import OpenRun
@@ -33,6 +35,8 @@ from feeder_sim.scenario.tables import validated
 from feeder_sim.scene.fits import check_pick
 from feeder_sim.scene.scene import Scene
 from feeder_sim.single_thread import single_threaded
+
+MOST_SHOWN = 8  # of the stages that have been run, in a notebook
 
 
 class Feeder:
@@ -75,6 +79,18 @@ class Feeder:
         fresh = self.__class__.__new__(self.__class__)
         fresh._begin(self._catalogue.with_seed(seed), self._threads)
         return fresh
+
+    def __repr__(self) -> str:
+        title = f" {self.scene.scenario.title!r}" if self.scene.scenario.title else ""
+        there = f"{counted(len(self.poses()), 'part')} on the plate, {len(self.picked)} picked, {len(self.lost)} lost"
+        closed = ", closed" if self._closed else ""
+        return line(f"Feeder{title} at {self.time:.6g} s: {there}, {counted(len(self._sequence), 'stage')} run{closed}")
+
+    def _repr_html_(self) -> str:
+        last = ["..."] * (len(self._sequence) > MOST_SHOWN) + list(self.sequence[-MOST_SHOWN:])
+        lines = [labelled("can run", ", ".join(self.stage_names)), labelled("has run", ", ".join(last) or "nothing")]
+        folder = [labelled("recorded in", str(self._folder))] if self._folder else []
+        return block(repr(self)[1:-1], [*lines, *folder])
 
     @property
     def time(self) -> float:
@@ -215,7 +231,7 @@ class Feeder:
         self._check_open()
         if self._began:
             raise InputError("comes after a stage, allowed is before the first one", key="record")
-        path = path_of_user(folder, "record")
+        path = path_of_user(folder, "folder")
         check_free(path)
         self._folder, self._replay = path, replay
         return self

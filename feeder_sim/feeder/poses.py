@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+from collections import Counter
+from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from feeder_sim.notebook import counted, line, table
 from feeder_sim.records.trajectory import Frames
 from feeder_sim.scene.scene import Scene
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Poses:
     """The parts on the plate at one time, in the order of their numbers.
 
@@ -33,6 +37,20 @@ class Poses:
 
     def __len__(self) -> int:
         return len(self.part)
+
+    def __repr__(self) -> str:
+        kinds = Counter(self.kind)
+        of = f" ({', '.join(f'{number} {kind}' for kind, number in kinds.items())})" if len(kinds) > 1 else ""
+        return line(f"Poses at {self.time:.6g} s: {counted(len(self), 'part')} on the plate{of}")
+
+    def _repr_html_(self) -> str:
+        return table(repr(self)[1:-1], list(self._rows()))
+
+    def _rows(self) -> Iterator[dict[str, Any]]:
+        """A row per part."""
+        for part, place, kind, pose in zip(self.part, self.position, self.kind, self.pose, strict=True):
+            x, y, z = (float(1e3 * value) for value in place)
+            yield {"part": int(part), "kind": kind, "pose": pose, "x_mm": x, "y_mm": y, "z_mm": z}
 
 
 def poses_of(scene: Scene, now: Frames) -> Poses:

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from feeder_sim.measures.found import Found
 from feeder_sim.measures.protocol import Measure, labelled
 from feeder_sim.measures.statistic import Statistic
 from feeder_sim.records.trajectory import SAME_TIME, Frames, Record, SeedRecord, Status
@@ -19,8 +20,8 @@ from feeder_sim.scene.prepared import Prepared
 from feeder_sim.scene.scene import Scene
 
 
-@dataclass(frozen=True)
-class TransportStage:
+@dataclass(frozen=True, repr=False)
+class TransportStage(Found):
     """One stage, over the seeds that reached its end.
 
     Attributes:
@@ -37,8 +38,8 @@ class TransportStage:
     y_mm: Statistic
 
 
-@dataclass(frozen=True)
-class ArrivalFindings:
+@dataclass(frozen=True, repr=False)
+class ArrivalFindings(Found):
     """Findings over the seeds that ran to their end.
 
     Attributes:

@@ -26,6 +26,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from feeder_sim.measures.found import Found
 from feeder_sim.measures.protocol import Measure, labelled
 from feeder_sim.measures.statistic import Statistic
 from feeder_sim.records.impacts import Impacts
@@ -140,8 +141,8 @@ def batched(seeds: Sequence[NDArray[np.float64]]) -> Statistic:
     return Statistic(independent.mean, independent.sd, Statistic.of(means).se, independent.n)
 
 
-@dataclass(frozen=True)
-class BounceFindings:
+@dataclass(frozen=True, repr=False)
+class BounceFindings(Found):
     """Findings over the seeds that ran to their end; `motion`: number of seeds by the name of their motion."""
 
     bounce_interval_ms: Statistic

@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from feeder_sim.measures.found import Found
 from feeder_sim.measures.protocol import Measure, labelled
 from feeder_sim.measures.scene_memory import once_for_scene
 from feeder_sim.measures.statistic import Statistic
@@ -103,8 +104,8 @@ def circulation(scene: Scene, track: Track, frames: Frames, start: float, stop: 
     return float(speed[counted].mean()) if counted.any() else float("nan")
 
 
-@dataclass(frozen=True)
-class WaveDescription:
+@dataclass(frozen=True, repr=False)
+class WaveDescription(Found):
     """A wave without parts, in numbers; what belongs to the track is None where there is none.
 
     Attributes:
@@ -124,7 +125,7 @@ class WaveDescription:
     travelling_ratio: float | None
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class WaveFinding(WaveDescription):
     """The wave of a stage and its effect on parts.
 
@@ -140,8 +141,8 @@ class WaveFinding(WaveDescription):
     at_still_points: Statistic
 
 
-@dataclass(frozen=True)
-class WaveFindings:
+@dataclass(frozen=True, repr=False)
+class WaveFindings(Found):
     """One entry per stage that makes a wave."""
 
     waves: tuple[WaveFinding, ...]

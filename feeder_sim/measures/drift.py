@@ -15,6 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from feeder_sim.measures.found import Found
 from feeder_sim.measures.protocol import Measure, labelled
 from feeder_sim.measures.statistic import Statistic
 from feeder_sim.records.trajectory import Frames, SeedRecord
@@ -22,8 +23,8 @@ from feeder_sim.scene.cell import PASSAGE_FROM, PASSAGE_TO, Cell
 from feeder_sim.scene.prepared import Prepared
 
 
-@dataclass(frozen=True)
-class DriftFindings:
+@dataclass(frozen=True, repr=False)
+class DriftFindings(Found):
     """Findings over the seeds that ran to their end; `arrived` is the number of seeds with a transport speed."""
 
     transport_speed_mm_s: Statistic

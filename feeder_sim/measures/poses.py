@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from feeder_sim.measures.found import Found
 from feeder_sim.measures.protocol import Measure, labelled
 from feeder_sim.measures.statistic import Statistic
 from feeder_sim.part.stable_poses import NONE
@@ -17,8 +18,8 @@ from feeder_sim.scene.prepared import Prepared
 from feeder_sim.scene.scene import Scene
 
 
-@dataclass(frozen=True)
-class PoseShares:
+@dataclass(frozen=True, repr=False)
+class PoseShares(Found):
     """The poses of one kind at the end of one stage, over the seeds; shares are of its parts on the plate.
 
     Attributes:
@@ -37,8 +38,8 @@ class PoseShares:
     changed: Statistic
 
 
-@dataclass(frozen=True)
-class KindPoses:
+@dataclass(frozen=True, repr=False)
+class KindPoses(Found):
     """The poses of one kind of parts.
 
     Attributes:
@@ -57,8 +58,8 @@ class KindPoses:
     picked_other: Statistic
 
 
-@dataclass(frozen=True)
-class PoseFindings:
+@dataclass(frozen=True, repr=False)
+class PoseFindings(Found):
     """One entry for each kind of parts that has stable poses."""
 
     pose_kinds: tuple[KindPoses, ...]

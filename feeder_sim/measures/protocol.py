@@ -29,6 +29,9 @@ class Measure(ABC, Generic[Findings, Reading]):
 
     counts: tuple[Status, ...] = (Status.DONE,)
 
+    def __repr__(self) -> str:
+        return f"{type(self).__name__}()"
+
     @abstractmethod
     def applies(self, prepared: Prepared) -> bool:
         """Whether the measure has a meaning for a scene."""

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from feeder_sim.measures.found import Found
 from feeder_sim.measures.picks import IN_NO_POSE, Picks, pick_stages, picks_by_hand, picks_of, robot_of
 from feeder_sim.measures.protocol import Measure, labelled
 from feeder_sim.measures.statistic import Statistic
@@ -37,16 +38,16 @@ class Clock:
         return self.driving + self.pauses + self.looks + self.picks
 
 
-@dataclass(frozen=True)
-class PoseRate:
+@dataclass(frozen=True, repr=False)
+class PoseRate(Found):
     """Picks per minute of one kind in one stable pose; "none" for parts in no pose."""
 
     pose: str
     picks_per_minute: Statistic
 
 
-@dataclass(frozen=True)
-class KindRate:
+@dataclass(frozen=True, repr=False)
+class KindRate(Found):
     """Picks per minute of one kind; no poses for a kind that has none."""
 
     kind: str
@@ -54,8 +55,8 @@ class KindRate:
     poses: tuple[PoseRate, ...]
 
 
-@dataclass(frozen=True)
-class TimeShares:
+@dataclass(frozen=True, repr=False)
+class TimeShares(Found):
     """Shares of the time on the clock [1], see `Clock`."""
 
     driving: Statistic
@@ -64,8 +65,8 @@ class TimeShares:
     picks: Statistic
 
 
-@dataclass(frozen=True)
-class RateFindings:
+@dataclass(frozen=True, repr=False)
+class RateFindings(Found):
     """Findings over the seeds that ran to their end.
 
     Attributes:

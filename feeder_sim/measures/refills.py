@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from feeder_sim.measures.found import Found
 from feeder_sim.measures.picks import picks_by_hand
 from feeder_sim.measures.protocol import Measure, labelled
 from feeder_sim.measures.statistic import Statistic
@@ -17,8 +18,8 @@ from feeder_sim.scene.refill import refill_frames, wanted
 from feeder_sim.scene.scene import Scene
 
 
-@dataclass(frozen=True)
-class RefillFindings:
+@dataclass(frozen=True, repr=False)
+class RefillFindings(Found):
     """Findings over the seeds that ran to their end.
 
     Attributes:

@@ -13,6 +13,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 from numpy.typing import NDArray
 
+from feeder_sim.measures.found import Found
 from feeder_sim.measures.picking import nearest_neighbours
 from feeder_sim.measures.protocol import Measure, labelled
 from feeder_sim.measures.stage_lines import StageLines, stage_lines
@@ -153,8 +154,8 @@ def _side_up(frames: Frames, row: int) -> NDArray[np.int64]:
     return np.asarray((axis + 1) * np.sign(np.take_along_axis(up, axis[:, None], axis=1)[:, 0]), np.int64)
 
 
-@dataclass(frozen=True)
-class StageCounts:
+@dataclass(frozen=True, repr=False)
+class StageCounts(Found):
     """Means over the seeds of the counts of `StageReport`, for one stage of one cycle."""
 
     cycle: int
@@ -171,8 +172,8 @@ class StageCounts:
     nearest_mm: Statistic
 
 
-@dataclass(frozen=True)
-class SeparationFindings:
+@dataclass(frozen=True, repr=False)
+class SeparationFindings(Found):
     """Number of parts in the scene, parts picked and lost in the whole run, and the counts of every stage."""
 
     parts: int

@@ -10,6 +10,7 @@ import math
 
 import numpy as np
 
+from feeder_sim.scenario import Scenario
 from feeder_sim.scenario.engine_choice import Choice, known_failures
 from feeder_sim.scene.scene import GRAVITY, Scene
 from feeder_sim.scene.under_parts import motion_under_parts
@@ -32,9 +33,7 @@ def cautions(scene: Scene, engine: Choice) -> list[str]:
     lines = [*known_failures(scenario), *_cautions_of_motion(scene)]
     if scenario.schedule is not None and scenario.schedule.by_hand:
         lines.append("schedule.by_hand is true: a run of the scenario does not pick and fill in what a program did")
-    if scenario.uncertain:
-        keys = ", ".join(scenario.uncertain)
-        lines.append(f"{keys}: uncertain inputs, which have the values of the scenario here, not those of draws")
+    lines += not_drawn(scenario)
     if not run.in_plane_velocity and scenario.plate.kind not in ("piston", "still"):
         lines.append("run.in_plane_velocity is false: drifts come out at a third of their speed or less")
     if scenario.plate.kind == "strip" and run.planar:
@@ -58,6 +57,12 @@ def cautions(scene: Scene, engine: Choice) -> list[str]:
     if settings.impedance == "default":
         lines.append('mujoco.impedance is "default": friction is soft, and what rests on a slope creeps')
     return lines
+
+
+def not_drawn(scenario: Scenario) -> list[str]:
+    """The caution about uncertain inputs, wherever a scenario is run as it is and no values of them are drawn."""
+    keys = ", ".join(scenario.uncertain or ())
+    return [f"{keys}: uncertain inputs, which have the values of the scenario here, not those of draws"] if keys else []
 
 
 def _cautions_of_motion(scene: Scene) -> list[str]:

@@ -61,12 +61,18 @@ class Ensemble:
     simulated_s: float
     kernel_s: float
 
+    @property
+    def cautions(self) -> tuple[str, ...]:
+        """Settings that are known to mislead, a line each."""
+        return self.prepared.cautions
+
     def __repr__(self) -> str:
         title = f" {self.prepared.scenario.title!r}" if self.prepared.scenario.title else ""
         return f"<Ensemble{title}: {endings(self.status)}, {self.simulated_s:.6g} s simulated>"
 
     def _repr_html_(self) -> str:
-        return block(repr(self)[1:-1], Drift().lines(self.prepared, self.findings))
+        cautions = [f"caution: {caution}" for caution in self.cautions]
+        return block(repr(self)[1:-1], [*Drift().lines(self.prepared, self.findings), *cautions])
 
 
 @single_threaded
@@ -78,18 +84,13 @@ def measure_drift(
     stop: threading.Event | None = None,
     notify: Callable[[str], None] | None = None,
 ) -> list[Ensemble]:
-    """Run all seeds of many scenarios and measure their drift.
-
-    Every seed moves as the same seed of `simulate` does. With stop = "passage" it ends at that frame, where `simulate`
-    records some hundred more, so that only the transport speed is the same.
+    """Run all seeds of many scenarios and measure their drift; see `feeder_sim.measure_drift`.
 
     Args:
-        scenarios: each with one free part on a plate without rim and without a schedule. They are prepared one by one
-            while others run.
+        scenarios: what to run.
         workers: threads. Default: all cores.
         progress: called with the number of ensembles done, from this thread.
-        stop: set it to end within a second; ensembles that have not ended then are left out, and those that have ended
-            after them.
+        stop: set it to end within a second.
         notify: takes a line for the user, such as that the engine is being compiled.
 
     Raises:

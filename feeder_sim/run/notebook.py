@@ -18,7 +18,10 @@ print("cautions:", *(prepared.cautions or ["none"]), sep="\\n  ")"""
 _SIMULATE = """\
 result = feeder_sim.simulate(scenario.changed({{"run.seeds": {seeds}}}))
 print(*result.lines(), sep="\\n")"""
-_MEASURES = "result.measures()"
+_MEASURES = """\
+from IPython.display import display
+
+display(*(found for _, found in result.findings))"""
 _DRAW = """\
 import matplotlib.pyplot as plt
 import numpy as np

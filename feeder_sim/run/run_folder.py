@@ -91,7 +91,7 @@ def record_ended(scenario: Scenario, folder: Path, ended: Begun, *, replay: bool
     """
     check_free(folder)
     how: dict[str, Any] = {"progress": None, "stop": None, "replay": replay, "notify": None}
-    return _begin_folder(folder, prepare(scenario), Left({0: ended}, 0.0), record=AllFrames(), **how)
+    return _begin_folder(folder, prepare(scenario), Left({0: ended}, ended.wall_s), record=AllFrames(), **how)
 
 
 def _begin_folder(folder: Path, prepared: Prepared, left: Left, **how: Any) -> Result:
@@ -268,16 +268,16 @@ def check_free(folder: Path, scenario: Scenario | None = None) -> None:
         InputError: as said.
     """
     if folder.exists() and not folder.is_dir():
-        raise InputError("is not a folder", file=folder, key="--out")
+        raise InputError("is not a folder", file=folder, argument="folder")
     held = {path.name for path in folder.iterdir()} if folder.exists() else set()
     held -= {LOCK, partial_of(folder / RESOLVED).name}
     if INPUTS in held and scenario is not None and left_by_a_kill(folder / INPUTS, scenario):
         held -= {INPUTS}
     if held & {TRAJECTORY, REPLAY, SUMMARY, PICKS, RESOLVED, MJCF}:
-        raise InputError("already holds a run, allowed is a new or an empty folder", file=folder, key="--out")
+        raise InputError("already holds a run, allowed is a new or an empty folder", file=folder, argument="folder")
     if held:
         name = shortened(min(held), 40)
-        raise InputError(f"is not empty ({name}), allowed is a new or an empty folder", file=folder, key="--out")
+        raise InputError(f"is not empty ({name}), allowed is a new or an empty folder", file=folder, argument="folder")
 
 
 def fresh_folder(stem: str, base: Path = Path("runs")) -> Path:

@@ -77,6 +77,11 @@ class Result:
         return [seed.frames for seed in self.seeds]
 
     @property
+    def cautions(self) -> tuple[str, ...]:
+        """Settings that are known to mislead, a line each."""
+        return self.prepared.cautions
+
+    @property
     def failures(self) -> list[SimulationDiverged]:
         """Why seeds diverged, those that did."""
         return [seed.failure for seed in self.seeds if seed.failure is not None]
@@ -123,7 +128,7 @@ class Result:
             "unresolved_impacts": sum(seed.unresolved_impacts for seed in self.seeds),
             "left_plate": sum(seed.status == Status.LEFT_PLATE for seed in self.seeds),
             "interrupted": self.interrupted,
-            "cautions": list(self.prepared.cautions),
+            "cautions": list(self.cautions),
             "failures": [str(failure) for failure in self.failures],
         }
 

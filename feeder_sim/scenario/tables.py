@@ -13,6 +13,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Annotated, Any, TypeVar, get_args, get_origin
 
+import numpy as np
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
 
 from feeder_sim.errors import InputError, cause_of, nearest, quoted, shortened
@@ -122,12 +123,14 @@ def parse(text: str, table: type[T], file: Path) -> T:
 def validated(raw: dict[str, Any], table: type[T], file: Path) -> T:
     """Check a document that is already parsed; `file` names it in the message.
 
+    In Python its values may come from numpy: numbers of an array, or a short one for a list.
+
     Raises:
         InputError: any key or value that is not allowed.
     """
     _refuse_absurd(raw, file)
     try:
-        return table.model_validate(raw)
+        return table.model_validate(_without_numpy(raw))
     except ValidationError as error:
         raise _first_error(error, table, file) from None
 
@@ -145,6 +148,17 @@ def _refuse_absurd(raw: dict[str, Any], file: Path) -> None:
             stack += [(f"{key}[{i}]", depth + 1, entry) for i, entry in enumerate(value)]
         elif isinstance(value, int) and abs(value) > LARGEST_WHOLE:
             raise InputError("is a whole number of more than 300 digits, allowed are fewer", file=file, key=key)
+
+
+def _without_numpy(value: Any) -> Any:
+    """A document with numpy's numbers and arrays as those of Python, which strict types ask for."""
+    if isinstance(value, np.generic | np.ndarray):
+        return value.tolist()
+    if isinstance(value, dict):
+        return {key: _without_numpy(entry) for key, entry in value.items()}
+    if isinstance(value, list | tuple):
+        return [_without_numpy(entry) for entry in value]
+    return value
 
 
 def _first_error(error: ValidationError, root: type[BaseModel], file: Path) -> InputError:

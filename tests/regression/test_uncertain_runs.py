@@ -26,6 +26,7 @@ from feeder_sim.run.run_folder import record_run
 from feeder_sim.studies.uncertainty.spread import spread_of
 
 INPUTS = 8
+NOT_DRAWN = "contact.restitution: uncertain inputs, which have the values of the scenario here"
 UNCERTAIN = """
 [uncertain]
 contact.restitution = { uniform = [0.1, 0.5] }
@@ -72,7 +73,7 @@ def test_a_run_goes_on_to_its_uncertain_inputs(tmp_path: Path) -> None:
     out = tmp_path / "run"
     done = feeder_sim("run", tmp_path / "u.toml", "--seeds", 3, "--inputs", INPUTS, "--out", out, "--json")
     assert done.returncode == 0, done.stderr
-    assert "uncertain inputs, which have the values of the scenario here" in done.stderr
+    assert NOT_DRAWN not in done.stderr
     told = json.loads(done.stdout)
     speed = told["uncertainty"]["measures"]["transport_speed_mm_s"]
     assert told["transport_speed_mm_s"]["n"] == 3 and speed["draws"] == INPUTS
@@ -102,8 +103,10 @@ def test_a_run_goes_on_with_as_many_draws_as_it_was_begun_with(ball: Path, tmp_p
     out = tmp_path / "run"
     done = feeder_sim("run", ball, "--inputs", 3, "--out", out, "--json")
     assert done.returncode == 0, done.stderr
+    assert NOT_DRAWN not in done.stderr  # beside what the draws have come to
+    assert any(NOT_DRAWN in caution for caution in json.loads(done.stdout)["cautions"])
     again = feeder_sim("run", "--resume", out, "--json")
-    assert again.returncode == 0, again.stderr
+    assert again.returncode == 0 and NOT_DRAWN not in again.stderr
     assert json.loads(again.stdout)["uncertainty"] == json.loads(done.stdout)["uncertainty"]
     check_refused(feeder_sim("run", "--resume", out, "--inputs", 4), "--inputs: is 4, allowed is 3, which the run")
     (out / "uncertainty/uncertainty.toml").write_text("inputs = true")
@@ -134,7 +137,8 @@ def test_an_interrupted_run_keeps_how_many_draws_were_asked_for(
 
     monkeypatch.setattr(run_folder, "record_run", interrupted)
     out = tmp_path / "run"
-    assert feeder_sim("run", ball, "--inputs", 3, "--out", out).returncode == 130
+    begun = feeder_sim("run", ball, "--inputs", 3, "--out", out)
+    assert begun.returncode == 130 and NOT_DRAWN in begun.stderr
     done = feeder_sim("run", "--resume", out, "--json")
     assert done.returncode == 0, done.stderr
     measures = json.loads(done.stdout)["uncertainty"]["measures"]

@@ -6,6 +6,7 @@ import json
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from command_line import check_refused, feeder_sim
 from conftest import strip_scenario
@@ -45,6 +46,20 @@ def test_changed_values_are_those_of_a_file() -> None:
     raw = changed.model_dump()
     assert value_at(raw, "part[0].start.position_mm[0]") == 1.0
     assert value_at(raw, "schedule.stage") is None
+
+
+def test_values_may_come_from_numpy() -> None:
+    changes: dict[str, Any] = {
+        "run.seeds": np.int64(2),
+        "run.in_plane_velocity": np.bool_(False),
+        "drive[0].amplitude_um": np.float32(1.5),
+    }
+    changes |= {"part[0].start.position_mm": np.array([1, 0]), "part[0].start.drop_height_mm": [np.float64(0.1), 0.2]}
+    plain: dict[str, Any] = {"run.seeds": 2, "run.in_plane_velocity": False, "drive[0].amplitude_um": 1.5}
+    plain |= {"part[0].start.position_mm": [1, 0], "part[0].start.drop_height_mm": [0.1, 0.2]}
+    assert strip_scenario().changed(changes) == strip_scenario().changed(plain)
+    with pytest.raises(InputError, match=r"^scenario: run\.seeds: is -2, "):
+        strip_scenario().changed({"run.seeds": np.int64(-2)})
 
 
 def test_stages_need_no_schedule_before_them(repository: Path) -> None:

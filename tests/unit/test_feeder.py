@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 from typing import Any
 
@@ -79,6 +80,8 @@ def test_a_loop_moves_as_its_sequence_does_in_a_run(tmp_path: Path) -> None:
     assert same(run.trajectories[0], result.trajectories[0])
     assert len(np.concatenate(by_rule)) > 0  # or picks have not been compared
     assert np.concatenate(by_rule).tolist() == run.seeds[0].removals.part.tolist()
+    assert result.wall_s >= result.seeds[0].wall_s > 0.0
+    assert feeder_sim.open(tmp_path / "run").wall_s >= result.seeds[0].wall_s
     again = feeder_sim.simulate(feeder_sim.load_scenario(tmp_path / "run" / RESOLVED))
     assert same(again.trajectories[0], result.trajectories[0])
 
@@ -103,7 +106,7 @@ def test_other_engines_move_alike(changes: dict[str, Any], tmp_path: Path) -> No
 def test_the_plate_rings_on_from_one_stage_into_the_next() -> None:
     feeder = Feeder(scenario())
     feeder.vibrate("out")
-    feeder.vibrate(duration_s=0.02)
+    feeder.vibrate(duration_s=np.float32(0.02))
     scene = feeder.scene.begun(2)
     ringing = abs(scene.surface.terms.phasor(feeder.scene.times.stages[1].start, 2)[0])
     assert ringing[0] > 1e-6  # of 2 um
@@ -250,7 +253,7 @@ def test_recording_begins_at_the_start_and_ends_once(tmp_path: Path) -> None:
         feeder.vibrate("out")
     (tmp_path / "held").mkdir()
     (tmp_path / "held" / "file").touch()
-    with pytest.raises(InputError, match="is not empty"):
+    with pytest.raises(InputError, match=r"held: folder: is not empty \(file\), allowed is a new or an empty folder$"):
         Feeder(scenario()).record(tmp_path / "held")
     with pytest.raises(InputError, match="nothing to record"):
         Feeder(scenario()).record(tmp_path / "none").close()
@@ -282,3 +285,19 @@ def test_a_sequence_names_stages(tmp_path: Path) -> None:
     raw["schedule"]["stage"][1]["name"] = "out"
     with pytest.raises(ValueError, match="allowed is a name of its own"):
         Scenario.model_validate(raw)
+
+
+def test_reprs_say_where_it_is_and_stay_short(tmp_path: Path) -> None:
+    feeder = Feeder(scenario(title="two ways")).record(tmp_path / "run", replay=False)
+    assert "has run          nothing" in feeder._repr_html_()
+    feeder.vibrate("out")
+    feeder.pick(feeder.poses().part[0])
+    line = r"<Feeder 'two ways' at 0\.05\d* s: 3 parts on the plate, 1 picked, 0 lost, 1 stage run>"
+    assert re.fullmatch(line, repr(feeder))
+    shown = feeder._repr_html_()
+    assert "can run          out, in" in shown and "has run          out\n" in shown and str(tmp_path) in shown
+    poses = feeder.poses()
+    assert repr(poses) == f"<Poses at {feeder.time:.6g} s: 3 parts on the plate>"
+    assert poses._repr_html_().count("<tr>") == 4 and "<td>hex_nut</td>" in poses._repr_html_()
+    feeder.close()
+    assert repr(feeder).endswith("1 stage run, closed>")

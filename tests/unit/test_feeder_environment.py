@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from typing import Any
 
 import numpy as np
@@ -10,6 +11,7 @@ from test_feeder import scenario, with_refill
 
 pytest.importorskip("gymnasium")
 
+import feeder_sim
 from feeder_sim.errors import InputError
 from feeder_sim.feeder.environment import FeederEnvironment
 from feeder_sim.scenario import Excitation, HexNut, Pick, Placed, Rectangle, Schedule, Stage
@@ -97,3 +99,15 @@ def test_bounds_are_those_of_the_plate() -> None:
     bounds: Any = env.observation_space
     assert bounds["position"].high[0] == pytest.approx([1.5, 0.2, 3.0])
     assert bounds.contains(seen)
+
+
+def test_it_is_public_where_gymnasium_is(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert "FeederEnvironment" in dir(feeder_sim) and feeder_sim.FeederEnvironment is FeederEnvironment
+    monkeypatch.setitem(sys.modules, "gymnasium", None)
+    monkeypatch.delitem(sys.modules, "feeder_sim.feeder.environment")
+    assert "FeederEnvironment" not in dir(feeder_sim)  # or `help` would end in the error below
+    with pytest.raises(
+        InputError, match=r"^FeederEnvironment: needs the extra `gym`: pip install 'feeder_sim\[gym\]'$"
+    ):
+        getattr(feeder_sim, "FeederEnvironment")  # noqa: B009
+    exec("from feeder_sim import *", {})

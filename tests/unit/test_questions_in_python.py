@@ -138,6 +138,11 @@ def test_speed_map(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     check_shown(found)
     assert found.plot().get_xlabel() == "drive frequency (Hz)"
     assert (tmp_path / "m/map.csv").read_text().count("\n") == 5
+    assert found.cautions == ()
+    uncertain = scenario.changed({"uncertain": {"contact.friction": {"uniform": [0.2, 0.4]}}})
+    found = feeder_sim.speed_map(uncertain, [4000.0, 5000.0], "1:2:2", seeds=2)
+    assert "contact.friction: uncertain inputs, which have the values of the scenario here" in found.cautions[0]
+    assert repr(found).endswith(", 1 caution>")
 
 
 def test_stopped_is_not_complete() -> None:

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import builtins
+import inspect
 import json
 import pydoc
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, get_type_hints
 
 import matplotlib
 import numpy as np
@@ -17,9 +18,11 @@ from conftest import StopsAfter, strip_scenario
 from test_keep import bouncing, picking
 
 import feeder_sim
+from feeder_sim.api import result as result_module
 from feeder_sim.api.opened import OpenedRun
 from feeder_sim.api.progress import shown
 from feeder_sim.errors import InputError
+from feeder_sim.measures.found import Found
 from feeder_sim.run.run_folder import SUMMARY, scenario_toml
 from feeder_sim.scenario import HexNut, Rectangle, Scenario, Start
 
@@ -53,6 +56,16 @@ def test_opened_run_is_the_result_it_was(run: Path) -> None:
     assert opened.stored_summary == stored
     with pytest.raises(InputError, match=r"no run here, allowed is a folder that holds trajectory\.h5$"):
         feeder_sim.open(run.parent)
+
+
+@pytest.mark.parametrize(
+    ("file", "kind"), [("sweep", "sweep"), ("search", "optimise"), ("uncertainty", "uncertainty"), ("map", "speed_map")]
+)
+def test_the_folder_of_a_question_says_what_reads_it(file: str, kind: str, tmp_path: Path) -> None:
+    (tmp_path / f"{file}.toml").touch()
+    reads = rf"feeder_sim\.{kind}\(\.\.\., out=\.\.\.\) with the same arguments reads it$"
+    with pytest.raises(InputError, match=f": is the folder of {kind}, which keeps no run: .*{reads}"):
+        feeder_sim.open(tmp_path)
 
 
 def test_interrupted_run_opens(tmp_path: Path) -> None:
@@ -97,6 +110,8 @@ def test_findings_have_types_and_those_that_do_not_apply_say_so() -> None:
         line = f"^{name}: is not measured of this scenario, measured are separation, poses, rate$"
         with pytest.raises(InputError, match=line):
             getattr(result, name)
+        assert not hasattr(result, name)
+    assert {"rate", "poses"} <= {name for name, _ in inspect.getmembers(result)}
     assert feeder_sim.simulate(bouncing()).bounces.bounce_interval_ms.n > 2
 
 
@@ -117,7 +132,34 @@ def test_reprs_are_short(run: Path) -> None:
     assert repr(scenario) == "<Scenario: strip plate, 4750 Hz, 1 hex_nut, 0.3 s, 2 seeds>"
     uncertain = scenario.changed({"uncertain": {"contact.friction": {"uniform": [0.2, 0.4]}}})
     assert "[uncertain.&quot;contact.friction&quot;]\nuniform = [0.2, 0.4]" in uncertain._repr_html_()
+    (of_uncertain,) = feeder_sim.measure_drift([uncertain])
+    for value in (of_uncertain, feeder_sim.simulate(uncertain)):
+        (caution,) = (line for line in value.cautions if "contact.friction: uncertain inputs" in line)
+        assert f"caution: {caution}" in value._repr_html_()
     assert "&lt;i&gt;" in scenario.changed({"title": "<i>"})._repr_html_()
+
+
+def test_findings_of_many_stages_are_a_line_and_tables() -> None:
+    many = {"part[0].count": 8, "part[0].start": {"kind": "scattered"}}
+    cycles = picking().changed(many | {"schedule.cycles": 12, "stage[0].duration_s": 0.02})
+    result = feeder_sim.simulate(cycles, record=feeder_sim.StatisticsOnly())
+    found = (result.separation, result.poses, result.rate)
+    for findings in (*found, result.separation.stages[0], result.poses.pose_kinds[0].stages[-1]):
+        assert 20 < len(repr(findings)) < 200 and "\n" not in repr(findings) and "Statistic(" not in repr(findings)
+        assert 100 < len(findings._repr_html_()) < 10_000
+    assert repr(result.separation) == "<SeparationFindings: parts 8, picked 8 +- 0, lost 0 +- 0, 12 stages>"
+    assert len(repr(result.findings)) < 1000 and repr(result.findings).startswith("((Separation(), <Sep")
+    shown = result.separation._repr_html_()
+    assert "<th>mean</th><th>sd</th><th>se</th><th>n</th>" in shown and "<b>stages</b><table>" in shown
+    assert shown.count("<tr>") == (1 + 2) + (1 + 12) and "<th>touching_pairs</th>" in shown
+    assert "<b>pose_kinds[0].stages</b>" in result.poses._repr_html_()
+    assert "<td>time_shares.driving</td>" in result.rate._repr_html_()
+
+
+def test_every_measure_has_findings_with_a_short_repr() -> None:
+    for name in ("drift", "bounces", "separation", "poses", "refills", "rate", "arrivals", "circulation"):
+        findings = get_type_hints(getattr(feeder_sim.Result, name).fget, vars(result_module))["return"]
+        assert issubclass(findings, Found) and findings.__repr__ is Found.__repr__, name
 
 
 def test_repr_of_a_table_makes_it_again() -> None:

@@ -148,6 +148,22 @@ def test_an_interrupted_map_has_a_table_and_a_picture(tmp_path: Path, monkeypatc
         (out / "map.png").unlink()
 
 
+@pytest.mark.parametrize("command", ["map", "drift-map"])
+def test_uncertain_inputs_that_are_not_drawn_are_said(
+    command: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refused(*_: Any, **__: Any) -> Any:
+        raise InputError("refused here")
+
+    monkeypatch.setattr(studied, "_measured", refused)
+    monkeypatch.setattr("feeder_sim.studies.drift_map.making.make_map", refused)
+    friction = "contact.friction = { uniform = [0.2, 0.4] }"
+    (tmp_path / "u.toml").write_text(f"{SCENARIO.read_text()}\n[uncertain]\n{friction}\n")
+    done = feeder_sim(command, str(tmp_path / "u.toml"), "--out", str(tmp_path / "made.npz"))
+    assert "feeder-sim: caution: contact.friction: uncertain inputs, which have the values of the" in done.stderr
+    assert feeder_sim(command, str(SCENARIO), "--out", str(tmp_path / "known.npz")).stderr.count("caution") == 0
+
+
 def point(mean: float, n: int, seeds: int = 12, se: float = 0.1) -> MapPoint:
     return MapPoint(5000.0, 10.0 * mean, 1.0, mean, se, n, 0, seeds)
 

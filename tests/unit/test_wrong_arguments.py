@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 from collections.abc import Callable
 from typing import Any
 
@@ -47,13 +48,18 @@ def test_a_feeder_refuses_something_else_and_goes_on() -> None:
         (feeder.pick_by, 3, "pick: is 3, allowed is a Pick, or a table"),
         (feeder.pick, [[1], [1, 2]], "pick: is .*, allowed is the number of a part"),
         (feeder.refill, 1.5, "refill: is 1.5, allowed is a whole number from 1 on"),
-        (feeder.record, 3, "record: is 3, allowed is a path"),
+        (feeder.record, 3, "folder: is 3, allowed is a path"),
         (feeder.vibrate, True, "stage: is True, allowed is a stage"),
     ]
     for call, value, said in calls:
         with pytest.raises(feeder_sim.InputError, match=f"^{said}"):
             call(value)
     assert len(feeder.vibrate(0)) == 0
+
+
+def test_what_runs_hand_to_each_other_is_no_argument() -> None:
+    for call in (feeder_sim.simulate, feeder_sim.record_run, feeder_sim.measure_drift):
+        assert not {"recorder", "begun", "left", "notify"} & {*inspect.signature(call).parameters}
 
 
 def test_whole_numbers() -> None:
