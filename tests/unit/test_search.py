@@ -8,6 +8,7 @@ import math
 import threading
 import tomllib
 from pathlib import Path
+from typing import get_args
 
 import numpy as np
 import pytest
@@ -19,6 +20,7 @@ from feeder_sim.errors import InputError
 from feeder_sim.jobs.task import SeedValues
 from feeder_sim.jobs.workers import Workers, given_workers
 from feeder_sim.scenario import Scenario, load_scenario
+from feeder_sim.studies.search.proposals import RANDOM_TRIALS, Sampler
 from feeder_sim.studies.search.search import FRESH, Budget, Search, search
 from feeder_sim.studies.search.space import Space
 from feeder_sim.studies.search.trials import Aim, Trial, is_worse
@@ -87,6 +89,27 @@ def test_a_best_recipe_without_a_value_in_some_fresh_seeds_says_so(
     told = json.loads(done.stdout)
     assert done.returncode == 1 and "has no speed in 4 of 16 fresh seeds, its mean is of the others" in done.stderr
     assert (told["best"]["n"], told["best"]["seeds"], told["gain"]["n"]) == (12, 16, 12)
+
+
+def test_every_sampler_goes_on_after_its_random_trials(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Optuna loads the package of CMA-ES when it first asks it for a recipe."""
+    space = Space.of(strip_scenario(amplitude_um=1.0), [OVER[0], f"{FRICTION}=0.1:0.3"])
+
+    def searched(name: str, sampler: Sampler) -> Search:
+        (tmp_path / name).mkdir()
+        journal, workers = tmp_path / name / "journal.jsonl", Workers(Pretended(values_of), 2)
+        budget = Budget(RANDOM_TRIALS + 16)
+        return search(space, AIM, workers, journal.parent, journal, budget=budget, check_seeds=4, sampler=sampler)
+
+    found = {name: searched(name, name) for name in get_args(Sampler)}
+    points = {name: [trial.point for trial in one.trials] for name, one in found.items()}
+    assert all(len(tried) == RANDOM_TRIALS + 16 for tried in points.values())
+    assert points["cmaes"][:RANDOM_TRIALS] == points["tpe"][:RANDOM_TRIALS]  # the same random draws
+    assert points["cmaes"][RANDOM_TRIALS:] != points["tpe"][RANDOM_TRIALS:]
+    monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
+    with pytest.raises(InputError, match=r"sampler: is \"cmaes\", which needs the extra `search`"):
+        searched("without", "cmaes")
+    assert not (tmp_path / "without/optuna.log").exists()  # refused before any work
 
 
 def test_losers_are_stopped_early(tmp_path: Path) -> None:
