@@ -9,6 +9,7 @@ import contextlib
 import hashlib
 import itertools
 import re
+import shutil
 from pathlib import Path
 from types import TracebackType
 from typing import Self
@@ -30,6 +31,9 @@ _MARK = "# question "
 
 class WorkFolder:
     """The folder of a question; as a context it is held by this process.
+
+    A question that is refused in the context before any seed is done, as one for a measure that there is not, leaves
+    nothing behind: the corrected one is another question, and would be refused in its folder.
 
     Args:
         path: made if missing; new, empty, or that of the same question. What is done in it counts as far as it is of
@@ -63,6 +67,8 @@ class WorkFolder:
         check_work_folder(path, kind)
         self._check_same()
         self._held = contextlib.ExitStack()
+        self._shared, self._begun = share is not None, False
+        self._made: list[Path] = []  # folders that were not there, innermost first
 
     @property
     def journals(self) -> list[Path]:
@@ -76,6 +82,7 @@ class WorkFolder:
             InputError: another process works on the same share, or has asked something else meanwhile.
             RecordingFailed: it cannot be written.
         """
+        self._made = [folder for folder in (self.path, *self.path.parents) if not folder.exists()]
         try:
             self.path.mkdir(parents=True, exist_ok=True)
         except OSError as error:
@@ -84,6 +91,7 @@ class WorkFolder:
         self._held.enter_context(holding(self._lock))
         with holding(self.path / WRITING, WAIT_S):
             self._check_same()
+            self._begun = not (self.path / self._kind).exists()
             self._write_changed(self._kind, self._text)  # first: it tells that the folder is ours
             self._write_changed(SCENARIO, self.carried(self._scenario))
         return self
@@ -91,7 +99,25 @@ class WorkFolder:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
+        # Other tasks of a job array may work in the folder by now; their question does not hang on the measure.
+        unused = self._begun and not self._shared and not any(path.stat().st_size for path in self.journals)
+        remove = unused and isinstance(error, InputError)
+        if remove:
+            self._remove_contents()
         self._held.close()
+        if remove:
+            for folder in self._made:
+                with contextlib.suppress(OSError):  # something else is in it
+                    folder.rmdir()
+
+    def _remove_contents(self) -> None:
+        """Remove all that is in the folder; but for what a kill has left, it was empty when this question began."""
+        for entry in self.path.iterdir():
+            with contextlib.suppress(OSError):
+                if entry.is_dir() and not entry.is_symlink():
+                    shutil.rmtree(entry)
+                else:
+                    entry.unlink()
 
     def carried(self, scenario: Scenario) -> str:
         """The text of a scenario for this folder, which gets copies of the files that it reads.

@@ -211,6 +211,7 @@ def test_command(repository: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPat
     assert told["complete"] and told["gain"]["low"] < told["gain"]["mean"]
     told = feeder_sim(*asked[:2], "--maximise", "sped", *asked[4:-1], tmp_path / "none")
     check_refused(told, "--maximise: is sped (did you mean 'speed'?), allowed are speed")
+    assert not (tmp_path / "none").exists()  # so that the corrected command has its folder
     negative = feeder_sim("optimise", scenario, "--maximise", "speed", "--over", f"{AMPLITUDE}=-1:2", cwd=tmp_path)
     check_refused(negative, str(scenario), f"{AMPLITUDE}: is -1")
     (tmp_path / "damaged").mkdir()
