@@ -97,7 +97,7 @@ def optimise(
     drift_map = path_of_user(screen, "screen") if screen is not None else None
     asked = Question.of(texts, aim, sampler, drift_map, recipes)
     with contextlib.ExitStack() as held:
-        show, _ = held.enter_context(shown(progress, scenario.title or "optimise"))
+        show, notify = held.enter_context(shown(progress, scenario.title or "optimise"))
         path = path_of_user(out, "out") if out is not None else Path(held.enter_context(tempfile.TemporaryDirectory()))
         folder = WorkFolder(path, QUESTION, asked.as_toml(), scenario, same=asked.same)
         starts = first_recipes(path, space, aim, drift_map, recipes) if drift_map else []
@@ -114,6 +114,7 @@ def optimise(
             starts=starts,
             stop=stop,
             progress=show,
+            notify=notify,
         )
         write_search(folder, found)
     return Search(**held_by(found))

@@ -97,6 +97,7 @@ def optimise(
                     starts=starts,
                     stop=stop,
                     progress=progress,
+                    notify=notify,
                 )
             write_search(home, done)
             if done.trials:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import json
 import math
+import re
 import threading
 import tomllib
 from pathlib import Path
@@ -209,6 +210,11 @@ def test_command(repository: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPat
     assert (out / "history.png").stat().st_size > 1000
     told = json.loads(feeder_sim(*asked, "--json").stdout)
     assert told["complete"] and told["gain"]["low"] < told["gain"]["mean"]
+    with monkeypatch.context() as newer:
+        newer.setattr("feeder_sim.jobs.identity.library_versions", lambda: {"numpy": "another"})
+        fewer = (*asked[:6], "--check-seeds", 2, "--trials", 2, *asked[-2:])
+        assert re.search(r": \d+ seeds in the folder do not count: they are of other", feeder_sim(*fewer).stderr)
+        assert "do not count" not in feeder_sim(*fewer).stderr
     told = feeder_sim(*asked[:2], "--maximise", "sped", *asked[4:-1], tmp_path / "none")
     check_refused(told, "--maximise: is sped (did you mean 'speed'?), allowed are speed")
     assert not (tmp_path / "none").exists()  # so that the corrected command has its folder

@@ -36,6 +36,7 @@ from feeder_sim.studies.search.trials import Aim, Trial, TrialWork
 from feeder_sim.studies.sweep.case import Case
 from feeder_sim.studies.sweep.cases import check_measure
 from feeder_sim.studies.sweep.design import Point
+from feeder_sim.studies.sweep.folder import not_counted
 
 GENERATION = 8  # trials that are proposed together
 FINALISTS = 4
@@ -123,6 +124,7 @@ def search(
     starts: Sequence[Point] = (),
     stop: threading.Event | None = None,
     progress: Callable[[float], None] | None = None,
+    notify: Callable[[str], None] | None = None,
 ) -> Search:
     """Search a space for the best recipe.
 
@@ -138,6 +140,7 @@ def search(
         starts: recipes to begin with, besides the scenario itself.
         stop: set it to end.
         progress: called with the share of the budget that is spent.
+        notify: called with a line where the journal has seeds, and the search begins anew all the same.
 
     Raises:
         InputError: Optuna is not installed, or the sampler does not suit the space.
@@ -161,6 +164,9 @@ def search(
             size = GENERATION if found.trials or space.present is None else 1
             size = min(size, budget.trials - len(found.trials))
             trials = [_trial(space, runs, number, point) for number, point in proposals.next(size)]
+            anew = not found.trials and not any(trial.case and trial.case.done for trial in trials)
+            if notify and done and anew:
+                notify(not_counted(sum(len(seeds) for seeds in done.values())))
             if not runs.run(trials, aim, _best(found.trials, aim)):
                 return found
             found.trials += trials

@@ -75,6 +75,11 @@ class Cases:
         share = slice(number - 1, None, of)
         return Cases(self.points[share], self.cases[share], self.effort)
 
+    @property
+    def all_done(self) -> bool:
+        """Whether there is nothing to run."""
+        return all(case.is_done(self.effort) for case in self)
+
     def __iter__(self) -> Iterator[Case]:
         return (case for row in self.cases for case in row)
 
