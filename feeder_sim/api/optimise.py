@@ -130,6 +130,9 @@ class Search(Answer, searching.Search):
         present, best: the scenario as it is, and the best recipe, both with fresh seeds; None where it did not get so
             far.
         complete: whether it came to its end and was not stopped.
+        cautions: what is to be known before the best recipe is taken: where fresh seeds do not say that it is better
+            than that of the file, and settings that are known to mislead.
+        without_value: why recipes do not count, a line for each that does not.
     """
 
     @property
@@ -162,7 +165,7 @@ class Search(Answer, searching.Search):
         """A row per trial."""
         return [
             {"trial": row.number, **labels(row.point), "mean": row.found.mean, "se": row.found.se}
-            | {"seeds": row.seeds, "stopped": row.stopped}
+            | {"seeds": row.seeds, "stopped": row.stopped, "refused": row.refused}
             for row in tried(self)
         ]
 

@@ -22,7 +22,7 @@ from feeder_sim.jobs.task import SeedValues
 from feeder_sim.jobs.workers import Workers, given_workers
 from feeder_sim.scenario import Scenario, load_scenario
 from feeder_sim.studies.search.proposals import RANDOM_TRIALS, Sampler
-from feeder_sim.studies.search.search import FRESH, Budget, Search, search
+from feeder_sim.studies.search.search import FRESH, Budget, Checked, Search, search
 from feeder_sim.studies.search.space import Space
 from feeder_sim.studies.search.trials import Aim, Trial, is_worse
 from feeder_sim.studies.sweep.case import Case
@@ -143,6 +143,57 @@ def test_values_that_are_not_allowed_together_do_not_end_a_search(tmp_path: Path
     refused = [trial for trial in found.trials if trial.refused]
     assert found.complete and refused
     assert all("restitution_speed_m_s belongs to" in trial.refused for trial in refused)
+
+
+@pytest.mark.parametrize(
+    ("largest", "gain", "said"),
+    [
+        (True, -1.0, r"no recipe was found that is better .* is worse, difference -1 \(95 %: -1.005 to -0.995\)"),
+        (True, 0.0, "is not told apart from that of the file: difference .* with fresh seeds"),
+        (True, 1.0, ""),
+        (False, 1.0, "no recipe was found that is better .* is worse, difference"),
+        (False, 0.0, "is not told apart"),
+        (False, -1.0, ""),
+    ],
+)
+def test_a_best_recipe_that_is_not_surely_better_has_a_caution(largest: bool, gain: float, said: str) -> None:
+    space = Space.of(strip_scenario(amplitude_um=1.0), OVER[:1])
+    present = Checked({AMPLITUDE: 1.0}, (5.0, 6.0, 7.0, 8.0))
+    scatter = (0.003, -0.001, -0.004, 0.002)
+    best = Checked({AMPLITUDE: 2.0}, tuple(value + gain + e for value, e in zip(present.values, scatter, strict=True)))
+    found = Search(space, Aim("speed", largest, 4), present=present, best=best)
+    assert re.search(said, found.doubt) if said else found.doubt == ""
+    assert [caution.text for caution in found.cautions] == ([found.doubt] if said else [])
+    same = Search(space, Aim("speed", largest, 4), present=present, best=present)
+    assert "no recipe was found that is better than that of the file, which is the one in" in same.doubt
+    assert Search(space, Aim("speed", largest, 4), present=present).doubt == ""
+
+
+def test_a_search_whose_best_recipe_is_worse_with_fresh_seeds_says_so(
+    repository: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def values_of(scenario: Scenario, seed: int) -> dict[str, float] | str:
+        """More with more amplitude in the search, and less with fresh seeds; from 4 um on the drive is too weak."""
+        amplitude = float(scenario.drive[0].amplitude_um or 0.0)
+        if amplitude > 4.0:
+            return f"drive[0]: asks for {amplitude} um"
+        return {"speed": seed + (amplitude if scenario.run.seed < FRESH else -amplitude)}
+
+    executor, out = Pretended(values_of), tmp_path / "out"
+    monkeypatch.setattr("feeder_sim.jobs.workers.workers_of", lambda count, dask: given_workers(executor, 2))
+    asked = ("optimise", repository / "scenarios/drift_4750hz.toml", "--maximise", "speed", "--over", OVER[0])
+    done = feeder_sim(*asked, "--trials", 16, "--out", out)
+    caution = "no recipe was found that is better than that of the file: best.toml is worse, difference -"
+    assert done.returncode == 0 and f"feeder-sim: caution: {caution}" in done.stderr
+    with (out / "trials.csv").open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    none = [row for row in rows if not row["mean"]]
+    assert none and all(row["refused"] == f"drive[0]: asks for {row[AMPLITUDE]} um" for row in none)
+    assert not any(row["refused"] for row in rows if row["mean"])
+    assert f"without a value  {len(none)}, mostly: {none[0]['refused']}" in done.stdout
+    told = json.loads(feeder_sim(*asked, "--trials", 16, "--out", out, "--json").stdout)
+    assert told["cautions"][0]["caution"].startswith(caution)
+    assert told["without_value"] == {"trials": len(none), "mostly": none[0]["refused"]}
 
 
 def trial_of(values: list[float]) -> Trial:

@@ -100,8 +100,29 @@ class Search:
 
     @property
     def cautions(self) -> list[Caution]:
-        """What is known to mislead in the recipes that were tried."""
-        return cautions_over(trial.case.done.values() for trial in self.trials if trial.case)
+        """What is to be known before the best recipe is taken; then what is known to mislead in those tried."""
+        doubt = [Caution(self.doubt, 1, 1)] if self.doubt else []
+        return doubt + cautions_over(trial.case.done.values() for trial in self.trials if trial.case)
+
+    @property
+    def doubt(self) -> str:
+        """Why the best recipe is not surely better than that of the file, a line; "" where it is, or nobody knows."""
+        low, high = self.gain.interval
+        if self.best is None or math.isnan(low):
+            return ""
+        if self.best.point == self.space.present:
+            return "no recipe was found that is better than that of the file, which is the one in best.toml"
+        found = f"difference {self.gain.mean:+.4g} (95 %: {low:+.4g} to {high:+.4g}) with fresh seeds"
+        if self.aim.better(0.0, high if self.aim.largest else low):
+            return f"no recipe was found that is better than that of the file: best.toml is worse, {found}"
+        if not self.aim.better(low if self.aim.largest else high, 0.0):
+            return f"the best recipe (best.toml) is not told apart from that of the file: {found}"
+        return ""
+
+    @property
+    def without_value(self) -> list[str]:
+        """Why recipes do not count, a line for each that does not: it is not allowed, or a seed has no value."""
+        return [why for trial in self.trials if (why := trial.why_none(self.aim))]
 
     @property
     def gain(self) -> Statistic:
