@@ -16,6 +16,7 @@ from typing import Self
 
 from feeder_sim.errors import InputError, not_written
 from feeder_sim.jobs.identity import content_text
+from feeder_sim.jobs.journal import read_journal
 from feeder_sim.records.own_files import holding
 from feeder_sim.records.whole_file import write_whole
 from feeder_sim.run.carried_files import carry_files
@@ -100,8 +101,7 @@ class WorkFolder:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         # Other tasks of a job array may work in the folder by now; their question does not hang on the measure.
-        unused = self._begun and not self._shared and not any(path.stat().st_size for path in self.journals)
-        remove = unused and isinstance(error, InputError)
+        remove = isinstance(error, InputError) and self._begun and not self._shared and self._holds_failures_alone()
         if remove:
             self._remove_contents()
         self._held.close()
@@ -109,6 +109,10 @@ class WorkFolder:
             for folder in self._made:
                 with contextlib.suppress(OSError):  # something else is in it
                     folder.rmdir()
+
+    def _holds_failures_alone(self) -> bool:
+        """Whether no seed has come to anything: those that cannot be run do not tell which measures there are."""
+        return all(entry.get("failure") for journal in self.journals for entry in read_journal(journal))
 
     def _remove_contents(self) -> None:
         """Remove all that is in the folder; but for what a kill has left, it was empty when this question began."""

@@ -269,6 +269,12 @@ def test_command(repository: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPat
     told = feeder_sim(*asked[:2], "--maximise", "sped", *asked[4:-1], tmp_path / "none")
     check_refused(told, "--maximise: is sped (did you mean 'speed'?), allowed are speed")
     assert not (tmp_path / "none").exists()  # so that the corrected command has its folder
+    failing = Pretended(lambda scenario, seed: values_of(scenario, seed) if seed else "no room")  # which is journalled
+    with monkeypatch.context() as first:
+        first.setattr("feeder_sim.jobs.workers.workers_of", lambda count, dask: given_workers(failing, 2))
+        told = feeder_sim(*asked[:2], "--maximise", "sped", *asked[4:-1], tmp_path / "none")
+    check_refused(told, "--maximise: is sped")
+    assert not (tmp_path / "none").exists()
     negative = feeder_sim("optimise", scenario, "--maximise", "speed", "--over", f"{AMPLITUDE}=-1:2", cwd=tmp_path)
     check_refused(negative, str(scenario), f"{AMPLITUDE}: is -1")
     (tmp_path / "damaged").mkdir()
