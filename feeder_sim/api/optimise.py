@@ -97,7 +97,7 @@ def optimise(
     drift_map = path_of_user(screen, "screen") if screen is not None else None
     asked = Question.of(texts, aim, sampler, drift_map, recipes)
     with contextlib.ExitStack() as held:
-        show, _ = held.enter_context(shown(progress, scenario.title or "optimise"))
+        show, notify = held.enter_context(shown(progress, scenario.title or "optimise"))
         path = path_of_user(out, "out") if out is not None else Path(held.enter_context(tempfile.TemporaryDirectory()))
         folder = WorkFolder(path, QUESTION, asked.as_toml(), scenario, same=asked.same)
         starts = first_recipes(path, space, aim, drift_map, recipes) if drift_map else []
@@ -114,6 +114,7 @@ def optimise(
             starts=starts,
             stop=stop,
             progress=show,
+            notify=notify,
         )
         write_search(folder, found)
     return Search(**held_by(found))
@@ -129,6 +130,9 @@ class Search(Answer, searching.Search):
         present, best: the scenario as it is, and the best recipe, both with fresh seeds; None where it did not get so
             far.
         complete: whether it came to its end and was not stopped.
+        cautions: what is to be known before the best recipe is taken: where fresh seeds do not say that it is better
+            than that of the file, and settings that are known to mislead.
+        without_value: why recipes do not count, a line for each that does not.
     """
 
     @property
@@ -161,7 +165,7 @@ class Search(Answer, searching.Search):
         """A row per trial."""
         return [
             {"trial": row.number, **labels(row.point), "mean": row.found.mean, "se": row.found.se}
-            | {"seeds": row.seeds, "stopped": row.stopped}
+            | {"seeds": row.seeds, "stopped": row.stopped, "refused": row.refused}
             for row in tried(self)
         ]
 

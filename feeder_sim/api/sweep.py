@@ -15,7 +15,7 @@ from feeder_sim.notebook import counted
 from feeder_sim.scenario import Scenario, check_scenario
 from feeder_sim.studies.sweep import cases
 from feeder_sim.studies.sweep.case import MOST_SEEDS
-from feeder_sim.studies.sweep.folder import sweep_folder, write_table
+from feeder_sim.studies.sweep.folder import not_counted, sweep_folder, write_table
 from feeder_sim.studies.sweep.question import Question, axis_texts
 
 if TYPE_CHECKING:
@@ -83,11 +83,13 @@ def sweep(
         most_seeds=most_seeds,
     )
     points = cases.Cases.of(scenario, question, file=Path("scenario"))
-    with shown(progress, scenario.title or "sweep") as (show, _), workers_for(executor, workers) as found:
+    with shown(progress, scenario.title or "sweep") as (show, notify), workers_for(executor, workers) as found:
         if out is None:
             return Sweep(**held_by(cases.run_cases(points, found, stop=stop, progress=show)))
         folder = sweep_folder(path_of_user(out, "out"), "", scenario, question)
         others = cases.take_checked(points, folder.journals)
+        if notify and others and not points.all_done:
+            notify(not_counted(others))
         with folder:
             done = cases.run_cases(points, found, folder.journal, others=others, stop=stop, progress=show)
             write_table(folder, done)

@@ -97,6 +97,7 @@ def optimise(
                     starts=starts,
                     stop=stop,
                     progress=progress,
+                    notify=notify,
                 )
             write_search(home, done)
             if done.trials:
@@ -129,10 +130,13 @@ def _end(done: Search) -> None:
 
 def _print(done: Search, folder: Path) -> None:
     """What was found, in words."""
+    from feeder_sim.jobs.cautions import most_frequent
     from feeder_sim.measures.protocol import labelled
 
     stopped = sum(trial.stopped for trial in done.trials)
     print(labelled("trials", f"{len(done.trials)}, {stopped} of them stopped early"))
+    if done.without_value:
+        print(labelled("without a value", f"{len(done.without_value)}, mostly: {most_frequent(done.without_value)}"))
     for label, checked in (("as it is", done.present), ("best", done.best)):
         if checked is not None:
             found = checked.found

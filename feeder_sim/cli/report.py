@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 
 MOST_DRIVE_LINES = 12  # of a run with many stages
 LONGEST_TEXT = 300  # characters of a title or a line that holds one
+MOST_ENTRIES = 30  # of a list of texts, such as the names of measures of a long schedule
 
 
 def print_result(result: Result, folder: Path, as_json: bool, more: dict[str, Any]) -> None:
@@ -196,7 +197,8 @@ def as_lines(values: dict[str, Any], indent: str = "") -> str:
             for i, entry in enumerate(value):
                 lines += [f"{indent}{key}[{i}]:", as_lines(entry, indent + "  ")]
         elif isinstance(value, list) and value and isinstance(value[0], str):
-            lines += [f"{indent}{key}:", *(f"{indent}  {_rounded(entry)}" for entry in value)]
+            lines += [f"{indent}{key}:", *(f"{indent}  {_rounded(entry)}" for entry in value[:MOST_ENTRIES])]
+            lines += [f"{indent}  and {more} more, which --json has"] if (more := len(value) - MOST_ENTRIES) > 0 else []
         else:
             lines.append(f"{indent}{key}: {_rounded(value)}")
     return "\n".join(lines)

@@ -62,17 +62,18 @@ def sweep(
     with naming(scenario_file):
         from feeder_sim.jobs.workers import workers_of
         from feeder_sim.studies.sweep.cases import Cases, run_cases, take_checked
-        from feeder_sim.studies.sweep.folder import sweep_folder
+        from feeder_sim.studies.sweep.folder import not_counted, sweep_folder
         from feeder_sim.studies.sweep.question import Question
 
         wanted = 0.0 if until_se is None else _share_of(until_se)
         question = Question(tuple(vary), zipped, sobol, seeds or 0, measure or "", wanted, inputs, most_seeds)
-        cases = Cases.of(scenario, question, file=scenario_file)
-        if share:
-            cases = cases.part(*share)
+        whole = Cases.of(scenario, question, file=scenario_file)
+        cases = whole.part(*share) if share else whole
         title = f"{scenario_file.stem}: {len(cases.points)} points"
         folder = sweep_folder(out, scenario_file.stem, scenario, question, share)
-        others = take_checked(cases, folder.journals)
+        others = take_checked(whole, folder.journals)  # what other tasks have done is not of others
+        if others and not cases.all_done:
+            notify(not_counted(others))
         with (
             stop_on_signal() as stop,
             progress_bar(title, stop) as progress,
@@ -100,7 +101,7 @@ def _finish(
     done: Sweep, folder: WorkFolder, measure: str | None, as_json: bool, *, table: bool, goes_on: bool = True
 ) -> None:
     """Write and print what there is; the exit code says how it ended."""
-    from feeder_sim.studies.sweep.folder import OTHERS, PICTURE, state_of, write_table
+    from feeder_sim.studies.sweep.folder import PICTURE, not_counted, state_of, write_table
 
     name = done.measure(measure)
     if table:
@@ -119,8 +120,8 @@ def _finish(
     for failure in done.failures[:3]:
         typer.echo(f"feeder-sim: failed: {printable(failure)}", err=True)
     if not done.complete:
-        if done.others:
-            typer.echo(f"feeder-sim: {done.others} seeds in the folder do not count: they are {OTHERS}", err=True)
+        if done.others and not goes_on:  # a sweep has said so before it began
+            notify(not_counted(done.others))
         more = "the same command goes on" if goes_on else "the tasks that are missing can be run again"
         typer.echo(f"feeder-sim: not complete; what was computed is kept, {more}", err=True)
         raise typer.Exit(Interrupted.exit_code if goes_on else FeederSimError.exit_code)

@@ -1,9 +1,13 @@
-"""Cautions of many scenarios, such as the points of a sweep: each of them once, and at how many of them it holds."""
+"""Cautions of many scenarios, such as the points of a sweep: each of them once, and at how many of them it holds.
+
+Lines that differ in numbers only are of one kind.
+"""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
+from collections import Counter
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -59,3 +63,9 @@ def cautions_over(places: Iterable[Iterable[SeedValues]]) -> list[Caution]:
         for kind, text in here.items():
             texts.setdefault(kind, []).append(text)
     return [Caution(found[0], len(found), of, len(set(found)) > 1) for found in texts.values()]
+
+
+def most_frequent(lines: Sequence[str]) -> str:
+    """The first of those lines that most are like, but for numbers in them; "" of none."""
+    kinds = [_NUMBER.sub("#", line) for line in lines]
+    return lines[kinds.index(Counter(kinds).most_common(1)[0][0])] if lines else ""

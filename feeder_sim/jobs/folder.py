@@ -9,12 +9,14 @@ import contextlib
 import hashlib
 import itertools
 import re
+import shutil
 from pathlib import Path
 from types import TracebackType
 from typing import Self
 
 from feeder_sim.errors import InputError, not_written
 from feeder_sim.jobs.identity import content_text
+from feeder_sim.jobs.journal import read_journal
 from feeder_sim.records.own_files import holding
 from feeder_sim.records.whole_file import write_whole
 from feeder_sim.run.carried_files import carry_files
@@ -30,6 +32,9 @@ _MARK = "# question "
 
 class WorkFolder:
     """The folder of a question; as a context it is held by this process.
+
+    A question that is refused in the context before any seed is done, as one for a measure that there is not, leaves
+    nothing behind: the corrected one is another question, and would be refused in its folder.
 
     Args:
         path: made if missing; new, empty, or that of the same question. What is done in it counts as far as it is of
@@ -63,6 +68,8 @@ class WorkFolder:
         check_work_folder(path, kind)
         self._check_same()
         self._held = contextlib.ExitStack()
+        self._shared, self._begun = share is not None, False
+        self._made: list[Path] = []  # folders that were not there, innermost first
 
     @property
     def journals(self) -> list[Path]:
@@ -76,6 +83,7 @@ class WorkFolder:
             InputError: another process works on the same share, or has asked something else meanwhile.
             RecordingFailed: it cannot be written.
         """
+        self._made = [folder for folder in (self.path, *self.path.parents) if not folder.exists()]
         try:
             self.path.mkdir(parents=True, exist_ok=True)
         except OSError as error:
@@ -84,6 +92,7 @@ class WorkFolder:
         self._held.enter_context(holding(self._lock))
         with holding(self.path / WRITING, WAIT_S):
             self._check_same()
+            self._begun = not (self.path / self._kind).exists()
             self._write_changed(self._kind, self._text)  # first: it tells that the folder is ours
             self._write_changed(SCENARIO, self.carried(self._scenario))
         return self
@@ -91,7 +100,28 @@ class WorkFolder:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
+        # Other tasks of a job array may work in the folder by now; their question does not hang on the measure.
+        remove = isinstance(error, InputError) and self._begun and not self._shared and self._holds_failures_alone()
+        if remove:
+            self._remove_contents()
         self._held.close()
+        if remove:
+            for folder in self._made:
+                with contextlib.suppress(OSError):  # something else is in it
+                    folder.rmdir()
+
+    def _holds_failures_alone(self) -> bool:
+        """Whether no seed has come to anything: those that cannot be run do not tell which measures there are."""
+        return all(entry.get("failure") for journal in self.journals for entry in read_journal(journal))
+
+    def _remove_contents(self) -> None:
+        """Remove all that is in the folder; but for what a kill has left, it was empty when this question began."""
+        for entry in self.path.iterdir():
+            with contextlib.suppress(OSError):
+                if entry.is_dir() and not entry.is_symlink():
+                    shutil.rmtree(entry)
+                else:
+                    entry.unlink()
 
     def carried(self, scenario: Scenario) -> str:
         """The text of a scenario for this folder, which gets copies of the files that it reads.

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 from feeder_sim.measures.catalogue import MEASURES
@@ -20,10 +20,19 @@ def values_of_seed(prepared: Prepared, seed: SeedRecord) -> dict[str, float]:
 
     The mean of a number over seeds is the mean that the measure itself finds for them.
     """
+    return _values_over(prepared, [seed])
+
+
+def names_of_measures(prepared: Prepared) -> list[str]:
+    """The names that `values_of_seed` has for every seed of a scene, in order; known before any is run."""
+    return list(_values_over(prepared, []))
+
+
+def _values_over(prepared: Prepared, seeds: Sequence[SeedRecord]) -> dict[str, float]:
     found: dict[str, float] = {}
     for measure in MEASURES:
         if measure.applies(prepared):
-            findings = as_json(measure.compute(prepared, [seed]))
+            findings = as_json(measure.compute(prepared, seeds))
             found |= dict(_numbers(findings, ""))
     return found
 

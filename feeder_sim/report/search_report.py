@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import math
 import shlex
-from collections import Counter
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
+from feeder_sim.jobs.cautions import most_frequent
 from feeder_sim.jobs.folder import SCENARIO
 from feeder_sim.measures.statistic import Statistic, half_interval
 from feeder_sim.report.measure_tables import statistic_cells
@@ -27,7 +27,6 @@ MOST_ROWS = 2000  # of the table of the trials
 FEW_FRESH = 8  # fresh seeds, below which an interval is wide
 CHECK_HEAD = ("recipe", "mean", "SE", "95 % interval", "n")
 AT_AN_END = 0.02  # of a range, or of its logarithm: as near to an end as this is at it
-MOST_REASONS = 3  # why recipes are not allowed, one by one
 REFUSED, NO_VALUE, STOPPED = "not allowed", "a seed has no value", "stopped early"
 
 
@@ -72,10 +71,8 @@ def _tried(search: SearchTable) -> str:
 
 def _became(trial: Tried) -> str:
     """What became of a trial."""
-    if trial.refused:
-        return REFUSED
     if math.isnan(trial.found.mean):
-        return NO_VALUE
+        return NO_VALUE if trial.seeds else REFUSED
     return STOPPED if trial.stopped else "all seeds"
 
 
@@ -263,14 +260,17 @@ def _cautions(search: SearchTable) -> Iterator[Text]:
                        "better recipe.", "caution")  # fmt: skip
     if none := _count(search, NO_VALUE):
         yield Text(f"Recipes with a seed without a value, as where a part does not arrive: {none}. They do not "
-                   "count.", "note")  # fmt: skip
-    reasons = Counter(trial.refused for trial in search.trials if trial.refused).most_common()
-    if reasons:
-        listed = "; ".join(reason for reason, _ in reasons[:MOST_REASONS])
-        refused = _count(search, REFUSED)
-        yield Text(f"Recipes with values that are not allowed together: {refused}. Why: {listed}.", "note")
+                   f"count. {_why(search, NO_VALUE)}", "note")  # fmt: skip
+    if refused := _count(search, REFUSED):
+        yield Text(f"Recipes with values that are not allowed together: {refused}. {_why(search, REFUSED)}", "note")
     if found.best:
         yield Text("A search finds a good recipe, not surely the best there is.", "note")
+
+
+def _why(search: SearchTable, became: str) -> str:
+    """The most frequent reason why recipes do not count, of those that have come to the same."""
+    reason = most_frequent([trial.refused for trial in search.trials if trial.refused and _became(trial) == became])
+    return f"Mostly: {reason}." if reason else ""
 
 
 def _end_of_range(parameter: Parameter, value: Any) -> str:

@@ -11,6 +11,7 @@ from typing import Any
 
 from feeder_sim.measures.picks import robot_of
 from feeder_sim.measures.protocol import as_json
+from feeder_sim.measures.values import names_of_measures
 from feeder_sim.part.rigid_part import RigidPart
 from feeder_sim.plate.drive import ModalDrive
 from feeder_sim.replay.wave import PERIODS, PICTURES, POINTS
@@ -101,6 +102,7 @@ class Plan:
         estimated_wall_s: on this machine, with all cores.
         input_runs, estimated_inputs_wall_s: at draws of uncertain inputs, which come after that; 0 without any.
         estimated_file_size_mb: of the run folder.
+        measures: names of what it will measure, such as --maximise and --measure take; those of the whole run first.
         cautions, recommended: lines of feeder_sim.run.advice.
         estimates_are_upper_bounds: whether the run may end before its full duration.
     """
@@ -124,6 +126,7 @@ class Plan:
     input_runs: int
     estimated_inputs_wall_s: float
     estimated_file_size_mb: float
+    measures: list[str]
     cautions: list[str]
     recommended: list[str]
     estimates_are_upper_bounds: bool
@@ -166,6 +169,7 @@ def make_plan(prepared: Prepared, input_runs: int = 0) -> Plan:
         input_runs=input_runs,
         estimated_inputs_wall_s=_inputs_seconds(prepared, seconds, input_runs),
         estimated_file_size_mb=1e-6 * _file_size(scene),
+        measures=sorted(names_of_measures(prepared), key=lambda name: "[" in name),
         cautions=list(prepared.cautions),
         recommended=recommendations(scene),
         estimates_are_upper_bounds=run.stop != "time" or any(stage.until for stage in scene.times.stages),

@@ -12,7 +12,7 @@ from conftest import strip_scenario
 import feeder_sim
 from feeder_sim import AllFrames, EveryNth, ImpactsOnly, Result, StatisticsOnly
 from feeder_sim.errors import InputError
-from feeder_sim.measures.values import values_of_seed
+from feeder_sim.measures.values import names_of_measures, values_of_seed
 from feeder_sim.run.keep import Keep
 from feeder_sim.run.run_folder import PICKS
 from feeder_sim.scenario import Drive, HexNut, Pick, PistonPlate, Run, Scenario, Schedule, Slide, Stage, Start, Strip
@@ -52,6 +52,7 @@ def measured(result: Result) -> str:
 def test_measures_do_not_depend_on_what_is_kept(make: object) -> None:
     scenario = make()  # type: ignore[operator]
     whole = feeder_sim.simulate(scenario)
+    assert names_of_measures(whole.prepared) == list(values_of_seed(whole.prepared, whole.seeds[0]))
     choices: list[Keep] = [EveryNth(7), StatisticsOnly()]
     choices += [ImpactsOnly()] if scenario.guide else []
     for record in choices:

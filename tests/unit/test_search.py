@@ -5,9 +5,11 @@ from __future__ import annotations
 import csv
 import json
 import math
+import re
 import threading
 import tomllib
 from pathlib import Path
+from typing import get_args
 
 import numpy as np
 import pytest
@@ -19,7 +21,8 @@ from feeder_sim.errors import InputError
 from feeder_sim.jobs.task import SeedValues
 from feeder_sim.jobs.workers import Workers, given_workers
 from feeder_sim.scenario import Scenario, load_scenario
-from feeder_sim.studies.search.search import FRESH, Budget, Search, search
+from feeder_sim.studies.search.proposals import RANDOM_TRIALS, Sampler
+from feeder_sim.studies.search.search import FRESH, Budget, Checked, Search, search
 from feeder_sim.studies.search.space import Space
 from feeder_sim.studies.search.trials import Aim, Trial, is_worse
 from feeder_sim.studies.sweep.case import Case
@@ -89,6 +92,27 @@ def test_a_best_recipe_without_a_value_in_some_fresh_seeds_says_so(
     assert (told["best"]["n"], told["best"]["seeds"], told["gain"]["n"]) == (12, 16, 12)
 
 
+def test_every_sampler_goes_on_after_its_random_trials(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Optuna loads the package of CMA-ES when it first asks it for a recipe."""
+    space = Space.of(strip_scenario(amplitude_um=1.0), [OVER[0], f"{FRICTION}=0.1:0.3"])
+
+    def searched(name: str, sampler: Sampler) -> Search:
+        (tmp_path / name).mkdir()
+        journal, workers = tmp_path / name / "journal.jsonl", Workers(Pretended(values_of), 2)
+        budget = Budget(RANDOM_TRIALS + 16)
+        return search(space, AIM, workers, journal.parent, journal, budget=budget, check_seeds=4, sampler=sampler)
+
+    found = {name: searched(name, name) for name in get_args(Sampler)}
+    points = {name: [trial.point for trial in one.trials] for name, one in found.items()}
+    assert all(len(tried) == RANDOM_TRIALS + 16 for tried in points.values())
+    assert points["cmaes"][:RANDOM_TRIALS] == points["tpe"][:RANDOM_TRIALS]  # the same random draws
+    assert points["cmaes"][RANDOM_TRIALS:] != points["tpe"][RANDOM_TRIALS:]
+    monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
+    with pytest.raises(InputError, match=r"sampler: is \"cmaes\", which needs the extra `search`"):
+        searched("without", "cmaes")
+    assert not (tmp_path / "without/optuna.log").exists()  # refused before any work
+
+
 def test_losers_are_stopped_early(tmp_path: Path) -> None:
     found, executor = searched(tmp_path)
     stopped = [trial for trial in found.trials if trial.stopped]
@@ -119,6 +143,57 @@ def test_values_that_are_not_allowed_together_do_not_end_a_search(tmp_path: Path
     refused = [trial for trial in found.trials if trial.refused]
     assert found.complete and refused
     assert all("restitution_speed_m_s belongs to" in trial.refused for trial in refused)
+
+
+@pytest.mark.parametrize(
+    ("largest", "gain", "said"),
+    [
+        (True, -1.0, r"no recipe was found that is better .* is worse, difference -1 \(95 %: -1.005 to -0.995\)"),
+        (True, 0.0, "is not told apart from that of the file: difference .* with fresh seeds"),
+        (True, 1.0, ""),
+        (False, 1.0, "no recipe was found that is better .* is worse, difference"),
+        (False, 0.0, "is not told apart"),
+        (False, -1.0, ""),
+    ],
+)
+def test_a_best_recipe_that_is_not_surely_better_has_a_caution(largest: bool, gain: float, said: str) -> None:
+    space = Space.of(strip_scenario(amplitude_um=1.0), OVER[:1])
+    present = Checked({AMPLITUDE: 1.0}, (5.0, 6.0, 7.0, 8.0))
+    scatter = (0.003, -0.001, -0.004, 0.002)
+    best = Checked({AMPLITUDE: 2.0}, tuple(value + gain + e for value, e in zip(present.values, scatter, strict=True)))
+    found = Search(space, Aim("speed", largest, 4), present=present, best=best)
+    assert re.search(said, found.doubt) if said else found.doubt == ""
+    assert [caution.text for caution in found.cautions] == ([found.doubt] if said else [])
+    same = Search(space, Aim("speed", largest, 4), present=present, best=present)
+    assert "no recipe was found that is better than that of the file, which is the one in" in same.doubt
+    assert Search(space, Aim("speed", largest, 4), present=present).doubt == ""
+
+
+def test_a_search_whose_best_recipe_is_worse_with_fresh_seeds_says_so(
+    repository: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def values_of(scenario: Scenario, seed: int) -> dict[str, float] | str:
+        """More with more amplitude in the search, and less with fresh seeds; from 4 um on the drive is too weak."""
+        amplitude = float(scenario.drive[0].amplitude_um or 0.0)
+        if amplitude > 4.0:
+            return f"drive[0]: asks for {amplitude} um"
+        return {"speed": seed + (amplitude if scenario.run.seed < FRESH else -amplitude)}
+
+    executor, out = Pretended(values_of), tmp_path / "out"
+    monkeypatch.setattr("feeder_sim.jobs.workers.workers_of", lambda count, dask: given_workers(executor, 2))
+    asked = ("optimise", repository / "scenarios/drift_4750hz.toml", "--maximise", "speed", "--over", OVER[0])
+    done = feeder_sim(*asked, "--trials", 16, "--out", out)
+    caution = "no recipe was found that is better than that of the file: best.toml is worse, difference -"
+    assert done.returncode == 0 and f"feeder-sim: caution: {caution}" in done.stderr
+    with (out / "trials.csv").open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    none = [row for row in rows if not row["mean"]]
+    assert none and all(row["refused"] == f"drive[0]: asks for {row[AMPLITUDE]} um" for row in none)
+    assert not any(row["refused"] for row in rows if row["mean"])
+    assert f"without a value  {len(none)}, mostly: {none[0]['refused']}" in done.stdout
+    told = json.loads(feeder_sim(*asked, "--trials", 16, "--out", out, "--json").stdout)
+    assert told["cautions"][0]["caution"].startswith(caution)
+    assert told["without_value"] == {"trials": len(none), "mostly": none[0]["refused"]}
 
 
 def trial_of(values: list[float]) -> Trial:
@@ -186,8 +261,20 @@ def test_command(repository: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPat
     assert (out / "history.png").stat().st_size > 1000
     told = json.loads(feeder_sim(*asked, "--json").stdout)
     assert told["complete"] and told["gain"]["low"] < told["gain"]["mean"]
+    with monkeypatch.context() as newer:
+        newer.setattr("feeder_sim.jobs.identity.library_versions", lambda: {"numpy": "another"})
+        fewer = (*asked[:6], "--check-seeds", 2, "--trials", 2, *asked[-2:])
+        assert re.search(r": \d+ seeds in the folder do not count: they are of other", feeder_sim(*fewer).stderr)
+        assert "do not count" not in feeder_sim(*fewer).stderr
     told = feeder_sim(*asked[:2], "--maximise", "sped", *asked[4:-1], tmp_path / "none")
     check_refused(told, "--maximise: is sped (did you mean 'speed'?), allowed are speed")
+    assert not (tmp_path / "none").exists()  # so that the corrected command has its folder
+    failing = Pretended(lambda scenario, seed: values_of(scenario, seed) if seed else "no room")  # which is journalled
+    with monkeypatch.context() as first:
+        first.setattr("feeder_sim.jobs.workers.workers_of", lambda count, dask: given_workers(failing, 2))
+        told = feeder_sim(*asked[:2], "--maximise", "sped", *asked[4:-1], tmp_path / "none")
+    check_refused(told, "--maximise: is sped")
+    assert not (tmp_path / "none").exists()
     negative = feeder_sim("optimise", scenario, "--maximise", "speed", "--over", f"{AMPLITUDE}=-1:2", cwd=tmp_path)
     check_refused(negative, str(scenario), f"{AMPLITUDE}: is -1")
     (tmp_path / "damaged").mkdir()

@@ -89,6 +89,7 @@ def test_page_of_a_search(tmp_path: Path, coarse: None) -> None:
         "The best recipe is better than that of the file",
         f"In the search it was trial {winner}, with a mean of",
         "Recipes with a seed without a value, as where a part does not arrive:",
+        f"They do not count. Mostly: a seed has no {TIME}.",
         f"--minimise {TIME} --over '{OVER[0]}' --over {OVER[1]} --trials 20 --seeds 4 --check-seeds 8 --out repeated",
     ):
         assert expected in page.text, expected

@@ -85,3 +85,14 @@ def test_tasks_of_a_job_array_are_merged(repository: Path, tmp_path: Path, monke
     assert half.returncode == 1 and "the tasks that are missing can be run again" in half.stderr
     assert feeder_sim(*asked, "--task", "1/2").returncode == 0
     assert feeder_sim("merge", tmp_path / "s").returncode == 0
+
+
+def test_command_says_what_does_not_count(repository: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("feeder_sim.jobs.workers.workers_of", lambda count, dask: given_workers(Pretended(), 2))
+    scenario, line = repository / "scenarios/drift_4750hz.toml", "seeds in the folder do not count: they are of other"
+    asked = ("sweep", scenario, "--out", tmp_path / "s", "--vary", f"{AMPLITUDE}=1,2,3", "--seeds", 2)
+    for task in ("1/2", "2/2"):
+        assert feeder_sim(*asked, "--task", task).stderr == ""  # what the other task has done is of this sweep
+    monkeypatch.setattr("feeder_sim.jobs.identity.library_versions", lambda: {"numpy": "another"})
+    assert f"6 {line}" in feeder_sim(*asked).stderr
+    assert feeder_sim(*asked).stderr == ""  # nothing is run anew

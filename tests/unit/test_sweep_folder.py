@@ -102,6 +102,37 @@ def test_a_sweep_goes_on_elsewhere_without_the_files_it_began_with(repository: P
         assert "inputs/modes.h5" in (tmp_path / "there/s/scenario.toml").read_text()
 
 
+def test_a_refused_question_leaves_nothing_that_was_not_there(tmp_path: Path) -> None:
+    question = Question((f"{AMPLITUDE}=1:2:5",), measure="sped")
+    scenario = strip_scenario(seeds=3)
+
+    def refused(path: Path, share: tuple[int, int] | None = None) -> None:
+        cases = Cases.of(scenario, question, file=Path("scenario"))
+        with pytest.raises(InputError, match="is sped"), sweep_folder(path, "", scenario, question, share) as folder:
+            run_cases(cases, Workers(Pretended(), 1), folder.journal)
+
+    refused(tmp_path / "new/s")
+    assert not any(tmp_path.iterdir())
+    (tmp_path / "own").mkdir()
+    refused(tmp_path / "own")
+    assert not any((tmp_path / "own").iterdir())
+    (tmp_path / "beside").mkdir()
+    (tmp_path / "beside/mine.txt").write_text("mine")
+    refused(tmp_path / "beside/s")
+    assert [path.name for path in (tmp_path / "beside").iterdir()] == ["mine.txt"]
+    refused(tmp_path / "tasks", (1, 2))  # task 2 may work there
+    assert (tmp_path / "tasks/sweep.toml").is_file()
+    with sweep_folder(tmp_path / "s", "", scenario, replace(question, measure="")) as folder:
+        run_cases(cases_at(Question((f"{AMPLITUDE}=1,2",), seeds=1)), Workers(Pretended(), 1), folder.journal)
+    kept = (tmp_path / "s/journal.jsonl").read_bytes()
+    refused(tmp_path / "s")
+    assert kept and (tmp_path / "s/journal.jsonl").read_bytes() == kept
+    with pytest.raises(InputError, match="late"), sweep_folder(tmp_path / "late", "", scenario, question) as folder:
+        run_cases(cases_at(Question((f"{AMPLITUDE}=1,2",), seeds=1)), Workers(Pretended(), 1), folder.journal)
+        raise InputError("late")
+    assert (tmp_path / "late/journal.jsonl").stat().st_size > 0
+
+
 def test_a_folder_of_something_else_is_left_alone(tmp_path: Path) -> None:
     scenario, question = strip_scenario(seeds=3), Question((f"{AMPLITUDE}=1:2:5",))
     (tmp_path / "own").mkdir()

@@ -41,6 +41,7 @@ def test_axes() -> None:
         (["a=2:1:3"], "LOW below HIGH"),
         (["a=0:1:log3"], "above 0 on a logarithmic scale"),
         (["a=1:2:1"], "allowed are 2 to"),
+        (["a=1:2:log1000000"], "a: has 1000000 values, allowed are 2 to 20000"),
         (["a=1,1"], "different values"),
         (["a=1,1.0"], "different values"),
         (["a={ b = [1] },{ b = [1.0] }"], "different values"),

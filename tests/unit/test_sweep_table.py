@@ -42,6 +42,17 @@ def test_points_without_any_value_have_a_row() -> None:
     ]
 
 
+def test_a_failure_is_told_with_its_point() -> None:
+    cases = cases_at(Question((f"{AMPLITUDE}=1:2:4", "part[0].material=steel,aluminium"), seeds=2))
+    whys = {1: ("", "no room"), 2: ("asks for 1.3 um", "no room")}
+    for number, case in enumerate(cases):
+        case.take(tuple(SeedValues(seed, {}, 0.1, why) for seed, why in enumerate(whys.get(number, ("", "")))))
+    assert Sweep(cases, complete=True).failures == [
+        f"at {AMPLITUDE} = 1, part[0].material = aluminium: no room",
+        f"at {AMPLITUDE} = 1.33333, part[0].material = steel: asks for 1.3 um",
+    ]
+
+
 def test_spread_over_inputs_and_seeds_apart() -> None:
     random = np.random.default_rng(0)
     inputs = random.normal(0.0, 2.0, 400)

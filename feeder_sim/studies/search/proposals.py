@@ -7,6 +7,7 @@ half a generation in its record.
 from __future__ import annotations
 
 import hashlib
+import importlib.util
 import math
 import warnings
 from collections.abc import Sequence
@@ -37,8 +38,10 @@ class Proposals:
         """Open the record of a search, or begin one with the scenario itself and the recipes of `starts`.
 
         Raises:
-            InputError: Optuna is not installed, or the record cannot be read.
+            InputError: Optuna or what the sampler needs is not installed, the sampler does not suit the space, or the
+                record cannot be read.
         """
+        _check_sampler(sampler, space)
         self._space, self._aim, self._sampler, self._handed = space, aim, sampler, 0
         self._study = _study(log, space, aim, sampler)
         if not self._study.trials:
@@ -47,11 +50,7 @@ class Proposals:
                     self._study.enqueue_trial(space.proposed(point), skip_if_exists=True)
 
     def next(self, size: int) -> list[tuple[int, Point]]:
-        """The next trials by number: those that a break has left in the record, then new ones.
-
-        Raises:
-            InputError: the sampler does not suit the space.
-        """
+        """The next trials by number: those that a break has left in the record, then new ones."""
         parameters = self._space.parameters
         keys = {parameter.key for parameter in parameters}
         recorded = [trial for trial in self._study.trials if set(trial.params) >= keys]  # a kill may leave half a one
@@ -110,12 +109,22 @@ def _sampler_of(name: str, space: Space, number: int) -> BaseSampler:
             return optuna.samplers.TPESampler(
                 seed=seed, n_startup_trials=RANDOM_TRIALS, multivariate=True, constant_liar=True
             )
-        if any(parameter.span is None for parameter in space.parameters):
-            raise InputError('is "cmaes", allowed is "tpe" where there are choices', argument="sampler")
-        try:
-            return optuna.samplers.CmaEsSampler(seed=seed, n_startup_trials=RANDOM_TRIALS)
-        except ImportError:
-            raise InputError("needs the package cmaes: pip install cmaes", argument="sampler") from None
+        return optuna.samplers.CmaEsSampler(seed=seed, n_startup_trials=RANDOM_TRIALS)
+
+
+def _check_sampler(name: str, space: Space) -> None:
+    """Refuse a sampler that could not propose: Optuna finds out in the middle of a search, after its random trials.
+
+    Raises:
+        InputError: as said.
+    """
+    if name != "cmaes":
+        return
+    if any(parameter.span is None for parameter in space.parameters):
+        raise InputError('is "cmaes", allowed is "tpe" where there are choices', argument="sampler")
+    if importlib.util.find_spec("cmaes") is None:
+        problem = "is \"cmaes\", which needs the extra `search`: pip install 'feeder_sim[search]'"
+        raise InputError(problem, argument="sampler")
 
 
 def _value(parameter: Parameter, kept: Any) -> Any:

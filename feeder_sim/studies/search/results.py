@@ -5,7 +5,7 @@ scenario.toml   the scenario that the search began with, with all its defaults
 journal.jsonl   measures of every seed that is done
 optuna.log      Optuna's journal of the trials
 trials.csv      one row per trial: its values, mean and standard error of the measure, seeds, whether it was stopped,
-                    and why it is not allowed, if it is not
+                    and why it has no mean, if it has none: it is not allowed, or a seed has no value
 check.csv       one row per fresh seed: the measure of the scenario as it is, and of the best recipe; none before that
 best.toml       the best recipe; runs as it is
 history.png     the trials in order, and the check with fresh seeds
@@ -22,6 +22,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from feeder_sim.jobs.cautions import most_frequent
 from feeder_sim.jobs.folder import WorkFolder
 from feeder_sim.jobs.identity import content_hash
 from feeder_sim.jobs.question_file import question_toml, read_question
@@ -100,7 +101,7 @@ class Tried:
         found: the measure over its seeds; none where one of them has no value, as such a recipe does not count.
         seeds: that it has had.
         stopped: whether it was given up before it had all its seeds.
-        refused: why the recipe is not allowed; "" where it is.
+        refused: why the recipe does not count: it is not allowed, or a seed has no value; "" where it does.
     """
 
     number: int
@@ -121,7 +122,7 @@ def tried(found: Search) -> list[Tried]:
     for trial in found.trials:
         values = trial.values(found.aim)
         statistic = Statistic.of(values if not math.isnan(trial.mean(found.aim)) else [])
-        rows.append(Tried(trial.number, trial.point, statistic, len(values), trial.stopped, trial.refused))
+        rows.append(Tried(trial.number, trial.point, statistic, len(values), trial.stopped, trial.why_none(found.aim)))
     return rows
 
 
@@ -173,6 +174,7 @@ def as_json_object(found: Search) -> dict[str, Any]:
         "maximise": found.aim.largest,
         "trials": len(found.trials),
         "stopped": sum(trial.stopped for trial in found.trials),
+        "without_value": {"trials": len(found.without_value), "mostly": most_frequent(found.without_value)},
         "complete": found.complete,
         "present": _checked(found.present) if found.present else None,
         "best": _checked(found.best) | {"values": labels(found.best.point or {})} if found.best else None,

@@ -36,6 +36,7 @@ from feeder_sim.studies.search.trials import Aim, Trial, TrialWork
 from feeder_sim.studies.sweep.case import Case
 from feeder_sim.studies.sweep.cases import check_measure
 from feeder_sim.studies.sweep.design import Point
+from feeder_sim.studies.sweep.folder import not_counted
 
 GENERATION = 8  # trials that are proposed together
 FINALISTS = 4
@@ -99,8 +100,29 @@ class Search:
 
     @property
     def cautions(self) -> list[Caution]:
-        """What is known to mislead in the recipes that were tried."""
-        return cautions_over(trial.case.done.values() for trial in self.trials if trial.case)
+        """What is to be known before the best recipe is taken; then what is known to mislead in those tried."""
+        doubt = [Caution(self.doubt, 1, 1)] if self.doubt else []
+        return doubt + cautions_over(trial.case.done.values() for trial in self.trials if trial.case)
+
+    @property
+    def doubt(self) -> str:
+        """Why the best recipe is not surely better than that of the file, a line; "" where it is, or nobody knows."""
+        low, high = self.gain.interval
+        if self.best is None or math.isnan(low):
+            return ""
+        if self.best.point == self.space.present:
+            return "no recipe was found that is better than that of the file, which is the one in best.toml"
+        found = f"difference {self.gain.mean:+.4g} (95 %: {low:+.4g} to {high:+.4g}) with fresh seeds"
+        if self.aim.better(0.0, high if self.aim.largest else low):
+            return f"no recipe was found that is better than that of the file: best.toml is worse, {found}"
+        if not self.aim.better(low if self.aim.largest else high, 0.0):
+            return f"the best recipe (best.toml) is not told apart from that of the file: {found}"
+        return ""
+
+    @property
+    def without_value(self) -> list[str]:
+        """Why recipes do not count, a line for each that does not: it is not allowed, or a seed has no value."""
+        return [why for trial in self.trials if (why := trial.why_none(self.aim))]
 
     @property
     def gain(self) -> Statistic:
@@ -123,6 +145,7 @@ def search(
     starts: Sequence[Point] = (),
     stop: threading.Event | None = None,
     progress: Callable[[float], None] | None = None,
+    notify: Callable[[str], None] | None = None,
 ) -> Search:
     """Search a space for the best recipe.
 
@@ -138,6 +161,7 @@ def search(
         starts: recipes to begin with, besides the scenario itself.
         stop: set it to end.
         progress: called with the share of the budget that is spent.
+        notify: called with a line where the journal has seeds, and the search begins anew all the same.
 
     Raises:
         InputError: Optuna is not installed, or the sampler does not suit the space.
@@ -161,6 +185,9 @@ def search(
             size = GENERATION if found.trials or space.present is None else 1
             size = min(size, budget.trials - len(found.trials))
             trials = [_trial(space, runs, number, point) for number, point in proposals.next(size)]
+            anew = not found.trials and not any(trial.case and trial.case.done for trial in trials)
+            if notify and done and anew:
+                notify(not_counted(sum(len(seeds) for seeds in done.values())))
             if not runs.run(trials, aim, _best(found.trials, aim)):
                 return found
             found.trials += trials

@@ -88,6 +88,13 @@ class Trial:
         values = self.values(aim)
         return float(np.mean(values)) if values else math.nan
 
+    def why_none(self, aim: Aim) -> str:
+        """Why it has no mean, a line; "" where it has one, or no seed yet."""
+        for seed, value in enumerate(self.values(aim)):
+            if self.case and math.isnan(value):
+                return self.case.done[seed].failure or f"a seed has no {aim.measure}"
+        return self.refused
+
     def is_whole(self, aim: Aim) -> bool:
         """Whether it has all its seeds, and a value in each."""
         return len(self.values(aim)) == aim.seeds and not math.isnan(self.mean(aim))

@@ -23,7 +23,7 @@ from feeder_sim.jobs.task import SeedValues, Task
 from feeder_sim.jobs.workers import Workers
 from feeder_sim.scenario import Scenario
 from feeder_sim.studies.sweep.case import Case, Effort
-from feeder_sim.studies.sweep.design import Point, overlap
+from feeder_sim.studies.sweep.design import Point, labels, overlap
 from feeder_sim.studies.sweep.modes import with_frequencies
 from feeder_sim.studies.sweep.question import Question
 from feeder_sim.studies.sweep.table import Row, empty_row, main_measure, rows_of
@@ -74,6 +74,11 @@ class Cases:
         """Every n-th point from a number on, which counts from 1."""
         share = slice(number - 1, None, of)
         return Cases(self.points[share], self.cases[share], self.effort)
+
+    @property
+    def all_done(self) -> bool:
+        """Whether there is nothing to run."""
+        return all(case.is_done(self.effort) for case in self)
 
     def __iter__(self) -> Iterator[Case]:
         return (case for row in self.cases for case in row)
@@ -207,9 +212,14 @@ class Sweep:
 
     @property
     def failures(self) -> list[str]:
-        """Why seeds have failed, each reason once."""
-        effort = self.cases.effort
-        return list(dict.fromkeys(s.failure for case in self.cases for s in case.seeds(effort) if s.failure))
+        """Why seeds have failed, each reason once, with the first point where it is so."""
+        effort, found = self.cases.effort, dict[str, str]()
+        for point, row in zip(self.cases.points, self.cases.cases, strict=True):
+            values = labels(point).items()
+            at = ", ".join(f"{key} = {v:.6g}" if isinstance(v, float) else f"{key} = {v}" for key, v in values)
+            for failure in dict.fromkeys(s.failure for case in row for s in case.seeds(effort) if s.failure):
+                found.setdefault(failure, f"at {at}: {failure}" if at else failure)
+        return list(found.values())
 
     @cached_property
     def cautions(self) -> list[Caution]:

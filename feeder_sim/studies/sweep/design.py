@@ -22,7 +22,8 @@ from feeder_sim.scenario.changes import check_decides, full_key, path_of, read_v
 
 MOST_POINTS = 20_000
 _NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
-_RANGE = re.compile(rf"({_NUMBER}):({_NUMBER})(?::(log)?(\d{{1,6}})?)?")
+# A count that is far too large is read all the same, so that it is refused by the limit.
+_RANGE = re.compile(rf"({_NUMBER}):({_NUMBER})(?::(log)?(\d{{1,99}})?)?")
 Point = dict[str, Any]  # a value for each varied key
 
 

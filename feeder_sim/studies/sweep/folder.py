@@ -37,6 +37,11 @@ def sweep_folder(
     return WorkFolder(path, QUESTION, question.as_toml(), scenario, same=question.same, share=share)
 
 
+def not_counted(others: int) -> str:
+    """A line about seeds in a folder that are done, and are run anew all the same."""
+    return f"{others} seeds in the folder do not count: they are {OTHERS}"
+
+
 def write_table(folder: WorkFolder, sweep: Sweep) -> None:
     """Write the table in place of the one before; nothing of a sweep of which nothing is done."""
     if not sweep.rows:
@@ -75,5 +80,4 @@ def merged(path: Path) -> tuple[Sweep, WorkFolder]:
         why = f"; {others} in the journals are {OTHERS}" if others else ""
         problem = f"holds no seed of the sweep, allowed is a folder with journal*.jsonl of its tasks{why}"
         raise InputError(problem, file=path)
-    complete = all(case.is_done(cases.effort) for case in cases)
-    return Sweep(cases, complete, others), folder
+    return Sweep(cases, cases.all_done, others), folder
