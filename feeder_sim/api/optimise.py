@@ -15,12 +15,11 @@ from feeder_sim.api.answer import Answer, check_number, check_some, held_by, wor
 from feeder_sim.api.plots import axes_for
 from feeder_sim.api.progress import Progress, shown
 from feeder_sim.errors import InputError, check_type, check_whole, path_of_user, quoted
-from feeder_sim.jobs.folder import WorkFolder
 from feeder_sim.notebook import counted
 from feeder_sim.scenario import Scenario, check_scenario
 from feeder_sim.studies.search import search as searching
 from feeder_sim.studies.search.proposals import Sampler
-from feeder_sim.studies.search.results import QUESTION, Question, tried, write_search
+from feeder_sim.studies.search.results import Question, search_folder, tried, write_search
 from feeder_sim.studies.search.screening import first_recipes
 from feeder_sim.studies.search.space import Space
 from feeder_sim.studies.search.trials import Aim
@@ -99,13 +98,14 @@ def optimise(
     with contextlib.ExitStack() as held:
         show, notify = held.enter_context(shown(progress, scenario.title or "optimise"))
         path = path_of_user(out, "out") if out is not None else Path(held.enter_context(tempfile.TemporaryDirectory()))
-        folder = WorkFolder(path, QUESTION, asked.as_toml(), scenario, same=asked.same)
+        folder = search_folder(path, asked, scenario)
         starts = first_recipes(path, space, aim, drift_map, recipes) if drift_map else []
+        processes = held.enter_context(workers_for(executor, workers))
         held.enter_context(folder)
         found = searching.search(
             space,
             aim,
-            held.enter_context(workers_for(executor, workers)),
+            processes,
             folder.path,
             folder.journal,
             budget=searching.Budget(trials, math.inf if budget_s is None else budget_s),

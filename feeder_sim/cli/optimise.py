@@ -65,10 +65,17 @@ def optimise(
         aim = Aim.of(scenario, maximise, minimise, seeds)
     seconds, checked = _seconds(budget), _sampler(sampler)
     with naming(scenario_file):
-        from feeder_sim.jobs.folder import WorkFolder, usual_folder
+        from feeder_sim.jobs.folder import usual_folder
         from feeder_sim.jobs.workers import workers_of
         from feeder_sim.plots.search import draw_search
-        from feeder_sim.studies.search.results import PICTURE, QUESTION, Question, as_json_object, write_search
+        from feeder_sim.studies.search.results import (
+            PICTURE,
+            QUESTION,
+            Question,
+            as_json_object,
+            search_folder,
+            write_search,
+        )
         from feeder_sim.studies.search.screening import first_recipes
         from feeder_sim.studies.search.search import Budget, search
         from feeder_sim.studies.search.space import Space
@@ -76,7 +83,7 @@ def optimise(
         space = Space.of(scenario, over, scenario_file)
         asked = Question.of(over, aim, sampler, screen, recipes)
         path = out or usual_folder(OUT, scenario_file.stem, QUESTION, scenario, asked.same)
-        home = WorkFolder(path, QUESTION, asked.as_toml(), scenario, same=asked.same)
+        home = search_folder(path, asked, scenario)
         starts = []
         if screen is not None:
             with progress_bar("screening") as progress:

@@ -17,7 +17,7 @@ from typing import Self
 from feeder_sim.errors import InputError, not_written
 from feeder_sim.jobs.identity import content_text
 from feeder_sim.jobs.journal import read_journal
-from feeder_sim.records.own_files import holding
+from feeder_sim.records.own_files import INPUTS, holding
 from feeder_sim.records.whole_file import write_whole
 from feeder_sim.run.carried_files import carry_files
 from feeder_sim.run.run_folder import scenario_toml
@@ -45,6 +45,7 @@ class WorkFolder:
         same: what has to be the same for this to be the same question; the scenario is, too. Other words of the
             question, as the number of seeds, may change.
         share: number and how many, of a job array, whose tasks work in one folder.
+        own: names of files that the work itself writes there before any seed is done.
 
     Raises:
         InputError: the folder holds something else, or another question.
@@ -59,7 +60,9 @@ class WorkFolder:
         *,
         same: str = "",
         share: tuple[int, int] | None = None,
+        own: tuple[str, ...] = (),
     ) -> None:
+        self._own = (kind, SCENARIO, *own)
         self.path, self._kind, self._scenario = path, kind, scenario
         self._text = f"{mark_of(scenario, same)}\n{question}"
         suffix = f"-{share[0]}-of-{share[1]}" if share else ""
@@ -103,9 +106,10 @@ class WorkFolder:
         # Other tasks of a job array may work in the folder by now; their question does not hang on the measure.
         remove = isinstance(error, InputError) and self._begun and not self._shared and self._holds_failures_alone()
         if remove:
-            self._remove_contents()
+            self._remove_own()
         self._held.close()
         if remove:
+            self._lock.unlink(missing_ok=True)
             for folder in self._made:
                 with contextlib.suppress(OSError):  # something else is in it
                     folder.rmdir()
@@ -114,14 +118,12 @@ class WorkFolder:
         """Whether no seed has come to anything: those that cannot be run do not tell which measures there are."""
         return all(entry.get("failure") for journal in self.journals for entry in read_journal(journal))
 
-    def _remove_contents(self) -> None:
-        """Remove all that is in the folder; but for what a kill has left, it was empty when this question began."""
-        for entry in self.path.iterdir():
+    def _remove_own(self) -> None:
+        """Remove what was written since the question began; what a user has put there meanwhile stays."""
+        for file in (*(self.path / name for name in self._own), *self.journals, self.path / WRITING):
             with contextlib.suppress(OSError):
-                if entry.is_dir() and not entry.is_symlink():
-                    shutil.rmtree(entry)
-                else:
-                    entry.unlink()
+                file.unlink()
+        shutil.rmtree(self.path / INPUTS, ignore_errors=True)
 
     def carried(self, scenario: Scenario) -> str:
         """The text of a scenario for this folder, which gets copies of the files that it reads.

@@ -116,6 +116,10 @@ def test_a_refused_question_leaves_nothing_that_was_not_there(tmp_path: Path) ->
     (tmp_path / "own").mkdir()
     refused(tmp_path / "own")
     assert not any((tmp_path / "own").iterdir())
+    with pytest.raises(InputError), sweep_folder(tmp_path / "own", "", scenario, question):
+        (tmp_path / "own/meanwhile.txt").write_text("mine")
+        raise InputError("is sped")
+    assert [path.name for path in (tmp_path / "own").iterdir()] == ["meanwhile.txt"]
     (tmp_path / "beside").mkdir()
     (tmp_path / "beside/mine.txt").write_text("mine")
     refused(tmp_path / "beside/s")

@@ -27,6 +27,8 @@ from feeder_sim.jobs.folder import WorkFolder
 from feeder_sim.jobs.identity import content_hash
 from feeder_sim.jobs.question_file import question_toml, read_question
 from feeder_sim.measures.statistic import Statistic, finite_or_none
+from feeder_sim.scenario import Scenario
+from feeder_sim.studies.search.proposals import LOG
 from feeder_sim.studies.search.search import Checked, Search
 from feeder_sim.studies.search.trials import Aim
 from feeder_sim.studies.sweep.design import Point, labels
@@ -89,6 +91,15 @@ class Question:
             InputError: the file is missing or holds no question.
         """
         return read_question(path, Question((), "", True, 2, ""), "search")
+
+
+def search_folder(path: Path, asked: Question, scenario: Scenario) -> WorkFolder:
+    """The folder of a search.
+
+    Raises:
+        InputError: it holds something else, or another question.
+    """
+    return WorkFolder(path, QUESTION, asked.as_toml(), scenario, same=asked.same, own=(LOG,))
 
 
 @dataclass(frozen=True)
