@@ -233,6 +233,7 @@ def test_versions_that_two_processes_compiled_are_told_apart_by_a_third(copy: Co
     assert copy.run(RECORDS, [short, long, short]) == {"values": [6.0, 12.0, 6.0], "compiled": 0}
 
 
+@pytest.mark.slow
 def test_a_constant_of_another_file_is_the_present_one(copy: Copy) -> None:
     """Gravity is compiled into the flight of parts, and stands in a file without any compiled function."""
     earth = copy.run(FALL)
@@ -326,7 +327,7 @@ def test_a_folder_that_is_in_use_is_young(copy: Copy) -> None:
     assert len(list(folder.parent.iterdir())) == FOLDERS_KEPT
 
 
-@pytest.mark.parametrize("place", ["file", "file/below"])
+@pytest.mark.parametrize("place", ["file", pytest.param("file/below", marks=pytest.mark.slow)])
 def test_without_a_folder_for_machine_code_everything_is_compiled(place: str, copy: Copy, tmp_path: Path) -> None:
     (tmp_path / "file").write_text("in the way")
     for _ in range(2):
@@ -344,7 +345,7 @@ def without_privilege() -> list[str]:
 
 
 @pytest.mark.skipif(os.name != "posix", reason="folders are made read-only in another way")
-@pytest.mark.parametrize("filled", [False, True])
+@pytest.mark.parametrize("filled", [pytest.param(False, marks=pytest.mark.slow), True])
 def test_in_a_read_only_folder_what_is_missing_is_compiled(filled: bool, copy: Copy) -> None:
     copy.cache.mkdir()
     if filled:
