@@ -295,7 +295,7 @@ def test_quick_chart(tmp_path: Path) -> None:
     for row in rows:
         if row["method"] in known and (row["method"], row["case"]) != discrete_slide:
             assert row["failure"] or row["error_percent"] > 40.0, row
-        elif row["default"] and row["case"] not in ("drift_4750", "drift_8775", "crowd_20", "transport_strip"):
+        elif row["default"] and not next(case for case in CASES if case.name == row["case"]).by_chance:
             assert row["error_percent"] < 0.5
         elif row["default"] and row["case"] != "crowd_20":
             assert abs(row["value"] / row["reference"] - 1.0) < 0.15

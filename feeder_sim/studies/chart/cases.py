@@ -8,6 +8,8 @@ drift           transport speed of a nut on a standing wave; reference: the fine
 crowd           one cycle of gathering 20 nuts and throwing them apart: how many of them come to lie within 5 mm of
                 a nodal line; reference: the finest run
 transport       time in which a sequence of modes carries a nut along a strip; reference: the finest run
+chladni plate   way of a solder ball in a note of 500 ms on the plate of silicon that steers balls (Zhou et al., Nat.
+                Commun. 7 (2016) 12764); reference: the finest run
 """
 
 from __future__ import annotations
@@ -42,6 +44,8 @@ BALL_HZ, BALL_UM = 50.0, 245.0
 BALL_PERIODS, BALL_COUNTED = 150, 50  # simulated periods of the plate, and the last ones that count
 PER_MS = 1000.0  # [Hz] of a drive without amplitude, with which steps per period are steps per millisecond
 CROWD = 20  # parts
+NOTE_HZ, NOTE_MODE, NOTE_S, NOTE_VPP = 12996.6, 19, 0.5, 1.0  # at resonance; a voltage for a way as in the experiment
+BALL_AT_MM = (5.0, 3.0)  # half way between an antinode and a nodal line
 
 
 @dataclass(frozen=True)
@@ -206,6 +210,24 @@ def _arrival(prepared: Prepared, record: Record) -> float:
     return arrival_time(prepared.scene, record)
 
 
+def _note() -> Raw:
+    """One ball of the example of this plate, at one place, and one mode that moves all the time."""
+    raw = dict(load_scenario(example_file("scenarios/chladni_plate.toml")).model_dump(exclude_unset=True))
+    del raw["schedule"]
+    start = {"position_mm": list(BALL_AT_MM), "drop_height_mm": [0.001, 0.003]}
+    return raw | {
+        "drive": [{"frequency_hz": NOTE_HZ, "mode": NOTE_MODE, "voltage_vpp": NOTE_VPP}],
+        "part": [raw["part"][0] | {"count": 1, "start": start}],
+        "run": {"duration_s": NOTE_S},
+    }
+
+
+def _way(prepared: Prepared, record: Record) -> float:
+    """Length of the way from the first to the last frame [mm]."""
+    position = record.frames.position[:, 0, :2]
+    return 1e3 * float(np.linalg.norm(position[-1] - position[0]))
+
+
 CASES = (
     Case(
         "bouncing_ball",
@@ -274,5 +296,16 @@ CASES = (
         (24, 4, 48),
         (2, 1, 2),
         0.1,
+    ),
+    Case(
+        "chladni_plate",
+        "A ball on a Chladni plate",
+        "way in a note (mm)",
+        _note,
+        _way,
+        None,
+        (96, 12, 192),
+        (16, 2, 32),
+        0.003,
     ),
 )

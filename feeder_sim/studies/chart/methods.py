@@ -16,14 +16,15 @@ Change = Callable[[Raw, int], None]
 DEFAULT_STEPS = 40  # per period
 SHORTEST_CONTACT = 5  # steps per time constant of a compliant contact
 FAILURE_S = 6.0  # simulated time within which a method that is known to fail does so
-BALL, DROPS, DRIFTS, CROWD, TRANSPORT = (
+BALL, DROPS, DRIFTS, CROWD, TRANSPORT, NOTE = (
     ("bouncing_ball",),
     ("flat_drop", "sliding_impact"),
     ("drift_4750", "drift_8775"),
     ("crowd_20",),
     ("transport_strip",),
+    ("chladni_plate",),
 )
-SHORT = (*BALL, *DROPS, *DRIFTS, *CROWD)  # what a method that is a hundred times as slow computes in minutes
+SHORT = (*BALL, *DROPS, *DRIFTS, *CROWD, *NOTE)  # what a method that is a hundred times as slow computes in minutes
 EVERYTHING = (*SHORT, *TRANSPORT)
 
 

@@ -1,4 +1,4 @@
-"""Where a drift map begins to be wrong: high hops, and parts that meet each other."""
+"""Where a drift map begins to be wrong: high hops, parts that meet each other, balls that roll on."""
 
 from __future__ import annotations
 
@@ -7,17 +7,24 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+
+from feeder_sim.measures.statistic import Statistic
 from feeder_sim.run.prepare import prepare
-from feeder_sim.scenario import Drive, Scenario
+from feeder_sim.run.simulation import simulate
+from feeder_sim.scenario import Drive, Scenario, with_run
 from feeder_sim.scene.scene import GRAVITY
+from feeder_sim.scene.start import start_poses
 from feeder_sim.studies.drift_map.comparison import (
+    WALKERS,
     Agreement,
     Gathering,
     compare_gathering,
     compare_passage,
     gathering_scenario,
 )
-from feeder_sim.studies.drift_map.drift_map import DriftMap
+from feeder_sim.studies.drift_map.drift_map import DriftMap, Floats
+from feeder_sim.studies.drift_map.walk import walk
 from feeder_sim.studies.speed_map import at_point
 
 GATHERING_HZ = 2646.0
@@ -27,6 +34,7 @@ COUNTS = (1, 10, 25, 50, 100, 200, 400)
 CROWD_VOLTS = 40.0
 GATHERING_S = 2.0
 PARTS, LEAST_SEEDS = 400, 4  # of all seeds of a crowd together
+TIMES_S = (0.5, 1.0, 2.0, 4.0, 8.0)
 
 
 @dataclass(frozen=True)
@@ -109,6 +117,57 @@ def crowd_at(drift_map: DriftMap, mode_file: Path, drive: Drive, count: int, par
     """Gathering of so many parts at once under a drive; `parts` of all seeds together, of which there are a few."""
     scenario = gathering_scenario(mode_file, drive, GATHERING_S, count)
     return compare_gathering(drift_map, scenario, max(LEAST_SEEDS, parts // count))
+
+
+@dataclass(frozen=True)
+class WaysAt:
+    """How far parts have come at a time, by full runs and by the map.
+
+    Attributes:
+        time: since the start [s].
+        full, walked: length of the way, over seeds and over walkers [mm].
+    """
+
+    time: float
+    full: Statistic
+    walked: Statistic
+
+    def line(self) -> str:
+        """A row of the table in the docs."""
+        ways = f"{self.full.mean:.3g} +- {self.full.se:.1g} | {self.walked.mean:.3g} +- {self.walked.se:.1g}"
+        return f"| {self.time:g} | {ways} | {self.full.sd:.2g} | {self.walked.sd:.2g} |"
+
+
+def ways(drift_map: DriftMap, scenario: Scenario, seeds: int, times: Sequence[float] = TIMES_S) -> list[WaysAt]:
+    """How far the only part of a scenario comes from its place over time.
+
+    Args:
+        drift_map: of the part.
+        scenario: one part at one place, under drives that last as long as the times.
+        seeds: of full runs.
+        times: [s], rising.
+    """
+    prepared = prepare(with_run(scenario, seeds=seeds, duration_s=times[-1]))
+    starts = np.tile(start_poses(prepared.scene, np.random.default_rng(0))[0].position[:2], (WALKERS, 1))
+    at, places = [0.0], [starts]
+
+    def look(now: float, points: Floats) -> bool:
+        at.append(now)
+        places.append(points.copy())
+        return False
+
+    walk(drift_map, prepared, starts, np.random.default_rng(0), look=look)
+    frames = [f for f in simulate(prepared).trajectories if len(f) == prepared.scene.n_frames]
+    full = [np.linalg.norm(f.position[:, 0, :2] - starts[0], axis=1) for f in frames]
+    walked = np.linalg.norm(np.array(places) - starts, axis=2)
+    return [
+        WaysAt(
+            time,
+            Statistic.of(1e3 * float(np.interp(time, f.time, way)) for f, way in zip(frames, full, strict=True)),
+            Statistic.of((1e3 * walked[int(np.argmin(np.abs(np.array(at) - time)))]).tolist()),
+        )
+        for time in times
+    ]
 
 
 def _hop(scenario: Scenario, speed: float) -> float:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+import math
 import zipfile
 from dataclasses import asdict
 from pathlib import Path
@@ -90,11 +91,16 @@ def check_made(drift_map: DriftMap, scenario: Scenario, thickness: float, path: 
         if getattr(wanted, name) != getattr(made, name):
             raise InputError(f"is of another {what}, allowed is a drift map of that of the scenario", file=path)
     material, of_map = resolve_material(strip_of(scenario).material), drift_map.plate.material
-    for constant in ("density", "youngs_modulus", "poisson_ratio"):
-        if abs(getattr(material, constant) / getattr(of_map, constant) - 1.0) > 1e-6:
+    for constant in asdict(of_map):
+        if not _same(getattr(material, constant), getattr(of_map, constant)):
             raise InputError("is of a plate of another material, allowed is that of the scenario", file=path)
     if abs(wanted.thickness / made.thickness - 1.0) > 1e-6:
         raise InputError(
             f"is of a plate of {1e3 * made.thickness:g} mm, allowed is {1e3 * thickness:g} mm, that of the scenario",
             file=path,
         )
+
+
+def _same(one: float | None, other: float | None) -> bool:
+    """Whether two constants are the same, but for rounding; None is that of an isotropic material."""
+    return one == other or (one is not None and other is not None and math.isclose(one, other, rel_tol=1e-6))

@@ -82,10 +82,10 @@ def made_of(scenario: Scenario, thickness: float) -> Made:
 
 
 def strip_of(scenario: Scenario) -> Strip:
-    """A strip of the thickness and material of the plate of a scenario.
+    """A strip of the thickness and material of the plate of a scenario; of an orthotropic one it bends along x.
 
     Raises:
-        InputError: it has no bending waves, or is not isotropic.
+        InputError: it has no bending waves.
     """
     plate = scenario.plate
     if isinstance(plate, Strip):
@@ -96,12 +96,13 @@ def strip_of(scenario: Scenario) -> Strip:
         assert isinstance(plate, Rectangle) and plate.thickness_mm is not None  # its own check
         return Strip(thickness_mm=plate.thickness_mm, material=plate.material or "aluminium")
     body = read_mode_file(plate.mode_file).modes.plate
-    if not body.material.isotropic:
-        raise InputError("holds an orthotropic plate, allowed is an isotropic one", key="plate.mode_file")
+    e_y, g = body.material.youngs_modulus_y, body.material.shear_modulus
     material = CustomMaterial(
         density_kg_m3=body.material.density,
         youngs_modulus_gpa=1e-9 * body.material.youngs_modulus,
         poisson_ratio=body.material.poisson_ratio,
+        youngs_modulus_y_gpa=None if e_y is None else 1e-9 * e_y,
+        shear_modulus_gpa=None if g is None else 1e-9 * g,
     )
     return Strip(thickness_mm=1e3 * body.thickness, material=material)
 
