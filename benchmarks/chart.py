@@ -5,7 +5,7 @@
 The other simulators (benchmarks/peers) get a virtual environment of their own, .venv-peers, made on the first call.
 With --before the chart also shows the default of every case as an older commit of this repository computes it.
 Exits with 1 unless the default of every case is on the front of full runs, and is the fastest of them within 5 % on
-both drifts; drift maps do not count there. Takes about half an hour on two cores.
+both drifts; drift maps and older commits do not count there. Takes about half an hour on two cores.
 """
 
 from __future__ import annotations
@@ -32,6 +32,7 @@ ENVIRONMENT = ROOT / ".venv-peers"
 WITHIN_PERCENT = 5.0
 REMADE = [f"{part}{end}" for part in ("methods", "ladder", "stability") for end in (".csv", ".json", ".png", ".svg")]
 DRIFTS = ("drift_4750", "drift_8775")
+OLDER = "default at "  # and the commit
 
 
 # What the package of any commit is asked for; its rooms have had other names.
@@ -95,18 +96,21 @@ def default_before(commit: str) -> list[dict[str, Any]]:
             )
         finally:
             subprocess.run([*git, "remove", "--force", str(tree)], check=True, capture_output=True)
-    label = {"method": f"default at {commit}", "details": "of this package"}
+    label = {"method": OLDER + commit, "details": "of this package"}
     return [row | label for row in json.loads(found.stdout.splitlines()[-1])]
 
 
 def broken_claims(rows: list[dict[str, Any]]) -> list[str]:
-    """What the chart does not show although it should; of full runs, which answer more than a drift map does."""
+    """What the chart does not show although it should.
+
+    Full runs count, which answer more than a drift map does, and what can be chosen, not an older commit.
+    """
     names = [field.name for field in fields(Point)]
     known: list[dict[str, Any]] = [
         {name: math.nan if row[name] is None else row[name] for name in names} for row in rows
     ]
     points = [Point(**values) for values in known]
-    full = [point for point in points if point.valid and point.method != DRIFT_MAP]
+    full = [p for p in points if p.valid and p.method != DRIFT_MAP and not p.method.startswith(OLDER)]
     found = []
     for case in dict.fromkeys(point.case for point in points):
         here = [point for point in full if point.case == case]

@@ -82,7 +82,7 @@ def draw_points(points: Sequence[Point], path: Path, machine: str) -> None:
         axes.set(xlabel="wall time per simulated second (s)", ylabel=f"error of the {_short(case)} (%)")
     lines = [_handle(name, styles[name]) for name in methods]
     figure.legend(handles=lines, loc="lower center", ncols=LEGEND_COLUMNS, fontsize=8, frameon=False)
-    figure.suptitle(f"Speed against accuracy, one core of {machine}", fontsize=11)
+    figure.suptitle(f"Speed against accuracy, one core of {machine}", fontsize=11, y=1.0 - 0.1 * inch)
     for suffix in FORMATS:
         figure.savefig(path.with_suffix(suffix), dpi=130)
 
