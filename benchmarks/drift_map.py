@@ -10,12 +10,12 @@ That of balls is made by a map of its own.
 from __future__ import annotations
 
 import argparse
-import math
 from pathlib import Path
 
 from feeder_sim.plots.drift_map import draw_borders, draw_laws
 from feeder_sim.run.prepare import prepare
 from feeder_sim.scenario import Drive, Scenario, Strip, load_scenario
+from feeder_sim.studies.chart.by_drift_map import map_around
 from feeder_sim.studies.chart.cases import CASES
 from feeder_sim.studies.chart.methods import DEFAULT_STEPS, METHODS
 from feeder_sim.studies.chart.points import scenario_of
@@ -28,13 +28,12 @@ from feeder_sim.studies.drift_map.comparison import (
 )
 from feeder_sim.studies.drift_map.drift_map import DriftMap
 from feeder_sim.studies.drift_map.files import load_map, save_map
-from feeder_sim.studies.drift_map.making import SEEDS, make_map, strip_of
+from feeder_sim.studies.drift_map.making import SEEDS, make_map
 
 ROOT = Path(__file__).resolve().parents[1]
 PLATE = ROOT / "models" / "plate_180" / "modes.h5"
 PARTS_OF_SCRIPT = ("laws", "plates", "borders", "balls")
 OF_MAP = ("laws", "plates", "borders")
-BALL_SPEEDS = (0.25, 0.5, 0.75, 1.0, 1.4)  # velocity amplitudes of the map of a ball over that of its plate
 
 
 def scenario(name: str) -> Scenario:
@@ -73,15 +72,11 @@ def note(point: BorderPoint) -> None:
 
 
 def balls(map_seeds: int, seeds: int) -> None:
-    """A ball that rolls on a plate of silicon; its table has the frequency of the drive only."""
+    """A ball that rolls on a plate of silicon; its map is for this drive only."""
     case = next(case for case in CASES if case.name == "chladni_plate")
     ball = scenario_of(case, METHODS[0], DEFAULT_STEPS)
-    (drive,) = prepare(ball).scene.drives
-    frequency, fastest = drive.drive_frequency, 2.0 * math.pi * drive.drive_frequency * drive.steady_amplitude
-    speeds = [share * fastest for share in BALL_SPEEDS]
-    drift_map = make_map(ball, strip_of(ball), frequencies_hz=[frequency], speeds_m_s=speeds, seeds=map_seeds)
     print("\n| time (s) | way (mm), full runs | map | spread of full runs (mm) | map |\n|---|---|---|---|---|")
-    for at in ways(drift_map, ball, seeds):
+    for at in ways(map_around(prepare(ball), map_seeds), ball, seeds):
         print(at.line(), flush=True)
 
 

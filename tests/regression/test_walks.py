@@ -8,12 +8,13 @@ from conftest import REPOSITORY
 
 from feeder_sim.run.prepare import prepare
 from feeder_sim.scenario import Strip, load_scenario
+from feeder_sim.studies.chart.by_drift_map import map_around
 from feeder_sim.studies.chart.cases import CASES
 from feeder_sim.studies.chart.methods import METHODS
 from feeder_sim.studies.chart.points import scenario_of
 from feeder_sim.studies.drift_map.borders import ways
 from feeder_sim.studies.drift_map.comparison import compare_passage
-from feeder_sim.studies.drift_map.making import make_map, strip_of
+from feeder_sim.studies.drift_map.making import make_map
 
 
 @pytest.mark.slow
@@ -37,10 +38,7 @@ def test_walkers_come_as_far_as_balls_that_roll_but_do_not_spread_as_they_do() -
     """On an orthotropic plate. A ball remembers its speed, so that its spread grows faster than the root of time."""
     case = next(case for case in CASES if case.name == "chladni_plate")
     ball = scenario_of(case, METHODS[0], 40)
-    (drive,) = prepare(ball).scene.drives
-    fastest = 2.0 * np.pi * drive.drive_frequency * drive.steady_amplitude
-    speeds = [share * fastest for share in (0.25, 0.5, 1.0, 1.4)]
-    drift_map = make_map(ball, strip_of(ball), frequencies_hz=[drive.drive_frequency], speeds_m_s=speeds, seeds=60)
+    drift_map = map_around(prepare(ball), 60)
     note, long = ways(drift_map, ball, 32, times=(0.5, 4.0))
     print(f"\n{note.line()}\n{long.line()}")
     for at in (note, long):

@@ -31,7 +31,7 @@ from feeder_sim.studies.drift_map.walk import walk
 NAME, DETAILS = "drift map", "runs behind each entry"
 SETTINGS, QUICK = (100, 400), (40,)
 WALKERS = 1000
-AROUND = (0.25, 0.5, 0.75, 1.0, 1.4)  # velocity amplitudes of the table over that of the case
+AROUND = (0.25, 0.5, 0.75, 1.0, 1.4)  # velocity amplitudes of the table over that of the fastest drive
 OF_CROWD = (0.03, 0.06, 0.1, 0.15, 0.2, 0.3, 0.45)  # [m/s]
 CROWD = "crowd_20"
 TABLE_SEED_S, WALK_S = 0.03, 10.0  # what a map takes per run behind each entry, and what its walkers take, about [s]
@@ -78,7 +78,7 @@ def points_by_drift_map(
         for seeds in QUICK if quick else SETTINGS:
             show = next(pieces)
             of_table, _ = shares(show, (TABLE_SEED_S * seeds, WALK_S))
-            table = _table(prepared, OF_CROWD if crowd else AROUND, seeds, relative=not crowd, progress=of_table)
+            table = map_around(prepared, seeds, OF_CROWD if crowd else None, progress=of_table)
             number = NUMBERS[case.name]
             value, own, cost = number(table, prepared)
             se = math.hypot(own, map_error(table, partial(_value, number, prepared)))
@@ -91,15 +91,24 @@ def points_by_drift_map(
     return points
 
 
-def _table(prepared: Prepared, speeds: Sequence[float], seeds: int, *, relative: bool, progress: Show) -> DriftMap:
-    """A map for the frequencies of all drives; relative speeds are over that of the fastest drive."""
+def map_around(
+    prepared: Prepared, seeds: int, speeds: Sequence[float] | None = None, *, progress: Show = no_progress
+) -> DriftMap:
+    """A map of the part of a scene for the frequencies of its drives.
+
+    Args:
+        prepared: the scenario.
+        seeds: runs behind each entry.
+        speeds: velocity amplitudes of the table [m/s]; `AROUND` that of the fastest drive without them.
+        progress: called with the fraction done.
+    """
     drives = prepared.scene.drives
-    own = max(2.0 * math.pi * drive.drive_frequency * drive.steady_amplitude for drive in drives) if relative else 1.0
+    fastest = max(2.0 * math.pi * drive.drive_frequency * drive.steady_amplitude for drive in drives)
     return make_map(
         _of_one(prepared.scenario),
         strip_of(prepared.scenario),
         frequencies_hz=sorted({drive.drive_frequency for drive in drives}),
-        speeds_m_s=[own * speed for speed in speeds],
+        speeds_m_s=speeds or [share * fastest for share in AROUND],
         seeds=seeds,
         progress=progress,
     )
