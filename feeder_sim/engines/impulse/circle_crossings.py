@@ -35,7 +35,7 @@ def _cross_by_kind(part, kind, begin, end, n, work):
 
 @compiled
 def _cross_circles(part, kind, begin, end, n, work):
-    if n + MOST > work.points.shape[0] or n + MOST > work.corner.shape[0]:
+    if n + MOST > work.points.shape[0] or n + MOST > work.point.shape[0]:
         return n
     r, radius, height = part.attitude, kind.circle_radius, kind.circle_height
     along_x, along_y = end[0] - begin[0], end[1] - begin[1]

@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from feeder_sim.engines.impact_log import new_log, room_for, take_impacts
-from feeder_sim.engines.impulse.alone import SAME_CONTACT, Alone, ContactNotes, Drive, advance_alone
+from feeder_sim.engines.impulse.alone import Alone, ContactNotes, Drive, advance_alone
 from feeder_sim.engines.impulse.crowd import find_neighbours, open_window, share_out
 from feeder_sim.engines.impulse.frame_rows import (
     ATTITUDE,
@@ -38,7 +38,7 @@ from feeder_sim.engines.impulse.hulls import HullLibrary
 from feeder_sim.engines.impulse.island import Crowd, Share, Span, Tools, advance_islands
 from feeder_sim.engines.impulse.kinds import read_kinds, rim_walls
 from feeder_sim.engines.impulse.pair_contact import PAIR
-from feeder_sim.engines.impulse.state import ABSENT, Bounds, Plate, new_parts, new_scratch, read_wall
+from feeder_sim.engines.impulse.state import ABSENT, FREE, Bounds, Exactness, Plate, new_parts, new_scratch, read_wall
 from feeder_sim.engines.surface_arrays import SurfaceArrays, surface_arrays
 from feeder_sim.records.impacts import Impacts
 from feeder_sim.records.trajectory import BLOCK_FRAMES, Frames
@@ -49,7 +49,9 @@ WINDOW = 1e-3  # [s], where parts can meet: shorter ones find the pairs too ofte
 WINDOW_ALONE = 1e-2  # [s], of a single part: for bounds on the plate that follow its ring-up
 WIDER = 1.5  # times the way of the farthest part: its reach when a window is computed again
 COLUMNS = {"position": POSITION, "velocity": VELOCITY, "attitude": ATTITUDE, "momentum": MOMENTUM}
-STATE = ("position", "velocity", "attitude", "momentum", "clock", "there")
+STATE = ("position", "velocity", "attitude", "momentum", "clock", "there", "phase", "held", "draws", "force", "moment")
+STATE += ("place", "seat", "facing")
+SAME_CONTACT = 1.5  # of the clock of frames: impacts of a guided part no farther apart are one contact
 MEMBERS = ("a", "b", "piece_a", "piece_b")  # of a pair
 
 
@@ -79,7 +81,8 @@ class ImpulseEngine:
         self._kinds = kinds = read_kinds(scene)
         self._n = len(scene.parts)
         self._wall = read_wall(scene.guides[0])
-        self._notes = ContactNotes(new_log(1), np.zeros(2))
+        self._notes = ContactNotes(new_log(1), np.zeros(2), SAME_CONTACT * scene.timestep)
+        self._exact = exactness(scene)
         self._surface = surface_arrays(scene.surface, scene.scenario.run)
         self._threads = max(1, threads)
         self._alone = self._single_apart and self._n == 1 and not scene.rim and scene.scenario.refill is None
@@ -117,6 +120,7 @@ class ImpulseEngine:
             np.concatenate([momentum, still]),
         )
         parts["there"][: len(poses)][[not pose.present for pose in poses]] = ABSENT
+        parts["draws"] = random_states(rng, len(parts))
         return parts
 
     def current(self) -> Frames:
@@ -129,7 +133,7 @@ class ImpulseEngine:
             if self._wall is not None:  # each contact takes a step at least
                 room = n_frames * (scene.steps_per_frame + 1) + 1
                 self._notes = self._notes._replace(log=room_for(self._notes.log, room))
-            drive = Drive(self._surface, self._scene.surface.extremes, scene.timestep, WINDOW_ALONE)
+            drive = Drive(self._surface, self._scene.surface.extremes, self._exact, WINDOW_ALONE)
             frames = FrameRows(times, rows, self._interrupt)
             advance_alone(
                 Alone(self._parts, self._kinds, self._wall, self._work[0]), drive, self._notes, self._clock, frames
@@ -197,7 +201,7 @@ class ImpulseEngine:
     def _open_window(self, parts: NDArray[np.void]) -> tuple[SurfaceArrays, Bounds, float]:
         """Terms that act and bounds of the window under way, and the reach of the parts in it [m]; wakes them."""
         start, end, extremes = *self._span, self._scene.surface.extremes
-        place = (self._kinds, self._surface, extremes, (start, end), self._scene.timestep)
+        place = (self._kinds, self._surface, extremes, (start, end), self._exact)
         return open_window(parts, self._n, *place)
 
     def _advance_islands(self, crowd: Crowd, plate: Plate, span: Span, frames: FrameRows) -> bool:
@@ -219,7 +223,7 @@ class ImpulseEngine:
             self._clock[:] = now, 0.0, now
             for name, columns in COLUMNS.items():
                 self._parts[name][0] = self._row[0, columns].reshape(self._parts[name][0].shape)
-            self._parts["clock"] = now
+            self._parts["clock"], self._parts["phase"] = now, FREE
             return
         if now < self._span[1]:
             self._compute_window(now)
@@ -265,7 +269,7 @@ class ImpulseEngine:
     def state(self) -> dict[str, NDArray[np.float64]]:
         parts, pairs = (self._parts, self._pairs) if self._alone else (self._opened, self._pairs_before)
         kept = {name: parts[name].copy() for name in STATE}
-        log, last = self._notes
+        log, last = self._notes.log, self._notes.last
         return kept | {
             "contact": np.array([*log.current, *last]),
             "clock_alone": self._clock.copy(),
@@ -297,9 +301,9 @@ class ImpulseEngine:
         return self._unresolved + sum(int(work.unresolved[0]) for work in self._work)
 
     def take_impacts(self, *, end: bool) -> Impacts:
-        log, last = self._notes
+        log, last = self._notes.log, self._notes.last
         since = self._frame * self._scene.frame_interval - last[0]
-        over = since > SAME_CONTACT * self._scene.timestep
+        over = since > self._notes.same
         return take_impacts(log, end=end, over=(float(last[0]), float(last[1])) if over else None)
 
     def _first_row(self, parts: NDArray[np.void]) -> NDArray[np.float64]:
@@ -326,3 +330,14 @@ class ImpulseEngine:
             angular_velocity=rows[..., SPIN],
             present=np.broadcast_to(self._parts["there"][: self._n] != ABSENT, (n, self._n)).copy(),
         )
+
+
+def exactness(scene: Scene) -> Exactness:
+    """How exact a scene wants its contacts."""
+    run, contact = scene.scenario.run, scene.scenario.contact
+    return Exactness(1e-9 * getattr(run, "tolerance_nm", 0.1), getattr(contact, "noise_m_s", 1e-8))
+
+
+def random_states(rng: np.random.Generator, n: int) -> NDArray[np.uint64]:
+    """States of the random numbers of n parts, drawn after their starts."""
+    return rng.integers(0, 2**63, n, dtype=np.uint64)

@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import math
 
-from feeder_sim.engines.impulse.single_impact import HALVINGS, ROUND_OFF, resolve_free
+from feeder_sim.engines.impulse.single_impact import HALVINGS, ROUND_OFF, impulse_at_point, mobility, resolve_free, tangents
 from feeder_sim.engines.impulse.state import (
     ARM,
     BEFORE,
@@ -73,6 +73,32 @@ def resolve_impact(part, inverse_mass, inverse_inertia, contact, law, n):
     for i in range(n):
         add_to(part.momentum, 1.0, cross(contact[ARM, i], contact[IMPULSE, i]))
     return settled
+
+
+@compiled
+def solve_for(v, w, inverse_mass, inverse_inertia, contact, law, n):
+    """Impulses after which no contact approaches what it touches; v, w: without them [m/s, rad/s].
+
+    contact, law: as for `resolve_impact`; the impulses are left in IMPULSE. Returns velocity and angular velocity with
+    them, and whether they have settled.
+    """
+    if n == 1:
+        normal, arm = vector(contact[NORMAL, 0]), vector(contact[ARM, 0])
+        u = _relative_velocity(v, w, contact, 0)
+        if dot(u, normal) >= 0.0:
+            write_to(contact[IMPULSE, 0], (0.0, 0.0, 0.0))
+            return v, w, True
+        a, b = tangents(normal)
+        k = mobility(inverse_mass, inverse_inertia, arm, a, b, normal)
+        solved, p = impulse_at_point(k, (dot(a, u), dot(b, u), dot(normal, u)), 0.0, law[FRICTION, 0])
+        if solved:
+            push = combine(p[0], a, p[1], b, p[2], normal)
+            write_to(contact[IMPULSE, 0], push)
+            v, w = pushed(v, w, inverse_mass, inverse_inertia, contact[ARM, 0], push)
+            return v, w, True
+    for i in range(n):
+        write_to(contact[BEFORE, i], _relative_velocity(v, w, contact, i))
+    return _solve(v, w, inverse_mass, inverse_inertia, contact, law, n, 0.0)
 
 
 @compiled

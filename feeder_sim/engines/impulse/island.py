@@ -15,13 +15,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from feeder_sim.borrow import borrow, borrowed
+from feeder_sim.engines.impulse.follow import bring
 from feeder_sim.engines.impulse.frame_rows import write_row
 from feeder_sim.engines.impulse.hulls import Hulls
 from feeder_sim.engines.impulse.neighbours import Islands
 from feeder_sim.engines.impulse.pair_contact import meet, meeting_bound
 from feeder_sim.engines.impulse.plate_contact import meet_plate
-from feeder_sim.engines.impulse.rest import fall_asleep, wake
-from feeder_sim.engines.impulse.state import ASLEEP, Kinds, Scratch, fly_to, in_pieces
+from feeder_sim.engines.impulse.state import ASLEEP, Kinds, Scratch, in_pieces, wake
 from feeder_sim.machine_code import compiled, entry_point, inlined
 
 
@@ -102,13 +102,13 @@ def _advance_island(island, crowd, plate, tools, span, frames):
             if event < n:
                 left |= _look_at_part(event, t, agenda, crowd, plate, tools.work, span.reach)
             else:
-                left |= look_at_pair(event, t, agenda, crowd, plate.bounds, tools, span.reach)
+                left |= look_at_pair(event, t, agenda, crowd, plate, tools, span.reach)
         for k in range(first, last):
             i = islands.part[k]
             if frame < frames.time.shape[0]:
-                write_row(parts, i, kinds, stop, frames.row[frame, i])
+                write_row(parts, i, kinds, plate.surface, stop, frames.row[frame, i])
             else:
-                fly_to(parts[i], kinds.record[parts[i].kind], stop)
+                bring(parts[i], kinds.record[parts[i].kind], stop, plate.surface)
                 left |= has_left(i, crowd, span.reach)
     return left and tree.shape[0] > 0  # what was borrowed lives until here
 
@@ -118,43 +118,43 @@ def _look_at_part(event, t, agenda, crowd, plate, work, reach):
     """A part over the plate; returns whether it has come farther than its reach."""
     i = crowd.islands.part[agenda.first_part + event]
     part = crowd.parts[i]
-    fly_to(part, crowd.kinds.record[part.kind], t)
+    bring(part, crowd.kinds.record[part.kind], t, plate.surface)
     left = has_left(i, crowd, reach)
     leap, hit = meet_plate(part, crowd.kinds, None, plate.surface, plate.bounds, t, work)
     set_due(agenda.tree, event, t + leap)
     if hit:
-        if plate.bounds.calm and fall_asleep(part, crowd.kinds, plate.surface, work):
+        if part.there == ASLEEP:
             set_due(agenda.tree, event, np.inf)
-        look_again_at_pairs(i, -1, t, agenda, crowd, plate.bounds)
+        look_again_at_pairs(i, -1, t, agenda, crowd, plate)
     return left
 
 
 @inlined
-def look_at_pair(event, t, agenda, crowd, bounds, tools, reach):
+def look_at_pair(event, t, agenda, crowd, plate, tools, reach):
     """A pair of parts; returns whether one of them has come farther than its reach."""
     parts, kinds, islands = crowd.parts, crowd.kinds, crowd.islands
     p = islands.pair[agenda.first_pair + event - agenda.n_parts]
     pair = crowd.pairs[p]
     left = False
-    due, near = meeting_bound(pair, parts, kinds, t, bounds)
+    due, near = meeting_bound(pair, parts, kinds, t, plate)
     if near:
         hit = meet(pair, parts, kinds, tools.hulls, tools.work.points)
         if hit:
             wake(parts[pair.a])
             wake(parts[pair.b])
-        due, near = meeting_bound(pair, parts, kinds, t, bounds)
+        due, near = meeting_bound(pair, parts, kinds, t, plate)
         if hit:
             for i in (pair.a, pair.b):
                 if i < islands.place.shape[0]:  # walls have no events
                     left |= has_left(i, crowd, reach)
                     set_due(agenda.tree, islands.place[i] - agenda.first_part, t)
-                    look_again_at_pairs(i, p, t, agenda, crowd, bounds)
+                    look_again_at_pairs(i, p, t, agenda, crowd, plate)
     set_due(agenda.tree, event, due)
     return left
 
 
 @inlined
-def look_again_at_pairs(i, except_pair, t, agenda, crowd, bounds):
+def look_again_at_pairs(i, except_pair, t, agenda, crowd, plate):
     """Make the pairs of a part due anew after its velocity has changed at time t.
 
     For touching pairs keep the earlier of the old and new due time; otherwise frequent impacts on the plate postpone it
@@ -165,7 +165,7 @@ def look_again_at_pairs(i, except_pair, t, agenda, crowd, bounds):
         place = islands.touching[k]
         p = islands.pair[place]
         if p != except_pair:
-            due, near = meeting_bound(crowd.pairs[p], crowd.parts, crowd.kinds, t, bounds)
+            due, near = meeting_bound(crowd.pairs[p], crowd.parts, crowd.kinds, t, plate)
             event = agenda.n_parts + place - agenda.first_pair
             if near:
                 due = min(due, agenda.tree[agenda.tree.shape[0] // 2 + event])

@@ -16,13 +16,15 @@ import math
 
 import numpy as np
 
+from feeder_sim.engines.impulse.follow import bring
 from feeder_sim.engines.impulse.hulls import hull_distance
 from feeder_sim.engines.impulse.impact_law import hit_part, restitution_of_pair
-from feeder_sim.engines.impulse.state import arm_of, flies, fly_to, inverse_inertia, turning_acceleration, turning_speed
+from feeder_sim.engines.impulse.state import arm_of, flies, inverse_inertia, turning_acceleration, turning_speed
 from feeder_sim.engines.impulse.vectors import difference, dot, plus, vector, write_to
 from feeder_sim.machine_code import compiled, inlined, uncounted
 from feeder_sim.scene.scene import GRAVITY
 
+STEP = 5e-6
 LEAST = 1e-300  # [m], of a length that is divided by
 ROUND_OFF = 1e-7  # [m]; more than the library's tolerance
 SLACK = 1e-6  # [m]; hulls this close touch, and may enter each other this far before anybody looks
@@ -43,7 +45,7 @@ PAIR = np.dtype([("a", "i8"), ("b", "i8"), ("piece_a", "i8"), ("piece_b", "i8"),
 
 
 @uncounted
-def meeting_bound(pair, parts, kinds, t, bounds):
+def meeting_bound(pair, parts, kinds, t, plate):
     """Earliest time [s] at which a pair has to be looked at again, and whether it may touch now; not before a step.
 
     Fast parts are looked at earlier than that: a column of parts that falls needs many impacts to stop. Slow ones
@@ -55,9 +57,9 @@ def meeting_bound(pair, parts, kinds, t, bounds):
         apart, wait = _spheres_meet(a, kind_a, b, kind_b, t)
         if apart:
             fastest = _relative_speed(a, kind_a, b, kind_b) + GRAVITY * abs(a.clock - b.clock)
-            return t + max(wait, min(bounds.step, DEEP / fastest)), False
-    fly_to(a, kind_a, t)
-    fly_to(b, kind_b, t)
+            return t + max(wait, min(STEP, DEEP / fastest)), False
+    bring(a, kind_a, t, plate.surface)
+    bring(b, kind_b, t, plate.surface)
     axis, piece_a, piece_b = pair.axis, kinds.piece[pair.piece_a], kinds.piece[pair.piece_b]
     top = _extent(a, kind_a, piece_a, kinds, axis, 1.0)
     bottom = _extent(b, kind_b, piece_b, kinds, axis, -1.0)
@@ -78,11 +80,11 @@ def meeting_bound(pair, parts, kinds, t, bounds):
         _crossing_time(b, kind_b, piece_b, kinds, axis, -1.0, bottom, (-drift, room, fall)),
     )
     speed = _relative_speed(a, kind_a, b, kind_b)
-    shortest = min(max(bounds.step, SLACK / speed), DEEP / speed)
+    shortest = min(max(STEP, SLACK / speed), DEEP / speed)
     if gap < -DEEP:  # pushed into each other by what lies beside them
         wait, shortest = 0.0, PUSHED * shortest
     else:
-        shortest = max(shortest, min(bounds.rest_step, ROUND_OFF / speed))
+        shortest = max(shortest, min(1e-4, ROUND_OFF / speed))
     return t + max(wait, shortest), gap <= SLACK
 
 

@@ -1,8 +1,12 @@
-"""One free part over the plate: gaps, approach, impact.
+"""What happens where a part meets the plate: impacts, and the forces that press it while it stays (docs/contact.md).
 
-look        height of every corner above the surface, and how fast it approaches
-impact      a corner that touches and approaches gets an impulse (single_impact.py), several together (impact.py)
-flight      until a corner can touch (flight_time.py)
+impact      a point that touches and approaches fast gets an impulse, together with all others that touch (impact.py);
+            again at zero time until none approaches
+pressed     where bounces pile up within a time T in which the change of the surface's acceleration, J, moves it by less
+            than the tolerance, J T^3 / 6 < tolerance, points stay: constant forces, for no longer than T, after which no
+            point that touches approaches; non-negative and in the cone of friction
+following   a part that does not slip moves with the surface (follow.py), and on a plate that is calm it rests
+flight      else, until a point can touch (leap.py)
 """
 
 from __future__ import annotations
@@ -11,64 +15,84 @@ import math
 
 import numpy as np
 
-from feeder_sim.engines.impulse.circle_lift import lift_by_turning
 from feeder_sim.engines.impulse.circles import count_of, is_round, leap_of_circles, lowest_points, tilt_of
 from feeder_sim.engines.impulse.far_corners import MANY, far_leap, gather_near
-from feeder_sim.engines.impulse.flight_time import flight_on_flat, forecast, longest_leap, shortest_flight
-from feeder_sim.engines.impulse.impact import resolve_impact
+from feeder_sim.engines.impulse.follow import follows_until, sit_down
+from feeder_sim.engines.impulse.impact import resolve_impact, solve_for
 from feeder_sim.engines.impulse.impact_law import hit_plate, restitution_on_plate
-from feeder_sim.engines.impulse.moving_surface import move_surface
+from feeder_sim.engines.impulse.leap import NEVER, TOUCH, first_leaps, forecast, leap, leap_of, shortest_leap, unsure
 from feeder_sim.engines.impulse.plate_edge import edge_leap, points_on_edge
+from feeder_sim.engines.impulse.plate_points import CLOSE, look, move_surface, renew_rates
 from feeder_sim.engines.impulse.state import (
     ARM,
+    ASLEEP,
+    AT,
+    E,
+    FALL,
+    FREE,
     FRICTION,
     GAP,
+    HEIGHT,
+    IMPULSE,
+    JERK,
+    KNOWN,
+    MOVES,
+    MU,
     NORMAL,
+    NOW,
+    OWN,
+    PRESSED,
+    PUSH,
     RATE,
     RESTITUTION,
-    SURFACE_ACCELERATION,
-    SURFACE_RATE,
+    SLOPE_X,
+    SLOPE_Y,
+    SPEED,
+    TOWARDS,
+    TURN_X,
+    TURN_Y,
     VELOCITY,
-    arm_of,
-    height_of,
+    WITH,
     inverse_inertia,
     spin_of,
+    turning_speed,
 )
-from feeder_sim.engines.impulse.tube_contact import approach_wall, gather_wall, leap_to_wall, meeting_time
-from feeder_sim.engines.impulse.vectors import dot
-from feeder_sim.engines.outline_arrays import ON_EDGE, off_plate
+from feeder_sim.engines.impulse.tube_contact import look_at_wall
+from feeder_sim.engines.impulse.vectors import add_to, cross, difference, dot, plus, times, vector, write_to
 from feeder_sim.machine_code import compiled, inlined
-from feeder_sim.plate.compiled import (
-    BETA_X,
-    BETA_Y,
-    W,
-    cubic_weights,
-    grid_cell,
-    interpolate,
-    surface_normal,
-)
 from feeder_sim.scene.scene import GRAVITY
 
-TOUCH = 1e-9  # [m]; corners this close count as touching, so that a flat landing is one impact and not six
-BESIDE = 2e-4  # [m]; a point that far below the surface is beside the plate or under it
+ROUNDS = 20  # of impacts at zero time; after them what still approaches does so without rebound
+LONGEST_CHATTER = 3e-5  # [s] of bounces that are summed where nothing moves: hops of a nanometre
+LONGEST = 2e-4  # [s] of constant forces
+TURNED = 0.02  # [rad] by which a part turns under constant forces
+CARRIED = 30.0  # tolerances; points that have been pressed and are this close still are
+RETURN = 0.05  # share of its gap that a pressed point gives back per step
+NO_LIFT = 1e-3  # of the time of constant forces: what is lifted sooner than that is lifted now
+STILL, SLIPS = 1e-6, 1e-7  # [m/s]
+JUMP = 1e-8  # [m]; a surface is only entered where it jumps (`ring_up = false`)
+SETTLED = 2  # looks without slip until a part may follow
+SKIPPED = 8  # looks after one at which it may not
 
 
 @inlined
 def meet_plate(part, kinds, wall, surface, bounds, t, work):
-    """Impacts of one part at time t [s], and how long it may fly then.
+    """What a part does at time t [s], and how long it goes on so.
 
     The wall is None without a tube: then nothing about walls is compiled.
 
     Returns:
-        the flight [s]; whether it has hit the plate.
+        the time [s]; whether forces or impulses of the plate act on it.
     """
     kind = kinds.record[part.kind]
+    before = part.phase
+    part.phase = FREE
     height = part.position[2] - kind.reach - kind.radius - bounds.crest
     if wall is None:  # noqa: SIM102 - else it can be near the wall; numba leaves out a plain test of None only
-        if height > 2.0 * TOUCH:
+        if height > CLOSE:
             rising = part.velocity[2]
-            return max((rising + math.sqrt(rising * rising + 2.0 * GRAVITY * height)) / GRAVITY, bounds.step), False
-    moved, lowest = lowest_points(part, kind, surface, bounds, 2.0 * TOUCH, t, work)
+            return (rising + math.sqrt(rising * rising + 2.0 * GRAVITY * (height - 0.5 * CLOSE))) / GRAVITY, False
+    lowest = lowest_points(part, kind, surface, bounds, CLOSE, t, work)
     further = points_on_edge(part, kind, kinds, surface, work)
     corners, n_corners, others = kinds.corners[kind.corner_from : kind.corner_to], count_of(kind), np.inf
     if further > 0 or is_round(kind):
@@ -76,187 +100,309 @@ def meet_plate(part, kinds, wall, surface, bounds, t, work):
     elif wall is None and n_corners > MANY and not bounds.calm:  # what comes to rest is looked at with all corners
         near, others = gather_near(part, kind, corners, bounds, work)
         corners = work.points[:near]
-    on_plate, last = look(part, kind, corners, surface, bounds, t, moved, work)
-    if wall is None:
-        if on_plate == 1:
-            _impact_at(last, part, kind, corners, surface, work)
-        elif on_plate > 1:
-            _impact(part, kind, corners, None, surface, work)
-    else:
-        on_wall = approach_wall(part, kind, corners, wall, TOUCH, work)
-        if on_plate + on_wall > 0:
-            _impact(part, kind, corners, wall, surface, work)
-            approach_wall(part, kind, corners, wall, TOUCH, work)
-    leap, to_crest, own = longest_leap(part, kind, corners, work)
-    if wall is not None:  # in a play of micrometres a part must not fly a whole step into the wall
-        wall_leap = leap_to_wall(part, kind, corners, wall, work)
-        return max(min(leap, wall_leap), meeting_time(work, corners.shape[0], bounds.step)), on_plate > 0
+    n, hit = corners.shape[0], False
+    unknown = unsure(part, kind, bounds)
+    until = _next_switch(surface, t, bounds.end)
+    close = look(part, kind, corners, surface, bounds, t, work)
+    _land(part, n, work)
+    if wall is not None:
+        n = look_at_wall(part, kind, corners, wall, n, work)
+        close = n
+    if close > 0:
+        hit = _strike(part, kind, corners, n, surface, bounds, unknown, work)
+        stays = _press(part, kind, corners, n, before != FREE, surface, bounds, t, until, unknown, work)
+        if stays > 0.0:
+            return stays, True
+        if part.there == ASLEEP:
+            return NEVER, True
+        unknown = unsure(part, kind, bounds)
+    slack, twist = unknown
+    far, to_crest = first_leaps(n, slack, twist, bounds, work)
     tilt = tilt_of(lowest, part, kind, work)
-    leap, to_crest = leap_of_circles(tilt, kind, bounds, own, leap, to_crest, work)
-    shortest = stride = shortest_flight(part, kind, bounds)
-    if bounds.calm and bounds.slope == 0.0 and further == 0 and not is_round(kind):
-        shortest = max(shortest, flight_on_flat(corners, own, bounds, work))
+    far, to_crest = leap_of_circles(tilt, kind, bounds, slack, far, to_crest, work)
     to_crest = min(to_crest, far_leap(part, kind, others, bounds))
     if further > 0:
-        to_crest = min(to_crest, edge_leap(part, kind, corners, n_corners, bounds.step, work))
-    if leap < to_crest:
-        flight = max(leap, shortest), stride, own, to_crest
-        leap = forecast(part, kind, corners, surface, bounds, t, flight, tilt, work)
-    return max(min(leap, to_crest), shortest), on_plate > 0
+        to_crest = min(to_crest, edge_leap(part, kind, corners, n_corners, work))
+    if far < to_crest:
+        far = forecast(part, kind, n, surface, bounds, t, until, (far, to_crest), unknown, tilt, work)
+    return max(min(far, to_crest), shortest_leap(part, kind, bounds)), hit
 
 
 @inlined
-def look(part, kind, corners, surface, bounds, t, moved, work):
-    """Fill gap, rate and surface part of every corner; returns how many touch and approach, and the last of them.
-
-    moved: whether the surface has been moved to time t.
-
-    Above the crest the gap is to the crest and the surface counts as still; below it, to the surface itself. A corner
-    beyond the edge of the plate has nothing under it.
-    """
-    lowest, rising, turning = part.position[2] - kind.radius, part.velocity[2], _turning(part, kind)
-    touching, last = 0, -1
-    for i in range(corners.shape[0]):
-        bottom, rate = lowest + height_of(part, corners, i), rising + dot(turning, corners[i])
-        gap, surface_rate, acceleration = bottom - bounds.crest, 0.0, 0.0
-        if gap <= 2.0 * TOUCH:  # a gap to the crest must never pass for a touch
-            if not moved:
-                move_surface(part, surface, t, work)
-                moved = True
-            arm = arm_of(part, corners, i)
-            x, y = part.position[0] + arm[0], part.position[1] + arm[1]
-            height, surface_rate, acceleration = _surface_under(x, y, i, part, surface, bounds, work)
-            gap, rate = bottom - height, rate - surface_rate
-            outside = abs(x) > surface.grid_x[-1] + ON_EDGE or abs(y) > surface.grid_y[-1] + ON_EDGE
-            if outside or off_plate(surface.outline, x, y) or gap < -BESIDE:
-                gap = np.inf
-            if gap <= TOUCH and rate < 0.0:
-                touching += 1
-                last = i
-        work.corner[i, GAP], work.corner[i, RATE] = gap, rate
-        work.corner[i, SURFACE_RATE], work.corner[i, SURFACE_ACCELERATION] = surface_rate, acceleration
-    return touching, last
+def _next_switch(surface, t, end):
+    """When a term of the surface begins or ends next, or the end of the window [s]: its motion is smooth until then."""
+    for k in range(surface.term_start.shape[0]):
+        if surface.term_start[k] > t:
+            end = min(end, surface.term_start[k])
+        if surface.term_stop[k] > t:
+            end = min(end, surface.term_stop[k])
+    return end
 
 
 @inlined
-def _turning(part, kind):
-    """A corner r, in body axes, rises by r . (z x w) because the part turns; this is z x w there [rad/s]."""
-    r, spin = part.attitude, spin_of(part, kind)
-    return (
-        spin[0] * r[1, 0] - spin[1] * r[0, 0],
-        spin[0] * r[1, 1] - spin[1] * r[0, 1],
-        spin[0] * r[1, 2] - spin[1] * r[0, 2],
-    )
+def _land(part, n, work):
+    """Lift a part out of a surface that has jumped into it."""
+    depth = 0.0
+    for i in range(n):
+        depth = max(depth, -work.point[i, GAP])
+    if depth > JUMP:
+        part.position[2] += depth
+        for i in range(n):
+            work.point[i, GAP] += depth
 
 
 @inlined
-def approach(part, kind, corners, work):
-    """Fill the rate of every corner relative to the surface anew, after an impact."""
-    rising, turning = part.velocity[2], _turning(part, kind)
-    for i in range(corners.shape[0]):
-        work.corner[i, RATE] = rising + dot(turning, corners[i]) - work.corner[i, SURFACE_RATE]
+def _chatter_time(moves, twist, bounds):
+    """Time [s] in which the change of an acceleration moves the surface by less than the tolerance."""
+    jerk = moves * bounds.fastest + twist
+    longest = LONGEST_CHATTER
+    if 6.0 * bounds.exact.tolerance < jerk * longest * longest * longest:
+        return (6.0 * bounds.exact.tolerance / jerk) ** (1.0 / 3.0)
+    return longest
 
 
 @inlined
-def _surface_under(x, y, i, part, surface, bounds, work):
-    """Height of the surface under corner i, at (x, y) [m]; its rate [m/s], and a bound on its acceleration [m/s^2]."""
-    height = rate = acceleration = 0.0
-    first_x, a = grid_cell(x, surface.grid_x)
-    first_y, b = grid_cell(y, surface.grid_y)
-    weight_x, weight_y = cubic_weights(a), cubic_weights(b)
-    for s in range(work.modal.shape[1]):
-        if bounds.acceleration[s] == 0.0:  # at rest in this window
-            continue
-        if surface.tangent:
-            w = work.modes[s, 0]
-            w += work.modes[s, 1] * (x - part.position[0]) + work.modes[s, 2] * (y - part.position[1])
-        else:
-            w = interpolate(surface.table, s, W, first_x, first_y, weight_x, weight_y)
-        work.under[i, s] = w
-        height += w * work.modal[0, s]
-        rate += w * work.modal[1, s]
-        acceleration += abs(w) * bounds.acceleration[s]
-    return height, rate, acceleration
+def _slow(row, restitution, time):
+    """Approach [m/s] from which on the bounces of a point last no longer than a time [s]."""
+    return 0.5 * time * (1.0 - restitution) * max(row[PUSH], 0.0)
 
 
 @inlined
-def _surface_touched(x, y, surface_rate, part, surface, work):
-    """Velocity [m/s] and unit normal of the surface at (x, y) [m], where it rises at `surface_rate` [m/s]."""
-    first_x, a = grid_cell(x, surface.grid_x)
-    first_y, b = grid_cell(y, surface.grid_y)
-    weight_x, weight_y = cubic_weights(a), cubic_weights(b)
-    vx = vy = 0.0
-    for s in range(work.modal.shape[1]):
-        rate = work.modal[1, s]
-        if rate == 0.0:
-            continue
-        if surface.tangent:
-            vx -= rate * work.modes[s, BETA_X]
-            vy -= rate * work.modes[s, BETA_Y]
-        else:
-            vx -= rate * interpolate(surface.table, s, BETA_X, first_x, first_y, weight_x, weight_y)
-            vy -= rate * interpolate(surface.table, s, BETA_Y, first_x, first_y, weight_x, weight_y)
-    if surface.tangent:  # the plane is that under the centre
-        x, y = part.position[0], part.position[1]
-    normal = surface_normal(x, y, surface.grid_x, surface.grid_y, surface.table, work.modal[0])
-    moves = surface.half_thickness * surface.in_plane
-    return (moves * vx, moves * vy, surface_rate), normal
+def _gather(row, m, restitution, work):
+    write_to(work.contact[ARM, m], (row[AT], row[AT + 1], row[AT + 2]))
+    write_to(work.contact[NORMAL, m], (row[TOWARDS], row[TOWARDS + 1], row[TOWARDS + 2]))
+    write_to(work.contact[VELOCITY, m], (row[WITH], row[WITH + 1], row[WITH + 2]))
+    work.law[RESTITUTION, m], work.law[FRICTION, m] = restitution, row[MU]
 
 
 @compiled
-def contact_of(i, part, kind, corners, surface, work):
-    """Arm, normal and surface velocity of a corner that touches the plate."""
-    arm = arm_of(part, corners, i)
-    x, y = part.position[0] + arm[0], part.position[1] + arm[1]
-    velocity, normal = _surface_touched(x, y, work.corner[i, SURFACE_RATE], part, surface, work)
-    r = kind.radius
-    return (arm[0] - r * normal[0], arm[1] - r * normal[1], arm[2] - r * normal[2]), normal, velocity
+def _strike(part, kind, corners, n, surface, bounds, unknown, work):
+    """Impacts at all points that touch, until none approaches fast; returns whether there was one."""
+    touch, hit = TOUCH * bounds.exact.tolerance, False
+    moved = 0.0
+    for rounds in range(ROUNDS + 1):
+        m, fast, last = 0, False, 0
+        for i in range(n):
+            row = work.point[i]
+            if row[KNOWN] == 0.0 or not row[GAP] <= touch:
+                continue
+            moved = max(moved, row[MOVES])
+            arm, normal = vector(row[AT : AT + 3]), vector(row[TOWARDS : TOWARDS + 3])
+            e = row[E]
+            if e < 0.0:
+                e = restitution_on_plate(part, kind, arm, normal, vector(row[WITH : WITH + 3]))
+            slow = _slow(row, e, _chatter_time(row[MOVES], unknown[1], bounds))
+            if row[RATE] > slow:
+                continue
+            if row[RATE] < -slow and row[RATE] < -1e-15:
+                fast, last = True, m
+            else:
+                e = 0.0
+            _gather(row, m, 0.0 if rounds == ROUNDS else e, work)
+            m += 1
+        if not fast:
+            return hit
+        inverse_mass, turns = 1.0 / kind.mass, inverse_inertia(part, kind)
+        done = False
+        if m == 1:
+            arm, normal, velocity = vector(work.contact[ARM, last]), vector(work.contact[NORMAL, last]), vector(work.contact[VELOCITY, last])
+            done = hit_plate(part, kind, inverse_mass, turns, arm, normal, velocity, (work.law[RESTITUTION, last], work.law[FRICTION, last]))
+        if not done and not resolve_impact(part, inverse_mass, turns, work.contact, work.law, m):
+            work.unresolved[0] += 1
+        hit = True
+        if moved > 0.0 and bounds.exact.noise > 0.0:
+            part.velocity[2] += bounds.exact.noise * _half_normal(part)
+        renew_rates(part, kind, corners, n, work)
+    return hit
 
 
 @inlined
-def _impact_at(i, part, kind, corners, surface, work):
-    """As `_impact`, of a corner that touches the plate alone."""
-    arm, normal, velocity = contact_of(i, part, kind, corners, surface, work)
-    inverse_mass, turns = 1.0 / kind.mass, inverse_inertia(part, kind)
-    e, mu = restitution_on_plate(part, kind, arm, normal, velocity), kind.friction[0]
-    if not hit_plate(part, kind, inverse_mass, turns, arm, normal, velocity, (e, mu)):
-        _impact(part, kind, corners, None, surface, work)
-        return
-    depth = lift_by_turning(part, kind, inverse_mass, turns, arm, max(-work.corner[i, GAP], 0.0))
-    put_back(part, corners, depth, work)
-    approach(part, kind, corners, work)
+def _half_normal(part):
+    """The absolute value of a normal number, from the random numbers of the part (splitmix64, Box and Muller)."""
+    first, second = _uniform(part), _uniform(part)
+    return math.sqrt(-2.0 * math.log(1.0 - first)) * abs(math.cos(2.0 * math.pi * second))
+
+
+@inlined
+def _uniform(part):
+    part.draws = part.draws + np.uint64(0x9E3779B97F4A7C15)
+    z = part.draws
+    z = (z ^ (z >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
+    z = (z ^ (z >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
+    z = z ^ (z >> np.uint64(31))
+    return float(z >> np.uint64(11)) / 9007199254740992.0
 
 
 @compiled
-def _impact(part, kind, corners, wall, surface, work):
-    """Put the deepest corner back on the surface and give impulses to all corners that touch and approach.
+def _press(part, kind, corners, n, pressed, surface, bounds, t, until, unknown, work):
+    """Constant forces for a time, which is returned [s], on a part that stays; 0 if none is pressed.
 
-    What a corner covered inside the surface within one step would otherwise add up, and a resting part would sink.
+    pressed: whether it has been until now.
     """
-    n, depth = 0, 0.0
-    for i in range(corners.shape[0]):
-        if work.corner[i, GAP] > TOUCH or work.corner[i, RATE] >= 0.0:
+    tolerance = bounds.exact.tolerance
+    time, lift = _time_of_forces(part, kind, n, pressed, bounds, unknown, work)
+    if time == 0.0:
+        part.held = 0
+        return 0.0
+    if lift < NO_LIFT * time:
+        part.held = 0
+        return 0.0
+    least = shortest_leap(part, kind, bounds)
+    time = max(min(time, lift, until - t), least)
+    for i in range(n):
+        row = work.point[i]
+        if row[GAP] == np.inf or _is_carried(row, time, bounds):
             continue
-        depth = max(depth, -work.corner[i, GAP])
-        arm, normal, velocity = contact_of(i, part, kind, corners, surface, work)
-        for k in range(3):
-            work.contact[ARM, n, k] = arm[k]
-            work.contact[NORMAL, n, k] = normal[k]
-            work.contact[VELOCITY, n, k] = velocity[k]
-        work.law[RESTITUTION, n] = restitution_on_plate(part, kind, arm, normal, velocity)
-        work.law[FRICTION, n] = kind.friction[0]
-        n += 1
-    if wall is not None:
-        n = gather_wall(part, kind, corners, wall, TOUCH, n, work)
-    if not resolve_impact(part, 1.0 / kind.mass, inverse_inertia(part, kind), work.contact, work.law, n):
+        if row[GAP] + time * (row[RATE] - 0.5 * (row[OWN] + unknown[0] + row[MOVES]) * time) > 0.5 * tolerance:
+            continue
+        if row[MOVES] == 0.0:
+            time = max(min(time, leap(max(row[GAP] - 0.5 * tolerance, 0.0), row[RATE], row[OWN])), least)
+        else:
+            time = max(min(time, leap_of(row, row[RATE], unknown[0], unknown[1], bounds, tolerance)), least)
+    inverse_mass, turns, spin = 1.0 / kind.mass, inverse_inertia(part, kind), spin_of(part, kind)
+    change = times(turns, cross(vector(part.momentum), spin))  # of the spin, by turning
+    v = part.velocity[0], part.velocity[1], part.velocity[2] - GRAVITY * time
+    w = plus(spin, time, change)
+    m = _gather_ahead(part, kind, n, spin, surface, bounds, t, time, work)
+    v, w, settled = solve_for(v, w, inverse_mass, turns, work.contact, work.law, m)
+    if not settled:
         work.unresolved[0] += 1
-    put_back(part, corners, depth, work)
-    approach(part, kind, corners, work)
+    force, moment, loaded, held = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), False, True
+    for i in range(m):
+        p, normal = vector(work.contact[IMPULSE, i]), vector(work.contact[NORMAL, i])
+        along = dot(p, normal)
+        if along <= 0.0:
+            continue
+        loaded = True
+        force, moment = plus(force, 1.0 / time, p), plus(moment, 1.0 / time, cross(work.contact[ARM, i], p))
+        u = difference(plus(v, 1.0, cross(w, vector(work.contact[ARM, i]))), vector(work.contact[VELOCITY, i]))
+        across, friction = plus(u, -dot(u, normal), normal), plus(p, -along, normal)
+        held = held and dot(across, across) < SLIPS * SLIPS
+        held = held and dot(friction, friction) <= (FIRMLY * work.law[FRICTION, i] * along) ** 2
+    if not loaded:
+        part.held = 0
+        return 0.0
+    part.held = part.held + 1 if held else min(part.held, 0)
+    if part.held >= SETTLED:
+        if bounds.calm and math.sqrt(dot(v, v)) + kind.reach * math.sqrt(dot(w, w)) < STILL + 1.01 * bounds.speed:
+            _rest(part)
+            return 0.0
+        ends = follows_until(part, kind, n, _height(part, n, bounds, work), surface, bounds, t, until, work)
+        if ends - t > time:
+            sit_down(part, kind, t, surface)
+            return ends - t
+        part.held = -SKIPPED
+    part.phase = PRESSED
+    write_to(part.force, force)
+    write_to(part.moment, moment)
+    return time
+
+
+FIRMLY = 0.99
 
 
 @inlined
-def put_back(part, corners, depth, work):
-    """Lift a part out of the surface."""
-    part.position[2] += depth
-    for i in range(corners.shape[0]):
-        work.corner[i, GAP] += depth
+def _rest(part):
+    """The part lies still from now on."""
+    for k in range(3):
+        part.velocity[k] = part.momentum[k] = 0.0
+    part.there = ASLEEP
+
+
+@inlined
+def _height(part, n, bounds, work):
+    """Height of the centre of mass over its supports [m]."""
+    lowest = 0.0
+    for i in range(n):
+        row = work.point[i]
+        if row[KNOWN] != 0.0 and row[GAP] <= CARRIED * bounds.exact.tolerance:
+            lowest = min(lowest, row[AT + 2])
+    return -lowest
+
+
+@inlined
+def _time_of_forces(part, kind, n, pressed, bounds, unknown, work):
+    """How long forces may stay constant [s], 0 if no point is pressed; and when the last of the points is lifted."""
+    tolerance, twist = bounds.exact.tolerance, unknown[1]
+    close = CARRIED * tolerance if pressed else TOUCH * tolerance
+    moves = 0.0
+    for i in range(n):
+        row = work.point[i]
+        if row[KNOWN] != 0.0 and row[GAP] <= close:
+            moves = max(moves, row[MOVES])
+    chatter = _chatter_time(moves, twist, bounds)
+    any_pressed, lift = False, 0.0
+    for i in range(n):
+        row = work.point[i]
+        if row[KNOWN] == 0.0 or not row[GAP] <= close or row[PUSH] <= 0.0:
+            continue
+        if abs(row[RATE]) > max(_slow(row, 0.0, chatter), 1e-15):
+            continue
+        any_pressed = True
+        root = math.inf
+        if row[MOVES] > 0.0 and row[JERK] < 0.0:  # as if all moved at the fastest rate
+            bend = 0.5 * bounds.fastest * bounds.fastest * (row[FALL] - row[PUSH])
+            inside = row[JERK] * row[JERK] - 4.0 * bend * row[PUSH]
+            if inside >= 0.0:
+                root = 2.0 * row[PUSH] / (math.sqrt(inside) - row[JERK])
+        lift = max(lift, root)
+    if not any_pressed:
+        return 0.0, 0.0
+    jerk, time = moves * bounds.fastest, LONGEST
+    if 6.0 * tolerance < jerk * time * time * time:
+        time = (6.0 * tolerance / jerk) ** (1.0 / 3.0)
+    turning = turning_speed(part, kind)
+    if turning * time > TURNED * kind.reach:
+        time = TURNED * kind.reach / turning
+    return time, lift
+
+
+@inlined
+def _is_carried(row, time, bounds):
+    """Whether a point is close enough, and slow enough, for the forces to see to it."""
+    if row[KNOWN] == 0.0 or row[GAP] > CARRIED * bounds.exact.tolerance:
+        return False
+    return row[GAP] <= TOUCH * bounds.exact.tolerance or row[RATE] * time > -CARRIED * bounds.exact.tolerance
+
+
+@inlined
+def _gather_ahead(part, kind, n, spin, surface, bounds, t, time, work):
+    """Contacts as they will be after a time [s]: least normal velocities for which no point will have come inside."""
+    tolerance = bounds.exact.tolerance
+    move_surface(t + time, surface, work.then)
+    moves = surface.half_thickness * surface.in_plane
+    m = 0
+    for i in range(n):
+        row, under = work.point[i], work.under[i]
+        if not _is_carried(row, time, bounds):
+            continue
+        arm = vector(row[AT : AT + 3])
+        going = cross(spin, arm)
+        dx, dy = (part.velocity[0] + going[0]) * time, (part.velocity[1] + going[1]) * time
+        if not is_round(kind) and kind.corner_to - kind.corner_from > 1:
+            arm = plus(arm, time, going)
+        gap = row[GAP] - 0.5 * tolerance
+        target = -RETURN * gap / time
+        if gap > 0.5 * tolerance:
+            target = min(target, -2.0 * gap / time - row[RATE])
+        write_to(work.contact[ARM, m], arm)
+        work.law[RESTITUTION, m], work.law[FRICTION, m] = 0.0, row[MU]
+        m += 1
+        if row[MOVES] == 0.0:
+            normal = vector(row[TOWARDS : TOWARDS + 3])
+            write_to(work.contact[NORMAL, m - 1], normal)
+            write_to(work.contact[VELOCITY, m - 1], (target * normal[0], target * normal[1], target * normal[2]))
+            continue
+        speed = slope_x = slope_y = along_x = along_y = 0.0
+        for s in range(under.shape[0]):
+            q, dq = work.then[NOW, s], work.then[SPEED, s]
+            speed += (under[s, HEIGHT] + dx * under[s, SLOPE_X] + dy * under[s, SLOPE_Y]) * dq
+            slope_x += under[s, SLOPE_X] * q
+            slope_y += under[s, SLOPE_Y] * q
+            along_x -= moves * under[s, TURN_X] * dq
+            along_y -= moves * under[s, TURN_Y] * dq
+        size = math.sqrt(1.0 + slope_x * slope_x + slope_y * slope_y)
+        write_to(work.contact[NORMAL, m - 1], (-slope_x / size, -slope_y / size, 1.0 / size))
+        lift = speed + slope_x * along_x + slope_y * along_y + target * size
+        write_to(work.contact[VELOCITY, m - 1], (along_x, along_y, lift))
+    return m

@@ -19,7 +19,7 @@ from feeder_sim.engines.outline_arrays import edge_distance
 from feeder_sim.machine_code import compiled
 
 MOST_CROSSINGS = 2  # of an edge of the hull with the outline that have room in the scratch space
-EDGE_STEPS = 10  # a point on the edge moves along the hull: its leaps are estimates, and at least this long
+LEAST_LOOK = 2e-5  # [s]; a point on the edge moves along the hull: its leaps are estimates, and at least this long
 
 
 def points_on_edge(part, kind, kinds, surface, work):
@@ -104,9 +104,9 @@ def _points_on_sides(part, kind, kinds, surface, work):
 
 
 @compiled
-def edge_leap(part, kind, corners, first, step, work):
+def edge_leap(part, kind, corners, first, work):
     """Flight after which the points on the plate's edge, from `first` on, are looked at again [s]."""
     speed, gap = top_speed(part, kind), np.inf
     for i in range(first, corners.shape[0]):
-        gap = min(gap, work.corner[i, GAP])
-    return max(0.25 * gap / speed, EDGE_STEPS * step)
+        gap = min(gap, work.point[i, GAP])
+    return max(0.25 * gap / speed, LEAST_LOOK)

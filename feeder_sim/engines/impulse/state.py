@@ -18,16 +18,30 @@ from feeder_sim.plate.zener import TABLE_POINTS
 from feeder_sim.scene.guide import Guide
 from feeder_sim.scene.scene import GRAVITY
 
-GAP, RATE, SURFACE_RATE, SURFACE_ACCELERATION, WALL_GAP, WALL_RATE = range(6)  # columns of Scratch.corner
+# Columns of Scratch.point, a point of the part that can touch: its gap [m] and how fast that grows [m/s]; how fast
+# point and surface are accelerated together [m/s^2], and how that changes [m/s^3]; the largest acceleration of the
+# surface there, and of the point by itself [m/s^2].
+# How it falls by itself, with its part, [m/s^2]; KNOWN: whether the columns after it are.
+GAP, RATE, PUSH, JERK, MOVES, OWN, FALL, KNOWN = range(8)
+# Arm from the centre of mass, normal of what it can touch and how that moves, three columns each.
+AT, TOWARDS, WITH = 8, 11, 14
+E, MU = 17, 18  # restitution, negative where the law of the plate says it, and friction
+POINT_COLUMNS = 19
+# Of Scratch.under: what each mode shape does under a point: deflection, its slopes, and rotations.
+HEIGHT, SLOPE_X, SLOPE_Y, TURN_X, TURN_Y = range(5)
+NOW, SPEED, ACCELERATION, CHANGE = range(4)  # of Scratch.now and Scratch.then
 ARM, NORMAL, VELOCITY, BEFORE, IMPULSE = range(5)  # of Scratch.contact
 RESTITUTION, FRICTION, TARGET, STEP_NORMAL, STEP_TANGENT = range(5)  # of Scratch.law
 ABSENT, AWAKE, ASLEEP = range(3)  # in PART, there
+FREE, PRESSED, FOLLOWING = range(3)  # in PART, phase
 SLENDER = 4.0  # largest over smallest moment of inertia
 
 
 # State of one part in world axes at a time of its own, `clock` [s]: columns of the attitude are the body axes; momentum
-# is the angular momentum about the centre of mass; there: ABSENT once it has been taken out, ASLEEP while it lies still
-# (rest.py), else AWAKE.
+# is the angular momentum about the centre of mass; there: ABSENT once it has been taken out, ASLEEP while it lies still,
+# else AWAKE. due: when it is to be looked at next [s]. phase (docs/contact.md): FREE; PRESSED by a constant force [N] and
+# moment [N m] until it is due; FOLLOWING the surface, whose frame at a place it has a seat and a facing in. held: looks
+# for which it has not slipped. draws: state of its random numbers.
 PART = np.dtype(
     [
         ("position", "f8", 3),
@@ -37,6 +51,15 @@ PART = np.dtype(
         ("clock", "f8"),
         ("kind", "i8"),
         ("there", "i8"),
+        ("due", "f8"),
+        ("phase", "i8"),
+        ("held", "i8"),
+        ("draws", "u8"),
+        ("force", "f8", 3),
+        ("moment", "f8", 3),
+        ("place", "f8", 2),
+        ("seat", "f8", 3),
+        ("facing", "f8", (3, 3)),
     ],
     align=True,
 )
@@ -114,12 +137,18 @@ class Wall(NamedTuple):
     friction: float
 
 
+class Exactness(NamedTuple):
+    """How far contacts may be off [m], and the random speed of impacts [m/s]."""
+
+    tolerance: float
+    noise: float
+
+
 class Bounds(NamedTuple):
     """What the surface can do at most within a window of time.
 
     end: of the window [s]; crest: height [m]; slope: steepest [1]; acceleration: of every mode shape at its antinode
-    [m/s^2]; speed: of any point [m/s]; step: the shortest flight [s] that is followed, and rest_step that of a part
-    that hardly moves; calm: parts may fall asleep.
+    [m/s^2]; speed: of any point [m/s]; fastest: rate of any term [rad/s]; calm: parts may fall asleep.
     """
 
     end: float
@@ -127,9 +156,9 @@ class Bounds(NamedTuple):
     slope: float
     acceleration: NDArray[np.float64]
     speed: float
-    step: float
-    rest_step: float
+    fastest: float
     calm: bool
+    exact: Exactness
 
 
 class Plate(NamedTuple):
@@ -142,19 +171,18 @@ class Plate(NamedTuple):
 class Scratch(NamedTuple):
     """Few arrays, since every one of them makes each call of a compiled function dearer.
 
-    corner: (n, 6), columns GAP over what it can touch, RATE of approach, what the surface adds to rate and acceleration
-    bound, WALL_GAP, WALL_RATE. contact: (5, 2 n, 3), ARM, NORMAL and surface VELOCITY of each contact of an impact, and
-    more in impact.py. law: (5, 2 n), RESTITUTION and FRICTION of each, and more. modal: (4, n_shapes), q and dq/dt, now
-    and as they will be. under: (n, n_shapes), deflections under each corner. modes: (n_shapes, 3). points: (n, 3),
-    points of the hull on the plate's edge, or of two that meet. unresolved: (1,), impacts whose sweeps did not settle.
+    point: (n, POINT_COLUMNS), see GAP. contact: (5, n, 3), ARM, NORMAL and surface VELOCITY of each contact of an impact,
+    and more in impact.py. law: (5, n), RESTITUTION and FRICTION of each, and more. now, then: (4, n_shapes), the modal
+    coordinates and three derivatives at two times, see NOW. under: (n, n_shapes, 5), see HEIGHT. points: (n, 3), points of the hull in
+    body axes, or of two that meet. unresolved: (1,), impacts whose sweeps did not settle.
     """
 
-    corner: NDArray[np.float64]
+    point: NDArray[np.float64]
     contact: NDArray[np.float64]
     law: NDArray[np.float64]
-    modal: NDArray[np.float64]
+    now: NDArray[np.float64]
+    then: NDArray[np.float64]
     under: NDArray[np.float64]
-    modes: NDArray[np.float64]
     points: NDArray[np.float64]
     unresolved: NDArray[np.int64]
 
@@ -198,10 +226,11 @@ def new_scratch(kinds: Kinds, n_shapes: int) -> Scratch:
     of = kinds.record
     n = int((of["corner_to"] - of["corner_from"] + 2 * (of["edge_to"] - of["edge_from"])).max())
     of_piece = kinds.piece["corner_to"] - kinds.piece["corner_from"]
+    n = 2 * max(n, 8)  # eight points on the circles of a cylinder
     together = max(n, 1 + 2 * int(of_piece.max()))  # points of two parts that meet
-    sizes = ((n, 6), (5, 2 * n, 3), (5, 2 * n), (4, n_shapes), (n, n_shapes), (n_shapes, 3), (together, 3))
-    corner, contact, law, modal, under, modes, points = (np.zeros(size) for size in sizes)
-    return Scratch(corner, contact, law, modal, under, modes, points, np.zeros(1, np.int64))
+    sizes = ((n, POINT_COLUMNS), (6, n, 3), (5, n), (4, n_shapes), (4, n_shapes), (n, n_shapes, 5), (together, 3))
+    point, contact, law, now, then, under, points = (np.zeros(size) for size in sizes)
+    return Scratch(point, contact, law, now, then, under, points, np.zeros(1, np.int64))
 
 
 @inlined
@@ -218,16 +247,28 @@ def in_pieces(kind):
 
 @compiled
 def fly_to(part, kind, t):
-    """Bring a part to time t [s]."""
+    """Bring a part that is not FOLLOWING to time t [s], under gravity and the constant force that presses it."""
     duration = t - part.clock
     part.clock = t
     if duration <= 0.0 or not flies(part, kind):
         return
+    if part.phase == FREE:
+        for k in range(3):
+            part.position[k] += part.velocity[k] * duration
+        part.position[2] -= 0.5 * GRAVITY * duration * duration
+        part.velocity[2] -= GRAVITY * duration
+        _rotate(part.attitude, part.momentum, kind, duration)
+        return
     for k in range(3):
-        part.position[k] += part.velocity[k] * duration
+        gained = part.force[k] / kind.mass * duration
+        part.position[k] += (part.velocity[k] + 0.5 * gained) * duration
+        part.velocity[k] += gained
+        part.momentum[k] += 0.5 * part.moment[k] * duration
     part.position[2] -= 0.5 * GRAVITY * duration * duration
     part.velocity[2] -= GRAVITY * duration
-    _rotate(part.attitude, part.momentum, kind, duration)
+    _rotate(part.attitude, part.momentum, kind, duration)  # at the mean of its momentum, to second order
+    for k in range(3):
+        part.momentum[k] += 0.5 * part.moment[k] * duration
 
 
 def _rotate(attitude, momentum, kind, duration):
@@ -353,3 +394,11 @@ def top_speed(part, kind):
 def spin_of(part, kind):
     """Angular velocity in world axes [rad/s]."""
     return times(inverse_inertia(part, kind), vector(part.momentum))
+
+
+@compiled
+def wake(part):
+    """A part moves again, from where it lies; nothing happens to one that is awake."""
+    if part.there == ASLEEP:
+        part.there = AWAKE
+        part.phase = FREE

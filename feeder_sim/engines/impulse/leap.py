@@ -1,0 +1,147 @@
+"""When a point of a part can touch at the earliest: leaps that cannot miss a contact, and converge to it.
+
+With gap g, rate u and a bound a on the acceleration with which point and surface come together, nothing touches before
+
+    t = (u + sqrt(u^2 + 2 a g)) / a                                             (conservative advancement, Mirtich 1996)
+
+Near a contact the surface's present acceleration h and a bound J on its change say more: the same with a = h + J t. And
+while the surface falls away (h < 0) nothing touches before h has come back to zero. A leap is aimed at half the width
+of the touch, TOUCH times the tolerance; so it ends in it, whatever its length, and a part never enters what it meets.
+"""
+
+from __future__ import annotations
+
+import math
+
+from feeder_sim.engines.impulse.circles import further_of_circles
+from feeder_sim.engines.impulse.plate_points import CLOSE, ahead, move_surface
+from feeder_sim.engines.impulse.state import (
+    GAP,
+    JERK,
+    KNOWN,
+    MOVES,
+    OWN,
+    PUSH,
+    RATE,
+    top_speed,
+    turning_acceleration,
+    turning_speed,
+)
+from feeder_sim.machine_code import inlined
+
+TOUCH = 1.0  # of the tolerance: a point this close touches
+NEAR = 1.0  # [rad] of the surface's motion: for shorter leaps the bound on its jerk is worth using
+MAX_LEAPS = 40  # of a forecast
+NEVER = 1e9  # [s]; the flight of a part that is not over the plate
+TINY = 1e-300
+SOON = 1e-2  # of a leap: a forecast that would go on by less ends
+
+
+@inlined
+def leap(gap, rate, bound):
+    """Time [s] before which a gap [m] of this rate [m/s] cannot close, if it accelerates by no more than the bound."""
+    root = math.sqrt(rate * rate + 2.0 * bound * gap)
+    return (rate + root) / bound if rate > 0.0 else 2.0 * gap / max(root - rate, TINY)
+
+
+@inlined
+def near_leap(gap, rate, h, jerk):
+    """As `leap`, of a gap that accelerates by -h now, which changes by at most `jerk` per second.
+
+    The leap under the bound h + jerk t falls with t, so that repeating it from a t beyond the root gives alternately
+    leaps that are safe and leaps that are not.
+    """
+    beyond = math.sqrt(12.0 * max(rate, 0.0) / jerk) + (12.0 * gap / jerk) ** (1.0 / 3.0)
+    for _ in range(3):
+        beyond = leap(gap, rate, max(h, 0.0) + jerk * beyond + TINY)
+    return beyond
+
+
+@inlined
+def leap_of(row, rate, slack, twist, bounds, touch):
+    """Time [s] before which a point with this rate [m/s] cannot touch; slack, twist: see `unsure`."""
+    gap, moves = max(row[GAP] - 0.5 * touch, 0.0), row[MOVES]
+    found = leap(gap, rate, row[OWN] + slack + moves)
+    if moves == 0.0 or bounds.fastest * found > NEAR:
+        return found
+    h, jerk = row[PUSH] + slack, moves * bounds.fastest + twist
+    found = max(found, near_leap(gap, rate, h, jerk))
+    if rate >= 0.0 and h < 0.0:  # the surface falls away
+        found = max(found, leap(-h, -row[JERK] - twist, jerk * bounds.fastest))
+    return found
+
+
+@inlined
+def unsure(part, kind, bounds):
+    """What is not known of the points' accelerations: by the slope that they cross [m/s^2], and by turning [m/s^3]."""
+    turning = turning_speed(part, kind)
+    v = part.velocity
+    slack = 2.0 * bounds.slope * bounds.fastest * (math.sqrt(v[0] * v[0] + v[1] * v[1]) + turning)
+    return slack, 3.0 * turning_acceleration(part, kind) * turning / kind.reach if kind.reach > 0.0 else 0.0
+
+
+@inlined
+def shortest_leap(part, kind, bounds):
+    """A leap that covers no more than a quarter of a touch [s]: nothing is entered by it."""
+    return 0.25 * TOUCH * bounds.exact.tolerance / (top_speed(part, kind) + bounds.speed)
+
+
+@inlined
+def first_leaps(n, slack, twist, bounds, work):
+    """Times [s] before which none of the first n points can touch, and none above the crest can come below it."""
+    touch = TOUCH * bounds.exact.tolerance
+    found = to_crest = NEVER
+    for i in range(n):
+        row = work.point[i]
+        gap, rate = row[GAP], row[RATE]
+        if gap == math.inf:
+            continue
+        if row[KNOWN] == 0.0 or row[MOVES] == 0.0:
+            if gap + to_crest * (rate - 0.5 * row[OWN] * to_crest) <= 0.5 * touch:
+                to_crest = leap(max(gap - 0.5 * touch, 0.0), rate, row[OWN])
+        else:
+            if gap > CLOSE:
+                rate -= slack / bounds.fastest  # the slope there is not known
+            if gap + found * (rate - 0.5 * (row[OWN] + slack + row[MOVES]) * found) <= 0.5 * touch:
+                found = min(found, leap_of(row, rate, slack, twist, bounds, touch))
+    return found, to_crest
+
+
+@inlined
+def forecast(part, kind, n, surface, bounds, t, until, flight, unknown, tilt, work):
+    """Leap again and again as the surface will move, until the first point touches, or one reaches the crest.
+
+    flight: the first leap, and when a point can be below the crest [s]; unknown: see `unsure`; tilt: of a part with
+    circles. Each point stays over the place where it is now; the slack takes in what it moves to the side.
+    """
+    far, to_crest = flight
+    slack, twist = unknown
+    touch = TOUCH * bounds.exact.tolerance
+    slip = 0.0 if slack == 0.0 else slack / bounds.fastest
+    limit = min(to_crest, until - t)
+    for _ in range(MAX_LEAPS):
+        if far >= limit:
+            return limit
+        move_surface(t + far, surface, work.then)
+        further = NEVER
+        for i in range(n):
+            row = work.point[i]
+            if row[MOVES] == 0.0 or row[GAP] == math.inf:
+                continue
+            gap, rate, h = ahead(i, far, slip, slack, twist, work)
+            gap -= 0.5 * touch
+            if gap <= 0.0:
+                return far
+            bound = row[OWN] + slack + row[MOVES]
+            if gap + further * (rate - 0.5 * bound * further) <= 0.0:
+                found = leap(gap, rate, bound)
+                if bounds.fastest * found < NEAR:
+                    found = max(found, near_leap(gap, rate, h, row[MOVES] * bounds.fastest + twist))
+                further = min(further, found)
+        further = further_of_circles(tilt, kind, bounds, far, slip, further, work)
+        if further < 0.0:
+            return far
+        far += further
+        if further < SOON * far:
+            return min(far, limit)
+    return min(far, limit)
