@@ -1,0 +1,456 @@
+"""Laws of mechanics that hold whatever the shapes, the restitution and the friction, and however long it takes.
+
+Each is a statement about recorded motion (tests/invariants.py): energy that nothing can grow from, momenta that parts
+in flight keep, bodies that do not enter each other, rest that stays rest, and the symmetries of a scene.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from conftest import REPOSITORY
+from invariants import (
+    DEEPEST,
+    depth_in_rim,
+    depth_in_tube,
+    depth_of_pairs,
+    depth_under,
+    energy,
+    growth,
+    kinetic_energy,
+    momenta,
+    quiet,
+    recorded,
+    speeds_from_poses,
+    unexplained_speeds,
+)
+from own_modes import circle, flat_plate, on_plate
+from pydantic import TypeAdapter
+from scipy.spatial.transform import Rotation
+
+from feeder_sim.records.trajectory import Frames
+from feeder_sim.scenario import (
+    Ball,
+    Box,
+    Contact,
+    Cylinder,
+    Drive,
+    GivenState,
+    HexNut,
+    MeshPart,
+    PistonPlate,
+    Run,
+    Scenario,
+    Start,
+    StillPlate,
+    Tube,
+)
+from feeder_sim.scenario.part import PartSpec
+from feeder_sim.scene.scene import GRAVITY
+
+BRACKET, SCREW = (REPOSITORY / f"models/{name}/{name}.stl" for name in ("bracket", "screw"))
+FOUR = ("nut", "box", "cylinder", "ball")
+EDGED = ("nut", "box", "bracket")  # what does not roll
+ALL = (*FOUR, "bracket")
+PISTON = PistonPlate(kind="piston", length_mm=300.0, width_mm=300.0)
+LARGE = StillPlate(kind="still", length_mm=1000.0, width_mm=1000.0)
+
+Rng = np.random.Generator
+
+
+def a_part(name: str, rng: Rng, start: Any) -> Any:
+    """A part of a shape, with random dimensions where it has any."""
+    if name == "nut":
+        return HexNut(size=str(rng.choice(["M2", "M2.5", "M3", "M4", "M5"])), start=start)  # type: ignore[arg-type]
+    if name == "box":
+        x, y, z = map(float, 10.0 ** rng.uniform(0.2, 1.0, 3))
+        return Box(shape="box", size_mm=(x, y, z), start=start)
+    if name == "cylinder":
+        diameter, height = map(float, rng.uniform([2.0, 1.0], [8.0, 9.0]))
+        return Cylinder(shape="cylinder", diameter_mm=diameter, height_mm=height, start=start)
+    if name == "ball":
+        return Ball(shape="ball", diameter_mm=float(rng.uniform(1.5, 8.0)), start=start)
+    file = SCREW if name == "screw" else BRACKET
+    return MeshPart(shape="mesh", file=file, contact="hull" if name == "screw" else "parts", start=start)
+
+
+def quaternion(rng: Rng) -> tuple[float, float, float, float]:
+    w, x, y, z = map(float, Rotation.random(rng=rng).as_quat(scalar_first=True))
+    return w, x, y, z
+
+
+def state(
+    rng: Rng, position_mm: Any, velocity_mm_s: Any = (0.0, 0.0, 0.0), spin_rad_s: float = 0.0, **more: Any
+) -> GivenState:
+    """A random attitude and a random spin of about this size."""
+    return GivenState.model_validate(
+        {
+            "kind": "state",
+            "position_mm": tuple(map(float, position_mm)),
+            "quaternion": quaternion(rng),
+            "velocity_mm_s": tuple(map(float, velocity_mm_s)),
+            "angular_velocity_rad_s": tuple(map(float, spin_rad_s * rng.normal(size=3))),
+        }
+        | more
+    )
+
+
+def scenario(
+    *parts: Any, plate: Any = LARGE, contact: Contact | None = None, drive: Drive | None = None, **run: Any
+) -> Scenario:
+    """Parts over a plate, which is at rest unless it is a piston with a drive."""
+    run = {"duration_s": 0.5, "seeds": 1, "frames_per_second": 2000.0} | run
+    drives = () if drive is None else (drive,)
+    return Scenario(plate=plate, drive=drives, part=parts, contact=contact or quiet(), run=Run(**run))
+
+
+def swing(frequency_hz: float, amplitude_um: float) -> Drive:
+    return Drive(frequency_hz=frequency_hz, amplitude_um=amplitude_um, ring_up=False)
+
+
+def random_contact(rng: Rng) -> Contact:
+    e, part_e = (float(rng.choice([0.0, rng.random(), 1.0])) for _ in range(2))
+    mu, part_mu = map(float, rng.uniform(0.0, 0.6, 2))
+    return Contact(restitution=e, friction=mu, part_restitution=part_e, part_friction=part_mu)
+
+
+# Energy
+
+
+@pytest.mark.parametrize("seed", [0, 1, *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(2, 20))])
+@pytest.mark.parametrize("name", ALL)
+def test_nothing_gains_energy_on_a_plate_at_rest(name: str, seed: int) -> None:
+    """A part thrown onto it, which tumbles, slides and rolls."""
+    rng = np.random.default_rng([seed, ALL.index(name)])
+    part = a_part(name, rng, state(rng, (0.0, 0.0, 15.0), rng.uniform(-300.0, 300.0, 3), 40.0))
+    scene, (frames,) = recorded(scenario(part, contact=random_contact(rng)))
+    assert growth(scene, frames) < DEEPEST
+    assert depth_under(scene, frames).max() < DEEPEST
+
+
+def test_a_block_that_tips_over_the_edge_gains_no_energy() -> None:
+    """Without friction and restitution it can only lose some: it starts 4.43 mm above where its weight is counted."""
+    start = GivenState(
+        kind="state",
+        position_mm=(14.05, 0.0, 12.0),
+        quaternion=(-0.8979824, 0.11859228, 0.19455142, 0.37644816),
+        velocity_mm_s=(32.0, 0.0, -100.0),
+    )
+    part = Box(shape="box", size_mm=(9.87, 7.39, 8.76), start=start)
+    plate = StillPlate(kind="still", length_mm=40.0, width_mm=200.0)
+    scene, (frames,) = recorded(scenario(part, plate=plate, contact=Contact(restitution=0.0, friction=0.0)))
+    height = energy(scene, frames)[:, 0] / (GRAVITY * scene.parts[0].mass)
+    row = int(np.searchsorted(frames.time, 0.2))
+    assert height[row] == pytest.approx(4.43e-3, abs=0.02e-3) and frames.position[-1, 0, 2] < -0.05
+    assert height[row:].max() - height[row] < DEEPEST
+    assert growth(scene, frames) < DEEPEST
+
+
+@pytest.mark.parametrize("seed", [0, *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(1, 10))])
+@pytest.mark.parametrize("name", ALL)
+def test_nothing_gains_energy_at_an_edge(name: str, seed: int) -> None:
+    """Pushed over the edge of a small plate, with any friction and restitution."""
+    rng = np.random.default_rng([seed, ALL.index(name), 1])
+    part = a_part(name, rng, state(rng, (10.0, 5.0, 12.0), (150.0, 20.0, 0.0)))
+    plate = StillPlate(kind="still", length_mm=30.0, width_mm=40.0)
+    scene, (frames,) = recorded(scenario(part, plate=plate, contact=random_contact(rng)))
+    assert growth(scene, frames) < DEEPEST
+
+
+@pytest.mark.parametrize("seed", [0, 1, 2, *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(3, 12))])
+def test_parts_in_a_rim_gain_no_energy_and_stay_in_it(seed: int) -> None:
+    """One of every shape, thrown at each other and at the walls."""
+    rng = np.random.default_rng([seed, 2])
+    places = rng.permutation([[-14.0, -14.0], [14.0, -14.0], [0.0, 0.0], [-14.0, 14.0], [14.0, 14.0]])
+    starts = [state(rng, (x, y, 9.0), rng.uniform(-500.0, 500.0, 3), 10.0) for x, y in places]
+    parts = [a_part(name, rng, start) for name, start in zip(ALL, starts, strict=True)]
+    plate = StillPlate(kind="still", length_mm=60.0, width_mm=60.0, rim=True)
+    scene, (frames,) = recorded(scenario(*parts, plate=plate, contact=random_contact(rng), duration_s=0.3))
+    assert growth(scene, frames) < DEEPEST
+    assert depth_under(scene, frames).max() < DEEPEST
+    assert depth_in_rim(scene, frames).max() < DEEPEST
+    assert depth_of_pairs(scene, frames[slice(0, None, 4)]) < DEEPEST
+
+
+GUIDED: dict[str, tuple[dict[str, Any], float]] = {
+    "ball": ({"shape": "ball", "diameter_mm": 6.0}, 6.2),
+    "cylinder": ({"shape": "cylinder", "diameter_mm": 6.0, "height_mm": 8.0}, 6.2),
+    "nut": ({"shape": "hex_nut", "size": "M3"}, 6.8),
+    "box": ({"shape": "box", "size_mm": (4.0, 3.0, 5.0)}, 6.8),
+}
+
+
+def in_tube(name: str, tilt_deg: float, **tube: Any) -> Any:
+    shape, diameter = GUIDED[name]
+    guide = Tube(kind="tube", inner_diameter_mm=diameter, tilt_deg=tilt_deg, **tube)
+    start = Start(drop_height_mm=(5.0, 5.0))
+    return TypeAdapter(PartSpec).validate_python(shape | {"guide": guide, "start": start})
+
+
+@pytest.mark.parametrize("tilt_deg", [0.0, 5.0, 30.0])
+@pytest.mark.parametrize("name", GUIDED)
+def test_a_part_in_a_tube_gains_no_energy(name: str, tilt_deg: float) -> None:
+    rng = np.random.default_rng([int(tilt_deg), 3])
+    e, mu = float(rng.random()), float(rng.uniform(0.0, 0.6))
+    part = in_tube(name, tilt_deg, restitution=e, friction=mu)
+    contact = random_contact(rng)
+    scene, (frames,) = recorded(scenario(part, plate=PISTON, drive=swing(500.0, 0.0), contact=contact, duration_s=0.3))
+    assert growth(scene, frames) < DEEPEST
+
+
+@pytest.mark.parametrize("name", ["ball", "cylinder", "nut", "screw"])
+def test_without_loss_the_energy_stays(name: str) -> None:
+    """Restitution 1 and no friction, for 4 s."""
+    rng = np.random.default_rng([7, 4])
+    start = Start(drop_height_mm=(3.0, 3.0), tilt_deg=(20.0, 20.0), velocity_mm_s=(20.0, 10.0, 0.0))
+    contact = quiet(restitution=1.0, friction=0.0)
+    run: dict[str, Any] = {"duration_s": 4.0, "frames_per_second": 200.0}
+    scene, (frames,) = recorded(scenario(a_part(name, rng, start), contact=contact, **run))
+    total = energy(scene, frames)[:, 0]
+    assert total == pytest.approx(np.full(len(total), total[0]), rel=1e-6)
+
+
+# Rest
+
+RESTING = 1e-9  # [m/s] and [rad/s]
+
+
+@pytest.mark.parametrize("seed", [0, *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(1, 6))])
+@pytest.mark.parametrize("e", [0.4, 0.6, 0.8, 0.9])
+@pytest.mark.parametrize("name", EDGED)
+def test_a_part_that_was_dropped_comes_to_rest_and_lies_still(name: str, e: float, seed: int) -> None:
+    rng = np.random.default_rng([seed, EDGED.index(name), round(10 * e)])
+    start = Start(drop_height_mm=(0.5, 5.0), tilt_deg=(0.0, 180.0))
+    contact = Contact(restitution=e, friction=0.3)
+    run: dict[str, Any] = {"duration_s": 6.0, "frames_per_second": 100.0, "seed": seed}
+    _, (frames,) = recorded(scenario(a_part(name, rng, start), contact=contact, **run))
+    last = frames[slice(500, None)]
+    assert np.linalg.norm(last.velocity, axis=2).max() < RESTING
+    assert np.linalg.norm(last.angular_velocity, axis=2).max() < RESTING
+    assert np.abs(last.position - last.position[0]).max() < 1e-12
+    assert max(np.abs(found).max() for found in speeds_from_poses(last)) < RESTING
+
+
+def tower(n: int) -> list[Box]:
+    """Blocks that hover 10 um over each other."""
+    side, height, gap = 6.0, 3.0, 0.01
+    starts = [
+        GivenState(kind="state", position_mm=(0.0, 0.0, gap + 0.5 * height + i * (height + gap))) for i in range(n)
+    ]
+    return [Box(shape="box", size_mm=(side, side, height), start=start) for start in starts]
+
+
+@pytest.mark.parametrize("friction", [0.0, 0.3])
+@pytest.mark.parametrize("n", [3, 5, 10])
+def test_a_tower_of_blocks_comes_to_rest_and_stays_up(n: int, friction: float) -> None:
+    contact = quiet(friction=friction, part_friction=friction)
+    scene, (frames,) = recorded(scenario(*tower(n), contact=contact, duration_s=0.6, frames_per_second=500.0))
+    last = frames[slice(250, None)]
+    assert np.linalg.norm(last.velocity, axis=2).max() < 1e-6
+    assert np.linalg.norm(last.angular_velocity, axis=2).max() < 1e-3
+    speed, spin = speeds_from_poses(last)
+    assert np.abs(speed).max() < 1e-6 and np.abs(spin).max() < 1e-3
+    assert np.abs(last.position[..., :2]).max() < DEEPEST
+    heights = 3e-3 * (np.arange(n) + 0.5)
+    assert last.position[-1, :, 2] == pytest.approx(heights, abs=n * 2.5e-6)  # with corners rounded by 1 um
+    assert depth_of_pairs(scene, last[slice(0, None, 25)]) < DEEPEST
+
+
+@pytest.mark.parametrize("name", EDGED)
+def test_recorded_speeds_are_those_of_the_recorded_motion(name: str) -> None:
+    """All the way from the drop to rest: a part moves and turns as its recorded velocity and spin say."""
+    rng = np.random.default_rng([EDGED.index(name), 5])
+    start = Start(drop_height_mm=(1.0, 1.0), tilt_deg=(10.0, 10.0))
+    contact = quiet(restitution=0.4, friction=0.3)
+    _, (frames,) = recorded(scenario(a_part(name, rng, start), contact=contact, frames_per_second=10_000.0))
+    assert np.abs(np.diff(frames.velocity[..., 2], axis=0)).max() > 0.05  # there was an impact
+    speed, spin = unexplained_speeds(frames)
+    # Chatter of more than one impact in an interval is slower than g times it, 1 mm/s.
+    assert np.quantile(speed, 0.99) < 1e-3 and np.quantile(spin, 0.99) < 1.0
+    assert speed.mean() < 1e-4 and spin.mean() < 0.1
+
+
+# Momenta in flight
+
+CLOUD_MM = ([-10.0, 0.0, 200.0], [10.0, 1.0, 200.5], [0.0, 14.0, 200.0])
+TOWARDS_MM_S = ([600.0, 0.0, 400.0], [-600.0, 0.0, 400.0], [0.0, -800.0, 400.0])
+
+
+def in_flight(n: int, seed: int, contact: Contact) -> Scenario:
+    """Parts of random shapes that meet far over the plate."""
+    rng = np.random.default_rng([seed, n, 6])
+    names = rng.choice(["nut", "box", "bracket", "cylinder", "ball"], n)
+    starts = [state(rng, at, v, 50.0) for at, v in zip(CLOUD_MM[:n], TOWARDS_MM_S[:n], strict=True)]
+    parts = [a_part(name, rng, start) for name, start in zip(names, starts, strict=True)]
+    return scenario(*parts, contact=contact, duration_s=0.03, frames_per_second=200_000.0)
+
+
+@pytest.mark.parametrize("seed", [0, 1, *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(2, 20))])
+@pytest.mark.parametrize(("e", "mu"), [(0.0, 0.0), (0.5, 0.3), (1.0, 0.0), (0.2, 0.6)])
+@pytest.mark.parametrize("n", [2, 3])
+def test_parts_that_meet_in_flight_keep_their_momenta(n: int, e: float, mu: float, seed: int) -> None:
+    contact = quiet(part_restitution=e, part_friction=mu)
+    scene, (frames,) = recorded(in_flight(n, seed, contact))
+    linear, angular = momenta(scene, frames)
+    assert (np.abs(np.diff(frames.velocity[..., :2], axis=0)).max(axis=(0, 2)) > 1e-3).sum() >= 2  # they did meet
+    speeds = np.linalg.norm(frames.velocity[0], axis=1)
+    size = float(sum(part.mass * speed for part, speed in zip(scene.parts, speeds, strict=True)))
+    assert np.abs(linear - linear[0]).max() < 1e-9 * size
+    assert np.abs(angular - angular[0]).max() < 1e-9 * np.linalg.norm(angular[0])
+    assert unexplained_speeds(frames)[0].mean() * frames.time[-1] < 2e-6
+    moving = kinetic_energy(scene, falling_with(frames)).sum(axis=1)
+    assert (np.diff(moving) < 1e-9 * moving[0]).all()
+    if e == 1.0 and mu == 0.0:
+        assert moving[-1] == pytest.approx(moving[0], rel=1e-9)
+    assert depth_of_pairs(scene, frames[slice(0, None, len(frames) // 100)]) < DEEPEST
+
+
+def falling_with(frames: Frames) -> Frames:
+    """The same motion, seen by one who falls freely."""
+    velocity = frames.velocity + GRAVITY * frames.time[:, None, None] * np.array([0.0, 0.0, 1.0])
+    return Frames(frames.time, frames.position, frames.quaternion, velocity, frames.angular_velocity, frames.present)
+
+
+@pytest.mark.parametrize("e", [0.0, 0.5, 1.0])
+@pytest.mark.parametrize("mu", [0.0, 0.3])
+def test_cubes_that_meet_face_to_face_rebound_without_spin(e: float, mu: float) -> None:
+    speed = 200.0
+    cubes = [
+        Box(
+            shape="box",
+            size_mm=(4.0, 4.0, 4.0),
+            start=GivenState(
+                kind="state", position_mm=(sign * 5.0, 0.0, 50.0), velocity_mm_s=(-sign * speed, 0.0, 0.0)
+            ),
+        )
+        for sign in (-1.0, 1.0)
+    ]
+    contact = quiet(part_restitution=e, part_friction=mu)
+    scene, (frames,) = recorded(scenario(*cubes, contact=contact, duration_s=0.05))
+    assert np.abs(frames.angular_velocity).max() < 1e-9
+    rebound = 1e-3 * e * speed
+    assert frames.velocity[-1, :, 0] == pytest.approx([-rebound, rebound], abs=1e-9)
+    assert np.abs(frames.velocity[..., 1]).max() < 1e-9
+    moving = kinetic_energy(scene, falling_with(frames)).sum(axis=1)
+    assert moving[-1] == pytest.approx(e**2 * moving[0], rel=1e-9, abs=1e-9 * moving[0])
+    assert depth_of_pairs(scene, frames) < DEEPEST
+
+
+# Symmetries of a scene
+
+TURN = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+MIRROR = np.diag([-1.0, 1.0, 1.0])
+SHIFT_MM = np.array([13.7, -8.3, 0.0])
+
+
+def seen(start: GivenState, change: np.ndarray, shift_mm: Any = 0.0) -> GivenState:
+    """A start in a scene that is turned, mirrored or moved; spin and attitude of a mirrored part follow from both."""
+    attitude = change @ Rotation.from_quat(start.quaternion, scalar_first=True).as_matrix()
+    hand = float(np.linalg.det(change))
+    if hand < 0.0:  # the part is its own mirror image, x to -x in its own axes
+        attitude = attitude @ MIRROR
+    changed = {
+        "position_mm": change @ start.position_mm + shift_mm,
+        "quaternion": Rotation.from_matrix(attitude).as_quat(scalar_first=True),
+        "velocity_mm_s": change @ start.velocity_mm_s,
+        "angular_velocity_rad_s": hand * (change @ start.angular_velocity_rad_s),
+    }
+    return GivenState.model_validate({"kind": "state"} | {key: value.tolist() for key, value in changed.items()})
+
+
+CHANGES = {"mirror": (MIRROR, 0.0 * SHIFT_MM), "quarter turn": (TURN, 0.0 * SHIFT_MM), "shift": (np.eye(3), SHIFT_MM)}
+
+
+@pytest.mark.parametrize("driven", [False, True], ids=["at rest", "driven"])
+@pytest.mark.parametrize("change", CHANGES)
+@pytest.mark.parametrize("names", [("nut",), ("box",), ("cylinder",), ("ball",), ("nut", "box"), ("cylinder", "ball")])
+def test_a_scene_that_is_moved_gives_the_same_motion_moved(names: tuple[str, ...], change: str, driven: bool) -> None:
+    """For a few impacts; later round-off grows, as in any chaos."""
+    matrix, shift = CHANGES[change]
+    starts = [
+        state(rng_of(names), (sign * 8.0, 1.0, 5.0), (-150.0 * sign, 30.0, 0.0), 20.0)
+        for sign, _ in zip((-1.0, 1.0), names, strict=False)
+    ]
+    found = []
+    for there in (starts, [seen(start, matrix, shift) for start in starts]):
+        rng = rng_of(names)
+        parts = [a_part(name, rng, start) for name, start in zip(names, there, strict=True)]
+        contact = quiet(restitution=0.5, part_restitution=0.5)
+        place: dict[str, Any] = {"plate": PISTON, "drive": swing(500.0, 20.0)} if driven else {}
+        found.append(recorded(scenario(*parts, contact=contact, duration_s=0.05, **place))[1][0])
+    plain, moved = found
+    assert np.abs(np.diff(plain.velocity[..., 2], axis=0)).max() > 0.05  # there was an impact
+    hand = float(np.linalg.det(matrix))
+    assert np.abs(moved.position - 1e-3 * shift - plain.position @ matrix.T).max() < 1e-9
+    assert np.abs(moved.velocity - plain.velocity @ matrix.T).max() < 1e-7
+    assert np.abs(moved.angular_velocity - hand * plain.angular_velocity @ matrix.T).max() < 1e-5
+
+
+def rng_of(names: tuple[str, ...]) -> Rng:
+    return np.random.default_rng([len(name) for name in names])
+
+
+# What is solid
+
+
+@pytest.mark.parametrize(
+    ("name", "tilt_deg"), [("ball", 10.0), ("ball", 30.0), ("ball", 60.0), ("nut", 30.0), ("box", 30.0)]
+)
+@pytest.mark.parametrize("e", [0.2, 0.8])
+def test_nothing_enters_the_wall_of_a_tube_that_leans(name: str, tilt_deg: float, e: float) -> None:
+    """On a plate that swings by 0.3 mm at 50 Hz."""
+    part, contact = in_tube(name, tilt_deg, restitution=e), Contact(restitution=e)
+    driven = scenario(part, plate=PISTON, drive=swing(50.0, 300.0), contact=contact, duration_s=0.4, seeds=2)
+    scene, runs = recorded(driven)
+    for frames in runs:
+        assert depth_in_tube(scene, frames).max() < DEEPEST
+        assert depth_under(scene, frames, plate_height(scene, frames)).max() < DEEPEST
+
+
+def plate_height(scene: Any, frames: Frames) -> np.ndarray:
+    """Of a piston at the frames [m], shape (n,)."""
+    return np.asarray(scene.surface.terms.phasor(frames.time, 1)[:, 0].real)
+
+
+@pytest.mark.parametrize("seed", [0, *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(1, 6))])
+def test_parts_that_fall_on_each_other_do_not_enter_each_other(seed: int) -> None:
+    rng = np.random.default_rng([seed, 8])
+    names = [*ALL, "box", "nut"]
+    starts = [state(rng, (*rng.uniform(-1.0, 1.0, 2), 8.0 + 14.0 * i)) for i in range(len(names))]
+    parts = [a_part(name, rng, start) for name, start in zip(names, starts, strict=True)]
+    scene, (frames,) = recorded(scenario(*parts, duration_s=0.3, frames_per_second=1000.0))
+    assert depth_of_pairs(scene, frames[slice(0, None, 3)]) < DEEPEST
+    assert depth_under(scene, frames).max() < DEEPEST
+    assert growth(scene, frames) < DEEPEST
+
+
+@pytest.mark.parametrize("seeds", [60, pytest.param(600, marks=pytest.mark.slow)], ids=lambda seeds: f"{seeds} seeds")
+@pytest.mark.parametrize("frequency_hz", [27.0, 50.0])
+@pytest.mark.parametrize("balls", [1, 2])
+def test_no_ball_passes_through_a_slow_piston(balls: int, frequency_hz: float, seeds: int) -> None:
+    parts = [
+        Ball(shape="ball", diameter_mm=3.0, start=Start(drop_height_mm=(20.0, 25.0), position_mm=(x, 0.0)))
+        for x in (-30.0, 30.0)[:balls]
+    ]
+    plate = PistonPlate(kind="piston", length_mm=100.0, width_mm=100.0)
+    run: dict[str, Any] = {"duration_s": 0.1, "seeds": seeds, "frames_per_second": 1000.0}
+    driven = scenario(*parts, plate=plate, drive=swing(frequency_hz, 20.0), **run)
+    scene, runs = recorded(driven)
+    assert max(depth_under(scene, frames, plate_height(scene, frames)).max() for frames in runs) < DEEPEST
+
+
+@pytest.mark.parametrize(("x_mm", "speed"), [(18.8, 10.0), (15.0, 30.0), (5.0, 250.0)])
+def test_a_ball_does_not_fall_through_a_hole_smaller_than_itself(x_mm: float, speed: float, tmp_path: Path) -> None:
+    """8 mm over a hole of 2 mm, 20 mm off the centre: where it sits in the hole it has sunk by 0.13 mm."""
+    plate = flat_plate(tmp_path / "plate.h5", circle(0.02, 0.0, 1e-3))
+    start = Start(position_mm=(x_mm, 0.3), velocity_mm_s=(speed, 0.0, 0.0), drop_height_mm=(0.0, 0.0))
+    ball = Ball(shape="ball", diameter_mm=8.0, start=start)
+    duration = min(0.5, 30.0 / speed)
+    scene, (frames,) = recorded(on_plate(plate, part=ball, duration_s=duration, frames_per_second=2000.0))
+    assert np.abs(frames.position[:, 0, 0] - 0.02).min() < 1e-3  # it has come over the hole
+    sunk = 4e-3 - frames.position[:, 0, 2]
+    assert sunk.max() < 4e-3 - np.sqrt(4e-3**2 - 1e-3**2) + DEEPEST
+    assert growth(scene, frames) < DEEPEST
