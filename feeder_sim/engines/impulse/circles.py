@@ -185,7 +185,7 @@ def _leap_of_circles(tilt, kind, bounds, slack, leap, to_crest, work):
     round_part, s, u, e = tilt
     if not round_part:
         return leap, to_crest
-    touch = 0.5 * bounds.exact.tolerance
+    touch = 0.5 * bounds.exact.touch
     for first in (0, QUARTERS):
         row = work.point[first]
         gap, rate = max(row[GAP] - touch, 0.0), row[RATE]
@@ -212,7 +212,7 @@ def _further_of_circles(tilt, kind, bounds, far, slip, further, work):
             continue
         gap, rate, _ = ahead(first, far, slip, slip * bounds.fastest, 0.0, work)
         a = row[OWN] + slip * bounds.fastest + _most_moved(first, work)
-        gap -= 0.5 * bounds.exact.tolerance
+        gap -= 0.5 * bounds.exact.touch
         further = _time_apart(gap, rate, a, s, u, e, kind.circle_radius, 2.0 * bounds.slope, further)
         if further <= 0.0:
             return -1.0

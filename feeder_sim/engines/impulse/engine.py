@@ -51,6 +51,7 @@ WIDER = 1.5  # times the way of the farthest part: its reach when a window is co
 COLUMNS = {"position": POSITION, "velocity": VELOCITY, "attitude": ATTITUDE, "momentum": MOMENTUM}
 STATE = ("position", "velocity", "attitude", "momentum", "clock", "there", "phase", "held", "draws", "force", "moment")
 STATE += ("place", "seat", "facing")
+TOUCHING, LEAST_TOUCH = 0.01, 1e-13  # share of the tolerance, and [m]: gaps from which on points touch
 SAME_CONTACT = 1.5  # of the clock of frames: impacts of a guided part no farther apart are one contact
 MEMBERS = ("a", "b", "piece_a", "piece_b")  # of a pair
 
@@ -335,7 +336,8 @@ class ImpulseEngine:
 def exactness(scene: Scene) -> Exactness:
     """How exact a scene wants its contacts."""
     run, contact = scene.scenario.run, scene.scenario.contact
-    return Exactness(1e-9 * getattr(run, "tolerance_nm", 0.1), getattr(contact, "noise_m_s", 1e-8))
+    tolerance = 1e-9 * getattr(run, "tolerance_nm", 0.1)
+    return Exactness(tolerance, max(TOUCHING * tolerance, LEAST_TOUCH), getattr(contact, "noise_m_s", 1e-8))
 
 
 def random_states(rng: np.random.Generator, n: int) -> NDArray[np.uint64]:

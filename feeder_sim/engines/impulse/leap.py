@@ -6,7 +6,7 @@ With gap g, rate u and a bound a on the acceleration with which point and surfac
 
 Near a contact the surface's present acceleration h and a bound J on its change say more: the same with a = h + J t. And
 while the surface falls away (h < 0) nothing touches before h has come back to zero. A leap is aimed at half the width
-of the touch, TOUCH times the tolerance; so it ends in it, whatever its length, and a part never enters what it meets.
+of the touch, `Exactness.touch`; so it ends in it, whatever its length, and a part never enters what it meets.
 """
 
 from __future__ import annotations
@@ -28,8 +28,8 @@ from feeder_sim.engines.impulse.state import (
     turning_speed,
 )
 from feeder_sim.machine_code import inlined
+from feeder_sim.scene.scene import GRAVITY
 
-TOUCH = 1.0  # of the tolerance: a point this close touches
 NEAR = 1.0  # [rad] of the surface's motion: for shorter leaps the bound on its jerk is worth using
 MAX_LEAPS = 40  # of a forecast
 NEVER = 1e9  # [s]; the flight of a part that is not over the plate
@@ -83,13 +83,14 @@ def unsure(part, kind, bounds):
 @inlined
 def shortest_leap(part, kind, bounds):
     """A leap that covers no more than a quarter of a touch [s]: nothing is entered by it."""
-    return 0.25 * TOUCH * bounds.exact.tolerance / (top_speed(part, kind) + bounds.speed)
+    accelerated = GRAVITY + turning_acceleration(part, kind) + bounds.speed * bounds.fastest
+    return leap(0.25 * bounds.exact.touch, -top_speed(part, kind) - bounds.speed, accelerated)
 
 
 @inlined
 def first_leaps(n, slack, twist, bounds, work):
     """Times [s] before which none of the first n points can touch, and none above the crest can come below it."""
-    touch = TOUCH * bounds.exact.tolerance
+    touch = bounds.exact.touch
     found = to_crest = NEVER
     for i in range(n):
         row = work.point[i]
@@ -116,7 +117,7 @@ def forecast(part, kind, n, surface, bounds, t, until, flight, unknown, tilt, wo
     """
     far, to_crest = flight
     slack, twist = unknown
-    touch = TOUCH * bounds.exact.tolerance
+    touch = bounds.exact.touch
     slip = 0.0 if slack == 0.0 else slack / bounds.fastest
     limit = min(to_crest, until - t)
     for _ in range(MAX_LEAPS):

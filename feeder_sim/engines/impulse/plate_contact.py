@@ -20,7 +20,7 @@ from feeder_sim.engines.impulse.far_corners import MANY, far_leap, gather_near
 from feeder_sim.engines.impulse.follow import follows_until, sit_down
 from feeder_sim.engines.impulse.impact import resolve_impact, solve_for
 from feeder_sim.engines.impulse.impact_law import hit_plate, restitution_on_plate
-from feeder_sim.engines.impulse.leap import NEVER, TOUCH, first_leaps, forecast, leap, leap_of, shortest_leap, unsure
+from feeder_sim.engines.impulse.leap import NEVER, first_leaps, forecast, leap, leap_of, shortest_leap, unsure
 from feeder_sim.engines.impulse.plate_edge import edge_leap, points_on_edge
 from feeder_sim.engines.impulse.plate_points import CLOSE, look, move_surface, renew_rates
 from feeder_sim.engines.impulse.state import (
@@ -70,8 +70,9 @@ CARRIED = 30.0  # tolerances; points that have been pressed and are this close s
 RETURN = 0.05  # share of its gap that a pressed point gives back per step
 NO_LIFT = 1e-3  # of the time of constant forces: what is lifted sooner than that is lifted now
 STILL, SLIPS = 1e-6, 1e-7  # [m/s]
+LEFT = 1e-7  # [m/s]; what sweeps leave of the speed of points that stay
 JUMP = 1e-8  # [m]; a surface is only entered where it jumps (`ring_up = false`)
-SETTLED = 2  # looks without slip until a part may follow
+SETTLED = 1  # looks without slip until a part may follow
 SKIPPED = 8  # looks after one at which it may not
 
 
@@ -177,11 +178,11 @@ def _gather(row, m, restitution, work):
 
 @compiled
 def _strike(part, kind, corners, n, surface, bounds, unknown, work):
-    """Impacts at all points that touch, until none approaches fast; returns whether there was one."""
-    touch, hit = TOUCH * bounds.exact.tolerance, False
+    """Impacts at all points that touch, until none approaches; returns whether there was one."""
+    touch, hit = bounds.exact.touch, False
     moved = 0.0
     for rounds in range(ROUNDS + 1):
-        m, fast, last = 0, False, 0
+        m, fast, last = 0, False, 0  # contacts; whether one approaches; the last that does
         for i in range(n):
             row = work.point[i]
             if row[KNOWN] == 0.0 or not row[GAP] <= touch:
@@ -191,13 +192,12 @@ def _strike(part, kind, corners, n, surface, bounds, unknown, work):
             e = row[E]
             if e < 0.0:
                 e = restitution_on_plate(part, kind, arm, normal, vector(row[WITH : WITH + 3]))
-            slow = _slow(row, e, _chatter_time(row[MOVES], unknown[1], bounds))
-            if row[RATE] > slow:
+            if row[RATE] > (LEFT if row[PUSH] > 0.0 else 0.0):
                 continue
-            if row[RATE] < -slow and row[RATE] < -1e-15:
+            if row[RATE] < -(LEFT if row[PUSH] > 0.0 else 0.0):
                 fast, last = True, m
-            else:
-                e = 0.0
+            if -e * row[RATE] <= _slow(row, e, _chatter_time(row[MOVES], unknown[1], bounds)):
+                e = 0.0  # what is left of its bounces is summed: they take what the plate pushes meanwhile
             _gather(row, m, 0.0 if rounds == ROUNDS else e, work)
             m += 1
         if not fast:
@@ -239,7 +239,7 @@ def _press(part, kind, corners, n, pressed, surface, bounds, t, until, unknown, 
 
     pressed: whether it has been until now.
     """
-    tolerance = bounds.exact.tolerance
+    touch = bounds.exact.touch
     time, lift = _time_of_forces(part, kind, n, pressed, bounds, unknown, work)
     if time == 0.0:
         part.held = 0
@@ -253,12 +253,12 @@ def _press(part, kind, corners, n, pressed, surface, bounds, t, until, unknown, 
         row = work.point[i]
         if row[GAP] == np.inf or _is_carried(row, time, bounds):
             continue
-        if row[GAP] + time * (row[RATE] - 0.5 * (row[OWN] + unknown[0] + row[MOVES]) * time) > 0.5 * tolerance:
+        if row[GAP] + time * (row[RATE] - 0.5 * (row[OWN] + unknown[0] + row[MOVES]) * time) > 0.5 * touch:
             continue
         if row[MOVES] == 0.0:
-            time = max(min(time, leap(max(row[GAP] - 0.5 * tolerance, 0.0), row[RATE], row[OWN])), least)
+            time = max(min(time, leap(max(row[GAP] - 0.5 * touch, 0.0), row[RATE], row[OWN])), least)
         else:
-            time = max(min(time, leap_of(row, row[RATE], unknown[0], unknown[1], bounds, tolerance)), least)
+            time = max(min(time, leap_of(row, row[RATE], unknown[0], unknown[1], bounds, touch)), least)
     inverse_mass, turns, spin = 1.0 / kind.mass, inverse_inertia(part, kind), spin_of(part, kind)
     change = times(turns, cross(vector(part.momentum), spin))  # of the spin, by turning
     v = part.velocity[0], part.velocity[1], part.velocity[2] - GRAVITY * time
@@ -324,7 +324,7 @@ def _height(part, n, bounds, work):
 def _time_of_forces(part, kind, n, pressed, bounds, unknown, work):
     """How long forces may stay constant [s], 0 if no point is pressed; and when the last of the points is lifted."""
     tolerance, twist = bounds.exact.tolerance, unknown[1]
-    close = CARRIED * tolerance if pressed else TOUCH * tolerance
+    close = CARRIED * tolerance if pressed else bounds.exact.touch
     moves = 0.0
     for i in range(n):
         row = work.point[i]
@@ -336,7 +336,7 @@ def _time_of_forces(part, kind, n, pressed, bounds, unknown, work):
         row = work.point[i]
         if row[KNOWN] == 0.0 or not row[GAP] <= close or row[PUSH] <= 0.0:
             continue
-        if abs(row[RATE]) > max(_slow(row, 0.0, chatter), 1e-15):
+        if abs(row[RATE]) > max(_slow(row, 0.0, chatter), LEFT):
             continue
         any_pressed = True
         root = math.inf
@@ -362,13 +362,13 @@ def _is_carried(row, time, bounds):
     """Whether a point is close enough, and slow enough, for the forces to see to it."""
     if row[KNOWN] == 0.0 or row[GAP] > CARRIED * bounds.exact.tolerance:
         return False
-    return row[GAP] <= TOUCH * bounds.exact.tolerance or row[RATE] * time > -CARRIED * bounds.exact.tolerance
+    return row[GAP] <= bounds.exact.touch or row[RATE] * time > -CARRIED * bounds.exact.tolerance
 
 
 @inlined
 def _gather_ahead(part, kind, n, spin, surface, bounds, t, time, work):
     """Contacts as they will be after a time [s]: least normal velocities for which no point will have come inside."""
-    tolerance = bounds.exact.tolerance
+    touch = bounds.exact.touch
     move_surface(t + time, surface, work.then)
     moves = surface.half_thickness * surface.in_plane
     m = 0
@@ -381,9 +381,9 @@ def _gather_ahead(part, kind, n, spin, surface, bounds, t, time, work):
         dx, dy = (part.velocity[0] + going[0]) * time, (part.velocity[1] + going[1]) * time
         if not is_round(kind) and kind.corner_to - kind.corner_from > 1:
             arm = plus(arm, time, going)
-        gap = row[GAP] - 0.5 * tolerance
+        gap = row[GAP] - 0.5 * touch
         target = -RETURN * gap / time
-        if gap > 0.5 * tolerance:
+        if gap > 0.5 * touch:
             target = min(target, -2.0 * gap / time - row[RATE])
         write_to(work.contact[ARM, m], arm)
         work.law[RESTITUTION, m], work.law[FRICTION, m] = 0.0, row[MU]

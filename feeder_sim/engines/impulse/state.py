@@ -138,9 +138,10 @@ class Wall(NamedTuple):
 
 
 class Exactness(NamedTuple):
-    """How far contacts may be off [m], and the random speed of impacts [m/s]."""
+    """How far contacts may be off [m], from which gap on points touch [m], and the random speed of impacts [m/s]."""
 
     tolerance: float
+    touch: float
     noise: float
 
 
