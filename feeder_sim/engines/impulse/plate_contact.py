@@ -40,6 +40,7 @@ from feeder_sim.engines.impulse.state import (
     MU,
     NORMAL,
     NOW,
+    NOW_WITH,
     OWN,
     PRESSED,
     PUSH,
@@ -66,9 +67,12 @@ ROUNDS = 20  # of impacts at zero time; after them what still approaches does so
 LONGEST_CHATTER = 3e-5  # [s] of bounces that are summed where nothing moves: hops of a nanometre
 LONGEST = 2e-4  # [s] of constant forces
 TURNED = 0.02  # [rad] by which a part turns under constant forces
+TOGETHER = 10.0  # tolerances; points this close hit together, so that a flat landing is one impact and not six
 CARRIED = 30.0  # tolerances; points that have been pressed and are this close still are
 RETURN = 0.05  # share of its gap that a pressed point gives back per step
 NO_LIFT = 1e-3  # of the time of constant forces: what is lifted sooner than that is lifted now
+FIRMLY = 0.99  # of full friction: what takes less is not sliding
+TURNS, STOPS = 3, 0.98  # rounds, and share of the time, by which the end of a slip is found
 STILL, SLIPS = 1e-6, 1e-7  # [m/s]
 LEFT = 1e-7  # [m/s]; what sweeps leave of the speed of points that stay
 JUMP = 1e-8  # [m]; a surface is only entered where it jumps (`ring_up = false`)
@@ -179,13 +183,13 @@ def _gather(row, m, restitution, work):
 @compiled
 def _strike(part, kind, corners, n, surface, bounds, unknown, work):
     """Impacts at all points that touch, until none approaches; returns whether there was one."""
-    touch, hit = bounds.exact.touch, False
+    touch, together, hit = bounds.exact.touch, TOGETHER * bounds.exact.tolerance, False
     moved = 0.0
     for rounds in range(ROUNDS + 1):
-        m, fast, last = 0, False, 0  # contacts; whether one approaches; the last that does
+        m, fast = 0, False  # contacts; whether one of those that touch approaches
         for i in range(n):
             row = work.point[i]
-            if row[KNOWN] == 0.0 or not row[GAP] <= touch:
+            if row[KNOWN] == 0.0 or not row[GAP] <= together:
                 continue
             moved = max(moved, row[MOVES])
             arm, normal = vector(row[AT : AT + 3]), vector(row[TOWARDS : TOWARDS + 3])
@@ -194,8 +198,8 @@ def _strike(part, kind, corners, n, surface, bounds, unknown, work):
                 e = restitution_on_plate(part, kind, arm, normal, vector(row[WITH : WITH + 3]))
             if row[RATE] > (LEFT if row[PUSH] > 0.0 else 0.0):
                 continue
-            if row[RATE] < -(LEFT if row[PUSH] > 0.0 else 0.0):
-                fast, last = True, m
+            if row[RATE] < -(LEFT if row[PUSH] > 0.0 else 0.0) and row[GAP] <= touch:
+                fast = True
             if -e * row[RATE] <= _slow(row, e, _chatter_time(row[MOVES], unknown[1], bounds)):
                 e = 0.0  # what is left of its bounces is summed: they take what the plate pushes meanwhile
             _gather(row, m, 0.0 if rounds == ROUNDS else e, work)
@@ -205,8 +209,9 @@ def _strike(part, kind, corners, n, surface, bounds, unknown, work):
         inverse_mass, turns = 1.0 / kind.mass, inverse_inertia(part, kind)
         done = False
         if m == 1:
-            arm, normal, velocity = vector(work.contact[ARM, last]), vector(work.contact[NORMAL, last]), vector(work.contact[VELOCITY, last])
-            done = hit_plate(part, kind, inverse_mass, turns, arm, normal, velocity, (work.law[RESTITUTION, last], work.law[FRICTION, last]))
+            arm, normal, velocity = vector(work.contact[ARM, 0]), vector(work.contact[NORMAL, 0]), vector(work.contact[VELOCITY, 0])
+            law = work.law[RESTITUTION, 0], work.law[FRICTION, 0]
+            done = hit_plate(part, kind, inverse_mass, turns, arm, normal, velocity, law)
         if not done and not resolve_impact(part, inverse_mass, turns, work.contact, work.law, m):
             work.unresolved[0] += 1
         hit = True
@@ -248,7 +253,7 @@ def _press(part, kind, corners, n, pressed, surface, bounds, t, until, unknown, 
         part.held = 0
         return 0.0
     least = shortest_leap(part, kind, bounds)
-    time = max(min(time, lift, until - t), least)
+    usual, time = time, max(min(time, lift, until - t), least)
     for i in range(n):
         row = work.point[i]
         if row[GAP] == np.inf or _is_carried(row, time, bounds):
@@ -261,12 +266,18 @@ def _press(part, kind, corners, n, pressed, surface, bounds, t, until, unknown, 
             time = max(min(time, leap_of(row, row[RATE], unknown[0], unknown[1], bounds, touch)), least)
     inverse_mass, turns, spin = 1.0 / kind.mass, inverse_inertia(part, kind), spin_of(part, kind)
     change = times(turns, cross(vector(part.momentum), spin))  # of the spin, by turning
-    v = part.velocity[0], part.velocity[1], part.velocity[2] - GRAVITY * time
-    w = plus(spin, time, change)
-    m = _gather_ahead(part, kind, n, spin, surface, bounds, t, time, work)
-    v, w, settled = solve_for(v, w, inverse_mass, turns, work.contact, work.law, m)
-    if not settled:
-        work.unresolved[0] += 1
+    m, v, w = 0, spin, spin
+    for turn in range(TURNS):
+        v = part.velocity[0], part.velocity[1], part.velocity[2] - GRAVITY * time
+        w = plus(spin, time, change)
+        m = _gather_ahead(part, kind, n, spin, surface, bounds, t, time, usual, work)
+        v, w, settled = solve_for(v, w, inverse_mass, turns, work.contact, work.law, m)
+        if not settled:
+            work.unresolved[0] += 1
+        stops = _slip_stops(part, kind, spin, v, w, m, time, work)
+        if stops > STOPS * time or stops < (1.0 - STOPS) * usual or turn == TURNS - 1:
+            break
+        time = stops
     force, moment, loaded, held = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), False, True
     for i in range(m):
         p, normal = vector(work.contact[IMPULSE, i]), vector(work.contact[NORMAL, i])
@@ -298,7 +309,35 @@ def _press(part, kind, corners, n, pressed, surface, bounds, t, until, unknown, 
     return time
 
 
-FIRMLY = 0.99
+@inlined
+def _slip_stops(part, kind, spin, v, w, m, time, work):
+    """When the first contact that slips will have stopped [s], if it does within a time of constant forces; or that.
+
+    Along its slip s, with the other accelerations a and a share r of full friction F, it goes on by s - (a + r F) t.
+    F is taken for that of a part that does not turn.
+    """
+    found, start, pressed = time, vector(part.velocity), 0.0
+    for i in range(m):
+        pressed += dot(work.contact[IMPULSE, i], work.contact[NORMAL, i])
+    for i in range(m):
+        p, normal = vector(work.contact[IMPULSE, i]), vector(work.contact[NORMAL, i])
+        along, arm = dot(p, normal), vector(work.contact[ARM, i])
+        if along <= 0.0 or work.law[FRICTION, i] == 0.0:
+            continue
+        u = difference(plus(start, 1.0, cross(spin, arm)), vector(work.contact[NOW_WITH, i]))
+        u = plus(u, -dot(u, normal), normal)
+        s = math.sqrt(dot(u, u))
+        if s < SLIPS:
+            continue
+        after = difference(plus(v, 1.0, cross(w, arm)), vector(work.contact[VELOCITY, i]))
+        share = -dot(p, u) / (s * work.law[FRICTION, i] * along)
+        if share > FIRMLY:
+            continue
+        full = work.law[FRICTION, i] * pressed / kind.mass / time
+        others = (s - dot(after, u) / s) / time - share * full
+        if others + full > 0.0:
+            found = min(found, s / (others + full))
+    return found
 
 
 @inlined
@@ -366,8 +405,11 @@ def _is_carried(row, time, bounds):
 
 
 @inlined
-def _gather_ahead(part, kind, n, spin, surface, bounds, t, time, work):
-    """Contacts as they will be after a time [s]: least normal velocities for which no point will have come inside."""
+def _gather_ahead(part, kind, n, spin, surface, bounds, t, time, usual, work):
+    """Contacts as they will be after a time [s]: least normal velocities for which no point will have come inside.
+
+    usual: the time that forces may stay constant [s], in which a share of what a point is off is given back.
+    """
     touch = bounds.exact.touch
     move_surface(t + time, surface, work.then)
     moves = surface.half_thickness * surface.in_plane
@@ -382,10 +424,11 @@ def _gather_ahead(part, kind, n, spin, surface, bounds, t, time, work):
         if not is_round(kind) and kind.corner_to - kind.corner_from > 1:
             arm = plus(arm, time, going)
         gap = row[GAP] - 0.5 * touch
-        target = -RETURN * gap / time
+        target = -RETURN * gap / usual
         if gap > 0.5 * touch:
             target = min(target, -2.0 * gap / time - row[RATE])
         write_to(work.contact[ARM, m], arm)
+        write_to(work.contact[NOW_WITH, m], vector(row[WITH : WITH + 3]))
         work.law[RESTITUTION, m], work.law[FRICTION, m] = 0.0, row[MU]
         m += 1
         if row[MOVES] == 0.0:

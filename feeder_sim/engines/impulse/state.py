@@ -30,7 +30,7 @@ POINT_COLUMNS = 19
 # Of Scratch.under: what each mode shape does under a point: deflection, its slopes, and rotations.
 HEIGHT, SLOPE_X, SLOPE_Y, TURN_X, TURN_Y = range(5)
 NOW, SPEED, ACCELERATION, CHANGE = range(4)  # of Scratch.now and Scratch.then
-ARM, NORMAL, VELOCITY, BEFORE, IMPULSE = range(5)  # of Scratch.contact
+ARM, NORMAL, VELOCITY, BEFORE, IMPULSE, NOW_WITH = range(6)  # of Scratch.contact
 RESTITUTION, FRICTION, TARGET, STEP_NORMAL, STEP_TANGENT = range(5)  # of Scratch.law
 ABSENT, AWAKE, ASLEEP = range(3)  # in PART, there
 FREE, PRESSED, FOLLOWING = range(3)  # in PART, phase
