@@ -30,7 +30,9 @@ class Contact(Table):
     `model = "restitution"` reverses the normal velocity within one step (Newton); "compliant" is MuJoCo's
     spring-damper contact with a time constant, and has no coefficient of restitution. The impulse engine has laws
     beyond one number ([Physics](physics.md#laws-of-impact)): a restitution that falls with the speed of the impact
-    (`restitution_exponent`), that of balls by Zener's theory, and a tangential one of balls.
+    (`restitution_exponent`), that of balls by Zener's theory, a tangential one of balls, and a resistance to rolling.
+    Its impacts on the plate scatter by `noise_m_s`, so that no part follows a periodic motion that a real one would
+    leave; 0 is for closed forms.
     """
 
     model: Literal["restitution", "compliant"] = "restitution"
@@ -43,6 +45,8 @@ class Contact(Table):
     restitution_exponent: Share = 0.0
     restitution_speed_m_s: Annotated[float, Field(ge=1e-3, le=100, strict=True)] = 1.0
     tangential_restitution: Share | None = None
+    rolling_friction_um: Annotated[float, Field(ge=0, le=1e4, strict=True)] = 0.0
+    noise_m_s: Annotated[float, Field(ge=0, le=1e-3, strict=True)] = 1e-8
     time_constant_us: Positive | None = None
     damping_ratio: Positive = 1.0
 
@@ -113,6 +117,7 @@ class Run(Table):
     stop: Literal["time", "passage"] = "time"
     seeds: Annotated[int, Field(ge=1, le=10_000, strict=True)] = 12
     seed: Annotated[int, Field(ge=0, lt=2**63, strict=True)] = 0
+    tolerance_nm: Annotated[float, Field(ge=1e-4, le=100, strict=True)] = 0.1
     steps_per_period: Annotated[int, Field(ge=1, le=10_000, strict=True)] = 40
     frames_per_second: Annotated[float, Field(ge=1, le=1e6, strict=True)] = 500.0
     floor_mm: Annotated[float, Field(ge=-1e4, le=-1, strict=True)] = -50.0
