@@ -9,7 +9,7 @@ Cost is wall time per simulated second on one core, relative to the first settin
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -26,11 +26,13 @@ def main(
 ) -> None:
     scenario = load_scenario(scenario_file)
     print(f"{scenario.title}, {seeds} seeds")
+    settings: list[Any]
     key, settings = ("steps_per_period", steps) if engine == "mujoco" else ("tolerance_nm", tolerance_nm)
     print(f"{key:>16}  speed (mm/s)       SD  cost (relative)")
     coarsest = 0.0
     for setting in settings:
-        summary = simulate(with_run(scenario, seeds=seeds, engine=engine, **{key: setting})).summary()
+        changes: dict[str, Any] = {key: setting}
+        summary = simulate(with_run(scenario, seeds=seeds, engine=engine, **changes)).summary()
         speed, cost = summary["transport_speed_mm_s"], summary["wall_s_per_simulated_s_one_core"]
         coarsest = coarsest or cost
         interval = f"{speed['mean']:.3f} +- {speed['se']:.3f}"

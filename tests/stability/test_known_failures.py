@@ -126,7 +126,7 @@ def test_resting_part_creeps_on_a_slope_with_the_default_impedance_of_mujoco_alo
     [(1.0, 10.0, State.TUNNELLING), (1.0, 0.3, State.STABLE), (0.1, 10.0, State.STABLE), (10.0, 1.0, State.TUNNELLING)],
 )
 def test_soft_contact_lets_a_fast_part_through(speed: float, time_constant_ms: float, expected: State) -> None:
-    def soft(raw: dict[str, Any], setting: int) -> None:
+    def soft(raw: dict[str, Any], setting: float) -> None:
         mujoco()(raw, setting)
         raw["contact"] |= {"model": "compliant", "time_constant_us": 1e3 * time_constant_ms}
 

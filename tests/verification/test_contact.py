@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -19,6 +20,7 @@ FLAT = Start(drop_height_mm=(1.0, 1.0), tilt_deg=(0.0, 0.0), yaw_deg=(17.0, 17.0
 
 
 def dropped(engine: str, part: object, restitution: float, duration_s: float = 0.03) -> Frames:
+    steps: dict[str, Any] = {"steps_per_period": 1000} if engine == "mujoco" else {}
     scenario = piston_scenario(
         engine=engine,
         part=part,
@@ -26,7 +28,7 @@ def dropped(engine: str, part: object, restitution: float, duration_s: float = 0
         contact=Contact(restitution=restitution),
         duration_s=duration_s,
         frames_per_second=200_000.0,
-        **({"steps_per_period": 1000} if engine == "mujoco" else {}),
+        **steps,
     )
     return simulate(scenario).trajectories[0]
 

@@ -32,7 +32,7 @@ ENGINES = ("impulse", "mujoco")
 
 def run(plate: Sine, engine: str, steps_per_period: int, start: Start, contact: Contact, **run: Any) -> Result:
     """A free ball over a piston that swings from the begin; impulses take the ticks of the clock of frames as steps."""
-    steps = {"steps_per_period": steps_per_period} if engine == "mujoco" else {}
+    steps: dict[str, Any] = {"steps_per_period": steps_per_period} if engine == "mujoco" else {}
     scenario = piston_scenario(
         part=Ball(shape="ball", diameter_mm=2e3 * RADIUS, start=start),
         contact=contact,
