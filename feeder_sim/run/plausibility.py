@@ -15,14 +15,15 @@ from feeder_sim.errors import InputError
 from feeder_sim.part.corners import MOST_CORNERS
 from feeder_sim.part.mesh_part import solid
 from feeder_sim.part.rigid_part import RigidPart
-from feeder_sim.scenario import MeshPart, Placed, Rectangle, Strip, resolve_material
-from feeder_sim.scene.overlap import reaching_hulls
+from feeder_sim.scenario import GivenState, MeshPart, Placed, Rectangle, Strip, resolve_material
+from feeder_sim.scene.overlap import LEAST_IN_PLATE, overlaps, reaching_hulls
 from feeder_sim.scene.scene import Scene
 from feeder_sim.scene.start import start_poses
 from feeder_sim.scene.timetable import largest_together
 
 FASTEST = 100.0  # [m/s] of the surface; plates of feeders reach 1 m/s
 MOST_PLACED = 100  # parts, whose overlap at the start is looked at
+MOST_DRAWN = 12  # seeds, whose starts are looked at
 HIDDEN = 1.1  # volume of a hull over that of its part, from which on what it hides may matter
 BREAKS = 1e8  # [Pa] of alternating stress, at which plates of aluminium and steel do not live long
 
@@ -78,19 +79,39 @@ def doubts(scene: Scene) -> Iterator[str]:
                 f"drive: moves the surface at {speed:.2g} m/s, which bends the plate with {1e-6 * stress:.0f} MPa: it "
                 "would break before long"
             )
-    if any(isinstance(spec.start, Placed) for spec in scene.scenario.part) and len(scene.parts) <= MOST_PLACED:
-        poses = start_poses(scene, np.random.default_rng(scene.scenario.run.seed))
-        reaching = reaching_hulls(scene, [(pose.position, pose.quaternion) for pose in poses])
-        if reaching:
-            a, b = reaching[0]
-            more = f", and {len(reaching) - 1} more pairs" if len(reaching) > 1 else ""
-            yield f"part.start: the hulls of {a} and {b} overlap{more}: contact will push them apart"
+    if len(scene.parts) <= MOST_PLACED:
+        yield from _doubts_of_starts(scene)
     shorter = min(scene.surface.length, scene.surface.width)
     for i, (spec, kind) in enumerate(zip(scene.scenario.part, scene.kinds, strict=True)):
         if spec.guide is None and kind.longest > shorter:
             yield f"part[{i}]: is {1e3 * kind.longest:.3g} mm long, more than the plate's side, {1e3 * shorter:.3g} mm"
         if isinstance(spec, MeshPart):
             yield from _doubts_of_contact(spec, kind, i, crowd=len(scene.parts) > 1)
+
+
+def _doubts_of_starts(scene: Scene) -> Iterator[str]:
+    """Lines about parts that lie in each other, in a wall or in the plate where they start, in the first seeds."""
+    run, kinds = scene.scenario.run, [type(spec.start) for spec in scene.scenario.part]
+    given = Placed in kinds or GivenState in kinds
+    off_rest = np.abs(scene.surface.terms.phasor(0.0, scene.surface.n_shapes).real).max(initial=0.0) > LEAST_IN_PLATE
+    if not (given or scene.rim or off_rest):
+        return
+    deepest: dict[str, tuple[float, str]] = {}
+    for sequence in np.random.SeedSequence(run.seed).spawn(min(run.seeds, MOST_DRAWN)):
+        poses = start_poses(scene, np.random.default_rng(sequence))
+        for what, found in overlaps(scene, [pose.place if pose.present else None for pose in poses]).items():
+            deepest[what] = max(found, deepest.get(what, found))
+    for what, (depth, name) in deepest.items():
+        yield f"part.start: {name} starts {1e3 * depth:.2g} mm in {what}: contact will push it out"
+    if given and all(pose.present for pose in poses):
+        reaching = reaching_hulls(scene, [pose.place for pose in poses])
+        if reaching:
+            a, b, depth = max(reaching, key=lambda pair: pair[2])
+            more = f", and {len(reaching) - 1} more pairs" if len(reaching) > 1 else ""
+            yield (
+                f"part.start: the hulls of {a} and {b} overlap by {1e3 * depth:.2g} mm{more}: contact will push them "
+                "apart"
+            )
 
 
 def _doubts_of_contact(spec: MeshPart, kind: RigidPart, i: int, *, crowd: bool) -> Iterator[str]:

@@ -82,6 +82,11 @@ def uncovered(scenario: Scenario) -> Iterator[str]:
         yield from _uncovered_in_plane(scenario, in_mujoco=in_mujoco)
     if run.reaction:
         yield from _uncovered_with_reaction(scenario, in_mujoco=in_mujoco)
+    if run.steps_per_period is not None and not in_mujoco:
+        yield (
+            f"run.steps_per_period is {run.steps_per_period}, allowed is none with the impulse engine, which has no "
+            "step: run.tolerance_nm says how exact it is"
+        )
     yield from uncovered_laws(scenario, in_mujoco=in_mujoco)
     if any(part.shape == "dimer" for part in scenario.part):
         yield from _uncovered_of_dimers(scenario, in_mujoco=in_mujoco)
@@ -148,17 +153,17 @@ def known_failures(scenario: Scenario) -> tuple[str, ...]:
     """Settings that do not simulate what was asked for: key, value, what is allowed and why, one line each."""
     run, contact, mujoco = scenario.run, scenario.contact, scenario.mujoco
     failures = []
-    if run.steps_per_period < MIN_STEPS_PER_PERIOD:
+    if run.steps < MIN_STEPS_PER_PERIOD:
         failures.append(
-            f"run.steps_per_period is {run.steps_per_period}, allowed is at least {MIN_STEPS_PER_PERIOD}: the "
+            f"run.steps_per_period is {run.steps}, allowed is at least {MIN_STEPS_PER_PERIOD}: the "
             "plate would move by a third of its amplitude within a step, and speeds come out wrong"
         )
     if contact.time_constant_us is not None:
         shortest = 1e6 / scenario.highest_frequency_hz
-        if contact.time_constant_us < MIN_STEPS_PER_TIME_CONSTANT * shortest / run.steps_per_period:
+        if contact.time_constant_us < MIN_STEPS_PER_TIME_CONSTANT * shortest / run.steps:
             needed = int(-(-MIN_STEPS_PER_TIME_CONSTANT * shortest // contact.time_constant_us))
             failures.append(
-                f"run.steps_per_period is {run.steps_per_period}, allowed is at least {needed} for "
+                f"run.steps_per_period is {run.steps}, allowed is at least {needed} for "
                 f"contact.time_constant_us = {contact.time_constant_us:g}: a shorter contact throws parts"
             )
     elif mujoco.integrator == "discrete":

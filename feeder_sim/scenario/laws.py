@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
+from feeder_sim.scenario.run import Contact, Run
+
 if TYPE_CHECKING:
     from feeder_sim.scenario.scenario import Scenario
 
@@ -21,6 +23,12 @@ def uncovered_laws(scenario: Scenario, *, in_mujoco: bool) -> Iterator[str]:
             yield f'contact.restitution is "zener", allowed is a number {why}'
         if beta is not None:
             yield f"contact.tangential_restitution is {beta:g}, allowed is none in MuJoCo, which has no such law"
+        yield from _of_impulses_only(scenario)
+    if contact.rolling_friction_um and scenario.guide is not None and scenario.guide.kind == "slide":
+        yield (
+            f"contact.rolling_friction_um is {contact.rolling_friction_um:g}, allowed is 0 with part[0].guide.kind = "
+            '"slide", on which nothing rolls'
+        )
     if exponent and scenario.guide is not None and scenario.guide.kind == "slide":
         yield (
             f'contact.restitution_exponent is {exponent:g}, allowed is 0 with part[0].guide.kind = "slide": its '
@@ -48,6 +56,27 @@ def uncovered_laws(scenario: Scenario, *, in_mujoco: bool) -> Iterator[str]:
         if scenario.run.reaction:
             why = "which would take the energy of the waves twice"
             yield f'contact.restitution is "zener", allowed is a number with run.reaction = true, {why}'
+
+
+def _of_impulses_only(scenario: Scenario) -> Iterator[str]:
+    """Numbers of the impulse engine, which MuJoCo would leave out without a word."""
+    contact, tolerance = scenario.contact, scenario.run.tolerance_nm
+    noise, default_noise = contact.noise_m_s, Contact().noise_m_s
+    if noise not in (0.0, default_noise):
+        yield (
+            f"contact.noise_m_s is {noise:g}, allowed is 0 or the default {default_noise:g} in MuJoCo, whose impacts "
+            "do not scatter"
+        )
+    if contact.rolling_friction_um:
+        yield (
+            f"contact.rolling_friction_um is {contact.rolling_friction_um:g}, allowed is 0 in MuJoCo, where nothing "
+            "resists rolling"
+        )
+    if tolerance != Run().tolerance_nm:
+        yield (
+            f"run.tolerance_nm is {tolerance:g}, allowed is the default {Run().tolerance_nm:g} in MuJoCo, which has a "
+            "step: run.steps_per_period says how exact it is"
+        )
 
 
 def _weighed(scenario: Scenario) -> Iterator[str]:

@@ -1,8 +1,13 @@
-"""Whether parts overlap where they start, by their shapes: planes that part their convex pieces."""
+"""What parts overlap where they start, by their shapes: each other, the walls of a rim, the plate.
+
+Planes part the convex pieces of two parts. How deep overlapping ones lie in each other is told by the normals of their
+faces, which is right or a little too much.
+"""
 
 from __future__ import annotations
 
 import itertools
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -15,9 +20,10 @@ from feeder_sim.scene.scene import Scene
 
 Place = tuple[NDArray[np.float64], NDArray[np.float64]]  # position (3,) [m], attitude (4,), w first
 PARTED = 1e-7  # [m]; pieces that a gap of this width parts do not overlap
+LEAST_IN_PLATE = 1e-6  # [m]; round-off of states that are given in decimals
 
 
-def check_apart(scene: Scene, part: int, place: Place, before: Sequence[Place]) -> None:
+def check_apart(scene: Scene, part: int, place: Place, before: Sequence[Place], key: str) -> None:
     """Refuse a part laid down in another one.
 
     The hull of a mesh that stands for a concave part may reach into others; see `reaching_hulls`.
@@ -27,23 +33,88 @@ def check_apart(scene: Scene, part: int, place: Place, before: Sequence[Place]) 
         part: number of the part.
         place: of the part.
         before: places of the parts of lower numbers.
+        key: of its place.
 
     Raises:
         InputError: it overlaps one of them.
     """
     if _is_hull(scene, part):
         return
-    table = int(scene.kind_of[part])
     for other, taken in enumerate(before):
         if not _is_hull(scene, other) and parts_overlap(scene.parts[part], place, scene.parts[other], taken):
-            key = f"part[{table}].start.places_mm_deg[{part - int((scene.kind_of < table).sum())}]"
             raise InputError(f"overlaps {scene.parts[other].name}, allowed is a place of its own", key=key)
 
 
-def reaching_hulls(scene: Scene, places: Sequence[Place]) -> list[tuple[str, str]]:
-    """Names of the parts whose shapes or hulls overlap at their places; contact will push them apart."""
+def check_off_rim(scene: Scene, part: int, place: Place, key: str) -> None:
+    """Refuse a part that lies in a wall of the rim.
+
+    Raises:
+        InputError: it does.
+    """
+    if not scene.rim:
+        return
+    depth, axis = _rim_depths(scene, part, place)
+    if depth[axis] <= PARTED:
+        return
+    x, y = 1e3 * place[0][:2]
+    points, radius = _corners(scene, part, place)
+    half = 0.5e3 * (scene.surface.length, scene.surface.width)[axis]
+    ahead, behind = (1e3 * float((sign * (points - place[0])[:, axis]).max() + radius) for sign in (1.0, -1.0))
+    low, high = (math.floor(1e3 * (half - reach)) / 1e3 for reach in (behind, ahead))
+    raise InputError(
+        f"is [{x:g}, {y:g}], {1e3 * depth[axis]:.3g} mm in the wall of the rim, allowed is {-low:g} to {high:g} along "
+        f"{'xy'[axis]}",
+        key=key,
+    )
+
+
+def _rim_depths(scene: Scene, part: int, place: Place) -> tuple[list[float], int]:
+    """How deep a part lies in the walls across x and across y [m], negative in front of them; which one is deeper."""
+    points, radius = _corners(scene, part, place)
+    half = 0.5 * np.array([scene.surface.length, scene.surface.width])
+    depth = (np.abs(points[:, :2]).max(axis=0) + radius - half).tolist()
+    return depth, int(np.argmax(depth))
+
+
+def _plate_depth(scene: Scene, part: int, place: Place) -> float:
+    """How deep a part lies in the plate as it is at t = 0 [m], negative above it."""
+    points, radius = _corners(scene, part, place)
+    surface = scene.surface
+    on_plate = (np.abs(points[:, 0]) <= 0.5 * surface.length) & (np.abs(points[:, 1]) <= 0.5 * surface.width)
+    if surface.outline is not None:
+        on_plate &= surface.outline.distance(points[:, :2]) >= 0.0
+    if not on_plate.any():
+        return -math.inf
+    height = surface.displacement(points[on_plate, :2], 0.0)[:, 2]
+    return float((height - points[on_plate, 2]).max() + radius)
+
+
+def overlaps(scene: Scene, places: Sequence[Place | None]) -> dict[str, tuple[float, str]]:
+    """What parts lie in at their places: how deep the deepest of them does [m], and its name; None is no place.
+
+    The hulls of parts, the wall of the rim, and the plate, which may be off its rest at the start.
+    """
+    found: dict[str, tuple[float, str]] = {}
+
+    def note(what: str, depth: float, name: str) -> None:
+        if depth > max(PARTED, found.get(what, (0.0, ""))[0]):
+            found[what] = depth, name
+
+    there = [(i, place) for i, place in enumerate(places) if place is not None]
+    for i, place in there:
+        name = scene.parts[i].name
+        if scene.rim:
+            note("the wall of the rim", max(_rim_depths(scene, i, place)[0]), name)
+        depth = _plate_depth(scene, i, place)
+        if depth > LEAST_IN_PLATE:
+            note("the plate, which is off its rest then", depth, name)
+    return found
+
+
+def reaching_hulls(scene: Scene, places: Sequence[Place]) -> list[tuple[str, str, float]]:
+    """Names of the parts whose shapes or hulls overlap at their places, and how deep [m]; contact pushes them apart."""
     return [
-        (scene.parts[a].name, scene.parts[b].name)
+        (scene.parts[a].name, scene.parts[b].name, _depth(scene.parts[a], places[a], scene.parts[b], places[b]))
         for a, b in itertools.combinations(range(len(places)), 2)
         if parts_overlap(scene.parts[a], places[a], scene.parts[b], places[b])
     ]
@@ -70,6 +141,37 @@ def _pieces(
 
     turn = Rotation.from_quat(quaternion, scalar_first=True)
     return [turn.apply(piece) + position for piece in part.pieces or (part.corners,)]
+
+
+def _corners(scene: Scene, part: int, place: Place) -> tuple[NDArray[np.float64], float]:
+    """Corners (n, 3) [m] of a part in space, and the radius of the spheres around them [m]."""
+    from scipy.spatial.transform import Rotation
+
+    kind = scene.parts[part]
+    return Rotation.from_quat(place[1], scalar_first=True).apply(kind.corners) + place[0], kind.corner_radius
+
+
+def _depth(a: RigidPart, place_a: Place, b: RigidPart, place_b: Place) -> float:
+    """How far one of two overlapping parts has to be moved at most for none of their pieces to overlap [m]."""
+    pieces = itertools.product(_pieces(a, *place_a), _pieces(b, *place_b))
+    return max(_piece_depth(first, second) for first, second in pieces) + a.corner_radius + b.corner_radius
+
+
+def _piece_depth(a: NDArray[np.float64], b: NDArray[np.float64]) -> float:
+    """The same for two sets of corners, (n, 3) and (m, 3) [m], along a face of either or the line of centres."""
+    from scipy.spatial import ConvexHull, QhullError
+
+    directions = [np.eye(3), -np.eye(3)]
+    between = b.mean(axis=0) - a.mean(axis=0)
+    if np.linalg.norm(between) > 0.0:
+        directions.append(between[None] / np.linalg.norm(between))
+    for points, side in ((a, 1.0), (b, -1.0)):
+        try:
+            directions.append(side * ConvexHull(points).equations[:, :3])
+        except (QhullError, ValueError):  # flat, or a point
+            continue
+    normals = np.concatenate(directions)
+    return float(((a @ normals.T).max(axis=0) - (b @ normals.T).min(axis=0)).min())
 
 
 def _parted(a: NDArray[np.float64], b: NDArray[np.float64], apart: float) -> bool:

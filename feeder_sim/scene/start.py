@@ -17,7 +17,7 @@ from feeder_sim.scene.column import APART, column
 from feeder_sim.scene.fits import FREE_TILT, UPRIGHT
 from feeder_sim.scene.guide import Guide
 from feeder_sim.scene.hopper import next_parts
-from feeder_sim.scene.overlap import check_apart
+from feeder_sim.scene.overlap import check_apart, check_off_rim
 from feeder_sim.scene.scene import Scene
 
 INTO_PLATE = 1e-6  # [m]; round-off of a state that is given in decimals
@@ -43,9 +43,14 @@ class Pose:
     present: bool = True
     angular_velocity: NDArray[np.float64] = field(default_factory=lambda: np.zeros(3))
 
+    @property
+    def place(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Position and attitude."""
+        return self.position, self.quaternion
+
 
 def start_poses(scene: Scene, rng: np.random.Generator) -> list[Pose]:
-    """Draw the start of every part; no two overlap.
+    """Draw the start of every part; no two overlap, and none that is not drawn lies in the wall of a rim.
 
     A part is turned by a yaw and then tilted about a random horizontal axis. Its lowest point is at drop height over
     the resting plate; the lowest layer of a heap is at the smallest drop height. Tables that start in the same heap are
@@ -53,7 +58,7 @@ def start_poses(scene: Scene, rng: np.random.Generator) -> list[Pose]:
     that are to come with a refill are absent.
 
     Raises:
-        InputError: there is no room for the parts.
+        InputError: there is no room for the parts, or one lies in another or in a wall.
     """
     tables, planar = scene.scenario.part, scene.scenario.run.planar
     present = _present(scene, rng)
@@ -68,8 +73,9 @@ def start_poses(scene: Scene, rng: np.random.Generator) -> list[Pose]:
             poses.append(Pose(np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]), np.zeros(3), present=False))
             continue
         if isinstance(start, GivenState):
-            pose = given_pose(start, kind, f"part[{i}].start.position_mm")
-            check_apart(scene, part, (pose.position, pose.quaternion), [(p.position, p.quaternion) for p in poses])
+            key = f"part[{i}].start.position_mm"
+            pose = given_pose(start, kind, key)
+            check_apart(scene, part, pose.place, [p.place for p in poses], key)
             placed.add(pose.position, kind.size)
             poses.append(pose)
             continue
@@ -82,11 +88,17 @@ def start_poses(scene: Scene, rng: np.random.Generator) -> list[Pose]:
             velocity = 1e-3 * np.array(start.velocity_mm_s)
             if guide:
                 position[:2] += guide.axis[:2] / guide.axis[2] * height
+            key = f"part[{i}].start.position_mm"
             if not placed.free(position, kind.size):
-                raise InputError("overlaps another part", key=f"part[{i}].start.position_mm")
+                raise InputError("overlaps another part, allowed is a place of its own", key=key)
+            if not drawn(start, kind):
+                check_off_rim(scene, part, (position, quaternion), key)
         elif isinstance(start, Placed):
             position = np.array([*(1e-3 * c for c in start.places_mm_deg[number][:2]), height])
-            check_apart(scene, part, (position, quaternion), [(pose.position, pose.quaternion) for pose in poses])
+            key = f"part[{i}].start.places_mm_deg[{number}]"
+            check_apart(scene, part, (position, quaternion), [pose.place for pose in poses], key)
+            if not drawn(start, kind):
+                check_off_rim(scene, part, (position, quaternion), key)
         elif isinstance(start, Scattered):
             place = free_place(scene, start, kind, height, placed, rng, tries[i])
             if place is None:
@@ -129,6 +141,13 @@ def _columns(
             centres = centres[rng.permutation(len(centres))]
         columns[heap] = iter(centres)
     return columns
+
+
+def drawn(start: Start | Placed, kind: RigidPart) -> bool:
+    """Whether the attitude of a part is drawn; that of a ball says nothing."""
+    yaw = (0.0, 0.0) if isinstance(start, Placed) else start.yaw_deg
+    tilt = start.tilt_deg or FREE_TILT
+    return bool(kind.corners.any()) and (yaw[0] != yaw[1] or tilt != (0.0, 0.0))
 
 
 def given_pose(start: GivenState, kind: RigidPart, key: str) -> Pose:

@@ -129,9 +129,15 @@ def check_scenario(scenario: Scenario) -> None:
 
 
 def _driven(scenario: Scenario, amplitude: float) -> Scenario:
-    """The scenario with another amplitude [m], which the plate has from the start."""
+    """The scenario with another amplitude [m], which the plate has from the start, and without noise.
+
+    Periods double without end only where nothing scatters.
+    """
     changes = {"amplitude_um": 1e6 * amplitude, "ring_up": False, "start_s": 0.0}
-    return scenario.model_copy(update={"drive": (scenario.drive[0].model_copy(update=changes),)})
+    drive = (scenario.drive[0].model_copy(update=changes),)
+    return scenario.model_copy(
+        update={"drive": drive, "contact": scenario.contact.model_copy(update={"noise_m_s": 0.0})}
+    )
 
 
 def run_at(scenario: Scenario, amplitude: float, *, settle: int) -> SweepPoint:

@@ -114,8 +114,19 @@ SLIDE = {"kind": "slide"}
 NUT: Raw = {"shape": "hex_nut", "size": "M3"}
 EXPONENT = {"restitution": 0.3, "restitution_exponent": 0.2}
 TANGENTIAL, ZENER = {"tangential_restitution": 0.3}, {"restitution": "zener"}
+IN_MUJOCO: Raw = {"engine": "mujoco"}
 LAWS_REFUSED: dict[str, tuple[Raw, str]] = {
-    "a power in MuJoCo": ({"contact": EXPONENT, "run": {"engine": "mujoco"}}, "contact.restitution_exponent is 0.2"),
+    "noise in MuJoCo": ({"contact": {"noise_m_s": 1e-6}, "run": IN_MUJOCO}, "noise_m_s is 1e-06, allowed is 0 or"),
+    "rolling in MuJoCo": (
+        {"contact": {"rolling_friction_um": 2.0}, "run": IN_MUJOCO},
+        "rolling_friction_um is 2, allowed is 0 in MuJoCo",
+    ),
+    "rolling on a slide": (
+        {"contact": {"rolling_friction_um": 2.0}, "part": {"guide": SLIDE}},
+        'rolling_friction_um is 2, allowed is 0 with part[0].guide.kind = "slide"',
+    ),
+    "a tolerance in MuJoCo": ({"run": IN_MUJOCO | {"tolerance_nm": 1.0}}, "run.tolerance_nm is 1, allowed is the de"),
+    "a power in MuJoCo": ({"contact": EXPONENT, "run": IN_MUJOCO}, "contact.restitution_exponent is 0.2"),
     "a power, compliant": (
         {"contact": EXPONENT | COMPLIANT},
         "contact.restitution_exponent is 0.2, allowed is 0 in Mu",
@@ -155,6 +166,11 @@ def test_laws_of_impact_go_where_they_hold(name: str) -> None:
     case["part"] = [part if "shape" in part else case["part"][0] | part]
     case["plate"] = tables.get("plate", case["plate"])
     assert line in refusal(case)
+
+
+def test_no_noise_is_no_choice_in_mujoco() -> None:
+    """What MuJoCo does anyway may be said; so a comparison of engines can leave the noise out of both."""
+    assert choose_engine(accepted(raw(contact={"noise_m_s": 0.0}, run=IN_MUJOCO))).name == "mujoco"
 
 
 def test_zener_needs_one_modulus_of_plate_and_balls() -> None:

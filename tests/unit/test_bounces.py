@@ -216,7 +216,7 @@ def test_recording_gives_the_same_impacts_and_the_summary_their_measures(tmp_pat
     impacts = [record.impacts for record in recording.records]
     assert len(impacts) == 2
     for read, seed in zip(impacts, result.seeds, strict=True):
-        assert len(read) > 300
+        assert len(read) > 200
         assert np.isinf(read.until[-1]) and np.isnan(read.departure_velocity[-1])
         for name, values in vars(seed.impacts).items():
             assert getattr(read, name).tobytes() == values.tobytes()

@@ -66,7 +66,7 @@ def test_hulls_that_reach_into_each_other_are_said(tmp_path: Path) -> None:
     raw = scenario([(0.0, 0.0, 0.0), (3.0, 0.0, 0.0), (10.0, 0.0, 0.0)]).model_dump(exclude_none=True)
     raw["part"] = [{k: v for k, v in mesh.items() if v} | {"start": raw["part"][0]["start"]}]
     prepared = prepare(validated(raw, Scenario, Path("scenario.toml")))
-    assert [line for line in prepared.cautions if "the hulls of part_0 and part_1 overlap: contact" in line]
+    assert [line for line in prepared.cautions if "the hulls of part_0 and part_1 overlap by" in line]
 
 
 def hook() -> RigidPart:

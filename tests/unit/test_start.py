@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from typing import Any
 
 import numpy as np
@@ -10,7 +11,21 @@ from scipy.spatial.distance import pdist
 from scipy.spatial.transform import Rotation
 
 from feeder_sim.errors import InputError
-from feeder_sim.scenario import Ball, Drive, Heap, HexNut, PistonPlate, Run, Scattered, Scenario, Start
+from feeder_sim.run.prepare import prepare
+from feeder_sim.scenario import (
+    Ball,
+    Box,
+    Drive,
+    GivenState,
+    Heap,
+    HexNut,
+    PistonPlate,
+    Placed,
+    Run,
+    Scattered,
+    Scenario,
+    Start,
+)
 from feeder_sim.scene.scene import Scene, build_scene
 from feeder_sim.scene.start import Pose, start_poses
 
@@ -149,3 +164,71 @@ def test_point_starts_that_overlap_are_refused_with_the_key() -> None:
 def test_heap_on_a_part_is_refused_with_the_key() -> None:
     below = Ball(shape="ball", diameter_mm=20.0, start=Start(position_mm=(0.0, 0.0)))
     assert refusal(plate_with(below, heap(5))).startswith("part[1].start: overlaps")
+
+
+def rim_scenario(*parts: Any, phase_deg: float = 0.0, **run: Any) -> Scenario:
+    """A plate of 60 mm with a wall around it, off its rest at the start by up to 20 um."""
+    return Scenario(
+        plate=PistonPlate(kind="piston", length_mm=60.0, width_mm=60.0, rim=True),
+        drive=(Drive(frequency_hz=500.0, amplitude_um=20.0, ring_up=False, phase_deg=phase_deg),),
+        part=parts,
+        run=Run(**({"duration_s": 0.1, "seeds": 4} | run)),
+    )
+
+
+def box(start: Any) -> Box:
+    return Box(shape="box", size_mm=(6.0, 4.0, 2.0), start=start)
+
+
+UPRIGHT: Any = {"yaw_deg": (0.0, 0.0), "tilt_deg": (0.0, 0.0)}
+
+
+@pytest.mark.parametrize(
+    ("part", "line"),
+    [
+        (
+            box(Start(position_mm=(-28.0, 0.0), **UPRIGHT)),
+            "position_mm: is [-28, 0], 1 mm in the wall of the rim, allowed is -27 to 27 along x",
+        ),
+        (Ball(shape="ball", diameter_mm=5.0, start=Start(position_mm=(1.0, 28.0))), "allowed is -27.5 to 27.5 along y"),
+        (box(Placed(kind="placed", places_mm_deg=((0.0, 28.5, 0.0),))), "places_mm_deg[0]: is [0, 28.5], 0.5 mm in"),
+    ],
+)
+def test_a_part_in_the_wall_of_a_rim_is_refused_with_what_is_allowed(part: Any, line: str) -> None:
+    assert line in refusal(build_scene(rim_scenario(part)))
+
+
+def test_a_part_that_touches_the_wall_is_not_refused() -> None:
+    prepared = prepare(rim_scenario(box(Start(position_mm=(-27.0, 28.0), **UPRIGHT))))
+    assert len(start_poses(prepared.scene, np.random.default_rng(0))) == 1
+    assert not prepared.cautions
+
+
+@pytest.mark.parametrize(
+    "start",
+    [
+        Start(position_mm=(28.5, 0.0)),
+        GivenState(kind="state", position_mm=(28.5, 0.0, 1.0)),
+        Scattered(kind="scattered", centre_mm=(28.5, 0.0), size_mm=(1.0, 1.0)),
+    ],
+    ids=["attitude drawn", "state", "scattered"],
+)
+def test_a_start_in_the_wall_that_nobody_wrote_down_is_warned_of_with_its_depth(start: Any) -> None:
+    (line,) = prepare(rim_scenario(box(start))).cautions
+    found = re.fullmatch(
+        r"part.start: part_0 starts ([\d.]+) mm in the wall of the rim: contact will push it out", line
+    )
+    assert found is not None
+    assert 0.5 < float(found[1]) < 2.2
+
+
+def test_a_part_that_the_plate_reaches_at_the_start_is_warned_of() -> None:
+    low = box(Start(drop_height_mm=(0.005, 0.005), **UPRIGHT))
+    (line,) = prepare(rim_scenario(low, phase_deg=90.0)).cautions
+    assert "part_0 starts 0.015 mm in the plate" in line
+    assert not prepare(rim_scenario(low, phase_deg=0.0)).cautions
+
+
+def test_states_that_overlap_are_refused_with_their_own_key() -> None:
+    one, other = (GivenState(kind="state", position_mm=(x, 0.0, 1.0)) for x in (0.0, 5.0))
+    assert refusal(plate_with(box(one), box(other))).startswith("part[1].start.position_mm: overlaps part_0, allowed")

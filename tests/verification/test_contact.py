@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -19,14 +20,15 @@ FLAT = Start(drop_height_mm=(1.0, 1.0), tilt_deg=(0.0, 0.0), yaw_deg=(17.0, 17.0
 
 
 def dropped(engine: str, part: object, restitution: float, duration_s: float = 0.03) -> Frames:
+    steps: dict[str, Any] = {"steps_per_period": 1000} if engine == "mujoco" else {}
     scenario = piston_scenario(
         engine=engine,
         part=part,
         frequency_hz=1000.0,
         contact=Contact(restitution=restitution),
         duration_s=duration_s,
-        steps_per_period=1000,
         frames_per_second=200_000.0,
+        **steps,
     )
     return simulate(scenario).trajectories[0]
 
@@ -61,6 +63,7 @@ def test_sliding_part_stops_after_v_over_mu_g() -> None:
         part=Cylinder(shape="cylinder", diameter_mm=8.0, height_mm=1.0, start=resting),
         frequency_hz=1000.0,
         contact=Contact(restitution=0.0, friction=mu),
+        engine="mujoco",
         steps_per_period=100,
         frames_per_second=1000.0,
     )
@@ -89,7 +92,7 @@ def test_part_that_rests_on_a_slowly_moving_plate_follows_it(engine: str) -> Non
         start=resting,
         contact=Contact(restitution=0.0),
         duration_s=0.5,
-        steps_per_period=1000,
+        frames_per_second=20_000.0,
         engine=engine,
     )
     scene = build_scene(scenario)

@@ -22,6 +22,7 @@ from slide_theory import Sine, arc, next_impact, with_throw_number
 from feeder_sim.engines.impulse.plate_contact import TOUCH
 from feeder_sim.run.simulation import Result, simulate
 from feeder_sim.scenario import Ball, Contact, Start
+from feeder_sim.scenario import run as scenario_run
 from feeder_sim.scene.scene import GRAVITY
 
 STEPS = (20, 40, 80, 160)  # per period
@@ -30,16 +31,19 @@ ENGINES = ("impulse", "mujoco")
 
 
 def run(plate: Sine, engine: str, steps_per_period: int, start: Start, contact: Contact, **run: Any) -> Result:
-    """A free ball over a piston that swings from the begin."""
+    """A free ball over a piston that swings from the begin; impulses take the ticks of the clock of frames as steps."""
+    steps: dict[str, Any] = {"steps_per_period": steps_per_period} if engine == "mujoco" else {}
     scenario = piston_scenario(
         part=Ball(shape="ball", diameter_mm=2e3 * RADIUS, start=start),
         contact=contact,
         frequency_hz=plate.frequency,
         engine=engine,
-        steps_per_period=steps_per_period,
+        **steps,
         **run,
     )
-    result = simulate(scenario.model_copy(update={"drive": (plate.drive(),)}))
+    with pytest.MonkeyPatch.context() as clock:
+        clock.setattr(scenario_run, "DEFAULT_STEPS", steps_per_period)
+        result = simulate(scenario.model_copy(update={"drive": (plate.drive(),)}))
     assert result.failures == []
     return result
 

@@ -24,10 +24,11 @@ from slide_theory import (
     with_throw_number,
 )
 
+from feeder_sim.engines.slide.engine import LOG_ROWS, SlideEngine
 from feeder_sim.measures.bounces import motion, period_one_threshold, period_two_threshold
 from feeder_sim.run.simulation import Result, simulate
 from feeder_sim.scenario import Drive
-from feeder_sim.scene.scene import GRAVITY
+from feeder_sim.scene.scene import GRAVITY, build_scene
 
 SINGLE = 1e-7  # relative; frames hold velocities in single precision
 
@@ -38,7 +39,7 @@ def test_bounces_on_a_plate_at_rest_fall_by_restitution_squared_until_it_rests(e
     seed = ran(AT_REST, e=e, drop_mm=drop_mm)
     bounces, rest = seed.impacts[slice(0, -1)], seed.impacts[slice(-1, None)]
     heights = bounces.departure_velocity**2 / (2.0 * GRAVITY)
-    assert len(bounces) >= 10
+    assert len(bounces) >= 6
     assert heights == pytest.approx(1e-3 * drop_mm * e ** (2.0 * np.arange(1, len(bounces) + 1)), rel=1e-9)
     assert (bounces.until == bounces.time).all()
     to_rest = math.sqrt(2e-3 * drop_mm / GRAVITY) * (1.0 + e) / (1.0 - e)
@@ -130,7 +131,7 @@ def test_a_riding_part_lifts_off_when_the_plate_falls_away_faster_than_it(
     frequency: float, throw_number: float
 ) -> None:
     plate = with_throw_number(frequency, throw_number)
-    seed = ran(plate, duration_s=40.0 / frequency, frames_per_second=50.0 * frequency)
+    seed = ran(plate, duration_s=40.0 / frequency, frames_per_second=60.0 * frequency)
     rides = lasting(seed.impacts)
     assert len(rides) > 20
     assert plate.acceleration(rides.until) == pytest.approx(-GRAVITY, rel=1e-9)
@@ -180,7 +181,8 @@ def test_friction_of_a_tilted_guide_adds_to_gravity_going_up_and_takes_from_it_g
     engine: str, tolerance: float, friction: float
 ) -> None:
     drive = Drive(frequency_hz=500.0, amplitude_um=0.0)
-    options: dict[str, Any] = {"steps_per_period": 100, "frames_per_second": 2000.0, "duration_s": 0.15}
+    options: dict[str, Any] = {"frames_per_second": 2000.0, "duration_s": 0.15}
+    options |= {"steps_per_period": 100} if engine == "mujoco" else {}
     seed = ran(drive, e=0.9, drop_mm=2.0, tilt_deg=TILT, friction=friction, engine=engine, **options)
     z, t, v = lowest_point(seed), seed.frames.time, seed.frames.velocity[:, 0, 2]
     deceleration, interval = -np.diff(z, 2) / (t[1] - t[0]) ** 2, t[1] - t[0]
@@ -297,10 +299,9 @@ def test_no_impact_is_lost_when_there_are_many() -> None:
     """More within a block of frames than the log of the compiled loop holds, and fewer."""
     plate = with_throw_number(558.0, 1.25)
     one, several = (
-        ran(plate, e=0.5, drop_mm=0.05, duration_s=4.0, frames_per_second=rate, steps_per_period=20).impacts
-        for rate in (800.0, 5000.0)
+        ran(plate, e=0.5, drop_mm=0.05, duration_s=4.0, frames_per_second=rate).impacts for rate in (400.0, 5000.0)
     )
-    assert len(one) > 36_000
+    assert len(one) > 1.25 * LOG_ROWS
     assert (one.time[1:] >= one.until[:-1]).all()
     rides = [lasting(impacts).until for impacts in (one, several)]
     n = min(map(len, rides))
@@ -392,3 +393,31 @@ def test_a_plate_that_starts_at_once_kicks_the_part_that_rests_on_it() -> None:
     kick = impacts[np.abs(impacts.time - 0.1) < 1e-9]
     assert kick.approach_speed == pytest.approx([2.0 * math.pi * 50.0 * 80e-6])
     assert kick.departure_velocity == pytest.approx(1.2 * kick.approach_speed)
+
+
+def mean_height_um(noise_m_s: float) -> float:
+    """Of four seeds, after the first fifth of the run; frames of any rate fall on all phases of the plate's motion."""
+    plate = Sine(4750.0, 0.5e-6)
+    scenario = slide_scenario(
+        plate, drop_mm=(0.01, 0.03), e=0.5, noise_m_s=noise_m_s, duration_s=10.0, seeds=4, frames_per_second=7001.0
+    )
+    seeds = simulate(scenario).seeds
+    return 1e6 * float(np.mean([lowest_point(seed)[seed.frames.time > 2.0].mean() for seed in seeds]))
+
+
+def test_noise_frees_a_ball_of_a_motion_that_repeats_and_its_size_does_not_matter() -> None:
+    """Without noise the hop after a ride is the same every time, and leads to the same ride again."""
+    locked, little, more = (mean_height_um(noise) for noise in (0.0, 1e-9, 1e-7))
+    assert little == pytest.approx(more, rel=0.08)
+    assert little == pytest.approx(25.5, rel=0.08)
+    assert locked < 0.75 * little
+
+
+def test_noise_goes_on_bit_by_bit_after_a_break() -> None:
+    scenario = slide_scenario(Sine(4750.0, 0.5e-6), drop_mm=0.02, e=0.5, noise_m_s=1e-8, frames_per_second=2000.0)
+    engine, again, other = (SlideEngine(build_scene(scenario), np.random.default_rng(seed)) for seed in (1, 2, 2))
+    engine.advance(100)
+    again.restore(engine.state())
+    one, same = engine.advance(300), again.advance(300)
+    assert one.position.tobytes() == same.position.tobytes()
+    assert (other.advance(400).position[100:] != one.position).any()

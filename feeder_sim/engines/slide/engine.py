@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from feeder_sim.engines.impact_log import new_log, take_impacts
+from feeder_sim.engines.noise import new_stream
 from feeder_sim.engines.slide.motion import Law, Plate, V, Z, advance
 from feeder_sim.records.impacts import Impacts
 from feeder_sim.records.trajectory import BLOCK_FRAMES, Frames
@@ -40,7 +41,9 @@ class SlideEngine:
         assert guide is not None
         self._scene, self._pose, self._axis = scene, pose, guide.axis
         up, down = guide.deceleration(GRAVITY)
-        self._law = Law(up, down, scene.scenario.contact.coefficient)
+        contact, tolerance = scene.scenario.contact, 1e-9 * scene.scenario.run.tolerance_nm
+        self._law = Law(up, down, contact.coefficient, contact.noise_m_s, tolerance)
+        self._stream = new_stream(rng)
         self._plate = _plate(scene)
         self._lowest = scene.parts[0].lowest(pose.quaternion)  # below the centre
         self._state = np.array([0.0, pose.position[2] + self._lowest, 0.0, 0.0, 0.0, 0.0])
@@ -60,7 +63,7 @@ class SlideEngine:
         out = np.empty((n_frames, 2))
         interval, done = self._scene.frame_interval, 0
         while done < n_frames:
-            arguments = (self._state, self._plate, self._law, self._log, interval, self._frame + done)
+            arguments = (self._state, self._stream, self._plate, self._law, self._log, interval, self._frame + done)
             done += advance(*arguments, out[done:])
             if done < n_frames:
                 self._impacts.append(take_impacts(self._log, end=False))
@@ -83,12 +86,17 @@ class SlideEngine:
         self._scene, self._plate = scene, _plate(scene)
 
     def state(self) -> dict[str, NDArray[np.float64]]:
-        return {"state": self._state.copy(), "contact": self._log.current.copy(), "frame": np.array(self._frame)} | {
-            "row": self._row.copy()
+        return {
+            "state": self._state.copy(),
+            "noise": self._stream.copy(),
+            "contact": self._log.current.copy(),
+            "frame": np.array(self._frame),
+            "row": self._row.copy(),
         }
 
     def restore(self, state: dict[str, NDArray[np.float64]]) -> None:
-        self._state[:], self._log.current[:] = state["state"], state["contact"]
+        self._state[:], self._stream[:] = state["state"], state["noise"]
+        self._log.current[:] = state["contact"]
         self._frame, self._row = int(state["frame"]), state["row"].copy()
 
     def _frames(self, rows: NDArray[np.float64], first: int) -> Frames:

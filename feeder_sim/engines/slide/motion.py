@@ -9,9 +9,11 @@ function f whose second derivative is bounded by B:
     sticking  p' = 0: friction turns       B = max |p'''|
 
 From f > 0 with slope f' the first root lies no earlier than (f' + sqrt(f'^2 + 2 B f)) / B. Leaping by that again and
-again never misses a root, and converges to it quadratically. An impact reverses the relative velocity, w -> -e w. While
-the plate pushes (h > 0) impacts chatter: the rest of the geometric series lasts 2 w / (h (1 - e)), and is summed once
-it is too short for h to change; the part then sticks until lift-off.
+again never misses a root, and converges to it quadratically. An impact reverses the relative velocity, w -> -e w, and
+adds the size of a small normal number. While the plate pushes (h > 0) impacts chatter: the rest of the geometric series
+lasts T = 2 w / (h (1 - e)). It is summed once neither its hops, w^2 / 2 h, nor the change of h, max |p'''| T^3 / 6, is
+as much as the tolerance. The part then sticks until lift-off. Lift-off adds a number, too: a ride stands for impacts
+without end, and rides must not all end in the same state bit by bit.
 """
 
 from __future__ import annotations
@@ -23,11 +25,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from feeder_sim.engines.impact_log import begin_contact, end_contact, is_full, log_impact
+from feeder_sim.engines.noise import half_normal
 from feeder_sim.machine_code import compiled, entry_point
 
 TIME_TOLERANCE = 1e-14  # [s], or the spacing of floating-point numbers at that time
-LONGEST_CHATTER = 1e-8  # [s] of a chatter that is summed; shorter where h changes (CHATTER_ERROR)
-CHATTER_ERROR = 1e-13  # [s]
 CREST_MARGIN = 1e-12  # [m]
 TINY = 1e-300
 NUDGE = 1e-6  # [rad] of the plate's motion: gets past a threshold that is only touched
@@ -55,11 +56,13 @@ class Plate(NamedTuple):
 
 
 class Law(NamedTuple):
-    """Deceleration on the way up and down [m/s^2], and restitution."""
+    """Deceleration on the way up and down [m/s^2], restitution, noise of an impact [m/s], tolerance of chatter [m]."""
 
     up: float
     down: float
     restitution: float
+    noise: float
+    tolerance: float
 
 
 @compiled
@@ -151,12 +154,12 @@ def _fly(state, seen, plate, law, limit, p):
 
 
 @compiled
-def _strike(state, plate, law, log, p):
-    """One impact; when the chatter that follows is short, sum it and stick."""
+def _strike(state, stream, plate, law, switch, log, p):
+    """One impact; when the chatter that follows is short, and over before the switch, sum it and stick."""
     t = state[T]
     _plate_motion(t, plate, p)
     approach = max(p[1] - state[V], 0.0)
-    departure = law.restitution * approach
+    departure = law.restitution * approach + _noise(stream, law)
     state[Z], state[V] = p[0], p[1] + departure
     log_impact(log, t, t, approach, state[V])
     h = p[2] + (law.up if p[1] > 0.0 else law.down)
@@ -165,12 +168,22 @@ def _strike(state, plate, law, log, p):
     if h <= 0.0 or (law.restitution == 1.0 and departure > 0.0):
         return
     chatter = 2.0 * departure / (h * (1.0 - law.restitution)) if departure > 0.0 else 0.0
-    steady = chatter * chatter * plate.bound[3] < CHATTER_ERROR * h
-    if (chatter < LONGEST_CHATTER and steady) or _lost_in_round_off(departure, h, t, plate):
-        state[T] = t + (chatter if steady else 0.0)
+    moved = max(0.5 * departure * departure / h, plate.bound[3] * chatter**3 / 6.0)
+    summed = moved < law.tolerance and t + chatter < switch
+    if summed:
+        _plate_motion(t + chatter, plate, p)
+        summed = p[2] + (law.up if p[1] > 0.0 else law.down) > 0.0
+    if summed or _lost_in_round_off(departure, h, t, plate):
+        state[T] = t + chatter if summed else t
         _plate_motion(state[T], plate, p)
         state[Z], state[V], state[STUCK], state[SIGN] = p[0], p[1], 1.0, 0.0
         begin_contact(log, state[T], 0.0)
+
+
+@compiled
+def _noise(stream, law):
+    """What an impact adds to the speed of departure [m/s]."""
+    return law.noise * half_normal(stream) if law.noise > 0.0 else 0.0
 
 
 @compiled
@@ -219,7 +232,7 @@ def _until_lift_off(state, plate, law, p):
 
 
 @compiled
-def _ride(state, seen, plate, law, limit, log, p):
+def _ride(state, seen, stream, plate, law, limit, log, p):
     """Stick to the plate until it falls away from under the part (returns True), or show where it is at `limit`.
 
     As in `_fly`, the state goes on by whole leaps.
@@ -233,12 +246,14 @@ def _ride(state, seen, plate, law, limit, log, p):
         if h <= 0.0 or to_lift <= _tolerance(state[T]):
             free = _leap(-h, -p[3], plate.bound[4])
             if free > 0.0:
-                end_contact(log, state[T], p[1])
                 state[STUCK] = 0.0
                 if state[SIGN] > 0.0:
                     free = min(free, p[1] / g)  # up to the apex, where friction turns
-                elif state[SIGN] < 0.0:
+                if state[SIGN] < 0.0:
                     state[V] = min(state[V], 0.0)  # at the crest, round-off must not send it up again
+                else:
+                    state[V] += _noise(stream, law)
+                end_contact(log, state[T], state[V])
                 state[FREE] = free
                 return True
             to_lift = _nudge(plate)  # the threshold is only touched
@@ -261,30 +276,33 @@ def _let_go(state, plate, log, p):
 
 
 @entry_point
-def advance(state, plate, law, log, interval, first_frame, out):
+def advance(state, stream, plate, law, log, interval, first_frame, out):
     """Advance frame by frame, writing (z, v) into a row of out (n, 2); returns the rows done, fewer with a full log."""
     p, seen = np.empty(4), np.empty(state.shape[0])
     for row in range(out.shape[0]):
         end = (first_frame + row + 1) * interval
-        seen[:] = state  # where a contact has lasted beyond the frame
+        seen[:] = state
         while state[T] < end:
             if is_full(log):
                 return row
             switch = plate.switch[np.searchsorted(plate.switch, state[T], side="right")]
             limit = min(end, switch)
             if state[STUCK] > 0.0:
-                event = _ride(state, seen, plate, law, limit, log, p)
+                event = _ride(state, seen, stream, plate, law, limit, log, p)
                 if not event and limit == switch:
                     state[:] = seen
                     _let_go(state, plate, log, p)
             else:
                 event = _fly(state, seen, plate, law, limit, p)
                 if event:
-                    _strike(state, plate, law, log, p)
+                    _strike(state, stream, plate, law, switch, log, p)
                 elif limit == switch:
                     state[:] = seen
             if not event and limit == end:
                 break
             seen[:] = state
+        if seen[T] > end and seen[STUCK] > 0.0:  # a chatter that is summed beyond the frame: on the plate meanwhile
+            _plate_motion(end, plate, p)
+            seen[Z], seen[V] = p[0], p[1]
         out[row, 0], out[row, 1] = seen[Z], seen[V]
     return out.shape[0]
