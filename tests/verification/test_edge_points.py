@@ -210,15 +210,12 @@ def test_a_box_half_over_the_edge_rests_on_two_points_of_it() -> None:
 
 @pytest.mark.parametrize("degrees", [5.0, 40.0, 85.0])
 def test_a_box_that_tips_over_the_edge_is_held_across_its_face(degrees: float) -> None:
-    turn = Rotation.from_euler("yz", [degrees, 0.3], degrees=True)
+    turn = Rotation.from_euler("zy", [0.3, degrees], degrees=True)
     normal = turn.apply([0.0, 0.0, 1.0])
     points = found(BOX, [HALF[0], 0.0, 0.0] + (0.5 * SIZE[2] + CORNER_RADIUS) * normal, turn)
-    held = points[np.abs(points["gap"]) < 1e-7]
-    assert {*np.sign(held["foot"][:, 1])} == {-1.0, 1.0}
-    expected = np.cross([0.0, 1.0, 0.0], normal)
-    for point in held:  # square to the plate's edge and, but for the 0.3 degrees, the face's normal
-        assert point["normal"] @ [0.0, 1.0, 0.0] == pytest.approx(0.0, abs=1e-12)
-        assert abs(point["normal"] @ expected) < 0.01 and point["normal"] @ normal > 0.9999
+    held = points[np.abs(points["gap"]) < 1e-9]
+    assert held["foot"][:, 1].min() < -0.49 * SIZE[1] and held["foot"][:, 1].max() > 0.49 * SIZE[1]
+    np.testing.assert_allclose(held["normal"], [normal] * len(held), atol=1e-9)
 
 
 @pytest.mark.parametrize("below", [0.0, 3e-3, 6e-3])
@@ -226,7 +223,7 @@ def test_a_part_beside_the_plate_is_not_caught(below: float) -> None:
     """Upright or leaning away, however far its side has come into that of the plate; nor under the plate."""
     for inside in (-1e-6, 1e-6, 1e-4, 1e-3):
         x = HALF[0] + 0.5 * SIZE[0] - inside
-        for away in (0.0, -3.0):
+        for away in (0.0, 3.0):
             assert len(found(BOX, (x, 1e-3, -below), Rotation.from_euler("y", away, degrees=True))) == 0
         assert len(found(BALL, (HALF[0] + BALL_RADIUS - inside, 1e-3, -below))) == 0
         assert len(found(ROD, (HALF[0] + RADIUS - inside, 1e-3, -below))) == 0
@@ -235,8 +232,7 @@ def test_a_part_beside_the_plate_is_not_caught(below: float) -> None:
 
 
 def test_a_corner_of_the_plate_under_a_nut() -> None:
-    turn = Rotation.from_euler("xyz", [4.0, 3.0, 20.0], degrees=True)  # down beyond the corner
-    turn = Rotation.from_rotvec([-0.05, 0.05, 0.0]) * Rotation.from_euler("z", 20.0, degrees=True)
+    turn = Rotation.from_rotvec([-0.05, 0.05, 0.0]) * Rotation.from_euler("z", 20.0, degrees=True)  # down beyond it
     lowest = together(NUT).corners[slice(*together(NUT).record[NUT][["corner_from", "corner_to"]])][:, 2].min()
     normal = turn.apply([0.0, 0.0, 1.0])
     gap = 2e-6
@@ -316,20 +312,22 @@ def test_where_there_are_too_many_the_farthest_is_left_out() -> None:
 
 @pytest.mark.parametrize("kind", [BOX, NUT, ROD])
 def test_gaps_agree_with_distances_between_samples(kind: int) -> None:
-    """Samples are never nearer than the part and the edge are, and hardly farther."""
+    """Samples are never nearer than the part and the edge are, and hardly farther; but for what the side would meet."""
     rng = np.random.default_rng(kind)
     body = surface_points(kind, 20_000, rng)
     edges, share = edges_of(rectangle()), np.arange(0.0, 1.0, 1e-3)[:, None]
-    line = np.concatenate([edge[:2] + share * (edge[2:] - edge[:2]) for edge in edges])
-    line = cKDTree(np.column_stack([line, np.zeros(len(line))]))
-    apart = []
-    for position, turn in poses_at_edge(kind, rectangle(), 150, rng):
+    places = np.concatenate([edge[:2] + share * (edge[2:] - edge[:2]) for edge in edges])
+    places = np.column_stack([places, np.zeros(len(places))])
+    line, apart = cKDTree(places), []
+    for position, turn in poses_at_edge(kind, rectangle(), 600, rng):
         points = found(kind, position, turn, reach=2e-4)
-        points = points[points["gap"] > 2e-5]
-        nearest = line.query(turn.apply(body) + position, distance_upper_bound=1e-3)[0].min()
-        inside = found(kind, position, turn, reach=0.0)
-        if len(points) and len(inside) == 0:
-            apart.append(nearest - CORNER_RADIUS - points["gap"].min())
+        if len(points) == 0 or points["gap"].min() < 2e-5:
+            continue
+        samples = turn.apply(body) + position
+        distance, which = line.query(samples, distance_upper_bound=1e-3)
+        nearest = distance.argmin()
+        if samples[nearest, 2] - places[which[nearest], 2] > 0.1 * distance[nearest]:
+            apart.append(distance[nearest] - CORNER_RADIUS - points["gap"].min())
     assert len(apart) > 20
     assert min(apart) > -1e-9
-    assert np.median(apart) < 2e-5
+    assert np.median(apart) < 1e-5

@@ -51,6 +51,8 @@ def cylinder_on_line(part, kind, piece, reach, points, n):
             c, s = (near * u[0] - turn * v[0]) / size, (near * v[0] + turn * u[0]) / size
             gap, along, c, s, normal = _circle_meets(middle, u, v, radius, c, s, piece)
             gap -= kind.radius
+            if turn * (s * u[0] - c * v[0]) < 0.0:  # that nearest to the other crossing
+                continue
             if not (-BESIDE <= gap < reach) or abs(along - 0.5 * piece[2]) > 0.5 * piece[2] + max(gap, 0.0) + ON_EDGE:
                 continue
             a = turned_back(r, normal)

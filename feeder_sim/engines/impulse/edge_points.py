@@ -13,8 +13,9 @@ Two features that are nearest to each other have dg/dt = v . n to first order, w
 slide along either. Corners over the plate are not points of its edge and are found elsewhere.
 
 What counts: a normal that leans outwards from the plate or nearly upright, and a feature that carries the part along
-it. Points whose gap is still open may lie beyond the end of a feature by as much as that gap. They are lower bounds,
-and there is no hole between two features that meet; closed ones lie on both.
+it. Closed points lie on both features. Those whose gap is open may lie beyond an end of one by as much as the gap, so
+that a point is there before it closes. Left out, since they close no gap, are corners and end circles over the edge
+from beside, and edges of a hull over a vertex: they may be nearer than what is found.
 
 The side of the plate is not modelled, as if the plate were a sheet. A part that has left the top beside it falls freely
 whatever the thickness: a normal less than a degree from level, which belongs to the side, is no contact, nor is a point
