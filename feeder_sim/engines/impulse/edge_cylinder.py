@@ -49,6 +49,10 @@ def cylinder_on_line(part, kind, piece, reach, points, n):
         far = math.sqrt(1.0 - near * near)
         for turn in (-far, far):
             c, s = (near * u[0] - turn * v[0]) / size, (near * v[0] + turn * u[0]) / size
+            above = abs(middle[1] + radius * (c * u[1] + s * v[1]))
+            along = middle[2] + radius * (c * u[2] + s * v[2])
+            if abs(along - 0.5 * piece[2]) > 0.5 * piece[2] + 2.0 * above + ON_EDGE:
+                continue
             gap, along, c, s, normal = _circle_meets(middle, u, v, radius, c, s, piece)
             gap -= kind.radius
             if turn * (s * u[0] - c * v[0]) < 0.0:  # that nearest to the other crossing

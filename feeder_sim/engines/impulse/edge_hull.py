@@ -14,6 +14,7 @@ from feeder_sim.engines.impulse.edge_piece import (
     faces_up,
     in_space,
     meets,
+    nearby,
     place_on,
     seen,
     store,
@@ -21,7 +22,7 @@ from feeder_sim.engines.impulse.edge_piece import (
     write_point,
 )
 from feeder_sim.engines.impulse.state import arm_of
-from feeder_sim.engines.impulse.vectors import dot, plus
+from feeder_sim.engines.impulse.vectors import difference, dot, plus
 from feeder_sim.engines.outline_arrays import ON_EDGE
 from feeder_sim.machine_code import compiled, inlined
 
@@ -30,19 +31,25 @@ APART = 0.9  # cosine between the directions in which two points of a ball lie a
 
 @compiled
 def hull_on_line(part, kind, kinds, piece, reach, points, n):
-    corners, centre = kinds.corners[kind.corner_from : kind.corner_to], centre_from(part, piece)
-    at, near = seen(centre, piece), 2.0 * max(reach, BESIDE) + kind.radius
+    corners = kinds.corners[kind.corner_from : kind.corner_to]
     for k in range(kind.edge_from, kind.edge_to):
-        one, other = arm_of(part, corners, kinds.edges[k, 0]), arm_of(part, corners, kinds.edges[k, 1])
-        a, b = plus(at, 1.0, seen(one, piece)), plus(at, 1.0, seen(other, piece))
-        if min(a[1], b[1]) > near or max(a[1], b[1]) < -near or min(a[0], b[0]) > near or max(a[0], b[0]) < -near:
-            continue
-        gap, share, along, normal = meets(a, plus(b, -1.0, a), kind.radius, piece)
-        if not -BESIDE <= gap < reach:
-            continue
+        n = hull_edge_on_line(part, kind, corners, (kinds.edges[k, 0], kinds.edges[k, 1]), piece, reach, points, n)
+    return n
+
+
+@compiled
+def hull_edge_on_line(part, kind, corners, ends, piece, reach, points, n):
+    """Points of one edge of the hull; ends: its two corners."""
+    centre, near = centre_from(part, piece), nearby(kind, reach)
+    one, other, at = arm_of(part, corners, ends[0]), arm_of(part, corners, ends[1]), seen(centre, piece)
+    a, b = plus(at, 1.0, seen(one, piece)), plus(at, 1.0, seen(other, piece))
+    if min(a[1], b[1]) > near or max(a[1], b[1]) < -near or min(a[0], b[0]) > near or max(a[0], b[0]) < -near:
+        return n
+    gap, share, along, normal = meets(a, difference(b, a), kind.radius, piece)
+    if -BESIDE <= gap < reach:
         low, high = _extent(part, corners, normal)
         if carries(gap, kind, dot(centre, normal), low, high):
-            arm = plus(plus(one, share, plus(other, -1.0, one)), -kind.radius, normal)
+            arm = plus(plus(one, share, difference(other, one)), -kind.radius, normal)
             n = store(n, arm, normal, place_on(piece, along), gap, points)
     return n
 

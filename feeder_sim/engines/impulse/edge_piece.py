@@ -70,6 +70,12 @@ def seen(a, piece):
 
 
 @inlined
+def nearby(kind, reach):
+    """No edge of a hull that is farther than this from a piece has a point on it [m]."""
+    return 2.0 * max(reach, BESIDE) + kind.radius
+
+
+@inlined
 def centre_from(part, piece):
     """The centre of mass from the first vertex of a piece [m]."""
     return part.position[0] - piece[3][0], part.position[1] - piece[3][1], part.position[2]

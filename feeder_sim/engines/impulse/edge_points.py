@@ -30,11 +30,12 @@ import math
 from numba.core import types
 from numba.extending import overload
 
+from feeder_sim.engines.impulse.circles import is_round
 from feeder_sim.engines.impulse.edge_cylinder import cylinder_on_line, under_cylinder
-from feeder_sim.engines.impulse.edge_hull import balls_on_piece, hull_on_line, under_plane
-from feeder_sim.engines.impulse.edge_piece import BESIDE, PARALLEL, row, store, turned_back
-from feeder_sim.engines.impulse.state import CIRCLE
-from feeder_sim.engines.impulse.vectors import plus
+from feeder_sim.engines.impulse.edge_hull import balls_on_piece, hull_edge_on_line, hull_on_line, under_plane
+from feeder_sim.engines.impulse.edge_piece import BESIDE, PARALLEL, nearby, row, store, turned_back
+from feeder_sim.engines.impulse.state import CIRCLE, arm_of
+from feeder_sim.engines.impulse.vectors import difference, plus
 from feeder_sim.machine_code import compiled, inlined
 from feeder_sim.part.rigid_part import CORNER_RADIUS
 
@@ -51,7 +52,7 @@ def edge_points(part, kind, kinds, surface, reach, points):
 def _edge_points(part, kind, kinds, surface, reach, points):
     if isinstance(surface.types[surface.fields.index("outline")], types.NoneType):
         return lambda part, kind, kinds, surface, reach, points: _near_rectangle(
-            part, kind, kinds, (surface.grid_x[-1], surface.grid_y[-1]), reach, points
+            part, kind, kinds, surface, reach, points
         )
     return lambda part, kind, kinds, surface, reach, points: _near_outline(
         part, kind, kinds, surface.outline, reach, points
@@ -59,7 +60,8 @@ def _edge_points(part, kind, kinds, surface, reach, points):
 
 
 @inlined
-def _near_rectangle(part, kind, kinds, half, reach, points):
+def _near_rectangle(part, kind, kinds, surface, reach, points):
+    half = surface.grid_x[surface.grid_x.shape[0] - 1], surface.grid_y[surface.grid_y.shape[0] - 1]
     x, y, far = abs(part.position[0]), abs(part.position[1]), kind.reach + kind.radius + reach
     if (x + far < half[0] and y + far < half[1]) or x - far > half[0] or y - far > half[1] or _off(part, kind, reach):
         return 0
@@ -90,13 +92,13 @@ def _on_sides(part, kind, kinds, half, reach, points):
     x, y, far, n = part.position[0], part.position[1], kind.reach + kind.radius + reach, 0
     a, b = half
     if x + far >= a:
-        n = _on_piece(part, kind, kinds, ((-a, -b), (a, -b), (a, b)), reach, points, n)
+        n = _on_piece(part, kind, kinds, ((-a, -b), (a, -b), (a, b)), reach, True, points, n)
     if y + far >= b:
-        n = _on_piece(part, kind, kinds, ((a, -b), (a, b), (-a, b)), reach, points, n)
+        n = _on_piece(part, kind, kinds, ((a, -b), (a, b), (-a, b)), reach, True, points, n)
     if x - far <= -a:
-        n = _on_piece(part, kind, kinds, ((a, b), (-a, b), (-a, -b)), reach, points, n)
+        n = _on_piece(part, kind, kinds, ((a, b), (-a, b), (-a, -b)), reach, True, points, n)
     if y - far <= -b:
-        n = _on_piece(part, kind, kinds, ((-a, b), (-a, -b), (a, -b)), reach, points, n)
+        n = _on_piece(part, kind, kinds, ((-a, b), (-a, -b), (a, -b)), reach, True, points, n)
     return n
 
 
@@ -105,6 +107,9 @@ def _on_outline(part, kind, kinds, edges, reach, points):
     """The polygons stand one behind the other, first the outer one, each in one turn or the other."""
     x, y, far, m, n = part.position[0], part.position[1], kind.reach + kind.radius + reach, edges.shape[0], 0
     first, last, side = 0, -1, 0.0
+    hull = kind.radius <= CORNER_RADIUS and not is_round(kind)
+    if hull:
+        n = _hull_on_outline(part, kind, kinds, edges, reach, points)
     for k in range(m):
         ax, ay, bx, by = edges[k, 0], edges[k, 1], edges[k, 2], edges[k, 3]
         if k > 0 and (ax != edges[k - 1, 2] or ay != edges[k - 1, 3]):
@@ -119,7 +124,40 @@ def _on_outline(part, kind, kinds, edges, reach, points):
         else:  # the other way round
             p = k + 1 if k < last else first
             place = (edges[p, 2], edges[p, 3]), (bx, by), (ax, ay)
-        n = _on_piece(part, kind, kinds, place, reach, points, n)
+        n = _on_piece(part, kind, kinds, place, reach, not hull, points, n)
+    return n
+
+
+@compiled
+def _hull_on_outline(part, kind, kinds, edges, reach, points):
+    """Points of a hull between the vertices of an outline: most of its edges are near few of all pieces."""
+    corners, n, near = kinds.corners[kind.corner_from : kind.corner_to], 0, nearby(kind, reach)
+    for e in range(kind.edge_from, kind.edge_to):
+        i, j = kinds.edges[e, 0], kinds.edges[e, 1]
+        a, b = plus(part.position, 1.0, arm_of(part, corners, i)), plus(part.position, 1.0, arm_of(part, corners, j))
+        if min(a[2], b[2]) > near or max(a[2], b[2]) < -near:
+            continue
+        low, high = 0.0, 1.0  # of the way from a to b, where it is near the plane of the plate
+        if a[2] != b[2]:
+            one, other = (-near - a[2]) / (b[2] - a[2]), (near - a[2]) / (b[2] - a[2])
+            low, high = max(low, min(one, other)), min(high, max(one, other))
+        c, d = plus(a, low, difference(b, a)), plus(a, high, difference(b, a))
+        left, right = min(c[0], d[0]) - near, max(c[0], d[0]) + near
+        front, back = min(c[1], d[1]) - near, max(c[1], d[1]) + near
+        for k in range(edges.shape[0]):
+            ax, ay, bx, by = edges[k, 0], edges[k, 1], edges[k, 2], edges[k, 3]
+            if min(ax, bx) > right or max(ax, bx) < left or min(ay, by) > back or max(ay, by) < front:
+                continue
+            first = k
+            while first > 0 and edges[first, 0] == edges[first - 1, 2] and edges[first, 1] == edges[first - 1, 3]:
+                first -= 1
+            if _ring(edges, first)[1] < 0.0:
+                ax, ay, bx, by = bx, by, ax, ay
+            x, y = bx - ax, by - ay
+            length = math.sqrt(x * x + y * y)
+            n = hull_edge_on_line(
+                part, kind, corners, (i, j), (x / length, y / length, length, (ax, ay)), reach, points, n
+            )
     return n
 
 
@@ -135,24 +173,26 @@ def _ring(edges, first):
 
 
 @compiled
-def _on_piece(part, kind, kinds, place, reach, points, n):
-    """Points on a straight piece of the edge and on its first vertex.
+def _on_piece(part, kind, kinds, place, reach, lines, points, n):
+    """Points on a straight piece of the edge, if `lines`, and on its first vertex.
 
     place: the vertex before it, its own first and last, (x, y) each, with the plate on the left [m].
     """
     before, begin, end = place
     x, y, u, v = end[0] - begin[0], end[1] - begin[1], begin[0] - before[0], begin[1] - before[1]
+    far, turn = kind.reach + kind.radius + reach, u * y - v * x
+    convex = turn > 0.0 and turn * turn > PARALLEL * PARALLEL * (x * x + y * y) * (u * u + v * v)
+    if not lines and not convex:
+        return n
     length, other = math.sqrt(x * x + y * y), math.sqrt(u * u + v * v)
-    along, back, turn = (x / length, y / length, 0.0), (-u / other, -v / other, 0.0), (u * y - v * x) / (length * other)
+    along, back = (x / length, y / length, 0.0), (-u / other, -v / other, 0.0)
     piece = along[0], along[1], length, begin
     if kind.radius > CORNER_RADIUS:
-        if turn < PARALLEL:
-            back = 0.0, 0.0, 0.0
-        return balls_on_piece(part, kind, kinds, piece, back, reach, points, n)
-    n = _on_line(part, kind, kinds, piece, reach, points, n)
+        return balls_on_piece(part, kind, kinds, piece, back if convex else (0.0, 0.0, 0.0), reach, points, n)
+    if lines:
+        n = _on_line(part, kind, kinds, piece, reach, points, n)
     x, y, z = begin[0] - part.position[0], begin[1] - part.position[1], -part.position[2]
-    far = kind.reach + kind.radius + reach
-    if turn < PARALLEL or x * x + y * y + z * z > far * far:
+    if not convex or x * x + y * y + z * z > far * far:
         return n
     r = part.attitude
     vertex = turned_back(r, (x, y, z))
