@@ -41,7 +41,7 @@ LEVEL = Rotation.identity()
 
 
 @njit
-def _find(parts, kinds, surface, reach, points):
+def _find(parts: Any, kinds: Any, surface: Any, reach: Any, points: Any) -> Any:
     return edge_points(parts[0], kinds.record[parts[0].kind], kinds, surface, reach, points)
 
 
@@ -72,11 +72,11 @@ def cut_plate() -> SurfaceArrays:
 
 
 def plate_with(rings: list[NDArray[np.float64]] | None) -> SurfaceArrays:
-    grid = [np.linspace(-half, half, 9) for half in HALF]
-    none = np.zeros(0)
+    x, y = (np.linspace(-half, half, 9) for half in HALF)
+    none: Any = np.zeros(0)
     outline = outline_arrays(None if rings is None else checked_outline(rings))
     return SurfaceArrays(
-        *grid, np.zeros((0, 9, 9, 3)), none.astype(int), none, none, none + 0j, none + 0j, 1.5e-3, 0.0, False, outline
+        x, y, np.zeros((0, 9, 9, 3)), none.astype(int), none, none, none + 0j, none + 0j, 1.5e-3, 0.0, False, outline
     )
 
 
