@@ -39,6 +39,7 @@ from feeder_sim.engines.impulse.island import Crowd, Share, Span, Tools, advance
 from feeder_sim.engines.impulse.kinds import read_kinds, rim_walls
 from feeder_sim.engines.impulse.pair_contact import PAIR
 from feeder_sim.engines.impulse.state import ABSENT, FREE, Bounds, Exactness, Plate, new_parts, new_scratch, read_wall
+from feeder_sim.engines.noise import new_streams
 from feeder_sim.engines.surface_arrays import SurfaceArrays, surface_arrays
 from feeder_sim.records.impacts import Impacts
 from feeder_sim.records.trajectory import BLOCK_FRAMES, Frames
@@ -121,7 +122,7 @@ class ImpulseEngine:
             np.concatenate([momentum, still]),
         )
         parts["there"][: len(poses)][[not pose.present for pose in poses]] = ABSENT
-        parts["draws"] = random_states(rng, len(parts))
+        parts["draws"] = new_streams(rng, len(parts))
         return parts
 
     def current(self) -> Frames:
@@ -336,10 +337,5 @@ class ImpulseEngine:
 def exactness(scene: Scene) -> Exactness:
     """How exact a scene wants its contacts."""
     run, contact = scene.scenario.run, scene.scenario.contact
-    tolerance = 1e-9 * getattr(run, "tolerance_nm", 0.1)
-    return Exactness(tolerance, max(TOUCHING * tolerance, LEAST_TOUCH), getattr(contact, "noise_m_s", 1e-8))
-
-
-def random_states(rng: np.random.Generator, n: int) -> NDArray[np.uint64]:
-    """States of the random numbers of n parts, drawn after their starts."""
-    return rng.integers(0, 2**63, n, dtype=np.uint64)
+    tolerance = 1e-9 * run.tolerance_nm
+    return Exactness(tolerance, max(TOUCHING * tolerance, LEAST_TOUCH), contact.noise_m_s)

@@ -60,6 +60,7 @@ from feeder_sim.engines.impulse.state import (
 )
 from feeder_sim.engines.impulse.tube_contact import look_at_wall
 from feeder_sim.engines.impulse.vectors import add_to, cross, difference, dot, plus, times, vector, write_to
+from feeder_sim.engines.noise import half_normal
 from feeder_sim.machine_code import compiled, inlined
 from feeder_sim.scene.scene import GRAVITY
 
@@ -216,26 +217,10 @@ def _strike(part, kind, corners, n, surface, bounds, unknown, work):
             work.unresolved[0] += 1
         hit = True
         if moved > 0.0 and bounds.exact.noise > 0.0:
-            part.velocity[2] += bounds.exact.noise * _half_normal(part)
+            scatter, part.draws = half_normal(part.draws)
+            part.velocity[2] += bounds.exact.noise * scatter
         renew_rates(part, kind, corners, n, work)
     return hit
-
-
-@inlined
-def _half_normal(part):
-    """The absolute value of a normal number, from the random numbers of the part (splitmix64, Box and Muller)."""
-    first, second = _uniform(part), _uniform(part)
-    return math.sqrt(-2.0 * math.log(1.0 - first)) * abs(math.cos(2.0 * math.pi * second))
-
-
-@inlined
-def _uniform(part):
-    part.draws = part.draws + np.uint64(0x9E3779B97F4A7C15)
-    z = part.draws
-    z = (z ^ (z >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
-    z = (z ^ (z >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
-    z = z ^ (z >> np.uint64(31))
-    return float(z >> np.uint64(11)) / 9007199254740992.0
 
 
 @compiled

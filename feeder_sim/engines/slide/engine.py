@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from feeder_sim.engines.impact_log import new_log, take_impacts
-from feeder_sim.engines.noise import new_stream
+from feeder_sim.engines.noise import new_streams
 from feeder_sim.engines.slide.motion import Law, Plate, V, Z, advance
 from feeder_sim.records.impacts import Impacts
 from feeder_sim.records.trajectory import BLOCK_FRAMES, Frames
@@ -43,7 +43,7 @@ class SlideEngine:
         up, down = guide.deceleration(GRAVITY)
         contact, tolerance = scene.scenario.contact, 1e-9 * scene.scenario.run.tolerance_nm
         self._law = Law(up, down, contact.coefficient, contact.noise_m_s, tolerance)
-        self._stream = new_stream(rng)
+        self._stream = new_streams(rng, 1)
         self._plate = _plate(scene)
         self._lowest = scene.parts[0].lowest(pose.quaternion)  # below the centre
         self._state = np.array([0.0, pose.position[2] + self._lowest, 0.0, 0.0, 0.0, 0.0])

@@ -183,7 +183,10 @@ def _strike(state, stream, plate, law, switch, log, p):
 @compiled
 def _noise(stream, law):
     """What an impact adds to the speed of departure [m/s]."""
-    return law.noise * half_normal(stream) if law.noise > 0.0 else 0.0
+    if law.noise == 0.0:
+        return 0.0
+    scatter, stream[0] = half_normal(stream[0])
+    return law.noise * scatter
 
 
 @compiled
