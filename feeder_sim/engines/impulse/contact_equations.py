@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 from feeder_sim.engines.impulse.single_impact import _slip, _stick
 from feeder_sim.engines.impulse.vectors import times
-from feeder_sim.machine_code import compiled, inlined, uncounted
+from feeder_sim.machine_code import inlined, uncounted
 
 A, B, N = range(3)  # directions at a contact: two tangents and the normal; then the tangents again, of spin
 DIRECTIONS, FORCES = 5, 3
@@ -41,6 +41,7 @@ STIFFER, SOFTER = 10.0, 0.03  # its factors after a step that leads closer, and 
 PATIENCE, FAILURES, NEWTONS = 2, 8, 100  # steps that lead nowhere, one after the other; how often; all steps
 ATTEMPTS, STEADY = 24, 6  # all, and those that follow the same sweeps on and on
 SWEEPS = 8  # at first, doubled each time
+LARGEST = 1 << 20
 GOLDEN = 0.5 * (math.sqrt(5.0) - 1.0)
 
 
@@ -105,9 +106,15 @@ def mobility_of(room, i):
 
 
 @inlined
+def _place(room, i, which):
+    """A number of contact i; told to the compiler to be an index, it makes loops twice as fast."""
+    return min(max(room.place[i, which], 0), LARGEST)
+
+
+@inlined
 def _coupling(room, i, k, m):
     total = 0.0
-    for x in range(6 + room.place[i, WIDTH]):
+    for x in range(6 + _place(room, i, WIDTH)):
         total += room.rows[i, k, x] * room.push[i, m, x]
     return total
 
@@ -115,34 +122,34 @@ def _coupling(room, i, k, m):
 @inlined
 def _along(room, i, k, which):
     """What a motion is in direction k at contact i."""
-    second, other = room.place[i, SECOND], room.place[i, OTHER] - 6
+    second, other = _place(room, i, SECOND), _place(room, i, OTHER)
     total = 0.0
     for x in range(6):
         total += room.rows[i, k, x] * room.motion[which, second + x]
-    for x in range(6, 6 + room.place[i, WIDTH]):
-        total += room.rows[i, k, x] * room.motion[which, other + x]
+    for x in range(_place(room, i, WIDTH)):
+        total += room.rows[i, k, 6 + x] * room.motion[which, other + x]
     return total
 
 
 @inlined
 def _push(room, i, k, p, which):
     """Change a motion by an impulse p in direction k at contact i."""
-    second, other = room.place[i, SECOND], room.place[i, OTHER] - 6
+    second, other = _place(room, i, SECOND), _place(room, i, OTHER)
     for x in range(6):
         room.motion[which, second + x] += p * room.push[i, k, x]
-    for x in range(6, 6 + room.place[i, WIDTH]):
-        room.motion[which, other + x] += p * room.push[i, k, x]
+    for x in range(_place(room, i, WIDTH)):
+        room.motion[which, other + x] += p * room.push[i, k, 6 + x]
 
 
 @uncounted
 def begin(room, n, size):
     """No impulses yet: the motion before them, relative velocities and effective masses."""
     for i in range(n):
-        for k in range(room.place[i, COUNT]):
+        for k in range(_place(room, i, COUNT)):
             room.value[IMPULSES, i, k] = 0.0
     make_motion(room, n, size)
     for i in range(n):
-        for k in range(room.place[i, COUNT]):
+        for k in range(_place(room, i, COUNT)):
             room.value[BEFORE, i, k] = relative(room, i, k)
             room.value[RATE, i, k] = _coupling(room, i, k, k)
 
@@ -153,12 +160,12 @@ def make_motion(room, n, size):
     for x in range(size):
         room.motion[NOW, x] = room.motion[START, x]
     for i in range(n):
-        for k in range(room.place[i, COUNT]):
+        for k in range(_place(room, i, COUNT)):
             if room.value[IMPULSES, i, k] != 0.0:
                 _push(room, i, k, room.value[IMPULSES, i, k], NOW)
 
 
-@compiled
+@uncounted
 def settle(room, n, size):
     """Solve for impulses and motion, from impulses as they are; returns whether every contact obeys its laws."""
     approach = speed = 0.0
@@ -168,8 +175,19 @@ def settle(room, n, size):
             known = abs(room.value[KNOWN, i, k])
             speed = max(speed, known, known + abs(room.value[BEFORE, i, k]))
     enough, sweeps = max(ENOUGH * approach, FLOOR * speed), SWEEPS
+    alone = size < 12
+    if alone:
+        for _ in range(4):
+            _sweep(room, n)
     for attempt in range(ATTEMPTS):
-        if _newtons(room, n, size, enough, STIFF if attempt % 2 == 0 else SOFT):
+        if _newtons(
+            room,
+            n,
+            size,
+            enough,
+            1e4 if alone and attempt == 0 else STIFF if attempt % 2 == 0 else SOFT,
+            3 if alone else FAILURES,
+        ):
             return True
         _copy(room, BEST, IMPULSES, n)
         if attempt >= STEADY:
@@ -188,7 +206,7 @@ def settle(room, n, size):
 
 
 @uncounted
-def _newtons(room, n, size, enough, stiff):
+def _newtons(room, n, size, enough, stiff, most):
     """Steps until the error is small enough; returns whether it is. BEST is what came closest."""
     best, failures, stale = math.inf, 0, 0
     for _ in range(NEWTONS):
@@ -197,14 +215,14 @@ def _newtons(room, n, size, enough, stiff):
         if error <= enough:
             return True
         if error < best:
-            if best < math.inf:
+            if best < math.inf and stiff < STIFFEST:
                 stiff = min(STIFFEST, stiff * max(STIFFER, best / error))
                 _linearise(room, n, enough, stiff)
             best, stale = error, 0
             _copy(room, IMPULSES, BEST, n)
         elif stale < PATIENCE:
             stale += 1
-        elif failures < FAILURES:
+        elif failures < most:
             failures, stale, stiff = failures + 1, 0, SOFTER * stiff
             _copy(room, BEST, IMPULSES, n)
             make_motion(room, n, size)
@@ -228,7 +246,7 @@ def _disturb(room, n, attempt):
     """Other impulses within the cones, between none and twice what they are, to begin from."""
     for i in range(n):
         share = 2.0 * ((GOLDEN * (i + 1) * attempt) % 1.0)
-        for k in range(room.place[i, COUNT]):
+        for k in range(_place(room, i, COUNT)):
             room.value[IMPULSES, i, k] *= share
 
 
@@ -238,7 +256,7 @@ def _linearise(room, n, enough, stiff):
     worst = 0.0
     for i in range(n):
         p, law, gap, rate = room.value[IMPULSES, i], room.law[i], room.value[GAP, i], room.value[RATE, i]
-        count = room.place[i, COUNT]
+        count = _place(room, i, COUNT)
         for k in range(count):
             for m in range(count):
                 law[k, m] = 0.0
@@ -296,30 +314,37 @@ def _newton(room, n, size):
             matrix[x, y] = 0.0
         matrix[x, x] = 1.0
     for i in range(n):
-        count, width = room.place[i, COUNT], 6 + room.place[i, WIDTH]
+        count, width = _place(room, i, COUNT), 6 + _place(room, i, WIDTH)
         for k in range(count):
             if room.value[GAP, i, k] != 0.0:
                 _push(room, i, k, room.value[GAP, i, k], STEP)
         if room.law[i, N, N] == 0.0:
             continue
-        second, other = room.place[i, SECOND], room.place[i, OTHER] - 6
-        for k in range(count):
-            for x in range(width):
-                bent[k, x] = 0.0
-            for m in range(count):
-                if room.law[i, k, m] != 0.0:
-                    for x in range(width):
-                        bent[k, x] += room.law[i, k, m] * room.rows[i, m, x]
-            for x in range(width):
-                share, line = room.push[i, k, x], x + (second if x < 6 else other)
+        second, other, far = _place(room, i, SECOND), _place(room, i, OTHER), _place(room, i, WIDTH)
+        law, rows, push = room.law[i], room.rows[i], room.push[i]
+        for k in range(0, count, FORCES):
+            for m in range(k, k + 2):
+                for x in range(width):
+                    bent[m, x] = law[m, N] * rows[N, x] + law[m, k] * rows[k, x] + law[m, k + 1] * rows[k + 1, x]
+        for x in range(width):
+            bent[N, x] = law[N, N] * rows[N, x]
+        for x in range(width):
+            line = second + x if x < 6 else other + x - 6
+            s, t, r = push[A, x], push[B, x], push[N, x]
+            for y in range(6):
+                matrix[line, second + y] += s * bent[A, y] + t * bent[B, y] + r * bent[N, y]
+            for y in range(far):
+                matrix[line, other + y] += s * bent[A, 6 + y] + t * bent[B, 6 + y] + r * bent[N, 6 + y]
+            if count > FORCES:
+                s, t = push[FORCES, x], push[FORCES + 1, x]
                 for y in range(6):
-                    matrix[line, second + y] += share * bent[k, y]
-                for y in range(6, width):
-                    matrix[line, other + y] += share * bent[k, y]
+                    matrix[line, second + y] += s * bent[FORCES, y] + t * bent[FORCES + 1, y]
+                for y in range(far):
+                    matrix[line, other + y] += s * bent[FORCES, 6 + y] + t * bent[FORCES + 1, 6 + y]
     if not solve_equations(matrix, step, size):
         return False
     for i in range(n):
-        p, count = room.value[IMPULSES, i], room.place[i, COUNT]
+        p, count = room.value[IMPULSES, i], _place(room, i, COUNT)
         for k in range(count):
             p[k] += room.value[GAP, i, k]
         if room.law[i, N, N] == 0.0:
@@ -391,14 +416,15 @@ def solve_alone(room, i):
 
 @uncounted
 def _sweep(room, n):
-    """Solve each contact in turn; a moment takes a short step only."""
+    """A step of each contact in turn: its impulses, changed freely, projected onto their cone."""
     for i in range(n):
-        solve_alone(room, i)
-        if room.place[i, COUNT] > FORCES:
-            p, rate = room.value[IMPULSES, i], room.value[RATE, i]
-            last, r = (p[FORCES], p[FORCES + 1]), 1.0 / (rate[FORCES] + rate[FORCES + 1])
-            p[FORCES] -= r * relative(room, i, FORCES)
-            p[FORCES + 1] -= r * relative(room, i, FORCES + 1)
-            _keep_in_disc(p, FORCES, room.limit[i, ROLLS] * p[N])
-            for m in range(2):
-                _push(room, i, FORCES + m, p[FORCES + m] - last[m], NOW)
+        p, last = room.value[IMPULSES, i], room.value[IMPULSES, i, N]
+        p[N] = max(0.0, last - (relative(room, i, N) - room.target[i]) / room.value[RATE, i, N])
+        _push(room, i, N, p[N] - last, NOW)
+        for k in range(0, _place(room, i, COUNT), FORCES):
+            r = 1.0 / (room.value[RATE, i, k] + room.value[RATE, i, k + 1])
+            last_s, last_t = p[k], p[k + 1]
+            p[k], p[k + 1] = last_s - r * relative(room, i, k), last_t - r * relative(room, i, k + 1)
+            _keep_in_disc(p, k, room.limit[i, k // FORCES] * p[N])
+            _push(room, i, k, p[k] - last_s, NOW)
+            _push(room, i, k + 1, p[k + 1] - last_t, NOW)

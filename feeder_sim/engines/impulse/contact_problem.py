@@ -42,18 +42,16 @@ from feeder_sim.engines.impulse.contact_equations import (
     B,
     N,
     Room,
-    add_impulse,
     begin,
     make_motion,
-    mobility_of,
     relative,
     room_for,
     settle,
     solve_alone,
 )
-from feeder_sim.engines.impulse.single_impact import HALVINGS, ROUND_OFF, impulse_at_point, tangents
-from feeder_sim.engines.impulse.vectors import combine, cross, dot, times, vector, write_to
-from feeder_sim.machine_code import compiled, inlined, uncounted
+from feeder_sim.engines.impulse.single_impact import HALVINGS, ROUND_OFF, added, impulse_at_point, mobility, tangents
+from feeder_sim.engines.impulse.vectors import add_to, combine, cross, difference, dot, plus, times, vector, write_to
+from feeder_sim.machine_code import inlined, uncounted
 
 ARM_FIRST, ARM_SECOND, NORMAL, VELOCITY, IMPULSE, MOMENT = range(6)  # of Contacts.vector
 RESTITUTION, FRICTION, ROLLING, TARGET = range(4)  # of Contacts.number
@@ -114,7 +112,7 @@ def new_room(bodies: int, contacts: int, shapes: int = 0) -> tuple[Bodies, Conta
     )
 
 
-@compiled
+@uncounted
 def solve(bodies, contacts, n, modes):
     """Find the impulses at the first n contacts that reach their TARGET; changes velocities and spins in place.
 
@@ -133,47 +131,82 @@ def solve(bodies, contacts, n, modes):
     return settled
 
 
-@compiled
+@uncounted
 def impact(bodies, contacts, n, modes):
     """As `solve`, by Newton's law of restitution: the target is -e u.n where a contact approaches, else 0.
 
     Overwrites TARGET. Energy never grows.
     """
     room, number = contacts.room, contacts.number
+    if n == 1 and number[ROLLING, 0] <= 0.0 and _impact_alone(bodies, contacts, modes):
+        return True
     size = _lay_out(bodies, contacts, n, modes)
-    settled = n == 1 and room.place[0, COUNT] == FORCES and _impact_alone(room, number)
-    share = 1.0  # of the restitution
-    if not settled:
-        for _ in range(HALVINGS + 1):
-            for i in range(n):
-                room.target[i] = -share * number[RESTITUTION, i] * min(room.value[BEFORE, i, N], 0.0)
-            settled = settle(room, n, size)
-            work, least, _ = _work(room, n)
-            if (settled and work <= least) or share == 0.0:
-                break
-            if not settled:
-                begin(room, n, size)
-            share = 0.5 * share if settled and share > 0.02 else 0.0
+    share, settled = 1.0, False  # of the restitution
+    for _ in range(HALVINGS + 1):
+        for i in range(n):
+            room.target[i] = -share * number[RESTITUTION, i] * min(room.value[BEFORE, i, N], 0.0)
+        settled = settle(room, n, size)
+        work, least, _ = _work(room, n)
+        if (settled and work <= least) or share == 0.0:
+            break
         if not settled:
-            _spare_energy(room, n, size)
+            begin(room, n, size)
+        share = 0.5 * share if settled and share > 0.02 else 0.0
+    if not settled:
+        _spare_energy(room, n, size)
     for i in range(n):
         number[TARGET, i] = room.target[i]
     _write_out(bodies, contacts, n, modes)
     return settled
 
 
+@uncounted
+def _impact_alone(bodies, contacts, modes):
+    """Impact at the first contact only, directly; returns False, with nothing changed, where that does not apply."""
+    first, second = contacts.body[0, 0], contacts.body[0, 1]
+    normal, arm = vector(contacts.vector[NORMAL, 0]), vector(contacts.vector[ARM_SECOND, 0])
+    first_arm, (a, b) = vector(contacts.vector[ARM_FIRST, 0]), tangents(normal)
+    k = mobility(bodies.inverse_mass[second], _inverse_inertia(bodies, second), arm, a, b, normal)
+    u = plus(bodies.velocity[second], 1.0, cross(bodies.spin[second], arm))
+    if first == WORLD:
+        u = difference(u, contacts.vector[VELOCITY, 0])
+        k = _yielding(modes, k, a, b, normal)
+    else:
+        u = difference(u, plus(bodies.velocity[first], 1.0, cross(bodies.spin[first], first_arm)))
+        inverse_inertia = _inverse_inertia(bodies, first)
+        k = added(k, mobility(bodies.inverse_mass[first], inverse_inertia, first_arm, a, b, normal))
+    before, e, solved, p = (
+        (dot(a, u), dot(b, u), dot(normal, u)),
+        contacts.number[RESTITUTION, 0],
+        True,
+        (0.0, 0.0, 0.0),
+    )
+    if before[2] < 0.0:
+        solved, p = impulse_at_point(k, before, e, contacts.number[FRICTION, 0])
+    if not solved:
+        return False
+    push = combine(p[0], a, p[1], b, p[2], normal)
+    _apply(bodies, second, arm, push, 1.0)
+    if first != WORLD:
+        _apply(bodies, first, first_arm, push, -1.0)
+    _take_alone(modes, push, first == WORLD)
+    write_to(contacts.vector[IMPULSE, 0], push)
+    write_to(contacts.vector[MOMENT, 0], (0.0, 0.0, 0.0))
+    contacts.number[TARGET, 0] = -e * min(before[2], 0.0)
+    return True
+
+
 @inlined
-def _impact_alone(room, number):
-    """Whether the direct solution applies to the only contact, which then has its impulse."""
-    u = room.value[BEFORE, 0, A], room.value[BEFORE, 0, B], room.value[BEFORE, 0, N]
-    room.target[0] = -number[RESTITUTION, 0] * min(u[2], 0.0)
-    if u[2] >= 0.0:
-        return True
-    solved, p = impulse_at_point(mobility_of(room, 0), u, number[RESTITUTION, 0], number[FRICTION, 0])
-    if solved:
-        for k in range(FORCES):
-            add_impulse(room, 0, k, p[k])
-    return solved
+def _apply(bodies, j, arm, push, sign):
+    """Change the motion of body j by an impulse at the end of an arm."""
+    add_to(bodies.velocity[j], sign * bodies.inverse_mass[j], push)
+    add_to(bodies.spin[j], sign, times(_inverse_inertia(bodies, j), cross(arm, push)))
+
+
+@inlined
+def _inverse_inertia(bodies, j):
+    m = bodies.inverse_inertia[j]
+    return m[0], m[1], m[2], m[3], m[4], m[5]
 
 
 @uncounted
@@ -219,8 +252,8 @@ def _end_of_bodies(contacts, n):
 @inlined
 def _write_body(bodies, room, i, k, d, j, arm, at, sign):
     """How contact i moves along direction k with body j, or turns about it, and what an impulse there does to it."""
-    turning, m = cross(arm, d) if k < FORCES else d, bodies.inverse_inertia[j]
-    turned = times((m[0], m[1], m[2], m[3], m[4], m[5]), turning)
+    turning = cross(arm, d) if k < FORCES else d
+    turned = times(_inverse_inertia(bodies, j), turning)
     for c in range(3):
         room.rows[i, k, at + c] = sign * d[c] if k < FORCES else 0.0
         room.rows[i, k, at + 3 + c] = sign * turning[c]
@@ -284,6 +317,16 @@ def _write_modes(modes, room, i, k, d):
     raise NotImplementedError("for compiled code only")
 
 
+def _yielding(modes, k, a, b, normal):
+    """The inverse effective mass k of the only contact, with what it gains by the modes."""
+    raise NotImplementedError("for compiled code only")
+
+
+def _take_alone(modes, push, moves):
+    """What the impulse at the only contact takes from the modes, if it moves them."""
+    raise NotImplementedError("for compiled code only")
+
+
 def _write_taken(modes, room, at):
     """What the modes have lost; at: where they begin in the motion."""
     raise NotImplementedError("for compiled code only")
@@ -307,6 +350,33 @@ def _write_modes_by_kind(modes, room, i, k, d):
             room.push[i, k, 6 + s] = modes.inverse_mass[s] * room.rows[i, k, 6 + s]
 
     return write
+
+
+@overload(_yielding)
+def _yielding_by_kind(modes, k, a, b, normal):
+    if isinstance(modes, types.NoneType):
+        return lambda modes, k, a, b, normal: k
+
+    def gained(modes, k, a, b, normal):
+        for s in range(modes.taken.shape[0]):
+            d, share = modes.carried[0, s], modes.inverse_mass[s]
+            x, y, z = dot(d, a), dot(d, b), dot(d, normal)
+            k = added(k, (share * x * x, share * x * y, share * x * z, share * y * y, share * y * z, share * z * z))
+        return k
+
+    return gained
+
+
+@overload(_take_alone)
+def _take_by_kind(modes, push, moves):
+    if isinstance(modes, types.NoneType):
+        return lambda modes, push, moves: None
+
+    def take(modes, push, moves):
+        for s in range(modes.taken.shape[0]):
+            modes.taken[s] = modes.inverse_mass[s] * dot(modes.carried[0, s], push) if moves else 0.0
+
+    return take
 
 
 @overload(_write_taken)
