@@ -11,7 +11,7 @@ step is the change of motion, six numbers for each body, and impulses follow it 
 were, which leaves solutions as they are (proximal points; Rockafellar, SIAM J. Control 14 (1976) 877). From no impulses
 that comes to nearly the least ones, so that what is symmetric stays so. A large r makes a step Newton's; a small one
 makes it short and safe, as in Levenberg's and Marquardt's method. Steps that lead nowhere begin again from sweeps of
-Gauss-Seidel, each contact solved exactly (Jean, CMAME 177 (1999) 235).
+projected Gauss-Seidel (Jean, CMAME 177 (1999) 235).
 """
 
 from __future__ import annotations
@@ -37,6 +37,7 @@ ENOUGH = 1e-12  # of the largest approach: how closely contacts are solved
 FLOOR = 4e-15  # of the largest speed, which is round-off
 # What follows was chosen by trial on thousands of random heaps and stacks.
 STIFFEST, STIFF, SOFT = 1e8, 1e2, 1e1  # r, in effective masses: at most; in the first step, alternately
+STIFF_ALONE, FAILURES_ALONE = 1e4, 3  # of a single body
 STIFFER, SOFTER = 10.0, 0.03  # its factors after a step that leads closer, and after some that do not
 PATIENCE, FAILURES, NEWTONS = 2, 8, 100  # steps that lead nowhere, one after the other; how often; all steps
 ATTEMPTS, STEADY = 24, 6  # all, and those that follow the same sweeps on and on
@@ -175,19 +176,12 @@ def settle(room, n, size):
             known = abs(room.value[KNOWN, i, k])
             speed = max(speed, known, known + abs(room.value[BEFORE, i, k]))
     enough, sweeps = max(ENOUGH * approach, FLOOR * speed), SWEEPS
-    alone = size < 12
-    if alone:
-        for _ in range(4):
-            _sweep(room, n)
+    alone = size < 12  # a single body, unless there are many modes
     for attempt in range(ATTEMPTS):
-        if _newtons(
-            room,
-            n,
-            size,
-            enough,
-            1e4 if alone and attempt == 0 else STIFF if attempt % 2 == 0 else SOFT,
-            3 if alone else FAILURES,
-        ):
+        stiff = STIFF if attempt % 2 == 0 else SOFT
+        if alone and attempt == 0:
+            stiff = STIFF_ALONE
+        if _newtons(room, n, size, enough, stiff, FAILURES_ALONE if alone else FAILURES):
             return True
         _copy(room, BEST, IMPULSES, n)
         if attempt >= STEADY:
