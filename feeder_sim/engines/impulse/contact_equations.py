@@ -36,10 +36,10 @@ START, NOW, STEP = range(3)  # of Room.motion
 ENOUGH = 1e-12  # of the largest approach: how closely contacts are solved
 FLOOR = 4e-15  # of the largest speed, which is round-off
 # What follows was chosen by trial on thousands of random heaps and stacks.
-STIFFEST, STIFF, SOFT = 1e8, 1e2, 1e1  # r, in effective masses: at most; in the first step, alternately
-STIFF_ALONE, FAILURES_ALONE = 1e4, 3  # of a single body
+STIFFEST, STIFF, SOFT = 1e8, 1e2, 1e1  # r, in effective masses: at most and at first; at other attempts
 STIFFER, SOFTER = 10.0, 0.03  # its factors after a step that leads closer, and after some that do not
-PATIENCE, FAILURES, NEWTONS = 2, 8, 100  # steps that lead nowhere, one after the other; how often; all steps
+PATIENCE, FEW, FAILURES = 2, 1, 8  # steps that lead nowhere, one after the other; how often, at first and later
+NEWTONS = 100  # steps of an attempt
 ATTEMPTS, STEADY = 24, 6  # all, and those that follow the same sweeps on and on
 SWEEPS = 8  # at first, doubled each time
 LARGEST = 1 << 20
@@ -176,12 +176,11 @@ def settle(room, n, size):
             known = abs(room.value[KNOWN, i, k])
             speed = max(speed, known, known + abs(room.value[BEFORE, i, k]))
     enough, sweeps = max(ENOUGH * approach, FLOOR * speed), SWEEPS
-    alone = size < 12  # a single body, unless there are many modes
     for attempt in range(ATTEMPTS):
-        stiff = STIFF if attempt % 2 == 0 else SOFT
-        if alone and attempt == 0:
-            stiff = STIFF_ALONE
-        if _newtons(room, n, size, enough, stiff, FAILURES_ALONE if alone else FAILURES):
+        stiff, failures = STIFF if attempt % 2 == 1 else SOFT, FAILURES
+        if attempt == 0:
+            stiff, failures = STIFFEST, FEW
+        if _newtons(room, n, size, enough, stiff, failures):
             return True
         _copy(room, BEST, IMPULSES, n)
         if attempt >= STEADY:
