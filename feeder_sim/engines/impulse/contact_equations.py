@@ -1,0 +1,423 @@
+"""The equations of contacts that act on each other, and how they are solved; contact_problem.py says which they are.
+
+With velocities u, impulses p and a target b, any r > 0, and P the projection onto a disc around 0 (Alart and Curnier,
+CMAME 92 (1991) 353),
+
+    p.n = max(0, p.n - r (u.n - b)),   p_t = P(p_t - r u_t), radius mu p.n,   u = u_0 + W p
+
+and moments against rolling like p_t. By the last step's impulses each contact is taken for open, sticking or slipping
+(semismooth Newton method). Where faces meet W is singular: motions are unique, impulses are not. So the unknown of a
+step is the change of motion, six numbers for each body, and impulses follow it by a compliance 1/r about what they
+were, which leaves solutions as they are (proximal points; Rockafellar, SIAM J. Control 14 (1976) 877). From no impulses
+that comes to nearly the least ones, so that what is symmetric stays so. A large r makes a step Newton's; a small one
+makes it short and safe, as in Levenberg's and Marquardt's method. Steps that lead nowhere begin again from sweeps of
+projected Gauss-Seidel (Jean, CMAME 177 (1999) 235).
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from feeder_sim.engines.impulse.single_impact import _slip, _stick
+from feeder_sim.engines.impulse.vectors import times
+from feeder_sim.machine_code import inlined, uncounted
+
+A, B, N = range(3)  # directions at a contact: two tangents and the normal; then the tangents again, of spin
+DIRECTIONS, FORCES = 5, 3
+SECOND, OTHER, WIDTH, COUNT = range(4)  # of Room.place
+IMPULSES, BEFORE, KNOWN, RATE, GAP, BEST, SWEPT = range(7)  # of Room.value
+SLIDES, ROLLS = range(2)  # of Room.limit
+START, NOW, STEP = range(3)  # of Room.motion
+
+ENOUGH = 1e-12  # of the largest approach: how closely contacts are solved
+FLOOR = 4e-15  # of the largest speed, which is round-off
+# What follows was chosen by trial on thousands of random heaps and stacks.
+STIFFEST, STIFF, SOFT = 1e8, 1e2, 1e1  # r, in effective masses: at most and at first; at other attempts
+STIFFER, SOFTER = 10.0, 0.03  # its factors after a step that leads closer, and after some that do not
+PATIENCE, FEW, FAILURES = 2, 1, 8  # steps that lead nowhere, one after the other; how often, at first and later
+NEWTONS = 100  # steps of an attempt
+ATTEMPTS, STEADY = 24, 6  # all, and those that follow the same sweeps on and on
+SWEEPS = 8  # at first, doubled each time
+LARGEST = 1 << 20
+GOLDEN = 0.5 * (math.sqrt(5.0) - 1.0)
+
+
+class Room(NamedTuple):
+    """Equations and room to solve them. All motion is one vector: (velocity, spin) of each body, then of the modes.
+
+    rows: what it is in each direction at a contact; push: what an impulse in that direction does to it; both (n,
+    DIRECTIONS, width), of the second body and then of the first, or of the modes. place (n, 4): where in the motion
+    these begin, the width of the latter, the number of directions. value (7, n, DIRECTIONS): IMPULSES; relative
+    velocity BEFORE; KNOWN: that of the world, negative; RATE: effective inverse mass; GAP, BEST and SWEPT: impulses on
+    the way. limit (n, 2): tangential impulse and moment, as shares of the normal impulse. target (n,) [m/s]. law (n,
+    DIRECTIONS, DIRECTIONS): by how much impulses fall when velocities rise. motion: (3, all); matrix: (all, all).
+    """
+
+    rows: NDArray[np.float64]
+    push: NDArray[np.float64]
+    place: NDArray[np.int64]
+    value: NDArray[np.float64]
+    limit: NDArray[np.float64]
+    target: NDArray[np.float64]
+    law: NDArray[np.float64]
+    bent: NDArray[np.float64]
+    motion: NDArray[np.float64]
+    matrix: NDArray[np.float64]
+
+
+def room_for(bodies: int, contacts: int, shapes: int) -> Room:
+    """Room for so many bodies, contacts and modes."""
+    size, width = 6 * bodies + shapes, 6 + max(6, shapes)
+    return Room(
+        rows=np.zeros((contacts, DIRECTIONS, width)),
+        push=np.zeros((contacts, DIRECTIONS, width)),
+        place=np.zeros((contacts, 4), np.int64),
+        value=np.zeros((7, contacts, DIRECTIONS)),
+        limit=np.zeros((contacts, 2)),
+        target=np.zeros(contacts),
+        law=np.zeros((contacts, DIRECTIONS, DIRECTIONS)),
+        bent=np.zeros((DIRECTIONS, width)),
+        motion=np.zeros((3, size)),
+        matrix=np.zeros((size, size)),
+    )
+
+
+@inlined
+def relative(room, i, k):
+    """Relative velocity [m/s], or spin [rad/s], in direction k at contact i."""
+    return _along(room, i, k, NOW) + room.value[KNOWN, i, k]
+
+
+@inlined
+def add_impulse(room, i, k, p):
+    """Give contact i more impulse in direction k."""
+    room.value[IMPULSES, i, k] += p
+    _push(room, i, k, p, NOW)
+
+
+@inlined
+def mobility_of(room, i):
+    """Inverse effective mass of contact i in its directions [1/kg], symmetric."""
+    rate = room.value[RATE, i]
+    return rate[A], _coupling(room, i, A, B), _coupling(room, i, A, N), rate[B], _coupling(room, i, B, N), rate[N]
+
+
+@inlined
+def _place(room, i, which):
+    """A number of contact i; told to the compiler to be an index, it makes loops twice as fast."""
+    return min(max(room.place[i, which], 0), LARGEST)
+
+
+@inlined
+def _coupling(room, i, k, m):
+    total = 0.0
+    for x in range(6 + _place(room, i, WIDTH)):
+        total += room.rows[i, k, x] * room.push[i, m, x]
+    return total
+
+
+@inlined
+def _along(room, i, k, which):
+    """What a motion is in direction k at contact i."""
+    second, other = _place(room, i, SECOND), _place(room, i, OTHER)
+    total = 0.0
+    for x in range(6):
+        total += room.rows[i, k, x] * room.motion[which, second + x]
+    for x in range(_place(room, i, WIDTH)):
+        total += room.rows[i, k, 6 + x] * room.motion[which, other + x]
+    return total
+
+
+@inlined
+def _push(room, i, k, p, which):
+    """Change a motion by an impulse p in direction k at contact i."""
+    second, other = _place(room, i, SECOND), _place(room, i, OTHER)
+    for x in range(6):
+        room.motion[which, second + x] += p * room.push[i, k, x]
+    for x in range(_place(room, i, WIDTH)):
+        room.motion[which, other + x] += p * room.push[i, k, 6 + x]
+
+
+@uncounted
+def begin(room, n, size):
+    """No impulses yet: the motion before them, relative velocities and effective masses."""
+    for i in range(n):
+        for k in range(_place(room, i, COUNT)):
+            room.value[IMPULSES, i, k] = 0.0
+    make_motion(room, n, size)
+    for i in range(n):
+        for k in range(_place(room, i, COUNT)):
+            room.value[BEFORE, i, k] = relative(room, i, k)
+            room.value[RATE, i, k] = _coupling(room, i, k, k)
+
+
+@uncounted
+def make_motion(room, n, size):
+    """The motion NOW, which all impulses make of that at the START."""
+    for x in range(size):
+        room.motion[NOW, x] = room.motion[START, x]
+    for i in range(n):
+        for k in range(_place(room, i, COUNT)):
+            if room.value[IMPULSES, i, k] != 0.0:
+                _push(room, i, k, room.value[IMPULSES, i, k], NOW)
+
+
+@uncounted
+def settle(room, n, size):
+    """Solve for impulses and motion, from impulses as they are; returns whether every contact obeys its laws."""
+    approach = speed = 0.0
+    for i in range(n):
+        approach = max(approach, room.target[i] - room.value[BEFORE, i, N])
+        for k in range(FORCES):
+            known = abs(room.value[KNOWN, i, k])
+            speed = max(speed, known, known + abs(room.value[BEFORE, i, k]))
+    enough, sweeps = max(ENOUGH * approach, FLOOR * speed), SWEEPS
+    for attempt in range(ATTEMPTS):
+        stiff, failures = STIFF if attempt % 2 == 1 else SOFT, FAILURES
+        if attempt == 0:
+            stiff, failures = STIFFEST, FEW
+        if _newtons(room, n, size, enough, stiff, failures):
+            return True
+        _copy(room, BEST, IMPULSES, n)
+        if attempt >= STEADY:
+            _disturb(room, n, attempt)
+            sweeps = 2 * SWEEPS
+        elif attempt > 0:
+            _copy(room, SWEPT, IMPULSES, n)
+        make_motion(room, n, size)
+        for _ in range(sweeps):
+            _sweep(room, n)
+        sweeps *= 2
+        _copy(room, IMPULSES, SWEPT, n)
+    _copy(room, BEST, IMPULSES, n)
+    make_motion(room, n, size)
+    return False
+
+
+@uncounted
+def _newtons(room, n, size, enough, stiff, most):
+    """Steps until the error is small enough; returns whether it is. BEST is what came closest."""
+    best, failures, stale = math.inf, 0, 0
+    for _ in range(NEWTONS):
+        make_motion(room, n, size)
+        error = _linearise(room, n, enough, stiff)
+        if error <= enough:
+            return True
+        if error < best:
+            if best < math.inf and stiff < STIFFEST:
+                stiff = min(STIFFEST, stiff * max(STIFFER, best / error))
+                _linearise(room, n, enough, stiff)
+            best, stale = error, 0
+            _copy(room, IMPULSES, BEST, n)
+        elif stale < PATIENCE:
+            stale += 1
+        elif failures < most:
+            failures, stale, stiff = failures + 1, 0, SOFTER * stiff
+            _copy(room, BEST, IMPULSES, n)
+            make_motion(room, n, size)
+            _linearise(room, n, enough, stiff)
+        else:
+            return False
+        if not _newton(room, n, size):
+            return False
+    return False
+
+
+@uncounted
+def _copy(room, source, target, n):
+    for i in range(n):
+        for k in range(DIRECTIONS):
+            room.value[target, i, k] = room.value[source, i, k]
+
+
+@uncounted
+def _disturb(room, n, attempt):
+    """Other impulses within the cones, between none and twice what they are, to begin from."""
+    for i in range(n):
+        share = 2.0 * ((GOLDEN * (i + 1) * attempt) % 1.0)
+        for k in range(_place(room, i, COUNT)):
+            room.value[IMPULSES, i, k] *= share
+
+
+@uncounted
+def _linearise(room, n, enough, stiff):
+    """How impulses change, GAP - law (change of velocity), by the laws of contact; returns their error now [m/s]."""
+    worst = 0.0
+    for i in range(n):
+        p, law, gap, rate = room.value[IMPULSES, i], room.law[i], room.value[GAP, i], room.value[RATE, i]
+        count = _place(room, i, COUNT)
+        for k in range(count):
+            for m in range(count):
+                law[k, m] = 0.0
+        along = relative(room, i, N) - room.target[i]
+        pressed = p[N] - along / rate[N]
+        worst = max(worst, abs(p[N] - max(pressed, 0.0)) * rate[N])
+        if pressed < -enough / rate[N]:  # open
+            for k in range(count):
+                gap[k] = -p[k]
+            worst = max(worst, math.hypot(p[A], p[B]) * (rate[A] + rate[B]))
+            continue
+        law[N, N] = stiff / rate[N]
+        gap[N] = -law[N, N] * along
+        error = _linearise_disc(room, i, A, room.limit[i, SLIDES], max(pressed, 0.0), stiff)
+        worst = max(worst, error * (rate[A] + rate[B]))
+        if count > FORCES:
+            error = _linearise_disc(room, i, FORCES, room.limit[i, ROLLS], max(pressed, 0.0), stiff)
+            worst = max(worst, error * math.sqrt((rate[FORCES] + rate[FORCES + 1]) * rate[N]))
+    return worst
+
+
+@inlined
+def _linearise_disc(room, i, k, share, pressed, stiff):
+    """The same for directions k and k + 1 of contact i, where impulses are at most a share of the normal one."""
+    p, law, gap = room.value[IMPULSES, i], room.law[i], room.value[GAP, i]
+    r = 1.0 / (room.value[RATE, i, k] + room.value[RATE, i, k + 1])
+    x, y = relative(room, i, k), relative(room, i, k + 1)
+    s, t = p[k] - r * x, p[k + 1] - r * y
+    size, limit = math.sqrt(s * s + t * t), share * pressed
+    r_stiff = r * stiff
+    if size <= limit:  # sticks
+        law[k, k] = law[k + 1, k + 1] = r_stiff
+        gap[k], gap[k + 1] = -r_stiff * x, -r_stiff * y
+        return r * math.sqrt(x * x + y * y)
+    error = math.hypot(p[k] - limit * s / size, p[k + 1] - limit * t / size)
+    # Slips: p_t = share p.n (s, t), and a change of velocity across turns that direction.
+    s, t, edge = p[k] - r_stiff * x, p[k + 1] - r_stiff * y, share * p[N]
+    size = math.sqrt(s * s + t * t)
+    turn, s, t = (edge * r_stiff / size, s / size, t / size) if size > 0.0 else (0.0, 0.0, 0.0)
+    law[k, N], law[k + 1, N] = share * s * law[N, N], share * t * law[N, N]
+    law[k, k], law[k, k + 1] = turn * t * t, -turn * s * t
+    law[k + 1, k], law[k + 1, k + 1] = -turn * s * t, turn * s * s
+    edge += share * gap[N]
+    gap[k], gap[k + 1] = edge * s - p[k], edge * t - p[k + 1]
+    return error
+
+
+@uncounted
+def _newton(room, n, size):
+    """One step by the linear laws, then back into the cones; False where there is none."""
+    matrix, step, bent = room.matrix, room.motion[STEP], room.bent
+    for x in range(size):
+        step[x] = 0.0
+        for y in range(size):
+            matrix[x, y] = 0.0
+        matrix[x, x] = 1.0
+    for i in range(n):
+        count, width = _place(room, i, COUNT), 6 + _place(room, i, WIDTH)
+        for k in range(count):
+            if room.value[GAP, i, k] != 0.0:
+                _push(room, i, k, room.value[GAP, i, k], STEP)
+        if room.law[i, N, N] == 0.0:
+            continue
+        second, other, far = _place(room, i, SECOND), _place(room, i, OTHER), _place(room, i, WIDTH)
+        law, rows, push = room.law[i], room.rows[i], room.push[i]
+        for k in range(0, count, FORCES):
+            for m in range(k, k + 2):
+                for x in range(width):
+                    bent[m, x] = law[m, N] * rows[N, x] + law[m, k] * rows[k, x] + law[m, k + 1] * rows[k + 1, x]
+        for x in range(width):
+            bent[N, x] = law[N, N] * rows[N, x]
+        for x in range(width):
+            line = second + x if x < 6 else other + x - 6
+            s, t, r = push[A, x], push[B, x], push[N, x]
+            for y in range(6):
+                matrix[line, second + y] += s * bent[A, y] + t * bent[B, y] + r * bent[N, y]
+            for y in range(far):
+                matrix[line, other + y] += s * bent[A, 6 + y] + t * bent[B, 6 + y] + r * bent[N, 6 + y]
+            if count > FORCES:
+                s, t = push[FORCES, x], push[FORCES + 1, x]
+                for y in range(6):
+                    matrix[line, second + y] += s * bent[FORCES, y] + t * bent[FORCES + 1, y]
+                for y in range(far):
+                    matrix[line, other + y] += s * bent[FORCES, 6 + y] + t * bent[FORCES + 1, 6 + y]
+    if not solve_equations(matrix, step, size):
+        return False
+    for i in range(n):
+        p, count = room.value[IMPULSES, i], _place(room, i, COUNT)
+        for k in range(count):
+            p[k] += room.value[GAP, i, k]
+        if room.law[i, N, N] == 0.0:
+            continue
+        for m in range(count):
+            along = _along(room, i, m, STEP)
+            for k in range(count):
+                p[k] -= room.law[i, k, m] * along
+        p[N] = max(p[N], 0.0)
+        _keep_in_disc(p, A, room.limit[i, SLIDES] * p[N])
+        if count > FORCES:
+            _keep_in_disc(p, FORCES, room.limit[i, ROLLS] * p[N])
+    return True
+
+
+@inlined
+def _keep_in_disc(p, k, limit):
+    size = math.sqrt(p[k] * p[k] + p[k + 1] * p[k + 1])
+    if size > limit:
+        p[k] *= limit / size
+        p[k + 1] *= limit / size
+
+
+@uncounted
+def solve_equations(matrix, right, size):
+    """Solve linear equations in place by elimination, with the largest pivot of a column; False where singular."""
+    for c in range(size):
+        pivot = c
+        for x in range(c + 1, size):
+            if abs(matrix[x, c]) > abs(matrix[pivot, c]):
+                pivot = x
+        if not abs(matrix[pivot, c]) > 0.0:
+            return False
+        if pivot != c:
+            right[c], right[pivot] = right[pivot], right[c]
+            for y in range(c, size):
+                matrix[c, y], matrix[pivot, y] = matrix[pivot, y], matrix[c, y]
+        inverse = 1.0 / matrix[c, c]
+        for x in range(c + 1, size):
+            share = matrix[x, c] * inverse
+            if share != 0.0:
+                for y in range(c + 1, size):
+                    matrix[x, y] -= share * matrix[c, y]
+                right[x] -= share * right[c]
+    for c in range(size - 1, -1, -1):
+        for y in range(c + 1, size):
+            right[c] -= matrix[c, y] * right[y]
+        right[c] /= matrix[c, c]
+    return True
+
+
+@uncounted
+def solve_alone(room, i):
+    """Give contact i the impulse that solves it, with those of all others as they are."""
+    p, mu, target, k = room.value[IMPULSES, i], room.limit[i, SLIDES], room.target[i], mobility_of(room, i)
+    last = p[A], p[B], p[N]
+    change = times(k, last)
+    u = relative(room, i, A) - change[0], relative(room, i, B) - change[1], relative(room, i, N) - change[2]
+    found = (0.0, 0.0, 0.0)
+    if u[2] < target:
+        solved, found = _stick(k, u, target, mu)
+        if not solved:
+            solved, found = _slip(k, u, target, mu, found)
+            if not solved:
+                found = (0.0, 0.0, (target - u[2]) / k[5])
+    for m in range(FORCES):
+        add_impulse(room, i, m, found[m] - last[m])
+
+
+@uncounted
+def _sweep(room, n):
+    """A step of each contact in turn: its impulses, changed freely, projected onto their cone."""
+    for i in range(n):
+        p, last = room.value[IMPULSES, i], room.value[IMPULSES, i, N]
+        p[N] = max(0.0, last - (relative(room, i, N) - room.target[i]) / room.value[RATE, i, N])
+        _push(room, i, N, p[N] - last, NOW)
+        for k in range(0, _place(room, i, COUNT), FORCES):
+            r = 1.0 / (room.value[RATE, i, k] + room.value[RATE, i, k + 1])
+            last_s, last_t = p[k], p[k + 1]
+            p[k], p[k + 1] = last_s - r * relative(room, i, k), last_t - r * relative(room, i, k + 1)
+            _keep_in_disc(p, k, room.limit[i, k // FORCES] * p[N])
+            _push(room, i, k, p[k] - last_s, NOW)
+            _push(room, i, k + 1, p[k + 1] - last_t, NOW)

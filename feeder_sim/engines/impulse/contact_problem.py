@@ -1,0 +1,391 @@
+"""Impacts and contacts of any number of rigid bodies at once: Newton's restitution, Coulomb's friction, no stiffness.
+
+At every contact with normal n from the first body to the second, relative velocity u' after and impulse p, for a target
+b that is given,
+
+    u'.n >= b,   p.n >= 0,   complementary
+    |p_t| <= mu p.n,    p_t opposite to u'_t where it slips                      (Coulomb's exact cone)
+    |m_t| <= arm p.n,   m_t opposite to the relative spin w'_t where it rolls    (rolling resistance, a moment)
+
+and u' = u + W p, where W couples contacts by the bodies, and by the modes of a plate that gives way: an impulse p takes
+the velocity d.p / m_j from mode j, where d is how the contact moves with it. contact_equations.py solves all at once;
+a single contact is solved directly (single_impact.py).
+
+An impact has b = -e u.n (Moreau, in: Nonsmooth Mechanics, 1988). Newton's law with friction can create energy (Kane and
+Levinson 1985); where the work sum p.(u + u')/2 would be positive, the restitution of all is lowered until it is not.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numba.core import types
+from numba.extending import overload
+from numpy.typing import NDArray
+
+from feeder_sim.engines.impulse.contact_equations import (
+    BEFORE,
+    COUNT,
+    DIRECTIONS,
+    FORCES,
+    IMPULSES,
+    KNOWN,
+    NOW,
+    OTHER,
+    ROLLS,
+    SECOND,
+    SLIDES,
+    START,
+    WIDTH,
+    A,
+    B,
+    N,
+    Room,
+    begin,
+    make_motion,
+    relative,
+    room_for,
+    settle,
+    solve_alone,
+)
+from feeder_sim.engines.impulse.single_impact import HALVINGS, ROUND_OFF, added, impulse_at_point, mobility, tangents
+from feeder_sim.engines.impulse.vectors import add_to, combine, cross, difference, dot, plus, times, vector, write_to
+from feeder_sim.machine_code import inlined, uncounted
+
+ARM_FIRST, ARM_SECOND, NORMAL, VELOCITY, IMPULSE, MOMENT = range(6)  # of Contacts.vector
+RESTITUTION, FRICTION, ROLLING, TARGET = range(4)  # of Contacts.number
+WORLD = -1  # in Contacts.body: what moves as it is told
+
+
+class Bodies(NamedTuple):
+    """Motion and inertia of rigid bodies.
+
+    velocity [m/s] and spin [rad/s] in world axes (m, 3); inverse_mass [1/kg] (m,), 0 like its inverse_inertia for what
+    cannot be moved; inverse_inertia: symmetric, in world axes [1/(kg m^2)] (m, 6).
+    """
+
+    velocity: NDArray[np.float64]
+    spin: NDArray[np.float64]
+    inverse_mass: NDArray[np.float64]
+    inverse_inertia: NDArray[np.float64]
+
+
+class Contacts(NamedTuple):
+    """Contacts of bodies with each other or the world, and room to solve them.
+
+    body: (n, 2), the first and the second; the first may be WORLD. vector (6, n, 3): ARM_FIRST and ARM_SECOND from the
+    centres of mass to the contact [m], NORMAL from the first to the second, VELOCITY of the world there [m/s], where it
+    is the first; results: IMPULSE on the second [N s], of which the first gets the opposite, and MOMENT likewise
+    [N m s]. number (4, n): RESTITUTION, FRICTION, ROLLING: arm of rolling resistance [m], 0 for none, TARGET [m/s].
+    """
+
+    body: NDArray[np.int64]
+    vector: NDArray[np.float64]
+    number: NDArray[np.float64]
+    room: Room
+
+
+class Modes(NamedTuple):
+    """The modes of a plate that gives way; contacts with the world move them, those of two bodies do not.
+
+    inverse_mass: 1 / m_j (s,) [1/kg]; carried: d of every contact (n, s, 3) [1]; taken: velocities that the impulses
+    have taken from them (s,) [m/s].
+    """
+
+    inverse_mass: NDArray[np.float64]
+    carried: NDArray[np.float64]
+    taken: NDArray[np.float64]
+
+
+def new_room(bodies: int, contacts: int, shapes: int = 0) -> tuple[Bodies, Contacts, Modes | None]:
+    """Room for so many bodies, contacts and modes; fewer bodies and contacts may be solved in it."""
+    return (
+        Bodies(np.zeros((bodies, 3)), np.zeros((bodies, 3)), np.zeros(bodies), np.zeros((bodies, 6))),
+        Contacts(
+            np.zeros((contacts, 2), np.int64),
+            np.zeros((6, contacts, 3)),
+            np.zeros((4, contacts)),
+            room_for(bodies, contacts, shapes),
+        ),
+        Modes(np.zeros(shapes), np.zeros((contacts, shapes, 3)), np.zeros(shapes)) if shapes else None,
+    )
+
+
+@uncounted
+def solve(bodies, contacts, n, modes):
+    """Find the impulses at the first n contacts that reach their TARGET; changes velocities and spins in place.
+
+    modes: None for a plate that does not give way. Fills IMPULSE, MOMENT and modes.taken. Returns whether every contact
+    obeys its laws.
+    """
+    room, settled = contacts.room, True
+    size = _lay_out(bodies, contacts, n, modes)
+    for i in range(n):
+        room.target[i] = contacts.number[TARGET, i]
+    if n == 1 and room.place[0, COUNT] == FORCES:
+        solve_alone(room, 0)
+    else:
+        settled = settle(room, n, size)
+    _write_out(bodies, contacts, n, modes)
+    return settled
+
+
+@uncounted
+def impact(bodies, contacts, n, modes):
+    """As `solve`, by Newton's law of restitution: the target is -e u.n where a contact approaches, else 0.
+
+    Overwrites TARGET. Energy never grows.
+    """
+    room, number = contacts.room, contacts.number
+    if n == 1 and number[ROLLING, 0] <= 0.0 and _impact_alone(bodies, contacts, modes):
+        return True
+    size = _lay_out(bodies, contacts, n, modes)
+    share, settled = 1.0, False  # of the restitution
+    for _ in range(HALVINGS + 1):
+        for i in range(n):
+            room.target[i] = -share * number[RESTITUTION, i] * min(room.value[BEFORE, i, N], 0.0)
+        settled = settle(room, n, size)
+        work, least, _ = _work(room, n)
+        if (settled and work <= least) or share == 0.0:
+            break
+        if not settled:
+            begin(room, n, size)
+        share = 0.5 * share if settled and share > 0.02 else 0.0
+    if not settled:
+        _spare_energy(room, n, size)
+    for i in range(n):
+        number[TARGET, i] = room.target[i]
+    _write_out(bodies, contacts, n, modes)
+    return settled
+
+
+@uncounted
+def _impact_alone(bodies, contacts, modes):
+    """Impact at the first contact only, directly; returns False, with nothing changed, where that does not apply."""
+    first, second = contacts.body[0, 0], contacts.body[0, 1]
+    normal, arm = vector(contacts.vector[NORMAL, 0]), vector(contacts.vector[ARM_SECOND, 0])
+    first_arm, (a, b) = vector(contacts.vector[ARM_FIRST, 0]), tangents(normal)
+    k = mobility(bodies.inverse_mass[second], _inverse_inertia(bodies, second), arm, a, b, normal)
+    u = plus(bodies.velocity[second], 1.0, cross(bodies.spin[second], arm))
+    if first == WORLD:
+        u = difference(u, contacts.vector[VELOCITY, 0])
+        k = _yielding(modes, k, a, b, normal)
+    else:
+        u = difference(u, plus(bodies.velocity[first], 1.0, cross(bodies.spin[first], first_arm)))
+        inverse_inertia = _inverse_inertia(bodies, first)
+        k = added(k, mobility(bodies.inverse_mass[first], inverse_inertia, first_arm, a, b, normal))
+    before, e, solved, p = (
+        (dot(a, u), dot(b, u), dot(normal, u)),
+        contacts.number[RESTITUTION, 0],
+        True,
+        (0.0, 0.0, 0.0),
+    )
+    if before[2] < 0.0:
+        solved, p = impulse_at_point(k, before, e, contacts.number[FRICTION, 0])
+    if not solved:
+        return False
+    push = combine(p[0], a, p[1], b, p[2], normal)
+    _apply(bodies, second, arm, push, 1.0)
+    if first != WORLD:
+        _apply(bodies, first, first_arm, push, -1.0)
+    _take_alone(modes, push, first == WORLD)
+    write_to(contacts.vector[IMPULSE, 0], push)
+    write_to(contacts.vector[MOMENT, 0], (0.0, 0.0, 0.0))
+    contacts.number[TARGET, 0] = -e * min(before[2], 0.0)
+    return True
+
+
+@inlined
+def _apply(bodies, j, arm, push, sign):
+    """Change the motion of body j by an impulse at the end of an arm."""
+    add_to(bodies.velocity[j], sign * bodies.inverse_mass[j], push)
+    add_to(bodies.spin[j], sign, times(_inverse_inertia(bodies, j), cross(arm, push)))
+
+
+@inlined
+def _inverse_inertia(bodies, j):
+    m = bodies.inverse_inertia[j]
+    return m[0], m[1], m[2], m[3], m[4], m[5]
+
+
+@uncounted
+def _lay_out(bodies, contacts, n, modes):
+    """Write the equations of n contacts into the room, without impulses; returns the length of the motion."""
+    room, ends = contacts.room, _end_of_bodies(contacts, n)
+    for j in range(ends // 6):
+        for c in range(3):
+            room.motion[START, 6 * j + c] = bodies.velocity[j, c]
+            room.motion[START, 6 * j + 3 + c] = bodies.spin[j, c]
+    size = ends + _number_of(modes)
+    for x in range(ends, size):
+        room.motion[START, x] = 0.0
+    for i in range(n):
+        first, second, normal = contacts.body[i, 0], contacts.body[i, 1], vector(contacts.vector[NORMAL, i])
+        alone = first == WORLD
+        frame, count = tangents(normal), DIRECTIONS if contacts.number[ROLLING, i] > 0.0 else FORCES
+        for k in range(count):
+            d = normal if k == N else frame[k % FORCES]
+            _write_body(bodies, room, i, k, d, second, vector(contacts.vector[ARM_SECOND, i]), 0, 1.0)
+            room.value[KNOWN, i, k] = -dot(d, contacts.vector[VELOCITY, i]) if alone and k < FORCES else 0.0
+            if alone:
+                _write_modes(modes, room, i, k, d)
+            else:
+                _write_body(bodies, room, i, k, d, first, vector(contacts.vector[ARM_FIRST, i]), 6, -1.0)
+        place = room.place[i]
+        place[SECOND], place[OTHER] = 6 * second, ends if alone else 6 * first
+        place[WIDTH], place[COUNT] = _number_of(modes) if alone else 6, count
+        room.limit[i, SLIDES], room.limit[i, ROLLS] = contacts.number[FRICTION, i], contacts.number[ROLLING, i]
+    begin(room, n, size)
+    return size
+
+
+@inlined
+def _end_of_bodies(contacts, n):
+    """Where in the motion the bodies end."""
+    last = -1
+    for i in range(n):
+        last = max(last, contacts.body[i, 0], contacts.body[i, 1])
+    return 6 * (last + 1)
+
+
+@inlined
+def _write_body(bodies, room, i, k, d, j, arm, at, sign):
+    """How contact i moves along direction k with body j, or turns about it, and what an impulse there does to it."""
+    turning = cross(arm, d) if k < FORCES else d
+    turned = times(_inverse_inertia(bodies, j), turning)
+    for c in range(3):
+        room.rows[i, k, at + c] = sign * d[c] if k < FORCES else 0.0
+        room.rows[i, k, at + 3 + c] = sign * turning[c]
+        room.push[i, k, at + c] = bodies.inverse_mass[j] * room.rows[i, k, at + c]
+        room.push[i, k, at + 3 + c] = sign * turned[c]
+
+
+@uncounted
+def _work(room, n):
+    """Work of all impulses in the frame of the contacts [J], the energy they create; what is as good as none.
+
+    The third value is the work that they would do if they changed no velocity.
+    """
+    total = size = at_first = 0.0
+    for i in range(n):
+        for k in range(room.place[i, COUNT]):
+            p, before = room.value[IMPULSES, i, k], room.value[BEFORE, i, k]
+            total += 0.5 * p * (before + relative(room, i, k))
+            size += abs(p * before)
+            at_first += p * before
+    return total, ROUND_OFF * size, at_first
+
+
+@uncounted
+def _spare_energy(room, n, size):
+    """Reduce impulses that obey not all laws and would create energy to those that leave the least."""
+    work, least, at_first = _work(room, n)
+    if work > least:
+        share = max(-at_first, 0.0) / (2.0 * (work - at_first))
+        for i in range(n):
+            for k in range(room.place[i, COUNT]):
+                room.value[IMPULSES, i, k] *= share
+        make_motion(room, n, size)
+
+
+@uncounted
+def _write_out(bodies, contacts, n, modes):
+    """Velocities, impulses and moments, from the room."""
+    room, ends = contacts.room, _end_of_bodies(contacts, n)
+    for i in range(n):
+        p, normal = room.value[IMPULSES, i], vector(contacts.vector[NORMAL, i])
+        a, b = tangents(normal)
+        rolling = room.place[i, COUNT] > FORCES
+        write_to(contacts.vector[IMPULSE, i], combine(p[A], a, p[B], b, p[N], normal))
+        moment = combine(p[FORCES], a, p[FORCES + 1], b, 0.0, normal) if rolling else (0.0, 0.0, 0.0)
+        write_to(contacts.vector[MOMENT, i], moment)
+    for j in range(ends // 6):
+        for c in range(3):
+            bodies.velocity[j, c] = room.motion[NOW, 6 * j + c]
+            bodies.spin[j, c] = room.motion[NOW, 6 * j + 3 + c]
+    _write_taken(modes, room, ends)
+
+
+def _number_of(modes):
+    """How many modes there are."""
+    raise NotImplementedError("for compiled code only")
+
+
+def _write_modes(modes, room, i, k, d):
+    """As `_write_body`, of the modes, as velocities that they have lost."""
+    raise NotImplementedError("for compiled code only")
+
+
+def _yielding(modes, k, a, b, normal):
+    """The inverse effective mass k of the only contact, with what it gains by the modes."""
+    raise NotImplementedError("for compiled code only")
+
+
+def _take_alone(modes, push, moves):
+    """What the impulse at the only contact takes from the modes, if it moves them."""
+    raise NotImplementedError("for compiled code only")
+
+
+def _write_taken(modes, room, at):
+    """What the modes have lost; at: where they begin in the motion."""
+    raise NotImplementedError("for compiled code only")
+
+
+@overload(_number_of)
+def _number_by_kind(modes):
+    if isinstance(modes, types.NoneType):
+        return lambda modes: 0
+    return lambda modes: modes.taken.shape[0]
+
+
+@overload(_write_modes)
+def _write_modes_by_kind(modes, room, i, k, d):
+    if isinstance(modes, types.NoneType):
+        return lambda modes, room, i, k, d: None
+
+    def write(modes, room, i, k, d):
+        for s in range(modes.taken.shape[0]):
+            room.rows[i, k, 6 + s] = dot(modes.carried[i, s], d) if k < FORCES else 0.0
+            room.push[i, k, 6 + s] = modes.inverse_mass[s] * room.rows[i, k, 6 + s]
+
+    return write
+
+
+@overload(_yielding)
+def _yielding_by_kind(modes, k, a, b, normal):
+    if isinstance(modes, types.NoneType):
+        return lambda modes, k, a, b, normal: k
+
+    def gained(modes, k, a, b, normal):
+        for s in range(modes.taken.shape[0]):
+            d, share = modes.carried[0, s], modes.inverse_mass[s]
+            x, y, z = dot(d, a), dot(d, b), dot(d, normal)
+            k = added(k, (share * x * x, share * x * y, share * x * z, share * y * y, share * y * z, share * z * z))
+        return k
+
+    return gained
+
+
+@overload(_take_alone)
+def _take_by_kind(modes, push, moves):
+    if isinstance(modes, types.NoneType):
+        return lambda modes, push, moves: None
+
+    def take(modes, push, moves):
+        for s in range(modes.taken.shape[0]):
+            modes.taken[s] = modes.inverse_mass[s] * dot(modes.carried[0, s], push) if moves else 0.0
+
+    return take
+
+
+@overload(_write_taken)
+def _write_taken_by_kind(modes, room, at):
+    if isinstance(modes, types.NoneType):
+        return lambda modes, room, at: None
+
+    def write(modes, room, at):
+        for s in range(modes.taken.shape[0]):
+            modes.taken[s] = room.motion[NOW, at + s]
+
+    return write
