@@ -9,10 +9,23 @@ from numpy.typing import NDArray
 
 from feeder_sim.borrow import borrow
 from feeder_sim.engines.impact_log import ImpactLog, begin_contact, end_contact, in_contact
-from feeder_sim.engines.impulse.frame_rows import write_row
 from feeder_sim.engines.impulse.follow import bring
+from feeder_sim.engines.impulse.frame_rows import write_row
 from feeder_sim.engines.impulse.plate_contact import meet_plate
-from feeder_sim.engines.impulse.state import ASLEEP, FREE, GAP, KNOWN, WITH, Exactness, Kinds, Plate, Scratch, Wall, orthonormalise_parts, wake
+from feeder_sim.engines.impulse.state import (
+    ASLEEP,
+    FREE,
+    GAP,
+    KNOWN,
+    WITH,
+    Exactness,
+    Kinds,
+    Plate,
+    Scratch,
+    Wall,
+    orthonormalise_parts,
+    wake,
+)
 from feeder_sim.engines.impulse.window import acting_terms, bound_window
 from feeder_sim.engines.surface_arrays import SurfaceArrays
 from feeder_sim.machine_code import compiled, entry_point, uncounted
@@ -97,8 +110,8 @@ def _advance_until(until, t, alone, plate, notes, frames):
             return plate.bounds.end
         bring(part, kind, t, plate.surface)
         before = part.velocity[2]
-        leap, hit = meet_plate(part, alone.kinds, alone.wall, plate.surface, plate.bounds, t, alone.work)
-        if hit and alone.wall is not None:
+        leap, hit = meet_plate(0, alone.parts, alone.kinds, alone.wall, plate.surface, plate.bounds, t, alone.work, None)
+        if alone.wall is not None and (hit or part.phase != FREE):
             _note_contact(part, before, kind.corner_to - kind.corner_from, notes, t, leap, alone.work)
         t += leap
     return min(t, max(plate.bounds.end, until))

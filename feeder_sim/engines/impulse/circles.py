@@ -22,7 +22,7 @@ import numpy as np
 from numba.core import types
 from numba.extending import overload
 
-from feeder_sim.engines.impulse.plate_points import ahead, move_surface, shapes_under
+from feeder_sim.engines.impulse.moving_surface import ahead, move_surface, shapes_under
 from feeder_sim.engines.impulse.state import CIRCLE, GAP, KNOWN, MOVES, NOW, OWN, RATE, SLOPE_X, SLOPE_Y, spin_of
 from feeder_sim.engines.impulse.vectors import cross
 from feeder_sim.machine_code import compiled, inlined

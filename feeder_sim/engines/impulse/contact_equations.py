@@ -35,6 +35,7 @@ START, NOW, STEP = range(3)  # of Room.motion
 
 ENOUGH = 1e-12  # of the largest approach: how closely contacts are solved
 FLOOR = 4e-15  # of the largest speed, which is round-off
+LEAST = 1e-11  # [m/s]; what does not count
 # What follows was chosen by trial on thousands of random heaps and stacks.
 STIFFEST, STIFF, SOFT = 1e8, 1e2, 1e1  # r, in effective masses: at most and at first; at other attempts
 STIFFER, SOFTER = 10.0, 0.03  # its factors after a step that leads closer, and after some that do not
@@ -175,7 +176,7 @@ def settle(room, n, size):
         for k in range(FORCES):
             known = abs(room.value[KNOWN, i, k])
             speed = max(speed, known, known + abs(room.value[BEFORE, i, k]))
-    enough, sweeps = max(ENOUGH * approach, FLOOR * speed), SWEEPS
+    enough, sweeps = max(ENOUGH * approach, FLOOR * speed, LEAST), SWEEPS
     for attempt in range(ATTEMPTS):
         stiff, failures = STIFF if attempt % 2 == 1 else SOFT, FAILURES
         if attempt == 0:

@@ -38,7 +38,17 @@ from feeder_sim.engines.impulse.hulls import HullLibrary
 from feeder_sim.engines.impulse.island import Crowd, Share, Span, Tools, advance_islands
 from feeder_sim.engines.impulse.kinds import read_kinds, rim_walls
 from feeder_sim.engines.impulse.pair_contact import PAIR
-from feeder_sim.engines.impulse.state import ABSENT, FREE, Bounds, Exactness, Plate, new_parts, new_scratch, read_wall
+from feeder_sim.engines.impulse.state import (
+    ABSENT,
+    FREE,
+    MOST_TOGETHER,
+    Bounds,
+    Exactness,
+    Plate,
+    new_parts,
+    new_scratch,
+    read_wall,
+)
 from feeder_sim.engines.noise import new_streams
 from feeder_sim.engines.surface_arrays import SurfaceArrays, surface_arrays
 from feeder_sim.records.impacts import Impacts
@@ -54,7 +64,7 @@ STATE = ("position", "velocity", "attitude", "momentum", "clock", "there", "phas
 STATE += ("place", "seat", "facing")
 TOUCHING, LEAST_TOUCH = 0.01, 1e-13  # share of the tolerance, and [m]: gaps from which on points touch
 SAME_CONTACT = 1.5  # of the clock of frames: impacts of a guided part no farther apart are one contact
-MEMBERS = ("a", "b", "piece_a", "piece_b")  # of a pair
+MEMBERS = ("a", "b", "piece_a", "piece_b", "touching")  # of a pair
 
 
 class ImpulseEngine:
@@ -88,7 +98,7 @@ class ImpulseEngine:
         self._surface = surface_arrays(scene.surface, scene.scenario.run)
         self._threads = max(1, threads)
         self._alone = self._single_apart and self._n == 1 and not scene.rim and scene.scenario.refill is None
-        self._work = [new_scratch(kinds, scene.surface.n_shapes) for _ in range(self._threads)]
+        self._work = [new_scratch(kinds, scene.surface.n_shapes, together=1 if self._alone else MOST_TOGETHER) for _ in range(self._threads)]
         corners = np.split(kinds.corners, kinds.piece["corner_from"][1:])
         radii = [*kinds.record["radius"], *np.zeros(len(corners) - len(kinds.record))]  # only a hull is a ball
         self._libraries = [HullLibrary(corners, radii) for _ in range(0 if self._alone else self._threads)]

@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import math
 
-from feeder_sim.engines.impulse.plate_points import move_surface, shapes_under
+from feeder_sim.engines.impulse.moving_surface import move_surface, shapes_under
 from feeder_sim.engines.impulse.state import (
     ACCELERATION,
     AT,

@@ -14,7 +14,8 @@ from __future__ import annotations
 import math
 
 from feeder_sim.engines.impulse.circles import further_of_circles
-from feeder_sim.engines.impulse.plate_points import CLOSE, ahead, move_surface
+from feeder_sim.engines.impulse.moving_surface import ahead, move_surface
+from feeder_sim.engines.impulse.plate_points import CLOSE
 from feeder_sim.engines.impulse.state import (
     GAP,
     JERK,

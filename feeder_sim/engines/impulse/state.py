@@ -10,6 +10,8 @@ import numpy as np
 from numba.extending import overload
 from numpy.typing import ArrayLike, NDArray
 
+from feeder_sim.engines.impulse.contact_problem import Bodies, Contacts, new_room
+from feeder_sim.engines.impulse.edge_piece import EDGE_POINT
 from feeder_sim.engines.impulse.free_flight import orthonormalise, rotate_freely, rotate_symmetric
 from feeder_sim.engines.impulse.vectors import dot, times, vector
 from feeder_sim.engines.surface_arrays import SurfaceArrays
@@ -18,22 +20,25 @@ from feeder_sim.plate.zener import TABLE_POINTS
 from feeder_sim.scene.guide import Guide
 from feeder_sim.scene.scene import GRAVITY
 
-# Columns of Scratch.point, a point of the part that can touch: its gap [m] and how fast that grows [m/s]; how fast
-# point and surface are accelerated together [m/s^2], and how that changes [m/s^3]; the largest acceleration of the
-# surface there, and of the point by itself [m/s^2].
-# How it falls by itself, with its part, [m/s^2]; KNOWN: whether the columns after it are.
-GAP, RATE, PUSH, JERK, MOVES, OWN, FALL, KNOWN = range(8)
-# Arm from the centre of mass, normal of what it can touch and how that moves, three columns each.
-AT, TOWARDS, WITH = 8, 11, 14
-E, MU = 17, 18  # restitution, negative where the law of the plate says it, and friction
-POINT_COLUMNS = 19
+# Columns of Scratch.point, a point that can touch: its gap [m] and how fast that grows [m/s]; how fast both sides are
+# accelerated together [m/s^2], and how that changes [m/s^3]; the largest acceleration of the surface there, and of the
+# point by itself [m/s^2]; how it falls by itself, with its part [m/s^2]; restitution, negative where the law of the
+# plate says it, and friction; whether the columns after it are filled.
+GAP, RATE, PUSH, JERK, MOVES, OWN, FALL, E, MU, KNOWN = range(10)
+# The part it belongs to, and the one that it can touch, by their places in the group, the latter negative for the plate
+# and walls; the gap from which on it touches [m]; arms from both centres of mass, normal of what it can touch and how that moves, three columns each.
+BODY, OTHER, TOUCH = 10, 11, 24
+AT, FROM, TOWARDS, WITH = 12, 15, 18, 21
+POINT_COLUMNS = 25
 # Of Scratch.under: what each mode shape does under a point: deflection, its slopes, and rotations.
 HEIGHT, SLOPE_X, SLOPE_Y, TURN_X, TURN_Y = range(5)
 NOW, SPEED, ACCELERATION, CHANGE = range(4)  # of Scratch.now and Scratch.then
-ARM, NORMAL, VELOCITY, BEFORE, IMPULSE, NOW_WITH = range(6)  # of Scratch.contact
-RESTITUTION, FRICTION, TARGET, STEP_NORMAL, STEP_TANGENT = range(5)  # of Scratch.law
 ABSENT, AWAKE, ASLEEP = range(3)  # in PART, there
 FREE, PRESSED, FOLLOWING = range(3)  # in PART, phase
+# Room: points on the circles of a cylinder, and on the edge of the plate; pairs of a part in a group, and points of
+# each; contacts of a group.
+ROUND_POINTS, EDGE_POINTS, PAIRS_OF_EACH, POINTS_OF_PAIR, MOST_CONTACTS = 8, 32, 4, 12, 160
+MOST_TOGETHER = 16  # parts that are solved together; what is in contact with them is a group of its own
 SLENDER = 4.0  # largest over smallest moment of inertia
 
 
@@ -172,19 +177,25 @@ class Plate(NamedTuple):
 class Scratch(NamedTuple):
     """Few arrays, since every one of them makes each call of a compiled function dearer.
 
-    point: (n, POINT_COLUMNS), see GAP. contact: (5, n, 3), ARM, NORMAL and surface VELOCITY of each contact of an impact,
-    and more in impact.py. law: (5, n), RESTITUTION and FRICTION of each, and more. now, then: (4, n_shapes), the modal
-    coordinates and three derivatives at two times, see NOW. under: (n, n_shapes, 5), see HEIGHT. points: (n, 3), points of the hull in
-    body axes, or of two that meet. unresolved: (1,), impacts whose sweeps did not settle.
+    group: parts that are looked at together, (MOST_TOGETHER,), and a copy of it in members; from_row: the first row of each in `point`, and the end.
+    point: (n, POINT_COLUMNS), see GAP. under: (n, n_shapes, 5), see HEIGHT. row_of: of every contact, its row in `point`.
+    now, then: (4, n_shapes), the modal coordinates and three derivatives at two times, see NOW. points: (n, 3), points of
+    the hull in body axes, or of two that meet. edge: points on the edge of the plate. unresolved: (1,), impacts that did
+    not settle.
     """
 
+    group: NDArray[np.int64]
+    members: NDArray[np.int64]
+    from_row: NDArray[np.int64]
     point: NDArray[np.float64]
-    contact: NDArray[np.float64]
-    law: NDArray[np.float64]
+    under: NDArray[np.float64]
+    bodies: Bodies
+    contacts: Contacts
+    row_of: NDArray[np.int64]
     now: NDArray[np.float64]
     then: NDArray[np.float64]
-    under: NDArray[np.float64]
     points: NDArray[np.float64]
+    edge: NDArray[np.void]
     unresolved: NDArray[np.int64]
 
 
@@ -222,16 +233,30 @@ def read_wall(guide: Guide | None) -> Wall | None:
     return Wall(np.array([*guide.foot, 0.0]), guide.axis, guide.radius, guide.restitution, guide.friction)
 
 
-def new_scratch(kinds: Kinds, n_shapes: int) -> Scratch:
-    """Room for any part: each of its corners can touch plate and wall, each of its edges the edge of the plate."""
+def new_scratch(kinds: Kinds, n_shapes: int, *, together: int = 1, shapes_that_yield: int = 0) -> Scratch:
+    """Room for any part, or for several `together`; each corner can touch plate and wall, and edges that of the plate."""
     of = kinds.record
-    n = int((of["corner_to"] - of["corner_from"] + 2 * (of["edge_to"] - of["edge_from"])).max())
-    of_piece = kinds.piece["corner_to"] - kinds.piece["corner_from"]
-    n = 2 * max(n, 8)  # eight points on the circles of a cylinder
-    together = max(n, 1 + 2 * int(of_piece.max()))  # points of two parts that meet
-    sizes = ((n, POINT_COLUMNS), (6, n, 3), (5, n), (4, n_shapes), (4, n_shapes), (n, n_shapes, 5), (together, 3))
-    point, contact, law, now, then, under, points = (np.zeros(size) for size in sizes)
-    return Scratch(point, contact, law, now, then, under, points, np.zeros(1, np.int64))
+    corners = max(int((of["corner_to"] - of["corner_from"]).max()), ROUND_POINTS)
+    rows = 2 * corners + EDGE_POINTS
+    of_piece = int((kinds.piece["corner_to"] - kinds.piece["corner_from"]).max())
+    if together > 1:
+        rows = together * (rows + PAIRS_OF_EACH * POINTS_OF_PAIR)
+    bodies, contacts, _ = new_room(together, min(rows, MOST_CONTACTS), shapes_that_yield)
+    return Scratch(
+        group=np.zeros(together, np.int64),
+        members=np.zeros(together, np.int64),
+        from_row=np.zeros(together + 1, np.int64),
+        point=np.zeros((rows + 1, POINT_COLUMNS)),
+        under=np.zeros((rows + 1, n_shapes, 5)),
+        bodies=bodies,
+        contacts=contacts,
+        row_of=np.zeros(min(rows, MOST_CONTACTS), np.int64),
+        now=np.zeros((4, n_shapes)),
+        then=np.zeros((4, n_shapes)),
+        points=np.zeros((max(corners, 1 + 2 * of_piece), 3)),
+        edge=np.zeros(EDGE_POINTS, EDGE_POINT),
+        unresolved=np.zeros(1, np.int64),
+    )
 
 
 @inlined

@@ -11,18 +11,21 @@ import math
 from feeder_sim.engines.impulse.plate_points import rate_of
 from feeder_sim.engines.impulse.state import (
     AT,
-    E,
+    BODY,
     FALL,
     GAP,
     JERK,
     KNOWN,
     MOVES,
     MU,
+    OTHER,
     OWN,
     PUSH,
     RATE,
+    TOUCH,
     TOWARDS,
     WITH,
+    E,
     arm_of,
     spin_of,
     turning_acceleration,
@@ -34,7 +37,7 @@ from feeder_sim.scene.scene import GRAVITY
 
 
 @compiled
-def look_at_wall(part, kind, corners, wall, first, work):
+def look_at_wall(part, kind, corners, wall, body, first, touch, work):
     """Fill the rows of all corners at the wall, from row `first` on; returns how many points there are then."""
     spin = spin_of(part, kind)
     v = vector(part.velocity)
@@ -53,8 +56,9 @@ def look_at_wall(part, kind, corners, wall, first, work):
         row[TOWARDS], row[TOWARDS + 1], row[TOWARDS + 2] = n
         row[AT], row[AT + 1], row[AT + 2] = plus(arm, -kind.radius, n)
         row[WITH] = row[WITH + 1] = row[WITH + 2] = 0.0
-        row[E], row[MU] = wall.restitution, wall.friction
-        row[RATE] = rate_of(row, part.velocity, spin)
+        row[E], row[MU], row[BODY], row[OTHER] = wall.restitution, wall.friction, body, -1.0
+        row[TOUCH] = touch
+        row[RATE] = rate_of(row, part, spin, part, spin)
         u = plus(v, 1.0, cross(spin, arm))
         u = plus(u, -dot(u, wall.axis), wall.axis)
         u = plus(u, -dot(u, n), n)
