@@ -23,7 +23,7 @@ from numba.core import types
 from numba.extending import overload
 
 from feeder_sim.engines.impulse.moving_surface import ahead, move_surface, shapes_under
-from feeder_sim.engines.impulse.state import CIRCLE, GAP, KNOWN, MOVES, NOW, OWN, RATE, SLOPE_X, SLOPE_Y, spin_of
+from feeder_sim.engines.impulse.state import CIRCLE, GAP, MOVES, NOW, OWN, RATE, SLOPE_X, SLOPE_Y, spin_of
 from feeder_sim.engines.impulse.vectors import cross
 from feeder_sim.machine_code import compiled, inlined
 
@@ -191,7 +191,7 @@ def _leap_of_circles(tilt, kind, bounds, slack, leap, to_crest, work):
         gap, rate = max(row[GAP] - touch, 0.0), row[RATE]
         if gap == np.inf:  # off the plate
             continue
-        if row[KNOWN] == 0.0 or row[MOVES] == 0.0:
+        if row[MOVES] == 0.0:
             to_crest = _time_apart(gap, rate, row[OWN], s, u, e, kind.circle_radius, 0.0, to_crest)
             leap = min(leap, to_crest)
         else:

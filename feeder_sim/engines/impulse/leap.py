@@ -19,7 +19,6 @@ from feeder_sim.engines.impulse.plate_points import CLOSE
 from feeder_sim.engines.impulse.state import (
     GAP,
     JERK,
-    KNOWN,
     MOVES,
     OWN,
     PUSH,
@@ -98,7 +97,7 @@ def first_leaps(n, slack, twist, bounds, work):
         gap, rate = row[GAP], row[RATE]
         if gap == math.inf:
             continue
-        if row[KNOWN] == 0.0 or row[MOVES] == 0.0:
+        if row[MOVES] == 0.0:
             if gap + to_crest * (rate - 0.5 * row[OWN] * to_crest) <= 0.5 * touch:
                 to_crest = leap(max(gap - 0.5 * touch, 0.0), rate, row[OWN])
         else:
