@@ -120,7 +120,7 @@ def _advance_island(island, crowd, plate, tools, span, frames):
     return left and tree.shape[0] > 0  # what was borrowed lives until here
 
 
-@inlined
+@compiled
 def look_at_part(event, t, agenda, crowd, plate, tools, reach, yielding):
     """A part over the plate, with all that touch it; returns whether one has come farther than its reach."""
     i = crowd.islands.part[agenda.first_part + event]
@@ -138,7 +138,7 @@ def look_at_part(event, t, agenda, crowd, plate, tools, reach, yielding):
     return left
 
 
-@inlined
+@compiled
 def look_at_pair(event, t, agenda, crowd, plate, tools, reach, yielding):
     """A pair of parts; returns whether a part has come farther than its reach."""
     parts, kinds, islands = crowd.parts, crowd.kinds, crowd.islands
@@ -307,7 +307,7 @@ def _part_company(size, crowd, work):
             crowd.pairs[islands.pair[islands.touching[place]]].touching = 0
 
 
-@inlined
+@compiled
 def look_again_at_pairs(i, t, agenda, crowd, plate):
     """Make the pairs of a part due anew after its velocity has changed at time t, but for those that touch."""
     islands = crowd.islands

@@ -15,7 +15,7 @@ from feeder_sim.engines.impulse.plate_points import CLOSE, REACH, look, look_at_
 from feeder_sim.engines.impulse.state import ASLEEP, AT, FREE, GAP, KNOWN, top_speed
 from feeder_sim.engines.impulse.tube_contact import look_at_wall
 from feeder_sim.engines.impulse.yielding import yields
-from feeder_sim.machine_code import inlined
+from feeder_sim.machine_code import compiled, inlined
 from feeder_sim.scene.scene import GRAVITY
 
 JUMP = 1e-8  # [m]; a surface is only entered where it jumps (`ring_up = false`)
@@ -24,7 +24,7 @@ SKIPPED = 8  # looks after one at which a part may not follow
 LEAST_LOOK = 1e-5  # [s]; points at the edge of the plate come and go
 
 
-@inlined
+@compiled
 def meet_plate(i, parts, kinds, wall, surface, bounds, t, work, yielding):
     """What part i does at time t [s], and how long it goes on so.
 
