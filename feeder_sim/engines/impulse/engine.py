@@ -1,16 +1,21 @@
-"""Engine `impulse`: rigid contact by impulses; parts fly in closed form and leap to the earliest possible contact.
+"""Engine `impulse`: rigid contact by impulses, without a time step; parts fly in closed form to their next contact.
 
 Time is cut into windows. In each window
 
     window      which terms of the plate's motion act, and bounds on what it can do (window.py)
-    pairs       which parts can meet at all, from a grid; the islands that such pairs make (neighbours.py)
-    islands     each advances by itself, event by event (island.py): looks at parts over the plate (plate_contact.py)
-                and at pairs (pair_contact.py), impacts (impact.py), how long parts may fly (flight_time.py), and
-                their flights (free_flight.py)
+    pairs       which parts can meet at all, from a grid; the islands that such pairs make (neighbours.py, crowd.py)
+    islands     each advances by itself, event by event (island.py)
 
-(Conservative advancement: Mirtich, PhD thesis, Berkeley 1996.) The step is what ends the infinite rattling of a part at
-rest: corners may enter the surface by what they cover in one step, and are put back on it at the impact. Islands are
-shared out over threads, which changes nothing in the result.
+and at an event
+
+    points      which points of a part can touch (plate_points.py, edge_points.py, pair_contact.py, tube_contact.py)
+    contact     impacts at those that touch, and constant forces while parts stay together (contact.py); the laws
+                (contact_problem.py, impact_law.py); parts that follow the plate or rest (follow.py, plate_contact.py)
+    leaps       how long nothing can touch (leap.py), and the flight until then (free_flight.py)
+
+Nothing is entered and put back: leaps end in the width of a touch (conservative advancement: Mirtich, PhD thesis,
+Berkeley 1996), and bounces that pile up are summed. docs/contact.md has the whole. Islands are shared out over threads,
+which changes nothing in the result.
 """
 
 from __future__ import annotations
