@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from feeder_sim.engines.impulse.engine import COLUMNS, ImpulseEngine
-from feeder_sim.engines.impulse.state import ARM, FRICTION, NORMAL, RESTITUTION, VELOCITY
+from feeder_sim.engines.impulse.contact_problem import ARM_SECOND as ARM, FRICTION, NORMAL, RESTITUTION, VELOCITY
 from feeder_sim.machine_code import entry_point
 from feeder_sim.records.trajectory import Frames
 from feeder_sim.run.seed_run import SeedRun

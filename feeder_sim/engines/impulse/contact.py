@@ -35,6 +35,7 @@ from feeder_sim.engines.impulse.moving_surface import move_surface
 from feeder_sim.engines.impulse.plate_points import renew_rates, spin_change
 from feeder_sim.engines.impulse.state import (
     AT,
+    AT_EDGE,
     BODY,
     FALL,
     FROM,
@@ -72,7 +73,7 @@ from feeder_sim.scene.scene import GRAVITY
 ROUNDS = 20  # of impacts at zero time; after them what still approaches does so without rebound
 LONGEST_CHATTER = 3e-5  # [s] of bounces that are summed where nothing moves: hops of a nanometre
 LONGEST = 2e-4  # [s] of constant forces
-TURNED = 0.02  # [rad] by which a part turns under constant forces
+TURNED, TURNED_AT_EDGE = 0.02, 0.002  # [rad] by which a part turns under constant forces; there the normal turns too
 TOGETHER = 10.0  # tolerances; points this close hit together, so that a flat landing is one impact and not six
 CARRIED = 30.0  # tolerances; points that have been pressed and are this close still are
 RETURN = 0.05  # share of its gap that a pressed point gives back in the time of constant forces
@@ -349,7 +350,7 @@ def _slip_stops(parts, kinds, m, time, work):
 @inlined
 def _time_of_forces(parts, kinds, size, n, pressed, bounds, work):
     """How long forces may stay constant [s], 0 if no point is pressed; and when the last of the points is lifted."""
-    moves, twist, turning = 0.0, 0.0, 0.0
+    moves, twist, turning, turned = 0.0, 0.0, 0.0, TURNED
     for k in range(size):
         part = parts[work.group[k]]
         kind = kinds.record[part.kind]
@@ -359,6 +360,8 @@ def _time_of_forces(parts, kinds, size, n, pressed, bounds, work):
         row = work.point[i]
         if row[KNOWN] != 0.0 and row[GAP] <= _close(row, pressed, bounds):
             moves = max(moves, row[MOVES])
+            if row[KNOWN] == AT_EDGE:
+                turned = TURNED_AT_EDGE
     chatter = chatter_time(moves, twist, bounds)
     any_pressed, lift = False, 0.0
     for i in range(n):
@@ -378,8 +381,8 @@ def _time_of_forces(parts, kinds, size, n, pressed, bounds, work):
     if not any_pressed:
         return 0.0, 0.0
     time = _time_of(moves * bounds.fastest, LONGEST, bounds)
-    if turning * time > TURNED:
-        time = TURNED / turning
+    if turning * time > turned:
+        time = turned / turning
     return time, lift
 
 

@@ -205,7 +205,7 @@ def _crossing_time(part, kind, piece, kinds, axis, sign, support, plane):
     shortest = np.inf
     for c in range(piece.corner_from, piece.corner_to):
         rx, ry, rz = kinds.corners[c, 0], kinds.corners[c, 1], kinds.corners[c, 2]
-        gap = support - centre - sign * (x * rx + y * ry + z * rz) + room
+        gap = max(support - centre - sign * (x * rx + y * ry + z * rz), 0.0) + room
         rate = speed + sign * (turn_x * rx + turn_y * ry + turn_z * rz)
         if gap > SURELY * shortest * (rate + 0.5 * a * shortest):
             continue  # it comes later than another

@@ -161,7 +161,7 @@ def look_at_edge(part, kind, kinds, body, first, surface, bounds, t, moved, work
         row[GAP] = point.gap - height * normal[2]
         if row[GAP] < -BESIDE:
             continue
-        row[OWN], row[KNOWN], row[BODY], row[OTHER], row[E], row[MU] = own, 1.0, body, -1.0, -1.0, kind.friction[0]
+        row[OWN], row[KNOWN], row[BODY], row[OTHER], row[E], row[MU] = own, 2.0, body, -1.0, -1.0, kind.friction[0]
         row[TOUCH] = bounds.exact.touch
         speed = row[WITH + 2]
         stand(row, arm, 0.0, speed, under, work.now[NOW], work.now[SPEED], surface)

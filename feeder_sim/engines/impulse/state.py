@@ -23,8 +23,9 @@ from feeder_sim.scene.scene import GRAVITY
 # Columns of Scratch.point, a point that can touch: its gap [m] and how fast that grows [m/s]; how fast both sides are
 # accelerated together [m/s^2], and how that changes [m/s^3]; the largest acceleration of the surface there, and of the
 # point by itself [m/s^2]; how it falls by itself, with its part [m/s^2]; restitution, negative where the law of the
-# plate says it, and friction; whether the columns after it are filled.
+# plate says it, and friction; KNOWN: 0 where the columns after it are not filled, AT_EDGE on the edge of the plate.
 GAP, RATE, PUSH, JERK, MOVES, OWN, FALL, E, MU, KNOWN = range(10)
+AT_EDGE = 2.0
 # The part it belongs to, and the one that it can touch, by their places in the group, the latter negative for the plate
 # and walls; the gap from which on it touches [m]; arms from both centres of mass, normal of what it can touch and how that moves, three columns each.
 BODY, OTHER, TOUCH = 10, 11, 24
