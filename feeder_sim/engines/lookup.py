@@ -21,7 +21,7 @@ def engine_class(choice: Choice) -> type[Engine]:
 
         return ReactingMujocoEngine
     if choice.method == "reaction":
-        from feeder_sim.engines.impulse.reaction.engine import ReactingEngine
+        from feeder_sim.engines.impulse.reacting_engine import ReactingEngine
 
         return ReactingEngine
     from feeder_sim.engines.impulse.engine import ImpulseEngine

@@ -9,23 +9,23 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from conftest import contacts, from_python, moving_part, rows, symmetric
+from conftest import from_python, hit_surface, moving_part, rows, symmetric
 from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from feeder_sim.engines.impulse import impact, single_impact
+from feeder_sim.engines.impulse import single_impact
 from feeder_sim.part.rigid_part import RigidPart
 from feeder_sim.scenario import Ball, Cylinder, HexNut
 from feeder_sim.scene.part import build_part
 
-resolve_impact, resolve_single = from_python(impact.resolve_impact), from_python(single_impact.resolve_single)
+resolve_single = from_python(single_impact.resolve_single)
 NUT, LARGE_NUT = build_part(HexNut(size="M2.5")), build_part(HexNut(size="M5"))
 BALL = build_part(Ball(shape="ball", diameter_mm=3.0))
 ROD = build_part(Cylinder(shape="cylinder", diameter_mm=4.0, height_mm=9.0))
 PARTS = (NUT, LARGE_NUT, BALL, ROD)
 ROUND_OFF = 1e-12  # of the velocities; most impacts of the kind here stay below 1e-15, the worst came to 1e-13
-# [m/s]. An impact without any loss does no work. `resolve_impact` finds that but for the round-off of all velocities,
+# [m/s]. An impact without any loss does no work. `contact_problem.impact` finds that but for the round-off of all velocities,
 # and compares it with 1e-12 of the work of the approach: over a surface at 1 m/s an approach below 1e-4 m/s may fail
 # that, and loses restitution for it.
 SLOWEST = 1e-3
@@ -90,10 +90,8 @@ class Touch:
         return Touch(self.arm, self.normal, self.surface + moving)
 
     def hit(self, body: Body, e: float, mu: float) -> None:
-        n = len(self.arm)
-        contact, law = contacts(self.arm, self.normal, self.surface, e, mu)
-        with moving_part(body.velocity, body.momentum) as part:
-            resolve_impact(part, 1 / body.part.mass, symmetric(body.inverse_inertia), contact, law, n)
+        touch = self.arm, self.normal, self.surface
+        hit_surface((body.velocity, body.momentum), body.part.mass, body.inverse_inertia, touch, (e, mu))
 
 
 def landing(seed: int, touching: int, *, uneven: float) -> tuple[Body, Touch]:

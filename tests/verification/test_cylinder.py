@@ -8,12 +8,12 @@ from typing import Any
 import numpy as np
 import pytest
 from conftest import changing, from_python
+from feeder_sim.engines.impulse.rest import CARRIES
 from scipy.optimize import brentq
 from scipy.spatial.transform import Rotation
 
 from feeder_sim.engines.impulse.circles import _time_apart
 from feeder_sim.engines.impulse.engine import ImpulseEngine
-from feeder_sim.engines.impulse.rest import CARRIES
 from feeder_sim.engines.impulse.state import ASLEEP, AWAKE
 from feeder_sim.part.rigid_part import CORNER_RADIUS, RigidPart
 from feeder_sim.records.trajectory import Frames

@@ -78,7 +78,7 @@ def advance_part(alone, drive, notes, clock, frames):
     alone, frames = borrow(alone), borrow(frames)
     part, kind, surface = alone.parts[0], alone.kinds.record[0], drive.surface
     start, end = clock[ORIGIN] + clock[NUMBER] * drive.window, clock[ORIGIN] + (clock[NUMBER] + 1.0) * drive.window
-    acting = acting_terms(surface, start, end)
+    acting = acting_terms(surface, start, end, 0)
     bounds = bound_window(acting, drive.extremes, start, end, drive.exact)
     if not bounds.calm:  # the drive may have changed since
         wake(part)
@@ -87,7 +87,7 @@ def advance_part(alone, drive, notes, clock, frames):
             if clock[DUE] >= end:
                 clock[NUMBER] += 1.0
                 start, end = end, clock[ORIGIN] + (clock[NUMBER] + 1.0) * drive.window
-                acting = acting_terms(surface, start, end)
+                acting = acting_terms(surface, start, end, 0)
                 bounds = bound_window(acting, drive.extremes, start, end, drive.exact)
                 bring(part, kind, start, acting)
                 orthonormalise_parts(alone.parts, 1)
@@ -110,7 +110,9 @@ def _advance_until(until, t, alone, plate, notes, frames):
             return plate.bounds.end
         bring(part, kind, t, plate.surface)
         before = part.velocity[2]
-        leap, hit = meet_plate(0, alone.parts, alone.kinds, alone.wall, plate.surface, plate.bounds, t, alone.work, None)
+        leap, hit = meet_plate(
+            0, alone.parts, alone.kinds, alone.wall, plate.surface, plate.bounds, t, alone.work, None
+        )
         if alone.wall is not None and (hit or part.phase != FREE):
             _note_contact(part, before, kind.corner_to - kind.corner_from, notes, t, leap, alone.work)
         t += leap

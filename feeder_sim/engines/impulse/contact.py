@@ -73,6 +73,7 @@ from feeder_sim.scene.scene import GRAVITY
 ROUNDS = 20  # of impacts at zero time; after them what still approaches does so without rebound
 LONGEST_CHATTER = 3e-5  # [s] of bounces that are summed where nothing moves: hops of a nanometre
 LONGEST = 2e-4  # [s] of constant forces
+HOP = 0.7  # of the time in which bounces are summed: over a plate that yields, whose hops are that long
 TURNED, TURNED_AT_EDGE = 0.02, 0.002  # [rad] by which a part turns under constant forces; there the normal turns too
 TOGETHER = 10.0  # tolerances; points this close hit together, so that a flat landing is one impact and not six
 CARRIED = 30.0  # tolerances; points that have been pressed and are this close still are
@@ -164,7 +165,7 @@ def strike(parts, kinds, size, n, surface, bounds, t, work, yielding):
         if not approaches:
             break
         hit = True
-        _give_impulses(parts, kinds, size, m, surface, t, work, yielding)
+        _give_impulses(parts, kinds, size, m, n, surface, t, work, yielding)
         _scatter(parts, m, bounds, work)
         renew_rates(parts, kinds, n, work)
     return hit
@@ -177,8 +178,8 @@ def slow(row, restitution, twist, bounds):
 
 
 @compiled
-def _give_impulses(parts, kinds, size, m, surface, t, work, yielding):
-    """Solve the first m contacts as an impact."""
+def _give_impulses(parts, kinds, size, m, n, surface, t, work, yielding):
+    """Solve the first m contacts, of n rows, as an impact."""
     if m == 1 and not yields(yielding) and hit_alone(parts, kinds, work):
         return
     _load(parts, kinds, size, 0.0, work)
@@ -186,7 +187,7 @@ def _give_impulses(parts, kinds, size, m, surface, t, work, yielding):
     if not impact(work.bodies, work.contacts, m, modes_of(yielding)):
         work.unresolved[0] += 1
     _take_over(parts, size, m, work)
-    changes_surface(parts, m, surface, t, work, yielding)
+    changes_surface(size, m, n, surface, t, work, yielding)
 
 
 @compiled
@@ -231,7 +232,7 @@ def press(parts, kinds, size, n, pressed, slack, surface, bounds, t, until, work
     Returns:
         the time [s], 0 if nothing is pressed; whether nothing slips; the number of contacts.
     """
-    usual, lift = _time_of_forces(parts, kinds, size, n, pressed, bounds, work)
+    usual, lift = _time_of_forces(parts, kinds, size, n, pressed, bounds, work, yielding)
     if usual == 0.0 or lift < NO_LIFT * usual:
         return 0.0, False, 0
     least = _shortest(parts, kinds, size, bounds, work)
@@ -250,11 +251,15 @@ def press(parts, kinds, size, n, pressed, slack, surface, bounds, t, until, work
             time = max(min(time, leap_of(row, row[RATE], slack, twist, bounds, row[TOUCH])), least)
     m = 0
     for turn in range(TURNS):
-        _load(parts, kinds, size, time, work)
+        _load(parts, kinds, size, 0.0 if yields(yielding) else time, work)
         m = _gather_ahead(parts, kinds, n, surface, bounds, t, time, usual, work, yielding)
         find_carried(m, surface, work, yielding)
         if not solve(work.bodies, work.contacts, m, modes_of(yielding)):
             work.unresolved[0] += 1
+        if yields(yielding):
+            _take_over(parts, size, m, work)
+            changes_surface(size, m, n, surface, t, work, yielding)
+            break
         stops = _slip_stops(parts, kinds, m, time, work)
         if stops > STOPS * time or stops < (1.0 - STOPS) * usual or turn == TURNS - 1:
             break
@@ -270,7 +275,18 @@ def press(parts, kinds, size, n, pressed, slack, surface, bounds, t, until, work
             u = plus(u, -dot(u, normal), normal)
             held = held and dot(u, u) < SLIPS * SLIPS
             held = held and dot(friction, friction) <= (FIRMLY * work.contacts.number[FRICTION, i] * along) ** 2
+    if yields(yielding):
+        _fly_on(parts, kinds, size, m, time, work)
     return (time if loaded else 0.0), held, m
+
+
+@inlined
+def _fly_on(parts, kinds, size, m, time, work):
+    """After impulses in place of forces: no forces, and how the group moves on average until it is down again."""
+    for i in range(m):
+        write_to(work.contacts.vector[IMPULSE, i], (0.0, 0.0, 0.0))
+        write_to(work.contacts.vector[MOMENT, i], (0.0, 0.0, 0.0))
+    _load(parts, kinds, size, 0.5 * time, work)
 
 
 @compiled
@@ -348,7 +364,7 @@ def _slip_stops(parts, kinds, m, time, work):
 
 
 @inlined
-def _time_of_forces(parts, kinds, size, n, pressed, bounds, work):
+def _time_of_forces(parts, kinds, size, n, pressed, bounds, work, yielding):
     """How long forces may stay constant [s], 0 if no point is pressed; and when the last of the points is lifted."""
     moves, twist, turning, turned = 0.0, 0.0, 0.0, TURNED
     for k in range(size):
@@ -380,7 +396,7 @@ def _time_of_forces(parts, kinds, size, n, pressed, bounds, work):
         lift = max(lift, root)
     if not any_pressed:
         return 0.0, 0.0
-    time = _time_of(moves * bounds.fastest, LONGEST, bounds)
+    time = HOP * chatter if yields(yielding) else _time_of(moves * bounds.fastest, LONGEST, bounds)
     if turning * time > turned:
         time = turned / turning
     return time, lift
@@ -418,17 +434,17 @@ def _gather_ahead(parts, kinds, n, surface, bounds, t, time, usual, work, yieldi
         part = _member(parts, row, work)
         kind = kinds.record[part.kind]
         going = cross(spin_of(part, kind), vector(row[AT : AT + 3]))
-        if row[OTHER] < 0.0 and kind.corner_to - kind.corner_from > 1 and row[KNOWN] == 1.0:
+        if row[OTHER] < 0.0 and kind.corner_to - kind.corner_from > 1 and row[KNOWN] == 1.0 and not yields(yielding):
             write_to(contacts.vector[ARM_SECOND, m], plus(row[AT : AT + 3], time, going))
         gap = row[GAP] - 0.5 * row[TOUCH]
         target = -RETURN * gap / usual
         if gap > 0.5 * row[TOUCH]:
             target = min(target, -2.0 * gap / time - row[RATE])
-        if yields(yielding):  # impulses at the begin, in place of forces: the part flies on
-            target = min(-0.5 * row[PUSH] * time - gap / usual, 0.0)
+        if yields(yielding):  # impulses now, in place of forces: a hop that ends on the surface
+            target = 0.5 * max(row[PUSH], 0.0) * time - (gap / time if gap > 0.0 else RETURN * gap / usual)
         contacts.number[TARGET, m] = target
         m += 1
-        if row[MOVES] == 0.0:
+        if row[MOVES] == 0.0 or yields(yielding):
             continue
         dx, dy = (part.velocity[0] + going[0]) * time, (part.velocity[1] + going[1]) * time
         speed = slope_x = slope_y = along_x = along_y = 0.0

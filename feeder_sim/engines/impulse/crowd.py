@@ -27,7 +27,7 @@ def open_window(parts, n_free, kinds, surface, extremes, span, exact):
     Wakes all parts unless the plate is calm.
     """
     start, end = span
-    acting = acting_terms(surface, start, end)
+    acting = acting_terms(surface, start, end, 0)
     bounds = bound_window(acting, extremes, start, end, exact)
     if not bounds.calm:
         for i in range(n_free):

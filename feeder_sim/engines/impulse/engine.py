@@ -65,8 +65,22 @@ WINDOW = 1e-3  # [s], where parts can meet: shorter ones find the pairs too ofte
 WINDOW_ALONE = 1e-2  # [s], of a single part: for bounds on the plate that follow its ring-up
 WIDER = 1.5  # times the way of the farthest part: its reach when a window is computed again
 COLUMNS = {"position": POSITION, "velocity": VELOCITY, "attitude": ATTITUDE, "momentum": MOMENTUM}
-STATE = ("position", "velocity", "attitude", "momentum", "clock", "there", "phase", "held", "draws", "force", "moment")
-STATE += ("place", "seat", "facing")
+STATE = (
+    "position",
+    "velocity",
+    "attitude",
+    "momentum",
+    "clock",
+    "there",
+    "phase",
+    "held",
+    "draws",
+    "force",
+    "moment",
+    "place",
+    "seat",
+    "facing",
+)
 TOUCHING, LEAST_TOUCH = 0.01, 1e-13  # share of the tolerance, and [m]: gaps from which on points touch
 SAME_CONTACT = 1.5  # of the clock of frames: impacts of a guided part no farther apart are one contact
 MEMBERS = ("a", "b", "piece_a", "piece_b", "touching")  # of a pair
@@ -82,7 +96,7 @@ class ImpulseEngine:
 
     name = "impulse"
     frames_per_block = BLOCK_FRAMES
-    _single_apart = True  # a lone part has a loop of its own
+    _reacts = False  # the plate does not take impulses; then a lone part has a loop of its own
     _window = WINDOW
 
     def __init__(
@@ -102,8 +116,12 @@ class ImpulseEngine:
         self._exact = exactness(scene)
         self._surface = surface_arrays(scene.surface, scene.scenario.run)
         self._threads = max(1, threads)
-        self._alone = self._single_apart and self._n == 1 and not scene.rim and scene.scenario.refill is None
-        self._work = [new_scratch(kinds, scene.surface.n_shapes, together=1 if self._alone else MOST_TOGETHER) for _ in range(self._threads)]
+        self._alone = not self._reacts and self._n == 1 and not scene.rim and scene.scenario.refill is None
+        n, together = scene.surface.n_shapes, 1 if self._alone else MOST_TOGETHER
+        yielding = n if self._reacts else 0
+        self._work = [
+            new_scratch(kinds, n, together=together, shapes_that_yield=yielding) for _ in range(self._threads)
+        ]
         corners = np.split(kinds.corners, kinds.piece["corner_from"][1:])
         radii = [*kinds.record["radius"], *np.zeros(len(corners) - len(kinds.record))]  # only a hull is a ball
         self._libraries = [HullLibrary(corners, radii) for _ in range(0 if self._alone else self._threads)]

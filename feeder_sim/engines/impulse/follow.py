@@ -168,7 +168,9 @@ def follows_until(part, kind, n, height, surface, bounds, t, until, work):
     least = min(1.0 / turns[0], 1.0 / turns[3]) if turns[0] > 0.0 and turns[3] > 0.0 else 0.0
     most = max(kind.inertia[0], kind.inertia[1], kind.inertia[2])
     along += height * turning
-    if least >= 0.0 and _held(GRAVITY - push, along + GRAVITY * bounds.slope, most * turning / kind.mass, height, rho, kind):
+    if least >= 0.0 and _held(
+        GRAVITY - push, along + GRAVITY * bounds.slope, most * turning / kind.mass, height, rho, kind
+    ):
         return until
     if bounds.fastest * (until - t) < STRIDE:
         return t
@@ -211,7 +213,11 @@ def _held_at(t, under, height, rho, most, kind, surface, work):
 @inlined
 def _held(normal, lateral, moment, height, rho, kind):
     """Whether friction and supports hold a part; all forces and moments by its mass."""
-    return normal > 0.0 and lateral <= FIRM * kind.friction[0] * normal and moment + height * lateral <= BALANCED * rho * normal
+    return (
+        normal > 0.0
+        and lateral <= FIRM * kind.friction[0] * normal
+        and moment + height * lateral <= BALANCED * rho * normal
+    )
 
 
 @inlined

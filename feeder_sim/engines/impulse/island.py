@@ -20,13 +20,15 @@ from feeder_sim.engines.impulse.contact import apply_forces, press, strike
 from feeder_sim.engines.impulse.follow import bring
 from feeder_sim.engines.impulse.frame_rows import write_row
 from feeder_sim.engines.impulse.hulls import Hulls
-from feeder_sim.engines.impulse.leap import unsure
+from feeder_sim.engines.impulse.leap import shortest_leap, unsure
 from feeder_sim.engines.impulse.moving_surface import move_surface
 from feeder_sim.engines.impulse.neighbours import Islands
 from feeder_sim.engines.impulse.pair_contact import NEARBY, TOUCHING, find_axis, look_at_pair_points, meeting_bound
 from feeder_sim.engines.impulse.plate_contact import STILL, meet_plate, next_switch, rest
 from feeder_sim.engines.impulse.plate_points import CLOSE, look, look_at_edge, renew_pair_rates
 from feeder_sim.engines.impulse.state import ASLEEP, FREE, Kinds, Scratch, in_pieces, wake
+from feeder_sim.engines.impulse.yielding import yields
+from feeder_sim.engines.impulse.yielding_bounds import has_changed, renewed
 from feeder_sim.machine_code import compiled, entry_point, inlined
 
 LEAST_LOOK = 1e-7  # [s]; after parts that touch have come apart
@@ -86,12 +88,23 @@ def advance_islands(share, crowd, plate, tools, span, frames):
     left = False
     for island in range(owner.shape[0]):
         if owner[island] == share.thread:
-            left |= _advance_island(island, crowd, plate, tools, span, frames)
+            left |= _advance_island(island, crowd, plate, tools, span, frames, None)
     return left
 
 
+@entry_point
+def advance_together(crowd, plate, tools, span, frames, yielding):
+    """As `advance_islands`, all parts as one island, over a plate that takes their impulses: what one does others feel."""
+    lent, plate, tools, frames = borrow(crowd), borrow(plate), borrow(tools), borrow(frames)
+    yielding = borrow(yielding)
+    yielding.changed[:] = 0.0
+    left = _advance_island(0, lent, plate, tools, span, frames, yielding)
+    return left and crowd.parts.shape[0] > 0  # what was borrowed lives until here
+
+
 @compiled
-def _advance_island(island, crowd, plate, tools, span, frames):
+def _advance_island(island, crowd, plate, tools, span, frames, yielding):
+    """As `advance_islands`, one island; yielding: see `meet_plate`."""
     islands, parts, kinds = crowd.islands, crowd.parts, crowd.kinds
     first, last = islands.first_part[island], islands.first_part[island + 1]
     first_pair, last_pair = islands.first_pair[island], islands.first_pair[island + 1]
@@ -107,9 +120,12 @@ def _advance_island(island, crowd, plate, tools, span, frames):
         while tree[1] < stop and frames.interrupt[0] == 0:
             t, event = tree[1], earliest_of(tree)
             if event < n:
-                left |= look_at_part(event, t, agenda, crowd, plate, tools, span.reach, None)
+                left |= look_at_part(event, t, agenda, crowd, plate, tools, span.reach, yielding)
             else:
-                left |= look_at_pair(event, t, agenda, crowd, plate, tools, span.reach, None)
+                left |= look_at_pair(event, t, agenda, crowd, plate, tools, span.reach, yielding)
+            if has_changed(yielding):
+                plate = renewed(plate, t, yielding)
+                look_again(t, agenda, crowd, plate)
         for k in range(first, last):
             i = islands.part[k]
             if frame < frames.time.shape[0]:
@@ -231,7 +247,7 @@ def meet_group(first, t, agenda, crowd, plate, tools, reach, yielding):
                 part.due = np.inf
         if i < crowd.islands.place.shape[0]:
             set_due(agenda.tree, crowd.islands.place[i] - agenda.first_part, part.due)
-        if hit or not pressed or stays == 0.0:
+        if hit or not pressed or stays == 0.0 or yields(yielding):
             look_again_at_pairs(i, t, agenda, crowd, plate)
     return left and plate_rows >= 0
 
@@ -322,6 +338,25 @@ def look_again_at_pairs(i, t, agenda, crowd, plate):
         if gap <= TOUCHING:
             due = max(due, t + LEAST_LOOK)
         set_due(agenda.tree, event, due)
+
+
+@compiled
+def look_again(t, agenda, crowd, plate):
+    """Make every part due, and its pairs: its forecast was made over another surface."""
+    for k in range(agenda.n_parts):
+        i = crowd.islands.part[agenda.first_part + k]
+        part = crowd.parts[i]
+        kind = crowd.kinds.record[part.kind]
+        if part.there == ASLEEP:
+            if plate.bounds.calm:
+                continue
+            bring(part, kind, t, plate.surface)  # it has lain there until now
+            wake(part)
+        due = max(t, part.clock + shortest_leap(part, kind, plate.bounds))
+        if due < agenda.tree[agenda.tree.shape[0] // 2 + k]:
+            part.due = due
+            set_due(agenda.tree, k, due)
+        look_again_at_pairs(i, t, agenda, crowd, plate)
 
 
 @inlined

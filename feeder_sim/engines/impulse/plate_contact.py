@@ -47,14 +47,16 @@ def meet_plate(i, parts, kinds, wall, surface, bounds, t, work, yielding):
     corners, others = kinds.corners[kind.corner_from : kind.corner_to], np.inf
     if is_round(kind):
         corners = work.points[: count_of(kind)]
-    elif wall is None and corners.shape[0] > MANY and not bounds.calm:  # what comes to rest is looked at with all corners
+    elif (
+        wall is None and corners.shape[0] > MANY and not bounds.calm
+    ):  # what comes to rest is looked at with all corners
         near, others = gather_near(part, kind, corners, bounds, work)
         corners = work.points[:near]
     close, moved = look(part, kind, corners, 0, 0, surface, bounds, t, False, work)
     n_corners = corners.shape[0]
     n, at_edge, moved = look_at_edge(part, kind, kinds, 0, n_corners, surface, bounds, t, moved, work)
     close = close or at_edge
-    depth = land(part, n, work)
+    depth = 0.0 if yields(yielding) else land(part, n, work)  # a surface that yields never jumps
     if depth > 0.0:
         close = True
     if wall is not None:
@@ -65,7 +67,9 @@ def meet_plate(i, parts, kinds, wall, surface, bounds, t, work, yielding):
     until = next_switch(surface, t, bounds.end)
     if close:
         hit = strike(parts, kinds, 1, n, surface, bounds, t, work, yielding)
-        stays, held, m = press(parts, kinds, 1, n, before != FREE, unknown[0], surface, bounds, t, until, work, yielding)
+        stays, held, m = press(
+            parts, kinds, 1, n, before != FREE, unknown[0], surface, bounds, t, until, work, yielding
+        )
         if stays > 0.0:
             if held:
                 stays = _stay(part, kind, n, surface, bounds, t, until, stays, m, work, yielding)
@@ -73,7 +77,7 @@ def meet_plate(i, parts, kinds, wall, surface, bounds, t, work, yielding):
                 part.held = min(part.held, 0)
             if part.phase == FREE and part.there != ASLEEP:
                 apply_forces(parts, 1, m, stays, work)
-            return stays, hit
+            return stays, hit or yields(yielding)
         part.held = 0
         unknown = unsure(part, kind, bounds)
     slack, twist = unknown

@@ -226,6 +226,8 @@ def renew_rates(parts, kinds, n, work):
         row[RATE] = rate_of(row, part, spin, other, spin_of(other, kind_of_other))
         if row[E] == -1.0:  # on the plate
             fall = GRAVITY * row[TOWARDS + 2]
-            fall += falls(spin, spin_change(part, kind, spin), vector(row[AT : AT + 3]), vector(row[TOWARDS : TOWARDS + 3]))
+            fall += falls(
+                spin, spin_change(part, kind, spin), vector(row[AT : AT + 3]), vector(row[TOWARDS : TOWARDS + 3])
+            )
             row[PUSH] += fall - row[FALL]
             row[FALL], row[OWN] = fall, GRAVITY + turning_acceleration(part, kind)

@@ -18,12 +18,15 @@ SLOWEST = 1.0  # [rad/s]; the rate of a surface that does not move
 
 
 @compiled
-def acting_terms(surface, start, stop):
-    """The surface with those terms alone that act between two times [s] and have not died out."""
-    n = 0
-    chosen = np.empty(surface.term_shape.shape[0], np.int64)
-    for k in range(surface.term_shape.shape[0]):
-        if surface.term_start[k] < stop and surface.term_stop[k] >= start:
+def acting_terms(surface, start, stop, kept):
+    """The surface with those terms alone that act between two times [s] and have not died out, and the last `kept`."""
+    n, count = 0, surface.term_shape.shape[0]
+    chosen = np.empty(count, np.int64)
+    for k in range(count):
+        if k >= count - kept:
+            chosen[n] = k
+            n += 1
+        elif surface.term_start[k] < stop and surface.term_stop[k] >= start:
             age = max(start - surface.term_start[k], 0.0)
             if abs(surface.coefficient[k]) * math.exp(surface.rate[k].real * age) > FAINT:
                 chosen[n] = k

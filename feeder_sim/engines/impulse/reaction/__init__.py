@@ -1,1 +1,0 @@
-"""The impulse engine for parts that act back on the plate."""
