@@ -19,7 +19,6 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from feeder_sim.engines.impulse.engine import COLUMNS, ImpulseEngine
-from feeder_sim.engines.impulse.state import ARM, FRICTION, NORMAL, RESTITUTION, VELOCITY
 from feeder_sim.machine_code import entry_point
 from feeder_sim.records.trajectory import Frames
 from feeder_sim.run.seed_run import SeedRun
@@ -88,16 +87,6 @@ def from_python(function: Any) -> Any:
 def symmetric(matrix: NDArray[np.float64]) -> tuple[float, ...]:
     """A symmetric matrix (3, 3) as compiled code takes it."""
     return tuple(float(matrix[i, j]) for i in range(3) for j in range(i, 3))
-
-
-def contacts(
-    arm: NDArray[np.float64], normal: NDArray[np.float64], surface_velocity: NDArray[np.float64], e: float, mu: float
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Contacts (5, n, 3) and their laws (5, n) as compiled code takes them, from arrays (n, 3)."""
-    contact, law = np.zeros((5, *arm.shape)), np.zeros((5, len(arm)))
-    contact[ARM], contact[NORMAL], contact[VELOCITY] = arm, normal, surface_velocity
-    law[RESTITUTION], law[FRICTION] = e, mu
-    return contact, law
 
 
 def rows(matrix: NDArray[np.float64]) -> tuple[tuple[float, ...], ...]:
