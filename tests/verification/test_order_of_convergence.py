@@ -98,7 +98,7 @@ def test_single_impact_on_a_moving_plate_is_exact(e: float, mu: float) -> None:
     """What is left: the touch over the approach is the time that it is early, in which the plate is accelerated."""
     errors = single_impact(EXACT, Contact(restitution=e, friction=mu))
     assert np.abs(errors.height).max() < 1e-12
-    assert np.abs(errors.along).max() < 1e-10
+    assert np.abs(errors.along).max() < 2.0**-24 * ALONG  # velocities are recorded in single precision
 
 
 @pytest.mark.parametrize("e", [0.2, 0.9])
