@@ -162,8 +162,8 @@ def heap(rng: np.random.Generator, bodies: int, contacts: int, world: float, e: 
 
 
 def close(before: NDArray[np.float64]) -> float:
-    """How closely laws are obeyed [m/s]; what is below LEAST counts as nothing, in each direction."""
-    return max(CLOSE * float(np.abs(before).max()), np.sqrt(3.0) * contact_equations.LEAST)
+    """How closely laws are obeyed [m/s]; what is below LEAST counts as nothing, in each of three directions."""
+    return max(CLOSE * float(np.abs(before).max()), 3.0 * contact_equations.LEAST)
 
 
 @pytest.mark.parametrize("world", [0.0, 1.0])

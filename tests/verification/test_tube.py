@@ -104,7 +104,7 @@ def test_cylinder_stays_in_its_tube(tilt: float) -> None:
 
 
 def test_without_play_a_tube_is_a_slide() -> None:
-    """With play, corners have a radius of a micrometre, by which it falls less; beside them it has 50 nm on each side."""
+    """With play, corners have a radius of a micrometre, by which it falls less, and 50 nm of room on each side."""
     found = []
     for guide, drop_mm in ((Slide(kind="slide"), 2.0), (Tube(kind="tube", inner_diameter_mm=4.5021), 2.001)):
         start = Start(drop_height_mm=(drop_mm, drop_mm))
