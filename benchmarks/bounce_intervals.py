@@ -79,7 +79,7 @@ def around(frequency: float, amplitude: float, estimate: float, intervals: int, 
 
 def main(
     engine: Annotated[str, typer.Option()] = "impulse",
-    steps_per_period: Annotated[int | None, typer.Option(help="of MuJoCo")] = None,
+    steps_per_period: Annotated[int, typer.Option()] = 40,
     intervals: Annotated[int, typer.Option()] = 2000,
 ) -> None:
     print(

@@ -17,7 +17,7 @@ from feeder_sim.run.prepare import prepare
 from feeder_sim.scenario import Drive, Scenario, Strip, load_scenario
 from feeder_sim.studies.chart.by_drift_map import map_around
 from feeder_sim.studies.chart.cases import CASES
-from feeder_sim.studies.chart.methods import DEFAULT_NM, METHODS
+from feeder_sim.studies.chart.methods import DEFAULT_STEPS, METHODS
 from feeder_sim.studies.chart.points import scenario_of
 from feeder_sim.studies.drift_map.borders import BorderPoint, crowds, high_hops_on_plate, high_hops_on_strip, ways
 from feeder_sim.studies.drift_map.comparison import (
@@ -74,7 +74,7 @@ def note(point: BorderPoint) -> None:
 def balls(map_seeds: int, seeds: int) -> None:
     """A ball that rolls on a plate of silicon; its map is for this drive only."""
     case = next(case for case in CASES if case.name == "chladni_plate")
-    ball = scenario_of(case, METHODS[0], DEFAULT_NM)
+    ball = scenario_of(case, METHODS[0], DEFAULT_STEPS)
     print("\n| time (s) | way (mm), full runs | map | spread of full runs (mm) | map |\n|---|---|---|---|---|")
     for at in ways(map_around(prepare(ball), map_seeds), ball, seeds):
         print(at.line(), flush=True)

@@ -61,7 +61,7 @@ def main() -> int:
     short = []
     for name in ("drift_4750hz", "drift_8775hz"):
         scenario = load_scenario(SCENARIOS / f"{name}.toml")
-        print(f"{scenario.title}, {scenario.run.steps} steps per period of MuJoCo")
+        print(f"{scenario.title}, {scenario.run.steps_per_period} steps per period")
         ratio = compare(scenario)
         ensemble = prepare(with_run(scenario, engine="impulse", seeds=ENSEMBLE))
         measure_drift([ensemble])  # compiled

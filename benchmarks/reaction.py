@@ -18,8 +18,8 @@ from typing import Annotated, Any
 import numpy as np
 import typer
 
-from feeder_sim.engines.impulse.reacting_engine import ReactingEngine
-from feeder_sim.engines.impulse.yielding import TAKEN
+from feeder_sim.engines.impulse.reaction.engine import ReactingEngine
+from feeder_sim.engines.impulse.reaction.yielding_contact import TAKEN
 from feeder_sim.engines.reaction import reaction_at
 from feeder_sim.run.prepare import prepare
 from feeder_sim.run.simulation import compile_engine, generators, simulate

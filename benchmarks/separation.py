@@ -86,8 +86,8 @@ VARIANTS: dict[str, Change] = {
     "with a rim": lambda raw: raw["plate"].update(rim=True),
     "spread at 558 Hz first": _spread_first,
     "poured in the middle, spread at 558 Hz": _poured,
-    "tolerance 1 nm": lambda raw: raw["run"].update(tolerance_nm=1.0),
-    "tolerance 0.01 nm": lambda raw: raw["run"].update(tolerance_nm=0.01),
+    "20 steps per period": lambda raw: raw["run"].update(steps_per_period=20),
+    "80 steps per period": lambda raw: raw["run"].update(steps_per_period=80),
 }
 
 

@@ -1,7 +1,7 @@
 """Up to which amplitude a nut keeps its way: the transport scenario with all amplitudes scaled together.
 
     python benchmarks/transport_amplitude.py [--scenario FILE] [--seeds 16] [--factors 0.5 0.7 1 ...]
-        [--tolerance-nm X] [--picture FILE]
+        [--steps-per-period N] [--picture FILE]
 
 Prints, for every factor, how many of the seeds arrive within the goal, and how long it took them. The scenario's own
 amplitudes are a factor of 1: the same velocity amplitude for all modes.
@@ -23,12 +23,12 @@ SCENARIO = Path(__file__).parents[1] / "scenarios" / "transport_strip.toml"
 FACTORS = [0.5, 0.7, 1.0, 1.4, 2.0, 2.4, 2.8, 3.2, 4.0, 5.6]
 
 
-def scaled(path: Path, factor: float, seeds: int, tolerance_nm: float | None) -> Scenario:
-    """The scenario with all amplitudes multiplied, and another tolerance where it is given."""
+def scaled(path: Path, factor: float, seeds: int, steps_per_period: int | None) -> Scenario:
+    """The scenario with all amplitudes multiplied, and other steps where they are given."""
     raw = load_scenario(path).model_dump(exclude_none=True)
     raw["run"]["seeds"] = seeds
-    if tolerance_nm is not None:
-        raw["run"]["tolerance_nm"] = tolerance_nm
+    if steps_per_period is not None:
+        raw["run"]["steps_per_period"] = steps_per_period
     for stage in (*raw["schedule"]["prepare"], *raw["schedule"]["stage"]):
         for drive in stage["drive"]:
             drive["amplitude_um"] *= factor
@@ -65,13 +65,13 @@ def main() -> int:
     parser.add_argument("--scenario", type=Path, default=SCENARIO)
     parser.add_argument("--seeds", type=int, default=16)
     parser.add_argument("--factors", type=float, nargs="+", default=FACTORS)
-    parser.add_argument("--tolerance-nm", type=float)
+    parser.add_argument("--steps-per-period", type=int)
     parser.add_argument("--picture", type=Path)
     arguments = parser.parse_args()
     print("| factor | arrived | time (s), mean and SD | travelled (mm), mean and SD |\n|---|---|---|---|")
     rows = []
     for factor in arguments.factors:
-        found = simulate(scaled(arguments.scenario, factor, arguments.seeds, arguments.tolerance_nm)).measures()
+        found = simulate(scaled(arguments.scenario, factor, arguments.seeds, arguments.steps_per_period)).measures()
         took, way = found["arrival_time_s"], found["travelled_mm"]
         rows.append((factor, found["at_goal"], found["at_goal_of"], took["mean"], took["sd"]))
         time = f"{took['mean']:.1f} +- {took['sd'] or 0.0:.1f}" if took["n"] else "-"

@@ -42,7 +42,12 @@ def scenario(case: Case, duration: float, seeds: int) -> Scenario:
         drive=(drive,),
         part=(Ball(shape="ball", diameter_mm=2e3 * RADIUS, start=start),),
         contact=Contact(restitution=case.restitution),
-        run=Run(duration_s=duration, seeds=seeds, frames_per_second=case.frequency * FRAMES_PER_PERIOD),
+        run=Run(
+            duration_s=duration,
+            seeds=seeds,
+            frames_per_second=case.frequency * FRAMES_PER_PERIOD,
+            tolerance_nm=0.01,
+        ),
     )
 
 

@@ -18,8 +18,8 @@ import pytest
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from feeder_sim.engines.impulse import contact_problem
 from feeder_sim.engines.impulse.engine import COLUMNS, ImpulseEngine
+from feeder_sim.engines.impulse.state import ARM, FRICTION, NORMAL, RESTITUTION, VELOCITY
 from feeder_sim.machine_code import entry_point
 from feeder_sim.records.trajectory import Frames
 from feeder_sim.run.seed_run import SeedRun
@@ -90,32 +90,14 @@ def symmetric(matrix: NDArray[np.float64]) -> tuple[float, ...]:
     return tuple(float(matrix[i, j]) for i in range(3) for j in range(i, 3))
 
 
-def hit_surface(
-    motion: tuple[NDArray[np.float64], NDArray[np.float64]],
-    mass: float,
-    inverse_inertia: NDArray[np.float64],
-    touch: tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]],
-    law: tuple[float, float],
-    modes: Any = None,
-) -> bool:
-    """Impact of one body on a surface, as `contact_problem.impact`; returns whether it has settled.
-
-    motion: velocity and angular momentum (3,), changed in place; inverse_inertia (3, 3); touch: arms, normals and
-    velocities of the surface (n, 3); law: restitution and friction; modes: of a surface that gives way.
-    """
-    n, room = len(touch[0]), contact_problem.new_room(1, len(touch[0]), 0 if modes is None else len(modes.taken))
-    bodies, contacts, _ = room
-    bodies.velocity[0], bodies.spin[0], bodies.inverse_mass[0] = motion[0], inverse_inertia @ motion[1], 1.0 / mass
-    bodies.inverse_inertia[0] = symmetric(inverse_inertia)
-    contacts.body[:] = contact_problem.WORLD, 0
-    rows_of = contact_problem.ARM_SECOND, contact_problem.NORMAL, contact_problem.VELOCITY
-    for row, values in zip(rows_of, touch, strict=True):
-        contacts.vector[row] = values
-    contacts.number[contact_problem.RESTITUTION], contacts.number[contact_problem.FRICTION] = law
-    settled = from_python(contact_problem.impact)(bodies, contacts, n, modes)
-    motion[0][:] = bodies.velocity[0]
-    motion[1][:] += np.cross(touch[0], contacts.vector[contact_problem.IMPULSE]).sum(axis=0)
-    return bool(settled)
+def contacts(
+    arm: NDArray[np.float64], normal: NDArray[np.float64], surface_velocity: NDArray[np.float64], e: float, mu: float
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Contacts (5, n, 3) and their laws (5, n) as compiled code takes them, from arrays (n, 3)."""
+    contact, law = np.zeros((5, *arm.shape)), np.zeros((5, len(arm)))
+    contact[ARM], contact[NORMAL], contact[VELOCITY] = arm, normal, surface_velocity
+    law[RESTITUTION], law[FRICTION] = e, mu
+    return contact, law
 
 
 def rows(matrix: NDArray[np.float64]) -> tuple[tuple[float, ...], ...]:

@@ -276,7 +276,7 @@ def _stepped(
 def drift(method: Method, case: str, steps: int, seeds: int) -> Outcome:
     """Transport speed of each seed [mm/s], with the starts of `feeder-sim run`."""
     loaded = load_scenario(SCENARIOS / f"{case}hz.toml")
-    scene = build_scene(with_run(loaded, engine="mujoco", steps_per_period=steps, seeds=max(seeds, 1)))
+    scene = build_scene(with_run(loaded, steps_per_period=steps, seeds=max(seeds, 1)))
     cell = transport_cell(scene)
     wave = scene.driven[0].shape
     assert cell is not None and isinstance(wave, StandingWave)

@@ -55,8 +55,8 @@ def main() -> int:
 def compared(options: argparse.Namespace) -> int:
     tosses, rows, studies = read_tosses(options.data), [], {}
     for engine in get_args(Engine) if options.engine == "both" else (options.engine,):
-        for steps in options.steps if engine == "mujoco" else (0,):  # impulses have none
-            study = compute_tosses(tosses, engine, steps=steps or STEPS, friction=options.friction)
+        for steps in options.steps:
+            study = compute_tosses(tosses, engine, steps=steps, friction=options.friction)
             studies[engine] = study
             rows.append({"engine": engine, "steps_per_ms": steps / PERIOD_MS} | study.summary())
             if not options.json:

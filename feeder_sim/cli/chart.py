@@ -138,18 +138,18 @@ def _print_case(found: CaseSummary) -> None:
 
     print(found.title)
     for p in found.front:
-        print(f"  front  {p.method}, {p.setting:g}: error {p.error_percent:.2g} %, cost {found.cost(p):.3g}")
+        print(f"  front  {p.method}, {p.setting}: error {p.error_percent:.2g} %, cost {found.cost(p):.3g}")
     if found.default is not None:
         on_front = "yes" if found.default_on_front else "no"
         print(f"  default on the front: {on_front}, error {found.default.error_percent:.2g} %")
     first, second = found.fastest, found.following
     if first is not None:
-        print(f"  fastest within {WITHIN_PERCENT:g} %: {first.method}, {first.setting:g}")
+        print(f"  fastest within {WITHIN_PERCENT:g} %: {first.method}, {first.setting}")
     if first is not None and second is not None:
         ratio = second.wall_s_per_simulated_s / first.wall_s_per_simulated_s
-        print(f"  next: {second.method}, {second.setting:g}, {ratio:.3g} times its cost")
+        print(f"  next: {second.method}, {second.setting}, {ratio:.3g} times its cost")
     for p in found.failed:
-        print(f"  failed  {p.method}, {p.setting:g}: {p.failure}")
+        print(f"  failed  {p.method}, {p.setting}: {p.failure}")
 
 
 def machine() -> str:

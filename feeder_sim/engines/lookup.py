@@ -16,12 +16,16 @@ def engine_class(choice: Choice) -> type[Engine]:
         from feeder_sim.engines.slide.engine import SlideEngine
 
         return SlideEngine
+    if choice.method == "exact":
+        from feeder_sim.engines.impulse.lone.engine import LoneEngine
+
+        return LoneEngine
     if choice.method == "reaction" and choice.name == "mujoco":
         from feeder_sim.engines.mujoco.reacting_engine import ReactingMujocoEngine
 
         return ReactingMujocoEngine
     if choice.method == "reaction":
-        from feeder_sim.engines.impulse.reacting_engine import ReactingEngine
+        from feeder_sim.engines.impulse.reaction.engine import ReactingEngine
 
         return ReactingEngine
     from feeder_sim.engines.impulse.engine import ImpulseEngine

@@ -20,10 +20,9 @@ from numpy.typing import NDArray
 
 from feeder_sim.engines.impact_log import new_log
 from feeder_sim.engines.impulse.alone import Alone, ContactNotes, Drive
-from feeder_sim.engines.impulse.engine import WINDOW_ALONE, exactness
+from feeder_sim.engines.impulse.engine import WINDOW_ALONE
 from feeder_sim.engines.impulse.kinds import read_kinds
 from feeder_sim.engines.impulse.state import PART, Kinds, new_parts, new_scratch
-from feeder_sim.engines.noise import new_streams
 from feeder_sim.engines.surface_arrays import surface_arrays
 from feeder_sim.errors import InputError, check_type, check_whole
 from feeder_sim.measures.drift import Drift, DriftFindings
@@ -153,6 +152,8 @@ def check_batch(prepared: Prepared) -> None:
         raise InputError(f"is given, allowed is none {why}", key="schedule")
     if scenario.run.reaction:
         raise InputError(f"is true, allowed is false {why}", key="run.reaction")
+    if prepared.engine.method == "exact":
+        raise InputError(f"is {scenario.run.tolerance_nm:g}, allowed is none {why}", key="run.tolerance_nm")
     if prepared.engine.method != "impulse":
         raise InputError(f'is "{prepared.engine.name}", allowed is "impulse" {why}', key="run.engine")
 
@@ -184,7 +185,6 @@ class _Starts:
                     attitude = self._scene.principal_attitudes(pose.quaternion[None])
                     turned = Rotation.from_quat(attitude, scalar_first=True).as_matrix()
                     self._parts[seed] = new_parts([pose.position], turned, [0], [pose.velocity])[0]
-                    self._parts[seed]["draws"] = new_streams(self._random[seed], 1)[0]
                     self._drawn[seed] = True
             return self._parts[some].copy()
 
@@ -196,7 +196,7 @@ class _Seeds:
         self.prepared, self._starts, scene = prepared, starts, prepared.scene
         self._kinds: Kinds = read_kinds(scene)
         self._drive = Drive(
-            surface_arrays(scene.surface, scene.scenario.run), scene.surface.extremes, exactness(scene), WINDOW_ALONE
+            surface_arrays(scene.surface, scene.scenario.run), scene.surface.extremes, scene.timestep, WINDOW_ALONE
         )
         self._recording = Recording(scene.frame_interval, scene.n_frames)
         still, level = np.zeros((1, 1, 3)), np.array([[[1.0, 0.0, 0.0, 0.0]]])
@@ -213,7 +213,7 @@ class _Seeds:
         """Run some of the seeds; returns the processor time [s] that it took."""
         work = new_scratch(self._kinds, self.prepared.scene.surface.n_shapes)
         alone = Alone(self._starts.of(some), self._kinds, None, work)
-        notes, outcome = ContactNotes(new_log(1), np.zeros(2), 0.0), self.outcome.some(some)
+        notes, outcome = ContactNotes(new_log(1), np.zeros(2)), self.outcome.some(some)
         room = new_room()
         started = time.thread_time()
         measure_drifts(alone, self._drive, notes, self._recording, self._held, self._way, interrupt, room, outcome)

@@ -126,7 +126,7 @@ def measure_drifts(alone, drive, notes, recording, held, way, interrupt, room, o
         part = Alone(alone.parts[seed : seed + 1], alone.kinds, alone.wall, alone.work)
         clock[:] = 0.0
         motion.time[0] = 0.0
-        write_row(part.parts, 0, part.kinds, drive.surface, 0.0, rows[0, 0])
+        write_row(part.parts, 0, part.kinds, 0.0, rows[0, 0])
         _take_motion(rows, 1, motion)
         start = motion.state[0, 0]
         limits = _limits_of(start, held)

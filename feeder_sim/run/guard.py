@@ -56,14 +56,13 @@ DIVERGENCES = {
 # Limit over what the plate can give. The largest ratio seen is 1.04, in all scenarios, both engines, heaps, elastic
 # parts.
 ENERGY_FACTOR = 10.0
-# Limit of the depth in MuJoCo, in steps times speed; the impulse engine has no step. The largest depths seen are 0.5
-# steps of a single part, and 3.3 steps of the falling parts where a heap is poured onto nuts at rest. Each is a third
-# of what is allowed there.
+# Limit of the depth, in steps times speed. The largest depths seen are 0.5 steps of a single part, and 3.3 steps of
+# the falling parts where a heap is poured onto nuts at rest. Each is a third of what is allowed there.
 # The impulse engine does not find a corner any more that is 200 um deep.
 DEPTH_STEPS = 2.0
 DEPTH_FRACTION = 0.05  # of the amplitude, added to the limit
 HEAP_DEPTH = 1e-4  # [m], added for several parts; 80 um seen at the bottom of a poured heap, whose parts overlap
-DEPTH_FLOOR = 1e-5  # [m], smallest limit
+DEPTH_FLOOR = 1e-5  # [m], smallest limit; twice what a part enters in a flight of the impulse engine at any step
 CAUGHT_UP = 1000  # frames at once, of those before a break
 
 
@@ -192,7 +191,7 @@ def _depth_limit(prepared: Prepared, energy: EnergyLimit) -> DepthLimit:
     reaction = largest_reaction(scene, largest, energy.start_speed) if scene.scenario.run.reaction else 0.0
     return DepthLimit(
         least=DEPTH_FLOOR + DEPTH_FRACTION * largest + reaction,
-        steps=DEPTH_STEPS * scene.timestep if prepared.engine.name == "mujoco" else 0.0,
+        steps=DEPTH_STEPS * scene.timestep,
         heap=HEAP_DEPTH if len(scene.parts) > 1 else 0.0,
         time_constant=1e-6 * (contact.time_constant_us or 0.0),
         damping_ratio=contact.damping_ratio if compliant else 0.0,

@@ -231,7 +231,7 @@ def _is_finite(state):
 def _allowed_depth(speed, fastest, limit):
     """Largest depth [m] that a corner may have below the surface.
 
-    MuJoCo lets a corner enter by the distance that it moves in a step. Its speed between two frames is at most the
+    Both engines let a corner enter by the distance that it moves in a step. Its speed between two frames is at most the
     larger of those that a part can reach from the frame before and from this one. In a heap a part may be pushed into
     the plate by others that fall or lie on it; a spring-damper brakes within its time constant, and sags.
     """

@@ -1,7 +1,8 @@
 """Which scenarios each engine can compute, which engine a scenario gets, and settings that are known to fail.
 
 Two engine names stand for several methods. `mujoco` has one; `impulse` has the general one and `slide`, which finds
-every event of a part with one degree of freedom exactly. Over a plate that takes the impulses of the parts both have a
+every event of a part with one degree of freedom exactly; with `run.tolerance_nm` also `exact`, which computes one free
+part without a step. Over a plate that takes the impulses of the parts both have a
 method of their own, `reaction`. docs/engines.md describes them.
 """
 
@@ -24,7 +25,7 @@ MIN_STEPS_PER_PERIOD = 20
 MIN_STEPS_PER_TIME_CONSTANT = 5.0
 
 EngineName = Literal["impulse", "mujoco"]
-Method = Literal["impulse", "reaction", "slide", "mujoco"]
+Method = Literal["impulse", "exact", "reaction", "slide", "mujoco"]
 
 
 class Choice(NamedTuple):
@@ -39,6 +40,8 @@ def choose_engine(scenario: Scenario) -> Choice:
     """The engine of a checked scenario: the one it asks for, else the fastest that can compute it."""
     guide = scenario.guide
     method: Method = "reaction" if scenario.run.reaction else "impulse"
+    if scenario.run.tolerance_nm is not None:
+        method = "exact"
     stepping: Method = "reaction" if scenario.run.reaction else "mujoco"
     if guide is not None and guide.kind == "slide":
         method = "slide"
@@ -82,11 +85,6 @@ def uncovered(scenario: Scenario) -> Iterator[str]:
         yield from _uncovered_in_plane(scenario, in_mujoco=in_mujoco)
     if run.reaction:
         yield from _uncovered_with_reaction(scenario, in_mujoco=in_mujoco)
-    if run.steps_per_period is not None and not in_mujoco:
-        yield (
-            f"run.steps_per_period is {run.steps_per_period}, allowed is none with the impulse engine, which has no "
-            "step: run.tolerance_nm says how exact it is"
-        )
     yield from uncovered_laws(scenario, in_mujoco=in_mujoco)
     if any(part.shape == "dimer" for part in scenario.part):
         yield from _uncovered_of_dimers(scenario, in_mujoco=in_mujoco)
@@ -153,17 +151,17 @@ def known_failures(scenario: Scenario) -> tuple[str, ...]:
     """Settings that do not simulate what was asked for: key, value, what is allowed and why, one line each."""
     run, contact, mujoco = scenario.run, scenario.contact, scenario.mujoco
     failures = []
-    if run.steps < MIN_STEPS_PER_PERIOD:
+    if run.steps_per_period < MIN_STEPS_PER_PERIOD:
         failures.append(
-            f"run.steps_per_period is {run.steps}, allowed is at least {MIN_STEPS_PER_PERIOD}: the "
+            f"run.steps_per_period is {run.steps_per_period}, allowed is at least {MIN_STEPS_PER_PERIOD}: the "
             "plate would move by a third of its amplitude within a step, and speeds come out wrong"
         )
     if contact.time_constant_us is not None:
         shortest = 1e6 / scenario.highest_frequency_hz
-        if contact.time_constant_us < MIN_STEPS_PER_TIME_CONSTANT * shortest / run.steps:
+        if contact.time_constant_us < MIN_STEPS_PER_TIME_CONSTANT * shortest / run.steps_per_period:
             needed = int(-(-MIN_STEPS_PER_TIME_CONSTANT * shortest // contact.time_constant_us))
             failures.append(
-                f"run.steps_per_period is {run.steps}, allowed is at least {needed} for "
+                f"run.steps_per_period is {run.steps_per_period}, allowed is at least {needed} for "
                 f"contact.time_constant_us = {contact.time_constant_us:g}: a shorter contact throws parts"
             )
     elif mujoco.integrator == "discrete":

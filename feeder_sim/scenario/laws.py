@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
-from feeder_sim.scenario.run import Contact, Run
+from feeder_sim.scenario.run import Contact
 
 if TYPE_CHECKING:
     from feeder_sim.scenario.scenario import Scenario
@@ -24,11 +24,8 @@ def uncovered_laws(scenario: Scenario, *, in_mujoco: bool) -> Iterator[str]:
         if beta is not None:
             yield f"contact.tangential_restitution is {beta:g}, allowed is none in MuJoCo, which has no such law"
         yield from _of_impulses_only(scenario)
-    if contact.rolling_friction_um and scenario.guide is not None and scenario.guide.kind == "slide":
-        yield (
-            f"contact.rolling_friction_um is {contact.rolling_friction_um:g}, allowed is 0 with part[0].guide.kind = "
-            '"slide", on which nothing rolls'
-        )
+    else:
+        yield from _of_exact_contact(scenario)
     if exponent and scenario.guide is not None and scenario.guide.kind == "slide":
         yield (
             f'contact.restitution_exponent is {exponent:g}, allowed is 0 with part[0].guide.kind = "slide": its '
@@ -60,23 +57,45 @@ def uncovered_laws(scenario: Scenario, *, in_mujoco: bool) -> Iterator[str]:
 
 def _of_impulses_only(scenario: Scenario) -> Iterator[str]:
     """Numbers of the impulse engine, which MuJoCo would leave out without a word."""
-    contact, tolerance = scenario.contact, scenario.run.tolerance_nm
-    noise, default_noise = contact.noise_m_s, Contact().noise_m_s
-    if noise not in (0.0, default_noise):
+    noise, tolerance = scenario.contact.noise_m_s, scenario.run.tolerance_nm
+    if noise not in (0.0, Contact().noise_m_s):
         yield (
-            f"contact.noise_m_s is {noise:g}, allowed is 0 or the default {default_noise:g} in MuJoCo, whose impacts "
-            "do not scatter"
+            f"contact.noise_m_s is {noise:g}, allowed is 0 or the default {Contact().noise_m_s:g} in MuJoCo, whose "
+            "impacts do not scatter"
         )
-    if contact.rolling_friction_um:
+    if tolerance is not None:
         yield (
-            f"contact.rolling_friction_um is {contact.rolling_friction_um:g}, allowed is 0 in MuJoCo, where nothing "
-            "resists rolling"
+            f"run.tolerance_nm is {tolerance:g}, allowed is none in MuJoCo, which has a step: "
+            "run.steps_per_period says how exact it is"
         )
-    if tolerance != Run().tolerance_nm:
+
+
+def _of_exact_contact(scenario: Scenario) -> Iterator[str]:
+    """What cannot be computed without a step, and a noise where impacts do not scatter; as for `uncovered_laws`."""
+    noise, tolerance, guide = scenario.contact.noise_m_s, scenario.run.tolerance_nm, scenario.guide
+    slides = guide is not None and guide.kind == "slide"
+    if tolerance is None and not slides and noise not in (0.0, Contact().noise_m_s):
         yield (
-            f"run.tolerance_nm is {tolerance:g}, allowed is the default {Run().tolerance_nm:g} in MuJoCo, which has a "
-            "step: run.steps_per_period says how exact it is"
+            f"contact.noise_m_s is {noise:g}, allowed is 0 or the default {Contact().noise_m_s:g} without "
+            "run.tolerance_nm: only impacts without a step scatter"
         )
+    if tolerance is None or slides:
+        return
+    named = f"run.tolerance_nm is {tolerance:g}, allowed is none"
+    if scenario.n_parts > 1:
+        yield f"{named} with {scenario.n_parts} parts: one free part is computed without a step"
+    if guide is not None:
+        yield f'{named} with part[0].guide.kind = "{guide.kind}"'
+    shape = scenario.part[0].shape
+    if shape in ("cylinder", "dimer"):
+        yield f'{named} with part[0].shape = "{shape}"'
+    if getattr(scenario.plate, "rim", False):
+        yield f"{named} with plate.rim = true"
+    if scenario.refill is not None:
+        yield f"{named} with refill"
+    for key in ("planar", "reaction"):
+        if getattr(scenario.run, key):
+            yield f"{named} with run.{key} = true"
 
 
 def _weighed(scenario: Scenario) -> Iterator[str]:

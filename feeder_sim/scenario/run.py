@@ -8,7 +8,6 @@ from pydantic import Field, PlainValidator, model_validator
 
 from feeder_sim.scenario.tables import Flag, NonNegative, Positive, Table
 
-DEFAULT_STEPS = 40  # of MuJoCo per period; those of the clock that says when frames are, in every engine
 Share = Annotated[float, Field(ge=0, le=1, strict=True)]
 
 
@@ -31,9 +30,9 @@ class Contact(Table):
     `model = "restitution"` reverses the normal velocity within one step (Newton); "compliant" is MuJoCo's
     spring-damper contact with a time constant, and has no coefficient of restitution. The impulse engine has laws
     beyond one number ([Physics](physics.md#laws-of-impact)): a restitution that falls with the speed of the impact
-    (`restitution_exponent`), that of balls by Zener's theory, a tangential one of balls, and a resistance to rolling.
-    Its impacts on the plate scatter by `noise_m_s`, so that no part follows a periodic motion that a real one would
-    leave; 0 is for closed forms.
+    (`restitution_exponent`), that of balls by Zener's theory, and a tangential one of balls. Impacts on a slide, and
+    those without a step (`run.tolerance_nm`), scatter by `noise_m_s`, so that no part follows a periodic motion that a
+    real one would leave; 0 is for closed forms.
     """
 
     model: Literal["restitution", "compliant"] = "restitution"
@@ -46,7 +45,6 @@ class Contact(Table):
     restitution_exponent: Share = 0.0
     restitution_speed_m_s: Annotated[float, Field(ge=1e-3, le=100, strict=True)] = 1.0
     tangential_restitution: Share | None = None
-    rolling_friction_um: Annotated[float, Field(ge=0, le=1e4, strict=True)] = 0.0
     noise_m_s: Annotated[float, Field(ge=0, le=1e-3, strict=True)] = 1e-8
     time_constant_us: Positive | None = None
     damping_ratio: Positive = 1.0
@@ -103,14 +101,14 @@ class MujocoSettings(Table):
 
 
 class Run(Table):
-    """How long, with how many seeds, how exactly and with which simplifications a scenario is computed.
-
-    `tolerance_nm` is for impulses, `steps_per_period` for MuJoCo.
+    """How long, with how many seeds, with which step and with which simplifications a scenario is computed.
 
     `in_plane_velocity = false` leaves out the horizontal motion of the surface; `tangent_surface = true` makes the
     impulse engine replace the surface under a part by its tangent plane, as the MuJoCo engine always does;
     `planar = true` keeps a part in the plane y = 0 of a strip or piston, with the outline it has there.
     `reaction = true` lets every impulse that the plate gives a part act on the driven modes of a rectangle too.
+    With `tolerance_nm` the impulse engine computes one free part without a step ([Contact](contact.md)); for a part on
+    a slide, which has none anyway, it says how exact its chatter is.
     `allow_unstable` runs settings that are known to fail. With a schedule the duration is that of its stages. A part
     that falls off the plate is computed down to `floor_mm`, and is lost there.
     """
@@ -120,8 +118,8 @@ class Run(Table):
     stop: Literal["time", "passage"] = "time"
     seeds: Annotated[int, Field(ge=1, le=10_000, strict=True)] = 12
     seed: Annotated[int, Field(ge=0, lt=2**63, strict=True)] = 0
-    tolerance_nm: Annotated[float, Field(ge=1e-4, le=100, strict=True)] = 0.1
-    steps_per_period: Annotated[int, Field(ge=1, le=10_000, strict=True)] | None = None
+    tolerance_nm: Annotated[float, Field(ge=1e-4, le=100, strict=True)] | None = None
+    steps_per_period: Annotated[int, Field(ge=1, le=10_000, strict=True)] = 40
     frames_per_second: Annotated[float, Field(ge=1, le=1e6, strict=True)] = 500.0
     floor_mm: Annotated[float, Field(ge=-1e4, le=-1, strict=True)] = -50.0
     in_plane_velocity: Flag = True
@@ -129,8 +127,3 @@ class Run(Table):
     planar: Flag = False
     reaction: Flag = False
     allow_unstable: Flag = False
-
-    @property
-    def steps(self) -> int:
-        """Steps per period of MuJoCo, and ticks of the clock of frames."""
-        return DEFAULT_STEPS if self.steps_per_period is None else self.steps_per_period

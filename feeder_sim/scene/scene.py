@@ -17,7 +17,6 @@ from feeder_sim.part.stable_poses import NONE, PoseTable, stable_poses
 from feeder_sim.plate.drive import ModalDrive, silent_terms
 from feeder_sim.plate.surface import Surface
 from feeder_sim.scenario import GivenState, Scenario, Start, check_scenario
-from feeder_sim.scenario.engine_choice import choose_engine
 from feeder_sim.scene.driven_mode import DrivenMode
 from feeder_sim.scene.driven_plate import DrivenPlate, assemble_plate, motion_terms
 from feeder_sim.scene.fits import check_goal, check_in_tube, check_on_plate, check_picks, check_refill
@@ -54,8 +53,8 @@ class Scene:
         kind_of: index into `kinds` of every part, shape (parts,).
         parts: all rigid parts, in the order of their tables.
         guides: the guide of each part; None for a free one.
-        timestep: tick of the clock that says when frames are, and step of MuJoCo [s].
-        steps_per_frame: such ticks between two recorded frames.
+        timestep: solver step [s].
+        steps_per_frame: solver steps between two recorded frames.
     """
 
     scenario: Scenario
@@ -181,7 +180,7 @@ class Scene:
 
     @property
     def n_steps(self) -> int:
-        """Ticks of the clock in a full-length run, and steps of MuJoCo."""
+        """Solver steps of a full-length run."""
         return (self.n_frames - 1) * self.steps_per_frame
 
 
@@ -206,10 +205,8 @@ def build_scene(scenario: Scenario) -> Scene:
     check_goal(scenario, plate.surface)
     run, times = scenario.run, timetable(scenario)
     following = [follower.drive.natural_frequency for mode in plate.driven for follower in mode.followers]
-    timestep = 1.0 / (max(scenario.highest_frequency_hz, *following, 0.0) * run.steps)
+    timestep = 1.0 / (max(scenario.highest_frequency_hz, *following, 0.0) * run.steps_per_period)
     timestep = min(timestep, _longest_step(scenario, plate, each_once(scenario), kinds))
-    if choose_engine(scenario).name == "impulse":  # frames of impulses may lie as close as they are asked for
-        timestep /= max(1, math.ceil(run.frames_per_second * timestep - FRAME_ROUND_OFF))
     kind_of = np.repeat(np.arange(len(kinds)), [spec.count for spec in scenario.part])
     digits = len(str(len(kind_of) - 1))
     guides = [

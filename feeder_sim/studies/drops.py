@@ -22,7 +22,7 @@ from feeder_sim.engines.impact_log import new_log
 from feeder_sim.engines.impulse.alone import Alone, ContactNotes
 from feeder_sim.engines.impulse.alone import Drive as MovingPlate
 from feeder_sim.engines.impulse.drops import advance_to_rest
-from feeder_sim.engines.impulse.engine import WINDOW_ALONE, exactness
+from feeder_sim.engines.impulse.engine import WINDOW_ALONE
 from feeder_sim.engines.impulse.kinds import read_kinds
 from feeder_sim.engines.impulse.state import new_parts, new_scratch
 from feeder_sim.engines.surface_arrays import surface_arrays
@@ -193,9 +193,9 @@ def _impulse_drops(scene: Scene, starts: Rotation, interrupt: NDArray[np.int64])
     parts = new_parts(_places(part, starts), turned, np.zeros(len(starts), np.int64))
     alone = Alone(parts, kinds, None, new_scratch(kinds, scene.surface.n_shapes))
     surface = surface_arrays(scene.surface, scene.scenario.run)
-    drive = MovingPlate(surface, scene.surface.extremes, exactness(scene), WINDOW_ALONE)
+    drive = MovingPlate(surface, scene.surface.extremes, scene.timestep, WINDOW_ALONE)
     rested = np.empty(len(parts))
-    notes = ContactNotes(new_log(1), np.zeros(2), 0.0)
+    notes = ContactNotes(new_log(1), np.zeros(2))
     advance_to_rest(alone, drive, notes, INTERVAL_S, scene.times.duration, interrupt, rested)
     ended = Rotation.from_matrix(parts["attitude"]).as_quat(scalar_first=True)
     return scene.attitudes(ended[:, None])[:, 0], rested

@@ -104,14 +104,8 @@ CASES = {
     "too few steps": (
         STRIP,
         "duration_s = 1.0",
-        'duration_s = 1.0\nengine = "mujoco"\nsteps_per_period = 8',
+        "duration_s = 1.0\nsteps_per_period = 8",
         ["run.steps_per_period", "8", "20"],
-    ),
-    "steps of impulses": (
-        STRIP,
-        "duration_s = 1.0",
-        "duration_s = 1.0\nsteps_per_period = 40",
-        ["run.steps_per_period is 40, allowed is none with the impulse engine", "run.tolerance_nm"],
     ),
     "too few steps for a compliant contact": (
         STRIP,

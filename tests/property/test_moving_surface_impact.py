@@ -1,6 +1,7 @@
 """Impacts know no frame of reference: what moves along with a surface sees the same impact as over one at rest.
 
-A single contact holds to round-off; several are solved to LEAST.
+Everything here holds to round-off. The sweeps over several corners end at a tolerance of their own (3e-6 m/s), but they
+take the same steps in every frame, so it is no limit here.
 """
 
 from __future__ import annotations
@@ -8,35 +9,23 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from conftest import from_python, moving_part, rows, symmetric
+from conftest import contacts, from_python, moving_part, rows, symmetric
 from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from feeder_sim.engines.impulse import contact_problem, single_impact
-from feeder_sim.engines.impulse.contact_equations import LEAST
-from feeder_sim.engines.impulse.contact_problem import (
-    ARM_SECOND,
-    FRICTION,
-    IMPULSE,
-    NORMAL,
-    RESTITUTION,
-    VELOCITY,
-    WORLD,
-    new_room,
-)
+from feeder_sim.engines.impulse import impact, single_impact
 from feeder_sim.part.rigid_part import RigidPart
 from feeder_sim.scenario import Ball, Cylinder, HexNut
 from feeder_sim.scene.part import build_part
 
-impact, resolve_free = from_python(contact_problem.impact), from_python(single_impact.resolve_free)
-resolve_single = from_python(single_impact.resolve_single)
+resolve_impact, resolve_single = from_python(impact.resolve_impact), from_python(single_impact.resolve_single)
 NUT, LARGE_NUT = build_part(HexNut(size="M2.5")), build_part(HexNut(size="M5"))
 BALL = build_part(Ball(shape="ball", diameter_mm=3.0))
 ROD = build_part(Cylinder(shape="cylinder", diameter_mm=4.0, height_mm=9.0))
 PARTS = (NUT, LARGE_NUT, BALL, ROD)
 ROUND_OFF = 1e-12  # of the velocities; most impacts of the kind here stay below 1e-15, the worst came to 1e-13
-# [m/s]. An impact without any loss does no work. `impact` finds that but for the round-off of all velocities,
+# [m/s]. An impact without any loss does no work. `resolve_impact` finds that but for the round-off of all velocities,
 # and compares it with 1e-12 of the work of the approach: over a surface at 1 m/s an approach below 1e-4 m/s may fail
 # that, and loses restitution for it.
 SLOWEST = 1e-3
@@ -102,16 +91,9 @@ class Touch:
 
     def hit(self, body: Body, e: float, mu: float) -> None:
         n = len(self.arm)
-        bodies, contacts, modes = new_room(1, n)
-        bodies.velocity[0], bodies.spin[0] = body.velocity, body.inverse_inertia @ body.momentum
-        bodies.inverse_mass[0], bodies.inverse_inertia[0] = 1 / body.part.mass, symmetric(body.inverse_inertia)
-        contacts.body[:] = WORLD, 0
-        vector, number = contacts.vector, contacts.number
-        vector[ARM_SECOND], vector[NORMAL], vector[VELOCITY] = self.arm, self.normal, self.surface
-        number[RESTITUTION], number[FRICTION] = e, mu
-        impact(bodies, contacts, n, modes)
-        body.velocity[:] = bodies.velocity[0]
-        body.momentum += np.cross(self.arm, vector[IMPULSE]).sum(axis=0)
+        contact, law = contacts(self.arm, self.normal, self.surface, e, mu)
+        with moving_part(body.velocity, body.momentum) as part:
+            resolve_impact(part, 1 / body.part.mass, symmetric(body.inverse_inertia), contact, law, n)
 
 
 def landing(seed: int, touching: int, *, uneven: float) -> tuple[Body, Touch]:
@@ -134,13 +116,12 @@ def landing(seed: int, touching: int, *, uneven: float) -> tuple[Body, Touch]:
     return body, touch
 
 
-def check_same(one: Body, other: Body, moving: np.ndarray, *, several: bool = False) -> None:
+def check_same(one: Body, other: Body, moving: np.ndarray) -> None:
     """The second body is the first one with a velocity on top, and nothing else."""
     speed = max(float(np.abs(one.velocity).max()), float(np.abs(other.velocity).max()), 1.0)
-    least = ROUND_OFF * speed + LEAST * several
-    assert np.abs(other.velocity - moving - one.velocity).max() < least
+    assert np.abs(other.velocity - moving - one.velocity).max() < ROUND_OFF * speed
     turned = one.part.size * one.inverse_inertia @ (other.momentum - one.momentum)  # as speed of its rim
-    assert np.abs(turned).max() < least
+    assert np.abs(turned).max() < ROUND_OFF * speed
 
 
 @given(seed=chance, touching=st.integers(1, 12), e=share, mu=share, moving=frame)
@@ -155,7 +136,7 @@ def test_velocity_added_to_part_and_surface_is_added_to_the_result(
     touch.hit(body, e, mu)
     touch.seen_from(moving).hit(other, e, mu)
     assert np.abs(body.velocity - before).max() > 0.0  # it was an impact
-    check_same(body, other, moving, several=len(touch.arm) > 1)
+    check_same(body, other, moving)
 
 
 @given(seed=chance, touching=st.integers(1, 12), e=share, mu=share)
@@ -216,7 +197,7 @@ def test_two_bodies_meet_in_the_same_way_in_every_frame(seed: int, e: float, mu:
 @example(seed=118749, e=0.734375, mu=0.88671875, moving=np.array([0.88671875, 0.75, 0.890625]))
 @settings(max_examples=300, deadline=None)
 def test_a_wall_of_infinite_mass_is_a_surface(seed: int, e: float, mu: float, moving: np.ndarray) -> None:
-    """Three ways to the same impact: against a body that nothing moves, a moving surface, and one contact of many."""
+    """Two ways to the same impact: a body against one that nothing moves, and against a moving surface."""
     body, touch = landing(seed, 1, uneven=0.0)
     surface, normal, arm = touch.surface[0] + moving, touch.normal[0], touch.arm[0]
     assume(float((surface - body.at(arm)) @ normal) > SLOWEST)
@@ -228,13 +209,8 @@ def test_a_wall_of_infinite_mass_is_a_surface(seed: int, e: float, mu: float, mo
     with moving_part(on_wall.velocity, on_wall.momentum) as one, moving_part(wall, still) as other:
         assert resolve_single(one, other, inverse_mass, inverse_inertia, rows(arms), tuple(-normal), e, mu)
     assert np.array_equal(wall, surface) and not still.any()
-    alone = body.seen_from(np.zeros(3))
-    inverse = 1 / alone.part.mass, symmetric(alone.inverse_inertia)
-    with moving_part(alone.velocity, alone.momentum) as one:
-        assert resolve_free(one, *inverse, tuple(arm), tuple(normal), tuple(surface), e, mu)
     Touch(arm[None], normal[None], surface[None]).hit(body, e, mu)
-    for other in (on_wall, alone):
-        # The direction of the slip is found to 1e-10 of a turn, along other tangents on the wall.
-        assert np.abs(other.velocity - body.velocity).max() < 1e-8
-        turned = body.part.size * body.inverse_inertia @ (other.momentum - body.momentum)
-        assert np.abs(turned).max() < 1e-8
+    # The direction of the slip is found to 1e-10 of a turn, along other tangents for either.
+    assert np.abs(on_wall.velocity - body.velocity).max() < 1e-8
+    turned = body.part.size * body.inverse_inertia @ (on_wall.momentum - body.momentum)
+    assert np.abs(turned).max() < 1e-8

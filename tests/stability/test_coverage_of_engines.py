@@ -115,17 +115,22 @@ NUT: Raw = {"shape": "hex_nut", "size": "M3"}
 EXPONENT = {"restitution": 0.3, "restitution_exponent": 0.2}
 TANGENTIAL, ZENER = {"tangential_restitution": 0.3}, {"restitution": "zener"}
 IN_MUJOCO: Raw = {"engine": "mujoco"}
+EXACT: Raw = {"tolerance_nm": 0.1}
+ROD: Raw = {"shape": "cylinder", "diameter_mm": 3.0, "height_mm": 6.0}
 LAWS_REFUSED: dict[str, tuple[Raw, str]] = {
     "noise in MuJoCo": ({"contact": {"noise_m_s": 1e-6}, "run": IN_MUJOCO}, "noise_m_s is 1e-06, allowed is 0 or"),
-    "rolling in MuJoCo": (
-        {"contact": {"rolling_friction_um": 2.0}, "run": IN_MUJOCO},
-        "rolling_friction_um is 2, allowed is 0 in MuJoCo",
+    "noise with steps": ({"contact": {"noise_m_s": 1e-6}}, "noise_m_s is 1e-06, allowed is 0 or"),
+    "a tolerance in MuJoCo": (
+        {"run": IN_MUJOCO | {"tolerance_nm": 1.0}},
+        "run.tolerance_nm is 1, allowed is none in Mu",
     ),
-    "rolling on a slide": (
-        {"contact": {"rolling_friction_um": 2.0}, "part": {"guide": SLIDE}},
-        'rolling_friction_um is 2, allowed is 0 with part[0].guide.kind = "slide"',
+    "a tolerance for two parts": ({"part": {"count": 2, "start": {"kind": "scattered"}}, "run": EXACT}, "with 2 parts"),
+    "a tolerance in a tube": ({"part": {"guide": TUBE}, "run": EXACT}, 'none with part[0].guide.kind = "tube"'),
+    "a tolerance for a cylinder": ({"part": ROD, "run": EXACT}, 'none with part[0].shape = "cylinder"'),
+    "a tolerance in a plane": (
+        {"part": {"start": {"yaw_deg": 0.0}}, "run": EXACT | {"planar": True}},
+        "none with run.planar = true",
     ),
-    "a tolerance in MuJoCo": ({"run": IN_MUJOCO | {"tolerance_nm": 1.0}}, "run.tolerance_nm is 1, allowed is the de"),
     "a power in MuJoCo": ({"contact": EXPONENT, "run": IN_MUJOCO}, "contact.restitution_exponent is 0.2"),
     "a power, compliant": (
         {"contact": EXPONENT | COMPLIANT},

@@ -64,7 +64,7 @@ def test_a_nut_rests_on_a_plate_that_is_driven_slowly_or_not(engine: Engine, fre
 
 
 def test_a_ball_stays_on_a_plate_that_moves_far_and_slowly_beside_a_fast_drive() -> None:
-    """The plate went through the ball within a step that was as long as the slow drive allows."""
+    """Where only a slow drive acts, steps become longer; the plate went through the ball within one."""
     drives = [{"frequency_hz": 10.0, "amplitude_um": 8e3, "ring_up": False}, {"frequency_hz": 1e3, "amplitude_um": 0.0}]
     scenario = scenario_of(
         plate={"kind": "piston", "thickness_mm": 20.0},
@@ -78,7 +78,7 @@ def test_a_ball_stays_on_a_plate_that_moves_far_and_slowly_beside_a_fast_drive()
     frames, surface = result.seeds[0].frames, result.prepared.scene.surface
     height = [surface.displacement(np.zeros((1, 2)), t)[0, 2] for t in frames.time]
     over = frames.position[:, 0, 2] - result.prepared.scene.kinds[0].size - height
-    assert over.min() > -1e-8
+    assert over.min() > -1e-6
 
 
 @pytest.mark.parametrize(("part", "hertz", "um"), [("ball", 25.0, 1e3), ("hex_nut", 10.0, 2.9e3)])

@@ -22,7 +22,7 @@ from feeder_sim.scene.scene import Scene, build_scene
 from feeder_sim.studies.chart.cases import APPROACH, CASES, RESTITUTION
 from feeder_sim.studies.chart.engine_maps import FAST, classify, falling, half_way, made_by
 from feeder_sim.studies.chart.map_cells import State
-from feeder_sim.studies.chart.methods import DEFAULT_NM, Change, compliant, impulses, mujoco
+from feeder_sim.studies.chart.methods import Change, compliant, mujoco, steps
 
 RIGID = Contact()
 
@@ -32,7 +32,7 @@ def ran(raw: dict[str, Any], seeds: int = 4) -> Result:
     return simulate(validated(raw, Scenario, Path("test")))
 
 
-def at_8775(change: Change, setting: float = 40, seeds: int = 8) -> Result:
+def at_8775(change: Change, setting: int = 40, seeds: int = 8) -> Result:
     return ran(made_by(change, setting, half_way(FAST)), seeds)
 
 
@@ -41,11 +41,11 @@ def drift(result: Result) -> float:
     return float(result.measures()["drift_velocity_x_mm_s"]["mean"])
 
 
-def case(name: str, change: Change, setting: float = 160, **contact: float) -> float:
-    """The number of a case of the chart, computed by a method; MuJoCo at 160 steps per millisecond."""
+def case(name: str, change: Change, **contact: float) -> float:
+    """The number of a case of the chart, computed by a method at 160 steps per millisecond."""
     found = next(c for c in CASES if c.name == name)
     raw = found.scenario()
-    change(raw, setting)
+    change(raw, 160)
     raw["contact"] |= contact
     raw["run"]["allow_unstable"] = True
     result = simulate(validated(raw, Scenario, Path("test")))
@@ -60,7 +60,7 @@ def test_nothing_drifts_on_a_mocap_plate() -> None:
 
 @pytest.mark.slow
 def test_contact_of_one_step_explodes_and_of_five_does_not() -> None:
-    reference = at_8775(impulses(), DEFAULT_NM, 32)
+    reference = at_8775(steps, 80, 32)
     short = classify(at_8775(compliant(1, refsafe=False)), reference)
     assert short[0] == State.EXPLODING and "energy" in short[2]
     assert classify(at_8775(compliant(5)), reference)[0] in (State.STABLE, State.UNCLEAR)
@@ -72,14 +72,17 @@ def test_discrete_integrator_takes_the_rebound_out() -> None:
 
 
 def test_without_in_plane_velocity_drift_is_a_third_or_less() -> None:
-    flat, whole = (drift(at_8775(impulses(in_plane_velocity=on), DEFAULT_NM, 32)) for on in (False, True))
-    assert 0.1 < flat / whole < 0.35
+    def height_field(raw: dict[str, Any], setting: int) -> None:
+        steps(raw, setting)
+        raw["run"]["in_plane_velocity"] = False
+
+    assert 0.1 < drift(at_8775(height_field, seeds=32)) / drift(at_8775(steps, seeds=32)) < 0.35
 
 
 def test_sliding_impact_lifts_off_in_the_convex_cone_alone() -> None:
     """46 % of the approach too much; Coulomb's exact cone, or no friction, leaves what restitution asks for."""
     assert 40.0 < case("sliding_impact", mujoco()) < 55.0
-    assert case("sliding_impact", impulses(), DEFAULT_NM) < 1e-4
+    assert case("sliding_impact", steps) < 1e-4
     free = case("sliding_impact", mujoco(), friction=0.0)
     stopped_by_friction = 100.0 * 0.3 * (1.0 + RESTITUTION)  # what the closed form still counts on
     assert free == pytest.approx(stopped_by_friction, rel=0.02)
@@ -126,7 +129,7 @@ def test_resting_part_creeps_on_a_slope_with_the_default_impedance_of_mujoco_alo
     [(1.0, 10.0, State.TUNNELLING), (1.0, 0.3, State.STABLE), (0.1, 10.0, State.STABLE), (10.0, 1.0, State.TUNNELLING)],
 )
 def test_soft_contact_lets_a_fast_part_through(speed: float, time_constant_ms: float, expected: State) -> None:
-    def soft(raw: dict[str, Any], setting: float) -> None:
+    def soft(raw: dict[str, Any], setting: int) -> None:
         mujoco()(raw, setting)
         raw["contact"] |= {"model": "compliant", "time_constant_us": 1e3 * time_constant_ms}
 
@@ -137,13 +140,13 @@ def test_soft_contact_lets_a_fast_part_through(speed: float, time_constant_ms: f
 
 
 def test_rigid_contact_holds_at_one_metre_per_second() -> None:
-    for method, setting in ((mujoco(), 40), (impulses(), DEFAULT_NM)):
-        assert classify(ran(falling(1.0, method, setting), seeds=1), None)[0] == State.STABLE
+    for method in (mujoco(), steps):
+        assert classify(ran(falling(1.0, method, 40), seeds=1), None)[0] == State.STABLE
 
 
 @pytest.mark.slow
 def test_mujoco_needs_more_than_ten_steps_per_period() -> None:
-    reference = at_8775(impulses(), DEFAULT_NM, 64)
+    reference = at_8775(steps, 80, 64)
     state, deviation, _ = classify(at_8775(mujoco(), 10, 24), reference)
     assert state == State.BIASED and deviation.mean < -0.15
     assert classify(at_8775(mujoco(), 40, 16), reference)[0] == State.STABLE
@@ -224,4 +227,4 @@ def test_default_settings_get_no_caution() -> None:
 
 def test_approach_is_that_of_the_drop() -> None:
     assert pytest.approx(0.3132, abs=1e-4) == APPROACH
-    assert simulate(validated(falling(1.0, impulses(), DEFAULT_NM), Scenario, Path("x"))).failures == []
+    assert simulate(validated(falling(1.0, steps, 40), Scenario, Path("x"))).failures == []

@@ -20,7 +20,7 @@ from feeder_sim.studies.chart.cases import CASES, ball_height
 from feeder_sim.studies.chart.engine_maps import EngineMap
 from feeder_sim.studies.chart.ladder import Rung, run_ladders
 from feeder_sim.studies.chart.map_cells import Axis, MapCell, State
-from feeder_sim.studies.chart.methods import DEFAULT_NM, EVERYTHING, METHODS
+from feeder_sim.studies.chart.methods import EVERYTHING, METHODS
 from feeder_sim.studies.chart.points import (
     PEER_COLUMNS,
     Point,
@@ -42,7 +42,7 @@ from feeder_sim.studies.drift_map.comparison import Agreement
 HEADER = ",".join(PEER_COLUMNS)
 
 
-def point(error: float, cost: float, failure: str = "", method: str = "a", setting: float = 0.1) -> Point:
+def point(error: float, cost: float, failure: str = "", method: str = "a", setting: int = 40) -> Point:
     return Point("drift_4750", method, setting, 1.0 + 0.01 * error, 0.0, 8, 1.0, 0.0, cost, failure)
 
 
@@ -79,16 +79,16 @@ def test_summary_names_the_front_the_default_and_the_next_best_simulator(capsys:
     assert [p["method"] for p in told["front"]] == ["impulses", "MuJoCo"]
     assert told["default"]["on_front"] and told["default"]["cost"] == 1.0
     assert (told["fastest"]["method"], told["next"]["method"], told["next"]["cost"]) == ("impulses", "MuJoCo", 10.0)
-    assert told["failed"] == [{"method": "Peer", "setting": 0.1, "failure": "thrown off"}]
+    assert told["failed"] == [{"method": "Peer", "setting": 40, "failure": "thrown off"}]
     _print_case(found)
     assert capsys.readouterr().out.splitlines() == [
         "Drift",
-        "  front  impulses, 0.1: error 4 %, cost 1",
-        "  front  MuJoCo, 0.1: error 1 %, cost 10",
+        "  front  impulses, 40: error 4 %, cost 1",
+        "  front  MuJoCo, 40: error 1 %, cost 10",
         "  default on the front: yes, error 4 %",
-        "  fastest within 5 %: impulses, 0.1",
-        "  next: MuJoCo, 0.1, 10 times its cost",
-        "  failed  Peer, 0.1: thrown off",
+        "  fastest within 5 %: impulses, 40",
+        "  next: MuJoCo, 40, 10 times its cost",
+        "  failed  Peer, 40: thrown off",
     ]
     alone = CaseSummary.of("drift_4750", "Drift", [failed]).as_json_object()
     assert alone["front"] == [] and alone["default"] is None and alone["fastest"] is None and alone["next"] is None
@@ -168,8 +168,8 @@ def test_every_case_has_one_default_and_every_method_a_case() -> None:
         ]
         assert len(defaults) == 1
         method = next(m for m in METHODS if m.name == defaults[0][0])
-        scenario = scenario_of(case, method, DEFAULT_NM)
-        assert scenario.run.tolerance_nm == 0.1 and not scenario.run.allow_unstable
+        scenario = scenario_of(case, method, 40)
+        assert scenario.run.steps_per_period == 40 and not scenario.run.allow_unstable
     assert all(set(method.cases) <= set(EVERYTHING) and set(method.quick) <= set(method.settings) for method in METHODS)
 
 
@@ -215,7 +215,7 @@ def test_cells_of_walkers_are_judged_by_their_deviation_from_full_runs(
 def test_methods_differ_on_a_case_without_chance() -> None:
     case = next(c for c in CASES if c.name == "sliding_impact")
     impulses, mujoco = (next(m for m in METHODS if m.name == name) for name in ("impulses", "MuJoCo"))
-    assert measure(case, impulses, 0.1, (0.0, 0.0), quick=True).error_percent == pytest.approx(0.1)
+    assert measure(case, impulses, 40, (0.0, 0.0), quick=True).error_percent == pytest.approx(0.1)
     assert measure(case, mujoco, 40, (0.0, 0.0), quick=True).error_percent == pytest.approx(46.0, abs=3.0)
 
 

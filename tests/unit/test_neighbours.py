@@ -118,19 +118,18 @@ def test_new_pairs_begin_with_the_axis_between_their_centres() -> None:
     assert pairs["axis"][kept] == pytest.approx(outward[pairs["b"][kept] - n])
 
 
-def test_pairs_that_were_there_before_keep_their_axis_and_touch_on() -> None:
+def test_pairs_that_were_there_before_keep_their_axis() -> None:
     parts, kinds, n = cloud(40, 5)
     all_pairs = found(parts, kinds, n, 1e-3)
     rng = np.random.default_rng(0)
     kept = rng.random(len(all_pairs)) < 0.5
     axes = rng.normal(size=(kept.sum(), 3))
     # Half of them were known; so was one that is none any more.
-    known = np.append(all_pairs[kept], np.array([(n, n + 1, 0, 0, (1.0, 1.0, 1.0), 0)], PAIR))
-    known["axis"][:-1], known["touching"][:-1] = axes, 1
+    known = np.append(all_pairs[kept], np.array([(n, n + 1, 0, 0, (1.0, 1.0, 1.0))], PAIR))
+    known["axis"][:-1] = axes
     again = found(parts, kinds, n, 1e-3, known)
     assert np.array_equal(again["a"], all_pairs["a"]) and np.array_equal(again["b"], all_pairs["b"])
     assert np.array_equal(again["axis"][kept], axes)
-    assert np.array_equal(again["touching"], kept)
     assert np.array_equal(again["axis"][~kept], all_pairs["axis"][~kept])
 
 

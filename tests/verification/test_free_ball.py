@@ -9,8 +9,6 @@ from small_noise_slide import mean_height
 # With little restitution heights follow the amplitude in leaps. These depend on neither the noise nor the start.
 CASES = (
     Case(2797.0, 0.5e-6, 0.2),
-    Case(2797.0, 2.32e-6, 0.2),
-    Case(8775.0, 0.6e-6, 0.2),
     Case(4750.0, 0.5e-6, 0.5),
     Case(8775.0, 0.5e-6, 0.5),
     Case(4750.0, 0.5e-6, 0.8),

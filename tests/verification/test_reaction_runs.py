@@ -12,7 +12,7 @@ from conftest import StopsAfter
 from pydantic import ValidationError
 from test_reaction import BALL, NUT, PLATE, on_plate
 
-from feeder_sim.engines.impulse.reacting_engine import ReactingEngine
+from feeder_sim.engines.impulse.reaction.engine import ReactingEngine
 from feeder_sim.engines.mujoco.reacting_engine import ReactingMujocoEngine
 from feeder_sim.errors import InputError
 from feeder_sim.plate.mode_shapes import RitzShape

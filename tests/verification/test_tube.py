@@ -98,21 +98,23 @@ def test_cylinder_stays_in_its_tube(tilt: float) -> None:
         attitude = Rotation.from_quat(seed.frames.quaternion[:, 0], scalar_first=True).as_matrix()
         corners = np.einsum("nij,cj->nci", attitude, result.scene.parts[0].corners) + seed.frames.position[:, :1]
         off = corners - (corners @ guide.axis)[..., None] * guide.axis
-        assert np.linalg.norm(off, axis=-1).max() < guide.radius + 1e-9
+        # A frame can fall where a corner has been inside the wall for less than a step.
+        step = result.scene.timestep
+        assert np.linalg.norm(off, axis=-1).max() < guide.radius + step * np.abs(seed.frames.velocity[:, 0, :2]).max()
         assert len(seed.impacts) > 10
         assert seed.failure is None
 
 
 def test_without_play_a_tube_is_a_slide() -> None:
-    """With play, corners have a radius of a micrometre, by which it falls less, and 50 nm of room on each side."""
+    start = Start(drop_height_mm=(2.0, 2.0))
     found = []
-    for guide, drop_mm in ((Slide(kind="slide"), 2.0), (Tube(kind="tube", inner_diameter_mm=4.5021), 2.001)):
-        start = Start(drop_height_mm=(drop_mm, drop_mm))
+    for guide in (Slide(kind="slide"), Tube(kind="tube", inner_diameter_mm=4.5001)):
         part = Cylinder(**CYLINDER, guide=guide, start=start)  # type: ignore[arg-type]
         found.append(simulate(scene(part)).seeds[0].impacts)
     slide, tube = found
-    assert np.abs(slide.time[:3] - tube.time[:3]).max() < 1e-8  # noise of 1e-8 m/s
-    assert tube.approach_speed[:3] == pytest.approx(slide.approach_speed[:3], abs=1e-7)
+    step = 1.0 / (558.0 * 40.0)  # with play the impact is met up to a step late
+    assert np.abs(slide.time[:3] - tube.time[:3]).max() < 4.0 * step
+    assert tube.approach_speed[:3] == pytest.approx(slide.approach_speed[:3], abs=2.0 * GRAVITY * step)
 
 
 def test_energy_falls_to_rest_in_a_leaning_tube() -> None:
@@ -128,7 +130,8 @@ def test_energy_falls_to_rest_in_a_leaning_tube() -> None:
         turned = Rotation.from_quat(f.quaternion[:, 0], scalar_first=True).inv().apply(f.angular_velocity[:, 0])
         motion = 0.5 * (mass * (f.velocity[:, 0] ** 2).sum(axis=1) + (turned**2) @ inertia)
         energy = motion + mass * GRAVITY * f.position[:, 0, 2]
-        assert np.diff(energy).max() < mass * GRAVITY * 1e-9
+        # Corners that ended a step inside a wall are put back, which lifts the part by less than a micrometre.
+        assert np.diff(energy).max() < mass * GRAVITY * 2e-6
         assert np.linalg.norm(f.velocity[-1, 0]) < 5e-3
 
 
@@ -138,8 +141,7 @@ def test_both_engines_keep_the_attitude_a_part_has_on_its_slide() -> None:
     for engine in ("impulse", "mujoco"):
         guide = Slide(kind="slide", tilt_deg=20.0)
         part = Cylinder(**CYLINDER, guide=guide, start=start)  # type: ignore[arg-type]
-        steps = {"steps_per_period": 400} if engine == "mujoco" else {}
-        found.append(simulate(scene(part, engine=engine, frames_per_second=558.0, **steps)).seeds[0])
+        found.append(simulate(scene(part, engine=engine, steps_per_period=400)).seeds[0])
     one, other = found
     assert other.frames.position[0] == pytest.approx(one.frames.position[0])
     assert other.impacts.time[0] == pytest.approx(one.impacts.time[0], abs=2.0 / (558.0 * 400.0))

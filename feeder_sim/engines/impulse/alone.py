@@ -9,49 +9,42 @@ from numpy.typing import NDArray
 
 from feeder_sim.borrow import borrow
 from feeder_sim.engines.impact_log import ImpactLog, begin_contact, end_contact, in_contact
-from feeder_sim.engines.impulse.follow import bring
 from feeder_sim.engines.impulse.frame_rows import write_row
-from feeder_sim.engines.impulse.plate_contact import meet_plate
+from feeder_sim.engines.impulse.plate_contact import TOUCH, meet_plate
+from feeder_sim.engines.impulse.rest import fall_asleep, wake
 from feeder_sim.engines.impulse.state import (
     ASLEEP,
-    FREE,
     GAP,
-    KNOWN,
-    WITH,
-    Exactness,
+    SURFACE_RATE,
     Kinds,
     Plate,
     Scratch,
     Wall,
+    fly_to,
     orthonormalise_parts,
-    wake,
 )
-from feeder_sim.engines.impulse.window import acting_terms, bound_window
+from feeder_sim.engines.impulse.window import acting_terms, bound_window, fastest_rate
 from feeder_sim.engines.surface_arrays import SurfaceArrays
 from feeder_sim.machine_code import compiled, entry_point, uncounted
 
-TOUCHES = 1e-8  # [m]
+SAME_CONTACT = 1.5  # steps between two impacts that count as one contact
 ORIGIN, NUMBER, DUE = range(3)  # of the clock
 
 
 class Drive(NamedTuple):
-    """The surface, the extremes of its shapes as in `Surface`, how exact contacts are, and a window's length [s]."""
+    """The surface, the extremes of its shapes as in `Surface`, the step and the length of a window [s]."""
 
     surface: SurfaceArrays
     extremes: NDArray[np.float64]
-    exact: Exactness
+    step: float
     window: float
 
 
 class ContactNotes(NamedTuple):
-    """Contacts of a part in a guide; last: end of the contact under way, and the part's vertical velocity then.
-
-    same: impacts no farther apart than that [s] are one contact.
-    """
+    """Contacts of a part in a guide; last: end of the contact under way, and the part's vertical velocity then."""
 
     log: ImpactLog
     last: NDArray[np.float64]
-    same: float
 
 
 class Alone(NamedTuple):
@@ -77,9 +70,12 @@ def advance_part(alone, drive, notes, clock, frames):
     """`advance_alone` for compiled functions."""
     alone, frames = borrow(alone), borrow(frames)
     part, kind, surface = alone.parts[0], alone.kinds.record[0], drive.surface
+    top = 0.0  # in a tube, contacts are told apart by the usual step
+    if alone.wall is None:
+        top = fastest_rate(surface)
     start, end = clock[ORIGIN] + clock[NUMBER] * drive.window, clock[ORIGIN] + (clock[NUMBER] + 1.0) * drive.window
-    acting = acting_terms(surface, start, end, 0)
-    bounds = bound_window(acting, drive.extremes, start, end, drive.exact)
+    acting = acting_terms(surface, start, end)
+    bounds = bound_window(acting, drive.extremes, start, end, drive.step, top)
     if not bounds.calm:  # the drive may have changed since
         wake(part)
     for frame in range(frames.time.shape[0]):
@@ -87,49 +83,54 @@ def advance_part(alone, drive, notes, clock, frames):
             if clock[DUE] >= end:
                 clock[NUMBER] += 1.0
                 start, end = end, clock[ORIGIN] + (clock[NUMBER] + 1.0) * drive.window
-                acting = acting_terms(surface, start, end, 0)
-                bounds = bound_window(acting, drive.extremes, start, end, drive.exact)
-                bring(part, kind, start, acting)
+                acting = acting_terms(surface, start, end)
+                bounds = bound_window(acting, drive.extremes, start, end, drive.step, top)
+                fly_to(part, kind, start)
                 orthonormalise_parts(alone.parts, 1)
                 if not bounds.calm:
                     wake(part)
                 clock[DUE] = start
             plate = Plate(borrow(acting), borrow(bounds))
-            clock[DUE] = _advance_until(min(end, frames.time[frame]), clock[DUE], alone, plate, notes, frames)
+            clock[DUE] = _advance_until(
+                min(end, frames.time[frame]), clock[DUE], alone, plate, notes, drive.step, frames
+            )
             if frames.interrupt[0] != 0:
                 return
-        write_row(alone.parts, 0, alone.kinds, acting, frames.time[frame], frames.row[frame, 0])
+        write_row(alone.parts, 0, alone.kinds, frames.time[frame], frames.row[frame, 0])
 
 
 @uncounted
-def _advance_until(until, t, alone, plate, notes, frames):
+def _advance_until(until, t, alone, plate, notes, step, frames):
     """Look at the part again and again until a time [s]; returns when it is due after that."""
     part, kind = alone.parts[0], alone.kinds.record[0]
     while t < until and frames.interrupt[0] == 0:
         if part.there == ASLEEP:
             return plate.bounds.end
-        bring(part, kind, t, plate.surface)
+        fly_to(part, kind, t)
         before = part.velocity[2]
-        leap, hit = meet_plate(
-            0, alone.parts, alone.kinds, alone.wall, plate.surface, plate.bounds, t, alone.work, None
-        )
-        if alone.wall is not None and (hit or part.phase != FREE):
-            _note_contact(part, before, kind.corner_to - kind.corner_from, notes, t, leap, alone.work)
+        leap, hit = meet_plate(part, alone.kinds, alone.wall, plate.surface, plate.bounds, t, alone.work)
         t += leap
-    return min(t, max(plate.bounds.end, until))
+        if hit:
+            if alone.wall is not None:
+                _note_contact(part, before, kind.corner_to - kind.corner_from, notes, t - leap, step, alone.work)
+            elif plate.bounds.calm:
+                fall_asleep(part, alone.kinds, plate.surface, alone.work)
+    return t
 
 
 @compiled
-def _note_contact(part, before, n_corners, notes, t, leap, work):
-    """Note an impact on the plate of a part in a guide, or that it stays there; before: its vertical velocity then."""
+def _note_contact(part, before, n_corners, notes, t, step, work):
+    """Note an impact on the plate of a part in a guide; what follows within a step is the same contact.
+
+    before: its vertical velocity before it.
+    """
     log, last = notes.log, notes.last
-    if in_contact(log) and t - last[0] > notes.same:
+    if in_contact(log) and t - last[0] > SAME_CONTACT * step:
         end_contact(log, last[0], last[1])
     if not in_contact(log):
-        surface_rate = before
+        surface_rate = 0.0
         for i in range(n_corners):
-            row = work.point[i]
-            if row[KNOWN] != 0.0 and row[GAP] <= TOUCHES:
-                surface_rate = max(surface_rate, row[WITH + 2])
-        begin_contact(log, t, surface_rate - before)
-    last[0], last[1] = t + (leap if part.phase != FREE else 0.0), part.velocity[2]
+            if work.corner[i, GAP] <= TOUCH:
+                surface_rate = work.corner[i, SURFACE_RATE]
+        begin_contact(log, t, max(surface_rate - before, 0.0))
+    last[0], last[1] = t, part.velocity[2]

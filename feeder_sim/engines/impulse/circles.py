@@ -22,8 +22,8 @@ import numpy as np
 from numba.core import types
 from numba.extending import overload
 
-from feeder_sim.engines.impulse.moving_surface import ahead, move_surface, shapes_under
-from feeder_sim.engines.impulse.state import CIRCLE, GAP, MOVES, NOW, OWN, RATE, SLOPE_X, SLOPE_Y, spin_of
+from feeder_sim.engines.impulse.moving_surface import move_surface, slope_under
+from feeder_sim.engines.impulse.state import CIRCLE, GAP, RATE, SURFACE_ACCELERATION, SURFACE_RATE, spin_of
 from feeder_sim.engines.impulse.vectors import cross
 from feeder_sim.machine_code import compiled, inlined
 
@@ -40,7 +40,8 @@ def lowest_points(part, kind, surface, bounds, near, t, work):
     near: height over the crest [m] below which the slope of the surface counts.
 
     Returns:
-        whether the part has circles, and the slopes under it [1]; None where no kind has circles.
+        whether the surface has been moved to time t; whether the part has circles, and the slopes under it [1]; None in
+        place of the last where no kind has circles.
     """
     raise NotImplementedError("for compiled code only")
 
@@ -55,15 +56,15 @@ def tilt_of(lowest, part, kind, work):
     raise NotImplementedError("for compiled code only")
 
 
-def leap_of_circles(tilt, kind, bounds, slack, leap, to_crest, work):
+def leap_of_circles(tilt, kind, bounds, own, leap, to_crest, work):
     """As `longest_leap`, with the circles of a part."""
     raise NotImplementedError("for compiled code only")
 
 
-def further_of_circles(tilt, kind, bounds, far, slip, further, work):
+def further_of_circles(tilt, kind, bounds, flight, further, work):
     """Time further [s] in a forecast, with the circles; negative where one may touch.
 
-    far: the leap so far [s]; slip: what moving to the side lowers a point by [m/s].
+    flight: the leap so far, what moving to the side lowers a point by [m/s], own acceleration [m/s^2].
     """
     raise NotImplementedError("for compiled code only")
 
@@ -71,7 +72,7 @@ def further_of_circles(tilt, kind, bounds, far, slip, further, work):
 @overload(lowest_points)
 def _lowest_points_by_kind(part, kind, surface, bounds, near, t, work):
     if CIRCLE not in kind.fields:
-        return lambda part, kind, surface, bounds, near, t, work: None
+        return lambda part, kind, surface, bounds, near, t, work: (False, None)
     return lambda part, kind, surface, bounds, near, t, work: _lowest_points(part, kind, surface, bounds, near, t, work)
 
 
@@ -90,20 +91,20 @@ def _tilt_by_kind(lowest, part, kind, work):
 
 
 @overload(leap_of_circles)
-def _leap_by_tilt(tilt, kind, bounds, slack, leap, to_crest, work):
+def _leap_by_tilt(tilt, kind, bounds, own, leap, to_crest, work):
     if isinstance(tilt, types.NoneType):
-        return lambda tilt, kind, bounds, slack, leap, to_crest, work: (leap, to_crest)
-    return lambda tilt, kind, bounds, slack, leap, to_crest, work: _leap_of_circles(
-        tilt, kind, bounds, slack, leap, to_crest, work
+        return lambda tilt, kind, bounds, own, leap, to_crest, work: (leap, to_crest)
+    return lambda tilt, kind, bounds, own, leap, to_crest, work: _leap_of_circles(
+        tilt, kind, bounds, own, leap, to_crest, work
     )
 
 
 @overload(further_of_circles)
-def _further_by_tilt(tilt, kind, bounds, far, slip, further, work):
+def _further_by_tilt(tilt, kind, bounds, flight, further, work):
     if isinstance(tilt, types.NoneType):
-        return lambda tilt, kind, bounds, far, slip, further, work: further
-    return lambda tilt, kind, bounds, far, slip, further, work: _further_of_circles(
-        tilt, kind, bounds, far, slip, further, work
+        return lambda tilt, kind, bounds, flight, further, work: further
+    return lambda tilt, kind, bounds, flight, further, work: _further_of_circles(
+        tilt, kind, bounds, flight, further, work
     )
 
 
@@ -128,22 +129,23 @@ def lay_out(kind, kinds, work):
 def _lowest_points(part, kind, surface, bounds, near, t, work):
     radius, height, r = kind.circle_radius, kind.circle_height, part.attitude
     if radius == 0.0:
-        return False, 0.0, 0.0
-    slope_x = slope_y = 0.0
+        return False, (False, 0.0, 0.0)
+    moved, slope_x, slope_y = False, 0.0, 0.0
     x, y = r[2, 0], r[2, 1]  # how the surface's normal lies in the plane of the circles
     across = math.sqrt(x * x + y * y)
     bottom = part.position[2] - kind.radius - radius * across - height * abs(r[2, 2])
     if bounds.crest > 0.0 and bottom - bounds.crest <= near:
-        move_surface(t, surface, work.now)
+        move_surface(part, surface, t, work)
+        moved = True
         u, v, w = 0.0, 0.0, (-height if r[2, 2] > 0.0 else height)  # the lowest point
         if across > 0.0:
             u, v = -radius * x / across, -radius * y / across
-        at_x = part.position[0] + r[0, 0] * u + r[0, 1] * v + r[0, 2] * w
-        at_y = part.position[1] + r[1, 0] * u + r[1, 1] * v + r[1, 2] * w
-        shapes_under(at_x, at_y, part, surface, True, work.under[0])
-        for s in range(work.now.shape[1]):
-            slope_x += work.now[NOW, s] * work.under[0, s, SLOPE_X]
-            slope_y += work.now[NOW, s] * work.under[0, s, SLOPE_Y]
+        slope_x, slope_y = slope_under(
+            part.position[0] + r[0, 0] * u + r[0, 1] * v + r[0, 2] * w,
+            part.position[1] + r[1, 0] * u + r[1, 1] * v + r[1, 2] * w,
+            surface,
+            work,
+        )
         x -= slope_x * r[0, 0] + slope_y * r[1, 0]
         y -= slope_x * r[0, 1] + slope_y * r[1, 1]
         across = math.sqrt(x * x + y * y)
@@ -156,7 +158,7 @@ def _lowest_points(part, kind, surface, bounds, near, t, work):
             work.points[i, 0], work.points[i, 1] = radius * c, radius * s
             work.points[i, 2] = height if end == 0 else -height
         c, s = -s, c
-    return True, slope_x, slope_y
+    return moved, (True, slope_x, slope_y)
 
 
 @inlined
@@ -181,38 +183,35 @@ def _tilt_of(lowest, part, kind, work):
 
 
 @compiled
-def _leap_of_circles(tilt, kind, bounds, slack, leap, to_crest, work):
+def _leap_of_circles(tilt, kind, bounds, own, leap, to_crest, work):
     round_part, s, u, e = tilt
     if not round_part:
         return leap, to_crest
-    touch = 0.5 * bounds.exact.touch
     for first in (0, QUARTERS):
-        row = work.point[first]
-        gap, rate = max(row[GAP] - touch, 0.0), row[RATE]
+        gap, rate = max(work.corner[first, GAP], 0.0), work.corner[first, RATE]
         if gap == np.inf:  # off the plate
             continue
-        if row[MOVES] == 0.0:
-            to_crest = _time_apart(gap, rate, row[OWN], s, u, e, kind.circle_radius, 0.0, to_crest)
+        if work.corner[first, SURFACE_ACCELERATION] == 0.0:
+            to_crest = _time_apart(gap, rate, own, s, u, e, kind.circle_radius, 0.0, to_crest)
             leap = min(leap, to_crest)
         else:
-            a = row[OWN] + slack + _most_moved(first, work)
+            a = own + _most_moved(first, work)
             leap = _time_apart(gap, rate, a, s, u, e, kind.circle_radius, 2.0 * bounds.slope, leap)
     return leap, to_crest
 
 
 @compiled
-def _further_of_circles(tilt, kind, bounds, far, slip, further, work):
+def _further_of_circles(tilt, kind, bounds, flight, further, work):
     round_part, s, u, e = tilt
     if not round_part:
         return further
-    s = s[0] + far * u[0], s[1] + far * u[1]
+    leap, slip, own = flight
+    s = s[0] + leap * u[0], s[1] + leap * u[1]
     for first in (0, QUARTERS):
-        row = work.point[first]
-        if row[MOVES] == 0.0 or row[GAP] == np.inf:
+        if work.corner[first, SURFACE_ACCELERATION] == 0.0 or work.corner[first, GAP] == np.inf:
             continue
-        gap, rate, _ = ahead(first, far, slip, slip * bounds.fastest, 0.0, work)
-        a = row[OWN] + slip * bounds.fastest + _most_moved(first, work)
-        gap -= 0.5 * bounds.exact.touch
+        gap, rate = ahead(first, leap, slip, own, bounds, work)
+        a = own + _most_moved(first, work)
         further = _time_apart(gap, rate, a, s, u, e, kind.circle_radius, 2.0 * bounds.slope, further)
         if further <= 0.0:
             return -1.0
@@ -220,11 +219,24 @@ def _further_of_circles(tilt, kind, bounds, far, slip, further, work):
 
 
 @inlined
+def ahead(i, leap, slip, own, bounds, work):
+    """Gap [m] and rate [m/s] of point i after a leap [s], at least; see `forecast`."""
+    rate = work.corner[i, RATE] + work.corner[i, SURFACE_RATE] - slip
+    gap = max(work.corner[i, GAP], 0.0) + leap * (rate - 0.5 * own * leap)
+    rate -= own * leap
+    for s in range(work.modal.shape[1]):
+        if bounds.acceleration[s] != 0.0:
+            gap -= work.under[i, s] * (work.modal[2, s] - work.modal[0, s])
+            rate -= work.under[i, s] * work.modal[3, s]
+    return gap, rate
+
+
+@inlined
 def _most_moved(first, work):
     """The largest acceleration of the surface under the points of a circle, as far as it is known [m/s^2]."""
     most = 0.0
     for i in range(first, first + QUARTERS):
-        most = max(most, work.point[i, MOVES])
+        most = max(most, work.corner[i, SURFACE_ACCELERATION])
     return most
 
 

@@ -1,21 +1,16 @@
-"""Engine `impulse`: rigid contact by impulses, without a time step; parts fly in closed form to their next contact.
+"""Engine `impulse`: rigid contact by impulses; parts fly in closed form and leap to the earliest possible contact.
 
 Time is cut into windows. In each window
 
     window      which terms of the plate's motion act, and bounds on what it can do (window.py)
-    pairs       which parts can meet at all, from a grid; the islands that such pairs make (neighbours.py, crowd.py)
-    islands     each advances by itself, event by event (island.py)
+    pairs       which parts can meet at all, from a grid; the islands that such pairs make (neighbours.py)
+    islands     each advances by itself, event by event (island.py): looks at parts over the plate (plate_contact.py)
+                and at pairs (pair_contact.py), impacts (impact.py), how long parts may fly (flight_time.py), and
+                their flights (free_flight.py)
 
-and at an event
-
-    points      which points of a part can touch (plate_points.py, edge_points.py, pair_contact.py, tube_contact.py)
-    contact     impacts at those that touch, and constant forces while parts stay together (contact.py); the laws
-                (contact_problem.py, impact_law.py); parts that follow the plate or rest (follow.py, plate_contact.py)
-    leaps       how long nothing can touch (leap.py), and the flight until then (free_flight.py)
-
-Nothing is entered and put back: leaps end in the width of a touch (conservative advancement: Mirtich, PhD thesis,
-Berkeley 1996), and bounces that pile up are summed. docs/contact.md has the whole. Islands are shared out over threads,
-which changes nothing in the result.
+(Conservative advancement: Mirtich, PhD thesis, Berkeley 1996.) The step is what ends the infinite rattling of a part at
+rest: corners may enter the surface by what they cover in one step, and are put back on it at the impact. Islands are
+shared out over threads, which changes nothing in the result.
 """
 
 from __future__ import annotations
@@ -27,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from feeder_sim.engines.impact_log import new_log, room_for, take_impacts
-from feeder_sim.engines.impulse.alone import Alone, ContactNotes, Drive, advance_alone
+from feeder_sim.engines.impulse.alone import SAME_CONTACT, Alone, ContactNotes, Drive, advance_alone
 from feeder_sim.engines.impulse.crowd import find_neighbours, open_window, share_out
 from feeder_sim.engines.impulse.frame_rows import (
     ATTITUDE,
@@ -43,18 +38,7 @@ from feeder_sim.engines.impulse.hulls import HullLibrary
 from feeder_sim.engines.impulse.island import Crowd, Share, Span, Tools, advance_islands
 from feeder_sim.engines.impulse.kinds import read_kinds, rim_walls
 from feeder_sim.engines.impulse.pair_contact import PAIR
-from feeder_sim.engines.impulse.state import (
-    ABSENT,
-    FREE,
-    MOST_TOGETHER,
-    Bounds,
-    Exactness,
-    Plate,
-    new_parts,
-    new_scratch,
-    read_wall,
-)
-from feeder_sim.engines.noise import new_streams
+from feeder_sim.engines.impulse.state import ABSENT, Bounds, Plate, new_parts, new_scratch, read_wall
 from feeder_sim.engines.surface_arrays import SurfaceArrays, surface_arrays
 from feeder_sim.records.impacts import Impacts
 from feeder_sim.records.trajectory import BLOCK_FRAMES, Frames
@@ -65,25 +49,8 @@ WINDOW = 1e-3  # [s], where parts can meet: shorter ones find the pairs too ofte
 WINDOW_ALONE = 1e-2  # [s], of a single part: for bounds on the plate that follow its ring-up
 WIDER = 1.5  # times the way of the farthest part: its reach when a window is computed again
 COLUMNS = {"position": POSITION, "velocity": VELOCITY, "attitude": ATTITUDE, "momentum": MOMENTUM}
-STATE = (
-    "position",
-    "velocity",
-    "attitude",
-    "momentum",
-    "clock",
-    "there",
-    "phase",
-    "held",
-    "draws",
-    "force",
-    "moment",
-    "place",
-    "seat",
-    "facing",
-)
-TOUCHING, LEAST_TOUCH = 0.01, 1e-13  # share of the tolerance, and [m]: gaps from which on points touch
-SAME_CONTACT = 1.5  # of the clock of frames: impacts of a guided part no farther apart are one contact
-MEMBERS = ("a", "b", "piece_a", "piece_b", "touching")  # of a pair
+STATE = ("position", "velocity", "attitude", "momentum", "clock", "there")
+MEMBERS = ("a", "b", "piece_a", "piece_b")  # of a pair
 
 
 class ImpulseEngine:
@@ -96,7 +63,7 @@ class ImpulseEngine:
 
     name = "impulse"
     frames_per_block = BLOCK_FRAMES
-    _reacts = False  # the plate does not take impulses; then a lone part has a loop of its own
+    _single_apart = True  # a lone part has a loop of its own
     _window = WINDOW
 
     def __init__(
@@ -112,16 +79,11 @@ class ImpulseEngine:
         self._kinds = kinds = read_kinds(scene)
         self._n = len(scene.parts)
         self._wall = read_wall(scene.guides[0])
-        self._notes = ContactNotes(new_log(1), np.zeros(2), SAME_CONTACT * scene.timestep)
-        self._exact = exactness(scene)
+        self._notes = ContactNotes(new_log(1), np.zeros(2))
         self._surface = surface_arrays(scene.surface, scene.scenario.run)
         self._threads = max(1, threads)
-        self._alone = not self._reacts and self._n == 1 and not scene.rim and scene.scenario.refill is None
-        n, together = scene.surface.n_shapes, 1 if self._alone else MOST_TOGETHER
-        yielding = n if self._reacts else 0
-        self._work = [
-            new_scratch(kinds, n, together=together, shapes_that_yield=yielding) for _ in range(self._threads)
-        ]
+        self._alone = self._single_apart and self._n == 1 and not scene.rim and scene.scenario.refill is None
+        self._work = [new_scratch(kinds, scene.surface.n_shapes) for _ in range(self._threads)]
         corners = np.split(kinds.corners, kinds.piece["corner_from"][1:])
         radii = [*kinds.record["radius"], *np.zeros(len(corners) - len(kinds.record))]  # only a hull is a ball
         self._libraries = [HullLibrary(corners, radii) for _ in range(0 if self._alone else self._threads)]
@@ -155,7 +117,6 @@ class ImpulseEngine:
             np.concatenate([momentum, still]),
         )
         parts["there"][: len(poses)][[not pose.present for pose in poses]] = ABSENT
-        parts["draws"] = new_streams(rng, len(parts))
         return parts
 
     def current(self) -> Frames:
@@ -168,7 +129,7 @@ class ImpulseEngine:
             if self._wall is not None:  # each contact takes a step at least
                 room = n_frames * (scene.steps_per_frame + 1) + 1
                 self._notes = self._notes._replace(log=room_for(self._notes.log, room))
-            drive = Drive(self._surface, self._scene.surface.extremes, self._exact, WINDOW_ALONE)
+            drive = Drive(self._surface, self._scene.surface.extremes, scene.timestep, WINDOW_ALONE)
             frames = FrameRows(times, rows, self._interrupt)
             advance_alone(
                 Alone(self._parts, self._kinds, self._wall, self._work[0]), drive, self._notes, self._clock, frames
@@ -236,7 +197,7 @@ class ImpulseEngine:
     def _open_window(self, parts: NDArray[np.void]) -> tuple[SurfaceArrays, Bounds, float]:
         """Terms that act and bounds of the window under way, and the reach of the parts in it [m]; wakes them."""
         start, end, extremes = *self._span, self._scene.surface.extremes
-        place = (self._kinds, self._surface, extremes, (start, end), self._exact)
+        place = (self._kinds, self._surface, extremes, (start, end), self._scene.timestep)
         return open_window(parts, self._n, *place)
 
     def _advance_islands(self, crowd: Crowd, plate: Plate, span: Span, frames: FrameRows) -> bool:
@@ -258,7 +219,7 @@ class ImpulseEngine:
             self._clock[:] = now, 0.0, now
             for name, columns in COLUMNS.items():
                 self._parts[name][0] = self._row[0, columns].reshape(self._parts[name][0].shape)
-            self._parts["clock"], self._parts["phase"] = now, FREE
+            self._parts["clock"] = now
             return
         if now < self._span[1]:
             self._compute_window(now)
@@ -304,7 +265,7 @@ class ImpulseEngine:
     def state(self) -> dict[str, NDArray[np.float64]]:
         parts, pairs = (self._parts, self._pairs) if self._alone else (self._opened, self._pairs_before)
         kept = {name: parts[name].copy() for name in STATE}
-        log, last = self._notes.log, self._notes.last
+        log, last = self._notes
         return kept | {
             "contact": np.array([*log.current, *last]),
             "clock_alone": self._clock.copy(),
@@ -336,9 +297,9 @@ class ImpulseEngine:
         return self._unresolved + sum(int(work.unresolved[0]) for work in self._work)
 
     def take_impacts(self, *, end: bool) -> Impacts:
-        log, last = self._notes.log, self._notes.last
+        log, last = self._notes
         since = self._frame * self._scene.frame_interval - last[0]
-        over = since > self._notes.same
+        over = since > SAME_CONTACT * self._scene.timestep
         return take_impacts(log, end=end, over=(float(last[0]), float(last[1])) if over else None)
 
     def _first_row(self, parts: NDArray[np.void]) -> NDArray[np.float64]:
@@ -365,10 +326,3 @@ class ImpulseEngine:
             angular_velocity=rows[..., SPIN],
             present=np.broadcast_to(self._parts["there"][: self._n] != ABSENT, (n, self._n)).copy(),
         )
-
-
-def exactness(scene: Scene) -> Exactness:
-    """How exact a scene wants its contacts."""
-    run, contact = scene.scenario.run, scene.scenario.contact
-    tolerance = 1e-9 * run.tolerance_nm
-    return Exactness(tolerance, max(TOUCHING * tolerance, LEAST_TOUCH), contact.noise_m_s)

@@ -29,12 +29,12 @@ def gather_near(part, kind, corners, bounds, work):
     lowest = np.inf
     for i in range(corners.shape[0]):
         height = height_of(part, corners, i)
-        work.point[i, GAP] = height
+        work.corner[i, GAP] = height
         lowest = min(lowest, height)
     near = max(lowest + SHARE * kind.reach, bounds.crest + CLEAR + kind.radius - part.position[2])
     n, others = 0, np.inf
     for i in range(corners.shape[0]):
-        height = work.point[i, GAP]
+        height = work.corner[i, GAP]
         if height > near:
             others = min(others, height)
             continue

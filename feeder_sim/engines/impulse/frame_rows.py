@@ -8,8 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from feeder_sim.engines.impulse.follow import bring
-from feeder_sim.engines.impulse.state import PART, spin_of
+from feeder_sim.engines.impulse.state import PART, fly_to, spin_of
 from feeder_sim.machine_code import compiled, inlined
 
 # Columns of a row, the numbers per part and frame.
@@ -36,8 +35,8 @@ class FrameRows(NamedTuple):
 
 
 @compiled
-def write_row(parts, i, kinds, surface, t, row):
-    """Write the state of a part at time t [s], as it goes on until then, into row (ROW,): see POSITION to SPIN.
+def write_row(parts, i, kinds, t, row):
+    """Write the state of a part at time t [s], as it flies until then, into row (ROW,): see POSITION to SPIN.
 
     The part itself is left as it is.
     """
@@ -45,7 +44,14 @@ def write_row(parts, i, kinds, surface, t, row):
     seen[0] = parts[i]
     part = seen[0]
     kind = kinds.record[part.kind]
-    bring(part, kind, t, surface)
+    fly_to(part, kind, t)
+    write_state(part, kind, row)
+    return seen.shape[0]  # a record holds no reference to its array, which must live until here
+
+
+@inlined
+def write_state(part, kind, row):
+    """Write the state of a part into row (ROW,)."""
     spin = spin_of(part, kind)
     row[22], row[23], row[24] = spin
     row[18], row[19], row[20], row[21] = _quaternion(part.attitude)
@@ -53,7 +59,6 @@ def write_row(parts, i, kinds, surface, t, row):
         row[k], row[3 + k], row[15 + k] = part.position[k], part.velocity[k], part.momentum[k]
         for axis in range(3):
             row[6 + 3 * k + axis] = part.attitude[k, axis]
-    return seen.shape[0]  # a record holds no reference to its array, which must live until here
 
 
 @inlined

@@ -15,28 +15,30 @@ import math
 
 from numba.extending import overload
 
-from feeder_sim.engines.impulse.contact_problem import (
-    ARM_FIRST,
-    ARM_SECOND,
-    FRICTION,
-    NORMAL,
-    RESTITUTION,
-    ROLLING,
-    VELOCITY,
+from feeder_sim.engines.impulse.single_impact import (
+    added,
+    mobility,
+    resolve_free,
+    resolve_single,
+    tangents,
+    velocity_of_point,
 )
-from feeder_sim.engines.impulse.single_impact import added, mobility, resolve_free, tangents, velocity_of_point
-from feeder_sim.engines.impulse.state import EXPONENT, RATE, TANGENTIAL, ZENER, E, inverse_inertia
-from feeder_sim.engines.impulse.vectors import add_to, combine, cross, difference, dot, vector
+from feeder_sim.engines.impulse.state import EXPONENT, TANGENTIAL, ZENER, inverse_inertia
+from feeder_sim.engines.impulse.vectors import add_to, combine, cross, difference, dot
 from feeder_sim.machine_code import compiled, inlined
 from feeder_sim.plate.zener import TABLE_STEP
 
+ON_PLATE = 0  # index of a restitution; 1 is that of parts among each other
 SLOWEST = 1e-12  # [m/s]; for what does not approach
-OF_PLATE, OF_PARTS = 0, 1  # of a restitution
-PAIR = -2.0  # in place of a restitution in the row of a point: that of parts among each other
 
 
-def restitution_at(part, kind, row):
-    """Coefficient of restitution at a point that approaches; `row` of `Scratch.point`."""
+def restitution_on_plate(part, kind, arm, normal, velocity):
+    """Coefficient of restitution of an impact at the end of an arm, on a surface of this normal and velocity [m/s]."""
+    raise NotImplementedError("for compiled code only")
+
+
+def restitution_of_pair(a, b, kind, law, inverse_inertias, arms, normal):
+    """The same of two parts that meet, the kind being that of the first; law: 0 at what stands, 1 between parts."""
     raise NotImplementedError("for compiled code only")
 
 
@@ -45,38 +47,32 @@ def largest_restitution(kind):
     raise NotImplementedError("for compiled code only")
 
 
-def hit_alone(parts, kinds, work):
-    """Impact at the only contact of a group, where it has a solution of its own; whether it has."""
+def hit_plate(part, kind, inverse_mass, turns, arm, normal, velocity, law):
+    """Impact of a part at one point of a surface, as `resolve_free`; law: restitution and friction."""
     raise NotImplementedError("for compiled code only")
 
 
-@overload(restitution_at)
-def _restitution_by_kind(part, kind, row):
-    falls, zener = EXPONENT in kind.fields, ZENER in kind.fields
+def hit_part(a, b, kind, inverse_mass, inverse_inertias, arms, normal, law):
+    """Impact of two parts at one point, as `resolve_single`; law: restitution and friction."""
+    raise NotImplementedError("for compiled code only")
 
-    def restitution(part, kind, row):
-        if row[E] >= 0.0:
-            return row[E]
-        law = OF_PARTS if row[E] == PAIR else OF_PLATE
-        e = kind.restitution[law]
-        if falls:
-            e = falling_restitution(e, kind.restitution_exponent, kind.restitution_speed, -row[RATE])
-        elif zener:
-            e = e if law == OF_PARTS else _zener_restitution(kind.zener_inelasticity, kind.zener_table, -row[RATE])
-        return e
 
-    if zener:
-        return restitution
-    if falls:
+@overload(restitution_on_plate)
+def _on_plate_by_kind(part, kind, arm, normal, velocity):
+    if EXPONENT in kind.fields or ZENER in kind.fields:
+        return lambda part, kind, arm, normal, velocity: _restitution_at(
+            kind, ON_PLATE, _approach(part, kind, arm, normal, velocity)
+        )
+    return lambda part, kind, arm, normal, velocity: kind.restitution[0]
 
-        def falling(part, kind, row):
-            if row[E] >= 0.0:
-                return row[E]
-            e = kind.restitution[OF_PARTS if row[E] == PAIR else OF_PLATE]
-            return falling_restitution(e, kind.restitution_exponent, kind.restitution_speed, -row[RATE])
 
-        return falling
-    return lambda part, kind, row: row[E] if row[E] >= 0.0 else kind.restitution[1 if row[E] == PAIR else 0]
+@overload(restitution_of_pair)
+def _of_pair_by_kind(a, b, kind, law, inverse_inertias, arms, normal):
+    if EXPONENT in kind.fields:
+        return lambda a, b, kind, law, inverse_inertias, arms, normal: _restitution_at(
+            kind, law, _approach_of_pair(a, b, inverse_inertias, arms, normal)
+        )
+    return lambda a, b, kind, law, inverse_inertias, arms, normal: kind.restitution[law]
 
 
 @overload(largest_restitution)
@@ -86,41 +82,53 @@ def _largest_by_kind(kind):
     return lambda kind: kind.restitution[0]
 
 
-@overload(hit_alone)
-def _hit_by_kind(parts, kinds, work):
-    if TANGENTIAL in kinds.types[kinds.fields.index("record")].dtype.fields:
-        return lambda parts, kinds, work: _hit_balls(parts, kinds, work)
-    return lambda parts, kinds, work: _hit_plate(parts, kinds, work)
+@overload(hit_plate)
+def _hit_plate_by_kind(part, kind, inverse_mass, turns, arm, normal, velocity, law):
+    if TANGENTIAL in kind.fields:
+        return lambda part, kind, inverse_mass, turns, arm, normal, velocity, law: resolve_ball(
+            part, inverse_mass, turns, arm, normal, velocity, (law[0], law[1], kind.tangential_restitution)
+        )
+    return lambda part, kind, inverse_mass, turns, arm, normal, velocity, law: resolve_free(
+        part, inverse_mass, turns, arm, normal, velocity, law[0], law[1]
+    )
+
+
+@overload(hit_part)
+def _hit_part_by_kind(a, b, kind, inverse_mass, inverse_inertias, arms, normal, law):
+    if TANGENTIAL in kind.fields:
+        return lambda a, b, kind, inverse_mass, inverse_inertias, arms, normal, law: _resolve_balls(
+            a, b, inverse_mass, inverse_inertias, arms, normal, (law[0], law[1], kind.tangential_restitution)
+        )
+    return lambda a, b, kind, inverse_mass, inverse_inertias, arms, normal, law: resolve_single(
+        a, b, inverse_mass, inverse_inertias, arms, normal, law[0], law[1]
+    )
 
 
 @inlined
-def _hit_plate(parts, kinds, work):
-    """The point of a part on the plate or a wall, by far the most frequent case."""
-    vectors, numbers = work.contacts.vector, work.contacts.number
-    if work.contacts.body[0, 0] >= 0 or numbers[ROLLING, 0] > 0.0:
-        return False
-    part = parts[work.group[work.contacts.body[0, 1]]]
-    kind = kinds.record[part.kind]
-    arm, normal, velocity = vectors[ARM_SECOND, 0], vectors[NORMAL, 0], vectors[VELOCITY, 0]
-    e, mu = numbers[RESTITUTION, 0], numbers[FRICTION, 0]
-    turns = inverse_inertia(part, kind)
-    return resolve_free(part, 1.0 / kind.mass, turns, vector(arm), vector(normal), vector(velocity), e, mu)
+def _approach(part, kind, arm, normal, velocity):
+    """Normal speed at which the end of an arm approaches a surface [m/s]."""
+    return -dot(normal, difference(velocity_of_point(part, inverse_inertia(part, kind), arm), velocity))
 
 
-@compiled
-def _hit_balls(parts, kinds, work):
-    vectors, numbers, body = work.contacts.vector, work.contacts.number, work.contacts.body
-    part = parts[work.group[body[0, 1]]]
-    kind = kinds.record[part.kind]
-    arm, normal, velocity = vector(vectors[ARM_SECOND, 0]), vector(vectors[NORMAL, 0]), vector(vectors[VELOCITY, 0])
-    law = numbers[RESTITUTION, 0], numbers[FRICTION, 0], kind.tangential_restitution
-    turns = inverse_inertia(part, kind)
-    if body[0, 0] < 0:
-        return resolve_ball(part, 1.0 / kind.mass, turns, arm, normal, velocity, law)
-    other = parts[work.group[body[0, 0]]]
-    kind_of_other = kinds.record[other.kind]
-    masses, inertias = (1.0 / kind_of_other.mass, 1.0 / kind.mass), (inverse_inertia(other, kind_of_other), turns)
-    return _resolve_balls(other, part, masses, inertias, (vector(vectors[ARM_FIRST, 0]), arm), normal, law)
+@inlined
+def _approach_of_pair(a, b, inverse_inertias, arms, normal):
+    """Normal speed at which two parts approach each other at the ends of their arms [m/s]."""
+    of_a = velocity_of_point(a, inverse_inertias[0], arms[0])
+    return -dot(normal, difference(velocity_of_point(b, inverse_inertias[1], arms[1]), of_a))
+
+
+def _restitution_at(kind, law, speed):
+    """Coefficient of restitution at a normal approach speed [m/s]."""
+    raise NotImplementedError("for compiled code only")
+
+
+@overload(_restitution_at)
+def _restitution_by_kind(kind, law, speed):
+    if EXPONENT in kind.fields:
+        return lambda kind, law, speed: falling_restitution(
+            kind.restitution[law], kind.restitution_exponent, kind.restitution_speed, speed
+        )
+    return lambda kind, law, speed: zener_restitution(kind.zener_inelasticity, kind.zener_table, speed)
 
 
 @compiled
@@ -130,7 +138,7 @@ def falling_restitution(at_speed, exponent, reference, speed):
 
 
 @compiled
-def _zener_restitution(inelasticity, table, speed):
+def zener_restitution(inelasticity, table, speed):
     """Restitution of a ball by Zener's theory; inelasticity: at 1 m/s; table: log e over log(1 + lambda)."""
     place = math.log1p(inelasticity * max(speed, SLOWEST) ** 0.2) / TABLE_STEP
     i = min(int(place), table.shape[0] - 2)  # beyond its end e is below 1e-9

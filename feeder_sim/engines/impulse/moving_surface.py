@@ -1,92 +1,56 @@
-"""Where the surface is, how it moves and slopes; and where points over it will be."""
+"""Where the surface is now, and how steep, for the impulse engine."""
 
 from __future__ import annotations
 
-import math
-
-from feeder_sim.engines.impulse.state import (
-    ACCELERATION,
-    CHANGE,
-    FALL,
-    GAP,
-    HEIGHT,
-    NOW,
-    RATE,
-    SLOPE_X,
-    SLOPE_Y,
-    SPEED,
-    TURN_X,
-    TURN_Y,
-)
 from feeder_sim.machine_code import inlined
-from feeder_sim.plate.compiled import BETA_X, BETA_Y, W, cubic_slopes, cubic_weights, grid_cell, interpolate
+from feeder_sim.plate.compiled import (
+    BETA_X,
+    BETA_Y,
+    W,
+    cubic_slopes,
+    cubic_weights,
+    grid_cell,
+    interpolate,
+    modal_motion,
+    surface_modes,
+)
 
 
 @inlined
-def move_surface(t, surface, modal):
-    """Modal coordinates and three derivatives of every mode shape at time t [s], into modal (4, n_shapes); see NOW."""
-    for s in range(modal.shape[1]):
-        modal[NOW, s] = modal[SPEED, s] = modal[ACCELERATION, s] = modal[CHANGE, s] = 0.0
-    for k in range(surface.term_shape.shape[0]):
-        if surface.term_start[k] <= t < surface.term_stop[k]:
-            age, s = t - surface.term_start[k], surface.term_shape[k]
-            growth, rate = surface.rate[k].real, surface.rate[k].imag
-            fade = math.exp(growth * age) if growth != 0.0 else 1.0
-            c, d = fade * math.cos(rate * age), fade * math.sin(rate * age)
-            x = surface.coefficient[k].real * c - surface.coefficient[k].imag * d
-            y = surface.coefficient[k].real * d + surface.coefficient[k].imag * c
-            modal[NOW, s] += x
-            x, y = growth * x - rate * y, growth * y + rate * x
-            modal[SPEED, s] += x
-            x, y = growth * x - rate * y, growth * y + rate * x
-            modal[ACCELERATION, s] += x
-            modal[CHANGE, s] += growth * x - rate * y
+def move_surface(part, surface, t, work):
+    """Modal coordinates and their rates at time t; on a tangent surface, the mode shapes under the part's centre."""
+    modal_motion(
+        t,
+        surface.term_shape,
+        surface.term_start,
+        surface.term_stop,
+        surface.coefficient,
+        surface.rate,
+        work.modal[0],
+        work.modal[1],
+    )
+    if surface.tangent:
+        x, y = part.position[0], part.position[1]
+        surface_modes(x, y, surface.grid_x, surface.grid_y, surface.table, work.modes)
 
 
 @inlined
-def shapes_at(x, y, surface, known, under):
-    """What every mode shape does at (x, y) [m], into under (n_shapes, 5), see HEIGHT; its height alone if not `known`."""
+def slope_under(x, y, surface, work):
+    """Slopes of the moved surface at (x, y) [m], along x and y [1]."""
     first_x, a = grid_cell(x, surface.grid_x)
     first_y, b = grid_cell(y, surface.grid_y)
     weight_x, weight_y = cubic_weights(a), cubic_weights(b)
-    table = surface.table
-    for s in range(under.shape[0]):
-        under[s, HEIGHT] = interpolate(table, s, W, first_x, first_y, weight_x, weight_y)
-    if not known:
-        return
     change_x = cubic_slopes(a, surface.grid_x[1] - surface.grid_x[0])
     change_y = cubic_slopes(b, surface.grid_y[1] - surface.grid_y[0])
-    for s in range(under.shape[0]):
-        under[s, SLOPE_X] = interpolate(table, s, W, first_x, first_y, change_x, weight_y)
-        under[s, SLOPE_Y] = interpolate(table, s, W, first_x, first_y, weight_x, change_y)
-        under[s, TURN_X] = interpolate(table, s, BETA_X, first_x, first_y, weight_x, weight_y)
-        under[s, TURN_Y] = interpolate(table, s, BETA_Y, first_x, first_y, weight_x, weight_y)
-
-
-@inlined
-def shapes_under(x, y, part, surface, known, under):
-    """As `shapes_at`; a tangent surface is the plane under the part's centre."""
-    if not surface.tangent:
-        shapes_at(x, y, surface, known, under)
-        return
-    shapes_at(part.position[0], part.position[1], surface, True, under)
-    for s in range(under.shape[0]):
-        under[s, SLOPE_X], under[s, SLOPE_Y] = under[s, TURN_X], under[s, TURN_Y]
-        under[s, HEIGHT] += under[s, SLOPE_X] * (x - part.position[0]) + under[s, SLOPE_Y] * (y - part.position[1])
-
-
-@inlined
-def ahead(i, far, slip, slack, twist, work):
-    """Gap [m], rate [m/s] and acceleration towards the surface [m/s^2] of point i after a time [s], at the worst."""
-    row, under = work.point[i], work.under[i]
-    fall = row[FALL] + slack + twist * far
-    rate = row[RATE] - slip
-    gap = row[GAP] + far * (rate - 0.5 * fall * far)
-    rate -= fall * far
-    h = fall
-    for s in range(under.shape[0]):
-        w = under[s, HEIGHT]
-        gap -= w * (work.then[NOW, s] - work.now[NOW, s] - work.now[SPEED, s] * far)
-        rate -= w * (work.then[SPEED, s] - work.now[SPEED, s])
-        h += w * work.then[ACCELERATION, s]
-    return gap, rate, h
+    along_x = along_y = 0.0
+    for s in range(work.modal.shape[1]):
+        q = work.modal[0, s]
+        if q == 0.0:
+            continue
+        if surface.tangent:
+            along_x += q * work.modes[s, BETA_X]
+            along_y += q * work.modes[s, BETA_Y]
+        else:
+            along_x += q * interpolate(surface.table, s, W, first_x, first_y, change_x, weight_y)
+            along_y += q * interpolate(surface.table, s, W, first_x, first_y, weight_x, change_y)
+    return along_x, along_y

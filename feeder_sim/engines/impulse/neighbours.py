@@ -91,9 +91,7 @@ def find_pairs(parts, kinds, n_free, room, old):
         if o < old.shape[0] and _order(old[o], pair) == 0:
             for k in range(3):
                 pair.axis[k] = old[o].axis[k]
-            pair.touching = old[o].touching
         else:
-            pair.touching = 0
             _first_axis(parts, kinds, pair)
     return pairs
 

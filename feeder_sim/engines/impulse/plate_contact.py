@@ -1,4 +1,9 @@
-"""One free part over the plate: impacts, forces, following, rest or flight (docs/contact.md)."""
+"""One free part over the plate: gaps, approach, impact.
+
+look        height of every corner above the surface, and how fast it approaches
+impact      a corner that touches and approaches gets an impulse (single_impact.py), several together (impact.py)
+flight      until a corner can touch (flight_time.py)
+"""
 
 from __future__ import annotations
 
@@ -6,168 +11,252 @@ import math
 
 import numpy as np
 
+from feeder_sim.engines.impulse.circle_lift import lift_by_turning
 from feeder_sim.engines.impulse.circles import count_of, is_round, leap_of_circles, lowest_points, tilt_of
-from feeder_sim.engines.impulse.contact import CARRIED, apply_forces, press, strike
 from feeder_sim.engines.impulse.far_corners import MANY, far_leap, gather_near
-from feeder_sim.engines.impulse.follow import follows_until, sit_down
-from feeder_sim.engines.impulse.leap import NEVER, first_leaps, forecast, shortest_leap, unsure
-from feeder_sim.engines.impulse.plate_points import CLOSE, REACH, look, look_at_edge
-from feeder_sim.engines.impulse.state import ASLEEP, AT, FREE, GAP, KNOWN, top_speed
-from feeder_sim.engines.impulse.tube_contact import look_at_wall
-from feeder_sim.engines.impulse.yielding import yields
+from feeder_sim.engines.impulse.flight_time import flight_on_flat, forecast, longest_leap, shortest_flight
+from feeder_sim.engines.impulse.impact import resolve_impact
+from feeder_sim.engines.impulse.impact_law import hit_plate, restitution_on_plate
+from feeder_sim.engines.impulse.moving_surface import move_surface
+from feeder_sim.engines.impulse.plate_edge import edge_leap, points_on_edge
+from feeder_sim.engines.impulse.state import (
+    ARM,
+    FRICTION,
+    GAP,
+    NORMAL,
+    RATE,
+    RESTITUTION,
+    SURFACE_ACCELERATION,
+    SURFACE_RATE,
+    VELOCITY,
+    arm_of,
+    height_of,
+    inverse_inertia,
+    spin_of,
+)
+from feeder_sim.engines.impulse.tube_contact import approach_wall, gather_wall, leap_to_wall, meeting_time
+from feeder_sim.engines.impulse.vectors import dot
+from feeder_sim.engines.outline_arrays import ON_EDGE, off_plate
 from feeder_sim.machine_code import compiled, inlined
+from feeder_sim.plate.compiled import (
+    BETA_X,
+    BETA_Y,
+    W,
+    cubic_weights,
+    grid_cell,
+    interpolate,
+    surface_normal,
+)
 from feeder_sim.scene.scene import GRAVITY
 
-JUMP = 1e-8  # [m]; a surface is only entered where it jumps (`ring_up = false`)
-STILL = 1e-6  # [m/s]; what is as slow on a plate that is calm, and does not slip, rests
-SKIPPED = 8  # looks after one at which a part may not follow
-LEAST_LOOK = 1e-5  # [s]; points at the edge of the plate come and go
+TOUCH = 1e-9  # [m]; corners this close count as touching, so that a flat landing is one impact and not six
+BESIDE = 2e-4  # [m]; a point that far below the surface is beside the plate or under it
+
+
+@inlined
+def meet_plate(part, kinds, wall, surface, bounds, t, work):
+    """Impacts of one part at time t [s], and how long it may fly then.
+
+    The wall is None without a tube: then nothing about walls is compiled.
+
+    Returns:
+        the flight [s]; whether it has hit the plate.
+    """
+    kind = kinds.record[part.kind]
+    height = part.position[2] - kind.reach - kind.radius - bounds.crest
+    if wall is None:  # noqa: SIM102 - else it can be near the wall; numba leaves out a plain test of None only
+        if height > 2.0 * TOUCH:
+            rising = part.velocity[2]
+            return max((rising + math.sqrt(rising * rising + 2.0 * GRAVITY * height)) / GRAVITY, bounds.step), False
+    moved, lowest = lowest_points(part, kind, surface, bounds, 2.0 * TOUCH, t, work)
+    further = points_on_edge(part, kind, kinds, surface, work)
+    corners, n_corners, others = kinds.corners[kind.corner_from : kind.corner_to], count_of(kind), np.inf
+    if further > 0 or is_round(kind):
+        corners = work.points[: n_corners + further]
+    elif wall is None and n_corners > MANY and not bounds.calm:  # what comes to rest is looked at with all corners
+        near, others = gather_near(part, kind, corners, bounds, work)
+        corners = work.points[:near]
+    on_plate, last = look(part, kind, corners, surface, bounds, t, moved, work)
+    if wall is None:
+        if on_plate == 1:
+            _impact_at(last, part, kind, corners, surface, work)
+        elif on_plate > 1:
+            _impact(part, kind, corners, None, surface, work)
+    else:
+        on_wall = approach_wall(part, kind, corners, wall, TOUCH, work)
+        if on_plate + on_wall > 0:
+            _impact(part, kind, corners, wall, surface, work)
+            approach_wall(part, kind, corners, wall, TOUCH, work)
+    leap, to_crest, own = longest_leap(part, kind, corners, work)
+    if wall is not None:  # in a play of micrometres a part must not fly a whole step into the wall
+        wall_leap = leap_to_wall(part, kind, corners, wall, work)
+        return max(min(leap, wall_leap), meeting_time(work, corners.shape[0], bounds.step)), on_plate > 0
+    tilt = tilt_of(lowest, part, kind, work)
+    leap, to_crest = leap_of_circles(tilt, kind, bounds, own, leap, to_crest, work)
+    shortest = stride = shortest_flight(part, kind, bounds)
+    if bounds.calm and bounds.slope == 0.0 and further == 0 and not is_round(kind):
+        shortest = max(shortest, flight_on_flat(corners, own, bounds, work))
+    to_crest = min(to_crest, far_leap(part, kind, others, bounds))
+    if further > 0:
+        to_crest = min(to_crest, edge_leap(part, kind, corners, n_corners, bounds.step, work))
+    if leap < to_crest:
+        flight = max(leap, shortest), stride, own, to_crest
+        leap = forecast(part, kind, corners, surface, bounds, t, flight, tilt, work)
+    return max(min(leap, to_crest), shortest), on_plate > 0
+
+
+@inlined
+def look(part, kind, corners, surface, bounds, t, moved, work):
+    """Fill gap, rate and surface part of every corner; returns how many touch and approach, and the last of them.
+
+    moved: whether the surface has been moved to time t.
+
+    Above the crest the gap is to the crest and the surface counts as still; below it, to the surface itself. A corner
+    beyond the edge of the plate has nothing under it.
+    """
+    lowest, rising, turning = part.position[2] - kind.radius, part.velocity[2], _turning(part, kind)
+    touching, last = 0, -1
+    for i in range(corners.shape[0]):
+        bottom, rate = lowest + height_of(part, corners, i), rising + dot(turning, corners[i])
+        gap, surface_rate, acceleration = bottom - bounds.crest, 0.0, 0.0
+        if gap <= 2.0 * TOUCH:  # a gap to the crest must never pass for a touch
+            if not moved:
+                move_surface(part, surface, t, work)
+                moved = True
+            arm = arm_of(part, corners, i)
+            x, y = part.position[0] + arm[0], part.position[1] + arm[1]
+            height, surface_rate, acceleration = _surface_under(x, y, i, part, surface, bounds, work)
+            gap, rate = bottom - height, rate - surface_rate
+            outside = abs(x) > surface.grid_x[-1] + ON_EDGE or abs(y) > surface.grid_y[-1] + ON_EDGE
+            if outside or off_plate(surface.outline, x, y) or gap < -BESIDE:
+                gap = np.inf
+            if gap <= TOUCH and rate < 0.0:
+                touching += 1
+                last = i
+        work.corner[i, GAP], work.corner[i, RATE] = gap, rate
+        work.corner[i, SURFACE_RATE], work.corner[i, SURFACE_ACCELERATION] = surface_rate, acceleration
+    return touching, last
+
+
+@inlined
+def _turning(part, kind):
+    """A corner r, in body axes, rises by r . (z x w) because the part turns; this is z x w there [rad/s]."""
+    r, spin = part.attitude, spin_of(part, kind)
+    return (
+        spin[0] * r[1, 0] - spin[1] * r[0, 0],
+        spin[0] * r[1, 1] - spin[1] * r[0, 1],
+        spin[0] * r[1, 2] - spin[1] * r[0, 2],
+    )
+
+
+@inlined
+def approach(part, kind, corners, work):
+    """Fill the rate of every corner relative to the surface anew, after an impact."""
+    rising, turning = part.velocity[2], _turning(part, kind)
+    for i in range(corners.shape[0]):
+        work.corner[i, RATE] = rising + dot(turning, corners[i]) - work.corner[i, SURFACE_RATE]
+
+
+@inlined
+def _surface_under(x, y, i, part, surface, bounds, work):
+    """Height of the surface under corner i, at (x, y) [m]; its rate [m/s], and a bound on its acceleration [m/s^2]."""
+    height = rate = acceleration = 0.0
+    first_x, a = grid_cell(x, surface.grid_x)
+    first_y, b = grid_cell(y, surface.grid_y)
+    weight_x, weight_y = cubic_weights(a), cubic_weights(b)
+    for s in range(work.modal.shape[1]):
+        if bounds.acceleration[s] == 0.0:  # at rest in this window
+            continue
+        if surface.tangent:
+            w = work.modes[s, 0]
+            w += work.modes[s, 1] * (x - part.position[0]) + work.modes[s, 2] * (y - part.position[1])
+        else:
+            w = interpolate(surface.table, s, W, first_x, first_y, weight_x, weight_y)
+        work.under[i, s] = w
+        height += w * work.modal[0, s]
+        rate += w * work.modal[1, s]
+        acceleration += abs(w) * bounds.acceleration[s]
+    return height, rate, acceleration
+
+
+@inlined
+def _surface_touched(x, y, surface_rate, part, surface, work):
+    """Velocity [m/s] and unit normal of the surface at (x, y) [m], where it rises at `surface_rate` [m/s]."""
+    first_x, a = grid_cell(x, surface.grid_x)
+    first_y, b = grid_cell(y, surface.grid_y)
+    weight_x, weight_y = cubic_weights(a), cubic_weights(b)
+    vx = vy = 0.0
+    for s in range(work.modal.shape[1]):
+        rate = work.modal[1, s]
+        if rate == 0.0:
+            continue
+        if surface.tangent:
+            vx -= rate * work.modes[s, BETA_X]
+            vy -= rate * work.modes[s, BETA_Y]
+        else:
+            vx -= rate * interpolate(surface.table, s, BETA_X, first_x, first_y, weight_x, weight_y)
+            vy -= rate * interpolate(surface.table, s, BETA_Y, first_x, first_y, weight_x, weight_y)
+    if surface.tangent:  # the plane is that under the centre
+        x, y = part.position[0], part.position[1]
+    normal = surface_normal(x, y, surface.grid_x, surface.grid_y, surface.table, work.modal[0])
+    moves = surface.half_thickness * surface.in_plane
+    return (moves * vx, moves * vy, surface_rate), normal
 
 
 @compiled
-def meet_plate(i, parts, kinds, wall, surface, bounds, t, work, yielding):
-    """What part i does at time t [s], and how long it goes on so.
+def contact_of(i, part, kind, corners, surface, work):
+    """Arm, normal and surface velocity of a corner that touches the plate."""
+    arm = arm_of(part, corners, i)
+    x, y = part.position[0] + arm[0], part.position[1] + arm[1]
+    velocity, normal = _surface_touched(x, y, work.corner[i, SURFACE_RATE], part, surface, work)
+    r = kind.radius
+    return (arm[0] - r * normal[0], arm[1] - r * normal[1], arm[2] - r * normal[2]), normal, velocity
 
-    wall: None without a tube; yielding: None on a plate that moves as it is told. Then nothing about them is compiled.
 
-    Returns:
-        the time [s]; whether its velocity has jumped.
+@inlined
+def _impact_at(i, part, kind, corners, surface, work):
+    """As `_impact`, of a corner that touches the plate alone."""
+    arm, normal, velocity = contact_of(i, part, kind, corners, surface, work)
+    inverse_mass, turns = 1.0 / kind.mass, inverse_inertia(part, kind)
+    e, mu = restitution_on_plate(part, kind, arm, normal, velocity), kind.friction[0]
+    if not hit_plate(part, kind, inverse_mass, turns, arm, normal, velocity, (e, mu)):
+        _impact(part, kind, corners, None, surface, work)
+        return
+    depth = lift_by_turning(part, kind, inverse_mass, turns, arm, max(-work.corner[i, GAP], 0.0))
+    put_back(part, corners, depth, work)
+    approach(part, kind, corners, work)
+
+
+@compiled
+def _impact(part, kind, corners, wall, surface, work):
+    """Put the deepest corner back on the surface and give impulses to all corners that touch and approach.
+
+    What a corner covered inside the surface within one step would otherwise add up, and a resting part would sink.
     """
-    part = parts[i]
-    kind = kinds.record[part.kind]
-    before = part.phase
-    part.phase = FREE
-    height = part.position[2] - kind.reach - kind.radius - bounds.crest
-    if wall is None:  # noqa: SIM102 - else it can be near the wall; numba leaves out a plain test of None only
-        if height > CLOSE:
-            rising = part.velocity[2]
-            return (rising + math.sqrt(rising * rising + 2.0 * GRAVITY * (height - 0.5 * CLOSE))) / GRAVITY, False
-    work.group[0] = i
-    lowest = lowest_points(part, kind, surface, bounds, CLOSE, t, work)
-    corners, others = kinds.corners[kind.corner_from : kind.corner_to], np.inf
-    if is_round(kind):
-        corners = work.points[: count_of(kind)]
-    elif (
-        wall is None and corners.shape[0] > MANY and not bounds.calm
-    ):  # what comes to rest is looked at with all corners
-        near, others = gather_near(part, kind, corners, bounds, work)
-        corners = work.points[:near]
-    close, moved = look(part, kind, corners, 0, 0, surface, bounds, t, False, work)
-    n_corners = corners.shape[0]
-    n, at_edge, moved = look_at_edge(part, kind, kinds, 0, n_corners, surface, bounds, t, moved, work)
-    close = close or at_edge
-    depth = 0.0 if yields(yielding) else land(part, n, work)  # a surface that yields never jumps
-    if depth > 0.0:
-        close = True
+    n, depth = 0, 0.0
+    for i in range(corners.shape[0]):
+        if work.corner[i, GAP] > TOUCH or work.corner[i, RATE] >= 0.0:
+            continue
+        depth = max(depth, -work.corner[i, GAP])
+        arm, normal, velocity = contact_of(i, part, kind, corners, surface, work)
+        for k in range(3):
+            work.contact[ARM, n, k] = arm[k]
+            work.contact[NORMAL, n, k] = normal[k]
+            work.contact[VELOCITY, n, k] = velocity[k]
+        work.law[RESTITUTION, n] = restitution_on_plate(part, kind, arm, normal, velocity)
+        work.law[FRICTION, n] = kind.friction[0]
+        n += 1
     if wall is not None:
-        n = look_at_wall(part, kind, corners, wall, 0, n, bounds.exact.touch, work)
-        close = True
-    hit = False
-    unknown = unsure(part, kind, bounds)
-    until = next_switch(surface, t, bounds.end)
-    if close:
-        hit = strike(parts, kinds, 1, n, surface, bounds, t, work, yielding)
-        stays, held, m = press(
-            parts, kinds, 1, n, before != FREE, unknown[0], surface, bounds, t, until, work, yielding
-        )
-        if stays > 0.0:
-            if held:
-                stays = _stay(part, kind, n, surface, bounds, t, until, stays, m, work, yielding)
-            else:
-                part.held = min(part.held, 0)
-            if part.phase == FREE and part.there != ASLEEP:
-                apply_forces(parts, 1, m, stays, work)
-            return stays, hit or yields(yielding)
-        part.held = 0
-        unknown = unsure(part, kind, bounds)
-    slack, twist = unknown
-    far, to_crest = first_leaps(n, slack, twist, bounds, work)
-    tilt = tilt_of(lowest, part, kind, work)
-    far, to_crest = leap_of_circles(tilt, kind, bounds, slack, far, to_crest, work)
-    to_crest = min(to_crest, far_leap(part, kind, others, bounds))
-    if n > n_corners or _may_reach_edge(part, kind, surface):
-        to_crest = min(to_crest, max(LEAST_LOOK, 0.25 * lowest_gap(n, work) / top_speed(part, kind)))
-    if far < to_crest:
-        far = forecast(part, kind, n, surface, bounds, t, until, (far, to_crest), unknown, tilt, work)
-    return max(min(far, to_crest), shortest_leap(part, kind, bounds)), hit
+        n = gather_wall(part, kind, corners, wall, TOUCH, n, work)
+    if not resolve_impact(part, 1.0 / kind.mass, inverse_inertia(part, kind), work.contact, work.law, n):
+        work.unresolved[0] += 1
+    put_back(part, corners, depth, work)
+    approach(part, kind, corners, work)
 
 
 @inlined
-def _stay(part, kind, n, surface, bounds, t, until, stays, m, work, yielding):
-    """How long a part stays that does not slip [s]: it rests, or follows, or is pressed for the time `stays`."""
-    part.held += 1
-    bodies = work.bodies
-    speed = spin = 0.0
-    for k in range(3):
-        speed += bodies.velocity[0, k] * bodies.velocity[0, k]
-        spin += bodies.spin[0, k] * bodies.spin[0, k]
-    if bounds.calm and math.sqrt(speed) + kind.reach * math.sqrt(spin) < STILL + 1.01 * bounds.speed:
-        rest(part)
-        return NEVER
-    if part.held < 1 or yields(yielding):
-        return stays
-    ends = follows_until(part, kind, n, _height(n, bounds, work), surface, bounds, t, until, work)
-    if ends - t <= stays:
-        part.held = -SKIPPED
-        return stays
-    sit_down(part, kind, t, surface)
-    return ends - t
-
-
-@inlined
-def next_switch(surface, t, end):
-    """When a term of the surface begins or ends next, or the end of the window [s]: its motion is smooth until then."""
-    for k in range(surface.term_start.shape[0]):
-        if surface.term_start[k] > t:
-            end = min(end, surface.term_start[k])
-        if surface.term_stop[k] > t:
-            end = min(end, surface.term_stop[k])
-    return end
-
-
-@inlined
-def land(part, n, work):
-    """Lift a part out of a surface that has jumped into it; returns by how much [m]."""
-    depth = 0.0
-    for i in range(n):
-        depth = max(depth, -work.point[i, GAP])
-    if depth <= JUMP:
-        return 0.0
+def put_back(part, corners, depth, work):
+    """Lift a part out of the surface."""
     part.position[2] += depth
-    for i in range(n):
-        work.point[i, GAP] += depth
-    return depth
-
-
-@inlined
-def rest(part):
-    """The part lies still from now on."""
-    for k in range(3):
-        part.velocity[k] = part.momentum[k] = 0.0
-    part.there, part.phase = ASLEEP, FREE
-
-
-@inlined
-def lowest_gap(n, work):
-    gap = np.inf
-    for i in range(n):
-        gap = min(gap, work.point[i, GAP])
-    return max(gap, 0.0)
-
-
-@inlined
-def _may_reach_edge(part, kind, surface):
-    """Whether a part is so near a side of the plate that a point there may come up."""
-    far = kind.reach + kind.radius + REACH
-    return abs(part.position[0]) + far > surface.grid_x[-1] or abs(part.position[1]) + far > surface.grid_y[-1]
-
-
-@inlined
-def _height(n, bounds, work):
-    """Height of the centre of mass over its supports [m]."""
-    lowest = 0.0
-    for i in range(n):
-        row = work.point[i]
-        if row[KNOWN] != 0.0 and row[GAP] <= CARRIED * bounds.exact.tolerance:
-            lowest = min(lowest, row[AT + 2])
-    return -lowest
+    for i in range(corners.shape[0]):
+        work.corner[i, GAP] += depth

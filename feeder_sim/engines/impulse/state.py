@@ -10,8 +10,6 @@ import numpy as np
 from numba.extending import overload
 from numpy.typing import ArrayLike, NDArray
 
-from feeder_sim.engines.impulse.contact_problem import Bodies, Contacts, new_room
-from feeder_sim.engines.impulse.edge_piece import EDGE_POINT
 from feeder_sim.engines.impulse.free_flight import orthonormalise, rotate_freely, rotate_symmetric
 from feeder_sim.engines.impulse.vectors import dot, times, vector
 from feeder_sim.engines.surface_arrays import SurfaceArrays
@@ -20,34 +18,16 @@ from feeder_sim.plate.zener import TABLE_POINTS
 from feeder_sim.scene.guide import Guide
 from feeder_sim.scene.scene import GRAVITY
 
-# Columns of Scratch.point, a point that can touch: its gap [m] and how fast that grows [m/s]; how fast both sides are
-# accelerated together [m/s^2], and how that changes [m/s^3]; the largest acceleration of the surface there, and of the
-# point by itself [m/s^2]; how it falls by itself, with its part [m/s^2]; restitution, negative where the law of the
-# plate says it, and friction; KNOWN: 0 where the columns after it are not filled, AT_EDGE on the edge of the plate.
-GAP, RATE, PUSH, JERK, MOVES, OWN, FALL, E, MU, KNOWN = range(10)
-AT_EDGE = 2.0
-# The part it belongs to, and the one that it can touch, by their places in the group, the latter negative for the plate
-# and walls; the gap from which on it touches [m]; arms from both centres of mass, normal of what it can touch and how that moves, three columns each.
-BODY, OTHER, TOUCH = 10, 11, 24
-AT, FROM, TOWARDS, WITH = 12, 15, 18, 21
-POINT_COLUMNS = 25
-# Of Scratch.under: what each mode shape does under a point: deflection, its slopes, and rotations.
-HEIGHT, SLOPE_X, SLOPE_Y, TURN_X, TURN_Y = range(5)
-NOW, SPEED, ACCELERATION, CHANGE = range(4)  # of Scratch.now and Scratch.then
+GAP, RATE, SURFACE_RATE, SURFACE_ACCELERATION, WALL_GAP, WALL_RATE = range(6)  # columns of Scratch.corner
+ARM, NORMAL, VELOCITY, BEFORE, IMPULSE = range(5)  # of Scratch.contact
+RESTITUTION, FRICTION, TARGET, STEP_NORMAL, STEP_TANGENT = range(5)  # of Scratch.law
 ABSENT, AWAKE, ASLEEP = range(3)  # in PART, there
-FREE, PRESSED, FOLLOWING = range(3)  # in PART, phase
-# Room: points on the circles of a cylinder, and on the edge of the plate; pairs of a part in a group, and points of
-# each; contacts of a group.
-ROUND_POINTS, EDGE_POINTS, PAIRS_OF_EACH, POINTS_OF_PAIR, MOST_CONTACTS = 8, 32, 4, 12, 160
-MOST_TOGETHER = 16  # parts that are solved together; what is in contact with them is a group of its own
 SLENDER = 4.0  # largest over smallest moment of inertia
 
 
 # State of one part in world axes at a time of its own, `clock` [s]: columns of the attitude are the body axes; momentum
-# is the angular momentum about the centre of mass; there: ABSENT once it has been taken out, ASLEEP while it lies still,
-# else AWAKE. due: when it is to be looked at next [s]. phase (docs/contact.md): FREE; PRESSED by a constant force [N] and
-# moment [N m] until it is due; FOLLOWING the surface, whose frame at a place it has a seat and a facing in. held: looks
-# for which it has not slipped. draws: state of its random numbers.
+# is the angular momentum about the centre of mass; there: ABSENT once it has been taken out, ASLEEP while it lies still
+# (rest.py), else AWAKE.
 PART = np.dtype(
     [
         ("position", "f8", 3),
@@ -57,15 +37,6 @@ PART = np.dtype(
         ("clock", "f8"),
         ("kind", "i8"),
         ("there", "i8"),
-        ("due", "f8"),
-        ("phase", "i8"),
-        ("held", "i8"),
-        ("draws", "u8"),
-        ("force", "f8", 3),
-        ("moment", "f8", 3),
-        ("place", "f8", 2),
-        ("seat", "f8", 3),
-        ("facing", "f8", (3, 3)),
     ],
     align=True,
 )
@@ -143,19 +114,12 @@ class Wall(NamedTuple):
     friction: float
 
 
-class Exactness(NamedTuple):
-    """How far contacts may be off [m], from which gap on points touch [m], and the random speed of impacts [m/s]."""
-
-    tolerance: float
-    touch: float
-    noise: float
-
-
 class Bounds(NamedTuple):
     """What the surface can do at most within a window of time.
 
     end: of the window [s]; crest: height [m]; slope: steepest [1]; acceleration: of every mode shape at its antinode
-    [m/s^2]; speed: of any point [m/s]; fastest: rate of any term [rad/s]; calm: parts may fall asleep.
+    [m/s^2]; speed: of any point [m/s]; step: the shortest flight [s] that is followed, and rest_step that of a part
+    that hardly moves; calm: parts may fall asleep.
     """
 
     end: float
@@ -163,9 +127,9 @@ class Bounds(NamedTuple):
     slope: float
     acceleration: NDArray[np.float64]
     speed: float
-    fastest: float
+    step: float
+    rest_step: float
     calm: bool
-    exact: Exactness
 
 
 class Plate(NamedTuple):
@@ -178,25 +142,20 @@ class Plate(NamedTuple):
 class Scratch(NamedTuple):
     """Few arrays, since every one of them makes each call of a compiled function dearer.
 
-    group: parts that are looked at together, (MOST_TOGETHER,), and a copy of it in members; from_row: the first row of each in `point`, and the end.
-    point: (n, POINT_COLUMNS), see GAP. under: (n, n_shapes, 5), see HEIGHT. row_of: of every contact, its row in `point`.
-    now, then: (4, n_shapes), the modal coordinates and three derivatives at two times, see NOW. points: (n, 3), points of
-    the hull in body axes, or of two that meet. edge: points on the edge of the plate. unresolved: (1,), impacts that did
-    not settle.
+    corner: (n, 6), columns GAP over what it can touch, RATE of approach, what the surface adds to rate and acceleration
+    bound, WALL_GAP, WALL_RATE. contact: (5, 2 n, 3), ARM, NORMAL and surface VELOCITY of each contact of an impact, and
+    more in impact.py. law: (5, 2 n), RESTITUTION and FRICTION of each, and more. modal: (4, n_shapes), q and dq/dt, now
+    and as they will be. under: (n, n_shapes), deflections under each corner. modes: (n_shapes, 3). points: (n, 3),
+    points of the hull on the plate's edge, or of two that meet. unresolved: (1,), impacts whose sweeps did not settle.
     """
 
-    group: NDArray[np.int64]
-    members: NDArray[np.int64]
-    from_row: NDArray[np.int64]
-    point: NDArray[np.float64]
+    corner: NDArray[np.float64]
+    contact: NDArray[np.float64]
+    law: NDArray[np.float64]
+    modal: NDArray[np.float64]
     under: NDArray[np.float64]
-    bodies: Bodies
-    contacts: Contacts
-    row_of: NDArray[np.int64]
-    now: NDArray[np.float64]
-    then: NDArray[np.float64]
+    modes: NDArray[np.float64]
     points: NDArray[np.float64]
-    edge: NDArray[np.void]
     unresolved: NDArray[np.int64]
 
 
@@ -234,30 +193,15 @@ def read_wall(guide: Guide | None) -> Wall | None:
     return Wall(np.array([*guide.foot, 0.0]), guide.axis, guide.radius, guide.restitution, guide.friction)
 
 
-def new_scratch(kinds: Kinds, n_shapes: int, *, together: int = 1, shapes_that_yield: int = 0) -> Scratch:
-    """Room for any part, or for several `together`; each corner can touch plate and wall, and edges that of the plate."""
+def new_scratch(kinds: Kinds, n_shapes: int) -> Scratch:
+    """Room for any part: each of its corners can touch plate and wall, each of its edges the edge of the plate."""
     of = kinds.record
-    corners = max(int((of["corner_to"] - of["corner_from"]).max()), ROUND_POINTS)
-    rows = 2 * corners + EDGE_POINTS
-    of_piece = int((kinds.piece["corner_to"] - kinds.piece["corner_from"]).max())
-    if together > 1:
-        rows = together * (rows + PAIRS_OF_EACH * POINTS_OF_PAIR)
-    bodies, contacts, _ = new_room(together, min(rows, MOST_CONTACTS), shapes_that_yield)
-    return Scratch(
-        group=np.zeros(together, np.int64),
-        members=np.zeros(together, np.int64),
-        from_row=np.zeros(together + 1, np.int64),
-        point=np.zeros((rows + 1, POINT_COLUMNS)),
-        under=np.zeros((rows + 1, n_shapes, 5)),
-        bodies=bodies,
-        contacts=contacts,
-        row_of=np.zeros(min(rows, MOST_CONTACTS), np.int64),
-        now=np.zeros((4, n_shapes)),
-        then=np.zeros((4, n_shapes)),
-        points=np.zeros((max(corners, 1 + 2 * of_piece), 3)),
-        edge=np.zeros(EDGE_POINTS, EDGE_POINT),
-        unresolved=np.zeros(1, np.int64),
-    )
+    n = int((of["corner_to"] - of["corner_from"] + 2 * (of["edge_to"] - of["edge_from"])).max())
+    of_piece = kinds.piece["corner_to"] - kinds.piece["corner_from"]
+    together = max(n, 1 + 2 * int(of_piece.max()))  # points of two parts that meet
+    sizes = ((n, 6), (5, 2 * n, 3), (5, 2 * n), (4, n_shapes), (n, n_shapes), (n_shapes, 3), (together, 3))
+    corner, contact, law, modal, under, modes, points = (np.zeros(size) for size in sizes)
+    return Scratch(corner, contact, law, modal, under, modes, points, np.zeros(1, np.int64))
 
 
 @inlined
@@ -274,36 +218,24 @@ def in_pieces(kind):
 
 @compiled
 def fly_to(part, kind, t):
-    """Bring a part that is not FOLLOWING to time t [s], under gravity and the constant force that presses it."""
+    """Bring a part to time t [s]."""
     duration = t - part.clock
     part.clock = t
     if duration <= 0.0 or not flies(part, kind):
         return
-    if part.phase == FREE:
-        for k in range(3):
-            part.position[k] += part.velocity[k] * duration
-        part.position[2] -= 0.5 * GRAVITY * duration * duration
-        part.velocity[2] -= GRAVITY * duration
-        _rotate(part.attitude, part.momentum, kind, duration)
-        return
     for k in range(3):
-        gained = part.force[k] / kind.mass * duration
-        part.position[k] += (part.velocity[k] + 0.5 * gained) * duration
-        part.velocity[k] += gained
-        part.momentum[k] += 0.5 * part.moment[k] * duration
+        part.position[k] += part.velocity[k] * duration
     part.position[2] -= 0.5 * GRAVITY * duration * duration
     part.velocity[2] -= GRAVITY * duration
-    _rotate(part.attitude, part.momentum, kind, duration)  # at the mean of its momentum, to second order
-    for k in range(3):
-        part.momentum[k] += 0.5 * part.moment[k] * duration
+    rotate(part.attitude, part.momentum, kind, duration)
 
 
-def _rotate(attitude, momentum, kind, duration):
+def rotate(attitude, momentum, kind, duration):
     """Advance an attitude; for compiled code only."""
     raise NotImplementedError
 
 
-@overload(_rotate)
+@overload(rotate)
 def _rotate_by_kind(attitude, momentum, kind, duration):
     """Only scenes that hold a general top pay for its compilation."""
     if GENERAL in kind.fields:
@@ -421,11 +353,3 @@ def top_speed(part, kind):
 def spin_of(part, kind):
     """Angular velocity in world axes [rad/s]."""
     return times(inverse_inertia(part, kind), vector(part.momentum))
-
-
-@compiled
-def wake(part):
-    """A part moves again, from where it lies; nothing happens to one that is awake."""
-    if part.there == ASLEEP:
-        part.there = AWAKE
-        part.phase = FREE

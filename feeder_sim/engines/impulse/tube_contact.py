@@ -1,66 +1,111 @@
-"""A part in a round tube: the points that can touch its wall, further rows of `Scratch.point`.
+"""A part in a round tube: gap, approach and impacts of its corners at the wall, for the impulse engine.
 
-A point at distance rho from the axis has the gap R - rho (a ball: less its radius). The gap closes no faster than with
-the point's own acceleration plus v^2 / rho, which the curved wall adds for a speed v across the axis.
+A corner at distance rho from the axis has the gap R - rho (a ball: less its radius). The gap closes no faster than with
+the corner's own acceleration plus v^2 / rho, which the curved wall adds for a speed v across the axis.
 """
 
 from __future__ import annotations
 
 import math
 
-from feeder_sim.engines.impulse.plate_points import rate_of
+import numpy as np
+
 from feeder_sim.engines.impulse.state import (
-    AT,
-    BODY,
-    FALL,
+    ARM,
+    FRICTION,
     GAP,
-    JERK,
-    KNOWN,
-    MOVES,
-    MU,
-    OTHER,
-    OWN,
-    PUSH,
+    NORMAL,
     RATE,
-    TOUCH,
-    TOWARDS,
-    WITH,
-    E,
+    RESTITUTION,
+    VELOCITY,
+    WALL_GAP,
+    WALL_RATE,
     arm_of,
     spin_of,
-    turning_acceleration,
-    turning_speed,
 )
-from feeder_sim.engines.impulse.vectors import cross, difference, dot, plus, vector
-from feeder_sim.machine_code import compiled
+from feeder_sim.engines.impulse.vectors import add_to, cross, difference, dot, plus, write_to
+from feeder_sim.machine_code import compiled, inlined
 from feeder_sim.scene.scene import GRAVITY
+
+FINEST = 1.0 / 32.0  # of a step: rattling between two impacts is followed no further
+
+
+@inlined
+def _from_axis(arm, part, wall):
+    """The vector from the axis to the end of an arm from the centre of mass [m], and its length rho."""
+    r = difference(plus(part.position, 1.0, arm), wall.foot)
+    across = plus(r, -dot(r, wall.axis), wall.axis)
+    return across, math.sqrt(dot(across, across))
 
 
 @compiled
-def look_at_wall(part, kind, corners, wall, body, first, touch, work):
-    """Fill the rows of all corners at the wall, from row `first` on; returns how many points there are then."""
-    spin = spin_of(part, kind)
-    v = vector(part.velocity)
-    speed = math.sqrt(dot(v, v)) + turning_speed(part, kind)
+def approach_wall(part, kind, corners, wall, touch, work):
+    """Fill gap and rate of every corner at the wall; returns how many touch (gap up to `touch` [m]) and approach."""
+    spin, touching = spin_of(part, kind), 0
+    for i in range(corners.shape[0]):
+        arm = arm_of(part, corners, i)
+        across, rho = _from_axis(arm, part, wall)
+        work.corner[i, WALL_GAP] = wall.radius - rho - kind.radius
+        outwards = dot(part.velocity, across) + dot(cross(spin, arm), across)
+        work.corner[i, WALL_RATE] = -outwards / rho if rho > 0.0 else 0.0
+        if work.corner[i, WALL_GAP] <= touch and work.corner[i, WALL_RATE] < 0.0:
+            touching += 1
+    return touching
+
+
+@compiled
+def gather_wall(part, kind, corners, wall, touch, n, work):
+    """Append the corners that touch the wall and approach it to the n contacts there are; put the part back inside."""
+    deepest, back = 0.0, (0.0, 0.0, 0.0)
+    for i in range(corners.shape[0]):
+        if work.corner[i, WALL_GAP] > touch or work.corner[i, WALL_RATE] >= 0.0:
+            continue
+        arm = arm_of(part, corners, i)
+        across, rho = _from_axis(arm, part, wall)
+        normal = (-across[0] / rho, -across[1] / rho, -across[2] / rho)
+        write_to(work.contact[NORMAL, n], normal)
+        write_to(work.contact[ARM, n], plus(arm, -kind.radius, normal))
+        write_to(work.contact[VELOCITY, n], (0.0, 0.0, 0.0))
+        work.law[RESTITUTION, n], work.law[FRICTION, n] = wall.restitution, wall.friction
+        if -work.corner[i, WALL_GAP] > deepest:
+            deepest = -work.corner[i, WALL_GAP]
+            back = (deepest * normal[0], deepest * normal[1], deepest * normal[2])
+        n += 1
+    add_to(part.position, 1.0, back)
+    return n
+
+
+@compiled
+def leap_to_wall(part, kind, corners, wall, work):
+    """Longest flight [s] during which no corner can touch the wall."""
+    least = min(kind.inertia[0], kind.inertia[1], kind.inertia[2])
+    squared = (part.momentum[0] ** 2 + part.momentum[1] ** 2 + part.momentum[2] ** 2) / (least * least)
+    along, speed = 0.0, 0.0
+    for k in range(3):
+        along += part.velocity[k] * wall.axis[k]
+    for k in range(3):
+        speed += (part.velocity[k] - along * wall.axis[k]) ** 2
+    speed = math.sqrt(speed) + kind.reach * math.sqrt(squared)
     # What gravity can add on the way from wall to wall, at most.
     fastest = speed * speed + 4.0 * GRAVITY * wall.radius
-    own = GRAVITY + turning_acceleration(part, kind) + 2.0 * fastest / wall.radius
+    a = GRAVITY + 2.0 * kind.reach * squared + fastest / wall.radius
+    shortest = np.inf
     for i in range(corners.shape[0]):
-        row = work.point[first + i]
-        arm = arm_of(part, corners, i)
-        r = difference(plus(part.position, 1.0, arm), wall.foot)
-        across = plus(r, -dot(r, wall.axis), wall.axis)
-        rho = math.sqrt(dot(across, across))
-        row[GAP], row[MOVES], row[OWN], row[JERK], row[KNOWN] = wall.radius - rho - kind.radius, 0.0, own, 0.0, 1.0
-        n = (-across[0] / rho, -across[1] / rho, -across[2] / rho) if rho > 0.0 else (0.0, 0.0, 0.0)
-        row[TOWARDS], row[TOWARDS + 1], row[TOWARDS + 2] = n
-        row[AT], row[AT + 1], row[AT + 2] = plus(arm, -kind.radius, n)
-        row[WITH] = row[WITH + 1] = row[WITH + 2] = 0.0
-        row[E], row[MU], row[BODY], row[OTHER] = wall.restitution, wall.friction, body, -1.0
-        row[TOUCH] = touch
-        row[RATE] = rate_of(row, part, spin, part, spin)
-        u = plus(v, 1.0, cross(spin, arm))
-        u = plus(u, -dot(u, wall.axis), wall.axis)
-        u = plus(u, -dot(u, n), n)
-        row[FALL] = row[PUSH] = GRAVITY * n[2] + (dot(u, u) / rho if rho > 0.0 else 0.0)
-    return first + corners.shape[0]
+        gap, rate = max(work.corner[i, WALL_GAP], 0.0), work.corner[i, WALL_RATE]
+        shortest = min(shortest, (rate + math.sqrt(rate * rate + 2.0 * a * gap)) / a)
+    return shortest
+
+
+@compiled
+def meeting_time(work, n_corners, step):
+    """When a corner is expected to meet plate or wall at its present rate [s]: between a share of a step and one.
+
+    In a play of micrometres a corner must not cover a whole step inside the wall.
+    """
+    first = step
+    for i in range(n_corners):
+        if work.corner[i, RATE] < 0.0 and work.corner[i, GAP] < np.inf:
+            first = min(first, -max(work.corner[i, GAP], 0.0) / work.corner[i, RATE])
+        if work.corner[i, WALL_RATE] < 0.0:
+            first = min(first, -max(work.corner[i, WALL_GAP], 0.0) / work.corner[i, WALL_RATE])
+    return max(first, FINEST * step)

@@ -9,24 +9,24 @@ import numpy as np
 from feeder_sim.engines.impulse.state import Bounds
 from feeder_sim.engines.surface_arrays import SurfaceArrays
 from feeder_sim.machine_code import compiled
+from feeder_sim.scene.scene import GRAVITY
 
 BEAT = 1e-4  # relative; damping alone shifts the frequency of the transient by a hundredth of this
+COVERED = 5e-5  # [m]; what a surface may cover in such a longer step: a corner far below it counts as beside the plate
 ALLOWANCE = 1.01  # on envelopes, which are looked at on both ends of the window
+MUCH_FASTER = 1.5  # than all that act: from here on longer steps pay
 CALM = 3e-3, 1e-6  # [m/s], [m]; a plate that is not driven and moves no faster and no farther lets parts sleep
 FAINT = 1e-13  # [m]; what has come down to that has died out
-SLOWEST = 1.0  # [rad/s]; the rate of a surface that does not move
+SAG = 1e-7  # [m]; how far a surface that is no longer driven may move relative to a part within one step
 
 
 @compiled
-def acting_terms(surface, start, stop, kept):
-    """The surface with those terms alone that act between two times [s] and have not died out, and the last `kept`."""
-    n, count = 0, surface.term_shape.shape[0]
-    chosen = np.empty(count, np.int64)
-    for k in range(count):
-        if k >= count - kept:
-            chosen[n] = k
-            n += 1
-        elif surface.term_start[k] < stop and surface.term_stop[k] >= start:
+def acting_terms(surface, start, stop):
+    """The surface with those terms alone that act between two times [s] and have not died out."""
+    n = 0
+    chosen = np.empty(surface.term_shape.shape[0], np.int64)
+    for k in range(surface.term_shape.shape[0]):
+        if surface.term_start[k] < stop and surface.term_stop[k] >= start:
             age = max(start - surface.term_start[k], 0.0)
             if abs(surface.coefficient[k]) * math.exp(surface.rate[k].real * age) > FAINT:
                 chosen[n] = k
@@ -63,15 +63,20 @@ def fastest_rate(surface):
 
 
 @compiled
-def bound_window(acting, extremes, start, stop, exact):
+def bound_window(acting, extremes, start, stop, step, top):
     """Bound the surface between two times [s]; extremes: largest deflection [1] and slope [1/m] of every shape.
 
-    Terms of one mode and one frequency add up as phasors (a ring-up begins at nothing), others as moduli (they beat).
+    step [s] belongs to the fastest of all terms, of the rate `top` [rad/s]; while only much slower ones act, steps are
+    as much longer. Terms of one mode and one frequency add up as phasors (a ring-up begins at nothing), others as
+    moduli (they beat).
     """
+    now, own_step = fastest_rate(acting), step
+    if now > 0.0 and top > MUCH_FASTER * now:
+        step *= top / now
     antinode, steepest = extremes[0], extremes[1]
     n_shapes = antinode.shape[0]
     acceleration = np.zeros(n_shapes)
-    crest = slope = speed = 0.0
+    crest = slope = speed = together = 0.0
     driven = False
     for k in range(acting.term_shape.shape[0]):
         driven = driven or (acting.rate[k].real == 0.0 and acting.coefficient[k] != 0.0)
@@ -87,8 +92,12 @@ def bound_window(acting, extremes, start, stop, exact):
         crest += envelope * antinode[shape]
         slope += envelope * steepest[shape]
         speed += envelope * fastest * antinode[shape]
+        together += acceleration[shape] * antinode[shape]
+    if step > own_step and speed * step > COVERED:
+        step = max(own_step, COVERED / speed)
+    rest_step = step if driven else max(step, math.sqrt(2.0 * SAG / (GRAVITY + together)))
     calm = not driven and speed <= CALM[0] and crest <= CALM[1]
-    return Bounds(stop, crest, slope, acceleration, speed, max(fastest_rate(acting), SLOWEST), calm, exact)
+    return Bounds(stop, crest, slope, acceleration, speed, step, rest_step, calm)
 
 
 @compiled

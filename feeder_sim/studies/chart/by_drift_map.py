@@ -20,7 +20,7 @@ from feeder_sim.scenario import Scenario
 from feeder_sim.scene.prepared import Prepared
 from feeder_sim.scene.start import start_poses
 from feeder_sim.studies.chart.cases import CASES
-from feeder_sim.studies.chart.methods import DEFAULT_NM, METHODS
+from feeder_sim.studies.chart.methods import DEFAULT_STEPS, METHODS
 from feeder_sim.studies.chart.points import Point, scenario_of
 from feeder_sim.studies.chart.shares import Show, no_progress, shares
 from feeder_sim.studies.drift_map.comparison import arrivals, map_error, passages, shares_near
@@ -68,7 +68,7 @@ def points_by_drift_map(
     for case in CASES:
         if case.name not in references or case.name not in NUMBERS:
             continue
-        scenario = scenario_of(case, METHODS[0], DEFAULT_NM)
+        scenario = scenario_of(case, METHODS[0], DEFAULT_STEPS)
         crowd = case.name == CROWD
         if crowd:  # the gathering is what counts
             assert scenario.schedule is not None

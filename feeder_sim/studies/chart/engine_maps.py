@@ -1,7 +1,7 @@
 """Where engines fail: stability maps whose cells are scenarios.
 
 A nut starts half way between antinode and node of a standing wave, and its mean velocity over a short time is compared
-with that of the impulses at the finest tolerance.
+with that of the impulses at the finest step.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from feeder_sim.scenario import Scenario
 from feeder_sim.scenario.tables import validated
 from feeder_sim.studies.chart.cases import CONTACT, Raw, strip
 from feeder_sim.studies.chart.map_cells import Axis, StabilityMap, State, Verdict, by_deviation
-from feeder_sim.studies.chart.methods import DEFAULT_NM, Change, compliant, impulses, mujoco
+from feeder_sim.studies.chart.methods import Change, compliant, mujoco, steps
 from feeder_sim.studies.chart.points import FINEST
 from feeder_sim.studies.chart.shares import MUJOCO, MUJOCO_STEPS, SEED_S
 
@@ -91,22 +91,22 @@ def half_way(frequency: float, amplitude_um: float = 1.0, **contact: float) -> R
 
 def made_by(change: Change, setting: float, raw: Raw) -> Raw:
     """Change a scenario in place to that of a method at a setting, and return it."""
-    change(raw, setting)
+    change(raw, int(setting))
     return raw
 
 
 def _finest(raw: Raw) -> Raw:
-    """The scenario of the reference: impulses at the finest tolerance."""
-    return made_by(impulses(), FINEST, raw)
+    """The scenario of the reference: impulses at the finest step."""
+    return made_by(steps, FINEST, raw)
 
 
-def falling(speed: float, change: Change, setting: float) -> Raw:
+def falling(speed: float, change: Change, steps_per_ms: int) -> Raw:
     """A nut that falls onto a plate of 3 mm at rest.
 
     Args:
         speed: of the nut at the start, 0.1 mm above the plate [m/s].
         change: the method.
-        setting: of the method; steps are those of a millisecond.
+        steps_per_ms: its solver steps per millisecond.
     """
     start = {"drop_height_mm": 0.1, "tilt_deg": 0.0, "velocity_mm_s": [0.0, 0.0, -1e3 * speed]}
     raw: Raw = {
@@ -116,13 +116,13 @@ def falling(speed: float, change: Change, setting: float) -> Raw:
         "contact": dict(CONTACT),
         "run": {"duration_s": 0.1, "allow_unstable": True, "frames_per_second": 1000.0},
     }
-    return made_by(change, setting, raw)
+    return made_by(change, steps_per_ms, raw)
 
 
 def _soft(time_constant_ms: float) -> Change:
     """MuJoCo's compliant contact with a time constant that does not depend on the step."""
 
-    def change(raw: Raw, setting: float) -> None:
+    def change(raw: Raw, setting: int) -> None:
         mujoco()(raw, setting)
         raw["contact"] |= {"model": "compliant", "time_constant_us": 1e3 * time_constant_ms}
 
@@ -130,7 +130,6 @@ def _soft(time_constant_ms: float) -> Change:
 
 
 STEPS = Axis("steps per period", (5, 10, 20, 40, 80), (10, 40))
-TOLERANCE = Axis("tolerance (nm)", (0.01, 0.1, 1, 10, 100), (0.1, 10))
 RESTITUTION = Axis("restitution", (0.0, 0.1, 0.2, 0.4, 0.6), (0.2, 0.4))
 FREQUENCY = Axis("frequency (Hz)", (2000, 4750, 8775, 12000), (4750,))
 AMPLITUDE = Axis("amplitude (um)", (0.3, 1, 3, 10), (1, 10))
@@ -155,9 +154,9 @@ ENGINE_MAPS = (
     EngineMap(
         "impulses",
         "impulses, 8775 Hz",
-        TOLERANCE,
+        STEPS,
         RESTITUTION,
-        lambda x, y: made_by(impulses(), x, half_way(FAST, restitution=y)),
+        lambda x, y: made_by(steps, x, half_way(FAST, restitution=y)),
         lambda x, y: _finest(half_way(FAST, restitution=y)),
     ),
     EngineMap(
@@ -170,10 +169,10 @@ ENGINE_MAPS = (
     ),
     EngineMap(
         "impulses_drive",
-        "impulses, tolerance of 0.1 nm",
+        "impulses, 40 steps per period",
         FREQUENCY,
         AMPLITUDE,
-        lambda x, y: made_by(impulses(), DEFAULT_NM, half_way(x, y)),
+        lambda x, y: made_by(steps, 40, half_way(x, y)),
         lambda x, y: _finest(half_way(x, y)),
     ),
     EngineMap(

@@ -11,11 +11,9 @@ from dataclasses import dataclass
 from feeder_sim.studies.chart.cases import Case, Raw
 from feeder_sim.studies.chart.shares import MUJOCO, MUJOCO_STEPS
 
-Change = Callable[[Raw, float], None]
+Change = Callable[[Raw, int], None]
 
-DEFAULT_STEPS = 40  # of MuJoCo per period
-DEFAULT_NM = 0.1  # tolerance of impulses
-STEPS, TOLERANCE = "steps per period", "tolerance (nm)"  # what settings mean
+DEFAULT_STEPS = 40  # per period
 SHORTEST_CONTACT = 5  # steps per time constant of a compliant contact
 FAILURE_S = 6.0  # simulated time within which a method that is known to fail does so
 BALL, DROPS, DRIFTS, CROWD, TRANSPORT, NOTE = (
@@ -48,15 +46,15 @@ class Method:
 
     name: str
     change: Change
-    settings: tuple[float, ...]
+    settings: tuple[int, ...]
     cases: tuple[str, ...] = EVERYTHING
-    quick: tuple[float, ...] = ()
-    costly: tuple[float, ...] = ()
-    sweep: str = STEPS
+    quick: tuple[int, ...] = ()
+    costly: tuple[int, ...] = ()
+    sweep: str = "steps per period"
     slow: bool = True
     fails: str = ""
 
-    def settings_for(self, case: Case, *, quick: bool) -> tuple[float, ...]:
+    def settings_for(self, case: Case, *, quick: bool) -> tuple[int, ...]:
         """Settings at which a case is computed; none where the method is not used for it."""
         if case.name not in self.cases:
             return ()
@@ -64,12 +62,12 @@ class Method:
             return () if self.fails and case.by_chance else self.quick
         return self.costly or self.settings if case.by_chance else self.settings
 
-    def slower(self, setting: float) -> float:
+    def slower(self, setting: int) -> float:
         """How many times as long as by impulses a seed takes, about."""
-        steps_per_period = setting if self.sweep == STEPS else DEFAULT_STEPS
+        steps_per_period = setting if self.sweep == Method.sweep else DEFAULT_STEPS
         return MUJOCO * steps_per_period / MUJOCO_STEPS if self.slow else 1.0
 
-    def apply(self, raw: Raw, setting: float) -> Raw:
+    def apply(self, raw: Raw, setting: int) -> Raw:
         """Change the scenario of a case in place to that of the method, and return it."""
         self.change(raw, setting)
         if self.fails:
@@ -77,11 +75,19 @@ class Method:
         return raw
 
 
-def impulses(**run: bool) -> Change:
-    """Impulses with values in the table [run]; `setting` is the tolerance [nm]."""
+def steps(raw: Raw, setting: int) -> None:
+    """Impulses with default settings; `setting` is the number of steps per period."""
+    raw["run"] |= {"steps_per_period": setting, "engine": "impulse"}
+    if setting < 20:
+        raw["run"]["allow_unstable"] = True
 
-    def change(raw: Raw, setting: float) -> None:
-        raw["run"] |= {"tolerance_nm": float(setting), "engine": "impulse"} | run
+
+def impulses(**run: bool) -> Change:
+    """Impulses with other values in the table [run]."""
+
+    def change(raw: Raw, setting: int) -> None:
+        steps(raw, setting)
+        raw["run"] |= run
 
     return change
 
@@ -89,8 +95,8 @@ def impulses(**run: bool) -> Change:
 def mujoco(**settings: object) -> Change:
     """MuJoCo with values in the table [mujoco] that differ from the defaults of the package."""
 
-    def change(raw: Raw, setting: float) -> None:
-        raw["run"] |= {"steps_per_period": int(setting), "engine": "mujoco"}
+    def change(raw: Raw, setting: int) -> None:
+        raw["run"] |= {"steps_per_period": setting, "engine": "mujoco"}
         raw["mujoco"] = dict(settings)
 
     return change
@@ -99,7 +105,7 @@ def mujoco(**settings: object) -> Change:
 def compliant(steps_per_constant: int, **settings: object) -> Change:
     """MuJoCo's spring-damper contact with a time constant of a number of steps."""
 
-    def change(raw: Raw, setting: float) -> None:
+    def change(raw: Raw, setting: int) -> None:
         mujoco(**settings)(raw, setting)
         frequency = max(drive["frequency_hz"] for drive in drives_of(raw))
         compliance = {
@@ -111,14 +117,14 @@ def compliant(steps_per_constant: int, **settings: object) -> Change:
     return change
 
 
-def iterations(raw: Raw, setting: float) -> None:
+def iterations(raw: Raw, setting: int) -> None:
     """MuJoCo's solver, stopped after `setting` iterations."""
-    mujoco(iterations=int(setting))(raw, DEFAULT_STEPS)
+    mujoco(iterations=setting)(raw, DEFAULT_STEPS)
 
 
-def on_slide(raw: Raw, setting: float) -> None:
+def on_slide(raw: Raw, setting: int) -> None:
     """A part on a slide, which can only move up and down, and whose events the slide method finds exactly."""
-    impulses()(raw, setting)
+    steps(raw, setting)
     raw["part"][0]["guide"] = {"kind": "slide"}
 
 
@@ -128,24 +134,19 @@ def drives_of(raw: Raw) -> list[Raw]:
     return [*raw.get("drive", []), *(drive for stage in stages for drive in stage["drive"])]
 
 
-def by_impulses(
-    name: str,
-    change: Change,
-    settings: tuple[float, ...],
-    cases: tuple[str, ...] = EVERYTHING,
-    quick: tuple[float, ...] = (DEFAULT_NM,),
-) -> Method:
-    """A method of the impulse engine, whose settings are tolerances."""
-    return Method(name, change, settings, cases, quick, sweep=TOLERANCE, slow=False)
-
-
 COARSE_TO_FINE = (20, 40, 80)
-TOLERANCES_NM = (10.0, 1.0, DEFAULT_NM, 0.01)
 METHODS = (
-    by_impulses("impulses", impulses(), TOLERANCES_NM, quick=(1.0, DEFAULT_NM)),
-    by_impulses("impulses, tangent plane", impulses(tangent_surface=True), TOLERANCES_NM[1:], DRIFTS),
-    by_impulses("impulses, no in-plane velocity", impulses(in_plane_velocity=False), (DEFAULT_NM,), DRIFTS),
-    by_impulses("one degree of freedom", on_slide, (DEFAULT_NM,), BALL),
+    Method("impulses", steps, (10, 20, 40, 80, 160), quick=(20, 40), costly=(10, 20, 40, 80), slow=False),
+    Method("impulses, tangent plane", impulses(tangent_surface=True), COARSE_TO_FINE, DRIFTS, (40,), slow=False),
+    Method(
+        "impulses, no in-plane velocity",
+        impulses(in_plane_velocity=False),
+        (40,),
+        DRIFTS,
+        (40,),
+        slow=False,
+    ),
+    Method("one degree of freedom", on_slide, (40,), BALL, (40,), slow=False),
     Method("MuJoCo", mujoco(), (20, 40, 80, 160), SHORT, quick=(40,), costly=COARSE_TO_FINE),
     Method("MuJoCo", mujoco(), (40,), TRANSPORT),
     Method("MuJoCo, compliant contact", compliant(SHORTEST_CONTACT), (40, 80, 160), SHORT, (), (40,)),

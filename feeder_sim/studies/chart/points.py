@@ -23,15 +23,15 @@ from feeder_sim.scenario import Scenario
 from feeder_sim.scenario.tables import validated
 from feeder_sim.studies.chart.cases import Case
 from feeder_sim.studies.chart.data_files import Row, finite_rows, write_rows
-from feeder_sim.studies.chart.methods import DEFAULT_NM, METHODS, Method
+from feeder_sim.studies.chart.methods import DEFAULT_STEPS, METHODS, Method
 from feeder_sim.studies.chart.shares import Show, no_progress, shares
 
 SEEDS_TO_FAIL = 2  # of a method that is known to fail
 REPEAT_S = 0.5  # wall time over which a case without chance is repeated; the shortest run counts
 ALIKE = 1.25  # costs within this factor cannot be distinguished on a shared machine
 LEAST_PERCENT = 0.1  # smaller errors count as this
-FINEST = 0.01  # [nm], tolerance of a reference
-QUICK_FINEST = 0.1  # the same in the quick variant
+FINEST = 160  # steps per period of a reference
+QUICK_FINEST = 80  # the same in the quick variant
 LARGEST_PERCENT = 100.0  # a point with a larger error counts as a failure
 
 
@@ -51,7 +51,7 @@ class Point:
 
     case: str
     method: str
-    setting: float
+    setting: int
     value: float
     se: float
     n: int
@@ -86,7 +86,7 @@ class Point:
     def line(self) -> str:
         """The point in one line."""
         outcome = self.failure or f"{self.value:.4g}, error {self.error_percent:.2g} %"
-        return f"{self.case}: {self.method}, {self.setting:g}: {outcome}; {self.wall_s_per_simulated_s:.3g} s/s"
+        return f"{self.case}: {self.method}, {self.setting}: {outcome}; {self.wall_s_per_simulated_s:.3g} s/s"
 
 
 def front(points: Iterable[Point]) -> list[Point]:
@@ -108,9 +108,9 @@ def _beats(q: Point, p: Point) -> bool:
 
 
 def is_default(point: Point) -> bool:
-    """Whether the point has the method and the tolerance that the package uses by default for its case."""
+    """Whether the point has the method and the steps per period that the package uses by default for its case."""
     default = "one degree of freedom" if point.case == "bouncing_ball" else "impulses"
-    return point.method == default and point.setting == DEFAULT_NM
+    return point.method == default and point.setting == DEFAULT_STEPS
 
 
 def fastest_within(points: Iterable[Point], percent: float) -> Point | None:
@@ -147,7 +147,7 @@ def reference_of(case: Case, *, quick: bool, progress: Show = no_progress) -> tu
 def measure(
     case: Case,
     method: Method,
-    setting: float,
+    setting: int,
     reference: tuple[float, float],
     *,
     quick: bool,
@@ -225,14 +225,14 @@ def measure_all(
     return points
 
 
-def scenario_of(case: Case, method: Method, setting: float, seeds: int = 1) -> Scenario:
+def scenario_of(case: Case, method: Method, setting: int, seeds: int = 1) -> Scenario:
     """The scenario of a case as a method computes it at a setting."""
     raw = case.scenario()
     raw["run"]["seeds"] = seeds
     return validated(method.apply(raw, setting), Scenario, Path(case.name))
 
 
-def _once(case: Case, method: Method, setting: float) -> Point:
+def _once(case: Case, method: Method, setting: int) -> Point:
     """Compute a case without chance: only the engine, without recording; the shortest of a few runs is the cost."""
     prepared = prepare(scenario_of(case, method, setting))
     scene, engine_of = prepared.scene, engine_class(prepared.engine)
@@ -250,7 +250,7 @@ def _once(case: Case, method: Method, setting: float) -> Point:
     return Point(case.name, method.name, setting, value, math.nan, 1, 0.0, 0.0, cost, failure)
 
 
-def _ensemble(case: Case, method: Method, setting: float, seeds: int, progress: Show = no_progress) -> Point:
+def _ensemble(case: Case, method: Method, setting: int, seeds: int, progress: Show = no_progress) -> Point:
     """Compute a case by chance: mean and standard error over the seeds; a seed that does not end is a failure."""
     result = simulate(scenario_of(case, method, setting, seeds), progress=progress)
     simulated = sum(float(seed.frames.time[-1]) for seed in result.seeds)
@@ -319,7 +319,7 @@ def _peer(row: dict[str, str], reference: tuple[float, float], path: Path) -> Po
         number = {
             name: float(row[name]) if row[name] else math.nan for name in ("value", "se", "wall_s_per_simulated_s")
         }
-        setting, n = float(row["setting"]), int(row["n"] or 0)
+        setting, n = int(row["setting"]), int(row["n"] or 0)
     except (TypeError, ValueError) as error:
         raise InputError(f"{row['case']}, {row['method']}: {error}", file=path) from error
     failure = row["failure"] or ("" if math.isfinite(number["value"]) else "gave no number")

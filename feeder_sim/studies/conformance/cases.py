@@ -137,14 +137,14 @@ def zero_rows(seed_sd: float) -> list[Row]:
     ]
 
 
-def ensemble_row(case: str, curved: Statistic, tangent: Statistic, tolerance_nm: float) -> Row:
-    """Transport speed by ensembles of the impulse engine [mm/s] at a tolerance.
+def ensemble_row(case: str, curved: Statistic, tangent: Statistic, steps: int) -> Row:
+    """Transport speed by ensembles of the impulse engine [mm/s] at `steps` per period.
 
     A rigid plane under the part instead of the curved surface is a fair model, so both count as right.
     """
     ends = [found.mean + sign * 2.0 * found.se for found in (curved, tangent) for sign in (-1.0, 1.0)]
     source = (
-        f"ensemble of the impulse engine at a tolerance of {tolerance_nm:g} nm: "
+        f"ensemble of the impulse engine at {steps} steps per period: "
         f"curved surface {curved.mean:.4f} +- {curved.se:.4f} (SE) of {curved.n} seeds, "
         f"plane under the part {tangent.mean:.4f} +- {tangent.se:.4f} of {tangent.n}"
     )

@@ -25,8 +25,7 @@ class Result:
         case, quantity, value: as in the set; NaN where the engine gave none.
         se: standard error; NaN for a value without chance.
         engine: its name.
-        setting: steps per period, or per millisecond over a plate at rest; 10 nm over the tolerance of an engine
-            without steps; 0 if not said.
+        setting: steps per period, or per millisecond over a plate at rest; 0 if not said.
         n: number of seeds; 0 if not said.
         failure: why there is no value.
     """

@@ -53,9 +53,7 @@ NUT, BALL = {"shape": "hex_nut", "size": "M2.5"}, {"shape": "ball", "diameter_mm
 START_MM = {"drift_4750": 1.95, "drift_8775": 1.43}
 ONE_DEGREE = ("rising_plate", "throw", "bouncing_ball")
 ZERO_SEEDS = 96
-ENSEMBLE = {"drift_4750": 96, "drift_8775": 256}  # seeds of the right values
-COARSEST_NM = 10.0  # tolerance of impulses at setting 1; it falls as the setting rises
-DEFAULT, FINEST = 100, 1000  # settings of impulses: the default tolerance, and that of the right values
+FINEST, ENSEMBLE = 160, {"drift_4750": 96, "drift_8775": 256}  # steps per period and seeds of the right values
 SEEDS = {  # by engine, of a result
     "impulse": {"piston_zero": 96, "drift_4750": 48, "drift_8775": 128},
     "mujoco": {"piston_zero": 12, "drift_4750": 4, "drift_8775": 12},
@@ -75,7 +73,7 @@ def _scenario(drives: list[Raw], part: Raw, start: Raw, **run: Any) -> Raw:
 
 
 def _at_rest(part: Raw, drop_mm: float, along_mm_s: float, duration_s: float) -> Raw:
-    """A part over a plate at rest; MuJoCo's steps per period are steps per millisecond."""
+    """A part over a plate at rest; steps per period are steps per millisecond."""
     yaw = 17.0 if part is NUT else 0.0
     start = {"drop_height_mm": drop_mm, "tilt_deg": 0.0, "yaw_deg": yaw, "velocity_mm_s": [along_mm_s, 0.0, 0.0]}
     return _scenario([{"frequency_hz": PER_MS, "amplitude_um": 0.0}], part, start, duration_s=duration_s)
@@ -115,37 +113,34 @@ SCENARIOS: dict[str, Callable[[], Raw]] = {
 }
 
 
-def scenario_of(
-    case: str, engine: str, setting: int, seeds: int = 1, *, one_degree: bool = False, **run: Any
-) -> Scenario:
-    """A case as a scenario of an engine at a setting, see `Result`; further keys of the table [run]."""
+def scenario_of(case: str, steps: int, seeds: int = 1, *, one_degree: bool = False, **run: Any) -> Scenario:
+    """A case as a scenario: `steps` per period or per millisecond, further keys of the table [run]."""
     raw = SCENARIOS[case]()
-    exactly: Raw = {"tolerance_nm": COARSEST_NM / setting}
-    if engine == "mujoco":
-        exactly = {"steps_per_period": round(setting * PER_MS / SLOW_HZ) if case == "rising_plate" else setting}
-    raw["run"] |= {"engine": engine, "seeds": seeds} | exactly | run
+    if case == "rising_plate":
+        steps = round(steps * PER_MS / SLOW_HZ)
+    raw["run"] |= {"steps_per_period": steps, "seeds": seeds} | run
     if one_degree:
         raw["part"][0]["guide"] = {"kind": "slide"}
     return validated(raw, Scenario, Path(case))
 
 
-def once(case: str, engine: str, setting: int) -> dict[str, float]:
+def once(case: str, engine: str, steps: int) -> dict[str, float]:
     """Quantities of a case without chance; the engine "slide" is the impulse engine with one degree of freedom."""
     one_degree = engine == "slide"
-    prepared = prepare(scenario_of(case, "impulse" if one_degree else engine, setting, one_degree=one_degree))
+    prepared = prepare(scenario_of(case, steps, one_degree=one_degree, engine="impulse" if one_degree else engine))
     scene = prepared.scene
     frames = engine_class(prepared.engine)(scene, np.random.default_rng(0)).advance(scene.n_frames - 1)
     motion = Motion(frames.time, frames.position[:, 0], frames.velocity[:, 0], frames.angular_velocity[:, 0])
     return OBSERVERS[case](motion)
 
 
-def ensemble(case: str, engine: str, setting: int, seeds: int, **run: Any) -> dict[str, Statistic]:
+def ensemble(case: str, steps: int, seeds: int, **run: Any) -> dict[str, Statistic]:
     """Quantities of a case by chance.
 
     Raises:
         InputError: a seed failed or did not arrive.
     """
-    result = simulate(scenario_of(case, engine, setting, seeds, **run))
+    result = simulate(scenario_of(case, steps, seeds, **run))
     ended = [seed.frames for seed in result.seeds if seed.status == Status.DONE]
     values = _piston_drift(ended)
     if case != "piston_zero":
@@ -164,41 +159,39 @@ def _piston_drift(ended: Iterable[Frames]) -> dict[str, list[float]]:
 
 def remade_rows() -> list[Row]:
     """All rows of the set; the ensembles are computed, in about a minute."""
-    zero = ensemble("piston_zero", "impulse", FINEST, ZERO_SEEDS)
+    zero = ensemble("piston_zero", FINEST, ZERO_SEEDS, engine="impulse")
     rows = closed_rows() + zero_rows(max(found.sd for found in zero.values()))
     for case, seeds in ENSEMBLE.items():
         curved, tangent = (
-            ensemble(case, "impulse", FINEST, seeds, tangent_surface=flat)["transport_speed"] for flat in (False, True)
+            ensemble(case, FINEST, seeds, engine="impulse", tangent_surface=flat)["transport_speed"]
+            for flat in (False, True)
         )
-        rows.append(ensemble_row(case, curved, tangent, COARSEST_NM / FINEST))
+        rows.append(ensemble_row(case, curved, tangent, FINEST))
     return rows + measured_rows({row.case: row.seed_sd for row in rows})
 
 
 def _settings(case: str, engine: str, *, quick: bool) -> tuple[int, ...]:
     if engine == "slide":
-        return (DEFAULT,)
-    if engine == "impulse":
-        return (DEFAULT, FINEST) if quick else (1, 10, DEFAULT, FINEST)
+        return (40,)
     if case == "rising_plate":
         return (20, int(MOST_STEPS * SLOW_HZ / PER_MS))
     return (40, 160) if quick else (20, 40, 80, 160, 320)
 
 
 def own_results(engine: str, cases: Iterable[str], *, quick: bool) -> list[Result]:
-    """Results of "impulse", "mujoco" or "slide" at several settings."""
+    """Results of "impulse", "mujoco" or "slide" at several steps."""
     name = {"impulse": "feeder_sim, impulses", "mujoco": "feeder_sim, MuJoCo", "slide": "feeder_sim, slide"}[engine]
     results = []
     for case in cases:
         if engine == "slide" and case not in ONE_DEGREE:
             continue
         if case in OBSERVERS:
-            for setting in _settings(case, engine, quick=quick):
-                numbers = once(case, engine, setting)
-                results += [Result(case, q, value, engine=name, setting=setting) for q, value in numbers.items()]
+            for steps in _settings(case, engine, quick=quick):
+                numbers = once(case, engine, steps)
+                results += [Result(case, q, value, engine=name, setting=steps) for q, value in numbers.items()]
         else:
-            coarse, default = (20, 40) if engine == "mujoco" else (10, DEFAULT)
-            for setting in (default,) if quick else (coarse, default):
+            for steps in (40,) if quick else (20, 40):
                 seeds = max(SEEDS[engine][case] // (4 if quick else 1), 3)
-                for q, found in ensemble(case, engine, setting, seeds).items():
-                    results.append(Result(case, q, found.mean, found.se, name, setting, found.n))
+                for q, found in ensemble(case, steps, seeds, engine=engine).items():
+                    results.append(Result(case, q, found.mean, found.se, name, steps, found.n))
     return results

@@ -36,7 +36,7 @@ class Made:
     Attributes:
         part: the part's table of a scenario without its start, as JSON; files by their content.
         contact: constants of its contact with the plate, as JSON.
-        method: engine and how exact it is.
+        method: engine and steps per period.
         thickness: of the plate [m].
     """
 

@@ -77,9 +77,8 @@ def made_of(scenario: Scenario, thickness: float) -> Made:
             )
     part = content_text(scenario.part[0].model_dump(exclude={"start", "count", "name", "guide"}))
     contact = scenario.contact.model_dump_json(exclude={"part_restitution", "part_friction"})
-    engine = choose_engine(scenario).name
-    exactly = f"{run.steps} steps per period" if engine == "mujoco" else f"tolerance {run.tolerance_nm:g} nm"
-    return Made(part, contact, f"{engine}, {exactly}", thickness)
+    method = f"{choose_engine(scenario).name}, {run.steps_per_period} steps per period"
+    return Made(part, contact, method, thickness)
 
 
 def strip_of(scenario: Scenario) -> Strip:
@@ -209,9 +208,7 @@ def _on_strip(
         run=Run(
             duration_s=_forgets(speed) + measured_s + lag_of(speed),
             frames_per_second=FRAMES_PER_S,
-            engine=scenario.run.engine,
             steps_per_period=scenario.run.steps_per_period,
-            tolerance_nm=scenario.run.tolerance_nm,
         ),
     )
 

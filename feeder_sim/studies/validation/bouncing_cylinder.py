@@ -35,6 +35,7 @@ NODE = 0.25 * WAVELENGTH  # [m] from the antinode
 START, SPREAD = 0.5 * NODE, 10e-6  # [m] from the antinode, and how far starts lie from it at most
 DURATION, FRAMES = 0.2, 41  # [s] whose way counts; frames in it, with the one at the start
 STEP = 1.0 / 64_000.0  # [s], of the program at any frequency
+STEPS_PER_PERIOD = 64
 THICKNESS, DENSITY, POISSON_RATIO = 0.5e-3, 2330.0, 0.3  # of the plate
 TILT_DEG = 0.01  # at most, in any direction: so that nothing keeps a cylinder in the plane that it starts in
 Floats = NDArray[np.float64]
@@ -152,6 +153,7 @@ def engine_scenario(setting: Setting, *, in_plane: bool, planar: bool) -> Scenar
             engine="impulse",
             duration_s=DURATION,
             seeds=1,
+            steps_per_period=STEPS_PER_PERIOD,
             in_plane_velocity=in_plane,
             planar=planar,
         ),

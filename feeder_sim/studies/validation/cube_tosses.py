@@ -30,7 +30,7 @@ EDGE_MM, MASS_G, INERTIA_G_MM2 = 104.8, 370.0, 8.1e5
 FRICTION, RESTITUTION = 0.18, 0.125
 BOARD_MM = 4e3
 LARGEST, SHORTEST_S, UNIT_ERROR = 1e4, 1e-2, 1e-2  # of any number, of a duration, of the length of a quaternion
-STEPS = 40  # of MuJoCo, in 4 ms
+STEPS = 40  # in 4 ms
 CLEAR_MM = 1e-3  # over the board; a start that the tracking has put into it is lifted to that height
 STATE = ("x_m", "y_m", "z_m", "qw", "qx", "qy", "qz", "vx_m_s", "vy_m_s", "vz_m_s", "wx_rad_s", "wy_rad_s", "wz_rad_s")
 END = ("end_x_m", "end_y_m", "end_z_m", "end_qw", "end_qx", "end_qy", "end_qz")
@@ -167,7 +167,7 @@ def toss_scenario(
     Args:
         toss: measured.
         engine: that is to compute it.
-        steps: of MuJoCo in 4 ms, see `run.steps_per_period`.
+        steps: in 4 ms, see `run.steps_per_period`.
         friction: of cube and board.
     """
     half = 0.5 * EDGE_MM
@@ -199,7 +199,7 @@ def toss_scenario(
             engine=engine,
             duration_s=toss.duration + 1.0 / (STILL_HZ * steps),
             seeds=1,
-            steps_per_period=steps if engine == "mujoco" else None,
+            steps_per_period=steps,
             frames_per_second=rate,
         ),
     )

@@ -1,7 +1,7 @@
-"""A part that moves with the surface: it lies on it, does not slip, and nothing can lift it before a time that is known.
+"""A part that moves with the surface: it lies on it, does not slip, and nothing lifts it before a time that is known.
 
-The surface has a frame at the place under the part, which moves with the plate and turns as the plate bends. A part that
-follows keeps its seat in that frame, whatever the time between two looks; it costs nothing. It may do so while
+The surface has a frame at the place under the part, which moves with the plate and turns as the plate bends. A part
+that follows keeps its seat in that frame, whatever the time between two looks; it costs nothing. It may do so while
 
     m (g + a) = N > 0                                  the plate does not fall away faster than the part
     |lateral force| <= FIRM mu N                       friction holds it
@@ -16,12 +16,11 @@ from __future__ import annotations
 
 import math
 
-from feeder_sim.engines.impulse.moving_surface import move_surface, shapes_under
-from feeder_sim.engines.impulse.state import (
+from feeder_sim.engines.impulse.lone.moving_surface import move_surface, shapes_under
+from feeder_sim.engines.impulse.lone.state import (
     ACCELERATION,
     AT,
     FOLLOWING,
-    FREE,
     GAP,
     HEIGHT,
     KNOWN,
@@ -31,7 +30,6 @@ from feeder_sim.engines.impulse.state import (
     TURN_X,
     TURN_Y,
     fly_to,
-    inverse_inertia,
 )
 from feeder_sim.engines.impulse.vectors import cross, dot, write_to
 from feeder_sim.machine_code import compiled, inlined
@@ -39,6 +37,7 @@ from feeder_sim.plate.compiled import BETA_X, BETA_Y, W, cubic_slopes, cubic_wei
 from feeder_sim.scene.scene import GRAVITY
 
 FIRM, BALANCED = 0.9, 0.7
+ALONG = 1e-5  # [m/s]; what does not move like the surface by more does not follow it
 BENDS = 10.0  # tolerances
 STRIDE = 0.2  # [rad] of the fastest motion: between two looks ahead
 DIRECTIONS = 16
@@ -140,10 +139,16 @@ def sit_down(part, kind, t, surface):
     _follow(part, kind, t, surface)
 
 
-@inlined
-def stand_up(part):
-    """The part goes on by itself."""
-    part.phase = FREE
+@compiled
+def goes_along(part, height, t, surface, work):
+    """Whether the part, as the solution of its contacts has it, moves and turns as the surface does at time t [s]."""
+    _, _, velocity, spin = _frame(part.position, t, surface)
+    carried = cross(spin, (0.0, 0.0, height))
+    found = True
+    for k in range(3):
+        found = found and abs(work.bodies.velocity[0, k] - velocity[k] - carried[k]) < ALONG
+        found = found and abs(work.bodies.spin[0, k] - spin[k]) * height < ALONG
+    return found
 
 
 @compiled
@@ -156,7 +161,7 @@ def follows_until(part, kind, n, height, surface, bounds, t, until, work):
     shapes_under(part.position[0], part.position[1], part, surface, True, under)
     if _bends(part, n, under, bounds, work):
         return t
-    rho, turns = _support_radius(n, bounds, work), inverse_inertia(part, kind)
+    rho = _support_radius(n, bounds, work)
     # The largest acceleration of all.
     push = along = turning = 0.0
     moves = surface.half_thickness * surface.in_plane
@@ -165,12 +170,9 @@ def follows_until(part, kind, n, height, surface, bounds, t, until, work):
         push += a * abs(under[s, HEIGHT])
         turning += a * (abs(under[s, SLOPE_X]) + abs(under[s, SLOPE_Y]))
         along += moves * a * (abs(under[s, TURN_X]) + abs(under[s, TURN_Y]))
-    least = min(1.0 / turns[0], 1.0 / turns[3]) if turns[0] > 0.0 and turns[3] > 0.0 else 0.0
     most = max(kind.inertia[0], kind.inertia[1], kind.inertia[2])
     along += height * turning
-    if least >= 0.0 and _held(
-        GRAVITY - push, along + GRAVITY * bounds.slope, most * turning / kind.mass, height, rho, kind
-    ):
+    if _held(GRAVITY - push, along + GRAVITY * bounds.slope, most * turning / kind.mass, height, rho, kind):
         return until
     if bounds.fastest * (until - t) < STRIDE:
         return t

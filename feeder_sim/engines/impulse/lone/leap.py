@@ -13,20 +13,10 @@ from __future__ import annotations
 
 import math
 
-from feeder_sim.engines.impulse.circles import further_of_circles
-from feeder_sim.engines.impulse.moving_surface import ahead, move_surface
-from feeder_sim.engines.impulse.plate_points import CLOSE
-from feeder_sim.engines.impulse.state import (
-    GAP,
-    JERK,
-    MOVES,
-    OWN,
-    PUSH,
-    RATE,
-    top_speed,
-    turning_acceleration,
-    turning_speed,
-)
+from feeder_sim.engines.impulse.lone.moving_surface import ahead, move_surface
+from feeder_sim.engines.impulse.lone.plate_points import CLOSE
+from feeder_sim.engines.impulse.lone.state import GAP, JERK, MOVES, OWN, PUSH, RATE
+from feeder_sim.engines.impulse.state import top_speed, turning_acceleration, turning_speed
 from feeder_sim.machine_code import inlined
 from feeder_sim.scene.scene import GRAVITY
 
@@ -109,11 +99,11 @@ def first_leaps(n, slack, twist, bounds, work):
 
 
 @inlined
-def forecast(part, kind, n, surface, bounds, t, until, flight, unknown, tilt, work):
+def forecast(n, surface, bounds, t, until, flight, unknown, work):
     """Leap again and again as the surface will move, until the first point touches, or one reaches the crest.
 
-    flight: the first leap, and when a point can be below the crest [s]; unknown: see `unsure`; tilt: of a part with
-    circles. Each point stays over the place where it is now; the slack takes in what it moves to the side.
+    flight: the first leap, and when a point can be below the crest [s]; unknown: see `unsure`. Each
+    point stays over the place where it is now; the slack takes in what it moves to the side.
     """
     far, to_crest = flight
     slack, twist = unknown
@@ -139,9 +129,6 @@ def forecast(part, kind, n, surface, bounds, t, until, flight, unknown, tilt, wo
                 if bounds.fastest * found < NEAR:
                     found = max(found, near_leap(gap, rate, h, row[MOVES] * bounds.fastest + twist))
                 further = min(further, found)
-        further = further_of_circles(tilt, kind, bounds, far, slip, further, work)
-        if further < 0.0:
-            return far
         far += further
         if further < SOON * far:
             return min(far, limit)

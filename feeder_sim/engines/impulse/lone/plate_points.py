@@ -11,15 +11,14 @@ import math
 
 import numpy as np
 
-from feeder_sim.engines.impulse.edge_points import edge_points
-from feeder_sim.engines.impulse.moving_surface import move_surface, shapes_under
-from feeder_sim.engines.impulse.state import (
+from feeder_sim.engines.impulse.lone.edge_points import edge_points
+from feeder_sim.engines.impulse.lone.moving_surface import move_surface, shapes_under
+from feeder_sim.engines.impulse.lone.state import (
     ACCELERATION,
     AT,
-    BODY,
+    AT_EDGE,
     CHANGE,
     FALL,
-    FROM,
     GAP,
     HEIGHT,
     JERK,
@@ -27,24 +26,18 @@ from feeder_sim.engines.impulse.state import (
     MOVES,
     MU,
     NOW,
-    OTHER,
     OWN,
     PUSH,
     RATE,
     SLOPE_X,
     SLOPE_Y,
     SPEED,
-    TOUCH,
     TOWARDS,
     TURN_X,
     TURN_Y,
     WITH,
-    E,
-    arm_of,
-    inverse_inertia,
-    spin_of,
-    turning_acceleration,
 )
+from feeder_sim.engines.impulse.state import arm_of, inverse_inertia, spin_of, turning_acceleration
 from feeder_sim.engines.impulse.vectors import cross, difference, dot, plus, times, vector, write_to
 from feeder_sim.engines.outline_arrays import ON_EDGE, off_plate
 from feeder_sim.machine_code import compiled, inlined
@@ -56,24 +49,22 @@ BESIDE = 2e-4  # [m]; a point that far below the surface is beside the plate or 
 
 
 @compiled
-def look(part, kind, corners, body, first, surface, bounds, t, moved, work):
-    """Fill the rows of all corners, from `first` on, of the part at a place in the group.
+def look(part, kind, corners, surface, bounds, t, work):
+    """Fill the rows of all corners.
 
-    moved: whether the surface has been moved to time t. Returns whether one is close to the surface, and whether the
-    surface has been moved.
+    Returns whether one is close to the surface, and whether the surface has been moved to time t.
     """
-    spin, close = spin_of(part, kind), False
+    spin, close, moved = spin_of(part, kind), False, False
     change = spin_change(part, kind, spin)
     own = GRAVITY + turning_acceleration(part, kind)
     lowest = part.position[2] - kind.radius - bounds.crest
     for i in range(corners.shape[0]):
-        row, arm = work.point[first + i], arm_of(part, corners, i)
+        row, arm = work.point[i], arm_of(part, corners, i)
         gap = lowest + arm[2]
         row[GAP], row[RATE] = gap, part.velocity[2] + spin[0] * arm[1] - spin[1] * arm[0]
         row[FALL] = GRAVITY + falls(spin, change, arm, (0.0, 0.0, 1.0))
         row[MOVES], row[PUSH], row[JERK], row[OWN] = 0.0, row[FALL], 0.0, own
-        row[KNOWN], row[BODY], row[OTHER], row[E], row[MU] = 0.0, body, -1.0, -1.0, kind.friction[0]
-        row[TOUCH] = bounds.exact.touch
+        row[KNOWN], row[MU] = 0.0, kind.friction[0]
         write_to(row[AT : AT + 3], arm)
         write_to(row[TOWARDS : TOWARDS + 3], (0.0, 0.0, 1.0))
         write_to(row[WITH : WITH + 3], (0.0, 0.0, 0.0))
@@ -87,7 +78,7 @@ def look(part, kind, corners, body, first, surface, bounds, t, moved, work):
         if outside or off_plate(surface.outline, x, y):
             row[GAP] = np.inf
             continue
-        close = _look_below(row, work.under[first + i], part, kind, arm, spin, surface, bounds, work) or close
+        close = _look_below(row, work.under[i], part, kind, arm, spin, surface, bounds, work) or close
     return close, moved
 
 
@@ -99,7 +90,7 @@ def spin_change(part, kind, spin):
 
 @inlined
 def falls(spin, change, arm, normal):
-    """How the end of an arm is accelerated against a normal, as its part turns [m/s^2]: r'' = dw/dt x r + w x (w x r)."""
+    """Acceleration of the end of an arm against a normal, as its part turns [m/s^2]: dw/dt x r + w x (w x r)."""
     return -dot(normal, plus(cross(change, arm), 1.0, cross(spin, cross(spin, arm))))
 
 
@@ -120,7 +111,7 @@ def _look_below(row, under, part, kind, arm, spin, surface, bounds, work):
     row[KNOWN] = 1.0
     shapes_under(x, y, part, surface, True, under)
     stand(row, arm, kind.radius, speed, under, work.now[NOW], work.now[SPEED], surface)
-    row[RATE] = rate_of(row, part, spin, part, spin)
+    row[RATE] = rate_of(row, part, spin)
     return True
 
 
@@ -140,11 +131,11 @@ def _moves_with(row, under, bounds, work):
 
 
 @compiled
-def look_at_edge(part, kind, kinds, body, first, surface, bounds, t, moved, work):
-    """Fill rows of the points on the edge of the plate, from `first` on; returns their end, and whether one is close."""
+def look_at_edge(part, kind, kinds, first, surface, bounds, t, moved, work):
+    """Fill rows of points on the edge of the plate, from `first` on; returns their end, and whether one is close."""
     found = edge_points(part, kind, kinds, surface, REACH, work.edge)
     if found == 0:
-        return first, False, moved
+        return first, False
     if not moved:
         move_surface(t, surface, work.now)
         moved = True
@@ -161,15 +152,14 @@ def look_at_edge(part, kind, kinds, body, first, surface, bounds, t, moved, work
         row[GAP] = point.gap - height * normal[2]
         if row[GAP] < -BESIDE:
             continue
-        row[OWN], row[KNOWN], row[BODY], row[OTHER], row[E], row[MU] = own, 2.0, body, -1.0, -1.0, kind.friction[0]
-        row[TOUCH] = bounds.exact.touch
+        row[OWN], row[KNOWN], row[MU] = own, AT_EDGE, kind.friction[0]
         speed = row[WITH + 2]
         stand(row, arm, 0.0, speed, under, work.now[NOW], work.now[SPEED], surface)
         write_to(row[TOWARDS : TOWARDS + 3], normal)
-        row[RATE] = rate_of(row, part, spin, part, spin)
+        row[RATE] = rate_of(row, part, spin)
         close = close or row[GAP] < CLOSE
         n += 1
-    return n, close, moved
+    return n, close
 
 
 @inlined
@@ -194,40 +184,22 @@ def stand(row, arm, radius, speed, under, q, dq, surface):
 
 
 @inlined
-def rate_of(row, part, spin, other, spin_of_other):
-    """How fast the gap of a point grows [m/s]; `other`: the part that it can touch, any where it is the plate."""
+def rate_of(row, part, spin):
+    """How fast the gap of a point grows [m/s]."""
     at = vector(row[AT : AT + 3])
     u = difference(plus(part.velocity, 1.0, cross(spin, at)), vector(row[WITH : WITH + 3]))
-    if row[OTHER] >= 0.0:
-        u = difference(u, plus(other.velocity, 1.0, cross(spin_of_other, vector(row[FROM : FROM + 3]))))
     return dot(vector(row[TOWARDS : TOWARDS + 3]), u)
 
 
 @compiled
-def renew_pair_rates(parts, kinds, n, work):
-    """Rates of those of the first n points at which parts touch each other, or walls."""
+def renew_rates(part, kind, n, work):
+    """Rates of the first n points anew, after the velocity of the part has changed."""
+    spin = spin_of(part, kind)
+    change, own = spin_change(part, kind, spin), GRAVITY + turning_acceleration(part, kind)
     for i in range(n):
         row = work.point[i]
-        if row[E] >= 0.0 or row[OTHER] >= 0.0:
-            part, other = parts[work.group[int(row[BODY])]], parts[work.group[max(int(row[OTHER]), 0)]]
-            kind, kind_of_other = kinds.record[part.kind], kinds.record[other.kind]
-            row[RATE] = rate_of(row, part, spin_of(part, kind), other, spin_of(other, kind_of_other))
-
-
-@compiled
-def renew_rates(parts, kinds, n, work):
-    """Rates of the first n points anew, after the velocities of parts of the group have changed."""
-    for i in range(n):
-        row = work.point[i]
-        part = parts[work.group[int(row[BODY])]]
-        other = parts[work.group[max(int(row[OTHER]), 0)]]
-        kind, kind_of_other = kinds.record[part.kind], kinds.record[other.kind]
-        spin = spin_of(part, kind)
-        row[RATE] = rate_of(row, part, spin, other, spin_of(other, kind_of_other))
-        if row[E] == -1.0:  # on the plate
-            fall = GRAVITY * row[TOWARDS + 2]
-            fall += falls(
-                spin, spin_change(part, kind, spin), vector(row[AT : AT + 3]), vector(row[TOWARDS : TOWARDS + 3])
-            )
-            row[PUSH] += fall - row[FALL]
-            row[FALL], row[OWN] = fall, GRAVITY + turning_acceleration(part, kind)
+        normal = vector(row[TOWARDS : TOWARDS + 3])
+        fall = GRAVITY * normal[2] + falls(spin, change, vector(row[AT : AT + 3]), normal)
+        row[RATE] = rate_of(row, part, spin)
+        row[PUSH] += fall - row[FALL]
+        row[FALL], row[OWN] = fall, own

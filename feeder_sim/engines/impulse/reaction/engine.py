@@ -1,7 +1,7 @@
 """Engine `impulse` over a plate that takes the impulses of the parts (`reaction = true`).
 
 Windows, pairs and contacts are those of the engine over a plate with a prescribed motion. Here all parts advance
-together, in order of time, as one island (island.py), as each impact changes the surface for all of them.
+together, in order of time (crowd.py), as each impact changes the surface for all of them.
 """
 
 from __future__ import annotations
@@ -11,13 +11,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from feeder_sim.engines.impulse.contact_problem import Modes
 from feeder_sim.engines.impulse.engine import ImpulseEngine
 from feeder_sim.engines.impulse.frame_rows import FrameRows
-from feeder_sim.engines.impulse.island import Crowd, Span, advance_together
+from feeder_sim.engines.impulse.island import Crowd, Span
+from feeder_sim.engines.impulse.reaction.crowd import Limits, advance_reacting, open_yielding_window
+from feeder_sim.engines.impulse.reaction.yielding_contact import Yielding
+from feeder_sim.engines.impulse.reaction.yielding_impact import Modes
 from feeder_sim.engines.impulse.state import Bounds, Plate
-from feeder_sim.engines.impulse.yielding import Yielding
-from feeder_sim.engines.impulse.yielding_bounds import open_yielding_window
 from feeder_sim.engines.reaction import reaction_of, set_reaction, with_reaction
 from feeder_sim.engines.surface_arrays import SurfaceArrays, surface_arrays
 from feeder_sim.scene.free_modes import free_modes
@@ -30,10 +30,10 @@ class ReactingEngine(ImpulseEngine):
     """Rigid impulses that act on the plate as well.
 
     Its state holds more than that of `ImpulseEngine`: `reaction`, see `reaction_of`, and `books`, the energies [J] that
-    parts have got from the plate's modes and from the contact law (negative).
+    parts have got from the plate's modes, from the contact law (negative) and by being put back on the surface.
     """
 
-    _reacts = True
+    _single_apart = False
 
     def __init__(
         self,
@@ -49,29 +49,32 @@ class ReactingEngine(ImpulseEngine):
             self._window = WINDOW_OF_ONE
         modes, n = free_modes(scene.driven), scene.surface.n_shapes
         self._rate = modes.rate
-        contacts = len(self._work[0].row_of)
+        contacts = self._work[0].contact.shape[1]
         room = Modes(1.0 / modes.modal_mass, np.zeros((contacts, n, 3)), np.zeros(n))
-        self._yielding = Yielding(room, scene.surface.extremes, np.zeros(n), np.zeros(n, complex), np.zeros(2))
+        self._yielding = Yielding(room, np.zeros(n, complex), np.zeros(3))
         self._surface = with_reaction(self._surface, self._rate)
+        self._limits = self._limits_of(scene)
         self._reaction = self._reaction_opened = reaction_of(self._surface)
         self._books_opened = self._yielding.books.copy()
+
+    def _limits_of(self, scene: Scene) -> Limits:
+        top = float(np.abs(self._surface.rate.imag).max())
+        return Limits(scene.surface.extremes, scene.timestep, top, np.zeros(scene.surface.n_shapes))
 
     def _open_window(self, parts: NDArray[np.void]) -> tuple[SurfaceArrays, Bounds, float]:
         start, end = self._span
         set_reaction(self._surface, self._reaction_opened)
-        place = self._kinds, self._surface, (start, end), self._yielding, self._exact
-        return open_yielding_window(parts, self._n, *place)
+        opened = open_yielding_window(parts, self._n, self._kinds, self._surface, (start, end), self._limits)
+        return opened
 
     def _advance_islands(self, crowd: Crowd, plate: Plate, span: Span, frames: FrameRows) -> bool:
         """Advance all parts from the begin of the window; it may have been computed before."""
         set_reaction(plate.surface, self._reaction_opened)
         self._yielding.books[:] = self._books_opened
         bounds = plate.bounds._replace(acceleration=plate.bounds.acceleration.copy())  # which are made anew
-        yielding = self._yielding._replace(margin=self._yielding.margin.copy())  # likewise
-        all_ends = {"first_part": [0, len(crowd.islands.part)], "first_pair": [0, len(crowd.islands.pair)]}
-        islands = crowd.islands._replace(**{name: np.array(ends) for name, ends in all_ends.items()})
-        together, opened = crowd._replace(islands=islands), Plate(plate.surface, bounds)
-        left = advance_together(together, opened, self._tools[0], span, frames, yielding)
+        margins = self._limits._replace(margin=self._limits.margin.copy())
+        opened = Plate(plate.surface, bounds)
+        left = advance_reacting(crowd, opened, self._tools[0], span, frames, self._yielding, margins)
         self._reaction = reaction_of(plate.surface)
         return bool(left)
 
@@ -82,7 +85,7 @@ class ReactingEngine(ImpulseEngine):
     def redrive(self, scene: Scene) -> None:
         super().redrive(scene)
         self._surface = with_reaction(surface_arrays(scene.surface, scene.scenario.run), self._rate)
-        self._yielding = self._yielding._replace(extremes=scene.surface.extremes)
+        self._limits = self._limits_of(scene)
 
     def state(self) -> dict[str, NDArray[Any]]:
         return super().state() | {"reaction": self._reaction_opened.copy(), "books": self._books_opened.copy()}

@@ -1,0 +1,1 @@
+"""One part on the plate, without a time step (docs/contact.md)."""

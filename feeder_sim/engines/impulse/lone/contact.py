@@ -1,0 +1,350 @@
+"""What happens where the part touches: impacts, and the forces that press it while it stays (docs/contact.md).
+
+impact      a point that touches and approaches gets an impulse, together with all others that touch
+            (contact_problem.py); again at zero time until none approaches
+pressed     where bounces pile up within a time T in which the change of the surface's acceleration, J, moves it by
+            less than the tolerance, J T^3 / 6 < tolerance, points stay: constant forces, for no longer than T, after
+            which no point that touches approaches; non-negative and in the cone of friction
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from feeder_sim.engines.impulse.lone.contact_law import hit_alone, restitution_at
+from feeder_sim.engines.impulse.lone.contact_problem import (
+    ARM_SECOND,
+    FRICTION,
+    IMPULSE,
+    NORMAL,
+    RESTITUTION,
+    ROLLING,
+    TARGET,
+    VELOCITY,
+    WORLD,
+    impact,
+    solve,
+)
+from feeder_sim.engines.impulse.lone.leap import leap, leap_of, shortest_leap
+from feeder_sim.engines.impulse.lone.moving_surface import move_surface
+from feeder_sim.engines.impulse.lone.plate_points import renew_rates, spin_change
+from feeder_sim.engines.impulse.lone.state import (
+    AT,
+    AT_EDGE,
+    FALL,
+    GAP,
+    HEIGHT,
+    JERK,
+    KNOWN,
+    MOVES,
+    MU,
+    NOW,
+    OWN,
+    PRESSED,
+    PUSH,
+    RATE,
+    SLOPE_X,
+    SLOPE_Y,
+    SPEED,
+    TOWARDS,
+    TURN_X,
+    TURN_Y,
+    WITH,
+)
+from feeder_sim.engines.impulse.state import inverse_inertia, spin_of, top_speed, turning_speed
+from feeder_sim.engines.impulse.vectors import add_to, cross, difference, dot, plus, vector, write_to
+from feeder_sim.engines.noise import half_normal
+from feeder_sim.machine_code import compiled, inlined
+from feeder_sim.scene.scene import GRAVITY
+
+ROUNDS = 20  # of impacts at zero time; after them what still approaches does so without rebound
+LONGEST_CHATTER = 3e-5  # [s] of bounces that are summed where nothing moves: hops of a nanometre
+LONGEST = 2e-4  # [s] of constant forces
+TURNED, TURNED_AT_EDGE = 0.02, 0.002  # [rad] by which a part turns under constant forces; there the normal turns too
+TOGETHER = 10.0  # tolerances; points this close hit together, so that a flat landing is one impact and not six
+CARRIED = 30.0  # tolerances; points that have been pressed and are this close still are
+RETURN = 0.05  # share of its gap that a pressed point gives back in the time of constant forces
+NO_LIFT = 1e-3  # of the time of constant forces: what is lifted sooner than that is lifted now
+FIRMLY = 0.99  # of full friction: what takes less is not sliding
+TURNS, STOPS = 3, 0.98  # rounds, and share of the time, by which the end of a slip is found
+LEFT = 1e-9  # [m/s]; what round-off leaves of the speed of points that stay
+SLIPS = 1e-7  # [m/s]
+
+
+@inlined
+def _time_of(jerk, longest, bounds):
+    """Time [s] in which the change of an acceleration moves the surface by less than the tolerance."""
+    tolerance = bounds.exact.tolerance
+    if 6.0 * tolerance < jerk * longest * longest * longest:
+        return (6.0 * tolerance / jerk) ** (1.0 / 3.0)
+    return longest
+
+
+@inlined
+def chatter_time(moves, twist, bounds):
+    """Time [s] of bounces that are summed."""
+    return _time_of(moves * bounds.fastest + twist, LONGEST_CHATTER, bounds)
+
+
+@compiled
+def _load(part, kind, time, work):
+    """Motion of the part as it will be after a time [s] without contact, and its inertia."""
+    bodies, spin, turns = work.bodies, spin_of(part, kind), inverse_inertia(part, kind)
+    change = spin_change(part, kind, spin)
+    bodies.inverse_mass[0] = 1.0 / kind.mass
+    for c in range(6):
+        bodies.inverse_inertia[0, c] = turns[c]
+    for c in range(3):
+        bodies.velocity[0, c], bodies.spin[0, c] = part.velocity[c], spin[c] + time * change[c]
+    bodies.velocity[0, 2] -= GRAVITY * time
+
+
+@inlined
+def _gather(i, m, restitution, work):
+    """Make the point in row i contact m."""
+    row, contacts = work.point[i], work.contacts
+    contacts.body[m, 0], contacts.body[m, 1] = WORLD, 0
+    for c in range(3):
+        contacts.vector[ARM_SECOND, m, c] = row[AT + c]
+        contacts.vector[NORMAL, m, c], contacts.vector[VELOCITY, m, c] = row[TOWARDS + c], row[WITH + c]
+    contacts.number[RESTITUTION, m], contacts.number[FRICTION, m] = restitution, row[MU]
+    contacts.number[ROLLING, m] = 0.0
+    work.row_of[m] = i
+
+
+@compiled
+def strike(part, kind, n, twist, bounds, work):
+    """Impacts at all points that touch, until none approaches; returns whether there was one. twist: see `unsure`."""
+    touch, together, hit = bounds.exact.touch, TOGETHER * bounds.exact.tolerance, False
+    for rounds in range(ROUNDS + 1):
+        m, approaches = 0, False
+        for i in range(n):
+            row = work.point[i]
+            if row[KNOWN] == 0.0 or not row[GAP] <= together:
+                continue
+            least = LEFT if row[PUSH] > 0.0 else 0.0
+            if row[RATE] > least:
+                continue
+            e = restitution_at(kind, -row[RATE])
+            departure = 0.5 * chatter_time(row[MOVES], twist, bounds) * (1.0 - e) * max(row[PUSH], 0.0)
+            if -e * row[RATE] <= departure:
+                e = 0.0  # what is left of its bounces is summed: they take what the plate pushes meanwhile
+            if row[RATE] < -least and row[GAP] <= touch:
+                approaches = True
+            _gather(i, m, 0.0 if rounds == ROUNDS else e, work)
+            m += 1
+        if not approaches:
+            break
+        hit = True
+        if not (m == 1 and hit_alone(part, kind, work)):
+            _load(part, kind, 0.0, work)
+            if not impact(work.bodies, work.contacts, m, None):
+                work.unresolved[0] += 1
+            write_to(part.velocity, vector(work.bodies.velocity[0]))
+            for i in range(m):
+                arm, impulse = work.contacts.vector[ARM_SECOND, i], work.contacts.vector[IMPULSE, i]
+                add_to(part.momentum, 1.0, cross(arm, impulse))
+        _scatter(part, m, bounds, work)
+        renew_rates(part, kind, n, work)
+    return hit
+
+
+@inlined
+def _scatter(part, m, bounds, work):
+    """Add a random speed to a part that has hit a plate that moves."""
+    moves = 0.0
+    for i in range(m):
+        moves = max(moves, work.point[work.row_of[i], MOVES])
+    if moves > 0.0 and bounds.exact.noise > 0.0:
+        size, part.draws = half_normal(part.draws)
+        part.velocity[2] += bounds.exact.noise * size
+
+
+@compiled
+def press(part, kind, n, pressed, unknown, surface, bounds, t, until, work):
+    """Constant forces on the part for a time, as contacts in `work` then say; see `apply_forces`.
+
+    pressed: whether it has been until now; unknown: see `unsure`.
+
+    Returns:
+        the time [s], 0 if nothing is pressed; whether nothing slips; the number of contacts.
+    """
+    touch, (slack, twist) = bounds.exact.touch, unknown
+    usual, lift = _time_of_forces(part, kind, n, pressed, twist, bounds, work)
+    if usual == 0.0 or lift < NO_LIFT * usual:
+        return 0.0, False, 0
+    least = shortest_leap(part, kind, bounds)
+    time = max(min(usual, lift, until - t), least)
+    for i in range(n):
+        row = work.point[i]
+        if row[GAP] == np.inf or _is_carried(row, time, bounds):
+            continue
+        if row[GAP] + time * (row[RATE] - 0.5 * (row[OWN] + slack + row[MOVES]) * time) > 0.5 * touch:
+            continue
+        if row[MOVES] == 0.0:
+            time = max(min(time, leap(max(row[GAP] - 0.5 * touch, 0.0), row[RATE], row[OWN])), least)
+        else:
+            time = max(min(time, leap_of(row, row[RATE], slack, twist, bounds, touch)), least)
+    m = 0
+    for turn in range(TURNS):
+        _load(part, kind, time, work)
+        m = _gather_ahead(part, kind, n, surface, bounds, t, time, usual, work)
+        if not solve(work.bodies, work.contacts, m, None):
+            work.unresolved[0] += 1
+        stops = _slip_stops(part, kind, m, time, work)
+        if stops > STOPS * time or stops < (1.0 - STOPS) * usual or turn == TURNS - 1:
+            break
+        time = stops
+    loaded, held = False, True
+    for i in range(m):
+        p, normal = vector(work.contacts.vector[IMPULSE, i]), vector(work.contacts.vector[NORMAL, i])
+        along = dot(p, normal)
+        if along > 0.0:
+            loaded = True
+            friction = plus(p, -along, normal)
+            u = _relative(i, work)
+            u = plus(u, -dot(u, normal), normal)
+            held = held and dot(u, u) < SLIPS * SLIPS
+            held = held and dot(friction, friction) <= (FIRMLY * work.contacts.number[FRICTION, i] * along) ** 2
+    return (time if loaded else 0.0), held, m
+
+
+@compiled
+def apply_forces(part, m, time, work):
+    """Press the part by what the last solution of m contacts says, over a time [s]."""
+    part.phase = PRESSED
+    for c in range(3):
+        part.force[c] = part.moment[c] = 0.0
+    for i in range(m):
+        arm, impulse = work.contacts.vector[ARM_SECOND, i], work.contacts.vector[IMPULSE, i]
+        add_to(part.force, 1.0 / time, impulse)
+        add_to(part.moment, 1.0 / time, cross(arm, impulse))
+
+
+@inlined
+def _relative(i, work):
+    """Relative velocity at contact i, as the body moves now."""
+    arm = work.contacts.vector[ARM_SECOND, i]
+    u = plus(work.bodies.velocity[0], 1.0, cross(work.bodies.spin[0], arm))
+    return difference(u, work.contacts.vector[VELOCITY, i])
+
+
+@compiled
+def _slip_stops(part, kind, m, time, work):
+    """When the first contact that slips will have stopped [s], if it does within a time of constant forces; or that.
+
+    Along its slip s, with the other accelerations a and a share r of full friction F, it goes on by s - (a + r F) t.
+    F is taken for that of a part that does not turn.
+    """
+    found, pressed, spin = time, 0.0, spin_of(part, kind)
+    for i in range(m):
+        pressed += dot(work.contacts.vector[IMPULSE, i], work.contacts.vector[NORMAL, i])
+    for i in range(m):
+        row = work.point[work.row_of[i]]
+        p, normal = vector(work.contacts.vector[IMPULSE, i]), vector(work.contacts.vector[NORMAL, i])
+        along, mu = dot(p, normal), work.contacts.number[FRICTION, i]
+        if along <= 0.0 or mu == 0.0:
+            continue
+        at = plus(part.velocity, 1.0, cross(spin, vector(row[AT : AT + 3])))
+        u = difference(at, vector(row[WITH : WITH + 3]))
+        u = plus(u, -dot(u, normal), normal)
+        s = math.sqrt(dot(u, u))
+        share = -dot(p, u) / (s * mu * along) if s > SLIPS else 1.0
+        if share > FIRMLY:
+            continue
+        full = mu * pressed / kind.mass / time
+        others = (s - dot(_relative(i, work), u) / s) / time - share * full
+        if others + full > 0.0:
+            found = min(found, s / (others + full))
+    return found
+
+
+@inlined
+def _time_of_forces(part, kind, n, pressed, twist, bounds, work):
+    """How long forces may stay constant [s], 0 if no point is pressed; and when the last of the points is lifted."""
+    close = CARRIED * bounds.exact.tolerance if pressed else bounds.exact.touch
+    moves, least = 0.0, LONGEST
+    for i in range(n):
+        row = work.point[i]
+        if row[KNOWN] != 0.0 and row[GAP] <= close:
+            moves = max(moves, row[MOVES])
+            if row[KNOWN] == AT_EDGE:
+                arm = vector(row[AT : AT + 3])
+                least = min(least, TURNED_AT_EDGE * math.sqrt(dot(arm, arm)) / top_speed(part, kind))
+    chatter = chatter_time(moves, twist, bounds)
+    any_pressed, lift = False, 0.0
+    for i in range(n):
+        row = work.point[i]
+        if row[KNOWN] == 0.0 or not row[GAP] <= close or row[PUSH] <= 0.0:
+            continue
+        if abs(row[RATE]) > max(0.5 * chatter * row[PUSH], LEFT):
+            continue
+        any_pressed = True
+        root = math.inf
+        if row[MOVES] > 0.0 and row[JERK] < 0.0:  # as if all moved at the fastest rate
+            bend = 0.5 * bounds.fastest * bounds.fastest * (row[FALL] - row[PUSH])
+            inside = row[JERK] * row[JERK] - 4.0 * bend * row[PUSH]
+            if inside >= 0.0:
+                root = 2.0 * row[PUSH] / (math.sqrt(inside) - row[JERK])
+        lift = max(lift, root)
+    if not any_pressed:
+        return 0.0, 0.0
+    time = _time_of(moves * bounds.fastest, least, bounds)
+    turning = turning_speed(part, kind)
+    if turning * time > TURNED * kind.reach:
+        time = TURNED * kind.reach / turning
+    return time, lift
+
+
+@inlined
+def _is_carried(row, time, bounds):
+    """Whether a point is close enough, and slow enough, for the forces to see to it."""
+    close = CARRIED * bounds.exact.tolerance
+    if row[KNOWN] == 0.0 or row[GAP] > close:
+        return False
+    return row[GAP] <= bounds.exact.touch or row[RATE] * time > -close
+
+
+@inlined
+def _gather_ahead(part, kind, n, surface, bounds, t, time, usual, work):
+    """Contacts as they will be after a time [s]: least normal velocities for which no point will have come inside.
+
+    usual: the time that forces may stay constant [s], in which a share of what a point is off is given back.
+    """
+    touch, moves = bounds.exact.touch, surface.half_thickness * surface.in_plane
+    move_surface(t + time, surface, work.then)
+    spin = spin_of(part, kind)
+    m, contacts = 0, work.contacts
+    for i in range(n):
+        row, under = work.point[i], work.under[i]
+        if not _is_carried(row, time, bounds):
+            continue
+        _gather(i, m, 0.0, work)
+        going = cross(spin, vector(row[AT : AT + 3]))
+        if kind.corner_to - kind.corner_from > 1 and row[KNOWN] != AT_EDGE:
+            write_to(contacts.vector[ARM_SECOND, m], plus(row[AT : AT + 3], time, going))
+        gap = row[GAP] - 0.5 * touch
+        target = -RETURN * gap / usual
+        if gap > 0.5 * touch:
+            target = min(target, -2.0 * gap / time - row[RATE])
+        contacts.number[TARGET, m] = target
+        m += 1
+        if row[MOVES] == 0.0:
+            continue
+        dx, dy = (part.velocity[0] + going[0]) * time, (part.velocity[1] + going[1]) * time
+        speed = slope_x = slope_y = along_x = along_y = 0.0
+        for s in range(under.shape[0]):
+            q, dq = work.then[NOW, s], work.then[SPEED, s]
+            speed += (under[s, HEIGHT] + dx * under[s, SLOPE_X] + dy * under[s, SLOPE_Y]) * dq
+            slope_x += under[s, SLOPE_X] * q
+            slope_y += under[s, SLOPE_Y] * q
+            along_x -= moves * under[s, TURN_X] * dq
+            along_y -= moves * under[s, TURN_Y] * dq
+        size = math.sqrt(1.0 + slope_x * slope_x + slope_y * slope_y)
+        if row[KNOWN] != AT_EDGE:
+            write_to(contacts.vector[NORMAL, m - 1], (-slope_x / size, -slope_y / size, 1.0 / size))
+        lift = speed + slope_x * along_x + slope_y * along_y
+        write_to(contacts.vector[VELOCITY, m - 1], (along_x, along_y, lift))
+    return m

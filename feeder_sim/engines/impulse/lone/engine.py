@@ -1,0 +1,99 @@
+"""Engine `impulse` of one part without a time step (`run.tolerance_nm`)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from feeder_sim.engines.impulse.engine import COLUMNS, WINDOW_ALONE, ImpulseEngine
+from feeder_sim.engines.impulse.frame_rows import ROW, FrameRows
+from feeder_sim.engines.impulse.lone.loop import Drive, Lone, advance
+from feeder_sim.engines.impulse.lone.state import FREE, PART, Exactness, new_part, new_scratch
+from feeder_sim.engines.impulse.state import ABSENT
+from feeder_sim.engines.noise import new_streams
+from feeder_sim.engines.surface_arrays import surface_arrays
+from feeder_sim.records.impacts import Impacts
+from feeder_sim.records.trajectory import Frames
+from feeder_sim.scene.scene import Scene
+from feeder_sim.scene.start import Pose
+
+TOUCHING, LEAST_TOUCH = 0.01, 1e-13  # share of the tolerance, and [m]: gaps from which on points touch
+
+
+class LoneEngine(ImpulseEngine):
+    """One free part whose contacts have no step behind the engine protocol; starts and frames are the general ones'."""
+
+    def __init__(
+        self,
+        scene: Scene,
+        rng: np.random.Generator,
+        *,
+        threads: int = 1,
+        interrupt: NDArray[np.int64] | None = None,
+    ) -> None:
+        del threads  # one part needs one
+        super().__init__(scene, rng, interrupt=interrupt)
+        run, contact = scene.scenario.run, scene.scenario.contact
+        assert run.tolerance_nm is not None
+        tolerance = 1e-9 * run.tolerance_nm
+        self._exact = Exactness(tolerance, max(TOUCHING * tolerance, LEAST_TOUCH), contact.noise_m_s)
+        self._scratch = new_scratch(self._kinds, scene.surface.n_shapes)
+        self._part = new_part(self._parts, new_streams(rng, 1))
+
+    @property
+    def unresolved_impacts(self) -> int:
+        return self._unresolved + int(self._scratch.unresolved[0])
+
+    def advance(self, n_frames: int) -> Frames:
+        scene, rows = self._scene, np.empty((n_frames, 1, ROW))
+        times = np.asarray((self._frame + 1 + np.arange(n_frames)) * scene.frame_interval, float)
+        drive = Drive(self._surface, scene.surface.extremes, self._exact, WINDOW_ALONE)
+        frames = FrameRows(times, rows, self._interrupt)
+        advance(Lone(self._part, self._kinds, self._scratch), drive, self._clock, frames)
+        if self._interrupt[0]:
+            return self.current()
+        self._frame += n_frames
+        self._row = rows[-1].copy()
+        return self._frames(rows, self._frame - n_frames + 1)
+
+    def _begin_window_now(self) -> None:
+        """What happens at the last frame acts on the part from then on."""
+        now = self._frame * self._scene.frame_interval
+        self._clock[:] = now, 0.0, now
+        for name, columns in COLUMNS.items():
+            self._part[name][0] = self._row[0, columns].reshape(self._part[name][0].shape)
+        self._part["clock"], self._part["phase"], self._part["held"] = now, FREE, 0
+
+    def remove(self, parts: NDArray[np.int64]) -> None:
+        self._begin_window_now()
+        self._parts["there"][parts] = self._part["there"][parts] = ABSENT
+
+    def add(self, parts: NDArray[np.int64], poses: Sequence[Pose]) -> None:
+        raise NotImplementedError("nothing is refilled where one part is computed without a step")
+
+    def redrive(self, scene: Scene) -> None:
+        self._begin_window_now()
+        self._scene = scene
+        self._surface = surface_arrays(scene.surface, scene.scenario.run)
+
+    def state(self) -> dict[str, NDArray[Any]]:
+        return {name: self._part[name].copy() for name in PART.names or ()} | {
+            "clock_alone": self._clock.copy(),
+            "frame": np.array(self._frame),
+            "row": self._row.copy(),
+            "unresolved": np.array(self.unresolved_impacts),
+        }
+
+    def restore(self, state: dict[str, NDArray[Any]]) -> None:
+        for name in PART.names or ():
+            self._part[name] = state[name]
+        self._parts["there"] = self._part["there"]
+        self._clock[:], self._frame = state["clock_alone"], int(state["frame"])
+        self._row, self._unresolved = state["row"].copy(), int(state["unresolved"])
+        self._scratch.unresolved[0] = 0
+
+    def take_impacts(self, *, end: bool) -> Impacts:
+        return Impacts.of_rows(np.empty((0, 4)))

@@ -1,0 +1,143 @@
+"""One free part over the plate: impacts, forces, following, rest or flight (docs/contact.md)."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from feeder_sim.engines.impulse.lone.contact import CARRIED, apply_forces, press, strike
+from feeder_sim.engines.impulse.lone.follow import follows_until, goes_along, sit_down
+from feeder_sim.engines.impulse.lone.leap import NEVER, first_leaps, forecast, shortest_leap, unsure
+from feeder_sim.engines.impulse.lone.plate_points import CLOSE, REACH, look, look_at_edge
+from feeder_sim.engines.impulse.lone.state import AT, FREE, GAP, KNOWN
+from feeder_sim.engines.impulse.state import ASLEEP, top_speed
+from feeder_sim.engines.outline_arrays import edge_distance
+from feeder_sim.machine_code import compiled, inlined
+from feeder_sim.scene.scene import GRAVITY
+
+JUMP = 1e-8  # [m]; a surface is only entered where it jumps (`ring_up = false`)
+STILL = 1e-6  # [m/s]; what is as slow on a plate that is calm, and does not slip, rests
+SKIPPED = 8  # looks after one at which a part may not follow
+LEAST_LOOK = 1e-5  # [s]; points at the edge of the plate come and go
+
+
+@compiled
+def meet_plate(part, kinds, surface, bounds, t, work):
+    """What the part does at time t [s]; returns how long it goes on so [s]."""
+    kind = kinds.record[part.kind]
+    before = part.phase
+    part.phase = FREE
+    height = part.position[2] - kind.reach - kind.radius - bounds.crest
+    if height > CLOSE:
+        rising = part.velocity[2]
+        return (rising + math.sqrt(rising * rising + 2.0 * GRAVITY * (height - 0.5 * CLOSE))) / GRAVITY
+    corners = kinds.corners[kind.corner_from : kind.corner_to]
+    close, moved = look(part, kind, corners, surface, bounds, t, work)
+    n, at_edge = look_at_edge(part, kind, kinds, corners.shape[0], surface, bounds, t, moved, work)
+    _land(part, n, work)
+    unknown = unsure(part, kind, bounds)
+    until = _next_switch(surface, t, bounds.end)
+    if close or at_edge:
+        strike(part, kind, n, unknown[1], bounds, work)
+        unknown = unsure(part, kind, bounds)
+        stays, held, m = press(part, kind, n, before != FREE, unknown, surface, bounds, t, until, work)
+        if stays > 0.0:
+            part.held = part.held + 1 if held else min(part.held, 0)
+            if held:
+                longer = _stay(part, kind, n, surface, bounds, t, until, stays, work)
+                if longer > stays:
+                    return longer
+            apply_forces(part, m, stays, work)
+            return stays
+        part.held = 0
+    slack, twist = unknown
+    far, to_crest = first_leaps(n, slack, twist, bounds, work)
+    if _may_reach_edge(part, kind, surface):
+        to_crest = min(to_crest, max(LEAST_LOOK, 0.25 * _lowest_gap(n, work) / top_speed(part, kind)))
+    if far < to_crest:
+        far = forecast(n, surface, bounds, t, until, (far, to_crest), unknown, work)
+    return max(min(far, to_crest), shortest_leap(part, kind, bounds))
+
+
+@inlined
+def _stay(part, kind, n, surface, bounds, t, until, stays, work):
+    """How long a part that does not slip stays [s]: for ever at rest, or while it follows, or for the time `stays`."""
+    height = _height(n, bounds, work)
+    if part.held < 1 or not goes_along(part, height, t + stays, surface, work):
+        return stays
+    if bounds.calm and _is_still(kind, bounds, work):
+        for k in range(3):
+            part.velocity[k] = part.momentum[k] = 0.0
+        part.there = ASLEEP
+        return NEVER
+    ends = follows_until(part, kind, n, height, surface, bounds, t, until, work)
+    if ends - t <= stays:
+        part.held = -SKIPPED
+        return stays
+    sit_down(part, kind, t, surface)
+    return ends - t
+
+
+@inlined
+def _is_still(kind, bounds, work):
+    """Whether the part, as the solution of its contacts has it, hardly moves."""
+    speed = spin = 0.0
+    for k in range(3):
+        speed += work.bodies.velocity[0, k] ** 2
+        spin += work.bodies.spin[0, k] ** 2
+    return math.sqrt(speed) + kind.reach * math.sqrt(spin) < STILL + 1.01 * bounds.speed
+
+
+@inlined
+def _next_switch(surface, t, end):
+    """When a term of the surface begins or ends next, or the end of the window [s]: its motion is smooth until then."""
+    for k in range(surface.term_start.shape[0]):
+        if surface.term_start[k] > t:
+            end = min(end, surface.term_start[k])
+        if surface.term_stop[k] > t:
+            end = min(end, surface.term_stop[k])
+    return end
+
+
+@inlined
+def _land(part, n, work):
+    """Lift a part out of a surface that has jumped into it; returns by how much [m]."""
+    depth = 0.0
+    for i in range(n):
+        depth = max(depth, -work.point[i, GAP])
+    if depth <= JUMP:
+        return 0.0
+    part.position[2] += depth
+    for i in range(n):
+        work.point[i, GAP] += depth
+    return depth
+
+
+@inlined
+def _lowest_gap(n, work):
+    gap = np.inf
+    for i in range(n):
+        gap = min(gap, work.point[i, GAP])
+    return max(gap, 0.0)
+
+
+@inlined
+def _may_reach_edge(part, kind, surface):
+    """Whether a part is so near the edge of the plate that a point there may come up."""
+    far = kind.reach + kind.radius + REACH
+    x, y = part.position[0], part.position[1]
+    if abs(x) + far > surface.grid_x[-1] or abs(y) + far > surface.grid_y[-1]:
+        return True
+    return abs(edge_distance(surface.outline, x, y, far)) < far
+
+
+@inlined
+def _height(n, bounds, work):
+    """Height of the centre of mass over its supports [m]."""
+    lowest = 0.0
+    for i in range(n):
+        row = work.point[i]
+        if row[KNOWN] != 0.0 and row[GAP] <= CARRIED * bounds.exact.tolerance:
+            lowest = min(lowest, row[AT + 2])
+    return -lowest

@@ -1,0 +1,159 @@
+"""What the engine of one part without a step works on: the part, bounds on the plate, and scratch space."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from feeder_sim.engines.impulse.lone.contact_problem import Bodies, Contacts, new_room
+from feeder_sim.engines.impulse.lone.edge_piece import EDGE_POINT
+from feeder_sim.engines.impulse.state import AWAKE, Kinds, flies, rotate
+from feeder_sim.engines.surface_arrays import SurfaceArrays
+from feeder_sim.machine_code import compiled
+from feeder_sim.scene.scene import GRAVITY
+
+FREE, PRESSED, FOLLOWING = range(3)  # in PART, phase
+# Columns of Scratch.point, a point that can touch: its gap [m] and how fast that grows [m/s]; how fast both sides are
+# accelerated together [m/s^2], and how that changes [m/s^3]; the largest acceleration of the surface there, and of the
+# point by itself [m/s^2]; how it falls by itself, with its part [m/s^2]; friction; KNOWN: 0 where the columns after it
+# are not filled, AT_EDGE on the edge of the plate.
+GAP, RATE, PUSH, JERK, MOVES, OWN, FALL, MU, KNOWN = range(9)
+AT_EDGE = 2.0
+# Arm from the centre of mass, normal of what it can touch and how that moves, three columns each.
+AT, TOWARDS, WITH = 9, 12, 15
+POINT_COLUMNS = 18
+# Of Scratch.under: what each mode shape does under a point: deflection, its slopes, and rotations.
+HEIGHT, SLOPE_X, SLOPE_Y, TURN_X, TURN_Y = range(5)
+NOW, SPEED, ACCELERATION, CHANGE = range(4)  # of Scratch.now and Scratch.then
+EDGE_POINTS = 32  # room for points on the edge of the plate
+
+# State of the part in world axes at a time of its own, `clock` [s]: columns of the attitude are the body axes; momentum
+# is the angular momentum about the centre of mass; there: ABSENT, AWAKE or ASLEEP, as in impulse/state.py. phase
+# (docs/contact.md): FREE; PRESSED by a constant force [N] and moment [N m] until it is looked at next; FOLLOWING the
+# surface, whose frame at a place it has a seat and a facing in. held: looks for which it has not slipped. draws: state
+# of its random numbers.
+PART = np.dtype(
+    [
+        ("position", "f8", 3),
+        ("velocity", "f8", 3),
+        ("attitude", "f8", (3, 3)),
+        ("momentum", "f8", 3),
+        ("clock", "f8"),
+        ("kind", "i8"),
+        ("there", "i8"),
+        ("phase", "i8"),
+        ("held", "i8"),
+        ("draws", "u8"),
+        ("force", "f8", 3),
+        ("moment", "f8", 3),
+        ("place", "f8", 2),
+        ("seat", "f8", 3),
+        ("facing", "f8", (3, 3)),
+    ],
+    align=True,
+)
+
+
+class Exactness(NamedTuple):
+    """How far contacts may be off [m], from which gap on points touch [m], and the random speed of impacts [m/s]."""
+
+    tolerance: float
+    touch: float
+    noise: float
+
+
+class Bounds(NamedTuple):
+    """What the surface can do at most within a window of time.
+
+    end: of the window [s]; crest: height [m]; slope: steepest [1]; acceleration: of every mode shape at its antinode
+    [m/s^2]; speed: of any point [m/s]; fastest: rate of any term [rad/s]; calm: the part may come to rest.
+    """
+
+    end: float
+    crest: float
+    slope: float
+    acceleration: NDArray[np.float64]
+    speed: float
+    fastest: float
+    calm: bool
+    exact: Exactness
+
+
+class Plate(NamedTuple):
+    """The plate in a window: the terms that act, and what they can do at most."""
+
+    surface: SurfaceArrays
+    bounds: Bounds
+
+
+class Scratch(NamedTuple):
+    """Few arrays, since every one of them makes each call of a compiled function dearer.
+
+    point: (n, POINT_COLUMNS), see GAP. under: (n, n_shapes, 5), see HEIGHT. row_of: of every contact, its row in
+    `point`. now, then: (4, n_shapes), the modal coordinates and three derivatives at two times, see NOW. edge: points
+    on the edge of the plate. unresolved: (1,), impacts that did not settle.
+    """
+
+    point: NDArray[np.float64]
+    under: NDArray[np.float64]
+    bodies: Bodies
+    contacts: Contacts
+    row_of: NDArray[np.int64]
+    now: NDArray[np.float64]
+    then: NDArray[np.float64]
+    edge: NDArray[np.void]
+    unresolved: NDArray[np.int64]
+
+
+def new_scratch(kinds: Kinds, n_shapes: int) -> Scratch:
+    """Room for the part: its corners, and the points on the edge of the plate."""
+    rows = int((kinds.record["corner_to"] - kinds.record["corner_from"]).max()) + EDGE_POINTS
+    bodies, contacts, _ = new_room(1, rows)
+    return Scratch(
+        point=np.zeros((rows + 1, POINT_COLUMNS)),
+        under=np.zeros((rows + 1, n_shapes, 5)),
+        bodies=bodies,
+        contacts=contacts,
+        row_of=np.zeros(rows, np.int64),
+        now=np.zeros((4, n_shapes)),
+        then=np.zeros((4, n_shapes)),
+        edge=np.zeros(EDGE_POINTS, EDGE_POINT),
+        unresolved=np.zeros(1, np.int64),
+    )
+
+
+def new_part(like: NDArray[np.void], draws: NDArray[np.uint64]) -> NDArray[np.void]:
+    """The part (1,) in the state of one of `impulse.state.PART`; draws (1,): state of its random numbers."""
+    part = np.zeros(1, PART)
+    for name in like.dtype.names or ():
+        part[name] = like[name]
+    part["draws"], part["there"] = draws, AWAKE
+    return part
+
+
+@compiled
+def fly_to(part, kind, t):
+    """Bring a part that is not FOLLOWING to time t [s], under gravity and the constant force that presses it."""
+    duration = t - part.clock
+    part.clock = t
+    if duration <= 0.0 or not flies(part, kind):
+        return
+    if part.phase == FREE:
+        for k in range(3):
+            part.position[k] += part.velocity[k] * duration
+        part.position[2] -= 0.5 * GRAVITY * duration * duration
+        part.velocity[2] -= GRAVITY * duration
+        rotate(part.attitude, part.momentum, kind, duration)
+        return
+    for k in range(3):
+        gained = part.force[k] / kind.mass * duration
+        part.position[k] += (part.velocity[k] + 0.5 * gained) * duration
+        part.velocity[k] += gained
+        part.momentum[k] += 0.5 * part.moment[k] * duration
+    part.position[2] -= 0.5 * GRAVITY * duration * duration
+    part.velocity[2] -= GRAVITY * duration
+    rotate(part.attitude, part.momentum, kind, duration)  # at the mean of its momentum, to second order
+    for k in range(3):
+        part.momentum[k] += 0.5 * part.moment[k] * duration

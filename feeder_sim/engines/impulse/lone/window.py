@@ -1,0 +1,17 @@
+"""What the surface can do at most within a window of time, for the engine of one part."""
+
+from __future__ import annotations
+
+from feeder_sim.engines.impulse.lone.state import Bounds
+from feeder_sim.engines.impulse.window import bound_window, fastest_rate
+from feeder_sim.machine_code import compiled
+
+SLOWEST = 1.0  # [rad/s]; the rate of a surface that does not move
+
+
+@compiled
+def bound(acting, extremes, start, stop, exact):
+    """Bounds between two times [s] of a surface of which the acting terms are known; extremes: as in `Surface`."""
+    found = bound_window(acting, extremes, start, stop, 1.0, 0.0)
+    fastest = max(fastest_rate(acting), SLOWEST)
+    return Bounds(stop, found.crest, found.slope, found.acceleration, found.speed, fastest, found.calm, exact)

@@ -1,0 +1,1 @@
+"""The impulse engine for parts that act back on the plate."""

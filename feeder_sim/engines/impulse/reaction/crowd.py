@@ -1,0 +1,221 @@
+"""Advance all parts over a plate that takes their impulses: one run of events in order of time, in one thread.
+
+What a part does to the plate the others feel, so that there are no islands here: the event that is due first is next,
+whichever part it belongs to.
+
+How long a part may fly is forecast from the surface as it moves at that time, and with bounds on it. An impact changes
+the surface. That is let pass while it is small: bounds have a margin, and a part may enter the surface by as little. As
+soon as the surface has changed by more than the margin since the bounds were made, they are made anew, and every part
+is looked at again; so none flies on into a surface that it has not been told of.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from feeder_sim.borrow import borrow, borrowed
+from feeder_sim.engines.impulse.crowd import reach_of
+from feeder_sim.engines.impulse.flight_time import shortest_flight
+from feeder_sim.engines.impulse.frame_rows import write_row
+from feeder_sim.engines.impulse.island import (
+    Agenda,
+    all_due,
+    earliest_of,
+    has_left,
+    look_again_at_pairs,
+    look_at_pair,
+    set_due,
+)
+from feeder_sim.engines.impulse.reaction.yielding_contact import meet_yielding_plate
+from feeder_sim.engines.impulse.rest import fall_asleep, wake
+from feeder_sim.engines.impulse.state import ABSENT, ASLEEP, Bounds, fly_to, orthonormalise_parts
+from feeder_sim.engines.impulse.window import SAG, acting_terms, bound_window
+from feeder_sim.engines.surface_arrays import SurfaceArrays
+from feeder_sim.machine_code import compiled, entry_point
+from feeder_sim.scene.scene import GRAVITY
+
+MARGIN = 0.05  # of crest and acceleration; in a step of 1/40 period the surface itself moves by three times that
+LEAST_MARGIN = 2e-8  # [m]
+
+
+class Limits(NamedTuple):
+    """What bounds are made from: extremes of the shapes as in `Surface`, the step [s], and the rate [rad/s] of the
+    fastest motion, which it belongs to. margin: of every shape, room for (n_shapes,) [m].
+    """
+
+    extremes: NDArray[np.float64]
+    step: float
+    top: float
+    margin: NDArray[np.float64]
+
+
+@entry_point
+def open_yielding_window(parts, n_free, kinds, surface, span, limits):
+    """As `open_window`; the last terms of the surface are the reaction, and stay."""
+    start, end = span
+    acting = _acting_terms(surface, start, end, limits.margin.shape[0])
+    bounds = _bounds(acting, start, end, limits)
+    if not bounds.calm:
+        for i in range(n_free):
+            wake(parts[i])
+    orthonormalise_parts(parts, n_free)
+    return acting, bounds, reach_of(parts, n_free, kinds, bounds, end - start)
+
+
+@compiled
+def _acting_terms(surface, start, end, n_shapes):
+    """The terms of the drives that act, and all those of the reaction, in arrays of their own."""
+    first = surface.term_shape.shape[0] - n_shapes
+    drives = acting_terms(
+        SurfaceArrays(
+            surface.grid_x,
+            surface.grid_y,
+            surface.table,
+            surface.term_shape[:first],
+            surface.term_start[:first],
+            surface.term_stop[:first],
+            surface.coefficient[:first],
+            surface.rate[:first],
+            surface.half_thickness,
+            surface.in_plane,
+            surface.tangent,
+            surface.outline,
+        ),
+        start,
+        end,
+    )
+    return SurfaceArrays(
+        surface.grid_x,
+        surface.grid_y,
+        surface.table,
+        np.concatenate((drives.term_shape, surface.term_shape[first:])),
+        np.concatenate((drives.term_start, surface.term_start[first:])),
+        np.concatenate((drives.term_stop, surface.term_stop[first:])),
+        np.concatenate((drives.coefficient, surface.coefficient[first:])),
+        np.concatenate((drives.rate, surface.rate[first:])),
+        surface.half_thickness,
+        surface.in_plane,
+        surface.tangent,
+        surface.outline,
+    )
+
+
+@compiled
+def _bounds(acting, start, end, limits):
+    """Bounds of the surface from `start` to `end` [s], for as long as its reaction changes by no more than the margin.
+
+    Whether parts may sleep goes by the motion as it is.
+    """
+    margin, antinode, steepest = limits.margin, limits.extremes[0], limits.extremes[1]
+    now = bound_window(acting, limits.extremes, start, end, limits.step, limits.top)
+    n = margin.shape[0]
+    first = acting.term_shape.shape[0] - n
+    together = 0.0
+    for s in range(n):
+        together += now.acceleration[s] * antinode[s]
+    crest, slope, speed = now.crest, now.slope, now.speed
+    most = 0.0
+    for s in range(n):
+        fast = acting.rate[first + s].imag
+        allowed = max(MARGIN / n * min(now.crest, together / (fast * fast)), LEAST_MARGIN) / antinode[s]
+        margin[s] = allowed
+        crest += allowed * antinode[s]
+        slope += allowed * steepest[s]
+        speed += allowed * fast * antinode[s]
+        now.acceleration[s] += allowed * fast * fast
+        most += now.acceleration[s] * antinode[s]
+    rest_step = now.rest_step
+    if rest_step > now.step:  # nothing drives it
+        rest_step = max(now.step, math.sqrt(2.0 * SAG / (GRAVITY + most)))
+    return Bounds(end, crest, slope, now.acceleration, speed, now.step, rest_step, now.calm)
+
+
+@compiled
+def _has_changed(changed, margin):
+    """Whether the reaction has changed by more than the margin of a shape."""
+    found = False
+    for s in range(margin.shape[0]):
+        found = found or changed[s].real ** 2 + changed[s].imag ** 2 > margin[s] ** 2
+    return found
+
+
+@entry_point
+def advance_reacting(crowd, plate, tools, span, frames, yielding, limits):
+    """Advance all parts to the end of a window, and write their frames; as `advance_islands`."""
+    lent, plate, tools, frames = borrow(crowd), borrow(plate), borrow(tools), borrow(frames)
+    yielding, limits = borrow(yielding), borrow(limits)
+    left = _advance(lent, plate.surface, plate.bounds, tools, span, frames, yielding, limits)
+    return left and crowd.parts.shape[0] > 0  # what was borrowed lives until here
+
+
+@compiled
+def _advance(crowd, surface, bounds, tools, span, frames, yielding, limits):
+    islands, parts, kinds = crowd.islands, crowd.parts, crowd.kinds
+    n = islands.part.shape[0]
+    tree = all_due(n + islands.pair.shape[0], span.start)
+    agenda = Agenda(borrowed(tree), 0, n, 0)
+    yielding.changed[:] = 0.0
+    for k in range(n):
+        if parts[islands.part[k]].there == ASLEEP:
+            set_due(tree, k, np.inf)
+    left = False
+    for frame in range(frames.time.shape[0] + 1):
+        stop = frames.time[frame] if frame < frames.time.shape[0] else span.end
+        while tree[1] < stop and frames.interrupt[0] == 0:
+            t, event = tree[1], earliest_of(tree)
+            if event >= n:
+                left |= look_at_pair(event, t, agenda, crowd, bounds, tools, span.reach)
+                continue
+            i = islands.part[event]
+            part = parts[i]
+            fly_to(part, kinds.record[part.kind], t)
+            left |= has_left(i, crowd, span.reach)
+            leap, hit = meet_yielding_plate(part, kinds, surface, bounds, t, tools.work, yielding)
+            set_due(tree, event, t + leap)
+            if not hit:
+                continue
+            if _has_changed(yielding.changed, limits.margin):
+                bounds = _renewed(surface, bounds, t, yielding, limits)
+                _look_again(t, agenda, crowd, bounds)
+            if bounds.calm and fall_asleep(part, kinds, surface, tools.work):
+                set_due(tree, event, np.inf)
+            look_again_at_pairs(i, -1, t, agenda, crowd, bounds)
+        for k in range(n):
+            i = islands.part[k]
+            if frame < frames.time.shape[0]:
+                write_row(parts, i, kinds, stop, frames.row[frame, i])
+            else:
+                fly_to(parts[i], kinds.record[parts[i].kind], stop)
+                left |= has_left(i, crowd, span.reach)
+    return left and tree.shape[0] > 0
+
+
+@compiled
+def _renewed(surface, bounds, t, yielding, limits):
+    """Bounds from time t on, in the arrays of the old ones."""
+    yielding.changed[:] = 0.0
+    new = _bounds(surface, t, bounds.end, limits)
+    for s in range(new.acceleration.shape[0]):
+        bounds.acceleration[s] = new.acceleration[s]
+    return Bounds(new.end, new.crest, new.slope, bounds.acceleration, new.speed, new.step, new.rest_step, new.calm)
+
+
+@compiled
+def _look_again(t, agenda, crowd, bounds):
+    """Make every part due, as its forecast was made over another surface; but none sooner than a step after a look."""
+    for k in range(agenda.n_parts):
+        i = crowd.islands.part[k]
+        part = crowd.parts[i]
+        kind = crowd.kinds.record[part.kind]
+        if part.there == ASLEEP and not bounds.calm:
+            fly_to(part, kind, t)  # it has lain there until now
+            wake(part)
+            look_again_at_pairs(i, -1, t, agenda, crowd, bounds)
+        if part.there != ASLEEP and part.there != ABSENT:
+            due = max(t, part.clock + shortest_flight(part, kind, bounds))
+            if due < agenda.tree[agenda.tree.shape[0] // 2 + k]:
+                set_due(agenda.tree, k, due)
