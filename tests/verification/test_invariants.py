@@ -124,7 +124,7 @@ def test_nothing_gains_energy_on_a_plate_at_rest(name: str, seed: int) -> None:
     part = a_part(name, rng, state(rng, (0.0, 0.0, 15.0), rng.uniform(-300.0, 300.0, 3), 40.0))
     scene, (frames,) = recorded(scenario(part, contact=random_contact(rng)))
     assert growth(scene, frames) < GAINED
-    assert depth_under(scene, frames).max() < GAINED
+    assert depth_under(scene, frames).max() < DEEPEST
 
 
 def test_a_block_that_tips_over_the_edge_gains_no_energy() -> None:
