@@ -28,18 +28,16 @@ SLENDER = 4.0  # largest over smallest moment of inertia
 # State of one part in world axes at a time of its own, `clock` [s]: columns of the attitude are the body axes; momentum
 # is the angular momentum about the centre of mass; there: ABSENT once it has been taken out, ASLEEP while it lies still
 # (rest.py), else AWAKE.
-PART = np.dtype(
-    [
-        ("position", "f8", 3),
-        ("velocity", "f8", 3),
-        ("attitude", "f8", (3, 3)),
-        ("momentum", "f8", 3),
-        ("clock", "f8"),
-        ("kind", "i8"),
-        ("there", "i8"),
-    ],
-    align=True,
-)
+PART_FIELDS: list[Any] = [
+    ("position", "f8", 3),
+    ("velocity", "f8", 3),
+    ("attitude", "f8", (3, 3)),
+    ("momentum", "f8", 3),
+    ("clock", "f8"),
+    ("kind", "i8"),
+    ("there", "i8"),
+]
+PART = np.dtype(PART_FIELDS, align=True)
 # What parts of one kind have in common: mass [kg], infinite for what stands still, and principal inertia; axis of
 # symmetry or -1; radius [m] around its corners, their reach from the centre of mass; restitution and friction on the
 # plate (0) and between parts (1), the same for all kinds; where its corners and edges are in `Kinds`, and the
@@ -61,7 +59,7 @@ KIND_FIELDS: list[Any] = [
 ]
 KIND = np.dtype(KIND_FIELDS, align=True)
 # The same in a scene with a general top, or with free cylinders; the further fields are marks that compilation goes by.
-# They come first: numba takes a record with more fields at its end for one of the shorter kind.
+# They come first, as in every record that extends another: numba takes a record with more fields at its end for one of the shorter kind.
 GENERAL, CIRCLE = "general", "circle_radius"
 GENERAL_FIELDS: list[Any] = [(GENERAL, "i8")]
 # Radius of the two circles of a cylinder, 0 for other kinds, and their height over its centre [m].

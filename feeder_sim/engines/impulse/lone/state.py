@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from feeder_sim.engines.impulse.lone.contact_problem import Bodies, Contacts, new_room
 from feeder_sim.engines.impulse.lone.edge_piece import EDGE_POINT
-from feeder_sim.engines.impulse.state import AWAKE, Kinds, flies, rotate
+from feeder_sim.engines.impulse.state import AWAKE, PART_FIELDS, Kinds, flies, rotate
 from feeder_sim.engines.surface_arrays import SurfaceArrays
 from feeder_sim.machine_code import compiled
 from feeder_sim.scene.scene import GRAVITY
@@ -29,31 +29,21 @@ HEIGHT, SLOPE_X, SLOPE_Y, TURN_X, TURN_Y = range(5)
 NOW, SPEED, ACCELERATION, CHANGE = range(4)  # of Scratch.now and Scratch.then
 EDGE_POINTS = 32  # room for points on the edge of the plate
 
-# State of the part in world axes at a time of its own, `clock` [s]: columns of the attitude are the body axes; momentum
-# is the angular momentum about the centre of mass; there: ABSENT, AWAKE or ASLEEP, as in impulse/state.py. phase
-# (docs/contact.md): FREE; PRESSED by a constant force [N] and moment [N m] until it is looked at next; FOLLOWING the
-# surface, whose frame at a place it has a seat and a facing in. held: looks for which it has not slipped. draws: state
-# of its random numbers.
-PART = np.dtype(
-    [
-        ("position", "f8", 3),
-        ("velocity", "f8", 3),
-        ("attitude", "f8", (3, 3)),
-        ("momentum", "f8", 3),
-        ("clock", "f8"),
-        ("kind", "i8"),
-        ("there", "i8"),
-        ("phase", "i8"),
-        ("held", "i8"),
-        ("draws", "u8"),
-        ("force", "f8", 3),
-        ("moment", "f8", 3),
-        ("place", "f8", 2),
-        ("seat", "f8", 3),
-        ("facing", "f8", (3, 3)),
-    ],
-    align=True,
-)
+# State of the part: that of `impulse.state.PART`, and before it, as numba needs it, what it does (docs/contact.md).
+# phase: FREE; PRESSED by a constant force [N] and moment [N m] until it is looked at next; FOLLOWING the surface, whose
+# frame at a place it has a seat and a facing in. held: looks for which it has not slipped. draws: state of its random
+# numbers.
+OWN_FIELDS: list[Any] = [
+    ("phase", "i8"),
+    ("held", "i8"),
+    ("draws", "u8"),
+    ("force", "f8", 3),
+    ("moment", "f8", 3),
+    ("place", "f8", 2),
+    ("seat", "f8", 3),
+    ("facing", "f8", (3, 3)),
+]
+PART = np.dtype([*OWN_FIELDS, *PART_FIELDS], align=True)
 
 
 class Exactness(NamedTuple):
