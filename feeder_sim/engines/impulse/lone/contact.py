@@ -65,7 +65,8 @@ LONGEST = 2e-4  # [s] of constant forces
 TURNED, TURNED_AT_EDGE = 0.02, 0.002  # [rad] by which a part turns under constant forces; there the normal turns too
 TOGETHER = 10.0  # tolerances; points this close hit together, so that a flat landing is one impact and not six
 CARRIED = 30.0  # tolerances; points that have been pressed and are this close still are
-RETURN = 0.05  # share of its gap that a pressed point gives back in the time of constant forces
+RETURN = 0.3  # share of its gap that a pressed point gives back in the time of constant forces
+SETTLED = 0.1  # of the speed that the plate gives a point in the time of summed bounces: what is slower stays
 NO_LIFT = 1e-3  # of the time of constant forces: what is lifted sooner than that is lifted now
 FIRMLY = 0.99  # of full friction: what takes less is not sliding
 TURNS, STOPS = 3, 0.98  # rounds, and share of the time, by which the end of a slip is found
@@ -124,14 +125,13 @@ def strike(part, kind, n, twist, bounds, work):
             row = work.point[i]
             if row[KNOWN] == 0.0 or not row[GAP] <= together:
                 continue
-            least = LEFT if row[PUSH] > 0.0 else 0.0
-            if row[RATE] > least:
+            if row[RATE] > LEFT:
                 continue
             e = restitution_at(kind, -row[RATE])
             departure = 0.5 * chatter_time(row[MOVES], twist, bounds) * (1.0 - e) * max(row[PUSH], 0.0)
             if -e * row[RATE] <= departure:
                 e = 0.0  # what is left of its bounces is summed: they take what the plate pushes meanwhile
-            if row[RATE] < -least and row[GAP] <= touch:
+            if row[RATE] < -LEFT and row[GAP] <= touch:
                 approaches = True
             _gather(i, m, 0.0 if rounds == ROUNDS else e, work)
             m += 1
@@ -164,29 +164,17 @@ def _scatter(part, m, bounds, work):
 
 @compiled
 def press(part, kind, n, pressed, unknown, surface, bounds, t, until, work):
-    """Constant forces on the part for a time, as contacts in `work` then say; see `apply_forces`.
+    """Set constant forces on the part for a time, as the contacts in `work` say.
 
     pressed: whether it has been until now; unknown: see `unsure`.
 
     Returns:
-        the time [s], 0 if nothing is pressed; whether nothing slips; the number of contacts.
+        the time [s], 0 if nothing is pressed; whether nothing slips.
     """
-    touch, (slack, twist) = bounds.exact.touch, unknown
-    usual, lift = _time_of_forces(part, kind, n, pressed, twist, bounds, work)
+    usual, lift = _time_of_forces(part, kind, n, pressed, unknown[1], bounds, work)
     if usual == 0.0 or lift < NO_LIFT * usual:
-        return 0.0, False, 0
-    least = shortest_leap(part, kind, bounds)
-    time = max(min(usual, lift, until - t), least)
-    for i in range(n):
-        row = work.point[i]
-        if row[GAP] == np.inf or _is_carried(row, time, bounds):
-            continue
-        if row[GAP] + time * (row[RATE] - 0.5 * (row[OWN] + slack + row[MOVES]) * time) > 0.5 * touch:
-            continue
-        if row[MOVES] == 0.0:
-            time = max(min(time, leap(max(row[GAP] - 0.5 * touch, 0.0), row[RATE], row[OWN])), least)
-        else:
-            time = max(min(time, leap_of(row, row[RATE], slack, twist, bounds, touch)), least)
+        return 0.0, False
+    time = max(min(usual, lift, until - t), shortest_leap(part, kind, bounds))
     m = 0
     for turn in range(TURNS):
         _load(part, kind, time, work)
@@ -208,11 +196,14 @@ def press(part, kind, n, pressed, unknown, surface, bounds, t, until, work):
             u = plus(u, -dot(u, normal), normal)
             held = held and dot(u, u) < SLIPS * SLIPS
             held = held and dot(friction, friction) <= (FIRMLY * work.contacts.number[FRICTION, i] * along) ** 2
-    return (time if loaded else 0.0), held, m
+    if not loaded:
+        return 0.0, False
+    _apply_forces(part, m, time, work)
+    return _until_next(part, kind, n, time, unknown, bounds, work), held
 
 
-@compiled
-def apply_forces(part, m, time, work):
+@inlined
+def _apply_forces(part, m, time, work):
     """Press the part by what the last solution of m contacts says, over a time [s]."""
     part.phase = PRESSED
     for c in range(3):
@@ -221,6 +212,33 @@ def apply_forces(part, m, time, work):
         arm, impulse = work.contacts.vector[ARM_SECOND, i], work.contacts.vector[IMPULSE, i]
         add_to(part.force, 1.0 / time, impulse)
         add_to(part.moment, 1.0 / time, cross(arm, impulse))
+
+
+@inlined
+def _until_next(part, kind, n, time, unknown, bounds, work):
+    """How much of a time of constant forces [s] passes before a point that they do not press can touch.
+
+    A part that tips brings its far side down faster than it would fall by itself.
+    """
+    touch, (slack, twist), spin = bounds.exact.touch, unknown, spin_of(part, kind)
+    found = time
+    for i in range(n):
+        row = work.point[i]
+        if row[GAP] == math.inf or _is_carried(row, time, bounds):
+            continue
+        arm, normal = vector(row[AT : AT + 3]), vector(row[TOWARDS : TOWARDS + 3])
+        going = cross(spin, arm)
+        ahead = cross(work.bodies.spin[0], plus(arm, time, going))
+        falls = dot(normal, difference(plus(part.velocity, 1.0, going), plus(work.bodies.velocity[0], 1.0, ahead)))
+        more = max(falls / time - row[FALL], 0.0) + slack
+        gap, rate, bound = row[GAP] - 0.5 * touch, row[RATE], row[OWN] + more + row[MOVES]
+        if gap + found * (rate - 0.5 * bound * found) > 0.0:
+            continue
+        if row[MOVES] == 0.0:
+            found = min(found, leap(max(gap, 0.0), rate, bound))
+        else:
+            found = min(found, leap_of(row, rate, more, twist, bounds, touch))
+    return max(found, shortest_leap(part, kind, bounds))
 
 
 @inlined
@@ -279,7 +297,7 @@ def _time_of_forces(part, kind, n, pressed, twist, bounds, work):
         row = work.point[i]
         if row[KNOWN] == 0.0 or not row[GAP] <= close or row[PUSH] <= 0.0:
             continue
-        if abs(row[RATE]) > max(0.5 * chatter * row[PUSH], LEFT):
+        if abs(row[RATE]) > max(SETTLED * chatter * row[PUSH], LEFT):
             continue
         any_pressed = True
         root = math.inf
@@ -322,9 +340,10 @@ def _gather_ahead(part, kind, n, surface, bounds, t, time, usual, work):
         if not _is_carried(row, time, bounds):
             continue
         _gather(i, m, 0.0, work)
-        going = cross(spin, vector(row[AT : AT + 3]))
+        going, inwards = cross(spin, vector(row[AT : AT + 3])), (0.0, 0.0, 0.0)
         if kind.corner_to - kind.corner_from > 1 and row[KNOWN] != AT_EDGE:
-            write_to(contacts.vector[ARM_SECOND, m], plus(row[AT : AT + 3], time, going))
+            write_to(contacts.vector[ARM_SECOND, m], plus(row[AT : AT + 3], 0.5 * time, going))
+            inwards = cross(spin, going)
         gap = row[GAP] - 0.5 * touch
         target = -RETURN * gap / usual
         if gap > 0.5 * touch:
@@ -332,6 +351,7 @@ def _gather_ahead(part, kind, n, surface, bounds, t, time, usual, work):
         contacts.number[TARGET, m] = target
         m += 1
         if row[MOVES] == 0.0:
+            add_to(contacts.vector[VELOCITY, m - 1], -0.5 * time, inwards)
             continue
         dx, dy = (part.velocity[0] + going[0]) * time, (part.velocity[1] + going[1]) * time
         speed = slope_x = slope_y = along_x = along_y = 0.0
@@ -346,5 +366,5 @@ def _gather_ahead(part, kind, n, surface, bounds, t, time, usual, work):
         if row[KNOWN] != AT_EDGE:
             write_to(contacts.vector[NORMAL, m - 1], (-slope_x / size, -slope_y / size, 1.0 / size))
         lift = speed + slope_x * along_x + slope_y * along_y
-        write_to(contacts.vector[VELOCITY, m - 1], (along_x, along_y, lift))
+        write_to(contacts.vector[VELOCITY, m - 1], plus((along_x, along_y, lift), -0.5 * time, inwards))
     return m

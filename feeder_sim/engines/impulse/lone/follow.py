@@ -37,6 +37,7 @@ from feeder_sim.plate.compiled import BETA_X, BETA_Y, W, cubic_slopes, cubic_wei
 from feeder_sim.scene.scene import GRAVITY
 
 FIRM, BALANCED = 0.9, 0.7
+LEVEL = 1e-9  # [rad]; a slope that is none, on which what has no radius of support stands
 ALONG = 1e-5  # [m/s]; what does not move like the surface by more does not follow it
 BENDS = 10.0  # tolerances
 STRIDE = 0.2  # [rad] of the fastest motion: between two looks ahead
@@ -218,7 +219,7 @@ def _held(normal, lateral, moment, height, rho, kind):
     return (
         normal > 0.0
         and lateral <= FIRM * kind.friction[0] * normal
-        and moment + height * lateral <= BALANCED * rho * normal
+        and moment + height * lateral <= (BALANCED * max(rho, 0.0) + LEVEL * height) * normal
     )
 
 

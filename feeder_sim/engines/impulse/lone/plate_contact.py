@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from feeder_sim.engines.impulse.lone.contact import CARRIED, apply_forces, press, strike
+from feeder_sim.engines.impulse.lone.contact import CARRIED, press, strike
 from feeder_sim.engines.impulse.lone.follow import follows_until, goes_along, sit_down
 from feeder_sim.engines.impulse.lone.leap import NEVER, first_leaps, forecast, shortest_leap, unsure
 from feeder_sim.engines.impulse.lone.plate_points import CLOSE, REACH, look, look_at_edge
@@ -41,14 +41,11 @@ def meet_plate(part, kinds, surface, bounds, t, work):
     if close or at_edge:
         strike(part, kind, n, unknown[1], bounds, work)
         unknown = unsure(part, kind, bounds)
-        stays, held, m = press(part, kind, n, before != FREE, unknown, surface, bounds, t, until, work)
+        stays, held = press(part, kind, n, before != FREE, unknown, surface, bounds, t, until, work)
         if stays > 0.0:
             part.held = part.held + 1 if held else min(part.held, 0)
             if held:
-                longer = _stay(part, kind, n, surface, bounds, t, until, stays, work)
-                if longer > stays:
-                    return longer
-            apply_forces(part, m, stays, work)
+                return _stay(part, kind, n, surface, bounds, t, until, stays, work)
             return stays
         part.held = 0
     slack, twist = unknown
@@ -66,12 +63,12 @@ def _stay(part, kind, n, surface, bounds, t, until, stays, work):
     height = _height(n, bounds, work)
     if part.held < 1 or not goes_along(part, height, t + stays, surface, work):
         return stays
-    if bounds.calm and _is_still(kind, bounds, work):
+    ends = follows_until(part, kind, n, height, surface, bounds, t, until, work)
+    if bounds.calm and (ends == until or _is_still(kind, bounds, work)):
         for k in range(3):
             part.velocity[k] = part.momentum[k] = 0.0
-        part.there = ASLEEP
+        part.there, part.phase = ASLEEP, FREE
         return NEVER
-    ends = follows_until(part, kind, n, height, surface, bounds, t, until, work)
     if ends - t <= stays:
         part.held = -SKIPPED
         return stays
