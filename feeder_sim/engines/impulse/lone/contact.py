@@ -33,6 +33,7 @@ from feeder_sim.engines.impulse.lone.plate_points import renew_rates, spin_chang
 from feeder_sim.engines.impulse.lone.state import (
     AT,
     AT_EDGE,
+    CARRY,
     FALL,
     GAP,
     HEIGHT,
@@ -62,7 +63,7 @@ from feeder_sim.scene.scene import GRAVITY
 ROUNDS = 20  # of impacts at zero time; after them what still approaches does so without rebound
 LONGEST_CHATTER = 3e-5  # [s] of bounces that are summed where nothing moves: hops of a nanometre
 LONGEST = 2e-4  # [s] of constant forces
-TURNED, TURNED_AT_EDGE = 0.02, 0.002  # [rad] by which a part turns under constant forces; there the normal turns too
+TURNED, TURNED_AT_EDGE = 0.02, 0.0005  # [rad] by which a part turns under constant forces; there the normal turns too
 TOGETHER = 10.0  # tolerances; points this close hit together, so that a flat landing is one impact and not six
 CARRIED = 30.0  # tolerances; points that have been pressed and are this close still are
 RETURN = 0.3  # share of its gap that a pressed point gives back in the time of constant forces
@@ -171,9 +172,10 @@ def press(part, kind, n, pressed, unknown, surface, bounds, t, until, work):
     Returns:
         the time [s], 0 if nothing is pressed; whether nothing slips.
     """
-    usual, lift = _time_of_forces(part, kind, n, pressed, unknown[1], bounds, work)
+    usual, chatter, lift = _time_of_forces(part, kind, n, pressed, unknown[1], bounds, work)
     if usual == 0.0 or lift < NO_LIFT * usual:
         return 0.0, False
+    _mark_carried(n, usual, chatter, bounds, work)
     time = max(min(usual, lift, until - t), shortest_leap(part, kind, bounds))
     m = 0
     for turn in range(TURNS):
@@ -224,7 +226,7 @@ def _until_next(part, kind, n, time, unknown, bounds, work):
     found = time
     for i in range(n):
         row = work.point[i]
-        if row[GAP] == math.inf or _is_carried(row, time, bounds):
+        if row[GAP] == math.inf or row[CARRY] != 0.0:
             continue
         arm, normal = vector(row[AT : AT + 3]), vector(row[TOWARDS : TOWARDS + 3])
         going = cross(spin, arm)
@@ -281,7 +283,7 @@ def _slip_stops(part, kind, m, time, work):
 
 @inlined
 def _time_of_forces(part, kind, n, pressed, twist, bounds, work):
-    """How long forces may stay constant [s], 0 if no point is pressed; and when the last of the points is lifted."""
+    """How long forces may stay constant [s], 0 if no point is pressed; that of summed bounces; when the last is lifted."""
     close = CARRIED * bounds.exact.tolerance if pressed else bounds.exact.touch
     moves, least = 0.0, LONGEST
     for i in range(n):
@@ -308,21 +310,29 @@ def _time_of_forces(part, kind, n, pressed, twist, bounds, work):
                 root = 2.0 * row[PUSH] / (math.sqrt(inside) - row[JERK])
         lift = max(lift, root)
     if not any_pressed:
-        return 0.0, 0.0
+        return 0.0, 0.0, 0.0
     time = _time_of(moves * bounds.fastest, least, bounds)
     turning = turning_speed(part, kind)
     if turning * time > TURNED * kind.reach:
         time = TURNED * kind.reach / turning
-    return time, lift
+    return time, chatter, lift
 
 
 @inlined
-def _is_carried(row, time, bounds):
-    """Whether a point is close enough, and slow enough, for the forces to see to it."""
+def _is_settled(row, usual, chatter, bounds):
+    """Whether a point is pressed so firmly, or leaves so slowly, that it stays."""
+    return row[RATE] <= max(SETTLED * chatter * row[PUSH], bounds.exact.tolerance / usual)
+
+
+@inlined
+def _mark_carried(n, usual, chatter, bounds, work):
+    """Mark the points that are close enough, and slow enough, for the forces to see to them."""
     close = CARRIED * bounds.exact.tolerance
-    if row[KNOWN] == 0.0 or row[GAP] > close:
-        return False
-    return row[GAP] <= bounds.exact.touch or row[RATE] * time > -close
+    for i in range(n):
+        row = work.point[i]
+        near = row[GAP] <= bounds.exact.touch or (row[GAP] <= close and row[RATE] * usual > -close)
+        carried = row[KNOWN] != 0.0 and near and _is_settled(row, usual, chatter, bounds)
+        row[CARRY] = 1.0 if carried else 0.0
 
 
 @inlined
@@ -337,7 +347,7 @@ def _gather_ahead(part, kind, n, surface, bounds, t, time, usual, work):
     m, contacts = 0, work.contacts
     for i in range(n):
         row, under = work.point[i], work.under[i]
-        if not _is_carried(row, time, bounds):
+        if row[CARRY] == 0.0:
             continue
         _gather(i, m, 0.0, work)
         going, inwards = cross(spin, vector(row[AT : AT + 3])), (0.0, 0.0, 0.0)

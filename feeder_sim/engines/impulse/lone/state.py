@@ -18,12 +18,12 @@ FREE, PRESSED, FOLLOWING = range(3)  # in PART, phase
 # Columns of Scratch.point, a point that can touch: its gap [m] and how fast that grows [m/s]; how fast both sides are
 # accelerated together [m/s^2], and how that changes [m/s^3]; the largest acceleration of the surface there, and of the
 # point by itself [m/s^2]; how it falls by itself, with its part [m/s^2]; friction; KNOWN: 0 where the columns after it
-# are not filled, AT_EDGE on the edge of the plate.
-GAP, RATE, PUSH, JERK, MOVES, OWN, FALL, MU, KNOWN = range(9)
+# are not filled, AT_EDGE on the edge of the plate; CARRY: 1 where constant forces see to it (contact.py).
+GAP, RATE, PUSH, JERK, MOVES, OWN, FALL, MU, KNOWN, CARRY = range(10)
 AT_EDGE = 2.0
 # Arm from the centre of mass, normal of what it can touch and how that moves, three columns each.
-AT, TOWARDS, WITH = 9, 12, 15
-POINT_COLUMNS = 18
+AT, TOWARDS, WITH = 10, 13, 16
+POINT_COLUMNS = 19
 # Of Scratch.under: what each mode shape does under a point: deflection, its slopes, and rotations.
 HEIGHT, SLOPE_X, SLOPE_Y, TURN_X, TURN_Y = range(5)
 NOW, SPEED, ACCELERATION, CHANGE = range(4)  # of Scratch.now and Scratch.then
