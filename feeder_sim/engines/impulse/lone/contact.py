@@ -31,6 +31,7 @@ from feeder_sim.engines.impulse.lone.leap import leap, leap_of, shortest_leap
 from feeder_sim.engines.impulse.lone.moving_surface import move_surface
 from feeder_sim.engines.impulse.lone.plate_points import renew_rates, spin_change
 from feeder_sim.engines.impulse.lone.state import (
+    ACCELERATION,
     AT,
     AT_EDGE,
     CARRY,
@@ -73,6 +74,7 @@ FIRMLY = 0.99  # of full friction: what takes less is not sliding
 TURNS, STOPS = 3, 0.98  # rounds, and share of the time, by which the end of a slip is found
 LEFT = 1e-9  # [m/s]; what round-off leaves of the speed of points that stay
 SLIPS = 1e-7  # [m/s]
+NOTHING = (0.0, 0.0, 0.0)
 
 
 @inlined
@@ -206,12 +208,19 @@ def press(part, kind, n, pressed, unknown, surface, bounds, t, until, work):
 
 @inlined
 def _apply_forces(part, m, time, work):
-    """Press the part by what the last solution of m contacts says, over a time [s]."""
-    part.phase = PRESSED
+    """Press the part by what the last solution of m contacts says, over a time [s].
+
+    The force is no constant: the part's acceleration changes as that of the surface at its contacts does, by load.
+    """
+    part.phase, part.lead, load = PRESSED, 0.5 * time, 0.0
     for c in range(3):
-        part.force[c] = part.moment[c] = 0.0
+        part.force[c] = part.moment[c] = part.jerk[c] = 0.0
+    for i in range(m):
+        load += dot(work.contacts.vector[IMPULSE, i], work.contacts.vector[NORMAL, i])
     for i in range(m):
         arm, impulse = work.contacts.vector[ARM_SECOND, i], work.contacts.vector[IMPULSE, i]
+        normal = vector(work.contacts.vector[NORMAL, i])
+        add_to(part.jerk, work.point[work.row_of[i], JERK] * dot(normal, impulse) / load, normal)
         add_to(part.force, 1.0 / time, impulse)
         add_to(part.moment, 1.0 / time, cross(arm, impulse))
 
@@ -350,7 +359,7 @@ def _gather_ahead(part, kind, n, surface, bounds, t, time, usual, work):
         if row[CARRY] == 0.0:
             continue
         _gather(i, m, 0.0, work)
-        going, inwards = cross(spin, vector(row[AT : AT + 3])), (0.0, 0.0, 0.0)
+        going, inwards = cross(spin, vector(row[AT : AT + 3])), NOTHING
         if kind.corner_to - kind.corner_from > 1 and row[KNOWN] != AT_EDGE:
             write_to(contacts.vector[ARM_SECOND, m], plus(row[AT : AT + 3], 0.5 * time, going))
             inwards = cross(spin, going)
@@ -364,17 +373,23 @@ def _gather_ahead(part, kind, n, surface, bounds, t, time, usual, work):
             add_to(contacts.vector[VELOCITY, m - 1], -0.5 * time, inwards)
             continue
         dx, dy = (part.velocity[0] + going[0]) * time, (part.velocity[1] + going[1]) * time
-        speed = slope_x = slope_y = along_x = along_y = 0.0
+        speed = slope_x = slope_y = along_x = along_y = push = 0.0
         for s in range(under.shape[0]):
             q, dq = work.then[NOW, s], work.then[SPEED, s]
+            push += under[s, HEIGHT] * work.then[ACCELERATION, s]
             speed += (under[s, HEIGHT] + dx * under[s, SLOPE_X] + dy * under[s, SLOPE_Y]) * dq
             slope_x += under[s, SLOPE_X] * q
             slope_y += under[s, SLOPE_Y] * q
             along_x -= moves * under[s, TURN_X] * dq
             along_y -= moves * under[s, TURN_Y] * dq
-        size = math.sqrt(1.0 + slope_x * slope_x + slope_y * slope_y)
-        if row[KNOWN] != AT_EDGE:
-            write_to(contacts.vector[NORMAL, m - 1], (-slope_x / size, -slope_y / size, 1.0 / size))
+        row[JERK] = (push - row[PUSH] + row[FALL]) / time  # the mean
+        if row[KNOWN] != AT_EDGE:  # the force acts along the mean normal
+            steep = math.sqrt(1.0 + slope_x * slope_x + slope_y * slope_y)
+            both = plus(row[TOWARDS : TOWARDS + 3], 1.0 / steep, (-slope_x, -slope_y, 1.0))
+            normal = plus(NOTHING, 1.0 / math.sqrt(dot(both, both)), both)
+            write_to(contacts.vector[NORMAL, m - 1], normal)
+            if kind.radius > 0.0 and kind.corner_to - kind.corner_from == 1:
+                write_to(contacts.vector[ARM_SECOND, m - 1], plus(NOTHING, -kind.radius, normal))
         lift = speed + slope_x * along_x + slope_y * along_y
         write_to(contacts.vector[VELOCITY, m - 1], plus((along_x, along_y, lift), -0.5 * time, inwards))
     return m

@@ -30,8 +30,9 @@ NOW, SPEED, ACCELERATION, CHANGE = range(4)  # of Scratch.now and Scratch.then
 EDGE_POINTS = 32  # room for points on the edge of the plate
 
 # State of the part: that of `impulse.state.PART`, and before it, as numba needs it, what it does (docs/contact.md).
-# phase: FREE; PRESSED by a constant force [N] and moment [N m] until it is looked at next; FOLLOWING the surface, whose
-# frame at a place it has a seat and a facing in. held: looks for which it has not slipped. draws: state of its random
+# phase: FREE; PRESSED by a mean force [N] and moment [N m] until it is looked at next; FOLLOWING the surface, whose
+# frame at a place it has a seat and a facing in. The force changes with the push of the plate, by a jerk [m/s^3] of the
+# part, from less than its mean to more; it has its mean after the time lead [s]. held: looks for which it has not slipped. draws: state of its random
 # numbers.
 OWN_FIELDS: list[Any] = [
     ("phase", "i8"),
@@ -39,6 +40,8 @@ OWN_FIELDS: list[Any] = [
     ("draws", "u8"),
     ("force", "f8", 3),
     ("moment", "f8", 3),
+    ("jerk", "f8", 3),
+    ("lead", "f8"),
     ("place", "f8", 2),
     ("seat", "f8", 3),
     ("facing", "f8", (3, 3)),
@@ -125,7 +128,7 @@ def new_part(like: NDArray[np.void], draws: NDArray[np.uint64]) -> NDArray[np.vo
 
 @compiled
 def fly_to(part, kind, t):
-    """Bring a part that is not FOLLOWING to time t [s], under gravity and the constant force that presses it."""
+    """Bring a part that is not FOLLOWING to time t [s], under gravity and the force that presses it."""
     duration = t - part.clock
     part.clock = t
     if duration <= 0.0 or not flies(part, kind):
@@ -137,10 +140,13 @@ def fly_to(part, kind, t):
         part.velocity[2] -= GRAVITY * duration
         rotate(part.attitude, part.momentum, kind, duration)
         return
+    bent = (duration / 3.0 - part.lead) * 0.5 * duration * duration
+    turned = (0.5 * duration - part.lead) * duration
+    part.lead -= duration
     for k in range(3):
         gained = part.force[k] / kind.mass * duration
-        part.position[k] += (part.velocity[k] + 0.5 * gained) * duration
-        part.velocity[k] += gained
+        part.position[k] += (part.velocity[k] + 0.5 * gained) * duration + part.jerk[k] * bent
+        part.velocity[k] += gained + part.jerk[k] * turned
         part.momentum[k] += 0.5 * part.moment[k] * duration
     part.position[2] -= 0.5 * GRAVITY * duration * duration
     part.velocity[2] -= GRAVITY * duration
