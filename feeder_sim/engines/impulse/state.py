@@ -59,7 +59,8 @@ KIND_FIELDS: list[Any] = [
 ]
 KIND = np.dtype(KIND_FIELDS, align=True)
 # The same in a scene with a general top, or with free cylinders; the further fields are marks that compilation goes by.
-# They come first, as in every record that extends another: numba takes a record with more fields at its end for one of the shorter kind.
+# They come first, as in every record that extends another: numba takes a record with more fields at its end for one of
+# the shorter kind.
 GENERAL, CIRCLE = "general", "circle_radius"
 GENERAL_FIELDS: list[Any] = [(GENERAL, "i8")]
 # Radius of the two circles of a cylinder, 0 for other kinds, and their height over its centre [m].

@@ -11,8 +11,6 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
 from feeder_sim.engines.impulse.lone.contact_law import hit_alone, restitution_at
 from feeder_sim.engines.impulse.lone.contact_problem import (
     ARM_SECOND,
@@ -27,7 +25,7 @@ from feeder_sim.engines.impulse.lone.contact_problem import (
     impact,
     solve,
 )
-from feeder_sim.engines.impulse.lone.leap import leap, leap_of, shortest_leap
+from feeder_sim.engines.impulse.lone.leap import LEFT, leap, leap_of, room_of, shortest_leap
 from feeder_sim.engines.impulse.lone.moving_surface import move_surface
 from feeder_sim.engines.impulse.lone.plate_points import renew_rates, spin_change
 from feeder_sim.engines.impulse.lone.state import (
@@ -72,7 +70,6 @@ SETTLED = 0.1  # of the speed that the plate gives a point in the time of summed
 NO_LIFT = 1e-3  # of the time of constant forces: what is lifted sooner than that is lifted now
 FIRMLY = 0.99  # of full friction: what takes less is not sliding
 TURNS, STOPS = 3, 0.98  # rounds, and share of the time, by which the end of a slip is found
-LEFT = 1e-9  # [m/s]; what round-off leaves of the speed of points that stay
 SLIPS = 1e-7  # [m/s]
 NOTHING = (0.0, 0.0, 0.0)
 
@@ -242,11 +239,12 @@ def _until_next(part, kind, n, time, unknown, bounds, work):
         ahead = cross(work.bodies.spin[0], plus(arm, time, going))
         falls = dot(normal, difference(plus(part.velocity, 1.0, going), plus(work.bodies.velocity[0], 1.0, ahead)))
         more = max(falls / time - row[FALL], 0.0) + slack
-        gap, rate, bound = row[GAP] - 0.5 * touch, row[RATE], row[OWN] + more + row[MOVES]
+        bound = row[OWN] + more + row[MOVES]
+        gap, rate = room_of(row, row[RATE], touch)
         if gap + found * (rate - 0.5 * bound * found) > 0.0:
             continue
         if row[MOVES] == 0.0:
-            found = min(found, leap(max(gap, 0.0), rate, bound))
+            found = min(found, leap(gap, rate, bound))
         else:
             found = min(found, leap_of(row, rate, more, twist, bounds, touch))
     return max(found, shortest_leap(part, kind, bounds))
@@ -292,7 +290,7 @@ def _slip_stops(part, kind, m, time, work):
 
 @inlined
 def _time_of_forces(part, kind, n, pressed, twist, bounds, work):
-    """How long forces may stay constant [s], 0 if no point is pressed; that of summed bounces; when the last is lifted."""
+    """How long forces last [s], 0 if no point is pressed; summed bounces; and when the last point is lifted."""
     close = CARRIED * bounds.exact.tolerance if pressed else bounds.exact.touch
     moves, least = 0.0, LONGEST
     for i in range(n):

@@ -23,6 +23,7 @@ from feeder_sim.scene.scene import GRAVITY
 NEAR = 1.0  # [rad] of the surface's motion: for shorter leaps the bound on its jerk is worth using
 MAX_LEAPS = 40  # of a forecast
 NEVER = 1e9  # [s]; the flight of a part that is not over the plate
+LEFT = 1e-9  # [m/s]; what round-off leaves of the speed of points that stay, or that have just been left
 TINY = 1e-300
 SOON = 1e-2  # of a leap: a forecast that would go on by less ends
 
@@ -48,9 +49,19 @@ def near_leap(gap, rate, h, jerk):
 
 
 @inlined
+def room_of(row, rate, touch):
+    """The gap that a point may close in a leap [m], and its rate [m/s]: a point that has just been left is let go."""
+    gap = row[GAP] - 0.5 * touch
+    if gap <= 0.0 and rate >= -LEFT:
+        return max(0.5 * row[GAP], 0.0), max(rate, 0.0)
+    return max(gap, 0.0), rate
+
+
+@inlined
 def leap_of(row, rate, slack, twist, bounds, touch):
     """Time [s] before which a point with this rate [m/s] cannot touch; slack, twist: see `unsure`."""
-    gap, moves = max(row[GAP] - 0.5 * touch, 0.0), row[MOVES]
+    gap, rate = room_of(row, rate, touch)
+    moves = row[MOVES]
     found = leap(gap, rate, row[OWN] + slack + moves)
     if moves == 0.0 or bounds.fastest * found > NEAR:
         return found
@@ -89,7 +100,8 @@ def first_leaps(n, slack, twist, bounds, work):
             continue
         if row[MOVES] == 0.0:
             if gap + to_crest * (rate - 0.5 * row[OWN] * to_crest) <= 0.5 * touch:
-                to_crest = leap(max(gap - 0.5 * touch, 0.0), rate, row[OWN])
+                gap, rate = room_of(row, rate, touch)
+                to_crest = leap(gap, rate, row[OWN])
         else:
             if gap > CLOSE:
                 rate -= slack / bounds.fastest  # the slope there is not known

@@ -32,8 +32,8 @@ EDGE_POINTS = 32  # room for points on the edge of the plate
 # State of the part: that of `impulse.state.PART`, and before it, as numba needs it, what it does (docs/contact.md).
 # phase: FREE; PRESSED by a mean force [N] and moment [N m] until it is looked at next; FOLLOWING the surface, whose
 # frame at a place it has a seat and a facing in. The force changes with the push of the plate, by a jerk [m/s^3] of the
-# part, from less than its mean to more; it has its mean after the time lead [s]. held: looks for which it has not slipped. draws: state of its random
-# numbers.
+# part, from less than its mean to more; it has its mean after the time lead [s]. held: looks for which it has not
+# slipped. draws: state of its random numbers.
 OWN_FIELDS: list[Any] = [
     ("phase", "i8"),
     ("held", "i8"),
