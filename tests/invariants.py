@@ -1,4 +1,4 @@
-"""What mechanics keeps, read off recorded motion: energy, momenta, and how deep bodies reach into each other.
+"""What mechanics keeps, read off recorded motion: energy, true speeds, and how deep bodies reach into a plate.
 
     scene, runs = recorded(scenario)
     energy(scene, runs[0])
@@ -9,18 +9,14 @@ are taken from the engine in double precision and without the guard, which would
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import nnls
-from scipy.spatial import ConvexHull
 from scipy.spatial.transform import Rotation
 
 from feeder_sim.engines.lookup import engine_class
-from feeder_sim.part.rigid_part import RigidPart
 from feeder_sim.records.trajectory import Frames
 from feeder_sim.run.simulation import generators
 from feeder_sim.scenario import Contact, Scenario
@@ -85,19 +81,6 @@ def growth(scene: Scene, frames: Frames) -> float:
     return gain / (GRAVITY * sum(part.mass for part in scene.parts))
 
 
-def momenta(scene: Scene, frames: Frames) -> tuple[Floats, Floats]:
-    """Momentum [kg m/s] and angular momentum about the common centre of mass [kg m^2/s] of all parts, both (n, 3).
-
-    Gravity is taken off: in flight both stay.
-    """
-    mass = np.array([part.mass for part in scene.parts])
-    fallen = -GRAVITY * frames.time[:, None, None] * np.array([0.0, 0.0, 1.0])
-    velocity = frames.velocity - fallen
-    arm = frames.position - (mass[:, None] * frames.position).sum(axis=1, keepdims=True) / mass.sum()
-    turning = sum(_turning(scene, frames, i)[0] for i in range(len(mass)))
-    return np.einsum("p,npi->ni", mass, velocity), turning + np.einsum("p,npi->ni", mass, np.cross(arm, velocity))
-
-
 def speeds_from_poses(frames: Frames) -> tuple[Floats, Floats]:
     """Mean velocities [m/s] and spins [rad/s] between frames, from places and attitudes alone; (n - 1, parts, 3)."""
     interval = np.diff(frames.time)[:, None, None]
@@ -136,65 +119,3 @@ def depth_under(scene: Scene, frames: Frames, height: Floats | float = 0.0) -> F
     """Depth of the lowest point of every part under a level plate, which is at heights (n,) [m]; (n, parts) [m]."""
     down = np.array([0.0, 0.0, -1.0])
     return np.stack([_reach(scene, frames, i, down) + height for i in range(len(scene.parts))], axis=1)
-
-
-def depth_in_rim(scene: Scene, frames: Frames) -> Floats:
-    """How far every part reaches beyond the sides of the plate, where its rim stands, shape (n, parts) [m]."""
-    beyond = []
-    for axis, length in ((0, scene.surface.length), (1, scene.surface.width)):
-        for sign in (1.0, -1.0):
-            out = sign * np.eye(3)[axis]
-            beyond.append([_reach(scene, frames, i, out) - 0.5 * length for i in range(len(scene.parts))])
-    return np.max(beyond, axis=0).T
-
-
-def depth_in_tube(scene: Scene, frames: Frames) -> Floats:
-    """How far the only part, of corners or a ball, reaches into the wall of its tube, shape (n,) [m]."""
-    kind, guide = scene.parts[0], scene.guides[0]
-    assert guide is not None and guide.radius is not None
-    foot = np.array([*guide.foot, 0.0])
-    corners = np.einsum("nij,cj->nci", attitudes(frames, 0), kind.corners) + frames.position[:, :1] - foot
-    off = corners - (corners @ guide.axis)[..., None] * guide.axis
-    return np.asarray(np.linalg.norm(off, axis=2).max(axis=1) + kind.corner_radius - guide.radius)
-
-
-def depth_of_pairs(scene: Scene, frames: Frames) -> float:
-    """The most that two parts reach into each other at any frame, negative if they never touch [m].
-
-    Convex pieces are compared by the distance of the origin from their Minkowski difference, whose faces are exact
-    inside. Outside they bound it from below; where that leaves open whether the rounded corners touch, the distance
-    is that of least squares with weights that must not be negative (Lawson and Hanson 1974, ch. 23).
-    """
-    deepest = -np.inf
-    for a, b in itertools.combinations(range(len(scene.parts)), 2):
-        one, other = scene.parts[a], scene.parts[b]
-        apart = np.linalg.norm(frames.position[:, a] - frames.position[:, b], axis=1)
-        for row in np.flatnonzero(apart < one.size + other.size):
-            pieces = [_placed(scene.parts[i], frames, int(row), i) for i in (a, b)]
-            for p, q in itertools.product(*pieces):
-                deepest = max(deepest, one.corner_radius + other.corner_radius - _core_distance(p, q))
-    return float(deepest)
-
-
-def _placed(part: RigidPart, frames: Frames, row: int, number: int) -> list[Floats]:
-    """Corners (n, 3) of each convex piece of a part at a frame."""
-    turn = Rotation.from_quat(frames.quaternion[row, number], scalar_first=True)
-    return [turn.apply(points) + frames.position[row, number] for points in part.pieces or (part.corners,)]
-
-
-def _core_distance(a: Floats, b: Floats) -> float:
-    """Signed distance of the hulls of points [m]; beyond 10 um a lower bound of it."""
-    points = (a[:, None] - b[None]).reshape(-1, 3)
-    if len(points) == 1:
-        return float(np.linalg.norm(points[0]))
-    if min(len(a), len(b)) > 1 or len(points) > 3:
-        outside = float(ConvexHull(points).equations[:, 3].max())
-        if outside <= 0.0:  # a facet with a negative offset has the origin inside
-            return outside
-        if outside > 1e-5 and min(len(a), len(b)) > 1:
-            return outside
-    scale = np.linalg.norm(points, axis=1).min()
-    weight, _ = nnls(
-        np.vstack([points.T / scale, np.ones(len(points))]), np.array([0.0, 0.0, 0.0, 1.0]), maxiter=10_000
-    )
-    return float(np.linalg.norm(points.T @ weight) / weight.sum())

@@ -1,7 +1,7 @@
 """Laws of mechanics that hold whatever the shapes, the restitution and the friction, and however long it takes.
 
-Each is a statement about recorded motion (tests/invariants.py): energy that nothing can grow from, momenta that parts
-in flight keep, bodies that do not enter each other, rest that stays rest, and the symmetries of a scene.
+Each is a statement about recorded motion (tests/invariants.py): energy that nothing can grow from, bodies
+that do not enter each other, rest that stays rest, and the symmetries of a scene.
 """
 
 from __future__ import annotations
@@ -23,7 +23,6 @@ from invariants import (
     unexplained_speeds,
 )
 from own_modes import circle, flat_plate, on_plate
-from pydantic import TypeAdapter
 from scipy.spatial.transform import Rotation
 
 from feeder_sim.records.trajectory import Frames
@@ -41,9 +40,7 @@ from feeder_sim.scenario import (
     Scenario,
     Start,
     StillPlate,
-    Tube,
 )
-from feeder_sim.scenario.part import PartSpec
 from feeder_sim.scene.scene import GRAVITY
 
 BRACKET, SCREW = (REPOSITORY / f"models/{name}/{name}.stl" for name in ("bracket", "screw"))
@@ -156,21 +153,6 @@ def test_nothing_gains_energy_at_an_edge(name: str, seed: int) -> None:
     assert growth(scene, frames) < GAINED
 
 
-GUIDED: dict[str, tuple[dict[str, Any], float]] = {
-    "ball": ({"shape": "ball", "diameter_mm": 6.0}, 6.2),
-    "cylinder": ({"shape": "cylinder", "diameter_mm": 6.0, "height_mm": 8.0}, 6.2),
-    "nut": ({"shape": "hex_nut", "size": "M3"}, 6.8),
-    "box": ({"shape": "box", "size_mm": (4.0, 3.0, 5.0)}, 6.8),
-}
-
-
-def in_tube(name: str, tilt_deg: float, **tube: Any) -> Any:
-    shape, diameter = GUIDED[name]
-    guide = Tube(kind="tube", inner_diameter_mm=diameter, tilt_deg=tilt_deg, **tube)
-    start = Start(drop_height_mm=(5.0, 5.0))
-    return TypeAdapter(PartSpec).validate_python(shape | {"guide": guide, "start": start})
-
-
 @pytest.mark.parametrize("name", ["ball", "nut", "screw"])
 def test_without_loss_the_energy_stays(name: str) -> None:
     """Restitution 1 and no friction, for 4 s."""
@@ -204,15 +186,6 @@ def test_a_part_that_was_dropped_comes_to_rest_and_lies_still(name: str, e: floa
     assert max(np.abs(found).max() for found in speeds_from_poses(last)) < RESTING
 
 
-def tower(n: int) -> list[Box]:
-    """Blocks that hover 10 um over each other."""
-    side, height, gap = 6.0, 3.0, 0.01
-    starts = [
-        GivenState(kind="state", position_mm=(0.0, 0.0, gap + 0.5 * height + i * (height + gap))) for i in range(n)
-    ]
-    return [Box(shape="box", size_mm=(side, side, height), start=start) for start in starts]
-
-
 @pytest.mark.parametrize("name", EDGED)
 def test_recorded_speeds_are_those_of_the_recorded_motion(name: str) -> None:
     """All the way from the drop to rest: a part moves and turns as its recorded velocity and spin say."""
@@ -225,27 +198,6 @@ def test_recorded_speeds_are_those_of_the_recorded_motion(name: str) -> None:
     # Chatter of more than one impact in an interval is slower than g times it, 1 mm/s.
     assert np.quantile(speed, 0.99) < 1e-3 and np.quantile(spin, 0.99) < 1.0
     assert speed.mean() < 1e-4 and spin.mean() < 0.1
-
-
-# Momenta in flight
-
-CLOUD_MM = ([-10.0, 0.0, 200.0], [10.0, 1.0, 200.5], [0.0, 14.0, 200.0])
-TOWARDS_MM_S = ([600.0, 0.0, 400.0], [-600.0, 0.0, 400.0], [0.0, -800.0, 400.0])
-
-
-def in_flight(n: int, seed: int, contact: Contact) -> Scenario:
-    """Parts of random shapes that meet far over the plate."""
-    rng = np.random.default_rng([seed, n, 6])
-    names = rng.choice(["nut", "box", "bracket", "cylinder", "ball"], n)
-    starts = [state(rng, at, v, 50.0) for at, v in zip(CLOUD_MM[:n], TOWARDS_MM_S[:n], strict=True)]
-    parts = [a_part(name, rng, start) for name, start in zip(names, starts, strict=True)]
-    return scenario(*parts, contact=contact, duration_s=0.03, frames_per_second=200_000.0)
-
-
-def falling_with(frames: Frames) -> Frames:
-    """The same motion, seen by one who falls freely."""
-    velocity = frames.velocity + GRAVITY * frames.time[:, None, None] * np.array([0.0, 0.0, 1.0])
-    return Frames(frames.time, frames.position, frames.quaternion, velocity, frames.angular_velocity, frames.present)
 
 
 # Symmetries of a scene

@@ -3,8 +3,9 @@
 impact      a point that touches and approaches gets an impulse, together with all others that touch
             (contact_problem.py); again at zero time until none approaches
 pressed     where bounces pile up within a time T in which the change of the surface's acceleration, J, moves it by
-            less than the tolerance, J T^3 / 6 < tolerance, points stay: constant forces, for no longer than T, after
-            which no point that touches approaches; non-negative and in the cone of friction
+            less than the tolerance, J T^3 / 6 < tolerance, points stay: forces for no longer than T, after which no
+            point that touches approaches; non-negative and in the cone of friction. A share of gap that is left is
+            given back by the velocity; the forces act at the middle of that time, so that the order is the second
 """
 
 from __future__ import annotations
