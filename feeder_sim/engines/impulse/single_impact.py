@@ -112,18 +112,24 @@ def impulse_at_point(k, u, e, mu):
     share = 1.0  # of the restitution
     solved, p = False, (0.0, 0.0, 0.0)
     for _ in range(HALVINGS + 1):
-        target = -share * e * u[2]
-        solved, p = _stick(k, u, target, mu)
-        if not solved:
-            solved, p = _slip(k, u, target, mu, p)
-            if not solved:
-                p = (0.0, 0.0, (target - u[2]) / k[5])
+        solved, p = impulse_to(k, u, -share * e * u[2], mu)
         change = times(k, p)
         # Sum of p . (u + u') / 2, with u' = u + k p; what is as good as none counts as none.
         work = p[0] * (u[0] + 0.5 * change[0]) + p[1] * (u[1] + 0.5 * change[1]) + p[2] * (u[2] + 0.5 * change[2])
         if work <= -ROUND_OFF * u[2] * p[2] or share == 0.0:
             break
         share = 0.5 * share if share > 0.02 else 0.0
+    return solved, p
+
+
+@inlined
+def impulse_to(k, u, target, mu):
+    """As `impulse_at_point`, of a point that shall have a normal velocity [m/s], whatever the energy."""
+    solved, p = _stick(k, u, target, mu)
+    if not solved:
+        solved, p = _slip(k, u, target, mu, p)
+        if not solved:
+            p = (0.0, 0.0, (target - u[2]) / k[5])
     return solved, p
 
 

@@ -28,7 +28,7 @@ from feeder_sim.engines.impulse.lone.contact_problem import (
 )
 from feeder_sim.engines.impulse.lone.leap import LEFT, leap, leap_of, room_of, shortest_leap
 from feeder_sim.engines.impulse.lone.moving_surface import move_surface
-from feeder_sim.engines.impulse.lone.plate_points import renew_rates, spin_change
+from feeder_sim.engines.impulse.lone.plate_points import UP, renew_rates, spin_change
 from feeder_sim.engines.impulse.lone.state import (
     ACCELERATION,
     AT,
@@ -55,9 +55,9 @@ from feeder_sim.engines.impulse.lone.state import (
     WITH,
 )
 from feeder_sim.engines.impulse.state import inverse_inertia, spin_of, top_speed, turning_speed
-from feeder_sim.engines.impulse.vectors import add_to, cross, difference, dot, plus, vector, write_to
+from feeder_sim.engines.impulse.vectors import add_to, cross, difference, dot, plus, times, vector, write_to
 from feeder_sim.engines.noise import half_normal
-from feeder_sim.machine_code import compiled, inlined
+from feeder_sim.machine_code import inlined
 from feeder_sim.scene.scene import GRAVITY
 
 ROUNDS = 20  # of impacts at zero time; after them what still approaches does so without rebound
@@ -90,7 +90,7 @@ def chatter_time(moves, twist, bounds):
     return _time_of(moves * bounds.fastest + twist, LONGEST_CHATTER, bounds)
 
 
-@compiled
+@inlined
 def _load(part, kind, time, work):
     """Motion of the part as it will be after a time [s] without contact, and its inertia."""
     bodies, spin, turns = work.bodies, spin_of(part, kind), inverse_inertia(part, kind)
@@ -116,7 +116,7 @@ def _gather(i, m, restitution, work):
     work.row_of[m] = i
 
 
-@compiled
+@inlined
 def strike(part, kind, n, twist, bounds, work):
     """Impacts at all points that touch, until none approaches; returns whether there was one. twist: see `unsure`."""
     touch, together, hit = bounds.exact.touch, TOGETHER * bounds.exact.tolerance, False
@@ -163,7 +163,7 @@ def _scatter(part, m, bounds, work):
         part.velocity[2] += bounds.exact.noise * size
 
 
-@compiled
+@inlined
 def press(part, kind, n, pressed, unknown, surface, bounds, t, until, work):
     """Set constant forces on the part for a time, as the contacts in `work` say.
 
@@ -229,17 +229,16 @@ def _until_next(part, kind, n, time, unknown, bounds, work):
 
     A part that tips brings its far side down faster than it would fall by itself.
     """
-    touch, (slack, twist), spin = bounds.exact.touch, unknown, spin_of(part, kind)
-    found = time
+    touch, (slack, twist), found = bounds.exact.touch, unknown, time
+    turning = times(work.bodies.inverse_inertia[0], part.moment)
+    pushed = plus(NOTHING, 1.0 / kind.mass, part.force)
     for i in range(n):
         row = work.point[i]
         if row[GAP] == math.inf or row[CARRY] != 0.0:
             continue
-        arm, normal = vector(row[AT : AT + 3]), vector(row[TOWARDS : TOWARDS + 3])
-        going = cross(spin, arm)
-        ahead = cross(work.bodies.spin[0], plus(arm, time, going))
-        falls = dot(normal, difference(plus(part.velocity, 1.0, going), plus(work.bodies.velocity[0], 1.0, ahead)))
-        more = max(falls / time - row[FALL], 0.0) + slack
+        pulled = plus(pushed, 1.0, cross(turning, vector(row[AT : AT + 3])))
+        normal = vector(row[TOWARDS : TOWARDS + 3]) if row[KNOWN] != 0.0 else UP
+        more = max(-dot(normal, pulled), 0.0) + slack
         bound = row[OWN] + more + row[MOVES]
         gap, rate = room_of(row, row[RATE], touch)
         if gap + found * (rate - 0.5 * bound * found) > 0.0:
@@ -259,7 +258,7 @@ def _relative(i, work):
     return difference(u, work.contacts.vector[VELOCITY, i])
 
 
-@compiled
+@inlined
 def _slip_stops(part, kind, m, time, work):
     """When the first contact that slips will have stopped [s], if it does within a time of constant forces; or that.
 
@@ -293,7 +292,13 @@ def _slip_stops(part, kind, m, time, work):
 def _time_of_forces(part, kind, n, pressed, twist, bounds, work):
     """How long forces last [s], 0 if no point is pressed; summed bounces; and when the last point is lifted."""
     close = CARRIED * bounds.exact.tolerance if pressed else bounds.exact.touch
-    moves, least = 0.0, LONGEST
+    moves, least, may_stay = 0.0, LONGEST, False
+    for i in range(n):
+        row = work.point[i]
+        slow = abs(row[RATE]) <= max(SETTLED * LONGEST_CHATTER * row[PUSH], LEFT)
+        may_stay = may_stay or (row[KNOWN] != 0.0 and row[GAP] <= close and row[PUSH] > 0.0 and slow)
+    if not may_stay:
+        return 0.0, 0.0, 0.0
     for i in range(n):
         row = work.point[i]
         if row[KNOWN] != 0.0 and row[GAP] <= close:

@@ -22,8 +22,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from feeder_sim.engines.impulse.single_impact import _slip, _stick
-from feeder_sim.engines.impulse.vectors import times
 from feeder_sim.machine_code import inlined, uncounted
 
 A, B, N = range(3)  # directions at a contact: two tangents and the normal; then the tangents again, of spin
@@ -98,13 +96,6 @@ def add_impulse(room, i, k, p):
     """Give contact i more impulse in direction k."""
     room.value[IMPULSES, i, k] += p
     _push(room, i, k, p, NOW)
-
-
-@inlined
-def mobility_of(room, i):
-    """Inverse effective mass of contact i in its directions [1/kg], symmetric."""
-    rate = room.value[RATE, i]
-    return rate[A], _coupling(room, i, A, B), _coupling(room, i, A, N), rate[B], _coupling(room, i, B, N), rate[N]
 
 
 @inlined
@@ -388,24 +379,6 @@ def solve_equations(matrix, right, size):
             right[c] -= matrix[c, y] * right[y]
         right[c] /= matrix[c, c]
     return True
-
-
-@uncounted
-def solve_alone(room, i):
-    """Give contact i the impulse that solves it, with those of all others as they are."""
-    p, mu, target, k = room.value[IMPULSES, i], room.limit[i, SLIDES], room.target[i], mobility_of(room, i)
-    last = p[A], p[B], p[N]
-    change = times(k, last)
-    u = relative(room, i, A) - change[0], relative(room, i, B) - change[1], relative(room, i, N) - change[2]
-    found = (0.0, 0.0, 0.0)
-    if u[2] < target:
-        solved, found = _stick(k, u, target, mu)
-        if not solved:
-            solved, found = _slip(k, u, target, mu, found)
-            if not solved:
-                found = (0.0, 0.0, (target - u[2]) / k[5])
-    for m in range(FORCES):
-        add_impulse(room, i, m, found[m] - last[m])
 
 
 @uncounted

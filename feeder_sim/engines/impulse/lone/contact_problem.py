@@ -47,9 +47,16 @@ from feeder_sim.engines.impulse.lone.contact_equations import (
     relative,
     room_for,
     settle,
-    solve_alone,
 )
-from feeder_sim.engines.impulse.single_impact import HALVINGS, ROUND_OFF, added, impulse_at_point, mobility, tangents
+from feeder_sim.engines.impulse.single_impact import (
+    HALVINGS,
+    ROUND_OFF,
+    added,
+    impulse_at_point,
+    impulse_to,
+    mobility,
+    tangents,
+)
 from feeder_sim.engines.impulse.vectors import add_to, combine, cross, difference, dot, plus, times, vector, write_to
 from feeder_sim.machine_code import inlined, uncounted
 
@@ -119,14 +126,17 @@ def solve(bodies, contacts, n, modes):
     modes: None for a plate that does not give way. Fills IMPULSE, MOMENT and modes.taken. Returns whether every contact
     obeys its laws.
     """
-    room, settled = contacts.room, True
+    if n == 1 and contacts.number[ROLLING, 0] <= 0.0:
+        frame, k, u = _alone(bodies, contacts, modes)
+        p, target = (0.0, 0.0, 0.0), contacts.number[TARGET, 0]
+        if u[2] < target:
+            _, p = impulse_to(k, u, target, contacts.number[FRICTION, 0])
+        _push_alone(bodies, contacts, modes, frame, p)
+        return True
     size = _lay_out(bodies, contacts, n, modes)
     for i in range(n):
-        room.target[i] = contacts.number[TARGET, i]
-    if n == 1 and room.place[0, COUNT] == FORCES:
-        solve_alone(room, 0)
-    else:
-        settled = settle(room, n, size)
+        contacts.room.target[i] = contacts.number[TARGET, i]
+    settled = settle(contacts.room, n, size)
     _write_out(bodies, contacts, n, modes)
     return settled
 
@@ -162,7 +172,20 @@ def impact(bodies, contacts, n, modes):
 
 @uncounted
 def _impact_alone(bodies, contacts, modes):
-    """Impact at the first contact only, directly; returns False, with nothing changed, where that does not apply."""
+    """Impact at the only contact, directly; returns False, with nothing changed, where that does not apply."""
+    frame, k, before = _alone(bodies, contacts, modes)
+    e, solved, p = contacts.number[RESTITUTION, 0], True, (0.0, 0.0, 0.0)
+    if before[2] < 0.0:
+        solved, p = impulse_at_point(k, before, e, contacts.number[FRICTION, 0])
+    if solved:
+        contacts.number[TARGET, 0] = -e * min(before[2], 0.0)
+        _push_alone(bodies, contacts, modes, frame, p)
+    return solved
+
+
+@inlined
+def _alone(bodies, contacts, modes):
+    """Frame of the only contact, its inverse effective mass and its relative velocity, both in that frame."""
     first, second = contacts.body[0, 0], contacts.body[0, 1]
     normal, arm = vector(contacts.vector[NORMAL, 0]), vector(contacts.vector[ARM_SECOND, 0])
     first_arm, (a, b) = vector(contacts.vector[ARM_FIRST, 0]), tangents(normal)
@@ -175,25 +198,20 @@ def _impact_alone(bodies, contacts, modes):
         u = difference(u, plus(bodies.velocity[first], 1.0, cross(bodies.spin[first], first_arm)))
         inverse_inertia = _inverse_inertia(bodies, first)
         k = added(k, mobility(bodies.inverse_mass[first], inverse_inertia, first_arm, a, b, normal))
-    before, e, solved, p = (
-        (dot(a, u), dot(b, u), dot(normal, u)),
-        contacts.number[RESTITUTION, 0],
-        True,
-        (0.0, 0.0, 0.0),
-    )
-    if before[2] < 0.0:
-        solved, p = impulse_at_point(k, before, e, contacts.number[FRICTION, 0])
-    if not solved:
-        return False
-    push = combine(p[0], a, p[1], b, p[2], normal)
-    _apply(bodies, second, arm, push, 1.0)
+    return (a, b, normal), k, (dot(a, u), dot(b, u), dot(normal, u))
+
+
+@inlined
+def _push_alone(bodies, contacts, modes, frame, p):
+    """Give the only contact an impulse."""
+    first, second = contacts.body[0, 0], contacts.body[0, 1]
+    push = combine(p[0], frame[0], p[1], frame[1], p[2], frame[2])
+    _apply(bodies, second, vector(contacts.vector[ARM_SECOND, 0]), push, 1.0)
     if first != WORLD:
-        _apply(bodies, first, first_arm, push, -1.0)
+        _apply(bodies, first, vector(contacts.vector[ARM_FIRST, 0]), push, -1.0)
     _take_alone(modes, push, first == WORLD)
     write_to(contacts.vector[IMPULSE, 0], push)
     write_to(contacts.vector[MOMENT, 0], (0.0, 0.0, 0.0))
-    contacts.number[TARGET, 0] = -e * min(before[2], 0.0)
-    return True
 
 
 @inlined

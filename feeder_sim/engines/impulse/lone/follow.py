@@ -32,7 +32,7 @@ from feeder_sim.engines.impulse.lone.state import (
     fly_to,
 )
 from feeder_sim.engines.impulse.vectors import cross, dot, write_to
-from feeder_sim.machine_code import compiled, inlined
+from feeder_sim.machine_code import inlined, uncounted
 from feeder_sim.plate.compiled import BETA_X, BETA_Y, W, cubic_slopes, cubic_weights, grid_cell, interpolate
 from feeder_sim.scene.scene import GRAVITY
 
@@ -45,7 +45,7 @@ DIRECTIONS = 16
 HALVINGS = 40
 
 
-@compiled
+@uncounted
 def bring(part, kind, t, surface):
     """Bring a part to time t [s], whatever it does."""
     if part.phase == FOLLOWING:
@@ -54,7 +54,7 @@ def bring(part, kind, t, surface):
         fly_to(part, kind, t)
 
 
-@compiled
+@uncounted
 def _frame(place, t, surface):
     """The surface's frame at a place: where it is [m], how it is turned [rad], and the rates of both."""
     first_x, a = grid_cell(place[0], surface.grid_x)
@@ -104,7 +104,7 @@ def _turned(about, a, sense):
     )
 
 
-@compiled
+@uncounted
 def _follow(part, kind, t, surface):
     """Put a part where the surface is at time t, with its velocities."""
     origin, about, velocity, spin = _frame(part.place, t, surface)
@@ -126,7 +126,7 @@ def _follow(part, kind, t, surface):
     part.clock = t
 
 
-@compiled
+@uncounted
 def sit_down(part, kind, t, surface):
     """From time t on the part follows the surface under its centre."""
     part.place[0], part.place[1] = part.position[0], part.position[1]
@@ -140,7 +140,7 @@ def sit_down(part, kind, t, surface):
     _follow(part, kind, t, surface)
 
 
-@compiled
+@uncounted
 def goes_along(part, height, t, surface, work):
     """Whether the part, as the solution of its contacts has it, moves and turns as the surface does at time t [s]."""
     _, _, velocity, spin = _frame(part.position, t, surface)
@@ -152,7 +152,7 @@ def goes_along(part, height, t, surface, work):
     return found
 
 
-@compiled
+@uncounted
 def follows_until(part, kind, n, height, surface, bounds, t, until, work):
     """Until when a part that lies still on the surface may follow it [s]; t if not at all.
 

@@ -36,16 +36,15 @@ def leap(gap, rate, bound):
 
 
 @inlined
-def near_leap(gap, rate, h, jerk):
+def near_leap(gap, rate, h, jerk, guess):
     """As `leap`, of a gap that accelerates by -h now, which changes by at most `jerk` per second.
 
-    The leap under the bound h + jerk t falls with t, so that repeating it from a t beyond the root gives alternately
-    leaps that are safe and leaps that are not.
+    Until a time t the bound h + jerk t holds: what is shorter, t or the leap under that bound, is safe. The leap falls
+    with t, so that it lies on the other side of the best t. guess: of that [s].
     """
-    beyond = math.sqrt(12.0 * max(rate, 0.0) / jerk) + (12.0 * gap / jerk) ** (1.0 / 3.0)
-    for _ in range(3):
-        beyond = leap(gap, rate, max(h, 0.0) + jerk * beyond + TINY)
-    return beyond
+    once = leap(gap, rate, max(h, 0.0) + jerk * guess + TINY)
+    again = leap(gap, rate, max(h, 0.0) + jerk * once + TINY)
+    return max(min(guess, once), min(once, again))
 
 
 @inlined
@@ -66,7 +65,7 @@ def leap_of(row, rate, slack, twist, bounds, touch):
     if moves == 0.0 or bounds.fastest * found > NEAR:
         return found
     h, jerk = row[PUSH] + slack, moves * bounds.fastest + twist
-    found = max(found, near_leap(gap, rate, h, jerk))
+    found = max(found, near_leap(gap, rate, h, jerk, 2.0 * found))
     if rate >= 0.0 and h < 0.0:  # the surface falls away
         found = max(found, leap(-h, -row[JERK] - twist, jerk * bounds.fastest))
     return found
@@ -139,7 +138,8 @@ def forecast(n, surface, bounds, t, until, flight, unknown, work):
             if gap + further * (rate - 0.5 * bound * further) <= 0.0:
                 found = leap(gap, rate, bound)
                 if bounds.fastest * found < NEAR:
-                    found = max(found, near_leap(gap, rate, h, row[MOVES] * bounds.fastest + twist))
+                    jerk = row[MOVES] * bounds.fastest + twist
+                    found = max(found, near_leap(gap, rate, h, jerk, 2.0 * found))
                 further = min(further, found)
         far += further
         if further < SOON * far:

@@ -50,6 +50,7 @@ def advance(lone, drive, clock, frames):
     start, end = clock[ORIGIN] + clock[NUMBER] * drive.window, clock[ORIGIN] + (clock[NUMBER] + 1.0) * drive.window
     acting = acting_terms(surface, start, end)
     bounds = bound(acting, drive.extremes, start, end, drive.exact)
+    plate, seen = Plate(borrow(acting), borrow(bounds)), np.empty(1, PART)
     _wake(part, bounds)  # the drive may have changed since
     for frame in range(frames.time.shape[0]):
         while clock[DUE] < frames.time[frame]:
@@ -58,15 +59,17 @@ def advance(lone, drive, clock, frames):
                 start, end = end, clock[ORIGIN] + (clock[NUMBER] + 1.0) * drive.window
                 acting = acting_terms(surface, start, end)
                 bounds = bound(acting, drive.extremes, start, end, drive.exact)
+                plate = Plate(borrow(acting), borrow(bounds))
                 bring(part, kind, start, acting)
                 orthonormalise(part.attitude)
                 _wake(part, bounds)
                 clock[DUE] = start
-            plate = Plate(borrow(acting), borrow(bounds))
             clock[DUE] = _advance_until(min(end, frames.time[frame]), clock[DUE], lone, plate, frames)
             if frames.interrupt[0] != 0:
                 return
-        _write_row(lone, acting, frames.time[frame], frames.row[frame, 0])
+        seen[0] = part  # which itself is left as it is
+        bring(seen[0], kind, frames.time[frame], acting)
+        write_state(seen[0], kind, frames.row[frame, 0])
 
 
 @compiled
@@ -74,17 +77,6 @@ def _wake(part, bounds):
     """A part that rests moves again with the plate."""
     if part.there == ASLEEP and not bounds.calm:
         part.there = AWAKE
-
-
-@compiled
-def _write_row(lone, surface, t, row):
-    """Write the state of the part at time t [s], as it goes on until then; the part itself is left as it is."""
-    seen = np.empty(1, PART)
-    seen[0] = lone.parts[0]
-    kind = lone.kinds.record[0]
-    bring(seen[0], kind, t, surface)
-    write_state(seen[0], kind, row)
-    return seen.shape[0]  # a record holds no reference to its array, which must live until here
 
 
 @uncounted

@@ -13,7 +13,7 @@ from feeder_sim.engines.impulse.lone.plate_points import CLOSE, REACH, look, loo
 from feeder_sim.engines.impulse.lone.state import AT, FREE, GAP, KNOWN
 from feeder_sim.engines.impulse.state import ASLEEP, top_speed
 from feeder_sim.engines.outline_arrays import edge_distance
-from feeder_sim.machine_code import compiled, inlined
+from feeder_sim.machine_code import inlined
 from feeder_sim.scene.scene import GRAVITY
 
 JUMP = 1e-8  # [m]; a surface is only entered where it jumps (`ring_up = false`)
@@ -22,7 +22,7 @@ SKIPPED = 8  # looks after one at which a part may not follow
 LEAST_LOOK = 1e-5  # [s]; points at the edge of the plate come and go
 
 
-@compiled
+@inlined
 def meet_plate(part, kinds, surface, bounds, t, work):
     """What the part does at time t [s]; returns how long it goes on so [s]."""
     kind = kinds.record[part.kind]
@@ -34,7 +34,9 @@ def meet_plate(part, kinds, surface, bounds, t, work):
         return (rising + math.sqrt(rising * rising + 2.0 * GRAVITY * (height - 0.5 * CLOSE))) / GRAVITY
     corners = kinds.corners[kind.corner_from : kind.corner_to]
     close, moved = look(part, kind, corners, surface, bounds, t, work)
-    n, at_edge = look_at_edge(part, kind, kinds, corners.shape[0], surface, bounds, t, moved, work)
+    n, at_edge, near_edge = corners.shape[0], False, _may_reach_edge(part, kind, surface)
+    if near_edge:
+        n, at_edge = look_at_edge(part, kind, kinds, n, surface, bounds, t, moved, work)
     _land(part, n, work)
     unknown = unsure(part, kind, bounds)
     until = _next_switch(surface, t, bounds.end)
@@ -50,7 +52,7 @@ def meet_plate(part, kinds, surface, bounds, t, work):
         part.held = 0
     slack, twist = unknown
     far, to_crest = first_leaps(n, slack, twist, bounds, work)
-    if _may_reach_edge(part, kind, surface):
+    if near_edge:
         to_crest = min(to_crest, max(LEAST_LOOK, 0.25 * _lowest_gap(n, work) / top_speed(part, kind)))
     if far < to_crest:
         far = forecast(n, surface, bounds, t, until, (far, to_crest), unknown, work)

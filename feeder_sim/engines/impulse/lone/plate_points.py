@@ -40,39 +40,38 @@ from feeder_sim.engines.impulse.lone.state import (
 from feeder_sim.engines.impulse.state import arm_of, inverse_inertia, spin_of, turning_acceleration
 from feeder_sim.engines.impulse.vectors import cross, difference, dot, plus, times, vector, write_to
 from feeder_sim.engines.outline_arrays import ON_EDGE, off_plate
-from feeder_sim.machine_code import compiled, inlined
+from feeder_sim.machine_code import inlined
 from feeder_sim.scene.scene import GRAVITY
 
 CLOSE = 1e-6  # [m]; how a surface moves and slopes is known under points that are closer
 REACH = 1e-3  # [m]; how far from the edge of the plate a part is looked at there
 BESIDE = 2e-4  # [m]; a point that far below the surface is beside the plate or under it
+UP = (0.0, 0.0, 1.0)
 
 
-@compiled
+@inlined
 def look(part, kind, corners, surface, bounds, t, work):
     """Fill the rows of all corners.
 
     Returns whether one is close to the surface, and whether the surface has been moved to time t.
     """
-    spin, close, moved = spin_of(part, kind), False, False
-    change = spin_change(part, kind, spin)
+    spin, change, close, moved = spin_of(part, kind), (0.0, 0.0, 0.0), False, False
     own = GRAVITY + turning_acceleration(part, kind)
     lowest = part.position[2] - kind.radius - bounds.crest
     for i in range(corners.shape[0]):
         row, arm = work.point[i], arm_of(part, corners, i)
         gap = lowest + arm[2]
         row[GAP], row[RATE] = gap, part.velocity[2] + spin[0] * arm[1] - spin[1] * arm[0]
-        row[FALL] = GRAVITY + falls(spin, change, arm, (0.0, 0.0, 1.0))
-        row[MOVES], row[PUSH], row[JERK], row[OWN] = 0.0, row[FALL], 0.0, own
-        row[KNOWN], row[MU] = 0.0, kind.friction[0]
+        row[OWN], row[MOVES], row[KNOWN], row[WITH + 2] = own, 0.0, 0.0, 0.0
         write_to(row[AT : AT + 3], arm)
-        write_to(row[TOWARDS : TOWARDS + 3], (0.0, 0.0, 1.0))
-        write_to(row[WITH : WITH + 3], (0.0, 0.0, 0.0))
         if gap > CLOSE:
             continue
         if not moved:
             move_surface(t, surface, work.now)
+            change = spin_change(part, kind, spin)
             moved = True
+        row[FALL], row[MU] = GRAVITY + falls(spin, change, arm, UP), kind.friction[0]
+        row[TOWARDS], row[TOWARDS + 1], row[TOWARDS + 2] = UP
         x, y = part.position[0] + arm[0], part.position[1] + arm[1]
         outside = abs(x) > surface.grid_x[-1] + ON_EDGE or abs(y) > surface.grid_y[-1] + ON_EDGE
         if outside or off_plate(surface.outline, x, y):
@@ -94,7 +93,7 @@ def falls(spin, change, arm, normal):
     return -dot(normal, plus(cross(change, arm), 1.0, cross(spin, cross(spin, arm))))
 
 
-@compiled
+@inlined
 def _look_below(row, under, part, kind, arm, spin, surface, bounds, work):
     """Fill the row of a corner below the crest; returns whether it is close to the surface."""
     x, y = part.position[0] + arm[0], part.position[1] + arm[1]
@@ -130,7 +129,7 @@ def _moves_with(row, under, bounds, work):
     return height
 
 
-@compiled
+@inlined
 def look_at_edge(part, kind, kinds, first, surface, bounds, t, moved, work):
     """Fill rows of points on the edge of the plate, from `first` on; returns their end, and whether one is close."""
     found = edge_points(part, kind, kinds, surface, REACH, work.edge)
@@ -191,15 +190,19 @@ def rate_of(row, part, spin):
     return dot(vector(row[TOWARDS : TOWARDS + 3]), u)
 
 
-@compiled
+@inlined
 def renew_rates(part, kind, n, work):
     """Rates of the first n points anew, after the velocity of the part has changed."""
     spin = spin_of(part, kind)
     change, own = spin_change(part, kind, spin), GRAVITY + turning_acceleration(part, kind)
     for i in range(n):
         row = work.point[i]
+        row[OWN] = own
+        if row[KNOWN] == 0.0 and row[MOVES] == 0.0:
+            row[RATE] = part.velocity[2] + spin[0] * row[AT + 1] - spin[1] * row[AT] - row[WITH + 2]
+            continue
         normal = vector(row[TOWARDS : TOWARDS + 3])
         fall = GRAVITY * normal[2] + falls(spin, change, vector(row[AT : AT + 3]), normal)
         row[RATE] = rate_of(row, part, spin)
         row[PUSH] += fall - row[FALL]
-        row[FALL], row[OWN] = fall, own
+        row[FALL] = fall

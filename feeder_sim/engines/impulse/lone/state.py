@@ -11,7 +11,7 @@ from feeder_sim.engines.impulse.lone.contact_problem import Bodies, Contacts, ne
 from feeder_sim.engines.impulse.lone.edge_piece import EDGE_POINT
 from feeder_sim.engines.impulse.state import AWAKE, PART_FIELDS, Kinds, flies, rotate
 from feeder_sim.engines.surface_arrays import SurfaceArrays
-from feeder_sim.machine_code import compiled
+from feeder_sim.machine_code import inlined
 from feeder_sim.scene.scene import GRAVITY
 
 FREE, PRESSED, FOLLOWING = range(3)  # in PART, phase
@@ -126,7 +126,7 @@ def new_part(like: NDArray[np.void], draws: NDArray[np.uint64]) -> NDArray[np.vo
     return part
 
 
-@compiled
+@inlined
 def fly_to(part, kind, t):
     """Bring a part that is not FOLLOWING to time t [s], under gravity and the force that presses it."""
     duration = t - part.clock
