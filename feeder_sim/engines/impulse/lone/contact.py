@@ -12,6 +12,8 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+
 from feeder_sim.engines.impulse.lone.contact_law import hit_alone, restitution_at
 from feeder_sim.engines.impulse.lone.contact_problem import (
     ARM_SECOND,
@@ -62,7 +64,7 @@ from feeder_sim.scene.scene import GRAVITY
 
 ROUNDS = 20  # of impacts at zero time; after them what still approaches does so without rebound
 LONGEST_CHATTER = 3e-5  # [s] of bounces that are summed where nothing moves: hops of a nanometre
-LONGEST = 2e-4  # [s] of constant forces
+LONGEST = 5e-5  # [s] of constant forces
 TURNED, TURNED_AT_EDGE = 0.02, 0.0005  # [rad] by which a part turns under constant forces; there the normal turns too
 TOGETHER = 10.0  # tolerances; points this close hit together, so that a flat landing is one impact and not six
 CARRIED = 30.0  # tolerances; points that have been pressed and are this close still are
@@ -76,18 +78,21 @@ NOTHING = (0.0, 0.0, 0.0)
 
 
 @inlined
-def _time_of(jerk, longest, bounds):
-    """Time [s] in which the change of an acceleration moves the surface by less than the tolerance."""
-    tolerance = bounds.exact.tolerance
-    if 6.0 * tolerance < jerk * longest * longest * longest:
-        return (6.0 * tolerance / jerk) ** (1.0 / 3.0)
+def chatter_time(moves, twist, bounds):
+    """Time [s] of bounces that are summed: the change of an acceleration moves a point by less than the tolerance."""
+    jerk, longest = moves * bounds.fastest + twist, LONGEST_CHATTER
+    if 6.0 * bounds.exact.tolerance < jerk * longest * longest * longest:
+        return np.cbrt(6.0 * bounds.exact.tolerance / jerk)
     return longest
 
 
 @inlined
-def chatter_time(moves, twist, bounds):
-    """Time [s] of bounces that are summed."""
-    return _time_of(moves * bounds.fastest + twist, LONGEST_CHATTER, bounds)
+def _time_of_force(moves, longest, bounds):
+    """Time [s] of a force that changes steadily: what it misses moves the surface by less than the tolerance."""
+    snap = moves * bounds.fastest * bounds.fastest
+    if 24.0 * bounds.exact.tolerance < snap * longest * longest * longest * longest:
+        return math.sqrt(math.sqrt(24.0 * bounds.exact.tolerance / snap))
+    return longest
 
 
 @inlined
@@ -324,7 +329,7 @@ def _time_of_forces(part, kind, n, pressed, twist, bounds, work):
         lift = max(lift, root)
     if not any_pressed:
         return 0.0, 0.0, 0.0
-    time = _time_of(moves * bounds.fastest, least, bounds)
+    time = _time_of_force(moves, least, bounds)
     turning = turning_speed(part, kind)
     if turning * time > TURNED * kind.reach:
         time = TURNED * kind.reach / turning

@@ -14,9 +14,22 @@ from __future__ import annotations
 import math
 
 from feeder_sim.engines.impulse.lone.moving_surface import ahead, move_surface
-from feeder_sim.engines.impulse.lone.plate_points import CLOSE
-from feeder_sim.engines.impulse.lone.state import GAP, JERK, MOVES, OWN, PUSH, RATE
-from feeder_sim.engines.impulse.state import top_speed, turning_acceleration, turning_speed
+from feeder_sim.engines.impulse.lone.state import (
+    AT,
+    FALL,
+    GAP,
+    JERK,
+    KNOWN,
+    MOVES,
+    OWN,
+    PUSH,
+    RATE,
+    TOWARDS,
+    WITH,
+    fly_to,
+)
+from feeder_sim.engines.impulse.state import spin_of, top_speed, turning_acceleration, turning_speed
+from feeder_sim.engines.impulse.vectors import add_to, cross, plus, vector
 from feeder_sim.machine_code import inlined
 from feeder_sim.scene.scene import GRAVITY
 
@@ -25,7 +38,8 @@ MAX_LEAPS = 40  # of a forecast
 NEVER = 1e9  # [s]; the flight of a part that is not over the plate
 LEFT = 1e-9  # [m/s]; what round-off leaves of the speed of points that stay, or that have just been left
 TINY = 1e-300
-SOON = 1e-2  # of a leap: a forecast that would go on by less ends
+POLISHED = 3  # steps of Newton's method
+CURVED = 2.0  # times as much as one wave of that crest and that slope is a surface curved at most
 
 
 @inlined
@@ -88,6 +102,60 @@ def shortest_leap(part, kind, bounds):
 
 
 @inlined
+def fall_on(part, kind, n, spare, slack, surface, bounds, work):
+    """Bring a part that is just about to touch to where it does; returns the time that takes [s], or 0.
+
+    spare: the longest [s]. Nothing touches yet. For so brief a time the points and the surface move as polynomials of
+    third degree say, to a share of the touch.
+    """
+    touch = bounds.exact.touch
+    longest = min(bounds.brief, spare)
+    if slack > 0.0:
+        longest = min(longest, math.sqrt(0.1 * touch / slack))
+    found = longest
+    for i in range(n):
+        row = work.point[i]
+        gap, rate = row[GAP] - 0.5 * touch, row[RATE]
+        if row[KNOWN] == 0.0 or rate >= 0.0 or gap > -2.0 * rate * found:
+            continue
+        if gap <= 0.5 * touch:
+            return 0.0
+        time = -gap / rate
+        for _ in range(POLISHED):
+            nears = rate - time * (row[PUSH] + 0.5 * row[JERK] * time)
+            if nears >= 0.0:
+                time = NEVER
+                break
+            time -= (gap + time * (rate - 0.5 * time * (row[PUSH] + row[JERK] * time / 3.0))) / nears
+        found = min(found, time)
+    if found == longest:
+        return 0.0
+    for i in range(n):
+        row = work.point[i]
+        rate = row[RATE] - 0.5 * (row[OWN] + slack + row[MOVES]) * found
+        if row[KNOWN] == 0.0 and row[GAP] + found * rate <= touch:
+            return 0.0
+    spin, (q, dq, a, j) = spin_of(part, kind), work.now
+    for s in range(q.shape[0]):
+        q[s] += found * (dq[s] + 0.5 * found * (a[s] + found * j[s] / 3.0))
+        dq[s] += found * (a[s] + 0.5 * found * j[s])
+        a[s] += found * j[s]
+    for i in range(n):
+        row = work.point[i]
+        if row[KNOWN] == 0.0:
+            row[GAP] += found * row[RATE]
+            continue
+        normal = vector(row[TOWARDS : TOWARDS + 3])
+        row[GAP] += found * (row[RATE] - 0.5 * found * (row[PUSH] + row[JERK] * found / 3.0))
+        row[RATE] -= found * (row[PUSH] + 0.5 * row[JERK] * found)
+        add_to(row[WITH : WITH + 3], found * (row[PUSH] - row[FALL] + 0.5 * row[JERK] * found), normal)
+        add_to(row[AT : AT + 3], found, cross(spin, plus(row[AT : AT + 3], kind.radius, normal)))
+        row[PUSH] += found * row[JERK]
+    fly_to(part, kind, part.clock + found)
+    return found
+
+
+@inlined
 def first_leaps(n, slack, twist, bounds, work):
     """Times [s] before which none of the first n points can touch, and none above the crest can come below it."""
     touch = bounds.exact.touch
@@ -102,7 +170,7 @@ def first_leaps(n, slack, twist, bounds, work):
                 gap, rate = room_of(row, rate, touch)
                 to_crest = leap(gap, rate, row[OWN])
         else:
-            if gap > CLOSE:
+            if row[KNOWN] == 0.0:
                 rate -= slack / bounds.fastest  # the slope there is not known
             if gap + found * (rate - 0.5 * (row[OWN] + slack + row[MOVES]) * found) <= 0.5 * touch:
                 found = min(found, leap_of(row, rate, slack, twist, bounds, touch))
@@ -110,38 +178,42 @@ def first_leaps(n, slack, twist, bounds, work):
 
 
 @inlined
-def forecast(n, surface, bounds, t, until, flight, unknown, work):
+def forecast(part, kind, n, surface, bounds, t, until, flight, unknown, work):
     """Leap again and again as the surface will move, until the first point touches, or one reaches the crest.
 
-    flight: the first leap, and when a point can be below the crest [s]; unknown: see `unsure`. Each
-    point stays over the place where it is now; the slack takes in what it moves to the side.
+    flight: the first leap, and when a point can be below the crest [s]; unknown: see `unsure`. The surface is taken as
+    it will be under the way of a point, to first order where its slopes are known.
     """
     far, to_crest = flight
     slack, twist = unknown
-    touch = bounds.exact.touch
-    slip = 0.0 if slack == 0.0 else slack / bounds.fastest
-    limit = min(to_crest, until - t)
+    touch, spin = bounds.exact.touch, spin_of(part, kind)
+    per_fastest = 1.0 / bounds.fastest
+    curving = CURVED * slack * slack / (8.0 * bounds.fastest * bounds.fastest * max(bounds.crest, TINY))
+    limit, brief = min(to_crest, until - t), 0.5 * bounds.brief
     for _ in range(MAX_LEAPS):
         if far >= limit:
             return limit
         move_surface(t + far, surface, work.then)
-        further = NEVER
+        phase = bounds.fastest * far
+        further, bent = NEVER, curving * (2.0 + 4.0 * phase + phase * phase)
         for i in range(n):
             row = work.point[i]
             if row[MOVES] == 0.0 or row[GAP] == math.inf:
                 continue
-            gap, rate, h = ahead(i, far, slip, slack, twist, work)
+            if row[KNOWN] != 0.0:
+                vx, vy = part.velocity[0] - spin[2] * row[AT + 1], part.velocity[1] + spin[2] * row[AT]
+                gap, rate, h = ahead(i, far, 0.0, bent + twist * far, vx, vy, work)
+            else:
+                gap, rate, h = ahead(i, far, slack * per_fastest, slack + twist * far, 0.0, 0.0, work)
             gap -= 0.5 * touch
-            if gap <= 0.0:
+            if gap <= 0.0 or gap < -rate * brief:
                 return far
             bound = row[OWN] + slack + row[MOVES]
             if gap + further * (rate - 0.5 * bound * further) <= 0.0:
                 found = leap(gap, rate, bound)
                 if bounds.fastest * found < NEAR:
                     jerk = row[MOVES] * bounds.fastest + twist
-                    found = max(found, near_leap(gap, rate, h, jerk, 2.0 * found))
+                    found = max(found, near_leap(gap, rate, h + slack, jerk, 2.0 * found))
                 further = min(further, found)
         far += further
-        if further < SOON * far:
-            return min(far, limit)
     return min(far, limit)

@@ -87,5 +87,5 @@ def _advance_until(until, t, lone, plate, frames):
         if part.there == ASLEEP or part.there == ABSENT:
             return plate.bounds.end
         bring(part, kind, t, plate.surface)
-        t += meet_plate(part, lone.kinds, plate.surface, plate.bounds, t, lone.work)
+        t = meet_plate(part, lone.kinds, plate.surface, plate.bounds, t, until, lone.work)
     return min(t, max(plate.bounds.end, until))

@@ -76,17 +76,23 @@ def shapes_under(x, y, part, surface, known, under):
 
 
 @inlined
-def ahead(i, far, slip, slack, twist, work):
-    """Gap [m], rate [m/s] and acceleration towards the surface [m/s^2] of point i after a time [s], at the worst."""
+def ahead(i, far, slip, more, vx, vy, work):
+    """Gap [m], rate [m/s] and acceleration towards the surface [m/s^2] of point i after a time [s], at the worst.
+
+    It goes sideways by (vx, vy) [m/s]; what is unsure of its rate [m/s] and of its acceleration [m/s^2]: slip, more.
+    """
     row, under = work.point[i], work.under[i]
-    fall = row[FALL] + slack + twist * far
+    fall = row[FALL] + more
     rate = row[RATE] - slip
     gap = row[GAP] + far * (rate - 0.5 * fall * far)
     rate -= fall * far
     h = fall
     for s in range(under.shape[0]):
         w = under[s, HEIGHT]
-        gap -= w * (work.then[NOW, s] - work.now[NOW, s] - work.now[SPEED, s] * far)
-        rate -= w * (work.then[SPEED, s] - work.now[SPEED, s])
-        h += w * work.then[ACCELERATION, s]
+        q, dq = work.then[NOW, s], work.then[SPEED, s]
+        rises = vx * under[s, SLOPE_X] + vy * under[s, SLOPE_Y]
+        there = w + rises * far
+        gap -= there * q - w * work.now[NOW, s] - far * (w * work.now[SPEED, s] + rises * work.now[NOW, s])
+        rate -= there * dq - w * work.now[SPEED, s] + rises * (q - work.now[NOW, s])
+        h += there * work.then[ACCELERATION, s] + 2.0 * rises * dq
     return gap, rate, h

@@ -8,7 +8,7 @@ import numpy as np
 
 from feeder_sim.engines.impulse.lone.contact import CARRIED, press, strike
 from feeder_sim.engines.impulse.lone.follow import follows_until, goes_along, sit_down
-from feeder_sim.engines.impulse.lone.leap import NEVER, first_leaps, forecast, shortest_leap, unsure
+from feeder_sim.engines.impulse.lone.leap import NEVER, fall_on, first_leaps, forecast, shortest_leap, unsure
 from feeder_sim.engines.impulse.lone.plate_points import CLOSE, REACH, look, look_at_edge
 from feeder_sim.engines.impulse.lone.state import AT, FREE, GAP, KNOWN
 from feeder_sim.engines.impulse.state import ASLEEP, top_speed
@@ -23,15 +23,18 @@ LEAST_LOOK = 1e-5  # [s]; points at the edge of the plate come and go
 
 
 @inlined
-def meet_plate(part, kinds, surface, bounds, t, work):
-    """What the part does at time t [s]; returns how long it goes on so [s]."""
+def meet_plate(part, kinds, surface, bounds, t, shown, work):
+    """What the part does at time t [s]; returns when it is to be looked at next [s].
+
+    shown: when its state is asked for next [s].
+    """
     kind = kinds.record[part.kind]
     before = part.phase
     part.phase = FREE
     height = part.position[2] - kind.reach - kind.radius - bounds.crest
     if height > CLOSE:
         rising = part.velocity[2]
-        return (rising + math.sqrt(rising * rising + 2.0 * GRAVITY * (height - 0.5 * CLOSE))) / GRAVITY
+        return t + (rising + math.sqrt(rising * rising + 2.0 * GRAVITY * (height - 0.5 * CLOSE))) / GRAVITY
     corners = kinds.corners[kind.corner_from : kind.corner_to]
     close, moved = look(part, kind, corners, surface, bounds, t, work)
     n, at_edge, near_edge = corners.shape[0], False, _may_reach_edge(part, kind, surface)
@@ -41,22 +44,24 @@ def meet_plate(part, kinds, surface, bounds, t, work):
     unknown = unsure(part, kind, bounds)
     until = _next_switch(surface, t, bounds.end)
     if close or at_edge:
+        if before == FREE and not near_edge:
+            t += fall_on(part, kind, n, min(shown, until) - t, unknown[0], surface, bounds, work)
         strike(part, kind, n, unknown[1], bounds, work)
         unknown = unsure(part, kind, bounds)
         stays, held = press(part, kind, n, before != FREE, unknown, surface, bounds, t, until, work)
         if stays > 0.0:
             part.held = part.held + 1 if held else min(part.held, 0)
             if held:
-                return _stay(part, kind, n, surface, bounds, t, until, stays, work)
-            return stays
+                stays = _stay(part, kind, n, surface, bounds, t, until, stays, work)
+            return t + stays
         part.held = 0
     slack, twist = unknown
     far, to_crest = first_leaps(n, slack, twist, bounds, work)
     if near_edge:
         to_crest = min(to_crest, max(LEAST_LOOK, 0.25 * _lowest_gap(n, work) / top_speed(part, kind)))
     if far < to_crest:
-        far = forecast(n, surface, bounds, t, until, (far, to_crest), unknown, work)
-    return max(min(far, to_crest), shortest_leap(part, kind, bounds))
+        far = forecast(part, kind, n, surface, bounds, t, until, (far, to_crest), unknown, work)
+    return t + max(min(far, to_crest), shortest_leap(part, kind, bounds))
 
 
 @inlined

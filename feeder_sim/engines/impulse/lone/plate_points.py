@@ -43,7 +43,8 @@ from feeder_sim.engines.outline_arrays import ON_EDGE, off_plate
 from feeder_sim.machine_code import inlined
 from feeder_sim.scene.scene import GRAVITY
 
-CLOSE = 1e-6  # [m]; how a surface moves and slopes is known under points that are closer
+CLOSE = 1e-6  # [m]
+NEARBY = 1e-5  # [m]; a surface that rises by less is known with its slopes under every point below its crest
 REACH = 1e-3  # [m]; how far from the edge of the plate a part is looked at there
 BESIDE = 2e-4  # [m]; a point that far below the surface is beside the plate or under it
 UP = (0.0, 0.0, 1.0)
@@ -97,7 +98,8 @@ def falls(spin, change, arm, normal):
 def _look_below(row, under, part, kind, arm, spin, surface, bounds, work):
     """Fill the row of a corner below the crest; returns whether it is close to the surface."""
     x, y = part.position[0] + arm[0], part.position[1] + arm[1]
-    shapes_under(x, y, part, surface, False, under)
+    known = bounds.crest < NEARBY
+    shapes_under(x, y, part, surface, known, under)
     height = _moves_with(row, under, bounds, work)
     speed = row[WITH + 2]
     gap = part.position[2] + arm[2] - kind.radius - height
@@ -105,13 +107,14 @@ def _look_below(row, under, part, kind, arm, spin, surface, bounds, work):
     if gap < -BESIDE:
         row[GAP] = np.inf
         return False
-    if gap > CLOSE:
+    if gap > CLOSE and not known:
         return False
     row[KNOWN] = 1.0
-    shapes_under(x, y, part, surface, True, under)
+    if not known:
+        shapes_under(x, y, part, surface, True, under)
     stand(row, arm, kind.radius, speed, under, work.now[NOW], work.now[SPEED], surface)
     row[RATE] = rate_of(row, part, spin)
-    return True
+    return gap <= CLOSE
 
 
 @inlined

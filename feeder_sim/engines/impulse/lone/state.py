@@ -61,7 +61,8 @@ class Bounds(NamedTuple):
     """What the surface can do at most within a window of time.
 
     end: of the window [s]; crest: height [m]; slope: steepest [1]; acceleration: of every mode shape at its antinode
-    [m/s^2]; speed: of any point [m/s]; fastest: rate of any term [rad/s]; calm: the part may come to rest.
+    [m/s^2]; speed: of any point [m/s]; fastest: rate of any term [rad/s]; brief: a time in which it moves as a
+    polynomial of third degree in time says, to a share of the touch [s]; calm: the part may come to rest.
     """
 
     end: float
@@ -70,6 +71,7 @@ class Bounds(NamedTuple):
     acceleration: NDArray[np.float64]
     speed: float
     fastest: float
+    brief: float
     calm: bool
     exact: Exactness
 
