@@ -46,7 +46,6 @@ def scenario(case: Case, duration: float, seeds: int) -> Scenario:
             duration_s=duration,
             seeds=seeds,
             frames_per_second=case.frequency * FRAMES_PER_PERIOD,
-            tolerance_nm=1.0,
         ),
     )
 

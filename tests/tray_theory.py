@@ -196,7 +196,7 @@ def tray_scene(case: Case, *, duration: float, seeds: int) -> Scene:
         drive=(Drive(frequency_hz=case.frequency, amplitude_um=1e6 * case.up, ring_up=False),),
         part=(Box(shape="box", size_mm=(8.0, 8.0, 2.0), start=start),),
         contact=Contact(restitution=case.restitution, friction=case.friction),
-        run=Run(duration_s=duration, seeds=seeds, tolerance_nm=1.0),
+        run=Run(duration_s=duration, seeds=seeds),
     )
     rate = np.full(2, 2j * math.pi * case.frequency)
     both = np.array([-1j * case.up, -1j * case.along])

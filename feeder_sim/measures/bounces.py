@@ -219,4 +219,4 @@ def settling_time(scene: Scene) -> float:
 def impact_tolerance(prepared: Prepared) -> float:
     """Relative difference of impact speeds below the resolution of a method, which may meet the plate in steps."""
     exact = prepared.engine.method == "slide"
-    return EXACT_TOLERANCE if exact else STEP_TOLERANCE / prepared.scenario.run.steps_per_period
+    return EXACT_TOLERANCE if exact else STEP_TOLERANCE / prepared.scenario.run.steps

@@ -109,7 +109,7 @@ def recommendations(scene: Scene) -> list[str]:
         lines.append(
             'part.guide = { kind = "slide" } if only the vertical motion matters: exact, and ten times cheaper'
         )
-    if run.steps_per_period > 2 * FINE_STEPS:
+    if run.steps > 2 * FINE_STEPS:
         lines.append(f"run.steps_per_period = {FINE_STEPS}: finer steps change the drift by a percent")
     ringing = [drive for drive in scene.drives if drive.damping_ratio is not None]
     shortest = min((stage.stop - stage.start for stage in scene.times.stages if stage.excitations), default=math.inf)

@@ -22,7 +22,14 @@ from feeder_sim.engines.impact_log import new_log
 from feeder_sim.engines.impulse.alone import Alone, ContactNotes, Drive
 from feeder_sim.engines.impulse.engine import WINDOW_ALONE
 from feeder_sim.engines.impulse.kinds import read_kinds
+from feeder_sim.engines.impulse.lone.engine import exactness_of
+from feeder_sim.engines.impulse.lone.loop import WINDOW, Lone
+from feeder_sim.engines.impulse.lone.loop import Drive as LoneDrive
+from feeder_sim.engines.impulse.lone.state import PART as LONE_PART
+from feeder_sim.engines.impulse.lone.state import new_part
+from feeder_sim.engines.impulse.lone.state import new_scratch as new_lone_scratch
 from feeder_sim.engines.impulse.state import PART, Kinds, new_parts, new_scratch
+from feeder_sim.engines.noise import new_streams
 from feeder_sim.engines.surface_arrays import surface_arrays
 from feeder_sim.errors import InputError, check_type, check_whole
 from feeder_sim.measures.drift import Drift, DriftFindings
@@ -152,9 +159,7 @@ def check_batch(prepared: Prepared) -> None:
         raise InputError(f"is given, allowed is none {why}", key="schedule")
     if scenario.run.reaction:
         raise InputError(f"is true, allowed is false {why}", key="run.reaction")
-    if prepared.engine.method == "exact":
-        raise InputError(f"is {scenario.run.tolerance_nm:g}, allowed is none {why}", key="run.tolerance_nm")
-    if prepared.engine.method != "impulse":
+    if prepared.engine.method not in ("impulse", "exact"):
         raise InputError(f'is "{prepared.engine.name}", allowed is "impulse" {why}', key="run.engine")
 
 
@@ -163,7 +168,7 @@ class _Starts:
 
     def __init__(self, scene: Scene) -> None:
         self._scene, self._random, self.key = scene, generators(scene), _Starts.key_of(scene)
-        self._parts, self._drawn = np.zeros(len(self._random), PART), np.zeros(len(self._random), bool)
+        self._parts, self._drawn = np.zeros(len(self._random), LONE_PART), np.zeros(len(self._random), bool)
         self._lock = threading.Lock()
 
     @staticmethod
@@ -184,7 +189,8 @@ class _Starts:
                     pose = start_poses(self._scene, self._random[seed])[0]
                     attitude = self._scene.principal_attitudes(pose.quaternion[None])
                     turned = Rotation.from_quat(attitude, scalar_first=True).as_matrix()
-                    self._parts[seed] = new_parts([pose.position], turned, [0], [pose.velocity])[0]
+                    part = new_parts([pose.position], turned, [0], [pose.velocity])
+                    self._parts[seed] = new_part(part, new_streams(self._random[seed], 1))[0]
                     self._drawn[seed] = True
             return self._parts[some].copy()
 
@@ -195,9 +201,14 @@ class _Seeds:
     def __init__(self, prepared: Prepared, starts: _Starts) -> None:
         self.prepared, self._starts, scene = prepared, starts, prepared.scene
         self._kinds: Kinds = read_kinds(scene)
-        self._drive = Drive(
-            surface_arrays(scene.surface, scene.scenario.run), scene.surface.extremes, scene.timestep, WINDOW_ALONE
-        )
+        surface = surface_arrays(scene.surface, scene.scenario.run)
+        self._exact = prepared.engine.method == "exact"
+        extremes = scene.surface.extremes
+        self._drive: Drive | LoneDrive
+        if self._exact:
+            self._drive = LoneDrive(surface, extremes, exactness_of(scene), WINDOW)
+        else:
+            self._drive = Drive(surface, extremes, scene.timestep, WINDOW_ALONE)
         self._recording = Recording(scene.frame_interval, scene.n_frames)
         still, level = np.zeros((1, 1, 3)), np.array([[[1.0, 0.0, 0.0, 0.0]]])
         # Of the limits only that of the energy goes by the start; the kernel takes that of every seed.
@@ -211,8 +222,15 @@ class _Seeds:
 
     def run(self, some: slice, interrupt: NDArray[np.int64]) -> float:
         """Run some of the seeds; returns the processor time [s] that it took."""
-        work = new_scratch(self._kinds, self.prepared.scene.surface.n_shapes)
-        alone = Alone(self._starts.of(some), self._kinds, None, work)
+        parts, n_shapes = self._starts.of(some), self.prepared.scene.surface.n_shapes
+        alone: Alone | Lone
+        if self._exact:
+            alone = Lone(parts, self._kinds, new_lone_scratch(self._kinds, n_shapes))
+        else:
+            stepping = np.zeros(len(parts), PART)
+            for name in PART.names or ():
+                stepping[name] = parts[name]
+            alone = Alone(stepping, self._kinds, None, new_scratch(self._kinds, n_shapes))
         notes, outcome = ContactNotes(new_log(1), np.zeros(2)), self.outcome.some(some)
         room = new_room()
         started = time.thread_time()

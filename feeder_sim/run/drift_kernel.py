@@ -9,11 +9,13 @@ import math
 from typing import NamedTuple
 
 import numpy as np
+from numba.extending import overload
 from numpy.typing import NDArray
 
 from feeder_sim.engines.impulse import frame_rows
 from feeder_sim.engines.impulse.alone import Alone, advance_part
-from feeder_sim.engines.impulse.frame_rows import ROW, FrameRows, write_row
+from feeder_sim.engines.impulse.frame_rows import ROW, FrameRows, write_state
+from feeder_sim.engines.impulse.lone.loop import Lone, advance_lone
 from feeder_sim.machine_code import compiled, entry_point
 from feeder_sim.run.energy import EnergyLimit
 from feeder_sim.run.state_check import (
@@ -111,8 +113,8 @@ def measure_drifts(alone, drive, notes, recording, held, way, interrupt, room, o
     """Run every part of `alone`, one after the other and each by itself, and measure its drift.
 
     Args:
-        alone: one part for each seed, at its start; kind, and scratch space.
-        drive: as for `advance_alone`.
+        alone: one part for each seed, at its start; kind, and scratch space; `Alone`, or `Lone` without a step.
+        drive: as for `advance_alone`, or for `lone.loop.advance`.
         notes: as for `advance_alone`.
         recording: when frames are taken.
         held: what the states are held against.
@@ -123,10 +125,10 @@ def measure_drifts(alone, drive, notes, recording, held, way, interrupt, room, o
     """
     rows, clock, motion, states = room
     for seed in range(alone.parts.shape[0]):
-        part = Alone(alone.parts[seed : seed + 1], alone.kinds, alone.wall, alone.work)
+        part = alone.parts[seed]
         clock[:] = 0.0
         motion.time[0] = 0.0
-        write_row(part.parts, 0, part.kinds, 0.0, rows[0, 0])
+        write_state(part, alone.kinds.record[part.kind], rows[0, 0])
         _take_motion(rows, 1, motion)
         start = motion.state[0, 0]
         limits = _limits_of(start, held)
@@ -139,7 +141,7 @@ def measure_drifts(alone, drive, notes, recording, held, way, interrupt, room, o
             n = min(BLOCK, recording.frames - done)
             for k in range(n):
                 motion.time[k] = (done + k) * recording.interval
-            advance_part(part, drive, notes, clock, FrameRows(motion.time[:n], rows[:n], interrupt))
+            _advance_seed(seed, alone, drive, notes, clock, FrameRows(motion.time[:n], rows[:n], interrupt))
             if interrupt[0] != 0:
                 return
             _take_motion(rows, n, motion)
@@ -162,6 +164,22 @@ def measure_drifts(alone, drive, notes, recording, held, way, interrupt, room, o
         outcome.time[seed], outcome.rise[seed] = last_time, highest - lowest
         outcome.moved[seed, 0], outcome.moved[seed, 1] = last_x - x, last_y - y
         outcome.status[seed] = status
+
+
+def _advance_seed(seed, alone, drive, notes, clock, frames):
+    """Advance the part of a seed past the times of frames."""
+    raise NotImplementedError("for compiled code only")
+
+
+@overload(_advance_seed)
+def _advance_by_method(seed, alone, drive, notes, clock, frames):
+    if alone.instance_class is Lone:
+        return lambda seed, alone, drive, notes, clock, frames: advance_lone(
+            Lone(alone.parts[seed : seed + 1], alone.kinds, alone.work), drive, clock, frames
+        )
+    return lambda seed, alone, drive, notes, clock, frames: advance_part(
+        Alone(alone.parts[seed : seed + 1], alone.kinds, alone.wall, alone.work), drive, notes, clock, frames
+    )
 
 
 @compiled

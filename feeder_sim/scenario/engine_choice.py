@@ -1,9 +1,9 @@
 """Which scenarios each engine can compute, which engine a scenario gets, and settings that are known to fail.
 
 Two engine names stand for several methods. `mujoco` has one; `impulse` has the general one and `slide`, which finds
-every event of a part with one degree of freedom exactly; with `run.tolerance_nm` also `exact`, which computes one free
-part without a step. Over a plate that takes the impulses of the parts both have a
-method of their own, `reaction`. docs/engines.md describes them.
+every event of a part with one degree of freedom exactly, and `exact`, which computes one free part without a step.
+Over a plate that takes the impulses of the parts both have a method of their own, `reaction`. docs/engines.md describes
+them.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ import json
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Literal, NamedTuple
 
-from feeder_sim.scenario.laws import uncovered_laws
+from feeder_sim.scenario.laws import needs_steps, uncovered_laws
 from feeder_sim.scenario.part import Start
 from feeder_sim.scenario.run import MujocoSettings
 
@@ -40,7 +40,8 @@ def choose_engine(scenario: Scenario) -> Choice:
     """The engine of a checked scenario: the one it asks for, else the fastest that can compute it."""
     guide = scenario.guide
     method: Method = "reaction" if scenario.run.reaction else "impulse"
-    if scenario.run.tolerance_nm is not None:
+    asks_for_steps = scenario.run.steps_per_period is not None or any(needs_steps(scenario))
+    if scenario.run.tolerance_nm is not None or not asks_for_steps:
         method = "exact"
     stepping: Method = "reaction" if scenario.run.reaction else "mujoco"
     if guide is not None and guide.kind == "slide":
@@ -151,17 +152,17 @@ def known_failures(scenario: Scenario) -> tuple[str, ...]:
     """Settings that do not simulate what was asked for: key, value, what is allowed and why, one line each."""
     run, contact, mujoco = scenario.run, scenario.contact, scenario.mujoco
     failures = []
-    if run.steps_per_period < MIN_STEPS_PER_PERIOD:
+    if run.steps < MIN_STEPS_PER_PERIOD:
         failures.append(
-            f"run.steps_per_period is {run.steps_per_period}, allowed is at least {MIN_STEPS_PER_PERIOD}: the "
+            f"run.steps_per_period is {run.steps}, allowed is at least {MIN_STEPS_PER_PERIOD}: the "
             "plate would move by a third of its amplitude within a step, and speeds come out wrong"
         )
     if contact.time_constant_us is not None:
         shortest = 1e6 / scenario.highest_frequency_hz
-        if contact.time_constant_us < MIN_STEPS_PER_TIME_CONSTANT * shortest / run.steps_per_period:
+        if contact.time_constant_us < MIN_STEPS_PER_TIME_CONSTANT * shortest / run.steps:
             needed = int(-(-MIN_STEPS_PER_TIME_CONSTANT * shortest // contact.time_constant_us))
             failures.append(
-                f"run.steps_per_period is {run.steps_per_period}, allowed is at least {needed} for "
+                f"run.steps_per_period is {run.steps}, allowed is at least {needed} for "
                 f"contact.time_constant_us = {contact.time_constant_us:g}: a shorter contact throws parts"
             )
     elif mujoco.integrator == "discrete":

@@ -73,29 +73,39 @@ def _of_impulses_only(scenario: Scenario) -> Iterator[str]:
 def _of_exact_contact(scenario: Scenario) -> Iterator[str]:
     """What cannot be computed without a step, and a noise where impacts do not scatter; as for `uncovered_laws`."""
     noise, tolerance, guide = scenario.contact.noise_m_s, scenario.run.tolerance_nm, scenario.guide
-    slides = guide is not None and guide.kind == "slide"
-    if tolerance is None and not slides and noise not in (0.0, Contact().noise_m_s):
-        yield (
-            f"contact.noise_m_s is {noise:g}, allowed is 0 or the default {Contact().noise_m_s:g} without "
-            "run.tolerance_nm: only impacts without a step scatter"
-        )
-    if tolerance is None or slides:
+    if guide is not None and guide.kind == "slide":
         return
-    named = f"run.tolerance_nm is {tolerance:g}, allowed is none"
+    steps, reasons = scenario.run.steps_per_period, list(needs_steps(scenario))
+    if (reasons or steps is not None) and noise not in (0.0, Contact().noise_m_s):
+        why = reasons[0] if reasons else f"with run.steps_per_period = {steps}"
+        yield (
+            f"contact.noise_m_s is {noise:g}, allowed is 0 or the default {Contact().noise_m_s:g} {why}: only impacts "
+            "without a step scatter"
+        )
+    if tolerance is None:
+        return
+    for reason in reasons:
+        yield f"run.tolerance_nm is {tolerance:g}, allowed is none {reason}"
+    if steps is not None:
+        yield f"run.steps_per_period is {steps}, allowed is none with run.tolerance_nm, which does without steps"
+
+
+def needs_steps(scenario: Scenario) -> Iterator[str]:
+    """Why the impulse engine computes a scenario in steps; nothing where it does without."""
     if scenario.n_parts > 1:
-        yield f"{named} with {scenario.n_parts} parts: one free part is computed without a step"
-    if guide is not None:
-        yield f'{named} with part[0].guide.kind = "{guide.kind}"'
+        yield f"with {scenario.n_parts} parts: one free part is computed without a step"
+    if scenario.guide is not None:
+        yield f'with part[0].guide.kind = "{scenario.guide.kind}"'
     shape = scenario.part[0].shape
     if shape in ("cylinder", "dimer"):
-        yield f'{named} with part[0].shape = "{shape}"'
+        yield f'with part[0].shape = "{shape}"'
     if getattr(scenario.plate, "rim", False):
-        yield f"{named} with plate.rim = true"
+        yield "with plate.rim = true"
     if scenario.refill is not None:
-        yield f"{named} with refill"
+        yield "with refill"
     for key in ("planar", "reaction"):
         if getattr(scenario.run, key):
-            yield f"{named} with run.{key} = true"
+            yield f"with run.{key} = true"
 
 
 def _weighed(scenario: Scenario) -> Iterator[str]:

@@ -8,6 +8,9 @@ from pydantic import Field, PlainValidator, model_validator
 
 from feeder_sim.scenario.tables import Flag, NonNegative, Positive, Table
 
+TOLERANCE_NM = 0.1  # of contacts without a step, where the scenario does not say
+STEPS_PER_PERIOD = 40  # of a method that has steps, where the scenario does not say
+
 Share = Annotated[float, Field(ge=0, le=1, strict=True)]
 
 
@@ -107,8 +110,8 @@ class Run(Table):
     impulse engine replace the surface under a part by its tangent plane, as the MuJoCo engine always does;
     `planar = true` keeps a part in the plane y = 0 of a strip or piston, with the outline it has there.
     `reaction = true` lets every impulse that the plate gives a part act on the driven modes of a rectangle too.
-    With `tolerance_nm` the impulse engine computes one free part without a step ([Contact](contact.md)); for a part on
-    a slide, which has none anyway, it says how exact its chatter is.
+    The impulse engine computes one free part without a step ([Contact](contact.md)); `tolerance_nm` says how exactly,
+    and how exact the chatter of a part on a slide is. With `steps_per_period` it takes steps there too.
     `allow_unstable` runs settings that are known to fail. With a schedule the duration is that of its stages. A part
     that falls off the plate is computed down to `floor_mm`, and is lost there.
     """
@@ -119,7 +122,7 @@ class Run(Table):
     seeds: Annotated[int, Field(ge=1, le=10_000, strict=True)] = 12
     seed: Annotated[int, Field(ge=0, lt=2**63, strict=True)] = 0
     tolerance_nm: Annotated[float, Field(ge=1e-4, le=100, strict=True)] | None = None
-    steps_per_period: Annotated[int, Field(ge=1, le=10_000, strict=True)] = 40
+    steps_per_period: Annotated[int, Field(ge=1, le=10_000, strict=True)] | None = None
     frames_per_second: Annotated[float, Field(ge=1, le=1e6, strict=True)] = 500.0
     floor_mm: Annotated[float, Field(ge=-1e4, le=-1, strict=True)] = -50.0
     in_plane_velocity: Flag = True
@@ -127,3 +130,13 @@ class Run(Table):
     planar: Flag = False
     reaction: Flag = False
     allow_unstable: Flag = False
+
+    @property
+    def tolerance(self) -> float:
+        """How far contacts without a step may be off [nm]."""
+        return TOLERANCE_NM if self.tolerance_nm is None else self.tolerance_nm
+
+    @property
+    def steps(self) -> int:
+        """Steps per period of a method that has some."""
+        return STEPS_PER_PERIOD if self.steps_per_period is None else self.steps_per_period

@@ -18,14 +18,13 @@ ENGINES = ["impulse", pytest.param("mujoco", marks=pytest.mark.slow)]
 
 
 @cache
-def speed(name: str, engine: str, seeds: int, steps_per_period: int = 40) -> tuple[float, float]:
+def speed(name: str, engine: str, seeds: int, **run: float) -> tuple[float, float]:
     """Mean and standard error of the transport speed [mm/s] of a scenario as it stands, but for the arguments."""
     scenario = load_scenario(REPOSITORY / f"scenarios/{name}.toml")
     assert (scenario.contact.restitution, scenario.contact.friction) == (0.2, 0.3)
-    assert (scenario.run.seeds, scenario.run.steps_per_period) == (12, 40)
-    run = with_run(scenario, engine=engine, seeds=seeds, steps_per_period=steps_per_period)
-    found = simulate(run).measures()["transport_speed_mm_s"]
-    assert found["n"] == run.run.seeds
+    assert scenario.run.seeds == 12
+    found = simulate(with_run(scenario, engine=engine, seeds=seeds, **run)).measures()["transport_speed_mm_s"]
+    assert found["n"] == seeds
     print(f"{name}, {engine}: {found['mean']:.3f} +- {found['se']:.3f} mm/s, n = {found['n']}")
     return found["mean"], found["se"]
 
@@ -58,10 +57,10 @@ def test_both_engines_agree(name: str, within: float) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", MEASURED)
-def test_halving_the_step_of_the_impulse_engine_changes_little(name: str) -> None:
-    (coarse, coarse_se), (fine, fine_se) = (speed(name, "impulse", 256, steps) for steps in (40, 80))
-    assert np.hypot(coarse_se, fine_se) / fine < 0.015
-    assert abs(coarse / fine - 1) < 0.03
+def test_a_finer_tolerance_changes_nothing(name: str) -> None:
+    (default, default_se), (fine, fine_se) = speed(name, "impulse", 256), speed(name, "impulse", 256, tolerance_nm=0.01)
+    assert np.hypot(default_se, fine_se) / fine < 0.01
+    assert abs(default / fine - 1) < 0.03
 
 
 @pytest.mark.parametrize("engine", ENGINES)

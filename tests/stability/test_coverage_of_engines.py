@@ -119,7 +119,15 @@ EXACT: Raw = {"tolerance_nm": 0.1}
 ROD: Raw = {"shape": "cylinder", "diameter_mm": 3.0, "height_mm": 6.0}
 LAWS_REFUSED: dict[str, tuple[Raw, str]] = {
     "noise in MuJoCo": ({"contact": {"noise_m_s": 1e-6}, "run": IN_MUJOCO}, "noise_m_s is 1e-06, allowed is 0 or"),
-    "noise with steps": ({"contact": {"noise_m_s": 1e-6}}, "noise_m_s is 1e-06, allowed is 0 or"),
+    "noise with steps": (
+        {"contact": {"noise_m_s": 1e-6}, "run": {"steps_per_period": 40}},
+        "noise_m_s is 1e-06, allowed is 0 or",
+    ),
+    "noise in a tube": ({"contact": {"noise_m_s": 1e-6}, "part": {"guide": TUBE}}, "noise_m_s is 1e-06, allowed is 0"),
+    "steps and a tolerance": (
+        {"run": {"steps_per_period": 40, "tolerance_nm": 1.0}},
+        "steps_per_period is 40, allowed",
+    ),
     "a tolerance in MuJoCo": (
         {"run": IN_MUJOCO | {"tolerance_nm": 1.0}},
         "run.tolerance_nm is 1, allowed is none in Mu",

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from conftest import strip_scenario
 
-from feeder_sim.engines.impulse.engine import ImpulseEngine
+from feeder_sim.engines.impulse.lone.engine import LoneEngine
 from feeder_sim.records.trajectory import Frames, Status
 from feeder_sim.run import seed_run
 from feeder_sim.run.simulation import simulate
@@ -29,15 +29,15 @@ def test_pieces_change_nothing(engine: str, monkeypatch: pytest.MonkeyPatch) -> 
 
 def test_a_block_that_is_stopped_is_dropped_as_a_whole(monkeypatch: pytest.MonkeyPatch) -> None:
     stop, calls = threading.Event(), []
-    advance = ImpulseEngine.advance
+    advance = LoneEngine.advance
 
-    def counted(self: ImpulseEngine, n_frames: int) -> Frames:
+    def counted(self: LoneEngine, n_frames: int) -> Frames:
         calls.append(n_frames)
         if len(calls) == 5:
             stop.set()
         return advance(self, n_frames)
 
-    monkeypatch.setattr(ImpulseEngine, "advance", counted)
+    monkeypatch.setattr(LoneEngine, "advance", counted)
     monkeypatch.setattr(seed_run, "PIECE_S", 0.0)
     kept: list[Any] = []
     monkeypatch.setattr(seed_run.SeedRun, "_save", lambda self, wall_s: kept.append(self._engine.state()))

@@ -235,7 +235,7 @@ def test_a_mode_takes_its_frequency_along(repository: Path) -> None:
         ([f"{AMPLITUDE}=-1:5"], "is -1"),
         ([f"{FRICTION}=0.1:0.5", f"{FRICTION}=1,2"], "each key once"),
         ([], "each key once"),
-        (["run.steps_per_period=20.5:40"], "whole numbers"),
+        (["part[0].count=1.5:3"], "whole numbers"),
         (["drive[0].mode=1,2"], "plate.mode_file: is missing"),
         (["contact.frction=0:1"], "did you mean 'friction'"),
     ],

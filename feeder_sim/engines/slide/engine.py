@@ -16,7 +16,6 @@ from feeder_sim.scene.scene import GRAVITY, Scene
 from feeder_sim.scene.start import Pose, start_poses
 
 LOG_ROWS = 20_000
-TOLERANCE_NM = 0.1  # where the scenario says none
 
 
 class SlideEngine:
@@ -42,7 +41,7 @@ class SlideEngine:
         assert guide is not None
         self._scene, self._pose, self._axis = scene, pose, guide.axis
         up, down = guide.deceleration(GRAVITY)
-        contact, tolerance = scene.scenario.contact, 1e-9 * (scene.scenario.run.tolerance_nm or TOLERANCE_NM)
+        contact, tolerance = scene.scenario.contact, 1e-9 * scene.scenario.run.tolerance
         self._law = Law(up, down, contact.coefficient, contact.noise_m_s, tolerance)
         self._stream = new_streams(rng, 1)
         self._plate = _plate(scene)

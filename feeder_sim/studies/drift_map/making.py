@@ -77,7 +77,9 @@ def made_of(scenario: Scenario, thickness: float) -> Made:
             )
     part = content_text(scenario.part[0].model_dump(exclude={"start", "count", "name", "guide"}))
     contact = scenario.contact.model_dump_json(exclude={"part_restitution", "part_friction"})
-    method = f"{choose_engine(scenario).name}, {run.steps_per_period} steps per period"
+    engine = choose_engine(scenario)
+    exact = f"tolerance {run.tolerance:g} nm" if engine.method == "exact" else f"{run.steps} steps per period"
+    method = f"{engine.name}, {exact}"
     return Made(part, contact, method, thickness)
 
 
@@ -209,6 +211,7 @@ def _on_strip(
             duration_s=_forgets(speed) + measured_s + lag_of(speed),
             frames_per_second=FRAMES_PER_S,
             steps_per_period=scenario.run.steps_per_period,
+            tolerance_nm=scenario.run.tolerance_nm,
         ),
     )
 

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from feeder_sim.engines.impulse.engine import COLUMNS, WINDOW_ALONE, ImpulseEngine
+from feeder_sim.engines.impulse.engine import COLUMNS, ImpulseEngine
 from feeder_sim.engines.impulse.frame_rows import ROW, FrameRows
-from feeder_sim.engines.impulse.lone.loop import Drive, Lone, advance
+from feeder_sim.engines.impulse.lone.loop import WINDOW, Drive, Lone, advance
 from feeder_sim.engines.impulse.lone.state import FREE, PART, Exactness, new_part, new_scratch
 from feeder_sim.engines.impulse.state import ABSENT
 from feeder_sim.engines.noise import new_streams
@@ -21,6 +21,12 @@ from feeder_sim.scene.scene import Scene
 from feeder_sim.scene.start import Pose
 
 TOUCHING, LEAST_TOUCH = 0.01, 1e-13  # share of the tolerance, and [m]: gaps from which on points touch
+
+
+def exactness_of(scene: Scene) -> Exactness:
+    """How exact the contacts of a scene are."""
+    tolerance = 1e-9 * scene.scenario.run.tolerance
+    return Exactness(tolerance, max(TOUCHING * tolerance, LEAST_TOUCH), scene.scenario.contact.noise_m_s)
 
 
 class LoneEngine(ImpulseEngine):
@@ -36,10 +42,7 @@ class LoneEngine(ImpulseEngine):
     ) -> None:
         del threads  # one part needs one
         super().__init__(scene, rng, interrupt=interrupt)
-        run, contact = scene.scenario.run, scene.scenario.contact
-        assert run.tolerance_nm is not None
-        tolerance = 1e-9 * run.tolerance_nm
-        self._exact = Exactness(tolerance, max(TOUCHING * tolerance, LEAST_TOUCH), contact.noise_m_s)
+        self._exact = exactness_of(scene)
         self._scratch = new_scratch(self._kinds, scene.surface.n_shapes)
         self._part = new_part(self._parts, new_streams(rng, 1))
 
@@ -50,7 +53,7 @@ class LoneEngine(ImpulseEngine):
     def advance(self, n_frames: int) -> Frames:
         scene, rows = self._scene, np.empty((n_frames, 1, ROW))
         times = np.asarray((self._frame + 1 + np.arange(n_frames)) * scene.frame_interval, float)
-        drive = Drive(self._surface, scene.surface.extremes, self._exact, WINDOW_ALONE)
+        drive = Drive(self._surface, scene.surface.extremes, self._exact, WINDOW)
         frames = FrameRows(times, rows, self._interrupt)
         advance(Lone(self._part, self._kinds, self._scratch), drive, self._clock, frames)
         if self._interrupt[0]:

@@ -7,6 +7,7 @@ that follows keeps its seat in that frame, whatever the time between two looks; 
     |lateral force| <= FIRM mu N                       friction holds it
     |moment about the supports| <= BALANCED rho N      no support loses its load; rho: radius of the supports around the
                                                        centre of mass, seen from above
+    its centre of mass is not beside its supports    rho >= 0
     the plate bends by less than a tolerance under the part, beside its frame
 
 which is true for a whole window where the envelopes of the motion say so, or until the first time at which it is not.
@@ -218,6 +219,7 @@ def _held(normal, lateral, moment, height, rho, kind):
     """Whether friction and supports hold a part; all forces and moments by its mass."""
     return (
         normal > 0.0
+        and rho >= -LEVEL * height
         and lateral <= FIRM * kind.friction[0] * normal
         and moment + height * lateral <= (BALANCED * max(rho, 0.0) + LEVEL * height) * normal
     )

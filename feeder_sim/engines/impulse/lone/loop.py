@@ -19,6 +19,7 @@ from feeder_sim.engines.impulse.window import acting_terms
 from feeder_sim.engines.surface_arrays import SurfaceArrays
 from feeder_sim.machine_code import compiled, entry_point, uncounted
 
+WINDOW = 2e-2  # [s]; bounds follow the ring-up of the plate
 ORIGIN, NUMBER, DUE = range(3)  # of the clock
 
 
@@ -45,31 +46,28 @@ def advance(lone, drive, clock, frames):
 
     clock: time from which windows count, number of the window under way, and when the part is to be looked at next.
     """
+    advance_lone(lone, drive, clock, frames)
+
+
+@compiled
+def advance_lone(lone, drive, clock, frames):
+    """`advance` for compiled functions."""
     lone, frames = borrow(lone), borrow(frames)
     part, kind, surface = lone.parts[0], lone.kinds.record[0], drive.surface
-    start, end = clock[ORIGIN] + clock[NUMBER] * drive.window, clock[ORIGIN] + (clock[NUMBER] + 1.0) * drive.window
-    acting = acting_terms(surface, start, end)
-    bounds = bound(acting, drive.extremes, start, end, drive.exact)
-    plate, seen = Plate(borrow(acting), borrow(bounds)), np.empty(1, PART)
-    _wake(part, bounds)  # the drive may have changed since
-    for frame in range(frames.time.shape[0]):
-        while clock[DUE] < frames.time[frame]:
-            if clock[DUE] >= end:
-                clock[NUMBER] += 1.0
-                start, end = end, clock[ORIGIN] + (clock[NUMBER] + 1.0) * drive.window
-                acting = acting_terms(surface, start, end)
-                bounds = bound(acting, drive.extremes, start, end, drive.exact)
-                plate = Plate(borrow(acting), borrow(bounds))
-                bring(part, kind, start, acting)
-                orthonormalise(part.attitude)
-                _wake(part, bounds)
-                clock[DUE] = start
-            clock[DUE] = _advance_until(min(end, frames.time[frame]), clock[DUE], lone, plate, frames)
-            if frames.interrupt[0] != 0:
-                return
-        seen[0] = part  # which itself is left as it is
-        bring(seen[0], kind, frames.time[frame], acting)
-        write_state(seen[0], kind, frames.row[frame, 0])
+    seen, frame = np.empty(1, PART), 0
+    while True:
+        start, end = clock[ORIGIN] + clock[NUMBER] * drive.window, clock[ORIGIN] + (clock[NUMBER] + 1.0) * drive.window
+        acting = acting_terms(surface, start, end)
+        bounds = bound(acting, drive.extremes, start, end, drive.exact)
+        if clock[DUE] == start:
+            bring(part, kind, start, acting)
+            orthonormalise(part.attitude)
+        _wake(part, bounds)  # the drive may have changed since
+        frame = _through_window(frame, lone, Plate(borrow(acting), borrow(bounds)), clock, frames, seen)
+        if frame == frames.time.shape[0] or frames.interrupt[0] != 0:
+            return
+        clock[NUMBER] += 1.0
+        clock[DUE] = end
 
 
 @compiled
@@ -80,12 +78,25 @@ def _wake(part, bounds):
 
 
 @uncounted
-def _advance_until(until, t, lone, plate, frames):
-    """Look at the part again and again until a time [s]; returns when it is due after that."""
-    part, kind = lone.parts[0], lone.kinds.record[0]
-    while t < until and frames.interrupt[0] == 0:
-        if part.there == ASLEEP or part.there == ABSENT:
-            return plate.bounds.end
-        bring(part, kind, t, plate.surface)
-        t = meet_plate(part, lone.kinds, plate.surface, plate.bounds, t, until, lone.work)
-    return min(t, max(plate.bounds.end, until))
+def _through_window(frame, lone, plate, clock, frames, seen):
+    """Look at the part again and again until the window ends, and write its state at the times of frames from one on.
+
+    Returns the next frame; seen: room for a part.
+    """
+    part, kind, end = lone.parts[0], lone.kinds.record[0], plate.bounds.end
+    while frame < frames.time.shape[0] and frames.interrupt[0] == 0:
+        shown, t = frames.time[frame], clock[DUE]
+        if t >= shown:
+            seen[0] = part  # which itself is left as it is
+            bring(seen[0], kind, shown, plate.surface)
+            write_state(seen[0], kind, frames.row[frame, 0])
+            frame += 1
+        elif t >= end:
+            break
+        elif part.there == ASLEEP or part.there == ABSENT:
+            clock[DUE] = end
+        else:
+            bring(part, kind, t, plate.surface)
+            due = meet_plate(part, lone.kinds, plate.surface, plate.bounds, t, min(end, shown), lone.work)
+            clock[DUE] = min(due, end)
+    return frame

@@ -18,6 +18,7 @@ from feeder_sim.scene.scene import GRAVITY
 
 JUMP = 1e-8  # [m]; a surface is only entered where it jumps (`ring_up = false`)
 STILL = 1e-6  # [m/s]; what is as slow on a plate that is calm, and does not slip, rests
+BALANCED = 1e-3  # of its weight, and of that times its reach
 SKIPPED = 8  # looks after one at which a part may not follow
 LEAST_LOOK = 1e-5  # [s]; points at the edge of the plate come and go
 
@@ -71,7 +72,7 @@ def _stay(part, kind, n, surface, bounds, t, until, stays, work):
     if part.held < 1 or not goes_along(part, height, t + stays, surface, work):
         return stays
     ends = follows_until(part, kind, n, height, surface, bounds, t, until, work)
-    if bounds.calm and (ends == until or _is_still(kind, bounds, work)):
+    if bounds.calm and (ends == until or _is_still(part, kind, bounds, work)):
         for k in range(3):
             part.velocity[k] = part.momentum[k] = 0.0
         part.there, part.phase = ASLEEP, FREE
@@ -84,13 +85,17 @@ def _stay(part, kind, n, surface, bounds, t, until, stays, work):
 
 
 @inlined
-def _is_still(kind, bounds, work):
-    """Whether the part, as the solution of its contacts has it, hardly moves."""
-    speed = spin = 0.0
+def _is_still(part, kind, bounds, work):
+    """Whether the part, as the solution of its contacts has it, hardly moves, and its forces balance."""
+    speed = spin = force = moment = 0.0
     for k in range(3):
         speed += work.bodies.velocity[0, k] ** 2
         spin += work.bodies.spin[0, k] ** 2
-    return math.sqrt(speed) + kind.reach * math.sqrt(spin) < STILL + 1.01 * bounds.speed
+        force += (part.force[k] - (kind.mass * GRAVITY if k == 2 else 0.0)) ** 2
+        moment += part.moment[k] ** 2
+    moves = math.sqrt(speed) + kind.reach * math.sqrt(spin)
+    unbalanced = kind.reach * math.sqrt(force) + math.sqrt(moment)
+    return moves < STILL + 1.01 * bounds.speed and unbalanced < BALANCED * kind.mass * GRAVITY * kind.reach
 
 
 @inlined
