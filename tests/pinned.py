@@ -47,7 +47,8 @@ class Near:
     within: float
 
 
-# Transport speed [mm/s], by scenario and engine; the impulse engine without a step. In percent of the mean: the bound, what a loss of 8 % is beyond it, and how surely that fails.
+# Transport speed [mm/s], by scenario and engine; the impulse engine without a step. In percent of the mean: the bound,
+# what a loss of 8 % is beyond it, and how surely that fails.
 #
 #                      SD    SE of the test     with that of the mean   bound         a loss of 8 % is beyond it by
 #   4750 Hz, impulse   4.4   4.4 / 8 = 0.55     0.57                    4 SE = 2.3    5.7 = 10.4 SE of the test

@@ -18,12 +18,12 @@ ENGINES = ["impulse", pytest.param("mujoco", marks=pytest.mark.slow)]
 
 
 @cache
-def speed(name: str, engine: str, seeds: int, **run: float) -> tuple[float, float]:
+def speed(name: str, engine: str, seeds: int, tolerance_nm: float | None = None) -> tuple[float, float]:
     """Mean and standard error of the transport speed [mm/s] of a scenario as it stands, but for the arguments."""
     scenario = load_scenario(REPOSITORY / f"scenarios/{name}.toml")
     assert (scenario.contact.restitution, scenario.contact.friction) == (0.2, 0.3)
     assert scenario.run.seeds == 12
-    found = simulate(with_run(scenario, engine=engine, seeds=seeds, **run)).measures()["transport_speed_mm_s"]
+    found = simulate(with_run(scenario, engine=engine, seeds=seeds, tolerance_nm=tolerance_nm)).measures()["transport_speed_mm_s"]
     assert found["n"] == seeds
     print(f"{name}, {engine}: {found['mean']:.3f} +- {found['se']:.3f} mm/s, n = {found['n']}")
     return found["mean"], found["se"]
@@ -58,7 +58,7 @@ def test_both_engines_agree(name: str, within: float) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("name", MEASURED)
 def test_a_finer_tolerance_changes_nothing(name: str) -> None:
-    (default, default_se), (fine, fine_se) = speed(name, "impulse", 256), speed(name, "impulse", 256, tolerance_nm=0.01)
+    (default, default_se), (fine, fine_se) = speed(name, "impulse", 256), speed(name, "impulse", 256, 0.01)
     assert np.hypot(default_se, fine_se) / fine < 0.01
     assert abs(default / fine - 1) < 0.03
 
