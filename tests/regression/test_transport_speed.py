@@ -23,7 +23,8 @@ def speed(name: str, engine: str, seeds: int, tolerance_nm: float | None = None)
     scenario = load_scenario(REPOSITORY / f"scenarios/{name}.toml")
     assert (scenario.contact.restitution, scenario.contact.friction) == (0.2, 0.3)
     assert scenario.run.seeds == 12
-    found = simulate(with_run(scenario, engine=engine, seeds=seeds, tolerance_nm=tolerance_nm)).measures()["transport_speed_mm_s"]
+    wanted = with_run(scenario, engine=engine, seeds=seeds, tolerance_nm=tolerance_nm)
+    found = simulate(wanted).measures()["transport_speed_mm_s"]
     assert found["n"] == seeds
     print(f"{name}, {engine}: {found['mean']:.3f} +- {found['se']:.3f} mm/s, n = {found['n']}")
     return found["mean"], found["se"]
