@@ -34,7 +34,7 @@ def main() -> None:
     axes.text(left + 0.18, bottom + height - 0.16, "in contact", color=GREY, va="top", fontsize=10, style="italic")
     draw_state(axes, FLYING, "flying", "parabola and free top,\nin closed form", BLUE)
     draw_state(axes, TOUCHING, "touching", "impact of all points\nthat touch, at zero time", RED)
-    draw_state(axes, PRESSED, "pressed", "forces of one rule, no\nlonger than T; may slip", ORANGE)
+    draw_state(axes, PRESSED, "pressed", "forces of one rule, no\nlonger than T'; may slip", ORANGE)
     draw_state(axes, FOLLOWING, "following", "keeps its seat on\nthe moving plate", GREEN)
     draw_state(axes, RESTING, "resting", "lies still on a plate\nthat has died out", GREEN)
     draw_events_in_flight(axes)
@@ -65,7 +65,7 @@ def draw_events_in_contact(axes: Axes) -> None:
     """Between being pressed, following and resting."""
     top, end, begin = PRESSED[1] + 0.5 * HEIGHT, PRESSED[0] + 0.5 * WIDTH, FOLLOWING[0] - 0.5 * WIDTH
     draw_event(axes, (5.0, top), (5.6, top), ORANGE, bend=-1.4)
-    text = "T is over, drive switches,\nor a slip ends: forces anew"
+    text = "T' is over, drive switches,\nor a slip ends: forces anew"
     axes.text(5.3, top + 0.5, text, ha="center", va="bottom", color=ORANGE, fontsize=9)
     draw_event(axes, (end, 3.22), (begin, 4.45), ORANGE)
     label(axes, 7.0, 4.03, "does not slip,\nsurely held", ORANGE, fill="#f5f5f5")

@@ -15,7 +15,18 @@ from feeder_sim.plate.materials import MATERIALS
 from feeder_sim.plate.mode_shapes import standing_wave
 from feeder_sim.plate.rectangle import RectangularPlate
 from feeder_sim.run.prepare import prepare
-from feeder_sim.scenario import Drive, HexNut, Rectangle, Run, Scenario, Strip, load_scenario, resolve_material
+from feeder_sim.scenario import (
+    Drive,
+    HexNut,
+    Rectangle,
+    Run,
+    Scattered,
+    Scenario,
+    Strip,
+    load_scenario,
+    resolve_material,
+    with_run,
+)
 from feeder_sim.scene.prepared import Prepared
 from feeder_sim.scene.scene import GRAVITY
 from feeder_sim.studies.closed_loop.prediction import GradientDrift, MapDrift
@@ -246,3 +257,11 @@ def test_a_strip_for_the_plate_of_a_scenario() -> None:
         strip_of(load_scenario(REPOSITORY / "scenarios/ball_50hz.toml"))
     steered = load_scenario(REPOSITORY / "scenarios/chladni_plate.toml")
     assert asdict(resolve_material(strip_of(steered).material)) == pytest.approx(asdict(MATERIALS["silicon"]))
+
+
+def test_a_map_of_one_part_serves_many_of_them() -> None:
+    """Many parts are computed in steps, the one of the map without."""
+    one, start = on_strip().scenario, Scattered(kind="scattered", size_mm=(9.0, 50.0))
+    many = one.model_copy(update={"part": (HexNut(size="M2.5", count=4, start=start),)})
+    assert made_of(one, THICKNESS) == made_of(many, THICKNESS)
+    assert made_of(with_run(one, steps_per_period=80), THICKNESS) != made_of(one, THICKNESS)
