@@ -5,6 +5,7 @@ from __future__ import annotations
 import threading
 from collections.abc import Callable, Iterable
 from pathlib import Path
+from typing import Any
 
 from feeder_sim.api.progress import Progress, shown
 from feeder_sim.api.result import Result
@@ -13,6 +14,7 @@ from feeder_sim.run import batch, run_folder
 from feeder_sim.run.keep import AllFrames, Keep
 from feeder_sim.run.prepare import prepare
 from feeder_sim.run.simulation import run_ensemble
+from feeder_sim.run.watchdog import STALL_AFTER_S, checked_patience
 from feeder_sim.scenario import Scenario, check_scenario
 from feeder_sim.scene.prepared import Prepared
 
@@ -24,6 +26,7 @@ def simulate(
     progress: Progress = None,
     stop: threading.Event | None = None,
     record: Keep = AllFrames(),  # noqa: B008, it cannot be changed
+    stall_after: float = STALL_AFTER_S,
 ) -> Result:
     """Run every seed of a scenario; the result does not depend on the number of workers.
 
@@ -36,6 +39,7 @@ def simulate(
         stop: set it to end the run within a second, after the blocks under way if they are short.
         record: what to keep of each seed once it has been measured: `AllFrames()`, `EveryNth(n)`, `ImpactsOnly()` or
             `StatisticsOnly()`. Measures do not depend on it.
+        stall_after: wall time [s] after which a seed that has not advanced by a frame ends as failed.
 
     Raises:
         InputError: the scenario cannot be built, its start does not suit its stop rule, or what is to be kept is not
@@ -44,8 +48,9 @@ def simulate(
     if workers is not None:
         check_whole(workers, "workers")
     prepared = scenario if isinstance(scenario, Prepared) else prepare(scenario)
+    how: dict[str, Any] = {"record": record, "stall_after": checked_patience(stall_after)}
     with shown(progress, prepared.scenario.title) as (show, notify):
-        found = run_ensemble(prepared, workers=workers, progress=show, stop=stop, notify=notify, record=record)
+        found = run_ensemble(prepared, workers=workers, progress=show, stop=stop, notify=notify, **how)
     return Result.of(found)
 
 
@@ -57,6 +62,7 @@ def record_run(
     stop: threading.Event | None = None,
     replay: bool = True,
     record: Keep = AllFrames(),  # noqa: B008
+    stall_after: float = STALL_AFTER_S,
 ) -> Result:
     """Simulate a scenario and write everything about it into a folder.
 
@@ -69,6 +75,7 @@ def record_run(
         stop: as for `simulate`.
         replay: also build the .rrd from the finished trajectory file.
         record: what the result keeps in memory; the folder always holds all frames.
+        stall_after: as for `simulate`.
 
     Raises:
         InputError: the scenario cannot be built (nothing is written), or the folder is not empty or in use.
@@ -76,10 +83,9 @@ def record_run(
     """
     check_scenario(scenario)
     path = path_of_user(folder, "folder")
+    how: dict[str, Any] = {"record": record, "replay": replay, "stall_after": checked_patience(stall_after)}
     with shown(progress, scenario.title) as (show, notify):
-        found = run_folder.record_run(
-            scenario, path, progress=show, stop=stop, replay=replay, record=record, notify=notify
-        )
+        found = run_folder.record_run(scenario, path, progress=show, stop=stop, notify=notify, **how)
     return Result.of(found)
 
 

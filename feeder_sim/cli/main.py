@@ -10,7 +10,7 @@ import json
 import os
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, NoReturn
+from typing import TYPE_CHECKING, Annotated, Any, NoReturn
 
 import typer
 
@@ -24,7 +24,7 @@ from feeder_sim.cli.import_modes import import_modes_command
 from feeder_sim.cli.map import map_
 from feeder_sim.cli.new import new
 from feeder_sim.cli.optimise import optimise
-from feeder_sim.cli.options import AsJson, EngineName, OptionalScenarioFile, ScenarioFile, Seed, Seeds, Set
+from feeder_sim.cli.options import AsJson, EngineName, OptionalScenarioFile, ScenarioFile, Seed, Seeds, Set, StallAfter
 from feeder_sim.cli.part import part
 from feeder_sim.cli.plate import modes, sequence, wave
 from feeder_sim.cli.replay import replay
@@ -98,8 +98,12 @@ def run(
     dry_run: Annotated[bool, typer.Option("--dry-run", help="Say what would be done, as `check` does.")] = False,
     resume: Annotated[Path | None, typer.Option("--resume", help="Go on with the interrupted run in a folder.")] = None,
     inputs: RunInputs = None,
+    stall_after: StallAfter = None,
 ) -> None:
     """Simulate a scenario and record it, or go on with a run that was interrupted."""
+    from feeder_sim.run.watchdog import STALL_AFTER_S, checked_patience
+
+    patience = checked_patience(STALL_AFTER_S if stall_after is None else stall_after)
     if resume is not None:
         given = {"a scenario": scenario_file, "--engine": engine, "--seeds": seeds, "--seed": seed, "--set": settings}
         given |= {"--out": out}
@@ -116,7 +120,7 @@ def run(
             go_on_uncertain(resume, asked, as_json)
             return
         with stop_on_signal() as stop, progress_bar(str(resume), stop) as progress:
-            result = resume_run(resume, progress=progress, stop=stop, notify=notify)
+            result = resume_run(resume, progress=progress, stop=stop, notify=notify, stall_after=patience)
         _finish_run(result, resume, as_json, asked)
         return
     if scenario_file is None:
@@ -133,7 +137,8 @@ def run(
         folder = out or fresh_folder(scenario_file.stem)
         try:
             with stop_on_signal() as stop, progress_bar(scenario.title or scenario_file.stem, stop) as progress:
-                result = record_run(scenario, folder, progress=progress, stop=stop, notify=notify)
+                how: dict[str, Any] = {"progress": progress, "stop": stop, "notify": notify, "stall_after": patience}
+                result = record_run(scenario, folder, **how)
         except BaseException:
             if out is None:
                 with contextlib.suppress(OSError):  # it holds something

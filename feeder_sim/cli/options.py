@@ -19,4 +19,7 @@ Set = Annotated[
 ]
 Measure = Annotated[str | None, typer.Option("--measure", help="Measure to print and draw [the usual one].")]
 WorkerCount = Annotated[int | None, typer.Option("--workers", min=1, help="Processes [one per core].")]
+StallAfter = Annotated[
+    float | None, typer.Option("--stall-after", help="Wall time in s after which a seed without a new frame ends [60].")
+]
 Dask = Annotated[str | None, typer.Option("--dask", help="Scheduler of a Dask cluster, such as tcp://host:8786.")]

@@ -40,6 +40,10 @@ def print_result(result: Result, folder: Path, as_json: bool, more: dict[str, An
         lines.append(labelled("left the plate", f"{summary['left_plate']} of {summary['seeds']}"))
     if summary["unresolved_impacts"]:
         lines.append(labelled("unresolved", f"{summary['unresolved_impacts']} impacts, whose iteration was given up"))
+    if summary["late_contacts"]:
+        lines.append(labelled("late contacts", f"{summary['late_contacts']}, found by going back"))
+    if summary["budgets_spent"]:
+        lines.append(labelled("budgets spent", f"{summary['budgets_spent']}, times without any bounce"))
     factor = summary["real_time_factor"] or 0.0
     cost = f"{summary['simulated_s']:.1f} s in {summary['wall_s']:.1f} s ({factor:.2f} x real time)"
     lines += [labelled("simulated", cost), labelled("recorded in", str(folder))]

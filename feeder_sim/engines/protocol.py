@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 if TYPE_CHECKING:
+    from feeder_sim.records.counts import Counts
     from feeder_sim.records.impacts import Impacts
     from feeder_sim.records.trajectory import Frames
     from feeder_sim.scene.scene import Scene
@@ -27,8 +28,8 @@ class Engine(Protocol):
     frames_per_block: int
 
     @property
-    def unresolved_impacts(self) -> int:
-        """Impacts since t = 0 whose iteration was given up before it had settled."""
+    def counts(self) -> Counts:
+        """What was counted since t = 0."""
         ...
 
     def __init__(

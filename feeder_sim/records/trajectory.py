@@ -16,6 +16,7 @@ from feeder_sim.part.stable_poses import PoseTable
 from feeder_sim.plate.drive import ModalDrive
 from feeder_sim.plate.outline import Outline
 from feeder_sim.records.arrivals import Arrivals
+from feeder_sim.records.counts import Counts
 from feeder_sim.records.impacts import Impacts
 from feeder_sim.records.removals import Removals
 
@@ -253,7 +254,7 @@ class Recording:
     Attributes:
         libraries: their versions, and that of the package.
         inputs: SHA-256 of the files the scenario reads, by its keys.
-        records, status, unresolved_impacts, wall_times: one entry per seed.
+        records, status, counts, wall_times: one entry per seed.
     """
 
     path: Path
@@ -265,7 +266,7 @@ class Recording:
     parts: tuple[PartRecord, ...]
     records: tuple[Record, ...]
     status: tuple[Status, ...]
-    unresolved_impacts: tuple[int, ...]
+    counts: tuple[Counts, ...]
     wall_times: tuple[WallTime, ...]
 
     def __repr__(self) -> str:

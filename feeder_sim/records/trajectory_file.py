@@ -18,7 +18,7 @@ Layout, schema version 4 (SI units, in the `unit` attribute of every dataset):
     /parts/NAME/poses/height, chance, yaws    of every stable pose, from A on
     /parts/NAME/poses/pose, down, attitude    (k,), (k, 3), (k, 4): directions that point down in a pose; see PoseTable
     /seeds/NNN/time, position, quaternion, velocity, angular_velocity, present, status
-    /seeds/NNN/unresolved_impacts  (1,)       impacts whose iteration was given up
+    /seeds/NNN/unresolved_impacts, late_contacts, budgets_spent  (1,)   see feeder_sim.records.counts
     /seeds/NNN/wall_time  (2,)                of the seed, and of the ensemble when that was noted
     /seeds/NNN/removals/time, part, cause   of parts picked or lost; see feeder_sim.removals
     /seeds/NNN/arrivals/time, part, cycle, height   of parts that came with a refill; see feeder_sim.records.arrivals
@@ -43,6 +43,7 @@ from feeder_sim.errors import InputError, path_of_user
 from feeder_sim.hdf5_text import get_text
 from feeder_sim.hdf5_trust import check_trusted
 from feeder_sim.records.arrivals import Arrivals
+from feeder_sim.records.counts import Counts
 from feeder_sim.records.impacts import Impacts
 from feeder_sim.records.own_files import check_no_links
 from feeder_sim.records.part_group import read_part
@@ -102,7 +103,7 @@ def _recording(path: Path, file: Any) -> Recording:
         parts=tuple(read_part(name, file["parts"][name]) for name in sorted(file["parts"], key=_part_number)),
         records=tuple(read_record(group) for group in groups),
         status=tuple(Status(int(group["status"][0])) for group in groups),
-        unresolved_impacts=tuple(int(group["unresolved_impacts"][0]) for group in groups),
+        counts=tuple(Counts(*(int(group[name][0]) for name in Counts._fields if name in group)) for group in groups),
         wall_times=tuple(WallTime(*group["wall_time"][()].tolist()) for group in groups),
     )
 

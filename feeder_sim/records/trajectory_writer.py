@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from feeder_sim import __version__
 from feeder_sim.errors import RecordingFailed, cause_of
 from feeder_sim.hdf5_text import put_array, put_text
+from feeder_sim.records.counts import NOTHING_COUNTED, Counts
 from feeder_sim.records.part_group import write_part
 from feeder_sim.records.plate_group import write_plate
 from feeder_sim.records.trajectory import BLOCK_FRAMES, FRAME_FIELDS, PartRecord, PlateRecord, Record, Status, WallTime
@@ -120,12 +121,13 @@ class TrajectoryWriter:
         if len(block.stops):
             _extend(group["stops"], block.stops)
 
-    def finish(self, seed_index: int, status: Status, unresolved_impacts: int = 0) -> None:
+    def finish(self, seed_index: int, status: Status, counts: Counts = NOTHING_COUNTED) -> None:
         """Note how a seed ended."""
         with self._writing():
-            counter = self._file[f"{seed_name(seed_index)}/unresolved_impacts"]
-            counter[0] = unresolved_impacts
-            counter.flush()
+            for name, count in counts._asdict().items():
+                counter = self._file[f"{seed_name(seed_index)}/{name}"]
+                counter[0] = count
+                counter.flush()
             dataset = self._file[f"{seed_name(seed_index)}/status"]
             dataset[0] = int(status)
             dataset.flush()
@@ -174,7 +176,8 @@ class TrajectoryWriter:
             )
             put_text(dataset.attrs, {"unit": unit})
         put_array(self._file, f"{seed_name(index)}/status", np.array([int(Status.UNFINISHED)]), "1")
-        put_array(self._file, f"{seed_name(index)}/unresolved_impacts", np.zeros(1, np.int64), "1")
+        for name in Counts._fields:
+            put_array(self._file, f"{seed_name(index)}/{name}", np.zeros(1, np.int64), "1")
         put_array(self._file, f"{seed_name(index)}/wall_time", np.zeros(2), "s")
 
 

@@ -119,9 +119,8 @@ class OpenRun(SeedRun):
     def ended(self) -> Begun:
         """All that was recorded, as of a seed that ends now."""
         status = Status.DONE if self.status == Status.UNFINISHED else self.status
-        unresolved = self._engine.unresolved_impacts
         held = fields_of(self._history.record())
-        return Begun(**held, status=status, state={}, wall_s=self._wall_s, unresolved_impacts=unresolved)
+        return Begun(**held, status=status, state={}, wall_s=self._wall_s, counts=self._engine.counts)
 
 
 def _events(frames: Frames, removals: Removals, arrivals: Arrivals) -> Record:

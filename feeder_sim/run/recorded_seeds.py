@@ -26,7 +26,7 @@ def seeds_of(recording: Recording) -> tuple[SeedResult, ...]:
                 wall_s=recording.wall_times[index].seed,
                 failure=failure,
                 last=last,
-                unresolved_impacts=recording.unresolved_impacts[index],
+                counts=recording.counts[index],
             )
         )
     return tuple(seeds)

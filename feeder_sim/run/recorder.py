@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from feeder_sim.errors import SimulationDiverged
 from feeder_sim.records.checkpoint import Checkpoint, CheckpointFolder
+from feeder_sim.records.counts import Counts
 from feeder_sim.records.last_states import LastStates, save_last_states
 from feeder_sim.records.trajectory import Record, Status, WallTime
 from feeder_sim.records.trajectory_writer import TrajectoryWriter
@@ -65,10 +66,10 @@ class RunRecorder:
         self.write(failure.seed)
         return save_last_states(self._folder, failure, last)
 
-    def finish(self, seed_index: int, status: Status, wall_s: float, unresolved_impacts: int) -> None:
+    def finish(self, seed_index: int, status: Status, wall_s: float, counts: Counts) -> None:
         self.write(seed_index)
         self._writer.note_wall_time(seed_index, self._wall_time(wall_s))
-        self._writer.finish(seed_index, status, unresolved_impacts)
+        self._writer.finish(seed_index, status, counts)
 
     def recorded(self, seed_index: int) -> Record:
         self.write(seed_index)

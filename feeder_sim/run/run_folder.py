@@ -20,6 +20,7 @@ from feeder_sim.engines.mujoco.mjcf import build_mjcf
 from feeder_sim.errors import InputError, RecordingFailed, not_written, shortened
 from feeder_sim.measures.picks import has_picks, picks_csv
 from feeder_sim.records.checkpoint import CheckpointFolder, run_identity
+from feeder_sim.records.counts import NOTHING_COUNTED, Counts
 from feeder_sim.records.own_files import INPUTS, LOCK, is_own, locked
 from feeder_sim.records.trajectory import PartRecord, PlateRecord, Record, Recording, Status, WallTime
 from feeder_sim.records.trajectory_file import TRAJECTORY, recording_of
@@ -33,6 +34,7 @@ from feeder_sim.run.provenance import check_inputs, check_libraries, input_hashe
 from feeder_sim.run.recorder import RunRecorder
 from feeder_sim.run.seed_record import Begun, Left
 from feeder_sim.run.simulation import Result, announced, check_starts, run_ensemble
+from feeder_sim.run.watchdog import STALL_AFTER_S
 from feeder_sim.scenario import Scenario, load_scenario, parse_scenario
 from feeder_sim.scenario.laws import uncovered_laws
 from feeder_sim.scene.prepared import Prepared
@@ -54,6 +56,7 @@ def record_run(
     replay: bool = True,
     record: Keep = AllFrames(),  # noqa: B008, it cannot be changed
     notify: Callable[[str], None] | None = None,
+    stall_after: float = STALL_AFTER_S,
 ) -> Result:
     """Simulate a scenario and write everything about it into `folder`, with the files that it reads.
 
@@ -65,6 +68,7 @@ def record_run(
         replay: also build the .rrd from the finished trajectory file.
         record: what the result keeps of each seed in memory; the folder always holds all frames.
         notify: takes a line for the user, such as that the engine is being compiled.
+        stall_after: as for `run_ensemble`.
 
     Raises:
         InputError: the scenario cannot be built (nothing is written), or the folder is not empty or in use.
@@ -76,7 +80,7 @@ def record_run(
     check_kept(prepared, record)
     check_starts(prepared.scene, notify)
     how: dict[str, Any] = {"progress": progress, "stop": stop, "replay": replay, "notify": notify}
-    return _begin_folder(folder, prepared, Left({}, 0.0), record=record, **how)
+    return _begin_folder(folder, prepared, Left({}, 0.0), record=record, stall_after=stall_after, **how)
 
 
 @single_threaded
@@ -116,6 +120,7 @@ def resume_run(
     stop: threading.Event | None = None,
     replay: bool = True,
     notify: Callable[[str], None] | None = None,
+    stall_after: float = STALL_AFTER_S,
 ) -> Result:
     """Go on with a run that was interrupted or killed, from its last checkpoints; arguments as for `record_run`.
 
@@ -131,7 +136,8 @@ def resume_run(
     if not _is_begun(folder):
         raise InputError(f"no run here, allowed is a folder that holds {TRAJECTORY}", file=folder, key="--resume")
     with locked(folder):
-        return _resume(folder, progress=progress, stop=stop, replay=replay, notify=notify)
+        how: dict[str, Any] = {"progress": progress, "stop": stop, "replay": replay, "notify": notify}
+        return _resume(folder, stall_after=stall_after, **how)
 
 
 def _is_begun(folder: Path) -> bool:
@@ -174,8 +180,7 @@ def _all_begun(recording: Recording, prepared: Prepared, folder: Path) -> dict[i
         zip(recording.records, recording.status, recording.wall_times, strict=True)
     ):
         if status in (Status.DONE, Status.LEFT_PLATE):
-            unresolved = recording.unresolved_impacts[index]
-            begun[index] = _begun(record, status, {}, wall_time, unresolved)
+            begun[index] = _begun(record, status, {}, wall_time, recording.counts[index])
             continue
         checkpoint = checkpoints.load(index)
         if checkpoint is None:
@@ -193,10 +198,14 @@ def _identity(text: str, scenario: Scenario) -> str:
 
 
 def _begun(
-    record: Record, status: Status, state: dict[str, NDArray[np.float64]], wall_time: WallTime, unresolved: int = 0
+    record: Record,
+    status: Status,
+    state: dict[str, NDArray[np.float64]],
+    wall_time: WallTime,
+    counts: Counts = NOTHING_COUNTED,
 ) -> Begun:
     held = {entry.name: getattr(record, entry.name) for entry in fields(Record)}
-    return Begun(**held, status=status, state=state, wall_s=wall_time.seed, unresolved_impacts=unresolved)
+    return Begun(**held, status=status, state=state, wall_s=wall_time.seed, counts=counts)
 
 
 def _run_into(
@@ -210,6 +219,7 @@ def _run_into(
     replay: bool,
     notify: Callable[[str], None] | None,
     record: Keep = AllFrames(),  # noqa: B008
+    stall_after: float = STALL_AFTER_S,
 ) -> Result:
     """Simulate a scene into a folder; what has begun is copied into the new trajectory file first."""
     scenario, scene, new = prepared.scenario, prepared.scene, folder / f"{TRAJECTORY}.new"
@@ -237,12 +247,11 @@ def _run_into(
             recorder.write(index)
             writer.note_wall_time(index, WallTime(seed.wall_s, left.wall_s))
             if seed.status != Status.UNFINISHED:
-                writer.finish(index, seed.status, seed.unresolved_impacts)
+                writer.finish(index, seed.status, seed.counts)
         writer.move_to(folder / TRAJECTORY)  # only now, when a kill leaves it readable and loses nothing
         remove_replays(folder)  # built from the file that was here before
-        result = run_ensemble(
-            prepared, recorder=recorder, left=left, record=record, progress=progress, stop=stop, notify=notify
-        )
+        how: dict[str, Any] = {"progress": progress, "stop": stop, "notify": notify, "stall_after": stall_after}
+        result = run_ensemble(prepared, recorder=recorder, left=left, record=record, **how)
     except BaseException:
         with contextlib.suppress(RecordingFailed):  # the first failure is the one to hear of
             writer.close()

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from feeder_sim.errors import SimulationDiverged
+from feeder_sim.records.counts import NOTHING_COUNTED, Counts
 from feeder_sim.records.last_states import LastStates
 from feeder_sim.records.trajectory import Record, SeedRecord, Status
 
@@ -27,7 +28,7 @@ class Recorder(Protocol):
         """Keep the last states of the seed that diverged; returns the name of the file."""
         ...
 
-    def finish(self, seed_index: int, status: Status, wall_s: float, unresolved_impacts: int) -> None: ...
+    def finish(self, seed_index: int, status: Status, wall_s: float, counts: Counts) -> None: ...
 
     def recorded(self, seed_index: int) -> Record:
         """Everything appended so far."""
@@ -41,12 +42,12 @@ class Begun(SeedRecord):
     Attributes:
         state: of the engine at the end of the record; empty where the seed has ended.
         wall_s: wall time spent so far [s].
-        unresolved_impacts: of a seed that has ended; of others the engine's state knows.
+        counts: of a seed that has ended; of others the engine's state knows.
     """
 
     state: dict[str, NDArray[np.float64]]
     wall_s: float
-    unresolved_impacts: int = 0
+    counts: Counts = NOTHING_COUNTED
 
 
 @dataclass(frozen=True)
@@ -70,14 +71,14 @@ class SeedResult(SeedRecord):
         wall_s: wall time spent in its loop [s], that before a break included.
         failure: why it diverged, None otherwise.
         last: its last states if it diverged, None otherwise.
-        unresolved_impacts: whose iteration was given up.
+        counts: what the engine counted.
         reached_s: time of its last frame [s], where that was not kept.
     """
 
     wall_s: float
     failure: SimulationDiverged | None = None
     last: LastStates | None = None
-    unresolved_impacts: int = 0
+    counts: Counts = NOTHING_COUNTED
     reached_s: float | None = None
 
     @property

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from feeder_sim.engines.lookup import engine_class
 from feeder_sim.engines.protocol import Engine
-from feeder_sim.errors import SimulationDiverged
+from feeder_sim.errors import Divergence, SimulationDiverged
 from feeder_sim.measures.picking import pickable
 from feeder_sim.measures.stage_lines import StageLines, settled, stage_lines
 from feeder_sim.records.arrivals import Arrivals
@@ -22,6 +22,7 @@ from feeder_sim.records.trajectory import Frames, Record, Status
 from feeder_sim.run.guard import Guard
 from feeder_sim.run.history import History
 from feeder_sim.run.seed_record import Begun, Recorder, SeedResult
+from feeder_sim.run.watchdog import STALL_AFTER_S, Watchdog
 from feeder_sim.scenario import Pick
 from feeder_sim.scene.cell import PASSAGE_TO
 from feeder_sim.scene.hopper import generator
@@ -71,7 +72,8 @@ class SeedRun:
         recorder: takes the blocks; without one they stay in memory.
         begun: what there is already.
         threads: that one seed may use.
-        interrupt: as for `Engine`.
+        interrupt: as for `Engine`, of this seed alone.
+        stall_after: wall time [s] after which a seed that has not advanced by a frame ends as failed.
     """
 
     def __init__(
@@ -83,10 +85,12 @@ class SeedRun:
         begun: Begun | None = None,
         threads: int = 1,
         interrupt: NDArray[np.int64] | None = None,
+        stall_after: float = STALL_AFTER_S,
     ) -> None:
         self._prepared, self._index, self._recorder = prepared, index, recorder
         self._begun, self._threads = begun, threads
         self._interrupt = np.zeros(1, np.int64) if interrupt is None else interrupt
+        self._watchdog = Watchdog(self._interrupt, stall_after)
         self._whole: Scene = prepared.scene  # with the times at which stages have ended so far
         self._stages_begun = 1  # of those that are computed one by one
         self._scene: Scene = self._as_begun()  # without the stages that nothing is known of yet
@@ -107,23 +111,23 @@ class SeedRun:
         begun, before = self._begun, self._begun.wall_s if self._begun else 0.0
         if begun and begun.status != Status.UNFINISHED:
             done[self._index] = 1.0
-            unresolved = begun.unresolved_impacts
-            return SeedResult(**fields_of(begun), status=begun.status, wall_s=before, unresolved_impacts=unresolved)
+            return SeedResult(**fields_of(begun), status=begun.status, wall_s=before, counts=begun.counts)
         started = saved = time.perf_counter()
         self._open(rng)
         status, failure = Status.UNFINISHED, None
-        while status == Status.UNFINISHED and not stop.is_set():
-            if self._history.n_frames >= self._whole.n_frames:
-                status = Status.DONE  # it was interrupted just before it would have said so
-                break
-            block = self._advance(done, stop)
-            if block is None:
-                break
-            status, failure = block.status, block.failure
-            done[self._index] = self._history.n_frames / self._whole.n_frames
-            if self._recorder and time.perf_counter() - saved > CHECKPOINT_S:
-                self._save(before + time.perf_counter() - started)
-                saved = time.perf_counter()
+        with self._watchdog:
+            while status == Status.UNFINISHED and not stop.is_set():
+                if self._history.n_frames >= self._whole.n_frames:
+                    status = Status.DONE  # it was interrupted just before it would have said so
+                    break
+                block = self._advance(done, stop)
+                if block is None:
+                    break
+                status, failure = block.status, block.failure
+                done[self._index] = self._history.n_frames / self._whole.n_frames
+                if self._recorder and time.perf_counter() - saved > CHECKPOINT_S:
+                    self._save(before + time.perf_counter() - started)
+                    saved = time.perf_counter()
         done[self._index] = 1.0
         return self._close(status, failure, before + time.perf_counter() - started)
 
@@ -151,17 +155,15 @@ class SeedRun:
 
     def _close(self, status: Status, failure: SimulationDiverged | None, wall_s: float) -> SeedResult:
         """Record how it ended; returns everything."""
-        unresolved = self._engine.unresolved_impacts
+        counts = self._engine.counts
         if self._recorder is None:
             kept = fields_of(self._history.record())
-            return SeedResult(
-                **kept, status=status, wall_s=wall_s, failure=failure, last=self._last, unresolved_impacts=unresolved
-            )
+            return SeedResult(**kept, status=status, wall_s=wall_s, failure=failure, last=self._last, counts=counts)
         if status == Status.UNFINISHED:
             self._save(wall_s)
         if failure and self._last:
             failure = failure.kept_in(self._recorder.keep_last(failure, self._last))
-        self._recorder.finish(self._index, status, wall_s, unresolved)
+        self._recorder.finish(self._index, status, wall_s, counts)
         record = self._recorder.recorded(self._index)
         return SeedResult(
             **fields_of(record),
@@ -169,7 +171,7 @@ class SeedRun:
             wall_s=wall_s,
             failure=failure,
             last=self._last,
-            unresolved_impacts=unresolved,
+            counts=counts,
         )
 
     def _save(self, wall_s: float) -> None:
@@ -205,7 +207,8 @@ class SeedRun:
     def _compute(self, done: NDArray[np.float64], stop: threading.Event) -> Block | None:
         """Compute a block in pieces that take about `PIECE_S` each, so that slow ones show progress and can be stopped.
 
-        Pieces change nothing: what acts on the parts does so between blocks.
+        Pieces change nothing: what acts on the parts does so between blocks. One that takes too long is computed again
+        frame by frame, up to the frame that does not come.
         """
         size, state = self._block_size(), self._engine.state()
         pieces: list[Frames] = []
@@ -217,7 +220,16 @@ class SeedRun:
                 self._engine.take_impacts(end=False)  # of the frames that are dropped
                 return None
             started = time.perf_counter()
-            pieces.append(self._engine.advance(piece))
+            self._watchdog.begin()
+            frames = self._engine.advance(piece)
+            if self._watchdog.end():
+                if piece == 1:
+                    return self._stalled(pieces, computed, state)
+                self._engine.restore(state)
+                self._engine.take_impacts(end=False)
+                pieces, computed, piece = [], 0, 1
+                continue
+            pieces.append(frames)
             if self._interrupt[0]:
                 self._engine.restore(state)
                 self._engine.take_impacts(end=False)
@@ -229,9 +241,26 @@ class SeedRun:
             piece = min(size - computed, self._piece)
         return Block(Frames.joined(pieces) if len(pieces) > 1 else pieces[0], size, state)
 
+    def _stalled(self, pieces: list[Frames], computed: int, state: dict[str, NDArray[np.float64]]) -> Block:
+        """The block as far as it has come, where the next frame takes too long; the fastest part is taken for why."""
+        now = self._engine.current()
+        speed = np.linalg.norm(now.velocity[0], axis=1)
+        part = int(np.argmax(np.where(now.present[0], speed, -1.0)))
+        place = ", ".join(f"{1e3 * x:.3f}" for x in now.position[0, part])
+        failure = SimulationDiverged(
+            Divergence.STALLED,
+            time_s=float(now.time[0]),
+            part=self._scene.parts[part].name,
+            seed=self._index,
+            detail=f"its next frame takes more than {self._watchdog.patience:g} s; it is at ({place}) mm, moves at "
+            f"{1e3 * speed[part]:.3g} mm/s and turns at {np.linalg.norm(now.angular_velocity[0, part]):.3g} rad/s",
+        )
+        return Block(Frames.joined([now[slice(0, 0)], *pieces]), computed, state, failure=failure)
+
     def _check(self, block: Block) -> None:
         """Keep the frames before the first one that is not valid."""
-        valid, block.failure = self._guard.check(block.frames, self._index)
+        valid, failure = self._guard.check(block.frames, self._index)
+        block.failure = failure or block.failure
         if block.failure:
             self._last = LastStates.of(block.frames, valid, block.state, self._history.stops)
         block.frames = block.frames[slice(valid)]

@@ -19,12 +19,14 @@ from feeder_sim.engines.lookup import engine_class
 from feeder_sim.errors import SimulationDiverged
 from feeder_sim.measures.catalogue import MEASURES
 from feeder_sim.measures.protocol import Measure, as_json
+from feeder_sim.records.counts import Counts
 from feeder_sim.records.trajectory import Frames, Status, endings
 from feeder_sim.run.guard import Guard
 from feeder_sim.run.keep import AllFrames, Keep, Keeper
 from feeder_sim.run.prepare import prepare
 from feeder_sim.run.seed_record import Left, Recorder, SeedResult
 from feeder_sim.run.seed_run import SeedRun
+from feeder_sim.run.watchdog import STALL_AFTER_S
 from feeder_sim.scenario import Scenario
 from feeder_sim.scene.prepared import Prepared
 from feeder_sim.scene.scene import Scene
@@ -125,7 +127,7 @@ class Result:
             "real_time_factor": simulated / self.wall_s if self.wall_s > 0 else None,
             "wall_s_per_simulated_s_one_core": sum(s.wall_s for s in self.seeds) / simulated if simulated else None,
             "timestep_s": self.scene.timestep,
-            "unresolved_impacts": sum(seed.unresolved_impacts for seed in self.seeds),
+            **Counts.total([Counts(), *(seed.counts for seed in self.seeds)])._asdict(),
             "left_plate": sum(seed.status == Status.LEFT_PLATE for seed in self.seeds),
             "interrupted": self.interrupted,
             "cautions": list(self.cautions),
@@ -140,10 +142,12 @@ def simulate(
     progress: Callable[[float], None] | None = None,
     stop: threading.Event | None = None,
     record: Keep = AllFrames(),  # noqa: B008, it cannot be changed
+    stall_after: float = STALL_AFTER_S,
 ) -> Result:
     """Run every seed of a scenario; see `feeder_sim.simulate`, which gives more to look at."""
     prepared = scenario if isinstance(scenario, Prepared) else prepare(scenario)
-    return run_ensemble(prepared, workers=workers, progress=progress, stop=stop, record=record)
+    how: dict[str, Any] = {"workers": workers, "progress": progress, "stop": stop, "stall_after": stall_after}
+    return run_ensemble(prepared, record=record, **how)
 
 
 @single_threaded  # the seeds take all cores; threads of linear algebra only wait for small matrices
@@ -157,6 +161,7 @@ def run_ensemble(
     progress: Callable[[float], None] | None = None,
     stop: threading.Event | None = None,
     notify: Callable[[str], None] | None = None,
+    stall_after: float = STALL_AFTER_S,
 ) -> Result:
     """Run every seed, perhaps into a run folder; the result does not depend on the number of workers.
 
@@ -169,6 +174,7 @@ def run_ensemble(
         progress: called with the fraction done, from this thread, a few times a second.
         stop: set it to end the run within a second, after the blocks under way if they are short.
         notify: takes a line for the user, such as that the engine is being compiled.
+        stall_after: wall time [s] after which a seed that has not advanced by a frame ends as failed.
 
     Raises:
         InputError: what is to be kept is not recorded in such a scene.
@@ -179,7 +185,7 @@ def run_ensemble(
     done = np.zeros(run.seeds)
     _warm_up(prepared, notify)
     started = time.perf_counter()
-    interrupt, asked = np.zeros(1, np.int64), math.inf  # of the engines; when somebody asked to stop
+    interrupts, asked = np.zeros((run.seeds, 1), np.int64), math.inf  # of the engines; when somebody asked to stop
     cores = workers or available_cores()
     threads = max(1, cores // run.seeds)  # for one seed, where there are fewer seeds than cores
 
@@ -187,7 +193,8 @@ def run_ensemble(
         begun = left.begun.get(index)
         if index > 0 and begun is None and stop.is_set():
             return None  # of a seed that has not begun there is nothing; the first stands for the others
-        seed = SeedRun(prepared, index, recorder=recorder, begun=begun, threads=threads, interrupt=interrupt)
+        of_seed: dict[str, Any] = {"interrupt": interrupts[index], "stall_after": stall_after}
+        seed = SeedRun(prepared, index, recorder=recorder, begun=begun, threads=threads, **of_seed)
         return keep(seed.run(random[index], done, stop))
 
     with ThreadPoolExecutor(cores) as pool:
@@ -197,14 +204,15 @@ def run_ensemble(
                 finished, pending = wait(pending, timeout=0.1, return_when=FIRST_COMPLETED)
                 if stop.is_set():
                     asked = min(asked, time.perf_counter())
-                    interrupt[0] = time.perf_counter() - asked > GRACE_S
+                    if time.perf_counter() - asked > GRACE_S:
+                        interrupts[:] = 1
                 for future in finished:
                     future.result()  # an error ends the whole ensemble at once
                 if progress:
                     progress(float(done.mean()))
         except BaseException:
             stop.set()
-            interrupt[0] = 1
+            interrupts[:] = 1
             raise
     results = tuple(seed for seed in (future.result() for future in futures) if seed is not None)
     return Result(prepared, results, left.wall_s + time.perf_counter() - started)

@@ -40,6 +40,7 @@ from feeder_sim.engines.impulse.kinds import read_kinds, rim_walls
 from feeder_sim.engines.impulse.pair_contact import PAIR
 from feeder_sim.engines.impulse.state import ABSENT, Bounds, Plate, new_parts, new_scratch, read_wall
 from feeder_sim.engines.surface_arrays import SurfaceArrays, surface_arrays
+from feeder_sim.records.counts import Counts
 from feeder_sim.records.impacts import Impacts
 from feeder_sim.records.trajectory import BLOCK_FRAMES, Frames
 from feeder_sim.scene.scene import Scene
@@ -228,7 +229,7 @@ class ImpulseEngine:
 
     def _keep_begin_of_window(self) -> None:
         self._opened, self._pairs_before = self._parts.copy(), self._pairs
-        self._unresolved = self.unresolved_impacts
+        self._unresolved = self.counts.unresolved_impacts
         self._forget_unresolved()
 
     def _forget_unresolved(self) -> None:
@@ -274,7 +275,7 @@ class ImpulseEngine:
             "pair_axis": pairs["axis"].copy(),
             "frame": np.array(self._frame),
             "row": self._row.copy(),
-            "unresolved": np.array(self.unresolved_impacts if self._alone else self._unresolved),
+            "unresolved": np.array(self.counts.unresolved_impacts if self._alone else self._unresolved),
         }
 
     def restore(self, state: dict[str, NDArray[np.float64]]) -> None:
@@ -293,8 +294,8 @@ class ImpulseEngine:
             self._compute_window(self._span[1])
 
     @property
-    def unresolved_impacts(self) -> int:
-        return self._unresolved + sum(int(work.unresolved[0]) for work in self._work)
+    def counts(self) -> Counts:
+        return Counts(self._unresolved + sum(int(work.unresolved[0]) for work in self._work))
 
     def take_impacts(self, *, end: bool) -> Impacts:
         log, last = self._notes

@@ -27,6 +27,7 @@ from feeder_sim.engines.mujoco_library import load_mujoco_symbols, silence_mujoc
 from feeder_sim.engines.surface_arrays import surface_arrays
 from feeder_sim.machine_code import compiled, entry_point
 from feeder_sim.plate.compiled import modal_motion, surface_modes
+from feeder_sim.records.counts import Counts
 from feeder_sim.records.impacts import Impacts
 from feeder_sim.records.trajectory import BLOCK_FRAMES, Frames
 from feeder_sim.scene.scene import Scene
@@ -240,8 +241,8 @@ class MujocoEngine:
         self.model.joint(name).axis[:] = turned.inv().apply(self._slide.axis)
 
     @property
-    def unresolved_impacts(self) -> int:
-        return 0
+    def counts(self) -> Counts:
+        return Counts()
 
     def current(self) -> Frames:
         return self._frames(self.data.qpos[None].copy(), self.data.qvel[None].copy(), self._step)

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from feeder_sim.engines.impact_log import new_log, take_impacts
 from feeder_sim.engines.noise import new_streams
 from feeder_sim.engines.slide.motion import Law, Plate, V, Z, advance
+from feeder_sim.records.counts import Counts
 from feeder_sim.records.impacts import Impacts
 from feeder_sim.records.trajectory import BLOCK_FRAMES, Frames
 from feeder_sim.scene.scene import GRAVITY, Scene
@@ -53,8 +54,8 @@ class SlideEngine:
         self._frame = 0
 
     @property
-    def unresolved_impacts(self) -> int:
-        return 0
+    def counts(self) -> Counts:
+        return Counts()
 
     def current(self) -> Frames:
         return self._frames(self._row, self._frame)

@@ -28,7 +28,8 @@ from feeder_sim.engines.impulse.lone.contact_problem import (
     impact,
     solve,
 )
-from feeder_sim.engines.impulse.lone.leap import LEFT, leap, leap_of, room_of, shortest_leap
+from feeder_sim.engines.impulse.lone.edge_piece import BALL, LINES
+from feeder_sim.engines.impulse.lone.leap import LEFT, leap_of, room_of, shortest_leap, still_leap
 from feeder_sim.engines.impulse.lone.moving_surface import move_surface
 from feeder_sim.engines.impulse.lone.plate_points import UP, renew_rates, spin_change
 from feeder_sim.engines.impulse.lone.state import (
@@ -36,6 +37,7 @@ from feeder_sim.engines.impulse.lone.state import (
     AT,
     AT_EDGE,
     CARRY,
+    EDGE,
     FALL,
     GAP,
     HEIGHT,
@@ -51,9 +53,11 @@ from feeder_sim.engines.impulse.lone.state import (
     SLOPE_X,
     SLOPE_Y,
     SPEED,
+    SWING,
     TOWARDS,
     TURN_X,
     TURN_Y,
+    UNRESOLVED,
     WITH,
 )
 from feeder_sim.engines.impulse.state import inverse_inertia, spin_of, top_speed, turning_speed
@@ -125,8 +129,11 @@ def _gather(i, m, restitution, work):
 
 
 @inlined
-def strike(part, kind, n, twist, bounds, work):
-    """Impacts at all points that touch, until none approaches; returns whether there was one. twist: see `unsure`."""
+def strike(part, kind, n, twist, rebounds, bounds, work):
+    """Impacts at all points that touch, until none approaches; returns whether there was one.
+
+    twist: see `unsure`; rebounds: False where nothing may bounce.
+    """
     touch, together, hit = bounds.exact.touch, TOGETHER * bounds.exact.tolerance, False
     for rounds in range(ROUNDS + 1):
         m, approaches = 0, False
@@ -142,7 +149,7 @@ def strike(part, kind, n, twist, bounds, work):
                 e = 0.0  # what is left of its bounces is summed: they take what the plate pushes meanwhile
             if row[RATE] < -LEFT and row[GAP] <= touch:
                 approaches = True
-            _gather(i, m, 0.0 if rounds == ROUNDS else e, work)
+            _gather(i, m, e if rebounds and rounds < ROUNDS else 0.0, work)
             m += 1
         if not approaches:
             break
@@ -150,7 +157,7 @@ def strike(part, kind, n, twist, bounds, work):
         if not (m == 1 and hit_alone(part, kind, work)):
             _load(part, kind, 0.0, work)
             if not impact(work.bodies, work.contacts, m, None):
-                work.unresolved[0] += 1
+                work.counts[UNRESOLVED] += 1
             write_to(part.velocity, vector(work.bodies.velocity[0]))
             for i in range(m):
                 arm, impulse = work.contacts.vector[ARM_SECOND, i], work.contacts.vector[IMPULSE, i]
@@ -180,7 +187,7 @@ def press(part, kind, n, pressed, unknown, surface, bounds, t, until, work):
     Returns:
         the time [s], 0 if nothing is pressed; whether nothing slips.
     """
-    usual, chatter, lift = _time_of_forces(part, kind, n, pressed, unknown[1], bounds, work)
+    usual, chatter, lift = _time_of_forces(part, kind, n, pressed, unknown, bounds, work)
     if usual == 0.0 or lift < NO_LIFT * usual:
         return 0.0, False
     _mark_carried(n, usual, chatter, bounds, work)
@@ -190,7 +197,7 @@ def press(part, kind, n, pressed, unknown, surface, bounds, t, until, work):
         _load(part, kind, time, work)
         m = _gather_ahead(part, kind, n, surface, bounds, t, time, usual, work)
         if not solve(work.bodies, work.contacts, m, None):
-            work.unresolved[0] += 1
+            work.counts[UNRESOLVED] += 1
         stops = _slip_stops(part, kind, m, time, work)
         if stops > STOPS * time or stops < (1.0 - STOPS) * usual or turn == TURNS - 1:
             break
@@ -252,7 +259,7 @@ def _until_next(part, kind, n, time, unknown, bounds, work):
         if gap + found * (rate - 0.5 * bound * found) > 0.0:
             continue
         if row[MOVES] == 0.0:
-            found = min(found, leap(gap, rate, bound))
+            found = min(found, still_leap(row, row[RATE], more, twist, touch))
         else:
             found = min(found, leap_of(row, rate, more, twist, bounds, touch))
     return max(found, shortest_leap(part, kind, bounds))
@@ -297,14 +304,15 @@ def _slip_stops(part, kind, m, time, work):
 
 
 @inlined
-def _time_of_forces(part, kind, n, pressed, twist, bounds, work):
+def _time_of_forces(part, kind, n, pressed, unknown, bounds, work):
     """How long forces last [s], 0 if no point is pressed; summed bounces; and when the last point is lifted."""
     close = CARRIED * bounds.exact.tolerance if pressed else bounds.exact.touch
-    moves, least, may_stay = 0.0, LONGEST, False
+    moves, least, may_stay, (slack, twist) = 0.0, LONGEST, False, unknown
     for i in range(n):
         row = work.point[i]
-        slow = abs(row[RATE]) <= max(SETTLED * LONGEST_CHATTER * row[PUSH], LEFT)
-        may_stay = may_stay or (row[KNOWN] != 0.0 and row[GAP] <= close and row[PUSH] > 0.0 and slow)
+        push = row[PUSH] + slack  # what is not known to part is left to the solution of all contacts
+        slow = abs(row[RATE]) <= max(SETTLED * LONGEST_CHATTER * push, LEFT)
+        may_stay = may_stay or (row[KNOWN] != 0.0 and row[GAP] <= close and push > 0.0 and slow)
     if not may_stay:
         return 0.0, 0.0, 0.0
     for i in range(n):
@@ -318,17 +326,18 @@ def _time_of_forces(part, kind, n, pressed, twist, bounds, work):
     any_pressed, lift = False, 0.0
     for i in range(n):
         row = work.point[i]
-        if row[KNOWN] == 0.0 or not row[GAP] <= close or row[PUSH] <= 0.0:
+        push = row[PUSH] + slack
+        if row[KNOWN] == 0.0 or not row[GAP] <= close or push <= 0.0:
             continue
-        if abs(row[RATE]) > max(SETTLED * chatter * row[PUSH], LEFT):
+        if abs(row[RATE]) > max(SETTLED * chatter * push, LEFT):
             continue
         any_pressed = True
         root = math.inf
         if row[MOVES] > 0.0 and row[JERK] < 0.0:  # as if all moved at the fastest rate
-            bend = 0.5 * bounds.fastest * bounds.fastest * (row[FALL] - row[PUSH])
-            inside = row[JERK] * row[JERK] - 4.0 * bend * row[PUSH]
+            bend = 0.5 * bounds.fastest * bounds.fastest * (row[FALL] + slack - push)
+            inside = row[JERK] * row[JERK] - 4.0 * bend * push
             if inside >= 0.0:
-                root = 2.0 * row[PUSH] / (math.sqrt(inside) - row[JERK])
+                root = 2.0 * push / (math.sqrt(inside) - row[JERK])
         lift = max(lift, root)
     if not any_pressed:
         return 0.0, 0.0, 0.0
@@ -372,14 +381,18 @@ def _gather_ahead(part, kind, n, surface, bounds, t, time, usual, work):
             continue
         _gather(i, m, 0.0, work)
         going, inwards = cross(spin, vector(row[AT : AT + 3])), NOTHING
-        if kind.corner_to - kind.corner_from > 1 and row[KNOWN] != AT_EDGE:
+        turned = 0.0
+        if row[KNOWN] == AT_EDGE:
+            turned = _turn_along(row, work.edge[int(row[EDGE])], m, part, kind, going, time, contacts)
+        elif kind.corner_to - kind.corner_from > 1:
             write_to(contacts.vector[ARM_SECOND, m], plus(row[AT : AT + 3], 0.5 * time, going))
+        if kind.corner_to - kind.corner_from > 1:
             inwards = cross(spin, going)
         gap = row[GAP] - 0.5 * touch
         target = -RETURN * gap / usual
         if gap > 0.5 * touch:
             target = min(target, -2.0 * gap / time - row[RATE])
-        contacts.number[TARGET, m] = target
+        contacts.number[TARGET, m] = target - turned
         m += 1
         if row[MOVES] == 0.0:
             add_to(contacts.vector[VELOCITY, m - 1], -0.5 * time, inwards)
@@ -405,3 +418,26 @@ def _gather_ahead(part, kind, n, surface, bounds, t, time, usual, work):
         lift = speed + slope_x * along_x + slope_y * along_y
         write_to(contacts.vector[VELOCITY, m - 1], plus((along_x, along_y, lift), -0.5 * time, inwards))
     return m
+
+
+@inlined
+def _turn_along(row, point, m, part, kind, going, time, contacts):
+    """Normal and arm of contact m on the edge as they are at the middle of a time [s].
+
+    The gap closes along the normal of the end, the force acts along that of the middle: returns by how much less the
+    normal velocity of the contact has to be than the rate of the gap [m/s].
+    """
+    normal, swing = vector(row[TOWARDS : TOWARDS + 3]), vector(row[SWING : SWING + 3])
+    at, v = vector(row[AT : AT + 3]), difference(plus(part.velocity, 1.0, going), vector(row[WITH : WITH + 3]))
+    middle = plus(normal, 0.5 * time, swing)
+    middle = plus(NOTHING, 1.0 / math.sqrt(dot(middle, middle)), middle)
+    write_to(contacts.vector[NORMAL, m], middle)
+    if point.turns == BALL:
+        write_to(contacts.vector[ARM_SECOND, m], plus(plus(at, kind.radius, normal), -kind.radius, middle))
+        return 0.5 * time * dot(swing, v)
+    if point.turns == LINES:  # they meet farther along that of the part
+        slides = plus(NOTHING, dot(v, vector(point.axis)), cross(normal, vector(point.lever)))
+    else:  # the vertex slides along the face
+        slides = plus(v, -dot(v, normal), normal)
+    write_to(contacts.vector[ARM_SECOND, m], plus(at, 0.5 * time, difference(going, slides)))
+    return time * dot(swing, v)

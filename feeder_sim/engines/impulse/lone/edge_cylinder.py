@@ -11,6 +11,7 @@ from feeder_sim.engines.impulse.lone.edge_piece import (
     INWARDS,
     PARALLEL,
     UPRIGHT,
+    WITH_PART,
     carries,
     centre_from,
     faces_up,
@@ -38,7 +39,8 @@ def cylinder_on_line(part, kind, piece, reach, points, n):
     gap, share, along, normal = meets(plus(at, -0.5, way), way, radius + kind.radius, piece)
     if -min(BESIDE, radius) <= gap < reach:
         arm = plus((0.0, 0.0, 0.0), (2.0 * share - 1.0) * height, axis)
-        n = store(n, plus(arm, -radius - kind.radius, normal), normal, place_on(piece, along), gap, points)
+        foot = place_on(piece, along)
+        n = store(n, plus(arm, -radius - kind.radius, normal), normal, foot, gap, WITH_PART, points)
     u, v = seen((r[0, 0], r[1, 0], r[2, 0]), piece), seen((r[0, 1], r[1, 1], r[2, 1]), piece)
     size = math.sqrt(u[0] * u[0] + v[0] * v[0])
     for end in (-height, height):
@@ -64,7 +66,7 @@ def cylinder_on_line(part, kind, piece, reach, points, n):
             if carries(gap, kind, dot(centre, normal), -extent, extent):
                 body = radius * c, radius * s, end
                 arm = plus((row(r, 0, body), row(r, 1, body), row(r, 2, body)), -kind.radius, normal)
-                n = store(n, arm, normal, place_on(piece, along), gap, points)
+                n = store(n, arm, normal, place_on(piece, along), gap, WITH_PART, points)
     return n
 
 

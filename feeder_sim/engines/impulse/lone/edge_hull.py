@@ -7,7 +7,10 @@ import math
 import numpy as np
 
 from feeder_sim.engines.impulse.lone.edge_piece import (
+    BALL,
     BESIDE,
+    LINES,
+    NONE,
     UPRIGHT,
     carries,
     centre_from,
@@ -22,10 +25,11 @@ from feeder_sim.engines.impulse.lone.edge_piece import (
     write_point,
 )
 from feeder_sim.engines.impulse.state import arm_of
-from feeder_sim.engines.impulse.vectors import difference, dot, plus
+from feeder_sim.engines.impulse.vectors import cross, difference, dot, plus
 from feeder_sim.engines.outline_arrays import ON_EDGE
 from feeder_sim.machine_code import compiled, inlined
 
+LEAST_ACROSS = 0.02  # sine of the angle between two lines, at least: nearly parallel ones have a normal that leaps
 APART = 0.9  # cosine between the directions in which two points of a ball lie around it, at most
 
 
@@ -50,8 +54,20 @@ def hull_edge_on_line(part, kind, corners, ends, piece, reach, points, n):
         low, high = _extent(part, corners, normal)
         if carries(gap, kind, dot(centre, normal), low, high):
             arm = plus(plus(one, share, difference(other, one)), -kind.radius, normal)
-            n = store(n, arm, normal, place_on(piece, along), gap, points)
+            turns = _turns_of_lines(difference(other, one), normal, piece)
+            n = store(n, arm, normal, place_on(piece, along), gap, turns, points)
     return n
+
+
+@inlined
+def _turns_of_lines(e, normal, piece):
+    """How the normal of two lines turns (EDGE_POINT): n' = -(w . (e x n)) (n x d) / ((n x d) . e); e: the part's."""
+    b = cross(normal, (piece[0], piece[1], 0.0))
+    size = math.sqrt(dot(e, e))
+    across = dot(b, e) / size
+    if abs(across) < LEAST_ACROSS:
+        across = LEAST_ACROSS if across >= 0.0 else -LEAST_ACROSS
+    return LINES, plus(NONE, 1.0 / size, cross(e, normal)), plus(NONE, 1.0 / across, b)
 
 
 @inlined
@@ -92,8 +108,8 @@ def balls_on_piece(part, kind, kinds, piece, back, reach, points, n):
         arm = arm_of(part, corners, i)
         to = plus(centre, 1.0, arm)
         beside, up, along = seen(to, piece)
-        way = to
-        if 0.0 <= along <= piece[2] and beside > ON_EDGE:
+        way, on_line = to, 0.0 <= along <= piece[2] and beside > ON_EDGE
+        if on_line:
             way = in_space(beside, up, piece)
         elif along >= 0.0 or to[0] * back[0] + to[1] * back[1] >= 0.0:
             continue
@@ -102,12 +118,14 @@ def balls_on_piece(part, kind, kinds, piece, back, reach, points, n):
         if not -BESIDE <= gap < reach or up < UPRIGHT * away:
             continue
         normal = way[0] / away, way[1] / away, way[2] / away
-        n = _store_apart(n, plus(arm, -kind.radius, normal), normal, place_on(piece, along), gap, kind.radius, points)
+        turns = BALL, NONE, ((piece[0], piece[1], 0.0) if on_line else NONE)
+        foot = place_on(piece, along)
+        n = _store_apart(n, plus(arm, -kind.radius, normal), normal, foot, gap, kind.radius, turns, points)
     return n
 
 
 @inlined
-def _store_apart(n, arm, normal, foot, gap, radius, points):
+def _store_apart(n, arm, normal, foot, gap, radius, turns, points):
     """As `store`; of points that lie in nearly the same direction around a ball the nearest is kept."""
     for k in range(n):
         other = points[k]
@@ -118,6 +136,6 @@ def _store_apart(n, arm, normal, foot, gap, radius, points):
         apart = plus(plus(arm, radius, normal), -1.0, plus(other.arm, radius, other.normal))  # of two balls
         if dot(apart, apart) < 1e-6 * radius * radius:
             if gap < other.gap:
-                write_point(other, arm, normal, foot, gap)
+                write_point(other, arm, normal, foot, gap, turns)
             return n
-    return store(n, arm, normal, foot, gap, points)
+    return store(n, arm, normal, foot, gap, turns, points)

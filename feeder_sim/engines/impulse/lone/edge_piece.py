@@ -15,8 +15,23 @@ from feeder_sim.engines.outline_arrays import ON_EDGE
 from feeder_sim.machine_code import compiled, inlined
 
 # arm: from the centre of mass to the point of the part [m]; normal: from the plate to the part; foot: x and y of the
-# point on the plate's edge [m]; gap [m].
-EDGE_POINT = np.dtype([("arm", "f8", 3), ("normal", "f8", 3), ("foot", "f8", 2), ("gap", "f8")], align=True)
+# point on the plate's edge [m]; gap [m]. The normal of a BALL turns as its centre goes around the piece along `axis`,
+# or around a vertex, where that is zero; that of two LINES at the rate -(spin . lever) axis; that of a FACE with it.
+BALL, LINES, FACE = range(3)
+EDGE_POINT = np.dtype(
+    [
+        ("arm", "f8", 3),
+        ("normal", "f8", 3),
+        ("foot", "f8", 2),
+        ("gap", "f8"),
+        ("turns", "i8"),
+        ("lever", "f8", 3),
+        ("axis", "f8", 3),
+    ],
+    align=True,
+)
+NONE = (0.0, 0.0, 0.0)
+WITH_PART = (FACE, NONE, NONE)  # turns, lever and axis of a point whose normal turns with the part
 
 BESIDE = 2e-4  # [m]; a point that deep is beside the plate or under it, as for corners
 UPRIGHT = 0.02  # of a normal, at least: a degree from level
@@ -26,8 +41,8 @@ PARALLEL = 1e-6  # [1]
 
 
 @compiled
-def store(n, arm, normal, foot, gap, points):
-    """Append a point, or put it in place of the farthest of all."""
+def store(n, arm, normal, foot, gap, turns, points):
+    """Append a point, or put it in place of the farthest of all; turns: its turns, lever and axis."""
     k = n
     if n == points.shape[0]:
         k = 0
@@ -36,16 +51,19 @@ def store(n, arm, normal, foot, gap, points):
                 k = i
         if n == 0 or points[k].gap <= gap:
             return n
-    write_point(points[k], arm, normal, foot, gap)
+    write_point(points[k], arm, normal, foot, gap, turns)
     return max(n, k + 1)
 
 
 @inlined
-def write_point(point, arm, normal, foot, gap):
+def write_point(point, arm, normal, foot, gap, turns):
     write_to(point.arm, arm)
     write_to(point.normal, normal)
     point.foot[0], point.foot[1] = foot
     point.gap = gap
+    point.turns = turns[0]
+    write_to(point.lever, turns[1])
+    write_to(point.axis, turns[2])
 
 
 @inlined

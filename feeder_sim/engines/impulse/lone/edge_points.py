@@ -34,7 +34,7 @@ from numba.extending import overload
 from feeder_sim.engines.impulse.circles import is_round
 from feeder_sim.engines.impulse.lone.edge_cylinder import cylinder_on_line, under_cylinder
 from feeder_sim.engines.impulse.lone.edge_hull import balls_on_piece, hull_edge_on_line, hull_on_line, under_plane
-from feeder_sim.engines.impulse.lone.edge_piece import BESIDE, PARALLEL, nearby, row, store, turned_back
+from feeder_sim.engines.impulse.lone.edge_piece import BESIDE, PARALLEL, WITH_PART, nearby, row, store, turned_back
 from feeder_sim.engines.impulse.state import CIRCLE, arm_of
 from feeder_sim.engines.impulse.vectors import difference, plus
 from feeder_sim.machine_code import compiled, inlined
@@ -216,7 +216,7 @@ def _on_piece(part, kind, kinds, place, reach, lines, points, n):
     if -BESIDE <= gap < reach:
         normal = -row(r, 0, face), -row(r, 1, face), -row(r, 2, face)
         arm = plus((x, y, z), gap, normal)
-        n = store(n, arm, normal, begin, gap, points)
+        n = store(n, arm, normal, begin, gap, WITH_PART, points)
     return n
 
 

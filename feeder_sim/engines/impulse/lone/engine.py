@@ -15,6 +15,7 @@ from feeder_sim.engines.impulse.lone.state import FREE, PART, Exactness, new_par
 from feeder_sim.engines.impulse.state import ABSENT
 from feeder_sim.engines.noise import new_streams
 from feeder_sim.engines.surface_arrays import surface_arrays
+from feeder_sim.records.counts import Counts
 from feeder_sim.records.impacts import Impacts
 from feeder_sim.records.trajectory import Frames
 from feeder_sim.scene.scene import Scene
@@ -47,8 +48,8 @@ class LoneEngine(ImpulseEngine):
         self._part = new_part(self._parts, new_streams(rng, 1))
 
     @property
-    def unresolved_impacts(self) -> int:
-        return self._unresolved + int(self._scratch.unresolved[0])
+    def counts(self) -> Counts:
+        return Counts(*self._scratch.counts.tolist())
 
     def advance(self, n_frames: int) -> Frames:
         scene, rows = self._scene, np.empty((n_frames, 1, ROW))
@@ -87,7 +88,7 @@ class LoneEngine(ImpulseEngine):
             "clock_alone": self._clock.copy(),
             "frame": np.array(self._frame),
             "row": self._row.copy(),
-            "unresolved": np.array(self.unresolved_impacts),
+            "counts": self._scratch.counts.copy(),
         }
 
     def restore(self, state: dict[str, NDArray[Any]]) -> None:
@@ -95,8 +96,7 @@ class LoneEngine(ImpulseEngine):
             self._part[name] = state[name]
         self._parts["there"] = self._part["there"]
         self._clock[:], self._frame = state["clock_alone"], int(state["frame"])
-        self._row, self._unresolved = state["row"].copy(), int(state["unresolved"])
-        self._scratch.unresolved[0] = 0
+        self._row, self._scratch.counts[:] = state["row"].copy(), state["counts"]
 
     def take_impacts(self, *, end: bool) -> Impacts:
         return Impacts.of_rows(np.empty((0, 4)))

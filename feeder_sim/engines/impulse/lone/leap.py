@@ -13,6 +13,8 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+
 from feeder_sim.engines.impulse.lone.moving_surface import ahead, move_surface
 from feeder_sim.engines.impulse.lone.state import (
     AT,
@@ -24,12 +26,13 @@ from feeder_sim.engines.impulse.lone.state import (
     OWN,
     PUSH,
     RATE,
+    SWING,
     TOWARDS,
     WITH,
     fly_to,
 )
 from feeder_sim.engines.impulse.state import spin_of, top_speed, turning_acceleration, turning_speed
-from feeder_sim.engines.impulse.vectors import add_to, cross, plus, vector
+from feeder_sim.engines.impulse.vectors import add_to, cross, dot, plus, vector
 from feeder_sim.machine_code import inlined
 from feeder_sim.scene.scene import GRAVITY
 
@@ -66,8 +69,8 @@ def room_of(row, rate, touch):
     """The gap that a point may close in a leap [m], and its rate [m/s]: a point that has just been left is let go."""
     gap = row[GAP] - 0.5 * touch
     if gap <= 0.0 and rate >= -LEFT:
-        return max(0.5 * row[GAP], 0.0), max(rate, 0.0)
-    return max(gap, 0.0), rate
+        return 0.5 * touch, max(rate, 0.0)
+    return max(gap, 0.25 * touch), rate
 
 
 @inlined
@@ -82,6 +85,20 @@ def leap_of(row, rate, slack, twist, bounds, touch):
     found = max(found, near_leap(gap, rate, h, jerk, 2.0 * found))
     if rate >= 0.0 and h < 0.0:  # the surface falls away
         found = max(found, leap(-h, -row[JERK] - twist, jerk * bounds.fastest))
+    return found
+
+
+@inlined
+def still_leap(row, rate, slack, twist, touch):
+    """As `leap_of`, on a surface that does not move: the point's acceleration is known where the row is."""
+    gap, rate = room_of(row, rate, touch)
+    found = leap(gap, rate, row[OWN] + slack)
+    if row[KNOWN] == 1.0:
+        found = max(found, near_leap(gap, rate, row[FALL] + slack, twist, 2.0 * found))
+    elif row[KNOWN] != 0.0:
+        swing = vector(row[SWING : SWING + 3])
+        jerk = 3.0 * twist + 3.0 * math.sqrt(dot(swing, swing)) * row[OWN]
+        found = max(found, near_leap(gap, rate, row[FALL] + slack, jerk, 2.0 * found))
     return found
 
 
@@ -102,7 +119,7 @@ def shortest_leap(part, kind, bounds):
 
 
 @inlined
-def fall_on(part, kind, n, spare, slack, surface, bounds, work):
+def fall_on(part, kind, n, spare, slack, twist, surface, bounds, work):
     """Bring a part that is just about to touch to where it does; returns the time that takes [s], or 0.
 
     spare: the longest [s]. Nothing touches yet. For so brief a time the points and the surface move as polynomials of
@@ -112,6 +129,8 @@ def fall_on(part, kind, n, spare, slack, surface, bounds, work):
     longest = min(bounds.brief, spare)
     if slack > 0.0:
         longest = min(longest, math.sqrt(0.1 * touch / slack))
+    if twist * longest * longest * longest > 0.6 * touch:
+        longest = np.cbrt(0.6 * touch / twist)
     found = longest
     for i in range(n):
         row = work.point[i]
@@ -142,8 +161,10 @@ def fall_on(part, kind, n, spare, slack, surface, bounds, work):
         a[s] += found * j[s]
     for i in range(n):
         row = work.point[i]
-        if row[KNOWN] == 0.0:
-            row[GAP] += found * row[RATE]
+        if row[KNOWN] == 0.0:  # the worst that can be
+            row[GAP] += found * (row[RATE] - 0.5 * found * (row[OWN] + slack + row[MOVES]))
+            row[RATE] -= found * (row[OWN] + slack + row[MOVES])
+            add_to(row[AT : AT + 3], found, cross(spin, vector(row[AT : AT + 3])))
             continue
         normal = vector(row[TOWARDS : TOWARDS + 3])
         row[GAP] += found * (row[RATE] - 0.5 * found * (row[PUSH] + row[JERK] * found / 3.0))
@@ -167,8 +188,7 @@ def first_leaps(n, slack, twist, bounds, work):
             continue
         if row[MOVES] == 0.0:
             if gap + to_crest * (rate - 0.5 * row[OWN] * to_crest) <= 0.5 * touch:
-                gap, rate = room_of(row, rate, touch)
-                to_crest = leap(gap, rate, row[OWN])
+                to_crest = min(to_crest, still_leap(row, rate, 0.0, twist, touch))
         else:
             if row[KNOWN] == 0.0:
                 rate -= slack / bounds.fastest  # the slope there is not known

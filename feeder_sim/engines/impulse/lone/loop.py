@@ -53,16 +53,15 @@ def advance(lone, drive, clock, frames):
 def advance_lone(lone, drive, clock, frames):
     """`advance` for compiled functions."""
     lone, frames = borrow(lone), borrow(frames)
-    part, kind, surface = lone.parts[0], lone.kinds.record[0], drive.surface
+    part, surface = lone.parts[0], drive.surface
     seen, frame = np.empty(1, PART), 0
     while True:
         start, end = clock[ORIGIN] + clock[NUMBER] * drive.window, clock[ORIGIN] + (clock[NUMBER] + 1.0) * drive.window
         acting = acting_terms(surface, start, end)
         bounds = bound(acting, drive.extremes, start, end, drive.exact)
         if clock[DUE] == start:
-            bring(part, kind, start, acting)
             orthonormalise(part.attitude)
-        _wake(part, bounds)  # the drive may have changed since
+        _wake(part, bounds, start)  # the drive may have changed since
         frame = _through_window(frame, lone, Plate(borrow(acting), borrow(bounds)), clock, frames, seen)
         if frame == frames.time.shape[0] or frames.interrupt[0] != 0:
             return
@@ -71,10 +70,10 @@ def advance_lone(lone, drive, clock, frames):
 
 
 @compiled
-def _wake(part, bounds):
-    """A part that rests moves again with the plate."""
+def _wake(part, bounds, t):
+    """A part that rests moves again with the plate, from time t [s] on."""
     if part.there == ASLEEP and not bounds.calm:
-        part.there = AWAKE
+        part.there, part.clock = AWAKE, t
 
 
 @uncounted
@@ -96,7 +95,6 @@ def _through_window(frame, lone, plate, clock, frames, seen):
         elif part.there == ASLEEP or part.there == ABSENT:
             clock[DUE] = end
         else:
-            bring(part, kind, t, plate.surface)
-            due = meet_plate(part, lone.kinds, plate.surface, plate.bounds, t, min(end, shown), lone.work)
+            due = meet_plate(lone.parts, lone.kinds, plate.surface, plate.bounds, t, min(end, shown), lone.work)
             clock[DUE] = min(due, end)
     return frame

@@ -1,4 +1,9 @@
-"""One free part over the plate: impacts, forces, following, rest or flight (docs/contact.md)."""
+"""One free part over the plate: impacts, forces, following, rest or flight (docs/contact.md).
+
+Nothing is trusted that can be looked at: after a leap no point may be in the plate by more than before. If one is, the
+part goes back, and the time of contact is found by halving what was leapt. What has no such time came from beside the
+plate, under its sheet. And a part may be looked at so often, and no more, in a given time.
+"""
 
 from __future__ import annotations
 
@@ -7,16 +12,20 @@ import math
 import numpy as np
 
 from feeder_sim.engines.impulse.lone.contact import CARRIED, press, strike
-from feeder_sim.engines.impulse.lone.follow import follows_until, goes_along, sit_down
+from feeder_sim.engines.impulse.lone.follow import bring, follows_until, goes_along, sit_down
 from feeder_sim.engines.impulse.lone.leap import NEVER, fall_on, first_leaps, forecast, shortest_leap, unsure
 from feeder_sim.engines.impulse.lone.plate_points import CLOSE, REACH, look, look_at_edge
-from feeder_sim.engines.impulse.lone.state import AT, FREE, GAP, KNOWN
+from feeder_sim.engines.impulse.lone.state import AT, FREE, GAP, KNOWN, LATE, SPENT
 from feeder_sim.engines.impulse.state import ASLEEP, top_speed
 from feeder_sim.engines.outline_arrays import edge_distance
 from feeder_sim.machine_code import inlined
 from feeder_sim.scene.scene import GRAVITY
 
-JUMP = 1e-8  # [m]; a surface is only entered where it jumps (`ring_up = false`)
+ENTERED = 1.0  # tolerances that a point may come into the plate in a leap; pressed ones are moved by CARRIED
+HALVINGS = 40
+LOOKS, BUDGET = 200, 3e-5  # looks in a time [s]; those after them are at least SPARING of that time apart
+SPARING = 0.02
+PAST = 1e-3  # [s] between looks at a part that falls past the plate
 STILL = 1e-6  # [m/s]; what is as slow on a plate that is calm, and does not slip, rests
 BALANCED = 1e-3  # of its weight, and of that times its reach
 SKIPPED = 8  # looks after one at which a part may not follow
@@ -24,30 +33,80 @@ LEAST_LOOK = 1e-5  # [s]; points at the edge of the plate come and go
 
 
 @inlined
-def meet_plate(part, kinds, surface, bounds, t, shown, work):
-    """What the part does at time t [s]; returns when it is to be looked at next [s].
+def meet_plate(parts, kinds, surface, bounds, t, shown, work):
+    """Bring the part, an array of one, to time t [s] and see what it does; returns when to look at it next [s].
 
     shown: when its state is asked for next [s].
     """
+    part, before = parts[0], work.before[0]
     kind = kinds.record[part.kind]
-    before = part.phase
+    work.before[0] = part
+    bring(part, kind, t, surface)
     part.phase = FREE
     height = part.position[2] - kind.reach - kind.radius - bounds.crest
     if height > CLOSE:
-        rising = part.velocity[2]
+        rising, part.beside, part.depth = part.velocity[2], 0, 0.0
         return t + (rising + math.sqrt(rising * rising + 2.0 * GRAVITY * (height - 0.5 * CLOSE))) / GRAVITY
-    corners = kinds.corners[kind.corner_from : kind.corner_to]
-    close, moved = look(part, kind, corners, surface, bounds, t, work)
-    n, at_edge, near_edge = corners.shape[0], False, _may_reach_edge(part, kind, surface)
-    if near_edge:
-        n, at_edge = look_at_edge(part, kind, kinds, n, surface, bounds, t, moved, work)
-    _land(part, n, work)
+    if part.beside:
+        return t + PAST
+    spent = _spends_budget(part, t, work)
+    jumps = t == before.clock or _next_switch(surface, before.clock, np.inf) <= t
+    allowed = before.depth + (ENTERED if before.phase == FREE else CARRIED) * bounds.exact.tolerance
+    corners, early, late, halvings = kinds.corners[kind.corner_from : kind.corner_to], before.clock, t, 0
+    while True:
+        close, moved = look(part, kind, corners, surface, bounds, t, work)
+        n, at_edge, near_edge = corners.shape[0], False, _may_reach_edge(part, kind, surface)
+        if near_edge:
+            n, at_edge = look_at_edge(part, kind, kinds, n, surface, bounds, t, moved, work)
+        gap = _lowest_gap(n, work)
+        if gap >= -allowed and (halvings == 0 or gap <= bounds.exact.touch):
+            break
+        if spent or jumps or halvings > HALVINGS:
+            break
+        early, late = (t, late) if gap >= -allowed else (early, t)
+        halvings += 1
+        t = 0.5 * (early + late) if halvings <= HALVINGS else late
+        parts[0] = before
+        bring(part, kind, t, surface)
+        part.phase = FREE
+    if gap < -allowed and near_edge and not spent and not jumps:
+        part.beside = 1
+        return t
+    if halvings > 0 or (gap < -allowed and not jumps):
+        work.counts[LATE] += 1
+    elif gap < -allowed:
+        _land(part, n, -gap, work)
+        gap = 0.0
+    part.depth = max(-gap, 0.0)
+    due = _act(part, kind, n, (close or at_edge, near_edge), spent, surface, bounds, t, shown, work)
+    return max(due, t + SPARING * BUDGET) if spent else due
+
+
+@inlined
+def _spends_budget(part, t, work):
+    """Count a look; returns whether there were too many of late."""
+    if t - part.budget > BUDGET:
+        part.budget, part.looks = t, 0
+    part.looks += 1
+    if part.looks == LOOKS:
+        work.counts[SPENT] += 1
+    return part.looks >= LOOKS
+
+
+@inlined
+def _act(part, kind, n, near, spent, surface, bounds, t, shown, work):
+    """What the part does where its first n points are as the rows say; returns when to look at it next [s].
+
+    near: whether a point is close to the plate, and whether one may come up on its edge; spent: nothing may bounce.
+    """
+    close, near_edge = near
+    before = work.before[0].phase
     unknown = unsure(part, kind, bounds)
     until = _next_switch(surface, t, bounds.end)
-    if close or at_edge:
+    if close:
         if before == FREE and not near_edge:
-            t += fall_on(part, kind, n, min(shown, until) - t, unknown[0], surface, bounds, work)
-        strike(part, kind, n, unknown[1], bounds, work)
+            t += fall_on(part, kind, n, min(shown, until) - t, unknown[0], unknown[1], surface, bounds, work)
+        strike(part, kind, n, unknown[1], not spent, bounds, work)
         unknown = unsure(part, kind, bounds)
         stays, held = press(part, kind, n, before != FREE, unknown, surface, bounds, t, until, work)
         if stays > 0.0:
@@ -59,7 +118,7 @@ def meet_plate(part, kinds, surface, bounds, t, shown, work):
     slack, twist = unknown
     far, to_crest = first_leaps(n, slack, twist, bounds, work)
     if near_edge:
-        to_crest = min(to_crest, max(LEAST_LOOK, 0.25 * _lowest_gap(n, work) / top_speed(part, kind)))
+        to_crest = min(to_crest, max(LEAST_LOOK, 0.25 * max(_lowest_gap(n, work), 0.0) / top_speed(part, kind)))
     if far < to_crest:
         far = forecast(part, kind, n, surface, bounds, t, until, (far, to_crest), unknown, work)
     return t + max(min(far, to_crest), shortest_leap(part, kind, bounds))
@@ -110,17 +169,11 @@ def _next_switch(surface, t, end):
 
 
 @inlined
-def _land(part, n, work):
-    """Lift a part out of a surface that has jumped into it; returns by how much [m]."""
-    depth = 0.0
-    for i in range(n):
-        depth = max(depth, -work.point[i, GAP])
-    if depth <= JUMP:
-        return 0.0
+def _land(part, n, depth, work):
+    """Lift a part by a depth [m] out of a surface that has jumped into it (`ring_up = false`), or that it starts in."""
     part.position[2] += depth
     for i in range(n):
         work.point[i, GAP] += depth
-    return depth
 
 
 @inlined
@@ -128,7 +181,7 @@ def _lowest_gap(n, work):
     gap = np.inf
     for i in range(n):
         gap = min(gap, work.point[i, GAP])
-    return max(gap, 0.0)
+    return gap
 
 
 @inlined

@@ -11,6 +11,7 @@ import math
 
 import numpy as np
 
+from feeder_sim.engines.impulse.lone.edge_piece import BALL, BESIDE, LINES, NONE
 from feeder_sim.engines.impulse.lone.edge_points import edge_points
 from feeder_sim.engines.impulse.lone.moving_surface import move_surface, shapes_under
 from feeder_sim.engines.impulse.lone.state import (
@@ -18,6 +19,7 @@ from feeder_sim.engines.impulse.lone.state import (
     AT,
     AT_EDGE,
     CHANGE,
+    EDGE,
     FALL,
     GAP,
     HEIGHT,
@@ -32,6 +34,7 @@ from feeder_sim.engines.impulse.lone.state import (
     SLOPE_X,
     SLOPE_Y,
     SPEED,
+    SWING,
     TOWARDS,
     TURN_X,
     TURN_Y,
@@ -46,7 +49,7 @@ from feeder_sim.scene.scene import GRAVITY
 CLOSE = 1e-6  # [m]
 NEARBY = 1e-5  # [m]; a surface that rises by less is known with its slopes under every point below its crest
 REACH = 1e-3  # [m]; how far from the edge of the plate a part is looked at there
-BESIDE = 2e-4  # [m]; a point that far below the surface is beside the plate or under it
+SWUNG = 4.0  # |n'| |v|, by which a gap at the edge is accelerated at most, over the other bounds: twice as much as now
 UP = (0.0, 0.0, 1.0)
 
 
@@ -104,9 +107,6 @@ def _look_below(row, under, part, kind, arm, spin, surface, bounds, work):
     speed = row[WITH + 2]
     gap = part.position[2] + arm[2] - kind.radius - height
     row[GAP], row[RATE] = gap, row[RATE] - speed
-    if gap < -BESIDE:
-        row[GAP] = np.inf
-        return False
     if gap > CLOSE and not known:
         return False
     row[KNOWN] = 1.0
@@ -148,9 +148,10 @@ def look_at_edge(part, kind, kinds, first, surface, bounds, t, moved, work):
     for k in range(found):
         point, row, under = work.edge[k], work.point[n], work.under[n]
         arm, normal = vector(point.arm), vector(point.normal)
-        row[FALL] = GRAVITY * normal[2] + falls(spin, change, arm, normal)
+        row[FALL] = 0.0
         shapes_under(point.foot[0], point.foot[1], part, surface, True, under)
         height = _moves_with(row, under, bounds, work)
+        row[PUSH], row[JERK] = row[PUSH] * normal[2], row[JERK] * normal[2]
         row[GAP] = point.gap - height * normal[2]
         if row[GAP] < -BESIDE:
             continue
@@ -158,6 +159,8 @@ def look_at_edge(part, kind, kinds, first, surface, bounds, t, moved, work):
         speed = row[WITH + 2]
         stand(row, arm, 0.0, speed, under, work.now[NOW], work.now[SPEED], surface)
         write_to(row[TOWARDS : TOWARDS + 3], normal)
+        row[EDGE] = k
+        _fall_at_edge(row, point, part, kind, spin, change)
         row[RATE] = rate_of(row, part, spin)
         close = close or row[GAP] < CLOSE
         n += 1
@@ -186,6 +189,32 @@ def stand(row, arm, radius, speed, under, q, dq, surface):
 
 
 @inlined
+def _fall_at_edge(row, point, part, kind, spin, change):
+    """How the gap of a point on the edge is accelerated by itself, and how its normal turns.
+
+    With n the normal from the edge to the nearest point of the part, or to the centre of a ball of radius r there,
+    g'' = n . a + 2 n' . v - (g + r) n' . n', where a and v are the acceleration and the relative velocity of that
+    point or centre. How n' follows from the motion: EDGE_POINT.
+    """
+    n, far = vector(row[TOWARDS : TOWARDS + 3]), row[GAP] + kind.radius
+    at = plus(vector(row[AT : AT + 3]), kind.radius, n)
+    v = difference(plus(part.velocity, 1.0, cross(spin, at)), vector(row[WITH : WITH + 3]))
+    axis = vector(point.axis)
+    if point.turns == BALL:
+        around = plus(v, -dot(v, axis), axis)
+        swing = plus(NONE, 1.0 / far, plus(around, -dot(around, n), n))
+    elif point.turns == LINES:
+        swing = plus(NONE, -dot(spin, vector(point.lever)), axis)
+    else:
+        swing = cross(spin, n)
+    fall = GRAVITY * n[2] + falls(spin, change, at, n) - 2.0 * dot(swing, v) + far * dot(swing, swing)
+    row[PUSH] += fall - row[FALL]
+    row[FALL] = fall
+    row[OWN] += SWUNG * math.sqrt(dot(swing, swing) * dot(v, v))
+    write_to(row[SWING : SWING + 3], swing)
+
+
+@inlined
 def rate_of(row, part, spin):
     """How fast the gap of a point grows [m/s]."""
     at = vector(row[AT : AT + 3])
@@ -205,7 +234,11 @@ def renew_rates(part, kind, n, work):
             row[RATE] = part.velocity[2] + spin[0] * row[AT + 1] - spin[1] * row[AT] - row[WITH + 2]
             continue
         normal = vector(row[TOWARDS : TOWARDS + 3])
-        fall = GRAVITY * normal[2] + falls(spin, change, vector(row[AT : AT + 3]), normal)
         row[RATE] = rate_of(row, part, spin)
+        if row[KNOWN] == AT_EDGE:
+            _fall_at_edge(row, work.edge[int(row[EDGE])], part, kind, spin, change)
+            continue
+        # The gap of a ball goes as its centre does; what touches turns past.
+        fall = GRAVITY * normal[2] + falls(spin, change, plus(row[AT : AT + 3], kind.radius, normal), normal)
         row[PUSH] += fall - row[FALL]
         row[FALL] = fall

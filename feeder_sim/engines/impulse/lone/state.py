@@ -23,20 +23,28 @@ GAP, RATE, PUSH, JERK, MOVES, OWN, FALL, MU, KNOWN, CARRY = range(10)
 AT_EDGE = 2.0
 # Arm from the centre of mass, normal of what it can touch and how that moves, three columns each.
 AT, TOWARDS, WITH = 10, 13, 16
-POINT_COLUMNS = 19
+# Of a point on the edge of the plate: how its normal turns [1/s], three columns, and its row in Scratch.edge.
+SWING, EDGE = 19, 22
+POINT_COLUMNS = 23
 # Of Scratch.under: what each mode shape does under a point: deflection, its slopes, and rotations.
 HEIGHT, SLOPE_X, SLOPE_Y, TURN_X, TURN_Y = range(5)
 NOW, SPEED, ACCELERATION, CHANGE = range(4)  # of Scratch.now and Scratch.then
 EDGE_POINTS = 32  # room for points on the edge of the plate
+UNRESOLVED, LATE, SPENT = range(3)  # of Scratch.counts
 
 # State of the part: that of `impulse.state.PART`, and before it, as numba needs it, what it does (docs/contact.md).
 # phase: FREE; PRESSED by a mean force [N] and moment [N m] until it is looked at next; FOLLOWING the surface, whose
 # frame at a place it has a seat and a facing in. The force changes with the push of the plate, by a jerk [m/s^3] of the
 # part, from less than its mean to more; it has its mean after the time lead [s]. held: looks for which it has not
-# slipped. draws: state of its random numbers.
+# slipped. draws: state of its random numbers. depth: of its deepest point after its last look [m]. beside: it has come
+# under the sheet of the plate from beside it, and falls past. looks: since the time of its budget [s].
 OWN_FIELDS: list[Any] = [
     ("phase", "i8"),
     ("held", "i8"),
+    ("beside", "i8"),
+    ("looks", "i8"),
+    ("budget", "f8"),
+    ("depth", "f8"),
     ("draws", "u8"),
     ("force", "f8", 3),
     ("moment", "f8", 3),
@@ -88,7 +96,8 @@ class Scratch(NamedTuple):
 
     point: (n, POINT_COLUMNS), see GAP. under: (n, n_shapes, 5), see HEIGHT. row_of: of every contact, its row in
     `point`. now, then: (4, n_shapes), the modal coordinates and three derivatives at two times, see NOW. edge: points
-    on the edge of the plate. unresolved: (1,), impacts that did not settle.
+    on the edge of the plate. counts: (3,), impacts and forces that were not solved, contacts found late, budgets
+    of looks spent. before: (1,), the part as it was after its last look.
     """
 
     point: NDArray[np.float64]
@@ -99,7 +108,8 @@ class Scratch(NamedTuple):
     now: NDArray[np.float64]
     then: NDArray[np.float64]
     edge: NDArray[np.void]
-    unresolved: NDArray[np.int64]
+    counts: NDArray[np.int64]
+    before: NDArray[np.void]
 
 
 def new_scratch(kinds: Kinds, n_shapes: int) -> Scratch:
@@ -115,7 +125,8 @@ def new_scratch(kinds: Kinds, n_shapes: int) -> Scratch:
         now=np.zeros((4, n_shapes)),
         then=np.zeros((4, n_shapes)),
         edge=np.zeros(EDGE_POINTS, EDGE_POINT),
-        unresolved=np.zeros(1, np.int64),
+        counts=np.zeros(3, np.int64),
+        before=np.zeros(1, PART),
     )
 
 

@@ -1,0 +1,85 @@
+"""Random scenes of one free part: whether every run ends, in time, and nothing falls through the plate.
+
+    python benchmarks/random_scenes.py [--scenes 5000] [--kinds edge,hole] [--first 0] [--failing FOLDER]
+
+Prints a row for each kind of scene, and every scene that fails; it is written as a scenario file that anyone can run.
+What must hold, and what the kinds are: tests/judged_scenes.py. With 5000 of each of the nine kinds it takes about an
+hour on two cores.
+"""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import sys
+from concurrent.futures import ProcessPoolExecutor
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+import typer
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
+
+from judged_scenes import KINDS, Finding, judged, scene
+
+AT_ONCE = 20  # scenes that a worker takes
+HEAD = "kind     scenes  refused  failed  late contacts  budgets spent  unresolved  s per s: median    99 %   worst"
+
+
+def several(kind: str, first: int, last: int) -> list[tuple[int, Finding | None]]:
+    """What is found in scenes from one number to before another."""
+    found = []
+    for seed in range(first, last):
+        try:
+            found.append((seed, judged(kind, seed)))
+        except Exception as error:  # of an engine that breaks down; the others go on
+            found.append((seed, Finding(scene(kind, seed), (f"{type(error).__name__}: {error}",), 0.0)))
+    return found
+
+
+def main(
+    scenes: Annotated[int, typer.Option(help="of each kind")] = 5000,
+    kinds: Annotated[str, typer.Option(help="separated by commas")] = ",".join(KINDS),
+    first: Annotated[int, typer.Option(help="number of the first scene")] = 0,
+    failing: Annotated[Path | None, typer.Option(help="folder for the scenes that fail")] = None,
+    workers: Annotated[int, typer.Option()] = os.cpu_count() or 1,
+) -> None:
+    import tomli_w
+
+    print(HEAD, flush=True)
+    total = 0
+    with ProcessPoolExecutor(workers, multiprocessing.get_context("spawn")) as pool:
+        for kind in kinds.split(","):
+            pieces = [(n, min(n + AT_ONCE, first + scenes)) for n in range(first, first + scenes, AT_ONCE)]
+            futures = [pool.submit(several, kind, *piece) for piece in pieces]
+            run: list[Finding] = []
+            refused = failed = 0
+            for future in futures:
+                for seed, finding in future.result():
+                    if finding is None:
+                        refused += 1
+                        continue
+                    run.append(finding)
+                    if not finding.faults:
+                        continue
+                    failed += 1
+                    print(f"  {kind} {seed}: {'; '.join(finding.faults)}", flush=True)
+                    if failing is not None:
+                        failing.mkdir(parents=True, exist_ok=True)
+                        (failing / f"{kind}_{seed}.toml").write_text(tomli_w.dumps(finding.scene))
+            late, spent, unresolved = (sum(getattr(f.counts, name) for f in run) for name in COUNTED)
+            wall = np.array([finding.wall_s for finding in run])
+            print(
+                f"{kind:<7}{len(run):>8}{refused:>9}{failed:>8}{late:>15}{spent:>15}{unresolved:>12}"
+                f"{np.median(wall):>17.3f}{np.quantile(wall, 0.99):>8.2f}{wall.max():>8.1f}",
+                flush=True,
+            )
+            total += failed
+    raise typer.Exit(1 if total else 0)
+
+
+COUNTED = ("late_contacts", "budgets_spent", "unresolved_impacts")
+
+if __name__ == "__main__":
+    typer.run(main)

@@ -1,0 +1,226 @@
+"""Random scenes of one free part, and what must hold in each: it ends, in time, and nothing falls through the plate.
+
+    finding = judged("edge", 770106)
+
+A scene is a plain dictionary, as a scenario file has it, so that one that fails can be run by anyone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from conftest import REPOSITORY
+from invariants import growth
+
+from feeder_sim.errors import InputError
+from feeder_sim.plate.mode_file import read_mode_file
+from feeder_sim.records.counts import NOTHING_COUNTED, Counts
+from feeder_sim.run.simulation import simulate
+from feeder_sim.scenario import Scenario
+from feeder_sim.scenario.tables import validated
+from feeder_sim.scene.scene import GRAVITY
+
+Rng = np.random.Generator
+Raw = dict[str, Any]
+MODELS = REPOSITORY / "models"
+NUTS = ("M2", "M2.5", "M3", "M4", "M5")
+MESHES = ("bracket", "screw")
+STALL_AFTER = 20.0  # [s] of wall time for a frame
+SLOWEST = 20.0  # [s] of wall time per simulated second
+GAINED = 1e-7  # [m] of height, of energy on a plate at rest
+AT_REST = ("still", "edge")
+
+
+@dataclass(frozen=True)
+class Finding:
+    """How a scene went.
+
+    Attributes:
+        scene: what was run.
+        faults: what must not be, a line each.
+        wall_s: per simulated second [s].
+        counts: of the engine.
+        gain: of energy, as height [m]; 0 over plates that move.
+    """
+
+    scene: Raw
+    faults: tuple[str, ...]
+    wall_s: float
+    counts: Counts = NOTHING_COUNTED
+    gain: float = 0.0
+
+
+def scene(kind: str, seed: int) -> Raw:
+    """The scene of a kind, one of `KINDS`, with a number."""
+    rng = np.random.default_rng(seed)
+    part = _ball(rng) if kind == "balls" else _part(rng)
+    contact = {
+        "restitution": float(rng.choice([0.0, 0.2, 0.5, 0.8, 0.95])),
+        "friction": float(rng.choice([0.0, 0.05, 0.3, 1.0])),
+    }
+    spin = rng.uniform(-1.0, 1.0, 3) * float(rng.choice([5.0, 50.0, 300.0]))
+    turn = rng.normal(size=4)
+    start = {
+        "kind": "state",
+        "quaternion": (turn / np.linalg.norm(turn)).tolist(),
+        "angular_velocity_rad_s": spin.tolist(),
+    }
+    plate, drive, where, run = KINDS[kind](rng)
+    raw: Raw = {
+        "title": f"Random scene {seed}, {kind}",
+        "plate": plate,
+        "part": [part | {"start": start | where}],
+        "contact": contact,
+        "run": {"seeds": 1, "frames_per_second": 1000.0} | run,
+    }
+    return raw | ({"drive": drive} if drive else {})
+
+
+def judged(kind: str, seed: int) -> Finding | None:
+    """Run a scene and look at what came out; None where the scene is refused."""
+    raw = scene(kind, seed)
+    try:
+        scenario = validated(raw, Scenario, Path(f"{kind}_{seed}.toml"))
+        result = simulate(scenario, workers=1, stall_after=STALL_AFTER)
+    except InputError:
+        return None
+    seed_result, faults = result.seeds[0], [failure.cause for failure in result.failures]
+    wall_s = seed_result.wall_s / raw["run"]["duration_s"]
+    frames = seed_result.frames
+    there = frames[slice(int(np.count_nonzero(frames.present[:, 0])))]
+    if not all(np.isfinite(values).all() for values in (there.position, there.velocity, there.angular_velocity)):
+        faults.append("a state is not finite")
+    gain = growth(result.scene, there) if kind in AT_REST else 0.0
+    if gain > GAINED:
+        faults.append(f"energy grows by {1e6 * gain:.3g} um m g")
+    if wall_s > SLOWEST:
+        faults.append(f"takes {wall_s:.3g} s per simulated second")
+    return Finding(raw, tuple(faults), wall_s, seed_result.counts, gain)
+
+
+def _part(rng: Rng) -> Raw:
+    shape = rng.choice(["hex_nut", "ball", "box", "mesh"])
+    if shape == "hex_nut":
+        return {"shape": "hex_nut", "size": str(rng.choice(NUTS))}
+    if shape == "ball":
+        return _ball(rng)
+    if shape == "box":
+        return {"shape": "box", "size_mm": (10.0 ** rng.uniform(0.0, 1.0, 3)).tolist()}
+    name = rng.choice(MESHES)
+    return {"shape": "mesh", "file": str(MODELS / f"{name}/{name}.stl")}
+
+
+def _ball(rng: Rng) -> Raw:
+    return {"shape": "ball", "diameter_mm": float(rng.uniform(1.0, 8.0))}
+
+
+Made = tuple[Raw, list[Raw], Raw, Raw]  # plate, drives, place and velocity, run
+
+
+def _still(rng: Rng) -> Made:
+    where = {"position_mm": [0.0, 0.0, 12.0], "velocity_mm_s": [float(rng.uniform(0.0, 300.0)), 0.0, -100.0]}
+    return {"kind": "still", "length_mm": 400.0, "width_mm": 400.0}, [], where, {"duration_s": 1.5}
+
+
+def _edge(rng: Rng) -> Made:
+    """A part that comes down near the edge of a plate at rest."""
+    where = {
+        "position_mm": [float(rng.uniform(12.0, 22.0)), 0.0, 12.0],
+        "velocity_mm_s": [float(rng.uniform(0.0, 200.0)), 0.0, -100.0],
+    }
+    plate = {"kind": "still", "length_mm": 40.0, "width_mm": 200.0}
+    return plate, [], where, {"duration_s": 0.5, "floor_mm": -30.0}
+
+
+PISTON = {"kind": "piston", "length_mm": 400.0, "width_mm": 400.0}
+
+
+def _over_piston(rng: Rng) -> Raw:
+    return {"position_mm": [0.0, 0.0, 12.0], "velocity_mm_s": [float(rng.uniform(0.0, 100.0)), 0.0, -50.0]}
+
+
+def _swing(rng: Rng, accelerations: Any, **more: Any) -> Raw:
+    """A drive of 10 Hz to 10 kHz with an acceleration out of some [g]."""
+    hz, acceleration = float(10.0 ** rng.uniform(1.0, 4.0)), float(rng.choice(accelerations)) * GRAVITY
+    amplitude = min(acceleration / (2.0 * np.pi * hz) ** 2, 2.9e-3)
+    return {"frequency_hz": hz, "amplitude_um": 1e6 * amplitude} | more
+
+
+def _piston(rng: Rng) -> Made:
+    drive = _swing(rng, [0.3, 0.8, 0.99, 1.01, 1.1, 1.5, 3.0, 10.0, 50.0])
+    return PISTON, [drive], _over_piston(rng), {"duration_s": 0.5}
+
+
+def _low(rng: Rng) -> Made:
+    """Where a part rides for a share of the period, or just does not."""
+    return PISTON, [_swing(rng, rng.uniform(0.9, 1.3, 1))], _over_piston(rng), {"duration_s": 0.5}
+
+
+def _switch(rng: Rng) -> Made:
+    """A drive that begins and ends, at once or slowly, and perhaps a second one."""
+    drives = []
+    for _ in range(int(rng.integers(1, 3))):
+        start, duration = float(rng.uniform(0.0, 0.3)), float(rng.uniform(0.005, 0.2))
+        ways = {"ring_up": bool(rng.random() < 0.5), "damping_ratio": float(10.0 ** rng.uniform(-3.0, -1.0))}
+        drives.append(_swing(rng, [0.5, 1.1, 3.0, 20.0], start_s=start, duration_s=duration) | ways)
+    return PISTON, drives, _over_piston(rng), {"duration_s": 0.5}
+
+
+@cache
+def _frequencies(model: str, low: float, high: float) -> list[float]:
+    """Natural frequencies of a plate [Hz]."""
+    modes = read_mode_file(MODELS / model / "modes.h5").modes
+    return [float(f) for f in modes.natural_frequency if low < f < high]
+
+
+def _amplitude(rng: Rng) -> float:
+    """[um]."""
+    return float(10.0 ** rng.uniform(-1.5, 1.3))
+
+
+def _plate(rng: Rng) -> Made:
+    hz, (x, y) = float(rng.choice(_frequencies("plate_180", 400.0, 13e3))), rng.uniform(-89.0, 89.0, 2)
+    where = {"position_mm": [float(x), float(y), 10.0], "velocity_mm_s": [float(rng.uniform(-50.0, 50.0)), 0.0, -50.0]}
+    plate = {"kind": "rectangle", "mode_file": str(MODELS / "plate_180/modes.h5")}
+    return plate, [{"frequency_hz": hz, "amplitude_um": _amplitude(rng)}], where, {"duration_s": 0.4}
+
+
+def _strip(rng: Rng) -> Made:
+    """The strip of the drift scenarios."""
+    hz = float(rng.uniform(2e3, 12e3))
+    where = {
+        "position_mm": [float(rng.uniform(-10.0, 10.0)), float(rng.uniform(-10.0, 10.0)), 10.0],
+        "velocity_mm_s": [float(rng.uniform(-50.0, 50.0)), 0.0, -50.0],
+    }
+    drive = {"frequency_hz": hz, "amplitude_um": _amplitude(rng), "damping_ratio": 0.002}
+    return {"kind": "strip", "thickness_mm": 3.0, "material": "aluminium"}, [drive], where, {"duration_s": 0.4}
+
+
+def _hole(rng: Rng) -> Made:
+    """Around the hole of 24 mm in the plate of the examples, which moves."""
+    hz = float(rng.choice(_frequencies("plate_hole", 400.0, 13e3)))
+    x, y = np.array([35.0, 0.0]) + rng.uniform(-16.0, 16.0, 2)
+    where = {
+        "position_mm": [float(x), float(y), 10.0],
+        "velocity_mm_s": [*rng.uniform(-100.0, 100.0, 2).tolist(), -50.0],
+    }
+    plate = {"kind": "modes", "mode_file": str(MODELS / "plate_hole/modes.h5")}
+    return plate, [{"frequency_hz": hz, "amplitude_um": _amplitude(rng)}], where, {"duration_s": 0.4}
+
+
+KINDS: dict[str, Callable[[Rng], Made]] = {
+    "still": _still,
+    "edge": _edge,
+    "piston": _piston,
+    "low": _low,
+    "switch": _switch,
+    "balls": _piston,
+    "plate": _plate,
+    "strip": _strip,
+    "hole": _hole,
+}
