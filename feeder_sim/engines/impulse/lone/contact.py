@@ -31,7 +31,7 @@ from feeder_sim.engines.impulse.lone.contact_problem import (
 from feeder_sim.engines.impulse.lone.edge_piece import BALL, LINES
 from feeder_sim.engines.impulse.lone.leap import LEFT, leap_of, room_of, shortest_leap, still_leap
 from feeder_sim.engines.impulse.lone.moving_surface import move_surface
-from feeder_sim.engines.impulse.lone.plate_points import UP, renew_rates, spin_change
+from feeder_sim.engines.impulse.lone.plate_points import UP, along_normal, renew_rates, spin_change
 from feeder_sim.engines.impulse.lone.state import (
     ACCELERATION,
     AT,
@@ -397,11 +397,16 @@ def _gather_ahead(part, kind, n, surface, bounds, t, time, usual, work):
         if row[MOVES] == 0.0:
             add_to(contacts.vector[VELOCITY, m - 1], -0.5 * time, inwards)
             continue
-        dx, dy = (part.velocity[0] + going[0]) * time, (part.velocity[1] + going[1]) * time
+        # A ball touches below its centre, wherever that goes.
+        past = cross(spin, plus(row[AT : AT + 3], kind.radius, row[TOWARDS : TOWARDS + 3]))
+        dx, dy = (part.velocity[0] + past[0]) * time, (part.velocity[1] + past[1]) * time
+        up = UP
+        if row[KNOWN] == AT_EDGE:  # a place of the edge, which moves with it
+            up, dx, dy = vector(row[TOWARDS : TOWARDS + 3]), 0.0, 0.0
         speed = slope_x = slope_y = along_x = along_y = push = 0.0
         for s in range(under.shape[0]):
             q, dq = work.then[NOW, s], work.then[SPEED, s]
-            push += under[s, HEIGHT] * work.then[ACCELERATION, s]
+            push += along_normal(under, s, up, moves) * work.then[ACCELERATION, s]
             speed += (under[s, HEIGHT] + dx * under[s, SLOPE_X] + dy * under[s, SLOPE_Y]) * dq
             slope_x += under[s, SLOPE_X] * q
             slope_y += under[s, SLOPE_Y] * q
@@ -415,7 +420,7 @@ def _gather_ahead(part, kind, n, surface, bounds, t, time, usual, work):
             write_to(contacts.vector[NORMAL, m - 1], normal)
             if kind.radius > 0.0 and kind.corner_to - kind.corner_from == 1:
                 write_to(contacts.vector[ARM_SECOND, m - 1], plus(NOTHING, -kind.radius, normal))
-        lift = speed + slope_x * along_x + slope_y * along_y
+        lift = speed if row[KNOWN] == AT_EDGE else speed + slope_x * along_x + slope_y * along_y
         write_to(contacts.vector[VELOCITY, m - 1], plus((along_x, along_y, lift), -0.5 * time, inwards))
     return m
 

@@ -41,6 +41,7 @@ MAX_LEAPS = 40  # of a forecast
 NEVER = 1e9  # [s]; the flight of a part that is not over the plate
 LEFT = 1e-9  # [m/s]; what round-off leaves of the speed of points that stay, or that have just been left
 TINY = 1e-300
+UP = (0.0, 0.0, 1.0)
 POLISHED = 3  # steps of Newton's method
 CURVED = 2.0  # times as much as one wave of that crest and that slope is a surface curved at most
 
@@ -135,11 +136,11 @@ def fall_on(part, kind, n, spare, slack, twist, surface, bounds, work):
     for i in range(n):
         row = work.point[i]
         gap, rate = row[GAP] - 0.5 * touch, row[RATE]
-        if row[KNOWN] == 0.0 or rate >= 0.0 or gap > -2.0 * rate * found:
+        if row[KNOWN] == 0.0 or gap + found * (rate - 0.5 * found * (row[PUSH] + row[JERK] * found / 3.0)) > 0.0:
             continue
         if gap <= 0.5 * touch:
             return 0.0
-        time = -gap / rate
+        time = leap(gap, rate, max(row[PUSH], TINY))
         for _ in range(POLISHED):
             nears = rate - time * (row[PUSH] + 0.5 * row[JERK] * time)
             if nears >= 0.0:
@@ -161,12 +162,12 @@ def fall_on(part, kind, n, spare, slack, twist, surface, bounds, work):
         a[s] += found * j[s]
     for i in range(n):
         row = work.point[i]
-        if row[KNOWN] == 0.0:  # the worst that can be
-            row[GAP] += found * (row[RATE] - 0.5 * found * (row[OWN] + slack + row[MOVES]))
-            row[RATE] -= found * (row[OWN] + slack + row[MOVES])
-            add_to(row[AT : AT + 3], found, cross(spin, vector(row[AT : AT + 3])))
-            continue
-        normal = vector(row[TOWARDS : TOWARDS + 3])
+        normal = vector(row[TOWARDS : TOWARDS + 3]) if row[KNOWN] != 0.0 else UP
+        if row[MOVES] == 0.0 and row[KNOWN] == 0.0:
+            row[PUSH] = row[FALL] = row[OWN]  # at the worst
+            row[JERK] = 0.0
+        elif row[KNOWN] == 0.0:
+            row[GAP] -= 0.5 * slack * found * found
         row[GAP] += found * (row[RATE] - 0.5 * found * (row[PUSH] + row[JERK] * found / 3.0))
         row[RATE] -= found * (row[PUSH] + 0.5 * row[JERK] * found)
         add_to(row[WITH : WITH + 3], found * (row[PUSH] - row[FALL] + 0.5 * row[JERK] * found), normal)
@@ -221,7 +222,9 @@ def forecast(part, kind, n, surface, bounds, t, until, flight, unknown, work):
             if row[MOVES] == 0.0 or row[GAP] == math.inf:
                 continue
             if row[KNOWN] != 0.0:
-                vx, vy = part.velocity[0] - spin[2] * row[AT + 1], part.velocity[1] + spin[2] * row[AT]
+                normal = vector(row[TOWARDS : TOWARDS + 3])
+                going = cross(spin, plus(row[AT : AT + 3], kind.radius, normal))  # of a corner, or of a ball's centre
+                vx, vy = part.velocity[0] + going[0], part.velocity[1] + going[1]
                 gap, rate, h = ahead(i, far, 0.0, bent + twist * far, vx, vy, work)
             else:
                 gap, rate, h = ahead(i, far, slack * per_fastest, slack + twist * far, 0.0, 0.0, work)

@@ -121,7 +121,7 @@ def _act(part, kind, n, near, spent, surface, bounds, t, shown, work):
         to_crest = min(to_crest, max(LEAST_LOOK, 0.25 * max(_lowest_gap(n, work), 0.0) / top_speed(part, kind)))
     if far < to_crest:
         far = forecast(part, kind, n, surface, bounds, t, until, (far, to_crest), unknown, work)
-    return t + max(min(far, to_crest), shortest_leap(part, kind, bounds))
+    return min(t + max(min(far, to_crest), shortest_leap(part, kind, bounds)), until)  # where it jumps, it is landed
 
 
 @inlined

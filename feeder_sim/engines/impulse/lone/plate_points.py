@@ -41,7 +41,7 @@ from feeder_sim.engines.impulse.lone.state import (
     WITH,
 )
 from feeder_sim.engines.impulse.state import arm_of, inverse_inertia, spin_of, turning_acceleration
-from feeder_sim.engines.impulse.vectors import cross, difference, dot, plus, times, vector, write_to
+from feeder_sim.engines.impulse.vectors import add_to, cross, difference, dot, plus, times, vector, write_to
 from feeder_sim.engines.outline_arrays import ON_EDGE, off_plate
 from feeder_sim.machine_code import inlined
 from feeder_sim.scene.scene import GRAVITY
@@ -150,15 +150,12 @@ def look_at_edge(part, kind, kinds, first, surface, bounds, t, moved, work):
         arm, normal = vector(point.arm), vector(point.normal)
         row[FALL] = 0.0
         shapes_under(point.foot[0], point.foot[1], part, surface, True, under)
-        height = _moves_with(row, under, bounds, work)
-        row[PUSH], row[JERK] = row[PUSH] * normal[2], row[JERK] * normal[2]
-        row[GAP] = point.gap - height * normal[2]
+        row[GAP] = point.gap - _moves_edge(row, under, normal, surface, bounds, work)
         if row[GAP] < -BESIDE:
             continue
         row[OWN], row[KNOWN], row[MU] = own, AT_EDGE, kind.friction[0]
-        speed = row[WITH + 2]
-        stand(row, arm, 0.0, speed, under, work.now[NOW], work.now[SPEED], surface)
-        write_to(row[TOWARDS : TOWARDS + 3], normal)
+        write_to(row[AT : AT + 3], arm)
+        _lean_with_edge(row, point, kind, under, work.now[NOW])
         row[EDGE] = k
         _fall_at_edge(row, point, part, kind, spin, change)
         row[RATE] = rate_of(row, part, spin)
@@ -186,6 +183,49 @@ def stand(row, arm, radius, speed, under, q, dq, surface):
     row[AT], row[AT + 1], row[AT + 2] = arm[0] - radius * n[0], arm[1] - radius * n[1], arm[2] - radius * n[2]
     row[TOWARDS], row[TOWARDS + 1], row[TOWARDS + 2] = n
     row[WITH], row[WITH + 1], row[WITH + 2] = along_x, along_y, speed + slope_x * along_x + slope_y * along_y
+
+
+@inlined
+def along_normal(under, s, n, moves):
+    """How far mode shape s moves a place of the plate along a normal [1]; moves: half the thickness [m]."""
+    return n[2] * under[s, HEIGHT] - moves * (n[0] * under[s, TURN_X] + n[1] * under[s, TURN_Y])
+
+
+@inlined
+def _moves_edge(row, under, normal, surface, bounds, work):
+    """How the plate moves a place of its edge, and the row with it; returns how far along the normal [m]."""
+    moves = surface.half_thickness * surface.in_plane
+    moved = push = jerk = most = x = y = z = 0.0
+    for s in range(under.shape[0]):
+        w, dq = along_normal(under, s, normal, moves), work.now[SPEED, s]
+        moved += w * work.now[NOW, s]
+        push += w * work.now[ACCELERATION, s]
+        jerk += w * work.now[CHANGE, s]
+        most += abs(w) * bounds.acceleration[s]
+        x, y, z = x - moves * under[s, TURN_X] * dq, y - moves * under[s, TURN_Y] * dq, z + under[s, HEIGHT] * dq
+    row[PUSH], row[JERK], row[MOVES] = row[FALL] + push, jerk, most
+    row[WITH], row[WITH + 1], row[WITH + 2] = x, y, z
+    return moved
+
+
+@inlined
+def _lean_with_edge(row, point, kind, under, q):
+    """Write the normal of a point on an edge that has the slope of the plate: it stays normal to it, and to the part's.
+
+    The point itself has that over a level plate.
+    """
+    n, axis = vector(point.normal), vector(point.axis)
+    slope_x = slope_y = 0.0
+    for s in range(under.shape[0]):
+        slope_x += under[s, SLOPE_X] * q[s]
+        slope_y += under[s, SLOPE_Y] * q[s]
+    along, leans = axis, axis
+    if point.turns == LINES:
+        along, leans = cross(axis, n), vector(point.lever)
+    leant = plus(n, -n[2] * (slope_x * along[0] + slope_y * along[1]), leans)
+    leant = plus(NONE, 1.0 / math.sqrt(dot(leant, leant)), leant)
+    add_to(row[AT : AT + 3], kind.radius, difference(n, leant))
+    write_to(row[TOWARDS : TOWARDS + 3], leant)
 
 
 @inlined
