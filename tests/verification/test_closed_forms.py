@@ -110,12 +110,12 @@ def test_a_block_that_rocks_falls_and_loses_speed_as_housner_says(side: float) -
     before = np.polynomial.Polynomial.fit(frames.time[near], spin[near], 3)
     hits = frames.time[row] + tilt[row] / abs(before(frames.time[row] + 0.5 * tilt[row] / abs(spin[row])))
     assert frames.time[row] <= hits <= frames.time[row + 1]
-    assert hits == pytest.approx(time_of_fall(released), rel=1e-7)
-    assert abs(before(hits)) == pytest.approx(angular_speed(0.0, released), rel=1e-7)
+    assert hits == pytest.approx(time_of_fall(released), rel=1e-6)
+    assert abs(before(hits)) == pytest.approx(angular_speed(0.0, released), rel=1e-6)
     near = slice(row + 1, row + 5)
     kept = np.polynomial.Polynomial.fit(frames.time[near], spin[near], 3)(hits) / before(hits)
     assert kept == pytest.approx(1.0 - 1.5 * math.sin(SLENDER) ** 2, rel=2e-3)
-    assert kept == pytest.approx(kept_of_spin(), rel=1e-7)
+    assert kept == pytest.approx(kept_of_spin(), rel=1e-6)
     # it neither slips nor leaves the plane in which it rocks
     assert np.abs(frames.angular_velocity[:, 0, [0, 2]]).max() < 1e-6
     assert np.abs(frames.position[:, 0, 1]).max() < 1e-9
