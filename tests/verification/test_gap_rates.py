@@ -296,8 +296,8 @@ def test_gaps_at_the_edge_change_as_their_rows_say(name: str, sorts: set[str]) -
 
 @pytest.mark.xfail(
     strict=True,
-    reason="points on the edge are found over a level plate at height 0, and the gap is corrected by the height along a "
-    "normal that itself turns: rates are off by the height times how fast that turns",
+    reason="points on the edge are found over a level plate at height 0, and the gap is corrected by the height along "
+    "a normal that itself turns: rates are off by the height times how fast that turns",
 )
 @AT_EDGES
 def test_gaps_at_the_edge_of_a_piston_change_as_their_rows_say(name: str, sorts: set[str]) -> None:
@@ -412,8 +412,8 @@ def test_rates_after_an_impact_are_those_of_a_fresh_look(name: str, where: str) 
 
 @pytest.mark.xfail(
     strict=True,
-    reason="renew_rates adds the radius to the arm of a row that `stand` has not filled, whose arm ends at the centre of "
-    "its sphere: PUSH and FALL are off by the radius times the squared spin",
+    reason="renew_rates adds the radius to the arm of a row that `stand` has not filled, whose arm ends at the centre "
+    "of its sphere: PUSH and FALL are off by the radius times the squared spin",
 )
 @pytest.mark.parametrize("name", PARTS)
 def test_what_is_below_the_crest_and_not_near_is_renewed_as_a_fresh_look_has_it(name: str) -> None:
