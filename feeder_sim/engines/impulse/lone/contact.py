@@ -76,6 +76,7 @@ RETURN = 0.3  # share of its gap that a pressed point gives back in the time of 
 SETTLED = 0.1  # of the speed that the plate gives a point in the time of summed bounces: what is slower stays
 NO_LIFT = 1e-3  # of the time of constant forces: what is lifted sooner than that is lifted now
 FIRMLY = 0.99  # of full friction: what takes less is not sliding
+SOLVED = 0.05  # tolerances by which the motion under forces may be off that the laws of contact ask for
 TURNS, STOPS = 3, 0.98  # rounds, and share of the time, by which the end of a slip is found
 SLIPS = 1e-7  # [m/s]
 NOTHING = (0.0, 0.0, 0.0)
@@ -196,7 +197,7 @@ def press(part, kind, n, pressed, unknown, surface, bounds, t, until, work):
     for turn in range(TURNS):
         _load(part, kind, time, work)
         m = _gather_ahead(part, kind, n, surface, bounds, t, time, usual, work)
-        if not solve(work.bodies, work.contacts, m, None):
+        if not solve(work.bodies, work.contacts, m, None, SOLVED * bounds.exact.tolerance / time):
             work.counts[UNRESOLVED] += 1
         stops = _slip_stops(part, kind, m, time, work)
         if stops > STOPS * time or stops < (1.0 - STOPS) * usual or turn == TURNS - 1:

@@ -160,15 +160,18 @@ def make_motion(room, n, size):
 
 
 @uncounted
-def settle(room, n, size):
-    """Solve for impulses and motion, from impulses as they are; returns whether every contact obeys its laws."""
+def settle(room, n, size, closely):
+    """Solve for impulses and motion, from impulses as they are; returns whether every contact obeys its laws.
+
+    closely: what may be left of a velocity [m/s], where that is more than round-off leaves.
+    """
     approach = speed = 0.0
     for i in range(n):
         approach = max(approach, room.target[i] - room.value[BEFORE, i, N])
         for k in range(FORCES):
             known = abs(room.value[KNOWN, i, k])
             speed = max(speed, known, known + abs(room.value[BEFORE, i, k]))
-    enough, sweeps = max(ENOUGH * approach, FLOOR * speed, LEAST), SWEEPS
+    enough, sweeps = max(ENOUGH * approach, FLOOR * speed, closely, LEAST), SWEEPS
     for attempt in range(ATTEMPTS):
         stiff, failures = STIFF if attempt % 2 == 1 else SOFT, FAILURES
         if attempt == 0:

@@ -120,10 +120,12 @@ def new_room(bodies: int, contacts: int, shapes: int = 0) -> tuple[Bodies, Conta
 
 
 @uncounted
-def solve(bodies, contacts, n, modes):
+def solve(bodies, contacts, n, modes, closely=0.0):
     """Find the impulses at the first n contacts that reach their TARGET; changes velocities and spins in place.
 
-    modes: None for a plate that does not give way. Fills IMPULSE, MOMENT and modes.taken. Returns whether every contact
+    modes: None for a plate that does not give way; closely: see `settle`.
+
+    Fills IMPULSE, MOMENT and modes.taken. Returns whether every contact
     obeys its laws.
     """
     if n == 1 and contacts.number[ROLLING, 0] <= 0.0:
@@ -136,7 +138,7 @@ def solve(bodies, contacts, n, modes):
     size = _lay_out(bodies, contacts, n, modes)
     for i in range(n):
         contacts.room.target[i] = contacts.number[TARGET, i]
-    settled = settle(contacts.room, n, size)
+    settled = settle(contacts.room, n, size, closely)
     _write_out(bodies, contacts, n, modes)
     return settled
 
@@ -155,7 +157,7 @@ def impact(bodies, contacts, n, modes):
     for _ in range(HALVINGS + 1):
         for i in range(n):
             room.target[i] = -share * number[RESTITUTION, i] * min(room.value[BEFORE, i, N], 0.0)
-        settled = settle(room, n, size)
+        settled = settle(room, n, size, 0.0)
         work, least, _ = _work(room, n)
         if (settled and work <= least) or share == 0.0:
             break

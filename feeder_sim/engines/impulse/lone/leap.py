@@ -20,12 +20,14 @@ from feeder_sim.engines.impulse.lone.state import (
     AT,
     FALL,
     GAP,
+    GOES,
     JERK,
     KNOWN,
     MOVES,
     OWN,
     PUSH,
     RATE,
+    SAFE,
     SWING,
     TOWARDS,
     WITH,
@@ -211,6 +213,13 @@ def forecast(part, kind, n, surface, bounds, t, until, flight, unknown, work):
     per_fastest = 1.0 / bounds.fastest
     curving = CURVED * slack * slack / (8.0 * bounds.fastest * bounds.fastest * max(bounds.crest, TINY))
     limit, brief = min(to_crest, until - t), 0.5 * bounds.brief
+    for i in range(n):
+        row = work.point[i]
+        row[SAFE] = far
+        if row[MOVES] != 0.0 and row[KNOWN] != 0.0:  # the sideways velocity of a corner, or of the centre of a ball
+            x, y, z = plus(row[AT : AT + 3], kind.radius, row[TOWARDS : TOWARDS + 3])
+            row[GOES] = part.velocity[0] + spin[1] * z - spin[2] * y
+            row[GOES + 1] = part.velocity[1] + spin[2] * x - spin[0] * z
     for _ in range(MAX_LEAPS):
         if far >= limit:
             return limit
@@ -221,22 +230,21 @@ def forecast(part, kind, n, surface, bounds, t, until, flight, unknown, work):
             row = work.point[i]
             if row[MOVES] == 0.0 or row[GAP] == math.inf:
                 continue
+            if row[SAFE] > far:
+                further = min(further, row[SAFE] - far)
+                continue
             if row[KNOWN] != 0.0:
-                normal = vector(row[TOWARDS : TOWARDS + 3])
-                going = cross(spin, plus(row[AT : AT + 3], kind.radius, normal))  # of a corner, or of a ball's centre
-                vx, vy = part.velocity[0] + going[0], part.velocity[1] + going[1]
-                gap, rate, h = ahead(i, far, 0.0, bent + twist * far, vx, vy, work)
+                gap, rate, h = ahead(i, far, 0.0, bent + twist * far, row[GOES], row[GOES + 1], work)
             else:
                 gap, rate, h = ahead(i, far, slack * per_fastest, slack + twist * far, 0.0, 0.0, work)
             gap -= 0.5 * touch
             if gap <= 0.0 or gap < -rate * brief:
                 return far
-            bound = row[OWN] + slack + row[MOVES]
-            if gap + further * (rate - 0.5 * bound * further) <= 0.0:
-                found = leap(gap, rate, bound)
-                if bounds.fastest * found < NEAR:
-                    jerk = row[MOVES] * bounds.fastest + twist
-                    found = max(found, near_leap(gap, rate, h + slack, jerk, 2.0 * found))
-                further = min(further, found)
+            found = leap(gap, rate, row[OWN] + slack + row[MOVES])
+            if bounds.fastest * found < NEAR:
+                jerk = row[MOVES] * bounds.fastest + twist
+                found = max(found, near_leap(gap, rate, h + slack, jerk, 2.0 * found))
+            row[SAFE] = far + found
+            further = min(further, found)
         far += further
     return min(far, limit)

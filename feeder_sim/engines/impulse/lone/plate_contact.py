@@ -18,7 +18,7 @@ from feeder_sim.engines.impulse.lone.plate_points import CLOSE, REACH, look, loo
 from feeder_sim.engines.impulse.lone.state import AT, FREE, GAP, KNOWN, LATE, SPENT
 from feeder_sim.engines.impulse.state import ASLEEP, top_speed
 from feeder_sim.engines.outline_arrays import edge_distance
-from feeder_sim.machine_code import inlined
+from feeder_sim.machine_code import inlined, uncounted
 from feeder_sim.scene.scene import GRAVITY
 
 ENTERED = 1.0  # tolerances that a point may come into the plate in a leap; pressed ones are moved by CARRIED
@@ -50,36 +50,62 @@ def meet_plate(parts, kinds, surface, bounds, t, shown, work):
     if part.beside:
         return t + PAST
     spent = _spends_budget(part, t, work)
-    jumps = t == before.clock or _next_switch(surface, before.clock, np.inf) <= t
+    n, close, near_edge = _look_around(part, kind, kinds, surface, bounds, t, work)
+    gap = _lowest_gap(n, work)
     allowed = before.depth + (ENTERED if before.phase == FREE else CARRIED) * bounds.exact.tolerance
-    corners, early, late, halvings = kinds.corners[kind.corner_from : kind.corner_to], before.clock, t, 0
-    while True:
-        close, moved = look(part, kind, corners, surface, bounds, t, work)
-        n, at_edge, near_edge = corners.shape[0], False, _may_reach_edge(part, kind, surface)
-        if near_edge:
-            n, at_edge = look_at_edge(part, kind, kinds, n, surface, bounds, t, moved, work)
-        gap = _lowest_gap(n, work)
-        if gap >= -allowed and (halvings == 0 or gap <= bounds.exact.touch):
-            break
-        if spent or jumps or halvings > HALVINGS:
-            break
-        early, late = (t, late) if gap >= -allowed else (early, t)
-        halvings += 1
-        t = 0.5 * (early + late) if halvings <= HALVINGS else late
-        parts[0] = before
+    if gap < -allowed:
+        if t == before.clock or _next_switch(surface, before.clock, np.inf) <= t:
+            _land(part, n, -gap, work)
+            gap = 0.0
+        elif not spent:
+            t, n, close, near_edge = _go_back(parts, kinds, surface, bounds, t, allowed, work)
+            gap = _lowest_gap(n, work)
+            if part.beside:
+                return t
+        else:
+            work.counts[LATE] += 1
+    part.depth = max(-gap, 0.0)
+    due = _act(part, kind, n, close, near_edge, spent, surface, bounds, t, shown, work)
+    return max(due, t + SPARING * BUDGET) if spent else due
+
+
+@inlined
+def _look_around(part, kind, kinds, surface, bounds, t, work):
+    """Fill the rows of all points; returns their number, whether one is close, and whether the edge may be."""
+    corners = kinds.corners[kind.corner_from : kind.corner_to]
+    close, moved = look(part, kind, corners, surface, bounds, t, work)
+    n, at_edge, near_edge = corners.shape[0], False, _may_reach_edge(part, kind, surface)
+    if near_edge:
+        n, at_edge = look_at_edge(part, kind, kinds, n, surface, bounds, t, moved, work)
+    return n, close or at_edge, near_edge
+
+
+@uncounted
+def _go_back(parts, kinds, surface, bounds, late, allowed, work):
+    """Find when the contact was that a leap has passed, by halving the leap; returns that time [s] and what is there.
+
+    late: the time after the leap, at which a point is deeper than allowed [m]. If there is no such time, that point has
+    come under the plate from beside it, if it is near the edge. Else it stays where it is, and is pushed out.
+    """
+    part, kind, early = parts[0], kinds.record[parts[0].kind], work.before[0].clock
+    for halvings in range(HALVINGS + 1):
+        t = 0.5 * (early + late) if halvings < HALVINGS else late
+        parts[0] = work.before[0]
         bring(part, kind, t, surface)
         part.phase = FREE
-    if gap < -allowed and near_edge and not spent and not jumps:
+        n, close, near_edge = _look_around(part, kind, kinds, surface, bounds, t, work)
+        gap = _lowest_gap(n, work)
+        if gap < -allowed:
+            late = t
+        elif gap <= bounds.exact.touch:
+            break
+        else:
+            early = t
+    if gap < -allowed and near_edge:
         part.beside = 1
-        return t
-    if halvings > 0 or (gap < -allowed and not jumps):
+    else:
         work.counts[LATE] += 1
-    elif gap < -allowed:
-        _land(part, n, -gap, work)
-        gap = 0.0
-    part.depth = max(-gap, 0.0)
-    due = _act(part, kind, n, (close or at_edge, near_edge), spent, surface, bounds, t, shown, work)
-    return max(due, t + SPARING * BUDGET) if spent else due
+    return t, n, close, near_edge
 
 
 @inlined
@@ -94,12 +120,11 @@ def _spends_budget(part, t, work):
 
 
 @inlined
-def _act(part, kind, n, near, spent, surface, bounds, t, shown, work):
+def _act(part, kind, n, close, near_edge, spent, surface, bounds, t, shown, work):
     """What the part does where its first n points are as the rows say; returns when to look at it next [s].
 
-    near: whether a point is close to the plate, and whether one may come up on its edge; spent: nothing may bounce.
+    close: whether one is; near_edge: whether one may come up on the edge; spent: nothing may bounce.
     """
-    close, near_edge = near
     before = work.before[0].phase
     unknown = unsure(part, kind, bounds)
     until = _next_switch(surface, t, bounds.end)

@@ -25,7 +25,9 @@ AT_EDGE = 2.0
 AT, TOWARDS, WITH = 10, 13, 16
 # Of a point on the edge of the plate: how its normal turns [1/s], three columns, and its row in Scratch.edge.
 SWING, EDGE = 19, 22
-POINT_COLUMNS = 23
+# Of a point while leaps are made (leap.py): its sideways velocity [m/s], two columns; until when it does not touch [s].
+GOES, SAFE = 23, 25
+POINT_COLUMNS = 26
 # Of Scratch.under: what each mode shape does under a point: deflection, its slopes, and rotations.
 HEIGHT, SLOPE_X, SLOPE_Y, TURN_X, TURN_Y = range(5)
 NOW, SPEED, ACCELERATION, CHANGE = range(4)  # of Scratch.now and Scratch.then
