@@ -197,7 +197,7 @@ def press(part, kind, n, pressed, unknown, surface, bounds, t, until, work):
     for turn in range(TURNS):
         _load(part, kind, time, work)
         m = _gather_ahead(part, kind, n, surface, bounds, t, time, usual, work)
-        if not solve(work.bodies, work.contacts, m, None, SOLVED * bounds.exact.tolerance / time):
+        if not solve(work.bodies, work.contacts, m, None, SOLVED * bounds.exact.tolerance / usual):
             work.counts[UNRESOLVED] += 1
         stops = _slip_stops(part, kind, m, time, work)
         if stops > STOPS * time or stops < (1.0 - STOPS) * usual or turn == TURNS - 1:

@@ -163,7 +163,7 @@ def make_motion(room, n, size):
 def settle(room, n, size, closely):
     """Solve for impulses and motion, from impulses as they are; returns whether every contact obeys its laws.
 
-    closely: what may be left of a velocity [m/s], where that is more than round-off leaves.
+    closely: what may be left of a velocity [m/s], where an attempt comes no closer.
     """
     approach = speed = 0.0
     for i in range(n):
@@ -171,7 +171,7 @@ def settle(room, n, size, closely):
         for k in range(FORCES):
             known = abs(room.value[KNOWN, i, k])
             speed = max(speed, known, known + abs(room.value[BEFORE, i, k]))
-    enough, sweeps = max(ENOUGH * approach, FLOOR * speed, closely, LEAST), SWEEPS
+    enough, sweeps = max(ENOUGH * approach, FLOOR * speed, LEAST), SWEEPS
     for attempt in range(ATTEMPTS):
         stiff, failures = STIFF if attempt % 2 == 1 else SOFT, FAILURES
         if attempt == 0:
@@ -179,6 +179,9 @@ def settle(room, n, size, closely):
         if _newtons(room, n, size, enough, stiff, failures):
             return True
         _copy(room, BEST, IMPULSES, n)
+        make_motion(room, n, size)
+        if _linearise(room, n, enough, SOFT) <= closely:
+            return True
         if attempt >= STEADY:
             _disturb(room, n, attempt)
             sweeps = 2 * SWEEPS

@@ -39,7 +39,7 @@ from feeder_sim.machine_code import inlined
 from feeder_sim.scene.scene import GRAVITY
 
 NEAR = 1.0  # [rad] of the surface's motion: for shorter leaps the bound on its jerk is worth using
-MAX_LEAPS = 40  # of a forecast
+MAX_LEAPS = 100  # of a forecast, in which every point has its own
 NEVER = 1e9  # [s]; the flight of a part that is not over the plate
 LEFT = 1e-9  # [m/s]; what round-off leaves of the speed of points that stay, or that have just been left
 TINY = 1e-300
