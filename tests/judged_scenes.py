@@ -184,10 +184,11 @@ def _amplitude(rng: Rng) -> float:
 
 
 def _plate(rng: Rng) -> Made:
-    hz, (x, y) = float(rng.choice(_frequencies("plate_180", 400.0, 13e3))), rng.uniform(-89.0, 89.0, 2)
+    hz, amplitude = float(rng.choice(_frequencies("plate_180", 400.0, 13e3))), _amplitude(rng)
+    x, y = rng.uniform(-89.0, 89.0, 2)
     where = {"position_mm": [float(x), float(y), 10.0], "velocity_mm_s": [float(rng.uniform(-50.0, 50.0)), 0.0, -50.0]}
     plate = {"kind": "rectangle", "mode_file": str(MODELS / "plate_180/modes.h5")}
-    return plate, [{"frequency_hz": hz, "amplitude_um": _amplitude(rng)}], where, {"duration_s": 0.4}
+    return plate, [{"frequency_hz": hz, "amplitude_um": amplitude}], where, {"duration_s": 0.4}
 
 
 def _strip(rng: Rng) -> Made:

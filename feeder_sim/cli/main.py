@@ -19,7 +19,7 @@ from feeder_sim.cli.chart import chart
 from feeder_sim.cli.commands import Commands
 from feeder_sim.cli.compare import compare
 from feeder_sim.cli.drift_map import drift_map
-from feeder_sim.cli.files import naming, new_picture, scenario_of, writable
+from feeder_sim.cli.files import naming, naming_options, new_picture, scenario_of, writable
 from feeder_sim.cli.import_modes import import_modes_command
 from feeder_sim.cli.map import map_
 from feeder_sim.cli.new import new
@@ -103,7 +103,8 @@ def run(
     """Simulate a scenario and record it, or go on with a run that was interrupted."""
     from feeder_sim.run.watchdog import STALL_AFTER_S, checked_patience
 
-    patience = checked_patience(STALL_AFTER_S if stall_after is None else stall_after)
+    with naming_options():
+        patience = checked_patience(STALL_AFTER_S if stall_after is None else stall_after)
     if resume is not None:
         given = {"a scenario": scenario_file, "--engine": engine, "--seeds": seeds, "--seed": seed, "--set": settings}
         given |= {"--out": out}

@@ -213,7 +213,7 @@ class SeedRun:
         size, state = self._block_size(), self._engine.state()
         pieces: list[Frames] = []
         computed, piece = 0, min(size, self._piece)
-        took = 0.0
+        took, stalled = 0.0, False
         while computed < size:
             if took > 0.3 * PIECE_S and stop.is_set():  # a short block is soon over
                 self._engine.restore(state)
@@ -223,11 +223,11 @@ class SeedRun:
             self._watchdog.begin()
             frames = self._engine.advance(piece)
             if self._watchdog.end():
-                if piece == 1:
+                if stalled or piece == 1:
                     return self._stalled(pieces, computed, state)
                 self._engine.restore(state)
                 self._engine.take_impacts(end=False)
-                pieces, computed, piece = [], 0, 1
+                pieces, computed, piece, stalled = [], 0, 1, True
                 continue
             pieces.append(frames)
             if self._interrupt[0]:
@@ -238,7 +238,7 @@ class SeedRun:
             took = time.perf_counter() - started
             done[self._index] = (self._history.n_frames + computed) / self._whole.n_frames
             self._piece = max(1, int(piece * min(GROWTH, PIECE_S / max(took, 1e-9))))
-            piece = min(size - computed, self._piece)
+            piece = 1 if stalled else min(size - computed, self._piece)
         return Block(Frames.joined(pieces) if len(pieces) > 1 else pieces[0], size, state)
 
     def _stalled(self, pieces: list[Frames], computed: int, state: dict[str, NDArray[np.float64]]) -> Block:

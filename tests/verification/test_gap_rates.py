@@ -410,11 +410,6 @@ def test_rates_after_an_impact_are_those_of_a_fresh_look(name: str, where: str) 
     assert hits > 20
 
 
-@pytest.mark.xfail(
-    strict=True,
-    reason="renew_rates adds the radius to the arm of a row that `stand` has not filled, whose arm ends at the centre "
-    "of its sphere: PUSH and FALL are off by the radius times the squared spin",
-)
 @pytest.mark.parametrize("name", PARTS)
 def test_what_is_below_the_crest_and_not_near_is_renewed_as_a_fresh_look_has_it(name: str) -> None:
     """Its slopes are not known, but how it falls is."""

@@ -164,7 +164,9 @@ def fall_on(part, kind, n, spare, slack, twist, surface, bounds, work):
         a[s] += found * j[s]
     for i in range(n):
         row = work.point[i]
-        normal = vector(row[TOWARDS : TOWARDS + 3]) if row[KNOWN] != 0.0 else UP
+        normal, radius = vector(row[TOWARDS : TOWARDS + 3]), kind.radius
+        if row[KNOWN] == 0.0:
+            normal, radius = UP, 0.0
         if row[MOVES] == 0.0 and row[KNOWN] == 0.0:
             row[PUSH] = row[FALL] = row[OWN]  # at the worst
             row[JERK] = 0.0
@@ -173,7 +175,7 @@ def fall_on(part, kind, n, spare, slack, twist, surface, bounds, work):
         row[GAP] += found * (row[RATE] - 0.5 * found * (row[PUSH] + row[JERK] * found / 3.0))
         row[RATE] -= found * (row[PUSH] + 0.5 * row[JERK] * found)
         add_to(row[WITH : WITH + 3], found * (row[PUSH] - row[FALL] + 0.5 * row[JERK] * found), normal)
-        add_to(row[AT : AT + 3], found, cross(spin, plus(row[AT : AT + 3], kind.radius, normal)))
+        add_to(row[AT : AT + 3], found, cross(spin, plus(row[AT : AT + 3], radius, normal)))
         row[PUSH] += found * row[JERK]
     fly_to(part, kind, part.clock + found)
     return found

@@ -279,6 +279,7 @@ def renew_rates(part, kind, n, work):
             _fall_at_edge(row, work.edge[int(row[EDGE])], part, kind, spin, change)
             continue
         # The gap of a ball goes as its centre does; what touches turns past.
-        fall = GRAVITY * normal[2] + falls(spin, change, plus(row[AT : AT + 3], kind.radius, normal), normal)
+        radius = kind.radius if row[KNOWN] != 0.0 else 0.0  # of a row that is not filled the arm ends at the centre
+        fall = GRAVITY * normal[2] + falls(spin, change, plus(row[AT : AT + 3], radius, normal), normal)
         row[PUSH] += fall - row[FALL]
         row[FALL] = fall

@@ -1,0 +1,102 @@
+"""A seed whose next frame never comes: it ends as failed with what there is of it, and the others go on."""
+
+from __future__ import annotations
+
+import threading
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from command_line import feeder_sim as command
+from conftest import strip_scenario
+
+import feeder_sim
+from feeder_sim.engines.impulse.lone.engine import LoneEngine
+from feeder_sim.engines.lookup import engine_class
+from feeder_sim.errors import Divergence, InputError
+from feeder_sim.records.trajectory import Frames, Status
+from feeder_sim.run.run_folder import record_run
+from feeder_sim.run.simulation import simulate
+from feeder_sim.run.watchdog import STALLED, Watchdog
+
+PATIENCE = 0.4  # [s]
+STUCK_AT = 20  # frames
+
+
+class Stuck(LoneEngine):
+    """Never ends where one of the frames asked for is the one after STUCK_AT, but for an interrupt."""
+
+    def advance(self, n_frames: int) -> Frames:
+        if self._frame + n_frames > STUCK_AT:
+            while not self._interrupt[0]:
+                time.sleep(0.01)
+            return self.current()
+        return super().advance(n_frames)
+
+
+@pytest.fixture
+def second_is_stuck(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of seeds that run one after the other, the second one."""
+    made: list[Any] = []
+
+    def chosen(choice: Any) -> Any:
+        made.append(choice)
+        return Stuck if len(made) == 2 else engine_class(choice)
+
+    monkeypatch.setattr("feeder_sim.run.seed_run.engine_class", chosen)
+
+
+def scenario(**run: Any) -> Any:
+    return strip_scenario(frequency_hz=4750.0, **({"duration_s": 0.2, "seeds": 3} | run))
+
+
+def test_a_seed_that_does_not_get_on_ends_as_failed_and_the_others_go_on(second_is_stuck: None) -> None:
+    result = simulate(scenario(), workers=1, stall_after=PATIENCE)
+    first, second, third = result.seeds
+    assert (first.status, second.status, third.status) == (Status.DONE, Status.DIVERGED, Status.DONE)
+    assert second.failure is not None and second.failure.divergence == Divergence.STALLED
+    assert len(second.frames) == STUCK_AT + 1 and second.failure.time_s == pytest.approx(second.frames.time[-1])
+    assert second.last is not None
+    line = str(second.failure)
+    assert line.startswith("seed 1: part_0 at 0.0") and "takes more than 0.4 s; it is at (" in line and "\n" not in line
+
+
+def test_a_recorded_run_keeps_its_last_state(
+    second_is_stuck: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("feeder_sim.run.simulation.available_cores", lambda: 1)
+    result = record_run(scenario(), tmp_path / "run", replay=False, stall_after=PATIENCE)
+    assert [failure.seed for failure in result.failures] == [1]
+    assert (tmp_path / "run" / "failure_seed_1.npz").exists()
+    again = feeder_sim.open(tmp_path / "run")
+    assert [seed.status for seed in again.seeds] == [Status.DONE, Status.DIVERGED, Status.DONE]
+
+
+def test_it_can_be_stopped_inside_a_frame(second_is_stuck: None) -> None:
+    stop = threading.Event()
+    threading.Timer(1.0, stop.set).start()
+    began = time.perf_counter()
+    result = simulate(scenario(), workers=1, stop=stop, stall_after=np.inf)
+    assert time.perf_counter() - began < 30.0 and result.interrupted
+
+
+def test_patience_that_is_none_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"stall_after: is -1\.0, allowed is a time in seconds over 0"):
+        feeder_sim.simulate(scenario(), stall_after=-1.0)
+    done = command("run", "drift_4750hz", "--stall-after", "0", cwd=tmp_path)
+    assert done.returncode == 2 and "--stall-after" in done.stderr and not (tmp_path / "runs").exists()
+
+
+def test_a_call_that_is_over_in_time_is_not_interrupted() -> None:
+    interrupt = np.zeros(1, np.int64)
+    with Watchdog(interrupt, 0.2) as watchdog:
+        for _ in range(3):
+            watchdog.begin()
+            time.sleep(0.1)
+            assert not watchdog.end()
+        watchdog.begin()
+        time.sleep(0.5)
+        assert interrupt[0] == STALLED
+        assert watchdog.end() and interrupt[0] == 0
