@@ -88,8 +88,8 @@ LOST = {
     100: Pinned(_ONE_CYCLE.format(100, 24), 10.42, 3.57, 24, seeds=8, errors=3.0),
 }
 
-# Carried over 75 mm: time [s], 29.2 to 37.8, and the stations at which the stages end [mm], +- 0.03 to 0.1. One nut of the
-# 48 hops in a periodic orbit for 18 s on its way, and takes 51 s; the others 31 to 38.
+# Carried over 75 mm: time [s], 29.2 to 37.8, and the stations at which the stages end [mm], +- 0.03 to 0.1. One
+# nut of the 48 hops in a periodic orbit for 18 s on its way, and takes 51 s; the others 31 to 38.
 _STRIP = "feeder-sim run scenarios/transport_strip.toml --seeds 48"
 ARRIVAL_TIME = Pinned(_STRIP, 33.50, 2.80, 48, seeds=8)
 STATIONS = [
