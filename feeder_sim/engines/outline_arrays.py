@@ -21,7 +21,7 @@ ON_EDGE = 1e-9  # [m]; a place this far off the plate is still on its edge
 
 
 class OutlineArrays(NamedTuple):
-    """Grid of distances from the edge, positive on the plate, and all edges of the polygons.
+    """Grid of distances from the edge, positive on the plate, and all edges of the polygons, plate on the left.
 
     corner_x, corner_y: of the grid [m]; cell: its spacing [m]; distance: (nx, ny) [m]; edges: (m, 4), x and y of begin
     and end [m].

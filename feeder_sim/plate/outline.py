@@ -107,15 +107,19 @@ class Outline:
     def table(self) -> tuple[NDArray[np.float64], float, NDArray[np.float64], NDArray[np.float64]]:
         """For compiled code: corner (2,) and cell [m] of a grid, distances on it (nx, ny) [m], edges (m, 4) [m].
 
-        An edge is (x, y) of its begin, then of its end.
+        An edge is (x, y) of its begin, then of its end, with the plate on its left.
         """
+        import shapely
+
         half = 0.5 * np.array(self.size)
         cell = 2.0 * float(half.max()) / CELLS
         corner = -half - MARGIN * cell
         nx, ny = (int(np.ceil(2.0 * h / cell)) + 2 * MARGIN + 1 for h in half)
         x, y = corner[0] + cell * np.arange(nx), corner[1] + cell * np.arange(ny)
         places = np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1)
-        edges = np.concatenate([np.hstack([ring, np.roll(ring, -1, axis=0)]) for ring in self.rings])
+        leftwards = [bool(shapely.is_ccw(shapely.linearrings(ring))) == (k == 0) for k, ring in enumerate(self.rings)]
+        rings = [ring if left else ring[::-1] for ring, left in zip(self.rings, leftwards, strict=True)]
+        edges = np.concatenate([np.hstack([ring, np.roll(ring, -1, axis=0)]) for ring in rings])
         return corner, cell, np.ascontiguousarray(self.distance(places)), np.ascontiguousarray(edges)
 
 

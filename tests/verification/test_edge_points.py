@@ -164,7 +164,7 @@ def features(kind: int, points: NDArray[Any], turn: Rotation, plate: SurfaceArra
 def test_gaps_change_as_the_points_move_along_their_normals(kind: int, kept: set[str], plate: Any) -> None:
     rng, surface, dt = np.random.default_rng(kind), plate(), 1e-7
     seen, signs = [], []
-    for position, turn in poses_at_edge(kind, surface, 600, rng):
+    for position, turn in poses_at_edge(kind, surface, 900, rng):
         velocity, spin = rng.normal(0.0, 0.2, 3), rng.normal(0.0, 50.0, 3)
         now, *moved = (
             found(kind, position + t * velocity, Rotation.from_rotvec(t * spin) * turn, surface, 2e-4)

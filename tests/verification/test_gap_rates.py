@@ -294,11 +294,6 @@ def test_gaps_at_the_edge_change_as_their_rows_say(name: str, sorts: set[str]) -
     assert min(counts.get(sort, 0) for sort in sorts) > 20
 
 
-@pytest.mark.xfail(
-    strict=True,
-    reason="points on the edge are found over a level plate at height 0, and the gap is corrected by the height along "
-    "a normal that itself turns: rates are off by the height times how fast that turns",
-)
 @AT_EDGES
 def test_gaps_at_the_edge_of_a_piston_change_as_their_rows_say(name: str, sorts: set[str]) -> None:
     rng = np.random.default_rng([list(PARTS).index(name), 8])

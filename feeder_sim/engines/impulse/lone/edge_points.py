@@ -107,77 +107,95 @@ def _on_sides(part, kind, kinds, half, reach, points):
 
 @compiled
 def _on_outline(part, kind, kinds, edges, reach, points):
-    """The polygons stand one behind the other, first the outer one, each in one turn or the other."""
-    x, y, far, m, n = part.position[0], part.position[1], kind.reach + kind.radius + reach, edges.shape[0], 0
-    first, last, side = 0, -1, 0.0
+    """The polygons stand one behind the other, first the outer one."""
+    x, y, far, first, n = part.position[0], part.position[1], kind.reach + kind.radius + reach, 0, 0
     hull = kind.radius <= CORNER_RADIUS and not is_round(kind)
     if hull:
         n = _hull_on_outline(part, kind, kinds, edges, reach, points)
-    for k in range(m):
+    for k in range(edges.shape[0]):
         ax, ay, bx, by = edges[k, 0], edges[k, 1], edges[k, 2], edges[k, 3]
         if k > 0 and (ax != edges[k - 1, 2] or ay != edges[k - 1, 3]):
-            first, last = k, -1
+            first = k
         if min(ax, bx) > x + far or max(ax, bx) < x - far or min(ay, by) > y + far or max(ay, by) < y - far:
             continue
-        if last < 0:
-            last, side = _ring(edges, first)
-        if side > 0.0:
-            p = k - 1 if k > first else last
-            place = (edges[p, 0], edges[p, 1]), (ax, ay), (bx, by)
-        else:  # the other way round
-            p = k + 1 if k < last else first
-            place = (edges[p, 2], edges[p, 3]), (bx, by), (ax, ay)
+        p = k - 1 if k > first else _last(edges, first)
+        place = (edges[p, 0], edges[p, 1]), (ax, ay), (bx, by)
         if hull and not _is_convex(place):
             continue
         n = _on_piece(part, kind, kinds, place, reach, not hull, points, n)
     return n
 
 
+@inlined
+def _last(edges, first):
+    """The last edge of the polygon that begins with an edge."""
+    k = first
+    while k + 1 < edges.shape[0] and edges[k + 1, 0] == edges[k, 2] and edges[k + 1, 1] == edges[k, 3]:
+        k += 1
+    return k
+
+
 @compiled
 def _hull_on_outline(part, kind, kinds, edges, reach, points):
     """Points of a hull between the vertices of an outline: most of its edges are near few of all pieces."""
     corners, n, near = kinds.corners[kind.corner_from : kind.corner_to], 0, nearby(kind, reach)
+    left = front = math.inf
+    right = back = -math.inf
     for e in range(kind.edge_from, kind.edge_to):
-        i, j = kinds.edges[e, 0], kinds.edges[e, 1]
-        a, b = plus(part.position, 1.0, arm_of(part, corners, i)), plus(part.position, 1.0, arm_of(part, corners, j))
-        if min(a[2], b[2]) > near or max(a[2], b[2]) < -near:
+        c, d = _near_plane(part, corners, kinds.edges[e], near)
+        if c[2] <= near:
+            left, right = min(left, c[0], d[0]), max(right, c[0], d[0])
+            front, back = min(front, c[1], d[1]), max(back, c[1], d[1])
+    low, high = edges.shape[0], -1  # of the pieces that are near any
+    for k in range(edges.shape[0]):
+        ax, ay, bx, by = edges[k, 0], edges[k, 1], edges[k, 2], edges[k, 3]
+        if (
+            min(ax, bx) <= right + near
+            and max(ax, bx) >= left - near
+            and min(ay, by) <= back + near
+            and max(ay, by) >= front - near
+        ):
+            low, high = min(low, k), k
+    if high < 0:
+        return 0
+    for e in range(kind.edge_from, kind.edge_to):
+        c, d = _near_plane(part, corners, kinds.edges[e], near)
+        if c[2] > near:
             continue
-        low, high = 0.0, 1.0  # of the way from a to b, where it is near the plane of the plate
-        if a[2] != b[2]:
-            one, other = (-near - a[2]) / (b[2] - a[2]), (near - a[2]) / (b[2] - a[2])
-            low, high = max(low, min(one, other)), min(high, max(one, other))
-        c, d = plus(a, low, difference(b, a)), plus(a, high, difference(b, a))
         left, right = min(c[0], d[0]) - near, max(c[0], d[0]) + near
         front, back = min(c[1], d[1]) - near, max(c[1], d[1]) + near
         x, y = d[0] - c[0], d[1] - c[1]
         beside = near * math.sqrt(x * x + y * y)
-        for k in range(edges.shape[0]):
+        for k in range(low, high + 1):
             ax, ay, bx, by = edges[k, 0], edges[k, 1], edges[k, 2], edges[k, 3]
             if min(ax, bx) > right or max(ax, bx) < left or min(ay, by) > back or max(ay, by) < front:
                 continue
             p, q = x * (ay - c[1]) - y * (ax - c[0]), x * (by - c[1]) - y * (bx - c[0])
             if min(p, q) > beside or max(p, q) < -beside:
                 continue
-            first = k
-            while first > 0 and edges[first, 0] == edges[first - 1, 2] and edges[first, 1] == edges[first - 1, 3]:
-                first -= 1
-            if _ring(edges, first)[1] < 0.0:
-                ax, ay, bx, by = bx, by, ax, ay
             length = math.sqrt((bx - ax) * (bx - ax) + (by - ay) * (by - ay))
             piece = (bx - ax) / length, (by - ay) / length, length, (ax, ay)
-            n = hull_edge_on_line(part, kind, corners, (i, j), piece, reach, points, n)
+            ends = kinds.edges[e, 0], kinds.edges[e, 1]
+            n = hull_edge_on_line(part, kind, corners, ends, piece, reach, points, n)
     return n
 
 
-@compiled
-def _ring(edges, first):
-    """The last edge of a polygon, and twice its area, positive where the plate is on the left of its edges [m^2]."""
-    k, area, x, y = first, 0.0, edges[first, 0], edges[first, 1]
-    while True:
-        area += (edges[k, 0] - x) * (edges[k, 3] - y) - (edges[k, 1] - y) * (edges[k, 2] - x)
-        if k + 1 == edges.shape[0] or edges[k + 1, 0] != edges[k, 2] or edges[k + 1, 1] != edges[k, 3]:
-            return k, (area if first == 0 else -area)
-        k += 1
+@inlined
+def _near_plane(part, corners, ends, near):
+    """The ends of that piece of an edge of a hull that is near the plane of the plate [m]; both above it if none is."""
+    a, b = (
+        plus(part.position, 1.0, arm_of(part, corners, ends[0])),
+        plus(part.position, 1.0, arm_of(part, corners, ends[1])),
+    )
+    if min(a[2], b[2]) > near or max(a[2], b[2]) < -near:
+        above = 0.0, 0.0, math.inf
+        return above, above
+    low, high = 0.0, 1.0  # of the way from a to b
+    if a[2] != b[2]:
+        one, other = (-near - a[2]) / (b[2] - a[2]), (near - a[2]) / (b[2] - a[2])
+        low, high = max(low, min(one, other)), min(high, max(one, other))
+    c, d = plus(a, low, difference(b, a)), plus(a, high, difference(b, a))
+    return (c[0], c[1], 0.0), (d[0], d[1], 0.0)
 
 
 @inlined

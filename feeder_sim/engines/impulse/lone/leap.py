@@ -211,17 +211,12 @@ def forecast(part, kind, n, surface, bounds, t, until, flight, unknown, work):
     """
     far, to_crest = flight
     slack, twist = unknown
-    touch, spin = bounds.exact.touch, spin_of(part, kind)
+    touch = bounds.exact.touch
     per_fastest = 1.0 / bounds.fastest
     curving = CURVED * slack * slack / (8.0 * bounds.fastest * bounds.fastest * max(bounds.crest, TINY))
     limit, brief = min(to_crest, until - t), 0.5 * bounds.brief
     for i in range(n):
-        row = work.point[i]
-        row[SAFE] = far
-        if row[MOVES] != 0.0 and row[KNOWN] != 0.0:  # the sideways velocity of a corner, or of the centre of a ball
-            x, y, z = plus(row[AT : AT + 3], kind.radius, row[TOWARDS : TOWARDS + 3])
-            row[GOES] = part.velocity[0] + spin[1] * z - spin[2] * y
-            row[GOES + 1] = part.velocity[1] + spin[2] * x - spin[0] * z
+        work.point[i, SAFE] = far
     for _ in range(MAX_LEAPS):
         if far >= limit:
             return limit

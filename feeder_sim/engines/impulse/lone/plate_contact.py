@@ -22,9 +22,9 @@ from feeder_sim.machine_code import inlined, uncounted
 from feeder_sim.scene.scene import GRAVITY
 
 ENTERED = 1.0  # tolerances that a point may come into the plate in a leap; pressed ones are moved by CARRIED
-HALVINGS = 40
-LOOKS, BUDGET = 200, 3e-5  # looks in a time [s]; those after them are at least SPARING of that time apart
-SPARING = 0.02
+SURE, HALVINGS = 0.1, 40  # tolerances that anything may move while the time of a contact is not known
+LOOKS, PAID = 200.0, 6e6  # looks at once, and per second; where more are asked for, they are SPARING apart
+SPARING = 6e-7  # [s]
 PAST = 1e-3  # [s] between looks at a part that falls past the plate
 STILL = 1e-6  # [m/s]; what is as slow on a plate that is calm, and does not slip, rests
 BALANCED = 1e-3  # of its weight, and of that times its reach
@@ -66,7 +66,7 @@ def meet_plate(parts, kinds, surface, bounds, t, shown, work):
             work.counts[LATE] += 1
     part.depth = max(-gap, 0.0)
     due = _act(part, kind, n, close, near_edge, spent, surface, bounds, t, shown, work)
-    return max(due, t + SPARING * BUDGET) if spent else due
+    return max(due, t + SPARING) if spent else due
 
 
 @inlined
@@ -84,37 +84,44 @@ def _look_around(part, kind, kinds, surface, bounds, t, work):
 def _go_back(parts, kinds, surface, bounds, late, allowed, work):
     """Find when the contact was that a leap has passed, by halving the leap; returns that time [s] and what is there.
 
-    late: the time after the leap, at which a point is deeper than allowed [m]. If there is no such time, that point has
-    come under the plate from beside it, if it is near the edge. Else it stays where it is, and is pushed out.
+    late: the time after the leap, at which a point is deeper than allowed [m]. One that is deep from its first moment
+    on has come under the plate from beside it, if it is near the edge. Else it is a contact, and is pushed out.
     """
-    part, kind, early = parts[0], kinds.record[parts[0].kind], work.before[0].clock
-    for halvings in range(HALVINGS + 1):
-        t = 0.5 * (early + late) if halvings < HALVINGS else late
-        parts[0] = work.before[0]
-        bring(part, kind, t, surface)
-        part.phase = FREE
-        n, close, near_edge = _look_around(part, kind, kinds, surface, bounds, t, work)
-        gap = _lowest_gap(n, work)
-        if gap < -allowed:
+    part, kind, early, looks = parts[0], kinds.record[parts[0].kind], work.before[0].clock, 0
+    sure = SURE * bounds.exact.tolerance / (top_speed(part, kind) + bounds.speed)
+    while late - early > sure and looks < HALVINGS:
+        looks += 1
+        t = 0.5 * (early + late)
+        n, close, near_edge = _look_back(parts, kind, kinds, surface, bounds, t, work)
+        if _lowest_gap(n, work) < -allowed:
             late = t
-        elif gap <= bounds.exact.touch:
-            break
         else:
             early = t
-    if gap < -allowed and near_edge:
+    n, close, near_edge = _look_back(parts, kind, kinds, surface, bounds, late, work)
+    if near_edge and _lowest_gap(n, work) < -max(allowed, CLOSE):
         part.beside = 1
     else:
         work.counts[LATE] += 1
-    return t, n, close, near_edge
+    part.looks += looks
+    return late, n, close, near_edge
+
+
+@inlined
+def _look_back(parts, kind, kinds, surface, bounds, t, work):
+    """As `_look_around`, at a time [s] before the last look and after the one before it."""
+    parts[0] = work.before[0]
+    bring(parts[0], kind, t, surface)
+    parts[0].phase = FREE
+    return _look_around(parts[0], kind, kinds, surface, bounds, t, work)
 
 
 @inlined
 def _spends_budget(part, t, work):
     """Count a look; returns whether there were too many of late."""
-    if t - part.budget > BUDGET:
-        part.budget, part.looks = t, 0
-    part.looks += 1
-    if part.looks == LOOKS:
+    spent = part.looks >= LOOKS
+    part.looks = max(part.looks - PAID * (t - part.budget), 0.0) + 1.0
+    part.budget = t
+    if part.looks >= LOOKS and not spent:
         work.counts[SPENT] += 1
     return part.looks >= LOOKS
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from feeder_sim.engines.impulse.lone.edge_piece import BALL, BESIDE, LINES, NONE
 from feeder_sim.engines.impulse.lone.edge_points import edge_points
-from feeder_sim.engines.impulse.lone.moving_surface import move_surface, shapes_under
+from feeder_sim.engines.impulse.lone.moving_surface import move_surface, shapes_at, shapes_under
 from feeder_sim.engines.impulse.lone.state import (
     ACCELERATION,
     AT,
@@ -22,6 +22,7 @@ from feeder_sim.engines.impulse.lone.state import (
     EDGE,
     FALL,
     GAP,
+    GOES,
     HEIGHT,
     JERK,
     KNOWN,
@@ -113,7 +114,7 @@ def _look_below(row, under, part, kind, arm, spin, surface, bounds, work):
     if not known:
         shapes_under(x, y, part, surface, True, under)
     stand(row, arm, kind.radius, speed, under, work.now[NOW], work.now[SPEED], surface)
-    row[RATE] = rate_of(row, part, spin)
+    row[RATE] = rate_of(row, part, kind, spin)
     return gap <= CLOSE
 
 
@@ -135,12 +136,14 @@ def _moves_with(row, under, bounds, work):
 @inlined
 def look_at_edge(part, kind, kinds, first, surface, bounds, t, moved, work):
     """Fill rows of points on the edge of the plate, from `first` on; returns their end, and whether one is close."""
-    found = edge_points(part, kind, kinds, surface, REACH, work.edge)
-    if found == 0:
-        return first, False
     if not moved:
         move_surface(t, surface, work.now)
-        moved = True
+    height = _height_of_plate(part, surface, work.under[first], work.now[NOW])
+    part.position[2] -= height
+    found = edge_points(part, kind, kinds, surface, REACH, work.edge)
+    part.position[2] += height
+    if found == 0:
+        return first, False
     spin = spin_of(part, kind)
     change = spin_change(part, kind, spin)
     own = GRAVITY + turning_acceleration(part, kind)
@@ -150,7 +153,7 @@ def look_at_edge(part, kind, kinds, first, surface, bounds, t, moved, work):
         arm, normal = vector(point.arm), vector(point.normal)
         row[FALL] = 0.0
         shapes_under(point.foot[0], point.foot[1], part, surface, True, under)
-        row[GAP] = point.gap - _moves_edge(row, under, normal, surface, bounds, work)
+        row[GAP] = point.gap + height * normal[2] - _moves_edge(row, under, normal, surface, bounds, work)
         if row[GAP] < -BESIDE:
             continue
         row[OWN], row[KNOWN], row[MU] = own, AT_EDGE, kind.friction[0]
@@ -158,10 +161,22 @@ def look_at_edge(part, kind, kinds, first, surface, bounds, t, moved, work):
         _lean_with_edge(row, point, kind, under, work.now[NOW])
         row[EDGE] = k
         _fall_at_edge(row, point, part, kind, spin, change)
-        row[RATE] = rate_of(row, part, spin)
+        row[RATE] = rate_of(row, part, kind, spin)
         close = close or row[GAP] < CLOSE
         n += 1
     return n, close
+
+
+@inlined
+def _height_of_plate(part, surface, under, q):
+    """How high the plate is under a part, or at its edge next to it [m]."""
+    x = min(max(part.position[0], surface.grid_x[0]), surface.grid_x[-1])
+    y = min(max(part.position[1], surface.grid_y[0]), surface.grid_y[-1])
+    shapes_at(x, y, surface, False, under)
+    height = 0.0
+    for s in range(under.shape[0]):
+        height += under[s, HEIGHT] * q[s]
+    return height
 
 
 @inlined
@@ -255,11 +270,12 @@ def _fall_at_edge(row, point, part, kind, spin, change):
 
 
 @inlined
-def rate_of(row, part, spin):
-    """How fast the gap of a point grows [m/s]."""
-    at = vector(row[AT : AT + 3])
-    u = difference(plus(part.velocity, 1.0, cross(spin, at)), vector(row[WITH : WITH + 3]))
-    return dot(vector(row[TOWARDS : TOWARDS + 3]), u)
+def rate_of(row, part, kind, spin):
+    """How fast the gap of a point grows [m/s]; writes how a corner goes sideways, or the centre of a ball."""
+    normal = vector(row[TOWARDS : TOWARDS + 3])
+    goes = plus(part.velocity, 1.0, cross(spin, plus(row[AT : AT + 3], kind.radius, normal)))
+    row[GOES], row[GOES + 1] = goes[0], goes[1]
+    return dot(normal, difference(goes, vector(row[WITH : WITH + 3])))
 
 
 @inlined
@@ -274,7 +290,7 @@ def renew_rates(part, kind, n, work):
             row[RATE] = part.velocity[2] + spin[0] * row[AT + 1] - spin[1] * row[AT] - row[WITH + 2]
             continue
         normal = vector(row[TOWARDS : TOWARDS + 3])
-        row[RATE] = rate_of(row, part, spin)
+        row[RATE] = rate_of(row, part, kind, spin)
         if row[KNOWN] == AT_EDGE:
             _fall_at_edge(row, work.edge[int(row[EDGE])], part, kind, spin, change)
             continue

@@ -39,12 +39,12 @@ UNRESOLVED, LATE, SPENT = range(3)  # of Scratch.counts
 # frame at a place it has a seat and a facing in. The force changes with the push of the plate, by a jerk [m/s^3] of the
 # part, from less than its mean to more; it has its mean after the time lead [s]. held: looks for which it has not
 # slipped. draws: state of its random numbers. depth: of its deepest point after its last look [m]. beside: it has come
-# under the sheet of the plate from beside it, and falls past. looks: since the time of its budget [s].
+# under the sheet of the plate from beside it, and falls past. looks: at it, beyond those that pass, until budget [s].
 OWN_FIELDS: list[Any] = [
     ("phase", "i8"),
     ("held", "i8"),
     ("beside", "i8"),
-    ("looks", "i8"),
+    ("looks", "f8"),
     ("budget", "f8"),
     ("depth", "f8"),
     ("draws", "u8"),
