@@ -122,6 +122,7 @@ def _spends_budget(part, t, work):
     part.looks = max(part.looks - PAID * (t - part.budget), 0.0) + 1.0
     part.budget = t
     if part.looks >= LOOKS and not spent:
+        part.looks += 0.5 * LOOKS  # so that it is over for some us, not from one look to the next
         work.counts[SPENT] += 1
     return part.looks >= LOOKS
 
