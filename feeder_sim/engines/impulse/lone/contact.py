@@ -180,10 +180,11 @@ def _scatter(part, m, bounds, work):
 
 
 @inlined
-def press(part, kind, n, pressed, unknown, surface, bounds, t, until, work):
+def press(part, kind, n, pressed, unknown, surface, bounds, t, until, least, work):
     """Set constant forces on the part for a time, as the contacts in `work` say.
 
-    pressed: whether it has been until now; unknown: see `unsure`.
+    pressed: whether it has been until now; unknown: see `unsure`; until: no longer than that [s], but for the time
+    `least` [s].
 
     Returns:
         the time [s], 0 if nothing is pressed; whether nothing slips.
@@ -192,7 +193,7 @@ def press(part, kind, n, pressed, unknown, surface, bounds, t, until, work):
     if usual == 0.0 or lift < NO_LIFT * usual:
         return 0.0, False
     _mark_carried(n, usual, chatter, bounds, work)
-    time = max(min(usual, lift, until - t), shortest_leap(part, kind, bounds))
+    time = max(min(usual, lift, until - t), least)
     m = 0
     for turn in range(TURNS):
         _load(part, kind, time, work)
@@ -200,7 +201,7 @@ def press(part, kind, n, pressed, unknown, surface, bounds, t, until, work):
         if not solve(work.bodies, work.contacts, m, None, SOLVED * bounds.exact.tolerance / usual):
             work.counts[UNRESOLVED] += 1
         stops = _slip_stops(part, kind, m, time, work)
-        if stops > STOPS * time or stops < (1.0 - STOPS) * usual or turn == TURNS - 1:
+        if stops > STOPS * time or stops < max((1.0 - STOPS) * usual, least) or turn == TURNS - 1:
             break
         time = stops
     loaded, held = False, True

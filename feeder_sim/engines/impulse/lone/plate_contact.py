@@ -141,7 +141,8 @@ def _act(part, kind, n, close, near_edge, spent, surface, bounds, t, shown, work
             t += fall_on(part, kind, n, min(shown, until) - t, unknown[0], unknown[1], surface, bounds, work)
         strike(part, kind, n, unknown[1], not spent, bounds, work)
         unknown = unsure(part, kind, bounds)
-        stays, held = press(part, kind, n, before != FREE, unknown, surface, bounds, t, until, work)
+        least = SPARING if spent else shortest_leap(part, kind, bounds)  # forces last until they are looked at
+        stays, held = press(part, kind, n, before != FREE, unknown, surface, bounds, t, until, least, work)
         if stays > 0.0:
             part.held = part.held + 1 if held else min(part.held, 0)
             if held:
