@@ -201,10 +201,10 @@ def code_key(package: Path = Path(__file__).parent) -> str:
 
 
 @functools.cache
-def source_hash(package: Path = Path(__file__).parent) -> str:
-    """Hash of all sources of the package."""
+def source_hash(package: Path = Path(__file__).parent, pattern: str = "**/*.py") -> str:
+    """Hash of all sources of a package, or of those of a pattern in a folder."""
     sources = hashlib.sha256()
-    for file in sorted(package.rglob("*.py")):
+    for file in sorted(package.glob(pattern)):
         sources.update(file.relative_to(package).as_posix().encode() + b"\0" + file.read_bytes() + b"\0")
     return sources.hexdigest()[:12]
 
@@ -230,12 +230,16 @@ class _Locator(_CacheLocator):
     def __init__(self, function: Any, file: str) -> None:
         self._py_file = file  # numba names it in its warnings
         self._module = function.__module__
+        self._folder = Path(file).resolve().parent
 
     def get_cache_path(self) -> str:
         return str(code_folder())
 
     def get_source_stamp(self) -> str:
-        return code_folder().name
+        """The key says all of a function of the package; of another one, such as a script's, its own folder counts."""
+        package = Path(__file__).parent
+        own = "" if self._folder.is_relative_to(package) else source_hash(self._folder, "*.py")
+        return code_folder().name + own
 
     def get_disambiguator(self) -> str:
         return str(self._module)

@@ -18,10 +18,11 @@ import time
 from collections.abc import Sequence
 from pathlib import Path
 
+from conformance_set.cases import CASES
+from conformance_set.files import read_results, read_set, write_results, write_set
+from conformance_set.judge import Result, table
+
 from feeder_sim.errors import FeederSimError, not_written
-from feeder_sim.studies.conformance.cases import CASES
-from feeder_sim.studies.conformance.files import read_results, read_set, write_results, write_set
-from feeder_sim.studies.conformance.judge import Result, table
 
 FOLDER = Path(__file__).parent
 SET = FOLDER / "conformance.csv"
@@ -32,10 +33,9 @@ def run(path: Path, cases: Sequence[str], *, quick: bool, only: str | None) -> l
     """Run every engine that is installed on some cases; the file grows with each case."""
     sys.path.insert(0, str(FOLDER))
     from conformance_cases import results_of
+    from conformance_set.own import own_results
     from plans import plan
     from run import MODULES, methods_installed
-
-    from feeder_sim.studies.conformance.own import own_results
 
     results: list[Result] = []
     began = time.perf_counter()
@@ -62,14 +62,14 @@ def _noted(results: list[Result], began: float) -> list[Result]:
 
 def remake() -> None:
     """Compute the ensembles and write the set."""
-    from feeder_sim.studies.conformance.own import remade_rows
+    from conformance_set.own import remade_rows
 
     write_set(remade_rows(), SET)
 
 
 def check() -> int:
     """Compare the rows that need no simulation with the code."""
-    from feeder_sim.studies.conformance.cases import MEASURED, closed_rows, measured_rows, zero_rows
+    from conformance_set.cases import MEASURED, closed_rows, measured_rows, zero_rows
 
     stored = {(row.case, row.quantity, row.basis): row for row in read_set(SET)}
     wrong = 0

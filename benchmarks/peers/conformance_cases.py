@@ -1,6 +1,6 @@
 """The cases of the conformance set in an engine of this folder: starts, the motion of the plate, stepping.
 
-What is measured in the motion is `feeder_sim.studies.conformance.motions`, the same as for feeder_sim's own engines.
+What is measured in the motion is conformance_set/motions.py, the same as for feeder_sim's own engines.
 """
 
 from __future__ import annotations
@@ -10,6 +10,19 @@ from dataclasses import replace
 
 import numpy as np
 from cases import SPIN, STATE, THROWN, UPRIGHT, VELOCITY, YAW, Body, Method, Setup, drift, steel_ball, steel_nut
+from conformance_set.cases import (
+    CREEP_S,
+    PISTON_HZ,
+    PISTON_S,
+    PISTON_UM,
+    PLATE_DROP,
+    PLATE_SPEED,
+    REST_SPEED,
+    STICK_SPEED,
+    THROW_UM,
+)
+from conformance_set.judge import Result
+from conformance_set.motions import OBSERVERS, Motion
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
@@ -25,19 +38,6 @@ from feeder_sim.studies.chart.cases import (
     RESTITUTION,
     SLIDE_MM_S,
 )
-from feeder_sim.studies.conformance.cases import (
-    CREEP_S,
-    PISTON_HZ,
-    PISTON_S,
-    PISTON_UM,
-    PLATE_DROP,
-    PLATE_SPEED,
-    REST_SPEED,
-    STICK_SPEED,
-    THROW_UM,
-)
-from feeder_sim.studies.conformance.judge import Result
-from feeder_sim.studies.conformance.motions import OBSERVERS, Motion
 
 RISE_S = 0.01
 BALL_START = 0.5e-3  # of the ball over the shaker [m]

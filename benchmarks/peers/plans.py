@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import cases
 from cases import DRIFTS, Method
-
-from feeder_sim.studies.conformance.cases import PISTON_HZ, PISTON_S
+from conformance_set.cases import PISTON_HZ, PISTON_S
 
 SLOW_US = 50.0  # a step; from there on there is time for few seeds, and for none in a quick run
 SLOWEST_US = 1000.0  # a step; from there on there is none for any seeds

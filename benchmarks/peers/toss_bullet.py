@@ -9,11 +9,11 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+from cube_tosses import FRICTION, RESTITUTION, Toss
 from numpy.typing import NDArray
 from tosses import INERTIA, MASS, STEPS_PER_MS, corners, start
 
 from feeder_sim.scene.scene import GRAVITY
-from feeder_sim.studies.validation.cube_tosses import FRICTION, RESTITUTION, Toss
 
 bullet: Any = importlib.import_module("pybullet")
 

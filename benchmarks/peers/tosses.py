@@ -4,7 +4,7 @@
 
 Prints the share of the tosses that end with the measured face up, the median distance of the final centre from the
 measured one, the number of tosses, and the processor time per simulated second. Cube, friction and restitution are
-those of feeder_sim.studies.validation.cube_tosses: the authors' own, nothing is fitted.
+those of benchmarks/validation/cube_tosses.py: the authors' own, nothing is fitted.
 """
 
 from __future__ import annotations
@@ -19,9 +19,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from cube_tosses import EDGE_MM, INERTIA_G_MM2, MASS_G, Toss, compare, read_tosses
 from numpy.typing import NDArray
-
-from feeder_sim.studies.validation.cube_tosses import EDGE_MM, INERTIA_G_MM2, MASS_G, Toss, compare, read_tosses
 
 DATA = Path(__file__).parents[1] / "validation" / "cube_tosses.csv"
 EDGE, MASS, INERTIA = 1e-3 * EDGE_MM, 1e-3 * MASS_G, 1e-9 * INERTIA_G_MM2  # [m], [kg], [kg m2] about every axis

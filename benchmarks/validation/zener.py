@@ -4,19 +4,95 @@
                                           [--picture FILE]
 
 By default a steel ball of 3 mm on 3 mm of aluminium, for which the source of the bouncing ball has 0.2.
+
+The plate counts as infinite: true while the contact is over before bending waves come back from an edge. At the
+frequency f = 1/(2 t_c) of a contact of duration t_c their group velocity is 2 (D / rho h)^(1/4) (2 pi f)^(1/2).
+
+The contact counts as elastic. With a yield strength Y of the softer side and the density rho of the ball it yields
+above the speed V with rho V^2 / Y = 26 (Y / E*)^4 (Johnson, Contact Mechanics, 1985, section 11.4).
 """
 
 from __future__ import annotations
 
 import argparse
 import json
-from dataclasses import asdict
+import math
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
 
+import numpy as np
 from arguments import between, new_file
+from numpy.typing import NDArray
 
-from feeder_sim.plate.materials import MATERIALS
+from feeder_sim.plate.materials import MATERIALS, Material
 from feeder_sim.plate.rectangle import RectangularPlate
-from feeder_sim.studies.validation.zener_prediction import predict, yield_speed
+from feeder_sim.plate.zener import contact_stiffness, contact_time, inelasticity, restitution
+from feeder_sim.plots.figure import empty_figure
+
+ELASTIC_CONTACT = 3.218  # duration of an impact without losses, in units of T
+
+
+@dataclass(frozen=True)
+class Prediction:
+    """An impact of a ball at one speed.
+
+    Attributes:
+        speed: normal [m/s].
+        inelasticity: Zener's lambda [1].
+        restitution: [1].
+        contact_time: of the elastic impact [s].
+        reach: how far from the ball an edge is at least whose waves come back after the contact [m].
+    """
+
+    speed: float
+    inelasticity: float
+    restitution: float
+    contact_time: float
+    reach: float
+
+
+def predict(ball: Material, diameter: float, plate: RectangularPlate, speeds: Sequence[float]) -> list[Prediction]:
+    """Impacts of a ball of a diameter [m] on a plate at normal speeds [m/s]."""
+    return [_predicted(ball, 0.5 * diameter, plate, speed) for speed in speeds]
+
+
+def _predicted(ball: Material, radius: float, plate: RectangularPlate, speed: float) -> Prediction:
+    value = inelasticity(ball, radius, plate, speed)
+    lasts = ELASTIC_CONTACT * contact_time(ball, radius, plate.material, speed)
+    group = 2.0 * (plate.bending_stiffness / plate.mass_per_area) ** 0.25 * math.sqrt(math.pi / lasts)
+    return Prediction(speed, value, restitution(value), lasts, 0.5 * group * lasts)
+
+
+def restitution_over_size(
+    ball: Material, plate: RectangularPlate, ratios: NDArray[np.float64], speed: float
+) -> NDArray[np.float64]:
+    """Restitution (n,) of balls of diameters over the plate's thickness (n,), at one speed [m/s]."""
+    return np.array([predict(ball, ratio * plate.thickness, plate, [speed])[0].restitution for ratio in ratios])
+
+
+def yield_speed(ball: Material, plate: Material, yield_strength: float) -> float:
+    """Normal speed [m/s] above which the contact yields, the softer side having this yield strength [Pa]."""
+    reduced = 0.75 * contact_stiffness(ball, 1.0, plate)  # E* [Pa]
+    return math.sqrt(26.0 * yield_strength / ball.density * (yield_strength / reduced) ** 4)
+
+
+COLOURS = ("#3a60be", "#3a8a5a", "#be3434")
+
+
+def draw_zener(ball: Material, plate: RectangularPlate, speeds: Sequence[float], marked: float, path: Path) -> None:
+    """Draw restitution over diameter / thickness at up to three speeds [m/s], one ratio marked."""
+    figure = empty_figure(5.2, 3.4)
+    axes = figure.subplots()
+    ratios = np.geomspace(0.1, 8.0, 60)
+    for speed, colour in zip(speeds, COLOURS, strict=False):
+        axes.semilogx(ratios, restitution_over_size(ball, plate, ratios, speed), color=colour, label=f"{speed:g} m/s")
+    axes.axvline(marked, color="gray", linewidth=0.8, linestyle="--")
+    axes.set(xlabel="diameter of the ball / thickness of the plate", ylabel="restitution", ylim=(0.0, 1.0))
+    axes.grid(True, alpha=0.3, which="both")
+    axes.legend(fontsize=8)
+    figure.savefig(path, dpi=110)
+
 
 SPEEDS = (0.1, 0.2, 0.3, 0.5, 0.7, 1.0)
 DRAWN = (0.1, 0.3, 1.0)
@@ -41,8 +117,6 @@ def main() -> None:
     rows = predict(ball, 1e-3 * options.diameter, plate, SPEEDS)
     yields = {f"{strength / 1e6:g}": yield_speed(ball, plate.material, strength) for strength in STRENGTHS}
     if options.picture:
-        from feeder_sim.plots.validation.zener import draw_zener
-
         draw_zener(ball, plate, DRAWN, options.diameter / options.thickness, options.picture)
     if options.json:
         print(json.dumps({"rows": [asdict(row) for row in rows], "measured": MEASURED, "yield_speed_m_s": yields}))

@@ -8,13 +8,13 @@ from typing import Any
 import numpy as np
 import pytest
 from conftest import REPOSITORY, StopsAfter
+from greedy_picks import compare
+from letter import letter_path, letter_scenario, steer
+from prediction import GradientDrift
 
 import feeder_sim
 from feeder_sim.run.run_folder import record_run, resume_run
 from feeder_sim.scenario import Scenario
-from feeder_sim.studies.closed_loop.letter import letter_path, letter_scenario, steer
-from feeder_sim.studies.closed_loop.prediction import GradientDrift
-from feeder_sim.studies.closed_loop.separation import compare
 
 MODES = REPOSITORY / "models" / "plate_180" / "modes.h5"
 

@@ -7,11 +7,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from patch_study import PatchCase, compare_patches, inertial_share, reference_case, square
 
 from feeder_sim.plate.materials import MATERIALS, Material
 from feeder_sim.plate.rectangle import RectangularPlate
 from feeder_sim.plate.ritz.attachments import Layer
-from feeder_sim.studies.patch_study import PatchCase, compare_patches, inertial_share, reference_case, square
 
 pytestmark = pytest.mark.slow  # each patch is a plate of its own, 2 s
 

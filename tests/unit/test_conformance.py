@@ -9,10 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-
-from feeder_sim.errors import InputError
-from feeder_sim.scene.scene import GRAVITY
-from feeder_sim.studies.conformance.cases import (
+from conformance_set.cases import (
     CASES,
     CREEP_S,
     MEASURED,
@@ -24,10 +21,13 @@ from feeder_sim.studies.conformance.cases import (
     throw_height,
     zero_rows,
 )
-from feeder_sim.studies.conformance.files import read_results, read_set, write_results
-from feeder_sim.studies.conformance.judge import OFF, PASS, UNDECIDED, Result, judged, passes, table
-from feeder_sim.studies.conformance.motions import Motion, after_impact, slide_to_rest
-from feeder_sim.studies.conformance.own import own_results, remade_rows
+from conformance_set.files import read_results, read_set, write_results
+from conformance_set.judge import OFF, PASS, UNDECIDED, Result, judged, passes, table
+from conformance_set.motions import Motion, after_impact, slide_to_rest
+from conformance_set.own import own_results, remade_rows
+
+from feeder_sim.errors import InputError
+from feeder_sim.scene.scene import GRAVITY
 
 SET = Path(__file__).parents[2] / "benchmarks" / "peers" / "conformance.csv"
 HEADER = "case,quantity,value,se\n"

@@ -27,8 +27,8 @@ from feeder_sim.cli.options import Set
 
 PAGES = ["README.md", "CONTRIBUTING.md", *sorted(f"docs/{page.name}" for page in REPOSITORY.glob("docs/*.md"))]
 MORE_PAGES = ["CHANGELOG.md", "models/README.md", "benchmarks/peers/README.md"]  # whose links are looked at, too
-COPIED = ("scenarios", "models", "docs/tutorial", "benchmarks/validation")
-SCRIPTS = ("benchmarks/", "docs/figures/")
+COPIED = ("scenarios", "models", "docs/tutorial", "docs/examples", "benchmarks/validation")
+SCRIPTS = ("benchmarks/", "docs/figures/", "docs/examples/")
 SLOW = "# takes minutes"
 PROGRAMS = ("feeder-sim", ".venv/bin/feeder-sim")
 # What these do is tested elsewhere, or is not for a test to do: they install, open a window, or run the tests.

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from conftest import REPOSITORY
+from prediction import GradientDrift, MapDrift
 
 from feeder_sim.errors import InputError
 from feeder_sim.plate.materials import MATERIALS
@@ -29,7 +30,6 @@ from feeder_sim.scenario import (
 )
 from feeder_sim.scene.prepared import Prepared
 from feeder_sim.scene.scene import GRAVITY
-from feeder_sim.studies.closed_loop.prediction import GradientDrift, MapDrift
 from feeder_sim.studies.drift_map.drift_map import DriftMap
 from feeder_sim.studies.drift_map.files import load_map, save_map
 from feeder_sim.studies.drift_map.increments import binned

@@ -6,10 +6,10 @@ import math
 from typing import Any
 
 import pytest
+from bouncing_cylinder import SETTINGS, Setting, compute
+from vertex_impacts import newton_impulse, poisson_impulse
 
 from feeder_sim.machine_code import entry_point
-from feeder_sim.studies.validation.bouncing_cylinder import SETTINGS, Setting, compute
-from feeder_sim.studies.validation.vertex_impacts import newton_impulse, poisson_impulse
 
 ROUNDED = 0.05  # the published speeds are means of runs that differ from these by chance and round-off
 BASE, SLOW_REBOUND = SETTINGS[0], SETTINGS[-1]

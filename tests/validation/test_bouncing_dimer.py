@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import pytest
-
-from feeder_sim.studies.validation.bouncing_dimer import dimer_drift, speed_by_steps, turning_point
+from bouncing_dimer import dimer_drift, speed_by_steps, turning_point
 
 FRICTION, SHORT, LONG = 0.2, 5.0, 9.0  # aspect ratios
 

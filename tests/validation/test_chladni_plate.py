@@ -8,16 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from conftest import REPOSITORY
-from scipy.sparse.linalg import eigsh
-from skfem import Basis, BilinearForm, ElementTriArgyris, MeshTri
-from skfem.helpers import dd
-
-from feeder_sim.plate.mode_file import read_mode_file
-from feeder_sim.plate.modes import PlateModes, plate_modes
-from feeder_sim.scenario import load_scenario
-from feeder_sim.scene.scene import build_scene
-from feeder_sim.studies.validation.chladni_plate import (
+from chladni_plate import (
     NOTE_S,
     NOTES_HZ,
     PLATE,
@@ -30,11 +21,21 @@ from feeder_sim.studies.validation.chladni_plate import (
     note_field,
     of_an_eighth,
     play,
+    share,
     start_points,
     unfold,
+    write_steps,
 )
-from feeder_sim.studies.validation.chladni_report import share, write_steps
-from feeder_sim.studies.validation.forced_field import Force, force_in_the_middle, forced_field, triangle_terms
+from conftest import REPOSITORY
+from forced_field import Force, force_in_the_middle, forced_field, triangle_terms
+from scipy.sparse.linalg import eigsh
+from skfem import Basis, BilinearForm, ElementTriArgyris, MeshTri
+from skfem.helpers import dd
+
+from feeder_sim.plate.mode_file import read_mode_file
+from feeder_sim.plate.modes import PlateModes, plate_modes
+from feeder_sim.scenario import load_scenario
+from feeder_sim.scene.scene import build_scene
 
 # A wafer along <110>, written out to verify the material, too.
 E, NU, G, RHO, SIDE, H = 169e9, 0.064, 50.9e9, 2329.0, 0.05, 0.525e-3

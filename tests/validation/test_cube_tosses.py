@@ -6,10 +6,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from cube_tosses import EDGE_MM, compute_tosses, read_tosses, upper_face
 from scipy.spatial.transform import Rotation
 
 from feeder_sim.errors import InputError
-from feeder_sim.studies.validation.cube_tosses import EDGE_MM, compute_tosses, read_tosses, upper_face
 
 DATA = Path(__file__).parents[2] / "benchmarks" / "validation" / "cube_tosses.csv"
 SOME = 70  # tosses; the standard error of a share of 0.8 is then 0.05

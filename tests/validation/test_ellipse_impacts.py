@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from conftest import REPOSITORY
-
-from feeder_sim.studies.validation.ellipse_impacts import (
+from ellipse_impacts import (
     FRICTION,
     INVERSE_INERTIA,
     RESTITUTION,

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-
-from feeder_sim.studies.validation.oblique_spheres import ANGLES, Rebound, by_engine, by_law, sliding_angle, theory
+from oblique_spheres import ANGLES, Rebound, by_engine, by_law, sliding_angle, theory
 
 ANGLE = np.array([0.1, *ANGLES, sliding_angle() - 1e-6, sliding_angle() + 1e-6, 89.9])
 

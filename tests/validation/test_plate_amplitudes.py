@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from command_line import feeder_sim
 from conftest import REPOSITORY
+from plate_amplitudes import loaded_variants, predict, read_amplitudes
 
 from feeder_sim.plate.mode_file import ModeFile
 from feeder_sim.scenario import load_plate_file
-from feeder_sim.studies.plate_amplitudes import loaded_variants, predict, read_amplitudes
 
 PLATE = REPOSITORY / "models/plate_180_piezos"
 MEASURED = read_amplitudes(PLATE / "measured.csv")

@@ -12,6 +12,7 @@ from conftest import REPOSITORY, changing, from_python, moving_part, symmetric
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
+from zener import predict, yield_speed
 
 from feeder_sim.engines.impulse import impact_law
 from feeder_sim.engines.impulse.engine import ImpulseEngine
@@ -31,7 +32,6 @@ from feeder_sim.run.run_folder import record_run
 from feeder_sim.scenario import Ball, Contact, Drive, PistonPlate, Rectangle, Run, Scenario, Start, Strip
 from feeder_sim.scene.scene import GRAVITY, Scene, build_scene
 from feeder_sim.scene.zener import zener_inelasticities
-from feeder_sim.studies.validation.zener_prediction import predict, yield_speed
 
 resolve_ball = from_python(impact_law.resolve_ball)
 RADIUS, MASS = 1.5e-3, 1.1e-4

@@ -1,1 +1,0 @@
-"""Pictures of comparisons with measurements and programs of others."""

@@ -1,1 +1,0 @@
-"""Measurements and programs of others, computed anew: one module or two for each set."""
