@@ -2,8 +2,8 @@
 
 Numba's own cache looks only at the file of a function itself, so that it runs old code after a change in a function or
 a constant that this one uses from another file. Here machine code lies in a folder named after everything that it
-depends on: all sources of the package, the versions of the libraries that compile it or are called by it, and the
-processor. A change of any of them is another folder. The folders are in the user's folder for caches, or where
+depends on: all sources of the package but those that only show, the versions of the libraries that compile it or are
+called by it, and the processor. A change of any of them is another folder. The folders are in the user's folder for caches, or where
 NUMBA_CACHE_DIR says; the few used last are kept.
 """
 
@@ -34,6 +34,7 @@ from numba.core.compiler_lock import global_compiler_lock
 from numba.core.registry import CPUDispatcher
 from platformdirs import user_cache_path
 
+SHOWING = ("api", "cli", "plots", "replay", "report")  # rooms that decide no number
 FOLDERS_KEPT = 4  # of other states of sources, libraries and processor: two checkouts, an upgrade and a way back
 LIBRARIES = ("numba", "llvmlite", "numpy", "mujoco-core", "mujoco")
 KEY_LENGTH = 24
@@ -202,9 +203,14 @@ def code_key(package: Path = Path(__file__).parent) -> str:
 
 @functools.cache
 def source_hash(package: Path = Path(__file__).parent, pattern: str = "**/*.py") -> str:
-    """Hash of all sources of a package, or of those of a pattern in a folder."""
+    """Hash of all sources of a package that decide numbers, or of those of a pattern in a folder.
+
+    What only shows them does not count: a word in a picture leaves machine code and journals as they are.
+    """
     sources = hashlib.sha256()
     for file in sorted(package.glob(pattern)):
+        if file.relative_to(package).parts[0] in SHOWING:
+            continue
         sources.update(file.relative_to(package).as_posix().encode() + b"\0" + file.read_bytes() + b"\0")
     return sources.hexdigest()[:12]
 

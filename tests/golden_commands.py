@@ -2,8 +2,8 @@
 
     python tests/golden_commands.py FOLDER
 
-runs them all in a new folder, and writes commands.json beside the folders that they leave. Numbers of a run are those of
-a ball on a piston for half a second, which other processors give to round-off.
+runs them all in a new folder, and writes commands.json beside the folders that they leave. The runs are of a ball on a
+piston for half a second, whose numbers other processors give to round-off.
 """
 
 from __future__ import annotations
@@ -48,7 +48,20 @@ COMMANDS = (
     "new made",
 )
 # What differs from one run, machine or version to the next.
-VARYING = ("wall", "time_left", "seconds", "versions", "libraries", "created", "cost", "processor", "size", "estimate")
+VARYING = (
+    "wall",
+    "time_left",
+    "seconds",
+    "versions",
+    "libraries",
+    "created",
+    "cost",
+    "processor",
+    "size",
+    "estimate",
+    "real_time",
+    "bytes",
+)
 
 
 def outputs(folder: Path) -> dict[str, Any]:
@@ -64,11 +77,12 @@ def outputs(folder: Path) -> dict[str, Any]:
 
 
 def lasting(value: Any, folder: str) -> Any:
-    """JSON without what varies; paths from the folder on."""
+    """JSON without what varies, and without the paths of a folder and of the repository."""
     if isinstance(value, dict):
-        return {k: lasting(v, folder) for k, v in value.items() if not any(word in k for word in VARYING)}
+        kept = (key for key in value if not any(word in key for word in VARYING))
+        return {lasting(key, folder): lasting(value[key], folder) for key in kept}
     if isinstance(value, list):
-        return [lasting(v, folder) for v in value]
+        return [lasting(each, folder) for each in value]
     return value.replace(folder, "FOLDER").replace(str(REPOSITORY), "HERE") if isinstance(value, str) else value
 
 
