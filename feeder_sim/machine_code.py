@@ -3,8 +3,8 @@
 Numba's own cache looks only at the file of a function itself, so that it runs old code after a change in a function or
 a constant that this one uses from another file. Here machine code lies in a folder named after everything that it
 depends on: all sources of the package but those that only show, the versions of the libraries that compile it or are
-called by it, and the processor. A change of any of them is another folder. The folders are in the user's folder for caches, or where
-NUMBA_CACHE_DIR says; the few used last are kept.
+called by it, and the processor. A change of any of them is another folder. The folders are in the user's folder for
+caches, or where NUMBA_CACHE_DIR says; the few used last are kept.
 """
 
 from __future__ import annotations
