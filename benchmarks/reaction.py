@@ -38,13 +38,10 @@ def main(
     seeds: Annotated[int, typer.Option(help="of one nut")] = 96,
     crowds: Annotated[int, typer.Option(help="seeds of a hundred nuts", min=2)] = 32,
     cycles: Annotated[int, typer.Option(help="of a hundred nuts")] = 1,
-    mujoco_seeds: Annotated[int, typer.Option(help="of one nut in MuJoCo; 0 for none")] = 12,
 ) -> None:
     nut = load_scenario(SCENARIOS / "drift_2797hz_plate.toml")
-    for engine, n in (("impulse", seeds), ("mujoco", mujoco_seeds)):
-        if n:
-            print(f"{nut.title}, {engine}, {n} seeds", flush=True)
-            compare(with_run(nut, seeds=n, engine=engine))
+    print(f"{nut.title}, {seeds} seeds", flush=True)
+    compare(with_run(nut, seeds=seeds))
     amplitudes(with_run(nut, seeds=1, stop="time", duration_s=LOOKED_AT_S))
     hundred = load_scenario(SCENARIOS / "separation_100.toml")
     assert hundred.schedule is not None

@@ -9,8 +9,8 @@ Build scenarios in code from `Scenario` and its tables in `feeder_sim.scenario`;
 `record_run` also writes a run folder, and `open` gives its result again, as long as it is there. A result has findings,
 tables (`to_frame`, `to_xarray`) and plots; `record` of `simulate` says what to keep of it: `AllFrames`, `EveryNth`,
 `ImpactsOnly`, `StatisticsOnly`. Questions about many runs are `sweep`, `uncertainty`, `optimise`, `speed_map` and
-`compare`; `measure_drift` runs many drifts without frames. A `Feeder` is run stage by stage, `FeederEnvironment` is one
-for Gymnasium (extra `gym`). Bad input is an `InputError`.
+`compare`; `measure_drift` runs many drifts. A `Feeder` is run stage by stage, `FeederEnvironment` is one for
+Gymnasium (extra `gym`). Bad input is an `InputError`.
 """
 
 from __future__ import annotations

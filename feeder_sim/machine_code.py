@@ -36,7 +36,7 @@ from platformdirs import user_cache_path
 
 SHOWING = ("api", "cli", "plots", "replay", "report")  # rooms that decide no number
 FOLDERS_KEPT = 4  # of other states of sources, libraries and processor: two checkouts, an upgrade and a way back
-LIBRARIES = ("numba", "llvmlite", "numpy", "mujoco-core", "mujoco")
+LIBRARIES = ("numba", "llvmlite", "numpy", "mujoco")
 KEY_LENGTH = 24
 OPTIONS = {"nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True}  # nothing calls them from C
 

@@ -98,19 +98,17 @@ def measure_drift(
 ) -> list[batch.Ensemble]:
     """Run all seeds of many scenarios and measure their drift.
 
-    Every seed moves as the same seed of `simulate` does. With stop = "passage" it ends at that frame, where `simulate`
-    records some hundred more, so that only the transport speed is the same. Inputs that are `[uncertain]` have the
-    values of the scenario.
+    Every seed is the same seed of `simulate`; its frames are dropped as soon as they are measured. Inputs that are
+    `[uncertain]` have the values of the scenario.
 
     Args:
-        scenarios: each with one free part on a plate without rim and without a schedule. They are prepared one by one
-            while others run.
+        scenarios: each without a schedule. They are prepared one by one while others run.
         workers: threads. Default: all cores.
         progress: called with the number of ensembles done, from this thread.
         stop: set it to end within a second; ensembles that have not ended then are left out, and those that have ended
             after them.
 
     Raises:
-        InputError: a scenario cannot be built, or is not of that kind.
+        InputError: a scenario cannot be built, or has a schedule.
     """
     return batch.measure_drift(scenarios, workers=workers, progress=progress, stop=stop)

@@ -20,10 +20,6 @@ def engine_class(choice: Choice) -> type[Engine]:
         from feeder_sim.engines.impulse.lone.engine import LoneEngine
 
         return LoneEngine
-    if choice.method == "reaction" and choice.name == "mujoco":
-        from feeder_sim.engines.mujoco.reacting_engine import ReactingMujocoEngine
-
-        return ReactingMujocoEngine
     if choice.method == "reaction":
         from feeder_sim.engines.impulse.reaction.engine import ReactingEngine
 

@@ -9,17 +9,19 @@ import mujoco
 
 from feeder_sim.errors import FeederSimError
 
-LEAST_VERSION = (4, 0, 1)
+LEAST_VERSION, WRONG_VERSION = (3, 3, 0), (4, 0, 0)  # 4.0.0 factors sparse contacts wrongly
 
 
 def load_mujoco_symbols() -> None:
     """Check the version and make the C functions of the installed MuJoCo visible to compiled code by name.
 
     Raises:
-        FeederSimError: MuJoCo is too old.
+        FeederSimError: MuJoCo is too old, or of a version that is wrong.
     """
-    if tuple(int(n) for n in mujoco.__version__.split(".")[:3]) < LEAST_VERSION:
-        raise FeederSimError(f"MuJoCo {mujoco.__version__} solves sparse contacts wrongly; mujoco-core 4.0.1 is needed")
+    version = tuple(int(n) for n in mujoco.__version__.split(".")[:3])
+    if version < LEAST_VERSION or version == WRONG_VERSION:
+        allowed = "allowed is 3.3 or newer except 4.0.0, which solves sparse contacts wrongly"
+        raise FeederSimError(f"MuJoCo is {mujoco.__version__}, {allowed}")
     folder = Path(mujoco.__file__).parent
     library = next(p for p in sorted(folder.iterdir()) if p.name.startswith(("libmujoco", "mujoco.dll")))
     llvmlite.binding.load_library_permanently(str(library))
@@ -27,6 +29,9 @@ def load_mujoco_symbols() -> None:
 
 def silence_mujoco() -> None:
     """The simulation's guard reports diverged states, not a MUJOCO_LOG.TXT wherever the user happens to be."""
+    if not hasattr(mujoco, "MjLogConfig"):  # before 3.6
+        mujoco.set_mju_user_warning(lambda _: None)
+        return
     config = mujoco.MjLogConfig.get()
     config.logto_file = config.logto_console = False
     config.set()

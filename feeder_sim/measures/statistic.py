@@ -33,7 +33,7 @@ def finite_or_none(value: float) -> float | None:
     return value if math.isfinite(value) else None
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Statistic:
     """Mean, standard deviation and standard error of n values; NaN where n is too small for them."""
 
@@ -41,6 +41,13 @@ class Statistic:
     sd: float
     se: float
     n: int
+
+    def __eq__(self, other: object) -> bool:
+        """Of the same values; a missing number equals another one."""
+        return isinstance(other, Statistic) and self.as_dict() == other.as_dict()
+
+    def __hash__(self) -> int:
+        return hash(tuple(self.as_dict().values()))
 
     @staticmethod
     def of(values: Iterable[float]) -> Statistic:

@@ -25,8 +25,6 @@ COLOURS = {
     "MuJoCo, pyramidal cone": "#7a5ab5",
     "MuJoCo, contact of hulls": "#2a9d8f",
     "MuJoCo, few iterations": "#9bb8d3",
-    "MuJoCo, mm-g-ms": "#4c6b8a",
-    "MuJoCo, mm-g-ms, its own tolerance": "#a06ba8",
     "MuJoCo, mocap plate": "#555555",
     "MuJoCo, discrete integrator": "#888888",
     "MuJoCo, contact of one step": "#bbbbbb",

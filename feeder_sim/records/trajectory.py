@@ -89,7 +89,7 @@ class Frames:
         stored = {name: getattr(self, name).astype(kind) for name, (_, kind, _) in FRAME_FIELDS.items()}
         return Frames(**{name: v if v.dtype == bool else v.astype(float) for name, v in stored.items()})
 
-    def __getitem__(self, rows: slice) -> Frames:
+    def __getitem__(self, rows: slice | NDArray[np.int64]) -> Frames:
         return Frames(*(getattr(self, entry.name)[rows] for entry in fields(self)))
 
     def on_plate(self, plate: PlateArea) -> NDArray[np.bool_]:

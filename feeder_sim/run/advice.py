@@ -50,8 +50,6 @@ def cautions(scene: Scene, engine: Choice) -> list[str]:
         lines.append('contact.model is "compliant": rebounds depend on the step, and resemble no coefficient')
     if settings.cone == "pyramidal" and contact.model == "restitution":
         lines.append('mujoco.cone is "pyramidal": friction rebounds like the normal velocity, drifts are 20 % too fast')
-    if settings.tolerance == "default" and settings.units != "SI":
-        lines.append('mujoco.tolerance is "default": the solver stops before contacts are resolved, 20 % too fast')
     if settings.iterations < FEW_ITERATIONS:
         lines.append(f"mujoco.iterations is {settings.iterations}: contacts of several corners are not resolved")
     if settings.impedance == "default":

@@ -12,7 +12,7 @@ from feeder_sim.errors import InputError, cause_of
 from feeder_sim.machine_code import source_hash
 from feeder_sim.scenario import Scenario, input_files
 
-LIBRARIES = ("mujoco-core", "mujoco", "numpy", "scipy", "numba", "h5py")
+LIBRARIES = ("mujoco", "numpy", "scipy", "numba", "h5py")
 
 
 def library_versions() -> dict[str, str]:

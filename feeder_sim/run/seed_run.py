@@ -307,9 +307,11 @@ class SeedRun:
         removals = Removals.joined([self._history.removals, *block.removals])
         if block.failure:
             block.status = Status.DIVERGED
+        elif self._has_passed(block.frames):
+            block.status = Status.DONE  # whatever it did after that
         elif len(removals) == len(self._scene.parts) and self._scene.scenario.refill is None:
             block.status = Status.LEFT_PLATE if (removals.cause == Cause.LOST).all() else Status.DONE
-        elif self._is_over(self._history.n_frames + len(block.frames)) or self._has_passed(block.frames):
+        elif self._is_over(self._history.n_frames + len(block.frames)):
             block.status = Status.DONE
 
     def _is_over(self, n_frames: int) -> bool:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from feeder_sim.borrow import borrow, borrowed
 from feeder_sim.engines.surface_arrays import SurfaceArrays
-from feeder_sim.machine_code import compiled, entry_point, inlined, uncounted
+from feeder_sim.machine_code import entry_point, inlined, uncounted
 from feeder_sim.plate.compiled import (
     BETA_X,
     BETA_Y,
@@ -129,12 +129,6 @@ def check_states(motion, held, states, everything):
         everything: go on after a violation, and find all depths; else only those that are too large, which saves most
             of the work.
     """
-    return check_frames(motion, held, states, everything)
-
-
-@compiled
-def check_frames(motion, held, states, everything):
-    """`check_states` for compiled functions."""
     n_shapes = held.antinode.shape[0]
     modal, modes = np.empty((2, n_shapes)), np.empty((n_shapes, 3))
     lent = borrow(motion), borrow(held), borrow(states)

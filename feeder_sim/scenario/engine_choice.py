@@ -43,15 +43,14 @@ def choose_engine(scenario: Scenario) -> Choice:
     asks_for_steps = scenario.run.steps_per_period is not None or any(needs_steps(scenario))
     if scenario.run.tolerance_nm is not None or not asks_for_steps:
         method = "exact"
-    stepping: Method = "reaction" if scenario.run.reaction else "mujoco"
     if guide is not None and guide.kind == "slide":
         method = "slide"
     if scenario.run.engine == "mujoco":
-        return Choice("mujoco", stepping, "asked for")
+        return Choice("mujoco", "mujoco", "asked for")
     if scenario.run.engine == "impulse":
         return Choice("impulse", method, "asked for")
     if scenario.contact.model == "compliant":
-        return Choice("mujoco", stepping, "a compliant contact needs its spring-dampers")
+        return Choice("mujoco", "mujoco", "a compliant contact needs its spring-dampers")
     if method == "slide":
         return Choice("impulse", "slide", "one degree of freedom, whose impacts it finds exactly")
     return Choice("impulse", method, "rigid contact, which it covers and is the fastest at")
@@ -117,8 +116,8 @@ def _uncovered_with_reaction(scenario: Scenario, *, in_mujoco: bool) -> Iterator
     for key, drive in scenario.excitations:
         if not drive.ring_up:
             yield f"{key}.ring_up is false, allowed is true with run.reaction = true: it prescribes the motion"
-    if in_mujoco and scenario.mujoco.plate == "mocap":
-        yield 'mujoco.plate is "mocap", allowed is "patch" with run.reaction = true: no force acts on a mocap body'
+    if in_mujoco:
+        yield 'run.engine is "mujoco", allowed is "impulse" with run.reaction = true: its plate does not give way'
 
 
 def uncovered_outline(scenario: Scenario) -> Iterator[str]:

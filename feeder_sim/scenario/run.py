@@ -87,8 +87,7 @@ class MujocoSettings(Table):
     `plate`: a patch with joints, or a mocap body (which has no velocity in contact). `contact_set`: a small sphere at
     every corner, or MuJoCo's own contact of hull and box. `impedance` of contacts: as hard as MuJoCo allows, or its
     default. `tolerance` of the solver: MuJoCo's default, scaled to the part or not. `refsafe = false` keeps time
-    constants below two steps, which MuJoCo otherwise lengthens. `units` are those in which the model is written. The
-    other keys are MuJoCo's options of that name.
+    constants below two steps, which MuJoCo otherwise lengthens. The other keys are MuJoCo's options of that name.
     """
 
     plate: Literal["patch", "mocap"] = "patch"
@@ -100,7 +99,14 @@ class MujocoSettings(Table):
     impedance: Literal["hard", "default"] = "hard"
     tolerance: Literal["scaled", "default"] = "scaled"
     refsafe: Flag = True
-    units: Literal["SI", "mm-g-ms"] = "SI"
+
+    @model_validator(mode="before")
+    @classmethod
+    def _without_units(cls, raw: Any) -> Any:
+        """Scenarios of before wrote out `units = "SI"`, which is all there is now."""
+        if isinstance(raw, dict) and raw.get("units") == "SI":
+            return {key: value for key, value in raw.items() if key != "units"}
+        return raw
 
 
 class Run(Table):

@@ -23,7 +23,7 @@ from feeder_sim.measures.statistic import finite_or_none
 from feeder_sim.plate.mode_shapes import StandingWave, standing_wave
 from feeder_sim.plate.rectangle import RectangularPlate
 from feeder_sim.records.trajectory import Status
-from feeder_sim.run.batch import Ensemble, check_batch, measure_drift
+from feeder_sim.run.batch import Ensemble, check_drifting, measure_drift
 from feeder_sim.run.prepare import prepare
 from feeder_sim.scenario import Scenario, Start, Strip, resolve_material, with_run
 from feeder_sim.scene.scene import GRAVITY
@@ -67,7 +67,7 @@ def check_mapped(scenario: Scenario) -> None:
 
     Raises:
         InputError: the plate is no strip, there is not one drive by an amplitude, the part does not start at a point,
-            or drifts of the scenario cannot be measured without frames.
+            or there is a schedule.
     """
     if not isinstance(scenario.plate, Strip):
         problem = f'is "{scenario.plate.kind}", allowed is "strip" for a map: a standing wave of any frequency'
@@ -80,7 +80,7 @@ def check_mapped(scenario: Scenario) -> None:
         raise InputError(f'is "{scenario.run.stop}", allowed is "passage" for a map', key="run.stop")
     if not scenario.drive[0].amplitude_um:
         raise InputError("is 0, allowed is above 0 for a map, whose durations go by it", key="drive[0].amplitude_um")
-    check_batch(prepare(with_run(scenario, seeds=1)))
+    check_drifting(prepare(with_run(scenario, seeds=1)))
 
 
 def at_point(scenario: Scenario, frequency_hz: float, amplitude_um: float, seeds: int) -> Scenario:

@@ -41,7 +41,6 @@ OTHER_SETTINGS = {
     "impedance": "default",
     "tolerance": "default",
     "refsafe": False,
-    "units": "mm-g-ms",
 }
 
 

@@ -208,7 +208,6 @@ def test_settings_that_another_engine_would_ignore_are_refused(more: str, why: s
     [
         ("in_plane_velocity = false\n", "a third of their speed"),
         ('[mujoco]\ncone = "pyramidal"\n', "20 % too fast"),
-        ('[mujoco]\nunits = "mm-g-ms"\ntolerance = "default"\n', "20 % too fast"),
         ("[mujoco]\niterations = 1\n", "not resolved"),
         ('[contact]\nmodel = "compliant"\ntime_constant_us = 30.0\n', "resemble no coefficient"),
         ('[mujoco]\nimpedance = "default"\n', "creeps"),

@@ -71,7 +71,6 @@ def test_lists_that_are_none_are_refused(text: str) -> None:
         ({"run.stop": "time"}, 'run.stop: is "time", allowed is "passage" for a map'),
         ({"drive[0].amplitude_um": 0.0}, "drive\\[0\\].amplitude_um: is 0"),
         ({"part[0].start": {"kind": "scattered"}, "run.stop": "time"}, "part\\[0\\].start.kind"),
-        ({"run.engine": "mujoco"}, "run.engine"),
     ],
 )
 def test_scenarios_that_cannot_be_mapped_are_refused(scenario: Scenario, changes: dict[str, Any], said: str) -> None:

@@ -16,7 +16,6 @@ from feeder_sim.engines.impulse.reaction import yielding_impact
 from feeder_sim.engines.impulse.reaction.engine import ReactingEngine
 from feeder_sim.engines.impulse.reaction.yielding_contact import LIFTED, TAKEN, WORK
 from feeder_sim.engines.impulse.reaction.yielding_impact import Modes
-from feeder_sim.engines.mujoco.reacting_engine import ReactingMujocoEngine
 from feeder_sim.engines.reaction import reaction_at
 from feeder_sim.records.trajectory import Status
 from feeder_sim.scenario import HexNut, Scenario
@@ -204,26 +203,3 @@ def test_a_heavy_part_lowers_the_amplitude_and_the_guard_stays_calm() -> None:
     engine = ReactingEngine(scene, np.random.default_rng(0))
     engine.advance(200)
     assert np.hypot(*engine.state()["reaction"][1, :2]) > 1e-6
-
-
-@pytest.mark.parametrize("steps", [40, 160])
-def test_mujoco_keeps_the_energy_as_its_step_does(steps: int) -> None:
-    """The first bounce of an elastic ball; MuJoCo's own error of the rebound is proportional to the step."""
-    contact = {"restitution": 1.0, "friction": 0.0}
-    ball = BALL | at(2.0, 1.0)
-    scene = build_scene(on_plate(ball, contact=contact, engine="mujoco", steps_per_period=steps))
-    engine, modes = ReactingMujocoEngine(scene, np.random.default_rng(0)), free_modes(scene.driven)
-    engine._surface.rate.real[-2:] = 0.0
-
-    def energy() -> float:
-        now = engine.current()
-        return scene.parts[0].mass * float(
-            0.5 * now.velocity[0, 0] @ now.velocity[0, 0] + GRAVITY * now.position[0, 0, 2]
-        )
-
-    before = energy()
-    engine.advance(10)
-    z = engine.state()["reaction"]
-    got = 0.5 * float(modes.modal_mass @ (modes.rate.imag * np.hypot(z[:, 0], z[:, 1])) ** 2)
-    assert got > 0.02 * before and z[1, 1] > 0.0  # the antinode in the centre is pushed down
-    assert before - energy() == pytest.approx(got, rel=0.2 / steps)

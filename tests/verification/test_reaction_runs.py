@@ -13,11 +13,9 @@ from pydantic import ValidationError
 from test_reaction import BALL, NUT, PLATE, on_plate
 
 from feeder_sim.engines.impulse.reaction.engine import ReactingEngine
-from feeder_sim.engines.mujoco.reacting_engine import ReactingMujocoEngine
 from feeder_sim.errors import InputError
 from feeder_sim.plate.mode_shapes import RitzShape
 from feeder_sim.records.trajectory import Status
-from feeder_sim.run.batch import measure_drift
 from feeder_sim.run.run_folder import record_run, resume_run
 from feeder_sim.scenario import Scenario, with_run
 from feeder_sim.scene.free_modes import free_modes
@@ -65,17 +63,6 @@ def test_a_run_with_a_break_is_the_same_run(tmp_path: Path, monkeypatch: pytest.
     assert whole.seeds[0].frames.position.tobytes() == resumed.seeds[0].frames.position.tobytes()
 
 
-def test_mujoco_goes_on_to_the_same_bits() -> None:
-    scene = build_scene(CROWD.model_copy(update={"run": CROWD.run.model_copy(update={"engine": "mujoco"})}))
-    one, other = (ReactingMujocoEngine(scene, np.random.default_rng(2)) for _ in range(2))
-    one.advance(5)
-    one.advance(5)
-    state = one.state()
-    other.restore(state)
-    assert one.advance(5).position.tobytes() == other.advance(5).position.tobytes()
-    assert np.hypot(*state["reaction"][1, :2]) > 1e-9
-
-
 RING = [{"frequency_hz": 2797.0, "amplitude_um": 1.0}]
 
 
@@ -90,8 +77,8 @@ RING = [{"frequency_hz": 2797.0, "amplitude_um": 1.0}]
         ),
         ({"drive": [RING[0] | {"ring_up": False}]}, ("drive[0].ring_up", "false", "allowed is true")),
         (
-            {"mujoco": {"plate": "mocap"}, "run": {"duration_s": 0.1, "reaction": True, "engine": "mujoco"}},
-            ("mujoco.plate", "mocap", 'allowed is "patch" with run.reaction'),
+            {"run": {"duration_s": 0.1, "reaction": True, "engine": "mujoco"}},
+            ("run.engine", "mujoco", 'allowed is "impulse" with run.reaction'),
         ),
     ],
 )
@@ -102,11 +89,8 @@ def test_what_cannot_react_is_refused(change: dict[str, Any], words: tuple[str, 
     assert all(word in str(error.value) for word in words)
 
 
-def test_modes_without_mass_and_drifts_without_frames_are_refused() -> None:
-    scenario = on_plate(NUT)
-    with pytest.raises(InputError, match=r"run\.reaction.*allowed is false"):
-        measure_drift([scenario])
-    driven = build_scene(scenario).driven[0]
+def test_modes_without_mass_are_refused() -> None:
+    driven = build_scene(on_plate(NUT)).driven[0]
     assert isinstance(driven.shape, RitzShape)
     unknown = replace(driven.shape.modes, modal_mass=np.full(len(driven.shape.modes), np.nan))
     with pytest.raises(InputError, match=r"no modal mass.*run\.reaction"):

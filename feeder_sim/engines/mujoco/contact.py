@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from feeder_sim.engines.mujoco.units import UNITS
 from feeder_sim.part.rigid_part import RigidPart
 from feeder_sim.scenario import Contact, MujocoSettings
 
@@ -20,11 +19,10 @@ def part_contact(contact: Contact) -> Contact:
 def contact_parameters(
     contact: Contact, timestep: float, settings: MujocoSettings = DEFAULT_SETTINGS
 ) -> dict[str, list[float]]:
-    """MuJoCo's pair attributes for a contact model at a timestep, in the units of the settings."""
-    units = UNITS[settings.units]
+    """MuJoCo's pair attributes for a contact model at a timestep."""
     friction = [contact.friction, contact.friction, 0.0, 0.0, 0.0]
     if contact.time_constant_us is not None:
-        solref, solreffriction = [contact.time_constant_us * 1e-6 * units.time, contact.damping_ratio], [0.0, 0.0]
+        solref, solreffriction = [contact.time_constant_us * 1e-6, contact.damping_ratio], [0.0, 0.0]
     else:
         solref, solreffriction = [0.0, -(1.0 + contact.coefficient) / timestep], [0.0, -1.0 / timestep]
     solimp = HARD if settings.impedance == "hard" else MUJOCO_IMPEDANCE
@@ -32,7 +30,7 @@ def contact_parameters(
         "friction": friction,
         "solref": solref,
         "solreffriction": solreffriction,
-        "solimp": [*solimp[:2], solimp[2] * units.length, *solimp[3:]],
+        "solimp": list(solimp),
     }
 
 

@@ -22,7 +22,6 @@ from numpy.typing import NDArray
 from feeder_sim.engines.impact_log import begin_contact, end_contact, in_contact, new_log, room_for, take_impacts
 from feeder_sim.engines.mujoco.free_flight import flight_of, leap
 from feeder_sim.engines.mujoco.mjcf import build_mjcf
-from feeder_sim.engines.mujoco.units import UNITS, converted
 from feeder_sim.engines.mujoco_library import load_mujoco_symbols, silence_mujoco
 from feeder_sim.engines.surface_arrays import surface_arrays
 from feeder_sim.machine_code import compiled, entry_point
@@ -179,7 +178,6 @@ class MujocoEngine:
         self.model = build_mjcf(scene).compile()
         self.data = mujoco.MjData(self.model)
         self._scene = scene
-        self._units = UNITS[scene.scenario.mujoco.units]
         self._step = 0
         parts = [self.model.joint(part.name) for part in scene.parts]
         guide = scene.guides[0]
@@ -207,8 +205,8 @@ class MujocoEngine:
             mocap_quat=self.data.mocap_quat,
             depth=-float(self.model.body(f"plate_{scene.parts[0].name}").pos[2]),
         )
-        self._surface = surface_arrays(converted(scene).surface, scene.scenario.run)
-        self._flight = flight_of(scene, self._units)
+        self._surface = surface_arrays(scene.surface, scene.scenario.run)
+        self._flight = flight_of(scene)
         self._log = new_log(1)
         self._there = np.ones(len(scene.parts), bool)
         self._last_pose = np.zeros((len(scene.parts), 7))
@@ -219,16 +217,16 @@ class MujocoEngine:
                 self._turn_on_slide(part.name, attitude)
                 self.data.qpos[start] = (pose.position - self.model.body(part.name).pos) @ self._slide.axis
             else:
-                self.data.qpos[start : start + 3] = pose.position * self._units.length
+                self.data.qpos[start : start + 3] = pose.position
                 self.data.qpos[start + 3 : start + 7] = attitude
         if self._slide is None:
             from scipy.spatial.transform import Rotation
 
             for start, pose, attitude in zip(self._part_qvel, self._poses, attitudes, strict=True):
-                self.data.qvel[start : start + 3] = pose.velocity * self._units.length / self._units.time
+                self.data.qvel[start : start + 3] = pose.velocity
                 if pose.angular_velocity.any():  # in the body's own axes
                     turned = Rotation.from_quat(attitude, scalar_first=True)
-                    self.data.qvel[start + 3 : start + 6] = turned.inv().apply(pose.angular_velocity / self._units.time)
+                    self.data.qvel[start + 3 : start + 6] = turned.inv().apply(pose.angular_velocity)
         self.remove(np.array([part for part, pose in enumerate(self._poses) if not pose.present], np.int64))
 
     def _turn_on_slide(self, name: str, quaternion: NDArray[np.float64]) -> None:
@@ -253,7 +251,7 @@ class MujocoEngine:
         if self._at.guided:  # a contact takes a step, and the flight after it another one
             self._log = room_for(self._log, n_frames * scene.steps_per_frame // 2 + 1)
         first = self._step
-        timestep = scene.timestep * self._units.time
+        timestep = scene.timestep
         self._step = self._step_on(timestep, qpos, qvel)
         self.data.time = self._step * timestep
         if self._at.interrupt[0]:
@@ -277,17 +275,17 @@ class MujocoEngine:
         attitudes = self._scene.principal_attitudes_of(parts, [pose.quaternion for pose in poses])
         for part, pose, attitude in zip(parts, poses, attitudes, strict=True):
             start, speed = self._part_qpos[part], self._part_qvel[part]
-            self.data.qpos[start : start + 3] = pose.position * self._units.length
+            self.data.qpos[start : start + 3] = pose.position
             self.data.qpos[start + 3 : start + 7] = attitude
             self.data.qvel[speed : speed + 6] = 0.0
-            self.data.qvel[speed : speed + 3] = pose.velocity * self._units.length / self._units.time
+            self.data.qvel[speed : speed + 3] = pose.velocity
             self.data.qacc_warmstart[speed : speed + 6] = 0.0
         self._there[parts] = True
 
     def redrive(self, scene: Scene) -> None:
         self._scene = scene
-        self._surface = surface_arrays(converted(scene).surface, scene.scenario.run)
-        self._flight = flight_of(scene, self._units)
+        self._surface = surface_arrays(scene.surface, scene.scenario.run)
+        self._flight = flight_of(scene)
 
     def state(self) -> dict[str, NDArray[np.float64]]:
         kind = mujoco.mjtState.mjSTATE_INTEGRATION
@@ -324,10 +322,10 @@ class MujocoEngine:
         turned = Rotation.from_quat(upright.reshape(-1, 4), scalar_first=True).apply(spin.reshape(-1, 3))
         return Frames(
             time=self._times(len(qpos), first_step),
-            position=pose[..., :3] / self._units.length,
+            position=pose[..., :3],
             quaternion=self._scene.attitudes(quaternion),
-            velocity=motion[..., :3] * (self._units.time / self._units.length),
-            angular_velocity=turned.reshape(spin.shape) * self._units.time,
+            velocity=motion[..., :3],
+            angular_velocity=turned.reshape(spin.shape),
             present=np.tile(self._there, (len(qpos), 1)),
         )
 

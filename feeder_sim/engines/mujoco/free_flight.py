@@ -17,7 +17,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from feeder_sim.engines.mujoco.units import Units
 from feeder_sim.machine_code import inlined, uncounted
 from feeder_sim.part.rigid_part import CORNER_RADIUS
 from feeder_sim.scene.scene import GRAVITY, Scene
@@ -26,7 +25,7 @@ ABOVE = 1e-6  # [m] over the crest: a part comes down to it in steps of MuJoCo's
 
 
 class Flight(NamedTuple):
-    """A lone part, in MuJoCo's units.
+    """A lone part.
 
     corners: (n, 3), none where MuJoCo does all steps; radius: around them; reach: from the centre; inertia: principal
     (3,); crest: height above which nothing can be touched.
@@ -40,7 +39,7 @@ class Flight(NamedTuple):
     crest: float
 
 
-def flight_of(scene: Scene, units: Units) -> Flight:
+def flight_of(scene: Scene) -> Flight:
     """The flight of the part of a scene."""
     settings = scene.scenario.mujoco
     alone = len(scene.parts) == 1 and scene.guides[0] is None and not scene.rim and settings.integrator == "euler"
@@ -49,12 +48,12 @@ def flight_of(scene: Scene, units: Units) -> Flight:
     per_metre = antinode[terms.shape] + 2.0 * kind.size * steepest[terms.shape]
     crest = float(np.abs(terms.coefficient) @ per_metre) + ABOVE
     return Flight(
-        corners=units.length * np.asarray(kind.in_principal_axes(kind.corners), float) if alone else np.empty((0, 3)),
-        radius=units.length * (kind.corner_radius or CORNER_RADIUS),
-        reach=units.length * kind.size,
+        corners=np.asarray(kind.in_principal_axes(kind.corners), float) if alone else np.empty((0, 3)),
+        radius=kind.corner_radius or CORNER_RADIUS,
+        reach=kind.size,
         inertia=np.asarray(kind.inertia, float),
-        gravity=GRAVITY * units.length / units.time**2,
-        crest=units.length * crest,
+        gravity=GRAVITY,
+        crest=crest,
     )
 
 

@@ -16,6 +16,7 @@ from __future__ import annotations
 
 import itertools
 import math
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -29,7 +30,6 @@ from feeder_sim.engines.mujoco.contact import (
     part_contact,
     piece_names,
 )
-from feeder_sim.engines.mujoco.units import UNITS, converted
 from feeder_sim.engines.mujoco.walls import add_rim, add_tube, leaning
 from feeder_sim.part.rigid_part import CORNER_RADIUS, LEVEL, RigidPart
 from feeder_sim.plate.surface import Surface
@@ -38,16 +38,13 @@ from feeder_sim.scene.scene import GRAVITY, Scene
 
 PATCH_MASS_RATIO = 1e6  # patch over part: the part moves its patch by a millionth of its own motion
 # MuJoCo stops its solver by a cost scaled with the trace of the inertia matrix, which the heavy patches inflate.
-# Scaled back to the part, this is MuJoCo's own default; with the raw default the drift comes out 20 % too fast or
-# not, depending on the unit system (README, design notes).
+# Scaled back to the part, this is MuJoCo's own default; with the raw default the drift of a model in mm, g and
+# ms came out 20 % too fast.
 SOLVER_TOLERANCE = 1e-8
 
 
 def build_mjcf(scene: Scene) -> Any:
     """Build the MjSpec of a scene: patches first, then parts in order, each with a free joint.
-
-    Args:
-        scene: in SI; the spec is in the units of its MuJoCo settings.
 
     Returns:
         mujoco.MjSpec. Compile it from memory; its `to_xml()` rounds to six digits and is the readable copy.
@@ -55,12 +52,12 @@ def build_mjcf(scene: Scene) -> Any:
     import mujoco
 
     settings = scene.scenario.mujoco
-    units, scene = UNITS[settings.units], converted(scene)
+    scene = _in_principal_axes(scene)
     spec = mujoco.MjSpec()
     spec.modelname = scene.scenario.title or "feeder_sim"
     option = spec.option
     option.timestep = scene.timestep
-    option.gravity = [0.0, 0.0, -GRAVITY * units.length / units.time**2]
+    option.gravity = [0.0, 0.0, -GRAVITY]
     option.cone = getattr(mujoco.mjtCone, f"mjCONE_{settings.cone.upper()}")
     option.integrator = getattr(mujoco.mjtIntegrator, f"mjINT_{settings.integrator.upper()}")
     option.iterations, option.impratio = settings.iterations, settings.impratio
@@ -78,11 +75,10 @@ def build_mjcf(scene: Scene) -> Any:
     for kind in scene.kinds:
         _add_meshes(spec, kind, with_hull=with_hull, with_pieces=with_pieces)
     for number, (part, guide) in enumerate(zip(scene.parts, scene.guides, strict=True)):
-        radius = units.length * CORNER_RADIUS
         kind = scene.kinds[scene.kind_of[number]]
         body = _add_part(spec, part, guide, scene.timestep)
         _add_hulls(body, part, kind, with_hull=with_hull, with_pieces=with_pieces)
-        _add_surface(body, part, kind, radius)
+        _add_surface(body, part, kind)
         _pair_with_patch(spec, scene, part, guide)
         if guide and not guide.slides:
             add_tube(spec, scene, part, guide)
@@ -94,6 +90,22 @@ def build_mjcf(scene: Scene) -> Any:
     if settings.tolerance == "scaled":
         option.tolerance *= part_trace / (part_trace + patch_trace)
     return spec
+
+
+def _in_principal_axes(scene: Scene) -> Scene:
+    """The scene with every part drawn in its principal axes, as MuJoCo has its bodies."""
+    kinds = tuple(
+        replace(
+            kind,
+            corners=kind.in_principal_axes(kind.corners),
+            vertices=kind.in_principal_axes(kind.vertices),
+            principal_axes=np.array(LEVEL),
+            pieces=tuple(kind.in_principal_axes(piece) for piece in kind.pieces),
+        )
+        for kind in scene.kinds
+    )
+    parts = tuple(replace(kinds[kind], name=part.name) for kind, part in zip(scene.kind_of, scene.parts, strict=True))
+    return replace(scene, kinds=kinds, parts=parts)
 
 
 def _draw_surroundings(spec: Any, surface: Surface) -> None:
@@ -216,7 +228,7 @@ def _add_hulls(body: Any, part: RigidPart, kind: RigidPart, *, with_hull: bool, 
         body.add_geom(name=name, type=mesh_geom, meshname=mesh, contype=0, conaffinity=0, group=3)
 
 
-def _add_surface(body: Any, part: RigidPart, kind: RigidPart, radius: float = CORNER_RADIUS) -> None:
+def _add_surface(body: Any, part: RigidPart, kind: RigidPart) -> None:
     """Add the drawn mesh of a part, and a small sphere at each corner; they collide only where a pair says so."""
     import mujoco
 
@@ -229,7 +241,7 @@ def _add_surface(body: Any, part: RigidPart, kind: RigidPart, radius: float = CO
         group=1,
         rgba=[0.85, 0.60, 0.20, 1.0],
     )
-    size = [part.corner_radius or radius, 0.0, 0.0]
+    size = [part.corner_radius or CORNER_RADIUS, 0.0, 0.0]
     sphere = mujoco.mjtGeom.mjGEOM_SPHERE
     for i, corner in enumerate(part.corners):
         body.add_geom(name=corner_name(part, i), type=sphere, size=size, pos=corner, contype=0, conaffinity=0, group=3)

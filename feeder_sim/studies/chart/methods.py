@@ -153,13 +153,6 @@ METHODS = (
     Method("MuJoCo, pyramidal cone", mujoco(cone="pyramidal"), (40, 80), (*DROPS, "drift_8775"), costly=(40,)),
     Method("MuJoCo, contact of hulls", mujoco(contact_set="hull"), (40, 80), (*DROPS, "drift_8775"), costly=(40,)),
     Method("MuJoCo, few iterations", iterations, (1, 3), (*DROPS, "drift_4750"), costly=(1,), sweep="iterations"),
-    Method("MuJoCo, mm-g-ms", mujoco(units="mm-g-ms"), (40,), DROPS),
-    Method(
-        "MuJoCo, mm-g-ms, its own tolerance",
-        mujoco(units="mm-g-ms", tolerance="default"),
-        (40,),
-        (*DROPS, "drift_4750"),
-    ),
     Method(
         "MuJoCo, mocap plate",
         mujoco(plate="mocap"),
