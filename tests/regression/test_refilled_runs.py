@@ -157,7 +157,7 @@ def test_threads_and_a_run_folder_change_nothing(result: Result, tmp_path: Path)
 
 @pytest.mark.parametrize(
     ("engine", "reaction"),
-    [("impulse", False), ("mujoco", False), pytest.param("impulse", True, marks=pytest.mark.slow), ("mujoco", True)],
+    [("impulse", False), ("mujoco", False), pytest.param("impulse", True, marks=pytest.mark.slow)],
 )
 def test_parts_that_are_added_move_as_parts_do(engine: EngineName, reaction: bool) -> None:
     """They fall from where they were let go onto others and the plate, into which nothing sinks; none is in another."""
