@@ -76,5 +76,5 @@ def test_a_crowd_of_hooks_on_a_shaken_plate_does_not_enter_itself(engine: str, c
         crowd = with_parts(scene, of_boxes(boxes))
         frames = advanced(crowd, 150, seed)
         apart = piece_distances(crowd, frames)
-        assert apart.min() > -DEEPEST
+        assert apart.min() > -DEEPEST * (1.0 if engine == "impulse" else 3.0)  # MuJoCo 3.17: 100 um, 4.0: less than 50
         assert (apart < 2e-6).any()  # they do meet
