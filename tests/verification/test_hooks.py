@@ -20,6 +20,9 @@ from feeder_sim.scene.start import Pose
 DEEPEST = 50e-6  # [m] that pieces may be found inside each other at a frame
 HOOK = of_boxes(U_HOOK)
 ENGINES = ("impulse", "mujoco")
+IN_MUJOCO_3 = pytest.mark.xfail(
+    reason="in MuJoCo 3.17 hooks meet too rarely, and enter each other by 100 um", strict=True
+)
 
 
 def plate(count: int, engine: str, *, amplitude_um: float = 0.0, contact: dict[str, float]) -> Scene:
@@ -67,7 +70,7 @@ def test_a_hook_takes_along_another_that_it_is_hooked_into(engine: str, monkeypa
     assert moved > 1e-3 if engine == "impulse" else abs(frames.velocity[-1, 1, 1]) < 0.01 * speed
 
 
-@pytest.mark.parametrize("engine", ENGINES)
+@pytest.mark.parametrize("engine", ["impulse", pytest.param("mujoco", marks=IN_MUJOCO_3)])
 @pytest.mark.parametrize("count", [5, pytest.param(10, marks=pytest.mark.slow)])
 def test_a_crowd_of_hooks_on_a_shaken_plate_does_not_enter_itself(engine: str, count: int) -> None:
     """U and S hooks thrown about by a plate at 0.3 m/s and 100 g, between walls that keep them close."""
@@ -76,5 +79,5 @@ def test_a_crowd_of_hooks_on_a_shaken_plate_does_not_enter_itself(engine: str, c
         crowd = with_parts(scene, of_boxes(boxes))
         frames = advanced(crowd, 150, seed)
         apart = piece_distances(crowd, frames)
-        assert apart.min() > -DEEPEST * (1.0 if engine == "impulse" else 3.0)  # MuJoCo 3.17: 100 um, 4.0: less than 50
-        assert (apart < 2e-6).any()  # they do meet
+        assert apart.min() > -DEEPEST
+        assert (apart < 2e-6).sum() > 0.5 * count  # they do meet
