@@ -19,7 +19,7 @@ import numpy as np
 import typer
 
 from feeder_sim.measures.bounces import expected_interval, flights, impact_tolerance, settling_time
-from feeder_sim.records.impacts import Impacts
+from feeder_sim.records.events import Events
 from feeder_sim.run.simulation import Result, simulate
 from feeder_sim.scenario import Scenario, load_scenario, with_run
 from feeder_sim.scene.scene import GRAVITY
@@ -57,7 +57,7 @@ def rested(result: Result) -> float:
     period = 1.0 / result.prepared.scenario.drive[0].frequency_hz
     least = impact_tolerance(result.prepared) * period
 
-    def share(impacts: Impacts) -> float:
+    def share(impacts: Events) -> float:
         flies = impacts.time[1:] - impacts.until[:-1] >= period
         return float((impacts.until - impacts.time > least)[:-1][flies].mean())
 

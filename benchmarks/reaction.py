@@ -96,7 +96,7 @@ def amplitudes(scenario: Scenario, until: float = math.inf) -> None:
                 engine.advance(max(1, round(LOOK_S / prepared.scene.frame_interval)))
                 if shapes and now + 2.0 * LOOK_S < stage.stop:
                     fallen[number].append(_fall(prepared, engine, shapes[0]))
-            total = float(engine.state()["books"][TAKEN])
+            total = float(engine._books_opened[TAKEN])
             taken[seed, number], books = total - books, total
     for number, stage in enumerate(stages):
         fall = 100.0 * np.array([value for value in fallen[number] if math.isfinite(value)])
@@ -110,13 +110,12 @@ def amplitudes(scenario: Scenario, until: float = math.inf) -> None:
 
 def _fall(prepared: Prepared, engine: ReactingEngine, shape: int) -> float:
     """By what share the amplitude of a mode is below that of its drive alone; NaN before that is half rung up."""
-    state, surface = engine.state(), prepared.scene.surface
-    t = float(state["window"][0])
+    surface, t = prepared.scene.surface, float(engine._span[0])
     drives = surface.terms.phasor(t, surface.n_shapes)[0, shape]
     full = max(drive.amplitude for drive in prepared.scene.drives if drive.shape == shape)
     if abs(drives) < RUNG_UP * full:
         return math.nan
-    reaction = reaction_at(state["reaction"], free_modes(prepared.scene.driven).rate, t)[shape]
+    reaction = reaction_at(engine._reaction_opened, free_modes(prepared.scene.driven).rate, t)[shape]
     return float(1.0 - abs(drives + reaction) / abs(drives))
 
 

@@ -139,16 +139,23 @@ def moving_part(velocity: NDArray[np.float64], momentum: NDArray[np.float64]) ->
 
 
 @contextmanager
-def changing(engine: ImpulseEngine) -> Iterator[dict[str, NDArray[Any]]]:
+def changing(engine: ImpulseEngine) -> Iterator[NDArray[Any]]:
     """The parts of an engine as they were at the begin of its window, to be changed: it goes on from there."""
-    state = engine.state()
+    state = opened(engine)
     yield state
     inertia = engine._kinds.record["inertia"][engine._parts["kind"]]
     rows = np.concatenate([state[name].reshape(len(state[name]), -1) for name in COLUMNS], axis=1)
     spin = np.einsum("pij,pj,pkj,pk->pi", state["attitude"], 1 / inertia, state["attitude"], state["momentum"])
     quaternion = Rotation.from_matrix(state["attitude"]).as_quat(scalar_first=True)
-    state["row"][:] = np.concatenate([rows, quaternion, spin], axis=1)[: len(state["row"])]
-    engine.restore(state)
+    engine._row[:] = np.concatenate([rows, quaternion, spin], axis=1)[: len(engine._row)]
+    engine._parts = state.copy()
+    if not engine._alone and engine._span[1] > engine._span[0]:
+        engine._compute_window(engine._span[1])
+
+
+def opened(engine: ImpulseEngine) -> NDArray[Any]:
+    """The parts of an engine at the begin of the window under way; a single part as it is now."""
+    return engine._parts if engine._alone else engine._opened
 
 
 def hull_distances(scene: Scene, frames: Frames) -> NDArray[np.float64]:

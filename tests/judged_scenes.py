@@ -8,7 +8,7 @@ A scene is a plain dictionary, as a scenario file has it, so that one that fails
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -19,7 +19,7 @@ from invariants import growth
 
 from feeder_sim.errors import InputError
 from feeder_sim.plate.mode_file import read_mode_file
-from feeder_sim.records.counts import NOTHING_COUNTED, Counts
+from feeder_sim.records.seed import Counts
 from feeder_sim.run.simulation import simulate
 from feeder_sim.scenario import Scenario
 from feeder_sim.scenario.tables import validated
@@ -51,7 +51,7 @@ class Finding:
     scene: Raw
     faults: tuple[str, ...]
     wall_s: float
-    counts: Counts = NOTHING_COUNTED
+    counts: Counts = field(default=Counts())
     gain: float = 0.0
 
 

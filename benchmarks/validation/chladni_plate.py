@@ -47,7 +47,7 @@ from feeder_sim.plate.rectangle import RectangularPlate
 from feeder_sim.plate.response import DEFAULT_DAMPING_RATIO
 from feeder_sim.plate.ritz.attachments import Layer
 from feeder_sim.plots.figure import MM, UM, empty_figure
-from feeder_sim.records.trajectory import Status
+from feeder_sim.records.seed import Status
 from feeder_sim.run.batch import measure_drift
 from feeder_sim.scenario import Ball, Contact, CustomMaterial, Drive, PistonPlate, Run, Scenario, Start
 from feeder_sim.scenario.engine_choice import choose_engine

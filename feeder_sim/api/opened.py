@@ -11,11 +11,11 @@ from typing import Any
 
 from feeder_sim.api.result import Result
 from feeder_sim.errors import InputError, path_of_user
-from feeder_sim.records.trajectory import PlateRecord, Recording, Status
+from feeder_sim.records.recording import PlateRecord, Recording
+from feeder_sim.records.seed import Status
 from feeder_sim.records.trajectory_file import TRAJECTORY, recording_of
 from feeder_sim.run.prepare import prepare
 from feeder_sim.run.provenance import changed_inputs
-from feeder_sim.run.recorded_seeds import seeds_of
 from feeder_sim.run.run_folder import RESOLVED, SUMMARY
 from feeder_sim.scenario import Scenario, parse_scenario
 from feeder_sim.scene.prepared import Prepared
@@ -66,9 +66,9 @@ class OpenedRun(Result):
     stored_summary: dict[str, Any] | None
 
     def __init__(self, recording: Recording) -> None:
-        wall_s = max((wall_time.ensemble for wall_time in recording.wall_times), default=0.0)
-        held = {"recording": recording, "seeds": seeds_of(recording), "wall_s": wall_s}
-        for name, value in (held | {"stored_summary": _stored(recording.path.parent / SUMMARY)}).items():
+        stored = _stored(recording.path.parent / SUMMARY)
+        held = {"recording": recording, "seeds": recording.begun, "wall_s": recording.wall_s, "stored_summary": stored}
+        for name, value in held.items():
             object.__setattr__(self, name, value)  # it is frozen
 
     @cached_property

@@ -18,7 +18,7 @@ from feeder_sim.measures.rate import Rate, RateFindings
 from feeder_sim.measures.refills import RefillFindings, Refills
 from feeder_sim.measures.separation import Separation, SeparationFindings
 from feeder_sim.notebook import block
-from feeder_sim.records.trajectory import PlateRecord
+from feeder_sim.records.recording import PlateRecord
 from feeder_sim.run import simulation
 
 if TYPE_CHECKING:
@@ -36,7 +36,7 @@ class Result(simulation.Result):
 
     Attributes:
         prepared: what was simulated.
-        seeds: one `SeedResult` per seed, in order; of a run that was interrupted, the seeds that had begun.
+        seeds: one `Seed` per seed, in order; of a run that was interrupted, the seeds that had begun.
         wall_s: elapsed wall time of the ensemble [s], that before a break included.
     """
 

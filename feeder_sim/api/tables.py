@@ -11,7 +11,7 @@ import numpy as np
 from feeder_sim.errors import InputError, quoted
 from feeder_sim.measures.picks import has_picks, picks_csv
 from feeder_sim.measures.values import values_of_seed
-from feeder_sim.records.removals import Cause
+from feeder_sim.records.events import Cause
 
 if TYPE_CHECKING:
     import pandas

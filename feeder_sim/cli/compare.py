@@ -50,7 +50,7 @@ def _as_json(comparison: Comparison) -> dict[str, Any]:
 
 
 def _run_as_json(run: MeasuredRun) -> dict[str, Any]:
-    from feeder_sim.records.trajectory import Status
+    from feeder_sim.records.seed import Status
 
     seed, seeds = run.seeds
     counts = {"unfinished": Status.UNFINISHED, "failed": Status.DIVERGED}

@@ -131,7 +131,7 @@ def run(
         from feeder_sim.run.run_folder import check_free, fresh_folder, record_run
 
         if out is not None:
-            check_free(out, scenario)
+            check_free(out)
         if dry_run:
             _print_plan(scenario, as_json, inputs or DRAWS)
             return

@@ -1,4 +1,4 @@
-"""Where compiled loops note the contacts of a guided part with the plate; rows as in `Impacts`."""
+"""Where compiled loops note the contacts of a guided part with the plate; rows as of `IMPACTS`."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from feeder_sim.machine_code import compiled
-from feeder_sim.records.impacts import Impacts
+from feeder_sim.records.events import Events, impacts_of
 
 
 class ImpactLog(NamedTuple):
@@ -32,7 +32,7 @@ def room_for(log: ImpactLog, n: int) -> ImpactLog:
     return log._replace(rows=np.concatenate([log.rows, np.empty((n - free, 4))]))
 
 
-def take_impacts(log: ImpactLog, *, end: bool, over: tuple[float, float] | None = None) -> Impacts:
+def take_impacts(log: ImpactLog, *, end: bool, over: tuple[float, float] | None = None) -> Events:
     """Empty the log; at the `end` of a run also of the contact under way.
 
     over: end [s] and departure velocity [m/s] of the contact under way, where it is known to have ended.
@@ -46,7 +46,7 @@ def take_impacts(log: ImpactLog, *, end: bool, over: tuple[float, float] | None 
     if end and np.isfinite(log.current[0]):
         rows = np.concatenate([rows, [[log.current[0], np.inf, log.current[1], np.nan]]])
     log.filled[0] = 0
-    return Impacts.of_rows(rows)
+    return impacts_of(rows)
 
 
 @compiled

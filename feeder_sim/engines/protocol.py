@@ -9,11 +9,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 if TYPE_CHECKING:
-    from feeder_sim.records.counts import Counts
-    from feeder_sim.records.impacts import Impacts
+    from feeder_sim.records.events import Events
+    from feeder_sim.records.seed import Counts
     from feeder_sim.records.trajectory import Frames
     from feeder_sim.scene.scene import Scene
     from feeder_sim.scene.start import Pose
+
+
+ENDED, WHOLE = range(2)  # of an interrupt
+
+
+def new_interrupt() -> NDArray[np.int64]:
+    """What ends the computation of frames from another thread, and shows it how far they are, shape (2,).
+
+    ENDED: not 0 as soon as the computation is to end where it is; WHOLE: frames that are whole of those under way.
+    """
+    return np.zeros(2, np.int64)
 
 
 class Engine(Protocol):
@@ -46,8 +57,7 @@ class Engine(Protocol):
             scene: what is advanced.
             rng: draws the start.
             threads: that may be used, which must not change the result.
-            interrupt: (1,); as soon as another thread makes it other than 0, `advance` returns without a result, and
-                the engine goes on from a state that is restored.
+            interrupt: see `new_interrupt`; without one nobody ends `advance` before its time.
         """
         ...
 
@@ -56,7 +66,7 @@ class Engine(Protocol):
         ...
 
     def advance(self, n_frames: int) -> Frames:
-        """Step on and return the next `n_frames` frames."""
+        """Step on and return the next `n_frames` frames; those that are whole where it is interrupted, and then no more."""
         ...
 
     def remove(self, parts: NDArray[np.int64]) -> None:
@@ -71,14 +81,6 @@ class Engine(Protocol):
         """Go on in the same scene with other times at which drives stop from now on."""
         ...
 
-    def state(self) -> dict[str, NDArray[np.float64]]:
-        """All that the engine goes on from; copies."""
-        ...
-
-    def restore(self, state: dict[str, NDArray[np.float64]]) -> None:
-        """Go on from a state of the same scene, bit by bit as if there had been no break."""
-        ...
-
-    def take_impacts(self, *, end: bool) -> Impacts:
+    def take_impacts(self, *, end: bool) -> Events:
         """Contacts of a guided part with the plate since the last call; at the `end` also the one under way."""
         ...

@@ -25,8 +25,8 @@ from feeder_sim.feeder.poses import Poses, poses_of
 from feeder_sim.measures.picking import pickable
 from feeder_sim.measures.protocol import labelled
 from feeder_sim.notebook import block, counted, line
-from feeder_sim.records.removals import Cause
-from feeder_sim.records.trajectory import Status
+from feeder_sim.records.events import Cause, parts_removed
+from feeder_sim.records.seed import Status
 from feeder_sim.run.open_run import OpenRun
 from feeder_sim.run.run_folder import check_free, record_ended
 from feeder_sim.run.simulation import Result, compile_engine
@@ -120,12 +120,12 @@ class Feeder:
     @property
     def picked(self) -> NDArray[np.int64]:
         """Numbers of the parts picked so far, in order; after a refill a number may come again."""
-        return self._run.removals.parts(Cause.PICKED)
+        return parts_removed(self._run.removals, Cause.PICKED)
 
     @property
     def lost(self) -> NDArray[np.int64]:
         """Numbers of the parts lost over the edge of the plate so far, in order."""
-        return self._run.removals.parts(Cause.LOST)
+        return parts_removed(self._run.removals, Cause.LOST)
 
     def poses(self) -> Poses:
         """Where the parts on the plate are now, and how they lie."""

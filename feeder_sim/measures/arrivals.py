@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 from feeder_sim.measures.found import Found
 from feeder_sim.measures.protocol import Measure, labelled
 from feeder_sim.measures.statistic import Statistic
-from feeder_sim.records.trajectory import SAME_TIME, Frames, Record, SeedRecord, Status
+from feeder_sim.records.seed import Seed, Status
+from feeder_sim.records.trajectory import SAME_TIME, Frames
 from feeder_sim.scene.prepared import Prepared
 from feeder_sim.scene.scene import Scene
 
@@ -90,10 +91,10 @@ class Arrivals(Measure[ArrivalFindings, SeedArrivals]):
     def applies(self, prepared: Prepared) -> bool:
         return prepared.scenario.goal is not None
 
-    def reader(self, prepared: Prepared) -> Callable[[SeedRecord], SeedArrivals]:
+    def reader(self, prepared: Prepared) -> Callable[[Seed], SeedArrivals]:
         scene = prepared.scene
 
-        def read(seed: SeedRecord) -> SeedArrivals:
+        def read(seed: Seed) -> SeedArrivals:
             way = 1e3 * (_mean_place(scene, seed.frames, -1) - _mean_place(scene, seed.frames, 0))
             return SeedArrivals(
                 arrived=arrived(scene, seed.frames),
@@ -142,7 +143,7 @@ def arrived(scene: Scene, frames: Frames) -> NDArray[np.bool_]:
     return np.asarray(frames[slice(-1, None)].on_plate(scene.surface)[0] & (distance <= goal.within_mm))
 
 
-def arrival_time(scene: Scene, seed: Record) -> float:
+def arrival_time(scene: Scene, seed: Seed) -> float:
     """End of the schedule [s] in a seed whose parts all arrived; NaN in others.
 
     Raises:
@@ -157,7 +158,7 @@ def _mean_place(scene: Scene, frames: Frames, row: int) -> NDArray[np.float64]:
     return frames.position[row, on_plate, :2].mean(axis=0) if on_plate.any() else np.full(2, np.nan)
 
 
-def _stage_ends(scene: Scene, seed: SeedRecord) -> tuple[StageEnd | None, ...]:
+def _stage_ends(scene: Scene, seed: Seed) -> tuple[StageEnd | None, ...]:
     """The ends of all stages in one seed; None where the seed ended before, since all parts had left the plate."""
     ends: list[StageEnd | None] = []
     for planned, stage in zip(scene.times.stages, scene.stages(seed.stops.tolist()), strict=True):

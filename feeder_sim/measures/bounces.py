@@ -29,8 +29,8 @@ from numpy.typing import NDArray
 from feeder_sim.measures.found import Found
 from feeder_sim.measures.protocol import Measure, labelled
 from feeder_sim.measures.statistic import Statistic
-from feeder_sim.records.impacts import Impacts
-from feeder_sim.records.trajectory import SeedRecord
+from feeder_sim.records.events import Events
+from feeder_sim.records.seed import Seed
 from feeder_sim.scene.prepared import Prepared
 from feeder_sim.scene.scene import GRAVITY, Scene
 from feeder_sim.scene.timetable import timed
@@ -83,7 +83,7 @@ class Flights:
     impact_speed: NDArray[np.float64]
 
 
-def flights(impacts: Impacts, plate_period: float, deceleration: float, *, after: float = 0.0) -> Flights:
+def flights(impacts: Events, plate_period: float, deceleration: float, *, after: float = 0.0) -> Flights:
     """The flights of one seed that count.
 
     Args:
@@ -99,7 +99,7 @@ def flights(impacts: Impacts, plate_period: float, deceleration: float, *, after
     return Flights(interval[counts], height[counts], contacts.approach_speed[1:][counts])
 
 
-def motion(impacts: Impacts, plate_period: float, tolerance: float, *, end: float) -> str:
+def motion(impacts: Events, plate_period: float, tolerance: float, *, end: float) -> str:
     """Name the motion at the end of one seed.
 
     Args:
@@ -165,11 +165,11 @@ class Bounces(Measure[BounceFindings, SeedBounces]):
     def applies(self, prepared: Prepared) -> bool:
         return prepared.scene.guides[0] is not None
 
-    def reader(self, prepared: Prepared) -> Callable[[SeedRecord], SeedBounces]:
+    def reader(self, prepared: Prepared) -> Callable[[Seed], SeedBounces]:
         scene = prepared.scene
         plate_period, tolerance = _plate_period(scene), impact_tolerance(prepared)
 
-        def read(seed: SeedRecord) -> SeedBounces:
+        def read(seed: Seed) -> SeedBounces:
             (found,) = seed_flights(scene, [seed.impacts])
             return SeedBounces(found, motion(seed.impacts, plate_period, tolerance, end=float(seed.frames.time[-1])))
 
@@ -197,7 +197,7 @@ class Bounces(Measure[BounceFindings, SeedBounces]):
         return [*lines, labelled("motion", motions)]
 
 
-def seed_flights(scene: Scene, seeds: Sequence[Impacts]) -> list[Flights]:
+def seed_flights(scene: Scene, seeds: Sequence[Events]) -> list[Flights]:
     """The flights that count, for every seed of a scene with a guide."""
     guide, after = scene.guides[0], settling_time(scene)
     deceleration = guide.deceleration(GRAVITY)[0] if guide and guide.slides else GRAVITY

@@ -17,7 +17,8 @@ from feeder_sim.measures.protocol import Measure, labelled
 from feeder_sim.measures.scene_memory import once_for_scene
 from feeder_sim.measures.statistic import Statistic
 from feeder_sim.plate.wave import Track, Wave, crest_track, still_points
-from feeder_sim.records.trajectory import Frames, SeedRecord, Status
+from feeder_sim.records.seed import Seed, Status
+from feeder_sim.records.trajectory import Frames
 from feeder_sim.scene.prepared import Prepared
 from feeder_sim.scene.scene import Scene
 from feeder_sim.scene.timetable import TimedStage
@@ -171,7 +172,7 @@ class Circulation(Measure[WaveFindings, SeedWaves]):
         stages = {stage.excitations: stage for stage in scene.times.stages}  # each set of excitations once
         return any(wave_of(scene, stage) is not None for stage in stages.values())
 
-    def reader(self, prepared: Prepared) -> Callable[[SeedRecord], SeedWaves]:
+    def reader(self, prepared: Prepared) -> Callable[[Seed], SeedWaves]:
         waves = stage_waves(prepared.scene)
         return lambda seed: tuple(_on_wave(prepared.scene, wave, seed) for wave in waves)
 
@@ -205,7 +206,7 @@ def describe(wave: StageWave) -> WaveDescription:
     )
 
 
-def _on_wave(scene: Scene, wave: StageWave, seed: SeedRecord) -> OnWave | None:
+def _on_wave(scene: Scene, wave: StageWave, seed: Seed) -> OnWave | None:
     """The parts of one seed on the wave of a stage; None if the seed ended before the stage."""
     stage, frames = scene.stages(seed.stops.tolist())[wave.number], seed.frames
     if frames.time[-1] <= stage.stop - scene.frame_interval:

@@ -18,7 +18,8 @@ from numpy.typing import NDArray
 from feeder_sim.measures.found import Found
 from feeder_sim.measures.protocol import Measure, labelled
 from feeder_sim.measures.statistic import Statistic
-from feeder_sim.records.trajectory import Frames, SeedRecord
+from feeder_sim.records.seed import Seed
+from feeder_sim.records.trajectory import Frames
 from feeder_sim.scene.cell import PASSAGE_FROM, PASSAGE_TO, Cell
 from feeder_sim.scene.prepared import Prepared
 
@@ -68,10 +69,10 @@ class Drift(Measure[DriftFindings, SeedDrift]):
     def applies(self, prepared: Prepared) -> bool:
         return prepared.scenario.schedule is None
 
-    def reader(self, prepared: Prepared) -> Callable[[SeedRecord], SeedDrift]:
+    def reader(self, prepared: Prepared) -> Callable[[Seed], SeedDrift]:
         cell = prepared.cell
 
-        def read(seed: SeedRecord) -> SeedDrift:
+        def read(seed: Seed) -> SeedDrift:
             speed = transport_speed(seed.frames, cell) if cell else math.nan
             return SeedDrift(speed, drift_velocity(seed.frames), highest_rise(seed.frames))
 

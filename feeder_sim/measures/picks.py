@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from feeder_sim.part.stable_poses import NONE
-from feeder_sim.records.removals import Cause
-from feeder_sim.records.trajectory import Record, SeedRecord
+from feeder_sim.records.events import Cause
+from feeder_sim.records.seed import Seed
 from feeder_sim.scenario import Robot
 from feeder_sim.scene.scene import Scene
 from feeder_sim.scene.timetable import TimedStage
@@ -44,7 +44,7 @@ class Picks:
     yaw: NDArray[np.float64]
 
 
-def pick_stages(scene: Scene, record: Record) -> list[TimedStage]:
+def pick_stages(scene: Scene, record: Seed) -> list[TimedStage]:
     """The stages of a seed with a pick at their end; a program that picks by hand looks at the end of every stage."""
     stages = scene.stages(record.stops.tolist())
     return [stage for stage in stages if stage.picks or (picks_by_hand(scene) and stage.cycle)]
@@ -66,7 +66,7 @@ def has_picks(scene: Scene) -> bool:
     return picks_by_hand(scene) or any(stage.picks for stage in scene.times.stages)
 
 
-def picks_of(scene: Scene, seed: SeedRecord) -> Picks:
+def picks_of(scene: Scene, seed: Seed) -> Picks:
     """The picks of one seed."""
     if seed.readings is not None:  # its frames were dropped
         picks: Picks = seed.readings[picks_of.__name__]
@@ -105,7 +105,7 @@ def _lying(
     return pose, yaw
 
 
-def picks_csv(scene: Scene, seeds: Sequence[SeedRecord]) -> str:
+def picks_csv(scene: Scene, seeds: Sequence[Seed]) -> str:
     """All picks of all seeds as the text of a CSV file, a line each."""
     written = io.StringIO()
     writer = csv.writer(written, lineterminator="\n")

@@ -12,8 +12,8 @@ from feeder_sim.measures.found import Found
 from feeder_sim.measures.protocol import Measure, labelled
 from feeder_sim.measures.statistic import Statistic
 from feeder_sim.part.stable_poses import NONE
-from feeder_sim.records.removals import Cause
-from feeder_sim.records.trajectory import SeedRecord, Status
+from feeder_sim.records.events import Cause, parts_arrived
+from feeder_sim.records.seed import Seed, Status
 from feeder_sim.scene.prepared import Prepared
 from feeder_sim.scene.scene import Scene
 
@@ -75,7 +75,7 @@ class Poses(Measure[PoseFindings, "SeedPoses"]):
         many = prepared.scenario.schedule is not None or len(scene.parts) > 1
         return many and not prepared.scenario.run.planar and any(table.poses for table in scene.poses)
 
-    def reader(self, prepared: Prepared) -> Callable[[SeedRecord], SeedPoses]:
+    def reader(self, prepared: Prepared) -> Callable[[Seed], SeedPoses]:
         scene = prepared.scene
         return lambda seed: SeedPoses(scene, seed)
 
@@ -103,7 +103,7 @@ def _percent(share: Statistic) -> str:
 class SeedPoses:
     """What is read of a seed: the pose of every part at the end of each stage reached, and at its pick."""
 
-    def __init__(self, scene: Scene, seed: SeedRecord) -> None:
+    def __init__(self, scene: Scene, seed: Seed) -> None:
         frames, removals = seed.frames, seed.removals
         stages = scene.stages(seed.stops.tolist())
         self.end = [s.end for s in stages if s.end <= float(frames.time[-1]) + scene.frame_interval]
@@ -112,7 +112,7 @@ class SeedPoses:
         self.before: NDArray[np.int64] = scene.pose_numbers(frames.quaternion[np.append(0, rows)[:-1]])
         times = np.append(-np.inf, frames.time[rows])
         for n in range(len(rows)):  # a part that came after the stage before has not changed
-            came = seed.arrivals.parts(start=times[n], end=times[n + 1])
+            came = parts_arrived(seed.arrivals, start=times[n], end=times[n + 1])
             self.before[n, came] = self.number[n, came]
         self.there = np.array([frames[slice(row, row + 1)].on_plate(scene.surface)[0] for row in rows], bool)
         picked = removals.cause == Cause.PICKED

@@ -13,7 +13,7 @@ from functools import cached_property
 from typing import Any, Generic, TypeVar
 
 from feeder_sim.measures.statistic import Statistic
-from feeder_sim.records.trajectory import SeedRecord, Status
+from feeder_sim.records.seed import Seed, Status
 from feeder_sim.scene.prepared import Prepared
 
 Findings = TypeVar("Findings")
@@ -37,7 +37,7 @@ class Measure(ABC, Generic[Findings, Reading]):
         """Whether the measure has a meaning for a scene."""
 
     @abstractmethod
-    def reader(self, prepared: Prepared) -> Callable[[SeedRecord], Reading]:
+    def reader(self, prepared: Prepared) -> Callable[[Seed], Reading]:
         """A function that reads from all frames of a seed what the measure needs of it; threads may share it."""
 
     @abstractmethod
@@ -48,7 +48,7 @@ class Measure(ABC, Generic[Findings, Reading]):
     def lines(self, prepared: Prepared, findings: Findings) -> list[str]:
         """The findings as lines of label and value; see `labelled`."""
 
-    def compute(self, prepared: Prepared, seeds: Sequence[SeedRecord]) -> Findings:
+    def compute(self, prepared: Prepared, seeds: Sequence[Seed]) -> Findings:
         """Measure an ensemble; seeds that do not count are left out."""
         read = SeedReader(self, prepared)
         readings = [read(seed) for seed in seeds]
@@ -62,10 +62,10 @@ class SeedReader(Generic[Reading]):
         self._measure, self._prepared = measure, prepared
 
     @cached_property
-    def _read(self) -> Callable[[SeedRecord], Reading]:
+    def _read(self) -> Callable[[Seed], Reading]:
         return self._measure.reader(self._prepared)  # which may take long, and is not always needed
 
-    def __call__(self, seed: SeedRecord) -> Reading | None:
+    def __call__(self, seed: Seed) -> Reading | None:
         """The reading; None for a seed that does not count."""
         if seed.readings is not None:
             reading: Reading | None = seed.readings[name_of(self._measure)]

@@ -17,7 +17,7 @@ from feeder_sim.measures.found import Found
 from feeder_sim.measures.picks import IN_NO_POSE, Picks, pick_stages, picks_by_hand, picks_of, robot_of
 from feeder_sim.measures.protocol import Measure, labelled
 from feeder_sim.measures.statistic import Statistic
-from feeder_sim.records.trajectory import SeedRecord, Status
+from feeder_sim.records.seed import Seed, Status
 from feeder_sim.scene.prepared import Prepared
 from feeder_sim.scene.scene import Scene
 
@@ -101,10 +101,10 @@ class Rate(Measure[RateFindings, SeedRate]):
         scene = prepared.scene
         return picks_by_hand(scene) or any(bool(stage.picks) for stage in scene.times.stages if stage.cycle)
 
-    def reader(self, prepared: Prepared) -> Callable[[SeedRecord], SeedRate]:
+    def reader(self, prepared: Prepared) -> Callable[[Seed], SeedRate]:
         scene = prepared.scene
 
-        def read(seed: SeedRecord) -> SeedRate:
+        def read(seed: Seed) -> SeedRate:
             picks = picks_of(scene, seed)
             return SeedRate(picks, clock_of(scene, seed, picks))
 
@@ -154,7 +154,7 @@ def first_cycle(scene: Scene) -> int:
     return 2 if scene.scenario.refill and scene.times.stages[-1].cycle > 1 else 1
 
 
-def clock_of(scene: Scene, seed: SeedRecord, picks: Picks) -> Clock:
+def clock_of(scene: Scene, seed: Seed, picks: Picks) -> Clock:
     """Where the time of one seed has gone, in the stages of the cycles that count and that it came to the end of."""
     robot, reached = robot_of(scene), float(seed.frames.time[-1]) + scene.frame_interval
     first = first_cycle(scene)

@@ -11,8 +11,8 @@ from feeder_sim.measures.found import Found
 from feeder_sim.measures.picks import picks_by_hand
 from feeder_sim.measures.protocol import Measure, labelled
 from feeder_sim.measures.statistic import Statistic
-from feeder_sim.records.removals import Cause
-from feeder_sim.records.trajectory import SeedRecord
+from feeder_sim.records.events import Cause, parts_removed
+from feeder_sim.records.seed import Seed
 from feeder_sim.scene.prepared import Prepared
 from feeder_sim.scene.refill import refill_frames, wanted
 from feeder_sim.scene.scene import Scene
@@ -48,7 +48,7 @@ class Refills(Measure[RefillFindings, SeedRefills]):
     def applies(self, prepared: Prepared) -> bool:
         return prepared.scenario.refill is not None
 
-    def reader(self, prepared: Prepared) -> Callable[[SeedRecord], SeedRefills]:
+    def reader(self, prepared: Prepared) -> Callable[[Seed], SeedRefills]:
         scene = prepared.scene
         return lambda seed: SeedRefills(len(np.unique(seed.arrivals.cycle)), len(seed.arrivals), asked(scene, seed))
 
@@ -68,7 +68,7 @@ class Refills(Measure[RefillFindings, SeedRefills]):
         return [labelled("refilled", f"{text}, n = {findings.refills.n} seeds")]
 
 
-def asked(scene: Scene, seed: SeedRecord) -> int:
+def asked(scene: Scene, seed: Seed) -> int:
     """How many parts all refills of a seed were to bring; of those by hand nothing but what came is known."""
     if picks_by_hand(scene):
         return len(seed.arrivals)
@@ -78,6 +78,6 @@ def asked(scene: Scene, seed: SeedRecord) -> int:
         if frame < len(frames):
             left = frames[slice(frame, frame + 1)].on_plate(scene.surface)[0]
             time = float(frames.time[frame])
-            left[seed.removals.parts(Cause.PICKED, start=time - half, end=time + half)] = False
+            left[parts_removed(seed.removals, Cause.PICKED, start=time - half, end=time + half)] = False
             number += wanted(scene, int(left.sum()))
     return number

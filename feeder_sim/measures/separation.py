@@ -18,8 +18,9 @@ from feeder_sim.measures.picking import nearest_neighbours
 from feeder_sim.measures.protocol import Measure, labelled
 from feeder_sim.measures.stage_lines import StageLines, stage_lines
 from feeder_sim.measures.statistic import Statistic
-from feeder_sim.records.removals import Cause
-from feeder_sim.records.trajectory import Frames, Record, SeedRecord, Status
+from feeder_sim.records.events import Cause, parts_arrived, parts_removed
+from feeder_sim.records.seed import Seed, Status
+from feeder_sim.records.trajectory import Frames
 from feeder_sim.scene.prepared import Prepared
 from feeder_sim.scene.scene import Scene
 from feeder_sim.scene.timetable import TimedStage
@@ -57,7 +58,7 @@ class StageReport:
     nearest_mm: float
 
 
-def stage_reports(scene: Scene, lines: StageLines, record: Record) -> list[StageReport]:
+def stage_reports(scene: Scene, lines: StageLines, record: Seed) -> list[StageReport]:
     """Counts at the end of every stage that the run has reached, for one seed."""
     frames, reports = record.frames, []
     stages = scene.stages(record.stops.tolist())
@@ -88,7 +89,7 @@ def _stages_to_first_pick(stages: Sequence[TimedStage]) -> set[int]:
 def _report(
     scene: Scene,
     lines: StageLines,
-    record: Record,
+    record: Seed,
     number: int,
     stage: TimedStage,
     row: int,
@@ -118,7 +119,7 @@ def _report(
     for driven in cycle:
         dead &= lines.near(driven, points, DEAD_POSITION)
     came = np.zeros(len(position), bool)
-    came[record.arrivals.parts(start=start, end=end)] = True
+    came[parts_arrived(record.arrivals, start=start, end=end)] = True
     return StageReport(
         end_s=stage.end,
         on_plate=int(on_plate.sum()),
@@ -127,8 +128,8 @@ def _report(
         on_nodal_line=int(lines.near(number, points, ON_LINE).sum()),
         dead=int(dead.sum()),
         flipped=int((_side_up(frames, row) != _side_up(frames, before or 0))[on_plate & ~came].sum()),
-        picked=len(removals.parts(Cause.PICKED, start=start, end=end)),
-        lost=len(removals.parts(Cause.LOST, start=start, end=end)),
+        picked=len(parts_removed(removals, Cause.PICKED, start=start, end=end)),
+        lost=len(parts_removed(removals, Cause.LOST, start=start, end=end)),
         nearest_mm=1e3 * float(np.median(nearest)) if len(points) > 1 else float("nan"),
     )
 
@@ -199,11 +200,11 @@ class Separation(Measure[SeparationFindings, SeedSeparation]):
     def applies(self, prepared: Prepared) -> bool:
         return prepared.scenario.schedule is not None or len(prepared.scene.parts) > 1
 
-    def reader(self, prepared: Prepared) -> Callable[[SeedRecord], SeedSeparation]:
+    def reader(self, prepared: Prepared) -> Callable[[Seed], SeedSeparation]:
         scene = prepared.scene
         lines = stage_lines(scene)
 
-        def read(seed: SeedRecord) -> SeedSeparation:
+        def read(seed: Seed) -> SeedSeparation:
             picked, lost = (float((seed.removals.cause == cause).sum()) for cause in (Cause.PICKED, Cause.LOST))
             return SeedSeparation(stage_reports(scene, lines, seed), picked, lost)
 

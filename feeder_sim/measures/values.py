@@ -8,14 +8,14 @@ from typing import Any
 
 from feeder_sim.measures.catalogue import MEASURES
 from feeder_sim.measures.protocol import as_json
-from feeder_sim.records.trajectory import SeedRecord
+from feeder_sim.records.seed import Seed
 from feeder_sim.scene.prepared import Prepared
 
 _STATISTIC = {"mean", "sd", "se", "n"}
 _LABELS = ("kind", "pose")  # of entries that have no number of their own
 
 
-def values_of_seed(prepared: Prepared, seed: SeedRecord) -> dict[str, float]:
+def values_of_seed(prepared: Prepared, seed: Seed) -> dict[str, float]:
     """All measures of one seed that are means over seeds, as numbers; NaN where the seed has no value.
 
     The mean of a number over seeds is the mean that the measure itself finds for them.
@@ -28,7 +28,7 @@ def names_of_measures(prepared: Prepared) -> list[str]:
     return list(_values_over(prepared, []))
 
 
-def _values_over(prepared: Prepared, seeds: Sequence[SeedRecord]) -> dict[str, float]:
+def _values_over(prepared: Prepared, seeds: Sequence[Seed]) -> dict[str, float]:
     found: dict[str, float] = {}
     for measure in MEASURES:
         if measure.applies(prepared):

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from feeder_sim.errors import InputError
 from feeder_sim.measures.bounces import batched, seed_flights
 from feeder_sim.measures.statistic import Statistic
-from feeder_sim.records.trajectory import Recording
+from feeder_sim.records.recording import Recording
 from feeder_sim.scenario import parse_scenario
 from feeder_sim.scene.scene import build_scene
 

@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 from feeder_sim.plots.figure import MM
 from feeder_sim.plots.intervals import COLOURS, thinned
 from feeder_sim.plots.outline import cut_to_plate
-from feeder_sim.records.trajectory import Frames, PartRecord, PlateRecord
+from feeder_sim.records.recording import PartRecord, PlateRecord
+from feeder_sim.records.trajectory import Frames
 
 PICKED = "#009e50"  # of the ring around a part that is picked
 STRETCHED = 8.0  # length over width of a plate, or the other way round, from which on its picture is stretched

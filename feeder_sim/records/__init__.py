@@ -1,1 +1,1 @@
-"""What a run leaves behind: frames, impacts, removals, checkpoints, last states, and their files."""
+"""What a run leaves behind: frames, events, last states, and their files."""

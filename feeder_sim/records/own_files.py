@@ -3,25 +3,17 @@
 from __future__ import annotations
 
 import errno
-import re
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
 from feeder_sim.errors import InputError, not_written
 
-CHECKPOINTS, INPUTS = "checkpoints", "inputs"  # folders in a run folder
+RUN = "run.json"  # written first: a folder is that of a run if it has one
+INPUTS = "inputs"  # folder in a run folder
 LOCK = ".lock"
 NO_LOCKS = (errno.ENOSYS, errno.ENOLCK, errno.EOPNOTSUPP, errno.ENOTSUP)  # what network file systems say
-_OWN = re.compile(
-    rf"(trajectory\.h5|replay(_seed_\d+)?\.rrd|summary\.json|picks\.csv|scenario\.toml|scene\.xml|seed_\d+\.npz|failure_seed_\d+(_\d+)?\.npz"
-    rf"|{CHECKPOINTS}|{INPUTS})(\.new|\.partial)?|{re.escape(LOCK)}"
-)
-
-
-def is_own(name: str) -> bool:
-    """Whether a run gives this name to a file, or to a folder, in its folder."""
-    return _OWN.fullmatch(name) is not None
+OWN = ("trajectory.h5", "replay*.rrd", "summary.json", "picks.csv", "scenario.toml", "scene.xml", "failure_seed_*.npz")
 
 
 def check_no_links(folder: Path) -> None:
@@ -30,9 +22,9 @@ def check_no_links(folder: Path) -> None:
     Raises:
         InputError: a link by the name of a file of the run, or anywhere among its inputs.
     """
-    for inside in (folder, folder / CHECKPOINTS, folder / INPUTS):
-        for path in sorted(inside.iterdir()) if inside.is_dir() else ():
-            if path.is_symlink() and (is_own(path.name) or inside.name == INPUTS):
+    for name in (RUN, LOCK, INPUTS, *OWN, *(f"{own}.*" for own in OWN), f"{INPUTS}/*"):
+        for path in sorted(folder.glob(name)):
+            if path.is_symlink():
                 raise InputError("is a link, allowed is a file of the run itself", file=path)
 
 

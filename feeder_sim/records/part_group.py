@@ -8,7 +8,7 @@ import numpy as np
 
 from feeder_sim.hdf5_text import put_array
 from feeder_sim.part.stable_poses import PoseTable, StablePose, pose_names
-from feeder_sim.records.trajectory import PartRecord
+from feeder_sim.records.recording import PartRecord
 
 
 def write_part(file: Any, part: PartRecord) -> None:

@@ -10,7 +10,7 @@ import numpy as np
 from feeder_sim.hdf5_text import put_array, put_text
 from feeder_sim.plate.drive import ModalDrive
 from feeder_sim.plate.outline_group import read_outline, write_outline
-from feeder_sim.records.trajectory import PlateRecord
+from feeder_sim.records.recording import PlateRecord
 
 DRIVE_FIELDS = {
     "shape": "1",

@@ -18,12 +18,12 @@ Layout, schema version 4 (SI units, in the `unit` attribute of every dataset):
     /parts/NAME/poses/height, chance, yaws    of every stable pose, from A on
     /parts/NAME/poses/pose, down, attitude    (k,), (k, 3), (k, 4): directions that point down in a pose; see PoseTable
     /seeds/NNN/time, position, quaternion, velocity, angular_velocity, present, status
-    /seeds/NNN/unresolved_impacts, late_contacts, budgets_spent  (1,)   see feeder_sim.records.counts
+    /seeds/NNN/unresolved_impacts, late_contacts, budgets_spent  (1,)   see feeder_sim.records.seed
     /seeds/NNN/wall_time  (2,)                of the seed, and of the ensemble when that was noted
-    /seeds/NNN/removals/time, part, cause   of parts picked or lost; see feeder_sim.removals
-    /seeds/NNN/arrivals/time, part, cycle, height   of parts that came with a refill; see feeder_sim.records.arrivals
+    /seeds/NNN/removals/time, part, cause   of parts picked or lost; see feeder_sim.records.events
+    /seeds/NNN/arrivals/time, part, cycle, height   of parts that came with a refill
     /seeds/NNN/stops      (s,)                when the drives of the stages stopped; the others keep to the schedule
-    /seeds/NNN/impacts/time, until, approach_speed, departure_velocity   of a part in a guide; see feeder_sim.impacts
+    /seeds/NNN/impacts/time, until, approach_speed, departure_velocity   of a part in a guide
 
 Positions are those of centres of mass, quaternions (w first) attitudes of the axes that a part was drawn in; velocities
 are in world axes. The file is written in HDF5's single-writer mode and flushed about twice a second: a killed run
@@ -33,38 +33,29 @@ leaves everything before that readable. Structure and data are under checksums.
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Iterable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from numpy.typing import NDArray
-
-from feeder_sim.errors import InputError, path_of_user
+from feeder_sim.errors import Divergence, FeederSimError, InputError, SimulationDiverged, path_of_user
 from feeder_sim.hdf5_text import get_text
 from feeder_sim.hdf5_trust import check_trusted
-from feeder_sim.records.arrivals import Arrivals
-from feeder_sim.records.counts import Counts
-from feeder_sim.records.impacts import Impacts
+from feeder_sim.records.events import ARRIVALS, IMPACTS, REMOVALS, Columns, events
+from feeder_sim.records.last_states import read_failure
 from feeder_sim.records.own_files import check_no_links
 from feeder_sim.records.part_group import read_part
 from feeder_sim.records.plate_group import read_plate
-from feeder_sim.records.removals import Removals
-from feeder_sim.records.trajectory import (
-    FRAME_FIELDS,
-    Frames,
-    Record,
-    Recording,
-    Status,
-    WallTime,
-)
+from feeder_sim.records.recording import Recording
+from feeder_sim.records.seed import Counts, Seed, Status
+from feeder_sim.records.trajectory import FRAME_FIELDS, Frames
 from feeder_sim.records.unclosed_file import read_hdf5
 
 TRAJECTORY = "trajectory.h5"  # its name in a run folder
 SCHEMA = "feeder_sim/trajectory"
 SCHEMA_VERSION = 4
-IMPACT_FIELDS = {"time": "s", "until": "s", "approach_speed": "m/s", "departure_velocity": "m/s"}
-REMOVAL_FIELDS = {"time": ("s", "f8"), "part": ("1", "i8"), "cause": ("1", "i8")}
-ARRIVAL_FIELDS = {"time": ("s", "f8"), "part": ("1", "i8"), "cycle": ("1", "i8"), "height": ("m", "f8")}
+EVENTS: dict[str, Columns] = {"impacts": IMPACTS, "removals": REMOVALS, "arrivals": ARRIVALS}
 
 
 def read_recording(path: str | Path) -> Recording:
@@ -101,10 +92,8 @@ def _recording(path: Path, file: Any) -> Recording:
         inputs=dict(json.loads(str(get_text(file.attrs, "inputs")))),
         plate=read_plate(file),
         parts=tuple(read_part(name, file["parts"][name]) for name in sorted(file["parts"], key=_part_number)),
-        records=tuple(read_record(group) for group in groups),
-        status=tuple(Status(int(group["status"][0])) for group in groups),
-        counts=tuple(Counts(*(int(group[name][0]) for name in Counts._fields if name in group)) for group in groups),
-        wall_times=tuple(WallTime(*group["wall_time"][()].tolist()) for group in groups),
+        records=tuple(_read_seed(group, index, path) for index, group in enumerate(groups)),
+        wall_s=max((float(group["wall_time"][1]) for group in groups), default=0.0),
     )
 
 
@@ -132,23 +121,37 @@ def trajectory_of(run: Path) -> Path:
     return trajectory
 
 
-def read_record(group: Any) -> Record:
+def read_seed(group: Any) -> Seed:
     """Read one seed; a writer killed between two datasets leaves some longer than others."""
 
-    def columns(names: Iterable[str], under: str = "") -> dict[str, NDArray[Any]]:
+    def columns(names: Iterable[str], under: str = "") -> dict[str, Any]:
         n = min(group[under + name].shape[0] for name in names)
         return {name: group[under + name][:n] for name in names}
 
     frames = {
         name: values if values.dtype == bool else values.astype(float) for name, values in columns(FRAME_FIELDS).items()
     }
-    return Record(
+    return Seed(
         Frames(**frames),
-        Impacts(**columns(IMPACT_FIELDS, "impacts/")),
-        Removals(**columns(REMOVAL_FIELDS, "removals/")),
-        group["stops"][()],
-        arrivals=Arrivals(**columns(ARRIVAL_FIELDS, "arrivals/")),
+        **{kind: events(fields, **columns(fields, f"{kind}/")) for kind, fields in EVENTS.items()},
+        stops=group["stops"][()],
+        status=Status(int(group["status"][0])),
+        wall_s=float(group["wall_time"][0]),
+        counts=Counts(*(int(group[name][0]) for name in Counts._fields if name in group)),
     )
+
+
+def _read_seed(group: Any, index: int, path: Path) -> Seed:
+    """Read one seed; one that diverged with why, from the file of its last states if that is there."""
+    seed = read_seed(group)
+    if seed.status != Status.DIVERGED:
+        return seed
+    try:
+        failure, last = read_failure(path.parent, index)
+    except FeederSimError:
+        reached = math.nan if seed.reached is None else seed.reached
+        return replace(seed, failure=SimulationDiverged(Divergence.UNKNOWN, time_s=reached, part="a part", seed=index))
+    return replace(seed, failure=failure, last=last)
 
 
 def _part_number(name: str) -> int:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import threading
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -15,19 +15,13 @@ from numpy.typing import NDArray
 from feeder_sim import __version__
 from feeder_sim.errors import RecordingFailed, cause_of
 from feeder_sim.hdf5_text import put_array, put_text
-from feeder_sim.records.counts import NOTHING_COUNTED, Counts
 from feeder_sim.records.part_group import write_part
 from feeder_sim.records.plate_group import write_plate
-from feeder_sim.records.trajectory import BLOCK_FRAMES, FRAME_FIELDS, PartRecord, PlateRecord, Record, Status, WallTime
-from feeder_sim.records.trajectory_file import (
-    ARRIVAL_FIELDS,
-    IMPACT_FIELDS,
-    REMOVAL_FIELDS,
-    SCHEMA,
-    SCHEMA_VERSION,
-    read_record,
-    seed_name,
-)
+from feeder_sim.records.recording import PartRecord, PlateRecord
+from feeder_sim.records.seed import Counts, Seed, Status
+from feeder_sim.records.trajectory import BLOCK_FRAMES, FRAME_FIELDS
+from feeder_sim.records.trajectory_file import EVENTS, SCHEMA, SCHEMA_VERSION, read_seed, seed_name
+from feeder_sim.records.unclosed_file import read_hdf5
 
 GROWING: dict[str, Any] = {"fletcher32": True}  # not packed: of motion that is noise packing saves a sixth
 EVENT_CHUNK = 256  # rows of impacts and removals
@@ -35,7 +29,14 @@ FRAME_CHUNK_PARTS = 500  # parts times frames in a chunk, about: small chunks ca
 
 
 class TrajectoryWriter:
-    """Writes one run; `append` may be called from several threads."""
+    """Writes one run; `append` may be called from several threads.
+
+    Args:
+        path: of the file, which is new.
+        engine, seed, scenario_text, libraries, inputs, plate, parts: what the file says about the run.
+        n_seeds: how many there will be.
+        kept: another file of the same run, and the seeds in it that have ended, which are copied.
+    """
 
     def __init__(
         self,
@@ -49,6 +50,7 @@ class TrajectoryWriter:
         inputs: dict[str, str],
         plate: PlateRecord,
         parts: Sequence[PartRecord],
+        kept: tuple[Path, Collection[int]] | None = None,
     ) -> None:
         import h5py
 
@@ -63,9 +65,13 @@ class TrajectoryWriter:
                 self._file.attrs.update(schema_version=SCHEMA_VERSION, seed=seed)
                 write_plate(self._file, plate)
                 self._write_parts(parts)
-                self._create_seed(0, len(parts))
-                for index in range(1, n_seeds):
-                    self._file.copy(self._file[seed_name(0)], self._file, seed_name(index))
+                self._create_seed("empty", len(parts))
+                before, ended = kept or (path, ())
+                for index in set(range(n_seeds)) - set(ended):
+                    self._file.copy(self._file["empty"], self._file, seed_name(index))
+                del self._file["empty"]
+                if ended:
+                    read_hdf5(before, lambda file: self._copy(file, ended))
                 self._file.swmr_mode = True  # from here on nothing is created, only appended
         except RecordingFailed:
             path.unlink(missing_ok=True)
@@ -99,7 +105,13 @@ class TrajectoryWriter:
             else:
                 self._file[f"parts/{part.name}"] = self._file[f"parts/{first}"]
 
-    def append(self, seed_index: int, block: Record) -> None:
+    def _copy(self, file: Any, seeds: Collection[int]) -> None:
+        """Copy seeds of another file, as far as that has not been done."""
+        for name in map(seed_name, seeds):
+            if name not in self._file:
+                file.copy(file[name], self._file, name)
+
+    def append(self, seed_index: int, block: Seed) -> None:
         """Append a block of one seed and put it on disk.
 
         Raises:
@@ -108,41 +120,30 @@ class TrajectoryWriter:
         with self._writing():
             self._append(seed_index, block)
 
-    def _append(self, seed_index: int, block: Record) -> None:
+    def _append(self, seed_index: int, block: Seed) -> None:
         group = self._file[seed_name(seed_index)]
         for name in FRAME_FIELDS:
             _extend(group[name], getattr(block.frames, name))
-        for name in IMPACT_FIELDS if len(block.impacts) else ():
-            _extend(group[f"impacts/{name}"], getattr(block.impacts, name))
-        for name in REMOVAL_FIELDS if len(block.removals) else ():
-            _extend(group[f"removals/{name}"], getattr(block.removals, name))
-        for name in ARRIVAL_FIELDS if len(block.arrivals) else ():
-            _extend(group[f"arrivals/{name}"], getattr(block.arrivals, name))
+        for kind, columns in EVENTS.items():
+            happened = getattr(block, kind)
+            for name in columns if len(happened) else ():
+                _extend(group[f"{kind}/{name}"], happened[name])
         if len(block.stops):
             _extend(group["stops"], block.stops)
 
-    def finish(self, seed_index: int, status: Status, counts: Counts = NOTHING_COUNTED) -> None:
-        """Note how a seed ended."""
+    def finish(self, seed_index: int, seed: Seed, wall_s: float) -> None:
+        """Note how a seed ended; wall_s: of the ensemble until now [s]."""
+        numbers = seed.counts._asdict() | {"wall_time": (seed.wall_s, wall_s), "status": int(seed.status)}
         with self._writing():
-            for name, count in counts._asdict().items():
-                counter = self._file[f"{seed_name(seed_index)}/{name}"]
-                counter[0] = count
-                counter.flush()
-            dataset = self._file[f"{seed_name(seed_index)}/status"]
-            dataset[0] = int(status)
-            dataset.flush()
+            for name, number in numbers.items():
+                dataset = self._file[f"{seed_name(seed_index)}/{name}"]
+                dataset[:] = number
+                dataset.flush()
 
-    def note_wall_time(self, seed_index: int, wall_time: WallTime) -> None:
-        """Note what a seed has cost so far."""
-        with self._writing():
-            dataset = self._file[f"{seed_name(seed_index)}/wall_time"]
-            dataset[:] = wall_time
-            dataset.flush()
-
-    def read_back(self, seed_index: int) -> Record:
+    def read_back(self, seed_index: int) -> Seed:
         """Everything that has been appended of a seed."""
         with self._lock:
-            return read_record(self._file[seed_name(seed_index)])
+            return read_seed(self._file[seed_name(seed_index)])
 
     def close(self) -> None:
         """Put the rest on disk.
@@ -153,32 +154,24 @@ class TrajectoryWriter:
         with self._writing():
             self._file.close()
 
-    def _create_seed(self, index: int, n_parts: int) -> None:
+    def _create_seed(self, group: str, n_parts: int) -> None:
         for name, (unit, dtype, shape) in FRAME_FIELDS.items():
             tail = () if name == "time" else (n_parts, *shape)
-            dataset = self._file.create_dataset(
-                f"{seed_name(index)}/{name}",
-                shape=(0, *tail),
-                maxshape=(None, *tail),
-                chunks=(max(1, min(BLOCK_FRAMES, FRAME_CHUNK_PARTS // n_parts)), *tail),
-                dtype=dtype,
-                **GROWING,
-            )
-            put_text(dataset.attrs, {"unit": unit})
-        events = {f"impacts/{name}": (unit, "f8") for name, unit in IMPACT_FIELDS.items()}
-        events |= {f"removals/{name}": described for name, described in REMOVAL_FIELDS.items()}
-        events |= {f"arrivals/{name}": described for name, described in ARRIVAL_FIELDS.items()}
-        events["stops"] = ("s", "f8")
-        for name, (unit, dtype) in events.items():
-            name = f"{seed_name(index)}/{name}"
-            dataset = self._file.create_dataset(
-                name, (0,), maxshape=(None,), chunks=(EVENT_CHUNK,), dtype=dtype, **GROWING
-            )
-            put_text(dataset.attrs, {"unit": unit})
-        put_array(self._file, f"{seed_name(index)}/status", np.array([int(Status.UNFINISHED)]), "1")
+            rows = max(1, min(BLOCK_FRAMES, FRAME_CHUNK_PARTS // n_parts))
+            self._create_growing(f"{group}/{name}", unit, dtype, tail, rows)
+        for kind, columns in EVENTS.items():
+            for name, (unit, dtype) in columns.items():
+                self._create_growing(f"{group}/{kind}/{name}", unit, dtype, (), EVENT_CHUNK)
+        self._create_growing(f"{group}/stops", "s", "f8", (), EVENT_CHUNK)
+        put_array(self._file, f"{group}/status", np.array([int(Status.UNFINISHED)]), "1")
         for name in Counts._fields:
-            put_array(self._file, f"{seed_name(index)}/{name}", np.zeros(1, np.int64), "1")
-        put_array(self._file, f"{seed_name(index)}/wall_time", np.zeros(2), "s")
+            put_array(self._file, f"{group}/{name}", np.zeros(1, np.int64), "1")
+        put_array(self._file, f"{group}/wall_time", np.zeros(2), "s")
+
+    def _create_growing(self, name: str, unit: str, dtype: str, tail: tuple[int, ...], rows: int) -> None:
+        """An empty dataset that grows along its first axis by chunks of so many rows."""
+        shapes: dict[str, Any] = {"shape": (0, *tail), "maxshape": (None, *tail), "chunks": (rows, *tail)}
+        put_text(self._file.create_dataset(name, dtype=dtype, **shapes, **GROWING).attrs, {"unit": unit})
 
 
 def _extend(dataset: Any, values: NDArray[Any]) -> None:

@@ -15,7 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from feeder_sim.part.stable_poses import NONE
-from feeder_sim.records.trajectory import Frames, PartRecord
+from feeder_sim.records.recording import PartRecord
+from feeder_sim.records.trajectory import Frames
 from feeder_sim.replay.parts import NUT
 from feeder_sim.scenario import Ball, Box, Cylinder, Dimer, HexNut, PartSpec, Scenario
 

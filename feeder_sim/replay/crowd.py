@@ -13,8 +13,9 @@ from numpy.typing import NDArray
 
 from feeder_sim.measures.picking import nearest_neighbours
 from feeder_sim.plate.drive import ModalTerms
-from feeder_sim.records.removals import Cause, Removals
-from feeder_sim.records.trajectory import Frames, PlateRecord, Recording
+from feeder_sim.records.events import Cause, Events
+from feeder_sim.records.recording import PlateRecord, Recording
+from feeder_sim.records.trajectory import Frames
 from feeder_sim.replay.colours import Colours
 from feeder_sim.replay.labels import log_stage_texts, plate_box, stage_texts
 from feeder_sim.replay.layout import Style, layout, scene_eye, wave_view
@@ -146,7 +147,7 @@ def _log_counts(
     stream: Any,
     plate: PlateRecord,
     frames: Frames,
-    removals: Removals,
+    removals: Events,
     stages: Sequence[TimedStage],
     times: list[Any],
 ) -> None:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from feeder_sim.records.trajectory import PlateRecord
+from feeder_sim.records.recording import PlateRecord
 from feeder_sim.replay.colours import Entry
 from feeder_sim.replay.plate import MM, TIMELINE
 from feeder_sim.scene.timetable import TimedStage, Timetable

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from feeder_sim.records.trajectory import PartRecord
+from feeder_sim.records.recording import PartRecord
 from feeder_sim.replay.plate import MM
 
 NUT = (214, 140, 30)

@@ -8,8 +8,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from feeder_sim.records.removals import Cause, Removals
-from feeder_sim.records.trajectory import Frames, PartRecord
+from feeder_sim.records.events import Cause, Events
+from feeder_sim.records.recording import PartRecord
+from feeder_sim.records.trajectory import Frames
 from feeder_sim.replay.parts import radius_of
 from feeder_sim.replay.plate import MM, NODE_HEIGHT_MM, TIMELINE
 
@@ -19,7 +20,7 @@ RING_SIZE, RING_WIDTH = 1.35, 0.12  # over the radius of the part
 RING_POINTS = 33
 
 
-def log_picks(stream: Any, frames: Frames, removals: Removals, parts: Sequence[PartRecord]) -> None:
+def log_picks(stream: Any, frames: Frames, removals: Events, parts: Sequence[PartRecord]) -> None:
     """Log a ring around each part about to be picked, as large as the part needs."""
     import rerun as rr
 

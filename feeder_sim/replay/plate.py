@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from feeder_sim.plate.drive import ModalTerms
 from feeder_sim.plate.wave import standing_share
-from feeder_sim.records.trajectory import PlateRecord
+from feeder_sim.records.recording import PlateRecord
 from feeder_sim.replay.area import area_of, body_mesh
 
 TIMELINE = "sim_time"

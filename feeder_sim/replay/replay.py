@@ -7,12 +7,12 @@ kHz would only alias with the frame rate.
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 from feeder_sim.errors import InputError, path_of_user
 from feeder_sim.plate.drive import modal_terms
-from feeder_sim.records.own_files import is_own
-from feeder_sim.records.trajectory import Recording
+from feeder_sim.records.recording import Recording
 from feeder_sim.records.trajectory_file import read_recording
 from feeder_sim.records.whole_file import write_whole
 from feeder_sim.replay.colours import Colour, colours_of
@@ -27,6 +27,7 @@ from feeder_sim.scenario import Scenario, parse_scenario
 from feeder_sim.scene.timetable import Timetable, timed, timetable
 
 REPLAY = "replay.rrd"  # its name in a run folder
+OWN_REPLAY = re.compile(r"replay(_seed_\d+)?\.rrd")
 RRD = b"RRF"  # begin of a file that rerun has made
 
 
@@ -40,7 +41,7 @@ def replay_name(seed: int, colour: Colour | None = None) -> str:
 def remove_replays(folder: Path) -> None:
     """Remove the replays of a run folder, which are built again when they are asked for, and nothing of others."""
     for path in folder.glob("replay*.rrd"):
-        if is_own(path.name) and not path.is_symlink() and path.is_file():
+        if OWN_REPLAY.fullmatch(path.name) and not path.is_symlink() and path.is_file():
             with path.open("rb") as file:
                 made_by_rerun = file.read(len(RRD)) == RRD
             if made_by_rerun:

@@ -13,7 +13,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from feeder_sim.records.trajectory import Frames, PartRecord, PlateRecord
+from feeder_sim.records.recording import PartRecord, PlateRecord
+from feeder_sim.records.trajectory import Frames
 from feeder_sim.replay.parts import radius_of
 from feeder_sim.replay.plate import MM
 

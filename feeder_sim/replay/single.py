@@ -7,7 +7,8 @@ from typing import Any
 import numpy as np
 
 from feeder_sim.plate.nodal_lines import NodalLines
-from feeder_sim.records.trajectory import Frames, Recording
+from feeder_sim.records.recording import Recording
+from feeder_sim.records.trajectory import Frames
 from feeder_sim.replay.eye import OBLIQUE
 from feeder_sim.replay.labels import Box, plate_box
 from feeder_sim.replay.layout import Style, layout, scene_eye

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from feeder_sim.plate.drive import ModalDrive, ModalTerms
-from feeder_sim.records.trajectory import PlateRecord
+from feeder_sim.records.recording import PlateRecord
 from feeder_sim.replay.area import area_of
 from feeder_sim.replay.plate import MM, TIMELINE, diverging
 from feeder_sim.scene.timetable import TimedStage

@@ -10,11 +10,11 @@ from pathlib import Path
 
 from feeder_sim.errors import FeederSimError, InputError
 from feeder_sim.records.own_files import locked
-from feeder_sim.records.trajectory import Recording, Status
+from feeder_sim.records.recording import Recording
+from feeder_sim.records.seed import Status
 from feeder_sim.records.trajectory_file import recording_of
 from feeder_sim.run.prepare import prepare
 from feeder_sim.run.provenance import changed_inputs, library_versions
-from feeder_sim.run.recorded_seeds import seeds_of
 from feeder_sim.run.run_folder import RESOLVED
 from feeder_sim.run.simulation import Result
 from feeder_sim.scenario import Scenario, parse_scenario
@@ -61,9 +61,7 @@ def recorded_run(run: Path) -> Recorded:
     folder = recording.path.parent
     scenario = parse_scenario(recording.scenario_text, file=folder / RESOLVED)
     prepared = prepare(scenario)
-    seeds = seeds_of(recording)
-    wall_s = max((wall_time.ensemble for wall_time in recording.wall_times), default=0.0)
-    result = Result(prepared, seeds, wall_s)
+    result = Result(prepared, recording.begun, recording.wall_s)
     under_way = result.interrupted and _in_use(folder)
     return Recorded(
         folder, recording, result, under_way, _other_versions(recording), _changed_inputs(recording, scenario)

@@ -20,7 +20,8 @@ from feeder_sim.plots.run_curves import (
     draw_rates,
     draw_shares,
 )
-from feeder_sim.records.trajectory import Frames, Status
+from feeder_sim.records.seed import Status
+from feeder_sim.records.trajectory import Frames
 from feeder_sim.report.page import Picture
 from feeder_sim.report.pictures import picture_of
 from feeder_sim.report.recorded import Recorded

@@ -20,8 +20,9 @@ from feeder_sim.plots.plate_top import (
     frame_plate,
     has_shape,
 )
-from feeder_sim.records.removals import Cause
-from feeder_sim.records.trajectory import Frames, PlateRecord
+from feeder_sim.records.events import Cause, parts_removed
+from feeder_sim.records.recording import PlateRecord
+from feeder_sim.records.trajectory import Frames
 from feeder_sim.replay.colours import colours_of, default_colour
 from feeder_sim.replay.viewer import take_screenshot
 from feeder_sim.report.page import Block, Picture, Text
@@ -138,7 +139,7 @@ def _moments(run: Recorded) -> Picture:
             picked: list[int] = []
             if stage is not None:
                 end = float(frames.time[row])
-                picked = record.removals.parts(Cause.PICKED, start=stage.start, end=end).tolist()
+                picked = parts_removed(record.removals, Cause.PICKED, start=stage.start, end=end).tolist()
             draw_parts(axes, recording.parts, frames, row, colours=filled, picked=picked)
             axes.set_title(title)
             _label(axes, grid, len(moments))

@@ -8,8 +8,7 @@ import shlex
 from collections.abc import Callable
 from pathlib import Path
 
-from feeder_sim.records.counts import Counts
-from feeder_sim.records.trajectory import Status
+from feeder_sim.records.seed import Counts, Status
 from feeder_sim.report.measure_tables import measure_blocks, tiles
 from feeder_sim.report.page import Block, Page, Section, Table, Text
 from feeder_sim.report.provenance import foot
@@ -121,7 +120,7 @@ def _cautions(run: Recorded) -> tuple[Block, ...]:
         if (run.folder / DRAWS_OF_RUN / QUESTION).is_file():
             text += f" This makes a page of its draws: feeder-sim report {shlex.quote(str(run.folder / DRAWS_OF_RUN))}"
         lines.append(Text(text, "caution"))
-    unresolved = Counts.total(run.recording.counts).unresolved_impacts
+    unresolved = Counts.total(run.recording.records).unresolved_impacts
     if unresolved:
         lines.append(
             Text(f"{unresolved} impacts were given up by the iteration that resolves many contacts at once.", "note")

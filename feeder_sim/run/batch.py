@@ -12,13 +12,13 @@ from concurrent.futures import ThreadPoolExecutor, wait
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from feeder_sim.engines.protocol import ENDED, new_interrupt
 from feeder_sim.errors import InputError, check_type, check_whole
 from feeder_sim.measures.drift import Drift, DriftFindings, SeedDrift
 from feeder_sim.measures.protocol import SeedReader
 from feeder_sim.notebook import block
-from feeder_sim.records.trajectory import Status, endings
+from feeder_sim.records.seed import Status, endings
 from feeder_sim.run.prepare import prepare
 from feeder_sim.run.seed_run import SeedRun
 from feeder_sim.run.simulation import COMPILING, announced, available_cores, compile_engine, generators
@@ -130,7 +130,7 @@ class _UnderWay:
     def __init__(self, prepared: Prepared, pool: ThreadPoolExecutor, stop: threading.Event) -> None:
         self._prepared, self._read, self._stop = prepared, SeedReader(Drift(), prepared), stop
         seeds = prepared.scenario.run.seeds
-        self._interrupts: NDArray[np.int64] = np.zeros((seeds, 1), np.int64)
+        self._interrupts = [new_interrupt() for _ in range(seeds)]
         random = generators(prepared.scene)
         self._seeds = [pool.submit(self._run, index, random[index]) for index in range(seeds)]
 
@@ -143,7 +143,8 @@ class _UnderWay:
     def give_up(self) -> None:
         """End what is under way, and start nothing more."""
         self._stop.set()
-        self._interrupts[:] = 1
+        for interrupt in self._interrupts:
+            interrupt[ENDED] = 1
         for seed in self._seeds:
             seed.cancel()
 

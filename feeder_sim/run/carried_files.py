@@ -10,7 +10,7 @@ from pathlib import Path
 
 from feeder_sim.errors import InputError, cause_of, not_written
 from feeder_sim.records.own_files import INPUTS
-from feeder_sim.records.whole_file import partial_of, write_whole
+from feeder_sim.records.whole_file import write_whole
 from feeder_sim.scenario import Scenario, input_files, with_files
 
 LARGEST_CARRIED = 100_000_000  # [byte]; larger files stay where they are: a run of them is not for the post
@@ -76,41 +76,6 @@ def carry_files(scenario: Scenario, run: Path, notify: Callable[[str], None] | N
             notify(f"{path} is too large to be copied into {run}, which needs it where it is")
     copy_files(names, run / INPUTS)
     return with_files(scenario, lambda path: Path(INPUTS, names[path]) if path in names else path.absolute())
-
-
-def relative(scenario: Scenario, run: Path) -> Scenario:
-    """The scenario of a run folder with names relative to it for the files in it, as `carry_files` has given them."""
-    root = run.resolve()
-    return with_files(scenario, lambda path: path.relative_to(root) if path.is_relative_to(root) else path)
-
-
-def left_by_a_kill(inputs: Path, scenario: Scenario) -> bool:
-    """Whether a folder of inputs holds nothing but what a run of this scenario writes into it, or the begin of that.
-
-    Raises:
-        InputError: a file of the scenario cannot be read.
-    """
-    if inputs.is_symlink() or not inputs.is_dir():
-        return False
-    contents = {name: _read(path) for path, name in carried_names(scenario).items()}
-    begun = {partial_of(inputs / name).name: content for name, content in contents.items()}
-    for held in inputs.iterdir():
-        content = _content(held)
-        if held.name in begun:
-            as_written = content is not None and begun[held.name].startswith(content)
-        else:
-            as_written = held.name in contents and content == contents[held.name]
-        if not as_written:
-            return False
-    return True
-
-
-def _content(path: Path) -> bytes | None:
-    """What is in a file; None if it is none, or has just gone."""
-    try:
-        return path.read_bytes() if path.is_file() and not path.is_symlink() else None
-    except OSError:
-        return None
 
 
 def _read(path: Path, key: str | None = None) -> bytes:

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from feeder_sim.engines.surface_arrays import surface_arrays
 from feeder_sim.errors import Divergence, SimulationDiverged
-from feeder_sim.records.arrivals import Arrivals
+from feeder_sim.records.events import Events, parts_arrived
 from feeder_sim.records.trajectory import SAME_TIME, Frames
 from feeder_sim.run.energy import EnergyLimit, energy_limit, fall_speed, largest_at_once, largest_reaction
 from feeder_sim.run.plate_edge import edge_of
@@ -63,7 +63,6 @@ DEPTH_STEPS = 2.0
 DEPTH_FRACTION = 0.05  # of the amplitude, added to the limit
 HEAP_DEPTH = 1e-4  # [m], added for several parts; 80 um seen at the bottom of a poured heap, whose parts overlap
 DEPTH_FLOOR = 1e-5  # [m], smallest limit; twice what a part enters in a flight of the impulse engine at any step
-CAUGHT_UP = 1000  # frames at once, of those before a break
 
 
 class Guard:
@@ -139,22 +138,17 @@ class Guard:
         """Go on to the next block; n: frames that are kept of the one checked last."""
         self._before = self._checked.first(n + 1)
 
-    def arrive(self, arrivals: Arrivals, now: Frames) -> None:
+    def arrive(self, arrivals: Events, now: Frames) -> None:
         """Go on with the parts of refills so far; now: one frame, with those that came last as they were let go."""
         if not len(arrivals):
             return
         fall = max(self._held.energy.start_speed, fall_speed(float(arrivals.height.max())))
         energy = self._held.energy._replace(start_speed=fall)
         self._held = self._held._replace(energy=energy, depth=_depth_limit(self._prepared, energy))
-        parts, started = arrivals.parts(start=float(now.time[-1]) - SAME_TIME, end=np.inf), self._at_start(now)
+        parts, started = parts_arrived(arrivals, start=float(now.time[-1]) - SAME_TIME, end=np.inf), self._at_start(now)
         before = States(self._before.value[-1:].copy(), self._before.mark[-1:].copy())
         before.value[0, parts], before.mark[0, parts] = started.value[-1, parts], started.mark[-1, parts]
         self._before = before
-
-    def catch_up(self, frames: Frames) -> None:
-        """Go on after all frames of a seed before a break."""
-        for begin in range(0, len(frames), CAUGHT_UP):
-            self._before = self._states(frames[slice(begin, begin + CAUGHT_UP)], self._before)
 
     def states(self, frames: Frames) -> States:
         """All that is found about a block of frames, with a first row of the frame before."""

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from feeder_sim.records.impacts import Impacts
-from feeder_sim.records.removals import Removals
-from feeder_sim.records.trajectory import Frames, Record
+from feeder_sim.records.events import REMOVALS, joined, no_events
+from feeder_sim.records.seed import Seed
+from feeder_sim.records.trajectory import Frames
 
 
 class History:
@@ -17,7 +17,7 @@ class History:
 
     Args:
         look_back: longest time before the last frame [s] for which `recent` is called.
-        keep_all: keep all blocks in memory, which `record` needs.
+        keep_all: keep all blocks in memory, which `whole` needs.
 
     Attributes:
         look_back, keep_all: as above; they may be changed.
@@ -28,17 +28,17 @@ class History:
 
     def __init__(self, look_back: float, *, keep_all: bool) -> None:
         self.look_back, self.keep_all = look_back, keep_all
-        self._blocks: list[Record] = []
+        self._blocks: list[Seed] = []
         self.n_frames = 0
-        self.removals = Removals.none()
+        self.removals = no_events(REMOVALS)
         self.stops: NDArray[np.float64] = np.empty(0)
 
-    def append(self, block: Record) -> None:
+    def append(self, block: Seed) -> None:
         """Add the next block; drop those from memory that are no longer needed."""
         self._blocks.append(block)
         self.n_frames += len(block.frames)
         if len(block.removals):
-            self.removals = Removals.joined([self.removals, block.removals])
+            self.removals = joined([self.removals, block.removals])
         if len(block.stops):
             self.stops = np.concatenate([self.stops, block.stops])
         if not self.keep_all and len(block.frames):
@@ -60,14 +60,9 @@ class History:
             frames.insert(0, block.frames)
         return Frames.joined(frames)
 
-    def record(self) -> Record:
-        """All blocks as one record; only with `keep_all`."""
-        return Record.joined(self._blocks)
-
-    @staticmethod
-    def first(frames: Frames) -> Record:
-        """The first block of a seed, which has the state at the start and no events."""
-        return Record(frames, Impacts.none(), Removals.none(), np.empty(0))
+    def whole(self) -> Seed:
+        """All blocks as one; only with `keep_all`."""
+        return Seed.joined(self._blocks)
 
 
 def _begins_by(frames: Frames, time: float) -> bool:

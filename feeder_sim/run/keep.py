@@ -13,9 +13,9 @@ from feeder_sim.errors import InputError, quoted
 from feeder_sim.measures.catalogue import MEASURES
 from feeder_sim.measures.picks import has_picks, picks_of
 from feeder_sim.measures.protocol import SeedReader, name_of
-from feeder_sim.records.impacts import Impacts
+from feeder_sim.records.events import IMPACTS, no_events
+from feeder_sim.records.seed import Seed
 from feeder_sim.records.trajectory import Frames
-from feeder_sim.run.seed_record import SeedResult
 from feeder_sim.scene.prepared import Prepared
 
 
@@ -83,19 +83,19 @@ class Keeper:
         applying = [measure for measure in MEASURES if measure.applies(prepared)]
         self._readers = {name_of(measure): SeedReader(measure, prepared) for measure in applying}
 
-    def __call__(self, seed: SeedResult) -> SeedResult:
+    def __call__(self, seed: Seed) -> Seed:
         """The seed with what is kept of it."""
         if isinstance(self._keep, AllFrames):
             return seed
         return replace(
             seed,
             frames=_every(seed.frames, self._keep.n if isinstance(self._keep, EveryNth) else None),
-            impacts=Impacts.none() if isinstance(self._keep, StatisticsOnly) else seed.impacts,
+            impacts=no_events(IMPACTS) if isinstance(self._keep, StatisticsOnly) else seed.impacts,
             readings=self._readings(seed),
             reached_s=seed.reached,
         )
 
-    def _readings(self, seed: SeedResult) -> Mapping[str, Any]:
+    def _readings(self, seed: Seed) -> Mapping[str, Any]:
         readings: dict[str, Any] = {name: read(seed) for name, read in self._readers.items()}
         if has_picks(self._prepared.scene):
             readings[picks_of.__name__] = picks_of(self._prepared.scene, seed)

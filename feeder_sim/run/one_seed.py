@@ -6,12 +6,12 @@ import threading
 
 import numpy as np
 
-from feeder_sim.run.seed_record import SeedResult
+from feeder_sim.records.seed import Seed
 from feeder_sim.run.seed_run import SeedRun
 from feeder_sim.scene.prepared import Prepared
 
 
-def run_one_seed(prepared: Prepared, index: int) -> SeedResult:
+def run_one_seed(prepared: Prepared, index: int) -> Seed:
     """Run one seed on one thread; the bits are those of the same seed of `simulate`."""
     sequence = np.random.SeedSequence(prepared.scenario.run.seed, spawn_key=(index,))  # as `spawn` gives it
     return SeedRun(prepared, index).run(np.random.default_rng(sequence), np.zeros(index + 1), threading.Event())

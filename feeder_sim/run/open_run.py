@@ -10,12 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from feeder_sim.measures.stage_lines import stage_lines
-from feeder_sim.records.arrivals import Arrivals
-from feeder_sim.records.impacts import Impacts
-from feeder_sim.records.removals import Cause, Removals
-from feeder_sim.records.trajectory import Frames, Record, Status
-from feeder_sim.run.seed_record import Begun
-from feeder_sim.run.seed_run import SeedRun, fields_of
+from feeder_sim.records.events import Cause, Events, removed
+from feeder_sim.records.seed import Seed, Status
+from feeder_sim.records.trajectory import Frames
+from feeder_sim.run.seed_run import SeedRun, arrived
 from feeder_sim.run.simulation import generators
 from feeder_sim.scene.hopper import generator, next_parts
 from feeder_sim.scene.prepared import Prepared
@@ -81,7 +79,7 @@ class OpenRun(SeedRun):
         return self._engine.current()
 
     @property
-    def removals(self) -> Removals:
+    def removals(self) -> Events:
         """All parts taken out so far."""
         return self._history.removals
 
@@ -94,7 +92,7 @@ class OpenRun(SeedRun):
         """Pick parts by their indices."""
         now = self.current()
         self._engine.remove(parts)
-        self._keep(_events(now, Removals.of(float(now.time[0]), parts, Cause.PICKED), Arrivals.none()))
+        self._keep(Seed(now[slice(0, 0)], removals=removed(parts, float(now.time[0]), Cause.PICKED)))
         if len(self.removals) == len(self._whole.parts) and self._whole.scenario.refill is None:
             self.status = Status.DONE
 
@@ -106,23 +104,16 @@ class OpenRun(SeedRun):
         parts, poses = fill_in(scene, now, next_parts(scene, ~now.present[0], number, rng), rng)
         if len(parts):
             self._engine.add(parts, poses)
-            heights = np.array([pose.position[2] for pose in poses])
-            arrivals = Arrivals.of(float(now.time[0]), parts, self._refills, heights)
+            arrivals = arrived(float(now.time[0]), parts, self._refills, poses)
             self._guard.arrive(arrivals, self.current())
-            self._keep(_events(now, Removals.none(), arrivals))
+            self._keep(Seed(now[slice(0, 0)], arrivals=arrivals))
         return parts
 
     def forget(self) -> None:
         """Keep no more of the past in memory than the next stages need; `ended` cannot be asked for."""
         self._history.keep_all = False
 
-    def ended(self) -> Begun:
+    def ended(self) -> Seed:
         """All that was recorded, as of a seed that ends now."""
         status = Status.DONE if self.status == Status.UNFINISHED else self.status
-        held = fields_of(self._history.record())
-        return Begun(**held, status=status, state={}, wall_s=self._wall_s, counts=self._engine.counts)
-
-
-def _events(frames: Frames, removals: Removals, arrivals: Arrivals) -> Record:
-    """A block of a record without frames."""
-    return Record(frames[slice(0, 0)], Impacts.none(), removals, np.empty(0), arrivals=arrivals)
+        return replace(self._history.whole(), status=status, wall_s=self._wall_s, counts=self._engine.counts)

@@ -4,24 +4,24 @@ from __future__ import annotations
 
 import threading
 import time
-from dataclasses import dataclass, field, fields
-from typing import Any
+from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from feeder_sim.engines.lookup import engine_class
-from feeder_sim.engines.protocol import Engine
+from feeder_sim.engines.protocol import ENDED, Engine, new_interrupt
 from feeder_sim.errors import Divergence, SimulationDiverged
 from feeder_sim.measures.picking import pickable
 from feeder_sim.measures.stage_lines import StageLines, settled, stage_lines
-from feeder_sim.records.arrivals import Arrivals
+from feeder_sim.records.events import ARRIVALS, REMOVALS, Cause, Events, events, joined, no_events, removed
 from feeder_sim.records.last_states import LastStates
-from feeder_sim.records.removals import Cause, Removals
-from feeder_sim.records.trajectory import Frames, Record, Status
+from feeder_sim.records.seed import Seed, Status
+from feeder_sim.records.trajectory import Frames
 from feeder_sim.run.guard import Guard
 from feeder_sim.run.history import History
-from feeder_sim.run.seed_record import Begun, Recorder, SeedResult
+from feeder_sim.run.recorder import Recorder
 from feeder_sim.run.watchdog import STALL_AFTER_S, Watchdog
 from feeder_sim.scenario import Pick
 from feeder_sim.scene.cell import PASSAGE_TO
@@ -29,6 +29,7 @@ from feeder_sim.scene.hopper import generator
 from feeder_sim.scene.prepared import Prepared
 from feeder_sim.scene.refill import refill, refill_frames
 from feeder_sim.scene.scene import Scene
+from feeder_sim.scene.start import Pose
 
 BLOCK_STEPS = 500_000  # solver steps and parts between two looks at guard, stop rule and stop event, about
 LEAST_BLOCK = 20  # frames: shorter blocks would cost more to write than to compute
@@ -37,30 +38,6 @@ LOOK_S = 0.1  # [s] between two looks whether the parts have settled
 FIRST_PIECE = 2  # frames, before it is known how long one takes
 GROWTH = 8.0  # of pieces, at most
 PIECE_S = 0.3  # [s] of wall time between two looks whether to stop, about
-CHECKPOINT_S = 5.0  # [s] of wall time between two checkpoints, at least
-
-
-@dataclass
-class Block:
-    """Frames under way: computed, then checked, then recorded.
-
-    Attributes:
-        frames: those that are valid.
-        computed: how many were computed.
-        state: of the engine before them.
-        removals: parts taken out in them.
-        arrivals: parts that come in after them.
-        failure: what is wrong with the frame after the last one, None for nothing.
-        status: of the seed after them.
-    """
-
-    frames: Frames
-    computed: int
-    state: dict[str, NDArray[np.float64]]
-    removals: list[Removals] = field(default_factory=list)
-    arrivals: Arrivals = field(default_factory=Arrivals.none)
-    failure: SimulationDiverged | None = None
-    status: Status = Status.UNFINISHED
 
 
 class SeedRun:
@@ -70,7 +47,6 @@ class SeedRun:
         prepared: what is run.
         index: number of the seed.
         recorder: takes the blocks; without one they stay in memory.
-        begun: what there is already.
         threads: that one seed may use.
         interrupt: as for `Engine`, of this seed alone.
         stall_after: wall time [s] after which a seed that has not advanced by a frame ends as failed.
@@ -82,14 +58,12 @@ class SeedRun:
         index: int,
         *,
         recorder: Recorder | None = None,
-        begun: Begun | None = None,
         threads: int = 1,
         interrupt: NDArray[np.int64] | None = None,
         stall_after: float = STALL_AFTER_S,
     ) -> None:
-        self._prepared, self._index, self._recorder = prepared, index, recorder
-        self._begun, self._threads = begun, threads
-        self._interrupt = np.zeros(1, np.int64) if interrupt is None else interrupt
+        self._prepared, self._index, self._recorder, self._threads = prepared, index, recorder, threads
+        self._interrupt = new_interrupt() if interrupt is None else interrupt
         self._watchdog = Watchdog(self._interrupt, stall_after)
         self._whole: Scene = prepared.scene  # with the times at which stages have ended so far
         self._stages_begun = 1  # of those that are computed one by one
@@ -100,7 +74,7 @@ class SeedRun:
         self._last: LastStates | None = None
         self._piece = FIRST_PIECE
 
-    def run(self, rng: np.random.Generator, done: NDArray[np.float64], stop: threading.Event) -> SeedResult:
+    def run(self, rng: np.random.Generator, done: NDArray[np.float64], stop: threading.Event) -> Seed:
         """Advance until time is up, the stop rule holds, no part is left, or the state is not valid.
 
         Args:
@@ -108,90 +82,52 @@ class SeedRun:
             done: fraction done, one entry per seed, for the progress bar.
             stop: ends the run after the block under way.
         """
-        begun, before = self._begun, self._begun.wall_s if self._begun else 0.0
-        if begun and begun.status != Status.UNFINISHED:
-            done[self._index] = 1.0
-            return SeedResult(**fields_of(begun), status=begun.status, wall_s=before, counts=begun.counts)
-        started = saved = time.perf_counter()
+        started = time.perf_counter()
         self._open(rng)
         status, failure = Status.UNFINISHED, None
         with self._watchdog:
             while status == Status.UNFINISHED and not stop.is_set():
-                if self._history.n_frames >= self._whole.n_frames:
-                    status = Status.DONE  # it was interrupted just before it would have said so
-                    break
                 block = self._advance(done, stop)
                 if block is None:
                     break
                 status, failure = block.status, block.failure
                 done[self._index] = self._history.n_frames / self._whole.n_frames
-                if self._recorder and time.perf_counter() - saved > CHECKPOINT_S:
-                    self._save(before + time.perf_counter() - started)
-                    saved = time.perf_counter()
         done[self._index] = 1.0
-        return self._close(status, failure, before + time.perf_counter() - started)
+        return self._close(status, failure, time.perf_counter() - started)
 
     def _open(self, rng: np.random.Generator) -> None:
-        """Start the engine, at t = 0 or where the seed was left."""
-        begun = self._begun if self._begun is not None and len(self._begun.frames) else None
-        if begun is not None:
-            self._whole = self._whole.stopped(begun.stops.tolist()) if len(begun.stops) else self._whole
-            self._scene = self._as_begun()
-            while self._scene.n_frames < len(begun.frames):
-                self._stages_begun += 1
-                self._scene = self._as_begun()
+        """Start the engine at t = 0."""
         start = engine_class(self._prepared.engine)
-        engine: Engine = start(self._scene, rng, threads=self._threads, interrupt=self._interrupt)
-        first = engine.current()
-        self._engine, self._guard = engine, Guard(self._prepared, first)
-        if begun is None:
-            self._keep(History.first(first.as_stored()))
-            return
-        engine.restore(begun.state)
-        self._guard.redrive(self._scene)
-        self._guard.catch_up(begun.frames)
-        self._guard.arrive(begun.arrivals, engine.current())
-        self._history.append(begun)
+        self._engine: Engine = start(self._scene, rng, threads=self._threads, interrupt=self._interrupt)
+        first = self._engine.current()
+        self._guard = Guard(self._prepared, first)
+        self._keep(Seed(first.as_stored()))
 
-    def _close(self, status: Status, failure: SimulationDiverged | None, wall_s: float) -> SeedResult:
+    def _close(self, status: Status, failure: SimulationDiverged | None, wall_s: float) -> Seed:
         """Record how it ended; returns everything."""
-        counts = self._engine.counts
-        if self._recorder is None:
-            kept = fields_of(self._history.record())
-            return SeedResult(**kept, status=status, wall_s=wall_s, failure=failure, last=self._last, counts=counts)
-        if status == Status.UNFINISHED:
-            self._save(wall_s)
-        if failure and self._last:
+        if self._recorder and failure and self._last:
             failure = failure.kept_in(self._recorder.keep_last(failure, self._last))
-        self._recorder.finish(self._index, status, wall_s, counts)
-        record = self._recorder.recorded(self._index)
-        return SeedResult(
-            **fields_of(record),
-            status=status,
-            wall_s=wall_s,
-            failure=failure,
-            last=self._last,
-            counts=counts,
-        )
-
-    def _save(self, wall_s: float) -> None:
+        whole = self._recorder.recorded(self._index) if self._recorder else self._history.whole()
+        counts = self._engine.counts
+        seed = replace(whole, status=status, wall_s=wall_s, failure=failure, last=self._last, counts=counts)
         if self._recorder:
-            self._recorder.checkpoint(self._index, self._engine.state(), wall_s)
+            self._recorder.finish(self._index, seed)
+        return seed
 
-    def _advance(self, done: NDArray[np.float64], stop: threading.Event) -> Block | None:
-        """One block, step by step; None, and nothing has happened, if it was stopped."""
+    def _advance(self, done: NDArray[np.float64], stop: threading.Event) -> Seed | None:
+        """One block, step by step; None if it was stopped, and then there is no other."""
         if self._history.n_frames >= self._scene.n_frames:
             self._begin_stage()
-        block = self._compute(done, stop)
-        if block is None:
+        computed = self._compute(done, stop)
+        if computed is None:
             return None
-        self._check(block)
-        self._take_lost(block)
-        self._take_picked(block)
-        self._fill_in(block)
-        self._judge(block)
-        self._record(block)
-        return block
+        frames, failure = self._valid(*computed)
+        last_frame = self._history.n_frames + len(frames) - 1
+        removals = [*self._take_lost(frames), *(() if failure else self._take_picked(frames, last_frame))]
+        arrivals = no_events(ARRIVALS) if failure else self._fill_in(frames, last_frame)
+        removals = joined([no_events(REMOVALS), *removals])
+        status = self._judged(frames, removals, failure)
+        return self._record(Seed(frames, removals=removals, arrivals=arrivals, status=status, failure=failure))
 
     def _as_begun(self) -> Scene:
         """The scene, or of one that is computed stage by stage as much as is known by now."""
@@ -204,50 +140,41 @@ class SeedRun:
         self._engine.redrive(self._scene)
         self._guard.redrive(self._scene)
 
-    def _compute(self, done: NDArray[np.float64], stop: threading.Event) -> Block | None:
+    def _compute(
+        self, done: NDArray[np.float64], stop: threading.Event
+    ) -> tuple[Frames, SimulationDiverged | None] | None:
         """Compute a block in pieces that take about `PIECE_S` each, so that slow ones show progress and can be stopped.
 
-        Pieces change nothing: what acts on the parts does so between blocks. One that takes too long is computed again
-        frame by frame, up to the frame that does not come.
+        Pieces change nothing: what acts on the parts does so between blocks. Returns the frames, fewer where the next
+        one does not come, and then why; None where it was stopped.
         """
-        size, state = self._block_size(), self._engine.state()
-        pieces: list[Frames] = []
-        computed, piece = 0, min(size, self._piece)
-        took, stalled = 0.0, False
+        size, pieces, computed = self._block_size(), [], 0
+        piece, took = min(size, self._piece), 0.0
         while computed < size:
             if took > 0.3 * PIECE_S and stop.is_set():  # a short block is soon over
-                self._engine.restore(state)
-                self._engine.take_impacts(end=False)  # of the frames that are dropped
                 return None
             started = time.perf_counter()
             self._watchdog.begin()
-            frames = self._engine.advance(piece)
-            if self._watchdog.end():
-                if stalled or piece == 1:
-                    return self._stalled(pieces, computed, state)
-                self._engine.restore(state)
-                self._engine.take_impacts(end=False)
-                pieces, computed, piece, stalled = [], 0, 1, True
-                continue
-            pieces.append(frames)
-            if self._interrupt[0]:
-                self._engine.restore(state)
-                self._engine.take_impacts(end=False)
+            pieces.append(self._engine.advance(piece))
+            stalled = self._watchdog.end()
+            if len(pieces[-1]) < piece:
+                return (Frames.joined(pieces), self._stalled()) if stalled else None
+            if self._interrupt[ENDED]:
                 return None
             computed += piece
             took = time.perf_counter() - started
             done[self._index] = (self._history.n_frames + computed) / self._whole.n_frames
             self._piece = max(1, int(piece * min(GROWTH, PIECE_S / max(took, 1e-9))))
-            piece = 1 if stalled else min(size - computed, self._piece)
-        return Block(Frames.joined(pieces) if len(pieces) > 1 else pieces[0], size, state)
+            piece = min(size - computed, self._piece)
+        return (Frames.joined(pieces) if len(pieces) > 1 else pieces[0]), None
 
-    def _stalled(self, pieces: list[Frames], computed: int, state: dict[str, NDArray[np.float64]]) -> Block:
-        """The block as far as it has come, where the next frame takes too long; the fastest part is taken for why."""
+    def _stalled(self) -> SimulationDiverged:
+        """Why there is no next frame; the fastest part is taken for the cause."""
         now = self._engine.current()
         speed = np.linalg.norm(now.velocity[0], axis=1)
         part = int(np.argmax(np.where(now.present[0], speed, -1.0)))
         place = ", ".join(f"{1e3 * x:.3f}" for x in now.position[0, part])
-        failure = SimulationDiverged(
+        return SimulationDiverged(
             Divergence.STALLED,
             time_s=float(now.time[0]),
             part=self._scene.parts[part].name,
@@ -255,64 +182,60 @@ class SeedRun:
             detail=f"its next frame takes more than {self._watchdog.patience:g} s; it is at ({place}) mm, moves at "
             f"{1e3 * speed[part]:.3g} mm/s and turns at {np.linalg.norm(now.angular_velocity[0, part]):.3g} rad/s",
         )
-        return Block(Frames.joined([now[slice(0, 0)], *pieces]), computed, state, failure=failure)
 
-    def _check(self, block: Block) -> None:
-        """Keep the frames before the first one that is not valid."""
-        valid, failure = self._guard.check(block.frames, self._index)
-        block.failure = failure or block.failure
-        if block.failure:
-            self._last = LastStates.of(block.frames, valid, block.state, self._history.stops)
-        block.frames = block.frames[slice(valid)]
+    def _valid(self, frames: Frames, failure: SimulationDiverged | None) -> tuple[Frames, SimulationDiverged | None]:
+        """The frames before the first one that is not valid, and why there are no more."""
+        valid, found = self._guard.check(frames, self._index)
+        failure = found or failure
+        if failure:
+            self._last = LastStates.of(frames, valid)
+        return frames[slice(valid)], failure
 
-    def _take_lost(self, block: Block) -> None:
+    def _take_lost(self, frames: Frames) -> list[Events]:
         """Take out what has reached the floor; it is gone from the frames after that."""
-        frames, lost = block.frames, self._guard.lost(len(block.frames))
+        lost = self._guard.lost(len(frames))
         if not lost.any():
-            return
+            return []
         parts = np.flatnonzero(lost.any(axis=0))
         rows = lost[:, parts].argmax(axis=0)
         for part, row in zip(parts, rows, strict=True):
             frames.present[row + 1 :, part] = False
         self._engine.remove(parts)
-        for k in np.argsort(rows, kind="stable"):
-            block.removals.append(Removals.of(float(frames.time[rows[k]]), parts[k : k + 1], Cause.LOST))
+        order = np.argsort(rows, kind="stable")
+        return [removed(parts[k : k + 1], float(frames.time[rows[k]]), Cause.LOST) for k in order]
 
-    def _take_picked(self, block: Block) -> None:
+    def _take_picked(self, frames: Frames, last_frame: int) -> list[Events]:
         """Pick at the last frame of the block, if it is time to."""
-        last_frame = self._history.n_frames + block.computed - 1
         picks = pick_frames(self._scene).get(last_frame)
-        if block.failure or picks is None:
-            return
-        last = block.frames[slice(-1, None)]
+        if picks is None:
+            return []
+        last = frames[slice(-1, None)]
         picked = pickable(self._scene, picks, last)
         if len(picked):
             self._engine.remove(picked)
-        block.removals.append(Removals.of(float(last.time[0]), picked, Cause.PICKED))
+        return [removed(picked, float(last.time[0]), Cause.PICKED)]
 
-    def _fill_in(self, block: Block) -> None:
+    def _fill_in(self, frames: Frames, last_frame: int) -> Events:
         """Refill after the last frame of the block, if a cycle ends there and parts are missing."""
-        cycle = refill_frames(self._whole).get(self._history.n_frames + block.computed - 1)
-        if block.failure or cycle is None:
-            return
+        cycle = refill_frames(self._whole).get(last_frame)
+        if cycle is None:
+            return no_events(ARRIVALS)
         rng = generator(self._scene, self._index, cycle)
         parts, poses = refill(self._scene, self._engine.current(), rng)
         if len(parts):
             self._engine.add(parts, poses)
-            heights = np.array([pose.position[2] for pose in poses])
-            block.arrivals = Arrivals.of(float(block.frames.time[-1]), parts, cycle, heights)
+        return arrived(float(frames.time[-1]), parts, cycle, poses)
 
-    def _judge(self, block: Block) -> None:
-        """How the seed stands after the block."""
-        removals = Removals.joined([self._history.removals, *block.removals])
-        if block.failure:
-            block.status = Status.DIVERGED
-        elif self._has_passed(block.frames):
-            block.status = Status.DONE  # whatever it did after that
-        elif len(removals) == len(self._scene.parts) and self._scene.scenario.refill is None:
-            block.status = Status.LEFT_PLATE if (removals.cause == Cause.LOST).all() else Status.DONE
-        elif self._is_over(self._history.n_frames + len(block.frames)):
-            block.status = Status.DONE
+    def _judged(self, frames: Frames, removals: Events, failure: SimulationDiverged | None) -> Status:
+        """How the seed stands after a block."""
+        removals = joined([self._history.removals, removals])
+        if failure:
+            return Status.DIVERGED
+        if self._has_passed(frames):
+            return Status.DONE  # whatever it did after that
+        if len(removals) == len(self._scene.parts) and self._scene.scenario.refill is None:
+            return Status.LEFT_PLATE if (removals.cause == Cause.LOST).all() else Status.DONE
+        return Status.DONE if self._is_over(self._history.n_frames + len(frames)) else Status.UNFINISHED
 
     def _is_over(self, n_frames: int) -> bool:
         """Whether time is up after so many frames."""
@@ -326,19 +249,20 @@ class SeedRun:
         looked_at = frames[slice(None, None, -PASSAGE_LOOK)]  # the last frame among them
         return bool((cell.way(looked_at) <= PASSAGE_TO).any())
 
-    def _record(self, block: Block) -> None:
+    def _record(self, block: Seed) -> Seed:
         """Record the block; the stage under way ends with it where its parts have settled."""
         impacts = self._engine.take_impacts(end=block.status != Status.UNFINISHED)
-        if len(block.frames) < block.computed:
+        if block.failure:
             impacts = impacts[impacts.time <= (block.frames.time[-1] if len(block.frames) else 0.0)]
         self._guard.remember(len(block.frames))
         self._guard.arrive(block.arrivals, self._engine.current())
         frames = block.frames.as_stored()
         stops = self._stops_of_settled(frames) if block.status == Status.UNFINISHED else np.empty(0)
-        self._keep(Record(frames, impacts, Removals.joined(block.removals), stops, arrivals=block.arrivals))
+        self._keep(replace(block, frames=frames, impacts=impacts, stops=stops))
         self._follow_stops(stops)
+        return block
 
-    def _keep(self, block: Record) -> None:
+    def _keep(self, block: Seed) -> None:
         self._history.append(block)
         if self._recorder and len(block.frames):
             self._recorder.append(self._index, block)
@@ -376,9 +300,9 @@ class SeedRun:
         return min(self._engine.frames_per_block, longest, scene.n_frames - n_done, *ahead)
 
 
-def fields_of(record: Record) -> dict[str, Any]:
-    """The fields of a record by name."""
-    return {entry.name: getattr(record, entry.name) for entry in fields(Record)}
+def arrived(time: float, parts: NDArray[np.int64], cycle: int, poses: Sequence[Pose]) -> Events:
+    """Arrivals of parts, by their indices, at a time [s]."""
+    return events(ARRIVALS, time=time, part=parts, cycle=cycle, height=[pose.position[2] for pose in poses])
 
 
 def pick_frames(scene: Scene) -> dict[int, tuple[Pick, ...]]:

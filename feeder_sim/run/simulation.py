@@ -7,7 +7,7 @@ import math
 import os
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import FIRST_COMPLETED, ThreadPoolExecutor, wait
 from dataclasses import dataclass
 from functools import cached_property
@@ -16,15 +16,16 @@ from typing import Any
 import numpy as np
 
 from feeder_sim.engines.lookup import engine_class
+from feeder_sim.engines.protocol import ENDED, new_interrupt
 from feeder_sim.errors import SimulationDiverged
 from feeder_sim.measures.catalogue import MEASURES
 from feeder_sim.measures.protocol import Measure, as_json
-from feeder_sim.records.counts import Counts
-from feeder_sim.records.trajectory import Frames, Status, endings
+from feeder_sim.records.seed import Counts, Seed, Status, endings
+from feeder_sim.records.trajectory import Frames
 from feeder_sim.run.guard import Guard
 from feeder_sim.run.keep import AllFrames, Keep, Keeper
 from feeder_sim.run.prepare import prepare
-from feeder_sim.run.seed_record import Left, Recorder, SeedResult
+from feeder_sim.run.recorder import Recorder
 from feeder_sim.run.seed_run import SeedRun
 from feeder_sim.run.watchdog import STALL_AFTER_S
 from feeder_sim.scenario import Scenario
@@ -50,7 +51,7 @@ class Result:
     """
 
     prepared: Prepared
-    seeds: tuple[SeedResult, ...]
+    seeds: tuple[Seed, ...]
     wall_s: float
 
     def __repr__(self) -> str:
@@ -127,7 +128,7 @@ class Result:
             "real_time_factor": simulated / self.wall_s if self.wall_s > 0 else None,
             "wall_s_per_simulated_s_one_core": sum(s.wall_s for s in self.seeds) / simulated if simulated else None,
             "timestep_s": self.scene.timestep,
-            **Counts.total([Counts(), *(seed.counts for seed in self.seeds)])._asdict(),
+            **Counts.total(self.seeds)._asdict(),
             "left_plate": sum(seed.status == Status.LEFT_PLATE for seed in self.seeds),
             "interrupted": self.interrupted,
             "cautions": list(self.cautions),
@@ -155,7 +156,8 @@ def run_ensemble(
     prepared: Prepared,
     *,
     recorder: Recorder | None = None,
-    left: Left | None = None,
+    ended: Mapping[int, Seed] | None = None,
+    wall_s_before: float = 0.0,
     record: Keep = AllFrames(),  # noqa: B008
     workers: int | None = None,
     progress: Callable[[float], None] | None = None,
@@ -168,7 +170,8 @@ def run_ensemble(
     Args:
         prepared: what to run.
         recorder: takes every block as it is computed.
-        left: what there is of the ensemble.
+        ended: seeds, by their index, that are not run: what there is of them stands.
+        wall_s_before: wall time [s] that the ensemble has taken before.
         record: what to keep of each seed in memory.
         workers: threads; the engines' inner loops run outside Python, so threads use all cores. Default: all cores.
         progress: called with the fraction done, from this thread, a few times a second.
@@ -180,22 +183,29 @@ def run_ensemble(
         InputError: what is to be kept is not recorded in such a scene.
     """
     run, keep = prepared.scenario.run, Keeper(prepared, record)
-    stop, left = stop or threading.Event(), left or Left({}, 0.0)
+    stop, ended = stop or threading.Event(), ended or {}
     random = generators(prepared.scene)
     done = np.zeros(run.seeds)
-    _warm_up(prepared, notify)
+    with announced(COMPILING, notify):  # before the threads need it
+        compile_engine(prepared)
     started = time.perf_counter()
-    interrupts, asked = np.zeros((run.seeds, 1), np.int64), math.inf  # of the engines; when somebody asked to stop
+    interrupts, asked = [new_interrupt() for _ in range(run.seeds)], math.inf  # when somebody asked to stop
     cores = workers or available_cores()
     threads = max(1, cores // run.seeds)  # for one seed, where there are fewer seeds than cores
 
-    def run_seed(index: int) -> SeedResult | None:
-        begun = left.begun.get(index)
-        if index > 0 and begun is None and stop.is_set():
+    def run_seed(index: int) -> Seed | None:
+        if seed := ended.get(index):
+            done[index] = 1.0
+            return keep(seed)
+        if index > 0 and stop.is_set():
             return None  # of a seed that has not begun there is nothing; the first stands for the others
         of_seed: dict[str, Any] = {"interrupt": interrupts[index], "stall_after": stall_after}
-        seed = SeedRun(prepared, index, recorder=recorder, begun=begun, threads=threads, **of_seed)
-        return keep(seed.run(random[index], done, stop))
+        run_of = SeedRun(prepared, index, recorder=recorder, threads=threads, **of_seed)
+        return keep(run_of.run(random[index], done, stop))
+
+    def end_all() -> None:
+        for interrupt in interrupts:
+            interrupt[ENDED] = 1
 
     with ThreadPoolExecutor(cores) as pool:
         try:
@@ -205,17 +215,17 @@ def run_ensemble(
                 if stop.is_set():
                     asked = min(asked, time.perf_counter())
                     if time.perf_counter() - asked > GRACE_S:
-                        interrupts[:] = 1
+                        end_all()
                 for future in finished:
                     future.result()  # an error ends the whole ensemble at once
                 if progress:
                     progress(float(done.mean()))
         except BaseException:
             stop.set()
-            interrupts[:] = 1
+            end_all()
             raise
     results = tuple(seed for seed in (future.result() for future in futures) if seed is not None)
-    return Result(prepared, results, left.wall_s + time.perf_counter() - started)
+    return Result(prepared, results, wall_s_before + time.perf_counter() - started)
 
 
 def check_starts(scene: Scene, notify: Callable[[str], None] | None = None) -> None:
@@ -241,19 +251,14 @@ def available_cores() -> int:
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
-def _warm_up(prepared: Prepared, notify: Callable[[str], None] | None) -> None:
-    """Compile the engine before the threads need it; say so when that takes long."""
-    with announced(COMPILING, notify):
-        compile_engine(prepared)
-
-
 def compile_engine(prepared: Prepared) -> None:
     """Import and compile all of an engine and the guard that a scene needs, and compute nothing."""
 
     def compile_all() -> None:
-        start, interrupted = engine_class(prepared.engine), np.ones(1, np.int64)
+        start, interrupted = engine_class(prepared.engine), np.ones(2, np.int64)
         engine = start(prepared.scene, np.random.default_rng(0), interrupt=interrupted)
-        Guard(prepared, engine.advance(1))
+        engine.advance(1)
+        Guard(prepared, engine.current())
 
     in_daemon_thread(compile_all)
 

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from feeder_sim.engines.lookup import engine_class
-from feeder_sim.engines.protocol import Engine
+from feeder_sim.engines.protocol import ENDED, Engine, new_interrupt
 from feeder_sim.run.guard import Guard
 from feeder_sim.run.simulation import available_cores, compile_engine
 from feeder_sim.scenario import Schedule
@@ -80,7 +80,7 @@ def seed_seconds(prepared: Prepared) -> float:
     scene = _cut(prepared.scene)
     prepared, whole = replace(prepared, scene=scene), prepared.scene
     compile_engine(prepared)
-    interrupt = np.zeros(1, np.int64)
+    interrupt = new_interrupt()
     together = min(scene.scenario.run.seeds, available_cores())
     seeds = [_Seed(prepared, number, interrupt) for number in range(together)]
     found: list[Stretch] = []
@@ -102,7 +102,7 @@ def seed_seconds(prepared: Prepared) -> float:
         except FutureTimeoutError:  # a frame takes at least that long
             found[-1].computed.append((scene.frame_interval, LONGEST_TRIAL_S))
         finally:
-            interrupt[0] = 1
+            interrupt[ENDED] = 1
     done = [stretch for stretch in found if stretch.computed]
     seconds = sum(stretch.seconds for stretch in done)
     reached = sum(stretch.whole for stretch in done)

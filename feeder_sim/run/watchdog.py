@@ -1,4 +1,4 @@
-"""Ends a computation that does not get on: one that takes too long for a single frame, whatever the engine."""
+"""Ends a computation that does not get on: one that takes too long for its next frame, whatever the engine."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
+from feeder_sim.engines.protocol import ENDED, WHOLE
 from feeder_sim.errors import InputError, quoted
 
 STALL_AFTER_S = 60.0  # [s] of wall time for a frame; the slowest scenario takes less than one
@@ -30,11 +31,11 @@ def checked_patience(stall_after: float) -> float:
 
 
 class Watchdog:
-    """Interrupts an engine that is still at the same call of `advance` after a time.
+    """Interrupts an engine that has not got on by a frame in a call of `advance` for some time.
 
     Args:
-        interrupt: of the engine, (1,).
-        patience: wall time [s] that a call may take.
+        interrupt: of the engine, see `new_interrupt`.
+        patience: wall time [s] that a frame may take.
     """
 
     def __init__(self, interrupt: NDArray[np.int64], patience: float = STALL_AFTER_S) -> None:
@@ -54,14 +55,17 @@ class Watchdog:
         self._since = time.perf_counter()
 
     def end(self) -> bool:
-        """The call is over; returns whether it was interrupted here, after which the engine may be used again."""
+        """The call is over; returns whether it was interrupted here."""
         self._since = math.inf
-        stalled = int(self._interrupt[0]) == STALLED
+        stalled = int(self._interrupt[ENDED]) == STALLED
         if stalled:
-            self._interrupt[0] = 0
+            self._interrupt[ENDED] = 0
         return stalled
 
     def _watch(self) -> None:
+        whole = 0
         while not self._over.wait(self.patience / LOOKS):
-            if time.perf_counter() - self._since > self.patience and self._interrupt[0] == 0:
-                self._interrupt[0] = STALLED
+            if whole != self._interrupt[WHOLE] and self._since < math.inf:
+                whole, self._since = int(self._interrupt[WHOLE]), time.perf_counter()
+            elif time.perf_counter() - self._since > self.patience and self._interrupt[ENDED] == 0:
+                self._interrupt[ENDED] = STALLED

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -19,7 +19,8 @@ import numpy as np
 from feeder_sim.errors import InputError
 from feeder_sim.measures.statistic import Statistic, half_interval
 from feeder_sim.measures.values import values_of_seed
-from feeder_sim.records.trajectory import Record, Recording, SeedRecord, Status
+from feeder_sim.records.recording import Recording
+from feeder_sim.records.seed import Status
 from feeder_sim.records.trajectory_file import recording_of
 from feeder_sim.run.prepare import prepare
 from feeder_sim.run.provenance import check_inputs
@@ -76,9 +77,8 @@ def measured_run(path: Path, progress: Callable[[float], None] | None = None) ->
     except InputError as error:
         raise InputError(error.problem, file=error.file or path, key=error.key) from error
     values = []
-    for number, (record, status) in enumerate(zip(recording.records, recording.status, strict=True)):
-        held = {field.name: getattr(record, field.name) for field in fields(Record)}
-        values.append(values_of_seed(prepared, SeedRecord(**held, status=status)))
+    for number, seed in enumerate(recording.records):
+        values.append(values_of_seed(prepared, seed))
         if progress:
             progress((number + 1) / len(recording.records))
     return MeasuredRun(path, scenario, recording, tuple(values))

@@ -25,6 +25,7 @@ from feeder_sim.engines.impulse.drops import advance_to_rest
 from feeder_sim.engines.impulse.engine import WINDOW_ALONE
 from feeder_sim.engines.impulse.kinds import read_kinds
 from feeder_sim.engines.impulse.state import new_parts, new_scratch
+from feeder_sim.engines.protocol import ENDED, new_interrupt
 from feeder_sim.engines.surface_arrays import surface_arrays
 from feeder_sim.errors import InputError, Interrupted
 from feeder_sim.part.rigid_part import RigidPart
@@ -145,11 +146,11 @@ def drop(
     compute = _impulse_drops if engine == "impulse" else _mujoco_drops
 
     def compile_engine() -> None:
-        compute(scene, starts[:1], np.ones(1, np.int64))
+        compute(scene, starts[:1], np.ones(2, np.int64))
 
     with announced(COMPILING, notify):
         in_daemon_thread(compile_engine)
-    attitude, rest_s, interrupt = np.empty((drops, 4)), np.empty(drops), np.zeros(1, np.int64)
+    attitude, rest_s, interrupt = np.empty((drops, 4)), np.empty(drops), new_interrupt()
     with ThreadPoolExecutor(workers) as pool:
         tasks = [pool.submit(compute, scene, starts[piece], interrupt) for piece in pieces]
         try:
@@ -161,7 +162,7 @@ def drop(
                 if progress:
                     progress(piece.stop / drops)
         finally:
-            interrupt[0] = 1  # given up, or an error: what is left ends where it is
+            interrupt[ENDED] = 1  # given up, or an error: what is left ends where it is
     return DropStudy(part, engine, scene.scenario.contact, table.number(attitude), rest_s)
 
 
@@ -207,14 +208,14 @@ def _mujoco_drops(scene: Scene, starts: Rotation, interrupt: NDArray[np.int64]) 
 
     part = scene.kinds[0]
     engine = MujocoEngine(scene, np.random.default_rng(0), interrupt=interrupt)
-    begin, joint = engine.state(), engine.data.joint(scene.parts[0].name)
+    joint = engine.data.joint(scene.parts[0].name)
     attitude, rested = np.empty((len(starts), 4)), np.full(len(starts), np.nan)
     principal = scene.principal_attitudes(starts.as_quat(scalar_first=True)[:, None])[:, 0]
     for k, place in enumerate(_places(part, starts)):
-        engine.restore(begin)
+        engine.put_at_start()
         joint.qpos[:3], joint.qpos[3:] = place, principal[k]
         looks = 0
-        while looks < LOOKS and engine.current().time[0] < scene.times.duration and not interrupt[0]:
+        while looks < LOOKS and engine.current().time[0] < scene.times.duration and not interrupt[ENDED]:
             frame = engine.advance(1)
             speed = np.linalg.norm(frame.velocity[0, 0]) + part.size * np.linalg.norm(frame.angular_velocity[0, 0])
             looks = looks + 1 if speed < STILL else 0

@@ -22,7 +22,7 @@ from feeder_sim.jobs.journal import Journal, read_journal
 from feeder_sim.measures.statistic import finite_or_none
 from feeder_sim.plate.mode_shapes import StandingWave, standing_wave
 from feeder_sim.plate.rectangle import RectangularPlate
-from feeder_sim.records.trajectory import Status
+from feeder_sim.records.seed import Status
 from feeder_sim.run.batch import Ensemble, check_drifting, measure_drift
 from feeder_sim.run.prepare import prepare
 from feeder_sim.scenario import Scenario, Start, Strip, resolve_material, with_run

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import hashlib
 import sys
 import tomllib
 from pathlib import Path
 from typing import Any
-from zipfile import ZipFile
 
 import numpy as np
 import pytest
@@ -18,8 +16,6 @@ from hypothesis import strategies as st
 from feeder_sim.errors import LONGEST_MESSAGE, FeederSimError, InputError, quoted
 from feeder_sim.part.mesh_file import MESH_SUFFIXES
 from feeder_sim.part.rigid_part import RigidPart
-from feeder_sim.records import checkpoint
-from feeder_sim.records.checkpoint import Checkpoint, CheckpointFolder, run_identity
 from feeder_sim.scenario import MeshPart, Scenario, parse_scenario
 from feeder_sim.scenario.tables import validated
 from feeder_sim.scene.part import build_part
@@ -103,102 +99,6 @@ def test_long_values_are_shortened() -> None:
 def test_any_message_is_one_short_line(text: str) -> None:
     for error in (FeederSimError(text * 100), InputError(text, file=text, key=text)):
         assert str(error).isprintable() and len(str(error)) <= LONGEST_MESSAGE
-
-
-STATE = {
-    "state": np.linspace(0.0, 1.0, 7),
-    "there": np.array([True, False]),
-    "frame": np.array(250),
-    "pair": np.ones((4, 2)),
-}
-FRESH = STATE | {"pair": np.ones((0, 2))}  # of an engine that has just been made
-
-
-def checkpoints(run: Path, *, text: str = SCENARIO, n_frames: int = 251) -> CheckpointFolder:
-    """Of a run, with one of seed 3."""
-    folder = CheckpointFolder(run, run_identity(text, {"numpy": "2"}, {}))
-    folder.save(3, Checkpoint((n_frames, 4, 0, 0), STATE))
-    return folder
-
-
-def test_checkpoint_is_read_as_it_was_written(tmp_path: Path) -> None:
-    read = checkpoints(tmp_path).load(3)
-    assert read is not None and read.sizes == (251, 4, 0, 0) and read.state.keys() == STATE.keys()
-    for name, values in STATE.items():
-        assert np.array_equal(read.state[name], values) and read.state[name].dtype == values.dtype
-    assert checkpoints(tmp_path).load(2) is None
-
-
-@given(data=st.data())
-@settings(max_examples=200, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
-def test_damaged_checkpoint_is_refused(data: st.DataObject, tmp_path: Path) -> None:
-    folder = checkpoints(tmp_path)
-    path = tmp_path / "checkpoints/seed_003.npz"
-    content = bytearray(path.read_bytes())
-    kind, at = data.draw(st.sampled_from(["bit", "cut", "stretch"])), data.draw(st.integers(0, len(content) - 1))
-    if kind == "bit":
-        content[at] ^= 1 << data.draw(st.integers(0, 7))
-    elif kind == "cut":
-        content = content[:at]
-    else:
-        content[at : at + 16] = data.draw(st.binary(min_size=17, max_size=17))
-    path.write_bytes(bytes(content))
-    with pytest.raises(InputError, match=r"seed_003\.npz: is not a readable checkpoint") as refused:
-        folder.load(3)
-    assert "\n" not in str(refused.value)
-
-
-def test_what_is_no_checkpoint_is_refused(tmp_path: Path) -> None:
-    folder, path = checkpoints(tmp_path), tmp_path / "checkpoints/seed_003.npz"
-    others: list[dict[str, Any]] = [{}, {"recorded": np.zeros(4)}, {"described": np.array("{}")}, {"x": np.array([{}])}]
-    for arrays in others:
-        np.savez(path, **arrays)
-        with pytest.raises(InputError, match="is not a readable checkpoint"):
-            folder.load(3)
-    with ZipFile(path, "w") as archive:  # whole, by its checksum, but with a member of an unknown compression
-        archive.writestr("state_x.npy", b"")
-        archive.comment = bytes(64)
-    content = bytearray(path.read_bytes()[:-64])
-    content[content.index(b"PK\x01\x02") + 10] = 99
-    path.write_bytes(bytes(content) + hashlib.sha256(content).hexdigest().encode())
-    with pytest.raises(InputError, match="is not a readable checkpoint"):
-        folder.load(3)
-
-
-def test_exchanged_checkpoint_is_refused(tmp_path: Path) -> None:
-    """Of another seed, another scenario, other libraries, or of a format to come."""
-    folder, path = checkpoints(tmp_path), tmp_path / "checkpoints/seed_003.npz"
-    path.with_name("seed_001.npz").write_bytes(path.read_bytes())
-    with pytest.raises(InputError, match=r"seed_001\.npz: is of seed 3, allowed is 1; without it the seed begins anew"):
-        folder.load(1)
-    for identity in (run_identity(SCENARIO + "\n", {"numpy": "2"}, {}), run_identity(SCENARIO, {"numpy": "3"}, {})):
-        with pytest.raises(
-            InputError, match=r"seed_003\.npz: is of run \w+\.\.\.\w+, allowed is \w+\.\.\.\w+; without"
-        ):
-            CheckpointFolder(tmp_path, identity).load(3)
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(checkpoint, "FORMAT", 2)
-        checkpoints(tmp_path)
-    with pytest.raises(InputError, match="is of format 2, allowed is 1"):
-        folder.load(3)
-
-
-@pytest.mark.parametrize(
-    ("changed", "said"),
-    [
-        ({"frame": None}, r"frame is not there, allowed is int64 \(\)"),
-        ({"more": np.zeros(2)}, r"more is float64 \(2,\), allowed is not there"),
-        ({"state": np.zeros(8)}, r"state is float64 \(8,\), allowed is float64 \(7,\)"),
-        ({"pair": np.zeros((4, 3))}, r"pair is float64 \(any, 3\), allowed is float64 \(any, 2\)"),
-        ({"pair": np.zeros(())}, r"pair is float64 \(\), allowed is float64 \(any, 2\)"),
-        ({"there": np.zeros(2)}, r"there is float64 \(2,\), allowed is bool \(2,\)"),
-    ],
-)
-def test_state_that_does_not_fit_the_engine_is_refused(changed: dict[str, Any], said: str, tmp_path: Path) -> None:
-    state = {name: values for name, values in (STATE | changed).items() if values is not None}
-    with pytest.raises(InputError, match=rf"seed_003\.npz: does not fit the engine: {said}"):
-        checkpoints(tmp_path).check_fits(3, state, FRESH)
-    checkpoints(tmp_path).check_fits(3, STATE, FRESH)
 
 
 def mesh_file(folder: Path, suffix: str) -> Path:

@@ -8,6 +8,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import fields
 from pathlib import Path
 from typing import Any, Literal
@@ -20,17 +21,21 @@ from conftest import StopsAfter, each_seed_stops_after
 
 from feeder_sim.engines.impulse.engine import ImpulseEngine
 from feeder_sim.errors import Divergence, InputError, SimulationDiverged
+from feeder_sim.records.seed import Status
 from feeder_sim.records.trajectory import Frames
 from feeder_sim.records.trajectory_file import read_recording
 from feeder_sim.run.guard import Guard
 from feeder_sim.run.run_folder import record_run, resume_run, scenario_toml
+from feeder_sim.run.seed_run import SeedRun
 from feeder_sim.scenario import Excitation, Heap, HexNut, PistonPlate, Refill, Run, Scattered, Scenario
 from feeder_sim.scenario.schedule import Pick, Schedule, Stage
 from feeder_sim.scene.scene import build_scene
 
 WALL_TIMES = ("wall_s", "real_time_factor", "wall_s_per_simulated_s_one_core")
-# A checkpoint after every block, not every few seconds, so that a kill finds one.
-EAGER = "import feeder_sim.run.seed_run as s; s.CHECKPOINT_S = 0.0; from feeder_sim.cli.main import main; main()"
+# One seed after the other, so that a kill finds one that has ended and one that has not.
+ONE_CORE = (
+    "import feeder_sim.run.simulation as s; s.available_cores = lambda: 1; from feeder_sim.cli.main import main; main()"
+)
 
 
 @pytest.fixture(autouse=True, scope="module")
@@ -90,7 +95,6 @@ def check_same(folder: Path, expected: Path) -> None:
             del summary[name]
     # As text: NaN is not equal to itself.
     assert json.dumps(summaries[0], sort_keys=True) == json.dumps(summaries[1], sort_keys=True)
-    assert not (folder / "checkpoints").exists()
 
 
 def removed(folder: Path) -> int:
@@ -119,27 +123,40 @@ def test_two_runs_of_one_scenario_are_the_same(whole: Path, tmp_path: Path) -> N
     check_same(tmp_path / "run", whole)
 
 
-@pytest.mark.parametrize("looks", [0, 1, 2])
+@contextmanager
+def second_seed_stops(looks: int = 1) -> Iterator[None]:
+    """The first seed runs to its end, the second one until it has looked so many times."""
+    run = SeedRun.run
+    with pytest.MonkeyPatch.context() as patch:
+
+        def stopped(self: SeedRun, rng: Any, done: Any, stop: Any) -> Any:
+            return run(self, rng, done, stop if self._index == 0 else StopsAfter(looks))
+
+        patch.setattr(SeedRun, "run", stopped)
+        yield
+
+
+@pytest.mark.parametrize("looks", [0, 1])
 def test_interrupted_run_goes_on_to_the_same_bits(looks: int, whole: Path, tmp_path: Path) -> None:
+    """Seeds that have ended are kept: the second time nothing of them is computed."""
     folder = tmp_path / "run"
     with each_seed_stops_after(looks):
         begun = record_run(nuts(), folder, replay=False)
-    assert begun.interrupted and (folder / "checkpoints").exists()
-    assert sum(times(folder)) < sum(times(whole))
-    result = resume_run(folder, replay=False)
-    assert not result.interrupted
-    check_same(folder, whole)
+    assert begun.interrupted and sum(times(folder)) < sum(times(whole))
+    with second_seed_stops():
+        assert resume_run(folder, replay=False).interrupted
+    assert times(folder)[0] == times(whole)[0] and times(folder)[1] < times(whole)[1]
+    opened: list[int] = []
+    open_seed = SeedRun._open
 
+    def noted(self: SeedRun, rng: Any) -> None:
+        opened.append(self._index)
+        open_seed(self, rng)
 
-def test_run_interrupted_again_and_again(whole: Path, tmp_path: Path) -> None:
-    folder = tmp_path / "run"
-    result = record_run(nuts(), folder, stop=StopsAfter(3), replay=False)
-    breaks = 0
-    while result.interrupted:
-        breaks += 1
-        assert breaks < 50
-        result = resume_run(folder, stop=StopsAfter(3), replay=False)
-    assert breaks > 1
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(SeedRun, "_open", noted)
+        result = resume_run(folder, replay=False)
+    assert not result.interrupted and opened == [1]
     check_same(folder, whole)
 
 
@@ -180,20 +197,15 @@ def test_mujoco_goes_on_to_the_same_bits(tmp_path: Path) -> None:
 def test_refilled_run_goes_on_to_the_same_bits(
     engine: Literal["impulse", "mujoco"], start: Heap | Scattered, tmp_path: Path
 ) -> None:
-    """Also from a checkpoint that is taken with the new parts still where they were let go."""
     scenario = nuts(
         count=6, engine=engine, cycles=3, duration_s=0.1, clearance_mm=8.0, refill=Refill(to=5, start=start)
     )
     record_run(scenario, tmp_path / "whole", replay=False)
     refills = [len(set(record.arrivals.cycle)) for record in read_recording(tmp_path / "whole/trajectory.h5").records]
     assert min(refills) > 0
-    result = record_run(scenario, tmp_path / "run", stop=StopsAfter(2), replay=False)
-    breaks = 0
-    while result.interrupted:
-        breaks += 1
-        assert breaks < 50
-        result = resume_run(tmp_path / "run", stop=StopsAfter(2), replay=False)
-    assert breaks > 2
+    with second_seed_stops():
+        assert record_run(scenario, tmp_path / "run", replay=False).interrupted
+    resume_run(tmp_path / "run", replay=False)
     check_same(tmp_path / "run", tmp_path / "whole")
     assert (tmp_path / "run/picks.csv").read_bytes() == (tmp_path / "whole/picks.csv").read_bytes()
 
@@ -220,36 +232,32 @@ def test_a_seed_that_diverged_before_the_break_is_still_a_failure(
     check_same(tmp_path / "run", tmp_path / "whole")
 
 
-def wait_for_checkpoints(folder: Path, process: subprocess.Popen[str]) -> None:
-    deadline = time.monotonic() + 300
-    while len(list(folder.glob("checkpoints/*.npz"))) < 2:
-        assert process.poll() is None, process.communicate()
-        assert time.monotonic() < deadline
-        time.sleep(0.005)
+def ended_seeds(folder: Path) -> int:
+    try:
+        return sum(status != Status.UNFINISHED for status in read_recording(folder / "trajectory.h5").status)
+    except InputError:  # not there yet
+        return 0
 
 
-@pytest.mark.parametrize("eager", [True, pytest.param(False, marks=pytest.mark.slow)])
-def test_killed_run_goes_on_to_the_same_bits(eager: bool, tmp_path: Path) -> None:
-    """Killed with checkpoints, and before there are any: then it begins anew."""
+@pytest.mark.parametrize("ended", [1, pytest.param(0, marks=pytest.mark.slow)])
+def test_killed_run_goes_on_to_the_same_bits(ended: int, tmp_path: Path) -> None:
+    """Killed after one seed of two, and before there is any."""
     scenario, folder = nuts(duration_s=4.0, cycles=1, frames_per_second=200.0), tmp_path / "run"
     path = tmp_path / "long.toml"
     path.write_text(scenario_toml(scenario))
-    program = ["-c", EAGER] if eager else ["-m", "feeder_sim"]
-    command = [sys.executable, *program, "run", str(path), "--out", str(folder)]
+    command = [sys.executable, "-c", ONE_CORE, "run", str(path), "--out", str(folder)]
     process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    deadline = time.monotonic() + 300
     try:
-        if eager:
-            wait_for_checkpoints(folder, process)
-        else:
-            while not (folder / "trajectory.h5").exists():
-                assert process.poll() is None, process.communicate()
-                time.sleep(0.005)
-            time.sleep(0.05)
+        while not (folder / "trajectory.h5").exists() or ended_seeds(folder) < ended:
+            assert process.poll() is None, process.communicate()
+            assert time.monotonic() < deadline
+            time.sleep(0.005)
     finally:
         process.kill()
         process.communicate()
     assert process.returncode == -signal.SIGKILL
-    assert not (folder / "summary.json").exists()
+    assert not (folder / "summary.json").exists() and ended_seeds(folder) == ended
     done = feeder_sim("run", "--resume", folder, "--json")
     assert done.returncode == 0, done.stderr
     assert json.loads(done.stdout)["interrupted"] is False
@@ -271,14 +279,16 @@ def test_what_cannot_be_resumed_is_refused_in_one_line(whole: Path, tmp_path: Pa
     check_refused(feeder_sim("run"), "scenario file", "--resume")
 
 
-def test_unreadable_checkpoint_is_refused(tmp_path: Path) -> None:
+def test_a_folder_of_before_run_json_goes_on(whole: Path, tmp_path: Path) -> None:
+    """With checkpoints inside of seeds, which nobody reads any more."""
     folder = tmp_path / "run"
-    record_run(nuts(), folder, stop=StopsAfter(3), replay=False)
-    checkpoint = next(folder.glob("checkpoints/*.npz"))
-    for spoilt in (b"", b"no checkpoint", checkpoint.read_bytes()[:200]):
-        checkpoint.write_bytes(spoilt)
-        with pytest.raises(InputError, match="not a readable checkpoint"):
-            resume_run(folder, replay=False)
+    with second_seed_stops():
+        record_run(nuts(), folder, replay=False)
+    (folder / "run.json").unlink()
+    (folder / "checkpoints").mkdir()
+    (folder / "checkpoints/seed_001.npz").write_bytes(b"of a version before")
+    resume_run(folder, replay=False)
+    check_same(folder, whole)
 
 
 def test_result_does_not_depend_on_threads() -> None:

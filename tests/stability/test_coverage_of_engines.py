@@ -18,9 +18,9 @@ from hypothesis import strategies as st
 from feeder_sim.engines.lookup import engine_class
 from feeder_sim.errors import InputError
 from feeder_sim.measures.drift import Drift, drift_velocity
-from feeder_sim.records.impacts import Impacts
-from feeder_sim.records.removals import Cause, Removals
-from feeder_sim.records.trajectory import Frames, SeedRecord, Status
+from feeder_sim.records.events import Cause, removed
+from feeder_sim.records.seed import Seed, Status
+from feeder_sim.records.trajectory import Frames
 from feeder_sim.scenario import MujocoSettings, Scenario
 from feeder_sim.scenario.engine_choice import choose_engine
 from feeder_sim.scenario.tables import validated
@@ -306,8 +306,8 @@ def test_drift_of_several_parts_is_the_mean_over_those_that_are_there_at_the_end
     assert drift_velocity(frames) == pytest.approx(velocity.mean(axis=0))
     frames.present[3:, 0] = False
     assert drift_velocity(frames) == pytest.approx(velocity[1:].mean(axis=0))
-    lost = Removals.of(float(frames.time[2]), np.array([0]), Cause.LOST)
-    seed = SeedRecord(frames, Impacts.none(), lost, np.empty(0), status=Status.DONE)
+    lost = removed([0], float(frames.time[2]), Cause.LOST)
+    seed = Seed(frames, removals=lost, status=Status.DONE)
     prepared = ready(crowd)
     assert Drift().applies(prepared)
     found = Drift().compute(prepared, [seed])

@@ -14,17 +14,16 @@ from typing import Any
 import h5py
 import numpy as np
 import pytest
-from conftest import REPOSITORY, StopsAfter, each_seed_stops_after
+from conftest import REPOSITORY, StopsAfter
 
-import feeder_sim.run.recorder as recorder
 from feeder_sim.errors import InputError
 from feeder_sim.part.stable_poses import PoseTable
 from feeder_sim.plate.drive import ModalDrive
 from feeder_sim.plate.mode_file import ModeFile, read_mode_file, write_mode_file
-from feeder_sim.records.checkpoint import Checkpoint, CheckpointFolder, run_identity
-from feeder_sim.records.impacts import Impacts
-from feeder_sim.records.removals import Removals
-from feeder_sim.records.trajectory import FRAME_FIELDS, Frames, PartRecord, PlateRecord, Record, Status, WallTime
+from feeder_sim.records.events import impacts_of
+from feeder_sim.records.recording import PartRecord, PlateRecord
+from feeder_sim.records.seed import Seed, Status
+from feeder_sim.records.trajectory import FRAME_FIELDS, Frames
 from feeder_sim.records.trajectory_file import TRAJECTORY, read_recording
 from feeder_sim.records.trajectory_writer import TrajectoryWriter
 from feeder_sim.records.unclosed_file import closed_head, lookup3
@@ -42,7 +41,8 @@ from feeder_sim.errors import InputError
 from feeder_sim.records.trajectory_file import read_recording
 for path in sorted(Path(sys.argv[1]).iterdir()):
     try:
-        found = repr([(r.sizes, r.frames.position.sum(), r.impacts.time.sum()) for r in read_recording(path).records])
+        seeds = read_recording(path).records
+        found = repr([(len(r.frames), len(r.impacts), r.frames.position.sum(), r.impacts.time.sum()) for r in seeds])
     except InputError as error:
         found = str(error).replace(path.name, "")
     print(json.dumps(found))
@@ -59,13 +59,17 @@ def ball(**run: Any) -> Scenario:
     )
 
 
-def block(number: int, n_parts: int = 1) -> Record:
+def block(number: int, n_parts: int = 1) -> Seed:
     rng = np.random.default_rng(number)
     tail = {name: (BLOCK, n_parts, *shape) for name, (_, _, shape) in FRAME_FIELDS.items() if name != "time"}
     values: dict[str, Any] = {name: rng.random(shape) for name, shape in tail.items()}
     values["present"] = np.ones((BLOCK, n_parts), bool)
     frames = Frames(time=number + np.arange(BLOCK) / BLOCK, **values)
-    return Record(frames, Impacts.of_rows(rng.random((7, 4))), Removals.none(), np.empty(0))
+    return Seed(frames, impacts_of(rng.random((7, 4))))
+
+
+def sizes(seed: Seed) -> tuple[int, ...]:
+    return tuple(map(len, (seed.frames, seed.impacts, seed.removals, seed.stops, seed.arrivals)))
 
 
 def writer(path: Path, scenario: Scenario) -> TrajectoryWriter:
@@ -96,18 +100,21 @@ def killed(tmp_path_factory: pytest.TempPathFactory) -> Path:
     for number in range(3):
         for seed in range(2):
             file.append(seed, block(number))
-    file.note_wall_time(1, WallTime(2.0, 3.0))
+    file.finish(1, Seed(block(0).frames, wall_s=2.0), 3.0)
     (folder / "killed.h5").write_bytes((folder / "closed.h5").read_bytes())
     file.append(0, block(3))
-    file.finish(0, Status.DONE)
+    file.finish(0, Seed(block(0).frames, status=Status.DONE), 3.0)
     file.close()
     return folder
 
 
 def test_killed_run_is_read(killed: Path) -> None:
     recording = read_recording(killed / "killed.h5")
-    assert [record.sizes for record in recording.records] == [(3 * BLOCK, 21, 0, 0, 0)] * 2
-    assert recording.status == (Status.UNFINISHED,) * 2 and recording.wall_times[1] == WallTime(2.0, 3.0)
+    assert [sizes(record) for record in recording.records] == [(3 * BLOCK, 21, 0, 0, 0)] * 2
+    assert recording.status == (Status.UNFINISHED,) * 2 and (recording.records[1].wall_s, recording.wall_s) == (
+        2.0,
+        3.0,
+    )
     assert np.array_equal(recording.seeds[0].position[:BLOCK], block(0).frames.position)
     assert [len(frames) for frames in read_recording(killed / "closed.h5").seeds] == [4 * BLOCK, 3 * BLOCK]
 
@@ -138,7 +145,7 @@ def test_damaged_trajectory_is_read_unchanged_or_refused_and_never_waited_for(
     command = [sys.executable, "-c", READ_ALL, str(tmp_path)]
     done = subprocess.run(command, capture_output=True, text=True, timeout=100, check=True)
     good, *others = (json.loads(line) for line in done.stdout.splitlines())
-    assert len(others) == 220 and good.startswith("[((")
+    assert len(others) == 220 and good.startswith("[(")
     refused = [text for text in others if "not a readable trajectory file" in text]
     assert set(others) - set(refused) <= {good} and len(refused) > 100
 
@@ -180,40 +187,6 @@ def test_commands_refuse_a_damaged_trajectory_at_once(killed: Path, tmp_path: Pa
     (tmp_path / TRAJECTORY).write_bytes(whole)
     for command in (["replay"], ["vibrometer", "--picture", tmp_path / "v.png"], ["run", "--resume"]):
         check_one_line(feeder_sim(command[0], *command[1:], tmp_path), 2, "not a readable trajectory file")
-
-
-def test_run_does_not_go_on_from_a_checkpoint_that_is_not_its_own(tmp_path: Path) -> None:
-    for seed in range(2):
-        with each_seed_stops_after(2):
-            record_run(ball(seed=seed), tmp_path / f"run_{seed}", replay=False)
-    run, path = tmp_path / "run_0", tmp_path / "run_0/checkpoints/seed_000.npz"
-    content = path.read_bytes()
-    for other, said in (
-        (path.with_name("seed_001.npz").read_bytes(), r"is of seed 1, allowed is 0"),
-        ((tmp_path / "run_1/checkpoints/seed_000.npz").read_bytes(), r"is of run \w+\.\.\.\w+, allowed is"),
-        (content[:-1] + b"x", "is not a readable checkpoint"),
-    ):
-        path.write_bytes(other)
-        with pytest.raises(InputError, match=rf"seed_000\.npz: {said}"):
-            resume_run(run, replay=False)
-    recording = read_recording(run / TRAJECTORY)
-    folder = CheckpointFolder(run, run_identity(recording.scenario_text, recording.libraries, recording.inputs))
-    path.write_bytes(content)
-    held = folder.load(0)
-    assert held is not None
-    folder.save(0, Checkpoint(held.sizes, {name: v for name, v in held.state.items() if name != "frame"}))
-    with pytest.raises(
-        InputError, match=r"seed_000\.npz: does not fit the engine: frame is not there, allowed is int64"
-    ):
-        resume_run(run, replay=False)
-    folder.save(0, Checkpoint((held.sizes[0], held.sizes[1] + 1, 0, 0), held.state))  # an impact that was not recorded
-    (run / "checkpoints/seed_001.npz").unlink()
-    resume_run(run, replay=False)  # begins both seeds anew
-    record_run(ball(), tmp_path / "whole", replay=False)
-    for got, wanted in zip(
-        *(read_recording(tmp_path / name / TRAJECTORY).seeds for name in ("run_0", "whole")), strict=True
-    ):
-        assert got.position.tobytes() == wanted.position.tobytes()
 
 
 def interrupted(scenario: Scenario, folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -261,20 +234,17 @@ def test_run_does_not_go_on_with_another_version(changed: str, tmp_path: Path, m
 
 
 def test_cost_of_a_run_that_goes_on_counts_all_stretches(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    scenario = ball(seeds=1, duration_s=60.0)  # of two seeds one may have all the looks, and the other not have begun
+    scenario = ball(seeds=1, duration_s=60.0)
     with monkeypatch.context() as patch:  # as if the first stretch had taken hours
-        patch.setattr(recorder, "WallTime", lambda seed, ensemble: WallTime(seed + 1000.0, ensemble + 5000.0))
+        finish = TrajectoryWriter.finish
+        patch.setattr(TrajectoryWriter, "finish", lambda file, n, seed, wall_s: finish(file, n, seed, wall_s + 5000.0))
         first = record_run(scenario, tmp_path, stop=StopsAfter(3), replay=False)
-    assert first.interrupted and all(seed.wall_s < 1000.0 for seed in first.seeds)
-    stored = read_recording(tmp_path / TRAJECTORY).wall_times
-    assert all(time.seed > 1000.0 and time.ensemble > 5000.0 for time in stored)
+    assert first.interrupted and first.wall_s < 1000.0
+    stored = read_recording(tmp_path / TRAJECTORY).wall_s
     second = resume_run(tmp_path, stop=StopsAfter(3), replay=False)
-    assert second.interrupted and second.wall_s > max(time.ensemble for time in stored)
-    again = read_recording(tmp_path / TRAJECTORY).wall_times
-    assert all(later.seed > time.seed for later, time in zip(again, stored, strict=True))
+    assert second.interrupted and second.wall_s > stored > 5000.0
     result = resume_run(tmp_path, replay=False)
     summary = json.loads((tmp_path / SUMMARY).read_text())
     assert not result.interrupted and summary["wall_s"] == result.wall_s > second.wall_s
-    assert sum(seed.wall_s for seed in result.seeds) > sum(seed.wall_s for seed in second.seeds) > 1000.0
     one_core = summary["wall_s_per_simulated_s_one_core"] * summary["simulated_s"]
     assert one_core == pytest.approx(sum(seed.wall_s for seed in result.seeds))

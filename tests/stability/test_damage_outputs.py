@@ -11,7 +11,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from conftest import REPOSITORY, StopsAfter, each_seed_stops_after
+from conftest import REPOSITORY, StopsAfter
 from test_damage import ball, block, check_one_line, feeder_sim, limited, writer
 
 import feeder_sim.cli.main as command_line
@@ -47,21 +47,6 @@ def full(*names: str) -> Callable[[int], None]:
         sync(number)
 
     return fails
-
-
-def test_full_disk_at_a_checkpoint_ends_the_run_as_a_failure(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """In one line that names the checkpoint; the one before stays, and the run goes on from there."""
-    run = tmp_path / "run"
-    with each_seed_stops_after(3):
-        record_run(ball(), run, replay=False)
-    before = {path: path.read_bytes() for path in run.glob("checkpoints/*")}
-    assert len(before) == 2
-    with monkeypatch.context() as patch:
-        patch.setattr(os, "fsync", full("checkpoints"))
-        with pytest.raises(RecordingFailed, match=r"seed_00\d\.npz: cannot be written, is the disk full\? \(No space"):
-            resume_run(run, stop=StopsAfter(1), replay=False)
-    assert {path: path.read_bytes() for path in run.glob("checkpoints/*")} == before
-    assert not resume_run(run, replay=False).interrupted
 
 
 @pytest.mark.parametrize("name", ["scenario.toml", "scene.xml", SUMMARY])

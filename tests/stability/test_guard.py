@@ -13,7 +13,8 @@ from conftest import changing, piston_scenario, ready, strip_scenario
 from feeder_sim.engines.impulse.engine import ImpulseEngine
 from feeder_sim.engines.mujoco.engine import MujocoEngine
 from feeder_sim.errors import Divergence
-from feeder_sim.records.trajectory import Frames, Status
+from feeder_sim.records.seed import Status
+from feeder_sim.records.trajectory import Frames
 from feeder_sim.records.trajectory_file import read_recording
 from feeder_sim.run.guard import ENERGY_FACTOR, Guard
 from feeder_sim.run.prepare import prepare

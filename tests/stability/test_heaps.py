@@ -11,7 +11,8 @@ from conftest import hull_distances
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from feeder_sim.records.trajectory import Frames, Status
+from feeder_sim.records.seed import Status
+from feeder_sim.records.trajectory import Frames
 from feeder_sim.run.simulation import Result, simulate
 from feeder_sim.scenario import Scenario
 from feeder_sim.scenario.tables import validated

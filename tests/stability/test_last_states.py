@@ -1,4 +1,4 @@
-"""What a run that diverged keeps of its last states, and that it can be run again from there."""
+"""What a run that diverged keeps of its last states, and that its seed can be run again."""
 
 from __future__ import annotations
 
@@ -13,15 +13,16 @@ import pytest
 from conftest import REPOSITORY, piston_scenario, strip_scenario
 
 import feeder_sim
-from feeder_sim.engines.lookup import engine_class
 from feeder_sim.errors import Divergence, InputError, RecordingFailed, SimulationDiverged
 from feeder_sim.records.last_states import LAST_FRAMES, LastStates, read_last_states, save_last_states
-from feeder_sim.records.trajectory import Frames, Status
+from feeder_sim.records.seed import Seed, Status
+from feeder_sim.records.trajectory import Frames
 from feeder_sim.records.trajectory_file import read_recording
 from feeder_sim.run import seed_run
 from feeder_sim.run.guard import Guard
+from feeder_sim.run.one_seed import run_one_seed
+from feeder_sim.run.prepare import prepare
 from feeder_sim.run.run_folder import record_run, resume_run
-from feeder_sim.run.seed_record import SeedResult
 from feeder_sim.run.simulation import simulate
 from feeder_sim.scenario import (
     Contact,
@@ -35,9 +36,7 @@ from feeder_sim.scenario import (
     load_scenario,
     with_run,
 )
-from feeder_sim.scenario.engine_choice import choose_engine
 from feeder_sim.scenario.schedule import Schedule, Settled, Stage
-from feeder_sim.scene.scene import build_scene
 
 
 def exploding(**run: Any) -> Scenario:
@@ -65,20 +64,13 @@ def fail_at(monkeypatch: pytest.MonkeyPatch, time_s: float, seed: int | None = N
     monkeypatch.setattr(Guard, "check", spoilt)
 
 
-def check_runs_again(scenario: Scenario, last: LastStates, seed: int = 0) -> None:
-    """From the state that was kept, an engine gives the frames that were kept."""
-    scene = build_scene(scenario)
-    if len(last.stops):
-        scene = scene.stopped(last.stops.tolist())
-    rng = np.random.default_rng(np.random.SeedSequence(0).spawn(seed + 1)[seed])
-    engine = engine_class(choose_engine(scenario))(scene, rng)
-    engine.restore(last.state)
-    again = engine.advance(last.skipped + len(last.frames))[slice(last.skipped, None)]
-    for field in fields(Frames):
-        assert getattr(again, field.name).tobytes() == getattr(last.frames, field.name).tobytes(), field.name
+def check_runs_again(scenario: Scenario, seed: Seed, index: int = 0) -> None:
+    """The seed by itself, from its start, comes to the same last states."""
+    again = run_one_seed(prepare(scenario), index)
+    assert again.last is not None and seed.last is not None and same(again.last, seed.last)
 
 
-def check_fits(result: SeedResult) -> LastStates:
+def check_fits(result: Seed) -> LastStates:
     """The valid ones of the last frames end the trajectory; the next one is the failure."""
     last, failure = result.last, result.failure
     assert last is not None and failure is not None and result.status == Status.DIVERGED
@@ -91,10 +83,8 @@ def check_fits(result: SeedResult) -> LastStates:
 
 
 def same(one: LastStates, two: LastStates) -> bool:
-    frames = all(getattr(one.frames, f.name).tobytes() == getattr(two.frames, f.name).tobytes() for f in fields(Frames))
-    state = {k: v.tobytes() for k, v in one.state.items()} == {k: v.tobytes() for k, v in two.state.items()}
-    numbers = (one.skipped, one.valid, one.stops.tolist()) == (two.skipped, two.valid, two.stops.tolist())
-    return frames and state and numbers
+    frames = (getattr(one.frames, f.name).tobytes() == getattr(two.frames, f.name).tobytes() for f in fields(Frames))
+    return all(frames) and one.valid == two.valid
 
 
 def test_exploding_run_names_the_file_with_its_last_states(tmp_path: Path) -> None:
@@ -120,7 +110,7 @@ def test_exploding_run_names_the_file_with_its_last_states(tmp_path: Path) -> No
         last = check_fits(seed)
         kept = read_last_states(tmp_path / name)
         assert same(kept, last)
-        check_runs_again(scenario, kept, index)
+        check_runs_again(scenario, seed, index)
         with np.load(tmp_path / name, allow_pickle=False) as held:
             assert (str(held["cause"]), str(held["part"])) == (seed.failure.cause, "part_0")
     assert (tmp_path / "summary.json").read_text().count("last states in failure_seed_") == 2
@@ -130,7 +120,8 @@ def test_exploding_run_names_the_file_with_its_last_states(tmp_path: Path) -> No
 def test_without_a_recorder_the_result_carries_the_last_states() -> None:
     (seed,) = simulate(exploding()).seeds
     assert "last states" not in str(seed.failure)
-    check_runs_again(exploding(), check_fits(seed))
+    check_fits(seed)
+    check_runs_again(exploding(), seed)
     (valid,) = simulate(strip_scenario()).seeds
     assert valid.last is None
 
@@ -156,10 +147,11 @@ def test_of_a_long_block_the_frames_around_the_failure_are_kept(monkeypatch: pyt
     """A part on a slide is advanced by 2000 frames at once."""
     scenario = with_run(load_scenario(REPOSITORY / "scenarios/ball_500hz.toml"), duration_s=0.5, seeds=1)
     fail_at(monkeypatch, time_s)
-    last = check_fits(simulate(scenario).seeds[0])
+    (seed,) = simulate(scenario).seeds
+    last = check_fits(seed)
     assert len(last.frames) == LAST_FRAMES
     assert last.valid >= min(50, int(time_s * 5000))
-    check_runs_again(scenario, last)
+    check_runs_again(scenario, seed)
 
 
 def test_last_states_after_a_stage_that_ended_by_its_event_run_again(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -173,9 +165,10 @@ def test_last_states_after_a_stage_that_ended_by_its_event_run_again(monkeypatch
         update={"drive": (), "schedule": schedule, "run": Run(seeds=1, frames_per_second=500.0)}
     )
     fail_at(monkeypatch, 0.5)
-    last = check_fits(simulate(scenario).seeds[0])
-    assert len(last.stops) == 1 and last.stops[0] < 0.4
-    check_runs_again(scenario, last)
+    (seed,) = simulate(scenario).seeds
+    check_fits(seed)
+    assert len(seed.stops) == 1 and seed.stops[0] < 0.4
+    check_runs_again(scenario, seed)
 
 
 def test_parts_that_are_lost_in_the_last_block_are_kept_as_the_engine_had_them(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -189,7 +182,7 @@ def test_parts_that_are_lost_in_the_last_block_are_kept_as_the_engine_had_them(m
     result = simulate(scenario).seeds[0]
     last = check_fits(result)
     assert last.frames.time[0] < lost and not result.frames.present[-1, 0]
-    check_runs_again(scenario, last)
+    check_runs_again(scenario, result)
 
 
 def crowd() -> Scenario:
@@ -230,7 +223,7 @@ def test_resumed_run_keeps_the_last_states_it_has_and_adds_none(
     assert not result.interrupted and "failure_seed_1.npz" in str(result.failures[0])
     assert [path.name for path in tmp_path.glob("failure*")] == ["failure_seed_1.npz"]
     assert (tmp_path / "failure_seed_1.npz").read_bytes() == before
-    check_runs_again(crowd(), read_last_states(tmp_path / "failure_seed_1.npz"), seed=1)
+    check_runs_again(crowd(), result.seeds[1], 1)
 
 
 def some_states() -> tuple[SimulationDiverged, LastStates]:
@@ -242,7 +235,7 @@ def some_states() -> tuple[SimulationDiverged, LastStates]:
 def test_other_last_states_are_never_overwritten(tmp_path: Path) -> None:
     failure, last = some_states()
     assert [save_last_states(tmp_path, failure, last) for _ in range(2)] == ["failure_seed_0.npz"] * 2
-    other = LastStates.of(last.frames, max(0, last.valid - 1), last.state, last.stops)
+    other = LastStates.of(last.frames, max(0, last.valid - 1))
     assert [save_last_states(tmp_path, failure, other) for _ in range(2)] == ["failure_seed_0_2.npz"] * 2
     assert save_last_states(tmp_path, failure, last) == "failure_seed_0.npz"
     assert same(read_last_states(tmp_path / "failure_seed_0.npz"), last)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import errno
 import fcntl
-import hashlib
 import json
 import os
 import signal
@@ -13,7 +12,6 @@ import sys
 import time
 from pathlib import Path
 from typing import Any
-from zipfile import ZIP_DEFLATED, ZipFile
 
 import h5py
 import numpy as np
@@ -22,15 +20,14 @@ from command_line import Done, check_refused, feeder_sim, in_new_process
 
 from feeder_sim.errors import InputError
 from feeder_sim.plate.mode_file import read_mode_file
-from feeder_sim.records.checkpoint import Checkpoint, CheckpointFolder
 from feeder_sim.records.own_files import LOCK, locked
-from feeder_sim.records.trajectory import Status
+from feeder_sim.records.seed import Status
 from feeder_sim.records.trajectory_file import read_recording
 from feeder_sim.records.whole_file import write_whole
 from feeder_sim.replay import viewer
 from feeder_sim.run import run_folder
 from feeder_sim.run.run_folder import record_run, resume_run
-from feeder_sim.scenario import Scenario, load_scenario
+from feeder_sim.scenario import load_scenario, with_run
 
 BALL = """
 title = "a ball"
@@ -70,7 +67,9 @@ def contents(folder: Path) -> dict[str, bytes]:
     return {str(path.relative_to(folder)): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
 
 
-@pytest.mark.parametrize("name", ["checkpoints/notes.txt", "checkpoints/seed_000.npz", "replay.rrd.bak", "a.txt"])
+@pytest.mark.parametrize(
+    "name", ["checkpoints/notes.txt", "inputs/modes.h5", "scenario.toml", "replay.rrd.bak", "a.txt"]
+)
 def test_a_folder_with_files_of_the_user_is_refused_and_left_alone(name: str, scenario: Path, tmp_path: Path) -> None:
     mine = tmp_path / "proj"
     (mine / name).parent.mkdir(parents=True)
@@ -80,7 +79,7 @@ def test_a_folder_with_files_of_the_user_is_refused_and_left_alone(name: str, sc
 
 
 def test_files_of_the_user_in_a_run_folder_stay(scenario: Path, tmp_path: Path) -> None:
-    """Also those that lie where the run keeps what it deletes at its end."""
+    """Also those that lie where runs once kept what they went on from."""
     run = tmp_path / "run"
     record_run(load_scenario(scenario), run)
     recording = (run / "trajectory.h5").read_bytes()
@@ -94,34 +93,6 @@ def test_files_of_the_user_in_a_run_folder_stay(scenario: Path, tmp_path: Path) 
     held = contents(run)
     assert {name: held[name] for name in mine} == mine
     assert (run / "summary.json").exists() and len(recording) > 0
-
-
-def test_a_run_removes_its_own_checkpoints_at_its_end(tmp_path: Path) -> None:
-    checkpoints = CheckpointFolder(tmp_path, "this run")
-    for seed in range(2):
-        checkpoints.save(seed, Checkpoint((1, 0, 0, 0), {"state": np.arange(3.0)}))
-    (tmp_path / "checkpoints/seed_001.npz.partial").write_bytes(b"PK\x03\x04 cut by a kill")
-    CheckpointFolder(tmp_path, "another run").clear(2)
-    assert len(list((tmp_path / "checkpoints").glob("*.npz"))) == 2
-    checkpoints.clear(2)
-    assert not (tmp_path / "checkpoints").exists()
-
-
-def test_a_packed_checkpoint_is_refused(tmp_path: Path) -> None:
-    """Nobody knows how large it is before it is unpacked; its own checksum is right."""
-    checkpoints = CheckpointFolder(tmp_path, "this run")
-    checkpoints.save(0, Checkpoint((1, 0, 0, 0), {"state": np.zeros(10)}))
-    file = tmp_path / "checkpoints/seed_000.npz"
-    with ZipFile(file) as archive:
-        held = {name: archive.read(name) for name in archive.namelist()}
-    with ZipFile(file, "w", ZIP_DEFLATED) as archive:
-        for name, content in held.items():
-            archive.writestr(name, content)
-        archive.comment = bytes(64)
-    content = file.read_bytes()[:-64]
-    file.write_bytes(content + hashlib.sha256(content).hexdigest().encode())
-    with pytest.raises(InputError, match="not a readable checkpoint"):
-        checkpoints.load(0)
 
 
 def test_a_run_under_way_is_not_resumed_beside_itself(scenario: Path, tmp_path: Path) -> None:
@@ -156,22 +127,39 @@ def test_of_runs_that_begin_at_once_in_one_folder_one_is_recorded(scenario: Path
         assert read_recording(out / "trajectory.h5").status == (Status.DONE,) * 2
 
 
-@pytest.mark.parametrize(
-    "left", [[LOCK, "scenario.toml", "scene.xml"], [LOCK, "scenario.toml", "scene.xml", "trajectory.h5.new"]]
-)
+@pytest.mark.parametrize("killed_in", ["carry_files", "_write_mjcf", "TrajectoryWriter", "run_ensemble"])
 def test_a_run_that_was_killed_before_its_first_block_begins_anew(
-    left: list[str], scenario: Path, tmp_path: Path
+    killed_in: str, repository: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    scenario = with_run(load_scenario(repository / "scenarios/drift_2797hz_plate.toml"), seeds=2, duration_s=0.05)
     whole, run = tmp_path / "whole", tmp_path / "run"
-    record_run(load_scenario(scenario), whole)
-    run.mkdir()
-    for name in left:
-        (run / name).write_bytes((whole / name.removesuffix(".new")).read_bytes())
-    resume_run(run)
+    record_run(scenario, whole, replay=False)
+
+    def killed(*_: object, **__: object) -> None:
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch, pytest.raises(KeyboardInterrupt):
+        patch.setattr(run_folder, killed_in, killed)
+        record_run(scenario, run, replay=False)
+    check_refused(feeder_sim("run", "drift_4750hz", "--out", run), "already holds a run")
+    resume_run(run, replay=False)
     one, other = (read_recording(folder / "trajectory.h5") for folder in (whole, run))
     for a, b in zip(one.seeds, other.seeds, strict=True):
         assert np.array_equal(a.position, b.position)
-    assert one.scenario_text == other.scenario_text
+    assert one.scenario_text == other.scenario_text and one.inputs == other.inputs
+
+
+@pytest.mark.parametrize(
+    ("content", "said"),
+    [
+        ("{", "is not the readable begin of a run"),
+        ("[]", "is not the readable"),
+        ('{"format": 2, "scenario": ""}', "is 2"),
+    ],
+)
+def test_a_begin_that_cannot_be_read_is_refused(content: str, said: str, tmp_path: Path) -> None:
+    (tmp_path / "run.json").write_text(content)
+    check_refused(feeder_sim("run", "--resume", tmp_path), "run.json", said)
 
 
 @pytest.mark.parametrize(
@@ -196,11 +184,11 @@ def test_what_a_kill_before_the_first_file_leaves_is_as_good_as_empty(scenario: 
     run = tmp_path / "run"
     run.mkdir()
     (run / LOCK).touch()
-    (run / "scenario.toml.partial").write_text("tit")
+    (run / "run.json.partial").write_text('{"for')
     assert feeder_sim("run", scenario, "--out", run).returncode == 0
 
 
-@pytest.mark.parametrize("name", ["trajectory.h5", "checkpoints", "scenario.toml", "replay.rrd", LOCK])
+@pytest.mark.parametrize("name", ["trajectory.h5", "run.json", "scenario.toml", "replay.rrd", LOCK])
 @pytest.mark.parametrize("command", [["run", "--resume"], ["replay", "--screenshot", "a.png"]])
 def test_links_in_a_run_folder_are_not_followed(
     name: str, command: list[str], scenario: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
@@ -208,17 +196,13 @@ def test_links_in_a_run_folder_are_not_followed(
     run, mine = tmp_path / "run", tmp_path / "mine"
     record_run(load_scenario(scenario), run, replay=False)
     (run / "summary.json").unlink()
-    if name == "checkpoints":
-        mine.mkdir()
-        (mine / "seed_000.npz").write_text("mine")
-    else:
-        mine.write_bytes((run / name).read_bytes() if (run / name).exists() else b"mine")
-        (run / name).unlink(missing_ok=True)
-    held = contents(mine) if mine.is_dir() else mine.read_bytes()
+    mine.write_bytes((run / name).read_bytes() if (run / name).exists() else b"mine")
+    (run / name).unlink(missing_ok=True)
+    held = mine.read_bytes()
     (run / name).symlink_to(mine)
     monkeypatch.chdir(tmp_path)
     check_refused(feeder_sim(*command[:1], run, *command[1:]) if command[0] == "replay" else feeder_sim(*command, run))
-    assert (contents(mine) if mine.is_dir() else mine.read_bytes()) == held
+    assert mine.read_bytes() == held
 
 
 @pytest.mark.parametrize("make", [os.symlink, os.link, lambda mine, name: os.mkfifo(name)])
@@ -365,11 +349,11 @@ def test_a_run_that_ends_writes_no_summary_of_another(
     run = tmp_path / "run"
     looks = []
 
-    def free_at_first(folder: Path, scenario: Scenario) -> None:
+    def free_at_first(folder: Path) -> None:
         looks.append(folder)
         if len(looks) == 2:
             (folder / "trajectory.h5").write_text("of another process")
-        check_free(folder, scenario)
+        check_free(folder)
 
     check_free = run_folder.check_free
     monkeypatch.setattr(run_folder, "check_free", free_at_first)

@@ -15,8 +15,10 @@ from conftest import strip_scenario
 import feeder_sim
 from feeder_sim.engines.impulse.lone.engine import LoneEngine
 from feeder_sim.engines.lookup import engine_class
+from feeder_sim.engines.protocol import ENDED, WHOLE, new_interrupt
 from feeder_sim.errors import Divergence, InputError
-from feeder_sim.records.trajectory import Frames, Status
+from feeder_sim.records.seed import Status
+from feeder_sim.records.trajectory import Frames
 from feeder_sim.run.run_folder import record_run
 from feeder_sim.run.simulation import simulate
 from feeder_sim.run.watchdog import STALLED, Watchdog
@@ -26,13 +28,14 @@ STUCK_AT = 20  # frames
 
 
 class Stuck(LoneEngine):
-    """Never ends where one of the frames asked for is the one after STUCK_AT, but for an interrupt."""
+    """The frame after STUCK_AT never comes."""
 
     def advance(self, n_frames: int) -> Frames:
         if self._frame + n_frames > STUCK_AT:
-            while not self._interrupt[0]:
+            whole = super().advance(STUCK_AT - self._frame)
+            while not self._interrupt[ENDED]:
                 time.sleep(0.01)
-            return self.current()
+            return whole
         return super().advance(n_frames)
 
 
@@ -90,13 +93,18 @@ def test_patience_that_is_none_is_refused(tmp_path: Path) -> None:
 
 
 def test_a_call_that_is_over_in_time_is_not_interrupted() -> None:
-    interrupt = np.zeros(1, np.int64)
+    interrupt = new_interrupt()
     with Watchdog(interrupt, 0.2) as watchdog:
         for _ in range(3):
             watchdog.begin()
             time.sleep(0.1)
             assert not watchdog.end()
         watchdog.begin()
+        for frame in range(1, 8):  # slow, but each frame comes in time
+            time.sleep(0.08)
+            interrupt[WHOLE] = frame
+        assert not watchdog.end()
+        watchdog.begin()
         time.sleep(0.5)
-        assert interrupt[0] == STALLED
-        assert watchdog.end() and interrupt[0] == 0
+        assert interrupt[ENDED] == STALLED
+        assert watchdog.end() and interrupt[ENDED] == 0

@@ -10,7 +10,7 @@ import pytest
 from conftest import piston_scenario, strip_scenario
 
 from feeder_sim.errors import InputError
-from feeder_sim.records.trajectory import Status
+from feeder_sim.records.seed import Status
 from feeder_sim.run import guard
 from feeder_sim.run.batch import measure_drift
 from feeder_sim.run.simulation import simulate

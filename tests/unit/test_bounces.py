@@ -22,7 +22,7 @@ from feeder_sim.measures.bounces import (
 )
 from feeder_sim.measures.statistic import Statistic
 from feeder_sim.measures.velocity_record import VelocityRecord
-from feeder_sim.records.impacts import Impacts
+from feeder_sim.records.events import IMPACTS, Events, impacts_of, no_events
 from feeder_sim.records.trajectory_file import TRAJECTORY, read_recording
 from feeder_sim.run.run_folder import SUMMARY, record_run
 from feeder_sim.run.simulation import simulate
@@ -35,17 +35,17 @@ TOLERANCE = 1e-3
 
 def contacts(
     time: ArrayLike, lasting: ArrayLike = 0.0, approach: ArrayLike = 1.0, departure: ArrayLike = 0.2
-) -> Impacts:
+) -> Events:
     """Impacts from times and durations; what is one number holds for all."""
     time, lasting, approach, departure = np.broadcast_arrays(time, lasting, approach, departure)
-    return Impacts.of_rows(np.column_stack([time, np.add(time, lasting), approach, departure]).astype(float))
+    return impacts_of(np.column_stack([time, np.add(time, lasting), approach, departure]).astype(float))
 
 
-def every_period(n: int, *, lasting: ArrayLike = 0.0, approach: ArrayLike = 1.0) -> Impacts:
+def every_period(n: int, *, lasting: ArrayLike = 0.0, approach: ArrayLike = 1.0) -> Events:
     return contacts(PERIOD * np.arange(n), lasting, approach)
 
 
-def named(impacts: Impacts, *, end: float | None = None) -> str:
+def named(impacts: Events, *, end: float | None = None) -> str:
     return motion(impacts, PERIOD, TOLERANCE, end=float(impacts.time[-1]) + PERIOD if end is None else end)
 
 
@@ -78,7 +78,7 @@ def test_flights_that_begin_before_the_plate_has_settled_do_not_count() -> None:
 
 
 def test_no_impacts_make_no_flights() -> None:
-    assert len(flights(Impacts.none(), PERIOD, GRAVITY).interval) == 0
+    assert len(flights(no_events(IMPACTS), PERIOD, GRAVITY).interval) == 0
 
 
 @pytest.mark.parametrize("period", PERIODS)
@@ -136,7 +136,7 @@ def test_a_part_that_stays_on_the_plate_to_the_end_is_resting() -> None:
 def test_few_impacts_leave_the_motion_undecided() -> None:
     assert named(every_period(LAST_IMPACTS)) == "undecided"
     assert named(every_period(LAST_IMPACTS + 1)) == "1"
-    assert motion(Impacts.none(), PERIOD, TOLERANCE, end=1.0) == "undecided"
+    assert motion(no_events(IMPACTS), PERIOD, TOLERANCE, end=1.0) == "undecided"
 
 
 def autoregressive(n: int, memory: float, seed: int) -> NDArray[np.float64]:

@@ -61,6 +61,7 @@ def test_run_prints_one_json_object_and_fills_the_folder(scenario: Path, tmp_pat
         "trajectory.h5",
         "replay.rrd",
         "summary.json",
+        "run.json",
         "scenario.toml",
         "scene.xml",
     }

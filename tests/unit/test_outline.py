@@ -20,7 +20,7 @@ from feeder_sim.plate.mode_file import read_mode_file
 from feeder_sim.plate.nodal_lines import antinode_near, nodal_lines
 from feeder_sim.plate.outline import Outline, checked_outline
 from feeder_sim.plate.sequences import nodes_on_line
-from feeder_sim.records.trajectory import Status
+from feeder_sim.records.seed import Status
 from feeder_sim.run.batch import measure_drift
 from feeder_sim.scenario import Contact, Heap, HexNut, ModePlate, Rectangle, Scattered, Scenario, Start
 from feeder_sim.scene.scene import build_scene

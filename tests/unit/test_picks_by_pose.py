@@ -15,10 +15,9 @@ from feeder_sim.errors import InputError
 from feeder_sim.measures.picking import pickable
 from feeder_sim.measures.poses import Poses
 from feeder_sim.part import mesh_file
-from feeder_sim.records.arrivals import Arrivals
-from feeder_sim.records.impacts import Impacts
-from feeder_sim.records.removals import Cause, Removals
-from feeder_sim.records.trajectory import Frames, SeedRecord, Status
+from feeder_sim.records.events import ARRIVALS, Cause, events, removed
+from feeder_sim.records.seed import Seed, Status
+from feeder_sim.records.trajectory import Frames
 from feeder_sim.run.prepare import prepare
 from feeder_sim.run.provenance import input_hashes
 from feeder_sim.scenario import Scenario
@@ -250,8 +249,8 @@ def test_shares_of_poses_by_hand() -> None:
     first = lying(prepared.scene, [FLAT, EDGE, FLAT, EDGE, 40.0], PLACES_MM)
     over = lying(prepared.scene, [FLAT, EDGE, EDGE, EDGE, 0.0], PLACES_MM)
     frames = Frames.joined([first[slice(0, 10)], over[slice(10, None)]])  # a nut and a rod change over
-    picked = Removals.of(float(frames.time[-1]), np.array([0, 2, 3]), Cause.PICKED)
-    seed = SeedRecord(frames, Impacts.none(), picked, np.empty(0), Status.DONE)
+    picked = removed([0, 2, 3], float(frames.time[-1]), Cause.PICKED)
+    seed = Seed(frames, removals=picked, status=Status.DONE)
     nuts, rods = Poses().compute(prepared, [seed]).pose_kinds
     assert [share.mean for share in nuts.stages[0].shares] == pytest.approx([1 / 3, 2 / 3])
     assert nuts.stages[0].other.mean == 0.0
@@ -260,7 +259,7 @@ def test_shares_of_poses_by_hand() -> None:
     assert [share.mean for share in rods.stages[0].shares] == [0.5, 0.5]
     assert [n.mean for n in rods.picked] == [1.0, 0.0]
     assert nuts.heights_mm == pytest.approx((1.0, 2.5))
-    came = Arrivals.of(float(frames.time[5]), np.array([2]), 1, np.zeros(1))  # then it was another nut before
+    came = events(ARRIVALS, time=frames.time[5], part=[2], cycle=1, height=0.0)  # then it was another nut before
     (after_refill, _) = Poses().compute(prepared, [replace(seed, arrivals=came)]).pose_kinds
     assert after_refill.stages[0].changed.mean == 0.0
     lines = Poses().lines(prepared, Poses().compute(prepared, [seed]))

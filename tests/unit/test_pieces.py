@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import threading
-from typing import Any
 
 import numpy as np
 import pytest
 from conftest import strip_scenario
 
 from feeder_sim.engines.impulse.lone.engine import LoneEngine
-from feeder_sim.records.trajectory import Frames, Status
+from feeder_sim.records.seed import Status
+from feeder_sim.records.trajectory import Frames
 from feeder_sim.run import seed_run
 from feeder_sim.run.simulation import simulate
 
@@ -39,8 +39,6 @@ def test_a_block_that_is_stopped_is_dropped_as_a_whole(monkeypatch: pytest.Monke
 
     monkeypatch.setattr(LoneEngine, "advance", counted)
     monkeypatch.setattr(seed_run, "PIECE_S", 0.0)
-    kept: list[Any] = []
-    monkeypatch.setattr(seed_run.SeedRun, "_save", lambda self, wall_s: kept.append(self._engine.state()))
     seed = simulate(strip_scenario(duration_s=0.3), stop=stop).seeds[0]
     assert len(calls) == 5 and seed.status == Status.UNFINISHED
     assert len(seed.frames) == 1 and seed.frames.time[0] == 0.0

@@ -14,7 +14,7 @@ from feeder_sim.errors import InputError
 from feeder_sim.part.solids import hex_nut
 from feeder_sim.part.stable_poses import PoseTable, stable_poses
 from feeder_sim.plate.drive import ModalDrive
-from feeder_sim.records.trajectory import PlateRecord, Recording
+from feeder_sim.records.recording import PlateRecord, Recording
 from feeder_sim.records.trajectory_file import TRAJECTORY, read_recording
 from feeder_sim.replay.colours import colours_of, default_colour, kind_names
 from feeder_sim.replay.eye import framing

@@ -11,10 +11,9 @@ from conftest import ready
 
 from feeder_sim.measures.separation import Separation, StageReport, stage_reports
 from feeder_sim.measures.stage_lines import StageLines, stage_lines
-from feeder_sim.records.arrivals import Arrivals
-from feeder_sim.records.impacts import Impacts
-from feeder_sim.records.removals import Cause, Removals
-from feeder_sim.records.trajectory import Frames, SeedRecord, Status
+from feeder_sim.records.events import ARRIVALS, REMOVALS, Cause, Events, events, joined, no_events, removed
+from feeder_sim.records.seed import Seed, Status
+from feeder_sim.records.trajectory import Frames
 from feeder_sim.scenario import Excitation, HexNut, Run, Scattered, Scenario, Strip
 from feeder_sim.scenario.schedule import Pick, Schedule, Stage
 from feeder_sim.scene.scene import Scene, build_scene
@@ -66,11 +65,11 @@ def still(scene: Scene, places_mm: list[tuple[float, float]]) -> Frames:
 ROW = [(0.0, -25.0), (0.0, -13.0), (0.0, -1.0), (0.0, 11.0), (0.0, 23.0), (30.0, 11.0)]
 
 
-def record(frames: Frames, removals: Removals | None = None) -> SeedRecord:
-    return SeedRecord(frames, Impacts.none(), removals or Removals.none(), np.empty(0), Status.DONE)
+def record(frames: Frames, removals: Events | None = None) -> Seed:
+    return Seed(frames, removals=no_events(REMOVALS) if removals is None else removals, status=Status.DONE)
 
 
-def reports(scene: Scene, lines: StageLines, frames: Frames, removals: Removals | None = None) -> list[StageReport]:
+def reports(scene: Scene, lines: StageLines, frames: Frames, removals: Events | None = None) -> list[StageReport]:
     return stage_reports(scene, lines, record(frames, removals))
 
 
@@ -132,7 +131,7 @@ def test_flipped_parts_are_counted_in_the_stage_that_turned_them(scene: Scene, l
     frames.quaternion[10:, 4] = leaning
     frames.quaternion[10:, 5] = yawed
     assert [report.flipped for report in reports(scene, lines, frames)] == [1, 2]
-    came = Arrivals.of(float(frames.time[50]), np.array([1]), 1, np.zeros(1))  # as the second stage began
+    came = events(ARRIVALS, time=frames.time[50], part=[1], cycle=1, height=0.0)  # as the second stage began
     refilled = replace(record(frames), arrivals=came)
     assert [report.flipped for report in stage_reports(scene, lines, refilled)] == [1, 1]
 
@@ -142,10 +141,10 @@ def test_picked_and_lost_parts_belong_to_the_stage_they_left_in(scene: Scene, li
     # One falls off in the first stage; two are picked at the end of the second, after the last frame counts them.
     frames.position[20:, 5] = [0.2, 0.0, -0.06]
     frames.present[26:, 5] = False
-    removals = Removals.joined(
+    removals = joined(
         [
-            Removals.of(float(frames.time[25]), np.array([5]), Cause.LOST),
-            Removals.of(float(frames.time[END]), np.array([0, 1]), Cause.PICKED),
+            removed([5], float(frames.time[25]), Cause.LOST),
+            removed([0, 1], float(frames.time[END]), Cause.PICKED),
         ]
     )
     gather, separate = reports(scene, lines, frames, removals)
@@ -170,8 +169,8 @@ def test_measures_are_means_over_the_seeds(scene: Scene) -> None:
     one, other = still(scene, ROW), still(scene, [(0.1 * i, 0.0) for i in range(6)])
     end = float(one.time[END])
     seeds = [
-        record(one, Removals.of(end, np.array([0, 1, 2]), Cause.PICKED)),
-        record(other, Removals.of(end, np.array([4]), Cause.LOST)),
+        record(one, removed([0, 1, 2], end, Cause.PICKED)),
+        record(other, removed([4], end, Cause.LOST)),
     ]
     found = Separation().compute(ready(scene), seeds)
     assert found.parts == 6

@@ -14,7 +14,8 @@ import pytest
 from conftest import strip_scenario
 
 from feeder_sim.errors import InputError
-from feeder_sim.records.trajectory import Frames, Status
+from feeder_sim.records.seed import Status
+from feeder_sim.records.trajectory import Frames
 from feeder_sim.records.trajectory_file import TRAJECTORY, read_recording
 from feeder_sim.run.run_folder import record_run
 from feeder_sim.run.simulation import simulate

@@ -16,9 +16,8 @@ from feeder_sim.cli.main import app
 from feeder_sim.errors import InputError
 from feeder_sim.measures.circulation import Circulation, StageWave, circulation, stage_waves
 from feeder_sim.plate.wave import Track
-from feeder_sim.records.impacts import Impacts
-from feeder_sim.records.removals import Removals
-from feeder_sim.records.trajectory import Frames, SeedRecord, Status
+from feeder_sim.records.seed import Seed, Status
+from feeder_sim.records.trajectory import Frames
 from feeder_sim.scenario import Scenario, load_scenario
 from feeder_sim.scene.scene import Scene, build_scene
 
@@ -115,8 +114,8 @@ def _frames(time: NDArray[np.float64], position: NDArray[np.float64]) -> Frames:
     return Frames(time, position, upright, 0 * position, 0 * position, np.ones(position.shape[:2], bool))
 
 
-def record(frames: Frames, *stops: float) -> SeedRecord:
-    return SeedRecord(frames, Impacts.none(), Removals.none(), np.array(stops), Status.DONE)
+def record(frames: Frames, *stops: float) -> Seed:
+    return Seed(frames, stops=np.array(stops), status=Status.DONE)
 
 
 @pytest.mark.parametrize("speed", [0.02, -0.2])

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import brentq
 
-from feeder_sim.records.impacts import Impacts
-from feeder_sim.run.seed_record import SeedResult
+from feeder_sim.records.events import Events
+from feeder_sim.records.seed import Seed
 from feeder_sim.run.simulation import simulate
 from feeder_sim.scenario import Ball, Contact, Drive, PistonPlate, Run, Scenario, Slide, Start
 from feeder_sim.scene.scene import GRAVITY
@@ -103,15 +103,15 @@ def slide_scenario(
     )
 
 
-def ran(*drives: Drive | Sine, **options: Any) -> SeedResult:
+def ran(*drives: Drive | Sine, **options: Any) -> Seed:
     return simulate(slide_scenario(*drives, **options)).seeds[0]
 
 
-def lowest_point(seed: SeedResult) -> NDArray[np.float64]:
+def lowest_point(seed: Seed) -> NDArray[np.float64]:
     return seed.frames.position[:, 0, 2] - RADIUS
 
 
-def lasting(impacts: Impacts) -> Impacts:
+def lasting(impacts: Events) -> Events:
     """Contacts in which the part rode on the plate and lifted off again."""
     return impacts[(impacts.until > impacts.time) & np.isfinite(impacts.until)]
 

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from conftest import changing, from_python
+from conftest import changing, from_python, opened
 from scipy.optimize import brentq
 from scipy.spatial.transform import Rotation
 
@@ -138,7 +138,7 @@ def test_a_coin_let_go_on_its_edge_rocks_and_falls_asleep() -> None:
     assert np.diff(energy).max() < 3e-4 * energy[0]
     assert (below_centre(attitudes(frames), radius, half) - frames.position[:, 0, 2]).max() < 1e-7
     assert frames.position[-1, 0, 2] == pytest.approx(half + CORNER_RADIUS, abs=1e-6)
-    assert part.engine.state()["there"][0] == ASLEEP
+    assert opened(part.engine)["there"][0] == ASLEEP
 
 
 @pytest.mark.parametrize(("euler", "height"), [((0.0, 0.0), HALF), ((90.0, 37.0), RADIUS)], ids=["flat", "on its side"])
@@ -146,7 +146,7 @@ def test_a_cylinder_lands_and_falls_asleep(euler: tuple[float, float], height: f
     attitude = Rotation.from_euler("XZ", euler, degrees=True)
     part = Thrown(attitude, (0.0, 0.0, height + 0.5e-3))
     frames = part.engine.advance(300)
-    assert part.engine.state()["there"][0] == ASLEEP
+    assert opened(part.engine)["there"][0] == ASLEEP
     assert -1e-9 < frames.position[-1, 0, 2] - (height + CORNER_RADIUS) < CARRIES  # asleep from that height on
     assert np.abs(frames.angular_velocity).max() < 1e-3  # two contacts settle to 3 um/s
 
@@ -297,4 +297,4 @@ def test_a_cylinder_rolls_along_the_edge_and_over_it() -> None:
     frames = part.engine.advance(120)
     assert frames.velocity[18, 0, 0] == pytest.approx(speed, rel=1e-3)  # just before the edge
     assert frames.position[-1, 0, 2] < -5e-3
-    assert part.engine.state()["there"][0] == AWAKE
+    assert opened(part.engine)["there"][0] == AWAKE

@@ -317,10 +317,10 @@ def test_nuts_that_meet_in_the_air_keep_their_momenta(seed: int, friction: float
         state["momentum"][:2] = rng.normal(size=(2, 3)) * 100.0 * NUT.inertia.mean()
         state["attitude"][:2] = Rotation.random(2, rng=rng).as_matrix()
     frames = [engine.current()]
-    turning = [engine.state()["row"][:, COLUMNS["momentum"]]]
+    turning = [engine._row[:, COLUMNS["momentum"]]]
     for _ in range(40):
         frames.append(engine.advance(1))
-        turning.append(engine.state()["row"][:, COLUMNS["momentum"]])
+        turning.append(engine._row[:, COLUMNS["momentum"]])
     joined = Frames.joined(frames)
     fall = np.stack([0 * joined.time, 0 * joined.time, -GRAVITY * joined.time], axis=1)[:, None]
     velocity = joined.velocity - fall

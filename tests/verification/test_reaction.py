@@ -17,7 +17,7 @@ from feeder_sim.engines.impulse.reaction.engine import ReactingEngine
 from feeder_sim.engines.impulse.reaction.yielding_contact import LIFTED, TAKEN, WORK
 from feeder_sim.engines.impulse.reaction.yielding_impact import Modes
 from feeder_sim.engines.reaction import reaction_at
-from feeder_sim.records.trajectory import Status
+from feeder_sim.records.seed import Status
 from feeder_sim.scenario import HexNut, Scenario
 from feeder_sim.scene.free_modes import free_modes
 from feeder_sim.scene.part import build_part
@@ -50,7 +50,7 @@ class Undamped:
         self.engine._window = 1e-3  # at whose begins its state is
 
     def of_parts(self) -> float:
-        state, total = self.engine.state(), 0.0
+        state, total = self.engine._opened, 0.0
         for i, kind in enumerate(self.scene.kind_of):
             part, turned = self.scene.kinds[kind], state["attitude"][i]
             inverse = turned @ np.diag(1 / part.inertia) @ turned.T
@@ -60,12 +60,12 @@ class Undamped:
         return total
 
     def of_modes(self) -> float:
-        z = self.engine.state()["reaction"]
+        z = self.engine._reaction_opened
         squared = (self.modes.rate.imag * np.hypot(z[:, 0], z[:, 1])) ** 2
         return float((0.5 * self.modes.modal_mass * squared).sum())
 
     def books(self) -> NDArray[np.float64]:
-        return self.engine.state()["books"]
+        return self.engine._books_opened
 
 
 @pytest.mark.parametrize("tangent", [False, True])
@@ -109,7 +109,7 @@ def test_an_impulse_pushes_every_mode_by_its_share() -> None:
     w = one.scene.surface.deflections(np.array([[5e-3, 0.0]]))[:, 0]
     inverse = 1 / ball.mass + (w**2 / one.modes.modal_mass).sum()
     impulse = (1 + e) * np.sqrt(2 * GRAVITY * height) / inverse
-    z = one.engine.state()["reaction"]
+    z = one.engine._reaction_opened
     # A velocity v of a mode at the impact is -i v / w_d there: downwards where the mode shape is positive.
     assert z[:, 1] * one.modes.rate.imag == pytest.approx(impulse * w / one.modes.modal_mass, rel=0.01)
     assert np.abs(z[:, 0]).max() < 1e-9 * np.abs(z[:, 1]).max()
@@ -147,11 +147,10 @@ def test_the_drive_pays_for_what_parts_take() -> None:
     shares, taken, times = [], [], []
     while engine.current().time[0] < 4.0:
         engine.advance(10)
-        state = engine.state()
-        times.append(float(state["window"][0]))
-        taken.append(float(state["books"][TAKEN]))
+        times.append(float(engine._span[0]))
+        taken.append(float(engine._books_opened[TAKEN]))
         alone = scene.surface.terms.phasor(times[-1], 2)[0, 1]
-        shares.append(abs(1.0 + reaction_at(state["reaction"], modes.rate, times[-1])[1] / alone))
+        shares.append(abs(1.0 + reaction_at(engine._reaction_opened, modes.rate, times[-1])[1] / alone))
     rung_up = int(np.searchsorted(times, 0.4))
     power = (taken[-1] - taken[rung_up]) / (times[-1] - times[rung_up])
     a = np.mean(shares[rung_up:])
@@ -165,13 +164,14 @@ def test_a_part_that_rides_puts_the_mode_out_of_tune() -> None:
     scene = build_scene(on_plate(ball, amplitude_um=0.02, contact={"restitution": 0.0}))
     engine, modes = ReactingEngine(scene, np.random.default_rng(0)), free_modes(scene.driven)
     engine.advance(140)  # nine times the time of the ring-up
-    state = engine.state()
-    t, zeta = float(state["window"][0]), -modes.rate[1].real / abs(modes.rate[1])
+    t, zeta = float(engine._span[0]), -modes.rate[1].real / abs(modes.rate[1])
     alone = scene.surface.terms.phasor(t, 2)[0, 1]
     added = scene.parts[0].mass * scene.surface.deflections(np.zeros((1, 2)))[1, 0] ** 2 / modes.modal_mass[1]
     expected = abs(2j * zeta / (2j * zeta - added))
     assert expected < 0.95
-    assert abs(1.0 + reaction_at(state["reaction"], modes.rate, t)[1] / alone) == pytest.approx(expected, rel=0.05)
+    assert abs(1.0 + reaction_at(engine._reaction_opened, modes.rate, t)[1] / alone) == pytest.approx(
+        expected, rel=0.05
+    )
 
 
 @pytest.mark.parametrize("corners", [1, 6])
@@ -202,4 +202,4 @@ def test_a_heavy_part_lowers_the_amplitude_and_the_guard_stays_calm() -> None:
     scene = build_scene(scenario)
     engine = ReactingEngine(scene, np.random.default_rng(0))
     engine.advance(200)
-    assert np.hypot(*engine.state()["reaction"][1, :2]) > 1e-6
+    assert np.hypot(*engine._reaction_opened[1, :2]) > 1e-6

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from feeder_sim import simulate
-from feeder_sim.records.trajectory import SeedRecord
+from feeder_sim.records.seed import Seed
 from feeder_sim.scenario import Scenario
 
 TIMES_FEWER = 4
@@ -30,7 +30,7 @@ SCENES: dict[str, dict[str, Any]] = {
 }
 
 
-def recorded(scene: dict[str, Any], steps_per_frame: int, engine: str) -> SeedRecord:
+def recorded(scene: dict[str, Any], steps_per_frame: int, engine: str) -> Seed:
     frequency = scene["drive"][0]["frequency_hz"]
     run = {
         "duration_s": 475.0 / frequency,

@@ -24,6 +24,7 @@ from feeder_sim.engines.impulse.state import (
     orthonormalise_parts,
 )
 from feeder_sim.engines.impulse.window import acting_terms, bound_window, fastest_rate
+from feeder_sim.engines.protocol import ENDED, WHOLE
 from feeder_sim.engines.surface_arrays import SurfaceArrays
 from feeder_sim.machine_code import compiled, entry_point, uncounted
 
@@ -94,16 +95,17 @@ def advance_part(alone, drive, notes, clock, frames):
             clock[DUE] = _advance_until(
                 min(end, frames.time[frame]), clock[DUE], alone, plate, notes, drive.step, frames
             )
-            if frames.interrupt[0] != 0:
+            if frames.interrupt[ENDED] != 0:
                 return
         write_row(alone.parts, 0, alone.kinds, frames.time[frame], frames.row[frame, 0])
+        frames.interrupt[WHOLE] = frame + 1
 
 
 @uncounted
 def _advance_until(until, t, alone, plate, notes, step, frames):
     """Look at the part again and again until a time [s]; returns when it is due after that."""
     part, kind = alone.parts[0], alone.kinds.record[0]
-    while t < until and frames.interrupt[0] == 0:
+    while t < until and frames.interrupt[ENDED] == 0:
         if part.there == ASLEEP:
             return plate.bounds.end
         fly_to(part, kind, t)

@@ -7,6 +7,7 @@ import numpy as np
 from feeder_sim.engines.impulse.alone import Alone, advance_part
 from feeder_sim.engines.impulse.frame_rows import ROW, FrameRows
 from feeder_sim.engines.impulse.state import ASLEEP
+from feeder_sim.engines.protocol import ENDED
 from feeder_sim.machine_code import entry_point
 
 
@@ -31,7 +32,7 @@ def advance_to_rest(alone, drive, notes, interval, longest, interrupt, rested):
         while times[0] < longest:
             times[0] += interval
             advance_part(part, drive, notes, clock, FrameRows(times, rows, interrupt))
-            if interrupt[0] != 0:
+            if interrupt[ENDED] != 0:
                 return
             if part.parts[0].there == ASLEEP:
                 rested[k] = times[0]

@@ -39,9 +39,10 @@ from feeder_sim.engines.impulse.island import Crowd, Share, Span, Tools, advance
 from feeder_sim.engines.impulse.kinds import read_kinds, rim_walls
 from feeder_sim.engines.impulse.pair_contact import PAIR
 from feeder_sim.engines.impulse.state import ABSENT, Bounds, Plate, new_parts, new_scratch, read_wall
+from feeder_sim.engines.protocol import ENDED, WHOLE, new_interrupt
 from feeder_sim.engines.surface_arrays import SurfaceArrays, surface_arrays
-from feeder_sim.records.counts import Counts
-from feeder_sim.records.impacts import Impacts
+from feeder_sim.records.events import Events
+from feeder_sim.records.seed import Counts
 from feeder_sim.records.trajectory import BLOCK_FRAMES, Frames
 from feeder_sim.scene.scene import Scene
 from feeder_sim.scene.start import Pose, start_poses
@@ -50,8 +51,6 @@ WINDOW = 1e-3  # [s], where parts can meet: shorter ones find the pairs too ofte
 WINDOW_ALONE = 1e-2  # [s], of a single part: for bounds on the plate that follow its ring-up
 WIDER = 1.5  # times the way of the farthest part: its reach when a window is computed again
 COLUMNS = {"position": POSITION, "velocity": VELOCITY, "attitude": ATTITUDE, "momentum": MOMENTUM}
-STATE = ("position", "velocity", "attitude", "momentum", "clock", "there")
-MEMBERS = ("a", "b", "piece_a", "piece_b")  # of a pair
 
 
 class ImpulseEngine:
@@ -76,7 +75,7 @@ class ImpulseEngine:
         interrupt: NDArray[np.int64] | None = None,
     ) -> None:
         self._scene = scene
-        self._interrupt = np.zeros(1, np.int64) if interrupt is None else interrupt
+        self._interrupt = new_interrupt() if interrupt is None else interrupt
         self._kinds = kinds = read_kinds(scene)
         self._n = len(scene.parts)
         self._wall = read_wall(scene.guides[0])
@@ -131,31 +130,42 @@ class ImpulseEngine:
                 room = n_frames * (scene.steps_per_frame + 1) + 1
                 self._notes = self._notes._replace(log=room_for(self._notes.log, room))
             drive = Drive(self._surface, self._scene.surface.extremes, scene.timestep, WINDOW_ALONE)
-            frames = FrameRows(times, rows, self._interrupt)
+            frames = self._rows_to_fill(times, rows)
             advance_alone(
                 Alone(self._parts, self._kinds, self._wall, self._work[0]), drive, self._notes, self._clock, frames
             )
         else:
+            self._interrupt[WHOLE] = 0
             self._advance_crowd(times, rows)
-        if self._interrupt[0]:
-            return self.current()
-        self._frame += n_frames
+        return self._advanced(rows)
+
+    def _rows_to_fill(self, times: NDArray[np.float64], rows: NDArray[np.float64]) -> FrameRows:
+        self._interrupt[WHOLE] = 0
+        return FrameRows(times, rows, self._interrupt)
+
+    def _advanced(self, rows: NDArray[np.float64]) -> Frames:
+        """The frames that are whole of those that were to be computed."""
+        rows = rows[: self._interrupt[WHOLE]]
+        if not len(rows):
+            return self.current()[slice(0, 0)]
+        self._frame += len(rows)
         self._row = rows[-1].copy()
-        return self._frames(rows, self._frame - n_frames + 1)
+        return self._frames(rows, self._frame - len(rows) + 1)
 
     def _advance_crowd(self, times: NDArray[np.float64], rows: NDArray[np.float64]) -> None:
         """Compute the windows that the frames lie in, or end with; the one under way may hold some of them."""
         done = int(np.searchsorted(times, self._span[1], side="right"))
         if done:
             self._compute_window(self._span[1], FrameRows(times[:done], rows[:done], self._interrupt))
-        while done < len(times):
+        while not self._interrupt[ENDED]:
+            self._interrupt[WHOLE] = done
+            if done == len(times):
+                break
             start = self._span[1]
             self._span[:] = start, start + self._window
             self._keep_begin_of_window()
             last = int(np.searchsorted(times, self._span[1], side="right"))
             self._compute_window(self._span[1], FrameRows(times[done:last], rows[done:last], self._interrupt))
-            if self._interrupt[0]:
-                break
             done = last
 
     def _compute_window(self, until: float, frames: FrameRows | None = None) -> None:
@@ -164,7 +174,7 @@ class ImpulseEngine:
         Without frames to write it is not interrupted: what it comes to is kept.
         """
         if frames is None:
-            frames = FrameRows(np.empty(0), np.empty((0, self._n, ROW)), np.zeros(1, np.int64))
+            frames = FrameRows(np.empty(0), np.empty((0, self._n, ROW)), new_interrupt())
         parts, start = self._opened.copy(), self._span[0]
         acting, bounds, reach = self._open_window(parts)
         begun = parts.copy()
@@ -178,7 +188,7 @@ class ImpulseEngine:
             pairs, islands = find_neighbours(parts, self._n, self._kinds, self._surface, reach, self._pairs_before)
             crowd = Crowd(parts, begun, pairs, self._kinds, islands)
             left = self._advance_islands(crowd, Plate(acting, bounds), Span(start, until, reach), frames)
-            if not left or frames.interrupt[0]:
+            if not left or frames.interrupt[ENDED]:
                 break
             way = self._longest_way(parts, begun)
             if not np.isfinite(way):
@@ -263,41 +273,11 @@ class ImpulseEngine:
         self._scene = scene
         self._surface = surface_arrays(scene.surface, scene.scenario.run)
 
-    def state(self) -> dict[str, NDArray[np.float64]]:
-        parts, pairs = (self._parts, self._pairs) if self._alone else (self._opened, self._pairs_before)
-        kept = {name: parts[name].copy() for name in STATE}
-        log, last = self._notes
-        return kept | {
-            "contact": np.array([*log.current, *last]),
-            "clock_alone": self._clock.copy(),
-            "window": self._span.copy(),
-            "pair": np.stack([pairs[name] for name in MEMBERS], axis=-1),
-            "pair_axis": pairs["axis"].copy(),
-            "frame": np.array(self._frame),
-            "row": self._row.copy(),
-            "unresolved": np.array(self.counts.unresolved_impacts if self._alone else self._unresolved),
-        }
-
-    def restore(self, state: dict[str, NDArray[np.float64]]) -> None:
-        for name in STATE:
-            self._parts[name] = state[name]
-        self._notes.log.current[:], self._notes.last[:] = state["contact"][:2], state["contact"][2:]
-        self._clock[:], self._span[:], self._frame = state["clock_alone"], state["window"], int(state["frame"])
-        self._row, self._unresolved = state["row"].copy(), int(state["unresolved"])
-        self._forget_unresolved()
-        self._pairs = np.empty(len(state["pair"]), PAIR)
-        for name, numbers in zip(MEMBERS, state["pair"].T, strict=True):
-            self._pairs[name] = numbers
-        self._pairs["axis"] = state["pair_axis"]
-        self._opened, self._pairs_before = self._parts.copy(), self._pairs
-        if not self._alone and self._span[1] > self._span[0]:
-            self._compute_window(self._span[1])
-
     @property
     def counts(self) -> Counts:
         return Counts(self._unresolved + sum(int(work.unresolved[0]) for work in self._work))
 
-    def take_impacts(self, *, end: bool) -> Impacts:
+    def take_impacts(self, *, end: bool) -> Events:
         log, last = self._notes
         since = self._frame * self._scene.frame_interval - last[0]
         over = since > SAME_CONTACT * self._scene.timestep

@@ -26,7 +26,7 @@ ROW = 25
 class FrameRows(NamedTuple):
     """Times of frames (m,) [s], and the rows (m, parts, ROW) that the states then are written to.
 
-    interrupt: (1,), not 0 as soon as another thread wants the computation to end where it is.
+    interrupt: (2,), see `new_interrupt`.
     """
 
     time: NDArray[np.float64]

@@ -22,6 +22,7 @@ from feeder_sim.engines.impulse.pair_contact import meet, meeting_bound
 from feeder_sim.engines.impulse.plate_contact import meet_plate
 from feeder_sim.engines.impulse.rest import fall_asleep, wake
 from feeder_sim.engines.impulse.state import ASLEEP, Kinds, Scratch, fly_to, in_pieces
+from feeder_sim.engines.protocol import ENDED
 from feeder_sim.machine_code import compiled, entry_point, inlined
 
 
@@ -97,7 +98,7 @@ def _advance_island(island, crowd, plate, tools, span, frames):
     left = False
     for frame in range(frames.time.shape[0] + 1):
         stop = frames.time[frame] if frame < frames.time.shape[0] else span.end
-        while tree[1] < stop and frames.interrupt[0] == 0:
+        while tree[1] < stop and frames.interrupt[ENDED] == 0:
             t, event = tree[1], earliest_of(tree)
             if event < n:
                 left |= _look_at_part(event, t, agenda, crowd, plate, tools.work, span.reach)

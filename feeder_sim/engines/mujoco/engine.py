@@ -23,11 +23,12 @@ from feeder_sim.engines.impact_log import begin_contact, end_contact, in_contact
 from feeder_sim.engines.mujoco.free_flight import flight_of, leap
 from feeder_sim.engines.mujoco.mjcf import build_mjcf
 from feeder_sim.engines.mujoco_library import load_mujoco_symbols, silence_mujoco
+from feeder_sim.engines.protocol import ENDED, WHOLE, new_interrupt
 from feeder_sim.engines.surface_arrays import surface_arrays
 from feeder_sim.machine_code import compiled, entry_point
 from feeder_sim.plate.compiled import modal_motion, surface_modes
-from feeder_sim.records.counts import Counts
-from feeder_sim.records.impacts import Impacts
+from feeder_sim.records.events import Events
+from feeder_sim.records.seed import Counts
 from feeder_sim.records.trajectory import BLOCK_FRAMES, Frames
 from feeder_sim.scene.scene import Scene
 from feeder_sim.scene.start import Pose, start_poses
@@ -127,7 +128,7 @@ def _advance(at, surface, flight, log, timestep, first_step, steps_per_frame, qp
     for frame in range(qpos_out.shape[0]):
         last = first_step + (frame + 1) * steps_per_frame
         while step < last:
-            if at.interrupt[0] != 0:
+            if at.interrupt[ENDED] != 0:
                 return step
             flown = leap(place, motion, flight, timestep, last - step)
             if flown > 0:
@@ -148,10 +149,12 @@ def _advance(at, surface, flight, log, timestep, first_step, steps_per_frame, qp
                 mj_step(at.model, at.data)
         qpos_out[frame] = at.qpos
         qvel_out[frame] = at.qvel
+        at.interrupt[WHOLE] = frame + 1
         if not np.isfinite(at.qpos.sum()):
             # MuJoCo's solver is slow on NaN and nothing comes after it.
             qpos_out[frame:] = np.nan
             qvel_out[frame:] = np.nan
+            at.interrupt[WHOLE] = qpos_out.shape[0]
             break
     return step
 
@@ -178,7 +181,6 @@ class MujocoEngine:
         self.model = build_mjcf(scene).compile()
         self.data = mujoco.MjData(self.model)
         self._scene = scene
-        self._step = 0
         parts = [self.model.joint(part.name) for part in scene.parts]
         guide = scene.guides[0]
         self._slide = guide if guide and guide.slides else None
@@ -199,7 +201,7 @@ class MujocoEngine:
             vertical=0 if self._slide else 2,
             factor=float(self._slide.axis[2]) if self._slide else 1.0,
             touch=self.data.sensordata,
-            interrupt=np.zeros(1, np.int64) if interrupt is None else interrupt,
+            interrupt=new_interrupt() if interrupt is None else interrupt,
             mocap=mocap,
             mocap_pos=self.data.mocap_pos,
             mocap_quat=self.data.mocap_quat,
@@ -211,6 +213,13 @@ class MujocoEngine:
         self._there = np.ones(len(scene.parts), bool)
         self._last_pose = np.zeros((len(scene.parts), 7))
         self._poses = start_poses(scene, rng)
+        self.put_at_start()
+
+    def put_at_start(self) -> None:
+        """Go to t = 0, with all parts where they start."""
+        scene = self._scene
+        mujoco.mj_resetData(self.model, self.data)
+        self._step, self._there[:] = 0, True
         attitudes = scene.principal_attitudes(np.array([pose.quaternion for pose in self._poses]))
         for start, pose, attitude, part in zip(self._part_qpos, self._poses, attitudes, scene.parts, strict=True):
             if self._slide:
@@ -250,13 +259,14 @@ class MujocoEngine:
         qpos, qvel = np.empty((n_frames, self.model.nq)), np.empty((n_frames, self.model.nv))
         if self._at.guided:  # a contact takes a step, and the flight after it another one
             self._log = room_for(self._log, n_frames * scene.steps_per_frame // 2 + 1)
-        first = self._step
+        first, self._at.interrupt[WHOLE] = self._step, 0
         timestep = scene.timestep
         self._step = self._step_on(timestep, qpos, qvel)
         self.data.time = self._step * timestep
-        if self._at.interrupt[0]:
-            return self.current()
-        return self._frames(qpos, qvel, first + scene.steps_per_frame)
+        whole = slice(self._at.interrupt[WHOLE])
+        if whole.stop == 0:
+            return self.current()[whole]
+        return self._frames(qpos[whole], qvel[whole], first + scene.steps_per_frame)
 
     def _step_on(self, timestep: float, qpos: NDArray[np.float64], qvel: NDArray[np.float64]) -> int:
         """Step, and write the states at the frames into the rows of qpos and qvel; returns the step then."""
@@ -287,24 +297,7 @@ class MujocoEngine:
         self._surface = surface_arrays(scene.surface, scene.scenario.run)
         self._flight = flight_of(scene)
 
-    def state(self) -> dict[str, NDArray[np.float64]]:
-        kind = mujoco.mjtState.mjSTATE_INTEGRATION
-        held = np.empty(mujoco.mj_stateSize(self.model, kind))
-        mujoco.mj_getState(self.model, self.data, held, kind)
-        return {
-            "state": held,
-            "there": self._there.copy(),
-            "last_pose": self._last_pose.copy(),
-            "contact": self._log.current.copy(),
-            "step": np.array(self._step),
-        }
-
-    def restore(self, state: dict[str, NDArray[np.float64]]) -> None:
-        mujoco.mj_setState(self.model, self.data, state["state"], mujoco.mjtState.mjSTATE_INTEGRATION)
-        self._there[:], self._last_pose[:] = state["there"], state["last_pose"]
-        self._log.current[:], self._step = state["contact"], int(state["step"])
-
-    def take_impacts(self, *, end: bool) -> Impacts:
+    def take_impacts(self, *, end: bool) -> Events:
         return take_impacts(self._log, end=end)
 
     def _frames(self, qpos: NDArray[np.float64], qvel: NDArray[np.float64], first_step: int) -> Frames:

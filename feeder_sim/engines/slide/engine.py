@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from feeder_sim.engines.impact_log import new_log, take_impacts
 from feeder_sim.engines.noise import new_streams
 from feeder_sim.engines.slide.motion import Law, Plate, V, Z, advance
-from feeder_sim.records.counts import Counts
-from feeder_sim.records.impacts import Impacts
+from feeder_sim.records.events import Events, joined
+from feeder_sim.records.seed import Counts
 from feeder_sim.records.trajectory import BLOCK_FRAMES, Frames
 from feeder_sim.scene.scene import GRAVITY, Scene
 from feeder_sim.scene.start import Pose, start_poses
@@ -50,7 +50,7 @@ class SlideEngine:
         self._state = np.array([0.0, pose.position[2] + self._lowest, 0.0, 0.0, 0.0, 0.0])
         self._row = self._state[None, [Z, V]]
         self._log = new_log(LOG_ROWS)
-        self._impacts: list[Impacts] = []
+        self._impacts: list[Events] = []
         self._frame = 0
 
     @property
@@ -72,8 +72,8 @@ class SlideEngine:
         self._row = out[-1:].copy()
         return self._frames(out, self._frame - n_frames + 1)
 
-    def take_impacts(self, *, end: bool) -> Impacts:
-        taken = Impacts.joined([*self._impacts, take_impacts(self._log, end=end)])
+    def take_impacts(self, *, end: bool) -> Events:
+        taken = joined([*self._impacts, take_impacts(self._log, end=end)])
         self._impacts = []
         return taken
 
@@ -85,20 +85,6 @@ class SlideEngine:
 
     def redrive(self, scene: Scene) -> None:
         self._scene, self._plate = scene, _plate(scene)
-
-    def state(self) -> dict[str, NDArray[np.float64]]:
-        return {
-            "state": self._state.copy(),
-            "noise": self._stream.copy(),
-            "contact": self._log.current.copy(),
-            "frame": np.array(self._frame),
-            "row": self._row.copy(),
-        }
-
-    def restore(self, state: dict[str, NDArray[np.float64]]) -> None:
-        self._state[:], self._stream[:] = state["state"], state["noise"]
-        self._log.current[:] = state["contact"]
-        self._frame, self._row = int(state["frame"]), state["row"].copy()
 
     def _frames(self, rows: NDArray[np.float64], first: int) -> Frames:
         """Heights and vertical velocities (n, 2) as motion along the axis of the guide."""

@@ -27,7 +27,7 @@ from feeder_sim.measures.drift import transport_speed
 from feeder_sim.measures.separation import stage_reports
 from feeder_sim.measures.stage_lines import stage_lines
 from feeder_sim.part.rigid_part import CORNER_RADIUS
-from feeder_sim.records.trajectory import Record
+from feeder_sim.records.seed import Seed
 from feeder_sim.scenario import load_scenario
 from feeder_sim.scene.prepared import Prepared
 from feeder_sim.scene.scene import GRAVITY, Scene
@@ -68,7 +68,7 @@ class Case:
     title: str
     quantity: str
     scenario: Callable[[], Raw]
-    observe: Callable[[Prepared, Record], float]
+    observe: Callable[[Prepared, Seed], float]
     exact: float | None
     seeds: tuple[int, int, int] = (0, 0, 0)
     quick_seeds: tuple[int, int, int] = (0, 0, 0)
@@ -106,7 +106,7 @@ def _ball() -> Raw:
     }
 
 
-def _rise(prepared: Prepared, record: Record) -> float:
+def _rise(prepared: Prepared, record: Seed) -> float:
     """Mean height of the last tops of the flight [mm]; each follows from the highest frame and its velocity."""
     frames = record.frames
     height = frames.position[:, 0, 2] - prepared.scene.kinds[0].corner_radius
@@ -129,7 +129,7 @@ def _on_resting_plate(part: Raw, **start: Any) -> Raw:
     }
 
 
-def _after_impact(scene: Scene, record: Record) -> tuple[float, int]:
+def _after_impact(scene: Scene, record: Seed) -> tuple[float, int]:
     """Speed upwards [m/s] with which a part has left the plate at rest, and its first frame after that."""
     frames = record.frames
     rising = np.flatnonzero(frames.velocity[:, 0, 2] > 0.0)
@@ -142,14 +142,14 @@ def _after_impact(scene: Scene, record: Record) -> tuple[float, int]:
     return math.sqrt(float(frames.velocity[row, 0, 2]) ** 2 + 2.0 * GRAVITY * rise), row
 
 
-def _flat_drop(prepared: Prepared, record: Record) -> float:
+def _flat_drop(prepared: Prepared, record: Seed) -> float:
     """Error [%] of the speed upwards and of the speed of the corners by spin, which should be 0, over e v."""
     upward, row = _after_impact(prepared.scene, record)
     spin = prepared.scene.kinds[0].size * float(np.linalg.norm(record.frames.angular_velocity[row, 0]))
     return 100.0 * math.hypot(upward - RESTITUTION * APPROACH, spin) / (RESTITUTION * APPROACH)
 
 
-def _sliding_impact(prepared: Prepared, record: Record) -> float:
+def _sliding_impact(prepared: Prepared, record: Seed) -> float:
     """Error [%] of both components of the velocity after the impact, over the approach speed."""
     upward, row = _after_impact(prepared.scene, record)
     along = float(record.frames.velocity[row, 0, 0])
@@ -169,7 +169,7 @@ def strip(frequency: float, amplitude_um: float, x_mm: float) -> Raw:
     }
 
 
-def speed(prepared: Prepared, record: Record) -> float:
+def speed(prepared: Prepared, record: Seed) -> float:
     """Transport speed [mm/s]; NaN if the part has not passed the end of the measured way."""
     assert prepared.cell is not None
     return 1e3 * transport_speed(record.frames, prepared.cell)
@@ -195,7 +195,7 @@ def _crowd() -> Raw:
     }
 
 
-def _gathered(prepared: Prepared, record: Record) -> float:
+def _gathered(prepared: Prepared, record: Seed) -> float:
     """Nuts near a nodal line at the end of the gathering; the number picked would scatter twice as much."""
     return float(stage_reports(prepared.scene, stage_lines(prepared.scene), record)[0].on_nodal_line)
 
@@ -205,7 +205,7 @@ def _transport() -> Raw:
     return dict(load_scenario(example_file("scenarios/transport_strip.toml")).model_dump(exclude_unset=True))
 
 
-def _arrival(prepared: Prepared, record: Record) -> float:
+def _arrival(prepared: Prepared, record: Seed) -> float:
     """Time of arrival [s]; NaN if the part has not come to the goal."""
     return arrival_time(prepared.scene, record)
 
@@ -222,7 +222,7 @@ def _note() -> Raw:
     }
 
 
-def _way(prepared: Prepared, record: Record) -> float:
+def _way(prepared: Prepared, record: Seed) -> float:
     """Length of the way from the first to the last frame [mm]."""
     position = record.frames.position[:, 0, :2]
     return 1e3 * float(np.linalg.norm(position[-1] - position[0]))

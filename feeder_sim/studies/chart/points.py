@@ -14,9 +14,7 @@ import numpy as np
 from feeder_sim.engines.lookup import engine_class
 from feeder_sim.errors import InputError
 from feeder_sim.measures.statistic import Statistic
-from feeder_sim.records.impacts import Impacts
-from feeder_sim.records.removals import Removals
-from feeder_sim.records.trajectory import Record, Status
+from feeder_sim.records.seed import Seed, Status
 from feeder_sim.run.prepare import prepare
 from feeder_sim.run.simulation import simulate
 from feeder_sim.scenario import Scenario
@@ -244,7 +242,7 @@ def _once(case: Case, method: Method, setting: int) -> Point:
         frames = engine.advance(scene.n_frames - 1)
         times.append(time.perf_counter() - started)
     finite = bool(np.isfinite(frames.position).all())
-    value = case.observe(prepared, Record(frames, Impacts.none(), Removals.none(), np.empty(0))) if finite else math.nan
+    value = case.observe(prepared, Seed(frames)) if finite else math.nan
     cost = min(times) / float(frames.time[-1])
     failure = "" if finite else "its state is not finite"
     return Point(case.name, method.name, setting, value, math.nan, 1, 0.0, 0.0, cost, failure)

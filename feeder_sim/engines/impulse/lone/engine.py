@@ -3,20 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from feeder_sim.engines.impulse.engine import COLUMNS, ImpulseEngine
-from feeder_sim.engines.impulse.frame_rows import ROW, FrameRows
+from feeder_sim.engines.impulse.frame_rows import ROW
 from feeder_sim.engines.impulse.lone.loop import WINDOW, Drive, Lone, advance
-from feeder_sim.engines.impulse.lone.state import FREE, PART, Exactness, new_part, new_scratch
+from feeder_sim.engines.impulse.lone.state import FREE, Exactness, new_part, new_scratch
 from feeder_sim.engines.impulse.state import ABSENT
 from feeder_sim.engines.noise import new_streams
 from feeder_sim.engines.surface_arrays import surface_arrays
-from feeder_sim.records.counts import Counts
-from feeder_sim.records.impacts import Impacts
+from feeder_sim.records.events import Events, impacts_of
+from feeder_sim.records.seed import Counts
 from feeder_sim.records.trajectory import Frames
 from feeder_sim.scene.scene import Scene
 from feeder_sim.scene.start import Pose
@@ -55,13 +54,9 @@ class LoneEngine(ImpulseEngine):
         scene, rows = self._scene, np.empty((n_frames, 1, ROW))
         times = np.asarray((self._frame + 1 + np.arange(n_frames)) * scene.frame_interval, float)
         drive = Drive(self._surface, scene.surface.extremes, self._exact, WINDOW)
-        frames = FrameRows(times, rows, self._interrupt)
+        frames = self._rows_to_fill(times, rows)
         advance(Lone(self._part, self._kinds, self._scratch), drive, self._clock, frames)
-        if self._interrupt[0]:
-            return self.current()
-        self._frame += n_frames
-        self._row = rows[-1].copy()
-        return self._frames(rows, self._frame - n_frames + 1)
+        return self._advanced(rows)
 
     def _begin_window_now(self) -> None:
         """What happens at the last frame acts on the part from then on."""
@@ -83,20 +78,5 @@ class LoneEngine(ImpulseEngine):
         self._scene = scene
         self._surface = surface_arrays(scene.surface, scene.scenario.run)
 
-    def state(self) -> dict[str, NDArray[Any]]:
-        return {name: self._part[name].copy() for name in PART.names or ()} | {
-            "clock_alone": self._clock.copy(),
-            "frame": np.array(self._frame),
-            "row": self._row.copy(),
-            "counts": self._scratch.counts.copy(),
-        }
-
-    def restore(self, state: dict[str, NDArray[Any]]) -> None:
-        for name in PART.names or ():
-            self._part[name] = state[name]
-        self._parts["there"] = self._part["there"]
-        self._clock[:], self._frame = state["clock_alone"], int(state["frame"])
-        self._row, self._scratch.counts[:] = state["row"].copy(), state["counts"]
-
-    def take_impacts(self, *, end: bool) -> Impacts:
-        return Impacts.of_rows(np.empty((0, 4)))
+    def take_impacts(self, *, end: bool) -> Events:
+        return impacts_of(np.empty((0, 4)))

@@ -16,6 +16,7 @@ from feeder_sim.engines.impulse.lone.state import PART, Exactness, Plate, Scratc
 from feeder_sim.engines.impulse.lone.window import bound
 from feeder_sim.engines.impulse.state import ABSENT, ASLEEP, AWAKE, Kinds
 from feeder_sim.engines.impulse.window import acting_terms
+from feeder_sim.engines.protocol import ENDED, WHOLE
 from feeder_sim.engines.surface_arrays import SurfaceArrays
 from feeder_sim.machine_code import compiled, entry_point, uncounted
 
@@ -63,7 +64,7 @@ def advance_lone(lone, drive, clock, frames):
             orthonormalise(part.attitude)
         _wake(part, bounds, start)  # the drive may have changed since
         frame = _through_window(frame, lone, Plate(borrow(acting), borrow(bounds)), clock, frames, seen)
-        if frame == frames.time.shape[0] or frames.interrupt[0] != 0:
+        if frame == frames.time.shape[0] or frames.interrupt[ENDED] != 0:
             return
         clock[NUMBER] += 1.0
         clock[DUE] = end
@@ -83,13 +84,14 @@ def _through_window(frame, lone, plate, clock, frames, seen):
     Returns the next frame; seen: room for a part.
     """
     part, kind, end = lone.parts[0], lone.kinds.record[0], plate.bounds.end
-    while frame < frames.time.shape[0] and frames.interrupt[0] == 0:
+    while frame < frames.time.shape[0] and frames.interrupt[ENDED] == 0:
         shown, t = frames.time[frame], clock[DUE]
         if t >= shown:
             seen[0] = part  # which itself is left as it is
             bring(seen[0], kind, shown, plate.surface)
             write_state(seen[0], kind, frames.row[frame, 0])
             frame += 1
+            frames.interrupt[WHOLE] = frame
         elif t >= end:
             break
         elif part.there == ASLEEP or part.there == ABSENT:

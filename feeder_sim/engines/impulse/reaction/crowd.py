@@ -34,6 +34,7 @@ from feeder_sim.engines.impulse.reaction.yielding_contact import meet_yielding_p
 from feeder_sim.engines.impulse.rest import fall_asleep, wake
 from feeder_sim.engines.impulse.state import ABSENT, ASLEEP, Bounds, fly_to, orthonormalise_parts
 from feeder_sim.engines.impulse.window import SAG, acting_terms, bound_window
+from feeder_sim.engines.protocol import ENDED
 from feeder_sim.engines.surface_arrays import SurfaceArrays
 from feeder_sim.machine_code import compiled, entry_point
 from feeder_sim.scene.scene import GRAVITY
@@ -165,7 +166,7 @@ def _advance(crowd, surface, bounds, tools, span, frames, yielding, limits):
     left = False
     for frame in range(frames.time.shape[0] + 1):
         stop = frames.time[frame] if frame < frames.time.shape[0] else span.end
-        while tree[1] < stop and frames.interrupt[0] == 0:
+        while tree[1] < stop and frames.interrupt[ENDED] == 0:
             t, event = tree[1], earliest_of(tree)
             if event >= n:
                 left |= look_at_pair(event, t, agenda, crowd, bounds, tools, span.reach)

@@ -6,8 +6,6 @@ together, in order of time (crowd.py), as each impact changes the surface for al
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -29,8 +27,8 @@ WINDOW_OF_ONE = 5e-2  # [s], of a single part, which meets nobody; its impacts m
 class ReactingEngine(ImpulseEngine):
     """Rigid impulses that act on the plate as well.
 
-    Its state holds more than that of `ImpulseEngine`: `reaction`, see `reaction_of`, and `books`, the energies [J] that
-    parts have got from the plate's modes, from the contact law (negative) and by being put back on the surface.
+    At the begin of the window under way: `_reaction_opened`, see `reaction_of`, and `_books_opened`, the energies [J]
+    that parts have got from the plate's modes, from the contact law (negative) and by being put back on the surface.
     """
 
     _single_apart = False
@@ -86,12 +84,3 @@ class ReactingEngine(ImpulseEngine):
         super().redrive(scene)
         self._surface = with_reaction(surface_arrays(scene.surface, scene.scenario.run), self._rate)
         self._limits = self._limits_of(scene)
-
-    def state(self) -> dict[str, NDArray[Any]]:
-        return super().state() | {"reaction": self._reaction_opened.copy(), "books": self._books_opened.copy()}
-
-    def restore(self, state: dict[str, NDArray[Any]]) -> None:
-        self._reaction = self._reaction_opened = state["reaction"].copy()
-        self._books_opened = state["books"].copy()
-        self._yielding.books[:] = self._books_opened
-        super().restore(state)
