@@ -6,7 +6,7 @@ import functools
 import itertools
 import os
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -15,15 +15,18 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # before numpy: small matric
 
 import numpy as np
 import pytest
+import tomli_w
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from feeder_sim.engines.impulse.engine import COLUMNS, ImpulseEngine
 from feeder_sim.engines.impulse.state import ARM, FRICTION, NORMAL, RESTITUTION, VELOCITY
+from feeder_sim.errors import InputError
 from feeder_sim.machine_code import entry_point
 from feeder_sim.records.trajectory import Frames
 from feeder_sim.run.seed_run import SeedRun
 from feeder_sim.scenario import Contact, Drive, HexNut, PistonPlate, Run, Scenario, Start, Strip
+from feeder_sim.scenario.changes import changed_values
 from feeder_sim.scenario.engine_choice import choose_engine
 from feeder_sim.scene.cell import transport_cell
 from feeder_sim.scene.prepared import Prepared
@@ -40,6 +43,25 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 @pytest.fixture
 def repository() -> Path:
     return REPOSITORY
+
+
+def toml_of(document: Mapping[str, Any], changes: Mapping[str, Any] | None = None) -> str:
+    """A document as a file has it, with other values at dotted keys; None takes a value out."""
+    return tomli_w.dumps(_without_none(changed_values(document, changes or {}, Path("document"))))
+
+
+def _without_none(value: Any) -> Any:
+    if isinstance(value, Mapping):
+        return {key: _without_none(entry) for key, entry in value.items() if entry is not None}
+    return [_without_none(entry) for entry in value] if isinstance(value, list | tuple) else value
+
+
+def refusal(call: Callable[..., object], *arguments: Any, **named: Any) -> str:
+    """The one line with which a call is refused as bad input."""
+    with pytest.raises(InputError) as refused:
+        call(*arguments, **named)
+    assert "\n" not in str(refused.value)
+    return str(refused.value)
 
 
 def strip_scenario(
