@@ -33,6 +33,12 @@ from feeder_sim.scene.prepared import Prepared
 from feeder_sim.scene.scene import Scene
 
 REPOSITORY = Path(__file__).parents[1]
+NUT_ON_STRIP: dict[str, Any] = {
+    "plate": {"kind": "strip", "thickness_mm": 3.0},
+    "drive": [{"frequency_hz": 4750.0, "amplitude_um": 1.0}],
+    "part": [{"shape": "hex_nut", "size": "M2.5"}],
+    "run": {"duration_s": 1.0},
+}
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:

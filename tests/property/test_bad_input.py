@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 from command_line import check_refused, feeder_sim, in_new_process
-from conftest import REPOSITORY, toml_of
+from conftest import NUT_ON_STRIP, REPOSITORY, toml_of
 
 MODES = REPOSITORY / "models/plate_180/modes.h5"
 BOUNCING = REPOSITORY / "scenarios/ball_50hz.toml"
@@ -20,13 +20,7 @@ BALL = {"shape": "ball", "diameter_mm": 3.0}
 TUBE = {"kind": "tube", "inner_diameter_mm": 9.0}
 DRIVE = {"frequency_hz": 500.0, "amplitude_um": 20.0}
 STAGE = {"drive": [DRIVE], "duration_s": 0.1, "pause_s": 0.05, "pick": {"clearance_mm": 10.0}}
-STRIP: Document = {
-    "plate": {"kind": "strip", "thickness_mm": 3.0},
-    "drive": [{"frequency_hz": 4750.0, "amplitude_um": 1.0}],
-    "part": [NUT],
-    "run": {"duration_s": 1.0},
-}
-PLATE: Document = STRIP | {
+PLATE: Document = NUT_ON_STRIP | {
     "plate": {"kind": "rectangle", "mode_file": str(MODES)},
     "drive": [{"frequency_hz": 2797.0, "amplitude_um": 1.0}],
 }
@@ -173,7 +167,7 @@ OF_A_SCHEDULE: Cases = [
     ({"part": [NUT, BALL]}, "part[1].start.position_mm: overlaps"),
 ]
 
-DOCUMENTS = {"strip": STRIP, "plate": PLATE, "guided": GUIDED, "scheduled": SCHEDULED}
+DOCUMENTS = {"strip": NUT_ON_STRIP, "plate": PLATE, "guided": GUIDED, "scheduled": SCHEDULED}
 SPOILT = {"strip": OF_A_STRIP, "plate": OF_A_PLATE, "guided": OF_A_GUIDE, "scheduled": OF_A_SCHEDULE}
 
 
@@ -192,7 +186,7 @@ def test_bad_scenario_is_one_line_and_writes_nothing(
 
 
 def test_text_that_is_not_toml(tmp_path: Path) -> None:
-    check_spoilt(toml_of(STRIP).replace("[plate]", "[plate", 1), "not valid TOML ... line", tmp_path)
+    check_spoilt(toml_of(NUT_ON_STRIP).replace("[plate]", "[plate", 1), "not valid TOML ... line", tmp_path)
 
 
 def check_spoilt(text: str, expected: str, folder: Path) -> None:
@@ -234,7 +228,7 @@ def test_open_mesh(tmp_path: Path) -> None:
     box = trimesh.creation.box()
     trimesh.Trimesh(box.vertices, box.faces[:-1]).export(tmp_path / "open.stl")
     scenario = tmp_path / "mesh.toml"
-    scenario.write_text(toml_of(STRIP, {"part": [{"shape": "mesh", "file": "open.stl"}]}))
+    scenario.write_text(toml_of(NUT_ON_STRIP, {"part": [{"shape": "mesh", "file": "open.stl"}]}))
     check_refused(feeder_sim("run", scenario), "open.stl", "part.file", "open mesh", "closed")
 
 
@@ -280,7 +274,7 @@ def test_vibrometer_of_something_else(tmp_path: Path) -> None:
     check_refused(reverse, "2 and 1", "--from < --to")
     check_refused(feeder_sim("vibrometer", tmp_path, "--picture", picture), str(tmp_path), "no run here")
     scenario = tmp_path / "free.toml"
-    scenario.write_text(toml_of(STRIP, {"run": {"duration_s": 0.02, "seeds": 1}}))
+    scenario.write_text(toml_of(NUT_ON_STRIP, {"run": {"duration_s": 0.02, "seeds": 1}}))
     assert feeder_sim("run", scenario, "--out", tmp_path / "run").returncode == 0
     check_refused(feeder_sim("vibrometer", tmp_path / "run", "--picture", picture), "no impacts", "part in a guide")
     assert not picture.exists()
