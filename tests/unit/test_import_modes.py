@@ -114,7 +114,7 @@ def test_complex_modes_become_real(tmp_path: Path, grid: NDArray[np.float64]) ->
     real, _, collinearity = made_real(shape)
     assert abs(np.corrcoef(real, w)[0, 1]) > 0.9999 and 0.9 < collinearity < 1.0
     assert made_real(np.exp(1.9j) * w)[2] == pytest.approx(1.0)
-    of_complex = {"analysis_type": 3, "eig": complex(-35.0, 17442.0), "modal_a": 1j, "modal_b": 1j}
+    of_complex: dict[str, Any] = {"analysis_type": 3, "eig": complex(-35.0, 17442.0), "modal_a": 1j, "modal_b": 1j}
     mode = shape_55(0.0, np.stack([0 * shape, 0 * shape, shape]), **of_complex)
     found, report, _ = imported(write_universal(tmp_path / "c.unv", units_164(), nodes_2411(grid), mode))
     row = report["modes"][0]

@@ -36,7 +36,7 @@ from feeder_sim.scene.start import start_poses
 
 HEAP = Heap(kind="heap", diameter_mm=20.0)
 SPREAD = Scattered(kind="scattered")
-DRIVE = {"frequency_hz": 500.0, "amplitude_um": 1.0}
+DRIVE: dict[str, Any] = {"frequency_hz": 500.0, "amplitude_um": 1.0}
 SCENARIO: dict[str, Any] = {
     "plate": {"kind": "piston"},
     "schedule": {"stage": [{"drive": [DRIVE], "duration_s": 0.1, "pick": {"clearance_mm": 5.0}}]},
