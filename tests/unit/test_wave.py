@@ -8,18 +8,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from command_line import check_refused, feeder_sim
 from conftest import REPOSITORY, ready
 from numpy.typing import NDArray
-from typer.testing import CliRunner
 
-from feeder_sim.cli.main import app
-from feeder_sim.errors import InputError
 from feeder_sim.measures.circulation import Circulation, StageWave, circulation, stage_waves
 from feeder_sim.plate.wave import Track
 from feeder_sim.records.impacts import Impacts
 from feeder_sim.records.removals import Removals
 from feeder_sim.records.trajectory import Frames, SeedRecord, Status
-from feeder_sim.scenario import Scenario, load_scenario
+from feeder_sim.scenario import load_scenario
 from feeder_sim.scene.scene import Scene, build_scene
 
 GATHER = REPOSITORY / "scenarios/wave_gather.toml"
@@ -27,9 +25,7 @@ SPLIT = REPOSITORY / "scenarios/wave_split.toml"
 
 
 def wave(phase_deg: float, path: Path = GATHER) -> StageWave:
-    raw = load_scenario(path).model_dump(exclude_none=True)
-    raw["schedule"]["stage"][0]["drive"][1]["phase_deg"] = phase_deg
-    (found,) = stage_waves(build_scene(Scenario.model_validate(raw)))
+    (found,) = stage_waves(build_scene(load_scenario(path).changed({"stage[0].drive[1].phase_deg": phase_deg})))
     return found
 
 
@@ -145,8 +141,8 @@ def test_waves_are_measured_when_they_really_acted(quarter: StageWave) -> None:
     raw = load_scenario(GATHER).model_dump(exclude_none=True)
     wave_stage = raw["schedule"]["stage"][0] | {"duration_s": 4.0}
     first = {"drive": [wave_stage["drive"][0]], "duration_s": 60.0, "until": {"within_mm": 1.0, "for_s": 0.5}}
-    raw["schedule"] = {"cycles": 2, "prepare": [first], "stage": [wave_stage]}
-    scene = build_scene(Scenario.model_validate(raw))
+    schedule = {"cycles": 2, "prepare": [first], "stage": [wave_stage]}
+    scene = build_scene(load_scenario(GATHER).changed({"schedule": schedule}))
     waves = stage_waves(scene)
     assert [wave.number for wave in waves] == [1, 2] and waves[0].track is waves[1].track
     track, speed = track_of(quarter), 0.02
@@ -163,15 +159,14 @@ def test_waves_are_measured_when_they_really_acted(quarter: StageWave) -> None:
 
 def test_command_describes_and_draws(tmp_path: Path) -> None:
     picture = tmp_path / "wave.png"
-    done = CliRunner().invoke(app, ["wave", str(GATHER), "--json", "--picture", str(picture)])
-    assert done.exit_code == 0
+    done = feeder_sim("wave", GATHER, "--json", "--picture", picture)
+    assert done.returncode == 0
     (found,) = json.loads(done.stdout)
     assert found["still_points"] == 9 and found["phase_turns"] == -1
     assert picture.stat().st_size > 20_000
-    assert "travelling_ratio: 0.7" in CliRunner().invoke(app, ["wave", str(GATHER)]).stdout
+    assert "travelling_ratio: 0.7" in feeder_sim("wave", GATHER).stdout
 
 
 def test_a_scenario_without_a_wave_is_refused_in_one_line() -> None:
-    done = CliRunner().invoke(app, ["wave", str(REPOSITORY / "scenarios/separation_100.toml")])
-    assert isinstance(done.exception, InputError)
-    assert "no stage drives several modes at one frequency" in str(done.exception)
+    done = feeder_sim("wave", REPOSITORY / "scenarios/separation_100.toml")
+    check_refused(done, "no stage drives several modes at one frequency")
