@@ -133,6 +133,12 @@ def rows(matrix: NDArray[np.float64]) -> tuple[tuple[float, ...], ...]:
     return tuple(tuple(map(float, row)) for row in matrix)
 
 
+def resting(time: NDArray[np.float64], position: NDArray[np.float64]) -> Frames:
+    """Frames of parts that are all there, upright and still, at positions (n, parts, 3)."""
+    upright = np.tile([1.0, 0.0, 0.0, 0.0], (*position.shape[:2], 1))
+    return Frames(time, position, upright, 0 * position, 0 * position, np.ones(position.shape[:2], bool))
+
+
 class StopsAfter(threading.Event):
     """Is set once the seeds have looked at it so many times; how often the main thread does is chance."""
 

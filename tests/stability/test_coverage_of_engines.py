@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from conftest import REPOSITORY, ready, refusal
+from conftest import REPOSITORY, ready, refusal, resting
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
@@ -249,12 +249,8 @@ def test_a_tube_holds_its_part() -> None:
 
 def some_parts(scene: Scene, n_frames: int = 5) -> Frames:
     """As many parts as the scene has, lying still in the middle of the plate."""
-    shape = (n_frames, len(scene.parts))
-    position = np.zeros((*shape, 3))
-    position[..., 2] = 1e-3
-    upright = np.tile([1.0, 0.0, 0.0, 0.0], (*shape, 1))
-    time = 0.5 * np.arange(n_frames, dtype=np.float64)
-    return Frames(time, position, upright, position * 0, position * 0, np.ones(shape, bool))
+    position = np.tile([0.0, 0.0, 1e-3], (n_frames, len(scene.parts), 1))
+    return resting(0.5 * np.arange(n_frames, dtype=np.float64), position)
 
 
 @pytest.fixture(scope="module")

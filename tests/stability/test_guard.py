@@ -8,7 +8,7 @@ from typing import Any, Literal
 import numpy as np
 import pytest
 from command_line import feeder_sim, said
-from conftest import changing, piston_scenario, ready, strip_scenario, toml_of
+from conftest import changing, piston_scenario, ready, resting, strip_scenario, toml_of
 from scipy.spatial.transform import Rotation
 
 from feeder_sim.engines.impulse.engine import ImpulseEngine
@@ -98,13 +98,11 @@ def test_part_that_falls_off_the_plate_is_counted_and_no_failure() -> None:
 
 def frames_at(scene: Scene, n: int = 10, **states: np.ndarray) -> Frames:
     """Frames of parts at rest, level, 2 mm over the middle of the plate; `states` replace theirs."""
-    parts = len(scene.parts)
-    rest = {"position": [0.0, 0.0, 2e-3], "quaternion": LEVEL, "velocity": [0.0] * 3, "angular_velocity": [0.0] * 3}
-    held = {name: np.tile(value, (n, parts, 1)) for name, value in rest.items()}
+    middle = np.tile([0.0, 0.0, 2e-3], (n, len(scene.parts), 1))
+    frames = resting(np.asarray(scene.frame_interval * np.arange(n), float), middle)
     for name, values in states.items():
-        held[name][:] = values
-    time = np.asarray(scene.frame_interval * np.arange(n), float)
-    return Frames(time=time, present=np.ones((n, parts), bool), **held)
+        getattr(frames, name)[:] = values
+    return frames
 
 
 def watched(scene: Scene, n: int = 10, **states: np.ndarray) -> tuple[Frames, Guard]:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 import trimesh
-from conftest import refusal
+from conftest import refusal, resting
 from scipy.spatial.transform import Rotation
 
 from feeder_sim.measures.picking import pickable
@@ -59,9 +59,8 @@ def lying(scene: Scene, tilts_deg: list[float], places_mm: list[tuple[float, flo
     height = [-part.lowest(q) for part, q in zip(scene.parts, attitude, strict=True)]
     position = np.column_stack([1e-3 * np.array(places_mm), height])
     n = scene.n_frames
-    still, there = np.zeros((n, len(scene.parts), 3)), np.ones((n, len(scene.parts)), bool)
-    time = scene.frame_interval * np.arange(n, dtype=float)
-    return Frames(time, np.tile(position, (n, 1, 1)), np.tile(attitude, (n, 1, 1)), still, still, there)
+    frames = resting(scene.frame_interval * np.arange(n, dtype=float), np.tile(position, (n, 1, 1)))
+    return replace(frames, quaternion=np.tile(attitude, (n, 1, 1)))
 
 
 @pytest.mark.parametrize(

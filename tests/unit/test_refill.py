@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from conftest import refusal, toml_of
+from conftest import refusal, resting, toml_of
 from scipy.spatial.distance import cdist, pdist
 
 from feeder_sim.errors import InputError
@@ -72,8 +73,7 @@ def now_on(scene: Scene, places_mm: dict[int, tuple[float, float, float]]) -> Fr
     position, present = np.zeros((1, n, 3)), np.zeros((1, n), bool)
     for part, place in places_mm.items():
         position[0, part], present[0, part] = 1e-3 * np.array(place), True
-    upright = np.tile([1.0, 0.0, 0.0, 0.0], (1, n, 1))
-    return Frames(np.zeros(1), position, upright, position * 0.0, position * 0.0, present)
+    return replace(resting(np.zeros(1), position), present=present)
 
 
 BOTH: dict[str, Any] = {"refill": {}, "robot": {}}

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from conftest import StopsAfter, ready, refusal
+from conftest import StopsAfter, ready, refusal, resting
 
 from feeder_sim.measures.arrivals import Arrivals, arrived
 from feeder_sim.measures.protocol import as_json
@@ -56,9 +56,7 @@ def standing(scene: Scene, x: list[float]) -> Frames:
     n = len(x)
     position = np.zeros((n, 1, 3))
     position[:, 0, 0], position[:, 0, 2] = x, 1e-3
-    upright = np.tile([1.0, 0.0, 0.0, 0.0], (n, 1, 1))
-    time = scene.frame_interval * np.arange(n, dtype=np.float64)
-    return Frames(time, position, upright, 0 * position, 0 * position, np.ones((n, 1), bool))
+    return resting(scene.frame_interval * np.arange(n, dtype=np.float64), position)
 
 
 def test_settled_is_near_a_node_without_a_break(scene: Scene) -> None:

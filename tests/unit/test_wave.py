@@ -9,8 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from command_line import check_refused, feeder_sim
-from conftest import REPOSITORY, ready
-from numpy.typing import NDArray
+from conftest import REPOSITORY, ready, resting
 
 from feeder_sim.measures.circulation import Circulation, StageWave, circulation, stage_waves
 from feeder_sim.plate.wave import Track
@@ -103,12 +102,7 @@ def running_round(track: Track, speed: float, offset: float) -> Frames:
     position = np.zeros((len(time), 2, 3))
     position[:, 0, :2] = radius * np.stack([np.cos(angle), np.sin(angle)], axis=1)
     position[..., 2] = 1e-3
-    return _frames(time, position)
-
-
-def _frames(time: NDArray[np.float64], position: NDArray[np.float64]) -> Frames:
-    upright = np.tile([1.0, 0.0, 0.0, 0.0], (*position.shape[:2], 1))
-    return Frames(time, position, upright, 0 * position, 0 * position, np.ones(position.shape[:2], bool))
+    return resting(time, position)
 
 
 def record(frames: Frames, *stops: float) -> SeedRecord:
@@ -131,7 +125,7 @@ def test_parts_at_still_points_are_counted(gather: Scene, quarter: StageWave) ->
     position[:, 2, :2] = quarter.still[0] + np.array([9e-3, 0.0])
     position[:, 3, 2] = -0.03  # fallen past the edge
     position[:, :3, 2] = 1e-3
-    (found,) = Circulation().compute(ready(gather), [record(_frames(np.linspace(0.0, 24.0, 801), position))]).waves
+    (found,) = Circulation().compute(ready(gather), [record(resting(np.linspace(0.0, 24.0, 801), position))]).waves
     assert found.at_still_points.mean == pytest.approx(2.0 / 3.0)
     assert found.still_points == 9
 
@@ -147,7 +141,7 @@ def test_waves_are_measured_when_they_really_acted(quarter: StageWave) -> None:
     assert [wave.number for wave in waves] == [1, 2] and waves[0].track is waves[1].track
     track, speed = track_of(quarter), 0.02
     frames = running_round(track, speed, 0.0)
-    frames = _frames(frames.time * 7.5, frames.position)  # 15 s, of which the waves have 5 to 9 and 9 to 13
+    frames = resting(frames.time * 7.5, frames.position)  # 15 s, of which the waves have 5 to 9 and 9 to 13
     prepared = ready(scene)
     found = Circulation().compute(prepared, [record(frames, 5.0)]).waves
     assert [wave.cycle for wave in found] == [1, 2]
