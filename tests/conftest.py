@@ -88,15 +88,17 @@ def piston_scenario(
     amplitude_um: float = 0.0,
     start: Start | None = None,
     part: Any = None,
+    plate: Mapping[str, Any] | None = None,
+    drive: tuple[Drive, ...] = (),
     contact: Contact | None = None,
     **run: Any,
 ) -> Scenario:
-    """A part over a plate that moves as a whole; at rest by default."""
-    start = start or Start()
+    """A part or several over a plate that moves as a whole; at rest by default."""
+    part = part or HexNut(size="M2.5", start=start or Start())
     return Scenario(
-        plate=PistonPlate(kind="piston"),
-        drive=(Drive(frequency_hz=frequency_hz, amplitude_um=amplitude_um),),
-        part=(part or HexNut(size="M2.5", start=start),),
+        plate=PistonPlate(kind="piston", **(plate or {})),
+        drive=drive or (Drive(frequency_hz=frequency_hz, amplitude_um=amplitude_um),),
+        part=part if isinstance(part, tuple) else (part,),
         contact=contact or Contact(),
         run=Run(**({"duration_s": 0.05, "seeds": 1} | run)),
     )
