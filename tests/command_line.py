@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import itertools
 import os
 import subprocess
 import sys
@@ -45,10 +46,10 @@ def said(done: Done) -> list[str]:
 
 
 def check_refused(done: Done, *expected: str) -> None:
-    """Refused as bad input, in one line that contains all that is expected."""
+    """Refused as bad input, in one line that contains all that is expected; " ... " stands between two such texts."""
     assert done.returncode == 2, done.stderr
     message = one_line(done)
-    for text in expected:
+    for text in itertools.chain(*(text.split(" ... ") for text in expected)):
         assert text in message, f"{text!r} not in: {message}"
 
 

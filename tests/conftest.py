@@ -6,7 +6,7 @@ import functools
 import itertools
 import os
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -15,21 +15,30 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # before numpy: small matric
 
 import numpy as np
 import pytest
+import tomli_w
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from feeder_sim.engines.impulse.engine import COLUMNS, ImpulseEngine
 from feeder_sim.engines.impulse.state import ARM, FRICTION, NORMAL, RESTITUTION, VELOCITY
+from feeder_sim.errors import InputError
 from feeder_sim.machine_code import entry_point
 from feeder_sim.records.trajectory import Frames
 from feeder_sim.run.seed_run import SeedRun
 from feeder_sim.scenario import Contact, Drive, HexNut, PistonPlate, Run, Scenario, Start, Strip
+from feeder_sim.scenario.changes import changed_values
 from feeder_sim.scenario.engine_choice import choose_engine
 from feeder_sim.scene.cell import transport_cell
 from feeder_sim.scene.prepared import Prepared
 from feeder_sim.scene.scene import Scene
 
 REPOSITORY = Path(__file__).parents[1]
+NUT_ON_STRIP: dict[str, Any] = {
+    "plate": {"kind": "strip", "thickness_mm": 3.0},
+    "drive": [{"frequency_hz": 4750.0, "amplitude_um": 1.0}],
+    "part": [{"shape": "hex_nut", "size": "M2.5"}],
+    "run": {"duration_s": 1.0},
+}
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
@@ -40,6 +49,25 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 @pytest.fixture
 def repository() -> Path:
     return REPOSITORY
+
+
+def toml_of(document: Mapping[str, Any], changes: Mapping[str, Any] | None = None) -> str:
+    """A document as a file has it, with other values at dotted keys; None takes a value out."""
+    return tomli_w.dumps(_without_none(changed_values(document, changes or {}, Path("document"))))
+
+
+def _without_none(value: Any) -> Any:
+    if isinstance(value, Mapping):
+        return {key: _without_none(entry) for key, entry in value.items() if entry is not None}
+    return [_without_none(entry) for entry in value] if isinstance(value, list | tuple) else value
+
+
+def refusal(call: Callable[..., object], *arguments: Any, **named: Any) -> str:
+    """The one line with which a call is refused as bad input."""
+    with pytest.raises(InputError) as refused:
+        call(*arguments, **named)
+    assert "\n" not in str(refused.value)
+    return str(refused.value)
 
 
 def strip_scenario(
@@ -60,15 +88,17 @@ def piston_scenario(
     amplitude_um: float = 0.0,
     start: Start | None = None,
     part: Any = None,
+    plate: Mapping[str, Any] | None = None,
+    drive: tuple[Drive, ...] = (),
     contact: Contact | None = None,
     **run: Any,
 ) -> Scenario:
-    """A part over a plate that moves as a whole; at rest by default."""
-    start = start or Start()
+    """A part or several over a plate that moves as a whole; at rest by default."""
+    part = part or HexNut(size="M2.5", start=start or Start())
     return Scenario(
-        plate=PistonPlate(kind="piston"),
-        drive=(Drive(frequency_hz=frequency_hz, amplitude_um=amplitude_um),),
-        part=(part or HexNut(size="M2.5", start=start),),
+        plate=PistonPlate(kind="piston", **(plate or {})),
+        drive=drive or (Drive(frequency_hz=frequency_hz, amplitude_um=amplitude_um),),
+        part=part if isinstance(part, tuple) else (part,),
         contact=contact or Contact(),
         run=Run(**({"duration_s": 0.05, "seeds": 1} | run)),
     )
@@ -103,6 +133,12 @@ def contacts(
 def rows(matrix: NDArray[np.float64]) -> tuple[tuple[float, ...], ...]:
     """The rows of a matrix as compiled code takes vectors."""
     return tuple(tuple(map(float, row)) for row in matrix)
+
+
+def resting(time: NDArray[np.float64], position: NDArray[np.float64]) -> Frames:
+    """Frames of parts that are all there, upright and still, at positions (n, parts, 3)."""
+    upright = np.tile([1.0, 0.0, 0.0, 0.0], (*position.shape[:2], 1))
+    return Frames(time, position, upright, 0 * position, 0 * position, np.ones(position.shape[:2], bool))
 
 
 class StopsAfter(threading.Event):

@@ -66,7 +66,7 @@ class Engine(Protocol):
         ...
 
     def advance(self, n_frames: int) -> Frames:
-        """Step on and return the next `n_frames` frames; those that are whole where it is interrupted, and then no more."""
+        """Return the next `n_frames` frames; where it is interrupted those that are whole, and then no more."""
         ...
 
     def remove(self, parts: NDArray[np.int64]) -> None:

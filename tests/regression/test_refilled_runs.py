@@ -43,12 +43,8 @@ EngineName = Literal["impulse", "mujoco"]
 SPREAD = Scattered(kind="scattered")
 HEAP = Heap(kind="heap", diameter_mm=12.0, drop_height_mm=(1.0, 1.0))
 TO, BELOW, CYCLES = 6, 5, 5
-SHAKE = Stage(
-    drive=(Excitation(frequency_hz=500.0, amplitude_um=20.0),),
-    duration_s=0.15,
-    pause_s=0.05,
-    pick=Pick(clearance_mm=7.0),
-)
+STRONG = Excitation(frequency_hz=500.0, amplitude_um=20.0)
+SHAKE = Stage(drive=(STRONG,), duration_s=0.15, pause_s=0.05, pick=Pick(clearance_mm=7.0))
 
 
 def scenario(engine: EngineName = "impulse", **changes: Any) -> Scenario:
@@ -142,9 +138,8 @@ def test_threads_and_a_run_folder_change_nothing(result: Result, tmp_path: Path)
         assert float(row["clock_s"]) == pytest.approx(clock, abs=1e-3)
         assert float(row["time_s"]) == pytest.approx(0.2 + 0.2 * looks, abs=0.006)
         frame = seed.frames.row_at(float(row["time_s"]) - 1e-4)
-        part = int(
-            np.abs(1e3 * seed.frames.position[frame, :, :2] - [float(row["x_mm"]), float(row["y_mm"])]).sum(1).argmin()
-        )
+        away = 1e3 * seed.frames.position[frame, :, :2] - [float(row["x_mm"]), float(row["y_mm"])]
+        part = int(np.abs(away).sum(axis=1).argmin())
         assert row["kind"] == ("hex_nut" if part < 6 else "pearl")
         attitude = seed.frames.quaternion[frame, part]
         if part >= 6:
@@ -195,9 +190,8 @@ def test_a_plate_that_has_been_emptied_is_filled_again(engine: EngineName, count
     assert seed.status == Status.DONE
     middle = [seed.frames.row_at(t) for t in (0.05, 0.10, 0.16, 0.21, 0.27, 0.32)]
     assert seed.frames.present[middle].sum(axis=1).tolist() == [count, 0, count, 0, count, 0]
-    assert found.measures()["picks_per_minute"]["mean"] == pytest.approx(
-        60 * 2 * count / (2 * (0.11 + 0.25) + 1.6 * count)
-    )
+    per_minute = 60 * 2 * count / (2 * (0.11 + 0.25) + 1.6 * count)
+    assert found.measures()["picks_per_minute"]["mean"] == pytest.approx(per_minute)
 
 
 def test_what_is_added_at_once_is_added_in_an_engine_of_another_state() -> None:
@@ -215,9 +209,8 @@ def test_what_is_added_at_once_is_added_in_an_engine_of_another_state() -> None:
     assert now.present[0].sum() == TO
     for part, pose in zip(parts, poses, strict=True):
         assert now.position[0, part] == pytest.approx(pose.position, abs=1e-12)
-        assert now.quaternion[0, part] == pytest.approx(
-            pose.quaternion * np.sign(pose.quaternion @ now.quaternion[0, part])
-        )
+        sign = np.sign(pose.quaternion @ now.quaternion[0, part])
+        assert now.quaternion[0, part] == pytest.approx(sign * pose.quaternion)
 
 
 def test_the_guard_knows_how_high_new_parts_start() -> None:

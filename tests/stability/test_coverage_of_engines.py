@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from conftest import REPOSITORY, ready
+from conftest import REPOSITORY, ready, refusal, resting
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
@@ -22,15 +22,31 @@ from feeder_sim.records.events import Cause, removed
 from feeder_sim.records.seed import Seed, Status
 from feeder_sim.records.trajectory import Frames
 from feeder_sim.scenario import MujocoSettings, Scenario
+from feeder_sim.scenario.changes import changed_values
 from feeder_sim.scenario.engine_choice import choose_engine
 from feeder_sim.scenario.tables import validated
 from feeder_sim.scene.scene import Scene, build_scene
 
-Raw = dict[str, Any]  # a scenario as it stands in a file
+Raw = dict[str, Any]  # a scenario as it stands in a file, or values at dotted keys
+FILE = Path("case.toml")
 
 COMPLIANT = {"model": "compliant", "time_constant_us": 1000.0}
 TUBE = {"kind": "tube", "inner_diameter_mm": 8.0}
 ONE_YAW = {"yaw_deg": 0.0}
+STRIP: Raw = {"kind": "strip", "thickness_mm": 3.0}
+SLIDE = {"kind": "slide"}
+SCATTERED = {"kind": "scattered"}
+NUT: Raw = {"shape": "hex_nut", "size": "M3"}
+ROD: Raw = {"shape": "cylinder", "diameter_mm": 3.0, "height_mm": 6.0}
+NOISE: Raw = {"contact.noise_m_s": 1e-6}
+EXACT: Raw = {"run.tolerance_nm": 0.1}
+EXPONENT: Raw = {"contact.restitution": 0.3, "contact.restitution_exponent": 0.2}
+TANGENTIAL: Raw = {"contact.tangential_restitution": 0.3}
+ZENER: Raw = {"contact.restitution": "zener"}
+IN_MUJOCO: Raw = {"run.engine": "mujoco"}
+IN_A_TUBE: Raw = {"part[0].guide": TUBE}
+IN_A_PLANE: Raw = {"part[0].start": ONE_YAW, "run.planar": True}
+OF_COMPLIANT: Raw = {f"contact.{key}": value for key, value in COMPLIANT.items()}
 OTHER_SETTINGS = {
     "plate": "mocap",
     "contact_set": "hull",
@@ -44,49 +60,47 @@ OTHER_SETTINGS = {
 }
 
 
-def raw(**tables: Any) -> Raw:
-    """A ball over a piston, with more in its tables."""
-    part = {"shape": "ball", "diameter_mm": 3.0} | tables.pop("part", {})
+def raw(changes: Raw) -> Raw:
+    """A ball over a piston, with other values at dotted keys."""
     scenario: Raw = {
         "plate": {"kind": "piston"},
         "drive": [{"frequency_hz": 500.0, "amplitude_um": 5.0}],
-        "part": [part],
+        "part": [{"shape": "ball", "diameter_mm": 3.0}],
         "run": {"duration_s": 0.1, "seeds": 1},
     }
-    return scenario | {name: scenario.get(name, {}) | table for name, table in tables.items()}
+    return changed_values(scenario, changes, FILE)
 
 
-def accepted(scenario: Raw) -> Scenario:
-    return validated(scenario, Scenario, Path("case.toml"))
+def accepted(changes: Raw) -> Scenario:
+    return validated(raw(changes), Scenario, FILE)
 
 
-def refusal(scenario: Raw) -> str:
+def refused(changes: Raw) -> str:
     """The message with which a scenario is refused."""
-    with pytest.raises(InputError) as refused:
-        accepted(scenario)
-    return str(refused.value)
+    return refusal(accepted, changes)
 
 
-def test_planar_motion_with_a_compliant_contact_is_refused_for_every_engine() -> None:
+@pytest.mark.parametrize("engine", ["auto", "impulse", "mujoco"])
+def test_planar_motion_with_a_compliant_contact_is_refused_for_every_engine(engine: str) -> None:
     """The impulse engine has no compliance, and MuJoCo no plane; `auto` is no way past that."""
-    for engine in ("auto", "impulse", "mujoco"):
-        case = raw(part={"start": ONE_YAW}, contact=COMPLIANT, run={"planar": True, "engine": engine})
-        assert "run." in refusal(case) and "allowed is" in refusal(case)
-    auto = raw(part={"start": ONE_YAW}, contact=COMPLIANT, run={"planar": True})
-    assert "run.planar is true, allowed is false in MuJoCo" in refusal(auto)
-    assert choose_engine(accepted(raw(part={"start": ONE_YAW}, run={"planar": True}))).method == "impulse"
+    message = refused(IN_A_PLANE | OF_COMPLIANT | {"run.engine": engine})
+    assert "run." in message and "allowed is" in message
+    assert engine != "auto" or "run.planar is true, allowed is false in MuJoCo" in message
+
+
+def test_planar_motion_is_computed_by_impulses() -> None:
+    assert choose_engine(accepted(IN_A_PLANE)).method == "impulse"
 
 
 @pytest.mark.parametrize("name", OTHER_SETTINGS)
 def test_settings_of_mujoco_go_with_mujoco_alone(name: str) -> None:
     """Where `auto` takes impulses they would be ignored; where it takes MuJoCo they count."""
-    table = {name: OTHER_SETTINGS[name]}
-    run = {"allow_unstable": True}
-    assert f'run.engine is "auto", allowed is "mujoco" with mujoco.{name}' in refusal(raw(mujoco=table, run=run))
-    impulse = raw(mujoco=table, run=run | {"engine": "impulse"})
-    assert f'run.engine is "impulse", allowed is "mujoco" with mujoco.{name}' in refusal(impulse)
-    for case in (raw(mujoco=table, contact=COMPLIANT, run=run), raw(mujoco=table, run=run | {"engine": "mujoco"})):
-        assert choose_engine(accepted(case)).name == "mujoco"
+    other = {f"mujoco.{name}": OTHER_SETTINGS[name], "run.allow_unstable": True}
+    for engine in ("auto", "impulse"):
+        line = f'run.engine is "{engine}", allowed is "mujoco" with mujoco.{name}'
+        assert line in refused(other | {"run.engine": engine})
+    for changes in (OF_COMPLIANT, IN_MUJOCO):
+        assert choose_engine(accepted(other | changes)).name == "mujoco"
 
 
 def test_every_setting_of_mujoco_is_tried_with_another_value() -> None:
@@ -96,110 +110,63 @@ def test_every_setting_of_mujoco_is_tried_with_another_value() -> None:
 
 
 def test_settings_of_mujoco_as_they_are_by_default_go_with_every_engine() -> None:
-    scenario = accepted(raw(mujoco=MujocoSettings().model_dump()))
-    assert choose_engine(scenario).name == "impulse"
+    assert choose_engine(accepted({"mujoco": MujocoSettings().model_dump()})).name == "impulse"
 
 
 def test_friction_in_a_tube_goes_with_impulses_alone() -> None:
-    rough = {"guide": TUBE | {"friction": 0.2}}
-    for case in (raw(part=rough, contact=COMPLIANT), raw(part=rough, run={"engine": "mujoco"})):
-        assert "part[0].guide.friction is 0.2, allowed is 0 in MuJoCo" in refusal(case)
-    assert choose_engine(accepted(raw(part=rough))).method == "impulse"
-    assert choose_engine(accepted(raw(part={"guide": TUBE}, contact=COMPLIANT))).method == "mujoco"
+    rough = {"part[0].guide": TUBE | {"friction": 0.2}}
+    for changes in (OF_COMPLIANT, IN_MUJOCO):
+        assert "part[0].guide.friction is 0.2, allowed is 0 in MuJoCo" in refused(rough | changes)
+    assert choose_engine(accepted(rough)).method == "impulse"
+    assert choose_engine(accepted(IN_A_TUBE | OF_COMPLIANT)).method == "mujoco"
 
 
-STRIP: Raw = {"kind": "strip", "thickness_mm": 3.0}
-SLIDE = {"kind": "slide"}
-NUT: Raw = {"shape": "hex_nut", "size": "M3"}
-EXPONENT = {"restitution": 0.3, "restitution_exponent": 0.2}
-TANGENTIAL, ZENER = {"tangential_restitution": 0.3}, {"restitution": "zener"}
-IN_MUJOCO: Raw = {"engine": "mujoco"}
-EXACT: Raw = {"tolerance_nm": 0.1}
-ROD: Raw = {"shape": "cylinder", "diameter_mm": 3.0, "height_mm": 6.0}
-LAWS_REFUSED: dict[str, tuple[Raw, str]] = {
-    "noise in MuJoCo": ({"contact": {"noise_m_s": 1e-6}, "run": IN_MUJOCO}, "noise_m_s is 1e-06, allowed is 0 or"),
-    "noise with steps": (
-        {"contact": {"noise_m_s": 1e-6}, "run": {"steps_per_period": 40}},
-        "noise_m_s is 1e-06, allowed is 0 or",
-    ),
-    "noise in a tube": ({"contact": {"noise_m_s": 1e-6}, "part": {"guide": TUBE}}, "noise_m_s is 1e-06, allowed is 0"),
-    "steps and a tolerance": (
-        {"run": {"steps_per_period": 40, "tolerance_nm": 1.0}},
-        "steps_per_period is 40, allowed",
-    ),
-    "a tolerance in MuJoCo": (
-        {"run": IN_MUJOCO | {"tolerance_nm": 1.0}},
-        "run.tolerance_nm is 1, allowed is none in Mu",
-    ),
-    "a tolerance for two parts": ({"part": {"count": 2, "start": {"kind": "scattered"}}, "run": EXACT}, "with 2 parts"),
-    "a tolerance in a tube": ({"part": {"guide": TUBE}, "run": EXACT}, 'none with part[0].guide.kind = "tube"'),
-    "a tolerance for a cylinder": ({"part": ROD, "run": EXACT}, 'none with part[0].shape = "cylinder"'),
-    "a tolerance in a plane": (
-        {"part": {"start": {"yaw_deg": 0.0}}, "run": EXACT | {"planar": True}},
-        "none with run.planar = true",
-    ),
-    "a power in MuJoCo": ({"contact": EXPONENT, "run": IN_MUJOCO}, "contact.restitution_exponent is 0.2"),
-    "a power, compliant": (
-        {"contact": EXPONENT | COMPLIANT},
-        "contact.restitution_exponent is 0.2, allowed is 0 in Mu",
-    ),
-    "a power on a slide": (
-        {"contact": EXPONENT, "part": {"guide": SLIDE}},
-        'allowed is 0 with part[0].guide.kind = "sl',
-    ),
-    "a power and Zener": (
-        {"contact": ZENER | {"restitution_exponent": 0.2}, "plate": STRIP},
-        "restitution_exponent is",
-    ),
-    "Zener in MuJoCo": (
-        {"contact": ZENER, "plate": STRIP, "run": {"engine": "mujoco"}},
-        "allowed is a number in MuJoCo",
-    ),
-    "Zener on a piston": ({"contact": ZENER}, 'plate.kind = "piston", which does not bend'),
-    "Zener of a nut": (
-        {"contact": ZENER, "plate": STRIP, "part": NUT},
-        'part[0].shape = "hex_nut": its law is for balls',
-    ),
-    "tangential in MuJoCo": ({"contact": TANGENTIAL, "run": {"engine": "mujoco"}}, "allowed is none in MuJoCo"),
-    "tangential of a nut": ({"contact": TANGENTIAL, "part": NUT}, 'allowed is none with part[0].shape = "hex_nut"'),
-    "tangential in a tube": ({"contact": TANGENTIAL, "part": {"guide": TUBE}}, "allowed is none with part[0].guide"),
-    "tangential in a plane": (
-        {"contact": TANGENTIAL, "part": {"start": ONE_YAW}, "run": {"planar": True}},
-        "allowed is none with run.planar = true",
-    ),
-}
-
-
-@pytest.mark.parametrize("name", LAWS_REFUSED)
-def test_laws_of_impact_go_where_they_hold(name: str) -> None:
-    tables, line = LAWS_REFUSED[name]
-    part = tables.get("part", {})
-    case = raw(**tables | {"part": {}})
-    case["part"] = [part if "shape" in part else case["part"][0] | part]
-    case["plate"] = tables.get("plate", case["plate"])
-    assert line in refusal(case)
+@pytest.mark.parametrize(
+    ("changes", "line"),
+    [
+        (NOISE | IN_MUJOCO, "noise_m_s is 1e-06, allowed is 0 or"),
+        (NOISE | {"run.steps_per_period": 40}, "noise_m_s is 1e-06, allowed is 0 or"),
+        (NOISE | IN_A_TUBE, "noise_m_s is 1e-06, allowed is 0"),
+        ({"run.steps_per_period": 40, "run.tolerance_nm": 1.0}, "steps_per_period is 40, allowed"),
+        (IN_MUJOCO | {"run.tolerance_nm": 1.0}, "run.tolerance_nm is 1, allowed is none in Mu"),
+        (EXACT | {"part[0].count": 2, "part[0].start": SCATTERED}, "with 2 parts"),
+        (EXACT | IN_A_TUBE, 'none with part[0].guide.kind = "tube"'),
+        (EXACT | {"part": [ROD]}, 'none with part[0].shape = "cylinder"'),
+        (EXACT | IN_A_PLANE, "none with run.planar = true"),
+        (EXPONENT | IN_MUJOCO, "contact.restitution_exponent is 0.2"),
+        (EXPONENT | OF_COMPLIANT, "contact.restitution_exponent is 0.2, allowed is 0 in Mu"),
+        (EXPONENT | {"part[0].guide": SLIDE}, 'allowed is 0 with part[0].guide.kind = "sl'),
+        (ZENER | {"contact.restitution_exponent": 0.2, "plate": STRIP}, "restitution_exponent is"),
+        (ZENER | {"plate": STRIP} | IN_MUJOCO, "allowed is a number in MuJoCo"),
+        (ZENER, 'plate.kind = "piston", which does not bend'),
+        (ZENER | {"plate": STRIP, "part": [NUT]}, 'part[0].shape = "hex_nut": its law is for balls'),
+        (TANGENTIAL | IN_MUJOCO, "allowed is none in MuJoCo"),
+        (TANGENTIAL | {"part": [NUT]}, 'allowed is none with part[0].shape = "hex_nut"'),
+        (TANGENTIAL | IN_A_TUBE, "allowed is none with part[0].guide"),
+        (TANGENTIAL | IN_A_PLANE, "allowed is none with run.planar = true"),
+    ],
+)
+def test_laws_of_impact_go_where_they_hold(changes: Raw, line: str) -> None:
+    assert line in refused(changes)
 
 
 def test_no_noise_is_no_choice_in_mujoco() -> None:
     """What MuJoCo does anyway may be said; so a comparison of engines can leave the noise out of both."""
-    assert choose_engine(accepted(raw(contact={"noise_m_s": 0.0}, run=IN_MUJOCO))).name == "mujoco"
+    assert choose_engine(accepted(IN_MUJOCO | {"contact.noise_m_s": 0.0})).name == "mujoco"
 
 
 def test_zener_needs_one_modulus_of_plate_and_balls() -> None:
-    silicon = raw(contact=ZENER)
-    silicon["plate"] = STRIP | {"material": "silicon"}
-    with pytest.raises(InputError, match="allowed is a number for an orthotropic material"):
-        build_scene(accepted(silicon))
+    silicon = accepted(ZENER | {"plate": STRIP | {"material": "silicon"}})
+    assert "allowed is a number for an orthotropic material" in refusal(build_scene, silicon)
     plate = {"kind": "rectangle", "mode_file": "modes.h5"}
-    rim = raw(contact=ZENER) | {"plate": plate | {"rim": True}}
-    assert "plate.rim = true" in refusal(rim)
-    assert "run.reaction = true" in refusal(raw(contact=ZENER, run={"reaction": True}) | {"plate": plate})
+    assert "plate.rim = true" in refused(ZENER | {"plate": plate | {"rim": True}})
+    assert "run.reaction = true" in refused(ZENER | {"plate": plate, "run.reaction": True})
 
 
 PLATES: list[Raw] = [
     {"kind": "piston"},
     {"kind": "piston", "rim": True},
-    {"kind": "strip", "thickness_mm": 3.0},
+    STRIP,
     {"kind": "rectangle", "mode_file": str(REPOSITORY / "models/plate_180/modes.h5")},
     {"kind": "rectangle", "mode_file": str(REPOSITORY / "models/plate_180/modes.h5"), "rim": True},
 ]
@@ -246,17 +213,16 @@ def test_a_scenario_is_refused_by_its_key_or_gets_an_engine_that_starts(case: Ra
 
 def test_planar_motion_inside_a_rim_is_refused_or_starts() -> None:
     nut = {"shape": "hex_nut", "size": "M2.5", "start": ONE_YAW}
-    check_refused_or_started(raw(plate={"kind": "piston", "rim": True}, run={"planar": True}) | {"part": [nut]})
+    check_refused_or_started(raw({"plate.rim": True, "run.planar": True, "part": [nut]}))
 
 
 def test_a_rim_around_a_guide_is_refused() -> None:
-    with pytest.raises(InputError, match=r"plate\.rim is true, allowed is false with part\[0\]\.guide"):
-        accepted(raw(part={"guide": TUBE}, plate={"kind": "piston", "rim": True}))
+    assert "plate.rim is true, allowed is false with part[0].guide" in refused(IN_A_TUBE | {"plate.rim": True})
 
 
 def check_refused_or_started(case: Raw) -> None:
     try:
-        scenario = accepted(case)
+        scenario = validated(case, Scenario, FILE)
     except InputError as error:
         message = str(error)
         assert NAMED_KEY.search(message), message
@@ -272,10 +238,9 @@ def check_refused_or_started(case: Raw) -> None:
 
 
 def test_a_tube_holds_its_part() -> None:
-    part = {"guide": TUBE | {"inner_diameter_mm": 3.1}, "start": {"drop_height_mm": 1.0}}
-    drive = [{"frequency_hz": 50.0, "amplitude_um": 250.0}]
-    case = raw(part=part, run={"engine": "impulse"}) | {"drive": drive}
-    scene = build_scene(accepted(case))
+    guide = {"part[0].guide": TUBE | {"inner_diameter_mm": 3.1}, "part[0].start.drop_height_mm": 1.0}
+    drive = {"drive[0].frequency_hz": 50.0, "drive[0].amplitude_um": 250.0}
+    scene = build_scene(accepted(guide | drive | {"run.engine": "impulse"}))
     engine = engine_class(choose_engine(scene.scenario))(scene, np.random.default_rng(0))
     frames = engine.advance(scene.n_frames - 1)
     assert np.hypot(*frames.position[:, 0, :2].T).max() < 0.06e-3
@@ -284,19 +249,15 @@ def test_a_tube_holds_its_part() -> None:
 
 def some_parts(scene: Scene, n_frames: int = 5) -> Frames:
     """As many parts as the scene has, lying still in the middle of the plate."""
-    shape = (n_frames, len(scene.parts))
-    position = np.zeros((*shape, 3))
-    position[..., 2] = 1e-3
-    upright = np.tile([1.0, 0.0, 0.0, 0.0], (*shape, 1))
-    time = 0.5 * np.arange(n_frames, dtype=np.float64)
-    return Frames(time, position, upright, position * 0, position * 0, np.ones(shape, bool))
+    position = np.tile([0.0, 0.0, 1e-3], (n_frames, len(scene.parts), 1))
+    return resting(0.5 * np.arange(n_frames, dtype=np.float64), position)
 
 
 @pytest.fixture(scope="module")
 def crowd() -> Scene:
     """Three balls on a piston of 60 x 40 mm, without a schedule."""
-    part = {"count": 3, "start": {"kind": "scattered"}}
-    return build_scene(accepted(raw(plate={"length_mm": 60.0, "width_mm": 40.0}, part=part)))
+    plate = {"plate.length_mm": 60.0, "plate.width_mm": 40.0}
+    return build_scene(accepted(plate | {"part[0].count": 3, "part[0].start": SCATTERED}))
 
 
 def test_drift_of_several_parts_is_the_mean_over_those_that_are_there_at_the_end(crowd: Scene) -> None:

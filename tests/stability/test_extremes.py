@@ -13,13 +13,12 @@ from typing import Any, Literal
 import numpy as np
 import pytest
 from command_line import check_refused, feeder_sim, in_new_process
-from conftest import StopsAfter, opened
+from conftest import StopsAfter, opened, refusal, toml_of
 from threadpoolctl import threadpool_limits
 
 from feeder_sim.engines.impulse.engine import ImpulseEngine
 from feeder_sim.engines.lookup import engine_class
 from feeder_sim.engines.protocol import ENDED, new_interrupt
-from feeder_sim.errors import InputError
 from feeder_sim.plate.materials import MATERIALS
 from feeder_sim.plate.modes import plate_modes
 from feeder_sim.plate.rectangle import RectangularPlate
@@ -27,16 +26,15 @@ from feeder_sim.records.seed import Status
 from feeder_sim.run.guard import Guard
 from feeder_sim.run.plan import plan_run
 from feeder_sim.run.prepare import prepare
-from feeder_sim.run.simulation import simulate
+from feeder_sim.run.simulation import Result, simulate
 from feeder_sim.run.state_check import DEPTH
 from feeder_sim.scenario import Scenario
 from feeder_sim.scenario.tables import validated
 
-REST = """
-plate = { kind = "piston" }
-part = [{ shape = "hex_nut", size = "M2.5" }]
-run = { duration_s = 1.0 }
-"""
+NUT: dict[str, Any] = {"shape": "hex_nut", "size": "M2.5"}
+DRIVE: dict[str, Any] = {"frequency_hz": 500.0, "amplitude_um": 5.0}
+SCATTERED = {"kind": "scattered"}
+REST = toml_of({"plate": {"kind": "piston"}, "part": [NUT], "run": {"duration_s": 1.0}})
 Engine = Literal["impulse", "mujoco"]
 
 
@@ -44,11 +42,18 @@ def scenario_of(**changes: Any) -> Scenario:
     """A nut over a piston, with other tables."""
     raw = {
         "plate": {"kind": "piston"},
-        "drive": [{"frequency_hz": 500.0, "amplitude_um": 5.0}],
-        "part": [{"shape": "hex_nut", "size": "M2.5"}],
+        "drive": [DRIVE],
+        "part": [NUT],
         "run": {"duration_s": 0.2, "seeds": 1},
     }
     return validated(raw | changes, Scenario, Path("scenario.toml"))
+
+
+def deepest(result: Result) -> float:
+    """How deep [m] the part of a run without failures was in the plate."""
+    assert not result.failures
+    frames = result.seeds[0].frames
+    return float(Guard(result.prepared, frames[slice(1)]).states(frames).of_frames(DEPTH).max())
 
 
 @pytest.mark.parametrize("engine", ["impulse", "mujoco"])
@@ -59,18 +64,15 @@ def test_a_nut_rests_on_a_plate_that_is_driven_slowly_or_not(engine: Engine, fre
         drive=[{"frequency_hz": frequency_hz, "amplitude_um": 0.0}],
         run={"duration_s": 1.0, "seeds": 1, "engine": engine},
     )
-    result = simulate(scenario)
-    assert not result.failures
-    guard = Guard(result.prepared, result.seeds[0].frames[slice(1)])
-    assert guard.states(result.seeds[0].frames).of_frames(DEPTH).max() < 4e-5
+    assert deepest(simulate(scenario)) < 4e-5
 
 
 def test_a_ball_stays_on_a_plate_that_moves_far_and_slowly_beside_a_fast_drive() -> None:
     """Where only a slow drive acts, steps become longer; the plate went through the ball within one."""
-    drives = [{"frequency_hz": 10.0, "amplitude_um": 8e3, "ring_up": False}, {"frequency_hz": 1e3, "amplitude_um": 0.0}]
+    far = {"frequency_hz": 10.0, "amplitude_um": 8e3, "ring_up": False}
     scenario = scenario_of(
         plate={"kind": "piston", "thickness_mm": 20.0},
-        drive=drives,
+        drive=[far, {"frequency_hz": 1e3, "amplitude_um": 0.0}],
         part=[{"shape": "ball", "diameter_mm": 3.0}],
         contact={"restitution": 0.0},
         run={"duration_s": 0.3, "seeds": 1, "frames_per_second": 1000.0},
@@ -92,10 +94,7 @@ def test_a_fast_part_does_not_enter_a_plate_that_moves_far_and_slowly(part: str,
         contact={"restitution": 0.7},
         run={"duration_s": 0.5, "seeds": 1},
     )
-    result = simulate(scenario)
-    assert not result.failures
-    guard = Guard(result.prepared, result.seeds[0].frames[slice(1)])
-    assert guard.states(result.seeds[0].frames).of_frames(DEPTH).max() < 1e-4
+    assert deepest(simulate(scenario)) < 1e-4
 
 
 def test_a_step_is_no_longer_than_a_fast_part_allows() -> None:
@@ -122,12 +121,9 @@ def test_modes_are_the_same_bits_on_any_number_of_threads() -> None:
 @pytest.mark.parametrize("engine", ["impulse", "mujoco"])
 @pytest.mark.parametrize("count", [1, 5])
 def test_an_engine_is_interrupted_within_an_advance(engine: Engine, count: int) -> None:
-    start = {"kind": "scattered"} if count > 1 else {"kind": "point"}
-    scenario = scenario_of(
-        part=[{"shape": "hex_nut", "size": "M2.5", "count": count, "start": start}],
-        run={"duration_s": 1.0, "seeds": 1, "engine": engine},
-    )
-    prepared, interrupt = prepare(scenario), new_interrupt()
+    part = NUT | {"count": count, "start": SCATTERED if count > 1 else {"kind": "point"}}
+    run = {"duration_s": 1.0, "seeds": 1, "engine": engine}
+    prepared, interrupt = prepare(scenario_of(part=[part], run=run)), new_interrupt()
     make = engine_class(prepared.engine)
     undisturbed = make(prepared.scene, np.random.default_rng(0))
     disturbed = make(prepared.scene, np.random.default_rng(0), interrupt=interrupt)
@@ -140,8 +136,7 @@ def test_an_engine_is_interrupted_within_an_advance(engine: Engine, count: int) 
 
 def test_what_acts_on_the_parts_is_computed_whole_also_when_interrupted() -> None:
     """What has been taken out at a frame acts from there on; a window that is cut short would be kept as it is."""
-    start = {"kind": "scattered"}
-    prepared = prepare(scenario_of(part=[{"shape": "hex_nut", "size": "M2.5", "count": 5, "start": start}]))
+    prepared = prepare(scenario_of(part=[NUT | {"count": 5, "start": SCATTERED}]))
     states = []
     for asked in (0, 1):
         interrupt = new_interrupt()
@@ -179,48 +174,36 @@ def test_a_run_of_which_seeds_have_not_begun_is_interrupted() -> None:
     assert {*range(1, 5)} & {*ended}
 
 
-NONSENSE: dict[str, tuple[dict[str, Any], str]] = {
-    "drives that add up": ({"drive": [{"frequency_hz": 1.0, "amplitude_um": 3000.0}] * 20}, "adds up to 6e+04 um"),
-    "a piston faster than sound": ({"drive": [{"frequency_hz": 1e6, "amplitude_um": 3000.0}]}, "allowed is up to 100"),
-    "a part larger than its plate": (
-        {"plate": {"kind": "piston", "length_mm": 3.0, "width_mm": 3.0}},
-        "allowed is up to the plate's longer side",
-    ),
-    "a plate of a micrometre": ({"plate": {"kind": "piston", "length_mm": 1e-3, "width_mm": 1e-3}}, "longer side"),
-    "a drive that begins after the end": (
-        {"drive": [{"frequency_hz": 500.0, "amplitude_um": 5.0, "start_s": 1e9}]},
-        "drive[0].start_s: is 1e+09, allowed is before the end",
-    ),
-    "a heap as wide as a hall": (
-        {
-            "plate": {"kind": "piston", "length_mm": 1e5, "width_mm": 1e5},
-            "part": [{"shape": "hex_nut", "size": "M2.5", "count": 9, "start": {"kind": "heap", "diameter_mm": 1e5}}],
-        },
-        "diameter_mm: is 100000, allowed is up to 500 times",
-    ),
+PLATE_OF_A_MICROMETRE = {"plate": {"kind": "piston", "length_mm": 1e-3, "width_mm": 1e-3}}
+HEAP_AS_WIDE_AS_A_HALL = {
+    "plate": {"kind": "piston", "length_mm": 1e5, "width_mm": 1e5},
+    "part": [NUT | {"count": 9, "start": {"kind": "heap", "diameter_mm": 1e5}}],
 }
 
 
-@pytest.mark.parametrize("name", NONSENSE)
-def test_what_nobody_can_mean_is_refused(name: str) -> None:
-    changes, said = NONSENSE[name]
-    scenario = scenario_of(**changes)
-    with pytest.raises(InputError) as refused:
-        simulate(scenario)
-    assert said in str(refused.value)
+@pytest.mark.parametrize(
+    ("changes", "line"),
+    [
+        ({"drive": [{"frequency_hz": 1.0, "amplitude_um": 3000.0}] * 20}, "adds up to 6e+04 um"),
+        ({"drive": [{"frequency_hz": 1e6, "amplitude_um": 3000.0}]}, "allowed is up to 100"),
+        ({"plate": {"kind": "piston", "length_mm": 3.0, "width_mm": 3.0}}, "allowed is up to the plate's longer side"),
+        (PLATE_OF_A_MICROMETRE, "longer side"),
+        ({"drive": [DRIVE | {"start_s": 1e9}]}, "drive[0].start_s: is 1e+09, allowed is before the end"),
+        (HEAP_AS_WIDE_AS_A_HALL, "diameter_mm: is 100000, allowed is up to 500 times"),
+    ],
+)
+def test_what_nobody_can_mean_is_refused(changes: dict[str, Any], line: str) -> None:
+    assert line in refusal(simulate, scenario_of(**changes))
 
 
 def test_what_somebody_may_mean_is_not_refused() -> None:
     """Drives after each other, or a quarter of a period apart; long parts in a guide."""
-    after = [
-        {"frequency_hz": 5.0, "amplitude_um": 2000.0, "duration_s": 0.05},
-        {"frequency_hz": 7.0, "amplitude_um": 2000.0, "start_s": 0.1},
-    ]
-    apart = [{"frequency_hz": 5.0, "amplitude_um": 2000.0, "phase_deg": angle} for angle in (0.0, 90.0)]
+    slow = {"frequency_hz": 5.0, "amplitude_um": 2000.0}
+    after = [slow | {"duration_s": 0.05}, slow | {"frequency_hz": 7.0, "start_s": 0.1}]
+    apart = [slow | {"phase_deg": angle} for angle in (0.0, 90.0)]
     for drive in (after, apart):
-        assert [d.drive_frequency for d in prepare(scenario_of(drive=drive)).scene.drives] == [
-            entry["frequency_hz"] for entry in drive
-        ]
+        drives = prepare(scenario_of(drive=drive)).scene.drives
+        assert [of.drive_frequency for of in drives] == [entry["frequency_hz"] for entry in drive]
     rod = {"shape": "cylinder", "diameter_mm": 3.0, "height_mm": 260.0, "guide": {"kind": "slide"}}
     assert prepare(scenario_of(part=[rod])).scene.guides[0] is not None
 
@@ -228,11 +211,9 @@ def test_what_somebody_may_mean_is_not_refused() -> None:
 def test_the_step_does_not_depend_on_how_many_stages_there_are() -> None:
     disc = {"shape": "cylinder", "diameter_mm": 6.0, "height_mm": 0.5}
     stage = {"duration_s": 0.1, "drive": [{"frequency_hz": 500.0, "amplitude_um": 60.0}]}
-    steps = [
-        prepare(scenario_of(schedule={"stage": [stage] * n}, drive=[], part=[disc], run={})).scene.timestep
-        for n in (1, 100)
-    ]
-    assert steps[0] == steps[1] == 1.0 / (500.0 * 40)
+    for stages in (1, 100):
+        scenario = scenario_of(schedule={"stage": [stage] * stages}, drive=[], part=[disc], run={})
+        assert prepare(scenario).scene.timestep == 1.0 / (500.0 * 40)
 
 
 def test_what_hardly_anybody_means_is_said() -> None:
@@ -241,6 +222,9 @@ def test_what_hardly_anybody_means_is_said() -> None:
     assert any("would break before long" in line for line in prepared.cautions)
     assert any("more than the plate's side, 4 mm" in line for line in prepared.cautions)
     assert not prepare(scenario_of(plate=plate | {"width_mm": 60.0})).cautions
+
+
+MANY_STAGES = REST + "[schedule]\ncycles = 10000\n" + "[[schedule.stage]]\nduration_s = 1.0\n" * 1000
 
 
 @pytest.mark.parametrize(
@@ -253,10 +237,7 @@ def test_what_hardly_anybody_means_is_said() -> None:
         ('title = "' + "x" * 3_000_000 + '"\n', "3.0 MB long"),
         ("".join(f"k{i} = 1\n" for i in range(100_000)), "unknown key"),
         (REST + "[[drive]]\nfrequency_hz = 1.0\namplitude_um = 0.0\n" * 10_000, "at most 100 items"),
-        (
-            REST + "[schedule]\ncycles = 10000\n" + "[[schedule.stage]]\nduration_s = 1.0\n" * 1000,
-            "allowed are up to 100000",
-        ),
+        (MANY_STAGES, "allowed are up to 100000"),
     ],
     ids=["key", "key in a table", "lists", "digits", "text", "keys", "drives", "stages"],
 )
@@ -288,7 +269,7 @@ def test_a_pipe_is_not_read(command: str, tmp_path: Path) -> None:
 
 def test_a_long_schedule_of_short_stages_is_planned() -> None:
     """Its trial is of one stage, which is shorter than a frame."""
-    stage = {"duration_s": 1e-3, "drive": [{"frequency_hz": 500.0, "amplitude_um": 5.0}]}
+    stage = {"duration_s": 1e-3, "drive": [DRIVE]}
     scenario = scenario_of(schedule={"cycles": 100, "stage": [stage]}, drive=[], run={"seeds": 1})
     assert plan_run(prepare(scenario))["estimated_wall_s"] > 0.0
 

@@ -8,7 +8,8 @@ from typing import Any, Literal
 import numpy as np
 import pytest
 from command_line import feeder_sim, said
-from conftest import changing, piston_scenario, ready, strip_scenario
+from conftest import changing, piston_scenario, ready, resting, strip_scenario, toml_of
+from scipy.spatial.transform import Rotation
 
 from feeder_sim.engines.impulse.engine import ImpulseEngine
 from feeder_sim.engines.mujoco.engine import MujocoEngine
@@ -20,37 +21,24 @@ from feeder_sim.run.guard import ENERGY_FACTOR, Guard
 from feeder_sim.run.prepare import prepare
 from feeder_sim.run.simulation import simulate
 from feeder_sim.run.state_check import ALLOWED, DEPTH, ENERGY, FALLEN, MOST_ENERGY
-from feeder_sim.scenario import Contact, Drive, Excitation, Run, Scenario, Start
+from feeder_sim.scenario import Contact, Drive, Excitation, HexNut, Run, Scattered, Scenario, Start
 from feeder_sim.scenario.schedule import Schedule, Stage
-from feeder_sim.scenario.tables import validated
 from feeder_sim.scene.scene import Scene, build_scene
 
 LEVEL = [1.0, 0.0, 0.0, 0.0]
-TUNNELLING = """
-[plate]
-kind = "piston"
-[[drive]]
-frequency_hz = 50.0
-amplitude_um = 1.0
-[[part]]
-shape = "hex_nut"
-size = "M2.5"
-[part.start]
-drop_height_mm = 20000.0      # arrives at 20 m/s: 150 mm within a contact so soft, through a plate of 3 mm
-tilt_deg = 0.0
-[contact]
-model = "compliant"
-time_constant_us = 20000.0
-[run]
-engine = "mujoco"
-duration_s = 5.0
-seeds = 2
-"""
+TUNNELLING = {
+    "plate": {"kind": "piston"},
+    "drive": [{"frequency_hz": 50.0, "amplitude_um": 1.0}],
+    # Arrives at 20 m/s: 150 mm within a contact so soft, through a plate of 3 mm.
+    "part": [{"shape": "hex_nut", "size": "M2.5", "start": {"drop_height_mm": 20000.0, "tilt_deg": 0.0}}],
+    "contact": {"model": "compliant", "time_constant_us": 20000.0},
+    "run": {"engine": "mujoco", "duration_s": 5.0, "seeds": 2},
+}
 
 
 def test_tunnelling_part_stops_the_run_and_keeps_its_frames(tmp_path: Path) -> None:
     scenario, folder = tmp_path / "fast.toml", tmp_path / "run"
-    scenario.write_text(TUNNELLING)
+    scenario.write_text(toml_of(TUNNELLING))
     done = feeder_sim("run", scenario, "--out", folder, "--json")
     assert done.returncode == 1
     assert "Traceback" not in done.stderr
@@ -65,35 +53,43 @@ def test_tunnelling_part_stops_the_run_and_keeps_its_frames(tmp_path: Path) -> N
 
 
 def test_slow_part_on_the_same_plate_does_not_tunnel() -> None:
-    scenario = piston_scenario(
-        frequency_hz=50.0,
-        amplitude_um=1.0,
-        start=Start(drop_height_mm=(20.0, 20.0), tilt_deg=(0.0, 0.0)),
-        duration_s=0.5,
-    )
+    start = Start(drop_height_mm=(20.0, 20.0), tilt_deg=(0.0, 0.0))
+    scenario = piston_scenario(frequency_hz=50.0, amplitude_um=1.0, start=start, duration_s=0.5)
     assert simulate(scenario).seeds[0].status == Status.DONE
 
 
-def test_non_finite_state_is_noticed_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize(
+    ("scenario", "of", "number", "by", "expected"),
+    [
+        (strip_scenario(duration_s=2.0, engine="mujoco"), "qvel", 0, np.nan, Divergence.NOT_FINITE),
+        (piston_scenario(duration_s=1.0, engine="mujoco"), "qvel", 5, 2e4, Divergence.TOO_MUCH_ENERGY),
+        (piston_scenario(duration_s=1.0, engine="mujoco"), "qpos", 2, -5e-5, Divergence.TOO_DEEP),
+    ],
+)
+def test_what_comes_from_nowhere_is_noticed_in_a_run(
+    monkeypatch: pytest.MonkeyPatch, scenario: Scenario, of: str, number: int, by: float, expected: Divergence
+) -> None:
+    """A nut gets a velocity that is no number; one at rest on a plate at rest is spun to 2e4 rad/s, or pushed in."""
     original = MujocoEngine.advance
 
     def poisoned(self: MujocoEngine, n_frames: int) -> object:
-        if self.data.time > 0.3:
-            self.data.qvel[3] = np.nan
+        if 0.3 < self.data.time < 0.6:
+            joint = self.model.joint("part_0")
+            first = joint.dofadr[0] if of == "qvel" else joint.qposadr[0]
+            getattr(self.data, of)[first + number] += by
         return original(self, n_frames)
 
     monkeypatch.setattr(MujocoEngine, "advance", poisoned)
-    result = simulate(strip_scenario(duration_s=2.0, engine="mujoco"))
+    result = simulate(scenario)
     assert result.seeds[0].status == Status.DIVERGED
     (failure,) = result.failures
-    assert failure.divergence == Divergence.NOT_FINITE and failure.part == "part_0"
-    assert 0.3 < failure.time_s < 0.7
+    assert failure.divergence == expected and failure.part == "part_0" and 0.3 < failure.time_s < 0.7
     assert np.isfinite(result.trajectories[0].position).all()
     assert result.trajectories[0].time[-1] < failure.time_s
 
 
 def test_part_that_falls_off_the_plate_is_counted_and_no_failure() -> None:
-    result = simulate(piston_scenario(amplitude_um=0.0, start=Start(position_mm=(89.9, 0.0)), duration_s=1.0))
+    result = simulate(piston_scenario(start=Start(position_mm=(89.9, 0.0)), duration_s=1.0))
     assert result.failures == []
     assert result.seeds[0].status == Status.LEFT_PLATE
     assert result.summary()["left_plate"] == 1
@@ -103,26 +99,29 @@ def test_part_that_falls_off_the_plate_is_counted_and_no_failure() -> None:
 
 def frames_at(scene: Scene, n: int = 10, **states: np.ndarray) -> Frames:
     """Frames of parts at rest, level, 2 mm over the middle of the plate; `states` replace theirs."""
-    parts = len(scene.parts)
-    rest = {"position": [0.0, 0.0, 2e-3], "quaternion": LEVEL, "velocity": [0.0] * 3, "angular_velocity": [0.0] * 3}
-    held = {name: np.tile(value, (n, parts, 1)) for name, value in rest.items()}
+    middle = np.tile([0.0, 0.0, 2e-3], (n, len(scene.parts), 1))
+    frames = resting(np.asarray(scene.frame_interval * np.arange(n), float), middle)
     for name, values in states.items():
-        held[name][:] = values
-    time = np.asarray(scene.frame_interval * np.arange(n), float)
-    return Frames(time=time, present=np.ones((n, parts), bool), **held)
+        getattr(frames, name)[:] = values
+    return frames
 
 
-def cause_of(guard: Guard, frames: Frames) -> str:
-    """What the guard says, "" for nothing."""
-    failure = guard.check(frames, 0)[1]
-    return failure.cause if failure else ""
+def watched(scene: Scene, n: int = 10, **states: np.ndarray) -> tuple[Frames, Guard]:
+    """Frames as `frames_at` has them, and the guard of a run that begins with the first of them."""
+    frames = frames_at(scene, n, **states)
+    return frames, Guard(ready(scene), frames[slice(1)])
+
+
+def verdict(guard: Guard, frames: Frames) -> tuple[int, Divergence | None, str]:
+    """How many frames are valid, and what is wrong with the next: kind and cause, "" for nothing."""
+    valid, failure = guard.check(frames, 0)
+    return (valid, failure.divergence, failure.cause) if failure else (valid, None, "")
 
 
 def test_earliest_violation_is_the_one_reported() -> None:
-    scene = build_scene(strip_scenario())
-    frames = frames_at(scene, 100)
+    frames, guard = watched(build_scene(strip_scenario()), 100)
     frames.velocity[5:, 0, 2], frames.position[50:] = 50.0, np.nan
-    valid, failure = Guard(ready(scene), frames[slice(1)]).check(frames, 0)
+    valid, failure = guard.check(frames, 0)
     assert failure is not None
     assert (valid, failure.divergence) == (5, Divergence.TOO_MUCH_ENERGY)
     assert failure.time_s == pytest.approx(frames.time[5])
@@ -131,14 +130,10 @@ def test_earliest_violation_is_the_one_reported() -> None:
 @pytest.mark.parametrize("field", ["position", "quaternion", "velocity", "angular_velocity"])
 @pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
 def test_every_part_of_a_state_has_to_be_finite(field: str, value: float) -> None:
-    scene = build_scene(strip_scenario())
-    frames = frames_at(scene)
-    guard = Guard(ready(scene), frames[slice(1)])
+    frames, guard = watched(build_scene(strip_scenario()))
     assert guard.check(frames, 0) == (10, None)
     getattr(frames, field)[7, 0, -1] = value
-    valid, failure = guard.check(frames, 0)
-    assert failure is not None and (valid, failure.divergence) == (7, Divergence.NOT_FINITE)
-    assert failure.cause == "its state is not finite"
+    assert verdict(guard, frames) == (7, Divergence.NOT_FINITE, "its state is not finite")
 
 
 def test_energy_is_that_of_motion_height_and_spin_about_the_principal_axes() -> None:
@@ -146,9 +141,10 @@ def test_energy_is_that_of_motion_height_and_spin_about_the_principal_axes() -> 
     scene = build_scene(strip_scenario())
     (kind,) = scene.kinds
     side = [np.sqrt(0.5), np.sqrt(0.5), 0.0, 0.0]  # the bore, z, points along -y
-    frames = frames_at(scene, 3, velocity=np.array([0.3, 0.0, 0.4]), quaternion=np.array([LEVEL, side, side])[:, None])
+    turned = np.array([LEVEL, side, side])[:, None]
+    frames, guard = watched(scene, 3, velocity=np.array([0.3, 0.0, 0.4]), quaternion=turned)
     frames.angular_velocity[:, 0] = [[0.0, 0.0, 100.0], [0.0, 0.0, 100.0], [0.0, 100.0, 0.0]]
-    found = Guard(ready(scene), frames[slice(1)]).states(frames).of_frames(ENERGY)[:, 0]
+    found = guard.states(frames).of_frames(ENERGY)[:, 0]
     common = kind.mass * (0.5 * 0.5**2 + 9.81 * 2e-3)
     assert kind.inertia[2] > 1.3 * kind.inertia[1]
     assert found == pytest.approx(common + 0.5e4 * kind.inertia[[2, 1, 2]], rel=1e-12)
@@ -159,8 +155,7 @@ def test_energy_is_that_of_motion_height_and_spin_about_the_principal_axes() -> 
 def test_energy_beyond_what_the_plate_can_give_is_a_failure_in_any_form(form: str, factor: float) -> None:
     scene = build_scene(strip_scenario())
     (kind,) = scene.kinds
-    frames = frames_at(scene)
-    guard = Guard(ready(scene), frames[slice(1)])
+    frames, guard = watched(scene)
     states = guard.states(frames)
     limit, rest = states.of_frames(MOST_ENERGY)[6, 0], states.of_frames(ENERGY)[6, 0]
     assert 10.0 * rest < limit
@@ -171,16 +166,13 @@ def test_energy_beyond_what_the_plate_can_give_is_a_failure_in_any_form(form: st
     else:
         frames.angular_velocity[6, 0, 2] = np.sqrt(2.0 * (factor * limit - rest) / kind.inertia[2])
     expected = f"its energy of {factor * limit:.2g} J exceeds {limit:.2g} J, more than this plate can give"
-    assert cause_of(guard, frames) == (expected if factor > 1.0 else "")
+    assert verdict(guard, frames)[2] == (expected if factor > 1.0 else "")
 
 
 def test_a_part_thrown_through_the_plate_and_off_it_within_a_frame_is_noticed() -> None:
-    scene = build_scene(strip_scenario())
-    frames = frames_at(scene)
-    guard = Guard(ready(scene), frames[slice(1)])
+    frames, guard = watched(build_scene(strip_scenario()))
     frames.position[4:, 0], frames.velocity[4:, 0] = [3.0, 0.0, -1.0], [1500.0, 0.0, -500.0]
-    valid, failure = guard.check(frames, 0)
-    assert failure is not None and (valid, failure.divergence) == (4, Divergence.TOO_MUCH_ENERGY)
+    assert verdict(guard, frames)[:2] == (4, Divergence.TOO_MUCH_ENERGY)
 
 
 def test_the_plate_gives_elastic_parts_more_and_more_and_others_no_more() -> None:
@@ -188,9 +180,8 @@ def test_the_plate_gives_elastic_parts_more_and_more_and_others_no_more() -> Non
     given = {}
     for e in (0.2, 1.0):
         scene = build_scene(piston_scenario(amplitude_um=1.0, contact=Contact(restitution=e), start=Start()))
-        frames = frames_at(scene, 2, position=np.zeros(3))
+        frames, guard = watched(scene, 2, position=np.zeros(3))
         frames.time[:] = 0.0, 100.0
-        guard = Guard(ready(scene), frames[slice(1)])
         limit = guard.states(frames).of_frames(MOST_ENERGY)[:, 0] / ENERGY_FACTOR
         given[e] = np.sqrt(2.0 * limit / scene.kinds[0].mass)
     u = 2 * np.pi * 4750.0 * 1e-6
@@ -201,10 +192,9 @@ def test_the_plate_gives_elastic_parts_more_and_more_and_others_no_more() -> Non
 
 @pytest.mark.parametrize("engine", ["impulse", "mujoco"])
 def test_elastic_part_gains_much_and_is_no_failure(engine: Literal["impulse", "mujoco"]) -> None:
-    scenario = piston_scenario(
-        frequency_hz=2797.0, amplitude_um=5.0, contact=Contact(restitution=1.0), duration_s=0.5, seeds=2, engine=engine
-    )
-    result = simulate(scenario)
+    run: dict[str, Any] = {"duration_s": 0.5, "seeds": 2, "engine": engine}
+    elastic = Contact(restitution=1.0)
+    result = simulate(piston_scenario(frequency_hz=2797.0, amplitude_um=5.0, contact=elastic, **run))
     assert result.failures == []
     fastest = max(np.abs(frames.velocity[..., 2]).max() for frames in result.trajectories)
     assert fastest > 3.0 * 2 * np.pi * 2797.0 * 5e-6
@@ -213,8 +203,7 @@ def test_elastic_part_gains_much_and_is_no_failure(engine: Literal["impulse", "m
 def moving_piston(**changes: Any) -> Scene:
     """A nut over a plate that moves by 60 um from the start."""
     drive = Drive(frequency_hz=500.0, amplitude_um=60.0, ring_up=False)
-    scenario = piston_scenario(frequency_hz=500.0, frames_per_second=3100.0)
-    return build_scene(scenario.model_copy(update={"drive": (drive,)} | changes))
+    return build_scene(piston_scenario(drive=(drive,), frames_per_second=3100.0).model_copy(update=changes))
 
 
 @pytest.mark.parametrize("factor", [0.99, 1.01])
@@ -222,38 +211,32 @@ def test_corner_deeper_in_the_moving_plate_than_allowed_is_a_failure(factor: flo
     """The plate goes up and down by more than what is allowed."""
     scene = moving_piston()
     frames = frames_at(scene, 100)
-    surface = scene.surface.displacement(np.zeros((1, 2)), frames.time[81])[0, 2]
     height = np.array([scene.surface.displacement(np.zeros((1, 2)), t)[0, 2] for t in frames.time])
     frames.position[:, 0, 2] = 1e-3 + height  # the nut is 2 mm high
     guard = Guard(ready(scene), frames[slice(1)])
     assert np.ptp(height) > 1.9 * 60e-6 and np.abs(guard.states(frames).of_frames(DEPTH)).max() < 1e-15
     for _ in range(9):  # the limit depends on the height, a little
         allowed = guard.states(frames).of_frames(ALLOWED)[81, 0]
-        frames.position[81, 0, 2] = 1e-3 + surface - factor * allowed
+        frames.position[81, 0, 2] = 1e-3 + height[81] - factor * allowed
     assert 1e-5 < allowed < 6e-5
-    expected = (
-        f"a corner lies {1e6 * factor * allowed:.1f} um below the plate's surface, allowed are {1e6 * allowed:.1f} um"
-    )
-    assert cause_of(guard, frames) == (expected if factor > 1.0 else "")
+    depth, most = 1e6 * factor * allowed, 1e6 * allowed
+    expected = f"a corner lies {depth:.1f} um below the plate's surface, allowed are {most:.1f} um"
+    assert verdict(guard, frames)[2] == (expected if factor > 1.0 else "")
 
 
 @pytest.mark.parametrize("tangent", [False, True])
 def test_depth_is_that_of_the_deepest_corner_below_the_surface_the_engine_uses(tangent: bool) -> None:
-    from scipy.spatial.transform import Rotation
-
     drives = (Drive(frequency_hz=4750.0, amplitude_um=50.0), Drive(frequency_hz=8775.0, amplitude_um=30.0))
     run = Run(duration_s=2.0, seeds=1, tangent_surface=tangent)
     scene = build_scene(strip_scenario().model_copy(update={"drive": drives, "run": run}))
     rng, surface, (kind,) = np.random.default_rng(1), scene.surface, scene.kinds
-    frames = frames_at(scene, 400)
-    frames.position[:, 0] = np.column_stack([rng.uniform(-5e-3, 5e-3, (400, 2)), rng.uniform(1e-3, 2e-3, 400)])
-    frames.quaternion[:, 0] = Rotation.random(400, random_state=2).as_quat(scalar_first=True)
-    guard = Guard(ready(scene), frames[slice(1)])
-    states = guard.states(frames)
-    found = states.of_frames(DEPTH)[:, 0]
+    places = np.column_stack([rng.uniform(-5e-3, 5e-3, (400, 2)), rng.uniform(1e-3, 2e-3, 400)])
+    turned = Rotation.random(400, random_state=2).as_quat(scalar_first=True)
+    frames, guard = watched(scene, 400, position=places[:, None], quaternion=turned[:, None])
+    found = guard.states(frames).of_frames(DEPTH)[:, 0]
     expected = []
-    for t, centre, turned in zip(frames.time, frames.position[:, 0], frames.quaternion[:, 0], strict=True):
-        corners = centre + Rotation.from_quat(turned, scalar_first=True).apply(kind.corners)
+    for t, centre, turn in zip(frames.time, frames.position[:, 0], frames.quaternion[:, 0], strict=True):
+        corners = centre + Rotation.from_quat(turn, scalar_first=True).apply(kind.corners)
         height = surface.displacement(corners[:, :2], t)[:, 2]
         if tangent:  # along the normal's tilt, which is the rotation: displacement = -h/2 beta
             x, y, z = surface.displacement(centre[None, :2], t)[0]
@@ -261,42 +244,35 @@ def test_depth_is_that_of_the_deepest_corner_below_the_surface_the_engine_uses(t
         expected.append(max(0.0, float((height - corners[:, 2]).max())))
     assert (found > 0.0).mean() > 0.3
     assert found == pytest.approx(expected, abs=1e-15)
-    guard = Guard(ready(scene), frames_at(scene, 1))
-    failed = []
+    _, guard = watched(scene, 1)
+    failed = 0
     for row in range(400):  # what the check finds, which leaves out most of the work
         alone = frames[slice(row, row + 1)]
-        failure = guard.check(alone, 0)[1]
-        failed.append(failure is not None)
-        if failure is not None:
-            assert f"a corner lies {1e6 * found[row]:.1f} um" in failure.cause
+        valid, _, cause = verdict(guard, alone)
+        failed += valid == 0
+        if valid == 0:
+            assert f"a corner lies {1e6 * found[row]:.1f} um" in cause
         else:
             assert found[row] <= guard.states(alone).of_frames(ALLOWED)[0, 0]
-    assert 0.1 < np.mean(failed) < 0.99
+    assert 0.1 < failed / 400 < 0.99
 
 
 def test_centre_below_the_surface_is_said_before_its_corners_are() -> None:
     scene = moving_piston()
     for height, expected in ((-59e-6, Divergence.TOO_DEEP), (-61e-6, Divergence.THROUGH_PLATE)):
-        frames = frames_at(scene)
+        frames, guard = watched(scene)
         frames.position[5:, 0, 2] = height
-        guard = Guard(ready(scene), frames[slice(1)])
-        valid, failure = guard.check(frames, 0)
-        assert failure is not None and (valid, failure.divergence) == (5, expected)
+        assert verdict(guard, frames)[:2] == (5, expected)
 
 
 def test_the_plate_that_stopped_earlier_is_the_one_looked_at() -> None:
     """A stage that was ended by its event: from then on the surface rests."""
     drive = Excitation(frequency_hz=500.0, amplitude_um=60.0, ring_up=False)
-    stages = (Stage(drive=(drive,), duration_s=1.0), Stage(duration_s=1.0))
-    run = Run(seeds=1, frames_per_second=3100.0)
-    scene = build_scene(
-        piston_scenario().model_copy(update={"drive": (), "schedule": Schedule(stage=stages), "run": run})
-    )
-    frames = frames_at(scene, 200, position=np.array([0.0, 0.0, 1e-3]))
-    guard = Guard(ready(scene), frames[slice(1)])
+    schedule = Schedule(stage=(Stage(drive=(drive,), duration_s=1.0), Stage(duration_s=1.0)))
+    scene = moving_piston(drive=(), schedule=schedule, run=Run(seeds=1, frames_per_second=3100.0))
+    frames, guard = watched(scene, 200, position=np.array([0.0, 0.0, 1e-3]))
     later = frames[slice(100, 200)]
-    failure = guard.check(later, 0)[1]
-    assert failure is not None and failure.divergence == Divergence.TOO_DEEP
+    assert verdict(guard, later)[1] == Divergence.TOO_DEEP
     guard.redrive(scene.stopped([0.5 * float(later.time[0])]))
     assert guard.check(later, 0)[1] is None
 
@@ -318,66 +294,34 @@ def test_what_has_come_into_the_plate_over_its_edge_is_no_failure() -> None:
 def test_soft_contact_lets_a_part_in_by_what_it_covers_in_its_time_constant() -> None:
     limits = []
     for update in ({}, {"contact": Contact(model="compliant", time_constant_us=1000.0, damping_ratio=1.0)}):
-        scene = moving_piston(**update)
-        frames = frames_at(scene, velocity=np.array([0.0, 0.0, -0.5]))
-        limits.append(Guard(ready(scene), frames[slice(1)]).states(frames).of_frames(ALLOWED)[3, 0])
+        frames, guard = watched(moving_piston(**update), velocity=np.array([0.0, 0.0, -0.5]))
+        limits.append(guard.states(frames).of_frames(ALLOWED)[3, 0])
     pace = np.sqrt(0.5**2 + 2 * 9.81 * 2e-3) + 2 * np.pi * 500.0 * 60e-6
     assert limits[1] - limits[0] == pytest.approx(1e-3 * (pace + 9.81 * 1e-3))
-
-
-@pytest.mark.parametrize(
-    ("of", "by", "expected"),
-    [("qvel", 2e4, Divergence.TOO_MUCH_ENERGY), ("qpos", -5e-5, Divergence.TOO_DEEP)],
-)
-def test_spin_and_depth_from_nowhere_are_noticed_in_a_run(
-    monkeypatch: pytest.MonkeyPatch, of: str, by: float, expected: Divergence
-) -> None:
-    """A nut that rests on a plate at rest is pushed into it, or spun to 2e4 rad/s."""
-    original = MujocoEngine.advance
-
-    def poisoned(self: MujocoEngine, n_frames: int) -> object:
-        if 0.3 < self.data.time < 0.6:
-            joint = self.model.joint("part_0")
-            index = joint.dofadr[0] + 5 if of == "qvel" else joint.qposadr[0] + 2
-            getattr(self.data, of)[index] += by
-        return original(self, n_frames)
-
-    monkeypatch.setattr(MujocoEngine, "advance", poisoned)
-    result = simulate(piston_scenario(engine="mujoco", duration_s=1.0))
-    (failure,) = result.failures
-    assert failure.divergence == expected and failure.part == "part_0" and 0.3 < failure.time_s < 0.7
-    assert result.trajectories[0].time[-1] < failure.time_s
 
 
 @pytest.mark.parametrize("falls_at_mm", [0.0, 91.0])
 def test_a_part_below_the_plate_is_lost_if_it_has_fallen_past_the_edge_else_a_failure(falls_at_mm: float) -> None:
     """Below the middle in the end, straight through it or from beside the plate; over two blocks of frames."""
     scene = build_scene(strip_scenario())
-    time = 0.002 * np.arange(100.0)
-    position, velocity = np.zeros((100, 1, 3)), np.zeros((100, 1, 3))
-    position[:, 0, 0] = np.linspace(1e-3 * falls_at_mm, 0.0, 100)
-    position[:, 0, 2] = 1e-3 - 0.5 * 9.81 * time**2
-    velocity[:, 0, 2] = -9.81 * time
-    frames = Frames(
-        time, position, np.tile([1.0, 0.0, 0.0, 0.0], (100, 1, 1)), velocity, 0 * velocity, velocity[..., 0] == 0
-    )
+    frames = frames_at(scene, 100, position=np.zeros(3))
+    frames.time[:] = 0.002 * np.arange(100.0)
+    frames.position[:, 0, 0] = np.linspace(1e-3 * falls_at_mm, 0.0, 100)
+    frames.position[:, 0, 2] = 1e-3 - 0.5 * 9.81 * frames.time**2
+    frames.velocity[:, 0, 2] = -9.81 * frames.time
     guard = Guard(ready(scene), frames[slice(1)])
-    failures, lost = [], []
+    lost = []
     for rows in (slice(0, 50), slice(50, 100)):
-        failures.append(guard.check(frames[rows], 0)[1])
+        assert (guard.check(frames[rows], 0)[1] is None) == (falls_at_mm > 0.0)
         lost += guard.lost(50)[:, 0].tolist()
         guard.remember(50)
-    assert [failure is None for failure in failures] == [falls_at_mm > 0.0] * 2
-    assert lost == [falls_at_mm > 0.0 and z < -0.05 for z in position[:, 0, 2]]
+    assert lost == [falls_at_mm > 0.0 and z < -0.05 for z in frames.position[:, 0, 2]]
 
 
 def test_a_part_that_dips_beside_the_edge_and_comes_back_is_watched_again() -> None:
-    scene = build_scene(strip_scenario())
-    position, still = np.zeros((3, 1, 3)), np.zeros((3, 1, 3))
-    position[:, 0] = [[0.09, 0.0, -1e-3], [0.09, 0.0, 1e-3], [0.0, 0.0, -1e-3]]
-    level = np.tile([1.0, 0.0, 0.0, 0.0], (3, 1, 1))
-    frames = Frames(0.002 * np.arange(3.0), position, level, still, still, np.ones((3, 1), bool))
-    guard = Guard(ready(scene), frames[slice(1)])
+    places = np.array([[[0.09, 0.0, -1e-3]], [[0.09, 0.0, 1e-3]], [[0.0, 0.0, -1e-3]]])
+    frames, guard = watched(build_scene(strip_scenario()), 3, position=places)
+    frames.time[:] = 0.002 * np.arange(3.0)
     assert guard.states(frames).mark[1:, 0, FALLEN].tolist() == [1, 0, 0]
     assert guard.check(frames, 0)[0] == 2
 
@@ -401,15 +345,10 @@ def test_strong_drives_stay_within_what_the_plate_can_give(amplitude_um: float) 
     assert {seed.status for seed in result.seeds} <= allowed
 
 
-def test_an_infinite_position_among_many_parts_is_seen_by_the_guard(tmp_path: Path) -> None:
+def test_an_infinite_position_among_many_parts_is_seen_by_the_guard() -> None:
     """The search for pairs passes it on instead of failing on it."""
-    raw = {
-        "plate": {"kind": "piston"},
-        "drive": [{"frequency_hz": 1000.0, "amplitude_um": 1.0}],
-        "part": [{"shape": "hex_nut", "size": "M2.5", "count": 3, "start": {"kind": "scattered"}}],
-        "run": {"duration_s": 0.1},
-    }
-    prepared = prepare(validated(raw, Scenario, tmp_path / "three.toml"))
+    nuts = HexNut(size="M2.5", count=3, start=Scattered(kind="scattered"))
+    prepared = prepare(piston_scenario(frequency_hz=1000.0, amplitude_um=1.0, part=nuts, duration_s=0.1))
     engine = ImpulseEngine(prepared.scene, np.random.default_rng(0))
     guard = Guard(prepared, engine.current())
     with changing(engine) as state:

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from conftest import piston_scenario
 from numpy.typing import ArrayLike, NDArray
 
 from feeder_sim.measures.bounces import (
@@ -26,7 +27,7 @@ from feeder_sim.records.events import IMPACTS, Events, impacts_of, no_events
 from feeder_sim.records.trajectory_file import TRAJECTORY, read_recording
 from feeder_sim.run.run_folder import SUMMARY, record_run
 from feeder_sim.run.simulation import simulate
-from feeder_sim.scenario import Ball, Contact, Drive, PistonPlate, Run, Scenario, Slide, Start
+from feeder_sim.scenario import Ball, Contact, Drive, Scenario, Slide, Start
 from feeder_sim.scene.scene import GRAVITY, build_scene
 
 PERIOD = 0.02
@@ -50,13 +51,8 @@ def named(impacts: Events, *, end: float | None = None) -> str:
 
 
 def slide_scenario(*drives: Drive, drop_mm: tuple[float, float] = (0.05, 0.05), e: float = 0.5, **run: Any) -> Scenario:
-    return Scenario(
-        plate=PistonPlate(kind="piston"),
-        drive=drives,
-        part=(Ball(shape="ball", diameter_mm=3.0, guide=Slide(kind="slide"), start=Start(drop_height_mm=drop_mm)),),
-        contact=Contact(restitution=e),
-        run=Run(**({"duration_s": 0.5, "seeds": 1} | run)),
-    )
+    ball = Ball(shape="ball", diameter_mm=3.0, guide=Slide(kind="slide"), start=Start(drop_height_mm=drop_mm))
+    return piston_scenario(drive=drives, part=ball, contact=Contact(restitution=e), **({"duration_s": 0.5} | run))
 
 
 def test_flights_count_from_a_plate_period_on_and_from_the_end_of_a_contact() -> None:

@@ -10,40 +10,29 @@ from pathlib import Path
 import numpy as np
 import pytest
 import typer
-from command_line import check_refused, feeder_sim, in_new_process, one_line, said
-from conftest import REPOSITORY
+from command_line import check_refused, feeder_sim, in_new_process, said
+from conftest import NUT_ON_STRIP, REPOSITORY, toml_of
 from typer.testing import CliRunner
 
+import feeder_sim as package
 from feeder_sim.cli.main import app
 from feeder_sim.cli.report import print_result
 from feeder_sim.errors import Interrupted
 from feeder_sim.run.prepare import prepare
+from feeder_sim.run.run_folder import scenario_toml
 from feeder_sim.run.simulation import Result
 from feeder_sim.scenario import load_scenario
 from feeder_sim.studies.chart import ladder
 
 MODE_FILE = REPOSITORY / "models/plate_180/modes.h5"
-SHORT = """
-title = "short"
-[plate]
-kind = "strip"
-thickness_mm = 3.0
-[[drive]]
-frequency_hz = 4750.0
-amplitude_um = 1.0
-[[part]]
-shape = "hex_nut"
-size = "M2.5"
-[run]
-duration_s = 0.1
-seeds = 2
-"""
+BOUNCING = REPOSITORY / "scenarios/ball_50hz.toml"
+SHORT = NUT_ON_STRIP | {"title": "short", "run": {"duration_s": 0.1, "seeds": 2}}
 
 
 @pytest.fixture
 def scenario(tmp_path: Path) -> Path:
     path = tmp_path / "short.toml"
-    path.write_text(SHORT)
+    path.write_text(toml_of(SHORT))
     return path
 
 
@@ -56,23 +45,14 @@ def test_run_prints_one_json_object_and_fills_the_folder(scenario: Path, tmp_pat
     assert summary["engine"] == "impulse"
     assert summary["simulated_s"] == pytest.approx(0.2, rel=0.03)
     assert summary["real_time_factor"] == pytest.approx(summary["simulated_s"] / summary["wall_s"])
-    assert {p.name for p in (tmp_path / "run").iterdir()} == {
-        ".lock",
-        "trajectory.h5",
-        "replay.rrd",
-        "summary.json",
-        "run.json",
-        "scenario.toml",
-        "scene.xml",
-    }
+    files = {".lock", "run.json", "trajectory.h5", "replay.rrd", "summary.json", "scenario.toml", "scene.xml"}
+    assert {p.name for p in (tmp_path / "run").iterdir()} == files
 
 
 def test_resolved_scenario_runs_again_to_the_same_bits(scenario: Path, tmp_path: Path) -> None:
     assert feeder_sim("run", scenario, "--seed", 5, "--out", tmp_path / "a").returncode == 0
     assert feeder_sim("run", tmp_path / "a/scenario.toml", "--out", tmp_path / "b").returncode == 0
-    from feeder_sim import read_recording
-
-    first, second = (read_recording(tmp_path / name / "trajectory.h5").seeds[1] for name in "ab")
+    first, second = (package.read_recording(tmp_path / name / "trajectory.h5").seeds[1] for name in "ab")
     assert first.position.tobytes() == second.position.tobytes()
 
 
@@ -86,9 +66,7 @@ def test_folder_that_holds_a_run_is_left_alone(scenario: Path, tmp_path: Path) -
     folder = tmp_path / "run"
     feeder_sim("run", scenario, "--out", folder)
     before = {p: p.stat().st_mtime_ns for p in folder.iterdir()}
-    again = feeder_sim("run", scenario, "--out", folder)
-    assert again.returncode == 2
-    assert f"{folder}: --out: already holds a run" in one_line(again)
+    check_refused(feeder_sim("run", scenario, "--out", folder), f"{folder}: --out: already holds a run")
     assert {p: p.stat().st_mtime_ns for p in folder.iterdir()} == before
 
 
@@ -107,7 +85,7 @@ def test_dry_run_and_check_describe_and_write_nothing(scenario: Path, tmp_path: 
 
 @pytest.mark.parametrize("duration_s", [0.1, 6.0])
 def test_estimated_file_size_is_about_right(duration_s: float, scenario: Path, tmp_path: Path) -> None:
-    scenario.write_text(SHORT.replace("duration_s = 0.1", f"duration_s = {duration_s}"))
+    scenario.write_text(toml_of(SHORT, {"run.duration_s": duration_s}))
     plan = json.loads(feeder_sim("check", scenario, "--json").stdout)
     feeder_sim("run", scenario, "--out", tmp_path / "run")
     size = sum(p.stat().st_size for p in (tmp_path / "run").iterdir()) * 1e-6
@@ -129,29 +107,28 @@ def test_modes_are_computed_listed_stored_and_drawn(tmp_path: Path) -> None:
     assert listed.stdout == made.stdout
     assert "2639.2" in listed.stdout and "2646.0" in listed.stdout
     assert (tmp_path / "m.png").read_bytes().startswith(b"\x89PNG")
-    refused = feeder_sim("modes", plate, "--out", tmp_path / "m.h5")
-    assert refused.returncode == 2 and "exists already" in one_line(refused)
+    check_refused(feeder_sim("modes", plate, "--out", tmp_path / "m.h5"), "exists already")
     too_high = feeder_sim("modes", tmp_path / "m.h5", "--picture", tmp_path / "n.png", "--mode", 99)
-    assert too_high.returncode == 2 and "allowed is 1 to 59" in one_line(too_high)
+    check_refused(too_high, "allowed is 1 to 59")
 
 
 @pytest.mark.parametrize(
     ("typed", "expected"),
     [
-        ("sweep drift_4750hz --vary a=1,2 --inputs 1", ("'--inputs'", "2", "feeder-sim sweep --help")),
-        ("run drift_4750hz --seeds abc", ("'--seeds'", "integer", "feeder-sim run --help")),
-        ("sweep drift_4750hz", ("'--vary'", "feeder-sim sweep --help")),
-        ("modes import", ("Missing argument", "feeder-sim modes import --help")),
-        ("run --out", ("'--out'", "feeder-sim run --help")),
-        ("run --sedes 3", ("--sedes", "--seeds", "feeder-sim run --help")),
-        ("swep", ("'swep'", "'sweep'", "feeder-sim --help")),
-        ("--nonsense", ("--nonsense", "feeder-sim --help")),
+        ("sweep drift_4750hz --vary a=1,2 --inputs 1", "'--inputs' ... 2 ... feeder-sim sweep --help"),
+        ("run drift_4750hz --seeds abc", "'--seeds' ... integer ... feeder-sim run --help"),
+        ("sweep drift_4750hz", "'--vary' ... feeder-sim sweep --help"),
+        ("modes import", "Missing argument ... feeder-sim modes import --help"),
+        ("run --out", "'--out' ... feeder-sim run --help"),
+        ("run --sedes 3", "--sedes ... --seeds ... feeder-sim run --help"),
+        ("swep", "'swep' ... 'sweep' ... feeder-sim --help"),
+        ("--nonsense", "--nonsense ... feeder-sim --help"),
     ],
 )
-def test_a_command_that_is_typed_wrongly_is_refused_in_one_line(typed: str, expected: tuple[str, ...]) -> None:
+def test_a_command_that_is_typed_wrongly_is_refused_in_one_line(typed: str, expected: str) -> None:
     """Click prints its usage, four lines, without a word on which program it is."""
     refused = feeder_sim(*typed.split())
-    check_refused(refused, *expected)
+    check_refused(refused, expected)
     assert refused.stderr.startswith("feeder-sim: ")
 
 
@@ -183,13 +160,10 @@ def test_list_names_what_there_is() -> None:
 
 
 def test_replay_of_nothing_is_refused(tmp_path: Path) -> None:
-    missing = feeder_sim("replay", tmp_path / "nothing")
-    assert missing.returncode == 2 and "no run here" in one_line(missing)
+    check_refused(feeder_sim("replay", tmp_path / "nothing"), "no run here")
 
 
 def test_python_does_what_the_command_does(scenario: Path, tmp_path: Path) -> None:
-    import feeder_sim as package
-
     loaded = package.load_scenario(scenario)
     result = package.simulate(loaded)
     summary = json.loads(in_new_process("run", scenario, "--json", "--out", tmp_path / "run").stdout)
@@ -210,44 +184,28 @@ def test_help_does_not_load_the_heavy_libraries() -> None:
 def test_existing_files_are_left_alone(scenario: Path, tmp_path: Path) -> None:
     kept = scenario.read_text()
     for command in (["check", scenario, "--mjcf", scenario], ["modes", MODE_FILE, "--picture", scenario]):
-        refused = feeder_sim(*command)
-        assert refused.returncode == 2 and "exists already" in one_line(refused)
+        check_refused(feeder_sim(*command), "exists already")
     assert scenario.read_text() == kept
 
 
 @pytest.mark.parametrize("target", ["short.toml/sub", "x" * 300])
 def test_folder_that_cannot_be_made_is_one_line(target: str, scenario: Path, tmp_path: Path) -> None:
-    refused = feeder_sim("run", scenario, "--out", tmp_path / target)
-    assert refused.returncode == 2
-    one_line(refused)
+    check_refused(feeder_sim("run", scenario, "--out", tmp_path / target))
 
 
-GUIDED = """
-[plate]
-kind = "piston"
-[[drive]]
-frequency_hz = 50.0
-amplitude_um = 240.0
-ring_up = false
-[[part]]
-shape = "ball"
-diameter_mm = 3.0
-[part.guide]
-kind = "slide"
-[part.start]
-drop_height_mm = [1.4, 2.0]
-[run]
-duration_s = 8.0
-seeds = 4
-"""
+@pytest.fixture
+def ball(tmp_path: Path) -> Path:
+    """A ball on a slide at 240 um, 8 s of four seeds."""
+    changed = load_scenario(BOUNCING).changed({"drive[0].amplitude_um": 240.0, "run.duration_s": 8.0, "run.seeds": 4})
+    path = tmp_path / "ball.toml"
+    path.write_text(scenario_toml(changed))
+    return path
 
 
-def test_bifurcation_prints_draws_and_writes_what_it_finds(tmp_path: Path) -> None:
-    scenario = tmp_path / "ball.toml"
-    scenario.write_text(GUIDED)
+def test_bifurcation_prints_draws_and_writes_what_it_finds(ball: Path, tmp_path: Path) -> None:
     files = ("--picture", tmp_path / "d.svg", "--data", tmp_path / "d.csv")
     options = ("--from", 249, "--to", 257, "--points", 5, "--settle", 1500)
-    done = feeder_sim("bifurcation", scenario, *options, *files, "--json")
+    done = feeder_sim("bifurcation", ball, *options, *files, "--json")
     (row,) = json.loads(done.stdout)["boundaries"]
     assert row["period"] == 2 and abs(row["deviation_percent"]) < 0.1
     assert row["exact_um"] == pytest.approx(252.88, abs=0.01)
@@ -260,10 +218,8 @@ def test_bifurcation_prints_draws_and_writes_what_it_finds(tmp_path: Path) -> No
     assert float(rows[0]["impact_speed_mm_s"]) == pytest.approx(9810 * 0.02 / 1.2, rel=1e-4)
 
 
-def test_run_of_a_guided_part_reports_its_bounces_and_can_be_drawn(tmp_path: Path) -> None:
-    scenario = tmp_path / "ball.toml"
-    scenario.write_text(GUIDED)
-    done = feeder_sim("run", scenario, "--out", tmp_path / "run")
+def test_run_of_a_guided_part_reports_its_bounces_and_can_be_drawn(ball: Path, tmp_path: Path) -> None:
+    done = feeder_sim("run", ball, "--out", tmp_path / "run")
     assert "bounce interval  20" in done.stdout
     assert "motion           1 (4 seeds)" in done.stdout
     assert "drift" not in done.stdout
@@ -293,8 +249,6 @@ def test_every_kind_of_summary_is_printed(
 
 
 def test_version_is_that_of_the_package() -> None:
-    import feeder_sim as package
-
     assert feeder_sim("--version").stdout == f"feeder-sim {package.__version__}\n"
 
 

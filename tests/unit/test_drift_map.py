@@ -5,13 +5,13 @@ from __future__ import annotations
 import math
 from dataclasses import asdict, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
-from conftest import REPOSITORY
+from conftest import REPOSITORY, refusal
 from prediction import GradientDrift, MapDrift
 
-from feeder_sim.errors import InputError
 from feeder_sim.plate.materials import MATERIALS
 from feeder_sim.plate.mode_shapes import standing_wave
 from feeder_sim.plate.rectangle import RectangularPlate
@@ -42,6 +42,7 @@ from feeder_sim.studies.search.trials import Aim
 THICKNESS, FREQUENCY, AMPLITUDE = 3e-3, 4750.0, 1e-6
 PLATE = RectangularPlate(1.0, 1.0, THICKNESS, MATERIALS["aluminium"])
 OMEGA = 2.0 * math.pi * FREQUENCY
+DRIVE: dict[str, Any] = {"frequency_hz": FREQUENCY, "amplitude_um": 1e6 * AMPLITUDE, "ring_up": False}
 BINS = 24
 ALUMINIUM = {"density_kg_m3": 2770.0, "youngs_modulus_gpa": 71.0, "poisson_ratio": 0.33}
 ANGLES = (np.arange(BINS) + 0.5) * 0.5 * math.pi / BINS
@@ -51,7 +52,7 @@ def on_strip(**run: float) -> Prepared:
     return prepare(
         Scenario(
             plate=Strip(thickness_mm=3.0),
-            drive=(Drive(frequency_hz=FREQUENCY, amplitude_um=1e6 * AMPLITUDE, ring_up=False),),
+            drive=(Drive(**DRIVE),),
             part=(HexNut(size="M2.5"),),
             run=Run(duration_s=run.get("duration_s", 4.0), seeds=1),
         )
@@ -124,7 +125,7 @@ def test_on_a_plate_parts_drift_to_where_its_mode_moves_less() -> None:
 
 def test_a_loop_predicts_by_the_map_as_by_the_gradient_where_both_say_the_same() -> None:
     """A drift in proportion to the slope is a share of the in-plane speed, h/2 times the gradient of the speed."""
-    stage = {"drive": [{"frequency_hz": FREQUENCY, "amplitude_um": 1e6 * AMPLITUDE}], "duration_s": 0.3}
+    stage = {"drive": [DRIVE | {"ring_up": True}], "duration_s": 0.3}
     scenario = on_strip().scenario.changed({"drive": [], "schedule": {"stage": [stage]}, "run": {"seeds": 1}})
     scene = prepare(scenario).scene
     quarter = 0.5 * math.pi / standing_wave(PLATE, FREQUENCY).wavenumber
@@ -132,8 +133,8 @@ def test_a_loop_predicts_by_the_map_as_by_the_gradient_where_both_say_the_same()
     by_map = MapDrift(scene, drift_map(0.7)).predict(0, places)
     assert np.linalg.norm(by_map - places, axis=1).min() > 2e-5
     assert by_map == pytest.approx(GradientDrift(scene, share=0.7).predict(0, places), rel=2e-3)
-    with pytest.raises(InputError, match="of another part"):
-        MapDrift(scene, replace(drift_map(0.7), made=replace(drift_map(0.7).made, part="other")))
+    other = replace(drift_map(0.7), made=replace(drift_map(0.7).made, part="other"))
+    assert "of another part" in refusal(MapDrift, scene, other)
 
 
 def test_increments_give_drift_toward_the_node_and_diffusion() -> None:
@@ -165,6 +166,9 @@ def test_a_saved_map_is_the_same(tmp_path: Path) -> None:
         assert (getattr(read, name) == getattr(held, name)).all()
 
 
+ORTHOTROPIC = ALUMINIUM | {"youngs_modulus_y_gpa": 71.0, "shear_modulus_gpa": 26.7}
+
+
 @pytest.mark.parametrize(
     ("changes", "thickness", "said"),
     [
@@ -172,11 +176,7 @@ def test_a_saved_map_is_the_same(tmp_path: Path) -> None:
         ({"contact.restitution": 0.3}, THICKNESS, "another contact"),
         ({}, 2e-3, "a plate of 3 mm"),
         ({"plate.material": "steel"}, THICKNESS, "another material"),
-        (
-            {"plate.material": ALUMINIUM | {"youngs_modulus_y_gpa": 71.0, "shear_modulus_gpa": 26.7}},
-            3e-3,
-            "another mat",
-        ),
+        ({"plate.material": ORTHOTROPIC}, THICKNESS, "another mat"),
         ({"run.in_plane_velocity": False}, THICKNESS, "run.in_plane_velocity: is false"),
     ],
 )
@@ -184,40 +184,35 @@ def test_a_map_of_something_else_is_refused(
     tmp_path: Path, changes: dict[str, object], thickness: float, said: str
 ) -> None:
     save_map(drift_map(0.7), tmp_path / "map.npz")
-    with pytest.raises(InputError, match=said):
-        load_map(tmp_path / "map.npz", on_strip().scenario.changed(changes), thickness)
+    assert said in refusal(load_map, tmp_path / "map.npz", on_strip().scenario.changed(changes), thickness)
 
 
 def test_files_that_are_no_map_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = tmp_path / "map.npz"
-    with pytest.raises(InputError, match="cannot be read"):
-        load_map(path)
+    assert "cannot be read" in refusal(load_map, path)
     for content in (b"", b"text", b"PK\x03\x04 cut off"):
         path.write_bytes(content)
-        with pytest.raises(InputError, match="is no drift map"):
-            load_map(path)
+        assert "is no drift map" in refusal(load_map, path)
     held = drift_map(0.7)
     save_map(replace(held, drift=held.drift[:, :, :3]), path)
-    with pytest.raises(InputError, match="is no drift map"):
-        load_map(path)
+    assert "is no drift map" in refusal(load_map, path)
     monkeypatch.setattr("feeder_sim.studies.drift_map.files.VERSION", 0)
     save_map(held, path)
     monkeypatch.undo()
-    with pytest.raises(InputError, match="version 0, allowed is 2"):
-        load_map(path)
+    assert "version 0, allowed is 2" in refusal(load_map, path)
 
 
-def test_drives_beyond_the_map_are_refused() -> None:
-    scenario, rng = on_strip().scenario, np.random.default_rng(0)
-    for changes, said in (
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
         ({"drive[0].frequency_hz": 11000.0}, "is 11000, allowed is 400 to 10000"),
         ({"drive[0].amplitude_um": 25.0}, "moves an antinode at 0.746 m/s"),
-    ):
-        with pytest.raises(InputError, match=said):
-            walk(drift_map(0.7), prepare(scenario.changed(changes)), np.zeros((1, 2)), rng)
-    both = scenario.model_copy(update={"drive": (*scenario.drive, scenario.drive[0])})
-    with pytest.raises(InputError, match="drives 2 modes at once"):
-        walk(drift_map(0.7), prepare(both), np.zeros((1, 2)), rng)
+        ({"drive": 2 * [DRIVE]}, "drives 2 modes at once"),
+    ],
+)
+def test_drives_beyond_the_map_are_refused(changes: dict[str, object], said: str) -> None:
+    prepared = prepare(on_strip().scenario.changed(changes))
+    assert said in refusal(walk, drift_map(0.7), prepared, np.zeros((1, 2)), np.random.default_rng(0))
 
 
 def test_a_sequence_of_modes_carries_a_point_to_its_goal() -> None:
@@ -242,10 +237,9 @@ def test_screening_finds_the_recipes_that_arrive_soonest() -> None:
     amplitudes = [point[key] for point in found]
     assert len(found) == 2 and amplitudes == sorted(amplitudes, reverse=True)
     for wrong in (Aim("picked", False, 4), Aim("arrival_time_s", True, 4)):
-        with pytest.raises(InputError, match="the least arrival_time_s only"):
-            screened(space, wrong, drift_map(0.7), 8, 3)
-    with pytest.raises(InputError, match="of another part"):
-        screened(Space.of(scenario.changed({"part[0].size": "M3"}), [f"{key}=10:40"]), aim, drift_map(0.7), 2, 1)
+        assert "the least arrival_time_s only" in refusal(screened, space, wrong, drift_map(0.7), 8, 3)
+    other = Space.of(scenario.changed({"part[0].size": "M3"}), [f"{key}=10:40"])
+    assert "of another part" in refusal(screened, other, aim, drift_map(0.7), 2, 1)
 
 
 def test_a_strip_for_the_plate_of_a_scenario() -> None:
@@ -253,8 +247,7 @@ def test_a_strip_for_the_plate_of_a_scenario() -> None:
     assert strip.thickness_mm == pytest.approx(3.0)
     assert resolve_material(strip.material).youngs_modulus == pytest.approx(MATERIALS["aluminium"].youngs_modulus)
     assert strip_of(on_strip().scenario) == Strip(thickness_mm=3.0)
-    with pytest.raises(InputError, match=r"plate\.kind"):
-        strip_of(load_scenario(REPOSITORY / "scenarios/ball_50hz.toml"))
+    assert "plate.kind" in refusal(strip_of, load_scenario(REPOSITORY / "scenarios/ball_50hz.toml"))
     steered = load_scenario(REPOSITORY / "scenarios/chladni_plate.toml")
     assert asdict(resolve_material(strip_of(steered).material)) == pytest.approx(asdict(MATERIALS["silicon"]))
 

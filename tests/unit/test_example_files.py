@@ -8,10 +8,9 @@ from pathlib import Path
 
 import pytest
 from command_line import check_refused, feeder_sim
-from conftest import REPOSITORY
+from conftest import REPOSITORY, refusal
 
 from feeder_sim.cli.files import complete_scenario
-from feeder_sim.errors import InputError
 from feeder_sim.example_files import example_file, examples, examples_folder, scenario_path, starter_folder
 from feeder_sim.scenario import input_files, load_scenario
 
@@ -39,10 +38,10 @@ def test_examples_of_a_wheel_lie_in_the_package(tmp_path: Path, monkeypatch: pyt
 def test_without_examples_there_are_none(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(importlib.resources, "files", lambda _: tmp_path / "feeder_sim")
     assert examples_folder() is None and examples() == {} and starter_folder() is None
-    with pytest.raises(InputError, match="drift_4750hz: no such file, and no such example; feeder-sim list"):
-        scenario_path("drift_4750hz")
-    with pytest.raises(InputError, match=r"modes\.h5: no such file, the package is here without its examples"):
-        example_file("models/plate_180/modes.h5")
+    line = "drift_4750hz: no such file, and no such example; feeder-sim list"
+    assert line in refusal(scenario_path, "drift_4750hz")
+    line = "modes.h5: no such file, the package is here without its examples"
+    assert line in refusal(example_file, "models/plate_180/modes.h5")
     check_refused(feeder_sim("new", tmp_path / "a"), "without its examples, allowed is --from")
 
 
@@ -81,9 +80,8 @@ def test_a_mistyped_name_gets_the_nearest_one(
 def test_commands_take_examples_by_name_from_anywhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     for command in ("run", "check"):
-        check_refused(
-            feeder_sim(command, "drift_4750hz", "--engine", "slow"), "drift_4750hz.toml: run.engine: is 'slow'"
-        )
+        slow = feeder_sim(command, "drift_4750hz", "--engine", "slow")
+        check_refused(slow, "drift_4750hz.toml: run.engine: is 'slow'")
     check_refused(feeder_sim("bifurcation", "drift_4750hz", "--from", 5, "--to", 1), "allowed is 0 < --from < --to")
     assert list(tmp_path.iterdir()) == []
 
@@ -99,12 +97,8 @@ def test_list_begins_with_the_files_of_the_folder(tmp_path: Path) -> None:
     (tmp_path / "project/trajectory.h5").write_bytes(b"")
     (tmp_path / "project/data.h5").write_bytes(b"of another program")
     found = json.loads(feeder_sim("list", "--json", cwd=tmp_path).stdout)
-    assert list(found["scenarios"]) == [
-        "scenarios/bad.toml",
-        "scenarios/other.toml",
-        "mine.toml",
-        "project/scenario.toml",
-    ]
+    names = ["scenarios/bad.toml", "scenarios/other.toml", "mine.toml", "project/scenario.toml"]
+    assert list(found["scenarios"]) == names
     assert found["scenarios"]["scenarios/bad.toml"].startswith("unusable: ")
     assert list(found["mode files"]) == ["project/modes.h5"]
     assert found["examples"]["drift_4750hz"] == "Drift of an M2.5 nut at 4750 Hz"

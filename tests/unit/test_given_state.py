@@ -65,12 +65,9 @@ def test_it_flies_from_its_state_as_a_free_body_does(engine: str) -> None:
 
 def test_a_block_slides_to_rest_where_coulomb_stops_it() -> None:
     still = {"quaternion": [1.0, 0.0, 0.0, 0.0], "angular_velocity_rad_s": [0.0, 0.0, 0.0]}
-    one = scenario(
-        start=still | {"position_mm": [0.0, 0.0, 7.5015], "velocity_mm_s": [400.0, 0.0, 0.0]},
-        contact={"restitution": 0.0, "friction": 0.2},
-        run={"seeds": 1, "duration_s": 0.3, "frames_per_second": 1000.0},
-    )
-    _, _, frames = frames_of(one, 300)
+    start = still | {"position_mm": [0.0, 0.0, 7.5015], "velocity_mm_s": [400.0, 0.0, 0.0]}
+    run = {"seeds": 1, "duration_s": 0.3, "frames_per_second": 1000.0}
+    _, _, frames = frames_of(scenario(start=start, contact={"restitution": 0.0, "friction": 0.2}, run=run), 300)
     assert frames.position[-1, 0, 0] == pytest.approx(0.4**2 / (2.0 * 0.2 * GRAVITY), rel=2e-3)
     assert (frames.velocity[-1] == 0.0).all()  # asleep
 

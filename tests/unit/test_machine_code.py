@@ -13,7 +13,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -22,15 +22,9 @@ from conftest import REPOSITORY
 
 from feeder_sim import machine_code
 from feeder_sim.engines.impulse import state
-from feeder_sim.machine_code import (
-    FOLDERS_KEPT,
-    KEY_LENGTH,
-    code_key,
-    compiled,
-    entry_point,
-    inlined,
-    remove_old_folders,
-)
+from feeder_sim.machine_code import FOLDERS_KEPT, KEY_LENGTH, code_key, compiled, entry_point, inlined
+
+SCENARIO = str(REPOSITORY / "scenarios/ball_50hz.toml")
 
 # Two more files for the copy: what Python calls is in one of them, what that calls in the other.
 INNER = """
@@ -112,42 +106,45 @@ for fields in json.loads(sys.argv[1]):
 print(json.dumps({"values": values, "compiled": sum(ends.stats.cache_misses.values())}))
 """
 
-# Free fall of a part in the impulse engine, by the function that all flights go through.
-FALL = """
-import json
+# A ball far above a plate at rest, at rest.
+BALL = """
+import json, sys
 import numpy as np
 from feeder_sim.engines.impulse import state
 from feeder_sim.engines.impulse.kinds import read_kinds
+from feeder_sim.engines.lookup import engine_class
 from feeder_sim.machine_code import entry_point
-from feeder_sim.scenario import Ball, Drive, PistonPlate, Run, Scenario
+from feeder_sim.scenario import load_scenario
+from feeder_sim.scenario.engine_choice import choose_engine
 from feeder_sim.scene.scene import build_scene
 
-drive, ball = Drive(frequency_hz=50.0, amplitude_um=0.0), Ball(shape="ball", diameter_mm=3.0)
-scene = build_scene(Scenario(plate=PistonPlate(kind="piston"), drive=(drive,), part=(ball,), run=Run(duration_s=1.0)))
+changes = {"drive[0].amplitude_um": 0.0, "part[0].start.drop_height_mm": 100.0}
+scenario = load_scenario(json.loads(sys.argv[1])).changed(changes)
+"""
+
+# Its free fall as a part of the impulse engine, by the function that all flights go through.
+FALL = (
+    BALL
+    + """
+scene = build_scene(scenario.changed({"part[0].guide": None}))
 parts = state.new_parts(np.zeros((1, 3)), np.eye(3)[None], [0])
 fly_to = entry_point(state.fly_to.py_func)
 fly_to(parts[0], read_kinds(scene).record[0], 2.0)
 print(json.dumps({"fallen": -parts["position"][0, 2], "compiled": sum(fly_to.stats.cache_misses.values())}))
 """
+)
 
-# The same by the engine of a ball on a slide, from far above the plate.
-SLIDE = """
-import json
-import numpy as np
-from feeder_sim.engines.lookup import engine_class
-from feeder_sim.scenario import Ball, Drive, PistonPlate, Run, Scenario, Slide, Start
-from feeder_sim.scenario.engine_choice import choose_engine
-from feeder_sim.scene.scene import build_scene
-
-start = Start(drop_height_mm=(100.0, 100.0))
-ball = Ball(shape="ball", diameter_mm=3.0, guide=Slide(kind="slide"), start=start)
-drive = Drive(frequency_hz=50.0, amplitude_um=0.0)
-scene = build_scene(Scenario(plate=PistonPlate(kind="piston"), drive=(drive,), part=(ball,), run=Run(duration_s=1.0)))
-engine = engine_class(choose_engine(scene.scenario))(scene, np.random.default_rng(0))
+# The same by the engine of a ball on a slide.
+SLIDE = (
+    BALL
+    + """
+scene = build_scene(scenario)
+engine = engine_class(choose_engine(scenario))(scene, np.random.default_rng(0))
 begin, end = engine.current(), engine.advance(50)
 fallen = begin.position[0, 0, 2] - end.position[-1, 0, 2]
 print(json.dumps({"fallen": fallen, "speed": -end.velocity[-1, 0, 2], "engine": type(engine).__name__}))
 """
+)
 
 
 @dataclass(frozen=True)
@@ -161,22 +158,20 @@ class Copy:
     def package(self) -> Path:
         return self.folder / "feeder_sim"
 
-    def start(
-        self, script: str, argument: Any = None, cache: Path | None = None, prefix: Sequence[str] = ()
-    ) -> subprocess.Popen[str]:
+    def start(self, script: str, argument: Any, prefix: Sequence[str] = ()) -> subprocess.Popen[str]:
         # Files of byte code are told apart by whole seconds, and tests change a source within one.
-        more = {"PYTHONPATH": str(self.folder), "NUMBA_CACHE_DIR": str(cache or self.cache)}
+        more = {"PYTHONPATH": str(self.folder), "NUMBA_CACHE_DIR": str(self.cache)}
         command = [*prefix, sys.executable, "-B", "-c", script, json.dumps(argument)]
         pipe = subprocess.PIPE
         return subprocess.Popen(
             command, env=os.environ | more, cwd=self.folder, stdin=pipe, stdout=pipe, stderr=pipe, text=True
         )
 
-    def run(self, script: str, argument: Any = None, cache: Path | None = None) -> dict[str, Any]:
-        return printed(self.start(script, argument, cache))
+    def run(self, script: str, argument: Any) -> dict[str, Any]:
+        return printed(self.start(script, argument))
 
-    def call(self, *arguments: float, cache: Path | None = None) -> dict[str, Any]:
-        return self.run(CALL, arguments, cache)
+    def call(self, *arguments: float) -> dict[str, Any]:
+        return self.run(CALL, arguments)
 
     def edit(self, name: str, old: str, new: str) -> None:
         file = self.package / name
@@ -236,11 +231,11 @@ def test_versions_that_two_processes_compiled_are_told_apart_by_a_third(copy: Co
 @pytest.mark.slow
 def test_a_constant_of_another_file_is_the_present_one(copy: Copy) -> None:
     """Gravity is compiled into the flight of parts, and stands in a file without any compiled function."""
-    earth = copy.run(FALL)
+    earth = copy.run(FALL, SCENARIO)
     assert earth == {"fallen": pytest.approx(0.5 * 9.81 * 4.0), "compiled": 1}
-    assert copy.run(FALL) == earth | {"compiled": 0}
+    assert copy.run(FALL, SCENARIO) == earth | {"compiled": 0}
     copy.edit("scene/scene.py", "GRAVITY = 9.81", "GRAVITY = 1.62")
-    moon = copy.run(FALL)
+    moon = copy.run(FALL, SCENARIO)
     assert moon == {"fallen": pytest.approx(0.5 * 1.62 * 4.0), "compiled": 1}
 
 
@@ -255,12 +250,11 @@ def test_a_function_of_another_file_is_the_present_one(copy: Copy) -> None:
 @pytest.mark.slow
 def test_a_ball_on_a_slide_falls_with_the_present_gravity(copy: Copy) -> None:
     """A whole engine, the one that compiles fastest."""
-    for gravity in (9.81, 1.62):
-        fall = copy.run(SLIDE)
+    for present, gravity in (("9.81", 9.81), ("1.62", 1.62)):
+        copy.edit("scene/scene.py", "GRAVITY = 9.81", f"GRAVITY = {present}")
+        fall = copy.run(SLIDE, SCENARIO)
         assert fall["engine"] == "SlideEngine"
         assert fall["speed"] ** 2 == pytest.approx(2.0 * gravity * fall["fallen"], rel=1e-9)
-        if gravity == 9.81:
-            copy.edit("scene/scene.py", "GRAVITY = 9.81", "GRAVITY = 1.62")
 
 
 def test_the_key_of_machine_code_changes_with_every_room(copy: Copy, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -311,7 +305,7 @@ def test_folders_used_last_are_kept(tmp_path: Path) -> None:
         (tmp_path / name).mkdir()
         os.utime(tmp_path / name, (0, 0))
     (tmp_path / ("f" * KEY_LENGTH)).write_text("a file")
-    remove_old_folders(tmp_path)
+    machine_code.remove_old_folders(tmp_path)
     left = {path.name for path in tmp_path.iterdir()}
     assert left == {*names[:FOLDERS_KEPT], *others, "f" * KEY_LENGTH}
 
@@ -332,7 +326,7 @@ def test_a_folder_that_is_in_use_is_young(copy: Copy) -> None:
 def test_without_a_folder_for_machine_code_everything_is_compiled(place: str, copy: Copy, tmp_path: Path) -> None:
     (tmp_path / "file").write_text("in the way")
     for _ in range(2):
-        assert copy.call(3, cache=tmp_path / place) == {"values": expected(3), "compiled": 3}
+        assert replace(copy, cache=tmp_path / place).call(3) == {"values": expected(3), "compiled": 3}
     assert (tmp_path / "file").read_text() == "in the way"
 
 
@@ -386,20 +380,15 @@ DAMAGE: dict[str, Callable[[bytes], bytes]] = {
 }
 
 
+FOR_EVERY_DAY = ((".nbc", "half"), (".nbi", "nothing"))
+
+
 @pytest.mark.parametrize(
     ("suffix", "left"),
     [
-        (".nbc", "half"),
-        (".nbi", "nothing"),
-        *(
-            pytest.param(*damage, marks=pytest.mark.slow)
-            for damage in (
-                (".nbc", "nothing"),
-                (".nbc", "something else"),
-                (".nbi", "half"),
-                (".nbi", "something else"),
-            )
-        ),
+        pytest.param(suffix, left, marks=() if (suffix, left) in FOR_EVERY_DAY else pytest.mark.slow)
+        for suffix in (".nbc", ".nbi")
+        for left in DAMAGE
     ],
 )
 def test_damaged_machine_code_is_compiled_again(suffix: str, left: str, copy: Copy) -> None:

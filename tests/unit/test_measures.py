@@ -6,7 +6,7 @@ import weakref
 
 import numpy as np
 import pytest
-from conftest import piston_scenario, strip_scenario
+from conftest import piston_scenario, resting, strip_scenario
 
 from feeder_sim.errors import InputError
 from feeder_sim.measures.drift import drift_velocity, first_passage, transport_speed
@@ -21,8 +21,7 @@ from feeder_sim.scene.scene import Scene, build_scene
 def moving(x: np.ndarray, time: np.ndarray) -> Frames:
     position = np.zeros((len(time), 1, 3))
     position[:, 0, 0] = x
-    attitude, there = np.tile([1.0, 0, 0, 0], (len(time), 1, 1)), np.ones((len(time), 1), bool)
-    return Frames(time, position, attitude, position * 0, position * 0, there)
+    return resting(time, position)
 
 
 def test_uniform_motion_gives_its_own_speed() -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from conftest import from_python
+from conftest import from_python, piston_scenario
 from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
@@ -13,7 +13,7 @@ from feeder_sim.engines.impulse import island, neighbours
 from feeder_sim.engines.impulse.kinds import read_kinds, rim_walls
 from feeder_sim.engines.impulse.pair_contact import PAIR
 from feeder_sim.engines.impulse.state import Kinds, new_parts
-from feeder_sim.scenario import Ball, Drive, HexNut, PistonPlate, Run, Scattered, Scenario
+from feeder_sim.scenario import Ball, HexNut, Scattered
 from feeder_sim.scene.scene import Scene, build_scene
 
 find_pairs, find_islands = from_python(neighbours.find_pairs), from_python(neighbours.find_islands)
@@ -26,17 +26,10 @@ Records = NDArray[np.void]
 def plate(count: int, *, rim: bool) -> Scene:
     """Nuts and balls of two sizes on a plate, with walls around it or not."""
     start = Scattered(kind="scattered")
-    return build_scene(
-        Scenario(
-            plate=PistonPlate(kind="piston", length_mm=2e3 * HALF, width_mm=2e3 * HALF, rim=rim),
-            drive=(Drive(frequency_hz=500.0, amplitude_um=0.0),),
-            part=(
-                HexNut(size="M2.5", count=count, start=start),
-                Ball(shape="ball", diameter_mm=12.0, count=count, start=start),
-            ),
-            run=Run(duration_s=0.1, seeds=1),
-        )
-    )
+    nuts = HexNut(size="M2.5", count=count, start=start)
+    balls = Ball(shape="ball", diameter_mm=12.0, count=count, start=start)
+    square = {"length_mm": 2e3 * HALF, "width_mm": 2e3 * HALF, "rim": rim}
+    return build_scene(piston_scenario(frequency_hz=500.0, plate=square, part=(nuts, balls), duration_s=0.1))
 
 
 def cloud(count: int, seed: int, *, rim: bool = False, spread: float = 0.5 * HALF) -> tuple[Records, Kinds, int]:

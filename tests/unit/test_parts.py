@@ -6,12 +6,11 @@ from typing import Any
 import numpy as np
 import pytest
 import trimesh
+from conftest import refusal, toml_of
 from scipy.spatial.transform import Rotation
 
-from feeder_sim.errors import InputError
 from feeder_sim.part.solids import ISO_4032
-from feeder_sim.scenario import Ball, Cylinder, Dimer, HexNut, MeshPart, Scenario, Tube
-from feeder_sim.scenario.tables import validated
+from feeder_sim.scenario import Ball, Cylinder, Dimer, HexNut, MeshPart, Tube, parse_scenario
 from feeder_sim.scene.part import build_part
 
 
@@ -69,30 +68,29 @@ def test_a_dimer_is_two_balls_on_a_rod(rod_density: float) -> None:
     assert part.vertices.max(axis=0) == pytest.approx([0.0125, 0.0025, 0.0025], rel=1e-2)
 
 
+DIMER: dict[str, Any] = {
+    "plate": {"kind": "piston"},
+    "drive": [{"frequency_hz": 25.0, "amplitude_um": 300.0}],
+    "part": [{"shape": "dimer", "ball_diameter_mm": 5.0, "length_mm": 25.0}],
+    "run": {"duration_s": 1.0},
+}
+
+
 @pytest.mark.parametrize(
-    ("changes", "message"),
+    ("key", "value", "message"),
     [
-        ({"part": {"length_mm": 9.0}}, "length_mm is 9, allowed is at least 10"),
-        ({"part": {"rod_diameter_mm": 6.0}}, "rod_diameter_mm is 6, allowed is up to ball_diameter_mm"),
-        ({"part": {"guide": {"kind": "slide"}}}, "guide is given, allowed is none for a dimer"),
-        ({"part": {"count": 2, "start": {"kind": "scattered"}}}, "part.count adds up to 2, allowed is 1 with a dimer"),
-        ({"plate": {"rim": True}}, "plate.rim is true, allowed is false with a dimer"),
-        ({"run": {"engine": "mujoco"}}, 'run.engine is "mujoco", allowed is "impulse" with a dimer'),
+        ("part[0].length_mm", 9.0, "length_mm is 9, allowed is at least 10"),
+        ("part[0].rod_diameter_mm", 6.0, "rod_diameter_mm is 6, allowed is up to ball_diameter_mm"),
+        ("part[0].guide.kind", "slide", "guide is given, allowed is none for a dimer"),
+        ("part[0].count", 2, "part.count adds up to 2, allowed is 1 with a dimer"),
+        ("plate.rim", True, "plate.rim is true, allowed is false with a dimer"),
+        ("run.engine", "mujoco", 'run.engine is "mujoco", allowed is "impulse" with a dimer'),
     ],
 )
-def test_a_dimer_is_refused_where_it_would_meet_other_bodies(changes: dict[str, Any], message: str) -> None:
-    raw: dict[str, Any] = {
-        "plate": {"kind": "piston"},
-        "drive": [{"frequency_hz": 25.0, "amplitude_um": 300.0}],
-        "part": {"shape": "dimer", "ball_diameter_mm": 5.0, "length_mm": 25.0},
-        "run": {"duration_s": 1.0},
-    }
-    for table, keys in changes.items():
-        raw[table] = raw[table] | keys
-    with pytest.raises(InputError) as error:
-        validated(raw | {"part": [raw["part"]]}, Scenario, Path("dimer.toml"))
-    assert message in str(error.value)
-    assert "\n" not in str(error.value)
+def test_a_dimer_is_refused_where_it_would_meet_other_bodies(key: str, value: Any, message: str) -> None:
+    start = {"part[0].start": {"kind": "scattered"}} if key == "part[0].count" else {}
+    text = toml_of(DIMER, start | {key: value})
+    assert message in refusal(parse_scenario, text, file=Path("dimer.toml"))
 
 
 @pytest.mark.parametrize("tilt", [0.0, 0.4, 1.5])
@@ -119,14 +117,6 @@ def test_mesh_file_keeps_mass_and_finds_principal_axes(tmp_path: Path) -> None:
     assert np.sort(np.ptp(part.in_principal_axes(part.corners), axis=0)) == pytest.approx([2e-3, 3e-3, 5e-3], rel=1e-5)
 
 
-def test_open_mesh_is_refused(tmp_path: Path) -> None:
-    box = trimesh.creation.box()
-    trimesh.Trimesh(box.vertices, box.faces[:-1]).export(tmp_path / "open.stl")
-    with pytest.raises(InputError, match=r"open\.stl: part\.file: is an open mesh"):
-        build_part(MeshPart(shape="mesh", file=tmp_path / "open.stl"))
-
-
 def test_file_that_is_no_mesh_is_refused(tmp_path: Path) -> None:
     (tmp_path / "part.stl").write_text("not a mesh")
-    with pytest.raises(InputError, match=r"part\.stl"):
-        build_part(MeshPart(shape="mesh", file=tmp_path / "part.stl"))
+    assert "part.stl" in refusal(build_part, MeshPart(shape="mesh", file=tmp_path / "part.stl"))

@@ -11,27 +11,21 @@ from typing import Any
 import numpy as np
 import pytest
 import trimesh
-from conftest import REPOSITORY
+from conftest import NUT_ON_STRIP, REPOSITORY, refusal, toml_of
 
 from feeder_sim.engines.impulse.kinds import read_kinds
-from feeder_sim.errors import InputError
 from feeder_sim.part.mesh_part import mesh_part, solid
 from feeder_sim.part.pieces import make_pieces, pieces_beside, read_pieces, write_pieces
 from feeder_sim.run.prepare import prepare
 from feeder_sim.run.provenance import input_hashes
-from feeder_sim.scenario import MeshPart, load_scenario, parse_scenario
+from feeder_sim.scenario import MeshPart, Scenario, parse_scenario
 
 HOOK = REPOSITORY / "models/hook/hook.stl"
-SCENARIO = """
-plate = { kind = "strip", thickness_mm = 3.0 }
-drive = [{ frequency_hz = 4750.0, amplitude_um = 1.0 }]
-run = { duration_s = 0.1 }
-[[part]]
-shape = "mesh"
-file = "hook.stl"
-count = 2
-start = { kind = "scattered" }
-"""
+NO_LINES_OF_OBJ = ("v 1 2", "v 1 2 nan", "f 1 2 999", "f 1 x 3", "f 1 2")
+SCENARIO: dict[str, Any] = NUT_ON_STRIP | {
+    "run": {"duration_s": 0.1},
+    "part": [{"shape": "mesh", "file": "hook.stl", "count": 2, "start": {"kind": "scattered"}}],
+}
 
 
 @pytest.fixture
@@ -39,6 +33,12 @@ def hook(tmp_path: Path) -> Path:
     for file in (HOOK, pieces_beside(HOOK)):
         shutil.copy(file, tmp_path)
     return tmp_path / "hook.stl"
+
+
+def scenario_of(hook: Path, **part: Any) -> Scenario:
+    """Two of the hooks, with more in their table."""
+    changes = {f"part[0].{key}": value for key, value in part.items()}
+    return parse_scenario(toml_of(SCENARIO, changes), file=hook.parent / "hooks.toml")
 
 
 def read(hook: Path) -> list[Any]:
@@ -72,14 +72,7 @@ def test_a_part_is_cut_and_read_back(tmp_path: Path) -> None:
     assert len(back) == len(pieces) == 2
     for written, found in zip(pieces, back, strict=True):
         assert found == pytest.approx(written[0], abs=1e-5)
-    with pytest.raises(InputError, match=r"--piece-error-mm: is 40, allowed is 0.06 to 3"):
-        make_pieces(mesh, 1.0, 40.0)
-
-
-def refusal(hook: Path) -> str:
-    with pytest.raises(InputError) as failure:
-        read(hook)
-    return failure.value.problem
+    assert "--piece-error-mm: is 40, allowed is 0.06 to 3" in refusal(make_pieces, mesh, 1.0, 40.0)
 
 
 def edited(hook: Path, old: str, new: str) -> str:
@@ -88,52 +81,48 @@ def edited(hook: Path, old: str, new: str) -> str:
     text = file.read_text()
     assert old in text
     file.write_text(text.replace(old, new))
-    return refusal(hook)
+    return refusal(read, hook)
 
 
 def test_pieces_of_another_mesh(hook: Path) -> None:
     trimesh.load_mesh(hook).apply_scale(1.01).export(hook)
-    problem = refusal(hook)
+    problem = refusal(read, hook)
     assert "was made of another hook.stl; make them again: feeder-sim part" in problem
     assert problem.endswith("hook.stl --pieces --force")
 
 
 def test_no_pieces(hook: Path) -> None:
     pieces_beside(hook).unlink()
-    assert "no such file, make it: feeder-sim part" in refusal(hook)
+    assert "no such file, make it: feeder-sim part" in refusal(read, hook)
 
 
-def test_pieces_without_a_hash(hook: Path) -> None:
-    assert "has no line" in edited(hook, "# sha256", "# md5")
-
-
-def test_a_piece_that_is_not_convex(hook: Path) -> None:
-    """Two pieces in one object."""
-    assert "piece 0 is not convex: it lies" in edited(hook, "o piece_1\n", "")
+@pytest.mark.parametrize(
+    ("old", "new", "expected"),
+    [
+        ("# sha256", "# md5", "has no line"),
+        ("o piece_1\n", "", "piece 0 is not convex: it lies"),  # two pieces in one object
+        *(("o piece_1\n", f"o piece_1\n{line}\n", f"is '{line}', which no OBJ file has") for line in NO_LINES_OF_OBJ),
+    ],
+)
+def test_damaged_pieces(hook: Path, old: str, new: str, expected: str) -> None:
+    assert expected in edited(hook, old, new)
 
 
 def test_a_piece_elsewhere(hook: Path) -> None:
     file = pieces_beside(hook)
     first, rest = file.read_text().split("o piece_1")
     file.write_text(re.sub(r"(?m)^v (\S+)", lambda x: f"v {float(x.group(1)) - 0.5:.6f}", first) + "o piece_1" + rest)
-    assert "piece 0 reaches 0.5 out of the hull of the mesh" in refusal(hook)
+    assert "piece 0 reaches 0.5 out of the hull of the mesh" in refusal(read, hook)
 
 
 def test_a_piece_is_missing(hook: Path) -> None:
     file = pieces_beside(hook)
     file.write_text(file.read_text().split("o piece_5")[0])
-    assert "of the volume of the mesh" in refusal(hook)
-
-
-@pytest.mark.parametrize("line", ["v 1 2", "v 1 2 nan", "f 1 2 999", "f 1 x 3", "f 1 2"])
-def test_a_damaged_line(hook: Path, line: str) -> None:
-    assert f"is '{line}', which no OBJ file has" in edited(hook, "o piece_1\n", f"o piece_1\n{line}\n")
+    assert "of the volume of the mesh" in refusal(read, hook)
 
 
 def test_scenario_and_record_know_the_pieces(hook: Path) -> None:
-    file = hook.parent / "hooks.toml"
-    file.write_text(SCENARIO + 'contact = "parts"\n')
-    scenario = load_scenario(file)
+    scenario = scenario_of(hook, contact="parts")
     part = scenario.part[0]
     assert isinstance(part, MeshPart) and part.pieces == pieces_beside(hook)
     assert set(input_hashes(scenario)) == {"part[0].file", "part[0].pieces"}
@@ -143,7 +132,7 @@ def test_scenario_and_record_know_the_pieces(hook: Path) -> None:
 
 
 def test_what_the_hull_hides_is_said(hook: Path) -> None:
-    scenario = parse_scenario(SCENARIO, file=hook.parent / "hooks.toml")
+    scenario = scenario_of(hook)
     assert set(input_hashes(scenario)) == {"part[0].file"}
     (line,) = [line for line in prepare(scenario).cautions if "hull" in line]
     assert line.startswith("part[0]: its hull has 2.1 times its volume: parts cannot hook or nest")
@@ -152,20 +141,19 @@ def test_what_the_hull_hides_is_said(hook: Path) -> None:
 
 
 def test_pieces_with_a_hull_contact_are_refused(hook: Path) -> None:
-    with pytest.raises(InputError, match="pieces is given, allowed is none"):
-        parse_scenario(SCENARIO + 'pieces = "hook_pieces.obj"\n', file=hook.parent / "hooks.toml")
+    assert "pieces is given, allowed is none" in refusal(scenario_of, hook, pieces="hook_pieces.obj")
 
 
 def test_too_many_corners_are_said(tmp_path: Path) -> None:
     trimesh.creation.icosphere(subdivisions=3, radius=3.0).export(tmp_path / "hook.stl")
-    scenario = parse_scenario(SCENARIO + "corner_error_um = 5.0\n", file=tmp_path / "hooks.toml")
+    scenario = scenario_of(tmp_path / "hook.stl", corner_error_um=5.0)
     (line,) = [line for line in prepare(scenario).cautions if "corner" in line]
     found = re.fullmatch(r"part\[0\]\.corner_error_um: is 5, (\d+) corners leave (\d+) um, and no part .* 128", line)
     assert found is not None and int(found[1]) <= 128 and 50 < int(found[2]) < 200
 
 
 def test_a_piece_may_reach_farther_than_the_corners(hook: Path) -> None:
-    scene = prepare(parse_scenario(SCENARIO + 'contact = "parts"\n', file=hook.parent / "hooks.toml")).scene
+    scene = prepare(scenario_of(hook, contact="parts")).scene
     (kind,) = scene.kinds
     far = replace(kind, pieces=(*kind.pieces, 1.5 * kind.pieces[0]))
     reach = max(np.linalg.norm(points, axis=1).max() for points in far.pieces)

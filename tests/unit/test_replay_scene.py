@@ -8,9 +8,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from conftest import piston_scenario, strip_scenario
+from conftest import piston_scenario, refusal, strip_scenario
 
-from feeder_sim.errors import InputError
 from feeder_sim.part.solids import hex_nut
 from feeder_sim.part.stable_poses import PoseTable, stable_poses
 from feeder_sim.plate.drive import ModalDrive
@@ -48,21 +47,13 @@ FEW = 4  # parts of each kind
 def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Two kinds of balls on a plate that shakes and rests; those that lie alone are picked, twice."""
     folder = tmp_path_factory.mktemp("replay") / "run"
-    shake = Stage(
-        name="shake",
-        drive=(Excitation(frequency_hz=500.0, amplitude_um=20.0), Excitation(frequency_hz=12500.0, amplitude_um=0.5)),
-        duration_s=0.1,
-        pause_s=0.1,
-        pick=Pick(clearance_mm=10.0),
-    )
+    drives = Excitation(frequency_hz=500.0, amplitude_um=20.0), Excitation(frequency_hz=12500.0, amplitude_um=0.5)
+    shake = Stage(name="shake", drive=drives, duration_s=0.1, pause_s=0.1, pick=Pick(clearance_mm=10.0))
     start = Scattered(kind="scattered")
     scenario = Scenario(
         plate=PistonPlate(kind="piston", length_mm=60.0, width_mm=40.0),
         schedule=Schedule(stage=(shake,), cycles=2),
-        part=(
-            Ball(shape="ball", diameter_mm=SMALL_MM, count=FEW, start=start),
-            Ball(shape="ball", diameter_mm=LARGE_MM, count=FEW, start=start),
-        ),
+        part=tuple(Ball(shape="ball", diameter_mm=size, count=FEW, start=start) for size in (SMALL_MM, LARGE_MM)),
         run=Run(seeds=1, frames_per_second=100.0),
     )
     record_run(scenario, folder, replay=False)
@@ -121,10 +112,8 @@ def test_text_of_a_scene_without_schedule_follows_its_drives() -> None:
     scenario = piston_scenario(amplitude_um=2.0, duration_s=1.0)
     drive = scenario.drive[0].model_copy(update={"start_s": 0.2, "duration_s": 0.5})
     scenario = scenario.model_copy(update={"drive": (drive,)})
-    grid = np.linspace(-1.0, 1.0, 2)
-    plate = PlateRecord(
-        0.1, 0.1, 3e-3, grid, grid, np.full((1, 2, 2), -0.5), (), grid, (ModalDrive(0, 4750.0, 4750.0, 4e-6),)
-    )
+    grid, drives = np.linspace(-1.0, 1.0, 2), (ModalDrive(0, 4750.0, 4750.0, 4e-6),)
+    plate = PlateRecord(0.1, 0.1, 3e-3, grid, grid, np.full((1, 2, 2), -0.5), (), grid, drives)
     assert stage_texts(plate, timetable(scenario), 1.0) == [
         (0.0, "pause"),
         (0.2, "4750 Hz, 2 µm"),  # of the largest deflection on the plate
@@ -141,11 +130,8 @@ def test_kinds_have_colours_and_a_legend(run: Path, recording: Recording) -> Non
     assert [colour[0] for colour in colours] == legend and legend[0] != legend[1]
     two = colours_of(parse_scenario(recording.scenario_text, file=recording.path), "kind", recording.parts)
     assert two.index(recording.seeds[0], [FEW - 1, FEW]).tolist() == [[0, 1]] * len(recording.seeds[0])
-    assert kind_names([HexNut(size="M2.5"), HexNut(size="M3"), HexNut(size="M3")]) == [
-        "nut M2.5",
-        "nut M3 (2)",
-        "nut M3 (3)",
-    ]
+    nuts = [HexNut(size="M2.5"), HexNut(size="M3"), HexNut(size="M3")]
+    assert kind_names(nuts) == ["nut M2.5", "nut M3 (2)", "nut M3 (3)"]
 
 
 def test_poses_have_colours(recording: Recording) -> None:
@@ -172,9 +158,8 @@ def test_one_kind_has_no_legend_and_bar_has_its_length(tmp_path: Path) -> None:
     record_run(strip_scenario(duration_s=0.02), tmp_path / "run")
     replay = tmp_path / "run" / "replay.rrd"
     assert not logged(replay, "labels/legend", "Points3D:labels")
-    (_, strips), (_, text) = (
-        logged(replay, "labels/scale_bar", f"LineStrips3D:{name}")[0] for name in ("strips", "labels")
-    )
+    columns = [f"LineStrips3D:{name}" for name in ("strips", "labels")]
+    (_, strips), (_, text) = (logged(replay, "labels/scale_bar", column)[0] for column in columns)
     assert f"{np.ptp(np.array(strips[0])[:, 0]):g} mm" == text[0]
     assert [bar_length(largest) for largest in (45.0, 20.0, 9.9, 0.7)] == [20.0, 20.0, 5.0, 0.5]
 
@@ -209,9 +194,8 @@ def test_only_a_part_high_above_the_plate_has_a_line_down_to_it(recording: Recor
 def test_plate_and_text_fill_the_pane(sides: tuple[float, float]) -> None:
     half = 0.5 * np.array(sides)
     box = Box(np.array([*-half, -3.0]), np.array([*half, 0.0]))
-    seen = scene_eye(box, 5, "picture").seen(
-        np.vstack([box.framed(2), legend_places(box, 5)]), scene_aspect(box, "picture")
-    )
+    points = np.vstack([box.framed(2), legend_places(box, 5)])
+    seen = scene_eye(box, 5, "picture").seen(points, scene_aspect(box, "picture"))
     assert np.abs(seen).max() < 1.0
     assert np.abs(seen[:, 0]).max() > 0.95 or np.abs(seen[:, 1]).max() > 0.95
 
@@ -240,14 +224,19 @@ def test_film_takes_the_record_in_twenty_seconds_or_what_is_asked_for(run: Path,
     assert len(slow.times) == 21 and slow.times[[0, -1]] == pytest.approx([0.1, 0.2])
     slow_motion = film_of(run, None, None, slow=True, fps=10.0)
     assert slow_motion.times[-1] <= 3.9 + 1e-9 and len(slow_motion.times) == 40
-    for values, message in (
-        ({"end": 9.0}, r"--from, --to: are 0 and 9, allowed is 0 <= --from < --to <= 0\.4"),
+
+
+@pytest.mark.parametrize(
+    ("values", "message"),
+    [
+        ({"end": 9.0}, "--from, --to: are 0 and 9, allowed is 0 <= --from < --to <= 0.4"),
         ({"begin": 0.2, "end": 0.1}, "--from, --to"),
         ({"speed": 0.0}, "--speed: is 0"),
         ({"speed": float("nan")}, "--speed: is nan"),
         ({"fps": 1000.0}, "--fps: is 1000, allowed is 1 to 240"),
         ({"size": (1281, 720)}, "--size: is 1281x720, allowed are even numbers"),
         ({"speed": 1e-5}, "--speed, --fps: makes a film of"),
-    ):
-        with pytest.raises(InputError, match=message):
-            film_of(run, **({"begin": None, "end": None} | values))
+    ],
+)
+def test_films_that_cannot_be_are_refused(run: Path, values: dict[str, Any], message: str) -> None:
+    assert message in refusal(film_of, run, **({"begin": None, "end": None} | values))

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from conftest import ready
+from conftest import ready, resting
 
 from feeder_sim.measures.separation import Separation, StageReport, stage_reports
 from feeder_sim.measures.stage_lines import StageLines, stage_lines
@@ -56,9 +56,7 @@ def still(scene: Scene, places_mm: list[tuple[float, float]]) -> Frames:
     """Parts lying in their places all the time."""
     assert scene.n_frames == END + 1
     position = np.tile(np.array([[1e-3 * x, 1e-3 * y, 1e-3] for x, y in places_mm]), (END + 1, 1, 1))
-    time = scene.frame_interval * np.arange(END + 1, dtype=np.float64)
-    upright = np.tile([1.0, 0.0, 0.0, 0.0], (END + 1, len(places_mm), 1))
-    return Frames(time, position, upright, position * 0, position * 0, np.ones(position.shape[:2], bool))
+    return resting(scene.frame_interval * np.arange(END + 1, dtype=np.float64), position)
 
 
 # 12 mm apart along y, so that everybody is isolated.
@@ -121,15 +119,12 @@ def test_touching_pairs_are_those_whose_bounding_spheres_overlap(scene: Scene, l
 
 def test_flipped_parts_are_counted_in_the_stage_that_turned_them(scene: Scene, lines: StageLines) -> None:
     frames = still(scene, ROW)
-    on_edge = np.array([math.sqrt(0.5), math.sqrt(0.5), 0.0, 0.0])
-    leaning = np.array([math.cos(math.radians(20)), math.sin(math.radians(20)), 0.0, 0.0])  # by 40 degrees
-    yawed = np.array([math.sqrt(0.5), 0.0, 0.0, math.sqrt(0.5)])
     frames.quaternion[30:, 0] = HALF_TURN
     frames.quaternion[70:, 1] = HALF_TURN
     frames.quaternion[20:40, 2] = HALF_TURN  # and back again before anybody looked
-    frames.quaternion[60:, 3] = on_edge
-    frames.quaternion[10:, 4] = leaning
-    frames.quaternion[10:, 5] = yawed
+    frames.quaternion[60:, 3] = [math.sqrt(0.5), math.sqrt(0.5), 0.0, 0.0]  # on edge
+    frames.quaternion[10:, 4] = [math.cos(math.radians(20)), math.sin(math.radians(20)), 0.0, 0.0]  # by 40 degrees
+    frames.quaternion[10:, 5] = [math.sqrt(0.5), 0.0, 0.0, math.sqrt(0.5)]  # yawed
     assert [report.flipped for report in reports(scene, lines, frames)] == [1, 2]
     came = events(ARRIVALS, time=frames.time[50], part=[1], cycle=1, height=0.0)  # as the second stage began
     refilled = replace(record(frames), arrivals=came)
@@ -141,13 +136,9 @@ def test_picked_and_lost_parts_belong_to_the_stage_they_left_in(scene: Scene, li
     # One falls off in the first stage; two are picked at the end of the second, after the last frame counts them.
     frames.position[20:, 5] = [0.2, 0.0, -0.06]
     frames.present[26:, 5] = False
-    removals = joined(
-        [
-            removed([5], float(frames.time[25]), Cause.LOST),
-            removed([0, 1], float(frames.time[END]), Cause.PICKED),
-        ]
-    )
-    gather, separate = reports(scene, lines, frames, removals)
+    lost = removed([5], float(frames.time[25]), Cause.LOST)
+    picked = removed([0, 1], float(frames.time[END]), Cause.PICKED)
+    gather, separate = reports(scene, lines, frames, joined([lost, picked]))
     assert (gather.picked, gather.lost, gather.on_plate) == (0, 1, 5)
     assert (separate.picked, separate.lost, separate.on_plate) == (2, 0, 5)
 
@@ -175,9 +166,7 @@ def test_measures_are_means_over_the_seeds(scene: Scene) -> None:
     found = Separation().compute(ready(scene), seeds)
     assert found.parts == 6
     assert (found.picked.mean, found.lost.mean, found.picked.n) == (1.5, 0.5, 2)
-    assert [(s.cycle, s.stage, s.end_s.mean) for s in found.stages] == [
-        (1, "gather", pytest.approx(0.1)),
-        (1, "separate", pytest.approx(0.2)),
-    ]
+    assert [(stage.cycle, stage.stage) for stage in found.stages] == [(1, "gather"), (1, "separate")]
+    assert [stage.end_s.mean for stage in found.stages] == pytest.approx([0.1, 0.2])
     assert [stage.isolated.mean for stage in found.stages] == [3.0, 3.0]
     assert [stage.picked.mean for stage in found.stages] == [0.0, 1.5]

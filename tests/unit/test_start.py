@@ -7,38 +7,19 @@ from typing import Any
 
 import numpy as np
 import pytest
+from conftest import piston_scenario, refusal
 from scipy.spatial.distance import pdist
 from scipy.spatial.transform import Rotation
 
-from feeder_sim.errors import InputError
 from feeder_sim.run.prepare import prepare
-from feeder_sim.scenario import (
-    Ball,
-    Box,
-    Drive,
-    GivenState,
-    Heap,
-    HexNut,
-    PistonPlate,
-    Placed,
-    Run,
-    Scattered,
-    Scenario,
-    Start,
-)
+from feeder_sim.scenario import Ball, Box, Drive, GivenState, Heap, HexNut, Placed, Scattered, Scenario, Start
 from feeder_sim.scene.scene import Scene, build_scene
 from feeder_sim.scene.start import Pose, start_poses
 
 
 def plate_with(*parts: Any, side_mm: float = 60.0) -> Scene:
-    return build_scene(
-        Scenario(
-            plate=PistonPlate(kind="piston", length_mm=side_mm, width_mm=side_mm),
-            drive=(Drive(frequency_hz=500.0, amplitude_um=0.0),),
-            part=parts,
-            run=Run(duration_s=0.1, seeds=1),
-        )
-    )
+    side = {"length_mm": side_mm, "width_mm": side_mm}
+    return build_scene(piston_scenario(frequency_hz=500.0, plate=side, part=parts, duration_s=0.1))
 
 
 def scattered(count: int, **start: Any) -> HexNut:
@@ -55,6 +36,11 @@ def corners(scene: Scene, poses: list[Pose]) -> list[np.ndarray]:
         Rotation.from_quat(pose.quaternion, scalar_first=True).apply(part.corners) + pose.position
         for part, pose in zip(scene.parts, poses, strict=True)
     ]
+
+
+def upward(poses: list[Pose]) -> np.ndarray:
+    """How far the axis z of every part points upward, -1 to 1."""
+    return np.array([Rotation.from_quat(pose.quaternion, scalar_first=True).as_matrix()[2, 2] for pose in poses])
 
 
 def centres(poses: list[Pose]) -> np.ndarray:
@@ -87,11 +73,8 @@ def test_scattered_parts_are_dropped_from_their_height_turned_as_told() -> None:
     poses = start_poses(scene, np.random.default_rng(0))
     lowest = np.array([points[:, 2].min() for points in corners(scene, poses)])
     assert 0.3e-3 <= lowest.min() < lowest.max() <= 0.4e-3
-    tilts = [
-        np.degrees(np.arccos(Rotation.from_quat(pose.quaternion, scalar_first=True).as_matrix()[2, 2]))
-        for pose in poses
-    ]
-    assert 2.0 <= min(tilts) < max(tilts) <= 5.0
+    tilts = np.degrees(np.arccos(upward(poses)))
+    assert 2.0 <= tilts.min() < tilts.max() <= 5.0
 
 
 def test_heap_of_99_nuts_does_not_overlap_and_stands_in_its_column() -> None:
@@ -104,7 +87,7 @@ def test_heap_of_99_nuts_does_not_overlap_and_stands_in_its_column() -> None:
     assert np.hypot(everything[:, 0] - 4e-3, everything[:, 1] + 6e-3).max() <= 15e-3
     assert everything[:, 2].min() >= 0.2e-3  # the drop height is over the layer below, or the plate
     # Random attitudes, not the few degrees of parts that are set down.
-    ups = np.array([Rotation.from_quat(p.quaternion, scalar_first=True).as_matrix()[2, 2] for p in poses])
+    ups = upward(poses)
     assert ups.min() < -0.8 and ups.max() > 0.8
 
 
@@ -139,17 +122,13 @@ def test_same_seed_same_poses(part: HexNut) -> None:
         assert a.quaternion.tobytes() != c.quaternion.tobytes()
 
 
-def refusal(scene: Scene) -> str:
-    with pytest.raises(InputError) as caught:
-        start_poses(scene, np.random.default_rng(0))
-    message = str(caught.value)
-    assert "\n" not in message
-    return message
+def refused(scene: Scene) -> str:
+    return refusal(start_poses, scene, np.random.default_rng(0))
 
 
 def test_no_room_is_refused_with_the_key() -> None:
     crowded = plate_with(Ball(shape="ball", diameter_mm=2.0), scattered(200), side_mm=40.0)
-    message = refusal(crowded)
+    message = refused(crowded)
     assert message.startswith("part[1].start: ")
     assert "no room" in message and "200 parts" in message and "allowed" in message
 
@@ -157,23 +136,20 @@ def test_no_room_is_refused_with_the_key() -> None:
 def test_point_starts_that_overlap_are_refused_with_the_key() -> None:
     near, far = (HexNut(size="M2.5", start=Start(position_mm=(x, 0.0))) for x in (1.0, 20.0))
     first = HexNut(size="M2.5", start=Start(position_mm=(0.0, 0.0)))
-    assert refusal(plate_with(first, far, near)).startswith("part[2].start.position_mm: overlaps another part")
+    assert refused(plate_with(first, far, near)).startswith("part[2].start.position_mm: overlaps another part")
     assert len(start_poses(plate_with(first, far), np.random.default_rng(0))) == 2
 
 
 def test_heap_on_a_part_is_refused_with_the_key() -> None:
     below = Ball(shape="ball", diameter_mm=20.0, start=Start(position_mm=(0.0, 0.0)))
-    assert refusal(plate_with(below, heap(5))).startswith("part[1].start: overlaps")
+    assert refused(plate_with(below, heap(5))).startswith("part[1].start: overlaps")
 
 
-def rim_scenario(*parts: Any, phase_deg: float = 0.0, **run: Any) -> Scenario:
+def rim_scenario(part: Any, phase_deg: float = 0.0) -> Scenario:
     """A plate of 60 mm with a wall around it, off its rest at the start by up to 20 um."""
-    return Scenario(
-        plate=PistonPlate(kind="piston", length_mm=60.0, width_mm=60.0, rim=True),
-        drive=(Drive(frequency_hz=500.0, amplitude_um=20.0, ring_up=False, phase_deg=phase_deg),),
-        part=parts,
-        run=Run(**({"duration_s": 0.1, "seeds": 4} | run)),
-    )
+    rimmed = {"length_mm": 60.0, "width_mm": 60.0, "rim": True}
+    drive = Drive(frequency_hz=500.0, amplitude_um=20.0, ring_up=False, phase_deg=phase_deg)
+    return piston_scenario(plate=rimmed, drive=(drive,), part=part, duration_s=0.1, seeds=4)
 
 
 def box(start: Any) -> Box:
@@ -195,7 +171,7 @@ UPRIGHT: Any = {"yaw_deg": (0.0, 0.0), "tilt_deg": (0.0, 0.0)}
     ],
 )
 def test_a_part_in_the_wall_of_a_rim_is_refused_with_what_is_allowed(part: Any, line: str) -> None:
-    assert line in refusal(build_scene(rim_scenario(part)))
+    assert line in refused(build_scene(rim_scenario(part)))
 
 
 def test_a_part_that_touches_the_wall_is_not_refused() -> None:
@@ -215,9 +191,8 @@ def test_a_part_that_touches_the_wall_is_not_refused() -> None:
 )
 def test_a_start_in_the_wall_that_nobody_wrote_down_is_warned_of_with_its_depth(start: Any) -> None:
     (line,) = prepare(rim_scenario(box(start))).cautions
-    found = re.fullmatch(
-        r"part.start: part_0 starts ([\d.]+) mm in the wall of the rim: contact will push it out", line
-    )
+    said = r"part.start: part_0 starts ([\d.]+) mm in the wall of the rim: contact will push it out"
+    found = re.fullmatch(said, line)
     assert found is not None
     assert 0.5 < float(found[1]) < 2.2
 
@@ -231,4 +206,4 @@ def test_a_part_that_the_plate_reaches_at_the_start_is_warned_of() -> None:
 
 def test_states_that_overlap_are_refused_with_their_own_key() -> None:
     one, other = (GivenState(kind="state", position_mm=(x, 0.0, 1.0)) for x in (0.0, 5.0))
-    assert refusal(plate_with(box(one), box(other))).startswith("part[1].start.position_mm: overlaps part_0, allowed")
+    assert refused(plate_with(box(one), box(other))).startswith("part[1].start.position_mm: overlaps part_0, allowed")

@@ -8,17 +8,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from conftest import REPOSITORY, ready
-from numpy.typing import NDArray
-from typer.testing import CliRunner
+from command_line import check_refused, feeder_sim
+from conftest import REPOSITORY, ready, resting
 
-from feeder_sim.cli.main import app
-from feeder_sim.errors import InputError
 from feeder_sim.measures.circulation import Circulation, StageWave, circulation, stage_waves
 from feeder_sim.plate.wave import Track
 from feeder_sim.records.seed import Seed, Status
 from feeder_sim.records.trajectory import Frames
-from feeder_sim.scenario import Scenario, load_scenario
+from feeder_sim.scenario import load_scenario
 from feeder_sim.scene.scene import Scene, build_scene
 
 GATHER = REPOSITORY / "scenarios/wave_gather.toml"
@@ -26,9 +23,7 @@ SPLIT = REPOSITORY / "scenarios/wave_split.toml"
 
 
 def wave(phase_deg: float, path: Path = GATHER) -> StageWave:
-    raw = load_scenario(path).model_dump(exclude_none=True)
-    raw["schedule"]["stage"][0]["drive"][1]["phase_deg"] = phase_deg
-    (found,) = stage_waves(build_scene(Scenario.model_validate(raw)))
+    (found,) = stage_waves(build_scene(load_scenario(path).changed({"stage[0].drive[1].phase_deg": phase_deg})))
     return found
 
 
@@ -106,12 +101,7 @@ def running_round(track: Track, speed: float, offset: float) -> Frames:
     position = np.zeros((len(time), 2, 3))
     position[:, 0, :2] = radius * np.stack([np.cos(angle), np.sin(angle)], axis=1)
     position[..., 2] = 1e-3
-    return _frames(time, position)
-
-
-def _frames(time: NDArray[np.float64], position: NDArray[np.float64]) -> Frames:
-    upright = np.tile([1.0, 0.0, 0.0, 0.0], (*position.shape[:2], 1))
-    return Frames(time, position, upright, 0 * position, 0 * position, np.ones(position.shape[:2], bool))
+    return resting(time, position)
 
 
 def record(frames: Frames, *stops: float) -> Seed:
@@ -134,7 +124,7 @@ def test_parts_at_still_points_are_counted(gather: Scene, quarter: StageWave) ->
     position[:, 2, :2] = quarter.still[0] + np.array([9e-3, 0.0])
     position[:, 3, 2] = -0.03  # fallen past the edge
     position[:, :3, 2] = 1e-3
-    (found,) = Circulation().compute(ready(gather), [record(_frames(np.linspace(0.0, 24.0, 801), position))]).waves
+    (found,) = Circulation().compute(ready(gather), [record(resting(np.linspace(0.0, 24.0, 801), position))]).waves
     assert found.at_still_points.mean == pytest.approx(2.0 / 3.0)
     assert found.still_points == 9
 
@@ -144,13 +134,13 @@ def test_waves_are_measured_when_they_really_acted(quarter: StageWave) -> None:
     raw = load_scenario(GATHER).model_dump(exclude_none=True)
     wave_stage = raw["schedule"]["stage"][0] | {"duration_s": 4.0}
     first = {"drive": [wave_stage["drive"][0]], "duration_s": 60.0, "until": {"within_mm": 1.0, "for_s": 0.5}}
-    raw["schedule"] = {"cycles": 2, "prepare": [first], "stage": [wave_stage]}
-    scene = build_scene(Scenario.model_validate(raw))
+    schedule = {"cycles": 2, "prepare": [first], "stage": [wave_stage]}
+    scene = build_scene(load_scenario(GATHER).changed({"schedule": schedule}))
     waves = stage_waves(scene)
     assert [wave.number for wave in waves] == [1, 2] and waves[0].track is waves[1].track
     track, speed = track_of(quarter), 0.02
     frames = running_round(track, speed, 0.0)
-    frames = _frames(frames.time * 7.5, frames.position)  # 15 s, of which the waves have 5 to 9 and 9 to 13
+    frames = resting(frames.time * 7.5, frames.position)  # 15 s, of which the waves have 5 to 9 and 9 to 13
     prepared = ready(scene)
     found = Circulation().compute(prepared, [record(frames, 5.0)]).waves
     assert [wave.cycle for wave in found] == [1, 2]
@@ -162,15 +152,14 @@ def test_waves_are_measured_when_they_really_acted(quarter: StageWave) -> None:
 
 def test_command_describes_and_draws(tmp_path: Path) -> None:
     picture = tmp_path / "wave.png"
-    done = CliRunner().invoke(app, ["wave", str(GATHER), "--json", "--picture", str(picture)])
-    assert done.exit_code == 0
+    done = feeder_sim("wave", GATHER, "--json", "--picture", picture)
+    assert done.returncode == 0
     (found,) = json.loads(done.stdout)
     assert found["still_points"] == 9 and found["phase_turns"] == -1
     assert picture.stat().st_size > 20_000
-    assert "travelling_ratio: 0.7" in CliRunner().invoke(app, ["wave", str(GATHER)]).stdout
+    assert "travelling_ratio: 0.7" in feeder_sim("wave", GATHER).stdout
 
 
 def test_a_scenario_without_a_wave_is_refused_in_one_line() -> None:
-    done = CliRunner().invoke(app, ["wave", str(REPOSITORY / "scenarios/separation_100.toml")])
-    assert isinstance(done.exception, InputError)
-    assert "no stage drives several modes at one frequency" in str(done.exception)
+    done = feeder_sim("wave", REPOSITORY / "scenarios/separation_100.toml")
+    check_refused(done, "no stage drives several modes at one frequency")
