@@ -28,11 +28,11 @@ if TYPE_CHECKING:
     from feeder_sim.api.calls import simulate as simulate
     from feeder_sim.api.compare import compare as compare
     from feeder_sim.api.opened import open as open
-    from feeder_sim.api.optimise import optimise as optimise
     from feeder_sim.api.result import Result as Result
-    from feeder_sim.api.speed_map import speed_map as speed_map
-    from feeder_sim.api.sweep import sweep as sweep
-    from feeder_sim.api.uncertainty import uncertainty as uncertainty
+    from feeder_sim.api.studies import optimise as optimise
+    from feeder_sim.api.studies import speed_map as speed_map
+    from feeder_sim.api.studies import sweep as sweep
+    from feeder_sim.api.studies import uncertainty as uncertainty
     from feeder_sim.errors import FeederSimError as FeederSimError
     from feeder_sim.errors import InputError as InputError
     from feeder_sim.feeder.environment import FeederEnvironment as FeederEnvironment
@@ -47,6 +47,7 @@ if TYPE_CHECKING:
     from feeder_sim.scenario import Scenario as Scenario
     from feeder_sim.scenario import load_scenario as load_scenario
     from feeder_sim.scene.scene import build_scene as build_scene
+    from feeder_sim.studies.ask import open_study as open_study
 
 _PUBLIC = {
     "AllFrames": "run.keep",
@@ -65,14 +66,15 @@ _PUBLIC = {
     "load_scenario": "scenario",
     "measure_drift": "api.calls",
     "open": "api.opened",
-    "optimise": "api.optimise",
+    "open_study": "studies.ask",
+    "optimise": "api.studies",
     "prepare": "run.prepare",
     "read_recording": "records.trajectory_file",
     "record_run": "api.calls",
     "simulate": "api.calls",
-    "speed_map": "api.speed_map",
-    "sweep": "api.sweep",
-    "uncertainty": "api.uncertainty",
+    "speed_map": "api.studies",
+    "sweep": "api.studies",
+    "uncertainty": "api.studies",
 }
 # `from feeder_sim import *` leaves Python's own `open` alone, and needs no extra.
 __all__ = ["__version__", *(name for name in _PUBLIC if name not in ("open", "FeederEnvironment"))]

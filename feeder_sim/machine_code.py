@@ -18,6 +18,7 @@ import itertools
 import os
 import pickle
 import platform
+import re
 import shutil
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -35,6 +36,9 @@ from numba.core.registry import CPUDispatcher
 from platformdirs import user_cache_path
 
 SHOWING = ("api", "cli", "plots", "replay", "report")  # rooms that decide no number
+# Lines of words alone: a text that is a statement by itself, a comment, nothing; and other long texts, which are kept.
+TEXT = rb'"""(?:[^"\\]|\\.|"(?!""))*"""'
+WORDS = re.compile(rb"^[ \t]*(?:r?" + TEXT + rb"[ \t]*|#[^\n]*)?\n|(" + TEXT + rb")", re.MULTILINE | re.DOTALL)
 FOLDERS_KEPT = 4  # of other states of sources, libraries and processor: two checkouts, an upgrade and a way back
 LIBRARIES = ("numba", "llvmlite", "numpy", "mujoco")
 KEY_LENGTH = 24
@@ -202,16 +206,19 @@ def code_key(package: Path = Path(__file__).parent) -> str:
 
 
 @functools.cache
-def source_hash(package: Path = Path(__file__).parent, pattern: str = "**/*.py") -> str:
+def source_hash(
+    package: Path = Path(__file__).parent, pattern: str = "**/*.py", without: tuple[str, ...] = SHOWING
+) -> str:
     """Hash of all sources of a package that decide numbers, or of those of a pattern in a folder.
 
-    What only shows them does not count: a word in a picture leaves machine code and journals as they are.
+    Rooms that only show them do not count, nor do docstrings, lines of comments and empty ones.
     """
     sources = hashlib.sha256()
     for file in sorted(package.glob(pattern)):
-        if file.relative_to(package).parts[0] in SHOWING:
+        if file.relative_to(package).parts[0] in without:
             continue
-        sources.update(file.relative_to(package).as_posix().encode() + b"\0" + file.read_bytes() + b"\0")
+        code = WORDS.sub(lambda found: found[1] or b"", file.read_bytes())
+        sources.update(file.relative_to(package).as_posix().encode() + b"\0" + code + b"\0")
     return sources.hexdigest()[:12]
 
 

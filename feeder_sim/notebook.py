@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 import html
+import importlib
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from feeder_sim.errors import shortened
+from feeder_sim.errors import InputError, shortened
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 MOST_ROWS = 20  # of a table
 LONGEST_LINE = 160  # characters of a repr that is made of many values
@@ -44,3 +48,24 @@ def cell(value: Any) -> str:
 def counted(number: int, name: str) -> str:
     """A number of things: "1 seed", "3 seeds"."""
     return f"{number} {name}" if number == 1 else f"{number} {name}s"
+
+
+def library(name: str) -> Any:
+    """A library of the extra `data`.
+
+    Raises:
+        InputError: it is missing.
+    """
+    try:
+        return importlib.import_module(name)
+    except ImportError as error:
+        raise InputError("needs the extra `data`: pip install 'feeder_sim[data]'", key=name) from error
+
+
+def axes_for(ax: Axes | None) -> Axes:
+    """Axes to draw into: those given, or new ones, which a notebook shows."""
+    if ax is not None:
+        return ax
+    from matplotlib import pyplot
+
+    return pyplot.subplots(layout="constrained")[1]

@@ -2,16 +2,11 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
 
-from feeder_sim.api.answer import Answer
 from feeder_sim.api.progress import Progress, shown
 from feeder_sim.errors import path_of_user
-from feeder_sim.notebook import counted
-from feeder_sim.studies import compare as comparing
+from feeder_sim.studies.compare import Comparison, measured_run
 
 
 def compare(first: str | Path, second: str | Path, *, progress: Progress = None) -> Comparison:
@@ -35,37 +30,7 @@ def compare(first: str | Path, second: str | Path, *, progress: Progress = None)
                 show(0.5 * (number + done))
 
         runs = [
-            comparing.measured_run(path, lambda done, number=number: of_run(number, done))  # type: ignore[misc]
+            measured_run(path, lambda done, number=number: of_run(number, done))  # type: ignore[misc]
             for number, path in enumerate(paths)
         ]
     return Comparison(*runs)
-
-
-class Comparison(Answer, comparing.Comparison):
-    """Two measured runs.
-
-    Attributes:
-        first, second: the runs, with all measures of every seed.
-    """
-
-    def _line(self) -> str:
-        how = "paired by seed" if self.paired else "Welch"
-        settings = counted(len(self.settings), "setting")
-        return f"Comparison: {counted(len(self.differences), 'measure')}, {how}; {settings} otherwise"
-
-    def _table(self) -> Sequence[Mapping[str, Any]]:
-        """A row per measure: means, their difference, and its 95 % interval."""
-        return [
-            {
-                "measure": found.name,
-                "first": found.first.mean,
-                "second": found.second.mean,
-                "difference": found.difference,
-                "low": found.low,
-                "high": found.high,
-                "n_first": found.first.n,
-                "n_second": found.second.n,
-                "pairs": math.nan if found.pairs is None else found.pairs,
-            }
-            for found in self.differences
-        ]

@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from feeder_sim.api.tables import kept_frames, library
+from feeder_sim.api.tables import kept_frames
+from feeder_sim.notebook import library
 from feeder_sim.records.trajectory import FRAME_FIELDS, SAME_TIME
 
 if TYPE_CHECKING:

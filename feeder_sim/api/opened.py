@@ -19,7 +19,7 @@ from feeder_sim.run.provenance import changed_inputs
 from feeder_sim.run.run_folder import RESOLVED, SUMMARY
 from feeder_sim.scenario import Scenario, parse_scenario
 from feeder_sim.scene.prepared import Prepared
-from feeder_sim.studies.map_folder import QUESTION as MAP
+from feeder_sim.studies.kinds import kind_of
 
 
 def open(run: str | Path) -> OpenedRun:
@@ -41,14 +41,9 @@ def open(run: str | Path) -> OpenedRun:
 
 def _refuse_question(folder: Path) -> None:
     """Say what a folder is that holds a question of many runs, and what reads it."""
-    from feeder_sim.report.question_report import kind_of
-
     if kind := kind_of(folder):
-        shows = f"`feeder-sim report` shows it, feeder_sim.{kind}(..., out=...) with the same arguments reads it"
-        raise InputError(f"is the folder of {kind}, which keeps no run: {shows}", file=folder)
-    if (folder / MAP).is_file():
-        reads = "feeder_sim.speed_map(..., out=...) with the same arguments reads it"
-        raise InputError(f"is the folder of speed_map, which keeps no run: {reads}", file=folder)
+        shows = "feeder_sim.open_study reads it, `feeder-sim report` shows it"
+        raise InputError(f"is the folder of {kind.kind}, which keeps no run: {shows}", file=folder)
 
 
 class OpenedRun(Result):

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 from feeder_sim.errors import InputError
 from feeder_sim.measures.bounces import Bounces
 from feeder_sim.measures.protocol import SeedReader
+from feeder_sim.notebook import axes_for
 from feeder_sim.plots.result import draw_intervals, draw_paths, draw_stages, draw_ways
 
 if TYPE_CHECKING:
@@ -80,12 +81,3 @@ class Plots:
 
     def __repr__(self) -> str:
         return "<plots: path(), drift(), separation(), bounces()>"
-
-
-def axes_for(ax: Axes | None) -> Axes:
-    """Axes to draw into: those given, or new ones, which a notebook shows."""
-    if ax is not None:
-        return ax
-    from matplotlib import pyplot
-
-    return pyplot.subplots(layout="constrained")[1]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib
 import io
 from typing import TYPE_CHECKING, Any, Literal, get_args
 
@@ -11,6 +10,7 @@ import numpy as np
 from feeder_sim.errors import InputError, quoted
 from feeder_sim.measures.picks import has_picks, picks_csv
 from feeder_sim.measures.values import values_of_seed
+from feeder_sim.notebook import library
 from feeder_sim.records.events import Cause
 
 if TYPE_CHECKING:
@@ -25,18 +25,6 @@ FRAME_COLUMNS = {
     "velocity": ("vx_m_s", "vy_m_s", "vz_m_s"),
     "angular_velocity": ("wx_rad_s", "wy_rad_s", "wz_rad_s"),
 }
-
-
-def library(name: str) -> Any:
-    """A library of the extra `data`.
-
-    Raises:
-        InputError: it is missing.
-    """
-    try:
-        return importlib.import_module(name)
-    except ImportError as error:
-        raise InputError("needs the extra `data`: pip install 'feeder_sim[data]'", key=name) from error
 
 
 def kept_frames(result: Result) -> list[Any]:

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import functools
 from typing import Any
 
 import typer
-from typer.core import TyperGroup
+from typer.core import TyperCommand, TyperGroup
 
 from feeder_sim.errors import InputError, Interrupted
 
@@ -13,8 +14,42 @@ from feeder_sim.errors import InputError, Interrupted
 _USAGE_ERROR: type[Exception] = typer.BadParameter.__mro__[1]
 
 
+# Questions of many runs; their options are fields that take long to import.
+STUDIES = {
+    "sweep": "Run a scenario at many points; running the same again goes on with what is not done.",
+    "uncertainty": "Run a scenario at many draws of its [uncertain] inputs; running the same again goes on.",
+    "optimise": "Search for the recipe that makes a measure largest or smallest; running the same again goes on.",
+    "map": "Map the transport speed of a part over drive frequency and amplitude; running the same again goes on.",
+}
+
+
+class LateCommand(TyperCommand):
+    """A command that is made when it is called."""
+
+    @functools.cached_property
+    def made(self) -> Any:
+        from feeder_sim.cli.study import study_command
+
+        return study_command(str(self.name), str(self.help))
+
+    @property
+    def params(self) -> list[Any]:
+        return list(self.made.params)
+
+    @params.setter
+    def params(self, _: Any) -> None:
+        pass  # those that it is begun with
+
+    def make_context(self, info_name: str | None, args: list[str], parent: Any = None, **extra: Any) -> Any:
+        return self.made.make_context(info_name, args, parent, **extra)
+
+
 class Commands(TyperGroup):
     """The commands; `modes import` is one of two words beside `modes`, which takes a file there."""
+
+    def __init__(self, **given: Any) -> None:
+        super().__init__(**given)
+        self.commands.update((name, LateCommand(name, help=title)) for name, title in STUDIES.items())
 
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
         if args[:2] == ["modes", "import"]:

@@ -16,7 +16,8 @@ if TYPE_CHECKING:
     from feeder_sim.plate.mode_file import ModeFile
     from feeder_sim.scenario import Scenario
 
-_OPTIONS = {"folder": "out"}  # of arguments that have another name in Python
+# Of arguments that have another name in Python.
+OPTIONS = {"folder": "out", "budget_s": "budget", "frequencies_hz": "frequency", "amplitudes_um": "amplitude"}
 PICTURES = (".png", ".svg", ".pdf", ".jpg")
 
 
@@ -112,7 +113,7 @@ def naming_options() -> Iterator[None]:
     except InputError as error:
         if error.argument is None:
             raise
-        names = (_OPTIONS.get(name, name) for name in error.argument.split(", "))
+        names = (OPTIONS.get(name, name) for name in error.argument.split(", "))
         options = ", ".join(f"--{name.replace('_', '-')}" for name in names)
         key = options if error.key is None else f"{options} {error.key}"
         raise InputError(error.problem, file=error.file, key=key) from error

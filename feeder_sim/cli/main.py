@@ -21,9 +21,7 @@ from feeder_sim.cli.compare import compare
 from feeder_sim.cli.drift_map import drift_map
 from feeder_sim.cli.files import naming, naming_options, new_picture, scenario_of, writable
 from feeder_sim.cli.import_modes import import_modes_command
-from feeder_sim.cli.map import map_
 from feeder_sim.cli.new import new
-from feeder_sim.cli.optimise import optimise
 from feeder_sim.cli.options import AsJson, EngineName, OptionalScenarioFile, ScenarioFile, Seed, Seeds, Set, StallAfter
 from feeder_sim.cli.part import part
 from feeder_sim.cli.plate import modes, sequence, wave
@@ -32,18 +30,19 @@ from feeder_sim.cli.report import as_lines, print_boundaries, print_result
 from feeder_sim.cli.report_page import report
 from feeder_sim.cli.response import response
 from feeder_sim.cli.schema import schema
-from feeder_sim.cli.sweep import merge, sweep
+from feeder_sim.cli.study import merge
 from feeder_sim.cli.terminal import notify, progress_bar, stop_on_signal
 from feeder_sim.cli.uncertainty import (
     DRAWS,
     SEEDS,
     RunInputs,
+    end_uncertain,
     go_on_uncertain,
     inputs_asked,
     keep_asked,
     left_uncertain,
     run_uncertain,
-    uncertainty,
+    uncertain_lines,
 )
 from feeder_sim.errors import (
     LONGEST_MESSAGE,
@@ -161,8 +160,8 @@ def _finish_run(result: Result, folder: Path, as_json: bool, inputs: int) -> Non
     if as_json:
         print_result(result, folder, as_json, {"uncertainty": uncertain.as_json()} if uncertain else {})
     elif uncertain:
-        print(uncertain.as_text())
-    drawn = not_drawn(result.scenario) if uncertain and uncertain.done.measures else []
+        print(uncertain_lines(uncertain))
+    drawn = not_drawn(result.scenario) if uncertain and uncertain.measure() else []
     for caution in result.cautions:
         if caution not in drawn:
             print(f"feeder-sim: caution: {printable(caution)}", file=sys.stderr)
@@ -175,7 +174,7 @@ def _finish_run(result: Result, folder: Path, as_json: bool, inputs: int) -> Non
     if result.failures:
         raise typer.Exit(1)
     if uncertain:
-        uncertain.finish()
+        end_uncertain(uncertain, folder)
 
 
 @app.command()
@@ -201,9 +200,8 @@ def check(
 
 app.command()(modes)
 app.command("modes import")(import_modes_command)
-app.command("map")(map_)
 app.command("drift-map")(drift_map)
-for command in (response, sequence, wave, chart, part, sweep, merge, uncertainty, optimise, new, compare, schema):
+for command in (response, sequence, wave, chart, part, merge, new, compare, schema):
     app.command()(command)
 
 

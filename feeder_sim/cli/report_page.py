@@ -31,8 +31,9 @@ def report(
     from feeder_sim.records.trajectory_file import TRAJECTORY
     from feeder_sim.records.whole_file import write_whole
     from feeder_sim.report.page import html_of
-    from feeder_sim.report.question_report import QUESTIONS, kind_of, question_page
+    from feeder_sim.report.question_report import PAGES, question_page
     from feeder_sim.report.run_report import run_page
+    from feeder_sim.studies.kinds import KINDS, kind_of
 
     if not folder.exists():
         raise InputError("no such folder", file=folder)
@@ -41,17 +42,17 @@ def report(
         raise InputError(f"is {quoted(file.suffix)}, allowed is {' or '.join(SUFFIXES)}", file=file, key="--out")
     if file.is_file() and not force:
         raise InputError("exists already, --force replaces it", file=file, key="--out")
-    kind = kind_of(folder)
+    kind = held.kind if (held := kind_of(folder)) else ""
     if kind and screenshot:
         raise InputError(
             f"is not allowed for the folder of {kind}, which keeps no recordings", file=folder, key="--screenshot"
         )
     if not kind and not (folder / TRAJECTORY).is_file() and not (folder.suffix == ".h5" and folder.is_file()):
-        allowed = f"a folder that holds {', '.join((TRAJECTORY, *QUESTIONS))}"
+        allowed = f"a folder that holds {', '.join((TRAJECTORY, *(KINDS[name].file for name in PAGES)))}"
         raise InputError(f"is no run, sweep, uncertainty or optimise, allowed is {allowed}", file=folder)
     with progress_bar(str(folder)) as progress:
         if kind:
-            page = question_page(kind, folder, progress=progress)
+            page = question_page(folder, progress=progress)
         else:
             page = run_page(folder, with_screenshot=screenshot, progress=progress, notify=notify)
         content = html_of(page).encode()

@@ -35,6 +35,7 @@ class SeedValues:
         wall_s: what it took [s].
         failure: why it has no values, a line; "" otherwise.
         cautions: settings of its scenario that are known to mislead, a line each; see `feeder_sim.jobs.cautions`.
+        left: whether all its parts have left the plate.
     """
 
     seed: int
@@ -42,22 +43,26 @@ class SeedValues:
     wall_s: float
     failure: str = ""
     cautions: tuple[str, ...] = ()
+    left: bool = False
 
     def as_entry(self) -> dict[str, Any]:
         """As JSON takes it, which has no NaN."""
         values = {name: None if math.isnan(value) else value for name, value in self.values.items()}
         entry = {"seed": self.seed, "values": values, "wall_s": self.wall_s, "failure": self.failure}
-        return entry | ({"cautions": list(self.cautions)} if self.cautions else {})
+        entry |= {"cautions": list(self.cautions)} if self.cautions else {}
+        return entry | ({"left": True} if self.left else {})
 
     @staticmethod
     def of_entry(entry: dict[str, Any]) -> SeedValues:
         """From what `as_entry` has made."""
         values = {name: math.nan if value is None else float(value) for name, value in entry["values"].items()}
         cautions = tuple(str(line) for line in entry.get("cautions", ()))
-        return SeedValues(int(entry["seed"]), values, float(entry["wall_s"]), str(entry["failure"]), cautions)
+        numbers = int(entry["seed"]), values, float(entry["wall_s"])
+        return SeedValues(*numbers, str(entry["failure"]), cautions, bool(entry.get("left")))
 
 
 _prepared: OrderedDict[str, Prepared | InputError] = OrderedDict()
+_compiled: set[type] = set()  # engines of this process
 
 
 @single_threaded
@@ -68,6 +73,7 @@ def run_task(task: Task) -> tuple[SeedValues, ...]:
         FeederSimError: this process has another version of the package, or other files than who asks.
     """
     from feeder_sim.measures.values import values_of_seed
+    from feeder_sim.records.seed import Status
     from feeder_sim.run.one_seed import run_one_seed
 
     prepared = _prepared_once(task.scenario, task.identity)
@@ -83,20 +89,27 @@ def run_task(task: Task) -> tuple[SeedValues, ...]:
             continue
         failure = str(result.failure) if result.failure else ""
         values = {} if failure else values_of_seed(prepared, result)
-        done.append(SeedValues(seed, values, time.perf_counter() - started, failure, cautions))
+        left = result.status == Status.LEFT_PLATE
+        done.append(SeedValues(seed, values, time.perf_counter() - started, failure, cautions, left))
     return tuple(done)
 
 
 def _prepared_once(scenario: Scenario, identity: str) -> Prepared | InputError:
     """Prepare a scenario; what this process has prepared last is kept."""
+    from feeder_sim.engines.lookup import engine_class
     from feeder_sim.jobs.identity import identity_of
     from feeder_sim.run.prepare import prepare
+    from feeder_sim.run.simulation import compile_engine
 
     if identity not in _prepared:
         if identity_of(scenario) != identity:
             raise FeederSimError("a worker has another version of the package, or of a file that the scenario reads")
         try:
-            _prepared[identity] = prepare(scenario)
+            _prepared[identity] = prepared = prepare(scenario)
+            engine = engine_class(prepared.engine)
+            if engine not in _compiled:  # else a seed would take longer for its first frame than it may
+                compile_engine(prepared)
+                _compiled.add(engine)
         except InputError as error:
             _prepared[identity] = error
         while len(_prepared) > KEPT:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -15,8 +15,10 @@ from feeder_sim.plate.sequences import Route
 from feeder_sim.plots.figure import MM, MS, UM, empty_figure
 from feeder_sim.plots.outline import cut_to_plate
 from feeder_sim.scene.scene import GRAVITY
-from feeder_sim.studies.bifurcation import Boundary, Diagram
-from feeder_sim.studies.width_ratios import RatioRoutes
+
+if TYPE_CHECKING:
+    from feeder_sim.studies.bifurcation import Boundary, Diagram
+    from feeder_sim.studies.width_ratios import RatioRoutes
 
 LABEL_WIDTH = 0.02  # of the axis; labels of boundaries nearer to each other than this are staggered
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +17,9 @@ from numpy.typing import NDArray
 from feeder_sim.part.rigid_part import RigidPart
 from feeder_sim.part.stable_poses import StablePose
 from feeder_sim.plots.figure import MM, empty_figure
-from feeder_sim.studies.drops import DropStudy
+
+if TYPE_CHECKING:
+    from feeder_sim.studies.drops import DropStudy
 
 Floats = NDArray[np.float64]
 

@@ -5,24 +5,25 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from feeder_sim.plots.figure import empty_figure
 from feeder_sim.scene.scene import GRAVITY
-from feeder_sim.studies.speed_map import MOST_ARRIVE, MapPoint
 
+if TYPE_CHECKING:
+    from feeder_sim.studies.speed_map import MapPoint, SpeedMap
+
+HATCHED = 0.5  # share of the seeds that arrive, below which a mean is that of the fast ones alone
 SPEEDS = (0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0)  # [mm/s] of contours
 THROWS = (1.0, 10.0, 100.0, 1000.0)  # throw numbers of lines
 
 
-def draw_speed_map(
-    points: Sequence[MapPoint], path: Path, *, title: str, marks: Sequence[tuple[float, float, float]] = ()
-) -> None:
-    """Draw a map to a file; arguments as for `draw_points`."""
+def draw_speed_map(found: SpeedMap, path: Path) -> None:
+    """Draw a map to a file."""
     figure = empty_figure(8.0, 5.6)
-    draw_points(figure.subplots(), points, title=title, marks=marks)
+    draw_points(figure.subplots(), found.points, title=found.scenario.title, marks=found.question.marks)
     figure.savefig(path, dpi=150)
 
 
@@ -34,7 +35,7 @@ def draw_points(
     Args:
         axes: of matplotlib.
         points: in any order; pairs of a frequency and an amplitude that are missing stay white, and those where less
-            than `MOST_ARRIVE` of the seeds arrive are hatched.
+            than `HATCHED` of the seeds arrive are hatched.
         title: over it.
         marks: measured points: frequency [Hz], amplitude [um], speed [mm/s]; in the colour of their speed.
     """
@@ -57,10 +58,8 @@ def draw_points(
         if levels:
             lines = axes.contour(frequencies, amplitudes, speed, levels=levels, colors="white", linewidths=1.0)
             axes.clabel(lines, fmt="%g mm/s", fontsize=7)
-        if (share < MOST_ARRIVE).any():
-            axes.contourf(
-                frequencies, amplitudes, share < MOST_ARRIVE, levels=[0.5, 1.5], colors="none", hatches=["///"]
-            )
+        if (share < HATCHED).any():
+            axes.contourf(frequencies, amplitudes, share < HATCHED, levels=[0.5, 1.5], colors="none", hatches=["///"])
     fine = np.linspace(x[0], x[-1], 400)
     for throw in THROWS:
         amplitude = 1e6 * throw * GRAVITY / (2.0 * math.pi * fine) ** 2

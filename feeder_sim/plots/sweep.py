@@ -5,15 +5,17 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from feeder_sim.measures.statistic import half_interval
 from feeder_sim.plots.figure import empty_figure, make_logarithmic
-from feeder_sim.studies.sweep.cases import Sweep
-from feeder_sim.studies.sweep.design import labels
-from feeder_sim.studies.sweep.table import Row
+from feeder_sim.scenario.changes import labels
+
+if TYPE_CHECKING:
+    from feeder_sim.studies.sweep.sweep import Sweep
+    from feeder_sim.studies.sweep.table import Row
 
 MOST_TICKS = 8  # on a logarithmic axis
 BLUE, PALE = "#3a60be", "#b8c6ea"
@@ -30,7 +32,7 @@ def draw_sweep(sweep: Sweep, measure: str, path: Path) -> None:
 
 def draw_measure(figure: Any, sweep: Sweep, measure: str) -> bool:
     """Draw one measure into an empty figure, which gets the size it needs; returns whether it has a value anywhere."""
-    rows = [row for row in sweep.of(measure) if math.isfinite(row.found.mean)]
+    rows = sweep.valued(measure)
     if not rows:
         return False
     keys = sweep.keys
@@ -119,8 +121,8 @@ def _edges(values: list[Any]) -> np.ndarray:
 
 def _is_grid(sweep: Sweep, rows: list[Row]) -> bool:
     """Whether the points are those of a grid of at least two values each."""
-    counts = [len({repr(point[key]) for point in sweep.cases.points}) for key in sweep.keys]
-    return min(counts) > 1 and math.prod(counts) == len(sweep.cases.points)
+    counts = [len({repr(point[key]) for point in sweep.points}) for key in sweep.keys]
+    return min(counts) > 1 and math.prod(counts) == len(sweep.points)
 
 
 def _is_number(value: Any) -> bool:

@@ -5,20 +5,22 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from feeder_sim.plots.figure import empty_figure
-from feeder_sim.studies.uncertainty.indices import Index
-from feeder_sim.studies.uncertainty.linear_shares import LinearShares
-from feeder_sim.studies.uncertainty.propagate import Propagation
+
+if TYPE_CHECKING:
+    from feeder_sim.studies.uncertainty.indices import Index
+    from feeder_sim.studies.uncertainty.linear_shares import LinearShares
+    from feeder_sim.studies.uncertainty.uncertainty import Uncertainty
 
 BLUE, PALE, RED, GREEN = "#3a60be", "#b8c6ea", "#be3434", "#3a8a5a"
 ROOM = 1.45  # of the height of a histogram, with the legend above it
 
 
-def draw_uncertainty(found: Propagation, measure: str, path: Path, measured: float | None = None) -> None:
+def draw_uncertainty(found: Uncertainty, measure: str, path: Path, measured: float | None = None) -> None:
     """Draw a measure over all draws, with its intervals and a measured value, beside the inputs that it hangs on."""
     linear, indices = found.linear_shares(measure), found.indices(measure)
     beside = bool(linear or indices)
@@ -30,7 +32,7 @@ def draw_uncertainty(found: Propagation, measure: str, path: Path, measured: flo
     figure.savefig(path, dpi=150)
 
 
-def draw_values(axes: Any, found: Propagation, measure: str, measured: float | None) -> None:
+def draw_values(axes: Any, found: Uncertainty, measure: str, measured: float | None) -> None:
     """Histogram of all runs, the intervals, and a measured value."""
     spread = found.spread(measure)
     values = np.array([value for row in found.values(measure) for value in row])

@@ -57,8 +57,11 @@ def events(columns: Columns, **values: ArrayLike) -> Events:
 
 
 def no_events(columns: Columns) -> Events:
-    """None of a kind."""
-    return events(columns)
+    """None of a kind, the same array each time: one is asked for with every block."""
+    return _NONE[id(columns)]
+
+
+_NONE = {id(columns): events(columns) for columns in (IMPACTS, REMOVALS, ARRIVALS)}
 
 
 def removed(parts: ArrayLike, time: float, cause: Cause) -> Events:
@@ -73,7 +76,8 @@ def impacts_of(rows: NDArray[np.float64]) -> Events:
 
 def joined(blocks: Sequence[Events]) -> Events:
     """Concatenate events of one kind in time."""
-    events: Events = np.concatenate(blocks).view(np.recarray)
+    held = [block for block in blocks if len(block)] or blocks[:1]
+    events: Events = np.concatenate(held).view(np.recarray) if len(held) > 1 else held[0]
     return events
 
 

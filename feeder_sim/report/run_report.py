@@ -18,7 +18,7 @@ from feeder_sim.report.run_pictures import parts_picture, plate_picture, screens
 from feeder_sim.report.scenario_tables import scenario_blocks
 from feeder_sim.report.words import number, sentence
 from feeder_sim.run.run_folder import RESOLVED
-from feeder_sim.studies.uncertainty.propagate import QUESTION
+from feeder_sim.studies.uncertainty.uncertainty import UncertaintyQuestion
 
 HOW_ENDED = {
     Status.UNFINISHED: "not finished",
@@ -117,7 +117,7 @@ def _cautions(run: Recorded) -> tuple[Block, ...]:
     lines += [Text(sentence(caution), "caution") for caution in run.result.prepared.cautions]
     if run.result.prepared.scenario.uncertain:
         text = "Inputs of the scenario are uncertain: intervals here are over the seeds at its own values only."
-        if (run.folder / DRAWS_OF_RUN / QUESTION).is_file():
+        if (run.folder / DRAWS_OF_RUN / UncertaintyQuestion.file).is_file():
             text += f" This makes a page of its draws: feeder-sim report {shlex.quote(str(run.folder / DRAWS_OF_RUN))}"
         lines.append(Text(text, "caution"))
     unresolved = Counts.total(run.recording.records).unresolved_impacts

@@ -15,13 +15,14 @@ from feeder_sim.report.measure_tables import statistic_cells
 from feeder_sim.report.page import Block, Folded, Page, Section, Table, Text, Tile
 from feeder_sim.report.provenance import foot, repeated
 from feeder_sim.report.scenario_tables import scenario_blocks
-from feeder_sim.report.search_folder import SearchTable, read_search
 from feeder_sim.report.search_pictures import course_picture, keys_picture
 from feeder_sim.report.words import key_label, measure_label, number, split_unit, value_text, with_error
+from feeder_sim.scenario.changes import labels
+from feeder_sim.studies.search.optimise import BEST, CHECK, TRIALS, OptimiseQuestion, Search, Tried
 from feeder_sim.studies.search.proposals import RANDOM_TRIALS
-from feeder_sim.studies.search.results import BEST, CHECK, QUESTION, TRIALS, Tried
 from feeder_sim.studies.search.space import Parameter
-from feeder_sim.studies.sweep.design import Point, labels
+from feeder_sim.studies.study import text_of
+from feeder_sim.studies.sweep.design import Point
 
 MOST_ROWS = 2000  # of the table of the trials
 FEW_FRESH = 8  # fresh seeds, below which an interval is wide
@@ -37,18 +38,18 @@ def search_page(folder: Path, *, progress: Callable[[float], None] | None = None
         InputError: the folder cannot be read.
     """
     tell = progress or (lambda _: None)
-    search = read_search(folder)
+    search, text = Search.read(folder), text_of(folder / SCENARIO)
     pictures = [course_picture(search)] if search.trials else []
     tell(0.5)
     pictures += [keys_picture(search)] if any(trial.found.n for trial in search.trials) else []
     tell(1.0)
     sections = (
         Section("What was searched", (_keys_table(search), _effort(search))),
-        Section("The best recipe", tuple(_best(search))),
+        Section("The best recipe", tuple(_best(search, folder))),
         Section("The course of the search", (*pictures, *_trials(search))),
         Section("Cautions", tuple(_cautions(search)) or (Text("None known."),)),
-        Section("The scenario that the search began with", scenario_blocks(search.scenario, search.text)),
-        Section("How to repeat it", _repeated(search)),
+        Section("The scenario that the search began with", scenario_blocks(search.scenario, text)),
+        Section("How to repeat it", _repeated(search, folder)),
     )
     return Page(
         title=f"Best recipe: {search.scenario.title or folder.resolve().name}",
@@ -60,12 +61,12 @@ def search_page(folder: Path, *, progress: Callable[[float], None] | None = None
     )
 
 
-def _aim(search: SearchTable) -> str:
+def _aim(search: Search) -> str:
     """What was searched for, in words."""
-    return f"{'largest' if search.found.aim.largest else 'smallest'} {measure_label(search.found.aim.measure)}"
+    return f"{'largest' if search.aim.largest else 'smallest'} {measure_label(search.aim.measure)}"
 
 
-def _tried(search: SearchTable) -> str:
+def _tried(search: Search) -> str:
     return f"{_plural(len(search.trials), 'recipe')} tried"
 
 
@@ -76,7 +77,7 @@ def _became(trial: Tried) -> str:
     return STOPPED if trial.stopped else "all seeds"
 
 
-def _count(search: SearchTable, became: str) -> int:
+def _count(search: Search, became: str) -> int:
     return sum(_became(trial) == became for trial in search.trials)
 
 
@@ -84,9 +85,9 @@ def _plural(count: int, noun: str) -> str:
     return f"{count} {noun}{'' if count == 1 else 's'}"
 
 
-def _notices(search: SearchTable) -> Iterator[Text]:
+def _notices(search: Search) -> Iterator[Text]:
     """What a reader has to know first: that there is no best recipe, or none that is checked."""
-    found, measure = search.found, measure_label(search.found.aim.measure)
+    found, measure = search, measure_label(search.aim.measure)
     if not found.complete:
         yield Text(
             "The search has not come to its end: no recipe has been checked with fresh seeds. The best of many noisy "
@@ -97,9 +98,9 @@ def _notices(search: SearchTable) -> Iterator[Text]:
         yield Text(f"No recipe has {measure} in all its seeds, so that there is no best one.", "failure")
 
 
-def _tiles(search: SearchTable) -> Iterator[Tile]:
+def _tiles(search: Search) -> Iterator[Tile]:
     """The recipe of the file, the best one, and their difference."""
-    found = search.found
+    found = search
     unit = split_unit(found.aim.measure)[1]
     for label, checked in (("recipe of the file", found.present), ("best recipe", found.best)):
         if checked is not None and checked.found.n:
@@ -125,9 +126,9 @@ def _signed(text: str) -> str:
     return text if text.startswith("-") else f"+{text}"
 
 
-def _keys_table(search: SearchTable) -> Table:
+def _keys_table(search: Search) -> Table:
     """Every key that was changed, and what it could be."""
-    rows = [(p.key, split_unit(p.key)[1], _could_be(p)) for p in search.found.space.parameters]
+    rows = [(p.key, split_unit(p.key)[1], _could_be(p)) for p in search.space.parameters]
     return Table("", ("key", "unit", "could be"), tuple(rows))
 
 
@@ -138,9 +139,9 @@ def _could_be(parameter: Parameter) -> str:
     return span + (", whole numbers" if parameter.whole else "") + (", by ratios" if parameter.span.log else "")
 
 
-def _effort(search: SearchTable) -> Table:
+def _effort(search: Search) -> Table:
     """What was searched for, and how."""
-    question, found = search.question, search.found
+    question, found = search.question, search
     rows = [
         ("searched for", f"the {_aim(search)}, mean over the seeds"),
         ("recipes tried", f"{len(search.trials)}, {_count(search, STOPPED)} of them stopped early"),
@@ -152,13 +153,15 @@ def _effort(search: SearchTable) -> Table:
     return Table("", ("what", "how"), tuple(rows))
 
 
-def _best(search: SearchTable) -> Iterator[Block]:
+def _best(search: Search, folder: Path) -> Iterator[Block]:
     """The best recipe beside that of the file, and both with fresh seeds."""
-    found, leader = search.found, search.leader
+    found, leader = search, search.leader
     best = found.best.point if found.best else leader.point if leader else None
     if best:
         head = "best recipe" if found.best else "best trial, not checked"
-        rows = [(key, split_unit(key)[1], *(_value(point, key) for point in (search.present, best))) for key in best]
+        rows = [
+            (key, split_unit(key)[1], *(_value(point, key) for point in (search.present_point, best))) for key in best
+        ]
         yield Table("", ("key", "unit", "recipe of the file", head), tuple(rows), numbers_from=2)
     if found.present is None:
         return
@@ -173,7 +176,7 @@ def _best(search: SearchTable) -> Iterator[Block]:
     yield from _verdict(search)
     if found.best:
         yield Text("This runs the best recipe:")
-        yield Text(f"feeder-sim run {shlex.quote(str(search.folder / BEST))}", "code")
+        yield Text(f"feeder-sim run {shlex.quote(str(folder / BEST))}", "code")
 
 
 def _value(point: Point, key: str) -> str:
@@ -181,9 +184,9 @@ def _value(point: Point, key: str) -> str:
     return "" if value is None else value_text(value, 4)
 
 
-def _verdict(search: SearchTable) -> Iterator[Text]:
+def _verdict(search: Search) -> Iterator[Text]:
     """Whether the best recipe is better, and what its mean in the search was worth."""
-    found, leader = search.found, search.leader
+    found, leader = search, search.leader
     low, high = found.gain.interval
     if math.isnan(low):
         return
@@ -219,7 +222,7 @@ def _verdict(search: SearchTable) -> Iterator[Text]:
         )
 
 
-def _trials(search: SearchTable) -> Iterator[Block]:
+def _trials(search: Search) -> Iterator[Block]:
     """All trials, folded, as far as a page should hold them."""
     if not search.trials:
         return
@@ -234,15 +237,15 @@ def _trials(search: SearchTable) -> Iterator[Block]:
         for trial in search.trials[:MOST_ROWS]
     )
     head = ("trial", "what became of it", *(key_label(key) for key in search.keys), "mean", "SE", "seeds")
-    table = Table(measure_label(search.found.aim.measure), head, rows, numbers_from=2)
+    table = Table(measure_label(search.aim.measure), head, rows, numbers_from=2)
     yield Folded(f"All {len(search.trials)} trials", (table,))
     if len(search.trials) > MOST_ROWS:
         yield Text(f"{len(search.trials) - MOST_ROWS} more are not listed here; {TRIALS} has them.", "note")
 
 
-def _cautions(search: SearchTable) -> Iterator[Text]:
+def _cautions(search: Search) -> Iterator[Text]:
     """What limits the result."""
-    found, measure = search.found, measure_label(search.found.aim.measure)
+    found, measure = search, measure_label(search.aim.measure)
     for name, checked in (("recipe of the file", found.present), ("best recipe", found.best)):
         if checked is not None and checked.found.n < len(checked.values):
             none = len(checked.values) - checked.found.n
@@ -267,7 +270,7 @@ def _cautions(search: SearchTable) -> Iterator[Text]:
         yield Text("A search finds a good recipe, not surely the best there is.", "note")
 
 
-def _why(search: SearchTable, became: str) -> str:
+def _why(search: Search, became: str) -> str:
     """The most frequent reason why recipes do not count, of those that have come to the same."""
     reason = most_frequent([trial.refused for trial in search.trials if trial.refused and _became(trial) == became])
     return f"Mostly: {reason}." if reason else ""
@@ -283,15 +286,15 @@ def _end_of_range(parameter: Parameter, value: Any) -> str:
     return "lower" if share < AT_AN_END else "upper" if share > 1.0 - AT_AN_END else ""
 
 
-def _repeated(search: SearchTable) -> tuple[Block, ...]:
+def _repeated(search: Search, folder: Path) -> tuple[Block, ...]:
     """The command, versions, hashes, and where the data are."""
-    asked, found = search.question, search.found
-    words = ["optimise", str(search.folder / SCENARIO), "--maximise" if asked.maximise else "--minimise", asked.measure]
+    asked, found = search.question, search
+    words = ["optimise", str(folder / SCENARIO), "--maximise" if asked.maximise else "--minimise", search.aim.measure]
     for axis in asked.over:
         words += ["--over", axis]
     words += ["--trials", str(max(1, len(search.trials))), "--seeds", str(asked.seeds)]
     words += ["--check-seeds", str(len(found.present.values))] if found.present else []
     words += ["--sampler", asked.sampler] if asked.sampler != "tpe" else []
-    files = [name for name in (QUESTION, TRIALS, CHECK, BEST) if (search.folder / name).is_file()]
+    files = [name for name in (OptimiseQuestion.file, TRIALS, CHECK, BEST) if (folder / name).is_file()]
     more = "A search that began with --screen takes the same way only with that option."
-    return repeated(search.folder, words, files, more)
+    return repeated(folder, words, files, more)

@@ -11,7 +11,6 @@ from feeder_sim.report.measure_tables import TELLING, TILES, in_order, statistic
 from feeder_sim.report.page import Block, Folded, Page, Section, Table, Text, Tile
 from feeder_sim.report.provenance import foot, repeated
 from feeder_sim.report.scenario_tables import scenario_blocks
-from feeder_sim.report.sweep_folder import SweepTable, read_sweep
 from feeder_sim.report.sweep_pictures import (
     TOO_FEW,
     count_of,
@@ -29,7 +28,8 @@ from feeder_sim.report.words import (
     value_text,
     with_error,
 )
-from feeder_sim.studies.sweep.folder import CSV, QUESTION
+from feeder_sim.studies.study import text_of
+from feeder_sim.studies.sweep.sweep import CSV, Sweep, SweepQuestion
 from feeder_sim.studies.sweep.table import Row, means_of_some
 
 MOST_PICTURES = 8
@@ -43,12 +43,12 @@ def sweep_page(folder: Path, *, progress: Callable[[float], None] | None = None)
     Raises:
         InputError: the sweep cannot be read.
     """
-    sweep = read_sweep(folder)
-    ordered = in_order(sweep.measures, sweep.question.measure)
-    drawn = [measure for measure in ordered if _varies(sweep.of(measure))][:MOST_PICTURES]
+    sweep, text = Sweep.read(folder), text_of(folder / SCENARIO)
+    ordered = in_order(sweep.measures, sweep.question.measure or "")
+    drawn = [measure for measure in ordered if _varies(sweep.valued(measure))][:MOST_PICTURES]
     pictures: list[Block] = []
     for i, measure in enumerate(drawn):
-        pictures.append(measure_picture(sweep.of(measure), sweep.keys, measure))
+        pictures.append(measure_picture(sweep.valued(measure), sweep.keys, measure))
         if progress:
             progress((i + 1) / len(drawn))
     sections = (
@@ -56,8 +56,8 @@ def sweep_page(folder: Path, *, progress: Callable[[float], None] | None = None)
         Section("Results", tuple(pictures)),
         Section("All measures", (_extremes(sweep, ordered), *_values(sweep, ordered))),
         Section("Cautions", tuple(_cautions(sweep, ordered, drawn))),
-        Section("The scenario that was varied", scenario_blocks(sweep.scenario, sweep.text)),
-        Section("How to repeat it", repeated(sweep.folder, _command(sweep), (QUESTION, CSV))),
+        Section("The scenario that was varied", scenario_blocks(sweep.scenario, text)),
+        Section("How to repeat it", repeated(folder, _command(sweep, folder), (SweepQuestion.file, CSV))),
     )
     n = len(sweep.points)
     keys = " and ".join(sweep.keys) if len(sweep.keys) < 3 else f"{len(sweep.keys)} keys"
@@ -75,11 +75,11 @@ def _varies(rows: Sequence[Row]) -> bool:
     return len({row.found.mean for row in rows}) > 1
 
 
-def _tiles(sweep: SweepTable, ordered: Sequence[str]) -> Iterator[Tile]:
+def _tiles(sweep: Sweep, ordered: Sequence[str]) -> Iterator[Tile]:
     """Where the most telling measures are largest."""
-    telling = [name for name in ordered if name in (sweep.question.measure, *TELLING) and _varies(sweep.of(name))]
+    telling = [name for name in ordered if name in (sweep.question.measure, *TELLING) and _varies(sweep.valued(name))]
     for measure in telling[:TILES]:
-        row = max(sweep.of(measure), key=lambda row: row.found.mean)
+        row = max(sweep.valued(measure), key=lambda row: row.found.mean)
         label, unit = split_unit(measure)
         mean, half = with_error(row.found.mean, half_width(row))
         sure = count_of(row) > TOO_FEW and half
@@ -89,7 +89,7 @@ def _tiles(sweep: SweepTable, ordered: Sequence[str]) -> Iterator[Tile]:
         )
 
 
-def _keys_table(sweep: SweepTable) -> Table:
+def _keys_table(sweep: Sweep) -> Table:
     """Every varied key with its values."""
     rows = []
     for key in sweep.keys:
@@ -102,10 +102,10 @@ def _keys_table(sweep: SweepTable) -> Table:
     return Table("", ("varied key", "unit", "values", "which"), tuple(rows))
 
 
-def _effort(sweep: SweepTable) -> tuple[Block, ...]:
+def _effort(sweep: Sweep) -> tuple[Block, ...]:
     """How points and seeds were chosen."""
     asked = sweep.question
-    design = f"Sobol sample of {asked.sobol} points" if asked.sobol else "side by side" if asked.zipped else "grid"
+    design = f"Sobol sample of {asked.sobol} points" if asked.sobol else "side by side" if asked.zip else "grid"
     rows = [("points", design), ("seeds of a point", str(asked.seeds or sweep.scenario.run.seeds))]
     if asked.until_se:
         rows.append(
@@ -120,11 +120,11 @@ def _effort(sweep: SweepTable) -> tuple[Block, ...]:
     return (Table("", ("what", "how"), tuple(rows)),)
 
 
-def _extremes(sweep: SweepTable, ordered: Sequence[str]) -> Table:
+def _extremes(sweep: Sweep, ordered: Sequence[str]) -> Table:
     """Smallest and largest mean of every measure."""
     rows: list[tuple[str, ...]] = []
     for measure in ordered:
-        held = sweep.of(measure)
+        held = sweep.valued(measure)
         if not held:
             rows.append((measure_label(measure), "no value", "", "", "", "0"))
             continue
@@ -142,13 +142,13 @@ def _with_se(row: Row) -> str:
     return f"{mean} ± {se}" if se not in ("", "0") else mean
 
 
-def _values(sweep: SweepTable, ordered: Sequence[str]) -> Iterator[Block]:
+def _values(sweep: Sweep, ordered: Sequence[str]) -> Iterator[Block]:
     """All values, a folded table for each measure, as far as a page should hold them."""
     left = MOST_ROWS
     inputs = ("90 % over inputs", "SD of inputs", "SD of seeds") if sweep.uncertain else ()
     head = (*(key_label(key) for key in sweep.keys), "mean", "SE", "95 % interval", *inputs, "n", "seeds", "failed")
     for place, measure in enumerate(ordered):
-        rows = [row for row in sweep.rows if row.measure == measure]
+        rows = sweep.of(measure)
         left -= len(rows)
         if left < 0:
             yield Text(
@@ -175,19 +175,19 @@ def _cells(row: Row) -> tuple[str, ...]:
     return mean, se, interval, over, number(spread.sd_inputs, 2), number(spread.sd_seeds, 2), n
 
 
-def _cautions(sweep: SweepTable, ordered: Sequence[str], drawn: Sequence[str]) -> Iterator[Text]:
+def _cautions(sweep: Sweep, ordered: Sequence[str], drawn: Sequence[str]) -> Iterator[Text]:
     """Failures, points that are not there, and what the largest of many means is worth."""
     failed, points = sweep.failed, len(sweep.points)
     if failed:
         yield Text(
-            f"{sum(failed.values())} seeds failed, at {len(failed)} of {points} points; they do not count in the "
+            f"{sum(failed)} seeds failed, at {len(failed)} of {points} points; they do not count in the "
             "means. The tables say where.",
             "failure",
         )
     planned = len(sweep.question.points(sweep.scenario))
     if points < planned:
         yield Text(f"{points} of {planned} points are there: the sweep has not ended.", "caution")
-    missing = sweep.missing
+    missing = sweep.missing_at_points
     if missing:
         yield Text(
             f"{sum(missing)} seeds are missing, at {len(missing)} of {points} points: the sweep has not ended.",
@@ -207,7 +207,7 @@ def _cautions(sweep: SweepTable, ordered: Sequence[str], drawn: Sequence[str]) -
     if alone:
         yield Text(f"{alone} values come from a single seed and have no interval.", "caution")
     for measure in drawn:
-        some = means_of_some([row for row in sweep.rows if row.measure == measure])
+        some = means_of_some(sweep.of(measure))
         if some:
             yield Text(f"{measure_label(measure)}: {some}.", "caution")
     if points > 1:
@@ -217,17 +217,17 @@ def _cautions(sweep: SweepTable, ordered: Sequence[str], drawn: Sequence[str]) -
             "note",
         )
         yield Text(LARGEST_OF_MANY, "note")
-    more = sum(_varies(sweep.of(measure)) for measure in ordered) - len(drawn)
+    more = sum(_varies(sweep.valued(measure)) for measure in ordered) - len(drawn)
     if more > 0:
         yield Text(f"{more} more measures that change over the sweep are in the tables only.", "note")
 
 
-def _command(sweep: SweepTable) -> list[str]:
+def _command(sweep: Sweep, folder: Path) -> list[str]:
     """What repeats a sweep, from its folder."""
-    asked, words = sweep.question, ["sweep", str(sweep.folder / SCENARIO)]
+    asked, words = sweep.question, ["sweep", str(folder / SCENARIO)]
     for axis in asked.vary:
         words += ["--vary", axis]
-    words += ["--zip"] if asked.zipped else []
+    words += ["--zip"] if asked.zip else []
     given = {"--sobol": asked.sobol, "--seeds": asked.seeds, "--measure": asked.measure, "--until-se": asked.until_se}
     given |= {"--most-seeds": asked.most_seeds} if asked.until_se else {}
     for name, value in given.items():

@@ -17,32 +17,31 @@ from feeder_sim.report.words import between, key_label, measure_label, number
 from feeder_sim.studies.sweep.table import Row
 from feeder_sim.studies.uncertainty.indices import Index
 from feeder_sim.studies.uncertainty.linear_shares import LinearShares
-from feeder_sim.studies.uncertainty.propagate import Propagation
+from feeder_sim.studies.uncertainty.uncertainty import Uncertainty
 
 MOST_PANELS = 9  # of inputs; more would make the picture too high
 
 
-def spread_picture(found: Propagation, measure: str, measured: float) -> Picture:
-    """All runs as a histogram, with the intervals and a measured value; NaN for none."""
+def spread_picture(found: Uncertainty, measure: str, measured: float | None) -> Picture:
+    """All runs as a histogram, with the intervals and a measured value."""
     label, spread = measure_label(measure), found.spread(measure)
     runs = sum(len(row) for row in found.values(measure))
-    mark = None if math.isnan(measured) else measured
 
     def draw(figure: Any) -> None:
         axes = figure.add_subplot()
-        draw_values(axes, found, measure, mark)
+        draw_values(axes, found, measure, measured)
         axes.set(xlabel=label)
 
     alt = f"Histogram of {label} in {runs} runs: median {number(spread.median)}"
     alt += f", {spread.of_runs} {between(spread.low, spread.high)}" + (
-        f", measured {number(measured)}." if mark else "."
+        f", measured {number(measured)}." if measured is not None else "."
     )
     caption = f"{label}: {runs} runs, every seed of every draw. Bars: {spread.of_runs}"
     caption += f", and {spread.of_means} over many seeds." if math.isfinite(spread.inputs_low) else "."
     return picture_of(draw, height=3.4, alt=alt, caption=caption)
 
 
-def inputs_picture(found: Propagation, measure: str) -> Picture:
+def inputs_picture(found: Uncertainty, measure: str) -> Picture:
     """The mean of every draw over each uncertain input."""
     keys, label = list(found.scenario.uncertain or {})[:MOST_PANELS], measure_label(measure)
     pairs = zip(found.draws, found.values(measure), strict=True)

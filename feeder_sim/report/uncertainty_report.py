@@ -13,13 +13,13 @@ from feeder_sim.report.measure_tables import TELLING, TILES, in_order
 from feeder_sim.report.page import Block, Folded, Page, Section, Table, Text, Tile
 from feeder_sim.report.provenance import foot, repeated
 from feeder_sim.report.scenario_tables import scenario_blocks
-from feeder_sim.report.uncertainty_folder import Uncertainty, read_uncertainty
 from feeder_sim.report.uncertainty_pictures import inputs_picture, shares_picture, spread_picture
 from feeder_sim.report.words import between, key_label, measure_label, number, split_unit, value_text
 from feeder_sim.scenario import Uncertain
+from feeder_sim.studies.study import text_of
 from feeder_sim.studies.uncertainty.indices import Index
 from feeder_sim.studies.uncertainty.linear_shares import LinearShares
-from feeder_sim.studies.uncertainty.propagate import DRAWS, QUESTION, TABLE
+from feeder_sim.studies.uncertainty.uncertainty import DRAWS, TABLE, Uncertainty, UncertaintyQuestion
 
 MOST_COLUMNS = 7  # inputs and measures in the table of the draws; all of them would not fit the page
 MOST_ROWS = 2000  # of that table
@@ -40,9 +40,9 @@ def uncertainty_page(folder: Path, *, progress: Callable[[float], None] | None =
         InputError: the folder cannot be read.
     """
     tell = progress or (lambda _: None)
-    asked = read_uncertainty(folder)
-    found, question = asked.found, asked.question
-    measures = in_order(found.measures, question.measure)
+    asked, text = Uncertainty.read(folder), text_of(folder / SCENARIO)
+    found, question = asked, asked.question
+    measures = in_order(found.measures, question.measure or "")
     shown = question.measure if question.measure in measures else found.main()
     indices, trouble = _indices(asked, measures)
     tell(0.3)
@@ -60,8 +60,10 @@ def uncertainty_page(folder: Path, *, progress: Callable[[float], None] | None =
         Section("What it hangs on", (*hangs, *_share_tables(measures, linear, indices))),
         Section("The draws", tuple(_draws(asked, measures))),
         Section("Cautions", tuple(_cautions(asked, shown, linear, indices, trouble)) or (Text("None known."),)),
-        Section("The scenario", scenario_blocks(asked.scenario, asked.text)),
-        Section("How to repeat it", repeated(folder, _command(asked), (QUESTION, DRAWS, TABLE))),
+        Section("The scenario", scenario_blocks(asked.scenario, text)),
+        Section(
+            "How to repeat it", repeated(folder, _command(asked, folder), (UncertaintyQuestion.file, DRAWS, TABLE))
+        ),
     )
     return Page(
         title=f"Uncertain inputs: {asked.scenario.title or folder.resolve().name}",
@@ -76,7 +78,7 @@ def uncertainty_page(folder: Path, *, progress: Callable[[float], None] | None =
 def _indices(asked: Uncertainty, measures: Sequence[str]) -> tuple[Indices, str]:
     """Sobol indices where they can be told, and why not where a library is missing."""
     try:
-        return {measure: told for measure in measures if (told := asked.found.indices(measure))}, ""
+        return {measure: told for measure in measures if (told := asked.indices(measure))}, ""
     except InputError as error:
         return {}, error.problem
 
@@ -85,13 +87,13 @@ def _subtitle(asked: Uncertainty) -> str:
     inputs = len(asked.scenario.uncertain or {})
     seeds = asked.question.seeds
     of_each = f"{seeds} seeds" if seeds > 1 else "one seed"
-    return f"{len(asked.found.draws)} draws of {inputs} uncertain input{'s' if inputs > 1 else ''}, {of_each} of each."
+    return f"{len(asked.draws)} draws of {inputs} uncertain input{'s' if inputs > 1 else ''}, {of_each} of each."
 
 
 def _notices(asked: Uncertainty) -> Iterator[Text]:
     """What a reader has to know first: that it is not whole."""
-    if not asked.found.swept.complete:
-        wanted = len(asked.found.draws) * asked.question.seeds
+    if not asked.complete:
+        wanted = len(asked.draws) * asked.question.seeds
         yield Text(f"{len(asked.done)} of {wanted} runs are there: the study has not ended.", "caution")
     if asked.failed:
         yield Text(f"{_of_runs(asked)} failed. They do not count; the causes are listed under Cautions.", "failure")
@@ -104,7 +106,7 @@ def _of_runs(asked: Uncertainty) -> str:
 def _tiles(asked: Uncertainty, measures: Sequence[str], shown: str) -> Iterator[Tile]:
     """The measure that is shown, then medians of other telling ones."""
     for measure in [name for name in dict.fromkeys((shown, *measures)) if name and name in (shown, *TELLING)][:TILES]:
-        spread = asked.found.spread(measure)
+        spread = asked.spread(measure)
         label, unit = split_unit(measure)
         note = f"{spread.of_runs} {between(spread.low, spread.high)}"
         if spread.is_told:
@@ -136,7 +138,7 @@ def _may_be(uncertain: Uncertain) -> str:
 
 def _effort(asked: Uncertainty) -> Table:
     """How many draws and seeds there are."""
-    question, count = asked.question, len(asked.found.draws)
+    question, count = asked.question, len(asked.draws)
     draws = f"{count}, a scrambled Sobol sequence"
     if question.indices:
         draws = f"{count} = {question.inputs} x ({len(asked.scenario.uncertain or {})} inputs + 2), for Sobol indices"
@@ -147,10 +149,10 @@ def _effort(asked: Uncertainty) -> Table:
 def _of_measured(asked: Uncertainty, shown: str) -> Iterator[Text]:
     """Where the measured value lies."""
     measured = asked.question.measured
-    if not shown or math.isnan(measured):
+    if not shown or measured is None:
         return
-    spread = asked.found.spread(shown)
-    runs = [value for row in asked.found.values(shown) for value in row]
+    spread = asked.spread(shown)
+    runs = [value for row in asked.values(shown) for value in row]
     below = sum(value < measured for value in runs)
     value = f"{number(measured, 6)} {split_unit(shown)[1]}".rstrip()
     interval = f"{spread.of_runs}, {between(spread.low, spread.high)}"
@@ -177,7 +179,7 @@ def _measures(asked: Uncertainty, measures: Sequence[str]) -> Iterator[Block]:
 def _table_of(asked: Uncertainty, measures: Sequence[str]) -> Table:
     rows = []
     for measure in measures:
-        spread = asked.found.spread(measure)
+        spread = asked.spread(measure)
         means = spread.not_told or between(spread.inputs_low, spread.inputs_high)
         intervals = number(spread.median, 3), between(spread.low, spread.high), means
         scatter = number(spread.sd_inputs, 2), number(spread.sd_seeds, 2)
@@ -244,7 +246,7 @@ def _draws(asked: Uncertainty, measures: Sequence[str]) -> Iterator[Block]:
 def _cautions(asked: Uncertainty, shown: str, linear: Linear, indices: Indices, trouble: str) -> Iterator[Text]:
     """Failures, and what else limits the results."""
     yield from _failures(asked)
-    question, found = asked.question, asked.found
+    question, found = asked.question, asked
     if question.measure and question.measure != shown:
         yield Text(f"No run has a value of {question.measure}, which was asked for.", "caution")
     few = 2 * question.inputs if question.indices else question.inputs  # that are independent of each other
@@ -260,7 +262,7 @@ def _cautions(asked: Uncertainty, shown: str, linear: Linear, indices: Indices, 
         yield Text(f"{measure_label(shown)} {text}{'' if question.indices else ' --indices asks for more.'}", "caution")
     if trouble:
         yield Text(f"Sobol indices are not here: computing them {trouble}", "caution")
-    elif question.indices and not found.swept.complete:
+    elif question.indices and not found.complete:
         yield Text("Sobol indices can be told only when all draws are done.", "note")
     elif question.indices and shown and shown not in indices:
         yield Text(f"{measure_label(shown)} has no Sobol indices: the inputs change it no more than the seeds do, or "
@@ -288,8 +290,8 @@ def _failures(asked: Uncertainty) -> Iterator[Text]:
 
 def _cautions_of(asked: Uncertainty, measure: str) -> Iterator[Text]:
     """What limits the measure that is shown."""
-    label, spread = measure_label(measure), asked.found.spread(measure)
-    held, ended = sum(len(row) for row in asked.found.values(measure)), len(asked.done) - len(asked.failed)
+    label, spread = measure_label(measure), asked.spread(measure)
+    held, ended = sum(len(row) for row in asked.values(measure)), len(asked.done) - len(asked.failed)
     if held < ended:
         text = "have no value, as where a part does not come so far in time. The intervals are those of the others."
         yield Text(f"{label}: {ended - held} of {ended} runs {text}", "caution")
@@ -298,10 +300,10 @@ def _cautions_of(asked: Uncertainty, measure: str) -> Iterator[Text]:
                    "more seeds are needed to see it.", "note")  # fmt: skip
 
 
-def _command(asked: Uncertainty) -> list[str]:
+def _command(asked: Uncertainty, folder: Path) -> list[str]:
     """What repeats it, from its folder."""
     question = asked.question
-    words = ["uncertainty", str(asked.folder / SCENARIO), "--inputs", str(question.inputs)]
+    words = ["uncertainty", str(folder / SCENARIO), "--inputs", str(question.inputs)]
     words += ["--seeds", str(question.seeds)] + (["--indices"] if question.indices else [])
     words += ["--measure", question.measure] if question.measure else []
-    return words if math.isnan(question.measured) else [*words, "--measured", f"{question.measured:g}"]
+    return words if question.measured is None else [*words, "--measured", f"{question.measured:g}"]

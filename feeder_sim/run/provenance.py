@@ -9,15 +9,16 @@ from pathlib import Path
 
 from feeder_sim import __version__
 from feeder_sim.errors import InputError, cause_of
-from feeder_sim.machine_code import source_hash
+from feeder_sim.machine_code import SHOWING, source_hash
 from feeder_sim.scenario import Scenario, input_files
 
+ASKING = ("feeder", "jobs", "studies")  # rooms that say what is run, and decide no number of a seed
 LIBRARIES = ("mujoco", "numpy", "scipy", "numba", "h5py")
 
 
 def library_versions() -> dict[str, str]:
     """Versions of the libraries that decide the numbers, and of this package with a hash of its sources."""
-    return {"feeder_sim": f"{__version__}+{source_hash()}"} | _installed()
+    return {"feeder_sim": f"{__version__}+{source_hash(without=(*SHOWING, *ASKING))}"} | _installed()
 
 
 @functools.cache

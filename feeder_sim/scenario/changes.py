@@ -12,7 +12,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from feeder_sim.errors import InputError, nearest
+from feeder_sim.errors import InputError, nearest, quoted
 
 KeyPath = tuple[str | int, ...]
 _ELEMENT = re.compile(r"([A-Za-z_][A-Za-z0-9_]*)((?:\[\d{1,6}\])*)")
@@ -148,3 +148,8 @@ def _entry(value: Any, element: str | int, key: str) -> Any:
         allowed = f"; allowed are {', '.join(names)}" if names else ""
         raise InputError(f"unknown key {element}{nearest(element, names)}{allowed}", key=key)
     return value[element]
+
+
+def labels(point: Mapping[str, Any]) -> dict[str, Any]:
+    """The values of a point as a table holds them: numbers and texts."""
+    return {key: value if isinstance(value, int | float | str) else quoted(value) for key, value in point.items()}

@@ -19,12 +19,14 @@ import numpy as np
 from feeder_sim.errors import InputError
 from feeder_sim.measures.statistic import Statistic, half_interval
 from feeder_sim.measures.values import values_of_seed
+from feeder_sim.notebook import counted
 from feeder_sim.records.recording import Recording
 from feeder_sim.records.seed import Status
 from feeder_sim.records.trajectory_file import recording_of
 from feeder_sim.run.prepare import prepare
 from feeder_sim.run.provenance import check_inputs
 from feeder_sim.scenario import Scenario, parse_scenario
+from feeder_sim.studies.study import Answer, Record
 
 
 @dataclass(frozen=True)
@@ -105,9 +107,13 @@ class Difference:
     pairs: int | None
 
 
-@dataclass(frozen=True)
-class Comparison:
-    """Two measured runs."""
+@dataclass(frozen=True, repr=False)
+class Comparison(Answer):
+    """Two measured runs.
+
+    Attributes:
+        first, second: the runs, with all measures of every seed.
+    """
 
     first: MeasuredRun
     second: MeasuredRun
@@ -148,6 +154,28 @@ class Comparison:
     def versions(self) -> dict[str, tuple[Any, Any]]:
         """Libraries, and this package, of which the runs had different versions."""
         return _different(self.first.recording.libraries, self.second.recording.libraries)
+
+    def table(self) -> list[Record]:
+        """A row per measure: means, their difference, and its 95 % interval."""
+        return [
+            {
+                "measure": found.name,
+                "first": found.first.mean,
+                "second": found.second.mean,
+                "difference": found.difference,
+                "low": found.low,
+                "high": found.high,
+                "n_first": found.first.n,
+                "n_second": found.second.n,
+                "pairs": math.nan if found.pairs is None else found.pairs,
+            }
+            for found in self.differences
+        ]
+
+    def _line(self) -> str:
+        how = "paired by seed" if self.paired else "Welch"
+        settings = counted(len(self.settings), "setting")
+        return f"Comparison: {counted(len(self.differences), 'measure')}, {how}; {settings} otherwise"
 
 
 def difference(name: str, first: list[float], second: list[float], *, paired: bool) -> Difference:

@@ -4,31 +4,54 @@ The drift is about proportional to the amplitude times frequency times wavenumbe
 surface moves to and fro. So a point starts its part at the same fraction of the way as the scenario does, and gets the
 duration of the scenario times the wavelength and divided by that speed. Nothing moves where the throw number is small.
 There two seeds go first, for a small part of the duration; where they have hardly moved, the point is given up.
+
+The folder holds
+
+    map.toml        what was asked
+    scenario.toml   the scenario that was mapped, with all its defaults
+    journal.jsonl   measures of every seed that is done
+    map.csv         one row per point, see `MapPoint`
+    map.png         the picture
 """
 
 from __future__ import annotations
 
-import contextlib
 import math
-import threading
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import asdict, dataclass
+from collections import deque
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass, fields
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Annotated, Any
 
-from feeder_sim.errors import InputError
+from pydantic import Field
+
+from feeder_sim.errors import InputError, quoted
+from feeder_sim.jobs.bench import Bench
+from feeder_sim.jobs.cautions import Caution
+from feeder_sim.jobs.folder import SCENARIO
 from feeder_sim.jobs.identity import identity_of
-from feeder_sim.jobs.journal import Journal, read_journal
-from feeder_sim.measures.statistic import finite_or_none
+from feeder_sim.jobs.ledger import Ledger
+from feeder_sim.jobs.task import SeedValues, Task
+from feeder_sim.measures.statistic import LARGEST_OF_MANY, Statistic, finite_or_none
+from feeder_sim.notebook import axes_for, counted
 from feeder_sim.plate.mode_shapes import StandingWave, standing_wave
 from feeder_sim.plate.rectangle import RectangularPlate
-from feeder_sim.records.seed import Status
-from feeder_sim.run.batch import Ensemble, check_drifting, measure_drift
+from feeder_sim.run.advice import not_drawn
+from feeder_sim.run.batch import check_drifting
 from feeder_sim.run.prepare import prepare
-from feeder_sim.scenario import Scenario, Start, Strip, resolve_material, with_run
+from feeder_sim.scenario import Scenario, Start, Strip, load_scenario, resolve_material, with_run
 from feeder_sim.scene.scene import GRAVITY
+from feeder_sim.studies.question import Plan, Question
+from feeder_sim.studies.study import Record, Study, TableFile, csv_bytes, number_in
+from feeder_sim.studies.sweep.case import Case, Effort
+from feeder_sim.studies.sweep.design import read_axis
 
-BATCH = 16  # points between two entries into the journal
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+DATA, PICTURE = "map.csv", "map.png"
+MOST_VALUES = 1000  # of a list
+SPEED, DRIFT = "transport_speed_mm_s", "drift_velocity_x_mm_s"
 LEAST_DURATION_S = 2.0  # of a point: at high amplitudes a single hop takes a tenth of a second
 LONGEST_DURATION_S = 1e5  # what a scenario allows
 PROBED = 10.0  # throw number up to which a few seeds go first
@@ -60,6 +83,306 @@ class MapPoint:
     n: int
     failed: int
     seeds: int
+
+
+class MapQuestion(Question):
+    """What is asked of a map."""
+
+    kind = "map"
+    file = "map.toml"
+    base = "maps"
+
+    frequencies_hz: Annotated[
+        str, Field(strict=True, description="Drive frequencies [Hz]: LOW:HIGH:COUNT, LOW:HIGH:logCOUNT or A,B,C.")
+    ] = "2500:10000:40"
+    amplitudes_um: Annotated[str, Field(strict=True, description="Amplitudes [um], likewise.")] = "0.3:6:log40"
+    seeds: Annotated[int, Field(strict=True, ge=1, le=10_000, description="Seeds of every point.")] = 12
+    mark: Annotated[
+        tuple[str, ...], Field(description="Measured point to draw: frequency [Hz], amplitude [um], speed [mm/s].")
+    ] = ()
+
+    @classmethod
+    def as_now(cls, raw: dict[str, Any]) -> dict[str, Any]:
+        names = {"frequency": "frequencies_hz", "amplitude": "amplitudes_um"}
+        return {names.get(name, name): value for name, value in raw.items()}
+
+    @property
+    def same(self) -> str:
+        return f"{self.frequencies_hz} {self.amplitudes_um}"
+
+    @property
+    def points(self) -> list[tuple[float, float]]:
+        """Every frequency with every amplitude.
+
+        Raises:
+            InputError: they are not written as an axis of a sweep is, or not above 0.
+        """
+        frequencies = values_of(self.frequencies_hz, "frequencies_hz")
+        amplitudes = values_of(self.amplitudes_um, "amplitudes_um")
+        return [(f, a) for f in frequencies for a in amplitudes]
+
+    @property
+    def marks(self) -> list[tuple[float, float, float]]:
+        return [mark_of(text) for text in self.mark]
+
+    @staticmethod
+    def open(folder: Path) -> SpeedMap:
+        return SpeedMap.read(folder)
+
+    def plan(self, scenario: Scenario, file: Path) -> MapPlan:
+        points, _ = self.points, self.marks
+        check_mapped(scenario)
+        for point in (points[0], points[-1]):
+            at_point(scenario, *point, self.seeds)  # refuses what is not allowed before anything is run
+        return MapPlan(self, scenario, points)
+
+
+def values_of(text: str, argument: str) -> list[float]:
+    """Numbers above 0, written as an axis of a sweep is; `argument` is the one that holds them.
+
+    Raises:
+        InputError: it is written otherwise, or a value is not above 0.
+    """
+    try:
+        values = read_axis(f"{argument}={text}").values
+    except InputError as error:
+        raise InputError(error.problem, argument=argument) from None
+    if not values or len(values) > MOST_VALUES or not all(isinstance(v, int | float) and v > 0 for v in values):
+        problem = f"is {quoted(text)}, allowed is LOW:HIGH:COUNT, LOW:HIGH:logCOUNT or A,B,C, all above 0"
+        raise InputError(problem, argument=argument)
+    return sorted(float(f"{value:.6g}") if ":" in text else float(value) for value in values)
+
+
+def mark_of(text: str) -> tuple[float, float, float]:
+    """A measured point: frequency [Hz], amplitude [um] and speed [mm/s].
+
+    Raises:
+        InputError: not three numbers above 0.
+    """
+    try:
+        frequency, amplitude, speed = (float(part) for part in text.split(","))
+        if not all(0.0 < value < math.inf for value in (frequency, amplitude, speed)):
+            raise ValueError
+    except ValueError:
+        problem = f"is {quoted(text)}, allowed are three numbers above 0 such as 4750,1.0,1.44"
+        raise InputError(problem, argument="mark") from None
+    return frequency, amplitude, speed
+
+
+class MapPlan(Plan):
+    """What there is to run for a map, point by point; slow points take longest, and are spread over all of it.
+
+    Args:
+        question: what is asked.
+        scenario: that is mapped.
+        points: frequency [Hz] and amplitude [um] of each.
+    """
+
+    identities = None  # of those points alone that have begun
+
+    def __init__(self, question: MapQuestion, scenario: Scenario, points: list[tuple[float, float]]) -> None:
+        self._question, self._scenario, self._points = question, scenario, points
+        self._found: dict[tuple[float, float], MapPoint] = {}
+
+    @property
+    def all_done(self) -> bool:
+        return len(self._found) == len(self._points)
+
+    def take(self, ledger: Ledger) -> None:
+        for point in self._points if len(ledger) else ():
+            self.settle(self.begun(point, ledger), ledger)
+
+    def part(self, number: int, of: int) -> MapPlan:
+        return MapPlan(self._question, self._scenario, self._points[number - 1 :: of])
+
+    def run(self, bench: Bench) -> bool:
+        if bench.progress and self._found:
+            bench.progress(len(self._found) / len(self._points))  # there is something to keep, whenever it ends
+        left = _strided([point for point in self._points if point not in self._found])
+        return bench.run(MapWork(self, left, bench.ledger))
+
+    def study(self, complete: bool, others: int) -> SpeedMap:
+        found = tuple(self._found[point] for point in self._points if point in self._found)
+        return SpeedMap(self._question, self._scenario, found, complete)
+
+    @property
+    def share_done(self) -> float:
+        return len(self._found) / len(self._points)
+
+    def begun(self, point: tuple[float, float], ledger: Ledger) -> Trying:
+        """A point at its begin: with its probe first where the throw number is small."""
+        slow = throw_number(*point) < PROBED
+        scenario = _probe(self._scenario, *point) if slow else self._whole(point)
+        return _trying(point, scenario, PROBE_SEEDS if slow else self._question.seeds, ledger, probing=slow)
+
+    def _whole(self, point: tuple[float, float]) -> Scenario:
+        return at_point(self._scenario, *point, self._question.seeds)
+
+    def settle(self, trying: Trying, ledger: Ledger) -> Trying | None:
+        """Go on with a point as far as its seeds are done; None where that is all of it."""
+        while trying.case.is_done(trying.effort):
+            seeds = trying.case.seeds(trying.effort)
+            if not (trying.probing and _moves(self._scenario, trying.point, trying.case.scenario, seeds)):
+                self._found[trying.point] = _point(trying.point, seeds)
+                return None
+            trying = _trying(trying.point, self._whole(trying.point), self._question.seeds, ledger)
+        return trying
+
+
+@dataclass(frozen=True)
+class Trying:
+    """A point on its way: the scenario whose seeds are run now, how many of them, and whether that is the probe."""
+
+    point: tuple[float, float]
+    case: Case
+    effort: Effort
+    probing: bool = False
+
+
+def _trying(
+    point: tuple[float, float], scenario: Scenario, seeds: int, ledger: Ledger, *, probing: bool = False
+) -> Trying:
+    identity = identity_of(scenario)
+    return Trying(point, Case(scenario, identity, done=ledger.seeds_of(identity)), Effort(seeds), probing)
+
+
+class MapWork:
+    """The seeds of all points that are still to be run, handed out point by point."""
+
+    def __init__(self, plan: MapPlan, left: Sequence[tuple[float, float]], ledger: Ledger) -> None:
+        self._plan, self._left, self._ledger = plan, deque(left), ledger
+        self._under_way: dict[tuple[float, float], Trying] = {}
+
+    def next(self, seeds: int) -> tuple[Trying, Task] | None:
+        for trying in self._under_way.values():
+            if handed := trying.case.hand_out(trying.effort, seeds):
+                return trying, Task(trying.case.scenario, trying.case.identity, handed)
+        while self._left:
+            point = self._left.popleft()
+            begun = self._plan.settle(self._plan.begun(point, self._ledger), self._ledger)
+            if begun is not None:
+                self._under_way[point] = begun
+                return begun, Task(begun.case.scenario, begun.case.identity, begun.case.hand_out(begun.effort, seeds))
+        return None
+
+    def take(self, place: Trying, done: tuple[SeedValues, ...]) -> None:
+        place.case.take(done)
+        for seed in done:
+            self._ledger.add(place.case.identity, seed)
+        goes_on = self._plan.settle(place, self._ledger)
+        if goes_on is None:
+            del self._under_way[place.point]
+        else:
+            self._under_way[place.point] = goes_on
+
+    @property
+    def share_done(self) -> float:
+        return self._plan.share_done
+
+
+@dataclass(frozen=True, repr=False)
+class SpeedMap(Study):
+    """Transport speeds over frequency and amplitude.
+
+    Attributes:
+        question: what was asked.
+        scenario: that was mapped.
+        points: of the map, a `MapPoint` each.
+        complete: whether all of them are done.
+    """
+
+    question: MapQuestion
+    scenario: Scenario
+    points: tuple[MapPoint, ...]
+    complete: bool
+
+    @property
+    def cautions(self) -> list[Caution]:
+        """What misleads: uncertain inputs, whose values are those of the scenario."""
+        return [Caution(line, 1, 1) for line in not_drawn(self.scenario)]
+
+    @property
+    def fastest(self) -> MapPoint | None:
+        """The largest mean where at least half of the seeds arrive; None where they do at no point.
+
+        The largest of many means is too large on average: check it with fresh seeds.
+        """
+        believed = [point for point in self.points if point.n and point.n >= MOST_ARRIVE * point.seeds]
+        return max(believed, key=lambda point: point.mean, default=None)
+
+    def measure(self, name: str | None = None) -> str:
+        return SPEED
+
+    def table(self) -> list[Record]:
+        return [{name: finite_or_none(value) for name, value in asdict(point).items()} for point in self.points]
+
+    @property
+    def size(self) -> str:
+        return counted(len(self.points), "point")
+
+    def as_json(self, measure: str | None = None) -> dict[str, Any]:
+        return {"points": self.table()}
+
+    def files(self, carried: Callable[[Any], str]) -> dict[str, bytes]:
+        return {DATA: csv_bytes([field.name for field in fields(MapPoint)], self.table())}
+
+    @staticmethod
+    def read(folder: Path) -> SpeedMap:
+        """From its folder.
+
+        Raises:
+            InputError: a file of it is missing or cannot be read.
+        """
+        question, scenario = MapQuestion.read(folder), load_scenario(folder / SCENARIO)
+        table, names = TableFile(folder / DATA), tuple(field.name for field in fields(MapPoint))
+        if table.head != names:
+            raise table.refused(", ".join(names))
+        rows = table.rows(lambda line: [number_in(line[name]) for name in names])
+        points = tuple(MapPoint(f, a, throw, mean, se, *map(int, counts)) for f, a, throw, mean, se, *counts in rows)
+        return SpeedMap(question, scenario, points, len(points) == len(question.points))
+
+    def draw(self, folder: Path, measure: str) -> None:
+        from feeder_sim.plots.speed_map import draw_speed_map
+
+        if self.points:
+            draw_speed_map(self, folder / PICTURE)
+
+    def plot(self, *, marks: Sequence[tuple[float, float, float]] = (), ax: Axes | None = None) -> Axes:
+        """Draw the map, with lines of equal throw number; returns matplotlib axes.
+
+        Args:
+            marks: measured points: frequency [Hz], amplitude [um], speed [mm/s].
+            ax: matplotlib axes to draw into; default: new ones.
+
+        Raises:
+            InputError: no point is done.
+        """
+        from feeder_sim.plots.speed_map import draw_points
+
+        if not self.points:
+            raise InputError("no point is done, there is nothing to draw", key="plot")
+        axes = axes_for(ax)
+        draw_points(axes, self.points, title=self.scenario.title, marks=marks)
+        return axes
+
+    def lines(self, measure: str | None = None) -> list[str]:
+        """Where parts are fastest, as far as that can be told, and what it is worth."""
+        arrived = [point for point in self.points if point.n]
+        failed = sum(point.failed for point in self.points)
+        lines = [f"{len(self.points)} points, {len(arrived)} with arrivals, {failed} failed seeds"]
+        best = self.fastest
+        if best is None:
+            return [*lines, "fastest: not told, at no point at least half of the seeds arrive"]
+        error = f" +- {best.se:.3f}" if math.isfinite(best.se) else ""
+        where = f"{best.frequency_hz:g} Hz, {best.amplitude_um:g} um, n = {best.n} of {best.seeds}"
+        lines.append(f"fastest, where at least half of the seeds arrive: {best.mean:.3f}{error} mm/s at {where}")
+        return [*lines, LARGEST_OF_MANY] if len(self.points) > 1 else lines
+
+    def _line(self) -> str:
+        rest = "" if self.complete else ", not complete"
+        rest += f", {counted(len(self.cautions), 'caution')}" if self.cautions else ""
+        arrived = sum(point.n > 0 for point in self.points)
+        return f"SpeedMap: {counted(len(self.points), 'point')}, {arrived} with arrivals{rest}"
 
 
 def check_mapped(scenario: Scenario) -> None:
@@ -114,97 +437,11 @@ def _wave(scenario: Scenario, frequency_hz: float) -> StandingWave:
         raise InputError(f"is {frequency_hz:g}, {error}", key="drive[0].frequency_hz") from error
 
 
-def speed_map(
-    scenario: Scenario,
-    frequencies_hz: Sequence[float],
-    amplitudes_um: Sequence[float],
-    *,
-    seeds: int = 12,
-    journal: Path | None = None,
-    workers: int | None = None,
-    progress: Callable[[float], None] | None = None,
-    stop: threading.Event | None = None,
-    notify: Callable[[str], None] | None = None,
-) -> list[MapPoint]:
-    """Measure the transport speed at every pair of a frequency and an amplitude.
-
-    Args:
-        scenario: one part on a strip, with `run.stop = "passage"`.
-        frequencies_hz: of the points.
-        amplitudes_um: of the points.
-        seeds: of every point.
-        journal: file that keeps the points that are done; those in it are not computed again, if they are of the same
-            scenario, number of seeds, files and version.
-        workers: threads. Default: all cores.
-        progress: called with the fraction done, from this thread; first when there is something to keep.
-        stop: set it to end within a second; the points done so far are returned.
-        notify: takes a line for the user.
-
-    Raises:
-        InputError: a scenario that cannot be mapped.
-        RecordingFailed: the journal cannot be written.
-    """
-    check_mapped(scenario)
-    wanted = [(float(f), float(a)) for f in frequencies_hz for a in amplitudes_um]
-    for f in (min(frequencies_hz), max(frequencies_hz)):
-        at_point(scenario, float(f), max(amplitudes_um), seeds)  # refuses what is not allowed before anything is run
-    stop = stop or threading.Event()
-    whose = _whose(scenario, seeds)
-    done = _done(whose, journal)
-    # Slow points take longest: spread over all of the map, so that the time left can be told.
-    left = _strided([point for point in wanted if point not in done])
-
-    def tell(*_: int) -> None:
-        if progress:
-            progress(sum(point in done for point in wanted) / len(wanted))
-
-    if done:
-        tell()  # there is something to keep, whenever it ends
-    with contextlib.ExitStack() as held:
-        written = held.enter_context(Journal(journal)) if journal and left else None
-        while left and not stop.is_set():
-            batch, left = left[:BATCH], left[BATCH:]
-            for point in _measured(scenario, batch, seeds, workers=workers, progress=tell, stop=stop, notify=notify):
-                done[point.frequency_hz, point.amplitude_um] = point
-                if written:
-                    written.add({"map": whose, "point": without_nan(asdict(point))})
-            tell()
-    return [done[point] for point in wanted if point in done]
-
-
-def fastest_of(points: Sequence[MapPoint]) -> MapPoint | None:
-    """The point with the largest mean among those where at least half of the seeds arrive; None where there is none."""
-    believed = [point for point in points if point.n and point.n >= MOST_ARRIVE * point.seeds]
-    return max(believed, key=lambda point: point.mean, default=None)
-
-
 def _strided(points: list[tuple[float, float]]) -> list[tuple[float, float]]:
     """The same points in an order in which neighbours lie far apart."""
     n = len(points)
     step = next((s for s in range(int(0.618 * n) + 1, n) if math.gcd(s, n) == 1), 1)
     return [points[i * step % n] for i in range(n)]
-
-
-def _measured(
-    scenario: Scenario,
-    batch: Sequence[tuple[float, float]],
-    seeds: int,
-    *,
-    workers: int | None,
-    progress: Callable[[int], None],
-    stop: threading.Event,
-    notify: Callable[[str], None] | None,
-) -> Iterator[MapPoint]:
-    """The points of a batch that are done when `stop` is set, or all of them; `progress` is called as they come."""
-    how: dict[str, Any] = {"workers": workers, "progress": progress, "stop": stop, "notify": notify}
-    slow = [point for point in batch if throw_number(*point) < PROBED]
-    probes = measure_drift((_probe(scenario, *point) for point in slow), **how)
-    given_up = {point: probe for point, probe in zip(slow, probes, strict=False) if not _moves(scenario, point, probe)}
-    whole = [point for point in batch if point not in given_up]
-    ensembles = measure_drift((at_point(scenario, *point, seeds) for point in whole), **how)
-    if len(probes) == len(slow):  # else it was stopped, and which points move is not known
-        yield from (_point(*of) for of in given_up.items())
-        yield from (_point(*of) for of in zip(whole, ensembles, strict=False))
 
 
 def _probe(scenario: Scenario, frequency_hz: float, amplitude_um: float) -> Scenario:
@@ -214,13 +451,13 @@ def _probe(scenario: Scenario, frequency_hz: float, amplitude_um: float) -> Scen
     return with_run(whole, duration_s=min(PROBE_SHARE * whole.run.duration_s, LONGEST_PROBE_S))
 
 
-def _moves(scenario: Scenario, point: tuple[float, float], probe: Ensemble) -> bool:
+def _moves(scenario: Scenario, point: tuple[float, float], probe: Scenario, seeds: Sequence[SeedValues]) -> bool:
     """Whether the first seeds move so fast that some may arrive in time; those that fell off count as moving."""
-    whole = at_point(scenario, *point, PROBE_SEEDS).run.duration_s
-    assert probe.prepared.cell is not None and whole
-    speed = 1e-3 * abs(probe.findings.drift_velocity_x_mm_s.mean)
-    took = probe.prepared.scene.times.duration
-    return not (speed * took < STILL_M or speed * whole < HARDLY * WAY * probe.prepared.cell.reach)
+    whole, cell = at_point(scenario, *point, PROBE_SEEDS).run.duration_s, prepare(probe).cell
+    took = probe.run.duration_s
+    assert cell is not None and whole and took
+    speed = 1e-3 * abs(Statistic.of(seed.values.get(DRIFT, math.nan) for seed in seeds).mean)
+    return not (speed * took < STILL_M or speed * whole < HARDLY * WAY * cell.reach)
 
 
 def throw_number(frequency_hz: float, amplitude_um: float) -> float:
@@ -228,29 +465,7 @@ def throw_number(frequency_hz: float, amplitude_um: float) -> float:
     return 1e-6 * amplitude_um * (2.0 * math.pi * frequency_hz) ** 2 / GRAVITY
 
 
-def _point(point: tuple[float, float], ensemble: Ensemble) -> MapPoint:
-    speed = ensemble.findings.transport_speed_mm_s
-    failed = sum(status != Status.DONE for status in ensemble.status)
-    seeds = len(ensemble.status)
-    return MapPoint(*point, throw_number(*point), speed.mean, speed.se, speed.n, failed, seeds)
-
-
-def _done(whose: str, journal: Path | None) -> dict[tuple[float, float], MapPoint]:
-    """The points in a journal that are of this map."""
-    found = [entry for entry in read_journal(journal) if entry["map"] == whose] if journal else []
-    points = [MapPoint(**_with_nan(entry["point"])) for entry in found]
-    return {(point.frequency_hz, point.amplitude_um): point for point in points}
-
-
-def _whose(scenario: Scenario, seeds: int) -> str:
-    """What a point of a map depends on, besides its frequency and amplitude."""
-    return f"{identity_of(scenario)} {seeds}"
-
-
-def without_nan(row: dict[str, float]) -> dict[str, float | None]:
-    """As JSON and CSV take it: None for a number that is not there."""
-    return {name: finite_or_none(value) for name, value in row.items()}
-
-
-def _with_nan(row: dict[str, Any]) -> dict[str, Any]:
-    return {name: math.nan if value is None else value for name, value in row.items()}
+def _point(point: tuple[float, float], seeds: Sequence[SeedValues]) -> MapPoint:
+    speed = Statistic.of(seed.values.get(SPEED, math.nan) for seed in seeds)
+    failed = sum(bool(seed.failure) or seed.left for seed in seeds)
+    return MapPoint(*point, throw_number(*point), speed.mean, speed.se, speed.n, failed, len(seeds))

@@ -16,7 +16,6 @@ import pytest
 from command_line import check_refused, feeder_sim
 from conftest import REPOSITORY, StopsAfter
 
-from feeder_sim.cli.report_uncertainty import lines_of
 from feeder_sim.jobs import workers
 from feeder_sim.jobs.workers import Workers, given_workers
 from feeder_sim.plots.figure import empty_figure
@@ -24,6 +23,7 @@ from feeder_sim.plots.uncertainty import draw_values
 from feeder_sim.run import run_folder
 from feeder_sim.run.run_folder import record_run
 from feeder_sim.studies.uncertainty.spread import spread_of
+from feeder_sim.studies.uncertainty.uncertainty import Uncertainty, UncertaintyQuestion
 
 INPUTS = 8
 NOT_DRAWN = "contact.restitution: uncertain inputs, which have the values of the scenario here"
@@ -147,12 +147,11 @@ def test_an_interrupted_run_keeps_how_many_draws_were_asked_for(
 
 def test_inputs_that_are_not_told_apart_from_the_seeds_are_said_to_be_so() -> None:
     values = [[1.0, 5.0], [2.0, 4.5], [0.5, 5.5]]
-    found: Any = SimpleNamespace(spread=lambda _: spread_of(values), values=lambda _: values)
+    found: Any = SimpleNamespace(spread=lambda _: spread_of(values), values=lambda _: values, measure=lambda name: name)
     found.linear_shares, found.indices = lambda _: None, lambda _: []
-    lines = lines_of(found, "picked")
-    assert lines_of(found, "picked", 5.2)[-1].split(maxsplit=1)[1] == (
-        "5.2 is within the 71 % of runs; 5 of 6 runs are below it"
-    )
+    found.question = UncertaintyQuestion(measured=5.2)
+    lines = Uncertainty.lines(found, "picked")
+    assert lines[-1].split(maxsplit=1)[1] == "5.2 is within the 71 % of runs; 5 of 6 runs are below it"
     assert lines[1].split(maxsplit=2)[2] == "not told apart from the seeds" and "over seeds" in lines[2]
     axes = empty_figure(3.0, 2.0).subplots()
     draw_values(axes, found, "picked", None)

@@ -5,9 +5,11 @@ Everything here runs a copy of the package in processes of its own, with a cache
 
 from __future__ import annotations
 
+import ast
 import json
 import os
 import platform
+import re
 import shutil
 import subprocess
 import sys
@@ -267,7 +269,7 @@ def test_the_key_of_machine_code_changes_with_every_room(copy: Copy, monkeypatch
     assert len(counted) > 15 and len(sources) - len(counted) >= len(machine_code.SHOWING)
     for source in sources:
         kept = source.read_bytes()
-        source.write_bytes(kept + b"#")
+        source.write_bytes(kept + b"X = 1\n")
         seen.add(code_key(copy.package))
         source.write_bytes(kept)
     assert len(seen) == 1 + len(counted)
@@ -280,6 +282,33 @@ def test_the_key_of_machine_code_changes_with_every_room(copy: Copy, monkeypatch
     (copy.package / "newer.py").unlink()
     (copy.package / "notes.txt").write_text("no source")
     assert code_key(copy.package) == key
+
+
+def test_words_change_no_key(copy: Copy, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Docstrings and lines of comments; what is left of every source is its code, all of it."""
+    monkeypatch.setattr(machine_code, "source_hash", machine_code.source_hash.__wrapped__)
+    key = code_key(copy.package)
+    for source in copy.package.rglob("*.py"):
+        text = source.read_bytes()
+        marked = machine_code.WORDS.sub(marked_words, text)
+        assert code_of(marked) == code_of(text), source
+        source.write_bytes(text + b'\n# other words\n\n"""\nMore "words".\n"""\n')
+    assert code_key(copy.package) == key
+
+
+def marked_words(found: re.Match[bytes]) -> bytes:
+    """A number in place of a docstring, so that its function is not empty."""
+    return found[1] or (found[0].partition(b'"')[0].rstrip(b"r") + b"0\n" if b'"' in found[0] else b"")
+
+
+def code_of(text: bytes) -> str:
+    """The code of a source without statements that are a constant alone."""
+    tree = ast.parse(text)
+    for node in ast.walk(tree):
+        if isinstance(body := getattr(node, "body", None), list):
+            kept = [s for s in body if not (isinstance(s, ast.Expr) and isinstance(s.value, ast.Constant))]
+            node.body = kept  # type: ignore[attr-defined]
+    return ast.dump(tree)
 
 
 def test_the_key_of_machine_code_changes_with_libraries(monkeypatch: pytest.MonkeyPatch) -> None:

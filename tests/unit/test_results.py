@@ -59,13 +59,13 @@ def test_opened_run_is_the_result_it_was(run: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("file", "kind"), [("sweep", "sweep"), ("search", "optimise"), ("uncertainty", "uncertainty"), ("map", "speed_map")]
+    ("file", "kind"), [("sweep", "sweep"), ("search", "optimise"), ("uncertainty", "uncertainty"), ("map", "map")]
 )
 def test_the_folder_of_a_question_says_what_reads_it(file: str, kind: str, tmp_path: Path) -> None:
     (tmp_path / f"{file}.toml").touch()
     line = refusal(feeder_sim.open, tmp_path)
     assert f": is the folder of {kind}, which keeps no run: " in line
-    assert line.endswith(f"feeder_sim.{kind}(..., out=...) with the same arguments reads it")
+    assert line.endswith("feeder_sim.open_study reads it, `feeder-sim report` shows it")
 
 
 def test_interrupted_run_opens(tmp_path: Path) -> None:

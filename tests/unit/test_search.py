@@ -8,21 +8,23 @@ import math
 import re
 import threading
 import tomllib
+from dataclasses import replace
 from pathlib import Path
-from typing import get_args
+from typing import Any, get_args
 
 import numpy as np
 import pytest
 from command_line import check_refused, feeder_sim
 from conftest import strip_scenario
-from pretended import Pretended
+from pretended import Pretended, asked
 
 from feeder_sim.errors import InputError
 from feeder_sim.jobs.task import SeedValues
-from feeder_sim.jobs.workers import Workers, given_workers
+from feeder_sim.jobs.workers import given_workers
 from feeder_sim.scenario import Scenario, load_scenario
+from feeder_sim.studies.search.optimise import OptimiseQuestion, Search
 from feeder_sim.studies.search.proposals import RANDOM_TRIALS, Sampler
-from feeder_sim.studies.search.search import FRESH, Budget, Checked, Search, search
+from feeder_sim.studies.search.search import FRESH, Checked
 from feeder_sim.studies.search.space import Space
 from feeder_sim.studies.search.trials import Aim, Trial, is_worse
 from feeder_sim.studies.sweep.case import Case
@@ -46,21 +48,11 @@ def values_of(scenario: Scenario, seed: int) -> dict[str, float]:
 
 
 def searched(
-    folder: Path, trials: int = 48, stop: threading.Event | None = None, after: int = 0
+    folder: Path, stop: threading.Event | None = None, after: int = 0, scenario: Scenario | None = None, **words: Any
 ) -> tuple[Search, Pretended]:
-    executor = Pretended(values_of, stop, after)
-    folder.mkdir(exist_ok=True)
-    found = search(
-        Space.of(strip_scenario(amplitude_um=1.0), OVER),
-        AIM,
-        Workers(executor, 2),
-        folder,
-        folder / "journal.jsonl",
-        budget=Budget(trials),
-        check_seeds=16,
-        stop=stop,
-    )
-    return found, executor
+    executor, usual = Pretended(values_of, stop, after), {"over": OVER, "maximise": "speed", "seeds": 8, "trials": 48}
+    question = OptimiseQuestion.of(**usual | words)
+    return asked(question, scenario or strip_scenario(amplitude_um=1.0), executor, folder, stop=stop), executor
 
 
 def test_the_best_is_found_and_checked_with_fresh_seeds(tmp_path: Path) -> None:
@@ -94,22 +86,15 @@ def test_a_best_recipe_without_a_value_in_some_fresh_seeds_says_so(
 
 def test_every_sampler_goes_on_after_its_random_trials(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Optuna loads the package of CMA-ES when it first asks it for a recipe."""
-    space = Space.of(strip_scenario(amplitude_um=1.0), [OVER[0], f"{FRICTION}=0.1:0.3"])
-
-    def searched(name: str, sampler: Sampler) -> Search:
-        (tmp_path / name).mkdir()
-        journal, workers = tmp_path / name / "journal.jsonl", Workers(Pretended(values_of), 2)
-        budget = Budget(RANDOM_TRIALS + 16)
-        return search(space, AIM, workers, journal.parent, journal, budget=budget, check_seeds=4, sampler=sampler)
-
-    found = {name: searched(name, name) for name in get_args(Sampler)}
+    words: dict[str, Any] = {"over": (OVER[0], f"{FRICTION}=0.1:0.3"), "trials": RANDOM_TRIALS + 16, "check_seeds": 4}
+    found = {name: searched(tmp_path / name, **words, sampler=name)[0] for name in get_args(Sampler)}
     points = {name: [trial.point for trial in one.trials] for name, one in found.items()}
     assert all(len(tried) == RANDOM_TRIALS + 16 for tried in points.values())
     assert points["cmaes"][:RANDOM_TRIALS] == points["tpe"][:RANDOM_TRIALS]  # the same random draws
     assert points["cmaes"][RANDOM_TRIALS:] != points["tpe"][RANDOM_TRIALS:]
     monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
     with pytest.raises(InputError, match=r"sampler: is \"cmaes\", which needs the extra `search`"):
-        searched("without", "cmaes")
+        searched(tmp_path / "without", **words, sampler="cmaes")
     assert not (tmp_path / "without/optuna.log").exists()  # refused before any work
 
 
@@ -117,9 +102,9 @@ def test_losers_are_stopped_early(tmp_path: Path) -> None:
     found, executor = searched(tmp_path)
     stopped = [trial for trial in found.trials if trial.stopped]
     assert len(stopped) >= len(found.trials) // 3
-    assert all(len(trial.values(AIM)) < AIM.seeds for trial in stopped)
-    best = max(trial.mean(AIM) for trial in found.trials if trial.is_whole(AIM))
-    lost = [t for t in stopped if not math.isnan(t.mean(AIM)) and 10 - (t.point[AMPLITUDE] - 3.0) ** 2 > best]
+    assert all(trial.seeds < AIM.seeds for trial in stopped)
+    best = max(trial.found.mean for trial in found.trials if trial.is_whole(AIM))
+    lost = [t for t in stopped if not math.isnan(t.found.mean) and 10 - (t.point[AMPLITUDE] - 3.0) ** 2 > best]
     assert not lost
     assert executor.count < 0.8 * (8 * 48 + 32 + 4 * 8)
 
@@ -138,8 +123,7 @@ def test_a_search_goes_on_to_the_same_end(tmp_path: Path) -> None:
 def test_values_that_are_not_allowed_together_do_not_end_a_search(tmp_path: Path) -> None:
     scenario = strip_scenario().changed({"contact.restitution_exponent": 0.25})
     over = ["contact.restitution_exponent=0.0,0.25", "contact.restitution_speed_m_s=1.0,2.0", f"{AMPLITUDE}=1:4"]
-    space, journal = Space.of(scenario, over), tmp_path / "journal.jsonl"
-    found = search(space, AIM, Workers(Pretended(values_of), 2), tmp_path, journal, budget=Budget(24), check_seeds=4)
+    found, _ = searched(tmp_path, scenario=scenario, over=tuple(over), trials=24, check_seeds=4)
     refused = [trial for trial in found.trials if trial.refused]
     assert found.complete and refused
     assert all("restitution_speed_m_s belongs to" in trial.refused for trial in refused)
@@ -161,12 +145,13 @@ def test_a_best_recipe_that_is_not_surely_better_has_a_caution(largest: bool, ga
     present = Checked({AMPLITUDE: 1.0}, (5.0, 6.0, 7.0, 8.0))
     scatter = (0.003, -0.001, -0.004, 0.002)
     best = Checked({AMPLITUDE: 2.0}, tuple(value + gain + e for value, e in zip(present.values, scatter, strict=True)))
-    found = Search(space, Aim("speed", largest, 4), present=present, best=best)
+    question, aim = OptimiseQuestion.of(over=OVER[:1], maximise="speed"), Aim("speed", largest, 4)
+    found = Search(question, space, aim, (), present, best, complete=True)
     assert re.search(said, found.doubt) if said else found.doubt == ""
     assert [caution.text for caution in found.cautions] == ([found.doubt] if said else [])
-    same = Search(space, Aim("speed", largest, 4), present=present, best=present)
+    same = replace(found, best=present)
     assert "no recipe was found that is better than that of the file, which is the one in" in same.doubt
-    assert Search(space, Aim("speed", largest, 4), present=present).doubt == ""
+    assert replace(found, best=None).doubt == ""
 
 
 def test_a_search_whose_best_recipe_is_worse_with_fresh_seeds_says_so(
@@ -286,6 +271,6 @@ def test_command(repository: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPat
         (("--maximise", "a", "--minimise", "b"), "exactly one of them"),
         (("--maximise", "a", "--budget", "soon"), "30min"),
         (("--maximise", "a", "--over", "contact.friction=0.2:0.3:5"), "--over contact.friction: has a number of"),
-        (("--maximise", "a", "--sampler", "x"), "tpe or cmaes"),
+        (("--maximise", "a", "--sampler", "x"), "--sampler"),
     ):
         check_refused(feeder_sim("optimise", scenario, "--over", OVER[0], *options, cwd=tmp_path), said)

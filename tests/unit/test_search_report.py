@@ -12,18 +12,12 @@ import pytest
 from command_line import feeder_sim, one_line
 from conftest import strip_scenario
 from pages import checked
-from pretended import Pretended
+from pretended import Pretended, asked
 
-from feeder_sim.jobs.folder import WorkFolder
-from feeder_sim.jobs.question_file import question_toml
-from feeder_sim.jobs.workers import Workers
 from feeder_sim.report import pictures
-from feeder_sim.report.search_folder import read_search
 from feeder_sim.report.words import with_error
 from feeder_sim.scenario import Scenario
-from feeder_sim.studies.search.results import QUESTION, Question, tried, write_search
-from feeder_sim.studies.search.search import Budget, Search, search
-from feeder_sim.studies.search.space import Space
+from feeder_sim.studies.search.optimise import OptimiseQuestion, Search
 
 AMPLITUDE, FRICTION = "drive[0].amplitude_um", "contact.friction"
 OVER = (f"{AMPLITUDE}=0.5:5:log", f"{FRICTION}=0.1,0.2,0.3")
@@ -43,20 +37,8 @@ def searched(
 ) -> Search:
     """A folder as the command leaves it."""
     scenario = strip_scenario(amplitude_um=1.0).changed({"title": "<b>Nut</b>"})
-    asked = Question(over, TIME, False, 4, "tpe")
-    space = Space.of(scenario, over)
-    with WorkFolder(path, QUESTION, question_toml(asked), scenario) as folder:
-        found = search(
-            space,
-            asked.aim,
-            Workers(Pretended(values_of, stop, after), 2),
-            path,
-            folder.journal,
-            budget=Budget(trials),
-            check_seeds=8,
-            stop=stop,
-        )
-        write_search(folder, found)
+    question = OptimiseQuestion.of(over=over, minimise=TIME, seeds=4, trials=trials, check_seeds=8)
+    found: Search = asked(question, scenario, Pretended(values_of, stop, after), path, stop=stop)
     return found
 
 
@@ -98,19 +80,18 @@ def test_page_of_a_search(tmp_path: Path, coarse: None) -> None:
 
 def test_what_is_read_is_what_was_found(tmp_path: Path) -> None:
     found = searched(tmp_path)
-    read = read_search(tmp_path)
-    assert read.found.gain == found.gain and read.found.aim == found.aim and read.found.complete
-    assert read.found.best == found.best and read.found.present == found.present
-    rows = tried(found)
-    assert [(row.number, row.seeds, row.stopped, row.refused) for row in read.trials] == [
-        (row.number, row.seeds, row.stopped, row.refused) for row in rows
+    read = Search.read(tmp_path)
+    assert read.gain == found.gain and read.aim == found.aim and read.complete
+    assert read.best == found.best and read.present == found.present
+    assert [(row.number, row.seeds, row.stopped, row.refused, row.point) for row in read.trials] == [
+        (row.number, row.seeds, row.stopped, row.refused, row.point) for row in found.trials
     ]
-    assert [row.point for row in read.trials] == [row.point for row in rows]
-    assert [row.found.mean for row in read.trials] == pytest.approx([row.found.mean for row in rows], nan_ok=True)
+    means = [row.found.mean for row in found.trials]
+    assert [row.found.mean for row in read.trials] == pytest.approx(means, nan_ok=True)
     assert read.leader is not None and found.best is not None and read.leader.point == found.best.point
     with (tmp_path / "trials.csv").open("a") as file:
         file.write("99,1.5,0.2,0.5,0.1,4,0,\n98,1.5,0.2,0.4,0.1,2,1,\n")  # too good to last; stopped early
-    again = read_search(tmp_path)
+    again = Search.read(tmp_path)
     assert again.first is not None and again.first.number == 99 and again.leader == read.leader
 
 
@@ -145,7 +126,7 @@ def test_damaged_folder_is_refused(tmp_path: Path) -> None:
         ("trials.csv", f"{head}\n0,1,0.2,fast,0.1,4,0,\n", "line 2 is"),
         ("check.csv", "seed,present\n", "has the columns 'seed, present', allowed is seed, present, best"),
         ("check.csv", "seed,present,best\n0,1.0\n", "line 2 is"),
-        ("search.toml", held["search.toml"].replace("seeds = 4", "seeds = true"), "holds no search: seeds is True"),
+        ("search.toml", held["search.toml"].replace("seeds = 4", "seeds = true"), "search.toml: seeds: is True"),
         ("search.toml", held["search.toml"].replace("friction", "frction"), "did you mean 'friction'"),
     ):
         for file, before in held.items():

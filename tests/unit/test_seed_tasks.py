@@ -8,17 +8,17 @@ from dataclasses import replace
 
 import pytest
 from conftest import strip_scenario
-from swept import AMPLITUDE, Pretended, cases_at
+from swept import AMPLITUDE, Pretended, over, plan_of
 
 from feeder_sim import sweep
 from feeder_sim.errors import FeederSimError
+from feeder_sim.jobs.bench import Bench
 from feeder_sim.jobs.cautions import cautions_over
 from feeder_sim.jobs.identity import identity_of
 from feeder_sim.jobs.runner import run_work
 from feeder_sim.jobs.task import SeedValues, Task, run_task
 from feeder_sim.jobs.workers import Workers
-from feeder_sim.studies.sweep.cases import SweepWork, run_cases
-from feeder_sim.studies.sweep.question import Question
+from feeder_sim.studies.sweep.cases import SweepWork
 
 
 def test_real_seeds_are_those_of_simulate() -> None:
@@ -28,23 +28,20 @@ def test_real_seeds_are_those_of_simulate() -> None:
     scenario = strip_scenario(seeds=2, duration_s=0.05)
     with ThreadPoolExecutor(1) as pool:
         swept = sweep(scenario, {AMPLITUDE: [0.5, 1.0]}, executor=pool, workers=1)
-    for row in swept.of("drift_velocity_x_mm_s"):
+    for row in swept.valued("drift_velocity_x_mm_s"):
         found = simulate(scenario.changed(row.point)).measures()["drift_velocity_x_mm_s"]
         assert (row.found.mean, row.found.se, row.found.n) == (found["mean"], found["se"], 2)
 
 
 def test_a_broken_executor_loses_nothing() -> None:
-    question = Question((f"{AMPLITUDE}=1:2:3",), seeds=5)
-    whole = run_cases(cases_at(question), Workers(Pretended(), 2))
-    second = Pretended()
-    workers = Workers(Pretended(break_at=(3,)), 2, lambda: second)
-    broken = run_cases(cases_at(question), workers)
-    assert second.seeds
-    assert broken.rows == whole.rows
+    question = over(f"{AMPLITUDE}=1:2:3", seeds=5)
+    whole, broken, second = plan_of(question, Pretended()), plan_of(question), Pretended()
+    assert broken.run(Bench(Workers(Pretended(break_at=(3,)), 2, lambda: second)))
+    assert second.seeds and broken.cases.rows == whole.cases.rows
 
 
 def test_workers_that_end_again_and_again_end_the_sweep(monkeypatch: pytest.MonkeyPatch) -> None:
-    cases = cases_at(Question((f"{AMPLITUDE}=1:2:3",), seeds=5))
+    cases = plan_of(over(f"{AMPLITUDE}=1:2:3", seeds=5)).cases
     workers = Workers(Pretended(break_at=(0,)), 2, lambda: Pretended(break_at=(0,)))
     with pytest.raises(FeederSimError, match="again and again"):
         run_work(SweepWork(cases, lambda case, seed: None), workers)

@@ -5,26 +5,35 @@ from __future__ import annotations
 import json
 import math
 import signal
-from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pytest
 from command_line import feeder_sim
 from conftest import REPOSITORY
+from pretended import Pretended, asked
 
-from feeder_sim.cli.map import _print, mark_of
 from feeder_sim.errors import InputError
+from feeder_sim.jobs.workers import given_workers
 from feeder_sim.measures.statistic import LARGEST_OF_MANY
 from feeder_sim.run.batch import measure_drift
 from feeder_sim.run.prepare import prepare
 from feeder_sim.scenario import Scenario, Start, load_scenario
-from feeder_sim.studies import speed_map as studied
-from feeder_sim.studies.map_folder import values_of
-from feeder_sim.studies.speed_map import MapPoint, at_point, fastest_of, speed_map, throw_number
+from feeder_sim.studies.ask import merged
+from feeder_sim.studies.speed_map import (
+    MapPoint,
+    MapQuestion,
+    SpeedMap,
+    at_point,
+    check_mapped,
+    mark_of,
+    throw_number,
+    values_of,
+)
 
 SCENARIO = REPOSITORY / "scenarios/drift_4750hz.toml"
-FREQUENCIES, AMPLITUDES = (4000.0, 5000.0, 6000.0), (0.5, 1.0, 2.0, 4.0, 5.0, 6.0)
+QUESTION = MapQuestion(frequencies_hz="4000,5000,6000", amplitudes_um="0.5,1,2,4,5,6", seeds=2)
 
 
 @pytest.fixture(scope="module")
@@ -61,7 +70,7 @@ def test_lists_of_values() -> None:
 def test_lists_that_are_none_are_refused(text: str) -> None:
     with pytest.raises(InputError, match=r"^amplitudes_um: "):
         values_of(text, "amplitudes_um")
-    with pytest.raises(InputError, match=r"--mark: is .*, allowed are three numbers"):
+    with pytest.raises(InputError, match=r"mark: is .*, allowed are three numbers"):
         mark_of(text)
 
 
@@ -75,7 +84,7 @@ def test_lists_that_are_none_are_refused(text: str) -> None:
 )
 def test_scenarios_that_cannot_be_mapped_are_refused(scenario: Scenario, changes: dict[str, Any], said: str) -> None:
     with pytest.raises(InputError, match=said):
-        speed_map(scenario.changed(changes), FREQUENCIES, AMPLITUDES)
+        check_mapped(scenario.changed(changes))
 
 
 @pytest.mark.parametrize(
@@ -96,54 +105,67 @@ def test_bad_input_is_one_line(arguments: list[str], said: str, tmp_path: Path) 
     assert len(done.stderr.splitlines()) == 1
 
 
-def made_up(scenario: Scenario, batch: list[tuple[float, float]], seeds: int, **_: Any) -> Iterator[MapPoint]:
-    for f, a in batch:
-        none = a < 1.0
-        yield MapPoint(f, a, throw_number(f, a), math.nan if none else a, math.nan, 0 if none else 1, 0, seeds)
+def made_up(scenario: Scenario, seed: int) -> dict[str, float]:
+    """Parts move at 0.6 um and more; from 1 um on they arrive."""
+    amplitude = float(scenario.drive[0].amplitude_um or 0.0)
+    drift = 1.0 if amplitude > 0.6 else 0.0
+    return {"transport_speed_mm_s": amplitude if amplitude >= 1.0 else math.nan, "drift_velocity_x_mm_s": drift}
 
 
-def test_done_points_are_kept(scenario: Scenario, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_done_points_are_kept(scenario: Scenario, tmp_path: Path) -> None:
     """A map that is killed within a line of its journal goes on, and ends with the same points."""
-    batches: list[int] = []
-
-    def counted(scenario: Scenario, batch: list[tuple[float, float]], seeds: int, **how: Any) -> Iterator[MapPoint]:
-        batches.append(len(batch))
-        return made_up(scenario, batch, seeds)
-
-    monkeypatch.setattr(studied, "_measured", counted)
-    journal = tmp_path / "journal.jsonl"
-    whole = speed_map(scenario, FREQUENCIES, AMPLITUDES, seeds=2, journal=journal)
-    n = len(FREQUENCIES) * len(AMPLITUDES)
-    assert [(p.frequency_hz, p.amplitude_um) for p in whole] == [(f, a) for f in FREQUENCIES for a in AMPLITUDES]
-    assert sum(batches) == n
+    runs, folder = [Pretended(made_up) for _ in range(4)], tmp_path / "m"
+    whole = asked(QUESTION, scenario, runs[0], folder)
+    assert whole.complete
+    assert [(p.frequency_hz, p.amplitude_um) for p in whole.points] == QUESTION.points
+    assert runs[0].count == 2 * len(QUESTION.points)
+    journal = folder / "journal.jsonl"
     lines = journal.read_text().splitlines(keepends=True)
-    assert len(lines) == n
     journal.write_text("".join(lines[:8]) + lines[8][:20])
-    again = speed_map(scenario, FREQUENCIES, AMPLITUDES, seeds=2, journal=journal)
-    assert sum(batches) == n + n - 8
-    assert str(again) == str(whole)  # NaN is no equal of itself
-    speed_map(scenario, FREQUENCIES, AMPLITUDES, seeds=3, journal=journal)
-    assert sum(batches) == 3 * n - 8  # points of two seeds are others
+    again = asked(QUESTION, scenario, runs[1], folder)
+    assert runs[1].count == runs[0].count - 8 and str(again.table()) == str(whole.table())
+    more = asked(QUESTION.model_copy(update={"seeds": 3}), scenario, runs[2], folder)
+    assert runs[2].count == len(QUESTION.points) and {point.seeds for point in more.points} == {3}
+
+
+def test_points_where_nothing_moves_are_given_up_after_a_probe(scenario: Scenario) -> None:
+    slow = MapQuestion(frequencies_hz="2000", amplitudes_um="0.5,0.61", seeds=4)
+    assert all(throw_number(*point) < 10.0 for point in slow.points)
+    executor = Pretended(made_up)
+    still, moving = asked(slow, scenario, executor).points
+    assert (still.seeds, still.n) == (2, 0) and moving.seeds == 4 and executor.count == 2 + 2 + 4
+
+
+def test_tasks_of_a_map_are_merged(scenario: Scenario, tmp_path: Path) -> None:
+    for number in (1, 2):
+        asked(QUESTION, scenario, Pretended(made_up), tmp_path / "m", (number, 2))
+    found = merged(tmp_path / "m")
+    whole = asked(QUESTION, scenario, Pretended(made_up))
+    assert found.complete and str(found.table()) == str(whole.table())
 
 
 def test_an_interrupted_map_has_a_table_and_a_picture(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Ctrl-C keeps what there is once a first ensemble is done, and from the start where points were done before."""
-    ensembles = iter((1, 0))
+    """Ctrl-C keeps what there is."""
 
-    def interrupted(
-        scenario: Scenario, batch: list[tuple[float, float]], seeds: int, *, progress: Any, **_: Any
-    ) -> Iterator[MapPoint]:
-        for n in range(next(ensembles)):
-            progress(n + 1)
-        signal.raise_signal(signal.SIGINT)
-        yield from made_up(scenario, batch[:4], seeds)
+    class Interrupted(Pretended):
+        asked = False
 
-    monkeypatch.setattr(studied, "_measured", interrupted)
-    out = tmp_path / "m"
-    for points in (4, 8):
-        done = feeder_sim("map", SCENARIO, "--frequency", "4000,5000,6000", "--amplitude", "1:6:14", "--out", out)
+        def submit(self, function: Any, task: Any, /) -> Any:  # type: ignore[override]
+            if self.count >= 8 and not self.asked:
+                self.asked = True
+                signal.raise_signal(signal.SIGINT)
+            return super().submit(function, task)
+
+    out, points = tmp_path / "m", 0
+    for _ in range(2):
+        executor = Interrupted(made_up)
+        monkeypatch.setattr("feeder_sim.jobs.workers.workers_of", lambda *_, with_=executor: given_workers(with_, 1))
+        done = feeder_sim(
+            *("map", SCENARIO, "--frequency", "4000,5000,6000", "--amplitude", "1:6:14", "--seeds", 1, "--out", out)
+        )
         assert done.returncode == 130 and "the same command goes on" in done.stderr
-        assert len((out / "map.csv").read_text().splitlines()) == 1 + points
+        before, points = points, len((out / "map.csv").read_text().splitlines())
+        assert points > before
         (out / "map.png").unlink()
 
 
@@ -154,7 +176,7 @@ def test_uncertain_inputs_that_are_not_drawn_are_said(
     def refused(*_: Any, **__: Any) -> Any:
         raise InputError("refused here")
 
-    monkeypatch.setattr(studied, "_measured", refused)
+    monkeypatch.setattr("feeder_sim.jobs.workers.workers_of", lambda *_: given_workers(Pretended(made_up), 1))
     monkeypatch.setattr("feeder_sim.studies.drift_map.making.make_map", refused)
     friction = "contact.friction = { uniform = [0.2, 0.4] }"
     (tmp_path / "u.toml").write_text(f"{SCENARIO.read_text()}\n[uncertain]\n{friction}\n")
@@ -167,17 +189,15 @@ def point(mean: float, n: int, seeds: int = 12, se: float = 0.1) -> MapPoint:
     return MapPoint(5000.0, 10.0 * mean, 1.0, mean, se, n, 0, seeds)
 
 
-def test_the_fastest_point_is_one_where_most_parts_arrive(capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_fastest_point_is_one_where_most_parts_arrive(scenario: Scenario) -> None:
     """The mean of a few survivors is no speed of the part."""
     slow, few, none = point(2.0, 6), point(9.0, 5), point(math.nan, 0, 2, math.nan)
-    assert fastest_of([none, few, slow]) == slow and fastest_of([none, few]) is None
-    _print([none, few, slow], Path("m"), False)
-    told = capsys.readouterr().out
+    found = SpeedMap(QUESTION, scenario, (none, few, slow), complete=True)
+    assert found.fastest == slow and replace(found, points=(none, few)).fastest is None
+    told = "\n".join(found.lines())
     assert "2.000 +- 0.100 mm/s at 5000 Hz, 20 um, n = 6 of 12" in told and LARGEST_OF_MANY in told
-    _print([few], Path("m"), False)
-    assert "fastest: not told" in capsys.readouterr().out
-    _print([point(1.0, 1, 1, math.nan)], Path("m"), False)
-    told = capsys.readouterr().out
+    assert any("fastest: not told" in line for line in replace(found, points=(few,)).lines())
+    told = "\n".join(replace(found, points=(point(1.0, 1, 1, math.nan),)).lines())
     assert "1.000 mm/s at" in told and "nan" not in told and LARGEST_OF_MANY not in told
 
 

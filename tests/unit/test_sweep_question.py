@@ -2,21 +2,19 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from conftest import strip_scenario
-from swept import AMPLITUDE, Pretended, cases_at
+from pretended import asked
+from swept import AMPLITUDE, Pretended, over, plan_of
 
 from feeder_sim import sweep
 from feeder_sim.errors import InputError
-from feeder_sim.jobs.workers import Workers
 from feeder_sim.scenario import load_scenario
-from feeder_sim.studies.sweep.cases import Cases, run_cases
 from feeder_sim.studies.sweep.design import grid, read_axis, side_by_side, sobol_sample
-from feeder_sim.studies.sweep.question import Question, axis_texts
+from feeder_sim.studies.sweep.sweep import SweepQuestion, axis_texts
 
 
 def test_axes() -> None:
@@ -66,49 +64,49 @@ def test_axes_side_by_side_have_as_many_values() -> None:
 
 
 def test_a_question_is_kept_as_text(tmp_path: Path) -> None:
-    question = Question(axis_texts({"a": [1, 2.5], "b": np.array([1.0, 2.0]), "c": "1:2:3"}), seeds=3, measure="m")
-    (tmp_path / "q.toml").write_text(question.as_toml())
-    assert Question.of_toml(tmp_path / "q.toml") == question
+    question = over(*axis_texts({"a": [1, 2.5], "b": np.array([1.0, 2.0]), "c": "1:2:3"}), seeds=3, measure="m")
+    (tmp_path / "sweep.toml").write_text(question.as_toml())
+    assert SweepQuestion.read(tmp_path) == question
+    (tmp_path / "sweep.toml").write_text("vary = ['a=1,2']\nzipped = true\nsobol = 0\nmeasure = ''\nuntil_se = 0.0")
+    assert SweepQuestion.read(tmp_path) == over("a=1,2", zip=True)  # as it was written once
     assert question.axes[0].values == (1, 2.5)
     for text in ("vary = 3\nx = 1", "vary = [1]", "vary = []\nseeds = 'x'", "{"):
-        (tmp_path / "q.toml").write_text(text)
-        with pytest.raises(InputError, match="holds no sweep"):
-            Question.of_toml(tmp_path / "q.toml")
+        (tmp_path / "sweep.toml").write_text(text)
+        with pytest.raises(InputError, match=r"sweep\.toml: "):
+            SweepQuestion.read(tmp_path)
     with pytest.raises(InputError, match="a: is 3, allowed is a sequence"):
         axis_texts({"a": 3})
 
 
 def test_a_number_of_seeds_that_is_none_is_refused() -> None:
     for seeds in (0, -1):
-        with pytest.raises(InputError, match=f"seeds: is {seeds}, allowed is a whole number from 1 on"):
+        with pytest.raises(InputError, match=f"seeds: is {seeds}, allowed is greater than or equal to 1"):
             sweep(strip_scenario(), {AMPLITUDE: [1.0]}, seeds=seeds)
 
 
 def test_a_mode_takes_its_frequency_along(repository: Path) -> None:
     scenario = load_scenario(repository / "scenarios/drift_2797hz_plate.toml")
-    both = Question(("drive[0].mode=1,12",)), Question(("drive[0].mode=1,12", "drive[0].frequency_hz=500,600"))
-    alone, beside = (Cases.of(scenario, question, file=Path("scenario")) for question in both)
+    both = over("drive[0].mode=1,12"), over("drive[0].mode=1,12", "drive[0].frequency_hz=500,600")
+    alone, beside = (question.plan(scenario, Path("scenario")).cases for question in both)
     frequencies = [case.scenario.drive[0].frequency_hz for case in alone]
     assert len(set(frequencies)) == 2 and scenario.drive[0].frequency_hz not in frequencies
     assert [case.scenario.drive[0].frequency_hz for case in beside] == [500, 600] * 2  # what is said counts
     uncertain = scenario.changed({"uncertain": {"drive[0].frequency_hz": {"uniform": [2700.0, 2800.0]}}})
     with pytest.raises(InputError, match=r"frequency_hz: is varied, but also \[uncertain\]"):
-        Cases.of(uncertain, both[0], file=Path("scenario"))
+        both[0].plan(uncertain, Path("scenario"))
     with pytest.raises(InputError, match=r"plate\.mode_file: is missing"):
-        cases_at(both[0])
+        plan_of(both[0])
 
 
 def test_draws_of_uncertain_inputs_have_seeds_of_their_own() -> None:
     held = {"contact.friction": {"uniform": [0.2, 0.4]}}
     scenario = strip_scenario(seeds=2).changed({"uncertain": held})
-    question = Question((f"{AMPLITUDE}=1,2",), inputs=4)
-    cases = Cases.of(scenario, question, file=Path("scenario"))
     executor = Pretended()
-    swept = run_cases(cases, Workers(executor, 1))
+    swept = asked(over(f"{AMPLITUDE}=1,2", inputs=4), scenario, executor)
     assert sorted(executor.seeds) == [(a, seed) for a in (1.0, 2.0) for seed in range(8)]
-    assert [row.found.n for row in swept.of("speed")] == [8, 8] and swept.uncertain
+    assert [row.found.n for row in swept.valued("speed")] == [8, 8] and swept.uncertain
     for vary in ("contact.friction=0.2,0.3", "contact={ friction = 0.2 },{ friction = 0.3 }"):
         with pytest.raises(InputError, match=r"is varied, but also \[uncertain\]"):
-            Cases.of(scenario, Question((vary,)), file=Path("scenario"))
+            over(vary).plan(scenario, Path("scenario"))
     with pytest.raises(InputError, match=r"^until_se: is given, .* more draws narrow"):
-        Cases.of(scenario, replace(question, until_se=0.1, measure="speed"), file=Path("scenario"))
+        over(f"{AMPLITUDE}=1,2", until_se=0.1, measure="speed").plan(scenario, Path("scenario"))

@@ -3,26 +3,22 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
+from typing import Any
 
 import pytest
 from conftest import strip_scenario
-from swept import AMPLITUDE, Pretended, cases_at, speed_of
+from swept import AMPLITUDE, Pretended, over, plan_of, speed_of
 
 from feeder_sim.errors import InputError
 from feeder_sim.jobs.task import SeedValues
-from feeder_sim.jobs.workers import Workers
 from feeder_sim.studies.sweep.case import Case, Effort
-from feeder_sim.studies.sweep.cases import run_cases
-from feeder_sim.studies.sweep.question import Question
 
 
 def test_more_seeds_where_the_interval_is_wide_fewer_where_nothing_happens() -> None:
-    question = Question((f"{AMPLITUDE}=0.5,1,4",), seeds=8, until_se=0.03, measure="speed")
-    swept = run_cases(cases_at(question), Workers(Pretended(), 2))
-    rows = {row.point[AMPLITUDE]: row for row in swept.of("speed")}
+    plan = plan_of(over(f"{AMPLITUDE}=0.5,1,4", seeds=8, until_se=0.03, measure="speed"), Pretended())
+    rows = {rows[0].point[AMPLITUDE]: rows[0] for rows in plan.cases.rows}
     assert rows[0.5].found.n == 0
-    counts = [len(case.done) for case in swept.cases]
+    counts = [len(case.done) for case in plan.cases]
     assert counts[0] == 4  # nothing happens
     assert counts[1] == 8
     assert counts[2] > 30
@@ -69,12 +65,12 @@ def test_few_values_that_happen_to_lie_together_do_not_end_a_point(seeds: int) -
 
 
 def test_points_that_do_not_get_there_are_counted() -> None:
-    question = Question((f"{AMPLITUDE}=0.5,1,4",), until_se=0.01, measure="speed", most_seeds=40)
-    swept = run_cases(cases_at(question), Workers(Pretended(), 2))
-    assert swept.complete and swept.short == 1
-    nothing, sure, scattered = (len(case.done) for case in swept.cases)
+    asked: dict[str, Any] = {"until_se": 0.01, "measure": "speed", "most_seeds": 40}
+    plan = plan_of(over(f"{AMPLITUDE}=0.5,1,4", **asked), Pretended())
+    assert plan.all_done and plan.cases.short == 1
+    nothing, sure, scattered = (len(case.done) for case in plan.cases)
     assert nothing == 4 and 8 < sure < 40 and scattered == 40
-    assert replace(question, seeds=60).effort(strip_scenario()).most_seeds == 60
-    for wrong in (replace(question, seeds=-1), replace(question, inputs=1), replace(question, most_seeds=7)):
-        with pytest.raises(InputError, match="or more"):
-            cases_at(wrong)
+    assert over(f"{AMPLITUDE}=1,2", **asked, seeds=60).effort(strip_scenario()).most_seeds == 60
+    for wrong in ({"seeds": -1}, {"inputs": 1}, {"most_seeds": 7}):
+        with pytest.raises(InputError, match=f"{next(iter(wrong))}: is .*, allowed is greater than or equal to"):
+            over(f"{AMPLITUDE}=1,2", **asked | wrong)

@@ -8,15 +8,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 from scipy.special import ndtr
-from swept import AMPLITUDE, cases_at
+from swept import AMPLITUDE, over, plan_of
 
 from feeder_sim.jobs.task import SeedValues
 from feeder_sim.measures.statistic import Statistic
 from feeder_sim.plots.figure import empty_figure
 from feeder_sim.plots.sweep import draw_line
-from feeder_sim.studies.sweep.cases import Sweep
-from feeder_sim.studies.sweep.question import Question
-from feeder_sim.studies.sweep.table import Row, as_csv, as_parquet
+from feeder_sim.studies.study import csv_bytes
+from feeder_sim.studies.sweep.table import COLUMNS, UNCERTAIN_COLUMNS, Row, as_parquet
 from feeder_sim.studies.uncertainty.spread import interval_of, spread_of
 
 
@@ -25,16 +24,16 @@ def test_columns_of_numbers_and_texts(tmp_path: Path) -> None:
 
     values = ([1.0, 0.0], 2.5, "x")
     rows = [Row({"a": value}, "m", Statistic.of([1.0, 2.0]), 2, 0) for value in values]
-    (tmp_path / "t.parquet").write_bytes(as_parquet(["a"], rows, uncertain=False))
+    (tmp_path / "t.parquet").write_bytes(as_parquet(["a", *COLUMNS], [row.as_dict() for row in rows]))
     assert pyarrow.parquet.read_table(tmp_path / "t.parquet")["a"].to_pylist() == ["[1.0, 0.0]", "2.5", "x"]
 
 
 def test_points_without_any_value_have_a_row() -> None:
-    cases = cases_at(Question((f"{AMPLITUDE}=1,2,3",), seeds=2))
-    first, second, _ = cases
+    plan = plan_of(over(f"{AMPLITUDE}=1,2,3", seeds=2))
+    first, second, _ = plan.cases
     first.take((SeedValues(0, {"speed": 1.0}, 0.1), SeedValues(1, {"speed": math.nan}, 0.1)))
     second.take((SeedValues(0, {}, 0.1, "no room"), SeedValues(1, {}, 0.1, "no room")))
-    rows = Sweep(cases, complete=False).at_every_point("speed")
+    rows = plan.study(False, 0).at_every_point("speed")  # type: ignore[attr-defined]
     assert [(row.found.n, row.seeds, row.failed, row.without_value) for row in rows] == [
         (1, 2, 0, 1),
         (0, 2, 2, 0),
@@ -43,11 +42,11 @@ def test_points_without_any_value_have_a_row() -> None:
 
 
 def test_a_failure_is_told_with_its_point() -> None:
-    cases = cases_at(Question((f"{AMPLITUDE}=1:2:4", "part[0].material=steel,aluminium"), seeds=2))
+    plan = plan_of(over(f"{AMPLITUDE}=1:2:4", "part[0].material=steel,aluminium", seeds=2))
     whys = {1: ("", "no room"), 2: ("asks for 1.3 um", "no room")}
-    for number, case in enumerate(cases):
+    for number, case in enumerate(plan.cases):
         case.take(tuple(SeedValues(seed, {}, 0.1, why) for seed, why in enumerate(whys.get(number, ("", "")))))
-    assert Sweep(cases, complete=True).failures == [
+    assert plan.study(True, 0).failures == [
         f"at {AMPLITUDE} = 1, part[0].material = aluminium: no room",
         f"at {AMPLITUDE} = 1.33333, part[0].material = steel: asks for 1.3 um",
     ]
@@ -104,7 +103,7 @@ def test_inputs_that_are_not_told_apart_from_the_seeds_have_no_interval() -> Non
         Row({"a": place}, "m", Statistic.of([3.0, 3.5]), 2, 0, spread)
         for place, spread in enumerate((known, unknown, unknown, known))
     ]
-    table = as_csv(["a"], rows, uncertain=True).splitlines()
+    table = csv_bytes(["a", *COLUMNS, *UNCERTAIN_COLUMNS], [row.as_dict() for row in rows]).decode().splitlines()
     assert table[0].endswith("low,high,sd_inputs,sd_seeds") and ",,,0.0," in table[2]
     figure = empty_figure(3.0, 2.0)
     for axes, shown in zip(figure.subplots(1, 2), (rows, rows[1:3]), strict=True):

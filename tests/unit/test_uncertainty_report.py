@@ -6,21 +6,19 @@ import json
 import math
 import threading
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from command_line import feeder_sim, one_line
 from conftest import strip_scenario
 from pages import checked
-from pretended import Pretended
+from pretended import Pretended, asked
 
-from feeder_sim.cli.uncertainty import propagate_into
-from feeder_sim.jobs.workers import Workers
 from feeder_sim.report import pictures
-from feeder_sim.report.uncertainty_folder import read_uncertainty
 from feeder_sim.scenario import Scenario, load_scenario
-from feeder_sim.studies.uncertainty.propagate import Propagation
-from feeder_sim.studies.uncertainty.question import Question
+from feeder_sim.studies.ask import open_study
+from feeder_sim.studies.uncertainty.uncertainty import Uncertainty, UncertaintyQuestion
 
 AMPLITUDE, FRICTION = "drive[0].amplitude_um", "contact.friction"
 INPUTS = {
@@ -40,12 +38,12 @@ def values_of(scenario: Scenario, seed: int) -> dict[str, float] | str:
     return {SPEED: math.nan if seed == 5 else speed, "highest_rise_mm": 0.5 + 0.1 * chance}
 
 
-def studied(folder: Path, question: Question, stop: threading.Event | None = None, after: int = 0) -> Propagation:
+def studied(folder: Path, stop: threading.Event | None = None, after: int = 0, **words: Any) -> Uncertainty:
     """A folder as the command leaves it."""
     scenario = strip_scenario().changed({"title": "<b>Nut</b>", "uncertain": INPUTS})
-    stop = stop or threading.Event()
-    workers = Workers(Pretended(values_of, stop if after else None, after), 2)
-    return propagate_into(folder, scenario, workers, question, stop=stop, progress=lambda _: None)
+    question, executor = UncertaintyQuestion.of(**words), Pretended(values_of, stop, after)
+    found: Uncertainty = asked(question, scenario, executor, folder, stop=stop)
+    return found
 
 
 @pytest.fixture
@@ -56,7 +54,7 @@ def coarse(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.mark.filterwarnings("default")  # of SALib
 def test_page_with_indices(tmp_path: Path, coarse: None) -> None:
-    done = studied(tmp_path / "u", Question(8, 2, True, SPEED, 6.5))
+    done = studied(tmp_path / "u", inputs=8, seeds=2, indices=True, measure=SPEED, measured=6.5)
     made = feeder_sim("report", tmp_path / "u", "--json")
     assert made.returncode == 0, made.stderr
     told = json.loads(made.stdout)
@@ -90,20 +88,20 @@ def test_page_with_indices(tmp_path: Path, coarse: None) -> None:
 
 
 def test_what_is_read_is_what_was_found(tmp_path: Path) -> None:
-    done = studied(tmp_path, Question(4, 3))
-    asked = read_uncertainty(tmp_path)
-    assert asked.question.as_toml() == Question(4, 3).as_toml()
-    assert asked.found.rows() == done.rows() and asked.found.main() == done.main() == SPEED
-    assert [dict(draw) for draw in asked.found.draws] == list(done.draws)
-    assert [seed.seed for seed in asked.failed] == [3]
-    assert asked.found.swept.complete
+    done = studied(tmp_path, inputs=4, seeds=3)
+    read: Any = open_study(tmp_path)
+    assert read.question == done.question
+    assert read.table() == done.table() and read.main() == done.main() == SPEED
+    assert [dict(draw) for draw in read.draws] == list(done.draws)
+    assert [seed.seed for seed in read.failed] == [3]
+    assert read.complete
     (tmp_path / "journal.jsonl").unlink()
-    assert [seed.failure for seed in read_uncertainty(tmp_path).failed] == ["why is not known"]
+    assert [seed.failure for seed in Uncertainty.read(tmp_path).failed] == ["why is not known"]
 
 
 def test_page_of_a_study_that_has_not_ended(tmp_path: Path, coarse: None) -> None:
-    done = studied(tmp_path, Question(16, 1), threading.Event(), after=6)
-    runs = sum(len(case.done) for case in done.swept.cases)
+    done = studied(tmp_path, threading.Event(), after=6, inputs=16, seeds=1)
+    runs = sum(len(case.done) for case in done.cases)
     assert runs < 16
     assert feeder_sim("report", tmp_path).returncode == 0
     page = checked((tmp_path / "report.html").read_text(encoding="utf-8"))
@@ -113,7 +111,7 @@ def test_page_of_a_study_that_has_not_ended(tmp_path: Path, coarse: None) -> Non
 
 
 def test_damaged_folder_is_refused(tmp_path: Path) -> None:
-    studied(tmp_path, Question(4, 1))
+    studied(tmp_path, inputs=4, seeds=1)
     draws, asked = (tmp_path / "draws.csv").read_text(), (tmp_path / "uncertainty.toml").read_text()
     head, first = draws.splitlines()[:2]
     for name, text, said in (
@@ -121,7 +119,7 @@ def test_damaged_folder_is_refused(tmp_path: Path) -> None:
         ("draws.csv", f"{head}\n", "holds no draw"),
         ("draws.csv", f"{head}\n{first.replace(',0,', ',zero,')}\n", "line 2 is"),
         ("draws.csv", f"{head}\n{first.rpartition(',')[0]}\n", "line 2 is"),
-        ("uncertainty.toml", "inputs = 'many'\nseeds = 1\n", "holds no study of uncertain inputs: inputs is 'many'"),
+        ("uncertainty.toml", "inputs = 'many'\nseeds = 1\n", "uncertainty.toml: inputs: is 'many'"),
     ):
         (tmp_path / "draws.csv").write_text(draws)
         (tmp_path / "uncertainty.toml").write_text(asked)

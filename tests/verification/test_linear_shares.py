@@ -9,7 +9,7 @@ import pytest
 from conftest import strip_scenario
 
 from feeder_sim.scenario import Scenario, Uncertain
-from feeder_sim.studies.sweep.design import labels
+from feeder_sim.scenario.changes import labels
 from feeder_sim.studies.uncertainty.draws import Draw, draws_of
 from feeder_sim.studies.uncertainty.indices import saltelli_draws
 from feeder_sim.studies.uncertainty.linear_shares import LinearShares, linear_shares

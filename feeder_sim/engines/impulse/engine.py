@@ -157,16 +157,16 @@ class ImpulseEngine:
         done = int(np.searchsorted(times, self._span[1], side="right"))
         if done:
             self._compute_window(self._span[1], FrameRows(times[:done], rows[:done], self._interrupt))
-        while not self._interrupt[ENDED]:
-            self._interrupt[WHOLE] = done
-            if done == len(times):
-                break
+            self._interrupt[WHOLE] = 0 if self._interrupt[ENDED] else done
+        while done < len(times):  # at least once, so that an engine that is ended at once has been compiled
             start = self._span[1]
             self._span[:] = start, start + self._window
             self._keep_begin_of_window()
             last = int(np.searchsorted(times, self._span[1], side="right"))
             self._compute_window(self._span[1], FrameRows(times[done:last], rows[done:last], self._interrupt))
-            done = last
+            if self._interrupt[ENDED]:
+                break
+            self._interrupt[WHOLE] = done = last
 
     def _compute_window(self, until: float, frames: FrameRows | None = None) -> None:
         """Compute the window under way from its begin until a time in it [s].

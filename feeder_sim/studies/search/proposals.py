@@ -34,7 +34,7 @@ RANDOM_TRIALS = 16  # at the begin, before the sampler learns
 class Proposals:
     """Trials as Optuna proposes them, in the order of their numbers."""
 
-    def __init__(self, log: Path, space: Space, aim: Aim, sampler: Sampler, starts: Sequence[Point]) -> None:
+    def __init__(self, log: Path | None, space: Space, aim: Aim, sampler: Sampler, starts: Sequence[Point]) -> None:
         """Open the record of a search, or begin one with the scenario itself and the recipes of `starts`.
 
         Raises:
@@ -78,11 +78,11 @@ class Proposals:
                 self._study.tell(trial.number, mean, skip_if_finished=True)
 
 
-def _study(log: Path, space: Space, aim: Aim, sampler: str) -> Study:
+def _study(log: Path | None, space: Space, aim: Aim, sampler: str) -> Study:
     """Optuna's record of the search, in a journal file; another question in the same file has a record of its own."""
     try:
         import optuna
-        from optuna.storages import JournalStorage
+        from optuna.storages import InMemoryStorage, JournalStorage
         from optuna.storages.journal import JournalFileBackend
         from optuna.study import StudyDirection
     except ImportError:
@@ -92,7 +92,7 @@ def _study(log: Path, space: Space, aim: Aim, sampler: str) -> Study:
     asked = f"{identity_of(space.scenario)} {aim} {space.parameters} {sampler}"
     name = hashlib.sha256(asked.encode()).hexdigest()[:16]
     try:
-        storage = JournalStorage(JournalFileBackend(str(log)))
+        storage = JournalStorage(JournalFileBackend(str(log))) if log else InMemoryStorage()
         return optuna.create_study(study_name=name, storage=storage, direction=direction, load_if_exists=True)
     except Exception as error:  # of a damaged file Optuna raises what it likes
         raise InputError(f"is no record of a search, allowed is another folder ({error})", file=log) from error

@@ -20,7 +20,6 @@ from feeder_sim.scene.start import start_poses
 from feeder_sim.studies.drift_map.drift_map import DriftMap
 from feeder_sim.studies.drift_map.files import load_map
 from feeder_sim.studies.drift_map.walk import walk
-from feeder_sim.studies.search.proposals import LOG
 from feeder_sim.studies.search.search import GENERATION
 from feeder_sim.studies.search.space import Space
 from feeder_sim.studies.search.trials import Aim
@@ -31,22 +30,13 @@ WALKERS = 24  # of a recipe; all of them have to arrive
 
 
 def first_recipes(
-    folder: Path,
-    space: Space,
-    aim: Aim,
-    map_file: Path,
-    recipes: int,
-    progress: Callable[[float], None] | None = None,
+    space: Space, aim: Aim, map_file: Path, recipes: int, progress: Callable[[float], None] | None = None
 ) -> list[Point]:
     """The recipes of `screened` that a search begins with besides the present one.
-
-    There are none where it has begun before, since they are in its record in the folder then.
 
     Raises:
         InputError: as `screened`, or the file holds no drift map.
     """
-    if (folder / LOG).exists():
-        return []
     return screened(space, aim, load_map(map_file), recipes, GENERATION, progress)
 
 

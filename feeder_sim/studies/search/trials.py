@@ -131,7 +131,7 @@ class TrialWork:
     """The seeds that trials still need; all are held against the one that was best before them."""
 
     def __init__(
-        self, trials: list[Trial], aim: Aim, best: Trial | None, keep: Callable[[Case, SeedValues], None]
+        self, trials: list[Trial], aim: Aim, best: Trial | None, keep: Callable[[str, SeedValues], None]
     ) -> None:
         self._trials, self._aim, self._best, self._keep = trials, aim, best, keep
 
@@ -149,7 +149,7 @@ class TrialWork:
         place.case.take(done)
         for seed in done:
             check_measure(self._aim.measure, seed.values, self._aim.argument)
-            self._keep(place.case, seed)
+            self._keep(place.case.identity, seed)
 
     @property
     def share_done(self) -> float:

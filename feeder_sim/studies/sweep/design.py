@@ -203,8 +203,3 @@ def _at_commas(text: str) -> list[str]:
         else:
             parts[-1] += character
     return parts
-
-
-def labels(point: Mapping[str, Any]) -> dict[str, Any]:
-    """The values of a point as a table holds them: numbers and texts."""
-    return {key: value if isinstance(value, int | float | str) else quoted(value) for key, value in point.items()}

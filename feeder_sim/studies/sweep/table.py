@@ -19,16 +19,15 @@ and where inputs are uncertain
 
 from __future__ import annotations
 
-import csv
-import io
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 from feeder_sim.jobs.task import SeedValues
 from feeder_sim.measures.statistic import Statistic
-from feeder_sim.studies.sweep.design import Point, labels
+from feeder_sim.scenario.changes import labels
+from feeder_sim.studies.sweep.design import Point
 from feeder_sim.studies.uncertainty.spread import Spread, spread_of
 
 COLUMNS = ("measure", "mean", "se", "n", "seeds", "failed")
@@ -108,24 +107,11 @@ def main_measure(measures: Sequence[str], rows: Sequence[Row]) -> str:
     return next(iter(usual or [name for name in measures if name in valued] or measures), "")
 
 
-def as_csv(keys: Sequence[str], rows: Sequence[Row], *, uncertain: bool) -> str:
-    """The table as CSV; an empty field is no value."""
-    text = io.StringIO()
-    columns = [*keys, *COLUMNS, *(UNCERTAIN_COLUMNS if uncertain else ())]
-    writer = csv.DictWriter(text, columns, lineterminator="\n")
-    writer.writeheader()
-    for row in rows:
-        writer.writerow({key: "" if value is None else value for key, value in row.as_dict().items()})
-    return text.getvalue()
-
-
-def as_parquet(keys: Sequence[str], rows: Sequence[Row], *, uncertain: bool) -> bytes:
+def as_parquet(columns: Sequence[str], entries: Sequence[Mapping[str, Any]]) -> bytes:
     """The table as Parquet, by pyarrow, which rerun brings."""
     import pyarrow
     import pyarrow.parquet
 
-    columns = [*keys, *COLUMNS, *(UNCERTAIN_COLUMNS if uncertain else ())]
-    entries = [row.as_dict() for row in rows]
     table = pyarrow.table({name: _column([entry.get(name) for entry in entries], name) for name in columns})
     sink = pyarrow.BufferOutputStream()
     pyarrow.parquet.write_table(table, sink)

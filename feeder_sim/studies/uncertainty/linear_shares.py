@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from feeder_sim.scenario import Scenario, Uncertain
-from feeder_sim.studies.sweep.design import labels
+from feeder_sim.scenario.changes import labels
 from feeder_sim.studies.uncertainty.draws import Draw
 
 RESAMPLES = 400  # of the bootstrap: the ends of a 95 % interval lie between its 10th and 11th values

@@ -1,0 +1,139 @@
+"""A question of many runs, asked: what is done in its folder counts, the rest is run, and the answer is written."""
+
+from __future__ import annotations
+
+import contextlib
+import threading
+from collections.abc import Callable
+from contextlib import AbstractContextManager
+from pathlib import Path
+
+from feeder_sim.errors import InputError
+from feeder_sim.jobs.bench import FOREIGN, Bench
+from feeder_sim.jobs.folder import SCENARIO, WorkFolder, usual_folder
+from feeder_sim.jobs.ledger import Ledger
+from feeder_sim.jobs.workers import Workers
+from feeder_sim.scenario import Scenario, load_scenario
+from feeder_sim.studies.kinds import KINDS, kind_of
+from feeder_sim.studies.question import Question
+from feeder_sim.studies.study import Study
+from feeder_sim.studies.sweep.sweep import SweepQuestion
+
+
+def folder_of(
+    question: Question,
+    scenario: Scenario,
+    out: Path | None,
+    *,
+    name: str = "",
+    share: tuple[int, int] | None = None,
+) -> WorkFolder:
+    """The folder of a question: a given one, or else one at the usual place by a name.
+
+    Raises:
+        InputError: it holds something else, or another question.
+    """
+    question = question.settled(scenario)
+    path = out or usual_folder(Path(question.base), name, question.file, scenario, question.same)
+    asked = question.as_toml()
+    return WorkFolder(path, question.file, asked, scenario, same=question.same, share=share, own=question.own)
+
+
+def ask(
+    question: Question,
+    scenario: Scenario,
+    workers: AbstractContextManager[Workers],
+    folder: WorkFolder | None = None,
+    *,
+    file: Path = Path("scenario"),
+    share: tuple[int, int] | None = None,
+    stop: threading.Event | None = None,
+    progress: Callable[[float], None] | None = None,
+    notify: Callable[[str], None] | None = None,
+) -> Study:
+    """Answer a question.
+
+    Args:
+        question: what is asked.
+        scenario: what it is asked of.
+        workers: run the seeds.
+        folder: of the question; without one nothing is written.
+        file: names the scenario in messages.
+        share: number and how many, of a task of a job array, which leaves the table to `merge`.
+        stop: set it to end; what there is then is returned.
+        progress: called with the share that is done.
+        notify: takes a line for the user.
+
+    Raises:
+        InputError: the scenario does not suit, a key or a value is not allowed, or there is no such measure.
+        RecordingFailed: the folder cannot be written.
+    """
+    plan = question.settled(scenario).plan(scenario, file)
+    ledger = Ledger(folder.journals, folder.journal) if folder else Ledger()
+    plan.take(ledger)
+    others = ledger.foreign(plan.identities)
+    plan = plan.part(*share) if share else plan
+    path = folder.path if folder else None
+    with contextlib.ExitStack() as held:
+        bench = Bench(held.enter_context(workers), ledger, path, stop or threading.Event(), progress, notify)
+        if not plan.all_done:
+            bench.say_foreign(others)
+        if folder:
+            held.enter_context(folder)  # last: what is refused before leaves the question in it as it was
+        held.enter_context(ledger)
+        study = plan.study(plan.run(bench), others)
+        if folder and share is None:
+            write_study(study, folder)
+    return study
+
+
+def write_study(study: Study, folder: WorkFolder, measure: str | None = None) -> None:
+    """Write the tables and the picture of a study in place of those before; nothing where nothing is done.
+
+    Raises:
+        InputError: there is no such measure to draw.
+        RecordingFailed: a file cannot be written.
+    """
+    measure = study.measure(measure)
+    for name, content in study.files(folder.carried).items():
+        folder.write(name, content)
+    study.draw(folder.path, measure)
+
+
+def merged(path: Path, measure: str | None = None) -> Study:
+    """A study out of all journals of its folder, as the tasks of a job array leave them; its table is written.
+
+    Raises:
+        InputError: there is no study in the folder, or no seed of it.
+    """
+    kind = kind_of(path) or SweepQuestion
+    question, scenario = kind.read(path), load_scenario(path / SCENARIO)
+    try:
+        folder = folder_of(question, scenario, path)
+    except InputError as error:
+        problem = f"{SCENARIO} is no longer that of the {kind.kind}, allowed is the one that it began with"
+        raise InputError(problem, file=path) from error
+    plan, ledger = question.plan(scenario, path / SCENARIO), Ledger(folder.journals)
+    plan.take(ledger)
+    others = ledger.foreign(plan.identities)
+    if len(ledger) == others:
+        why = f"; {others} in the journals are {FOREIGN}" if others else ""
+        problem = f"holds no seed of the {kind.kind}, allowed is a folder with journal*.jsonl of its tasks{why}"
+        raise InputError(problem, file=path)
+    study = plan.study(plan.all_done, others)
+    with folder:
+        write_study(study, folder, measure)
+    return study
+
+
+def open_study(folder: Path) -> Study:
+    """The answer that a folder holds, as far as it has come; nothing is run.
+
+    Raises:
+        InputError: it holds no question of many runs, or a file of it cannot be read.
+    """
+    kind = kind_of(folder)
+    if kind is None:
+        allowed = ", ".join(kind.file for kind in KINDS.values())
+        raise InputError(f"holds no question of many runs, allowed is a folder with one of {allowed}", file=folder)
+    return kind.open(folder)

@@ -1,0 +1,456 @@
+"""The best recipe over some keys of a scenario: what is asked, and what was found.
+
+The folder holds
+
+    search.toml     what was asked
+    scenario.toml   the scenario that the search began with, with all its defaults
+    journal.jsonl   measures of every seed that is done
+    optuna.log      Optuna's journal of the trials
+    trials.csv      one row per trial: its values, mean and standard error of the measure, seeds, whether it was
+                    stopped, and why it has no mean, if it has none: it is not allowed, or a seed has no value
+    check.csv       one row per fresh seed: the measure of the scenario as it is, and of the best recipe; none before
+                    that
+    best.toml       the best recipe; runs as it is
+    history.png     the trials in order, and the check with fresh seeds
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import numpy as np
+from pydantic import Field
+
+from feeder_sim.errors import InputError
+from feeder_sim.jobs.bench import Bench
+from feeder_sim.jobs.cautions import Caution, cautions_over, most_frequent
+from feeder_sim.jobs.folder import SCENARIO
+from feeder_sim.jobs.identity import content_hash
+from feeder_sim.jobs.ledger import Ledger
+from feeder_sim.measures.protocol import labelled
+from feeder_sim.measures.statistic import Statistic, finite_or_none
+from feeder_sim.notebook import axes_for, counted
+from feeder_sim.scenario import Scenario, load_scenario
+from feeder_sim.scenario.changes import labels, value_at
+from feeder_sim.studies.question import Plan, Question
+from feeder_sim.studies.search.proposals import LOG, Sampler
+from feeder_sim.studies.search.screening import first_recipes
+from feeder_sim.studies.search.search import Budget, Checked, SearchRun
+from feeder_sim.studies.search.space import Space
+from feeder_sim.studies.search.trials import MOST_SEEDS, Aim, Trial
+from feeder_sim.studies.study import Line, Record, Study, TableFile, csv_bytes, number_in, value_in
+from feeder_sim.studies.sweep.cases import check_measure
+from feeder_sim.studies.sweep.design import Point
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+TRIALS, CHECK, BEST, PICTURE = "trials.csv", "check.csv", "best.toml", "history.png"
+COLUMNS = ("mean", "se", "seeds", "stopped", "refused")  # of a trial, after its number and its values
+CHECKED = ("seed", "present", "best")
+
+
+class OptimiseQuestion(Question):
+    """What is asked of a search."""
+
+    kind = "optimise"
+    file = "search.toml"
+    base = "optimise"
+    own = (LOG,)
+
+    over: tuple[str, ...] = Field(description="KEY=LOW:HIGH, LOW:HIGH:log or A,B,C; .mode takes its frequency along.")
+    maximise: Annotated[str | None, Field(strict=True, description="Measure that is to be large.")] = None
+    minimise: Annotated[str | None, Field(strict=True, description="Measure that is to be small.")] = None
+    trials: Annotated[int, Field(strict=True, ge=1, le=100_000, description="Recipes to try, at most.")] = 200
+    budget_s: Annotated[float | None, Field(gt=0, description="Time for the trials, such as 90s, 30min or 1h.")] = None
+    seeds: Annotated[
+        int | None,
+        Field(strict=True, ge=2, le=1000, description=f"Seeds of a recipe [the scenario's, up to {MOST_SEEDS}]."),
+    ] = None
+    check_seeds: Annotated[int, Field(strict=True, ge=2, le=10_000, description="Fresh seeds of the best recipe.")] = 16
+    screen: Annotated[
+        Path | None,
+        Field(description="Drift map that screens recipes to begin with, for --minimise arrival_time_s."),
+    ] = None
+    recipes: Annotated[int, Field(strict=True, ge=2, le=65536, description="Recipes that --screen walks.")] = 256
+    sampler: Annotated[Sampler, Field(description="tpe, or cmaes for numbers only.")] = "tpe"
+
+    @classmethod
+    def as_now(cls, raw: dict[str, Any]) -> dict[str, Any]:
+        """Once it was the measure, whether that is to be large, and a hash of the drift map."""
+        if "measure" not in raw:
+            return raw
+        large = raw.pop("maximise", False)
+        return raw | {"maximise" if large else "minimise": raw.pop("measure")}
+
+    def settled(self, scenario: Scenario) -> OptimiseQuestion:
+        return self.model_copy(update={"seeds": self.aim(scenario).seeds})
+
+    def aim(self, scenario: Scenario) -> Aim:
+        """What is searched for.
+
+        Raises:
+            InputError: it is not said, or said twice.
+        """
+        return Aim.of(scenario, self.maximise, self.minimise, self.seeds)
+
+    @property
+    def same(self) -> str:
+        """All of it, since a search with other words takes another way; but it may go on for longer."""
+        screened = (content_hash(self.screen), self.recipes) if self.screen else ("", 0)
+        measure = self.maximise or self.minimise or ""
+        words = {"over": self.over, "measure": measure, "maximise": self.maximise is not None, "seeds": self.seeds}
+        words |= {"sampler": self.sampler, "screen": screened[0], "recipes": screened[1]}
+        return f"Question({', '.join(f'{name}={value!r}' for name, value in words.items())})"
+
+    @staticmethod
+    def open(folder: Path) -> Search:
+        return Search.read(folder)
+
+    def plan(self, scenario: Scenario, file: Path) -> SearchPlan:
+        space, aim = Space.of(scenario, self.over, file), self.aim(scenario)
+        return SearchPlan(self, space, aim)
+
+
+class SearchPlan(Plan):
+    """What there is to run for a search, which is known trial by trial."""
+
+    all_done, identities = False, None
+
+    def __init__(self, question: OptimiseQuestion, space: Space, aim: Aim) -> None:
+        self._question, self._space, self._aim = question, space, aim
+        self._done: SearchRun | None = None
+
+    def take(self, ledger: Ledger) -> None:
+        for seed in ledger:
+            check_measure(self._aim.measure, seed.values, self._aim.argument)
+
+    def part(self, number: int, of: int) -> SearchPlan:
+        raise InputError("is given, allowed is none: a search learns from all its trials", argument="task")
+
+    def run(self, bench: Bench) -> bool:
+        asked = self._question
+        starts = []
+        if asked.screen is not None and not (bench.folder and (bench.folder / LOG).exists()):
+            starts = first_recipes(self._space, self._aim, asked.screen, asked.recipes, bench.progress)
+            bench.say(f"{len(starts)} recipes of {asked.recipes} begin the search")
+        budget = Budget(asked.trials, asked.budget_s or math.inf, asked.check_seeds)
+        self._done = SearchRun(self._space, self._aim, budget, asked.sampler, bench)
+        return self._done.run(starts)
+
+    def study(self, complete: bool, others: int) -> Search:
+        done = self._done
+        assert done is not None
+        trials = [Tried.of(trial, self._aim) for trial in done.trials]
+        told = tuple(cautions_over(trial.case.done.values() for trial in done.trials if trial.case))
+        return Search(self._question, self._space, self._aim, trials, done.present, done.best, complete, told)
+
+
+@dataclass(frozen=True)
+class Tried:
+    """A trial as a row of the table.
+
+    Attributes:
+        number: of the trial.
+        point: its values.
+        found: the measure over its seeds; none where one of them has no value, as such a recipe does not count.
+        seeds: that it has had.
+        stopped: whether it was given up before it had all its seeds.
+        refused: why the recipe does not count: it is not allowed, or a seed has no value; "" where it does.
+    """
+
+    number: int
+    point: Point
+    found: Statistic
+    seeds: int
+    stopped: bool
+    refused: str = ""
+
+    def is_whole(self, aim: Aim) -> bool:
+        """Whether it has all its seeds, and a value in each."""
+        return self.seeds == aim.seeds and not math.isnan(self.found.mean)
+
+    @staticmethod
+    def of(trial: Trial, aim: Aim) -> Tried:
+        """A trial that was judged."""
+        values = trial.values(aim)
+        found = Statistic.of(values if not math.isnan(trial.mean(aim)) else [])
+        return Tried(trial.number, trial.point, found, len(values), trial.stopped, trial.why_none(aim))
+
+
+@dataclass(frozen=True, repr=False)
+class Search(Study):
+    """What a search has come to.
+
+    Attributes:
+        question: what was asked.
+        space: what was changed.
+        aim: what was searched for.
+        trials: all that were judged, in order.
+        present, best: the scenario as it is, and the best recipe, both with fresh seeds; None where it did not get so
+            far.
+        complete: whether it came to its end and was not stopped.
+        of_trials: settings of the recipes tried that are known to mislead.
+    """
+
+    places = "recipes"
+    question: OptimiseQuestion
+    space: Space
+    aim: Aim
+    trials: Sequence[Tried]
+    present: Checked | None
+    best: Checked | None
+    complete: bool
+    of_trials: tuple[Caution, ...] = ()
+
+    @property
+    def scenario(self) -> Scenario:
+        """That the search began with."""
+        return self.space.scenario
+
+    @property
+    def keys(self) -> list[str]:
+        """What was changed."""
+        return [parameter.key for parameter in self.space.parameters]
+
+    @property
+    def cautions(self) -> list[Caution]:
+        """What is to be known before the best recipe is taken; then what is known to mislead in those tried."""
+        return [*([Caution(self.doubt, 1, 1)] if self.doubt else []), *self.of_trials]
+
+    @property
+    def doubt(self) -> str:
+        """Why the best recipe is not surely better than that of the file, a line; "" where it is, or nobody knows."""
+        low, high = self.gain.interval
+        if self.best is None or math.isnan(low):
+            return ""
+        if self.best.point == self.space.present:
+            return "no recipe was found that is better than that of the file, which is the one in best.toml"
+        found = f"difference {self.gain.mean:+.4g} (95 %: {low:+.4g} to {high:+.4g}) with fresh seeds"
+        if self.aim.better(0.0, high if self.aim.largest else low):
+            return f"no recipe was found that is better than that of the file: best.toml is worse, {found}"
+        if not self.aim.better(low if self.aim.largest else high, 0.0):
+            return f"the best recipe (best.toml) is not told apart from that of the file: {found}"
+        return ""
+
+    @property
+    def without_value(self) -> list[str]:
+        """Why recipes do not count, a line for each that does not: it is not allowed, or a seed has no value."""
+        return [trial.refused for trial in self.trials if trial.refused]
+
+    @property
+    def gain(self) -> Statistic:
+        """Difference of best and present over the fresh seeds that have a value in both."""
+        if self.present is None or self.best is None:
+            return Statistic.of(())
+        return Statistic.of(np.array(self.best.values) - np.array(self.present.values))
+
+    @property
+    def running_best(self) -> list[float]:
+        """The best mean up to each trial, of those that have all their seeds; NaN before the first of them."""
+
+        def better(best: float, trial: Tried) -> float:
+            mean = trial.found.mean
+            return mean if trial.is_whole(self.aim) and self.aim.better(mean, best) else best
+
+        return list(itertools.accumulate(self.trials, better, initial=math.nan))[1:]
+
+    @property
+    def present_point(self) -> Point:
+        """The recipe of the file, also where it lies outside of what was searched."""
+        return self.space.present or _point_of(self.scenario, self.keys)
+
+    @property
+    def best_is_present(self) -> bool:
+        """Whether the best recipe is that of the file."""
+        return self.best is not None and _as_read(self.best.point or {}) == _as_read(self.present_point)
+
+    @property
+    def first(self) -> Tried | None:
+        """The trial with the best mean, of those that have all their seeds."""
+        pick = max if self.aim.largest else min
+        return pick(self._whole, key=lambda trial: trial.found.mean, default=None)
+
+    @property
+    def leader(self) -> Tried | None:
+        """The trial of the best recipe; before the check the one with the best mean."""
+        if self.best is None:
+            return self.first
+        wanted = _as_read(self.best.point or {})
+        return next((trial for trial in self._whole if _as_read(trial.point) == wanted), None)
+
+    @property
+    def _whole(self) -> list[Tried]:
+        return [trial for trial in self.trials if trial.is_whole(self.aim)]
+
+    @property
+    def best_scenario(self) -> Scenario:
+        """The scenario with the best recipe.
+
+        Raises:
+            InputError: there is none.
+        """
+        if self.best is None:
+            raise InputError(f"no recipe has {self.aim.measure} in all its seeds, or it was stopped", key="best")
+        return self.space.changed(self.best.point or {})
+
+    def measure(self, name: str | None = None) -> str:
+        return self.aim.measure
+
+    def table(self) -> list[Record]:
+        """A row per trial."""
+        return [
+            {"trial": row.number, **labels(row.point), "mean": row.found.mean, "se": row.found.se}
+            | {"seeds": row.seeds, "stopped": row.stopped, "refused": row.refused}
+            for row in self.trials
+        ]
+
+    @property
+    def size(self) -> str:
+        return counted(len(self.trials), "trial")
+
+    @property
+    def failures(self) -> list[str]:
+        """Where there is no best recipe, or one that has no value in all seeds."""
+        if not self.complete:
+            return []
+        if self.best is None:
+            return [f"no recipe has {self.aim.measure} in all its seeds"]
+        if not self.best.without_value:
+            return []
+        seeds = f"{self.best.without_value} of {len(self.best.values)} fresh seeds"
+        return [f"the best recipe has no {self.aim.measure} in {seeds}, its mean is of the others"]
+
+    def remarks(self, measure: str | None = None) -> list[str]:
+        of_best = self.best.cautions if self.best else ()
+        return [*super().remarks(measure), *(f"caution: the best recipe: {line}" for line in of_best)]
+
+    def lines(self, measure: str | None = None) -> list[str]:
+        stopped = sum(trial.stopped for trial in self.trials)
+        lines = [labelled("trials", f"{len(self.trials)}, {stopped} of them stopped early")]
+        if why := self.without_value:
+            lines.append(labelled("without a value", f"{len(why)}, mostly: {most_frequent(why)}"))
+        for label, checked in (("as it is", self.present), ("best", self.best)):
+            if checked is not None:
+                found = checked.found
+                value = f"{found.mean:.4g} +- {found.se:.2g}" if found.n > 1 else "in one seed at most"
+                of = f"{found.n} of {len(checked.values)} fresh seeds"
+                lines.append(labelled(label, f"{self.aim.measure} {value}, {of}"))
+        if self.gain.n > 1:
+            low, high = self.gain.interval
+            interval = f"95 % interval {low:+.4g} to {high:+.4g}, {self.gain.n} pairs of seeds"
+            lines.append(labelled("difference", f"{self.gain.mean:+.4g}, {interval}"))
+        for key, value in (self.best.point or {}).items() if self.best else ():
+            lines.append(labelled("", f"{key} = {value:.4g}" if isinstance(value, float) else f"{key} = {value}"))
+        return lines
+
+    def as_json(self, measure: str | None = None) -> dict[str, Any]:
+        low, high = self.gain.interval
+        gain = self.gain.as_dict() | {"low": finite_or_none(low), "high": finite_or_none(high)}
+        return {
+            "measure": self.aim.measure,
+            "maximise": self.aim.largest,
+            "trials": len(self.trials),
+            "stopped": sum(trial.stopped for trial in self.trials),
+            "without_value": {"trials": len(self.without_value), "mostly": most_frequent(self.without_value)},
+            "complete": self.complete,
+            "present": self.present.as_json() if self.present else None,
+            "best": self.best.as_json() | {"values": labels(self.best.point or {})} if self.best else None,
+            "gain": gain,
+            "cautions": [caution.as_dict() for caution in self.cautions],
+        }
+
+    def files(self, carried: Callable[[Any], str]) -> dict[str, bytes]:
+        trials = [dict(row) | {"stopped": int(row["stopped"])} for row in self.table()]
+        values = (checked.values if checked else () for checked in (self.present, self.best))
+        pairs = itertools.zip_longest(*values, fillvalue=math.nan)
+        checks = [dict(zip(CHECKED, (seed, *pair), strict=True)) for seed, pair in enumerate(pairs)]
+        found = {TRIALS: csv_bytes(["trial", *self.keys, *COLUMNS], trials), CHECK: csv_bytes(CHECKED, checks)}
+        return found | ({BEST: carried(self.best_scenario).encode()} if self.best and self.best.point else {})
+
+    @staticmethod
+    def read(folder: Path) -> Search:
+        """From its folder.
+
+        Raises:
+            InputError: a file of it is missing or cannot be read, or its tables are not those of the question.
+        """
+        question, scenario = OptimiseQuestion.read(folder), load_scenario(folder / SCENARIO)
+        space = Space.of(scenario, question.over)
+        keys = tuple(parameter.key for parameter in space.parameters)
+        table = TableFile(folder / TRIALS)
+        if table.head != ("trial", *keys, *COLUMNS):
+            named = ", ".join(keys)
+            raise table.refused(f"trial, a column per key that was searched ({named}), then {', '.join(COLUMNS)}")
+        trials = table.rows(lambda line: _trial(line, keys))
+        checked = _check(folder, keys) if (folder / CHECK).is_file() else (None, None)
+        return Search(question, space, question.aim(scenario), trials, *checked, complete=checked[0] is not None)
+
+    def draw(self, folder: Path, measure: str) -> None:
+        from feeder_sim.plots.search import draw_search
+
+        if self.trials:
+            draw_search(self, folder / PICTURE)
+
+    def plot(self, *, ax: Axes | None = None) -> Axes:
+        """The trials in order, the best so far, and the check with fresh seeds; returns matplotlib axes."""
+        from feeder_sim.plots.search import draw_history
+
+        axes = axes_for(ax)
+        draw_history(axes, self)
+        return axes
+
+    def _line(self) -> str:
+        aim = f"{'largest' if self.aim.largest else 'smallest'} {self.aim.measure}"
+        low, high = self.gain.interval
+        gain = f", best less present {self.gain.mean:+.3g} ({low:+.3g} to {high:+.3g}) with fresh seeds"
+        known = math.isfinite(low) and math.isfinite(high)
+        return f"Search for the {aim}: {counted(len(self.trials), 'trial')}{gain if known else ''}"
+
+    def _shown(self) -> list[Record]:
+        """The recipes with fresh seeds, or else the trials."""
+        checked = {"as it is": (self.space.present or {}, self.present), "best": ({}, self.best)}
+        rows: list[Record] = []
+        for name, (point, found) in checked.items():
+            if found is not None:
+                values = labels({key: (found.point or point).get(key) for key in self.keys})
+                rows.append({"recipe": name, **values, **found.found.as_dict()})
+        return rows or self.table()
+
+
+def _trial(line: Line, keys: tuple[str, ...]) -> Tried:
+    mean, se, seeds, stopped = (number_in(line[name]) for name in COLUMNS[:4])
+    n = 0 if math.isnan(mean) else int(seeds)
+    found = Statistic(mean, se * math.sqrt(n), se, n)
+    point = {key: value_in(line[key]) for key in keys}
+    return Tried(int(line["trial"] or ""), point, found, int(seeds), bool(int(stopped)), line["refused"] or "")
+
+
+def _check(folder: Path, keys: tuple[str, ...]) -> tuple[Checked | None, Checked | None]:
+    """The recipe of the file and the best one with fresh seeds; None where the search has not come so far."""
+    table = TableFile(folder / CHECK)
+    if table.head != CHECKED:
+        raise table.refused(", ".join(CHECKED))
+    pairs = table.rows(lambda line: (number_in(line["present"]), number_in(line["best"])))
+    if not pairs:
+        return None, None
+    present, best = (tuple(values) for values in zip(*pairs, strict=True))
+    if all(math.isnan(value) for value in best):
+        return Checked(None, present), None
+    return Checked(None, present), Checked(_point_of(load_scenario(folder / BEST), keys), best)
+
+
+def _point_of(scenario: Scenario, keys: tuple[str, ...] | list[str]) -> Point:
+    """The values of keys in a scenario."""
+    raw = scenario.model_dump()
+    return {key: value_at(raw, key) for key in keys}
+
+
+def _as_read(point: Point) -> Point:
+    """A point as a table gives it back."""
+    return {key: value_in(str(value)) for key, value in labels(point).items()}

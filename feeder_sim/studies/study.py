@@ -1,0 +1,199 @@
+"""The answer to a question of many runs: a table, files in a folder, a picture, and what a notebook shows."""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
+
+from feeder_sim.errors import InputError, cause_of, quoted
+from feeder_sim.jobs.cautions import Caution
+from feeder_sim.notebook import library, table
+
+if TYPE_CHECKING:
+    import pandas
+
+Record = Mapping[str, Any]  # of a table, by column, with units in the names of the columns; None for no value
+Line = Mapping[str, str | None]  # of a table that is read
+Row = TypeVar("Row")
+
+
+class Answer(ABC):
+    """An answer whose main result is a table."""
+
+    @abstractmethod
+    def table(self) -> Sequence[Record]:
+        """Its rows by column, with units in the names of the columns; None where there is no value."""
+
+    @abstractmethod
+    def _line(self) -> str:
+        """What it is, in a line."""
+
+    def _shown(self) -> Sequence[Record]:
+        """The rows that a notebook shows."""
+        return self.table()
+
+    def to_frame(self) -> pandas.DataFrame:
+        """The table as a pandas DataFrame, NaN where there is no value; the extra `data` brings pandas.
+
+        Raises:
+            InputError: pandas is missing.
+        """
+        rows = [{name: math.nan if value is None else value for name, value in row.items()} for row in self.table()]
+        return library("pandas").DataFrame(rows)
+
+    def __repr__(self) -> str:
+        return f"<{self._line()}>"
+
+    def _repr_html_(self) -> str:
+        return table(self._line(), self._shown())
+
+
+class Study(Answer):
+    """The answer to a question of many runs.
+
+    Attributes:
+        complete: whether it has come to its end, and was not stopped.
+        places: what its cautions hold at, in words.
+    """
+
+    complete: bool
+    places: ClassVar[str] = "points"
+
+    @property
+    @abstractmethod
+    def cautions(self) -> Sequence[Caution]:
+        """What is known to mislead."""
+
+    @property
+    def failures(self) -> Sequence[str]:
+        """Why it is not what was asked for, a line each."""
+        return ()
+
+    @property
+    @abstractmethod
+    def size(self) -> str:
+        """How much there is, in words."""
+
+    @abstractmethod
+    def files(self, carried: Callable[[Any], str]) -> dict[str, bytes]:
+        """What its folder holds of it, by name, beside the question; nothing of a study of which nothing is done.
+
+        carried: the text of a scenario for the folder, which gets copies of the files that it reads.
+        """
+
+    @abstractmethod
+    def measure(self, name: str | None = None) -> str:
+        """The measure that is asked for, or the one to show; "" where nothing has a value.
+
+        Raises:
+            InputError: there is no such measure.
+        """
+
+    @abstractmethod
+    def draw(self, folder: Path, measure: str) -> None:
+        """Draw a measure into a folder, if there is anything to draw."""
+
+    @abstractmethod
+    def as_json(self, measure: str | None = None) -> dict[str, Any]:
+        """All of it, as JSON takes it; measure: to show."""
+
+    @abstractmethod
+    def lines(self, measure: str | None = None) -> list[str]:
+        """What was found, as a terminal shows it; measure: to show."""
+
+    def remarks(self, measure: str | None = None) -> list[str]:
+        """What is to be known about it, a line each; measure: that is shown."""
+        return [f"caution: {caution.in_words(self.places)}" for caution in self.cautions]
+
+
+def csv_bytes(columns: Sequence[str], rows: Iterable[Record]) -> bytes:
+    """A table as CSV; an empty field is no value."""
+    text = io.StringIO()
+    writer = csv.DictWriter(text, columns, lineterminator="\n", extrasaction="ignore")
+    writer.writeheader()
+    for row in rows:
+        writer.writerow({key: "" if _is_none(value) else value for key, value in row.items()})
+    return text.getvalue().encode()
+
+
+def _is_none(value: Any) -> bool:
+    return value is None or (isinstance(value, float) and not math.isfinite(value))
+
+
+class TableFile:
+    """A table of a folder that is read.
+
+    Attributes:
+        head: names of the columns.
+
+    Raises:
+        InputError: it is missing or cannot be read.
+    """
+
+    def __init__(self, file: Path) -> None:
+        if file.is_symlink():
+            raise InputError("is a link, allowed is a file of the folder itself", file=file)
+        if not file.is_file():
+            raise InputError("is missing: nothing has come so far, the same command goes on", file=file)
+        self._file, self._reader = file, csv.DictReader(text_of(file).splitlines())
+        try:
+            self.head = tuple(self._reader.fieldnames or ())
+        except csv.Error as error:
+            raise InputError(f"is no table: {error}", file=file) from error
+
+    def refused(self, allowed: str) -> InputError:
+        """The error that says which columns it may have."""
+        return InputError(f"has the columns {quoted(', '.join(self.head))}, allowed is {allowed}", file=self._file)
+
+    def rows(self, row_of: Callable[[Line], Row]) -> tuple[Row, ...]:
+        """All rows, each made of a line; a ValueError or a TypeError says that the line is none.
+
+        Raises:
+            InputError: a line is not as it has to be.
+        """
+        found = []
+        try:
+            for number, line in enumerate(self._reader, 2):
+                try:
+                    found.append(row_of(line))
+                except (ValueError, TypeError, OverflowError):
+                    problem = f"line {number} is {quoted(list(line.values()))}, allowed are numbers"
+                    raise InputError(problem, file=self._file) from None
+        except csv.Error as error:
+            raise InputError(f"is no table: {error}", file=self._file) from error
+        return tuple(found)
+
+
+def number_in(text: str | None) -> float:
+    """A number; NaN for an empty field, and for what is not finite. Where the line ends before, it is none."""
+    if text is None:
+        raise ValueError("no field")
+    value = float(text) if text else math.nan
+    return value if math.isfinite(value) else math.nan
+
+
+def value_in(text: str | None) -> float | str:
+    """The value of a key: a number where it is one."""
+    try:
+        return float(text or "")
+    except ValueError:
+        return text or ""
+
+
+def text_of(file: Path) -> str:
+    """The text of a file.
+
+    Raises:
+        InputError: it is a link, or cannot be read.
+    """
+    if file.is_symlink():
+        raise InputError("is a link, allowed is a file of the folder itself", file=file)
+    try:
+        return file.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputError(f"cannot be read: {cause_of(error)}", file=file) from error

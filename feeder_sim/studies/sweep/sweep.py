@@ -1,0 +1,370 @@
+"""A scenario at many points: what is asked, and the table that answers it.
+
+The folder holds
+
+    sweep.toml          what was asked
+    scenario.toml       the scenario that was varied, with all its defaults
+    journal.jsonl       measures of every seed that is done; of job arrays one per task, journal-I-of-N.jsonl
+    sweep.csv           the table, see `feeder_sim.studies.sweep.table`
+    sweep.parquet       the same
+    sweep.json          whether that is all of it, and cautions
+    sweep.png           a picture of one measure
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import numpy as np
+from pydantic import Field
+
+from feeder_sim.errors import InputError, quoted
+from feeder_sim.jobs.cautions import Caution
+from feeder_sim.jobs.folder import JOURNAL, SCENARIO
+from feeder_sim.measures.statistic import Statistic
+from feeder_sim.notebook import cell, counted
+from feeder_sim.scenario import Scenario, load_scenario
+from feeder_sim.studies.question import Question
+from feeder_sim.studies.study import Line, Record, Study, TableFile, csv_bytes, number_in, text_of, value_in
+from feeder_sim.studies.sweep.case import FEWEST, FIRST_LOOK, MOST_SEEDS, Effort
+from feeder_sim.studies.sweep.cases import Cases, CasesPlan, check_measure
+from feeder_sim.studies.sweep.design import Axis, Point, grid, read_axis, side_by_side, sobol_sample
+from feeder_sim.studies.sweep.table import (
+    COLUMNS,
+    UNCERTAIN_COLUMNS,
+    Row,
+    as_parquet,
+    empty_row,
+    main_measure,
+    means_of_some,
+)
+from feeder_sim.studies.uncertainty.draws import draws_of
+from feeder_sim.studies.uncertainty.spread import Spread
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+MOST_LINES = 60  # of a table on the terminal
+CSV, PARQUET, PICTURE, STATE = "sweep.csv", "sweep.parquet", "sweep.png", "sweep.json"
+
+
+class SweepQuestion(Question):
+    """What is asked of a scenario at many points."""
+
+    kind = "sweep"
+    file = "sweep.toml"
+    base = "sweeps"
+
+    vary: tuple[str, ...] = Field(
+        description="KEY=LOW:HIGH:COUNT, LOW:HIGH:logCOUNT or A,B,C; for --sobol also LOW:HIGH."
+    )
+    zip: Annotated[bool, Field(strict=True, description="Take the axes side by side, not crossed.")] = False
+    sobol: Annotated[int, Field(strict=True, ge=0, description="Points of a Sobol sample over the axes.")] = 0
+    seeds: Annotated[int | None, Field(strict=True, ge=1, description="Seeds of every point [the scenario's].")] = None
+    measure: Annotated[
+        str | None, Field(strict=True, description="Measure to print and draw, and for --until-se [the usual one].")
+    ] = None
+    until_se: Annotated[
+        float | None,
+        Field(strict=True, gt=0, lt=1, description="More seeds until the standard error is below, such as 3%."),
+    ] = None
+    most_seeds: Annotated[
+        int, Field(strict=True, ge=FEWEST, le=1_000_000, description="Of a point, whatever --until-se asks for.")
+    ] = MOST_SEEDS
+    inputs: Annotated[int, Field(strict=True, ge=2, le=4096, description="Draws of inputs that are [uncertain].")] = 16
+
+    @classmethod
+    def as_now(cls, raw: dict[str, Any]) -> dict[str, Any]:
+        return {"zip" if name == "zipped" else name: value for name, value in raw.items()}
+
+    @property
+    def same(self) -> str:
+        """The points: more seeds or another measure are no other question."""
+        return f"{self.vary} {self.zip} {self.sobol}"
+
+    @property
+    def axes(self) -> list[Axis]:
+        return [read_axis(text) for text in self.vary]
+
+    def points(self, scenario: Scenario) -> list[Point]:
+        """The points, in order.
+
+        Raises:
+            InputError: axes that do not make points.
+        """
+        if self.sobol and self.zip:
+            raise InputError("are both given, allowed is one of them", argument="zip, sobol")
+        if self.sobol:
+            return sobol_sample(self.axes, self.sobol, scenario.run.seed)
+        return side_by_side(self.axes) if self.zip else grid(self.axes)
+
+    def effort(self, scenario: Scenario) -> Effort:
+        """How many seeds each point gets.
+
+        Raises:
+            InputError: `until_se` without a measure to look at.
+        """
+        if self.until_se and not self.measure:
+            raise InputError("is missing, allowed is the measure whose standard error is looked at", argument="measure")
+        seeds = self.seeds or scenario.run.seeds
+        return Effort(seeds, self.until_se, max(self.most_seeds, seeds), self.measure or "")
+
+    @staticmethod
+    def open(folder: Path) -> Sweep:
+        return Sweep.read(folder)
+
+    def plan(self, scenario: Scenario, file: Path) -> CasesPlan:
+        draws = draws_of(scenario, self.inputs)
+        cases = Cases.at(scenario, self.points(scenario), draws, self.effort(scenario), file=file)
+        return CasesPlan(
+            cases, lambda cases, complete, others: Sweep.from_cases(self, scenario, cases, complete, others)
+        )
+
+
+@dataclass(frozen=True, repr=False)
+class Sweep(Study):
+    """What a sweep has come to.
+
+    Attributes:
+        question: what was asked.
+        scenario: that was varied.
+        points: values of the varied keys at each point.
+        uncertain: whether inputs were.
+        by_point: the rows of the table of each point; none where nothing is done yet.
+        complete: whether all of it is done.
+        missing: seeds that are still to be run, as far as is known.
+        short: points that have all seeds they may have, and not the standard error that was asked for.
+        kept: points that keep more seeds than were asked for, since they had been run before.
+        others: seeds in the folder that do not count: of other points, of another version, of files that have changed.
+        failures: why seeds have failed, each reason once, with the first point where it is so.
+        cautions: settings that are known to mislead, each once, with the number of points where it holds.
+    """
+
+    question: SweepQuestion
+    scenario: Scenario
+    points: tuple[Point, ...]
+    uncertain: bool
+    by_point: tuple[list[Row], ...]
+    complete: bool
+    missing: int = 0
+    short: int = 0
+    kept: int = 0
+    others: int = 0
+    failures: Sequence[str] = ()
+    cautions: Sequence[Caution] = ()
+
+    @staticmethod
+    def from_cases(question: SweepQuestion, scenario: Scenario, cases: Cases, complete: bool, others: int) -> Sweep:
+        """From the cases at all points."""
+        told = {name: getattr(cases, name) for name in ("missing", "short", "kept", "failures", "cautions")}
+        of_points = cases.points, cases.uncertain, tuple(cases.rows)
+        return Sweep(question, scenario, *of_points, complete, others=others, **told)
+
+    @property
+    def keys(self) -> tuple[str, ...]:
+        """The varied keys."""
+        return tuple(dict.fromkeys(key for point in self.points for key in point))
+
+    @property
+    def rows(self) -> tuple[Row, ...]:
+        """The table: every measure at every point."""
+        return tuple(row for rows in self.by_point for row in rows)
+
+    @property
+    def measures(self) -> tuple[str, ...]:
+        """Names of all measures."""
+        return tuple(dict.fromkeys(row.measure for row in self.rows if row.measure))
+
+    def measure(self, name: str | None = None) -> str:
+        name = name or self.question.measure or ""
+        check_measure(name, dict.fromkeys(self.measures, 0.0))
+        return name or main_measure(self.measures, self.rows)
+
+    def of(self, measure: str) -> list[Row]:
+        """The rows of one measure, one per point that has it."""
+        return [row for row in self.rows if row.measure == measure]
+
+    def valued(self, measure: str) -> list[Row]:
+        """The rows of a measure that have a mean."""
+        return [row for row in self.of(measure) if math.isfinite(row.found.mean)]
+
+    def at_every_point(self, measure: str) -> list[Row]:
+        """A row for each point, also where it has no value of the measure, or has not begun."""
+        found = []
+        for point, rows in zip(self.points, self.by_point, strict=True):
+            seeds, failed = (rows[0].seeds, rows[0].failed) if rows else (0, 0)
+            held = (row for row in rows if row.measure == measure)
+            found.append(next(held, empty_row(point, seeds, failed)))
+        return found
+
+    @property
+    def missing_at_points(self) -> list[int]:
+        """Of each point of the table that has not all seeds asked for: how many are missing."""
+        asked = self.question.effort(self.scenario)
+        each = FIRST_LOOK if asked.until_se else asked.seeds
+        planned = each * (self.question.inputs if self.uncertain else 1)
+        return [planned - rows[0].seeds for rows in self.by_point if rows and rows[0].seeds < planned]
+
+    @property
+    def failed(self) -> list[int]:
+        """Seeds that failed, of each point where some did."""
+        return [rows[0].failed for rows in self.by_point if rows and rows[0].failed]
+
+    def table(self) -> list[Record]:
+        return [row.as_dict() for row in self.rows]
+
+    @property
+    def size(self) -> str:
+        return counted(len(self.points), "point")
+
+    def as_json(self, measure: str | None = None) -> dict[str, Any]:
+        return {"measure": self.measure(measure), "rows": self.table()} | self._state()
+
+    def lines(self, measure: str | None = None) -> list[str]:
+        """One measure over the points."""
+        name = self.measure(measure)
+        columns = (*self.keys, "mean", "se", *(("low", "high") if self.uncertain else ()), "n", "seeds", "failed")
+        head = [{"mean": name or "measure", "se": "+-"}.get(column, column) for column in columns]
+        rows = [row.as_dict() for row in self.at_every_point(name)]
+        texts = [[cell(row.get(column)) for column in columns] for row in rows[:MOST_LINES]]
+        widths = [max(map(len, texts_of)) for texts_of in zip(head, *texts, strict=True)]
+        lines = ["  ".join(t.rjust(w) for t, w in zip(line, widths, strict=True)) for line in (head, *texts)]
+        more = len(rows) - MOST_LINES
+        return [*lines, f"and {more} more points, in the table of the folder"] if more > 0 else lines
+
+    def remarks(self, measure: str | None = None) -> list[str]:
+        lines, name = super().remarks(measure), self.measure(measure)
+        if some := means_of_some(self.of(name)):
+            lines.append(f"caution: {name}: {some}")
+        if self.short and self.question.until_se:
+            lines.append(
+                f"caution: {self.short} of {len(self.points)} points have not reached --until-se "
+                f"{100.0 * self.question.until_se:g}% with as many seeds as --most-seeds allows, "
+                f"{self.question.effort(self.scenario).most_seeds}"
+            )
+        if self.kept:
+            lines.append(f"{self.kept} points keep the seeds that they had, which are more than asked for now")
+        return lines
+
+    def _state(self) -> dict[str, Any]:
+        return {
+            "complete": self.complete,
+            "missing_seeds": self.missing,
+            "points_short_of_se": self.short,
+            "cautions": [caution.as_dict() for caution in self.cautions],
+        }
+
+    def files(self, carried: Callable[[Any], str]) -> dict[str, bytes]:
+        if not self.rows:
+            return {}
+        columns = (*self.keys, *COLUMNS, *(UNCERTAIN_COLUMNS if self.uncertain else ()))
+        return {
+            CSV: csv_bytes(columns, self.table()),
+            PARQUET: as_parquet(columns, self.table()),
+            STATE: json.dumps(self._state(), indent=1).encode(),
+        }
+
+    @staticmethod
+    def read(folder: Path) -> Sweep:
+        """From its folder.
+
+        Raises:
+            InputError: a file of it is missing or cannot be read, or its table has no point.
+        """
+        question, scenario = SweepQuestion.read(folder), load_scenario(folder / SCENARIO)
+        if not (folder / CSV).is_file() and any(folder.glob(f"{JOURNAL}-*.jsonl")):
+            problem = f"is missing: `feeder-sim merge {folder}` makes it of what the tasks of a job array have done"
+            raise InputError(problem, file=folder / CSV)
+        table = TableFile(folder / CSV)
+        head = table.head
+        keys = head[: head.index(COLUMNS[0])] if COLUMNS[0] in head else ()
+        uncertain = head[len(keys) :] == COLUMNS + UNCERTAIN_COLUMNS
+        if not keys or not (uncertain or head[len(keys) :] == COLUMNS):
+            raise table.refused(f"a column per varied key, then {', '.join(COLUMNS)}")
+        draws = question.inputs if uncertain else 0
+        rows = table.rows(lambda line: _row(line, keys, draws))
+        if not rows:
+            raise InputError("holds no point, allowed is a sweep with at least one that is done", file=folder / CSV)
+        by_point: dict[tuple[Any, ...], list[Row]] = {}
+        for row in rows:
+            by_point.setdefault(tuple(row.point.values()), []).append(row)
+        points = tuple(held[0].point for held in by_point.values())
+        found = Sweep(question, scenario, points, uncertain, tuple(by_point.values()), complete=True)
+        return _with_state(found, folder / STATE)
+
+    def draw(self, folder: Path, measure: str) -> None:
+        from feeder_sim.plots.sweep import draw_sweep
+
+        draw_sweep(self, measure, folder / PICTURE)
+
+    def plot(self, measure: str | None = None) -> Sequence[Axes]:
+        """Draw a measure: means with 95 % intervals over each key, or a map over two; returns matplotlib axes.
+
+        Args:
+            measure: its name; default: the usual one.
+
+        Raises:
+            InputError: there is no such measure, or it has no value anywhere.
+        """
+        from matplotlib import pyplot
+
+        from feeder_sim.plots.sweep import draw_measure
+
+        name, figure = self.measure(measure), pyplot.figure(layout="constrained")
+        if not draw_measure(figure, self, name):
+            pyplot.close(figure)
+            raise InputError("has no value at any point, there is nothing to draw", key=name or "plot")
+        return figure.axes
+
+    def _line(self) -> str:
+        rest = "" if self.complete else ", not complete"
+        held = [counted(len(self.points), "point"), counted(len(self.measures), "measure")]
+        held += [counted(len(self.cautions), "caution")] if self.cautions else []
+        return f"Sweep over {' and '.join(self.keys)}: {', '.join(held)}{rest}"
+
+    def _shown(self) -> list[Record]:
+        return [row.as_dict() for row in self.at_every_point(self.measure())]
+
+
+def _with_state(sweep: Sweep, file: Path) -> Sweep:
+    """What is to be known beside the table, as far as there is a file of it."""
+    if not file.is_symlink() and not file.is_file():
+        return sweep
+    try:
+        state = json.loads(text_of(file))
+        cautions = tuple(Caution.of_dict(entry) for entry in state["cautions"])
+        short, missing = int(state["points_short_of_se"]), int(state.get("missing_seeds", 0))
+        return replace(sweep, complete=bool(state["complete"]), short=short, missing=missing, cautions=cautions)
+    except (ValueError, KeyError, TypeError, RecursionError) as error:
+        raise InputError(f"holds no state of a sweep: {error}", file=file) from error
+
+
+def _row(line: Line, keys: tuple[str, ...], draws: int) -> Row:
+    """A line of the table; 0 draws where no input is uncertain."""
+    mean, se, n, seeds, failed = (number_in(line[name]) for name in COLUMNS[1:])
+    spread = None
+    if draws:
+        low, high, of_inputs, of_seeds = (number_in(line[name]) for name in UNCERTAIN_COLUMNS)
+        spread = Spread(math.nan, math.nan, math.nan, low, high, of_inputs, of_seeds, se, min(draws, int(n)), int(n))
+    found = Statistic(mean, se * math.sqrt(n), se, int(n))
+    point = {key: value_in(line[key]) for key in keys}
+    return Row(point, line["measure"] or "", found, int(seeds), int(failed), spread)
+
+
+def axis_texts(vary: Mapping[str, Any]) -> tuple[str, ...]:
+    """Axes as the command line has them, from values by key: sequences of values, or such texts."""
+    return tuple(f"{key}={values if isinstance(values, str) else _listed(key, values)}" for key, values in vary.items())
+
+
+def _listed(key: str, values: Any) -> str:
+    if not isinstance(values, Iterable):
+        raise InputError(f"is {quoted(values)}, allowed is a sequence of values, or a text of them", key=str(key))
+    try:
+        return json.dumps([value.item() if isinstance(value, np.generic) else value for value in values])
+    except TypeError as error:
+        raise InputError(f"is {quoted(values)}, allowed are numbers, texts and tables", key=str(key)) from error

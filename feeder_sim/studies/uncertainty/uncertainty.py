@@ -1,0 +1,364 @@
+"""A scenario with uncertain inputs: its measures with intervals over the inputs and over the seeds, apart.
+
+The folder holds
+
+    uncertainty.toml    what was asked
+    scenario.toml       the scenario, with all its defaults
+    journal.jsonl       measures of every seed that is done
+    draws.csv           one row per draw and seed: the inputs, then the measures
+    uncertainty.csv     one row per measure, see `COLUMNS`
+    inputs.csv          one row per measure and input: on which inputs it hangs, see `SHARES`
+    uncertainty.png     a picture of one measure
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import astuple, dataclass
+from functools import cached_property
+from itertools import zip_longest
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+from pydantic import Field
+
+from feeder_sim.errors import InputError, nearest
+from feeder_sim.jobs.cautions import Caution, cautions_over
+from feeder_sim.jobs.folder import JOURNAL, SCENARIO
+from feeder_sim.jobs.journal import read_journal
+from feeder_sim.jobs.task import SeedValues
+from feeder_sim.measures.protocol import labelled
+from feeder_sim.measures.statistic import Statistic, finite_or_none
+from feeder_sim.notebook import axes_for, counted
+from feeder_sim.scenario import Scenario, load_scenario
+from feeder_sim.scenario.changes import labels
+from feeder_sim.studies.question import Question
+from feeder_sim.studies.study import Line, Record, Study, TableFile, csv_bytes, number_in, value_in
+from feeder_sim.studies.sweep.case import Case, Effort
+from feeder_sim.studies.sweep.cases import Cases, CasesPlan
+from feeder_sim.studies.sweep.table import main_measure
+from feeder_sim.studies.uncertainty.draws import Draw, draws_of
+from feeder_sim.studies.uncertainty.indices import Index, saltelli_draws, sobol_indices
+from feeder_sim.studies.uncertainty.linear_shares import LinearShares, linear_shares
+from feeder_sim.studies.uncertainty.spread import Spread, spread_of
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+DRAWS, TABLE, PICTURE, INPUTS = "draws.csv", "uncertainty.csv", "uncertainty.png", "inputs.csv"
+SEEDS = 2  # of a draw: the fewest that tell inputs and seeds apart
+# low, high: 90 % interval of one run, inputs and seeds together; inputs_low, inputs_high: of the mean over the seeds,
+# empty where sd_inputs is 0 because the inputs are not told apart from the seeds.
+COLUMNS = (
+    *("measure", "mean", "se", "median", "low", "high", "inputs_low", "inputs_high", "sd_inputs", "sd_seeds"),
+    *("draws", "failed"),
+)
+# Shares of the variance over the inputs, each with half its 95 % interval; empty where they are not told.
+SHARES = (
+    *("measure", "input", "linear", "linear_interval"),
+    *("first_order", "first_order_interval", "total", "total_interval"),
+)
+NO_REASON = "why is not known"
+
+
+class UncertaintyQuestion(Question):
+    """What is asked of uncertain inputs."""
+
+    kind = "uncertainty"
+    file = "uncertainty.toml"
+    base = "uncertainty"
+
+    inputs: Annotated[int, Field(strict=True, ge=2, le=65536, description="Draws of the uncertain inputs.")] = 32
+    seeds: Annotated[int, Field(strict=True, ge=1, description="Seeds of every draw.")] = SEEDS
+    indices: Annotated[
+        bool,
+        Field(strict=True, description="Also Sobol indices; takes (number of inputs + 2) times the draws."),
+    ] = False
+    measure: Annotated[str | None, Field(strict=True, description="Measure to print and draw [the usual one].")] = None
+    measured: Annotated[float | None, Field(description="Value to mark in the picture.")] = None
+
+    @property
+    def same(self) -> str:
+        """The draws: more seeds or another measure are no other question."""
+        return f"{self.inputs} {self.indices}"
+
+    @staticmethod
+    def open(folder: Path) -> Uncertainty:
+        return Uncertainty.read(folder)
+
+    def plan(self, scenario: Scenario, file: Path) -> CasesPlan:
+        if not scenario.uncertain:
+            raise InputError("is missing, allowed is a table with the inputs that are uncertain", key="[uncertain]")
+        if self.indices and self.inputs & (self.inputs - 1):
+            raise InputError(f"is {self.inputs}, allowed is a power of two with indices", argument="inputs")
+        if self.indices and self.seeds < SEEDS:
+            problem = "is 1, allowed is 2 or more with indices: one seed does not tell how far seeds scatter"
+            raise InputError(problem, argument="seeds")
+        draws = saltelli_draws(scenario, self.inputs) if self.indices else draws_of(scenario, self.inputs)
+        cases = Cases.at(scenario, [{}], draws, Effort(self.seeds, measure=self.measure or ""), file=file)
+        return CasesPlan(cases, lambda cases, complete, _: Uncertainty(self, scenario, tuple(draws), cases, complete))
+
+    def draws(self, scenario: Scenario) -> int:
+        """How many draws there are."""
+        return self.inputs * (len(scenario.uncertain or {}) + 2) if self.indices else self.inputs
+
+
+@dataclass(frozen=True, repr=False)
+class Uncertainty(Study):
+    """What uncertain inputs come to.
+
+    Attributes:
+        question: what was asked.
+        scenario: with the uncertain inputs.
+        draws: values of the inputs, by key; of a folder that is read, nothing where no seed is done.
+        cases: one per draw, at a single point.
+        complete: whether all of it is done.
+    """
+
+    places = "draws"
+    question: UncertaintyQuestion
+    scenario: Scenario
+    draws: tuple[Draw, ...]
+    cases: Cases
+    complete: bool
+
+    @property
+    def done(self) -> list[tuple[Draw, SeedValues]]:
+        """All seeds that are done, with the values of their draw, in order."""
+        pairs = zip(self.draws, self.cases, strict=True)
+        return [(draw, seed) for draw, case in pairs for seed in case.seeds(self.cases.effort)]
+
+    @property
+    def failed(self) -> list[SeedValues]:
+        """The seeds that ended without any value."""
+        return [seed for _, seed in self.done if seed.failure]
+
+    @property
+    def cautions(self) -> list[Caution]:
+        """Settings that are known to mislead, each once, with the number of draws where it holds."""
+        return cautions_over(case.done.values() for case in self.cases)
+
+    @cached_property
+    def measures(self) -> tuple[str, ...]:
+        """Names of all measures that have a value."""
+        names = dict.fromkeys(n for case in self.cases for seed in case.done.values() for n in seed.values)
+        return tuple(name for name in names if self.spread(name).draws)
+
+    def measure(self, name: str | None = None) -> str:
+        name = name or self.question.measure
+        if name and name not in self.measures and (self.measures or name != self.question.measure):
+            allowed = ", ".join(self.measures) or "none, nothing has a value"
+            raise InputError(f"is {name}{nearest(name, self.measures)}, allowed are {allowed}", argument="measure")
+        return name or self.main()
+
+    def main(self) -> str:
+        """The measure to show where none is asked for."""
+        return main_measure(self.measures, [row for rows in self.cases.rows for row in rows])
+
+    def values(self, measure: str) -> list[list[float]]:
+        """The values of a measure: of the seeds of each draw; those that have none left out."""
+        effort = self.cases.effort
+        rows = [[seed.values.get(measure, math.nan) for seed in case.seeds(effort)] for case in self.cases]
+        return [[value for value in row if math.isfinite(value)] for row in rows]
+
+    def spread(self, measure: str) -> Spread:
+        """How far a measure spreads."""
+        return spread_of(self.values(measure))
+
+    def linear_shares(self, measure: str) -> LinearShares | None:
+        """What a straight line in each input explains of a measure; None where that cannot be told."""
+        group = len(self.scenario.uncertain or {}) + 2 if self.question.indices else 1
+        return linear_shares(self.scenario, self.draws, self.values(measure), group)
+
+    def indices(self, measure: str) -> list[Index]:
+        """Sobol indices of a measure by every input; empty where they cannot be told."""
+        if not (self.question.indices and self.complete):
+            return []
+        found = sobol_indices(self.scenario, self.values(measure))
+        return [index for index in found if math.isfinite(index.total)]
+
+    @cached_property
+    def shares(self) -> list[dict[str, Any]]:
+        """A row per measure and input: on which inputs it hangs, by column; see `SHARES`."""
+        return [row for measure in self.measures for row in self._shares_of(measure)]
+
+    def _shares_of(self, measure: str) -> list[dict[str, Any]]:
+        linear, indices = self.linear_shares(measure), {index.key: index for index in self.indices(measure)}
+        rows = []
+        for place, key in enumerate(self.scenario.uncertain or {}):
+            line, index = linear.inputs[place] if linear else None, indices.get(key)
+            numbers = (line.share, line.interval) if line else (math.nan,) * 2
+            numbers += astuple(index)[1:] if index else (math.nan,) * 4
+            finite = [finite_or_none(value) for value in numbers]
+            rows.append(dict(zip(SHARES, (measure, key, *finite), strict=True)))
+        return rows
+
+    def table(self) -> list[Record]:
+        """One row per measure."""
+        rows: list[Record] = []
+        for measure in self.measures:
+            spread, mean = self.spread(measure), Statistic.of(v for row in self.values(measure) for v in row).mean
+            numbers = {"mean": mean} | {name: getattr(spread, name) for name in COLUMNS[2:10]}
+            finite = {name: finite_or_none(value) for name, value in numbers.items()}
+            rows.append({"measure": measure} | finite | {"draws": spread.draws, "failed": len(self.failed)})
+        return rows
+
+    @property
+    def size(self) -> str:
+        return counted(len(self.draws), "draw")
+
+    @property
+    def failures(self) -> list[str]:
+        return self.cases.failures
+
+    def as_json(self, measure: str | None = None) -> dict[str, Any]:
+        measures = {row["measure"]: {k: v for k, v in row.items() if k != "measure"} for row in self.table()}
+        return {"complete": self.complete, "measures": measures, "shares": self.shares}
+
+    def lines(self, measure: str | None = None) -> list[str]:
+        """What was found of one measure, in words; and where a value of it lies that was measured."""
+        measure, measured = self.measure(measure), self.question.measured
+        if not measure:
+            return ["no measure has a value"]
+        spread = self.spread(measure)
+        runs = f"{spread.of_runs} {spread.low:.4g} to {spread.high:.4g}"
+        lines = [labelled(measure, f"median {spread.median:.4g}, {runs}")]
+        if math.isfinite(spread.sd_inputs):
+            interval = (
+                f"{spread.of_means} {spread.inputs_low:.4g} to {spread.inputs_high:.4g}, SD {spread.sd_inputs:.3g}"
+            )
+            lines.append(labelled("over inputs", spread.not_told or interval))
+            lines.append(labelled("over seeds", f"SD {spread.sd_seeds:.3g} at the same inputs"))
+        if measured is not None:
+            values = [value for row in self.values(measure) for value in row]
+            below = sum(value < measured for value in values)
+            where = "within" if spread.low <= measured <= spread.high else "outside of"
+            told = f"{measured:.4g} is {where} the {spread.of_runs}; {below} of {len(values)} runs are below it"
+            lines.append(labelled("measured", told))
+        return [*lines, *_share_lines(self.linear_shares(measure), self.indices(measure))]
+
+    def remarks(self, measure: str | None = None) -> list[str]:
+        kept = ["caution: draws keep the seeds that they had, which are more than asked for now"]
+        return super().remarks(measure) + (kept if self.cases.kept else [])
+
+    def files(self, carried: Callable[[Any], str]) -> dict[str, bytes]:
+        rows = [labels(draw) | {"seed": seed.seed} | seed.values for draw, seed in self.done]
+        return {
+            TABLE: csv_bytes(COLUMNS, self.table()),
+            INPUTS: csv_bytes(SHARES, self.shares),
+            DRAWS: csv_bytes([*self.draws[0], "seed", *self.measures], rows),
+        }
+
+    @staticmethod
+    def read(folder: Path) -> Uncertainty:
+        """From its folder.
+
+        Raises:
+            InputError: a file of it is missing or cannot be read, or no seed is done.
+        """
+        question, scenario = UncertaintyQuestion.read(folder), load_scenario(folder / SCENARIO)
+        keys = tuple(dict.fromkeys(k for key, inner in (scenario.uncertain or {}).items() for k in (key, *inner.also)))
+        table = TableFile(folder / DRAWS)
+        if not keys or table.head[: len(keys) + 1] != (*keys, "seed"):
+            named = ", ".join(keys) or "none"
+            raise table.refused(f"a column per uncertain input of the scenario ({named}), then seed")
+        measures = table.head[len(keys) + 1 :]
+        rows = table.rows(lambda line: _row(line, keys, measures))
+        if not rows:
+            raise InputError("holds no draw, allowed is a folder with at least one that is done", file=folder / DRAWS)
+        empty = any(not seed.values for _, seed in rows)
+        causes = _causes(folder.glob(f"{JOURNAL}*.jsonl")) if empty else {}
+        count = question.draws(scenario)
+        draws: list[Draw] = [{} for _ in range(count)]
+        held = tuple(Case(scenario, "", number, count) for number in range(count))
+        for draw, seed in rows:
+            failure = "" if seed.values else causes.get(seed.seed, NO_REASON)
+            draws[seed.seed % count] = draw
+            held[seed.seed % count].take((SeedValues(seed.seed, seed.values, 0.0, failure),))
+        cases = Cases(({},), (held,), Effort(question.seeds, measure=question.measure or ""))
+        return Uncertainty(question, scenario, tuple(draws), cases, cases.all_done)
+
+    def draw(self, folder: Path, measure: str) -> None:
+        from feeder_sim.plots.uncertainty import draw_uncertainty
+
+        if measure in self.measures:
+            draw_uncertainty(self, measure, folder / PICTURE, self.question.measured)
+
+    def plot(self, measure: str | None = None, *, measured: float | None = None, ax: Axes | None = None) -> Axes:
+        """Histogram of a measure over all runs, with its intervals.
+
+        Args:
+            measure: its name; default: the usual one.
+            measured: a value of it from an experiment, in its unit, to mark.
+            ax: matplotlib axes to draw into; default: new ones.
+
+        Raises:
+            InputError: there is no such measure, or none has a value.
+        """
+        from feeder_sim.plots.uncertainty import draw_values
+
+        name = self.measure(measure)
+        if not name:
+            raise InputError("no measure has a value, there is nothing to draw", key="plot")
+        axes = axes_for(ax)
+        draw_values(axes, self, name, measured)
+        return axes
+
+    def plot_shares(self, measure: str | None = None, *, ax: Axes | None = None) -> Axes:
+        """Bars of the share of the variance that each input has in a measure, with their 95 % intervals.
+
+        Args:
+            measure: its name; default: the usual one.
+            ax: matplotlib axes to draw into; default: new ones.
+
+        Raises:
+            InputError: there is no such measure, or its shares are not told, as where the inputs are not told apart
+                from the seeds or draws are few.
+        """
+        from feeder_sim.plots.uncertainty import draw_shares
+
+        name = self.measure(measure)
+        linear, indices = self.linear_shares(name), self.indices(name)
+        if linear is None and not indices:
+            raise InputError(f"{name or 'no measure'} has no shares that can be told", key="plot_shares")
+        axes = axes_for(ax)
+        draw_shares(axes, linear, indices)
+        return axes
+
+    def _line(self) -> str:
+        rest = "" if self.complete else ", not complete"
+        inputs = counted(len(self.scenario.uncertain or {}), "uncertain input")
+        return f"Uncertainty by {inputs}: {counted(len(self.draws), 'draw')}{rest}"
+
+
+def _row(line: Line, keys: Sequence[str], measures: Sequence[str]) -> tuple[Draw, SeedValues]:
+    """A line of the table: the values of a draw, and a seed of it."""
+    values = {name: number_in(line[name]) for name in measures}
+    if all(math.isnan(value) for value in values.values()):
+        values = {}
+    return {key: value_in(line[key]) for key in keys}, SeedValues(int(line["seed"] or ""), values, 0.0)
+
+
+def _causes(journals: Iterable[Path]) -> dict[int, str]:
+    """Why seeds have failed, which the table does not say, "" for those that have not; what was written last counts."""
+    entries = (entry for journal in sorted(journals) for entry in read_journal(journal))
+    return {int(entry["seed"]): str(entry["failure"]) for entry in entries if "failure" in entry}
+
+
+def _share_lines(linear: LinearShares | None, indices: Sequence[Index]) -> list[str]:
+    """A table: of the variance over the inputs, what hangs on each of them."""
+    told: list[tuple[str, list[tuple[str, float, float]]]] = []
+    if linear:
+        lines = [(i.key, i.share, i.interval) for i in linear.inputs]
+        told.append(("straight line", [*lines, ("all of them", linear.explained, linear.explained_interval)]))
+    if indices:
+        told.append(("first order", [(i.key, i.first, i.first_interval) for i in indices]))
+        told.append(("total", [(i.key, i.total, i.total_interval) for i in indices]))
+    if not told:
+        return []
+    keys = [key for key, _, _ in told[0][1]]
+    width = max(len(key) for key in (*keys, "share of variance"))
+    texts = [[head, *(f"{share:.2f} +- {half:.2f}" for _, share, half in shares)] for head, shares in told]
+    table = zip_longest(("share of variance", *keys), *texts, fillvalue="")
+    return [f"{key:<{width}}{''.join(f'{text:>16}' for text in row)}".rstrip() for key, *row in table]
