@@ -56,8 +56,8 @@ def check_refused(done: Done, *expected: str) -> None:
 def one_line(done: Done) -> str:
     """The message of a refused command: exactly one line, no traceback."""
     assert done.stdout == ""
-    assert done.stderr.count("\n") == 1 and "Traceback" not in done.stderr, done.stderr
-    return done.stderr
+    assert len(said(done)) == 1 and "Traceback" not in done.stderr, done.stderr
+    return said(done)[0]
 
 
 def _exit_code() -> int:
