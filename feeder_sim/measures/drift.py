@@ -23,7 +23,6 @@ from feeder_sim.records.trajectory import Frames
 from feeder_sim.scene.cell import PASSAGE_FROM, PASSAGE_TO, Cell
 from feeder_sim.scene.prepared import Prepared
 
-ROUND_OFF = 1e-9  # relative, of a distance
 AT_ONCE = 200  # distances that are computed
 
 
@@ -112,13 +111,8 @@ def first_passage(time: NDArray[np.float64], way: NDArray[np.float64], level: fl
 
 
 def passage(frames: Frames, cell: Cell, level: float, part: int = 0) -> float:
-    """Time [s] at which a part first comes to a fraction of d0, interpolated between frames; NaN if it never does.
-
-    Distances to the nodal lines are costly. They change by no more than the part moves, so that most frames need none.
-    """
-    place = frames.position[:, part, :2]
-    moved = np.hypot(*(place - place[0]).T) / cell.reach
-    may = np.flatnonzero(moved >= (1.0 - ROUND_OFF) * (cell.way(frames[slice(1)], part)[0] - level))
+    """Time [s] at which a part first comes to a fraction of d0, interpolated between frames; NaN if it never does."""
+    may = cell.may_pass(frames, level, frames[slice(1)], part)
     for rows in np.split(may, range(AT_ONCE, len(may), AT_ONCE)):
         below = rows[cell.way(frames[rows], part) <= level]
         if len(below):

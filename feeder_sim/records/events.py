@@ -71,6 +71,8 @@ def removed(parts: ArrayLike, time: float, cause: Cause) -> Events:
 
 def impacts_of(rows: NDArray[np.float64]) -> Events:
     """Impacts whose columns are in the order above, shape (n, 4)."""
+    if not len(rows):
+        return no_events(IMPACTS)
     return events(IMPACTS, **dict(zip(IMPACTS, rows.T, strict=True)))
 
 

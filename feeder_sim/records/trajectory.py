@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
@@ -66,7 +66,7 @@ class Frames:
         return Frames(**{name: v if v.dtype == bool else v.astype(float) for name, v in stored.items()})
 
     def __getitem__(self, rows: slice | NDArray[np.int64]) -> Frames:
-        return Frames(*(getattr(self, entry.name)[rows] for entry in fields(self)))
+        return Frames(*(getattr(self, name)[rows] for name in FRAME_FIELDS))
 
     def on_plate(self, plate: PlateArea) -> NDArray[np.bool_]:
         """Which parts are on a plate, shape (n, parts): not taken out, with their centres over it and above it."""
@@ -83,7 +83,7 @@ class Frames:
     @staticmethod
     def joined(blocks: Sequence[Frames]) -> Frames:
         """Concatenate blocks in time."""
-        return Frames(*(np.concatenate([getattr(b, entry.name) for b in blocks]) for entry in fields(Frames)))
+        return Frames(*(np.concatenate([getattr(block, name) for block in blocks]) for name in FRAME_FIELDS))
 
 
 # name: (unit, stored type, shape per part); single precision is ample for what no measure differentiates.

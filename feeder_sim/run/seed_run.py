@@ -99,9 +99,9 @@ class SeedRun:
         """Start the engine at t = 0."""
         start = engine_class(self._prepared.engine)
         self._engine: Engine = start(self._scene, rng, threads=self._threads, interrupt=self._interrupt)
-        first = self._engine.current()
-        self._guard = Guard(self._prepared, first)
-        self._keep(Seed(first.as_stored()))
+        self._first = self._engine.current()
+        self._guard = Guard(self._prepared, self._first)
+        self._keep(Seed(self._first.as_stored()))
 
     def _close(self, status: Status, failure: SimulationDiverged | None, wall_s: float) -> Seed:
         """Record how it ended; returns everything."""
@@ -247,7 +247,8 @@ class SeedRun:
         if self._prepared.scenario.run.stop != "passage" or cell is None or not len(frames):
             return False
         looked_at = frames[slice(None, None, -PASSAGE_LOOK)]  # the last frame among them
-        return bool((cell.way(looked_at) <= PASSAGE_TO).any())
+        may = cell.may_pass(looked_at, PASSAGE_TO, self._first)
+        return len(may) > 0 and bool((cell.way(looked_at[may]) <= PASSAGE_TO).any())
 
     def _record(self, block: Seed) -> Seed:
         """Record the block; the stage under way ends with it where its parts have settled."""

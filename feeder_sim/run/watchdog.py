@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import threading
 import time
-from typing import Self
+from typing import ClassVar, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,22 +33,34 @@ def checked_patience(stall_after: float) -> float:
 class Watchdog:
     """Interrupts an engine that has not got on by a frame in a call of `advance` for some time.
 
+    One thread watches all of them.
+
     Args:
         interrupt: of the engine, see `new_interrupt`.
         patience: wall time [s] that a frame may take.
     """
 
+    _watched: ClassVar[set[Watchdog]] = set()
+    _changed: ClassVar[threading.Condition] = threading.Condition()
+    _watching: ClassVar[bool] = False
+
     def __init__(self, interrupt: NDArray[np.int64], patience: float = STALL_AFTER_S) -> None:
         self.patience = patience
-        self._interrupt, self._since, self._over = interrupt, math.inf, threading.Event()
+        self._interrupt, self._since, self._whole = interrupt, math.inf, 0
 
     def __enter__(self) -> Self:
         if self.patience < math.inf:
-            threading.Thread(target=self._watch, daemon=True).start()
+            with self._changed:
+                self._watched.add(self)
+                if not Watchdog._watching:
+                    Watchdog._watching = True
+                    threading.Thread(target=_watch, daemon=True).start()
+                elif self.patience < STALL_AFTER_S:
+                    self._changed.notify()
         return self
 
     def __exit__(self, *_: object) -> None:
-        self._over.set()
+        self._watched.discard(self)
 
     def begin(self) -> None:
         """A call begins."""
@@ -62,10 +74,22 @@ class Watchdog:
             self._interrupt[ENDED] = 0
         return stalled
 
-    def _watch(self) -> None:
-        whole = 0
-        while not self._over.wait(self.patience / LOOKS):
-            if whole != self._interrupt[WHOLE] and self._since < math.inf:
-                whole, self._since = int(self._interrupt[WHOLE]), time.perf_counter()
-            elif time.perf_counter() - self._since > self.patience and self._interrupt[ENDED] == 0:
-                self._interrupt[ENDED] = STALLED
+    def _look(self) -> None:
+        if self._whole != self._interrupt[WHOLE] and self._since < math.inf:
+            self._whole, self._since = int(self._interrupt[WHOLE]), time.perf_counter()
+        elif time.perf_counter() - self._since > self.patience and self._interrupt[ENDED] == 0:
+            self._interrupt[ENDED] = STALLED
+
+
+def _watch() -> None:
+    """Look at all engines again and again; with none for a while, end."""
+    while True:
+        with Watchdog._changed:
+            patience = min((dog.patience for dog in list(Watchdog._watched)), default=STALL_AFTER_S)
+            Watchdog._changed.wait(patience / LOOKS)
+            watched = list(Watchdog._watched)
+            if not watched:
+                Watchdog._watching = False
+                return
+        for dog in watched:
+            dog._look()

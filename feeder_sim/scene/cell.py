@@ -13,6 +13,7 @@ from feeder_sim.records.trajectory import Frames
 from feeder_sim.scenario import GivenState, Start
 from feeder_sim.scene.scene import Scene
 
+ROUND_OFF = 1e-9  # relative, of a distance
 PASSAGE_FROM, PASSAGE_TO = 0.8, 0.2  # fractions of d0 between which the transport speed is measured
 LEAST_ANTINODE = 0.05  # of the mode's largest deflection; a smaller one is that of a nodal line or of a crossing of two
 
@@ -34,6 +35,15 @@ class Cell:
     def way(self, frames: Frames, part: int = 0) -> NDArray[np.float64]:
         """Distance of a part from the nearest nodal line over d0, shape (n,): 1 at the antinode, 0 at the node."""
         return self.lines.distance(frames.position[:, part, :2]) / self.reach
+
+    def may_pass(self, frames: Frames, level: float, first: Frames, part: int = 0) -> NDArray[np.int64]:
+        """Rows of frames in which a part may be at a fraction of d0: it has moved so far since `first`, a frame.
+
+        Distances to the nodal lines are costly. They change by no more than the part moves, so that most frames need
+        none.
+        """
+        moved = np.hypot(*(frames.position[:, part, :2] - first.position[0, part, :2]).T) / self.reach
+        return np.flatnonzero(moved >= (1.0 - ROUND_OFF) * (self.way(first, part)[0] - level))
 
 
 def transport_cell(scene: Scene) -> Cell | None:
