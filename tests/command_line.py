@@ -57,7 +57,7 @@ def one_line(done: Done) -> str:
     """The message of a refused command: exactly one line, no traceback."""
     assert done.stdout == ""
     assert len(said(done)) == 1 and "Traceback" not in done.stderr, done.stderr
-    return said(done)[0]
+    return f"{said(done)[0]}\n"
 
 
 def _exit_code() -> int:

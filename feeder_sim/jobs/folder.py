@@ -166,7 +166,7 @@ def usual_folder(base: Path, name: str, kind: str, scenario: Scenario, same: str
 
 def mark_of(scenario: Scenario, same: str) -> str:
     """The first line of the file that says what was asked."""
-    text = content_text([scenario.model_dump(exclude={"title": True, "run": {"seeds"}}), same])
+    text = content_text([scenario.model_dump(exclude={"title": True, "format": True, "run": {"seeds"}}), same])
     return f"{_MARK}{hashlib.sha256(text.encode()).hexdigest()[:16]}"
 
 

@@ -21,7 +21,7 @@ def identity_of(scenario: Scenario) -> str:
     Raises:
         InputError: a file that the scenario names cannot be read.
     """
-    raw = scenario.model_dump(exclude={"title": True, "uncertain": True, "run": {"seeds"}})
+    raw = scenario.model_dump(exclude={"title": True, "format": True, "uncertain": True, "run": {"seeds"}})
     text = content_text([raw, library_versions()])
     return hashlib.sha256(text.encode()).hexdigest()[:32]
 

@@ -186,7 +186,7 @@ def _checked(file: h5py.File, path: Path) -> ModeFile:
     schema, version = get_text(file.attrs, "schema"), file.attrs.get("schema_version")
     if version is not None and (not np.isscalar(version) or version != SCHEMA_VERSION):
         raise InputError(
-            f"is {version!r}, allowed is {SCHEMA_VERSION}; make it with 'feeder-sim modes PLATE.toml --out FILE'",
+            f"is {version}, allowed is {SCHEMA_VERSION}; make it with 'feeder-sim modes PLATE.toml --out FILE'",
             file=path,
             key="schema_version",
         )

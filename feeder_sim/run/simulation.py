@@ -5,10 +5,11 @@ from __future__ import annotations
 import contextlib
 import math
 import os
+import queue
 import threading
 import time
 from collections.abc import Callable, Iterator, Mapping
-from concurrent.futures import FIRST_COMPLETED, ThreadPoolExecutor, wait
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -35,6 +36,7 @@ from feeder_sim.scene.start import start_poses
 from feeder_sim.single_thread import single_threaded
 
 GRACE_S = 0.3  # [s] from the wish to stop until blocks under way are given up
+SHOWN_S = 0.1  # [s] between two looks at the progress
 ANNOUNCED_S = 1.5  # [s]; what takes longer is announced
 COMPILING = "compiling the engine, which takes up to a minute; the result is kept for the next time"
 LOOKING = "looking for places"
@@ -207,19 +209,24 @@ def run_ensemble(
         for interrupt in interrupts:
             interrupt[ENDED] = 1
 
+    finished: queue.SimpleQueue[Future[Seed | None]] = queue.SimpleQueue()  # to wait for all would look at each of them
     with ThreadPoolExecutor(cores) as pool:
         try:
-            pending = set(futures := [pool.submit(run_seed, index) for index in range(run.seeds)])
-            while pending:
-                finished, pending = wait(pending, timeout=0.1, return_when=FIRST_COMPLETED)
+            futures = [pool.submit(run_seed, index) for index in range(run.seeds)]
+            for future in futures:
+                future.add_done_callback(finished.put)
+            left, shown = len(futures), -math.inf
+            while left:
+                with contextlib.suppress(queue.Empty):
+                    finished.get(timeout=SHOWN_S).result()  # an error ends the whole ensemble at once
+                    left -= 1
                 if stop.is_set():
                     asked = min(asked, time.perf_counter())
                     if time.perf_counter() - asked > GRACE_S:
                         end_all()
-                for future in finished:
-                    future.result()  # an error ends the whole ensemble at once
-                if progress:
+                if progress and (not left or time.perf_counter() - shown > SHOWN_S):
                     progress(float(done.mean()))
+                    shown = time.perf_counter()
         except BaseException:
             stop.set()
             end_all()

@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Any, Self
+from typing import Annotated, Any, Literal, Self
 
 from pydantic import BeforeValidator, Field, ValidationError, model_validator
 
@@ -38,6 +38,7 @@ class Scenario(Table):
     """One experiment on one plate."""
 
     title: str = ""
+    format: Literal[1] = 1
     plate: Plate
     drive: Annotated[tuple[Drive, ...], Field(max_length=MOST_DRIVES)] = ()
     schedule: Schedule | None = None
