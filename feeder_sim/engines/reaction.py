@@ -12,7 +12,6 @@ The terms are the last of a `SurfaceArrays` that belongs to one engine, in the o
 from __future__ import annotations
 
 import cmath
-import math
 
 import numpy as np
 from numpy.typing import NDArray
@@ -67,15 +66,3 @@ def react(surface, t, taken, changed):
         surface.term_start[first + s] = t
         surface.coefficient[first + s] = surface.coefficient[first + s] * turn + step
         changed[s] = changed[s] * turn + step
-
-
-@compiled
-def crest_of_reaction(surface, per_metre):
-    """Largest height [m] that the reaction can still come to, by what each shape adds per metre of z_j (n_shapes,)."""
-    n = per_metre.shape[0]
-    first = surface.term_shape.shape[0] - n
-    crest = 0.0
-    for s in range(n):
-        z = surface.coefficient[first + s]
-        crest += per_metre[s] * math.sqrt(z.real * z.real + z.imag * z.imag)
-    return crest

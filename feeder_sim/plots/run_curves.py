@@ -17,7 +17,6 @@ from feeder_sim.plots.intervals import COLOURS, DODGE, SEED, draw_band, draw_bar
 from feeder_sim.records.trajectory import Frames
 
 SHARES = ("#1f5fa8", "#9bb8d3", "#e0a030", "#5b6875")  # driving, pauses, looks, picks
-NARROW_SHARE = 0.06  # of a bar, below which its figure has no room in it
 
 
 def draw_over_time(

@@ -76,7 +76,7 @@ def ask(
     path = folder.path if folder else None
     with contextlib.ExitStack() as held:
         bench = Bench(held.enter_context(workers), ledger, path, stop or threading.Event(), progress, notify)
-        if not plan.all_done:
+        if others and not plan.all_done:
             bench.say_foreign(others)
         if folder:
             held.enter_context(folder)  # last: what is refused before leaves the question in it as it was

@@ -183,25 +183,31 @@ class MapPlan(Plan):
     def __init__(self, question: MapQuestion, scenario: Scenario, points: list[tuple[float, float]]) -> None:
         self._question, self._scenario, self._points = question, scenario, points
         self._found: dict[tuple[float, float], MapPoint] = {}
+        self._ledger = Ledger()
 
     @property
     def all_done(self) -> bool:
+        self._settle_all()
         return len(self._found) == len(self._points)
 
     def take(self, ledger: Ledger) -> None:
-        for point in self._points if len(ledger) else ():
-            self.settle(self.begun(point, ledger), ledger)
+        self._ledger = ledger  # which is looked at point by point: to make the scenarios of a thousand takes long
+
+    def _settle_all(self) -> None:
+        for point in self._points if len(self._ledger) else ():
+            if point not in self._found:
+                self.settle(self.begun(point, self._ledger), self._ledger)
 
     def part(self, number: int, of: int) -> MapPlan:
         return MapPlan(self._question, self._scenario, self._points[number - 1 :: of])
 
     def run(self, bench: Bench) -> bool:
-        if bench.progress and self._found:
-            bench.progress(len(self._found) / len(self._points))  # there is something to keep, whenever it ends
-        left = _strided([point for point in self._points if point not in self._found])
-        return bench.run(MapWork(self, left, bench.ledger))
+        if bench.progress and len(self._ledger):
+            bench.progress(0.0)  # there is something to keep, whenever it ends
+        return bench.run(MapWork(self, _strided(self._points), bench.ledger))
 
     def study(self, complete: bool, others: int) -> SpeedMap:
+        self._settle_all()
         found = tuple(self._found[point] for point in self._points if point in self._found)
         return SpeedMap(self._question, self._scenario, found, complete)
 
