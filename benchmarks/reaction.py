@@ -21,8 +21,9 @@ import typer
 from feeder_sim.engines.impulse.reaction.engine import ReactingEngine
 from feeder_sim.engines.impulse.reaction.yielding_contact import TAKEN
 from feeder_sim.engines.reaction import reaction_at
+from feeder_sim.run.compilation import compile_engine
 from feeder_sim.run.prepare import prepare
-from feeder_sim.run.simulation import compile_engine, generators, simulate
+from feeder_sim.run.simulation import generators, simulate
 from feeder_sim.scenario import Scenario, load_scenario, with_run
 from feeder_sim.scene.free_modes import free_modes
 from feeder_sim.scene.prepared import Prepared

@@ -16,7 +16,7 @@ import time
 from pathlib import Path
 
 import feeder_sim
-from feeder_sim.run.simulation import compile_engine
+from feeder_sim.run.compilation import compile_engine
 from feeder_sim.scenario import load_scenario
 
 SCENARIO = Path(__file__).parents[1] / "scenarios" / "drift_4750hz.toml"

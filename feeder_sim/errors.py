@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import difflib
 import errno
+import functools
 import os
 from collections.abc import Iterable
 from enum import Enum
 from numbers import Integral
 from pathlib import Path
 from types import UnionType
-from typing import cast
+from typing import Any, cast
 
 LONGEST_VALUE = 80  # characters of a value, or of a key, in a message
 LONGEST_MESSAGE = 500  # characters: a few lines of a terminal
@@ -123,9 +124,15 @@ class SimulationDiverged(FeederSimError):
 
     def kept_in(self, file: str) -> SimulationDiverged:
         """The same, with the last states in a file."""
-        return SimulationDiverged(
-            self.divergence, time_s=self.time_s, part=self.part, seed=self.seed, detail=self.detail, file=file
-        )
+        return SimulationDiverged(**{**self._told, "file": file})
+
+    @property
+    def _told(self) -> dict[str, Any]:
+        names = ("divergence", "time_s", "part", "seed", "detail", "file")
+        return {name: getattr(self, name) for name in names}
+
+    def __reduce__(self) -> tuple[Any, ...]:  # seeds travel between processes
+        return functools.partial(SimulationDiverged, **self._told), ()
 
 
 class RecordingFailed(FeederSimError):

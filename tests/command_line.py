@@ -14,7 +14,8 @@ from typing import IO
 from unittest import mock
 
 from feeder_sim.cli.main import main
-from feeder_sim.run.simulation import COMPILING, LOOKING
+from feeder_sim.run.compilation import COMPILING
+from feeder_sim.run.simulation import LOOKING
 
 Done = subprocess.CompletedProcess[str]
 

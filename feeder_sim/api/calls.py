@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable, Iterable
+from concurrent.futures import Executor
 from pathlib import Path
 from typing import Any
 
@@ -27,6 +28,7 @@ def simulate(
     stop: threading.Event | None = None,
     record: Keep = AllFrames(),  # noqa: B008, it cannot be changed
     stall_after: float = STALL_AFTER_S,
+    executor: Executor | None = None,
 ) -> Result:
     """Run every seed of a scenario; the result does not depend on the number of workers.
 
@@ -40,15 +42,18 @@ def simulate(
         record: what to keep of each seed once it has been measured: `AllFrames()`, `EveryNth(n)`, `ImpactsOnly()` or
             `StatisticsOnly()`. Measures do not depend on it.
         stall_after: wall time [s] after which a seed that has not advanced by a frame ends as failed.
+        executor: runs the seeds in place of threads of this process, `workers` of them at once, as that of a Dask
+            client; each comes back whole.
 
     Raises:
+        FeederSimError: workers of the executor end before their seed has.
         InputError: the scenario cannot be built, its start does not suit its stop rule, or what is to be kept is not
             recorded in it.
     """
     if workers is not None:
         check_whole(workers, "workers")
     prepared = scenario if isinstance(scenario, Prepared) else prepare(scenario)
-    how: dict[str, Any] = {"record": record, "stall_after": checked_patience(stall_after)}
+    how: dict[str, Any] = {"record": record, "stall_after": checked_patience(stall_after), "executor": executor}
     with shown(progress, prepared.scenario.title) as (show, notify):
         found = run_ensemble(prepared, workers=workers, progress=show, stop=stop, notify=notify, **how)
     return Result.of(found)
@@ -58,11 +63,13 @@ def record_run(
     scenario: Scenario,
     folder: str | Path,
     *,
+    workers: int | None = None,
     progress: Progress = None,
     stop: threading.Event | None = None,
     replay: bool = True,
     record: Keep = AllFrames(),  # noqa: B008
     stall_after: float = STALL_AFTER_S,
+    executor: Executor | None = None,
 ) -> Result:
     """Simulate a scenario and write everything about it into a folder.
 
@@ -71,19 +78,25 @@ def record_run(
     Args:
         scenario: what to run.
         folder: made if missing; it must be empty.
+        workers: as for `simulate`.
         progress: as for `simulate`.
         stop: as for `simulate`.
         replay: also build the .rrd from the finished trajectory file.
         record: what the result keeps in memory; the folder always holds all frames.
         stall_after: as for `simulate`.
+        executor: as for `simulate`.
 
     Raises:
+        FeederSimError: as for `simulate`.
         InputError: the scenario cannot be built (nothing is written), or the folder is not empty or in use.
         RecordingFailed: a file cannot be written, as when the disk is full.
     """
     check_scenario(scenario)
     path = path_of_user(folder, "folder")
+    if workers is not None:
+        check_whole(workers, "workers")
     how: dict[str, Any] = {"record": record, "replay": replay, "stall_after": checked_patience(stall_after)}
+    how |= {"workers": workers, "executor": executor}
     with shown(progress, scenario.title) as (show, notify):
         found = run_folder.record_run(scenario, path, progress=show, stop=stop, notify=notify, **how)
     return Result.of(found)

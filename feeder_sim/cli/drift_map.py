@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from feeder_sim.cli.files import naming, scenario_of, writable
-from feeder_sim.cli.options import AsJson, ScenarioFile, Seed, Set
+from feeder_sim.cli.options import AsJson, Dask, ScenarioFile, Seed, Set, ThreadCount
 from feeder_sim.cli.terminal import notify, progress_bar, stop_on_signal
 from feeder_sim.errors import InputError, printable
 
@@ -22,7 +22,8 @@ def drift_map(
     settings: Set = None,
     seeds: Annotated[int, typer.Option("--seeds", min=8, max=100_000, help="Runs for each entry of the map.")] = SEEDS,
     seed: Seed = None,
-    workers: Annotated[int | None, typer.Option("--workers", min=1, help="Threads [one per core].")] = None,
+    workers: ThreadCount = None,
+    dask: Dask = None,
     as_json: AsJson = False,
 ) -> None:
     """Tabulate drift and diffusion of the part of a scenario, for its contact and the thickness of its plate."""
@@ -31,6 +32,7 @@ def drift_map(
         raise InputError(f"is {out.suffix!r}, allowed is .npz", file=out, key="--out")
     scenario = scenario_of(scenario_file, None, None, seed, settings)
     with naming(scenario_file):
+        from feeder_sim.jobs.workers import seed_workers
         from feeder_sim.run.advice import not_drawn
         from feeder_sim.studies.drift_map.files import save_map
         from feeder_sim.studies.drift_map.making import make_map, strip_of
@@ -38,8 +40,12 @@ def drift_map(
         strip = strip_of(scenario)
         for caution in not_drawn(scenario):
             notify(f"caution: {caution}")
-        with stop_on_signal() as stop, progress_bar(scenario_file.stem, stop) as progress:
-            made = make_map(scenario, strip, seeds=seeds, workers=workers, progress=progress, stop=stop, notify=notify)
+        with (
+            stop_on_signal() as stop,
+            progress_bar(scenario_file.stem, stop) as progress,
+            seed_workers(workers, dask) as who,
+        ):
+            made = make_map(scenario, strip, seeds=seeds, progress=progress, stop=stop, notify=notify, **who)
         save_map(made, out)
     told = {"file": str(out), "simulated_s": made.simulated_s, "processor_s": made.processor_s}
     if as_json:

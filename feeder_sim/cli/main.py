@@ -22,7 +22,18 @@ from feeder_sim.cli.drift_map import drift_map
 from feeder_sim.cli.files import naming, naming_options, new_picture, scenario_of, writable
 from feeder_sim.cli.import_modes import import_modes_command
 from feeder_sim.cli.new import new
-from feeder_sim.cli.options import AsJson, EngineName, OptionalScenarioFile, ScenarioFile, Seed, Seeds, Set, StallAfter
+from feeder_sim.cli.options import (
+    AsJson,
+    Dask,
+    EngineName,
+    OptionalScenarioFile,
+    ScenarioFile,
+    Seed,
+    Seeds,
+    Set,
+    StallAfter,
+    ThreadCount,
+)
 from feeder_sim.cli.part import part
 from feeder_sim.cli.plate import modes, sequence, wave
 from feeder_sim.cli.replay import replay
@@ -98,8 +109,11 @@ def run(
     resume: Annotated[Path | None, typer.Option("--resume", help="Go on with the interrupted run in a folder.")] = None,
     inputs: RunInputs = None,
     stall_after: StallAfter = None,
+    workers: ThreadCount = None,
+    dask: Dask = None,
 ) -> None:
     """Simulate a scenario and record it, or go on with a run that was interrupted."""
+    from feeder_sim.jobs.workers import seed_workers
     from feeder_sim.run.watchdog import STALL_AFTER_S, checked_patience
 
     with naming_options():
@@ -119,8 +133,9 @@ def run(
         if left_uncertain(resume):
             go_on_uncertain(resume, asked, as_json)
             return
-        with stop_on_signal() as stop, progress_bar(str(resume), stop) as progress:
-            result = resume_run(resume, progress=progress, stop=stop, notify=notify, stall_after=patience)
+        with stop_on_signal() as stop, progress_bar(str(resume), stop) as progress, seed_workers(workers, dask) as who:
+            how: dict[str, Any] = {"progress": progress, "stop": stop, "notify": notify, "stall_after": patience}
+            result = resume_run(resume, **how, **who)
         _finish_run(result, resume, as_json, asked)
         return
     if scenario_file is None:
@@ -136,9 +151,10 @@ def run(
             return
         folder = out or fresh_folder(scenario_file.stem)
         try:
-            with stop_on_signal() as stop, progress_bar(scenario.title or scenario_file.stem, stop) as progress:
-                how: dict[str, Any] = {"progress": progress, "stop": stop, "notify": notify, "stall_after": patience}
-                result = record_run(scenario, folder, **how)
+            title = scenario.title or scenario_file.stem
+            with stop_on_signal() as stop, progress_bar(title, stop) as progress, seed_workers(workers, dask) as who:
+                how = {"progress": progress, "stop": stop, "notify": notify, "stall_after": patience}
+                result = record_run(scenario, folder, **how, **who)
         except BaseException:
             if out is None:
                 with contextlib.suppress(OSError):  # it holds something

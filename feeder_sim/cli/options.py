@@ -19,6 +19,7 @@ Set = Annotated[
 ]
 Measure = Annotated[str | None, typer.Option("--measure", help="Measure to print and draw [the usual one].")]
 WorkerCount = Annotated[int | None, typer.Option("--workers", min=1, help="Processes [one per core].")]
+ThreadCount = Annotated[int | None, typer.Option("--workers", min=1, help="Threads [one per core].")]
 StallAfter = Annotated[
     float | None, typer.Option("--stall-after", help="Wall time in s after which a seed without a new frame ends [60].")
 ]

@@ -27,9 +27,10 @@ from feeder_sim.measures.protocol import labelled
 from feeder_sim.notebook import block, counted, line
 from feeder_sim.records.events import Cause, parts_removed
 from feeder_sim.records.seed import Status
+from feeder_sim.run.compilation import compile_engine
 from feeder_sim.run.open_run import OpenRun
 from feeder_sim.run.run_folder import check_free, record_ended
-from feeder_sim.run.simulation import Result, compile_engine
+from feeder_sim.run.simulation import Result
 from feeder_sim.scenario import Pick, Scenario, Stage
 from feeder_sim.scenario.tables import validated
 from feeder_sim.scene.fits import check_pick

@@ -4,16 +4,12 @@ from __future__ import annotations
 
 import math
 import time
-from collections import OrderedDict
 from dataclasses import dataclass
 from typing import Any
 
-from feeder_sim.errors import FeederSimError, InputError
+from feeder_sim.errors import InputError
 from feeder_sim.scenario import Scenario
-from feeder_sim.scene.prepared import Prepared
 from feeder_sim.single_thread import single_threaded
-
-KEPT = 8  # prepared scenarios of a process
 
 
 @dataclass(frozen=True)
@@ -61,10 +57,6 @@ class SeedValues:
         return SeedValues(*numbers, str(entry["failure"]), cautions, bool(entry.get("left")))
 
 
-_prepared: OrderedDict[str, Prepared | InputError] = OrderedDict()
-_compiled: set[type] = set()  # engines of this process
-
-
 @single_threaded
 def run_task(task: Task) -> tuple[SeedValues, ...]:
     """Run the seeds of a task, one after the other on one thread; the bits do not depend on where that is.
@@ -74,9 +66,9 @@ def run_task(task: Task) -> tuple[SeedValues, ...]:
     """
     from feeder_sim.measures.values import values_of_seed
     from feeder_sim.records.seed import Status
-    from feeder_sim.run.one_seed import run_one_seed
+    from feeder_sim.run.one_seed import prepared_once, run_one_seed
 
-    prepared = _prepared_once(task.scenario, task.identity)
+    prepared = prepared_once(task.scenario, task.identity)
     if isinstance(prepared, InputError):
         return tuple(SeedValues(seed, {}, 0.0, str(prepared)) for seed in task.seeds)
     done, cautions = [], prepared.cautions
@@ -92,27 +84,3 @@ def run_task(task: Task) -> tuple[SeedValues, ...]:
         left = result.status == Status.LEFT_PLATE
         done.append(SeedValues(seed, values, time.perf_counter() - started, failure, cautions, left))
     return tuple(done)
-
-
-def _prepared_once(scenario: Scenario, identity: str) -> Prepared | InputError:
-    """Prepare a scenario; what this process has prepared last is kept."""
-    from feeder_sim.engines.lookup import engine_class
-    from feeder_sim.jobs.identity import identity_of
-    from feeder_sim.run.prepare import prepare
-    from feeder_sim.run.simulation import compile_engine
-
-    if identity not in _prepared:
-        if identity_of(scenario) != identity:
-            raise FeederSimError("a worker has another version of the package, or of a file that the scenario reads")
-        try:
-            _prepared[identity] = prepared = prepare(scenario)
-            engine = engine_class(prepared.engine)
-            if engine not in _compiled:  # else a seed would take longer for its first frame than it may
-                compile_engine(prepared)
-                _compiled.add(engine)
-        except InputError as error:
-            _prepared[identity] = error
-        while len(_prepared) > KEPT:
-            _prepared.popitem(last=False)
-    _prepared.move_to_end(identity)
-    return _prepared[identity]

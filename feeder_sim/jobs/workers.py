@@ -11,6 +11,7 @@ from concurrent.futures import CancelledError, Executor, ProcessPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass
 from multiprocessing.connection import Connection
+from typing import Any
 
 from feeder_sim.errors import InputError, quoted
 from feeder_sim.run.simulation import available_cores
@@ -146,3 +147,13 @@ def workers_of(count: int | None, dask: str | None) -> Iterator[Workers]:
     """Those of the command line: of a Dask cluster where an address is given, else processes of this machine."""
     with local_workers(count) if dask is None else dask_workers(dask) as workers:
         yield workers
+
+
+@contextmanager
+def seed_workers(count: int | None, dask: str | None) -> Iterator[dict[str, Any]]:
+    """Who runs the seeds of one scenario, as arguments of `run_ensemble`: a Dask cluster, else threads."""
+    if dask is None:
+        yield {"workers": count}
+        return
+    with dask_workers(dask) as workers:
+        yield {"workers": workers.count, "executor": workers.executor}

@@ -19,9 +19,10 @@ from feeder_sim.measures.drift import Drift, DriftFindings, SeedDrift
 from feeder_sim.measures.protocol import SeedReader
 from feeder_sim.notebook import block
 from feeder_sim.records.seed import Status, endings
+from feeder_sim.run.compilation import COMPILING, announced, compile_engine
 from feeder_sim.run.prepare import prepare
 from feeder_sim.run.seed_run import SeedRun
-from feeder_sim.run.simulation import COMPILING, announced, available_cores, compile_engine, generators
+from feeder_sim.run.simulation import available_cores, generators
 from feeder_sim.scenario import Scenario
 from feeder_sim.scene.prepared import Prepared
 from feeder_sim.single_thread import single_threaded

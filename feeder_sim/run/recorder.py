@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from dataclasses import replace
 from pathlib import Path
 
 from feeder_sim.errors import SimulationDiverged
@@ -52,6 +53,15 @@ class Recorder:
         """Everything appended so far."""
         self._write(seed_index)
         return self._whole.pop(seed_index, None) or self._writer.read_back(seed_index)
+
+    def take(self, seed_index: int, seed: Seed) -> Seed:
+        """Put a whole seed on disk, which has ended elsewhere; returns it with the name of its last states."""
+        self.append(seed_index, seed)
+        if seed.failure and seed.last:
+            seed = replace(seed, failure=seed.failure.kept_in(self.keep_last(seed.failure, seed.last)))
+        self.finish(seed_index, seed)
+        self._whole.pop(seed_index, None)
+        return seed
 
     def finish(self, seed_index: int, seed: Seed) -> None:
         """Note how a seed has ended."""

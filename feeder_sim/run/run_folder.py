@@ -7,6 +7,7 @@ import itertools
 import json
 import threading
 from collections.abc import Callable, Mapping
+from concurrent.futures import Executor
 from pathlib import Path
 from typing import Any
 
@@ -23,11 +24,12 @@ from feeder_sim.records.trajectory_writer import TrajectoryWriter
 from feeder_sim.records.whole_file import partial_of, write_whole
 from feeder_sim.replay.replay import REPLAY, build_replay, remove_replays
 from feeder_sim.run.carried_files import carry_files
+from feeder_sim.run.compilation import announced
 from feeder_sim.run.keep import AllFrames, Keep, check_kept
 from feeder_sim.run.prepare import prepare
 from feeder_sim.run.provenance import check_inputs, check_libraries, input_hashes, library_versions
 from feeder_sim.run.recorder import Recorder
-from feeder_sim.run.simulation import Result, announced, check_starts, run_ensemble
+from feeder_sim.run.simulation import Result, check_starts, run_ensemble
 from feeder_sim.run.watchdog import STALL_AFTER_S
 from feeder_sim.scenario import Scenario, load_scenario, parse_scenario, with_files
 from feeder_sim.scenario.laws import uncovered_laws
@@ -52,6 +54,8 @@ def record_run(
     record: Keep = AllFrames(),  # noqa: B008, it cannot be changed
     notify: Callable[[str], None] | None = None,
     stall_after: float = STALL_AFTER_S,
+    workers: int | None = None,
+    executor: Executor | None = None,
 ) -> Result:
     """Simulate a scenario and write everything about it into `folder`, with the files that it reads.
 
@@ -64,6 +68,8 @@ def record_run(
         record: what the result keeps of each seed in memory; the folder always holds all frames.
         notify: takes a line for the user, such as that the engine is being compiled.
         stall_after: as for `run_ensemble`.
+        workers: as for `run_ensemble`.
+        executor: as for `run_ensemble`.
 
     Raises:
         InputError: the scenario cannot be built (nothing is written), or the folder is not empty or in use.
@@ -75,7 +81,8 @@ def record_run(
     check_kept(prepared, record)
     check_starts(prepared.scene, notify)
     how: dict[str, Any] = {"progress": progress, "stop": stop, "replay": replay, "notify": notify}
-    return _begin_folder(folder, prepared, {}, record=record, stall_after=stall_after, **how)
+    how |= {"record": record, "stall_after": stall_after, "workers": workers, "executor": executor}
+    return _begin_folder(folder, prepared, {}, **how)
 
 
 @single_threaded
@@ -124,6 +131,8 @@ def resume_run(
     replay: bool = True,
     notify: Callable[[str], None] | None = None,
     stall_after: float = STALL_AFTER_S,
+    workers: int | None = None,
+    executor: Executor | None = None,
 ) -> Result:
     """Go on with a run that was interrupted or killed; arguments as for `record_run`.
 
@@ -139,11 +148,12 @@ def resume_run(
     if not (folder / RUN).is_file() and not (folder / TRAJECTORY).is_file():  # the second alone: an older one
         raise InputError(f"no run here, allowed is a folder that holds {RUN}", file=folder, key="--resume")
     how: dict[str, Any] = {"progress": progress, "stop": stop, "replay": replay, "notify": notify}
+    how |= {"stall_after": stall_after, "workers": workers, "executor": executor}
     with locked(folder):
         if not (folder / TRAJECTORY).exists():
             prepared = prepare(_as_begun(folder))
             check_starts(prepared.scene, notify)
-            return _fill_folder(folder, prepared, {}, stall_after=stall_after, **how)
+            return _fill_folder(folder, prepared, {}, **how)
         recording = recording_of(folder)
         if Status.UNFINISHED not in recording.status and (folder / SUMMARY).exists():
             raise InputError("has ended, there is nothing to resume", file=folder, key="--resume")
@@ -156,7 +166,7 @@ def resume_run(
             for index, seed in enumerate(recording.records)
             if seed.status != Status.UNFINISHED and (seed.status != Status.DIVERGED or seed.last is not None)
         }
-        how |= {"kept": folder / TRAJECTORY, "wall_s_before": recording.wall_s, "stall_after": stall_after}
+        how |= {"kept": folder / TRAJECTORY, "wall_s_before": recording.wall_s}
         return _run_into(folder, prepare(scenario), recording.scenario_text, ended, **how)
 
 
@@ -192,9 +202,12 @@ def _run_into(
     replay: bool = True,
     notify: Callable[[str], None] | None = None,
     record: Keep = AllFrames(),  # noqa: B008
-    stall_after: float = STALL_AFTER_S,
+    **runs: Any,
 ) -> Result:
-    """Simulate a scene into a folder; kept: the trajectory file of the seeds that have ended, where there is one."""
+    """Simulate a scene into a folder; kept: the trajectory file of the seeds that have ended, where there is one.
+
+    `runs` as for `run_ensemble`.
+    """
     scenario, scene, new = prepared.scenario, prepared.scene, folder / f"{TRAJECTORY}.new"
     new.unlink(missing_ok=True)
     with announced(f"making the file for {scenario.run.seeds} seeds", notify):
@@ -216,13 +229,11 @@ def _run_into(
     recorder = Recorder(folder, writer, wall_s_before=wall_s_before)
     try:
         for index, seed in ended.items() if kept is None else ():
-            recorder.append(index, seed)
-            recorder.finish(index, seed)
+            recorder.take(index, seed)
         writer.move_to(folder / TRAJECTORY)  # only now, when a kill leaves it readable and loses nothing
         remove_replays(folder)  # built from the file that was here before
-        how: dict[str, Any] = {"progress": progress, "stop": stop, "notify": notify, "stall_after": stall_after}
-        before: dict[str, Any] = {"ended": ended, "wall_s_before": wall_s_before}
-        result = run_ensemble(prepared, recorder=recorder, record=record, **before, **how)
+        how: dict[str, Any] = {"progress": progress, "stop": stop, "notify": notify, "record": record, **runs}
+        result = run_ensemble(prepared, recorder=recorder, ended=ended, wall_s_before=wall_s_before, **how)
     except BaseException:
         with contextlib.suppress(RecordingFailed):  # the first failure is the one to hear of
             writer.close()

@@ -8,23 +8,24 @@ import os
 import queue
 import threading
 import time
-from collections.abc import Callable, Iterator, Mapping
-from concurrent.futures import Future, ThreadPoolExecutor
+from collections.abc import Callable, Mapping
+from concurrent.futures import BrokenExecutor, CancelledError, Executor, Future, ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 
-from feeder_sim.engines.lookup import engine_class
 from feeder_sim.engines.protocol import ENDED, new_interrupt
-from feeder_sim.errors import SimulationDiverged
+from feeder_sim.errors import FeederSimError, SimulationDiverged
 from feeder_sim.measures.catalogue import MEASURES
 from feeder_sim.measures.protocol import Measure, as_json
 from feeder_sim.records.seed import Counts, Seed, Status, endings
 from feeder_sim.records.trajectory import Frames
-from feeder_sim.run.guard import Guard
+from feeder_sim.run.compilation import COMPILING, announced, compile_engine
+from feeder_sim.run.identity import identity_of
 from feeder_sim.run.keep import AllFrames, Keep, Keeper
+from feeder_sim.run.one_seed import run_seed_elsewhere
 from feeder_sim.run.prepare import prepare
 from feeder_sim.run.recorder import Recorder
 from feeder_sim.run.seed_run import SeedRun
@@ -37,8 +38,6 @@ from feeder_sim.single_thread import single_threaded
 
 GRACE_S = 0.3  # [s] from the wish to stop until blocks under way are given up
 SHOWN_S = 0.1  # [s] between two looks at the progress
-ANNOUNCED_S = 1.5  # [s]; what takes longer is announced
-COMPILING = "compiling the engine, which takes up to a minute; the result is kept for the next time"
 LOOKING = "looking for places"
 
 
@@ -166,6 +165,7 @@ def run_ensemble(
     stop: threading.Event | None = None,
     notify: Callable[[str], None] | None = None,
     stall_after: float = STALL_AFTER_S,
+    executor: Executor | None = None,
 ) -> Result:
     """Run every seed, perhaps into a run folder; the result does not depend on the number of workers.
 
@@ -180,20 +180,37 @@ def run_ensemble(
         stop: set it to end the run within a second, after the blocks under way if they are short.
         notify: takes a line for the user, such as that the engine is being compiled.
         stall_after: wall time [s] after which a seed that has not advanced by a frame ends as failed.
+        executor: runs the seeds in place of threads of this process, `workers` of them at once; each comes back whole.
 
     Raises:
+        FeederSimError: workers of the executor end before their seed has.
         InputError: what is to be kept is not recorded in such a scene.
     """
     run, keep = prepared.scenario.run, Keeper(prepared, record)
     stop, ended = stop or threading.Event(), ended or {}
     random = generators(prepared.scene)
     done = np.zeros(run.seeds)
-    with announced(COMPILING, notify):  # before the threads need it
-        compile_engine(prepared)
+    identity = identity_of(prepared.scenario) if executor else ""
+    if not executor:
+        with announced(COMPILING, notify):  # before the threads need it
+            compile_engine(prepared)
     started = time.perf_counter()
     interrupts, asked = [new_interrupt() for _ in range(run.seeds)], math.inf  # when somebody asked to stop
-    cores = workers or available_cores()
+    cores = workers or getattr(executor, "_max_workers", None) or available_cores()
     threads = max(1, cores // run.seeds)  # for one seed, where there are fewer seeds than cores
+
+    def of_executor(index: int) -> Seed | None:
+        """A seed that is run elsewhere; None if it was stopped."""
+        assert executor is not None
+        try:
+            future = executor.submit(run_seed_elsewhere, prepared.scenario, identity, index, stall_after)
+            while not stop.is_set():
+                with contextlib.suppress(TimeoutError):
+                    return future.result(SHOWN_S)
+        except (BrokenExecutor, CancelledError) as error:
+            raise FeederSimError(f"workers end before their seed has ({type(error).__name__}) {error}") from error
+        future.cancel()
+        return None
 
     def run_seed(index: int) -> Seed | None:
         if seed := ended.get(index):
@@ -201,6 +218,9 @@ def run_ensemble(
             return keep(seed)
         if index > 0 and stop.is_set():
             return None  # of a seed that has not begun there is nothing; the first stands for the others
+        if executor and (seed := of_executor(index)):
+            done[index] = 1.0
+            return keep(recorder.take(index, seed) if recorder else seed)
         of_seed: dict[str, Any] = {"interrupt": interrupts[index], "stall_after": stall_after}
         run_of = SeedRun(prepared, index, recorder=recorder, threads=threads, **of_seed)
         return keep(run_of.run(random[index], done, stop))
@@ -256,47 +276,3 @@ def generators(scene: Scene) -> list[np.random.Generator]:
 def available_cores() -> int:
     """Cores this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-
-
-def compile_engine(prepared: Prepared) -> None:
-    """Import and compile all of an engine and the guard that a scene needs, and compute nothing."""
-
-    def compile_all() -> None:
-        start, interrupted = engine_class(prepared.engine), np.ones(2, np.int64)
-        engine = start(prepared.scene, np.random.default_rng(0), interrupt=interrupted)
-        engine.advance(1)
-        Guard(prepared, engine.current())
-
-    in_daemon_thread(compile_all)
-
-
-def in_daemon_thread(function: Callable[[], None]) -> None:
-    """Call what makes numba compile in a thread that ends with the process.
-
-    The compiler takes long, and in the main thread Ctrl-C might be lost in it.
-    """
-    failures: list[BaseException] = []
-
-    def call() -> None:
-        try:
-            function()
-        except BaseException as error:
-            failures.append(error)
-
-    thread = threading.Thread(target=call, daemon=True)
-    thread.start()
-    while thread.is_alive():
-        thread.join(0.1)
-    if failures:
-        raise failures[0]
-
-
-@contextlib.contextmanager
-def announced(line: str, notify: Callable[[str], None] | None) -> Iterator[None]:
-    """Tell the user what is being done, if it takes long."""
-    note = threading.Timer(ANNOUNCED_S, lambda: notify and notify(line))
-    note.start()
-    try:
-        yield
-    finally:
-        note.cancel()

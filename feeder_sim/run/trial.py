@@ -19,8 +19,9 @@ from numpy.typing import NDArray
 
 from feeder_sim.engines.lookup import engine_class
 from feeder_sim.engines.protocol import ENDED, Engine, new_interrupt
+from feeder_sim.run.compilation import compile_engine
 from feeder_sim.run.guard import Guard
-from feeder_sim.run.simulation import available_cores, compile_engine
+from feeder_sim.run.simulation import available_cores
 from feeder_sim.scenario import Schedule
 from feeder_sim.scenario.schedule import Stage
 from feeder_sim.scene.prepared import Prepared

@@ -30,7 +30,7 @@ from feeder_sim.engines.surface_arrays import surface_arrays
 from feeder_sim.errors import InputError, Interrupted
 from feeder_sim.part.rigid_part import RigidPart
 from feeder_sim.part.stable_poses import NONE, StablePose, stable_poses
-from feeder_sim.run.simulation import COMPILING, announced, in_daemon_thread
+from feeder_sim.run.compilation import COMPILING, announced, in_daemon_thread
 from feeder_sim.scenario import Ball, Contact, Run, Scenario, StillPlate
 from feeder_sim.scene.scene import GRAVITY, Scene, build_scene
 from feeder_sim.single_thread import single_threaded

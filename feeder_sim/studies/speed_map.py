@@ -29,7 +29,6 @@ from feeder_sim.errors import InputError, quoted
 from feeder_sim.jobs.bench import Bench
 from feeder_sim.jobs.cautions import Caution
 from feeder_sim.jobs.folder import SCENARIO
-from feeder_sim.jobs.identity import identity_of
 from feeder_sim.jobs.ledger import Ledger
 from feeder_sim.jobs.task import SeedValues, Task
 from feeder_sim.measures.statistic import LARGEST_OF_MANY, Statistic, finite_or_none
@@ -38,6 +37,7 @@ from feeder_sim.plate.mode_shapes import StandingWave, standing_wave
 from feeder_sim.plate.rectangle import RectangularPlate
 from feeder_sim.run.advice import not_drawn
 from feeder_sim.run.batch import check_drifting
+from feeder_sim.run.identity import identity_of
 from feeder_sim.run.prepare import prepare
 from feeder_sim.scenario import Scenario, Start, Strip, load_scenario, resolve_material, with_run
 from feeder_sim.scene.scene import GRAVITY

@@ -13,9 +13,9 @@ from pretended import asked
 from swept import AMPLITUDE, Pretended, over
 
 from feeder_sim.errors import InputError
-from feeder_sim.jobs.identity import identity_of
 from feeder_sim.jobs.journal import Journal, read_journal
 from feeder_sim.jobs.ledger import Ledger
+from feeder_sim.run.identity import identity_of
 from feeder_sim.scenario import load_scenario
 from feeder_sim.studies.ask import folder_of, merged
 from feeder_sim.studies.sweep.sweep import SweepQuestion

@@ -23,8 +23,9 @@ from feeder_sim.measures.drift import first_passage, transport_speed
 from feeder_sim.measures.separation import ON_LINE
 from feeder_sim.measures.stage_lines import StageLines, stage_lines
 from feeder_sim.measures.statistic import Statistic
+from feeder_sim.run.compilation import compile_engine
 from feeder_sim.run.prepare import prepare
-from feeder_sim.run.simulation import Result, compile_engine, simulate
+from feeder_sim.run.simulation import Result, simulate
 from feeder_sim.scenario import Drive, HexNut, PartSpec, Rectangle, Run, Scattered, Scenario, with_run
 from feeder_sim.scene.cell import PASSAGE_FROM, PASSAGE_TO
 from feeder_sim.scene.prepared import Prepared

@@ -6,16 +6,18 @@ import math
 import threading
 import time
 from collections.abc import Callable, Sequence
+from concurrent.futures import Executor
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from feeder_sim.errors import InputError, Interrupted
-from feeder_sim.jobs.identity import content_text
 from feeder_sim.plate.mode_file import read_mode_file
 from feeder_sim.plate.mode_shapes import standing_wave
 from feeder_sim.plate.rectangle import RectangularPlate
 from feeder_sim.records.trajectory import Frames
+from feeder_sim.run.identity import content_text
 from feeder_sim.run.prepare import prepare
 from feeder_sim.run.simulation import run_ensemble
 from feeder_sim.scenario import (
@@ -124,6 +126,7 @@ def make_map(
     progress: Callable[[float], None] | None = None,
     stop: threading.Event | None = None,
     notify: Callable[[str], None] | None = None,
+    executor: Executor | None = None,
 ) -> DriftMap:
     """Make the drift map of a part.
 
@@ -139,6 +142,7 @@ def make_map(
         progress: called with the fraction done.
         stop: set it to give up.
         notify: takes a line for the user.
+        executor: as for `simulate`.
 
     Raises:
         InputError: as for `made_of`, or no wave of a frequency.
@@ -147,6 +151,7 @@ def make_map(
     plate = RectangularPlate(1.0, 1.0, 1e-3 * strip.thickness_mm, resolve_material(strip.material))
     made = made_of(scenario, plate.thickness)
     shape = (len(frequencies_hz), len(speeds_m_s), bins)
+    how: dict[str, Any] = {"workers": workers, "executor": executor, "stop": stop, "notify": notify}
     table, simulated, began = np.zeros((4, *shape)), 0.0, time.process_time()
     for i, frequency in enumerate(frequencies_hz):
         wavenumber = standing_wave(plate, frequency).wavenumber
@@ -157,7 +162,7 @@ def make_map(
                 lasts = min(measured_s, _to_node(plate, wavenumber, speed))
                 number = math.ceil(seeds_at(speed, seeds) * min(MOST_SEEDS, measured_s / lasts))
                 run = with_run(_on_strip(scenario, strip, wavelength_mm, frequency, speed, lasts), seeds=number)
-                result = run_ensemble(prepare(run), workers=workers, stop=stop, notify=notify)
+                result = run_ensemble(prepare(run), **how)
                 if stop is not None and stop.is_set():
                     raise Interrupted("interrupted")
                 found = _bins(result.trajectories, speed, wavenumber, bins)
