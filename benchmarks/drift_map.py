@@ -15,22 +15,23 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-
-from feeder_sim.plots.figure import empty_figure
-from feeder_sim.run.prepare import prepare
-from feeder_sim.scenario import Drive, Scenario, Strip, load_scenario
-from feeder_sim.scene.scene import GRAVITY
-from feeder_sim.studies.chart.by_drift_map import map_around
-from feeder_sim.studies.chart.cases import CASES
-from feeder_sim.studies.chart.methods import DEFAULT_STEPS, METHODS
-from feeder_sim.studies.chart.points import scenario_of
-from feeder_sim.studies.drift_map.borders import BorderPoint, crowds, high_hops_on_plate, high_hops_on_strip, ways
-from feeder_sim.studies.drift_map.comparison import (
+from drift_map_errors import (
+    BorderPoint,
     compare_gathering,
     compare_passage,
     compare_transport,
+    crowds,
     gathering_scenario,
+    high_hops_on_plate,
+    high_hops_on_strip,
+    map_around,
+    steered_ball,
+    ways,
 )
+
+from feeder_sim.plots.figure import empty_figure
+from feeder_sim.scenario import Drive, Scenario, Strip, load_scenario
+from feeder_sim.scene.scene import GRAVITY
 from feeder_sim.studies.drift_map.drift_map import DriftMap
 from feeder_sim.studies.drift_map.files import load_map, save_map
 from feeder_sim.studies.drift_map.making import SEEDS, make_map
@@ -137,10 +138,9 @@ def note(point: BorderPoint) -> None:
 
 def balls(map_seeds: int, seeds: int) -> None:
     """A ball that rolls on a plate of silicon; its map is for this drive only."""
-    case = next(case for case in CASES if case.name == "chladni_plate")
-    ball = scenario_of(case, METHODS[0], DEFAULT_STEPS)
+    ball = steered_ball()
     print("\n| time (s) | way (mm), full runs | map | spread of full runs (mm) | map |\n|---|---|---|---|---|")
-    for at in ways(map_around(prepare(ball), map_seeds), ball, seeds):
+    for at in ways(map_around(ball, map_seeds), ball, seeds):
         print(at.line(), flush=True)
 
 
@@ -167,11 +167,11 @@ def main() -> None:
         plates(drift_map, seeds)
     if "borders" in options.only:
         print("\nhigh hops, strip at 4750 Hz: | m/s | hop over radius |")
-        strip = high_hops_on_strip(drift_map, scenario("drift_4750hz"), max(12, seeds // 4), note=note)
+        strip = high_hops_on_strip(drift_map, scenario("drift_4750hz"), max(12, seeds // 4), note)
         print("\nhigh hops, plate at 2646 Hz: | m/s | hop over radius |")
-        plate = high_hops_on_plate(drift_map, PLATE, 2 * seeds, note=note)
+        plate = high_hops_on_plate(drift_map, PLATE, 2 * seeds, note)
         print("\ncrowds, plate at 2646 Hz: | parts | |")
-        crowd = crowds(drift_map, PLATE, 2 * seeds, note=note)
+        crowd = crowds(drift_map, PLATE, 2 * seeds, note)
         if options.pictures:
             draw_borders(strip, plate, crowd, options.pictures / "drift_map_borders.png")
 

@@ -69,10 +69,15 @@ def record(file: Path) -> None:
                 continue
             for i, seed in enumerate(seeds):
                 for part in ("frames", "impacts", "removals"):
-                    for key, values in vars(getattr(seed, part)).items():
+                    for key, values in columns(getattr(seed, part)).items():
                         arrays[f"{name}|{i}|{part}.{key}"] = values
                 arrays[f"{name}|{i}|stops"] = seed.stops
     np.savez(file, **arrays)
+
+
+def columns(table: Any) -> dict[str, Any]:
+    """Arrays by name, of a record array or of the dataclass that stood in its place."""
+    return {name: table[name] for name in table.dtype.names} if isinstance(table, np.ndarray) else vars(table)
 
 
 def shortened(path: Path, engine: str) -> Any:

@@ -8,8 +8,8 @@
 Build scenarios in code from `Scenario` and its tables in `feeder_sim.scenario`; `scenario.changed` changes one.
 `record_run` also writes a run folder, and `open` gives its result again, as long as it is there. A result has findings,
 tables (`to_frame`, `to_xarray`) and plots; `record` of `simulate` says what to keep of it: `AllFrames`, `EveryNth`,
-`ImpactsOnly`, `StatisticsOnly`. Questions about many runs are `sweep`, `uncertainty`, `optimise`, `speed_map` and
-`compare`; `measure_drift` runs many drifts. A `Feeder` is run stage by stage, `FeederEnvironment` is one for
+`ImpactsOnly`, `StatisticsOnly`. Questions about many runs are `sweep`, `uncertainty`, `optimise`, `speed_map`, `chart`
+and `compare`; `measure_drift` runs many drifts. A `Feeder` is run stage by stage, `FeederEnvironment` is one for
 Gymnasium (extra `gym`). Bad input is an `InputError`.
 """
 
@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from feeder_sim.api.compare import compare as compare
     from feeder_sim.api.opened import open as open
     from feeder_sim.api.result import Result as Result
+    from feeder_sim.api.studies import chart as chart
     from feeder_sim.api.studies import optimise as optimise
     from feeder_sim.api.studies import speed_map as speed_map
     from feeder_sim.api.studies import sweep as sweep
@@ -62,6 +63,7 @@ _PUBLIC = {
     "StatisticsOnly": "run.keep",
     "build_replay": "replay.replay",
     "build_scene": "scene.scene",
+    "chart": "api.studies",
     "compare": "api.compare",
     "load_scenario": "scenario",
     "measure_drift": "api.calls",

@@ -14,6 +14,8 @@ from types import UnionType
 from typing import Any, cast
 
 LONGEST_VALUE = 80  # characters of a value, or of a key, in a message
+# Of arguments that have another name where a command is typed.
+OPTIONS = {"folder": "out", "budget_s": "budget", "frequencies_hz": "frequency", "amplitudes_um": "amplitude"}
 LONGEST_MESSAGE = 500  # characters: a few lines of a terminal
 
 
@@ -33,6 +35,11 @@ def shortened(text: str, longest: int = LONGEST_VALUE) -> str:
         return text
     tail = longest // 3
     return f"{text[: longest - tail - 3]}...{text[-tail:]}"
+
+
+def option_of(argument: str) -> str:
+    """The option that stands for an argument of a public function."""
+    return f"--{OPTIONS.get(argument, argument).replace('_', '-')}"
 
 
 def quoted(value: object) -> str:

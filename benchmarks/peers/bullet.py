@@ -14,10 +14,10 @@ from typing import Any
 
 import numpy as np
 from cases import AT_REST, MOVING, Method, Setup
+from chart_cases import FRICTION, RESTITUTION
 from numpy.typing import NDArray
 
 from feeder_sim.scene.scene import GRAVITY
-from feeder_sim.studies.chart.cases import FRICTION, RESTITUTION
 
 bullet: Any = importlib.import_module("pybullet")
 

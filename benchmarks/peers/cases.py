@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Protocol
 
 import numpy as np
+from chart_cases import BALL_COUNTED, BALL_HZ, BALL_PERIODS, BALL_UM, DROP_MM, DROP_S, FRICTION, RESTITUTION, SLIDE_MM_S
 from numpy.typing import NDArray
 
 from feeder_sim.measures.drift import transport_speed
@@ -24,17 +25,6 @@ from feeder_sim.scene.cell import PASSAGE_TO, Cell, transport_cell
 from feeder_sim.scene.part import build_part
 from feeder_sim.scene.scene import GRAVITY, Scene, build_scene
 from feeder_sim.scene.start import start_poses
-from feeder_sim.studies.chart.cases import (
-    BALL_COUNTED,
-    BALL_HZ,
-    BALL_PERIODS,
-    BALL_UM,
-    DROP_MM,
-    DROP_S,
-    FRICTION,
-    RESTITUTION,
-    SLIDE_MM_S,
-)
 
 SCENARIOS = Path(__file__).parents[2] / "scenarios"
 

@@ -18,6 +18,8 @@ import time
 from collections.abc import Sequence
 from pathlib import Path
 
+sys.path.append(str(Path(__file__).parents[1]))
+
 from conformance_set.cases import CASES
 from conformance_set.files import read_results, read_set, write_results, write_set
 from conformance_set.judge import Result, table

@@ -10,6 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 from cases import SPIN, STATE, THROWN, UPRIGHT, VELOCITY, YAW, Body, Method, Setup, drift, steel_ball, steel_nut
+from chart_cases import APPROACH, BALL_HZ, BALL_PERIODS, BALL_UM, DROP_MM, DROP_S, RESTITUTION, SLIDE_MM_S
 from conformance_set.cases import (
     CREEP_S,
     PISTON_HZ,
@@ -28,16 +29,6 @@ from scipy.spatial.transform import Rotation
 
 from feeder_sim.measures.statistic import Statistic
 from feeder_sim.scene.scene import GRAVITY
-from feeder_sim.studies.chart.cases import (
-    APPROACH,
-    BALL_HZ,
-    BALL_PERIODS,
-    BALL_UM,
-    DROP_MM,
-    DROP_S,
-    RESTITUTION,
-    SLIDE_MM_S,
-)
 
 RISE_S = 0.01
 BALL_START = 0.5e-3  # of the ball over the shaker [m]

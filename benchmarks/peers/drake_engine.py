@@ -16,11 +16,11 @@ from typing import Any
 
 import numpy as np
 from cases import AT_REST, QUATERNION, SPIN, STATE, VELOCITY, Method, Setup
+from chart_cases import FRICTION, RESTITUTION
 from numpy.typing import NDArray
 from scipy.optimize import brentq
 
 from feeder_sim.scene.scene import GRAVITY
-from feeder_sim.studies.chart.cases import FRICTION, RESTITUTION
 
 pydrake: Any = importlib.import_module("pydrake.all")
 logging.getLogger("drake").setLevel(logging.ERROR)

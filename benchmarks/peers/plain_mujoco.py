@@ -12,11 +12,11 @@ from typing import Any
 import mujoco
 import numpy as np
 from cases import AT_REST, MOVING, QUATERNION, SPIN, Method, Setup
+from chart_cases import FRICTION, RESTITUTION
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from feeder_sim.scene.scene import GRAVITY
-from feeder_sim.studies.chart.cases import FRICTION, RESTITUTION
 
 PLATE_MASS_RATIO = 1e6
 LENGTH, WIDTH, DEPTH = 0.12, 0.04, 0.01  # of the plate's box [m]

@@ -16,6 +16,8 @@ import time
 from pathlib import Path
 from typing import Any
 
+sys.path.append(str(Path(__file__).parents[1]))
+
 import cases
 from cases import AT_REST, DRIFTS, Method, Outcome
 

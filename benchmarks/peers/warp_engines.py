@@ -12,12 +12,12 @@ from typing import Any
 
 import numpy as np
 from cases import QUATERNION, SPIN, STATE, VELOCITY, Method, Setup
+from chart_cases import FRICTION, RESTITUTION
 from numpy.typing import NDArray
 from plain_mujoco import TUNED, Contact, PatchWorld
 from scipy.spatial.transform import Rotation
 
 from feeder_sim.scene.scene import GRAVITY
-from feeder_sim.studies.chart.cases import FRICTION, RESTITUTION
 
 warp: Any = importlib.import_module("warp")
 warp.config.quiet = True

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from concurrent.futures import Executor
 from pathlib import Path
 from typing import Any, cast
@@ -13,6 +13,7 @@ from feeder_sim.errors import check_type, check_whole, path_of_user
 from feeder_sim.jobs.workers import given_workers, local_workers
 from feeder_sim.scenario import Scenario, check_scenario
 from feeder_sim.studies.ask import ask, folder_of
+from feeder_sim.studies.chart.chart import Chart, ChartQuestion
 from feeder_sim.studies.question import Question
 from feeder_sim.studies.search.optimise import OptimiseQuestion, Search
 from feeder_sim.studies.search.proposals import Sampler
@@ -204,6 +205,47 @@ def speed_map(
     texts = axis_texts({"frequencies_hz": frequencies_hz, "amplitudes_um": amplitudes_um})
     question = MapQuestion.of(**dict(text.split("=", 1) for text in texts), seeds=seeds)
     return cast("SpeedMap", _asked(question, scenario, workers, executor, out, progress, stop))
+
+
+def chart(
+    scenario: Scenario,
+    *,
+    measure: str | None = None,
+    method: Sequence[str] | None = None,
+    seeds: int | None = None,
+    within: float = 0.05,
+    known: float | None = None,
+    workers: int | None = None,
+    executor: Executor | None = None,
+    out: str | Path | None = None,
+    progress: Progress = None,
+    stop: threading.Event | None = None,
+) -> Chart:
+    """Compute a measure of a scenario with many settings: what each costs, and how far it is off.
+
+    In a script, call it below `if __name__ == "__main__":`, as everything that starts processes.
+
+    Args:
+        scenario: what is computed, at the values of its inputs that are `[uncertain]`.
+        measure: that is to be right; default: the usual one.
+        method: "no-step", "steps", "mujoco" and "simplified", or some of them; default: all but "mujoco".
+        seeds: of every setting; default: those of the scenario.
+        within: error that is good enough [1].
+        known: the exact value, in the unit of the measure; default: that of the finest setting.
+        workers: processes; default: one per core.
+        executor: runs the tasks in place of processes of this machine, as that of a Dask client.
+        out: folder for the table and a journal, as of the command; with it the same call goes on after a break.
+        progress: True shows a bar on stderr; a function is called with the share that is done.
+        stop: set it to end; what is done is returned.
+
+    Raises:
+        InputError: an argument is not allowed, there is no such measure, or the folder holds something else.
+        RecordingFailed: the folder cannot be written.
+    """
+    check_scenario(scenario)
+    methods = None if method is None else [method] if isinstance(method, str) else list(method)
+    question = ChartQuestion.of(measure=measure, method=methods, seeds=seeds, within=within, known=known)
+    return cast("Chart", _asked(question, scenario, workers, executor, out, progress, stop))
 
 
 def _asked(

@@ -9,15 +9,13 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from feeder_sim.errors import InputError
+from feeder_sim.errors import InputError, option_of
 from feeder_sim.example_files import examples, scenario_path
 
 if TYPE_CHECKING:
     from feeder_sim.plate.mode_file import ModeFile
     from feeder_sim.scenario import Scenario
 
-# Of arguments that have another name in Python.
-OPTIONS = {"folder": "out", "budget_s": "budget", "frequencies_hz": "frequency", "amplitudes_um": "amplitude"}
 PICTURES = (".png", ".svg", ".pdf", ".jpg")
 
 
@@ -113,8 +111,7 @@ def naming_options() -> Iterator[None]:
     except InputError as error:
         if error.argument is None:
             raise
-        names = (OPTIONS.get(name, name) for name in error.argument.split(", "))
-        options = ", ".join(f"--{name.replace('_', '-')}" for name in names)
+        options = ", ".join(map(option_of, error.argument.split(", ")))
         key = options if error.key is None else f"{options} {error.key}"
         raise InputError(error.problem, file=error.file, key=key) from error
 

@@ -15,7 +15,6 @@ from typing import TYPE_CHECKING, Annotated, Any, NoReturn
 import typer
 
 from feeder_sim import __version__
-from feeder_sim.cli.chart import chart
 from feeder_sim.cli.commands import Commands
 from feeder_sim.cli.compare import compare
 from feeder_sim.cli.drift_map import drift_map
@@ -217,7 +216,7 @@ def check(
 app.command()(modes)
 app.command("modes import")(import_modes_command)
 app.command("drift-map")(drift_map)
-for command in (response, sequence, wave, chart, part, merge, new, compare, schema):
+for command in (response, sequence, wave, part, merge, new, compare, schema):
     app.command()(command)
 
 

@@ -17,9 +17,7 @@ SUFFIXES = (".html", ".htm")
 
 
 def report(
-    folder: Annotated[
-        Path, typer.Argument(help="Folder of a run, sweep, uncertainty or optimise.", show_default=False)
-    ],
+    folder: Annotated[Path, typer.Argument(help="Folder of a run, or of a question of many runs.", show_default=False)],
     out: Annotated[Path | None, typer.Option("--out", help=f"File to write (.html) [{PAGE} in the folder].")] = None,
     screenshot: Annotated[
         bool, typer.Option("--screenshot", help="With a picture of the replay; needs a graphics driver, no screen.")
@@ -27,11 +25,11 @@ def report(
     force: Annotated[bool, typer.Option("--force", help="Replace an existing page.")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout.")] = False,
 ) -> None:
-    """Write a run, a sweep, uncertain inputs or a search as one HTML page that opens anywhere, offline."""
+    """Write a run, or a question asked of many runs, as one HTML page that opens anywhere, offline."""
     from feeder_sim.records.trajectory_file import TRAJECTORY
     from feeder_sim.records.whole_file import write_whole
     from feeder_sim.report.page import html_of
-    from feeder_sim.report.question_report import PAGES, question_page
+    from feeder_sim.report.question_report import question_page
     from feeder_sim.report.run_report import run_page
     from feeder_sim.studies.kinds import KINDS, kind_of
 
@@ -48,8 +46,8 @@ def report(
             f"is not allowed for the folder of {kind}, which keeps no recordings", file=folder, key="--screenshot"
         )
     if not kind and not (folder / TRAJECTORY).is_file() and not (folder.suffix == ".h5" and folder.is_file()):
-        allowed = f"a folder that holds {', '.join((TRAJECTORY, *(KINDS[name].file for name in PAGES)))}"
-        raise InputError(f"is no run, sweep, uncertainty or optimise, allowed is {allowed}", file=folder)
+        allowed = f"a folder that holds {', '.join((TRAJECTORY, *(held.file for held in KINDS.values())))}"
+        raise InputError(f"is no run and no question of many runs, allowed is {allowed}", file=folder)
     with progress_bar(str(folder)) as progress:
         if kind:
             page = question_page(folder, progress=progress)

@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING, Annotated, Any, get_origin
 
 import typer
 
-from feeder_sim.cli.files import OPTIONS, naming, naming_options, scenario_of
+from feeder_sim.cli.files import naming, naming_options, scenario_of
 from feeder_sim.cli.options import AsJson, Dask, EngineName, Measure, ScenarioFile, Seed, Set, WorkerCount
 from feeder_sim.cli.terminal import notify, progress_bar, stop_on_signal
-from feeder_sim.errors import FeederSimError, InputError, Interrupted, escaped, printable
+from feeder_sim.errors import FeederSimError, InputError, Interrupted, escaped, option_of, printable
 
 if TYPE_CHECKING:
     from feeder_sim.studies.question import Question
@@ -74,11 +74,6 @@ def options_of(question: type[Question]) -> list[inspect.Parameter]:
         annotation: Any = Annotated[kind, option]
         found.append(inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=default, annotation=annotation))
     return found
-
-
-def option_of(name: str) -> str:
-    """The option that stands for an argument."""
-    return f"--{OPTIONS.get(name, name).replace('_', '-')}"
 
 
 def study_command(name: str, title: str) -> Any:

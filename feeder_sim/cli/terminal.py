@@ -50,15 +50,12 @@ def notify(line: str) -> None:
 
 
 @contextlib.contextmanager
-def progress_bar(
-    title: str, stop: Stop | None = None, *, averaged_s: float = 30.0
-) -> Iterator[Callable[[float], None]]:
+def progress_bar(title: str, stop: Stop | None = None) -> Iterator[Callable[[float], None]]:
     """Progress bar with the time left, on stderr and only on a terminal.
 
     Args:
         title: before the bar.
         stop: is told that the run computes.
-        averaged_s: the time left follows from what was done in so many last seconds; in them the fraction has to move.
     """
     from rich.console import Console
     from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
@@ -66,9 +63,7 @@ def progress_bar(
     console = Console(stderr=True)
     columns = (TextColumn("{task.description}", markup=False), BarColumn(), TaskProgressColumn(), TimeRemainingColumn())
     shown = console.is_terminal
-    with Progress(
-        *columns, console=console, disable=not shown, transient=True, speed_estimate_period=averaged_s
-    ) as bars:
+    with Progress(*columns, console=console, disable=not shown, transient=True, speed_estimate_period=30.0) as bars:
         task = bars.add_task(printable(title), total=1.0)
 
         def show(fraction: float) -> None:

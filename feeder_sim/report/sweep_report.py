@@ -51,13 +51,14 @@ def sweep_page(folder: Path, *, progress: Callable[[float], None] | None = None)
         pictures.append(measure_picture(sweep.valued(measure), sweep.keys, measure))
         if progress:
             progress((i + 1) / len(drawn))
+    command = sweep.question.command(folder / SCENARIO)
     sections = (
         Section("What was varied", (_keys_table(sweep), *_effort(sweep))),
         Section("Results", tuple(pictures)),
         Section("All measures", (_extremes(sweep, ordered), *_values(sweep, ordered))),
         Section("Cautions", tuple(_cautions(sweep, ordered, drawn))),
         Section("The scenario that was varied", scenario_blocks(sweep.scenario, text)),
-        Section("How to repeat it", repeated(folder, _command(sweep, folder), (SweepQuestion.file, CSV))),
+        Section("How to repeat it", repeated(folder, command, (SweepQuestion.file, CSV))),
     )
     n = len(sweep.points)
     keys = " and ".join(sweep.keys) if len(sweep.keys) < 3 else f"{len(sweep.keys)} keys"
@@ -220,16 +221,3 @@ def _cautions(sweep: Sweep, ordered: Sequence[str], drawn: Sequence[str]) -> Ite
     more = sum(_varies(sweep.valued(measure)) for measure in ordered) - len(drawn)
     if more > 0:
         yield Text(f"{more} more measures that change over the sweep are in the tables only.", "note")
-
-
-def _command(sweep: Sweep, folder: Path) -> list[str]:
-    """What repeats a sweep, from its folder."""
-    asked, words = sweep.question, ["sweep", str(folder / SCENARIO)]
-    for axis in asked.vary:
-        words += ["--vary", axis]
-    words += ["--zip"] if asked.zip else []
-    given = {"--sobol": asked.sobol, "--seeds": asked.seeds, "--measure": asked.measure, "--until-se": asked.until_se}
-    given |= {"--most-seeds": asked.most_seeds} if asked.until_se else {}
-    for name, value in given.items():
-        words += [name, str(value)] if value else []
-    return [*words, "--inputs", str(asked.inputs)] if sweep.uncertain else words

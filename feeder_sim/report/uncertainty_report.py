@@ -62,7 +62,8 @@ def uncertainty_page(folder: Path, *, progress: Callable[[float], None] | None =
         Section("Cautions", tuple(_cautions(asked, shown, linear, indices, trouble)) or (Text("None known."),)),
         Section("The scenario", scenario_blocks(asked.scenario, text)),
         Section(
-            "How to repeat it", repeated(folder, _command(asked, folder), (UncertaintyQuestion.file, DRAWS, TABLE))
+            "How to repeat it",
+            repeated(folder, asked.question.command(folder / SCENARIO), (UncertaintyQuestion.file, DRAWS, TABLE)),
         ),
     )
     return Page(
@@ -298,12 +299,3 @@ def _cautions_of(asked: Uncertainty, measure: str) -> Iterator[Text]:
     if spread.not_told:
         yield Text(f"{label}: draws differ no more than seeds of the same draw do. The inputs hardly change it, or "
                    "more seeds are needed to see it.", "note")  # fmt: skip
-
-
-def _command(asked: Uncertainty, folder: Path) -> list[str]:
-    """What repeats it, from its folder."""
-    question = asked.question
-    words = ["uncertainty", str(folder / SCENARIO), "--inputs", str(question.inputs)]
-    words += ["--seeds", str(question.seeds)] + (["--indices"] if question.indices else [])
-    words += ["--measure", question.measure] if question.measure else []
-    return words if question.measured is None else [*words, "--measured", f"{question.measured:g}"]

@@ -1,7 +1,6 @@
 """Cautions about settings that are known to mislead, and recommendations of cheaper models for a scene.
 
-Every number in these texts comes from `feeder-sim chart`: the methods, the model ladders, the stability maps.
-docs/choosing.md discusses them.
+docs/choosing.md discusses the numbers in these texts.
 """
 
 from __future__ import annotations

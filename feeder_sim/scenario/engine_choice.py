@@ -19,7 +19,7 @@ from feeder_sim.scenario.run import MujocoSettings
 if TYPE_CHECKING:
     from feeder_sim.scenario.scenario import Scenario
 
-# With fewer steps drifts are biased, and a compliant contact is unstable (`feeder-sim chart --only stability`).
+# With fewer steps drifts are biased, and a compliant contact is unstable (stability maps in docs/choosing.md).
 MIN_STEPS_PER_PERIOD = 20
 # A compliant contact (MuJoCo's solref = "T zeta") with a time constant T of fewer steps is unstable.
 MIN_STEPS_PER_TIME_CONSTANT = 5.0

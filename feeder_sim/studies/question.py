@@ -11,7 +11,7 @@ from collections.abc import Collection
 from pathlib import Path
 from typing import Any, ClassVar, Protocol, Self
 
-from feeder_sim.errors import InputError
+from feeder_sim.errors import InputError, option_of
 from feeder_sim.jobs.bench import Bench
 from feeder_sim.jobs.ledger import Ledger
 from feeder_sim.scenario import Scenario
@@ -71,6 +71,15 @@ class Question(Table):
         Raises:
             InputError: a file of it is missing or cannot be read.
         """
+
+    def command(self, scenario: Path) -> list[str]:
+        """The command that asks it of a scenario file: its words after the name of the program."""
+        words = [self.kind, str(scenario)]
+        for name, value in self.model_dump(mode="json", exclude_defaults=True).items():
+            for each in value if isinstance(value, list) else [value]:
+                text = f"{each:g}{'s' if name.endswith('_s') else ''}" if isinstance(each, float) else str(each)
+                words += [option_of(name), *([] if each is True else [text])]
+        return words
 
     def as_toml(self) -> str:
         """As a text that `read` takes."""

@@ -5,15 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from conftest import REPOSITORY
+from drift_map_errors import compare_passage, map_around, steered_ball, ways
 
-from feeder_sim.run.prepare import prepare
 from feeder_sim.scenario import Strip, load_scenario
-from feeder_sim.studies.chart.by_drift_map import map_around
-from feeder_sim.studies.chart.cases import CASES
-from feeder_sim.studies.chart.methods import METHODS
-from feeder_sim.studies.chart.points import scenario_of
-from feeder_sim.studies.drift_map.borders import ways
-from feeder_sim.studies.drift_map.comparison import compare_passage
 from feeder_sim.studies.drift_map.making import make_map
 
 
@@ -36,9 +30,8 @@ def test_a_map_gives_the_transport_speed_of_full_runs() -> None:
 @pytest.mark.slow
 def test_walkers_come_as_far_as_balls_that_roll_but_do_not_spread_as_they_do() -> None:
     """On an orthotropic plate. A ball remembers its speed, so that its spread grows faster than the root of time."""
-    case = next(case for case in CASES if case.name == "chladni_plate")
-    ball = scenario_of(case, METHODS[0], 40)
-    drift_map = map_around(prepare(ball), 60)
+    ball = steered_ball()
+    drift_map = map_around(ball, 60)
     note, long = ways(drift_map, ball, 32, times=(0.5, 4.0))
     print(f"\n{note.line()}\n{long.line()}")
     for at in (note, long):

@@ -8,7 +8,9 @@ from typing import Any, Literal
 
 import numpy as np
 import pytest
+from chart_cases import APPROACH, FLAT_DROP, RESTITUTION, SLIDING_IMPACT, Drop
 from conftest import NUT_ON_STRIP, piston_scenario, refusal
+from stability_maps import FAST, Change, State, classify, compliant, falling, half_way, made_by, mujoco, soft, steps
 
 from feeder_sim.engines.lookup import engine_class
 from feeder_sim.plate.drive import ModalTerms
@@ -19,10 +21,6 @@ from feeder_sim.scenario.changes import changed_values
 from feeder_sim.scenario.engine_choice import choose_engine
 from feeder_sim.scenario.tables import validated
 from feeder_sim.scene.scene import Scene, build_scene
-from feeder_sim.studies.chart.cases import APPROACH, CASES, RESTITUTION
-from feeder_sim.studies.chart.engine_maps import FAST, classify, falling, half_way, made_by
-from feeder_sim.studies.chart.map_cells import State
-from feeder_sim.studies.chart.methods import Change, compliant, mujoco, steps
 
 RIGID = Contact()
 FILE = Path("strip.toml")
@@ -42,15 +40,14 @@ def drift(result: Result) -> float:
     return float(result.measures()["drift_velocity_x_mm_s"]["mean"])
 
 
-def case(name: str, change: Change, **contact: float) -> float:
-    """The number of a case of the chart, computed by a method at 160 steps per millisecond."""
-    found = next(c for c in CASES if c.name == name)
-    raw = found.scenario()
+def error(drop: Drop, change: Change, **contact: float) -> float:
+    """Error of the velocity after the impact [%], computed by a method at 160 steps per millisecond."""
+    raw = drop.scenario()
     change(raw, 160)
     raw["contact"] |= contact
     raw["run"]["allow_unstable"] = True
     result = simulate(validated(raw, Scenario, FILE))
-    return found.observe(result.prepared, result.seeds[0])
+    return drop.error(result.prepared, result.seeds[0])
 
 
 @pytest.mark.slow
@@ -68,8 +65,8 @@ def test_contact_of_one_step_explodes_and_of_five_does_not() -> None:
 
 
 def test_discrete_integrator_takes_the_rebound_out() -> None:
-    assert case("flat_drop", mujoco(integrator="discrete")) == pytest.approx(100.0, abs=5.0)
-    assert case("flat_drop", mujoco()) < 1.0
+    assert error(FLAT_DROP, mujoco(integrator="discrete")) == pytest.approx(100.0, abs=5.0)
+    assert error(FLAT_DROP, mujoco()) < 1.0
 
 
 def test_without_in_plane_velocity_drift_is_a_third_or_less() -> None:
@@ -82,9 +79,9 @@ def test_without_in_plane_velocity_drift_is_a_third_or_less() -> None:
 
 def test_sliding_impact_lifts_off_in_the_convex_cone_alone() -> None:
     """46 % of the approach too much; Coulomb's exact cone, or no friction, leaves what restitution asks for."""
-    assert 40.0 < case("sliding_impact", mujoco()) < 55.0
-    assert case("sliding_impact", steps) < 1e-4
-    free = case("sliding_impact", mujoco(), friction=0.0)
+    assert 40.0 < error(SLIDING_IMPACT, mujoco()) < 55.0
+    assert error(SLIDING_IMPACT, steps) < 1e-4
+    free = error(SLIDING_IMPACT, mujoco(), friction=0.0)
     stopped_by_friction = 100.0 * 0.3 * (1.0 + RESTITUTION)  # what the closed form still counts on
     assert free == pytest.approx(stopped_by_friction, rel=0.02)
 
@@ -130,11 +127,7 @@ def test_resting_part_creeps_on_a_slope_with_the_default_impedance_of_mujoco_alo
     [(1.0, 10.0, State.TUNNELLING), (1.0, 0.3, State.STABLE), (0.1, 10.0, State.STABLE), (10.0, 1.0, State.TUNNELLING)],
 )
 def test_soft_contact_lets_a_fast_part_through(speed: float, time_constant_ms: float, expected: State) -> None:
-    def soft(raw: dict[str, Any], setting: int) -> None:
-        mujoco()(raw, setting)
-        raw["contact"] |= {"model": "compliant", "time_constant_us": 1e3 * time_constant_ms}
-
-    result = ran(falling(speed, soft, 20), seeds=1)
+    result = ran(falling(speed, soft(time_constant_ms), 20), seeds=1)
     assert classify(result, None)[0] == expected
     warned = any("out of it below" in line for line in result.prepared.cautions)
     assert warned == (expected == State.TUNNELLING)

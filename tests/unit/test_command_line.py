@@ -22,7 +22,7 @@ from feeder_sim.run.prepare import prepare
 from feeder_sim.run.run_folder import scenario_toml
 from feeder_sim.run.simulation import Result
 from feeder_sim.scenario import load_scenario
-from feeder_sim.studies.chart import ladder
+from feeder_sim.studies import bifurcation
 
 MODE_FILE = REPOSITORY / "models/plate_180/modes.h5"
 BOUNCING = REPOSITORY / "scenarios/ball_50hz.toml"
@@ -144,12 +144,12 @@ def test_every_command_has_json() -> None:
     assert [name for name, known in options.items() if "--json" not in known] == []
 
 
-def test_ctrl_c_is_told_also_where_nothing_can_be_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    def interrupted(**_: object) -> None:
+def test_ctrl_c_is_told_also_where_nothing_can_be_kept(monkeypatch: pytest.MonkeyPatch) -> None:
+    def interrupted(*_: object, **__: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(ladder, "run_ladders", interrupted)
-    done = CliRunner().invoke(app, ["chart", "--only", "ladder", "--out", str(tmp_path / "c")])
+    monkeypatch.setattr(bifurcation, "sweep_amplitude", interrupted)
+    done = CliRunner().invoke(app, ["bifurcation", str(BOUNCING), "--from", "195", "--to", "300"])
     assert isinstance(done.exception, Interrupted) and str(done.exception) == "interrupted"
 
 

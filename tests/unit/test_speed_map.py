@@ -167,6 +167,8 @@ def test_an_interrupted_map_has_a_table_and_a_picture(tmp_path: Path, monkeypatc
         before, points = points, len((out / "map.csv").read_text().splitlines())
         assert points > before
         (out / "map.png").unlink()
+    page = feeder_sim("report", out)
+    assert page.returncode == 0 and "not complete" in (out / "report.html").read_text(encoding="utf-8")
 
 
 @pytest.mark.parametrize("command", ["map", "drift-map"])

@@ -9,7 +9,7 @@ slide_to_rest     a nut on a plate at rest stops after v^2 / (2 mu g), and then 
 rising_plate      a ball falls by h onto a plate that rises at U: v = sqrt(U^2 + 2 g h), it leaves with U + e v
 throw             a ball on a plate A sin(w t) too slow for bounces without rest: it lifts off where the plate
                   accelerates downward at g, sin(phi) = g / (A w^2), and rises to A sin(phi) + (A w cos(phi))^2 / 2 g
-bouncing_ball     period one (Holmes 1982): see `feeder_sim.studies.chart.cases`
+bouncing_ball     period one (Holmes 1982): see `benchmarks/chart_cases.py`
 piston_zero       a nut on a plate that moves up and down as a whole: no direction is preferred, its mean drift is 0
 drift             transport speed of a nut on a standing wave: ensembles of the impulse engine, and measurements
 """
@@ -19,17 +19,10 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+from chart_cases import APPROACH, BALL_HZ, BALL_UM, FRICTION, RESTITUTION, SLIDE_MM_S, ball_height
+
 from feeder_sim.measures.statistic import Statistic
 from feeder_sim.scene.scene import GRAVITY
-from feeder_sim.studies.chart.cases import (
-    APPROACH,
-    BALL_HZ,
-    BALL_UM,
-    FRICTION,
-    RESTITUTION,
-    SLIDE_MM_S,
-    ball_height,
-)
 
 BALL_RADIUS = 1.5e-3  # [m]
 STICK_SPEED = 0.2  # [m/s]

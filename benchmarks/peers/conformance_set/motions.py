@@ -9,6 +9,7 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+from chart_cases import BALL_HZ, BALL_UM
 from numpy.typing import NDArray
 
 from conformance_set.cases import (
@@ -19,7 +20,6 @@ from conformance_set.cases import (
     THROW_UM,
 )
 from feeder_sim.scene.scene import GRAVITY
-from feeder_sim.studies.chart.cases import BALL_HZ, BALL_UM
 
 Array = NDArray[np.float64]
 COUNTED = 50  # periods of the plate at the end over which tops are averaged

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from chart_cases import BALL_HZ, BALL_PERIODS, BALL_UM, CONTACT, DROP_MM, DROP_S, PER_MS, SLIDE_MM_S, strip
 
 from conformance_set.cases import (
     CREEP_S,
@@ -37,17 +38,6 @@ from feeder_sim.run.prepare import prepare
 from feeder_sim.run.simulation import simulate
 from feeder_sim.scenario import Scenario
 from feeder_sim.scenario.tables import validated
-from feeder_sim.studies.chart.cases import (
-    BALL_HZ,
-    BALL_PERIODS,
-    BALL_UM,
-    CONTACT,
-    DROP_MM,
-    DROP_S,
-    PER_MS,
-    SLIDE_MM_S,
-    strip,
-)
 
 Raw = dict[str, Any]
 NUT, BALL = {"shape": "hex_nut", "size": "M2.5"}, {"shape": "ball", "diameter_mm": 3.0}

@@ -9,5 +9,5 @@ once for a part and a contact law. Much of what is in them is known: v goes with
 surface moves to and fro, D with the cube of the speed omega a over gravity. What is left is tabulated without units.
 
 Rooms: `increments` (from paths to a table), `making` (runs on strips), `drift_map` (the table and its look-up),
-`walk` (parts on the plate of a scenario), `files`, `comparison` (with full runs).
+`walk` (parts on the plate of a scenario), `files`.
 """

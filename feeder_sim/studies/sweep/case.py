@@ -42,6 +42,7 @@ class Case:
         first, stride: its seeds are `first`, `first + stride`, and so on: draws of uncertain inputs have seeds of their
             own, so that their scatter is independent.
         done: what has come back, by seed.
+        times: as many seeds as other cases have, where none are run until a standard error is reached.
         kept: how many of its seeds were there before, and count whatever is asked for now.
     """
 
@@ -50,6 +51,7 @@ class Case:
     first: int = 0
     stride: int = 1
     done: dict[int, SeedValues] = field(default_factory=dict)
+    times: int = 1
     kept: int = 0
     _handed: set[int] = field(default_factory=set)
 
@@ -70,7 +72,7 @@ class Case:
         Where nothing happens, as no part arrives or every seed has the same value, the first few are enough.
         """
         if effort.until_se is None:
-            return effort.seeds
+            return effort.seeds * self.times
         wanted = FIRST_LOOK
         while all(seed in self.done for seed in self.seed_numbers(wanted)):
             more = self._next_look(wanted, effort)

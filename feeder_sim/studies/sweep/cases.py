@@ -31,11 +31,15 @@ from feeder_sim.studies.uncertainty.draws import Draw
 
 @dataclass(frozen=True)
 class Cases:
-    """The points of a sweep with their cases, one per draw of the uncertain inputs."""
+    """The points of a sweep with their cases, one per draw of the uncertain inputs.
+
+    in_turn: whether all points go on side by side, so that their wall times are taken under the same load.
+    """
 
     points: tuple[Point, ...]
     cases: tuple[tuple[Case, ...], ...]
     effort: Effort
+    in_turn: bool = False
 
     @staticmethod
     def at(scenario: Scenario, points: Sequence[Point], draws: Sequence[Draw], effort: Effort, *, file: Path) -> Cases:
@@ -138,10 +142,10 @@ class Cases:
 
 
 class SweepWork:
-    """The seeds of all cases that are still to be run, handed out in order."""
+    """The seeds of all cases that are still to be run, handed out in order, or in turn."""
 
     def __init__(self, cases: Cases, keep: Callable[[str, SeedValues], None]) -> None:
-        self._effort, self._keep = cases.effort, keep
+        self._effort, self._keep, self._in_turn = cases.effort, keep, cases.in_turn
         self._open = deque(cases)  # those that may have something to hand out
         self._wanted = sum(case.wanted(self._effort) for case in cases)
         self._done = sum(len(case.seeds(self._effort)) for case in cases)
@@ -151,6 +155,7 @@ class SweepWork:
             case = self._open[0]
             handed = case.hand_out(self._effort, seeds)
             if handed:
+                self._open.rotate(-1 if self._in_turn else 0)
                 return case, Task(case.scenario, case.identity, handed)
             self._open.popleft()
         return None

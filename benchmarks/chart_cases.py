@@ -1,0 +1,118 @@
+"""Cases that the other simulators and the tests of known failures compute, each with its closed form.
+
+bouncing ball   free ball on a 50 Hz shaker, period one (Holmes 1982): the plate moves at w = g T/2 (1-e)/(1+e) when
+                it is hit, so that the ball rises to g T^2/8 + A sin(phi) with A omega cos(phi) = w
+flat drop       a nut landing flat leaves with e v and without spin
+sliding impact  a ball that slides throughout leaves with e v_n and v_t - mu (1+e) v_n
+drift           transport speed of a nut on a standing wave; nobody knows the right number
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from feeder_sim.part.rigid_part import CORNER_RADIUS
+from feeder_sim.records.seed import Seed
+from feeder_sim.scene.prepared import Prepared
+from feeder_sim.scene.scene import GRAVITY, Scene
+
+Raw = dict[str, Any]  # the tables of a scenario file
+
+RESTITUTION, FRICTION = 0.2, 0.3
+CONTACT = {"restitution": RESTITUTION, "friction": FRICTION}
+DROP_MM = 5.0
+APPROACH = math.sqrt(2.0 * GRAVITY * 1e-3 * DROP_MM)  # [m/s]
+DROP_S = 0.04  # 32 ms of fall, and most of the 13 ms of flight after the impact
+SLIDE_MM_S = 1000.0
+BALL_HZ, BALL_UM = 50.0, 245.0
+BALL_PERIODS, BALL_COUNTED = 150, 50  # simulated periods of the plate, and the last ones that count
+PER_MS = 1000.0  # [Hz] of a drive without amplitude, with which steps per period are steps per millisecond
+
+
+@dataclass(frozen=True)
+class Drop:
+    """A part that falls onto a plate at rest.
+
+    Attributes:
+        part: its table.
+        start: changes the table of its start.
+        error: of the velocity after the impact [%], from one seed.
+    """
+
+    part: Raw
+    start: Raw
+    error: Callable[[Prepared, Seed], float]
+
+    def scenario(self) -> Raw:
+        """The scenario with default settings."""
+        release = {"drop_height_mm": DROP_MM, "tilt_deg": 0.0, "yaw_deg": 17.0} | self.start
+        return {
+            "plate": {"kind": "piston"},
+            "drive": [{"frequency_hz": PER_MS, "amplitude_um": 0.0}],
+            "part": [self.part | {"start": release}],
+            "contact": dict(CONTACT),
+            "run": {"duration_s": DROP_S, "seeds": 1, "frames_per_second": 5000.0},
+        }
+
+
+def ball_height(frequency: float, amplitude: float, restitution: float) -> float:
+    """Largest height [m] of a ball in period one over its place on the resting plate, by the formula of the module.
+
+    Args:
+        frequency: of the plate [Hz].
+        amplitude: of the plate [m].
+        restitution: coefficient [1].
+    """
+    period = 1.0 / frequency
+    plate_velocity = 0.5 * GRAVITY * period * (1.0 - restitution) / (1.0 + restitution)
+    cosine = plate_velocity / (2.0 * math.pi * frequency * amplitude)
+    return GRAVITY * period**2 / 8.0 + amplitude * math.sqrt(1.0 - cosine**2)
+
+
+def strip(frequency: float, amplitude_um: float, x_mm: float) -> Raw:
+    """A nut near the antinode of a standing wave of a 3 mm strip, as in scenarios/drift_4750hz.toml."""
+    start = {"position_mm": [x_mm, 0.0], "drop_height_mm": [0.2, 0.5], "tilt_deg": [0.0, 3.0]}
+    return {
+        "plate": {"kind": "strip", "thickness_mm": 3.0},
+        "drive": [{"frequency_hz": frequency, "amplitude_um": amplitude_um, "damping_ratio": 0.002}],
+        "part": [{"shape": "hex_nut", "size": "M2.5", "start": start}],
+        "contact": dict(CONTACT),
+        "run": {"duration_s": 60.0, "stop": "passage"},
+    }
+
+
+def _after_impact(scene: Scene, record: Seed) -> tuple[float, int]:
+    """Speed upwards [m/s] with which a part has left the plate at rest, and its first frame after that."""
+    frames = record.frames
+    rising = np.flatnonzero(frames.velocity[:, 0, 2] > 0.0)
+    if not len(rising):
+        return 0.0, int(np.argmin(frames.position[:, 0, 2]))
+    row = int(rising[0])
+    kind = scene.kinds[0]
+    resting_height = -kind.lowest(frames.quaternion[row, 0]) + (0.0 if kind.corner_radius else CORNER_RADIUS)
+    rise = max(float(frames.position[row, 0, 2]) - resting_height, 0.0)
+    return math.sqrt(float(frames.velocity[row, 0, 2]) ** 2 + 2.0 * GRAVITY * rise), row
+
+
+def _flat_drop(prepared: Prepared, record: Seed) -> float:
+    """Error [%] of the speed upwards and of the speed of the corners by spin, which should be 0, over e v."""
+    upward, row = _after_impact(prepared.scene, record)
+    spin = prepared.scene.kinds[0].size * float(np.linalg.norm(record.frames.angular_velocity[row, 0]))
+    return 100.0 * math.hypot(upward - RESTITUTION * APPROACH, spin) / (RESTITUTION * APPROACH)
+
+
+def _sliding_impact(prepared: Prepared, record: Seed) -> float:
+    """Error [%] of both components of the velocity after the impact, over the approach speed."""
+    upward, row = _after_impact(prepared.scene, record)
+    along = float(record.frames.velocity[row, 0, 0])
+    expected = 1e-3 * SLIDE_MM_S - FRICTION * (1.0 + RESTITUTION) * APPROACH
+    return 100.0 * math.hypot(upward - RESTITUTION * APPROACH, along - expected) / APPROACH
+
+
+FLAT_DROP = Drop({"shape": "hex_nut", "size": "M2.5"}, {}, _flat_drop)
+SLIDING_IMPACT = Drop({"shape": "ball", "diameter_mm": 3.0}, {"velocity_mm_s": [SLIDE_MM_S, 0.0, 0.0]}, _sliding_impact)

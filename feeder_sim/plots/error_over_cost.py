@@ -1,0 +1,67 @@
+"""Speed against accuracy: the error of every setting over what it costs; left is cheaper, down is nearer."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from feeder_sim.plots.figure import empty_figure, make_logarithmic
+from feeder_sim.plots.intervals import COLOURS
+
+if TYPE_CHECKING:
+    from feeder_sim.studies.chart.chart import Chart
+
+LEAST = 1e-3  # of the reference: smaller errors are drawn as that
+MARKS = {"good": "o", "unclear": "D", "off": "s", "fails": "X"}
+
+
+def draw_chart(chart: Chart, path: Path) -> None:
+    """Draw a chart to a file, if any setting has a value."""
+    figure = empty_figure(7.5, 4.4)
+    if draw_errors(figure.subplots(), chart):
+        figure.savefig(path, dpi=150)
+
+
+def draw_errors(axes: Any, chart: Chart) -> bool:
+    """Draw errors [%] over wall times [s] of a seed, with bars of two standard errors; False where there are none."""
+    right = next((row.mean - row.error for row in chart.rows if math.isfinite(row.error)), math.nan)
+    rows = [row for row in chart.rows if row.n and math.isfinite(row.error)]
+    if not rows or not right:
+        return False
+    names = list(dict.fromkeys(row.method for row in rows))
+    best = chart.recommended
+    for method, colour in zip(names, COLOURS, strict=False):
+        held = [row for row in rows if row.method == method]
+        error = [100.0 * max(abs(row.error / right), LEAST) for row in held]
+        reach = [100.0 * 2.0 * row.error_se / abs(right) for row in held]
+        cost = [row.wall_s for row in held]
+        low = [min(r, e - 50.0 * LEAST) for r, e in zip(reach, error, strict=True)]
+        axes.errorbar(cost, error, [low, reach], fmt="none", ecolor=colour, alpha=0.4, linewidth=1.0)
+        if method != "simplified":
+            axes.plot(cost, error, color=colour, linewidth=1.0, alpha=0.6)
+        for row, x, y in zip(held, cost, error, strict=True):
+            beside = (5, 4) if held.index(row) % 2 else (5, -9)
+            label = (method or "as it is") if row is held[0] else None
+            axes.plot(x, y, MARKS[row.verdict], color=colour, markersize=6, label=label, linestyle="none")
+            axes.annotate(
+                row.setting.removeprefix("no step, ").removeprefix("MuJoCo, "),
+                (x, y),
+                xytext=beside,
+                textcoords="offset points",
+                fontsize=6.5,
+            )
+            if row.default:
+                axes.plot(x, y, "o", markersize=12, markerfacecolor="none", markeredgecolor="black")
+            if best is row:
+                axes.plot(x, y, "*", markersize=17, markerfacecolor="none", markeredgecolor="#2a8a5f")
+    axes.axhline(100.0 * chart.question.within, color="0.5", linewidth=0.8, linestyle=":")
+    axes.set_xlim(0.8 * min(row.wall_s for row in rows), 1.5 * max(row.wall_s for row in rows))
+    make_logarithmic(axes.xaxis)
+    make_logarithmic(axes.yaxis)
+    axes.set(
+        xlabel="wall time of a seed on one core (s)", ylabel=f"error of {chart.name} (%)", title=chart.scenario.title
+    )
+    axes.grid(True, alpha=0.3)
+    axes.legend(fontsize=7, title="ring: as it is, star: take this", title_fontsize=7)
+    return True

@@ -1,0 +1,351 @@
+"""Speed against accuracy of one measure of a scenario: methods and simplifications against a reference.
+
+The reference is the finest setting of the most exact method, or a known value. It checks itself: the next finest one
+has to agree with it within the errors of both, or to a fifth of the error that is good enough. Seeds of all settings
+are run in turn, so that their wall times are taken under the same load.
+
+The folder holds chart.toml, scenario.toml and journals as that of a sweep, and
+
+    chart.csv    a row per setting, see `Row`
+    chart.json   which setting to take, the reference, what is left out, cautions
+    chart.png    error over cost
+"""
+
+from __future__ import annotations
+
+import itertools
+import json
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass, fields
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+from pydantic import Field
+
+from feeder_sim.errors import InputError
+from feeder_sim.jobs.cautions import Caution
+from feeder_sim.jobs.folder import SCENARIO
+from feeder_sim.measures.statistic import Statistic, finite_or_none
+from feeder_sim.notebook import axes_for, counted
+from feeder_sim.run.identity import identity_of
+from feeder_sim.scenario import Scenario, load_scenario
+from feeder_sim.studies.chart.settings import METHODS, MUJOCO, Setting, is_default, reference_of, settings_of
+from feeder_sim.studies.question import Question
+from feeder_sim.studies.study import Line, Record, Study, TableFile, csv_bytes, number_in, text_of
+from feeder_sim.studies.sweep.case import Case, Effort
+from feeder_sim.studies.sweep.cases import Cases, CasesPlan, check_measure
+from feeder_sim.studies.sweep.table import main_measure
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+CSV, STATE, PICTURE = "chart.csv", "chart.json", "chart.png"
+ALIKE = 1.25  # ratio of costs that count as equal: those of one setting scatter by as much
+SURE = 2.0  # standard errors
+MOST_HAVE = 0.5  # of the seeds have a value, at least: a mean of those that arrive is one of the fast ones
+STILL = 0.2  # of the error that is good enough: by so much the reference may move
+OFTEN = 4  # times as many seeds for the reference and what checks it: its error is in that of all others
+
+
+class ChartQuestion(Question):
+    """Which setting computes a measure of a scenario well enough, and what it costs."""
+
+    kind = "chart"
+    file = "chart.toml"
+    base = "charts"
+
+    measure: Annotated[str | None, Field(strict=True, description="Measure to compute well [the usual one].")] = None
+    seeds: Annotated[int | None, Field(strict=True, ge=1, description="Seeds of every setting [the scenario's].")] = (
+        None
+    )
+    method: tuple[Literal["no-step", "steps", "mujoco", "simplified"], ...] = Field(
+        default=("no-step", "steps", "simplified"),
+        description=f"One of {', '.join(METHODS)}; repeatable [all but {MUJOCO}, which is dear].",
+    )
+    within: Annotated[float, Field(strict=True, gt=0, lt=1, description="Error that is good enough [1].")] = 0.05
+    known: Annotated[
+        float | None, Field(strict=True, allow_inf_nan=False, description="The exact value [the finest setting].")
+    ] = None
+
+    @property
+    def same(self) -> str:
+        """More seeds, other methods or another measure are no other question."""
+        return ""
+
+    @staticmethod
+    def open(folder: Path) -> Chart:
+        return Chart.read(folder)
+
+    def plan(self, scenario: Scenario, file: Path) -> CasesPlan:
+        settings, left_out = settings_of(scenario, self.method, file)
+        varied = [scenario.changed({"uncertain": None, **setting.changes}, file=file) for setting in settings]
+        default = tuple(is_default(scenario, setting, file) or not setting.method for setting in settings)
+        points = tuple({"setting": setting.name} for setting in settings)
+        surer = reference_of(settings) if self.known is None else ()
+        cases = Cases(
+            points,
+            tuple(
+                (Case(other, identity_of(other), times=OFTEN if i in surer else 1),) for i, other in enumerate(varied)
+            ),
+            Effort(self.seeds or scenario.run.seeds, measure=self.measure or ""),
+            in_turn=True,
+        )
+
+        def answer(cases: Cases, complete: bool, _: int) -> Chart:
+            here = [point in cases.points for point in points]  # of a task of a job array not all are
+            asked, usual = list(itertools.compress(settings, here)), list(itertools.compress(default, here))
+            return charted(self, scenario, asked, usual, cases, complete, tuple(left_out))
+
+        return CasesPlan(cases, answer)
+
+
+@dataclass(frozen=True)
+class Row:
+    """What one setting has come to.
+
+    Attributes:
+        method, setting: names.
+        mean, se, n: of the measure over the n seeds that have a value.
+        seeds, failed: seeds that were run, and those that failed.
+        error, error_se: difference to the reference and its standard error, in the unit of the measure.
+        wall_s: mean wall time of a seed on one core [s].
+        cost: that over the one of the scenario as it is [1].
+        verdict: "good" within the error that is good enough, "off" beyond it and two standard errors, "unclear" where
+            the seeds cannot tell, "fails" where seeds failed or most have no value.
+        default: whether the scenario asks for it.
+        reference: whether it is the reference.
+    """
+
+    method: str
+    setting: str
+    mean: float
+    se: float
+    n: int
+    seeds: int
+    failed: int
+    error: float
+    error_se: float
+    wall_s: float
+    cost: float
+    verdict: str
+    default: bool
+    reference: bool
+
+    def as_dict(self) -> dict[str, Any]:
+        """By column; None where there is no value."""
+        return {name: finite_or_none(v) if isinstance(v, float) else v for name, v in asdict(self).items()}
+
+
+COLUMNS = tuple(entry.name for entry in fields(Row))
+NUMBERS = ("mean", "se", "n", "seeds", "failed", "error", "error_se", "wall_s", "cost")
+
+
+@dataclass(frozen=True, repr=False)
+class Chart(Study):
+    """Speed against accuracy.
+
+    Attributes:
+        question: what was asked.
+        scenario: that was computed.
+        name: of the measure.
+        rows: of the table, one per setting that has a seed.
+        complete: whether all seeds are done.
+        holds: whether the reference agrees with the next finest setting within the errors of both, or to a fifth of
+            the error that is good enough; None where it is a known value, or has no other setting beside it.
+        left_out: settings that the scenario cannot be computed with, a line each.
+        failures: why seeds have failed, each reason once.
+        cautions: settings that are known to mislead.
+    """
+
+    question: ChartQuestion
+    scenario: Scenario
+    name: str
+    rows: tuple[Row, ...]
+    complete: bool
+    holds: bool | None = None
+    left_out: tuple[str, ...] = ()
+    failures: Sequence[str] = ()
+    cautions: Sequence[Caution] = ()
+    places = "settings"
+
+    @property
+    def recommended(self) -> Row | None:
+        """The cheapest setting that is good: the scenario as it is where that is good and hardly dearer."""
+        good = [row for row in self.rows if row.verdict == "good"]
+        cheapest = min(good, key=lambda row: row.wall_s, default=None)
+        return next(
+            (row for row in good if cheapest and row.default and row.wall_s < ALIKE * cheapest.wall_s), cheapest
+        )
+
+    def measure(self, name: str | None = None) -> str:
+        if name and name != self.name:
+            raise InputError(f"is {name}, allowed is {self.name}: a chart is one of a measure", argument="measure")
+        return self.name
+
+    def table(self) -> list[Record]:
+        return [row.as_dict() for row in self.rows]
+
+    @property
+    def size(self) -> str:
+        return counted(len(self.rows), "setting")
+
+    def as_json(self, measure: str | None = None) -> dict[str, Any]:
+        return {"measure": self.measure(measure), "rows": self.table()} | self._state()
+
+    def _state(self) -> dict[str, Any]:
+        best = self.recommended
+        return {
+            "complete": self.complete,
+            "measure": self.name,
+            "recommended": best.setting if best else None,
+            "reference_holds": self.holds,
+            "left_out": list(self.left_out),
+            "cautions": [caution.as_dict() for caution in self.cautions],
+        }
+
+    def lines(self, measure: str | None = None) -> list[str]:
+        """One line per setting, and which to take."""
+        width = max([len(row.setting) for row in self.rows], default=0)
+        unit = self.measure(measure) or "measure"
+        lines = [f"{'setting':<{width}}  {unit:>24}  {'error':>20}  {'cost':>7}"]
+        for row in self.rows:
+            notes = [row.verdict, *(["as it is"] if row.default else []), *(["reference"] if row.reference else [])]
+            value = f"{row.mean:.4g} +- {row.se if math.isfinite(row.se) else 0.0:.2g}" if row.n else "none"
+            error = f"{row.error:+.2g} +- {row.error_se:.2g}" if math.isfinite(row.error) else ""
+            lines.append(f"{row.setting:<{width}}  {value:>24}  {error:>20}  {row.cost:7.3g}  {', '.join(notes)}")
+        best = self.recommended
+        return [*lines, f"take: {best.setting}" if best else "take: none is known to be good, more seeds may tell"]
+
+    def remarks(self, measure: str | None = None) -> list[str]:
+        lines = [*super().remarks(measure), *(f"left out: {line}" for line in self.left_out)]
+        if self.holds is False:
+            lines.append("caution: the reference still moves with its setting, so that errors are known no better")
+        if any(row.seeds == 1 for row in self.rows):
+            lines.append("caution: of one seed no error is known, --seeds gives more")
+        return lines
+
+    def files(self, carried: Callable[[Any], str]) -> dict[str, bytes]:
+        if not self.rows:
+            return {}
+        return {CSV: csv_bytes(COLUMNS, self.table()), STATE: json.dumps(self._state(), indent=1).encode()}
+
+    @staticmethod
+    def read(folder: Path) -> Chart:
+        """From its folder.
+
+        Raises:
+            InputError: a file of it is missing or cannot be read.
+        """
+        question, scenario = ChartQuestion.read(folder), load_scenario(folder / SCENARIO)
+        table = TableFile(folder / CSV)
+        if table.head != COLUMNS:
+            raise table.refused(", ".join(COLUMNS))
+        try:
+            state = json.loads(text_of(folder / STATE))
+            cautions = tuple(Caution.of_dict(entry) for entry in state["cautions"])
+            told = str(state["measure"]), table.rows(_row), bool(state["complete"])
+            return Chart(question, scenario, *told, state["reference_holds"], tuple(state["left_out"]), (), cautions)
+        except (ValueError, KeyError, TypeError, RecursionError) as error:
+            raise InputError(f"holds no state of a chart: {error}", file=folder / STATE) from error
+
+    def draw(self, folder: Path, measure: str) -> None:
+        from feeder_sim.plots.error_over_cost import draw_chart
+
+        draw_chart(self, folder / PICTURE)
+
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """Draw errors over costs; returns matplotlib axes.
+
+        Args:
+            ax: matplotlib axes to draw into; default: new ones.
+
+        Raises:
+            InputError: nothing has a value, or the reference is 0, of which there is no share.
+        """
+        from feeder_sim.plots.error_over_cost import draw_errors
+
+        axes = axes_for(ax)
+        if not draw_errors(axes, self):
+            raise InputError("has no value, or a reference of 0: there is nothing to draw", key="plot")
+        return axes
+
+    def _line(self) -> str:
+        best = self.recommended
+        rest = "" if self.complete else ", not complete"
+        return f"Chart of {self.name}: {self.size}, take {best.setting if best else 'none'}{rest}"
+
+
+def charted(
+    question: ChartQuestion,
+    scenario: Scenario,
+    settings: Sequence[Setting],
+    default: Sequence[bool],
+    cases: Cases,
+    complete: bool,
+    left_out: tuple[str, ...],
+) -> Chart:
+    """The chart of what is done.
+
+    Raises:
+        InputError: there is no such measure.
+    """
+    done = [[seed for case in row for seed in case.seeds(cases.effort)] for row in cases.cases]
+    named = {name: 0.0 for seeds in done for seed in seeds for name in seed.values}
+    check_measure(question.measure or "", named)
+    name = question.measure or main_measure(tuple(named), [row for rows in cases.rows for row in rows])
+    found = [Statistic.of(seed.values.get(name, math.nan) for seed in seeds) for seeds in done]
+    wall = [sum(seed.wall_s for seed in seeds) / len(seeds) if seeds else math.nan for seeds in done]
+    usual = next((w for w, of in zip(wall, default, strict=True) if of), math.nan)
+    at, beside = reference_of(settings)
+    holds = (
+        None
+        if beside is None or question.known is not None
+        else _holds(found[at], found[beside], STILL * question.within)
+    )
+    right = Statistic(question.known, 0.0, 0.0, 1) if question.known is not None else found[at]
+    rows = []
+    for i, (setting, seeds, value) in enumerate(zip(settings, done, found, strict=True)):
+        if not seeds:
+            continue
+        is_reference = question.known is None and i == at
+        error = 0.0 if is_reference else value.mean - right.mean
+        error_se = 0.0 if is_reference else math.hypot(_se(value), _se(right))
+        failed = sum(bool(seed.failure) for seed in seeds)
+        fails = bool(failed) or value.n < MOST_HAVE * len(seeds)
+        unsure = _se(value) if is_reference else error_se
+        verdict = "fails" if fails else _verdict(error, unsure, abs(right.mean) * question.within)
+        of_measure = value.mean, value.se, value.n, len(seeds), failed, error, error_se, wall[i], wall[i] / usual
+        rows.append(Row(setting.method, setting.name, *of_measure, verdict, default[i], is_reference))
+    told: dict[str, Any] = {"failures": cases.failures, "cautions": cases.cautions}
+    return Chart(question, scenario, name, tuple(rows), complete, holds, left_out, **told)
+
+
+def _holds(reference: Statistic, other: Statistic, share: float) -> bool | None:
+    """Whether a reference and the next finest setting agree to a share, or within both errors; None without a value."""
+    if not reference.n or not other.n:
+        return None
+    allowed = max(SURE * math.hypot(_se(other), _se(reference)), share * abs(reference.mean))
+    return abs(other.mean - reference.mean) <= allowed
+
+
+def _verdict(error: float, error_se: float, good: float) -> str:
+    """Whether an error is small enough; see `Row`."""
+    if not math.isfinite(error):
+        return "unclear"
+    if abs(error) > max(good, SURE * error_se):
+        return "off"
+    return "good" if SURE * error_se <= good else "unclear"
+
+
+def _se(found: Statistic) -> float:
+    """Its standard error; 0 of a single value."""
+    return found.se if math.isfinite(found.se) else 0.0
+
+
+def _row(line: Line) -> Row:
+    mean, se, n, seeds, failed, *rest = (number_in(line[name]) for name in NUMBERS)
+    error, error_se, wall_s, cost = rest
+    of_measure = mean, se, int(n), int(seeds), int(failed), error, error_se, wall_s, cost
+    flags = line["default"] == "True", line["reference"] == "True"
+    return Row(line["method"] or "", line["setting"] or "", *of_measure, line["verdict"] or "", *flags)
