@@ -9,7 +9,7 @@ import queue
 import threading
 import time
 from collections.abc import Callable, Mapping
-from concurrent.futures import BrokenExecutor, CancelledError, Executor, Future, ThreadPoolExecutor
+from concurrent.futures import BrokenExecutor, CancelledError, Executor, Future, ThreadPoolExecutor, wait
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -205,8 +205,8 @@ def run_ensemble(
         try:
             future = executor.submit(run_seed_elsewhere, prepared.scenario, identity, index, stall_after)
             while not stop.is_set():
-                with contextlib.suppress(TimeoutError):
-                    return future.result(SHOWN_S)
+                if wait([future], SHOWN_S).done:
+                    return future.result()
         except (BrokenExecutor, CancelledError) as error:
             raise FeederSimError(f"workers end before their seed has ({type(error).__name__}) {error}") from error
         future.cancel()
