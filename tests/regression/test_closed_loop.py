@@ -43,16 +43,14 @@ def test_who_looks_picks_faster_than_the_fixed_schedule() -> None:
 
 @pytest.mark.slow
 def test_a_sequence_goes_on_after_a_break(tmp_path: Path) -> None:
-    """A run that is stopped in every stage in turn ends with the same bits."""
+    """A run that is stopped early in its sequence, and later, ends with the same bits."""
     made = _with_sequence()
     whole = record_run(made, tmp_path / "whole", replay=False)
 
-    result = record_run(made, tmp_path / "run", replay=False, stop=StopsAfter(2))
-    breaks = 0
-    while result.interrupted:
-        breaks += 1
-        result = resume_run(tmp_path / "run", replay=False, stop=StopsAfter(2))
-    assert breaks > 1
+    assert record_run(made, tmp_path / "run", replay=False, stop=StopsAfter(2)).interrupted
+    assert resume_run(tmp_path / "run", replay=False, stop=StopsAfter(5)).interrupted
+    result = resume_run(tmp_path / "run", replay=False)
+    assert not result.interrupted
     for name in ("time", "position", "present"):
         assert np.array_equal(getattr(result.trajectories[0], name), getattr(whole.trajectories[0], name))
     assert result.measures() == whole.measures()

@@ -17,7 +17,7 @@ from test_damage import ball, block, check_one_line, feeder_sim, limited, writer
 import feeder_sim.cli.main as command_line
 from feeder_sim.errors import InputError, RecordingFailed
 from feeder_sim.plate.mode_file import ModeFile, read_mode_file, write_mode_file
-from feeder_sim.records.own_files import LOCK
+from feeder_sim.records.own_files import LOCK, RUN
 from feeder_sim.records.trajectory_file import TRAJECTORY, read_recording
 from feeder_sim.replay.replay import REPLAY, build_replay, timeline_ends
 from feeder_sim.replay.viewer import replay_file, time_shown
@@ -80,7 +80,7 @@ def test_full_disk_leaves_no_cut_replay(tmp_path: Path) -> None:
     done = feeder_sim("run", scenario, "--out", run, largest_file=165_000)  # the replay is longer
     assert done.returncode == 1 and "Traceback" not in done.stderr, done.stderr
     assert "replay.rrd: cannot be written, is the disk full?" in done.stderr.splitlines()[-1]  # after notes, if any
-    assert sorted(path.name for path in run.iterdir()) == [LOCK, "scenario.toml", "scene.xml", SUMMARY, TRAJECTORY]
+    assert sorted(path.name for path in run.iterdir()) == [LOCK, RUN, "scenario.toml", "scene.xml", SUMMARY, TRAJECTORY]
     build_replay(run / TRAJECTORY, run / REPLAY)
     size = (run / REPLAY).stat().st_size
     for largest in (1000, size // 2, size - 2000):  # from one writing to the next it differs by some hundred bytes
