@@ -18,11 +18,11 @@ from typing import Annotated, Any
 import numpy as np
 import typer
 
+from feeder_sim.constants import GRAVITY
 from feeder_sim.measures.bounces import expected_interval, flights, impact_tolerance, settling_time
 from feeder_sim.records.events import Events
 from feeder_sim.run.simulation import Result, simulate
 from feeder_sim.scenario import Scenario, load_scenario, with_run
-from feeder_sim.scene.scene import GRAVITY
 
 SCENARIO = Path(__file__).parents[1] / "scenarios/ball_558hz.toml"
 # frequency (Hz), amplitude (um), the source's interval (ms) and height (mm)

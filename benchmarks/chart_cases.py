@@ -16,10 +16,11 @@ from typing import Any
 
 import numpy as np
 
+from feeder_sim.constants import GRAVITY
 from feeder_sim.part.rigid_part import CORNER_RADIUS
 from feeder_sim.records.seed import Seed
 from feeder_sim.scene.prepared import Prepared
-from feeder_sim.scene.scene import GRAVITY, Scene
+from feeder_sim.scene.scene import Scene
 
 Raw = dict[str, Any]  # the tables of a scenario file
 

@@ -29,9 +29,9 @@ from drift_map_errors import (
     ways,
 )
 
+from feeder_sim.constants import GRAVITY
 from feeder_sim.plots.figure import empty_figure
 from feeder_sim.scenario import Drive, Scenario, Strip, load_scenario
-from feeder_sim.scene.scene import GRAVITY
 from feeder_sim.studies.drift_map.drift_map import DriftMap
 from feeder_sim.studies.drift_map.files import load_map, save_map
 from feeder_sim.studies.drift_map.making import SEEDS, make_map

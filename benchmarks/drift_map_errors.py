@@ -19,6 +19,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from feeder_sim.constants import GRAVITY
 from feeder_sim.measures.arrivals import arrival_time
 from feeder_sim.measures.drift import first_passage, transport_speed
 from feeder_sim.measures.separation import ON_LINE
@@ -31,7 +32,6 @@ from feeder_sim.scenario import Drive, HexNut, Rectangle, Run, Scattered, Scenar
 from feeder_sim.scenario.tables import validated
 from feeder_sim.scene.cell import PASSAGE_FROM, PASSAGE_TO
 from feeder_sim.scene.prepared import Prepared
-from feeder_sim.scene.scene import GRAVITY
 from feeder_sim.scene.start import start_poses
 from feeder_sim.studies.drift_map.drift_map import DriftMap, Floats
 from feeder_sim.studies.drift_map.making import make_map, strip_of

@@ -16,12 +16,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from feeder_sim.constants import GRAVITY
 from feeder_sim.engines.lookup import engine_class
 from feeder_sim.records.trajectory import Frames
 from feeder_sim.run.simulation import generators
 from feeder_sim.scenario import Contact, Scenario
 from feeder_sim.scenario.engine_choice import choose_engine
-from feeder_sim.scene.scene import GRAVITY, Scene, build_scene
+from feeder_sim.scene.scene import Scene, build_scene
 
 Floats = NDArray[np.float64]
 DEEPEST = 1e-7  # [m] that a body may be found inside another

@@ -21,7 +21,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from feeder_sim.scene.scene import GRAVITY
+from feeder_sim.constants import GRAVITY
 
 TOUCH = 1e-16  # [m]
 SHORTEST = 1e-15  # [s]

@@ -25,10 +25,11 @@ from invariants import recorded
 from numba import njit
 from numpy.typing import NDArray
 
+from feeder_sim.constants import GRAVITY
 from feeder_sim.plate.drive import ModalTerms
 from feeder_sim.plate.surface import tabulate
 from feeder_sim.scenario import Box, Contact, Drive, PistonPlate, Run, Scenario, Start
-from feeder_sim.scene.scene import GRAVITY, Scene, build_scene
+from feeder_sim.scene.scene import Scene, build_scene
 
 THICKNESS = 3e-3  # [m] of the plate, whose top moves along by rotations of its middle
 LENGTH, WIDTH = 8.0, 0.4  # [m]

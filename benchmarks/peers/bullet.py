@@ -17,7 +17,7 @@ from cases import AT_REST, MOVING, Method, Setup
 from chart_cases import FRICTION, RESTITUTION
 from numpy.typing import NDArray
 
-from feeder_sim.scene.scene import GRAVITY
+from feeder_sim.constants import GRAVITY
 
 bullet: Any = importlib.import_module("pybullet")
 

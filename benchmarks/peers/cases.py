@@ -17,13 +17,14 @@ import numpy as np
 from chart_cases import BALL_COUNTED, BALL_HZ, BALL_PERIODS, BALL_UM, DROP_MM, DROP_S, FRICTION, RESTITUTION, SLIDE_MM_S
 from numpy.typing import NDArray
 
+from feeder_sim.constants import GRAVITY
 from feeder_sim.measures.drift import transport_speed
 from feeder_sim.plate.mode_shapes import StandingWave
 from feeder_sim.records.trajectory import Frames
 from feeder_sim.scenario import Ball, HexNut, load_scenario, with_run
 from feeder_sim.scene.cell import PASSAGE_TO, Cell, transport_cell
 from feeder_sim.scene.part import build_part
-from feeder_sim.scene.scene import GRAVITY, Scene, build_scene
+from feeder_sim.scene.scene import Scene, build_scene
 from feeder_sim.scene.start import start_poses
 
 SCENARIOS = Path(__file__).parents[2] / "scenarios"

@@ -27,8 +27,8 @@ from conformance_set.motions import OBSERVERS, Motion
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from feeder_sim.constants import GRAVITY
 from feeder_sim.measures.statistic import Statistic
-from feeder_sim.scene.scene import GRAVITY
 
 RISE_S = 0.01
 BALL_START = 0.5e-3  # of the ball over the shaker [m]

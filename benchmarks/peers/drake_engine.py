@@ -20,7 +20,7 @@ from chart_cases import FRICTION, RESTITUTION
 from numpy.typing import NDArray
 from scipy.optimize import brentq
 
-from feeder_sim.scene.scene import GRAVITY
+from feeder_sim.constants import GRAVITY
 
 pydrake: Any = importlib.import_module("pydrake.all")
 logging.getLogger("drake").setLevel(logging.ERROR)

@@ -16,7 +16,7 @@ from chart_cases import FRICTION, RESTITUTION
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from feeder_sim.scene.scene import GRAVITY
+from feeder_sim.constants import GRAVITY
 
 PLATE_MASS_RATIO = 1e6
 LENGTH, WIDTH, DEPTH = 0.12, 0.04, 0.01  # of the plate's box [m]

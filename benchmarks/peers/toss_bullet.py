@@ -13,7 +13,7 @@ from cube_tosses import FRICTION, RESTITUTION, Toss
 from numpy.typing import NDArray
 from tosses import INERTIA, MASS, STEPS_PER_MS, corners, start
 
-from feeder_sim.scene.scene import GRAVITY
+from feeder_sim.constants import GRAVITY
 
 bullet: Any = importlib.import_module("pybullet")
 

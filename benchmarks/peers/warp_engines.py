@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from plain_mujoco import TUNED, Contact, PatchWorld
 from scipy.spatial.transform import Rotation
 
-from feeder_sim.scene.scene import GRAVITY
+from feeder_sim.constants import GRAVITY
 
 warp: Any = importlib.import_module("warp")
 warp.config.quiet = True

@@ -41,10 +41,11 @@ from paths import follow
 from scipy.spatial.transform import Rotation
 from vertex_impacts import Law
 
+from feeder_sim.constants import GRAVITY
 from feeder_sim.measures.statistic import Statistic
 from feeder_sim.plots.figure import MM, MS, empty_figure
 from feeder_sim.scenario import Contact, Dimer, Drive, PistonPlate, Run, Scenario, Start
-from feeder_sim.scene.scene import GRAVITY, Scene, build_scene
+from feeder_sim.scene.scene import Scene, build_scene
 from feeder_sim.single_thread import single_threaded
 
 DIAMETER, FREQUENCY, THROW_NUMBER, RESTITUTION = 5e-3, 25.0, 0.9, 0.7  # [m], [Hz]

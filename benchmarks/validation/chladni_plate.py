@@ -36,6 +36,7 @@ from arguments import between, new_file
 from forced_field import Force, ForcedField, force_in_the_middle, forced_field, triangle_terms
 from numpy.typing import NDArray
 
+from feeder_sim.constants import GRAVITY
 from feeder_sim.errors import InputError
 from feeder_sim.measures.statistic import finite_or_none
 from feeder_sim.plate.actuators import Actuator
@@ -52,7 +53,7 @@ from feeder_sim.run.batch import measure_drift
 from feeder_sim.scenario import Ball, Contact, CustomMaterial, Drive, PistonPlate, Run, Scenario, Start
 from feeder_sim.scenario.engine_choice import choose_engine
 from feeder_sim.scene.prepared import Prepared
-from feeder_sim.scene.scene import GRAVITY, Scene, build_scene
+from feeder_sim.scene.scene import Scene, build_scene
 
 NOTES_HZ = (7459.0, 10548.0, 11175.0, 11840.0, 12544.0, 14080.0, 14917.0, 15804.0)
 PLATE = RectangularPlate(0.05, 0.05, 0.525e-3, MATERIALS["silicon"])

@@ -11,8 +11,8 @@ from typing import NamedTuple
 
 from vertex_impacts import newton_impulse, poisson_impulse
 
+from feeder_sim.constants import GRAVITY
 from feeder_sim.machine_code import entry_point
-from feeder_sim.scene.scene import GRAVITY
 
 
 class Shape(NamedTuple):

@@ -22,8 +22,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from feeder_sim.constants import GRAVITY
 from feeder_sim.machine_code import compiled, entry_point, inlined
-from feeder_sim.scene.scene import GRAVITY
 
 
 class Wave(NamedTuple):

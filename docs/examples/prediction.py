@@ -25,8 +25,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 import feeder_sim
+from feeder_sim.constants import GRAVITY
 from feeder_sim.plate.mode_shapes import standing_wave
-from feeder_sim.scene.scene import GRAVITY, Scene
+from feeder_sim.scene.scene import Scene
 from feeder_sim.studies.drift_map.drift_map import DriftMap
 from feeder_sim.studies.drift_map.files import check_made, load_map, save_map
 from feeder_sim.studies.drift_map.making import SPEEDS_M_S, make_map, strip_of

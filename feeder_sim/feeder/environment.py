@@ -79,7 +79,7 @@ class FeederEnvironment(gymnasium.Env[Observation, np.int64]):
             raise InputError(f"is {quoted(reward)}, allowed are {', '.join(get_args(Reward))}", key="reward")
         self._reward = reward
         self._refill_below = _checked_refill(scenario, refill_below)
-        self._steps = 0
+        self._steps, self._over = 0, False
         scene = self._feeder.scene
         if self._pick is not None:
             check_pick(scene, self._pick, "pick")
@@ -107,12 +107,21 @@ class FeederEnvironment(gymnasium.Env[Observation, np.int64]):
     ) -> tuple[Observation, dict[str, Any]]:
         """Begin anew with parts as the scenario starts them, drawn from the seed, or else from the random numbers."""
         super().reset(seed=seed)
-        self._steps = 0
+        self._steps, self._over = 0, False
         self._feeder = self._ready.again(int(self.np_random.integers(2**31)) if seed is None else seed)
         return self._observe(self._feeder.poses()), self._info(0, 0.0)
 
     def step(self, action: np.int64) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
-        """Run the stage of a number, pick, and fill in."""
+        """Run the stage of a number, pick, and fill in.
+
+        Raises:
+            InputError: there is no such stage, or the episode is over.
+        """
+        if self._over:
+            raise InputError("comes after the end of an episode, allowed is `reset` first", key="step")
+        if not self.action_space.contains(action):
+            stages = len(self._feeder.stage_names)
+            raise InputError(f"is {quoted(action)}, allowed is a whole number from 0 to {stages - 1}", key="action")
         feeder, before = self._feeder, self._feeder.time
         self._steps += 1
         picked = len(feeder.vibrate(int(action)))
@@ -124,8 +133,10 @@ class FeederEnvironment(gymnasium.Env[Observation, np.int64]):
             scenario = feeder.scene.scenario
             feeder.refill(scenario.parts_at_once - len(feeder.poses()))
         poses = feeder.poses()
-        over, reward = len(poses) == 0, float(picked) if self._reward == "picks" else picked / seconds
-        return self._observe(poses), reward, over, self._steps >= self._most_steps, self._info(picked, seconds)
+        reward = float(picked) if self._reward == "picks" else picked / seconds
+        ended, cut = len(poses) == 0, self._steps >= self._most_steps
+        self._over = ended or cut
+        return self._observe(poses), reward, ended, cut, self._info(picked, seconds)
 
     def _info(self, picked: int, seconds: float) -> dict[str, Any]:
         feeder = self._feeder

@@ -210,14 +210,14 @@ class Feeder:
         Fewer come where there is no room, or where not so many parts of the scenario are off the plate.
 
         Raises:
-            InputError: n is no whole number from 1 on, or the scenario has no [refill].
+            InputError: n is no whole number from 1 to that of all parts, or the scenario has no [refill].
         """
         self._check_open()
-        check_whole(n, "refill")
+        wanted = check_whole(n, "refill", most=len(self._catalogue.prepared.scene.parts))
         if self._catalogue.prepared.scenario.refill is None:
             raise InputError("is missing, allowed is a scenario that says where new parts come from", key="refill")
         self._by_hand = True
-        return self._run.bring_in(int(n))
+        return self._run.bring_in(wanted)
 
     def record(self, folder: str | Path, *, replay: bool = True) -> Self:
         """Write all that is done from the start on into a run folder, when the feeder is closed; returns the feeder.

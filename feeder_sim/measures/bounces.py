@@ -26,13 +26,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from feeder_sim.constants import GRAVITY
 from feeder_sim.measures.found import Found
 from feeder_sim.measures.protocol import Measure, labelled
 from feeder_sim.measures.statistic import Statistic
 from feeder_sim.records.events import Events
 from feeder_sim.records.seed import Seed
 from feeder_sim.scene.prepared import Prepared
-from feeder_sim.scene.scene import GRAVITY, Scene
+from feeder_sim.scene.scene import Scene
 from feeder_sim.scene.timetable import timed
 
 LEAST_INTERVAL = 0.99  # of a plate period; shorter bounce intervals do not count

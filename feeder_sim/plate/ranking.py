@@ -11,11 +11,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from feeder_sim.constants import GRAVITY
 from feeder_sim.plate.mode_file import ModeFile
 from feeder_sim.plate.response import modal_forces, oscillators
 
 NEIGHBOUR = 0.02  # relative; modes nearer in frequency than this move together
-GRAVITY = 9.81  # [m/s^2]
 RESTITUTION = 0.2  # of steel on aluminium
 
 

@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from feeder_sim.constants import GRAVITY
 from feeder_sim.measures.circulation import StageWave
 from feeder_sim.measures.velocity_record import VelocityRecord
 from feeder_sim.plate.modes import PlateModes
 from feeder_sim.plate.sequences import Route
 from feeder_sim.plots.figure import MM, MS, UM, empty_figure
 from feeder_sim.plots.outline import cut_to_plate
-from feeder_sim.scene.scene import GRAVITY
 
 if TYPE_CHECKING:
     from feeder_sim.studies.bifurcation import Boundary, Diagram

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from feeder_sim.constants import GRAVITY
 from feeder_sim.plots.figure import empty_figure
-from feeder_sim.scene.scene import GRAVITY
 
 if TYPE_CHECKING:
     from feeder_sim.studies.speed_map import MapPoint, SpeedMap

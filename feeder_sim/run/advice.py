@@ -9,9 +9,10 @@ import math
 
 import numpy as np
 
+from feeder_sim.constants import GRAVITY
 from feeder_sim.scenario import Scenario
 from feeder_sim.scenario.engine_choice import Choice, known_failures
-from feeder_sim.scene.scene import GRAVITY, Scene
+from feeder_sim.scene.scene import Scene
 from feeder_sim.scene.under_parts import motion_under_parts
 
 COMPLIANT_DEPTH = 0.37  # 1/e: largest depth of a critically damped contact, over speed times time constant

@@ -7,11 +7,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+from feeder_sim.constants import GRAVITY
 from feeder_sim.machine_code import inlined
 from feeder_sim.records.trajectory import Frames
 from feeder_sim.scenario import Contact
 from feeder_sim.scene.free_modes import free_modes
-from feeder_sim.scene.scene import GRAVITY, Scene
+from feeder_sim.scene.scene import Scene
 
 
 class EnergyLimit(NamedTuple):

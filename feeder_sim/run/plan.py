@@ -9,6 +9,7 @@ import math
 from dataclasses import dataclass
 from typing import Any
 
+from feeder_sim.constants import GRAVITY
 from feeder_sim.measures.picks import robot_of
 from feeder_sim.measures.protocol import as_json
 from feeder_sim.measures.values import names_of_measures
@@ -24,7 +25,7 @@ from feeder_sim.scenario import PartSpec, input_files
 from feeder_sim.scene.driven_mode import DrivenMode
 from feeder_sim.scene.prepared import Prepared
 from feeder_sim.scene.refill import refill_frames
-from feeder_sim.scene.scene import GRAVITY, Scene
+from feeder_sim.scene.scene import Scene
 from feeder_sim.scene.under_parts import motion_under_parts
 
 BYTES_PER_FRAME_AND_PART = 68  # of trajectory.h5, compressed

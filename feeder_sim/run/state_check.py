@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from feeder_sim.borrow import borrow, borrowed
+from feeder_sim.constants import GRAVITY
 from feeder_sim.engines.surface_arrays import SurfaceArrays
 from feeder_sim.machine_code import entry_point, inlined, uncounted
 from feeder_sim.plate.compiled import (
@@ -23,7 +24,6 @@ from feeder_sim.plate.compiled import (
 )
 from feeder_sim.run.energy import EnergyLimit, energy_of, largest_energy
 from feeder_sim.run.plate_edge import Edge, clear_of_edge, has_fallen, over_plate
-from feeder_sim.scene.scene import GRAVITY
 
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]

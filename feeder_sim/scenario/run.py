@@ -6,7 +6,7 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import Field, PlainValidator, model_validator
 
-from feeder_sim.scenario.tables import Flag, NonNegative, Positive, Table
+from feeder_sim.scenario.tables import DurationS, Flag, NonNegative, Positive, Table
 
 TOLERANCE_NM = 0.1  # of contacts without a step, where the scenario does not say
 STEPS_PER_PERIOD = 40  # of a method that has steps, where the scenario does not say
@@ -123,7 +123,7 @@ class Run(Table):
     """
 
     engine: Literal["auto", "impulse", "mujoco"] = "auto"
-    duration_s: Annotated[float, Field(gt=0, le=1e5, strict=True)] | None = None
+    duration_s: DurationS | None = None
     stop: Literal["time", "passage"] = "time"
     seeds: Annotated[int, Field(ge=1, le=10_000, strict=True)] = 12
     seed: Annotated[int, Field(ge=0, lt=2**63, strict=True)] = 0

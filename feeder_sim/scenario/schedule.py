@@ -9,7 +9,7 @@ from pydantic import Discriminator, Field, Tag, model_validator
 
 from feeder_sim.errors import nearest
 from feeder_sim.scenario.plate import MOST_DRIVES, Excitation
-from feeder_sim.scenario.tables import Flag, LengthMm, NonNegative, Positive, Table
+from feeder_sim.scenario.tables import DurationS, Flag, LengthMm, NonNegative, Positive, Table
 
 MOST_STAGES = 100_000  # of all cycles together
 
@@ -60,7 +60,7 @@ class Stage(Table):
 
     name: str = ""
     drive: Annotated[tuple[Excitation, ...], Field(max_length=MOST_DRIVES)] = ()
-    duration_s: Positive
+    duration_s: DurationS
     until: Settled | None = None
     pause_s: NonNegative = 0.0
     pick: PickChoice | None = None

@@ -22,6 +22,7 @@ from feeder_sim.scenario.shown import differs
 # Wide enough for any plate and part, narrow enough that no formula over- or underflows.
 Positive = Annotated[float, Field(gt=0, le=1e9, allow_inf_nan=False, strict=True)]
 NonNegative = Annotated[float, Field(ge=0, le=1e9, allow_inf_nan=False, strict=True)]
+DurationS = Annotated[float, Field(gt=0, le=1e5, strict=True)]  # a day of a feeder
 LengthMm = Annotated[float, Field(ge=1e-3, le=1e5, allow_inf_nan=False, strict=True)]
 FrequencyHz = Annotated[float, Field(ge=0.1, le=1e7, allow_inf_nan=False, strict=True)]
 AngleDeg = Annotated[float, Field(ge=-360, le=360, allow_inf_nan=False, strict=True)]

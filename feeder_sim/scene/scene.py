@@ -10,6 +10,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from feeder_sim.constants import GRAVITY
 from feeder_sim.errors import InputError
 from feeder_sim.notebook import counted
 from feeder_sim.part.rigid_part import RigidPart, outline
@@ -34,7 +35,6 @@ from feeder_sim.scene.timetable import (
 )
 from feeder_sim.scene.zener import zener_inelasticities
 
-GRAVITY = 9.81  # [m/s^2]
 FRAME_ROUND_OFF = 1e-9  # of a frame interval, where the duration is a whole number of intervals
 LONGEST_STEP = 5e-4  # [s], in which a part at rest falls by a micrometre
 ENTERED = 0.25  # of the thinnest part; what a fast part enters the plate in the longest step

@@ -15,6 +15,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from feeder_sim.constants import GRAVITY
 from feeder_sim.errors import InputError
 from feeder_sim.measures.bounces import (
     LAST_IMPACTS,
@@ -26,7 +27,7 @@ from feeder_sim.measures.bounces import (
 from feeder_sim.run.prepare import prepare
 from feeder_sim.run.simulation import simulate
 from feeder_sim.scenario import PistonPlate, Scenario, Slide, with_run
-from feeder_sim.scene.scene import GRAVITY, build_scene
+from feeder_sim.scene.scene import build_scene
 
 CASCADE = ("1", "2", "4", "8", "16")  # periods of the motion in the order in which they appear
 RECORDED_FRAMES = 4  # per run, since only its impacts are used

@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from feeder_sim.constants import GRAVITY
 from feeder_sim.engines.impact_log import new_log
 from feeder_sim.engines.impulse.alone import Alone, ContactNotes
 from feeder_sim.engines.impulse.alone import Drive as MovingPlate
@@ -32,7 +33,7 @@ from feeder_sim.part.rigid_part import RigidPart
 from feeder_sim.part.stable_poses import NONE, StablePose, stable_poses
 from feeder_sim.run.compilation import COMPILING, announced, in_daemon_thread
 from feeder_sim.scenario import Ball, Contact, Run, Scenario, StillPlate
-from feeder_sim.scene.scene import GRAVITY, Scene, build_scene
+from feeder_sim.scene.scene import Scene, build_scene
 from feeder_sim.single_thread import single_threaded
 
 DROPS = 2000

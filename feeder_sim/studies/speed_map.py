@@ -25,6 +25,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from pydantic import Field
 
+from feeder_sim.constants import GRAVITY
 from feeder_sim.errors import InputError, quoted
 from feeder_sim.jobs.bench import Bench
 from feeder_sim.jobs.cautions import Caution
@@ -40,7 +41,6 @@ from feeder_sim.run.batch import check_drifting
 from feeder_sim.run.identity import identity_of
 from feeder_sim.run.prepare import prepare
 from feeder_sim.scenario import Scenario, Start, Strip, load_scenario, resolve_material, with_run
-from feeder_sim.scene.scene import GRAVITY
 from feeder_sim.studies.question import Plan, Question
 from feeder_sim.studies.study import Record, Study, TableFile, csv_bytes, number_in
 from feeder_sim.studies.sweep.case import Case, Effort

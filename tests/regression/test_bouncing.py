@@ -10,10 +10,10 @@ import pytest
 from conftest import REPOSITORY
 from pinned import BOUNCE_INTERVAL, BOUNCE_RATIO, CYLINDER_INTERVAL
 
+from feeder_sim.constants import GRAVITY
 from feeder_sim.measures.bounces import expected_interval
 from feeder_sim.run.simulation import simulate
 from feeder_sim.scenario import Scenario, load_scenario, with_run
-from feeder_sim.scene.scene import GRAVITY
 from feeder_sim.studies.bifurcation import bisect, sweep_amplitude, theoretical_boundaries
 
 

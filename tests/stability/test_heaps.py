@@ -11,12 +11,13 @@ from conftest import hull_distances
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from feeder_sim.constants import GRAVITY
 from feeder_sim.records.seed import Status
 from feeder_sim.records.trajectory import Frames
 from feeder_sim.run.simulation import Result, simulate
 from feeder_sim.scenario import Scenario
 from feeder_sim.scenario.tables import validated
-from feeder_sim.scene.scene import GRAVITY, Scene
+from feeder_sim.scene.scene import Scene
 
 DEEPEST = -50e-6  # [m]
 

@@ -10,6 +10,7 @@ import pytest
 from conftest import piston_scenario
 from numpy.typing import ArrayLike, NDArray
 
+from feeder_sim.constants import GRAVITY
 from feeder_sim.measures.bounces import (
     LAST_IMPACTS,
     PERIODS,
@@ -28,7 +29,7 @@ from feeder_sim.records.trajectory_file import TRAJECTORY, read_recording
 from feeder_sim.run.run_folder import SUMMARY, record_run
 from feeder_sim.run.simulation import simulate
 from feeder_sim.scenario import Ball, Contact, Drive, Scenario, Slide, Start
-from feeder_sim.scene.scene import GRAVITY, build_scene
+from feeder_sim.scene.scene import build_scene
 
 PERIOD = 0.02
 TOLERANCE = 1e-3

@@ -27,7 +27,7 @@ from conformance_set.motions import Motion, after_impact, slide_to_rest
 from conformance_set.own import own_results, remade_rows
 from conftest import refusal
 
-from feeder_sim.scene.scene import GRAVITY
+from feeder_sim.constants import GRAVITY
 
 SET = Path(__file__).parents[2] / "benchmarks" / "peers" / "conformance.csv"
 HEADER = "case,quantity,value,se\n"

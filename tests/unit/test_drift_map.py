@@ -12,6 +12,7 @@ import pytest
 from conftest import REPOSITORY, refusal
 from prediction import GradientDrift, MapDrift
 
+from feeder_sim.constants import GRAVITY
 from feeder_sim.plate.materials import MATERIALS
 from feeder_sim.plate.mode_shapes import standing_wave
 from feeder_sim.plate.rectangle import RectangularPlate
@@ -29,7 +30,6 @@ from feeder_sim.scenario import (
     with_run,
 )
 from feeder_sim.scene.prepared import Prepared
-from feeder_sim.scene.scene import GRAVITY
 from feeder_sim.studies.drift_map.drift_map import DriftMap
 from feeder_sim.studies.drift_map.files import load_map, save_map
 from feeder_sim.studies.drift_map.increments import binned

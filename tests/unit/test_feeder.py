@@ -220,6 +220,8 @@ REFUSED: list[tuple[str, Any]] = [
     ('up: has "Q", allowed is A, B', lambda feeder: feeder.pick_by({"clearance_mm": 1.0, "up": ["Q"]})),
     ("refill: is missing, allowed is a scenario that", lambda feeder: feeder.refill(1)),
     ("refill: is 0, allowed is a whole number", lambda feeder: feeder.refill(0)),
+    ("refill: is 1000000000, allowed is a whole number from 1 to", lambda feeder: feeder.refill(10**9)),
+    ("stage: duration_s: is 1000000000.0, allowed", lambda feeder: feeder.vibrate(duration_s=1e9)),
 ]
 
 

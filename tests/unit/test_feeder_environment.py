@@ -18,7 +18,7 @@ from feeder_sim.scenario import Excitation, HexNut, Pick, Placed, Rectangle, Sch
 
 
 def environment(**changes: Any) -> FeederEnvironment:
-    return FeederEnvironment(scenario(), most_steps=3, **changes)
+    return FeederEnvironment(scenario(), **{"most_steps": 3} | changes)
 
 
 def test_gymnasium_finds_nothing_wrong() -> None:
@@ -80,6 +80,25 @@ def test_picks_can_be_the_reward_with_their_time_beside_them() -> None:
 def test_arguments_are_checked_before_any_step(changes: dict[str, Any], said: str) -> None:
     with pytest.raises(InputError, match=said):
         FeederEnvironment(with_refill(), **changes)
+
+
+@pytest.mark.parametrize("action", ["x", 1.7, None, 99, -1])
+def test_an_action_is_the_number_of_a_stage(action: Any) -> None:
+    env = environment()
+    env.reset(seed=1)
+    with pytest.raises(InputError, match=r"^action: is .*, allowed is a whole number from 0 to"):
+        env.step(action)
+    assert env.feeder.time == 0.0
+
+
+def test_a_step_after_the_end_is_refused_until_a_reset() -> None:
+    env = environment(most_steps=1)
+    env.reset(seed=1)
+    assert env.step(np.int64(0))[3]
+    with pytest.raises(InputError, match=r"^step: comes after the end of an episode, allowed is `reset` first"):
+        env.step(np.int64(0))
+    env.reset(seed=1)
+    assert env.step(np.int64(0))[3]
 
 
 def test_a_refill_needs_one_in_the_scenario() -> None:

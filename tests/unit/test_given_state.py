@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from feeder_sim.constants import GRAVITY
 from feeder_sim.engines.lookup import engine_class
 from feeder_sim.errors import InputError
 from feeder_sim.run.prepare import prepare
 from feeder_sim.run.simulation import simulate
 from feeder_sim.scenario import Scenario
 from feeder_sim.scenario.tables import validated
-from feeder_sim.scene.scene import GRAVITY
 
 TURN = Rotation.from_euler("xyz", [0.3, -0.8, 1.9])
 SPIN = np.array([3.0, -20.0, 11.0])  # [rad/s]

@@ -236,7 +236,7 @@ def test_a_constant_of_another_file_is_the_present_one(copy: Copy) -> None:
     earth = copy.run(FALL, SCENARIO)
     assert earth == {"fallen": pytest.approx(0.5 * 9.81 * 4.0), "compiled": 1}
     assert copy.run(FALL, SCENARIO) == earth | {"compiled": 0}
-    copy.edit("scene/scene.py", "GRAVITY = 9.81", "GRAVITY = 1.62")
+    copy.edit("constants.py", "GRAVITY = 9.81", "GRAVITY = 1.62")
     moon = copy.run(FALL, SCENARIO)
     assert moon == {"fallen": pytest.approx(0.5 * 1.62 * 4.0), "compiled": 1}
 
@@ -253,7 +253,7 @@ def test_a_function_of_another_file_is_the_present_one(copy: Copy) -> None:
 def test_a_ball_on_a_slide_falls_with_the_present_gravity(copy: Copy) -> None:
     """A whole engine, the one that compiles fastest."""
     for present, gravity in (("9.81", 9.81), ("1.62", 1.62)):
-        copy.edit("scene/scene.py", "GRAVITY = 9.81", f"GRAVITY = {present}")
+        copy.edit("constants.py", "GRAVITY = 9.81", f"GRAVITY = {present}")
         fall = copy.run(SLIDE, SCENARIO)
         assert fall["engine"] == "SlideEngine"
         assert fall["speed"] ** 2 == pytest.approx(2.0 * gravity * fall["fallen"], rel=1e-9)

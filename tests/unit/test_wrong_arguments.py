@@ -47,7 +47,7 @@ def test_a_feeder_refuses_something_else_and_goes_on() -> None:
     calls: list[tuple[Callable[[Any], Any], Any, str]] = [
         (feeder.pick_by, 3, "pick: is 3, allowed is a Pick, or a table"),
         (feeder.pick, [[1], [1, 2]], "pick: is .*, allowed is the number of a part"),
-        (feeder.refill, 1.5, "refill: is 1.5, allowed is a whole number from 1 on"),
+        (feeder.refill, 1.5, "refill: is 1.5, allowed is a whole number from 1 to 4"),
         (feeder.record, 3, "folder: is 3, allowed is a path"),
         (feeder.vibrate, True, "stage: is True, allowed is a stage"),
     ]

@@ -10,11 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import brentq
 
+from feeder_sim.constants import GRAVITY
 from feeder_sim.records.events import Events
 from feeder_sim.records.seed import Seed
 from feeder_sim.run.simulation import simulate
 from feeder_sim.scenario import Ball, Contact, Drive, PistonPlate, Run, Scenario, Slide, Start
-from feeder_sim.scene.scene import GRAVITY
 
 RADIUS = 1.5e-3
 TILT, FRICTION = 30.0, 0.3  # of the tilted guides

@@ -12,10 +12,11 @@ from scipy.integrate import quad
 from scipy.spatial.transform import Rotation
 from test_invariants import PISTON, plate_height, scenario, swing
 
+from feeder_sim.constants import GRAVITY
 from feeder_sim.part.rigid_part import CORNER_RADIUS
 from feeder_sim.records.trajectory import Frames
 from feeder_sim.scenario import Ball, Box, GivenState
-from feeder_sim.scene.scene import GRAVITY, Scene
+from feeder_sim.scene.scene import Scene
 
 Triple = tuple[float, float, float]
 LEVEL = 1e-9  # [m] that a face which lies on a plate may be off

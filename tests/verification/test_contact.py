@@ -9,11 +9,12 @@ import pytest
 import trimesh
 from conftest import piston_scenario
 
+from feeder_sim.constants import GRAVITY
 from feeder_sim.engines.mujoco.engine import MujocoEngine
 from feeder_sim.records.trajectory import Frames
 from feeder_sim.run.simulation import simulate
 from feeder_sim.scenario import Ball, Contact, Cylinder, HexNut, MeshPart, Start
-from feeder_sim.scene.scene import GRAVITY, build_scene
+from feeder_sim.scene.scene import build_scene
 
 FLAT = Start(drop_height_mm=(1.0, 1.0), tilt_deg=(0.0, 0.0), yaw_deg=(17.0, 17.0))
 

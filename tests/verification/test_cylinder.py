@@ -11,6 +11,7 @@ from conftest import changing, from_python, opened
 from scipy.optimize import brentq
 from scipy.spatial.transform import Rotation
 
+from feeder_sim.constants import GRAVITY
 from feeder_sim.engines.impulse.circles import _time_apart
 from feeder_sim.engines.impulse.engine import ImpulseEngine
 from feeder_sim.engines.impulse.rest import CARRIES
@@ -18,7 +19,7 @@ from feeder_sim.engines.impulse.state import ASLEEP, AWAKE
 from feeder_sim.part.rigid_part import CORNER_RADIUS, RigidPart
 from feeder_sim.records.trajectory import Frames
 from feeder_sim.scenario import Contact, Cylinder, Drive, PistonPlate, Run, Scenario, Start, Strip
-from feeder_sim.scene.scene import GRAVITY, build_scene
+from feeder_sim.scene.scene import build_scene
 
 RADIUS, HALF = 2e-3, 3e-3  # [m]
 ON_ITS_SIDE = Rotation.from_euler("x", 90.0, degrees=True)  # axis along y

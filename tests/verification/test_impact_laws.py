@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 from zener import predict, yield_speed
 
+from feeder_sim.constants import GRAVITY
 from feeder_sim.engines.impulse import impact_law
 from feeder_sim.engines.impulse.engine import ImpulseEngine
 from feeder_sim.engines.impulse.reaction.engine import ReactingEngine
@@ -30,7 +31,7 @@ from feeder_sim.plate.zener import (
 )
 from feeder_sim.run.run_folder import record_run
 from feeder_sim.scenario import Ball, Contact, Drive, PistonPlate, Rectangle, Run, Scenario, Start, Strip
-from feeder_sim.scene.scene import GRAVITY, Scene, build_scene
+from feeder_sim.scene.scene import Scene, build_scene
 from feeder_sim.scene.zener import zener_inelasticities
 
 resolve_ball = from_python(impact_law.resolve_ball)

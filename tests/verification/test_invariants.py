@@ -25,6 +25,7 @@ from invariants import (
 from own_modes import circle, flat_plate, on_plate
 from scipy.spatial.transform import Rotation
 
+from feeder_sim.constants import GRAVITY
 from feeder_sim.records.trajectory import Frames
 from feeder_sim.scenario import (
     Ball,
@@ -41,7 +42,6 @@ from feeder_sim.scenario import (
     Start,
     StillPlate,
 )
-from feeder_sim.scene.scene import GRAVITY
 
 BRACKET, SCREW = (REPOSITORY / f"models/{name}/{name}.stl" for name in ("bracket", "screw"))
 FOUR = ("nut", "box", "ball")

@@ -19,10 +19,10 @@ from conftest import piston_scenario
 from scipy.optimize import brentq
 from slide_theory import Sine, arc, next_impact, with_throw_number
 
+from feeder_sim.constants import GRAVITY
 from feeder_sim.engines.impulse.plate_contact import TOUCH
 from feeder_sim.run.simulation import Result, simulate
 from feeder_sim.scenario import Ball, Contact, Start
-from feeder_sim.scene.scene import GRAVITY
 
 STEPS = (20, 40, 80, 160)  # per period
 RADIUS = 1.5e-3

@@ -13,6 +13,7 @@ from scipy.spatial import ConvexHull
 from scipy.spatial.transform import Rotation
 
 from feeder_sim.borrow import borrow
+from feeder_sim.constants import GRAVITY
 from feeder_sim.engines.impulse import hulls, single_impact
 from feeder_sim.engines.impulse.engine import COLUMNS, ImpulseEngine
 from feeder_sim.engines.impulse.hulls import HullLibrary
@@ -35,7 +36,7 @@ from feeder_sim.scenario import (
     Start,
 )
 from feeder_sim.scene.part import build_part
-from feeder_sim.scene.scene import GRAVITY, Scene, build_scene
+from feeder_sim.scene.scene import Scene, build_scene
 
 hull_distance, resolve_single = from_python(hulls.hull_distance), from_python(single_impact.resolve_single)
 NUT, LARGE_NUT = build_part(HexNut(size="M2.5")), build_part(HexNut(size="M5"))

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from feeder_sim import simulate
+from feeder_sim.constants import GRAVITY
 from feeder_sim.engines.impulse import impact
 from feeder_sim.engines.impulse.reaction import yielding_impact
 from feeder_sim.engines.impulse.reaction.engine import ReactingEngine
@@ -21,7 +22,7 @@ from feeder_sim.records.seed import Status
 from feeder_sim.scenario import HexNut, Scenario
 from feeder_sim.scene.free_modes import free_modes
 from feeder_sim.scene.part import build_part
-from feeder_sim.scene.scene import GRAVITY, build_scene
+from feeder_sim.scene.scene import build_scene
 
 PLATE = {"kind": "rectangle", "mode_file": REPOSITORY / "models" / "plate_180" / "modes.h5"}
 NUT = {"shape": "hex_nut", "size": "M2.5"}

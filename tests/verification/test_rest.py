@@ -8,11 +8,12 @@ import numpy as np
 import pytest
 from conftest import changing, opened
 
+from feeder_sim.constants import GRAVITY
 from feeder_sim.engines.impulse.engine import ImpulseEngine
 from feeder_sim.engines.impulse.state import ASLEEP, AWAKE
 from feeder_sim.scenario import Ball, Contact, HexNut, PistonPlate, Run, Scenario, Start
 from feeder_sim.scenario.schedule import Schedule, Stage
-from feeder_sim.scene.scene import GRAVITY, build_scene
+from feeder_sim.scene.scene import build_scene
 
 UP, APART = 1.0001e-3, 0.02  # [m]: half a nut is 1 mm high
 SHAKE = {"frequency_hz": 500.0, "amplitude_um": 30.0, "ring_up": False}

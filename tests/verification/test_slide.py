@@ -24,11 +24,12 @@ from slide_theory import (
     with_throw_number,
 )
 
+from feeder_sim.constants import GRAVITY
 from feeder_sim.engines.slide.engine import LOG_ROWS, SlideEngine
 from feeder_sim.measures.bounces import motion, period_one_threshold, period_two_threshold
 from feeder_sim.run.simulation import Result, simulate
 from feeder_sim.scenario import Drive
-from feeder_sim.scene.scene import GRAVITY, build_scene
+from feeder_sim.scene.scene import build_scene
 
 SINGLE = 1e-7  # relative; frames hold velocities in single precision
 

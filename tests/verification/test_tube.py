@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
+from feeder_sim.constants import GRAVITY
 from feeder_sim.engines.mujoco.engine import MujocoEngine
 from feeder_sim.run.simulation import Result, simulate
 from feeder_sim.scenario import Ball, Contact, Cylinder, Drive, PistonPlate, Run, Scenario, Slide, Start, Tube
-from feeder_sim.scene.scene import GRAVITY, build_scene
+from feeder_sim.scene.scene import build_scene
 
 TILT = 30.0
 BALL = {"shape": "ball", "diameter_mm": 3.0}

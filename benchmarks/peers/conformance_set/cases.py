@@ -21,8 +21,8 @@ from dataclasses import dataclass
 
 from chart_cases import APPROACH, BALL_HZ, BALL_UM, FRICTION, RESTITUTION, SLIDE_MM_S, ball_height
 
+from feeder_sim.constants import GRAVITY
 from feeder_sim.measures.statistic import Statistic
-from feeder_sim.scene.scene import GRAVITY
 
 BALL_RADIUS = 1.5e-3  # [m]
 STICK_SPEED = 0.2  # [m/s]

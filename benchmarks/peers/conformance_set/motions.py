@@ -19,7 +19,7 @@ from conformance_set.cases import (
     REST_S,
     THROW_UM,
 )
-from feeder_sim.scene.scene import GRAVITY
+from feeder_sim.constants import GRAVITY
 
 Array = NDArray[np.float64]
 COUNTED = 50  # periods of the plate at the end over which tops are averaged

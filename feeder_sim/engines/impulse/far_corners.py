@@ -11,9 +11,9 @@ import math
 
 import numpy as np
 
+from feeder_sim.constants import GRAVITY
 from feeder_sim.engines.impulse.state import GAP, height_of, spin_of, turning_acceleration
 from feeder_sim.machine_code import inlined
-from feeder_sim.scene.scene import GRAVITY
 
 MANY = 16  # corners; with fewer it costs as much as it saves
 SHARE = 0.08  # of the reach of the corners, over the lowest one

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 
+from feeder_sim.constants import GRAVITY
 from feeder_sim.engines.impulse.circles import ahead, further_of_circles
 from feeder_sim.engines.impulse.state import (
     GAP,
@@ -22,7 +23,6 @@ from feeder_sim.engines.impulse.state import (
 from feeder_sim.engines.impulse.window import SAG
 from feeder_sim.machine_code import inlined
 from feeder_sim.plate.compiled import modal_motion
-from feeder_sim.scene.scene import GRAVITY
 
 DEPTH = 1e-6  # [m]; how deep a part may enter a surface that is no longer driven
 DEEP = 5e-6  # [m]; how deep a fast part may enter the surface

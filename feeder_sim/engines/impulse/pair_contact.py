@@ -16,12 +16,12 @@ import math
 
 import numpy as np
 
+from feeder_sim.constants import GRAVITY
 from feeder_sim.engines.impulse.hulls import hull_distance
 from feeder_sim.engines.impulse.impact_law import hit_part, restitution_of_pair
 from feeder_sim.engines.impulse.state import arm_of, flies, fly_to, inverse_inertia, turning_acceleration, turning_speed
 from feeder_sim.engines.impulse.vectors import difference, dot, plus, vector, write_to
 from feeder_sim.machine_code import compiled, inlined, uncounted
-from feeder_sim.scene.scene import GRAVITY
 
 LEAST = 1e-300  # [m], of a length that is divided by
 ROUND_OFF = 1e-7  # [m]; more than the library's tolerance

@@ -11,6 +11,7 @@ import math
 
 import numpy as np
 
+from feeder_sim.constants import GRAVITY
 from feeder_sim.engines.impulse.circle_lift import lift_by_turning
 from feeder_sim.engines.impulse.circles import count_of, is_round, leap_of_circles, lowest_points, tilt_of
 from feeder_sim.engines.impulse.far_corners import MANY, far_leap, gather_near
@@ -47,7 +48,6 @@ from feeder_sim.plate.compiled import (
     interpolate,
     surface_normal,
 )
-from feeder_sim.scene.scene import GRAVITY
 
 TOUCH = 1e-9  # [m]; corners this close count as touching, so that a flat landing is one impact and not six
 BESIDE = 2e-4  # [m]; a point that far below the surface is beside the plate or under it

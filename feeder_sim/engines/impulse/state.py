@@ -10,13 +10,13 @@ import numpy as np
 from numba.extending import overload
 from numpy.typing import ArrayLike, NDArray
 
+from feeder_sim.constants import GRAVITY
 from feeder_sim.engines.impulse.free_flight import orthonormalise, rotate_freely, rotate_symmetric
 from feeder_sim.engines.impulse.vectors import dot, times, vector
 from feeder_sim.engines.surface_arrays import SurfaceArrays
 from feeder_sim.machine_code import compiled, inlined
 from feeder_sim.plate.zener import TABLE_POINTS
 from feeder_sim.scene.guide import Guide
-from feeder_sim.scene.scene import GRAVITY
 
 GAP, RATE, SURFACE_RATE, SURFACE_ACCELERATION, WALL_GAP, WALL_RATE = range(6)  # columns of Scratch.corner
 ARM, NORMAL, VELOCITY, BEFORE, IMPULSE = range(5)  # of Scratch.contact

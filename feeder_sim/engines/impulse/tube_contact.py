@@ -10,6 +10,7 @@ import math
 
 import numpy as np
 
+from feeder_sim.constants import GRAVITY
 from feeder_sim.engines.impulse.state import (
     ARM,
     FRICTION,
@@ -25,7 +26,6 @@ from feeder_sim.engines.impulse.state import (
 )
 from feeder_sim.engines.impulse.vectors import add_to, cross, difference, dot, plus, write_to
 from feeder_sim.machine_code import compiled, inlined
-from feeder_sim.scene.scene import GRAVITY
 
 FINEST = 1.0 / 32.0  # of a step: rattling between two impacts is followed no further
 

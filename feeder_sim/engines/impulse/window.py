@@ -6,10 +6,10 @@ import math
 
 import numpy as np
 
+from feeder_sim.constants import GRAVITY
 from feeder_sim.engines.impulse.state import Bounds
 from feeder_sim.engines.surface_arrays import SurfaceArrays
 from feeder_sim.machine_code import compiled
-from feeder_sim.scene.scene import GRAVITY
 
 BEAT = 1e-4  # relative; damping alone shifts the frequency of the transient by a hundredth of this
 COVERED = 5e-5  # [m]; what a surface may cover in such a longer step: a corner far below it counts as beside the plate

@@ -17,9 +17,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from feeder_sim.constants import GRAVITY
 from feeder_sim.machine_code import inlined, uncounted
 from feeder_sim.part.rigid_part import CORNER_RADIUS
-from feeder_sim.scene.scene import GRAVITY, Scene
+from feeder_sim.scene.scene import Scene
 
 ABOVE = 1e-6  # [m] over the crest: a part comes down to it in steps of MuJoCo's own, from whose state its solver starts
 

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from feeder_sim.constants import GRAVITY
 from feeder_sim.errors import InputError, Interrupted
 from feeder_sim.plate.mode_file import read_mode_file
 from feeder_sim.plate.mode_shapes import standing_wave
@@ -34,7 +35,6 @@ from feeder_sim.scenario import (
 )
 from feeder_sim.scenario.engine_choice import choose_engine
 from feeder_sim.scene.part import build_part
-from feeder_sim.scene.scene import GRAVITY
 from feeder_sim.studies.drift_map.drift_map import DriftMap, Made
 from feeder_sim.studies.drift_map.increments import Bins, binned
 

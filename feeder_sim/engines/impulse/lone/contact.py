@@ -14,6 +14,7 @@ import math
 
 import numpy as np
 
+from feeder_sim.constants import GRAVITY
 from feeder_sim.engines.impulse.lone.contact_law import hit_alone, restitution_at
 from feeder_sim.engines.impulse.lone.contact_problem import (
     ARM_SECOND,
@@ -64,7 +65,6 @@ from feeder_sim.engines.impulse.state import inverse_inertia, spin_of, top_speed
 from feeder_sim.engines.impulse.vectors import add_to, cross, difference, dot, plus, times, vector, write_to
 from feeder_sim.engines.noise import half_normal
 from feeder_sim.machine_code import inlined
-from feeder_sim.scene.scene import GRAVITY
 
 ROUNDS = 20  # of impacts at zero time; after them what still approaches does so without rebound
 LONGEST_CHATTER = 3e-5  # [s] of bounces that are summed where nothing moves: hops of a nanometre

@@ -17,6 +17,7 @@ from __future__ import annotations
 
 import math
 
+from feeder_sim.constants import GRAVITY
 from feeder_sim.engines.impulse.lone.moving_surface import move_surface, shapes_under
 from feeder_sim.engines.impulse.lone.state import (
     ACCELERATION,
@@ -35,7 +36,6 @@ from feeder_sim.engines.impulse.lone.state import (
 from feeder_sim.engines.impulse.vectors import cross, dot, write_to
 from feeder_sim.machine_code import inlined, uncounted
 from feeder_sim.plate.compiled import BETA_X, BETA_Y, W, cubic_slopes, cubic_weights, grid_cell, interpolate
-from feeder_sim.scene.scene import GRAVITY
 
 FIRM, BALANCED = 0.9, 0.7
 LEVEL = 1e-9  # [rad]; a slope that is none, on which what has no radius of support stands

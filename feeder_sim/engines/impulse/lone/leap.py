@@ -15,6 +15,7 @@ import math
 
 import numpy as np
 
+from feeder_sim.constants import GRAVITY
 from feeder_sim.engines.impulse.lone.moving_surface import ahead, move_surface
 from feeder_sim.engines.impulse.lone.state import (
     AT,
@@ -36,7 +37,6 @@ from feeder_sim.engines.impulse.lone.state import (
 from feeder_sim.engines.impulse.state import spin_of, top_speed, turning_acceleration, turning_speed
 from feeder_sim.engines.impulse.vectors import add_to, cross, dot, plus, vector
 from feeder_sim.machine_code import inlined
-from feeder_sim.scene.scene import GRAVITY
 
 NEAR = 1.0  # [rad] of the surface's motion: for shorter leaps the bound on its jerk is worth using
 MAX_LEAPS = 100  # of a forecast, in which every point has its own

@@ -11,6 +11,7 @@ import math
 
 import numpy as np
 
+from feeder_sim.constants import GRAVITY
 from feeder_sim.engines.impulse.lone.contact import CARRIED, press, strike
 from feeder_sim.engines.impulse.lone.follow import bring, follows_until, goes_along, sit_down
 from feeder_sim.engines.impulse.lone.leap import NEVER, fall_on, first_leaps, forecast, shortest_leap, unsure
@@ -19,7 +20,6 @@ from feeder_sim.engines.impulse.lone.state import AT, FREE, GAP, KNOWN, LATE, SP
 from feeder_sim.engines.impulse.state import ASLEEP, top_speed
 from feeder_sim.engines.outline_arrays import edge_distance
 from feeder_sim.machine_code import inlined, uncounted
-from feeder_sim.scene.scene import GRAVITY
 
 ENTERED = 1.0  # tolerances that a point may come into the plate in a leap; pressed ones are moved by CARRIED
 SURE, HALVINGS = 0.1, 40  # tolerances that anything may move while the time of a contact is not known

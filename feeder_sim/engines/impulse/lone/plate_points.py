@@ -11,6 +11,7 @@ import math
 
 import numpy as np
 
+from feeder_sim.constants import GRAVITY
 from feeder_sim.engines.impulse.lone.edge_piece import BALL, BESIDE, LINES, NONE
 from feeder_sim.engines.impulse.lone.edge_points import edge_points
 from feeder_sim.engines.impulse.lone.moving_surface import move_surface, shapes_at, shapes_under
@@ -45,7 +46,6 @@ from feeder_sim.engines.impulse.state import arm_of, inverse_inertia, spin_of, t
 from feeder_sim.engines.impulse.vectors import add_to, cross, difference, dot, plus, times, vector, write_to
 from feeder_sim.engines.outline_arrays import ON_EDGE, off_plate
 from feeder_sim.machine_code import inlined
-from feeder_sim.scene.scene import GRAVITY
 
 CLOSE = 1e-6  # [m]
 NEARBY = 1e-5  # [m]; a surface that rises by less is known with its slopes under every point below its crest

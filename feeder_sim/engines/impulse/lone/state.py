@@ -7,12 +7,12 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from feeder_sim.constants import GRAVITY
 from feeder_sim.engines.impulse.lone.contact_problem import Bodies, Contacts, new_room
 from feeder_sim.engines.impulse.lone.edge_piece import EDGE_POINT
 from feeder_sim.engines.impulse.state import AWAKE, PART_FIELDS, Kinds, flies, rotate
 from feeder_sim.engines.surface_arrays import SurfaceArrays
 from feeder_sim.machine_code import inlined
-from feeder_sim.scene.scene import GRAVITY
 
 FREE, PRESSED, FOLLOWING = range(3)  # in PART, phase
 # Columns of Scratch.point, a point that can touch: its gap [m] and how fast that grows [m/s]; how fast both sides are

@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from feeder_sim.borrow import borrow, borrowed
+from feeder_sim.constants import GRAVITY
 from feeder_sim.engines.impulse.crowd import reach_of
 from feeder_sim.engines.impulse.flight_time import shortest_flight
 from feeder_sim.engines.impulse.frame_rows import write_row
@@ -37,7 +38,6 @@ from feeder_sim.engines.impulse.window import SAG, acting_terms, bound_window
 from feeder_sim.engines.protocol import ENDED
 from feeder_sim.engines.surface_arrays import SurfaceArrays
 from feeder_sim.machine_code import compiled, entry_point
-from feeder_sim.scene.scene import GRAVITY
 
 MARGIN = 0.05  # of crest and acceleration; in a step of 1/40 period the surface itself moves by three times that
 LEAST_MARGIN = 2e-8  # [m]

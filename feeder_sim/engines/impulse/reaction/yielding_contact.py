@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from feeder_sim.constants import GRAVITY
 from feeder_sim.engines.impulse.circles import count_of, is_round, leap_of_circles, lowest_points, tilt_of
 from feeder_sim.engines.impulse.far_corners import MANY, far_leap, gather_near
 from feeder_sim.engines.impulse.flight_time import forecast, longest_leap, shortest_flight
@@ -32,7 +33,6 @@ from feeder_sim.engines.impulse.vectors import write_to
 from feeder_sim.engines.reaction import react
 from feeder_sim.machine_code import compiled, inlined
 from feeder_sim.plate.compiled import BETA_X, BETA_Y, cubic_weights, grid_cell, interpolate
-from feeder_sim.scene.scene import GRAVITY
 
 TAKEN, WORK, LIFTED = range(3)  # of the books
 
