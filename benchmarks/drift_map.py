@@ -30,7 +30,7 @@ from drift_map_errors import (
 )
 
 from feeder_sim.constants import GRAVITY
-from feeder_sim.plots.figure import empty_figure
+from feeder_sim.document.figure import empty_figure
 from feeder_sim.scenario import Drive, Scenario, Strip, load_scenario
 from feeder_sim.studies.drift_map.drift_map import DriftMap
 from feeder_sim.studies.drift_map.files import load_map, save_map

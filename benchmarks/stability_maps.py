@@ -31,9 +31,9 @@ from typing import Annotated, Any
 import typer
 from chart_cases import CONTACT, Raw, strip
 
+from feeder_sim.document.figure import empty_figure
 from feeder_sim.errors import Divergence
 from feeder_sim.measures.statistic import Statistic
-from feeder_sim.plots.figure import empty_figure
 from feeder_sim.run.simulation import Result, simulate
 from feeder_sim.scenario import Scenario
 from feeder_sim.scenario.tables import validated

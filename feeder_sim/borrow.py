@@ -26,7 +26,7 @@ def _as_pointer(typingctx, address):
 @compiled
 def borrowed(array):
     """The same contiguous array, uncounted."""
-    return carray(_as_pointer(array.ctypes.data), array.shape, array.dtype)
+    return carray(_as_pointer(array.ctypes.data), array.shape, array.dtype)  # type: ignore[call-arg]
 
 
 def borrow(fields):

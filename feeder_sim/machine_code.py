@@ -2,9 +2,9 @@
 
 Numba's own cache looks only at the file of a function itself, so that it runs old code after a change in a function or
 a constant that this one uses from another file. Here machine code lies in a folder named after everything that it
-depends on: all sources of the package but those that only show, the versions of the libraries that compile it or are
-called by it, and the processor. A change of any of them is another folder. The folders are in the user's folder for
-caches, or where NUMBA_CACHE_DIR says; the few used last are kept.
+depends on: all sources of the package but those of rooms that no compiled function takes anything from, the versions of
+the libraries that compile it or are called by it, and the processor. A change of any of them is another folder. The
+folders are in the user's folder for caches, or where NUMBA_CACHE_DIR says; the few used last are kept.
 """
 
 from __future__ import annotations
@@ -35,7 +35,8 @@ from numba.core.compiler_lock import global_compiler_lock
 from numba.core.registry import CPUDispatcher
 from platformdirs import user_cache_path
 
-SHOWING = ("api", "cli", "plots", "replay", "report")  # rooms that decide no number
+SHOWING = ("api", "cli", "document", "plots", "replay", "report")  # rooms that decide no number
+NOT_COMPILED = (*SHOWING, "feeder", "jobs", "measures", "studies")  # from which no compiled function takes anything
 # Lines of words alone: a text that is a statement by itself, a comment, nothing; and other long texts, which are kept.
 TEXT = rb'"""(?:[^"\\]|\\.|"(?!""))*"""'
 WORDS = re.compile(rb"^[ \t]*(?:r?" + TEXT + rb"[ \t]*|#[^\n]*)?\n|(" + TEXT + rb")", re.MULTILINE | re.DOTALL)
@@ -207,7 +208,7 @@ def code_key(package: Path = Path(__file__).parent) -> str:
 
 @functools.cache
 def source_hash(
-    package: Path = Path(__file__).parent, pattern: str = "**/*.py", without: tuple[str, ...] = SHOWING
+    package: Path = Path(__file__).parent, pattern: str = "**/*.py", without: tuple[str, ...] = NOT_COMPILED
 ) -> str:
     """Hash of all sources of a package that decide numbers, or of those of a pattern in a folder.
 

@@ -5,7 +5,9 @@ from __future__ import annotations
 import functools
 import itertools
 import os
+import re
 import threading
+import tomllib
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
@@ -41,9 +43,25 @@ NUT_ON_STRIP: dict[str, Any] = {
 }
 
 
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+def pytest_addoption(parser: pytest.Parser) -> None:
+    parser.addoption("--room", help="Only unit tests of this room: it is the highest that their file imports from.")
+
+
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     """Tests that take minutes come first: at the end one of them would keep a single core at work."""
+    if room := config.getoption("--room"):
+        items[:] = [item for item in items if item.path.parent.name == "unit" and room_of(item.path) == room]
     items.sort(key=lambda item: not any(mark.kwargs.get("minutes") for mark in item.iter_markers("slow")))
+
+
+@functools.cache
+def room_of(file: Path) -> str:
+    """The highest room of the package that a test imports from; "cli" of those that import none and call commands."""
+    settings = tomllib.loads((REPOSITORY / "pyproject.toml").read_text(encoding="utf-8"))
+    layers = settings["tool"]["importlinter"]["contracts"][0]["layers"]
+    rooms = [name.strip() for layer in layers for name in layer.split("|")]
+    taken = set(re.findall(r"^from feeder_sim\.(\w+)", file.read_text(encoding="utf-8"), re.MULTILINE))
+    return next((room for room in rooms if room in taken), "cli")
 
 
 @pytest.fixture

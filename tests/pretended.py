@@ -39,7 +39,7 @@ class Pretended(Executor):
     def count(self) -> int:
         return len(self.seeds)
 
-    def submit(self, function: Any, task: Task, /) -> Future[Any]:  # type: ignore[override]
+    def submit(self, function: Any, task: Task, /, *_: Any) -> Future[Any]:  # type: ignore[override]
         future: Future[Any] = Future()
         if self.count in self._break_at:
             self._break_at.discard(self.count)

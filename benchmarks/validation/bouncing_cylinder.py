@@ -33,11 +33,11 @@ from paths import follow
 from scipy.spatial.transform import Rotation
 from vertex_impacts import Body, Law, Times, Wave, bounce, mean_slope
 
+from feeder_sim.document.figure import MM, MS, empty_figure
 from feeder_sim.measures.statistic import Statistic
 from feeder_sim.plate.materials import Material
 from feeder_sim.plate.mode_shapes import standing_wave
 from feeder_sim.plate.rectangle import RectangularPlate
-from feeder_sim.plots.figure import MM, MS, empty_figure
 from feeder_sim.scenario import Contact, CustomMaterial, Cylinder, Drive, Run, Scenario, Start, Strip
 from feeder_sim.scene.scene import Scene, build_scene
 from feeder_sim.single_thread import single_threaded

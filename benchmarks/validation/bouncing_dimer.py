@@ -42,8 +42,8 @@ from scipy.spatial.transform import Rotation
 from vertex_impacts import Law
 
 from feeder_sim.constants import GRAVITY
+from feeder_sim.document.figure import MM, MS, empty_figure
 from feeder_sim.measures.statistic import Statistic
-from feeder_sim.plots.figure import MM, MS, empty_figure
 from feeder_sim.scenario import Contact, Dimer, Drive, PistonPlate, Run, Scenario, Start
 from feeder_sim.scene.scene import Scene, build_scene
 from feeder_sim.single_thread import single_threaded

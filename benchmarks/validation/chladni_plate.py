@@ -37,6 +37,7 @@ from forced_field import Force, ForcedField, force_in_the_middle, forced_field, 
 from numpy.typing import NDArray
 
 from feeder_sim.constants import GRAVITY
+from feeder_sim.document.figure import MM, UM, empty_figure
 from feeder_sim.errors import InputError
 from feeder_sim.measures.statistic import finite_or_none
 from feeder_sim.plate.actuators import Actuator
@@ -47,7 +48,6 @@ from feeder_sim.plate.nodal_lines import nodal_lines
 from feeder_sim.plate.rectangle import RectangularPlate
 from feeder_sim.plate.response import DEFAULT_DAMPING_RATIO
 from feeder_sim.plate.ritz.attachments import Layer
-from feeder_sim.plots.figure import MM, UM, empty_figure
 from feeder_sim.records.seed import Status
 from feeder_sim.run.batch import measure_drift
 from feeder_sim.scenario import Ball, Contact, CustomMaterial, Drive, PistonPlate, Run, Scenario, Start

@@ -33,8 +33,8 @@ from numpy.typing import NDArray
 from single_impacts import after_impacts
 from vertex_impacts import poisson_impulse
 
+from feeder_sim.document.figure import empty_figure
 from feeder_sim.errors import InputError
-from feeder_sim.plots.figure import empty_figure
 
 SEMI_AXES = 0.035, 0.025  # [m]
 # Mass over moment of inertia [1/m^2]: what the measured spins say (`torque_slopes`); 2162 if homogeneous.

@@ -25,10 +25,10 @@ import numpy as np
 from arguments import between, new_file
 from numpy.typing import NDArray
 
+from feeder_sim.document.figure import empty_figure
 from feeder_sim.plate.materials import MATERIALS, Material
 from feeder_sim.plate.rectangle import RectangularPlate
 from feeder_sim.plate.zener import contact_stiffness, contact_time, inelasticity, restitution
-from feeder_sim.plots.figure import empty_figure
 
 ELASTIC_CONTACT = 3.218  # duration of an impact without losses, in units of T
 

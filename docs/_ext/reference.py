@@ -5,6 +5,7 @@ A page holds a line such as `<!-- generated: tables feeder_sim.scenario:Scenario
     tables MODULE:CLASS     every table and key of a scenario or plate file (reference_tables.py)
     options COMMAND         the arguments and options of a command of feeder-sim (reference_commands.py)
     layout MODULE           the layout of a file, from the docstring of its module (reference_layouts.py)
+    rooms all               the rooms of the package, from the import contract (reference_rooms.py)
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ from typing import Any
 
 from reference_commands import command_options
 from reference_layouts import file_layout
+from reference_rooms import rooms_picture
 from reference_tables import table_reference
 from sphinx.util import logging
 
@@ -23,6 +25,7 @@ MAKERS: dict[str, Callable[[str], str]] = {
     "tables": table_reference,
     "options": command_options,
     "layout": file_layout,
+    "rooms": rooms_picture,
 }
 log = logging.getLogger(__name__)
 

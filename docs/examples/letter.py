@@ -20,11 +20,11 @@ import numpy as np
 from numpy.typing import NDArray
 from prediction import GradientDrift, MapDrift, Prediction, add_map_options, drift_map_of, prediction_of
 
+from feeder_sim.document.figure import empty_figure
 from feeder_sim.example_files import example_file
 from feeder_sim.feeder.feeder import Feeder
 from feeder_sim.plate.mode_file import read_mode_file
 from feeder_sim.plate.mode_shapes import RitzShape
-from feeder_sim.plots.figure import empty_figure
 from feeder_sim.scenario import Excitation, HexNut, Rectangle, Run, Scattered, Scenario, Schedule, Stage, Start
 from feeder_sim.scene.scene import Scene
 from feeder_sim.studies.drift_map.drift_map import DriftMap

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 
 import feeder_sim
+from feeder_sim.document.figure import empty_figure
 from feeder_sim.measures.drift import transport_speed
-from feeder_sim.plots.figure import empty_figure
 from feeder_sim.scenario import with_run
 
 HERE = Path(__file__).parent

@@ -5,12 +5,15 @@ from __future__ import annotations
 import threading
 from collections.abc import Callable, Iterable
 from concurrent.futures import Executor
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from feeder_sim.api.progress import Progress, shown
 from feeder_sim.api.result import Result
 from feeder_sim.errors import check_whole, path_of_user
+from feeder_sim.measures.function import Function, as_measures
+from feeder_sim.measures.protocol import Measure
 from feeder_sim.run import batch, run_folder
 from feeder_sim.run.keep import AllFrames, Keep
 from feeder_sim.run.prepare import prepare
@@ -29,6 +32,7 @@ def simulate(
     record: Keep = AllFrames(),  # noqa: B008, it cannot be changed
     stall_after: float = STALL_AFTER_S,
     executor: Executor | None = None,
+    measures: Iterable[Function | Measure[Any, Any]] = (),
 ) -> Result:
     """Run every seed of a scenario; the result does not depend on the number of workers.
 
@@ -44,15 +48,18 @@ def simulate(
         stall_after: wall time [s] after which a seed that has not advanced by a frame ends as failed.
         executor: runs the seeds in place of threads of this process, `workers` of them at once, as that of a Dask
             client; each comes back whole.
+        measures: of one's own, besides those of the package: functions of a prepared scenario and a seed that make a
+            number, NaN for none. Their names are those of the results, and have the unit.
 
     Raises:
         FeederSimError: workers of the executor end before their seed has.
-        InputError: the scenario cannot be built, its start does not suit its stop rule, or what is to be kept is not
-            recorded in it.
+        InputError: the scenario cannot be built, its start does not suit its stop rule, what is to be kept is not
+            recorded in it, or a measure fails.
     """
     if workers is not None:
         check_whole(workers, "workers")
     prepared = scenario if isinstance(scenario, Prepared) else prepare(scenario)
+    prepared = replace(prepared, measures=as_measures(measures)) if measures else prepared
     how: dict[str, Any] = {"record": record, "stall_after": checked_patience(stall_after), "executor": executor}
     with shown(progress, prepared.scenario.title) as (show, notify):
         found = run_ensemble(prepared, workers=workers, progress=show, stop=stop, notify=notify, **how)

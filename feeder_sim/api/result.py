@@ -3,20 +3,11 @@
 from __future__ import annotations
 
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING
 
 from feeder_sim.api.plots import Plots
 from feeder_sim.api.tables import Table, frame_of
-from feeder_sim.errors import FeederSimError, NotMeasured
-from feeder_sim.measures.arrivals import ArrivalFindings, Arrivals
-from feeder_sim.measures.bounces import BounceFindings, Bounces
-from feeder_sim.measures.circulation import Circulation, WaveFindings
-from feeder_sim.measures.drift import Drift, DriftFindings
-from feeder_sim.measures.poses import PoseFindings, Poses
-from feeder_sim.measures.protocol import Measure, name_of
-from feeder_sim.measures.rate import Rate, RateFindings
-from feeder_sim.measures.refills import RefillFindings, Refills
-from feeder_sim.measures.separation import Separation, SeparationFindings
+from feeder_sim.errors import FeederSimError
 from feeder_sim.notebook import block
 from feeder_sim.records.recording import PlateRecord
 from feeder_sim.run import simulation
@@ -24,8 +15,6 @@ from feeder_sim.run import simulation
 if TYPE_CHECKING:
     import pandas
     import xarray
-
-Findings = TypeVar("Findings")
 
 
 class Result(simulation.Result):
@@ -44,53 +33,6 @@ class Result(simulation.Result):
     def of(found: simulation.Result) -> Result:
         """The same result, as a user holds it."""
         return Result(found.prepared, found.seeds, found.wall_s)
-
-    @property
-    def drift(self) -> DriftFindings:
-        """Transport speed, drift velocity and highest rise; not with a schedule."""
-        return self._found(Drift)
-
-    @property
-    def bounces(self) -> BounceFindings:
-        """Bounce interval, flight height, impact speed and motion; of a part in a guide."""
-        return self._found(Bounces)
-
-    @property
-    def separation(self) -> SeparationFindings:
-        """Counts at the end of every stage, parts picked and lost; of many parts, or with a schedule."""
-        return self._found(Separation)
-
-    @property
-    def poses(self) -> PoseFindings:
-        """Which side up the parts lie; of many parts, or with a schedule."""
-        return self._found(Poses)
-
-    @property
-    def refills(self) -> RefillFindings:
-        """Parts that came with refills."""
-        return self._found(Refills)
-
-    @property
-    def rate(self) -> RateFindings:
-        """Picks per minute, and where the time goes; of cycles with a pick."""
-        return self._found(Rate)
-
-    @property
-    def arrivals(self) -> ArrivalFindings:
-        """Parts that reach the goal of a schedule."""
-        return self._found(Arrivals)
-
-    @property
-    def circulation(self) -> WaveFindings:
-        """Waves of modes that are driven together, and what they do to parts."""
-        return self._found(Circulation)
-
-    def _found(self, measure: type[Measure[Findings, Any]]) -> Findings:
-        for applied, found in self.findings:
-            if type(applied) is measure:
-                return found
-        names = ", ".join(name_of(applied).lower() for applied, _ in self.findings)
-        raise NotMeasured(f"is not measured of this scenario, measured are {names}", key=measure.__name__.lower())
 
     @property
     def plot(self) -> Plots:

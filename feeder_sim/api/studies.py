@@ -11,6 +11,8 @@ from typing import Any, cast
 from feeder_sim.api.progress import Progress, shown
 from feeder_sim.errors import check_type, check_whole, path_of_user
 from feeder_sim.jobs.workers import given_workers, local_workers
+from feeder_sim.measures.function import Function, as_measures
+from feeder_sim.measures.protocol import Measure
 from feeder_sim.scenario import Scenario, check_scenario
 from feeder_sim.studies.ask import ask, folder_of
 from feeder_sim.studies.chart.chart import Chart, ChartQuestion
@@ -40,6 +42,7 @@ def sweep(
     out: str | Path | None = None,
     progress: Progress = None,
     stop: threading.Event | None = None,
+    measures: Iterable[Function | Measure[Any, Any]] = (),
 ) -> Sweep:
     """Run a scenario at every point of a grid, in many processes.
 
@@ -61,6 +64,7 @@ def sweep(
         out: folder for the table and a journal, as of the command; with it the same call goes on after a break.
         progress: True shows a bar on stderr; a function is called with the share that is done.
         stop: set it to end; what is done is returned.
+        measures: of one's own, as for `simulate`; functions that processes can import.
 
     Raises:
         InputError: a key or a value that is not allowed, or a folder that holds something else.
@@ -70,7 +74,7 @@ def sweep(
     effort: dict[str, Any] = {"seeds": seeds, "until_se": until_se, "most_seeds": most_seeds, "inputs": inputs}
     check_scenario(scenario)
     question = SweepQuestion.of(vary=axis_texts(vary), zip=zip, sobol=sobol, measure=measure, **effort)
-    return cast("Sweep", _asked(question, scenario, workers, executor, out, progress, stop))
+    return cast("Sweep", _asked(question, scenario, workers, executor, out, progress, stop, measures))
 
 
 def uncertainty(
@@ -85,6 +89,7 @@ def uncertainty(
     out: str | Path | None = None,
     progress: Progress = None,
     stop: threading.Event | None = None,
+    measures: Iterable[Function | Measure[Any, Any]] = (),
 ) -> Uncertainty:
     """Run a scenario at many draws of its `[uncertain]` inputs, in many processes.
 
@@ -101,6 +106,7 @@ def uncertainty(
         out: folder for the tables and a journal, as of the command; with it the same call goes on after a break.
         progress: True shows a bar on stderr; a function is called with the share that is done.
         stop: set it to end; what is done is returned.
+        measures: of one's own, as for `simulate`; functions that processes can import.
 
     Raises:
         InputError: no input is uncertain, an argument is not allowed, SALib is missing, there is no such measure, or
@@ -109,7 +115,7 @@ def uncertainty(
     """
     check_scenario(scenario)
     question = UncertaintyQuestion.of(inputs=inputs, seeds=seeds, indices=indices, measure=measure)
-    return cast("Uncertainty", _asked(question, scenario, workers, executor, out, progress, stop))
+    return cast("Uncertainty", _asked(question, scenario, workers, executor, out, progress, stop, measures))
 
 
 def optimise(
@@ -130,6 +136,7 @@ def optimise(
     out: str | Path | None = None,
     progress: Progress = None,
     stop: threading.Event | None = None,
+    measures: Iterable[Function | Measure[Any, Any]] = (),
 ) -> Search:
     """Search for the recipe that makes a measure largest or smallest, in many processes; the extra `search`.
 
@@ -154,6 +161,7 @@ def optimise(
             Default: one that is removed at the end.
         progress: True shows a bar on stderr; a function is called with the share of the budget that is spent.
         stop: set it to end; what is done is returned.
+        measures: of one's own, as for `simulate`; functions that processes can import.
 
     Raises:
         InputError: a key, a value or an argument that is not allowed, no such measure, Optuna is missing, or the
@@ -166,7 +174,7 @@ def optimise(
     screened = path_of_user(screen, "screen") if screen is not None else None
     effort: dict[str, Any] = {"trials": trials, "budget_s": budget_s, "screen": screened, "recipes": recipes}
     question = OptimiseQuestion.of(over=axis_texts(over), sampler=sampler, **aims, **effort)
-    return cast("Search", _asked(question, scenario, workers, executor, out, progress, stop))
+    return cast("Search", _asked(question, scenario, workers, executor, out, progress, stop, measures))
 
 
 def speed_map(
@@ -256,10 +264,12 @@ def _asked(
     out: str | Path | None,
     progress: Progress,
     stop: threading.Event | None,
+    measures: Iterable[Function | Measure[Any, Any]] = (),
 ) -> Study:
     if workers is not None:
         check_whole(workers, "workers")
     folder = folder_of(question, scenario, path_of_user(out, "out")) if out is not None else None
     found = given_workers(executor, workers) if executor else local_workers(workers)
     with shown(progress, scenario.title or question.kind) as (show, notify):
-        return ask(question, scenario, found, folder, stop=stop, progress=show, notify=notify)
+        own = as_measures(measures)
+        return ask(question, scenario, found, folder, stop=stop, progress=show, notify=notify, measures=own)

@@ -5,13 +5,14 @@ from __future__ import annotations
 import tomllib
 from pathlib import Path
 
+from feeder_sim import extensions
 from feeder_sim.errors import FeederSimError
 from feeder_sim.example_files import examples, examples_folder
-from feeder_sim.part.solids import ISO_4032
 from feeder_sim.plate.materials import MATERIALS
 from feeder_sim.plate.mode_file import read_mode_file
 from feeder_sim.records.trajectory_file import TRAJECTORY
 from feeder_sim.scenario import load_scenario
+from feeder_sim.scenario.shapes import SHAPES
 from feeder_sim.scenario.tables import read_text
 
 UNUSABLE = "unusable: "
@@ -36,17 +37,14 @@ def catalogue(folder: Path) -> dict[str, dict[str, str]]:
         "examples": {name: _title(path) for name, path in examples().items() if path.resolve() not in own},
         "mode files": {str(path.relative_to(folder)): text for path, text in mode_files.items()},
         "mode files of examples": {str(path): _modes(path) for path in more if path.resolve() not in own},
-        "engines": ENGINES,
-        "parts": {
-            "hex_nut": "sizes " + ", ".join(ISO_4032) + ", or by dimensions",
-            "ball": "diameter_mm",
-            "cylinder": "diameter_mm, height_mm",
-            "box": "size_mm",
-            "dimer": "ball_diameter_mm, length_mm",
-            "mesh": "any closed mesh file",
-        },
+        "engines": ENGINES | _added("engines"),
+        "parts": {name: table.sizes for name, table in SHAPES.items()} | _added("parts"),
         "materials": {name: f"{m.density:g} kg/m3, {m.youngs_modulus / 1e9:g} GPa" for name, m in MATERIALS.items()},
     }
+
+
+def _added(group: str) -> dict[str, str]:
+    return dict.fromkeys(extensions.names_of(group), "of another package")
 
 
 def _scenarios_in(folder: Path) -> dict[Path, str]:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from feeder_sim.cli.files import new_picture, writable
-from feeder_sim.cli.report import as_lines
+from feeder_sim.cli.report import as_lines, print_table
 from feeder_sim.cli.terminal import notify, progress_bar, stop_on_signal
 from feeder_sim.errors import InputError, printable
 
@@ -226,12 +226,17 @@ def _print_poses(poses: list[dict[str, Any]], drops: dict[str, Any] | None) -> N
     if not poses:
         print("stable poses: none, the part lies on any side")
         return
-    print("pose  centre (mm)  yaws  put down slowly (%)" + ("  dropped (%)" if drops else ""))
-    for pose in poses[:MOST_POSES]:
-        line = f"{pose['name']:<4}  {pose['height_mm']:>11.3f}  {pose['yaws']:>4}  {_percent(pose):>19.1f}"
-        if drops:
-            line += f"  {100.0 * pose['share']:.1f} +- {100.0 * pose['se']:.1f}"
-        print(line)
+    rows = [pose | {"slowly": _percent(pose)} for pose in poses[:MOST_POSES]]
+    columns = {
+        "pose": "{name}",
+        "centre (mm)": "{height_mm:.3f}",
+        "yaws": "{yaws}",
+        "put down slowly (%)": "{slowly:.1f}",
+    }
+    if drops:
+        rows = [row | {"dropped": 100.0 * row["share"], "error": 100.0 * row["se"]} for row in rows]
+        columns |= {"dropped (%)": "{dropped:.1f} +- {error:.1f}"}
+    print_table(rows, columns)
     if len(poses) > MOST_POSES:
         print(f"and {len(poses) - MOST_POSES} more, with --json")
     if drops:

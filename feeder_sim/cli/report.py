@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from feeder_sim.errors import escaped, printable, shortened
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterable, Mapping, Sequence
 
     import numpy as np
     from numpy.typing import NDArray
@@ -84,13 +84,8 @@ def print_boundaries(diagram: Diagram, as_json: bool) -> None:
     if as_json:
         print(json.dumps({"boundaries": rows, "feigenbaum_ratios": ratios}))
         return
-    print("period  from (um)  exact (um)  deviation (%)")
-    for row in rows:
-        line = f"{row['period']:>6}  {row['from_um']:>9.5g}"
-        print(
-            line
-            + ("" if row["exact_um"] is None else f"  {row['exact_um']:>10.5g}  {row['deviation_percent']:>+13.3f}")
-        )
+    columns = {"period": "{period}", "from (um)": "{from_um:.5g}", "exact (um)": "{exact_um:.5g}"}
+    print_table(rows, columns | {"deviation (%)": "{deviation_percent:+.3f}"})
     if not rows:
         print("no boundary within the sweep")
     if ratios:
@@ -115,12 +110,8 @@ def print_modes(mode_file: ModeFile, as_json: bool) -> None:
     if as_json:
         print(json.dumps(rows))
         return
-    print("mode  computed (Hz)  symmetry x,y  measured (Hz)  deviation (%)")
-    for row in rows:
-        line = f"{row['mode']:>4}  {row['natural_frequency_hz']:>13.1f}  {','.join(str(row['symmetry'])):>12}"
-        if row["measured_hz"] is not None:
-            line += f"  {row['measured_hz']:>13.1f}  {row['deviation_percent']:>+13.2f}"
-        print(line)
+    columns = {"mode": "{mode}", "computed (Hz)": "{natural_frequency_hz:.1f}", "symmetry x,y": "{symmetry}"}
+    print_table(rows, columns | {"measured (Hz)": "{measured_hz:.1f}", "deviation (%)": "{deviation_percent:+.2f}"})
 
 
 def print_routes(routes: Sequence[Route], frequency: NDArray[np.float64], as_json: bool) -> None:
@@ -146,36 +137,34 @@ def print_routes(routes: Sequence[Route], frequency: NDArray[np.float64], as_jso
         return
     for route in routes:
         print(f"largest k {route.largest_k:.3f}, modes {', '.join(str(mode + 1) for mode in route.modes)}")
-        print("  mode  frequency (Hz)  from (mm)  to (mm)      k  offset grows by")
-        for step in route.steps:
-            line = f"  {step.mode + 1:>4}  {frequency[step.mode]:>14.1f}  {1e3 * step.start:>9.2f}"
-            print(f"{line}  {1e3 * step.end:>7.2f}  {step.k:>5.3f}  {step.growth:>15.3g}")
+        steps = [
+            {"mode": step.mode + 1, "hz": float(frequency[step.mode]), "start": 1e3 * step.start, "end": 1e3 * step.end}
+            | {"k": step.k, "growth": step.growth}
+            for step in route.steps
+        ]
+        columns = {"mode": "{mode}", "frequency (Hz)": "{hz:.1f}", "from (mm)": "{start:.2f}", "to (mm)": "{end:.2f}"}
+        print_table(steps, columns | {"k": "{k:.3f}", "offset grows by": "{growth:.3g}"})
 
 
 def print_ratios(rows: Sequence[RatioRoutes], as_json: bool) -> None:
     """Print the best sequence of every length-to-width ratio."""
     from feeder_sim.measures.statistic import finite_or_none
 
+    entries: list[dict[str, Any]] = [
+        {
+            "ratio": row.ratio,
+            "largest_k": row.routes[0].largest_k if row.routes else None,
+            "growth": finite_or_none(row.routes[0].growth) if row.routes else None,
+            "modes": [mode + 1 for mode in row.routes[0].modes] if row.routes else [],
+        }
+        for row in rows
+    ]
     if as_json:
-        entries = [
-            {
-                "ratio": row.ratio,
-                "largest_k": row.routes[0].largest_k if row.routes else None,
-                "growth": finite_or_none(row.routes[0].growth) if row.routes else None,
-                "modes": [mode + 1 for mode in row.routes[0].modes] if row.routes else [],
-            }
-            for row in rows
-        ]
         print(json.dumps(entries))
         return
-    print("length/width  largest k  offset grows by  modes")
-    for row in rows:
-        if row.routes:
-            best = row.routes[0]
-            numbers = ", ".join(str(mode + 1) for mode in best.modes)
-            print(f"{row.ratio:>12.3f}  {best.largest_k:>9.3f}  {best.growth:>15.3g}  {numbers}")
-        else:
-            print(f"{row.ratio:>12.3f}  {'none':>9}")
+    shown = [entry | {"modes": ", ".join(map(str, entry["modes"])) or "none"} for entry in entries]
+    columns = {"length/width": "{ratio:.3f}", "largest k": "{largest_k:.3f}", "offset grows by": "{growth:.3g}"}
+    print_table(shown, columns | {"modes": "{modes}"})
 
 
 def print_waves(waves: Sequence[StageWave], as_json: bool) -> None:
@@ -191,6 +180,13 @@ def print_waves(waves: Sequence[StageWave], as_json: bool) -> None:
     for row in rows:
         print(shortened(printable(row["stage"]), LONGEST_TEXT) or "wave")
         print(as_lines({key: value for key, value in row.items() if key != "stage"}, "  "))
+
+
+def print_table(rows: Iterable[Mapping[str, Any]], columns: Mapping[str, str]) -> None:
+    """Print rows by key as a table; columns: heads with templates, see `Table.of`."""
+    from feeder_sim.document.document import Table
+
+    print("\n".join(Table.of(rows, columns).lines()))
 
 
 def as_lines(values: dict[str, Any], indent: str = "") -> str:

@@ -28,9 +28,8 @@ def report(
     """Write a run, or a question asked of many runs, as one HTML page that opens anywhere, offline."""
     from feeder_sim.records.trajectory_file import TRAJECTORY
     from feeder_sim.records.whole_file import write_whole
-    from feeder_sim.report.page import html_of
-    from feeder_sim.report.question_report import question_page
-    from feeder_sim.report.run_report import run_page
+    from feeder_sim.report.run_report import run_document
+    from feeder_sim.report.study_report import study_document
     from feeder_sim.studies.kinds import KINDS, kind_of
 
     if not folder.exists():
@@ -50,10 +49,10 @@ def report(
         raise InputError(f"is no run and no question of many runs, allowed is {allowed}", file=folder)
     with progress_bar(str(folder)) as progress:
         if kind:
-            page = question_page(folder, progress=progress)
+            page = study_document(folder)
         else:
-            page = run_page(folder, with_screenshot=screenshot, progress=progress, notify=notify)
-        content = html_of(page).encode()
+            page = run_document(folder, with_screenshot=screenshot, progress=progress, notify=notify)
+        content = page.html().encode()
     write_whole(writable(file, force=force), content)
     if as_json:
         made = {"file": str(file), "bytes": len(content), "pictures": page.pictures}

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import csv
 import json
-import math
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
+
+from feeder_sim.cli.report import print_table
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -31,7 +32,7 @@ def print_response(
     from feeder_sim.measures.statistic import finite_or_none
 
     at_peak = [int(abs(found.frequency - peak.frequency).argmin()) for peak in found.peaks]
-    rows = [
+    rows: list[dict[str, Any]] = [
         {
             "mode": peak.mode + 1,
             "frequency_hz": peak.frequency,
@@ -47,22 +48,22 @@ def print_response(
         print(json.dumps({"actuator": list(names), "voltage_vpp": volts, "peaks": rows}))
         return
     print(f"driven: {', '.join(names)} at {volts:g} V peak to peak")
-    headings = "  ".join(f"{'N/V ' + a.name:>12}" for a in held.actuators)
-    print(f"mode  frequency (Hz)  amplitude (um)  damping ratio  current (mA)  power (W)  {headings}")
-    for row, peak in zip(rows, found.peaks, strict=True):
-        damping = "-" if math.isnan(peak.damping_ratio) else f"{peak.damping_ratio:.5f}"
-        each = "  ".join(f"{force:>+12.3g}" for force in forces[peak.mode])
-        print(
-            f"{row['mode']:>4}  {row['frequency_hz']:>14.1f}  {row['amplitude_um']:>14.4g}  {damping:>13}  "
-            f"{row['current_ma']:>12.4g}  {row['power_w']:>9.3g}  {each}"
-        )
+    columns = {"mode": "{mode}", "frequency (Hz)": "{frequency_hz:.1f}", "amplitude (um)": "{amplitude_um:.4g}"}
+    columns |= {
+        "damping ratio": "{damping_ratio:.5f}",
+        "current (mA)": "{current_ma:.4g}",
+        "power (W)": "{power_w:.3g}",
+    }
+    columns |= {f"N/V {actuator.name}": f"{{force{i}:+.3g}}" for i, actuator in enumerate(held.actuators)}
+    forced = [{f"force{i}": force for i, force in enumerate(row["force_per_volt_n"].values())} for row in rows]
+    print_table([row | force for row, force in zip(rows, forced, strict=True)], columns)
     if not rows:
         print("no peak in this range")
 
 
 def print_ranking(ranked: Sequence[RankedMode], as_json: bool) -> None:
     """Print modes in the order of their amplitude at a place."""
-    rows = [
+    rows: list[dict[str, Any]] = [
         {
             "mode": mode.mode + 1,
             "frequency_hz": mode.frequency,
@@ -79,16 +80,11 @@ def print_ranking(ranked: Sequence[RankedMode], as_json: bool) -> None:
     if as_json:
         print(json.dumps(rows))
         return
-    print(
-        "mode  frequency (Hz)  amplitude (um)  antinode (um)  peak (g)  hop (mm)        N/V  actuator      within 2 %"
-    )
-    for mode, row in zip(ranked, rows, strict=True):
-        near = ", ".join(str(neighbour + 1) for neighbour in mode.neighbours)
-        print(
-            f"{row['mode']:>4}  {mode.frequency:>14.1f}  {row['amplitude_um']:>14.4g}  {row['antinode_um']:>13.4g}  "
-            f"{mode.acceleration:>8.4g}  {row['hop_height_mm']:>8.3g}  {mode.force_per_volt:>+9.3g}  "
-            f"{mode.actuator:<12}  {near}"
-        )
+    columns = {"mode": "{mode}", "frequency (Hz)": "{frequency_hz:.1f}", "amplitude (um)": "{amplitude_um:.4g}"}
+    columns |= {"antinode (um)": "{antinode_um:.4g}", "peak (g)": "{peak_acceleration_g:.4g}"}
+    columns |= {"hop (mm)": "{hop_height_mm:.3g}", "N/V": "{force_per_volt_n:+.3g}", "actuator": "{actuator}"}
+    near = [row | {"neighbours": ", ".join(map(str, row["neighbours"]))} for row in rows]
+    print_table(near, columns | {"within 2 %": "{neighbours}"})
 
 
 def write_response(found: Response, names: Sequence[str], path: Path) -> None:

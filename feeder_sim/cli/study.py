@@ -158,8 +158,9 @@ def finish(study: Study, measure: str | None = None, *, goes_on: str, code: int 
         goes_on: what goes on with it where it is not complete.
         code: of a study that is not complete.
     """
-    for line in study.remarks(measure):
-        notify(line)
+    for remark in study.remarks(measure):
+        if remark.tone != "note":
+            notify(f"caution: {remark.text}" if remark.tone == "caution" else remark.text)
     for failure in study.failures[:3]:
         typer.echo(f"feeder-sim: failed: {printable(failure)}", err=True)
     if not study.complete:

@@ -6,11 +6,14 @@ import threading
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from feeder_sim.jobs.ledger import Ledger
 from feeder_sim.jobs.runner import Work, run_work
 from feeder_sim.jobs.workers import Workers
+
+if TYPE_CHECKING:
+    from feeder_sim.measures.protocol import Measure
 
 # Why seeds in a journal do not count.
 FOREIGN = "of other points, of another version, or of files that have changed"
@@ -25,6 +28,7 @@ class Bench:
     stop: set by somebody else to end.
     progress: called with the share that is done.
     notify: called with a line for the user.
+    measures: that are taken besides those of the package.
     """
 
     workers: Workers
@@ -33,10 +37,12 @@ class Bench:
     stop: threading.Event = field(default_factory=threading.Event)
     progress: Callable[[float], None] | None = None
     notify: Callable[[str], None] | None = None
+    measures: tuple[Measure[Any, Any], ...] = ()
 
     def run(self, work: Work[Any], progress: Callable[[float], None] | None = None) -> bool:
         """Run all there is to do; returns whether it came to the end."""
-        return run_work(work, self.workers, stop=self.stop, progress=progress or self.progress)
+        progress = progress or self.progress
+        return run_work(work, self.workers, stop=self.stop, progress=progress, measures=self.measures)
 
     def say_foreign(self, others: int) -> None:
         """Tell that seeds in the folder are done, and are run anew all the same."""

@@ -18,10 +18,11 @@ class Ledger:
     Args:
         journals: that hold what is done.
         path: journal that takes what comes; None to keep it in memory alone.
+        mark: of seeds that are measured in another way than usual: only those of the same mark count.
     """
 
-    def __init__(self, journals: Sequence[Path] = (), path: Path | None = None) -> None:
-        self._path = path
+    def __init__(self, journals: Sequence[Path] = (), path: Path | None = None, mark: str = "") -> None:
+        self._path, self._mark = path, mark
         self._journal: Journal | None = None
         self._done: dict[str, dict[int, SeedValues]] = {}
         for journal in journals:
@@ -38,13 +39,14 @@ class Ledger:
 
     def seeds_of(self, identity: str) -> dict[int, SeedValues]:
         """The seeds of a scenario that are done."""
-        return dict(self._done.get(identity, {}))
+        return dict(self._done.get(identity + self._mark, {}))
 
     def foreign(self, identities: Collection[str] | None) -> int:
         """How many seeds are of other scenarios, of another version, or of files that have changed; 0 if not known."""
         if identities is None:
             return 0
-        return sum(len(seeds) for identity, seeds in self._done.items() if identity not in identities)
+        ours = {identity + self._mark for identity in identities}
+        return sum(len(seeds) for identity, seeds in self._done.items() if identity not in ours)
 
     def add(self, identity: str, seed: SeedValues) -> None:
         """Keep a seed that has come back.
@@ -53,7 +55,7 @@ class Ledger:
             RecordingFailed: it cannot be written.
         """
         if self._journal is not None:
-            self._journal.add({"case": identity, **seed.as_entry()})
+            self._journal.add({"case": identity + self._mark, **seed.as_entry()})
 
     def __enter__(self) -> Self:
         self._journal = Journal(self._path) if self._path is not None else None

@@ -5,11 +5,14 @@ from __future__ import annotations
 import threading
 from collections.abc import Callable
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Future, wait
-from typing import Protocol, TypeVar
+from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
 from feeder_sim.errors import FeederSimError
 from feeder_sim.jobs.task import SeedValues, Task, run_task
 from feeder_sim.jobs.workers import Workers
+
+if TYPE_CHECKING:
+    from feeder_sim.measures.protocol import Measure
 
 AHEAD = 2  # tasks per worker that are handed out
 TASK_S = 0.5  # [s] that a task should take, so that handing it out costs little
@@ -42,6 +45,7 @@ def run_work(
     *,
     stop: threading.Event | None = None,
     progress: Callable[[float], None] | None = None,
+    measures: tuple[Measure[Any, Any], ...] = (),
 ) -> bool:
     """Run all there is to do; returns whether it came to the end, and was not stopped.
 
@@ -62,7 +66,7 @@ def run_work(
             if handed is None:
                 break
             try:
-                pending[workers.executor.submit(run_task, handed[1])] = handed
+                pending[workers.executor.submit(run_task, handed[1], measures)] = handed
             except BrokenExecutor:
                 again.append(handed)
                 broken = True

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import math
 import time
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
 
 from feeder_sim.errors import InputError
 from feeder_sim.scenario import Scenario
 from feeder_sim.single_thread import single_threaded
+
+if TYPE_CHECKING:
+    from feeder_sim.measures.protocol import Measure
 
 
 @dataclass(frozen=True)
@@ -58,8 +61,12 @@ class SeedValues:
 
 
 @single_threaded
-def run_task(task: Task) -> tuple[SeedValues, ...]:
+def run_task(task: Task, measures: tuple[Measure[Any, Any], ...] = ()) -> tuple[SeedValues, ...]:
     """Run the seeds of a task, one after the other on one thread; the bits do not depend on where that is.
+
+    Args:
+        task: what to run.
+        measures: that are taken besides those of the package.
 
     Raises:
         FeederSimError: this process has another version of the package, or other files than who asks.
@@ -71,6 +78,7 @@ def run_task(task: Task) -> tuple[SeedValues, ...]:
     prepared = prepared_once(task.scenario, task.identity)
     if isinstance(prepared, InputError):
         return tuple(SeedValues(seed, {}, 0.0, str(prepared)) for seed in task.seeds)
+    prepared = replace(prepared, measures=measures)
     done, cautions = [], prepared.cautions
     for seed in task.seeds:
         started = time.perf_counter()

@@ -1,18 +1,23 @@
-"""All measures, in the order of a report."""
+"""All measures, in the order of a report; those that a result has by name."""
 
 from __future__ import annotations
 
-from typing import Any
+from abc import ABC, abstractmethod
+from typing import Any, TypeVar
 
-from feeder_sim.measures.arrivals import Arrivals
-from feeder_sim.measures.bounces import Bounces
-from feeder_sim.measures.circulation import Circulation
-from feeder_sim.measures.drift import Drift
-from feeder_sim.measures.poses import Poses
+from feeder_sim import extensions
+from feeder_sim.errors import NotMeasured
+from feeder_sim.measures.arrivals import ArrivalFindings, Arrivals
+from feeder_sim.measures.bounces import BounceFindings, Bounces
+from feeder_sim.measures.circulation import Circulation, WaveFindings
+from feeder_sim.measures.drift import Drift, DriftFindings
+from feeder_sim.measures.function import as_measure
+from feeder_sim.measures.poses import PoseFindings, Poses
 from feeder_sim.measures.protocol import Measure
-from feeder_sim.measures.rate import Rate
-from feeder_sim.measures.refills import Refills
-from feeder_sim.measures.separation import Separation
+from feeder_sim.measures.rate import Rate, RateFindings
+from feeder_sim.measures.refills import RefillFindings, Refills
+from feeder_sim.measures.separation import Separation, SeparationFindings
+from feeder_sim.scene.prepared import Prepared
 
 MEASURES: tuple[Measure[Any, Any], ...] = (
     Drift(),
@@ -24,3 +29,73 @@ MEASURES: tuple[Measure[Any, Any], ...] = (
     Arrivals(),
     Circulation(),
 )
+Findings = TypeVar("Findings")
+
+
+def measures_of(prepared: Prepared) -> list[Measure[Any, Any]]:
+    """Those that apply to a scene: ours, those of other packages, those that its user gives.
+
+    Raises:
+        InputError: another package adds what is no measure, or cannot be imported.
+    """
+    added = [as_measure(measure, name) for name, measure in extensions.all_of("measures").items()]
+    return [measure for measure in (*MEASURES, *added, *prepared.measures) if measure.applies(prepared)]
+
+
+class Measured(ABC):
+    """Findings by name. One that does not apply to the scenario is an `InputError` that names those that do.
+
+    Then `hasattr` says False.
+    """
+
+    @property
+    @abstractmethod
+    def findings(self) -> tuple[tuple[Measure[Any, Any], Any], ...]:
+        """Every measure that applies, with what it finds."""
+
+    @property
+    def drift(self) -> DriftFindings:
+        """Transport speed, drift velocity and highest rise; not with a schedule."""
+        return self._found(Drift)
+
+    @property
+    def bounces(self) -> BounceFindings:
+        """Bounce interval, flight height, impact speed and motion; of a part in a guide."""
+        return self._found(Bounces)
+
+    @property
+    def separation(self) -> SeparationFindings:
+        """Counts at the end of every stage, parts picked and lost; of many parts, or with a schedule."""
+        return self._found(Separation)
+
+    @property
+    def poses(self) -> PoseFindings:
+        """Which side up the parts lie; of many parts, or with a schedule."""
+        return self._found(Poses)
+
+    @property
+    def refills(self) -> RefillFindings:
+        """Parts that came with refills."""
+        return self._found(Refills)
+
+    @property
+    def rate(self) -> RateFindings:
+        """Picks per minute, and where the time goes; of cycles with a pick."""
+        return self._found(Rate)
+
+    @property
+    def arrivals(self) -> ArrivalFindings:
+        """Parts that reach the goal of a schedule."""
+        return self._found(Arrivals)
+
+    @property
+    def circulation(self) -> WaveFindings:
+        """Waves of modes that are driven together, and what they do to parts."""
+        return self._found(Circulation)
+
+    def _found(self, measure: type[Measure[Findings, Any]]) -> Findings:
+        for applied, found in self.findings:
+            if type(applied) is measure:
+                return found
+        names = ", ".join(applied.name for applied, _ in self.findings)
+        raise NotMeasured(f"is not measured of this scenario, measured are {names}", key=measure.__name__.lower())

@@ -7,7 +7,7 @@ of a seed can be dropped once all measures have read it, and the findings stay w
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import fields, is_dataclass
 from functools import cached_property
 from typing import Any, Generic, TypeVar
@@ -31,6 +31,11 @@ class Measure(ABC, Generic[Findings, Reading]):
 
     def __repr__(self) -> str:
         return f"{type(self).__name__}()"
+
+    @property
+    def name(self) -> str:
+        """What it is called, in results too."""
+        return type(self).__name__.lower()
 
     @abstractmethod
     def applies(self, prepared: Prepared) -> bool:
@@ -68,14 +73,9 @@ class SeedReader(Generic[Reading]):
     def __call__(self, seed: Seed) -> Reading | None:
         """The reading; None for a seed that does not count."""
         if seed.readings is not None:
-            reading: Reading | None = seed.readings[name_of(self._measure)]
+            reading: Reading | None = seed.readings[self._measure.name]
             return reading
         return self._read(seed) if seed.status in self._measure.counts and len(seed.frames) else None
-
-
-def name_of(measure: Measure[Any, Any]) -> str:
-    """The name by which the readings of a measure are kept."""
-    return type(measure).__name__
 
 
 def labelled(label: str, text: str) -> str:
@@ -87,6 +87,8 @@ def as_json(value: Any) -> Any:
     """A value as JSON takes it: dataclasses as dictionaries, tuples as lists, numbers that are not finite as None."""
     if isinstance(value, Statistic):
         return value.as_dict()
+    if isinstance(value, Mapping):
+        return {name: as_json(entry) for name, entry in value.items()}
     if is_dataclass(value):
         return {field.name: as_json(getattr(value, field.name)) for field in fields(value)}
     if isinstance(value, tuple | list):

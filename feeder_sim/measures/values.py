@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator, Sequence
 from typing import Any
 
-from feeder_sim.measures.catalogue import MEASURES
+from feeder_sim.measures.catalogue import measures_of
 from feeder_sim.measures.protocol import as_json
 from feeder_sim.records.seed import Seed
 from feeder_sim.scene.prepared import Prepared
@@ -30,10 +30,8 @@ def names_of_measures(prepared: Prepared) -> list[str]:
 
 def _values_over(prepared: Prepared, seeds: Sequence[Seed]) -> dict[str, float]:
     found: dict[str, float] = {}
-    for measure in MEASURES:
-        if measure.applies(prepared):
-            findings = as_json(measure.compute(prepared, seeds))
-            found |= dict(_numbers(findings, ""))
+    for measure in measures_of(prepared):
+        found |= dict(_numbers(as_json(measure.compute(prepared, seeds)), ""))
     return found
 
 

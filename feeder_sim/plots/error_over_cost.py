@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import math
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from feeder_sim.plots.figure import empty_figure, make_logarithmic
+from feeder_sim.document.figure import Figure, make_logarithmic
+from feeder_sim.document.words import measure_label
 from feeder_sim.plots.intervals import COLOURS
 
 if TYPE_CHECKING:
@@ -16,19 +16,22 @@ LEAST = 1e-3  # of the reference: smaller errors are drawn as that
 MARKS = {"good": "o", "unclear": "D", "off": "s", "fails": "X"}
 
 
-def draw_chart(chart: Chart, path: Path) -> None:
-    """Draw a chart to a file, if any setting has a value."""
-    figure = empty_figure(7.5, 4.4)
-    if draw_errors(figure.subplots(), chart):
-        figure.savefig(path, dpi=150)
+def chart_figure(chart: Chart) -> Figure:
+    """Errors of all settings over their costs."""
+    name = f"error of {measure_label(chart.name)}"
+    caption = f"{name} over the wall time of a seed, every setting: left is cheaper, down is nearer."
+    return Figure(lambda figure: draw_errors(figure.subplots(), chart), 4.4, f"{name}, {chart.size}.", caption)
 
 
-def draw_errors(axes: Any, chart: Chart) -> bool:
-    """Draw errors [%] over wall times [s] of a seed, with bars of two standard errors; False where there are none."""
-    right = next((row.mean - row.error for row in chart.rows if math.isfinite(row.error)), math.nan)
+def right_value(chart: Chart) -> float:
+    """The value that errors are shares of; 0 or NaN where there is nothing to draw."""
+    return next((row.mean - row.error for row in chart.rows if row.n and math.isfinite(row.error)), math.nan)
+
+
+def draw_errors(axes: Any, chart: Chart) -> None:
+    """Draw errors [%] over wall times [s] of a seed, with bars of two standard errors."""
+    right = right_value(chart)
     rows = [row for row in chart.rows if row.n and math.isfinite(row.error)]
-    if not rows or not right:
-        return False
     names = list(dict.fromkeys(row.method for row in rows))
     best = chart.recommended
     for method, colour in zip(names, COLOURS, strict=False):
@@ -60,8 +63,9 @@ def draw_errors(axes: Any, chart: Chart) -> bool:
     make_logarithmic(axes.xaxis)
     make_logarithmic(axes.yaxis)
     axes.set(
-        xlabel="wall time of a seed on one core (s)", ylabel=f"error of {chart.name} (%)", title=chart.scenario.title
+        xlabel="wall time of a seed on one core (s)",
+        ylabel=f"error of {measure_label(chart.name)} (%)",
+        title=chart.scenario.title,
     )
     axes.grid(True, alpha=0.3)
     axes.legend(fontsize=7, title="ring: as it is, star: take this", title_fontsize=7)
-    return True

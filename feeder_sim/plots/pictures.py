@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from feeder_sim.constants import GRAVITY
+from feeder_sim.document.figure import MM, MS, UM, empty_figure
 from feeder_sim.measures.circulation import StageWave
 from feeder_sim.measures.velocity_record import VelocityRecord
 from feeder_sim.plate.modes import PlateModes
 from feeder_sim.plate.sequences import Route
-from feeder_sim.plots.figure import MM, MS, UM, empty_figure
 from feeder_sim.plots.outline import cut_to_plate
 
 if TYPE_CHECKING:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from feeder_sim.plots.figure import MM
+from feeder_sim.document.figure import MM
 from feeder_sim.plots.intervals import COLOURS, thinned
 from feeder_sim.plots.outline import cut_to_plate
 from feeder_sim.records.recording import PartRecord, PlateRecord

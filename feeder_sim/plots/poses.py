@@ -14,9 +14,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from feeder_sim.document.figure import MM, empty_figure
 from feeder_sim.part.rigid_part import RigidPart
 from feeder_sim.part.stable_poses import StablePose
-from feeder_sim.plots.figure import MM, empty_figure
 
 if TYPE_CHECKING:
     from feeder_sim.studies.drops import DropStudy

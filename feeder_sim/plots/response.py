@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
+from feeder_sim.document.figure import MM, UM, empty_figure
 from feeder_sim.plate.mode_file import ModeFile
 from feeder_sim.plate.response import Response
-from feeder_sim.plots.figure import MM, UM, empty_figure
 
 MOST_LABELS = 12  # peaks of a response that get one, the highest
 SHEET_POINTS = 81  # per axis of a small mode shape

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from feeder_sim.document.figure import MM, MS
 from feeder_sim.measures.bounces import BounceFindings
 from feeder_sim.measures.separation import SeparationFindings
-from feeder_sim.plots.figure import MM, MS
 from feeder_sim.records.recording import PlateRecord
 from feeder_sim.records.trajectory import Frames
 from feeder_sim.scene.cell import PASSAGE_FROM, PASSAGE_TO

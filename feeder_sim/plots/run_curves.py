@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from feeder_sim.document.figure import MM, MS
 from feeder_sim.measures.bounces import Flights
 from feeder_sim.measures.rate import RateFindings
 from feeder_sim.measures.separation import StageCounts
 from feeder_sim.measures.statistic import Statistic, half_interval
-from feeder_sim.plots.figure import MM, MS
 from feeder_sim.plots.intervals import COLOURS, DODGE, SEED, draw_band, draw_bars, thinned
 from feeder_sim.records.trajectory import Frames
 

@@ -3,23 +3,39 @@
 from __future__ import annotations
 
 import math
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from feeder_sim.measures.statistic import half_interval
-from feeder_sim.plots.figure import empty_figure
+from feeder_sim.document.figure import Figure
+from feeder_sim.document.words import measure_label
+from feeder_sim.measures.statistic import Statistic, half_interval
+from feeder_sim.plots.sweep import Mean, sample_figure
 
 if TYPE_CHECKING:
     from feeder_sim.studies.search.optimise import Search
 
+MOST_PANELS = 9  # of keys; more would make the picture too high
 BLUE, PALE, RED, GREEN, GREY = "#3a60be", "#b8c6ea", "#be3434", "#3a8a5a", "0.55"
 
 
-def draw_search(found: Search, path: Path) -> None:
-    """Draw the history of a search to a file."""
-    figure = empty_figure(7.5, 4.4)
-    draw_history(figure.subplots(), found)
-    figure.savefig(path, dpi=150)
+def search_figures(search: Search) -> list[Figure]:
+    """The trials in order with the best so far and the check, and their means over each key."""
+    if not search.trials:
+        return []
+    label, keys = measure_label(search.aim.measure), search.keys[:MOST_PANELS]
+    checked = " The squares are both recipes with fresh seeds and 95 % intervals." if search.present else ""
+    course = Figure(
+        lambda figure: draw_history(figure.add_subplot(), search),
+        height=3.4,
+        alt=f"{label} of {len(search.trials)} trials in their order, and the best so far.",
+        caption=f"{label}: means of the trials, with standard errors; pale ones were stopped early. The line is the "
+        f"best so far of those with all their seeds.{checked}",
+    )
+    valued = [trial for trial in search.trials if trial.found.n]
+    means = [Statistic(trial.found.mean, math.nan, math.nan, 1) for trial in valued]
+    rows = [Mean(trial.point, mean) for trial, mean in zip(valued, means, strict=True)]
+    alt = f"{label} over {' and '.join(keys)}, {len(rows)} trials."
+    over_keys = sample_figure(rows, keys, label, alt=alt, caption=f"{label}: means of the trials.")
+    return [course, over_keys] if rows else [course]
 
 
 def draw_history(axes: Any, found: Search) -> None:
@@ -46,6 +62,6 @@ def draw_history(axes: Any, found: Search) -> None:
         if checked is not None and checked.found.n > 1:
             reach = half_interval(checked.found.se, checked.found.n)
             axes.errorbar(len(steps) + after, checked.found.mean, reach, fmt="s", color=color, capsize=3, label=label)
-    axes.set(xlabel="trial", ylabel=found.aim.measure)
+    axes.set(xlabel="trial", ylabel=measure_label(found.aim.measure))
     axes.grid(True, alpha=0.3)
-    axes.legend(fontsize=8)
+    axes.legend(fontsize=8, loc="center left", bbox_to_anchor=(1.0, 0.5))

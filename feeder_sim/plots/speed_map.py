@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from feeder_sim.constants import GRAVITY
-from feeder_sim.plots.figure import empty_figure
+from feeder_sim.document.figure import Figure
 
 if TYPE_CHECKING:
     from feeder_sim.studies.speed_map import MapPoint, SpeedMap
@@ -20,11 +19,15 @@ SPEEDS = (0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0)  # [mm/s] of co
 THROWS = (1.0, 10.0, 100.0, 1000.0)  # throw numbers of lines
 
 
-def draw_speed_map(found: SpeedMap, path: Path) -> None:
-    """Draw a map to a file."""
-    figure = empty_figure(8.0, 5.6)
-    draw_points(figure.subplots(), found.points, title=found.scenario.title, marks=found.question.marks)
-    figure.savefig(path, dpi=150)
+def map_figure(found: SpeedMap) -> Figure:
+    """A map of the transport speed."""
+
+    def draw(figure: Any) -> None:
+        draw_points(figure.subplots(), found.points, title=found.scenario.title, marks=found.question.marks)
+
+    label = "Transport speed over drive frequency and amplitude"
+    caption = f"{label}: white where no seed arrives, hatched where less than half of them do."
+    return Figure(draw, 5.4, f"{label}, {found.size}.", caption)
 
 
 def draw_points(

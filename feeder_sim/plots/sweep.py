@@ -1,55 +1,89 @@
-"""Pictures of sweeps: a measure over one key, a heat map over two, or points over each key of a sample."""
+"""Pictures of sweeps: a measure over one key, a map over two, points over each key of a sample."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from pathlib import Path
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from feeder_sim.measures.statistic import half_interval
-from feeder_sim.plots.figure import empty_figure, make_logarithmic
+from feeder_sim.document.figure import Figure, make_logarithmic
+from feeder_sim.document.words import key_label, measure_label, number, value_text
+from feeder_sim.measures.statistic import Statistic, half_interval
+from feeder_sim.plots.intervals import COLOURS
 from feeder_sim.scenario.changes import labels
 
 if TYPE_CHECKING:
-    from feeder_sim.studies.sweep.sweep import Sweep
     from feeder_sim.studies.sweep.table import Row
 
 MOST_TICKS = 8  # on a logarithmic axis
-BLUE, PALE = "#3a60be", "#b8c6ea"
+PALE = "#b8c6ea"
 DECADES = 30.0  # largest over smallest value from which on colours of a map, or an axis, are logarithmic
 EVEN = 1e-6  # relative difference of steps, or of ratios, that counts as none
+MOST_CURVES = 6  # of the key with fewer values; with more of them there is a map
+TOO_FEW = 2  # values of a mean whose interval says next to nothing
+BESIDE = 3  # panels of a sample in a row
 
 
-def draw_sweep(sweep: Sweep, measure: str, path: Path) -> None:
-    """Draw one measure of a sweep to a file; nothing where it has no value anywhere."""
-    figure = empty_figure(6.4, 4.2)
-    if draw_measure(figure, sweep, measure):
-        figure.savefig(path, dpi=150)
+@dataclass(frozen=True)
+class Mean:
+    """A mean at a point that is no row of a table."""
+
+    point: Mapping[str, Any]
+    found: Statistic
+    spread: None = None
 
 
-def draw_measure(figure: Any, sweep: Sweep, measure: str) -> bool:
-    """Draw one measure into an empty figure, which gets the size it needs; returns whether it has a value anywhere."""
-    rows = sweep.valued(measure)
-    if not rows:
-        return False
-    keys = sweep.keys
-    if len(keys) == 2 and _is_grid(sweep, rows):
-        figure.set_size_inches(6.4, 4.8)
-        draw_map(figure, rows, keys, measure)
-    else:
-        figure.set_size_inches(6.4 if len(keys) == 1 else 4.2 * len(keys), 4.2)
-        beside = figure.subplots(1, len(keys), sharey=True, squeeze=False)[0]
-        for axes, key in zip(beside, keys, strict=True):
-            draw_line(axes, rows, key, joined=len(keys) == 1)
-        beside[0].set_ylabel(measure)
-    return True
+def sweep_figure(rows: Sequence[Row], keys: tuple[str, ...], measure: str) -> Figure:
+    """A measure of a sweep over its keys, from the rows that have a mean, of which there is one at least."""
+    label, alt = measure_label(measure), f"{measure_label(measure)} over {' and '.join(keys)}, {len(rows)} points."
+    over = "seeds and uncertain inputs" if rows[0].spread is not None else "the seeds"
+    bars = f"{label}: means over {over}; bars are 95 % intervals of the mean.{_beyond(rows)}"
+    grid = math.prod(len(values_of(rows, key)) for key in keys) <= 1.5 * len(rows)
+    if len(keys) == 1:
+        draw = partial(_draw_curves, rows=rows, over=keys[0], label=label)
+        return Figure(draw, 3.0, alt, bars + _on_band(rows))
+    few, many = sorted(keys, key=lambda key: len(values_of(rows, key)))[:2]
+    if len(keys) == 2 and grid and len(values_of(rows, few)) <= MOST_CURVES:
+        return Figure(partial(_draw_curves, rows=rows, over=many, label=label, each=few), 3.2, alt, bars)
+    if len(keys) == 2 and grid:
+        halves = sorted(half_width(row) for row in rows if count_of(row) > 1)
+        sure = ""
+        if halves:
+            middle, widest = number(halves[len(halves) // 2], 2), number(halves[-1], 2)
+            sure = f" Half the 95 % intervals are within ± {middle}, all within ± {widest}; the tables have them."
+        caption = f"{label}: means over the seeds.{sure} White: no value."
+        return Figure(partial(_draw_map, rows=rows, keys=keys, label=label), 4.2, alt, caption)
+    return sample_figure(rows, keys, label, alt=alt, caption=bars)
+
+
+def sample_figure(rows: Sequence[Row | Mean], keys: Sequence[str], label: str, *, alt: str, caption: str) -> Figure:
+    """Points over each key in a panel of its own, the other keys as they happen to be."""
+    caption += " Every panel has all points, over another key." if len(keys) > 1 else ""
+    draw = partial(_draw_sample, rows=rows, keys=keys, label=label)
+    return Figure(draw, 2.6 * math.ceil(len(keys) / BESIDE), alt, caption)
+
+
+def count_of(row: Row | Mean) -> int:
+    """Number of independent values behind a mean: seeds, or draws of uncertain inputs."""
+    return row.spread.draws if row.spread else row.found.n
+
+
+def half_width(row: Row | Mean) -> float:
+    """Half the width of the 95 % interval of a mean; NaN where it has none."""
+    return half_interval(row.found.se, count_of(row))
+
+
+def values_of(rows: Sequence[Row | Mean], key: str) -> list[Any]:
+    """The different values of a key, in order of appearance."""
+    return list(dict.fromkeys(row.point[key] for row in rows))
 
 
 def draw_line(
-    axes: Any, rows: Sequence[Row], key: str, *, joined: bool, colour: str = BLUE, label: str | None = None
+    axes: Any, rows: Sequence[Row | Mean], key: str, *, joined: bool, colour: str = COLOURS[0], label: str | None = None
 ) -> None:
     """Draw means with 95 % intervals over one key; where inputs are uncertain, a band of 90 % over them, if told."""
     values = [row.point[key] for row in rows]
@@ -58,9 +92,7 @@ def draw_line(
     x = np.array(values, float) if numbers else np.array([names.index(str(value)) for value in values], float)
     order = np.argsort(x, kind="stable")
     mean = np.array([row.found.mean for row in rows])
-    # Of uncertain inputs the draws count.
-    counts = [row.spread.draws if row.spread else row.found.n for row in rows]
-    reach = np.nan_to_num([half_interval(row.found.se, n) for row, n in zip(rows, counts, strict=True)])
+    reach = np.nan_to_num([half_width(row) for row in rows])
     if joined and all(row.spread for row in rows):
         low, high = (np.array([getattr(row.spread, name) for row in rows]) for name in ("inputs_low", "inputs_high"))
         told = np.isfinite(low)
@@ -75,12 +107,25 @@ def draw_line(
         make_logarithmic(axes.xaxis)
     if not numbers:
         axes.set_xticks(range(len(names)), names)
-    axes.set(xlabel=key)
+    axes.set(xlabel=key_label(key))
     axes.grid(True, alpha=0.3)
 
 
-def draw_map(figure: Any, rows: Sequence[Row], keys: tuple[str, ...], measure: str) -> None:
-    """Draw a heat map over two keys; points without a value stay white."""
+def _draw_curves(figure: Any, *, rows: Sequence[Row], over: str, label: str, each: str = "") -> None:
+    """A curve over one key, for each value of another if there is one."""
+    axes = figure.add_subplot()
+    for i, value in enumerate(values_of(rows, each) if each else [None]):
+        chosen = [row for row in rows if not each or row.point[each] == value]
+        named = value_text(value) if each else None
+        draw_line(axes, chosen, over, joined=True, colour=COLOURS[i % len(COLOURS)], label=named)
+    axes.set(ylabel=label)
+    _fit(axes, rows)
+    if each:
+        axes.legend(title=key_label(each), loc="center left", bbox_to_anchor=(1.0, 0.5))
+
+
+def _draw_map(figure: Any, *, rows: Sequence[Row], keys: tuple[str, ...], label: str) -> None:
+    """A heat map over two keys; points without a value stay white."""
     from matplotlib.ticker import NullLocator
 
     axes = figure.subplots()
@@ -90,11 +135,10 @@ def draw_map(figure: Any, rows: Sequence[Row], keys: tuple[str, ...], measure: s
     grid = np.full((len(ticks[1]), len(ticks[0])), math.nan)
     for point, row in zip(points, rows, strict=True):
         grid[ticks[1].index(point[keys[1]]), ticks[0].index(point[keys[0]])] = row.found.mean
-    edges = [_edges(values) for values in ticks]
     low, high = float(np.nanmin(grid)), float(np.nanmax(grid))
     norm = "log" if low > 0.0 and high > DECADES * low else "linear"
-    image = axes.pcolormesh(*edges, grid, cmap="viridis", norm=norm)
-    axes.set(xlabel=keys[0], ylabel=keys[1])
+    image = axes.pcolormesh(*(_edges(values) for values in ticks), grid, cmap="viridis", norm=norm)
+    axes.set(xlabel=key_label(keys[0]), ylabel=key_label(keys[1]))
     for values, axis, name in zip(ticks, (axes.xaxis, axes.yaxis), "xy", strict=True):
         if not all(_is_number(value) for value in values):
             axis.set_ticks(range(len(values)), [str(value) for value in values])
@@ -103,7 +147,46 @@ def draw_map(figure: Any, rows: Sequence[Row], keys: tuple[str, ...], measure: s
             axis.set_minor_locator(NullLocator())
             axis.set_ticks(values[:: math.ceil(len(values) / MOST_TICKS)])
             axis.set_major_formatter("{x:.3g}")
-    figure.colorbar(image, label=measure)
+    figure.colorbar(image, label=label)
+
+
+def _draw_sample(figure: Any, *, rows: Sequence[Row | Mean], keys: Sequence[str], label: str) -> None:
+    columns = min(len(keys), BESIDE)
+    grid = figure.subplots(math.ceil(len(keys) / columns), columns, squeeze=False, sharey=True)
+    for axes in grid.ravel()[len(keys) :]:
+        axes.set_axis_off()
+    for i, (axes, key) in enumerate(zip(grid.ravel(), keys, strict=False)):
+        draw_line(axes, rows, key, joined=False)
+        axes.set(ylabel=label if i % columns == 0 else "")
+        _fit(axes, rows)
+
+
+def _on_band(rows: Sequence[Row]) -> str:
+    """What is to be said of the band over uncertain inputs, and of where there is none."""
+    spreads = [row.spread for row in rows if row.spread is not None]
+    band = " The band is the 90 % interval over the inputs." if any(spread.is_told for spread in spreads) else ""
+    gaps = [spread.not_told for spread in spreads if spread.not_told]
+    return f"{band} At {len(gaps)} of {len(rows)} points the inputs are {gaps[0]}: no band." if gaps else band
+
+
+def _beyond(rows: Sequence[Row]) -> str:
+    """A remark on bars that are not seen in full."""
+    few = any(count_of(row) == TOO_FEW for row in rows)
+    return " Bars of two values, as wide as 25 standard errors, may run out of the picture." if few else ""
+
+
+def _fit(axes: Any, rows: Sequence[Row | Mean]) -> None:
+    """Set the limits to the means and the bars of three values or more: those of two would leave no room for others."""
+    means = [row.found.mean for row in rows]
+    if min(means) > 0.0 and max(means) > DECADES * min(means):
+        make_logarithmic(axes.yaxis)
+        axes.set_ylim(0.5 * min(means), 2.0 * max(means))
+        return
+    halves = [half_width(row) if count_of(row) > TOO_FEW else 0.0 for row in rows]
+    low = min(mean - half for mean, half in zip(means, halves, strict=True))
+    high = max(mean + half for mean, half in zip(means, halves, strict=True))
+    room = 0.05 * (high - low) or 0.05 * abs(high) or 1.0
+    axes.set_ylim(low - room, high + room)
 
 
 def _edges(values: list[Any]) -> np.ndarray:
@@ -117,12 +200,6 @@ def _edges(values: list[Any]) -> np.ndarray:
     middle = 0.5 * (x[1:] + x[:-1])
     edges = np.concatenate([[2 * x[0] - middle[0]], middle, [2 * x[-1] - middle[-1]]])
     return np.exp(edges) if log else edges
-
-
-def _is_grid(sweep: Sweep, rows: list[Row]) -> bool:
-    """Whether the points are those of a grid of at least two values each."""
-    counts = [len({repr(point[key]) for point in sweep.points}) for key in sweep.keys]
-    return min(counts) > 1 and math.prod(counts) == len(sweep.points)
 
 
 def _is_number(value: Any) -> bool:

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from pathlib import PurePath
 from typing import Literal
 
 import numpy as np
@@ -18,7 +17,7 @@ from feeder_sim.part.stable_poses import NONE
 from feeder_sim.records.recording import PartRecord
 from feeder_sim.records.trajectory import Frames
 from feeder_sim.replay.parts import NUT
-from feeder_sim.scenario import Ball, Box, Cylinder, Dimer, HexNut, PartSpec, Scenario
+from feeder_sim.scenario import PartSpec, Scenario
 
 Colour = Literal["kind", "pose"]  # what colours stand for
 IN_NO_POSE = (150, 150, 150)
@@ -95,19 +94,5 @@ def _by_pose(parts: Sequence[PartRecord]) -> Colours:
 
 def kind_names(parts: Sequence[PartSpec]) -> list[str]:
     """Names of the kinds of parts; kinds of the same name have their numbers added."""
-    names = [_kind_name(part) for part in parts]
+    names = [part.label for part in parts]
     return [f"{name} ({i + 1})" if names.count(name) > 1 else name for i, name in enumerate(names)]
-
-
-def _kind_name(part: PartSpec) -> str:
-    if isinstance(part, HexNut):
-        return f"nut {part.size or f'{part.across_flats_mm:g} x {part.height_mm:g} mm'}"
-    if isinstance(part, Ball):
-        return f"ball {part.diameter_mm:g} mm"
-    if isinstance(part, Cylinder):
-        return f"cylinder {part.diameter_mm:g} x {part.height_mm:g} mm"
-    if isinstance(part, Box):
-        return "box " + " x ".join(f"{side:g}" for side in part.size_mm) + " mm"
-    if isinstance(part, Dimer):
-        return f"dimer {part.length_mm:g} mm"
-    return PurePath(part.file).stem

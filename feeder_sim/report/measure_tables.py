@@ -6,9 +6,9 @@ import math
 from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
+from feeder_sim.document.document import Block, Folded, Table, Text, Tile
+from feeder_sim.document.words import headed, number, split_unit, with_error, worded
 from feeder_sim.measures.statistic import half_interval
-from feeder_sim.report.page import Block, Folded, Table, Text, Tile
-from feeder_sim.report.words import headed, number, split_unit, with_error, worded
 from feeder_sim.studies.sweep.table import MAIN
 
 HEAD = ("measure", "unit", "mean", "SE", "95 % interval", "n")

@@ -9,8 +9,8 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from feeder_sim import __version__
+from feeder_sim.document.document import Block, Table, Text
 from feeder_sim.jobs.folder import SCENARIO
-from feeder_sim.report.page import Block, Table, Text
 from feeder_sim.run.provenance import library_versions
 
 

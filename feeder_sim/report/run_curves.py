@@ -8,10 +8,11 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from feeder_sim.document.figure import MM, Figure
+from feeder_sim.document.words import number
 from feeder_sim.measures.bounces import BounceFindings, seed_flights
 from feeder_sim.measures.rate import RateFindings
 from feeder_sim.measures.separation import SeparationFindings, StageCounts
-from feeder_sim.plots.figure import MM
 from feeder_sim.plots.run_curves import (
     draw_by_stage,
     draw_counts,
@@ -22,10 +23,7 @@ from feeder_sim.plots.run_curves import (
 )
 from feeder_sim.records.seed import Status
 from feeder_sim.records.trajectory import Frames
-from feeder_sim.report.page import Picture
-from feeder_sim.report.pictures import picture_of
 from feeder_sim.report.recorded import Recorded
-from feeder_sim.report.words import number
 from feeder_sim.scene.cell import PASSAGE_FROM, PASSAGE_TO
 
 INTERVAL = "bars and bands are 95 % intervals of the mean over the seeds"
@@ -33,7 +31,7 @@ MOST_STAGES = 12  # of one cycle in a picture by stage
 Kind = TypeVar("Kind")
 
 
-def curves(run: Recorded) -> Iterator[Picture]:
+def curves(run: Recorded) -> Iterator[Figure]:
     """All curves that a run has the data for."""
     goal = run.result.scene.scenario.goal
     alone, guided = len(run.recording.parts) == 1, run.result.scene.guides[0] is not None
@@ -63,7 +61,7 @@ def _seeds(run: Recorded) -> tuple[list[Frames], list[bool]]:
     return [frames for frames, _ in pairs], [status == Status.DONE for _, status in pairs]
 
 
-def _drift(run: Recorded) -> Picture:
+def _drift(run: Recorded) -> Figure:
     """Distance of the part to the nodal line over time, or its way from the start where there is no such line."""
     cell, (seeds, counted) = run.result.prepared.cell, _seeds(run)
     first_end = min((float(f.time[-1]) for f, counts in zip(seeds, counted, strict=True) if counts), default=None)
@@ -95,7 +93,7 @@ def _drift(run: Recorded) -> Picture:
         until = f" up to {first_end:.3g} s, when the first seed ends" if cell is not None else ""
         mean = f" The mean is drawn{until}; the band is its 95 % interval."
     left = " Dashed seeds did not run to their end." if not all(counted) else ""
-    return picture_of(
+    return Figure(
         draw,
         height=3.3,
         alt=f"The part over time: {what}, in {len(seeds)} seeds.",
@@ -103,7 +101,7 @@ def _drift(run: Recorded) -> Picture:
     )
 
 
-def _to_goal(run: Recorded) -> Picture:
+def _to_goal(run: Recorded) -> Figure:
     """Mean x of the parts over time in every seed, with the goal."""
     goal, (seeds, _) = run.result.scene.scenario.goal, _seeds(run)
     assert goal is not None  # the caller's check
@@ -123,7 +121,7 @@ def _to_goal(run: Recorded) -> Picture:
         axes.set(xlabel="time (s)", ylabel="mean x of the parts (mm)", xlim=(0.0, None))
         axes.legend(loc="best")
 
-    return picture_of(
+    return Figure(
         draw,
         height=3.2,
         alt=f"Mean x of the parts over time in {len(seeds)} seeds, and the goal at {goal.x_mm:g} mm.",
@@ -132,7 +130,7 @@ def _to_goal(run: Recorded) -> Picture:
     )
 
 
-def _bounces(run: Recorded, findings: BounceFindings) -> Picture:
+def _bounces(run: Recorded, findings: BounceFindings) -> Figure:
     """Histograms of the flights of a part in a guide."""
     scene = run.result.scene
     done = [record for record, s in zip(run.recording.records, run.recording.status, strict=True) if s == Status.DONE]
@@ -140,7 +138,7 @@ def _bounces(run: Recorded, findings: BounceFindings) -> Picture:
     means = (findings.bounce_interval_ms, findings.flight_height_mm, findings.impact_speed_mm_s)
     period = 1.0 / scene.scenario.excitations[0][1].frequency_hz
     motions = ", ".join(f"{name} in {n}" for name, n in findings.motion.items())
-    return picture_of(
+    return Figure(
         lambda figure: draw_flights(figure.subplots(1, 3), flights, plate_period=period, means=means),
         height=2.6,
         alt=f"Histograms of bounce interval, flight height and impact speed of {means[0].n} flights.",
@@ -149,7 +147,7 @@ def _bounces(run: Recorded, findings: BounceFindings) -> Picture:
     )
 
 
-def _counts(run: Recorded, findings: SeparationFindings) -> Iterator[Picture]:
+def _counts(run: Recorded, findings: SeparationFindings) -> Iterator[Figure]:
     """Counts at the ends of stages: over the cycles, or over the stages where there is one cycle only."""
     scene = run.result.scene
     pairs = [
@@ -186,7 +184,7 @@ def _counts(run: Recorded, findings: SeparationFindings) -> Iterator[Picture]:
                 axes.legend(loc="best")
 
         alone = findings.stages[0].on_plate.n
-        yield picture_of(
+        yield Figure(
             draw,
             height=3.2,
             alt="Parts on the plate, isolated, picked, and near nodal lines, over the cycles.",
@@ -209,7 +207,7 @@ def _counts(run: Recorded, findings: SeparationFindings) -> Iterator[Picture]:
             axes.legend(loc="best")
 
         if len(pairs) > 1:
-            yield picture_of(
+            yield Figure(
                 draw_stages,
                 height=3.2,
                 alt="Parts on the plate, near nodal lines, isolated and picked at the end of every stage.",
@@ -217,7 +215,7 @@ def _counts(run: Recorded, findings: SeparationFindings) -> Iterator[Picture]:
             )
 
 
-def _rate(findings: RateFindings) -> Picture:
+def _rate(findings: RateFindings) -> Figure:
     """Picks per minute by kind, and where the time goes."""
     rows = 1 + sum(1 + len(kind.poses) for kind in findings.picks_per_minute_of_kind)
     height = min(1.6 + 0.28 * rows, 5.0)
@@ -229,7 +227,7 @@ def _rate(findings: RateFindings) -> Picture:
 
     rate = findings.picks_per_minute
     begin = f" Cycles from {findings.counted_from_cycle} on count." if findings.counted_from_cycle > 1 else ""
-    return picture_of(
+    return Figure(
         draw,
         height=height,
         alt=f"Picks per minute: {number(rate.mean, 3)} in all, and of each kind; shares of the time.",

@@ -10,8 +10,10 @@ from typing import Any
 
 import numpy as np
 
+from feeder_sim.document.document import Block, Text
+from feeder_sim.document.figure import UM, WIDTH, Figure, picture_from
+from feeder_sim.document.words import number
 from feeder_sim.errors import FeederSimError
-from feeder_sim.plots.figure import UM
 from feeder_sim.plots.plate_top import (
     close_up,
     draw_parts,
@@ -25,10 +27,7 @@ from feeder_sim.records.recording import PlateRecord
 from feeder_sim.records.trajectory import Frames
 from feeder_sim.replay.colours import colours_of, default_colour
 from feeder_sim.replay.viewer import take_screenshot
-from feeder_sim.report.page import Block, Picture, Text
-from feeder_sim.report.pictures import WIDTH, picture_from, picture_of
 from feeder_sim.report.recorded import Recorded
-from feeder_sim.report.words import number
 from feeder_sim.scene.timetable import TimedStage
 
 MOST_SHAPES, MOST_MOMENTS = 6, 4
@@ -37,7 +36,7 @@ ROOM = 0.4  # parts of a close-up's distance from antinode to nodal line, around
 TITLE = 0.45  # [in] of a panel above and below what is drawn
 
 
-def plate_picture(run: Recorded) -> Picture | None:
+def plate_picture(run: Recorded) -> Figure | None:
     """Mode shapes that are driven, with their nodal lines; None for a plate that moves as a whole."""
     plate = run.recording.plate
     driven: dict[tuple[int, float], list[float]] = {}
@@ -65,7 +64,7 @@ def plate_picture(run: Recorded) -> Picture | None:
     more = len(driven) - len(shown)
     left_out = f" {more} more are not shown." if more else ""
     frequencies = ", ".join(f"{frequency:g} Hz" for (_, frequency), _ in shown)
-    return picture_of(
+    return Figure(
         draw,
         height=height,
         alt=f"Mode shapes of the plate, driven at {frequencies}, seen from above, with nodal lines.",
@@ -74,7 +73,7 @@ def plate_picture(run: Recorded) -> Picture | None:
     )
 
 
-def parts_picture(run: Recorded) -> Picture | None:
+def parts_picture(run: Recorded) -> Figure | None:
     """Where parts were: paths of a single one in all seeds, or many parts of the first seed at several moments."""
     scene, recording = run.result.scene, run.recording
     if scene.guides[0] is not None or not any(len(frames) > 1 for frames in recording.seeds):
@@ -84,7 +83,7 @@ def parts_picture(run: Recorded) -> Picture | None:
     return _moments(run)
 
 
-def _paths(run: Recorded) -> Picture:
+def _paths(run: Recorded) -> Figure:
     """Paths of a part in all seeds; of a small part on a large plate, in the cell of the plate that it is in."""
     plate, cell = run.recording.plate, run.result.prepared.cell
     seeds = [frames for frames in run.recording.seeds if len(frames) > 1]
@@ -104,7 +103,7 @@ def _paths(run: Recorded) -> Picture:
         axes.set(xlabel="x (mm)", ylabel="y (mm)")
 
     around = " Only the part of the plate around the paths is shown." if shown else ""
-    return picture_of(
+    return Figure(
         draw,
         height=4.2,
         alt=f"Paths of the part on the plate in {len(seeds)} seeds, seen from above.",
@@ -113,7 +112,7 @@ def _paths(run: Recorded) -> Picture:
     )
 
 
-def _moments(run: Recorded) -> Picture:
+def _moments(run: Recorded) -> Figure:
     """Parts of the first seed that was recorded, at its start and at the ends of some stages."""
     scenario, recording = run.result.scene.scenario, run.recording
     seed = next(i for i, frames in enumerate(recording.seeds) if len(frames) > 1)
@@ -153,7 +152,7 @@ def _moments(run: Recorded) -> Picture:
     meaning = f" Colours are {'the stable poses in which they lie' if by_pose else 'the kinds'}."
     legend = meaning if len(colours.entries) > 1 else ""
     picks = " Green rings are around parts that are picked at that moment." if len(record.removals.time) else ""
-    return picture_of(
+    return Figure(
         draw,
         height=height,
         alt=f"Places of the parts of seed {seed} on the plate, seen from above, at {len(moments)} moments.",

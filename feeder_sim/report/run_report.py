@@ -8,15 +8,15 @@ import shlex
 from collections.abc import Callable
 from pathlib import Path
 
+from feeder_sim.document.document import Block, Document, Section, Table, Text
+from feeder_sim.document.words import number, sentence
 from feeder_sim.records.seed import Counts, Status
 from feeder_sim.report.measure_tables import measure_blocks, tiles
-from feeder_sim.report.page import Block, Page, Section, Table, Text
 from feeder_sim.report.provenance import foot
 from feeder_sim.report.recorded import Recorded, recorded_run
 from feeder_sim.report.run_curves import curves
 from feeder_sim.report.run_pictures import parts_picture, plate_picture, screenshot
 from feeder_sim.report.scenario_tables import scenario_blocks
-from feeder_sim.report.words import number, sentence
 from feeder_sim.run.run_folder import RESOLVED
 from feeder_sim.studies.uncertainty.uncertainty import UncertaintyQuestion
 
@@ -30,13 +30,13 @@ DRAWS_OF_RUN = "uncertainty"  # folder of the draws of uncertain inputs, in that
 Progress = Callable[[float], None]
 
 
-def run_page(
+def run_document(
     folder: Path,
     *,
     with_screenshot: bool = False,
     progress: Progress | None = None,
     notify: Callable[[str], None] | None = None,
-) -> Page:
+) -> Document:
     """The page of a run.
 
     Args:
@@ -75,7 +75,7 @@ def run_page(
         Section("Cautions", _cautions(run)),
         Section("How it was computed, and how to repeat it", _provenance(run, summary)),
     ]
-    return Page(
+    return Document(
         title=scenario.title or run.folder.resolve().name,
         subtitle=_subtitle(run),
         tiles=tiles(measures),

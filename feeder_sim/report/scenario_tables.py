@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from feeder_sim.report.page import Block, Folded, Table, Text
-from feeder_sim.report.words import headed, split_unit, worded_in, worded_of
+from feeder_sim.document.document import Block, Folded, Table, Text
+from feeder_sim.document.words import headed, split_unit, worded_in, worded_of
 from feeder_sim.scenario import Scenario
 
 # Shown also where they are at their defaults: results depend on them strongly.

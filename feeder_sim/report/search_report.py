@@ -4,85 +4,50 @@ from __future__ import annotations
 
 import math
 import shlex
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
-from feeder_sim.jobs.cautions import most_frequent
+from feeder_sim.document.document import Block, Folded, Section, Table, Text, Tile
+from feeder_sim.document.words import key_label, measure_label, number, split_unit, value_text, with_error
 from feeder_sim.jobs.folder import SCENARIO
 from feeder_sim.measures.statistic import Statistic, half_interval
+from feeder_sim.notebook import counted
+from feeder_sim.report.content import Content
 from feeder_sim.report.measure_tables import statistic_cells
-from feeder_sim.report.page import Block, Folded, Page, Section, Table, Text, Tile
-from feeder_sim.report.provenance import foot, repeated
-from feeder_sim.report.scenario_tables import scenario_blocks
-from feeder_sim.report.search_pictures import course_picture, keys_picture
-from feeder_sim.report.words import key_label, measure_label, number, split_unit, value_text, with_error
 from feeder_sim.scenario.changes import labels
-from feeder_sim.studies.search.optimise import BEST, CHECK, TRIALS, OptimiseQuestion, Search, Tried
-from feeder_sim.studies.search.proposals import RANDOM_TRIALS
+from feeder_sim.studies.search.optimise import BEST, TRIALS, Search
 from feeder_sim.studies.search.space import Parameter
-from feeder_sim.studies.study import text_of
 from feeder_sim.studies.sweep.design import Point
 
 MOST_ROWS = 2000  # of the table of the trials
-FEW_FRESH = 8  # fresh seeds, below which an interval is wide
 CHECK_HEAD = ("recipe", "mean", "SE", "95 % interval", "n")
-AT_AN_END = 0.02  # of a range, or of its logarithm: as near to an end as this is at it
-REFUSED, NO_VALUE, STOPPED = "not allowed", "a seed has no value", "stopped early"
 
 
-def search_page(folder: Path, *, progress: Callable[[float], None] | None = None) -> Page:
-    """The page of a search; `progress` is called with the fraction done.
-
-    Raises:
-        InputError: the folder cannot be read.
-    """
-    tell = progress or (lambda _: None)
-    search, text = Search.read(folder), text_of(folder / SCENARIO)
-    pictures = [course_picture(search)] if search.trials else []
-    tell(0.5)
-    pictures += [keys_picture(search)] if any(trial.found.n for trial in search.trials) else []
-    tell(1.0)
-    sections = (
-        Section("What was searched", (_keys_table(search), _effort(search))),
-        Section("The best recipe", tuple(_best(search, folder))),
-        Section("The course of the search", (*pictures, *_trials(search))),
-        Section("Cautions", tuple(_cautions(search)) or (Text("None known."),)),
-        Section("The scenario that the search began with", scenario_blocks(search.scenario, text)),
-        Section("How to repeat it", _repeated(search, folder)),
-    )
-    return Page(
-        title=f"Best recipe: {search.scenario.title or folder.resolve().name}",
-        subtitle=f"Search for the {_aim(search)}: {_tried(search)} over {_plural(len(search.keys), 'key')}.",
+def search_content(search: Search, folder: Path) -> Content:
+    """What the page of a search has of its own."""
+    figures, question = search.figures(search.aim.measure), search.question
+    done = {"trials": max(1, len(search.trials)), "budget_s": None, "screen": None, "recipes": 256}
+    usual = type(question).model_fields["check_seeds"].default
+    done |= {"check_seeds": len(search.present.values) if search.present else usual}
+    return Content(
+        title="Best recipe",
+        subtitle=f"Search for the {_aim(search)}: {counted(len(search.trials), 'recipe')} tried over "
+        f"{counted(len(search.keys), 'key')}.",
+        sections=(
+            Section("The best recipe", tuple(_best(search, folder))),
+            Section("The course of the search", (*figures, *_trials(search))),
+        ),
+        command=question.model_copy(update=done).command(folder / SCENARIO),
+        asked=(_keys_table(search),),
         tiles=tuple(_tiles(search)),
         notices=tuple(_notices(search)),
-        sections=tuple(section for section in sections if section.blocks),
-        foot=foot(),
+        more="A search that began with --screen takes the same way only with that option.",
     )
 
 
 def _aim(search: Search) -> str:
     """What was searched for, in words."""
     return f"{'largest' if search.aim.largest else 'smallest'} {measure_label(search.aim.measure)}"
-
-
-def _tried(search: Search) -> str:
-    return f"{_plural(len(search.trials), 'recipe')} tried"
-
-
-def _became(trial: Tried) -> str:
-    """What became of a trial."""
-    if math.isnan(trial.found.mean):
-        return NO_VALUE if trial.seeds else REFUSED
-    return STOPPED if trial.stopped else "all seeds"
-
-
-def _count(search: Search, became: str) -> int:
-    return sum(_became(trial) == became for trial in search.trials)
-
-
-def _plural(count: int, noun: str) -> str:
-    return f"{count} {noun}{'' if count == 1 else 's'}"
 
 
 def _notices(search: Search) -> Iterator[Text]:
@@ -112,7 +77,8 @@ def _tiles(search: Search) -> Iterator[Tile]:
     leader = search.leader
     if not found.complete and leader is not None:
         yield Tile("best trial, not checked", *_mean_and_note(leader.found, unit, "seeds"))
-    yield Tile("recipes tried", str(len(search.trials)), "", f"{_count(search, STOPPED)} stopped early")
+    stopped = sum(trial.stopped for trial in search.trials)
+    yield Tile("recipes tried", str(len(search.trials)), "", f"{stopped} stopped early")
 
 
 def _mean_and_note(found: Statistic, unit: str, seeds: str) -> tuple[str, str, str]:
@@ -137,20 +103,6 @@ def _could_be(parameter: Parameter) -> str:
         return f"one of {', '.join(_value({'': choice}, '') for choice in parameter.choices)}"
     span = f"{number(parameter.span.low, 6)} to {number(parameter.span.high, 6)}"
     return span + (", whole numbers" if parameter.whole else "") + (", by ratios" if parameter.span.log else "")
-
-
-def _effort(search: Search) -> Table:
-    """What was searched for, and how."""
-    question, found = search.question, search
-    rows = [
-        ("searched for", f"the {_aim(search)}, mean over the seeds"),
-        ("recipes tried", f"{len(search.trials)}, {_count(search, STOPPED)} of them stopped early"),
-        ("seeds of a recipe", f"up to {question.seeds}"),
-        ("proposed by", f"Optuna, sampler {question.sampler}"),
-    ]
-    if found.present is not None:
-        rows.append(("fresh seeds of the check", str(len(found.present.values))))
-    return Table("", ("what", "how"), tuple(rows))
 
 
 def _best(search: Search, folder: Path) -> Iterator[Block]:
@@ -229,7 +181,7 @@ def _trials(search: Search) -> Iterator[Block]:
     rows = tuple(
         (
             str(trial.number),
-            _became(trial),
+            trial.became,
             *(_value(trial.point, key) for key in search.keys),
             *(with_error(trial.found.mean, trial.found.se)),
             str(trial.seeds),
@@ -241,60 +193,3 @@ def _trials(search: Search) -> Iterator[Block]:
     yield Folded(f"All {len(search.trials)} trials", (table,))
     if len(search.trials) > MOST_ROWS:
         yield Text(f"{len(search.trials) - MOST_ROWS} more are not listed here; {TRIALS} has them.", "note")
-
-
-def _cautions(search: Search) -> Iterator[Text]:
-    """What limits the result."""
-    found, measure = search, measure_label(search.aim.measure)
-    for name, checked in (("recipe of the file", found.present), ("best recipe", found.best)):
-        if checked is not None and checked.found.n < len(checked.values):
-            none = len(checked.values) - checked.found.n
-            yield Text(f"{none} of {len(checked.values)} fresh seeds of the {name} have no {measure}.", "caution")
-    if found.present is not None and len(found.present.values) < FEW_FRESH:
-        yield Text(f"{len(found.present.values)} fresh seeds are few: intervals are wide.", "caution")
-    if len(search.trials) < RANDOM_TRIALS:
-        yield Text(f"{len(search.trials)} recipes are few: the first {RANDOM_TRIALS} are drawn at random, and the "
-                   "search learns from them.", "caution")  # fmt: skip
-    best = found.best.point if found.best else None
-    for parameter in found.space.parameters if best else ():
-        end = _end_of_range(parameter, best[parameter.key]) if best else ""
-        if end:
-            yield Text(f"{parameter.key} of the best recipe lies at the {end} end of its range: a wider one may hold a "
-                       "better recipe.", "caution")  # fmt: skip
-    if none := _count(search, NO_VALUE):
-        yield Text(f"Recipes with a seed without a value, as where a part does not arrive: {none}. They do not "
-                   f"count. {_why(search, NO_VALUE)}", "note")  # fmt: skip
-    if refused := _count(search, REFUSED):
-        yield Text(f"Recipes with values that are not allowed together: {refused}. {_why(search, REFUSED)}", "note")
-    if found.best:
-        yield Text("A search finds a good recipe, not surely the best there is.", "note")
-
-
-def _why(search: Search, became: str) -> str:
-    """The most frequent reason why recipes do not count, of those that have come to the same."""
-    reason = most_frequent([trial.refused for trial in search.trials if trial.refused and _became(trial) == became])
-    return f"Mostly: {reason}." if reason else ""
-
-
-def _end_of_range(parameter: Parameter, value: Any) -> str:
-    """Which end of its range a value lies at; "" for none."""
-    span = parameter.span
-    if span is None:
-        return ""
-    low, high, here = (math.log(x) if span.log else x for x in (span.low, span.high, float(value)))
-    share = (here - low) / (high - low)
-    return "lower" if share < AT_AN_END else "upper" if share > 1.0 - AT_AN_END else ""
-
-
-def _repeated(search: Search, folder: Path) -> tuple[Block, ...]:
-    """The command, versions, hashes, and where the data are."""
-    asked, found = search.question, search
-    words = ["optimise", str(folder / SCENARIO), "--maximise" if asked.maximise else "--minimise", search.aim.measure]
-    for axis in asked.over:
-        words += ["--over", axis]
-    words += ["--trials", str(max(1, len(search.trials))), "--seeds", str(asked.seeds)]
-    words += ["--check-seeds", str(len(found.present.values))] if found.present else []
-    words += ["--sampler", asked.sampler] if asked.sampler != "tpe" else []
-    files = [name for name in (OptimiseQuestion.file, TRIALS, CHECK, BEST) if (folder / name).is_file()]
-    more = "A search that began with --screen takes the same way only with that option."
-    return repeated(folder, words, files, more)

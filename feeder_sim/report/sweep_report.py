@@ -2,73 +2,52 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-from feeder_sim.jobs.folder import SCENARIO
-from feeder_sim.measures.statistic import LARGEST_OF_MANY
-from feeder_sim.report.measure_tables import TELLING, TILES, in_order, statistic_cells
-from feeder_sim.report.page import Block, Folded, Page, Section, Table, Text, Tile
-from feeder_sim.report.provenance import foot, repeated
-from feeder_sim.report.scenario_tables import scenario_blocks
-from feeder_sim.report.sweep_pictures import (
-    TOO_FEW,
-    count_of,
-    half_width,
-    measure_picture,
-    values_of,
-)
-from feeder_sim.report.words import (
+from feeder_sim.document.document import Block, Folded, Section, Table, Text, Tile
+from feeder_sim.document.words import (
     key_label,
     measure_label,
     number,
     point_text,
-    sentence,
     split_unit,
     value_text,
     with_error,
 )
-from feeder_sim.studies.study import text_of
-from feeder_sim.studies.sweep.sweep import CSV, Sweep, SweepQuestion
-from feeder_sim.studies.sweep.table import Row, means_of_some
+from feeder_sim.plots.sweep import (
+    TOO_FEW,
+    count_of,
+    half_width,
+    values_of,
+)
+from feeder_sim.report.content import Content
+from feeder_sim.report.measure_tables import TELLING, TILES, in_order, statistic_cells
+from feeder_sim.studies.sweep.sweep import CSV, Sweep
+from feeder_sim.studies.sweep.table import Row
 
 MOST_PICTURES = 8
 MOST_ROWS = 3000  # of all tables of values together; more would make the page too large to mail
 MOST_VALUES = 12  # of a key that are listed one by one
 
 
-def sweep_page(folder: Path, *, progress: Callable[[float], None] | None = None) -> Page:
-    """The page of a sweep; `progress` is called with the fraction done.
-
-    Raises:
-        InputError: the sweep cannot be read.
-    """
-    sweep, text = Sweep.read(folder), text_of(folder / SCENARIO)
+def sweep_content(sweep: Sweep, _: Path) -> Content:
+    """What the page of a sweep has of its own."""
     ordered = in_order(sweep.measures, sweep.question.measure or "")
-    drawn = [measure for measure in ordered if _varies(sweep.valued(measure))][:MOST_PICTURES]
-    pictures: list[Block] = []
-    for i, measure in enumerate(drawn):
-        pictures.append(measure_picture(sweep.valued(measure), sweep.keys, measure))
-        if progress:
-            progress((i + 1) / len(drawn))
-    command = sweep.question.command(folder / SCENARIO)
-    sections = (
-        Section("What was varied", (_keys_table(sweep), *_effort(sweep))),
-        Section("Results", tuple(pictures)),
-        Section("All measures", (_extremes(sweep, ordered), *_values(sweep, ordered))),
-        Section("Cautions", tuple(_cautions(sweep, ordered, drawn))),
-        Section("The scenario that was varied", scenario_blocks(sweep.scenario, text)),
-        Section("How to repeat it", repeated(folder, command, (SweepQuestion.file, CSV))),
-    )
+    varying = [measure for measure in ordered if _varies(sweep.valued(measure))]
+    pictures: list[Block] = [figure for measure in varying[:MOST_PICTURES] for figure in sweep.figures(measure)]
+    if more := len(varying) - MOST_PICTURES if len(varying) > MOST_PICTURES else 0:
+        pictures.append(Text(f"{more} more measures that change over the sweep are in the tables only.", "note"))
     n = len(sweep.points)
     keys = " and ".join(sweep.keys) if len(sweep.keys) < 3 else f"{len(sweep.keys)} keys"
-    return Page(
-        title=f"Sweep: {sweep.scenario.title or folder.resolve().name}",
+    return Content(
         subtitle=f"{n} point{'s' if n != 1 else ''} over {keys}; at each of them a mean over several seeds.",
+        sections=(
+            Section("Results", tuple(pictures)),
+            Section("All measures", (_extremes(sweep, ordered), *_values(sweep, ordered))),
+        ),
+        asked=(_keys_table(sweep),),
         tiles=tuple(_tiles(sweep, ordered)),
-        notices=(),
-        sections=tuple(section for section in sections if section.blocks),
-        foot=foot(),
     )
 
 
@@ -101,24 +80,6 @@ def _keys_table(sweep: Sweep) -> Table:
             shown = f"{value_text(min(numbers), 4)} to {value_text(max(numbers), 4)}" if numbers else f"{shown}, ..."
         rows.append((key, split_unit(key)[1], str(len(values)), shown))
     return Table("", ("varied key", "unit", "values", "which"), tuple(rows))
-
-
-def _effort(sweep: Sweep) -> tuple[Block, ...]:
-    """How points and seeds were chosen."""
-    asked = sweep.question
-    design = f"Sobol sample of {asked.sobol} points" if asked.sobol else "side by side" if asked.zip else "grid"
-    rows = [("points", design), ("seeds of a point", str(asked.seeds or sweep.scenario.run.seeds))]
-    if asked.until_se:
-        rows.append(
-            (
-                "more seeds",
-                f"until the SE of {asked.measure} is below {100.0 * asked.until_se:g} % of the mean, up to "
-                f"{asked.most_seeds} seeds",
-            )
-        )
-    if sweep.uncertain:
-        rows.append(("draws of uncertain inputs", str(asked.inputs)))
-    return (Table("", ("what", "how"), tuple(rows)),)
 
 
 def _extremes(sweep: Sweep, ordered: Sequence[str]) -> Table:
@@ -174,50 +135,3 @@ def _cells(row: Row) -> tuple[str, ...]:
     if spread.is_told:
         over = f"{number(spread.inputs_low)} to {number(spread.inputs_high)}"
     return mean, se, interval, over, number(spread.sd_inputs, 2), number(spread.sd_seeds, 2), n
-
-
-def _cautions(sweep: Sweep, ordered: Sequence[str], drawn: Sequence[str]) -> Iterator[Text]:
-    """Failures, points that are not there, and what the largest of many means is worth."""
-    failed, points = sweep.failed, len(sweep.points)
-    if failed:
-        yield Text(
-            f"{sum(failed)} seeds failed, at {len(failed)} of {points} points; they do not count in the "
-            "means. The tables say where.",
-            "failure",
-        )
-    planned = len(sweep.question.points(sweep.scenario))
-    if points < planned:
-        yield Text(f"{points} of {planned} points are there: the sweep has not ended.", "caution")
-    missing = sweep.missing_at_points
-    if missing:
-        yield Text(
-            f"{sum(missing)} seeds are missing, at {len(missing)} of {points} points: the sweep has not ended.",
-            "caution",
-        )
-    if not sweep.complete and not missing and points == planned:
-        yield Text("More seeds are to be run: the sweep has not ended.", "caution")
-    if sweep.short:
-        yield Text(
-            f"{sweep.short} of {points} points have as many seeds as were allowed ({sweep.question.most_seeds}), and "
-            "not the standard error that was asked for.",
-            "caution",
-        )
-    for caution in sweep.cautions:
-        yield Text(sentence(caution.in_words()), "caution")
-    alone = sum(row.found.n == 1 for row in sweep.rows)
-    if alone:
-        yield Text(f"{alone} values come from a single seed and have no interval.", "caution")
-    for measure in drawn:
-        some = means_of_some(sweep.of(measure))
-        if some:
-            yield Text(f"{measure_label(measure)}: {some}.", "caution")
-    if points > 1:
-        yield Text(
-            "All points have the same random starts, so that differences between them are surer than "
-            "the intervals say.",
-            "note",
-        )
-        yield Text(LARGEST_OF_MANY, "note")
-    more = sum(_varies(sweep.valued(measure)) for measure in ordered) - len(drawn)
-    if more > 0:
-        yield Text(f"{more} more measures that change over the sweep are in the tables only.", "note")

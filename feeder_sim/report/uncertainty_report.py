@@ -3,76 +3,48 @@
 from __future__ import annotations
 
 import math
-from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
+from feeder_sim.document.document import Block, Folded, Section, Table, Text, Tile
+from feeder_sim.document.words import between, key_label, measure_label, number, split_unit, value_text
 from feeder_sim.errors import InputError
-from feeder_sim.jobs.folder import SCENARIO
+from feeder_sim.report.content import Content
 from feeder_sim.report.measure_tables import TELLING, TILES, in_order
-from feeder_sim.report.page import Block, Folded, Page, Section, Table, Text, Tile
-from feeder_sim.report.provenance import foot, repeated
-from feeder_sim.report.scenario_tables import scenario_blocks
-from feeder_sim.report.uncertainty_pictures import inputs_picture, shares_picture, spread_picture
-from feeder_sim.report.words import between, key_label, measure_label, number, split_unit, value_text
 from feeder_sim.scenario import Uncertain
-from feeder_sim.studies.study import text_of
 from feeder_sim.studies.uncertainty.indices import Index
 from feeder_sim.studies.uncertainty.linear_shares import LinearShares
-from feeder_sim.studies.uncertainty.uncertainty import DRAWS, TABLE, Uncertainty, UncertaintyQuestion
+from feeder_sim.studies.uncertainty.uncertainty import DRAWS, Uncertainty, share_table
 
 MOST_COLUMNS = 7  # inputs and measures in the table of the draws; all of them would not fit the page
 MOST_ROWS = 2000  # of that table
-FEW_DRAWS = 20  # below it not even one draw lies beyond each end of 90 %
-FEW_FOR_INDICES = 64  # draws, each (inputs + 2) times
-WIDE = 0.3  # of the interval of an index, on each side, that tells nothing apart
-MOSTLY = 0.9  # of the variance that straight lines explain where they tell what the result hangs on
-MOST_CAUSES = 5  # of failures, one by one
 
 Linear = dict[str, LinearShares]  # of every measure that has some
 Indices = dict[str, list[Index]]  # the same
 
 
-def uncertainty_page(folder: Path, *, progress: Callable[[float], None] | None = None) -> Page:
-    """The page of uncertain inputs; `progress` is called with the fraction done.
-
-    Raises:
-        InputError: the folder cannot be read.
-    """
-    tell = progress or (lambda _: None)
-    asked, text = Uncertainty.read(folder), text_of(folder / SCENARIO)
-    found, question = asked, asked.question
-    measures = in_order(found.measures, question.measure or "")
-    shown = question.measure if question.measure in measures else found.main()
+def uncertainty_content(asked: Uncertainty, _: Path) -> Content:
+    """What the page of uncertain inputs has of its own."""
+    measures, question = in_order(asked.measures, asked.question.measure or ""), asked.question
+    shown = question.measure if question.measure in measures else asked.main()
     indices, trouble = _indices(asked, measures)
-    tell(0.3)
-    pictures: list[Block] = [spread_picture(found, shown, question.measured)] if shown else []
-    tell(0.7)
-    hangs: list[Block] = [inputs_picture(found, shown)] if shown else []
-    linear = {measure: told for measure in measures if (told := found.linear_shares(measure))}
-    if shown in linear or shown in indices:
-        hangs.append(shares_picture(linear.get(shown), indices.get(shown, []), shown))
-    tell(1.0)
-    sections = (
-        Section("What was uncertain", (_inputs(asked), _effort(asked))),
-        Section("Results", (*pictures, *_of_measured(asked, shown))),
-        Section("All measures", tuple(_measures(asked, measures))),
-        Section("What it hangs on", (*hangs, *_share_tables(measures, linear, indices))),
-        Section("The draws", tuple(_draws(asked, measures))),
-        Section("Cautions", tuple(_cautions(asked, shown, linear, indices, trouble)) or (Text("None known."),)),
-        Section("The scenario", scenario_blocks(asked.scenario, text)),
-        Section(
-            "How to repeat it",
-            repeated(folder, asked.question.command(folder / SCENARIO), (UncertaintyQuestion.file, DRAWS, TABLE)),
+    linear = {measure: told for measure in measures if (told := asked.linear_shares(measure))}
+    figures = asked.figures(shown) if shown else []
+    hints = (Text(f"Sobol indices are not here: computing them {trouble}", "caution"),) if trouble else ()
+    inputs, seeds = len(asked.scenario.uncertain or {}), question.seeds
+    of_each = f"{seeds} seeds" if seeds > 1 else "one seed"
+    return Content(
+        title="Uncertain inputs",
+        subtitle=f"{len(asked.draws)} draws of {inputs} uncertain input{'s' if inputs > 1 else ''}, {of_each} of each.",
+        sections=(
+            Section("Results", (*figures[:1], *_of_measured(asked, shown))),
+            Section("All measures", tuple(_measures(asked, measures))),
+            Section("What it depends on", (*hints, *figures[1:], *_share_tables(measures, linear, indices))),
+            Section("The draws", tuple(_draws(asked, measures))),
         ),
-    )
-    return Page(
-        title=f"Uncertain inputs: {asked.scenario.title or folder.resolve().name}",
-        subtitle=_subtitle(asked),
+        asked=(_inputs(asked),),
         tiles=tuple(_tiles(asked, measures, shown)),
         notices=tuple(_notices(asked)),
-        sections=tuple(section for section in sections if section.blocks),
-        foot=foot(),
     )
 
 
@@ -84,24 +56,14 @@ def _indices(asked: Uncertainty, measures: Sequence[str]) -> tuple[Indices, str]
         return {}, error.problem
 
 
-def _subtitle(asked: Uncertainty) -> str:
-    inputs = len(asked.scenario.uncertain or {})
-    seeds = asked.question.seeds
-    of_each = f"{seeds} seeds" if seeds > 1 else "one seed"
-    return f"{len(asked.draws)} draws of {inputs} uncertain input{'s' if inputs > 1 else ''}, {of_each} of each."
-
-
 def _notices(asked: Uncertainty) -> Iterator[Text]:
     """What a reader has to know first: that it is not whole."""
     if not asked.complete:
         wanted = len(asked.draws) * asked.question.seeds
         yield Text(f"{len(asked.done)} of {wanted} runs are there: the study has not ended.", "caution")
     if asked.failed:
-        yield Text(f"{_of_runs(asked)} failed. They do not count; the causes are listed under Cautions.", "failure")
-
-
-def _of_runs(asked: Uncertainty) -> str:
-    return f"{len(asked.failed)} of {len(asked.done)} runs"
+        failed = f"{len(asked.failed)} of {len(asked.done)} runs failed"
+        yield Text(f"{failed}. They do not count; the causes are listed under Cautions.", "failure")
 
 
 def _tiles(asked: Uncertainty, measures: Sequence[str], shown: str) -> Iterator[Tile]:
@@ -135,16 +97,6 @@ def _may_be(uncertain: Uncertain) -> str:
         return f"{mean} ± {deviation} (normal, one standard deviation)"
     low, high = (number(value, 6) for value in uncertain.ends)
     return f"{low} to {high}, {'every ratio' if uncertain.log_uniform else 'all'} equally likely"
-
-
-def _effort(asked: Uncertainty) -> Table:
-    """How many draws and seeds there are."""
-    question, count = asked.question, len(asked.draws)
-    draws = f"{count}, a scrambled Sobol sequence"
-    if question.indices:
-        draws = f"{count} = {question.inputs} x ({len(asked.scenario.uncertain or {})} inputs + 2), for Sobol indices"
-    rows = (("draws", draws), ("seeds of each draw", str(question.seeds)), ("runs that are done", str(len(asked.done))))
-    return Table("", ("what", "how many"), rows)
 
 
 def _of_measured(asked: Uncertainty, shown: str) -> Iterator[Text]:
@@ -191,7 +143,8 @@ def _table_of(asked: Uncertainty, measures: Sequence[str]) -> Table:
 
 def _share_tables(measures: Sequence[str], linear: Linear, indices: Indices) -> Iterator[Block]:
     """Shares of the inputs: of the most telling measure as a table, of the others folded."""
-    tables = [_share_table(m, linear.get(m), indices.get(m, [])) for m in measures if m in linear or m in indices]
+    told = [m for m in measures if m in linear or m in indices]
+    tables = [share_table(measure_label(m), linear.get(m), indices.get(m, [])) for m in told]
     if not tables:
         return
     text = "Straight line: the share of the variance over the inputs that goes in a straight line with this input. "
@@ -204,24 +157,6 @@ def _share_tables(measures: Sequence[str], linear: Linear, indices: Indices) -> 
     yield tables[0]
     if tables[1:]:
         yield Folded(f"{len(tables) - 1} other measures", tuple(tables[1:]))
-
-
-def _share_table(measure: str, linear: LinearShares | None, indices: Sequence[Index]) -> Table:
-    columns: list[tuple[str, list[str]]] = [("input", [i.key for i in (linear.inputs if linear else indices)])]
-    if linear:
-        columns.append(("straight line", [_with_interval(i.share, i.interval) for i in linear.inputs]))
-    if indices:
-        columns.append(("first order", [_with_interval(i.first, i.first_interval) for i in indices]))
-        columns.append(("total", [_with_interval(i.total, i.total_interval) for i in indices]))
-    rows = list(zip(*(column for _, column in columns), strict=True))
-    if linear:
-        explained = _with_interval(linear.explained, linear.explained_interval)
-        rows.append(("all of them", explained, *("" for _ in columns[2:])))
-    return Table(measure_label(measure), tuple(name for name, _ in columns), tuple(rows), numbers_from=1)
-
-
-def _with_interval(value: float, half: float) -> str:
-    return f"{value:.2f} ± {half:.2f}"
 
 
 def _draws(asked: Uncertainty, measures: Sequence[str]) -> Iterator[Block]:
@@ -242,60 +177,3 @@ def _draws(asked: Uncertainty, measures: Sequence[str]) -> Iterator[Block]:
     left += [f"{len(measures) - len(listed)} more measures"] if len(measures) > len(listed) else []
     if left:
         yield Text(f"{' and '.join(left)} are not listed here; {DRAWS} has them.", "note")
-
-
-def _cautions(asked: Uncertainty, shown: str, linear: Linear, indices: Indices, trouble: str) -> Iterator[Text]:
-    """Failures, and what else limits the results."""
-    yield from _failures(asked)
-    question, found = asked.question, asked
-    if question.measure and question.measure != shown:
-        yield Text(f"No run has a value of {question.measure}, which was asked for.", "caution")
-    few = 2 * question.inputs if question.indices else question.inputs  # that are independent of each other
-    if few < FEW_DRAWS:
-        text = "few draws: the ends of the 90 % intervals are little more than the smallest and the largest value."
-        yield Text(f"These are {text} --inputs asks for more.", "caution")
-    if question.seeds == 1:
-        yield Text("With one seed of each draw the scatter over inputs and over seeds cannot be told apart.", "caution")
-    if shown:
-        yield from _cautions_of(asked, shown)
-    if shown in linear and linear[shown].explained + linear[shown].explained_interval < MOSTLY:
-        text = "does not go in a straight line with the inputs, or they act together: the shares are not all of it."
-        yield Text(f"{measure_label(shown)} {text}{'' if question.indices else ' --indices asks for more.'}", "caution")
-    if trouble:
-        yield Text(f"Sobol indices are not here: computing them {trouble}", "caution")
-    elif question.indices and not found.complete:
-        yield Text("Sobol indices can be told only when all draws are done.", "note")
-    elif question.indices and shown and shown not in indices:
-        yield Text(f"{measure_label(shown)} has no Sobol indices: the inputs change it no more than the seeds do, or "
-                   "a draw has no value of it.", "caution")  # fmt: skip
-    elif shown in indices:
-        widest = max(half for i in indices[shown] for half in (i.first_interval, i.total_interval))
-        if widest > WIDE:
-            more = (
-                f"; {FEW_FOR_INDICES} or more --inputs make them narrower" if question.inputs < FEW_FOR_INDICES else ""
-            )
-            yield Text(f"The intervals of the Sobol indices are wide, up to ± {widest:.2f}{more}.", "caution")
-    yield Text(
-        "All intervals hold only if the inputs are as uncertain as said above, and independent of each other.", "note"
-    )
-
-
-def _failures(asked: Uncertainty) -> Iterator[Text]:
-    """Why runs have failed, the most frequent causes first."""
-    causes = Counter(seed.failure for seed in asked.failed).most_common()
-    if causes:
-        listed = "; ".join(f"{cause} ({n})" if n > 1 else cause for cause, n in causes[:MOST_CAUSES])
-        more = f"; and {len(causes) - MOST_CAUSES} more" if len(causes) > MOST_CAUSES else ""
-        yield Text(f"{_of_runs(asked)} failed: {listed}{more}.", "failure")
-
-
-def _cautions_of(asked: Uncertainty, measure: str) -> Iterator[Text]:
-    """What limits the measure that is shown."""
-    label, spread = measure_label(measure), asked.spread(measure)
-    held, ended = sum(len(row) for row in asked.values(measure)), len(asked.done) - len(asked.failed)
-    if held < ended:
-        text = "have no value, as where a part does not come so far in time. The intervals are those of the others."
-        yield Text(f"{label}: {ended - held} of {ended} runs {text}", "caution")
-    if spread.not_told:
-        yield Text(f"{label}: draws differ no more than seeds of the same draw do. The inputs hardly change it, or "
-                   "more seeds are needed to see it.", "note")  # fmt: skip

@@ -11,7 +11,8 @@ import numpy as np
 
 from feeder_sim.constants import GRAVITY
 from feeder_sim.scenario import Scenario
-from feeder_sim.scenario.engine_choice import Choice, known_failures
+from feeder_sim.scenario.engine_choice import Choice
+from feeder_sim.scenario.rules import complaints
 from feeder_sim.scene.scene import Scene
 from feeder_sim.scene.under_parts import motion_under_parts
 
@@ -23,38 +24,14 @@ FINE_STEPS = 40  # per period; more steps change the drift by a percent
 USUAL_SPEED = 0.06  # [m/s], velocity amplitude of plates under parts: 1 um at 8775 Hz, 3.4 um at 2797 Hz
 MUCH_FASTER = 5.0  # than usual: parts hop by a centimetre and more
 MOST_ACCELERATION = 2000.0  # [g]; what drives move plates with
-FEW_ITERATIONS = 5  # of MuJoCo's solver; fewer do not resolve contacts of several corners
 
 
 def cautions(scene: Scene, engine: Choice) -> list[str]:
     """Settings of a scene that are known to give wrong numbers: key, value and effect, a line each."""
     scenario = scene.scenario
-    run, contact, settings = scenario.run, scenario.contact, scenario.mujoco
-    lines = [*known_failures(scenario), *_cautions_of_motion(scene)]
-    if scenario.schedule is not None and scenario.schedule.by_hand:
-        lines.append("schedule.by_hand is true: a run of the scenario does not pick and fill in what a program did")
-    lines += not_drawn(scenario)
-    if not run.in_plane_velocity and scenario.plate.kind not in ("piston", "still"):
-        lines.append("run.in_plane_velocity is false: drifts come out at a third of their speed or less")
-    if scenario.plate.kind == "strip" and run.planar:
-        lines.append("run.planar is true: over short waves drifts change by some percent")
-    if engine.name != "mujoco":
-        return lines
-    lines += _cautions_of_fall(scene)
-    if contact.friction > 0.0 and scenario.guide is None:
-        lines.append(
-            f"contact.friction is {contact.friction:g} in MuJoCo: in its convex cone a sliding impact leaves the plate "
-            "too fast, by half of the approach at a slope of 1 : 3"
-        )
-    if contact.model == "compliant":
-        lines.append('contact.model is "compliant": rebounds depend on the step, and resemble no coefficient')
-    if settings.cone == "pyramidal" and contact.model == "restitution":
-        lines.append('mujoco.cone is "pyramidal": friction rebounds like the normal velocity, drifts are 20 % too fast')
-    if settings.iterations < FEW_ITERATIONS:
-        lines.append(f"mujoco.iterations is {settings.iterations}: contacts of several corners are not resolved")
-    if settings.impedance == "default":
-        lines.append('mujoco.impedance is "default": friction is soft, and what rests on a slope creeps')
-    return lines
+    lines = [*complaints(scenario, "unstable"), *_cautions_of_motion(scene)]
+    lines += [*not_drawn(scenario), *complaints(scenario, "misleading")]
+    return lines + (_cautions_of_fall(scene) if engine.name == "mujoco" else [])
 
 
 def not_drawn(scenario: Scenario) -> list[str]:

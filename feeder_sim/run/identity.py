@@ -8,6 +8,7 @@ import json
 from pathlib import Path
 from typing import Any
 
+from feeder_sim import extensions
 from feeder_sim.errors import InputError, cause_of
 from feeder_sim.run.provenance import library_versions
 from feeder_sim.scenario import Scenario
@@ -22,7 +23,7 @@ def identity_of(scenario: Scenario) -> str:
         InputError: a file that the scenario names cannot be read.
     """
     raw = scenario.model_dump(exclude={"title": True, "format": True, "uncertain": True, "run": {"seeds"}})
-    text = content_text([raw, library_versions()])
+    text = content_text([raw, library_versions() | extensions.versions()])
     return hashlib.sha256(text.encode()).hexdigest()[:32]
 
 

@@ -10,9 +10,9 @@ from dataclasses import dataclass, fields, replace
 from typing import Any
 
 from feeder_sim.errors import InputError, quoted
-from feeder_sim.measures.catalogue import MEASURES
+from feeder_sim.measures.catalogue import measures_of
 from feeder_sim.measures.picks import has_picks, picks_of
-from feeder_sim.measures.protocol import SeedReader, name_of
+from feeder_sim.measures.protocol import SeedReader
 from feeder_sim.records.events import IMPACTS, no_events
 from feeder_sim.records.seed import Seed
 from feeder_sim.records.trajectory import Frames
@@ -80,8 +80,7 @@ class Keeper:
     def __init__(self, prepared: Prepared, keep: Keep) -> None:
         check_kept(prepared, keep)
         self._keep, self._prepared = keep, prepared
-        applying = [measure for measure in MEASURES if measure.applies(prepared)]
-        self._readers = {name_of(measure): SeedReader(measure, prepared) for measure in applying}
+        self._readers = {measure.name: SeedReader(measure, prepared) for measure in measures_of(prepared)}
 
     def __call__(self, seed: Seed) -> Seed:
         """The seed with what is kept of it."""

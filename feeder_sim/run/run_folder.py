@@ -32,7 +32,7 @@ from feeder_sim.run.recorder import Recorder
 from feeder_sim.run.simulation import Result, check_starts, run_ensemble
 from feeder_sim.run.watchdog import STALL_AFTER_S
 from feeder_sim.scenario import Scenario, load_scenario, parse_scenario, with_files
-from feeder_sim.scenario.laws import uncovered_laws
+from feeder_sim.scenario.rules import complaints
 from feeder_sim.scene.prepared import Prepared
 from feeder_sim.scene.scene import Scene
 from feeder_sim.single_thread import single_threaded
@@ -299,7 +299,8 @@ def mjcf_text(scene: Scene) -> str:
 
 def _write_mjcf(scene: Scene, path: Path, notify: Callable[[str], None] | None) -> None:
     """Write the scene as MJCF, unless its parts make too many pairs or MuJoCo does not have its law of impact."""
-    refused = next(uncovered_laws(scene.scenario, in_mujoco=True), None)
+    of_mujoco = complaints(scene.scenario, "refused", engine="mujoco")
+    refused = next((line for line in of_mujoco if line.startswith("contact.")), None)
     if refused is None and len(scene.parts) <= MJCF_PARTS:
         write_whole(path, mjcf_text(scene).encode())
     elif notify:

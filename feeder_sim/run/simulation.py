@@ -18,7 +18,7 @@ import numpy as np
 
 from feeder_sim.engines.protocol import ENDED, new_interrupt
 from feeder_sim.errors import FeederSimError, SimulationDiverged
-from feeder_sim.measures.catalogue import MEASURES
+from feeder_sim.measures.catalogue import Measured, measures_of
 from feeder_sim.measures.protocol import Measure, as_json
 from feeder_sim.records.seed import Counts, Seed, Status, endings
 from feeder_sim.records.trajectory import Frames
@@ -42,7 +42,7 @@ LOOKING = "looking for places"
 
 
 @dataclass(frozen=True, repr=False)
-class Result:
+class Result(Measured):
     """An ensemble.
 
     Attributes:
@@ -104,8 +104,7 @@ class Result:
     @cached_property
     def findings(self) -> tuple[tuple[Measure[Any, Any], Any], ...]:
         """Every measure that applies, with what it finds."""
-        applying = [measure for measure in MEASURES if measure.applies(self.prepared)]
-        return tuple((measure, measure.compute(self.prepared, self.seeds)) for measure in applying)
+        return tuple((measure, measure.compute(self.prepared, self.seeds)) for measure in measures_of(self.prepared))
 
     def measures(self) -> dict[str, Any]:
         """What all measures find, by name, as JSON takes it; units in the names."""

@@ -2,22 +2,7 @@
 
 from feeder_sim.scenario.attachments import Actuator, Bar, BondedLayer, Mass
 from feeder_sim.scenario.material import CustomMaterial, resolve_material
-from feeder_sim.scenario.part import (
-    Ball,
-    Box,
-    Cylinder,
-    Dimer,
-    GivenState,
-    Heap,
-    HexNut,
-    MeshPart,
-    PartSpec,
-    Placed,
-    Scattered,
-    Slide,
-    Start,
-    Tube,
-)
+from feeder_sim.scenario.part import GivenState, Heap, PartTable, Placed, Scattered, Slide, Start, Tube
 from feeder_sim.scenario.paths import input_files, with_files
 from feeder_sim.scenario.plate import (
     Drive,
@@ -44,6 +29,7 @@ from feeder_sim.scenario.scenario import (
     with_run,
 )
 from feeder_sim.scenario.schedule import Goal, Pick, Schedule, Settled, Stage
+from feeder_sim.scenario.shapes import Ball, Box, Cylinder, Dimer, HexNut, MeshPart, PartSpec
 from feeder_sim.scenario.uncertain import Uncertain
 
 __all__ = [
@@ -68,6 +54,7 @@ __all__ = [
     "ModePlate",
     "MujocoSettings",
     "PartSpec",
+    "PartTable",
     "Placed",
     "Pick",
     "PistonPlate",

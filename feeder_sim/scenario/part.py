@@ -1,14 +1,14 @@
-"""Tables of a scenario that describe parts: shape and material, number, start, guide."""
+"""Tables of a scenario that describe parts of any shape: material, number, start, guide."""
 
 from __future__ import annotations
 
 import math
+from abc import abstractmethod
 from pathlib import Path
-from typing import Annotated, Any, Literal, Self
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self
 
 from pydantic import Discriminator, Field, Tag, model_validator
 
-from feeder_sim.part.pieces import pieces_beside
 from feeder_sim.scenario.material import MaterialChoice
 from feeder_sim.scenario.tables import (
     AngleDeg,
@@ -24,8 +24,10 @@ from feeder_sim.scenario.tables import (
     VelocityMmS,
 )
 
+if TYPE_CHECKING:
+    from feeder_sim.part.rigid_part import RigidPart
+
 MAX_PARTS = 5000
-CORNER_ERROR_UM = 50.0  # of the corners of a mesh; see docs/parts.md for what it changes
 # From the vertical. A guide that is nearly horizontal would not stand on the plate.
 GuideTiltDeg = Annotated[float, Field(ge=0, le=60, strict=True)]
 
@@ -145,12 +147,27 @@ class Tube(Table):
 GuideSpec = Annotated[Slide | Tube, Field(discriminator="kind")]
 
 
-class _Part(Table):
-    """Keys that parts of every shape have.
+class PartTable(Table):
+    """Keys that parts of every shape have; a shape adds its own, and says what solid they make.
 
     `mass_g` and `inertia_g_mm2` are for parts that have been weighed; without them both are those of a solid of its
     material, and with the mass alone the moments of inertia follow it.
+
+    Attributes:
+        sizes: what says how large it is, for lists of shapes.
+        in_steps: whether its contacts can be found in steps alone.
+        lonely: whether it can meet neither other parts nor walls.
     """
+
+    sizes: ClassVar[str] = ""
+    in_steps: ClassVar[bool] = False
+    lonely: ClassVar[bool] = False
+
+    if TYPE_CHECKING:
+
+        @property
+        def shape(self) -> str:
+            """Key that names the shape, a `Literal` of one text."""
 
     name: Annotated[str, Field(min_length=1, max_length=40, pattern=r"^[A-Za-z0-9_-]+$")] | None = None
     material: MaterialChoice = "steel"
@@ -159,6 +176,24 @@ class _Part(Table):
     count: Annotated[int, Field(ge=1, le=MAX_PARTS, strict=True)] = 1
     start: StartSpec = Start()
     guide: GuideSpec | None = None
+
+    @abstractmethod
+    def solid(self, density: float, name: str) -> RigidPart:
+        """The body in SI units, in the axes it is drawn in; density [kg/m^3].
+
+        Raises:
+            InputError: it is read from a file, which is missing or holds no closed mesh.
+        """
+
+    @property
+    def label(self) -> str:
+        """What a legend calls it."""
+        return self.shape
+
+    @property
+    def files(self) -> dict[str, Path]:
+        """The files that it is read from, by key."""
+        return {name: value for name in type(self).model_fields if isinstance(value := getattr(self, name), Path)}
 
     @model_validator(mode="before")
     @classmethod
@@ -187,100 +222,3 @@ class _Part(Table):
         if self.inertia_g_mm2 is not None and 2.0 * max(self.inertia_g_mm2) > sum(self.inertia_g_mm2) * (1 + 1e-9):
             raise ValueError("inertia_g_mm2 has a moment above the sum of the other two, which no body has")
         return self
-
-
-class HexNut(_Part):
-    """Hexagon nut, by metric size (ISO 4032) or by dimensions."""
-
-    shape: Literal["hex_nut"] = "hex_nut"
-    size: Literal["M2", "M2.5", "M3", "M4", "M5"] | None = None
-    across_flats_mm: LengthMm | None = None
-    height_mm: LengthMm | None = None
-    bore_mm: Annotated[float, Field(ge=0, le=1e5, strict=True)] | None = None
-
-    @model_validator(mode="after")
-    def _size_or_dimensions(self) -> Self:
-        dimensions = (self.across_flats_mm, self.height_mm, self.bore_mm)
-        present = [dimension is not None for dimension in dimensions]
-        if any(present) if self.size is not None else not all(present):
-            raise ValueError("give either size or all of across_flats_mm, height_mm, bore_mm")
-        if self.bore_mm is not None and self.across_flats_mm is not None and self.bore_mm >= self.across_flats_mm:
-            raise ValueError(f"bore_mm is {self.bore_mm}, allowed is less than across_flats_mm")
-        return self
-
-
-class Ball(_Part):
-    """Solid sphere."""
-
-    shape: Literal["ball"]
-    diameter_mm: LengthMm
-
-
-class Cylinder(_Part):
-    """Solid circular cylinder, axis upright at the start."""
-
-    shape: Literal["cylinder"]
-    diameter_mm: LengthMm
-    height_mm: LengthMm
-
-
-class Box(_Part):
-    """Solid block, with its sides along x, y and z as drawn."""
-
-    shape: Literal["box"]
-    size_mm: tuple[LengthMm, LengthMm, LengthMm]
-
-
-class Dimer(_Part):
-    """Two solid balls, rigidly joined by a rod, lying at the start; alone on a plate without rim.
-
-    The rod has no mass unless `rod_density_kg_m3` says so, and touches nothing.
-    """
-
-    shape: Literal["dimer"]
-    ball_diameter_mm: LengthMm
-    length_mm: LengthMm
-    rod_diameter_mm: LengthMm | None = None
-    rod_density_kg_m3: Annotated[float, Field(ge=0, le=1e5, allow_inf_nan=False, strict=True)] = 0.0
-
-    @model_validator(mode="after")
-    def _balls_beside_each_other(self) -> Self:
-        shortest = 2.0 * self.ball_diameter_mm
-        if self.length_mm < shortest:
-            raise ValueError(f"length_mm is {self.length_mm:g}, allowed is at least {shortest:g}, two balls in a row")
-        if self.rod_diameter_mm is not None and self.rod_diameter_mm > self.ball_diameter_mm:
-            raise ValueError(f"rod_diameter_mm is {self.rod_diameter_mm:g}, allowed is up to ball_diameter_mm")
-        if self.guide is not None:
-            raise ValueError("guide is given, allowed is none for a dimer")
-        return self
-
-
-class MeshPart(_Part):
-    """A closed triangle mesh; mass and inertia are those of the solid.
-
-    Its convex hull meets the plate, and other parts too; with `contact = "parts"` other parts meet the convex pieces
-    that `feeder-sim part FILE --pieces` has cut it into.
-    """
-
-    shape: Literal["mesh"]
-    file: Path
-    file_unit_mm: Annotated[float, Field(ge=1e-6, le=1e6, allow_inf_nan=False, strict=True)] = 1.0
-    corner_error_um: Annotated[float, Field(ge=0, le=1e4, allow_inf_nan=False, strict=True)] = CORNER_ERROR_UM
-    contact: Literal["hull", "parts"] = "hull"
-    pieces: Path | None = None
-
-    @property
-    def pieces_file(self) -> Path | None:
-        """Where its convex pieces are; None where its hull meets other parts."""
-        if self.contact == "hull":
-            return None
-        return self.pieces or pieces_beside(self.file)
-
-    @model_validator(mode="after")
-    def _pieces_of_parts(self) -> Self:
-        if self.pieces is not None and self.contact == "hull":
-            raise ValueError('pieces is given, allowed is none with contact = "hull"')
-        return self
-
-
-PartSpec = Annotated[HexNut | Ball | Cylinder | Box | Dimer | MeshPart, Field(discriminator="shape")]

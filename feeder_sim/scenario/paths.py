@@ -6,7 +6,6 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from feeder_sim.scenario.part import MeshPart
 from feeder_sim.scenario.plate import ModePlate, Rectangle
 from feeder_sim.scenario.schedule import Pick, Stage
 
@@ -22,24 +21,17 @@ def input_files(scenario: Scenario) -> dict[str, Path]:
     if isinstance(scenario.plate, Rectangle | ModePlate) and scenario.plate.mode_file is not None:
         files["plate.mode_file"] = scenario.plate.mode_file
     for i, part in enumerate(scenario.part):
-        if isinstance(part, MeshPart):
-            files[f"part[{i}].file"] = part.file
-            if part.pieces_file is not None:
-                files[f"part[{i}].pieces"] = part.pieces_file
+        files |= {f"part[{i}].{key}": file for key, file in part.files.items()}
     picks = scenario.schedule.picks if scenario.schedule else ()
     return files | {f"{key}.shape": pick.shape for key, pick in picks if pick.shape is not None}
 
 
 def with_files(scenario: Scenario, change: Change) -> Scenario:
     """The scenario with another name for each of its files; pieces that lie beside their mesh are named, too."""
-    plate, parts, schedule = scenario.plate, list(scenario.part), scenario.schedule
+    plate, schedule = scenario.plate, scenario.schedule
     if isinstance(plate, Rectangle | ModePlate) and plate.mode_file is not None:
         plate = plate.model_copy(update={"mode_file": change(plate.mode_file)})
-    for i, part in enumerate(parts):
-        if isinstance(part, MeshPart):
-            pieces = part.pieces_file
-            held = {"file": change(part.file), "pieces": change(pieces) if pieces else None}
-            parts[i] = part.model_copy(update=held)
+    parts = [part.model_copy(update={k: change(file) for k, file in part.files.items()}) for part in scenario.part]
     if schedule is not None:
         groups = {
             group: tuple(_stage_with(stage, change) for stage in getattr(schedule, group))

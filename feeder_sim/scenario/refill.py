@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from typing import TYPE_CHECKING, Annotated, Self
+from typing import Annotated, Self
 
 from pydantic import Discriminator, Field, Tag, model_validator
 
-from feeder_sim.scenario.part import MAX_PARTS, Heap, Placed, Scattered, start_kind
+from feeder_sim.scenario.part import MAX_PARTS, Heap, Scattered, start_kind
 from feeder_sim.scenario.tables import NonNegative, Table
-
-if TYPE_CHECKING:
-    from feeder_sim.scenario.scenario import Scenario
 
 PourSpec = Annotated[Annotated[Scattered, Tag("scattered")] | Annotated[Heap, Tag("heap")], Discriminator(start_kind)]
 Number = Annotated[int, Field(ge=1, le=MAX_PARTS, strict=True)]
@@ -40,29 +36,3 @@ class Robot(Table):
 
     pick_s: NonNegative = 0.0
     look_s: NonNegative = 0.0
-
-
-def refused_around_plate(scenario: Scenario) -> Iterator[str]:
-    """What does not go with the rest of a scenario: key, value and what is allowed, one line each."""
-    schedule, refill = scenario.schedule, scenario.refill
-    stages = (*schedule.prepare, *schedule.stage) if schedule else ()
-    by_hand = schedule is not None and schedule.by_hand
-    if scenario.robot is not None and not by_hand and not any(stage.picks for stage in stages):
-        yield "robot belongs to a [schedule] with a pick"
-    if refill is None:
-        return
-    if schedule is None:
-        yield "refill belongs to a [schedule], at the end of whose cycles parts are filled in"
-    for key, number in (("to", refill.to), ("below", refill.below)):
-        if number is not None and number > scenario.n_parts:
-            yield f"refill.{key} is {number}, allowed is up to {scenario.n_parts}, the parts of all tables together"
-    if scenario.parts_at_once < scenario.n_parts and any(isinstance(part.start, Placed) for part in scenario.part):
-        yield f"refill.to is {refill.to}, allowed is {scenario.n_parts}, all parts, where some are placed one by one"
-    if scenario.guide is not None:
-        yield "part[0].guide is given, allowed is none with [refill]"
-    if scenario.run.planar:
-        yield "run.planar is true, allowed is false with [refill]"
-    if scenario.goal is not None:
-        yield "goal is given, allowed is none with [refill]"
-    if scenario.pour is None:
-        yield 'refill.start is missing, allowed is a table with kind "scattered" or "heap": part[0] starts at one place'

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import Field, PlainValidator, model_validator
+from pydantic import AfterValidator, Field, PlainValidator, WithJsonSchema, model_validator
 
+from feeder_sim import extensions
 from feeder_sim.scenario.tables import DurationS, Flag, NonNegative, Positive, Table
 
 TOLERANCE_NM = 0.1  # of contacts without a step, where the scenario does not say
+ENGINES = ("auto", "impulse", "mujoco")
 STEPS_PER_PERIOD = 40  # of a method that has steps, where the scenario does not say
 
 Share = Annotated[float, Field(ge=0, le=1, strict=True)]
@@ -109,6 +111,14 @@ class MujocoSettings(Table):
         return raw
 
 
+def _engine(name: str) -> str:
+    """An engine of ours, or of another package."""
+    allowed = (*ENGINES, *extensions.names_of("engines"))
+    if name not in allowed:
+        raise ValueError(f"allowed is {', '.join(map(repr, allowed[:-1]))} or {allowed[-1]!r}")
+    return name
+
+
 class Run(Table):
     """How long, with how many seeds, with which step and with which simplifications a scenario is computed.
 
@@ -122,7 +132,7 @@ class Run(Table):
     that falls off the plate is computed down to `floor_mm`, and is lost there.
     """
 
-    engine: Literal["auto", "impulse", "mujoco"] = "auto"
+    engine: Annotated[str, AfterValidator(_engine), WithJsonSchema({"enum": list(ENGINES), "type": "string"})] = "auto"
     duration_s: DurationS | None = None
     stop: Literal["time", "passage"] = "time"
     seeds: Annotated[int, Field(ge=1, le=10_000, strict=True)] = 12

@@ -8,7 +8,6 @@ A scenario consists of a plate, its drives or a schedule of drives, the parts, t
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
@@ -19,14 +18,15 @@ from feeder_sim.errors import InputError, check_type, path_of_user
 from feeder_sim.example_files import scenario_path
 from feeder_sim.scenario.attachments import ActuatorFile
 from feeder_sim.scenario.changes import changed_values, check_decides
-from feeder_sim.scenario.engine_choice import known_failures, uncovered
 from feeder_sim.scenario.outline import OutlineFile
-from feeder_sim.scenario.part import MAX_PARTS, Heap, PartSpec, Scattered, Slide, Tube
+from feeder_sim.scenario.part import Heap, Scattered, Slide, Tube
 from feeder_sim.scenario.paths import with_files
 from feeder_sim.scenario.plate import MOST_DRIVES, Drive, Excitation, Plate, PlateFile
-from feeder_sim.scenario.refill import Refill, Robot, refused_around_plate
+from feeder_sim.scenario.refill import Refill, Robot
+from feeder_sim.scenario.rules import complaints
 from feeder_sim.scenario.run import Contact, MujocoSettings, Run
 from feeder_sim.scenario.schedule import Goal, Schedule
+from feeder_sim.scenario.shapes import PartSpec
 from feeder_sim.scenario.shown import html_of, line_of
 from feeder_sim.scenario.tables import Table, parse, read_text, validated
 from feeder_sim.scenario.uncertain import Uncertain, by_full_key
@@ -129,30 +129,12 @@ class Scenario(Table):
         return _anchor_paths(validated(raw, Scenario, file), Path.cwd())
 
     @model_validator(mode="after")
-    def _drives_or_schedule(self) -> Self:
-        if self.plate.kind == "still":
-            if self.drive or self.schedule is not None:
-                raise ValueError('plate.kind is "still", allowed is no [[drive]] and no [schedule] with it')
-        elif (len(self.drive) == 0) == (self.schedule is None):
-            raise ValueError(
-                'exactly one of [[drive]] and [schedule] is needed, none of them with plate.kind = "still"'
-            )
-        if self.schedule is not None and not self.excitations:
-            raise ValueError("schedule.stage has no drive, allowed is at least one in all stages together")
-        if (self.run.duration_s is None) == (self.schedule is None):
-            problem = "is missing, allowed is a number above 0" if self.schedule is None else "is that of the schedule"
-            raise ValueError(f"run.duration_s {problem}")
-        stages = (*self.schedule.prepare, *self.schedule.stage) if self.schedule else ()
-        if self.plate.kind == "piston" and any(stage.until for stage in stages):
-            raise ValueError('plate.kind is "piston", which has no nodal lines that parts could settle on')
-        if self.goal is not None and self.schedule is None:
-            raise ValueError("goal belongs to a [schedule]")
-        if self.schedule is not None and self.run.stop != "time":
-            raise ValueError(f'run.stop is "{self.run.stop}", allowed is "time" with a schedule')
-        if self.n_parts > MAX_PARTS:
-            raise ValueError(f"part.count adds up to {self.n_parts}, allowed is up to {MAX_PARTS}")
-        if self.n_parts > 1 and self.run.stop != "time":
-            raise ValueError(f'run.stop is "{self.run.stop}", allowed is "time" with more than one part')
+    def _keeps_the_rules(self) -> Self:
+        for problem in complaints(self, "refused"):
+            raise ValueError(problem)
+        if not self.run.allow_unstable:
+            for problem in complaints(self, "unstable"):
+                raise ValueError(f"{problem}; run.allow_unstable = true runs it all the same")
         return self
 
     @model_validator(mode="after")
@@ -173,39 +155,6 @@ class Scenario(Table):
                 raise ValueError(f'{key}.part is "{pick.part}", allowed is {kinds}')
             if pick.up and pick.part is None and len(names) > 1:
                 raise ValueError(f"{key}.up needs the kind whose poses are meant, part: {kinds}")
-        return self
-
-    @model_validator(mode="after")
-    def _hopper_and_robot_fit(self) -> Self:
-        for problem in refused_around_plate(self):
-            raise ValueError(problem)
-        return self
-
-    @model_validator(mode="after")
-    def _guide_stands_on_a_piston(self) -> Self:
-        for i, part in enumerate(self.part):
-            if part.guide is None:
-                continue
-            if self.n_parts > 1:
-                raise ValueError(f"part[{i}].guide needs to be the only part, there are {self.n_parts}")
-            if self.plate.kind != "piston":
-                raise ValueError(f'plate.kind is "{self.plate.kind}", allowed is "piston" with part[{i}].guide')
-            tilt = math.radians(part.guide.tilt_deg)
-            if math.cos(tilt) <= part.guide.friction * math.sin(tilt):
-                limit = 1.0 / math.tan(tilt)
-                raise ValueError(
-                    f"part[{i}].guide.friction is {part.guide.friction:g}, allowed is below {limit:.3g} at tilt_deg = "
-                    f"{part.guide.tilt_deg:g}: the part would never come down"
-                )
-        return self
-
-    @model_validator(mode="after")
-    def _an_engine_covers_it(self) -> Self:
-        for problem in uncovered(self):
-            raise ValueError(problem)
-        if not self.run.allow_unstable:
-            for failure in known_failures(self):
-                raise ValueError(f"{failure}; run.allow_unstable = true runs it all the same")
         return self
 
     @model_validator(mode="after")

@@ -133,7 +133,7 @@ def validated(raw: dict[str, Any], table: type[T], file: Path) -> T:
     try:
         return table.model_validate(_without_numpy(raw))
     except ValidationError as error:
-        raise _first_error(error, table, file) from None
+        raise first_error(error, table, file) from None
 
 
 def _refuse_absurd(raw: dict[str, Any], file: Path) -> None:
@@ -162,7 +162,7 @@ def _without_numpy(value: Any) -> Any:
     return value
 
 
-def _first_error(error: ValidationError, root: type[BaseModel], file: Path) -> InputError:
+def first_error(error: ValidationError, root: type[BaseModel], file: Path) -> InputError:
     """One line for the first thing wrong, and how many more there are."""
     details = error.errors(include_url=False)
     # An error inside a list makes pydantic call the list too short as well: only the innermost counts.

@@ -25,7 +25,7 @@ from feeder_sim.scenario import (
     Strip,
     resolve_material,
 )
-from feeder_sim.scenario.engine_choice import uncovered_outline
+from feeder_sim.scenario.rules import lines_of, plate_with_outline
 from feeder_sim.scene.driven_mode import DrivenMode, driven_mode, metres, modal_drive
 from feeder_sim.scene.timetable import Timetable, timetable
 
@@ -57,7 +57,7 @@ def assemble_plate(scenario: Scenario) -> DrivenPlate:
     if isinstance(plate, Rectangle | ModePlate):
         held = _modes_for(plate, scenario.excitations)
         if held.modes.outline is not None:
-            for problem in uncovered_outline(scenario):
+            for problem in lines_of(scenario, plate_with_outline):
                 raise InputError(problem)
         return _from_modes(held, scenario.excitations, times)
     if isinstance(plate, StillPlate):

@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
 
 from feeder_sim.notebook import block, counted
 from feeder_sim.scenario import Scenario
 from feeder_sim.scenario.engine_choice import Choice
 from feeder_sim.scene.cell import Cell
 from feeder_sim.scene.scene import Scene
+
+if TYPE_CHECKING:
+    from feeder_sim.measures.protocol import Measure
 
 
 @dataclass(frozen=True, repr=False)
@@ -20,12 +24,14 @@ class Prepared:
         engine: the engine, its method, and the reason for the choice.
         cell: the transport cell in which the only part of the scene starts; None where no transport is measured.
         cautions: settings that are known to mislead, a line each.
+        measures: that are taken besides those of the package.
     """
 
     scene: Scene
     engine: Choice
     cell: Cell | None
     cautions: tuple[str, ...]
+    measures: tuple[Measure[Any, Any], ...] = ()
 
     def __repr__(self) -> str:
         title = f" {self.scenario.title!r}" if self.scenario.title else ""

@@ -7,12 +7,15 @@ import threading
 from collections.abc import Callable
 from contextlib import AbstractContextManager
 from pathlib import Path
+from typing import Any
 
 from feeder_sim.errors import InputError
 from feeder_sim.jobs.bench import FOREIGN, Bench
 from feeder_sim.jobs.folder import SCENARIO, WorkFolder, usual_folder
 from feeder_sim.jobs.ledger import Ledger
 from feeder_sim.jobs.workers import Workers
+from feeder_sim.measures.function import identity_of_measures
+from feeder_sim.measures.protocol import Measure
 from feeder_sim.scenario import Scenario, load_scenario
 from feeder_sim.studies.kinds import KINDS, kind_of
 from feeder_sim.studies.question import Question
@@ -50,6 +53,7 @@ def ask(
     stop: threading.Event | None = None,
     progress: Callable[[float], None] | None = None,
     notify: Callable[[str], None] | None = None,
+    measures: tuple[Measure[Any, Any], ...] = (),
 ) -> Study:
     """Answer a question.
 
@@ -63,19 +67,21 @@ def ask(
         stop: set it to end; what there is then is returned.
         progress: called with the share that is done.
         notify: takes a line for the user.
+        measures: that are taken besides those of the package; other ones, and seeds in the folder do not count.
 
     Raises:
         InputError: the scenario does not suit, a key or a value is not allowed, or there is no such measure.
         RecordingFailed: the folder cannot be written.
     """
     plan = question.settled(scenario).plan(scenario, file)
-    ledger = Ledger(folder.journals, folder.journal) if folder else Ledger()
+    mark = identity_of_measures(measures)
+    ledger = Ledger(folder.journals, folder.journal, mark) if folder else Ledger()
     plan.take(ledger)
     others = ledger.foreign(plan.identities)
     plan = plan.part(*share) if share else plan
     path = folder.path if folder else None
     with contextlib.ExitStack() as held:
-        bench = Bench(held.enter_context(workers), ledger, path, stop or threading.Event(), progress, notify)
+        bench = Bench(held.enter_context(workers), ledger, path, stop or threading.Event(), progress, notify, measures)
         if others and not plan.all_done:
             bench.say_foreign(others)
         if folder:

@@ -26,6 +26,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from pydantic import Field
 
 from feeder_sim.constants import GRAVITY
+from feeder_sim.document.figure import Figure
 from feeder_sim.errors import InputError, quoted
 from feeder_sim.jobs.bench import Bench
 from feeder_sim.jobs.cautions import Caution
@@ -297,6 +298,7 @@ class SpeedMap(Study):
         complete: whether all of them are done.
     """
 
+    picture = PICTURE
     question: MapQuestion
     scenario: Scenario
     points: tuple[MapPoint, ...]
@@ -347,11 +349,10 @@ class SpeedMap(Study):
         points = tuple(MapPoint(f, a, throw, mean, se, *map(int, counts)) for f, a, throw, mean, se, *counts in rows)
         return SpeedMap(question, scenario, points, len(points) == len(question.points))
 
-    def draw(self, folder: Path, measure: str) -> None:
-        from feeder_sim.plots.speed_map import draw_speed_map
+    def figures(self, measure: str) -> list[Figure]:
+        from feeder_sim.plots.speed_map import map_figure
 
-        if self.points:
-            draw_speed_map(self, folder / PICTURE)
+        return [map_figure(self)] if self.points else []
 
     def plot(self, *, marks: Sequence[tuple[float, float, float]] = (), ax: Axes | None = None) -> Axes:
         """Draw the map, with lines of equal throw number; returns matplotlib axes.

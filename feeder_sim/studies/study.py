@@ -6,10 +6,12 @@ import csv
 import io
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
 
+from feeder_sim.document.document import Text
+from feeder_sim.document.figure import Figure, save_figures
 from feeder_sim.errors import InputError, cause_of, quoted
 from feeder_sim.jobs.cautions import Caution
 from feeder_sim.notebook import library, table
@@ -20,6 +22,9 @@ if TYPE_CHECKING:
 Record = Mapping[str, Any]  # of a table, by column, with units in the names of the columns; None for no value
 Line = Mapping[str, str | None]  # of a table that is read
 Row = TypeVar("Row")
+
+
+BESIDE = 2  # figures in the picture of a folder
 
 
 class Answer(ABC):
@@ -59,10 +64,12 @@ class Study(Answer):
     Attributes:
         complete: whether it has come to its end, and was not stopped.
         places: what its cautions hold at, in words.
+        picture: name of the file that it is drawn into.
     """
 
     complete: bool
     places: ClassVar[str] = "points"
+    picture: ClassVar[str]
 
     @property
     @abstractmethod
@@ -95,8 +102,13 @@ class Study(Answer):
         """
 
     @abstractmethod
+    def figures(self, measure: str) -> Sequence[Figure]:
+        """Pictures of a measure, the most telling ones first; none where there is nothing to draw."""
+
     def draw(self, folder: Path, measure: str) -> None:
         """Draw a measure into a folder, if there is anything to draw."""
+        if figures := self.figures(measure):
+            save_figures(figures[:BESIDE], folder / self.picture)
 
     @abstractmethod
     def as_json(self, measure: str | None = None) -> dict[str, Any]:
@@ -106,9 +118,10 @@ class Study(Answer):
     def lines(self, measure: str | None = None) -> list[str]:
         """What was found, as a terminal shows it; measure: to show."""
 
-    def remarks(self, measure: str | None = None) -> list[str]:
-        """What is to be known about it, a line each; measure: that is shown."""
-        return [f"caution: {caution.in_words(self.places)}" for caution in self.cautions]
+    def remarks(self, measure: str | None = None) -> Iterator[Text]:
+        """What is to be known about it, the gravest first; measure: that is shown. Notes are for pages only."""
+        for caution in self.cautions:
+            yield Text(caution.in_words(self.places), "caution")
 
 
 def csv_bytes(columns: Sequence[str], rows: Iterable[Record]) -> bytes:

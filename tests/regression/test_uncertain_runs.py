@@ -16,9 +16,9 @@ import pytest
 from command_line import check_refused, feeder_sim
 from conftest import REPOSITORY, StopsAfter
 
+from feeder_sim.document.figure import empty_figure
 from feeder_sim.jobs import workers
 from feeder_sim.jobs.workers import Workers, given_workers
-from feeder_sim.plots.figure import empty_figure
 from feeder_sim.plots.uncertainty import draw_values
 from feeder_sim.run import run_folder
 from feeder_sim.run.run_folder import record_run

@@ -59,7 +59,7 @@ def test_verdicts_and_the_reference() -> None:
 
 def test_a_reference_that_moves_is_told() -> None:
     found = charted(strip_scenario(seeds=8), method=["steps"], within=0.001)
-    assert found.holds is False and any("still moves" in line for line in found.remarks())
+    assert found.holds is False and any("still moves" in remark.text for remark in found.remarks())
 
 
 def test_a_known_value_takes_the_place_of_the_reference() -> None:

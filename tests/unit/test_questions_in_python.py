@@ -57,7 +57,7 @@ def test_designs_of_a_sweep() -> None:
     zipped = feeder_sim.sweep(strip_scenario(), vary, zip=True, executor=Pretended(values_of))
     assert [row.point[FRICTION] for row in zipped.rows] == [0.1, 0.2]
     crossed = feeder_sim.sweep(strip_scenario(), vary, executor=Pretended(values_of))
-    assert len(crossed.rows) == 4 and len(crossed.plot()) == 2  # a map, and its colours
+    assert len(crossed.rows) == 4 and len(crossed.plot()[0].containers) == 2  # a curve for each friction
     drawn = feeder_sim.sweep(strip_scenario(), {AMPLITUDE: "0.5:2"}, sobol=8, executor=Pretended(values_of))
     assert len(drawn.rows) == 8
 
@@ -104,7 +104,7 @@ def test_uncertainty(tmp_path: Path) -> None:
     assert executor.count == 2 * 16  # the third call found all of it in the folder
     check_shown(found)
     assert found.plot(measured=9.0).get_xlabel() == "speed"
-    assert [tick.get_text() for tick in found.plot_shares().get_yticklabels()] == [AMPLITUDE]
+    assert [tick.get_text() for tick in found.plot_shares().get_yticklabels()] == ["drive[0].amplitude (um)"]
     few = feeder_sim.uncertainty(scenario, inputs=3, executor=executor)
     with pytest.raises(feeder_sim.InputError, match="speed has no shares that can be told"):
         few.plot_shares()

@@ -102,7 +102,7 @@ def test_rings_lie_on_the_plate_around_the_parts_to_be_picked_as_large_as_their_
 def test_text_tells_stage_cycle_and_drives_and_the_pause(run: Path) -> None:
     texts = [(t, v[0]) for t, v in logged(run / "replay.rrd", "labels/stage", "Points3D:labels") if t is not None]
     drives = "500 Hz, 20 µm + 12.5 kHz, 0.5 µm"
-    assert texts == [
+    assert texts == [  # type: ignore[comparison-overlap]
         (pytest.approx(time), f"shake, cycle {cycle} of 2\n{text}")
         for time, cycle, text in ((0.0, 1, drives), (0.1, 1, "pause"), (0.2, 2, drives), (0.3, 2, "pause"))
     ]

@@ -12,17 +12,18 @@ from conftest import StopsAfter, strip_scenario
 from pages import checked
 from test_screenshot import drawn
 
+from feeder_sim.document import figure
+from feeder_sim.document.document import Document, Folded, Section, Table, Text
+from feeder_sim.document.figure import Figure, Picture, empty_figure
+from feeder_sim.document.words import number, split_unit, with_error
 from feeder_sim.errors import Divergence, FeederSimError, SimulationDiverged
 from feeder_sim.measures.statistic import Statistic, half_interval
-from feeder_sim.plots.figure import empty_figure
 from feeder_sim.plots.run_curves import draw_over_time
 from feeder_sim.records.own_files import locked
 from feeder_sim.records.trajectory import Frames
-from feeder_sim.report import pictures, run_curves, run_pictures
+from feeder_sim.report import run_pictures
 from feeder_sim.report.measure_tables import interval_text, measure_blocks
-from feeder_sim.report.page import Folded, Page, Picture, Section, Table, Text, html_of
-from feeder_sim.report.run_report import run_page
-from feeder_sim.report.words import number, split_unit, with_error
+from feeder_sim.report.run_report import run_document
 from feeder_sim.run.guard import Guard
 from feeder_sim.run.run_folder import record_run, resume_run
 from feeder_sim.scenario import Scenario
@@ -34,14 +35,13 @@ TITLE = """<script>alert("x")</script> & 'so' \u202e\x1b[31m"""
 @pytest.fixture
 def coarse(monkeypatch: pytest.MonkeyPatch) -> None:
     """Pictures of few pixels: they take most of the time."""
-    monkeypatch.setattr(pictures, "PIXELS_PER_INCH", 40)
+    monkeypatch.setattr(figure, "PIXELS_PER_INCH", 40)
 
 
 @pytest.fixture
 def undrawn(monkeypatch: pytest.MonkeyPatch) -> None:
     """Pages of runs without pictures, where only words are looked at."""
-    for module in (run_pictures, run_curves):
-        monkeypatch.setattr(module, "picture_of", lambda *_, alt, caption, **__: Picture(b"", (800, 400), alt, caption))
+    monkeypatch.setattr(Figure, "picture", property(lambda of: Picture(b"", (800, 400), of.alt, of.caption)))
 
 
 def titled(title: str, **run: object) -> Scenario:
@@ -70,7 +70,7 @@ def test_page_of_a_run_is_whole_and_escaped(recorded: Path, tmp_path: Path) -> N
 
 def test_page_has_the_numbers_of_the_run(recorded: Path, undrawn: None) -> None:
     summary = json.loads((recorded / "summary.json").read_text())
-    page = run_page(recorded)
+    page = run_document(recorded)
     (table,) = [b for s in page.sections if s.title == "All measures" for b in s.blocks if isinstance(b, Table)]
     found = {row[0]: row[1:] for row in table.rows}
     drift = summary["drift_velocity_x_mm_s"]
@@ -78,7 +78,7 @@ def test_page_has_the_numbers_of_the_run(recorded: Path, undrawn: None) -> None:
     assert found["drift velocity x"] == ("mm/s", mean, se, interval_text(drift), "3")
     low, high = map(float, interval_text(drift).split(" to "))
     assert high - low == pytest.approx(2.0 * 4.303 * drift["se"], rel=0.05)  # t for two degrees of freedom
-    text = checked(html_of(page)).text
+    text = checked(page.html()).text
     for expected in (
         *("4750", "hex_nut", "M2.5", "restitution", "duration 0.3 s", "3 ran to their end"),
         *(
@@ -127,14 +127,14 @@ def test_interrupted_run_says_so_and_can_go_on(tmp_path: Path, coarse: None) -> 
     assert "The run was interrupted: 0 of 3 seeds have ended." in text
     assert f"feeder-sim run --resume {tmp_path / 'run'}" in text
     with locked(tmp_path / "run"):
-        assert "The run is still going on: 0 of 3" in checked(html_of(run_page(tmp_path / "run"))).text
+        assert "The run is still going on: 0 of 3" in checked(run_document(tmp_path / "run").html()).text
     assert not resume_run(tmp_path / "run", replay=False).interrupted  # the page in its folder does no harm
 
 
 def test_run_that_was_killed_before_its_summary_has_a_page(recorded: Path, tmp_path: Path, undrawn: None) -> None:
     for name in ("trajectory.h5", "scenario.toml"):
         (tmp_path / name).write_bytes((recorded / name).read_bytes())
-    text = checked(html_of(run_page(tmp_path))).text
+    text = checked(run_document(tmp_path).html()).text
     assert "3 ran to their end" in text and "interrupted" not in text
 
 
@@ -158,7 +158,7 @@ def test_failed_seeds_are_named_and_do_not_count(
     assert "1 of 3 seeds failed" in text and "2 ran to their end, 1 stopped" in text
     assert str(result.failures[0])[1:] in text
     (tmp_path / "run/failure_seed_1.npz").write_bytes(b"damaged")
-    assert "Seed 1: a part at" in checked(html_of(run_page(tmp_path / "run"))).text
+    assert "Seed 1: a part at" in checked(run_document(tmp_path / "run").html()).text
 
 
 def test_page_without_a_graphics_driver_says_why(
@@ -169,9 +169,9 @@ def test_page_without_a_graphics_driver_says_why(
 
     monkeypatch.setattr(run_pictures, "take_screenshot", no_driver)
     said: list[str] = []
-    page = run_page(recorded, with_screenshot=True, notify=said.append)
+    page = run_document(recorded, with_screenshot=True, notify=said.append)
     assert said == ["no picture of the replay: the rerun viewer drew no picture"]
-    assert "No picture of the replay could be drawn" in checked(html_of(page)).text
+    assert "No picture of the replay could be drawn" in checked(page.html()).text
 
 
 @drawn
@@ -225,7 +225,7 @@ def test_uncertain_inputs_of_a_run_are_said(tmp_path: Path, undrawn: None) -> No
     record_run(scenario, tmp_path / "run", replay=False)
     (tmp_path / "run/uncertainty").mkdir()
     (tmp_path / "run/uncertainty/uncertainty.toml").touch()
-    text = checked(html_of(run_page(tmp_path / "run"))).text
+    text = checked(run_document(tmp_path / "run").html()).text
     assert f"a page of its draws: feeder-sim report {tmp_path}/run/uncertainty" in text
     assert "Inputs of the scenario are uncertain" in text and "uncertain contact.restitution uniform 0.1, 0.3" in text
 
@@ -233,8 +233,8 @@ def test_uncertain_inputs_of_a_run_are_said(tmp_path: Path, undrawn: None) -> No
 def test_everything_in_a_page_is_escaped() -> None:
     bad = "</td><script>alert(1)</script>\x00\u202e"
     table = Table(bad, (bad, bad), ((bad, bad),))
-    page = Page(bad, bad, (), (Text(bad, "caution"),), (Section(bad, (Text(bad, "code"), table)),), bad)
-    text = html_of(page)
+    page = Document(bad, bad, (), (Text(bad, "caution"),), (Section(bad, (Text(bad, "code"), table)),), bad)
+    text = page.html()
     assert "<script" not in text and "\x00" not in text and "\u202e" not in text
     assert checked(text).text.count("</td><script>alert(1)</script>\\x00\\u202e") == 12
 

@@ -18,10 +18,10 @@ from conftest import StopsAfter, refusal, strip_scenario
 from test_keep import bouncing, picking
 
 import feeder_sim
-from feeder_sim.api import result as result_module
 from feeder_sim.api.opened import OpenedRun
 from feeder_sim.api.progress import shown
 from feeder_sim.errors import InputError
+from feeder_sim.measures import catalogue
 from feeder_sim.measures.found import Found
 from feeder_sim.run.run_folder import SUMMARY, scenario_toml
 from feeder_sim.scenario import HexNut, Rectangle, Scenario, Start
@@ -156,7 +156,7 @@ def test_findings_of_many_stages_are_a_line_and_tables() -> None:
 
 def test_every_measure_has_findings_with_a_short_repr() -> None:
     for name in ("drift", "bounces", "separation", "poses", "refills", "rate", "arrivals", "circulation"):
-        findings = get_type_hints(getattr(feeder_sim.Result, name).fget, vars(result_module))["return"]
+        findings = get_type_hints(getattr(feeder_sim.Result, name).fget, vars(catalogue))["return"]
         assert issubclass(findings, Found) and findings.__repr__ is Found.__repr__, name
 
 

@@ -14,8 +14,8 @@ from conftest import strip_scenario
 from pages import checked
 from pretended import Pretended, asked
 
-from feeder_sim.report import pictures
-from feeder_sim.report.words import with_error
+from feeder_sim.document import figure
+from feeder_sim.document.words import with_error
 from feeder_sim.scenario import Scenario
 from feeder_sim.studies.search.optimise import OptimiseQuestion, Search
 
@@ -45,7 +45,7 @@ def searched(
 @pytest.fixture
 def coarse(monkeypatch: pytest.MonkeyPatch) -> None:
     """Pictures of few pixels: they take most of the time."""
-    monkeypatch.setattr(pictures, "PIXELS_PER_INCH", 40)
+    monkeypatch.setattr(figure, "PIXELS_PER_INCH", 40)
 
 
 def test_page_of_a_search(tmp_path: Path, coarse: None) -> None:
@@ -70,9 +70,8 @@ def test_page_of_a_search(tmp_path: Path, coarse: None) -> None:
         f"recipe of the file {' '.join(with_error(present.mean, present.se))}",
         "The best recipe is better than that of the file",
         f"In the search it was trial {winner}, with a mean of",
-        "Recipes with a seed without a value, as where a part does not arrive:",
-        f"They do not count. Mostly: a seed has no {TIME}.",
-        f"--minimise {TIME} --over '{OVER[0]}' --over {OVER[1]} --trials 20 --seeds 4 --check-seeds 8 --out repeated",
+        f"recipes have a seed without a value and do not count, mostly: a seed has no {TIME}.",
+        f"--over '{OVER[0]}' --over {OVER[1]} --minimise {TIME} --trials 20 --seeds 4 --check-seeds 8 --out repeated",
     ):
         assert expected in page.text, expected
     assert "<b>" not in text
@@ -114,7 +113,7 @@ def test_recipe_of_the_file_may_be_the_best_or_none(tmp_path: Path, coarse: None
     assert found.complete and found.best is None
     assert feeder_sim("report", tmp_path / "none").returncode == 0
     text = checked((tmp_path / "none/report.html").read_text(encoding="utf-8")).text
-    assert "No recipe has arrival time (s) in all its seeds" in text and "a seed has no value" in text
+    assert "No recipe has arrival time (s) in all its seeds" in text and "4 recipes have a seed without a value" in text
 
 
 def test_damaged_folder_is_refused(tmp_path: Path) -> None:

@@ -150,7 +150,7 @@ def test_an_interrupted_map_has_a_table_and_a_picture(tmp_path: Path, monkeypatc
     class Interrupted(Pretended):
         asked = False
 
-        def submit(self, function: Any, task: Any, /) -> Any:  # type: ignore[override]
+        def submit(self, function: Any, task: Any, /, *_: Any) -> Any:  # type: ignore[override]
             if self.count >= 8 and not self.asked:
                 self.asked = True
                 signal.raise_signal(signal.SIGINT)

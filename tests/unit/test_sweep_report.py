@@ -9,7 +9,7 @@ import pytest
 from command_line import feeder_sim, one_line
 from pages import checked
 
-from feeder_sim.report import pictures
+from feeder_sim.document import figure
 
 SWEEP = Path(__file__).parent / "sweep_by_hand"
 
@@ -17,7 +17,7 @@ SWEEP = Path(__file__).parent / "sweep_by_hand"
 @pytest.fixture
 def coarse(monkeypatch: pytest.MonkeyPatch) -> None:
     """Pictures of few pixels: they take most of the time."""
-    monkeypatch.setattr(pictures, "PIXELS_PER_INCH", 40)
+    monkeypatch.setattr(figure, "PIXELS_PER_INCH", 40)
 
 
 @pytest.fixture
@@ -43,7 +43,7 @@ def test_page_of_a_sweep(sweep: Path, coarse: None) -> None:
         "1 seeds failed, at 1 of 3 points",
         "3 of 4 points are there: the sweep has not ended.",
         "--vary 'drive[0].amplitude_um=0.5,1,2,4' --seeds 4 --out repeated",
-        "transport speed (mm/s): at 1 of 3 points 1 of 4 seeds have no value",
+        "Transport speed (mm/s): at 1 of 3 points 1 of 4 seeds have no value",
     ):
         assert expected in page.text
     assert "seeds are missing" not in page.text
@@ -59,7 +59,7 @@ def test_page_of_a_sweep_that_has_not_ended(sweep: Path, coarse: None) -> None:
     assert feeder_sim("report", sweep).returncode == 0
     text = checked((sweep / "report.html").read_text(encoding="utf-8")).text
     assert "6 seeds are missing, at 3 of 3 points: the sweep has not ended." in text
-    assert "2 of 3 points have as many seeds as were allowed (1000)" in text
+    assert "2 of 3 points have as many seeds as --most-seeds allows, 1000" in text
     assert "Run.planar is true: no (at 1 of 3 points)." in text
     (sweep / "sweep.toml").write_text(question.replace("seeds = 6", "seeds = 4"))
     assert feeder_sim("report", sweep, "--force").returncode == 0

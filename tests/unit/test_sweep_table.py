@@ -10,9 +10,9 @@ import pytest
 from scipy.special import ndtr
 from swept import AMPLITUDE, over, plan_of
 
+from feeder_sim.document.figure import empty_figure
 from feeder_sim.jobs.task import SeedValues
 from feeder_sim.measures.statistic import Statistic
-from feeder_sim.plots.figure import empty_figure
 from feeder_sim.plots.sweep import draw_line
 from feeder_sim.studies.study import csv_bytes
 from feeder_sim.studies.sweep.table import COLUMNS, UNCERTAIN_COLUMNS, Row, as_parquet

@@ -15,7 +15,7 @@ from conftest import strip_scenario
 from pages import checked
 from pretended import Pretended, asked
 
-from feeder_sim.report import pictures
+from feeder_sim.document import figure
 from feeder_sim.scenario import Scenario, load_scenario
 from feeder_sim.studies.ask import open_study
 from feeder_sim.studies.uncertainty.uncertainty import Uncertainty, UncertaintyQuestion
@@ -49,7 +49,7 @@ def studied(folder: Path, stop: threading.Event | None = None, after: int = 0, *
 @pytest.fixture
 def coarse(monkeypatch: pytest.MonkeyPatch) -> None:
     """Pictures of few pixels: they take most of the time."""
-    monkeypatch.setattr(pictures, "PIXELS_PER_INCH", 40)
+    monkeypatch.setattr(figure, "PIXELS_PER_INCH", 40)
 
 
 @pytest.mark.filterwarnings("default")  # of SALib
@@ -74,13 +74,12 @@ def test_page_with_indices(tmp_path: Path, coarse: None) -> None:
         f"{AMPLITUDE} um 1 to 2, every ratio equally likely",
         "0.3 ± 0.03 (normal, one standard deviation) contact.part_friction",
         "one of steel, aluminium",
-        "40 = 8 x (3 inputs + 2), for Sobol indices",
         f"The measured value, 6.5 mm/s, lies within the 90 % of runs, {spread.low:.1f} to {spread.high:.1f}; "
         f"{below} of 78 runs are below it.",
         f"{AMPLITUDE} {line.share:.2f} ± {line.interval:.2f} {amplitude.first:.2f} ± {amplitude.first_interval:.2f}",
         "1 of 80 runs failed: seed 3: <b>a part</b> lies too deep.",
-        "transport speed (mm/s): 1 of 79 runs have no value",
-        "These are few draws",
+        "Transport speed (mm/s): 1 of 79 runs have no value",
+        "Few draws",
         f"--inputs 8 --indices --measure {SPEED} --measured 6.5 --out repeated",
     ):
         assert expected in page.text, expected

@@ -16,13 +16,15 @@ from __future__ import annotations
 import itertools
 import json
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import Field
 
+from feeder_sim.document.document import Table, Text
+from feeder_sim.document.figure import Figure
 from feeder_sim.errors import InputError
 from feeder_sim.jobs.cautions import Caution
 from feeder_sim.jobs.folder import SCENARIO
@@ -158,6 +160,7 @@ class Chart(Study):
         cautions: settings that are known to mislead.
     """
 
+    picture = PICTURE
     question: ChartQuestion
     scenario: Scenario
     name: str
@@ -206,24 +209,25 @@ class Chart(Study):
 
     def lines(self, measure: str | None = None) -> list[str]:
         """One line per setting, and which to take."""
-        width = max([len(row.setting) for row in self.rows], default=0)
-        unit = self.measure(measure) or "measure"
-        lines = [f"{'setting':<{width}}  {unit:>24}  {'error':>20}  {'cost':>7}"]
+        rows = []
         for row in self.rows:
             notes = [row.verdict, *(["as it is"] if row.default else []), *(["reference"] if row.reference else [])]
             value = f"{row.mean:.4g} +- {row.se if math.isfinite(row.se) else 0.0:.2g}" if row.n else "none"
             error = f"{row.error:+.2g} +- {row.error_se:.2g}" if math.isfinite(row.error) else ""
-            lines.append(f"{row.setting:<{width}}  {value:>24}  {error:>20}  {row.cost:7.3g}  {', '.join(notes)}")
+            rows.append((row.setting, ", ".join(notes), value, error, f"{row.cost:.3g}"))
+        head = ("setting", "verdict", self.measure(measure) or "measure", "error", "cost")
+        lines = Table("", head, tuple(rows), numbers_from=2).lines()
         best = self.recommended
         return [*lines, f"take: {best.setting}" if best else "take: none is known to be good, more seeds may tell"]
 
-    def remarks(self, measure: str | None = None) -> list[str]:
-        lines = [*super().remarks(measure), *(f"left out: {line}" for line in self.left_out)]
+    def remarks(self, measure: str | None = None) -> Iterator[Text]:
+        yield from super().remarks(measure)
+        for line in self.left_out:
+            yield Text(f"left out: {line}")
         if self.holds is False:
-            lines.append("caution: the reference still moves with its setting, so that errors are known no better")
+            yield Text("the reference still moves with its setting, so that errors are known no better", "caution")
         if any(row.seeds == 1 for row in self.rows):
-            lines.append("caution: of one seed no error is known, --seeds gives more")
-        return lines
+            yield Text("of one seed no error is known, --seeds gives more", "caution")
 
     def files(self, carried: Callable[[Any], str]) -> dict[str, bytes]:
         if not self.rows:
@@ -249,10 +253,10 @@ class Chart(Study):
         except (ValueError, KeyError, TypeError, RecursionError) as error:
             raise InputError(f"holds no state of a chart: {error}", file=folder / STATE) from error
 
-    def draw(self, folder: Path, measure: str) -> None:
-        from feeder_sim.plots.error_over_cost import draw_chart
+    def figures(self, measure: str) -> list[Figure]:
+        from feeder_sim.plots.error_over_cost import chart_figure, right_value
 
-        draw_chart(self, folder / PICTURE)
+        return [chart_figure(self)] if abs(right_value(self)) > 0.0 else []
 
     def plot(self, ax: Axes | None = None) -> Axes:
         """Draw errors over costs; returns matplotlib axes.
@@ -265,9 +269,10 @@ class Chart(Study):
         """
         from feeder_sim.plots.error_over_cost import draw_errors
 
-        axes = axes_for(ax)
-        if not draw_errors(axes, self):
+        if not self.figures(self.name):
             raise InputError("has no value, or a reference of 0: there is nothing to draw", key="plot")
+        axes = axes_for(ax)
+        draw_errors(axes, self)
         return axes
 
     def _line(self) -> str:

@@ -18,7 +18,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -26,6 +26,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 import numpy as np
 from pydantic import Field
 
+from feeder_sim.document.document import Text
+from feeder_sim.document.figure import Figure
 from feeder_sim.errors import InputError
 from feeder_sim.jobs.bench import Bench
 from feeder_sim.jobs.cautions import Caution, cautions_over, most_frequent
@@ -38,7 +40,7 @@ from feeder_sim.run.identity import content_hash
 from feeder_sim.scenario import Scenario, load_scenario
 from feeder_sim.scenario.changes import labels, value_at
 from feeder_sim.studies.question import Plan, Question
-from feeder_sim.studies.search.proposals import LOG, Sampler
+from feeder_sim.studies.search.proposals import LOG, RANDOM_TRIALS, Sampler
 from feeder_sim.studies.search.screening import first_recipes
 from feeder_sim.studies.search.search import Budget, Checked, SearchRun
 from feeder_sim.studies.search.space import Space
@@ -52,6 +54,7 @@ if TYPE_CHECKING:
 
 TRIALS, CHECK, BEST, PICTURE = "trials.csv", "check.csv", "best.toml", "history.png"
 COLUMNS = ("mean", "se", "seeds", "stopped", "refused")  # of a trial, after its number and its values
+FEW_FRESH = 8  # fresh seeds, below which an interval is wide
 CHECKED = ("seed", "present", "best")
 
 
@@ -171,6 +174,13 @@ class Tried:
     stopped: bool
     refused: str = ""
 
+    @property
+    def became(self) -> str:
+        """What became of it, in words."""
+        if math.isnan(self.found.mean):
+            return "without value" if self.seeds else "refused"
+        return "stopped early" if self.stopped else "all seeds"
+
     def is_whole(self, aim: Aim) -> bool:
         """Whether it has all its seeds, and a value in each."""
         return self.seeds == aim.seeds and not math.isnan(self.found.mean)
@@ -199,6 +209,7 @@ class Search(Study):
     """
 
     places = "recipes"
+    picture = PICTURE
     question: OptimiseQuestion
     space: Space
     aim: Aim
@@ -326,9 +337,30 @@ class Search(Study):
         seeds = f"{self.best.without_value} of {len(self.best.values)} fresh seeds"
         return [f"the best recipe has no {self.aim.measure} in {seeds}, its mean is of the others"]
 
-    def remarks(self, measure: str | None = None) -> list[str]:
-        of_best = self.best.cautions if self.best else ()
-        return [*super().remarks(measure), *(f"caution: the best recipe: {line}" for line in of_best)]
+    def remarks(self, measure: str | None = None) -> Iterator[Text]:
+        yield from super().remarks(measure)
+        for line in self.best.cautions if self.best else ():
+            yield Text(f"the best recipe: {line}", "caution")
+        for name, checked in (("recipe of the file", self.present), ("best recipe", self.best)):
+            if checked is not None and checked.without_value:
+                none = f"{checked.without_value} of {len(checked.values)} fresh seeds of the {name}"
+                yield Text(f"{none} have no {self.aim.measure}", "caution")
+        if self.present is not None and len(self.present.values) < FEW_FRESH:
+            yield Text(f"{len(self.present.values)} fresh seeds are few: intervals are wide", "caution")
+        if len(self.trials) < RANDOM_TRIALS:
+            why = f"the first {RANDOM_TRIALS} are drawn at random, and the search learns from them"
+            yield Text(f"{len(self.trials)} recipes are few: {why}", "caution")
+        best = (self.best.point if self.best else None) or {}
+        for parameter in self.space.parameters:
+            if end := parameter.end_near(best[parameter.key]) if parameter.key in best else "":
+                where = f"{parameter.key} of the best recipe lies at the {end} end of its range"
+                yield Text(f"{where}: a wider one may hold a better recipe", "caution")
+        for became, what in (("without value", "a seed without a value"), ("refused", "values not allowed together")):
+            if refused := [trial.refused for trial in self.trials if trial.became == became]:
+                why = f"{len(refused)} recipes have {what} and do not count, mostly: {most_frequent(refused)}"
+                yield Text(why, "note")
+        if self.best:
+            yield Text("a search finds a good recipe, not surely the best there is", "note")
 
     def lines(self, measure: str | None = None) -> list[str]:
         stopped = sum(trial.stopped for trial in self.trials)
@@ -391,11 +423,10 @@ class Search(Study):
         checked = _check(folder, keys) if (folder / CHECK).is_file() else (None, None)
         return Search(question, space, question.aim(scenario), trials, *checked, complete=checked[0] is not None)
 
-    def draw(self, folder: Path, measure: str) -> None:
-        from feeder_sim.plots.search import draw_search
+    def figures(self, measure: str) -> list[Figure]:
+        from feeder_sim.plots.search import search_figures
 
-        if self.trials:
-            draw_search(self, folder / PICTURE)
+        return search_figures(self)
 
     def plot(self, *, ax: Axes | None = None) -> Axes:
         """The trials in order, the best so far, and the check with fresh seeds; returns matplotlib axes."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,6 +19,9 @@ if TYPE_CHECKING:
     from optuna.trial import BaseTrial
 
 
+AT_AN_END = 0.02  # of a range, or of its logarithm: as near to an end as this is at it
+
+
 @dataclass(frozen=True)
 class Parameter:
     """One key: a range of numbers, whole ones or not, or choices."""
@@ -31,6 +35,14 @@ class Parameter:
     def names(self) -> list[str]:
         """The choices as texts."""
         return [json.dumps(choice, default=str) for choice in self.choices]
+
+    def end_near(self, value: Any) -> str:
+        """Which end of its range a value lies at, "lower" or "upper"; "" for none."""
+        if self.span is None:
+            return ""
+        low, high, here = (math.log(x) if self.span.log else x for x in (self.span.low, self.span.high, float(value)))
+        share = (here - low) / (high - low)
+        return "lower" if share < AT_AN_END else "upper" if share > 1.0 - AT_AN_END else ""
 
     def suggest(self, trial: BaseTrial) -> Any:
         """A value that Optuna proposes."""

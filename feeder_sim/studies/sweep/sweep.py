@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -23,10 +23,13 @@ from typing import TYPE_CHECKING, Annotated, Any
 import numpy as np
 from pydantic import Field
 
+from feeder_sim.document.document import Table, Text
+from feeder_sim.document.figure import Figure
+from feeder_sim.document.words import measure_label
 from feeder_sim.errors import InputError, quoted
 from feeder_sim.jobs.cautions import Caution
 from feeder_sim.jobs.folder import JOURNAL, SCENARIO
-from feeder_sim.measures.statistic import Statistic
+from feeder_sim.measures.statistic import LARGEST_OF_MANY, Statistic
 from feeder_sim.notebook import cell, counted
 from feeder_sim.scenario import Scenario, load_scenario
 from feeder_sim.studies.question import Question
@@ -145,6 +148,7 @@ class Sweep(Study):
         cautions: settings that are known to mislead, each once, with the number of points where it holds.
     """
 
+    picture = PICTURE
     question: SweepQuestion
     scenario: Scenario
     points: tuple[Point, ...]
@@ -229,27 +233,40 @@ class Sweep(Study):
         """One measure over the points."""
         name = self.measure(measure)
         columns = (*self.keys, "mean", "se", *(("low", "high") if self.uncertain else ()), "n", "seeds", "failed")
-        head = [{"mean": name or "measure", "se": "+-"}.get(column, column) for column in columns]
+        head = tuple({"mean": name or "measure", "se": "+-"}.get(column, column) for column in columns)
         rows = [row.as_dict() for row in self.at_every_point(name)]
-        texts = [[cell(row.get(column)) for column in columns] for row in rows[:MOST_LINES]]
-        widths = [max(map(len, texts_of)) for texts_of in zip(head, *texts, strict=True)]
-        lines = ["  ".join(t.rjust(w) for t, w in zip(line, widths, strict=True)) for line in (head, *texts)]
-        more = len(rows) - MOST_LINES
+        texts = tuple(tuple(cell(row.get(column)) for column in columns) for row in rows[:MOST_LINES])
+        lines, more = Table("", head, texts, numbers_from=0).lines(), len(rows) - MOST_LINES
         return [*lines, f"and {more} more points, in the table of the folder"] if more > 0 else lines
 
-    def remarks(self, measure: str | None = None) -> list[str]:
-        lines, name = super().remarks(measure), self.measure(measure)
+    def remarks(self, measure: str | None = None) -> Iterator[Text]:
+        name, points, planned = self.measure(measure), len(self.points), len(self.question.points(self.scenario))
+        missing, at = self.missing_at_points, f"of {len(self.points)} points"
+        if failed := self.failed:
+            text = f"{sum(failed)} seeds failed, at {len(failed)} {at}; they do not count in the means"
+            yield Text(text, "failure")
+        yield from super().remarks(measure)
+        if points < planned:
+            yield Text(f"{points} of {planned} points are there: the sweep has not ended", "note")
+        if missing:
+            text = f"{sum(missing)} seeds are missing, at {len(missing)} {at}: the sweep has not ended"
+            yield Text(text, "note")
+        elif not self.complete and points == planned:
+            yield Text("more seeds are to be run: the sweep has not ended", "note")
         if some := means_of_some(self.of(name)):
-            lines.append(f"caution: {name}: {some}")
-        if self.short and self.question.until_se:
-            lines.append(
-                f"caution: {self.short} of {len(self.points)} points have not reached --until-se "
-                f"{100.0 * self.question.until_se:g}% with as many seeds as --most-seeds allows, "
-                f"{self.question.effort(self.scenario).most_seeds}"
-            )
+            yield Text(f"{measure_label(name)}: {some}", "caution")
+        if self.short:
+            most = self.question.effort(self.scenario).most_seeds
+            text = f"{self.short} {at} have as many seeds as --most-seeds allows, {most}"
+            yield Text(f"{text}, and not the standard error of --until-se", "caution")
         if self.kept:
-            lines.append(f"{self.kept} points keep the seeds that they had, which are more than asked for now")
-        return lines
+            yield Text(f"{self.kept} points keep the seeds that they had, which are more than asked for now")
+        if alone := sum(row.found.n == 1 for row in self.rows):
+            yield Text(f"{alone} values come from a single seed and have no interval", "caution")
+        if points > 1:
+            same = "all points have the same random starts, so that differences between them are surer"
+            yield Text(f"{same} than the intervals say", "note")
+            yield Text(LARGEST_OF_MANY, "note")
 
     def _state(self) -> dict[str, Any]:
         return {
@@ -297,10 +314,11 @@ class Sweep(Study):
         found = Sweep(question, scenario, points, uncertain, tuple(by_point.values()), complete=True)
         return _with_state(found, folder / STATE)
 
-    def draw(self, folder: Path, measure: str) -> None:
-        from feeder_sim.plots.sweep import draw_sweep
+    def figures(self, measure: str) -> list[Figure]:
+        from feeder_sim.plots.sweep import sweep_figure
 
-        draw_sweep(self, measure, folder / PICTURE)
+        rows = self.valued(measure)
+        return [sweep_figure(rows, self.keys, measure)] if rows else []
 
     def plot(self, measure: str | None = None) -> Sequence[Axes]:
         """Draw a measure: means with 95 % intervals over each key, or a map over two; returns matplotlib axes.
@@ -313,13 +331,13 @@ class Sweep(Study):
         """
         from matplotlib import pyplot
 
-        from feeder_sim.plots.sweep import draw_measure
-
-        name, figure = self.measure(measure), pyplot.figure(layout="constrained")
-        if not draw_measure(figure, self, name):
-            pyplot.close(figure)
+        name = self.measure(measure)
+        figures = self.figures(name)
+        if not figures:
             raise InputError("has no value at any point, there is nothing to draw", key=name or "plot")
-        return figure.axes
+        shown = pyplot.figure(figsize=(figures[0].width, figures[0].height), layout="constrained")
+        figures[0].draw(shown)
+        return shown.axes
 
     def _line(self) -> str:
         rest = "" if self.complete else ", not complete"

@@ -14,15 +14,18 @@ The folder holds
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import astuple, dataclass
 from functools import cached_property
-from itertools import zip_longest
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 from pydantic import Field
 
+from feeder_sim.document.document import Table, Text
+from feeder_sim.document.figure import Figure
+from feeder_sim.document.words import measure_label
 from feeder_sim.errors import InputError, nearest
 from feeder_sim.jobs.cautions import Caution, cautions_over
 from feeder_sim.jobs.folder import JOURNAL, SCENARIO
@@ -60,6 +63,11 @@ SHARES = (
     *("first_order", "first_order_interval", "total", "total_interval"),
 )
 NO_REASON = "why is not known"
+FEW_DRAWS = 20  # below it not even one draw lies beyond each end of 90 %
+FEW_FOR_INDICES = 64  # draws, each (inputs + 2) times
+WIDE = 0.3  # of the interval of an index, on each side, that tells nothing apart
+MOSTLY = 0.9  # of the variance that straight lines explain where they tell what the result depends on
+MOST_CAUSES = 5  # of failures, one by one
 
 
 class UncertaintyQuestion(Question):
@@ -117,6 +125,7 @@ class Uncertainty(Study):
     """
 
     places = "draws"
+    picture = PICTURE
     question: UncertaintyQuestion
     scenario: Scenario
     draws: tuple[Draw, ...]
@@ -236,11 +245,56 @@ class Uncertainty(Study):
             where = "within" if spread.low <= measured <= spread.high else "outside of"
             told = f"{measured:.4g} is {where} the {spread.of_runs}; {below} of {len(values)} runs are below it"
             lines.append(labelled("measured", told))
-        return [*lines, *_share_lines(self.linear_shares(measure), self.indices(measure))]
+        linear, indices = self.linear_shares(measure), self.indices(measure)
+        return [*lines, *share_table("", linear, indices).lines()] if linear or indices else lines
 
-    def remarks(self, measure: str | None = None) -> list[str]:
-        kept = ["caution: draws keep the seeds that they had, which are more than asked for now"]
-        return super().remarks(measure) + (kept if self.cases.kept else [])
+    def remarks(self, measure: str | None = None) -> Iterator[Text]:
+        question, done = self.question, len(self.done)
+        causes = Counter(seed.failure for seed in self.failed).most_common()
+        if causes:
+            listed = "; ".join(f"{cause} ({n})" if n > 1 else cause for cause, n in causes[:MOST_CAUSES])
+            more = f"; and {len(causes) - MOST_CAUSES} more" if len(causes) > MOST_CAUSES else ""
+            yield Text(f"{len(self.failed)} of {done} runs failed: {listed}{more}", "failure")
+        yield from super().remarks(measure)
+        if self.cases.kept:
+            yield Text("draws keep the seeds that they had, which are more than asked for now", "caution")
+        if question.measure and question.measure not in self.measures:
+            yield Text(f"no run has a value of {question.measure}, which was asked for", "caution")
+        if question.inputs * (2 if question.indices else 1) < FEW_DRAWS:  # that are independent of each other
+            ends = "the ends of the 90 % intervals are little more than the smallest and the largest value"
+            yield Text(f"few draws: {ends}; --inputs asks for more", "caution")
+        if question.seeds == 1:
+            yield Text("with one seed of each draw, inputs and seeds cannot be told apart", "caution")
+        if shown := measure or (question.measure if question.measure in self.measures else self.main()):
+            yield from self._remarks_of(shown)
+        said = "all intervals hold only if the inputs are as uncertain as said, and independent of each other"
+        yield Text(said, "note")
+
+    def _remarks_of(self, measure: str) -> Iterator[Text]:
+        """What limits one measure."""
+        label = measure_label(measure)
+        spread, linear, question = self.spread(measure), self.linear_shares(measure), self.question
+        held, ended = sum(len(row) for row in self.values(measure)), len(self.done) - len(self.failed)
+        if held < ended:
+            why = "as where a part does not come so far in time; the intervals are those of the others"
+            yield Text(f"{label}: {ended - held} of {ended} runs have no value, {why}", "caution")
+        if spread.not_told:
+            why = "the inputs hardly change it, or more seeds are needed to see it"
+            yield Text(f"{label}: draws differ no more than seeds of the same draw do; {why}", "note")
+        if linear and linear.explained + linear.explained_interval < MOSTLY:
+            why = "does not go in a straight line with the inputs, or they act together: the shares are not all of it"
+            yield Text(f"{label} {why}{'' if question.indices else '; --indices asks for more'}", "caution")
+        if not question.indices:
+            return
+        if not self.complete:
+            yield Text("Sobol indices can be told only when all draws are done", "note")
+        elif not (indices := self.indices(measure)):
+            why = "the inputs change it no more than the seeds do, or a draw has no value of it"
+            yield Text(f"{label} has no Sobol indices: {why}", "caution")
+        elif (widest := max(half for i in indices for half in (i.first_interval, i.total_interval))) > WIDE:
+            more = f"; {FEW_FOR_INDICES} or more --inputs make them narrower"
+            wide = f"the intervals of the Sobol indices are wide, up to ± {widest:.2f}"
+            yield Text(f"{wide}{more if question.inputs < FEW_FOR_INDICES else ''}", "caution")
 
     def files(self, carried: Callable[[Any], str]) -> dict[str, bytes]:
         rows = [labels(draw) | {"seed": seed.seed} | seed.values for draw, seed in self.done]
@@ -279,11 +333,10 @@ class Uncertainty(Study):
         cases = Cases(({},), (held,), Effort(question.seeds, measure=question.measure or ""))
         return Uncertainty(question, scenario, tuple(draws), cases, cases.all_done)
 
-    def draw(self, folder: Path, measure: str) -> None:
-        from feeder_sim.plots.uncertainty import draw_uncertainty
+    def figures(self, measure: str) -> list[Figure]:
+        from feeder_sim.plots.uncertainty import uncertainty_figures
 
-        if measure in self.measures:
-            draw_uncertainty(self, measure, folder / PICTURE, self.question.measured)
+        return uncertainty_figures(self, measure) if measure in self.measures else []
 
     def plot(self, measure: str | None = None, *, measured: float | None = None, ax: Axes | None = None) -> Axes:
         """Histogram of a measure over all runs, with its intervals.
@@ -346,19 +399,20 @@ def _causes(journals: Iterable[Path]) -> dict[int, str]:
     return {int(entry["seed"]): str(entry["failure"]) for entry in entries if "failure" in entry}
 
 
-def _share_lines(linear: LinearShares | None, indices: Sequence[Index]) -> list[str]:
-    """A table: of the variance over the inputs, what hangs on each of them."""
-    told: list[tuple[str, list[tuple[str, float, float]]]] = []
+def share_table(measure: str, linear: LinearShares | None, indices: Sequence[Index]) -> Table:
+    """Of the variance of a measure over the inputs, what depends on each of them."""
+
+    def told(share: float, half: float) -> str:
+        return f"{share:.2f} ± {half:.2f}"
+
+    columns: dict[str, list[str]] = {"share of variance": [i.key for i in (linear.inputs if linear else indices)]}
     if linear:
-        lines = [(i.key, i.share, i.interval) for i in linear.inputs]
-        told.append(("straight line", [*lines, ("all of them", linear.explained, linear.explained_interval)]))
+        columns["straight line"] = [told(i.share, i.interval) for i in linear.inputs]
     if indices:
-        told.append(("first order", [(i.key, i.first, i.first_interval) for i in indices]))
-        told.append(("total", [(i.key, i.total, i.total_interval) for i in indices]))
-    if not told:
-        return []
-    keys = [key for key, _, _ in told[0][1]]
-    width = max(len(key) for key in (*keys, "share of variance"))
-    texts = [[head, *(f"{share:.2f} +- {half:.2f}" for _, share, half in shares)] for head, shares in told]
-    table = zip_longest(("share of variance", *keys), *texts, fillvalue="")
-    return [f"{key:<{width}}{''.join(f'{text:>16}' for text in row)}".rstrip() for key, *row in table]
+        columns["first order"] = [told(i.first, i.first_interval) for i in indices]
+        columns["total"] = [told(i.total, i.total_interval) for i in indices]
+    rows = list(zip(*columns.values(), strict=True))
+    if linear:
+        explained = told(linear.explained, linear.explained_interval)
+        rows.append(("all of them", explained, *("" for _ in list(columns)[2:])))
+    return Table(measure, tuple(columns), tuple(rows), numbers_from=1)

@@ -1,0 +1,164 @@
+"""What a page is made of, and its HTML: one file, no scripts, nothing that has to be loaded.
+
+All text goes through the template's automatic escaping, so that a title or a name of a file cannot become HTML; a
+policy in the page itself forbids scripts and everything that comes from elsewhere.
+"""
+
+from __future__ import annotations
+
+import functools
+import io
+import string
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from typing import Any, ClassVar, Literal
+
+from feeder_sim.document.figure import Figure, Picture
+from feeder_sim.errors import escaped
+
+WIDEST_TEXT = 10_000  # characters of a line
+
+
+@dataclass(frozen=True)
+class Tile:
+    """A result at the top of the page: what it is, its value with unit, and how sure it is."""
+
+    label: str
+    value: str
+    unit: str
+    note: str
+
+
+@dataclass(frozen=True)
+class Text:
+    """A paragraph; `tone` says how much it matters, and "code" keeps its lines."""
+
+    kind: ClassVar[str] = "text"
+    text: str
+    tone: Literal["plain", "note", "caution", "failure", "code"] = "plain"
+
+
+@dataclass(frozen=True)
+class Table:
+    """A table; columns from `numbers_from` on hold numbers. A first cell that is empty belongs to the row above."""
+
+    kind: ClassVar[str] = "table"
+    caption: str
+    head: tuple[str, ...]
+    rows: tuple[tuple[str, ...], ...]
+    numbers_from: int = 1000
+
+    def lines(self) -> list[str]:
+        """The table as lines of text, as wide as it needs to be."""
+        from rich.table import Table as RichTable
+        from rich.text import Text as RichText
+
+        drawn = RichTable(box=None, pad_edge=False, padding=(0, 2, 0, 0))
+        for i, name in enumerate(self.head):
+            drawn.add_column(RichText(name), justify="right" if i >= self.numbers_from else "left", no_wrap=True)
+        for row in self.rows:
+            drawn.add_row(*map(RichText, row))
+        return [*([self.caption] if self.caption else []), *_lines_of(drawn)]
+
+    @staticmethod
+    def of(rows: Iterable[Mapping[str, Any]], columns: Mapping[str, str], *, numbers_from: int = 0) -> Table:
+        """Of rows by key: heads, each with a template for its cells such as "{amplitude_um:.4g}"; None is empty."""
+
+        def cell(template: str, row: Mapping[str, Any]) -> str:
+            named = [name for _, name, _, _ in string.Formatter().parse(template) if name]
+            return "" if any(row[name] is None for name in named) else template.format_map(row)
+
+        cells = tuple(tuple(cell(template, row) for template in columns.values()) for row in rows)
+        return Table("", tuple(columns), cells, numbers_from)
+
+
+@dataclass(frozen=True)
+class Folded:
+    """What is shown only when the reader asks for it; not in print."""
+
+    kind: ClassVar[str] = "folded"
+    summary: str
+    blocks: tuple[Text | Table, ...]
+
+
+Block = Text | Table | Figure | Picture | Folded
+
+
+@dataclass(frozen=True)
+class Section:
+    """A part of the page with a heading."""
+
+    title: str
+    blocks: tuple[Block, ...]
+
+
+@dataclass(frozen=True)
+class Document:
+    """A whole document: heading, a line below it, the most important results, notices, sections, last line."""
+
+    title: str
+    subtitle: str
+    tiles: tuple[Tile, ...]
+    notices: tuple[Text, ...]
+    sections: tuple[Section, ...]
+    foot: str = ""
+    data: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def pictures(self) -> int:
+        """Number of pictures."""
+        return sum(isinstance(block, Figure | Picture) for section in self.sections for block in section.blocks)
+
+    def html(self) -> str:
+        """The whole page, one file."""
+        return str(_template("page").render(page=self))
+
+    def _repr_html_(self) -> str:
+        """What a notebook shows: all but what a page folds."""
+        return str(_template("notebook").render(page=self))
+
+    def text(self) -> str:
+        """What a terminal shows: all but pictures, and what a page folds."""
+        lines = [self.title, self.subtitle, ""]
+        for tile in self.tiles:
+            lines.append(f"{tile.label}: {tile.value} {tile.unit} {tile.note}".rstrip())
+        lines += [notice.text for notice in self.notices]
+        for section in self.sections:
+            shown = [block for block in section.blocks if isinstance(block, Text | Table)]
+            lines += ["", section.title, "-" * len(section.title)] if shown else []
+            for block in shown:
+                lines += block.lines() if isinstance(block, Table) else block.text.splitlines()
+        return "\n".join(escaped(line) for line in [*lines, "", self.foot])
+
+
+@functools.cache
+def _template(name: str) -> Any:
+    from jinja2 import Environment, PackageLoader, StrictUndefined
+
+    environment = Environment(
+        loader=PackageLoader("feeder_sim", "document"),
+        autoescape=True,
+        undefined=StrictUndefined,
+        finalize=_visible,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    return environment.get_template(f"{name}.html.j2")
+
+
+def _lines_of(drawn: Any) -> list[str]:
+    """What rich draws, as lines that are never wrapped."""
+    from rich.console import Console
+
+    console = Console(file=io.StringIO(), width=WIDEST_TEXT, color_system=None)
+    console.print(drawn)
+    assert isinstance(console.file, io.StringIO)
+    return [line.rstrip() for line in console.file.getvalue().splitlines()]
+
+
+def _visible(value: Any) -> Any:
+    """Text without control characters and marks that turn its direction, but with its lines."""
+    if type(value) is not str:
+        return value
+    shown = (c if c.isprintable() or c == "\n" else c.encode("unicode_escape", "replace").decode() for c in value)
+    return "".join(shown)
