@@ -6,9 +6,9 @@
     result.plot.drift()
 
 Build scenarios in code from `Scenario` and its tables in `feeder_sim.scenario`; `scenario.changed` changes one.
-`record_run` also writes a run folder, and `open` gives its result again, as long as it is there. A result has findings,
-tables (`to_frame`, `to_xarray`) and plots; `record` of `simulate` says what to keep of it: `AllFrames`, `EveryNth`,
-`ImpactsOnly`, `StatisticsOnly`. Questions about many runs are `sweep`, `uncertainty`, `optimise`, `speed_map`, `chart`
+`record_run` also writes a run folder, `open` gives its result again, and `document_of` a page of it. A result has
+findings, tables (`to_frame`, `to_xarray`) and plots; `record` of `simulate` says what to keep of it: `AllFrames`,
+`EveryNth`, `ImpactsOnly`, `StatisticsOnly`. Questions about many runs are `sweep`, `uncertainty`, `optimise`, `speed_map`, `chart`
 and `compare`; `measure_drift` runs many drifts. A `Feeder` is run stage by stage, `FeederEnvironment` is one for
 Gymnasium (extra `gym`). Bad input is an `InputError`.
 """
@@ -40,6 +40,7 @@ if TYPE_CHECKING:
     from feeder_sim.feeder.feeder import Feeder as Feeder
     from feeder_sim.records.trajectory_file import read_recording as read_recording
     from feeder_sim.replay.replay import build_replay as build_replay
+    from feeder_sim.report.document_of import document_of as document_of
     from feeder_sim.run.keep import AllFrames as AllFrames
     from feeder_sim.run.keep import EveryNth as EveryNth
     from feeder_sim.run.keep import ImpactsOnly as ImpactsOnly
@@ -65,6 +66,7 @@ _PUBLIC = {
     "build_scene": "scene.scene",
     "chart": "api.studies",
     "compare": "api.compare",
+    "document_of": "report.document_of",
     "load_scenario": "scenario",
     "measure_drift": "api.calls",
     "open": "api.opened",

@@ -122,13 +122,13 @@ class Document:
         lines = [self.title, self.subtitle, ""]
         for tile in self.tiles:
             lines.append(f"{tile.label}: {tile.value} {tile.unit} {tile.note}".rstrip())
-        lines += [notice.text for notice in self.notices]
+        lines += [*(notice.text for notice in self.notices), ""]
         for section in self.sections:
             shown = [block for block in section.blocks if isinstance(block, Text | Table)]
-            lines += ["", section.title, "-" * len(section.title)] if shown else []
+            lines += [section.title, "-" * len(section.title), ""] if shown else []
             for block in shown:
-                lines += block.lines() if isinstance(block, Table) else block.text.splitlines()
-        return "\n".join(escaped(line) for line in [*lines, "", self.foot])
+                lines += [*(block.lines() if isinstance(block, Table) else block.text.splitlines()), ""]
+        return "\n".join(escaped(line) for line in [*lines, self.foot])
 
 
 @functools.cache

@@ -22,6 +22,7 @@ from feeder_sim.plots.run_curves import draw_over_time
 from feeder_sim.records.own_files import locked
 from feeder_sim.records.trajectory import Frames
 from feeder_sim.report import run_pictures
+from feeder_sim.report.document_of import document_of
 from feeder_sim.report.measure_tables import interval_text, measure_blocks
 from feeder_sim.report.run_report import run_document
 from feeder_sim.run.guard import Guard
@@ -283,3 +284,15 @@ def test_mean_over_time_ends_with_the_first_seed_that_counts() -> None:
     assert mean.get_xdata()[-1] == pytest.approx(3.0)
     assert mean.get_ydata() == pytest.approx(1.5 * mean.get_xdata())
     assert len(axes.lines) == 5 and axes.lines[2].get_linestyle() == "--"
+
+
+def test_a_document_is_text_for_a_terminal_and_html_for_a_notebook(recorded: Path) -> None:
+    printed = feeder_sim("report", recorded, "--text")
+    assert printed.returncode == 0 and not (recorded / "report.html").exists()
+    document = document_of(recorded)
+    assert (
+        "\x1b" not in printed.stdout and "All measures" in printed.stdout and "drift velocity x  mm/s" in printed.stdout
+    )
+    assert document.text().splitlines()[:-1] == printed.stdout.splitlines()[:-1]  # the last line has the time
+    shown = document._repr_html_()
+    assert "<script" not in shown and "<html" not in shown and shown.count("<table>") > 3 and "<img" in shown
