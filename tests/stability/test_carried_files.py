@@ -3,48 +3,29 @@
 from __future__ import annotations
 
 import shutil
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 import trimesh
 from command_line import check_refused, feeder_sim
-from conftest import REPOSITORY, StopsAfter
+from conftest import REPOSITORY, StopsAfter, toml_of
 
 from feeder_sim.engines.impulse.engine import ImpulseEngine
+from feeder_sim.plate.mode_file import ModeFile, read_mode_file, write_mode_file
 from feeder_sim.records.trajectory_file import read_recording
 from feeder_sim.replay.replay import build_replay
 from feeder_sim.run import carried_files
 from feeder_sim.run.carried_files import carry_files
 from feeder_sim.run.run_folder import record_run, resume_run
-from feeder_sim.scenario import (
-    Drive,
-    HexNut,
-    MeshPart,
-    Pick,
-    Rectangle,
-    Run,
-    Scattered,
-    Scenario,
-    Schedule,
-    Stage,
-    Start,
-    load_scenario,
-)
+from feeder_sim.scenario import MeshPart, Rectangle, Scenario, load_scenario
 
-SCENARIO = """
-[plate]
-kind = "rectangle"
-mode_file = "a plate/modes.h5"
-[[drive]]
-frequency_hz = 2797.0
-amplitude_um = 2.0
-[[part]]
-shape = "mesh"
-file = "../box.stl"
-[run]
-duration_s = 1.0
-seeds = 2
-"""
+SCENARIO = {
+    "plate": {"kind": "rectangle", "mode_file": "a plate/modes.h5"},
+    "drive": [{"frequency_hz": 2797.0, "amplitude_um": 2.0}],
+    "part": [{"shape": "mesh", "file": "../box.stl"}],
+    "run": {"duration_s": 1.0, "seeds": 2},
+}
 
 
 @pytest.fixture
@@ -54,7 +35,7 @@ def scenario(tmp_path: Path) -> Path:
     (here / "a plate").mkdir(parents=True)
     shutil.copy(REPOSITORY / "models/plate_180/modes.h5", here / "a plate")
     trimesh.creation.box((2.0, 3.0, 4.0)).export(tmp_path / "box.stl")
-    (here / "box.toml").write_text(SCENARIO)
+    (here / "box.toml").write_text(toml_of(SCENARIO))
     return here / "box.toml"
 
 
@@ -85,25 +66,12 @@ def test_a_run_folder_taken_elsewhere_runs_again_and_goes_on_to_the_same_bits(
     assert texts["whole"] == texts["again"] and str(tmp_path) not in texts["whole"]
 
 
-def test_a_run_that_was_killed_before_its_trajectory_keeps_the_names_of_its_copies(
-    scenario: Path, tmp_path: Path
-) -> None:
-    record_run(load_scenario(scenario), tmp_path / "whole", replay=False)
-    recorded = shutil.ignore_patterns("trajectory.h5", "summary.json")
-    shutil.copytree(tmp_path / "whole", tmp_path / "cut", ignore=recorded)
-    shutil.rmtree(scenario.parent)
-    resume_run(tmp_path / "cut", replay=False)
-    texts = [read_recording(tmp_path / name / "trajectory.h5").scenario_text for name in ("whole", "cut")]
-    assert texts[0] == texts[1] and bits(tmp_path / "whole") == bits(tmp_path / "cut")
-
-
 def of_files(mode_file: Path, meshes: list[Path], fingers: Path) -> Scenario:
-    stage = Stage(drive=(Drive(frequency_hz=2797.0, amplitude_um=1.0),), duration_s=1.0, pick=Pick(shape=fingers))
-    start = Scattered(kind="scattered")
-    parts = tuple(MeshPart(shape="mesh", name=f"m{i}", file=mesh, start=start) for i, mesh in enumerate(meshes))
-    return Scenario(
-        plate=Rectangle(kind="rectangle", mode_file=mode_file), schedule=Schedule(stage=(stage,)), part=parts, run=Run()
-    )
+    stage = {"drive": [{"frequency_hz": 2797.0, "amplitude_um": 1.0}], "duration_s": 1.0, "pick": {"shape": fingers}}
+    start = {"kind": "scattered"}
+    parts = [{"shape": "mesh", "name": f"m{i}", "file": mesh, "start": start} for i, mesh in enumerate(meshes)]
+    plate = {"kind": "rectangle", "mode_file": mode_file}
+    return Scenario.model_validate({"plate": plate, "schedule": {"stage": [stage]}, "part": parts, "run": {}})
 
 
 def test_equal_files_are_stored_once_and_names_that_clash_are_numbered(tmp_path: Path) -> None:
@@ -148,37 +116,29 @@ def test_a_scenario_without_files_makes_no_folder(tmp_path: Path) -> None:
     assert carry_files(strip, tmp_path) == strip and list(tmp_path.iterdir()) == []
 
 
-@pytest.mark.parametrize("name", ["notes.txt", "modes.h5", "box.stl.partial", "a folder/modes.h5"])
-def test_a_folder_of_inputs_that_are_not_those_of_the_run_is_refused_and_left_alone(
-    name: str, scenario: Path, tmp_path: Path
+def other_box(path: Path) -> None:
+    trimesh.creation.box((2.0, 3.0, 5.0)).export(path)
+
+
+def unmeasured(path: Path) -> None:
+    write_mode_file(path, ModeFile(read_mode_file(path).modes))
+
+
+@pytest.mark.parametrize(
+    ("name", "spoil", "said"),
+    [
+        ("box.stl", Path.unlink, "inputs/box.stl: cannot be read: No such file"),
+        ("box.stl", other_box, "--resume: was begun with another content of part[0].file"),
+        ("modes.h5", unmeasured, "--resume: was begun with another content of plate.mode_file"),
+    ],
+)
+def test_a_run_does_not_go_on_without_its_inputs_or_with_others(
+    name: str, spoil: Callable[[Path], None], said: str, scenario: Path, tmp_path: Path
 ) -> None:
-    mine = tmp_path / "run/inputs" / name
-    mine.parent.mkdir(parents=True)
-    mine.write_text("mine")
-    check_refused(feeder_sim("run", scenario, "--out", tmp_path / "run"), "--out: is not empty (inputs)")
-    assert mine.read_text() == "mine" and [p.name for p in (tmp_path / "run").iterdir()] == ["inputs"]
-
-
-def test_files_of_the_user_among_the_inputs_stay_and_links_are_refused(scenario: Path, tmp_path: Path) -> None:
-    run, mine = tmp_path / "run", tmp_path / "run/inputs/notes.txt"
-    record_run(load_scenario(scenario), run, replay=False)
-    mine.write_text("mine")
-    (run / "summary.json").unlink()  # as if it had been killed just before its end
-    resume_run(run, replay=False)
-    assert mine.read_text() == "mine" and (run / "summary.json").exists()
-    (run / "summary.json").unlink()
-    (run / "inputs/modes.h5").unlink()
-    (run / "inputs/modes.h5").symlink_to(scenario.parent / "a plate/modes.h5")
-    for command in (("run", "--resume", run), ("replay", run, "--screenshot", tmp_path / "a.png")):
-        check_refused(feeder_sim(*command), "inputs/modes.h5: is a link")
-
-
-def test_a_run_whose_inputs_are_gone_does_not_go_on(scenario: Path, tmp_path: Path) -> None:
-    run = tmp_path / "run"
-    record_run(load_scenario(scenario), run, replay=False)
-    (run / "summary.json").unlink()
-    (run / "inputs/box.stl").unlink()
-    check_refused(feeder_sim("run", "--resume", run), "inputs/box.stl: cannot be read: No such file")
+    record_run(load_scenario(scenario), tmp_path / "run", replay=False)
+    (tmp_path / "run/summary.json").unlink()  # as if it had been killed just before its end
+    spoil(tmp_path / "run/inputs" / name)
+    check_refused(feeder_sim("run", "--resume", tmp_path / "run"), said)
 
 
 def test_pieces_beside_a_mesh_are_copied_with_it(tmp_path: Path) -> None:
@@ -193,12 +153,8 @@ def test_relative_names_of_a_scenario_built_in_code_start_from_the_current_folde
     scenario: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(scenario.parent)
-    built = Scenario(
-        plate=Rectangle(kind="rectangle", mode_file=Path("a plate/modes.h5")),
-        drive=(Drive(frequency_hz=2797.0, amplitude_um=2.0),),
-        part=(HexNut(size="M3", start=Start()),),
-        run=Run(duration_s=0.01, seeds=1),
-    )
+    plate = Rectangle(kind="rectangle", mode_file=Path("a plate/modes.h5"))
+    built = load_scenario(scenario).model_copy(update={"plate": plate, "part": ()})
     carried = carry_files(built, tmp_path)
     assert carried.plate.kind == "rectangle" and carried.plate.mode_file == Path("inputs/modes.h5")
     assert (tmp_path / "inputs/modes.h5").read_bytes() == (scenario.parent / "a plate/modes.h5").read_bytes()

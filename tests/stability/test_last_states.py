@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import errno
-import os
 from dataclasses import fields
 from pathlib import Path
 from typing import Any
@@ -13,7 +11,7 @@ import pytest
 from conftest import REPOSITORY, piston_scenario, strip_scenario
 
 import feeder_sim
-from feeder_sim.errors import Divergence, InputError, RecordingFailed, SimulationDiverged
+from feeder_sim.errors import Divergence, InputError, SimulationDiverged
 from feeder_sim.records.last_states import LAST_FRAMES, LastStates, read_last_states, save_last_states
 from feeder_sim.records.seed import Seed, Status
 from feeder_sim.records.trajectory import Frames
@@ -240,18 +238,6 @@ def test_other_last_states_are_never_overwritten(tmp_path: Path) -> None:
     assert save_last_states(tmp_path, failure, last) == "failure_seed_0.npz"
     assert same(read_last_states(tmp_path / "failure_seed_0.npz"), last)
     assert same(read_last_states(tmp_path / "failure_seed_0_2.npz"), other)
-
-
-def test_full_disk_is_said_in_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    def full(descriptor: int) -> None:
-        if list(tmp_path.glob("failure*.partial")):
-            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-
-    monkeypatch.setattr(os, "fsync", full)
-    with pytest.raises(RecordingFailed, match=r"failure_seed_0\.npz: cannot be written, is the disk full\?"):
-        record_run(exploding(), tmp_path, replay=False)
-    assert not list(tmp_path.glob("failure*"))
-    assert len(read_recording(tmp_path / "trajectory.h5").seeds[0]) > 0
 
 
 def test_unreadable_last_states_are_refused(tmp_path: Path) -> None:
