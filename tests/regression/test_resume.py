@@ -18,13 +18,13 @@ import numpy as np
 import pytest
 from command_line import check_refused, feeder_sim
 from conftest import StopsAfter, each_seed_stops_after
+from failing import check_runs_again, fail_at
 
 from feeder_sim.engines.impulse.engine import ImpulseEngine
-from feeder_sim.errors import Divergence, InputError, SimulationDiverged
+from feeder_sim.errors import InputError
 from feeder_sim.records.seed import Status
 from feeder_sim.records.trajectory import Frames
 from feeder_sim.records.trajectory_file import read_recording
-from feeder_sim.run.guard import Guard
 from feeder_sim.run.run_folder import record_run, resume_run, scenario_toml
 from feeder_sim.run.seed_run import SeedRun
 from feeder_sim.scenario import Excitation, Heap, HexNut, PistonPlate, Refill, Run, Scattered, Scenario
@@ -97,14 +97,10 @@ def check_same(folder: Path, expected: Path) -> None:
     assert json.dumps(summaries[0], sort_keys=True) == json.dumps(summaries[1], sort_keys=True)
 
 
-def removed(folder: Path) -> int:
+def lengths(folder: Path, name: str) -> list[int]:
+    """Of a dataset of the two seeds."""
     with h5py.File(folder / "trajectory.h5", "r") as file:
-        return sum(len(file[f"seeds/{index:03d}/removals/part"]) for index in range(2))
-
-
-def times(folder: Path) -> list[int]:
-    with h5py.File(folder / "trajectory.h5", "r") as file:
-        return [len(file[f"seeds/{index:03d}/time"]) for index in range(2)]
+        return [len(file[f"seeds/{index:03d}/{name}"]) for index in range(2)]
 
 
 @pytest.fixture(scope="module")
@@ -116,11 +112,6 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
     assert not result.interrupted and 0 < summary["stages"][0]["picked"]["mean"] < 6
     assert summary["stages"][1]["on_plate"]["mean"] > 0
     return folder
-
-
-def test_two_runs_of_one_scenario_are_the_same(whole: Path, tmp_path: Path) -> None:
-    record_run(nuts(), tmp_path / "run", replay=False)
-    check_same(tmp_path / "run", whole)
 
 
 @contextmanager
@@ -142,10 +133,11 @@ def test_interrupted_run_goes_on_to_the_same_bits(looks: int, whole: Path, tmp_p
     folder = tmp_path / "run"
     with each_seed_stops_after(looks):
         begun = record_run(nuts(), folder, replay=False)
-    assert begun.interrupted and sum(times(folder)) < sum(times(whole))
+    assert begun.interrupted and sum(lengths(folder, "time")) < sum(lengths(whole, "time"))
     with second_seed_stops():
         assert resume_run(folder, replay=False).interrupted
-    assert times(folder)[0] == times(whole)[0] and times(folder)[1] < times(whole)[1]
+    frames, complete = lengths(folder, "time"), lengths(whole, "time")
+    assert frames[0] == complete[0] and frames[1] < complete[1]
     opened: list[int] = []
     open_seed = SeedRun._open
 
@@ -160,51 +152,28 @@ def test_interrupted_run_goes_on_to_the_same_bits(looks: int, whole: Path, tmp_p
     check_same(folder, whole)
 
 
-def test_resumed_run_has_a_replay(tmp_path: Path) -> None:
-    folder = tmp_path / "run"
-    record_run(nuts(), folder, stop=StopsAfter(3), replay=False)
-    resume_run(folder)
-    assert (folder / "replay.rrd").stat().st_size > 1000
-
-
-def test_parts_that_fall_off_are_lost_alike(tmp_path: Path) -> None:
-    """From a heap on a small plate parts fall off, in all blocks."""
-    scenario = nuts(side_mm=16.0, count=12, clearance_mm=100.0, start=Heap(kind="heap", diameter_mm=8.0))
-    record_run(scenario, tmp_path / "whole", replay=False)
-    assert removed(tmp_path / "whole") > 4
-    begun = record_run(scenario, tmp_path / "run", stop=StopsAfter(3), replay=False)
-    assert begun.interrupted and removed(tmp_path / "run") < removed(tmp_path / "whole")
-    resume_run(tmp_path / "run", replay=False)
-    check_same(tmp_path / "run", tmp_path / "whole")
-
-
-def test_mujoco_goes_on_to_the_same_bits(tmp_path: Path) -> None:
-    scenario = nuts(count=4, engine="mujoco", clearance_mm=25.0)
-    record_run(scenario, tmp_path / "whole", replay=False)
-    begun = record_run(scenario, tmp_path / "run", stop=StopsAfter(3), replay=False)
-    assert begun.interrupted
-    resume_run(tmp_path / "run", replay=False)
-    check_same(tmp_path / "run", tmp_path / "whole")
+HEAP, DROPPED = Heap(kind="heap", diameter_mm=25.0), Scattered(kind="scattered", drop_height_mm=(3.0, 3.0))
+REFILLED: dict[str, Any] = {"cycles": 3, "duration_s": 0.1, "clearance_mm": 8.0}
 
 
 @pytest.mark.parametrize(
-    ("engine", "start"),
+    ("scenario", "events", "least"),
     [
-        ("impulse", Heap(kind="heap", diameter_mm=25.0)),
-        ("mujoco", Scattered(kind="scattered", drop_height_mm=(3.0, 3.0))),
+        # From a heap on a small plate parts fall off, in all blocks.
+        (nuts(side_mm=16.0, count=12, clearance_mm=100.0, start=Heap(kind="heap", diameter_mm=8.0)), "removals", 2),
+        (nuts(**REFILLED, refill=Refill(to=5, start=HEAP)), "arrivals", 1),
+        (nuts(**REFILLED, refill=Refill(to=5, start=DROPPED), engine="mujoco"), "arrivals", 1),
     ],
 )
-def test_refilled_run_goes_on_to_the_same_bits(
-    engine: Literal["impulse", "mujoco"], start: Heap | Scattered, tmp_path: Path
+def test_what_comes_and_goes_is_the_same_after_a_break(
+    scenario: Scenario, events: str, least: int, tmp_path: Path
 ) -> None:
-    scenario = nuts(
-        count=6, engine=engine, cycles=3, duration_s=0.1, clearance_mm=8.0, refill=Refill(to=5, start=start)
-    )
     record_run(scenario, tmp_path / "whole", replay=False)
-    refills = [len(set(record.arrivals.cycle)) for record in read_recording(tmp_path / "whole/trajectory.h5").records]
-    assert min(refills) > 0
+    found = lengths(tmp_path / "whole", f"{events}/part")
+    assert min(found) >= least
     with second_seed_stops():
         assert record_run(scenario, tmp_path / "run", replay=False).interrupted
+    assert lengths(tmp_path / "run", f"{events}/part")[1] < found[1] or events == "arrivals"
     resume_run(tmp_path / "run", replay=False)
     check_same(tmp_path / "run", tmp_path / "whole")
     assert (tmp_path / "run/picks.csv").read_bytes() == (tmp_path / "whole/picks.csv").read_bytes()
@@ -213,23 +182,20 @@ def test_refilled_run_goes_on_to_the_same_bits(
 def test_a_seed_that_diverged_before_the_break_is_still_a_failure(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """What the summary of an unbroken run tells about failures, that of a resumed one tells too."""
-    check = Guard.check
-
-    def spoilt(self: Guard, frames: Frames, seed_index: int) -> tuple[int, SimulationDiverged | None]:
-        found = check(self, frames, seed_index)
-        if seed_index == 1:
-            at = float(frames.time[5])
-            return 5, SimulationDiverged(Divergence.TOO_DEEP, time_s=at, part="part_0", seed=1, detail="spoilt")
-        return found
-
-    monkeypatch.setattr(Guard, "check", spoilt)
+    """What an unbroken run tells about failures, that of a resumed one tells too, with the last states it had."""
+    fail_at(monkeypatch, 0.01, seed=1)
     assert len(record_run(nuts(), tmp_path / "whole", replay=False).failures) == 1
     with each_seed_stops_after(2):  # seed 1 ends in its first block
         begun = record_run(nuts(), tmp_path / "run", replay=False)
     assert begun.interrupted and len(begun.failures) == 1
-    assert len(resume_run(tmp_path / "run", replay=False).failures) == 1
+    before = (tmp_path / "run/failure_seed_1.npz").read_bytes()
+    result = resume_run(tmp_path / "run", replay=False)
+    assert len(result.failures) == 1 and "failure_seed_1.npz" in str(result.failures[0])
     check_same(tmp_path / "run", tmp_path / "whole")
+    assert [(file.name, file.read_bytes()) for file in (tmp_path / "run").glob("failure*")] == [
+        ("failure_seed_1.npz", before)
+    ]
+    check_runs_again(nuts(), result.seeds[1], 1)
 
 
 def ended_seeds(folder: Path) -> int:
@@ -280,13 +246,10 @@ def test_what_cannot_be_resumed_is_refused_in_one_line(whole: Path, tmp_path: Pa
 
 
 def test_a_folder_of_before_run_json_goes_on(whole: Path, tmp_path: Path) -> None:
-    """With checkpoints inside of seeds, which nobody reads any more."""
     folder = tmp_path / "run"
     with second_seed_stops():
         record_run(nuts(), folder, replay=False)
     (folder / "run.json").unlink()
-    (folder / "checkpoints").mkdir()
-    (folder / "checkpoints/seed_001.npz").write_bytes(b"of a version before")
     resume_run(folder, replay=False)
     check_same(folder, whole)
 

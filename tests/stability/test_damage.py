@@ -18,7 +18,7 @@ import numpy as np
 import pytest
 from command_line import check_refused, feeder_sim, in_new_process, limited
 from conftest import REPOSITORY, StopsAfter, ball_on_slide
-from test_last_states import exploding
+from failing import exploding
 
 import feeder_sim.cli.main as command_line
 from feeder_sim.errors import InputError, RecordingFailed

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import fields
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 from conftest import REPOSITORY, piston_scenario, strip_scenario
+from failing import check_runs_again, exploding, fail_at, same
 
 import feeder_sim
 from feeder_sim.errors import Divergence, InputError, SimulationDiverged
@@ -16,56 +15,17 @@ from feeder_sim.records.last_states import LAST_FRAMES, LastStates, read_last_st
 from feeder_sim.records.seed import Seed, Status
 from feeder_sim.records.trajectory import Frames
 from feeder_sim.records.trajectory_file import read_recording
-from feeder_sim.run import seed_run
-from feeder_sim.run.guard import Guard
-from feeder_sim.run.one_seed import run_one_seed
-from feeder_sim.run.prepare import prepare
-from feeder_sim.run.run_folder import record_run, resume_run
+from feeder_sim.run.run_folder import record_run
 from feeder_sim.run.simulation import simulate
 from feeder_sim.scenario import (
-    Contact,
     Excitation,
     HexNut,
-    PistonPlate,
     Run,
-    Scattered,
-    Scenario,
     Start,
     load_scenario,
     with_run,
 )
 from feeder_sim.scenario.schedule import Schedule, Settled, Stage
-
-
-def exploding(**run: Any) -> Scenario:
-    """A nut on springs so hard and so little damped that the step is too long for them."""
-    step_us = 1e6 / (8775.0 * 40)
-    contact = Contact(model="compliant", time_constant_us=step_us, damping_ratio=0.1)
-    scenario = strip_scenario(frequency_hz=8775.0, **({"duration_s": 1.0} | run))
-    return scenario.model_copy(update={"contact": contact})
-
-
-def fail_at(monkeypatch: pytest.MonkeyPatch, time_s: float, seed: int | None = None) -> None:
-    """Let the guard take the first frame from that time [s] on for invalid, of one seed or of all."""
-    check = Guard.check
-
-    def spoilt(self: Guard, frames: Frames, seed_index: int) -> tuple[int, SimulationDiverged | None]:
-        found = check(self, frames, seed_index)
-        late = np.flatnonzero(frames.time >= time_s)
-        if not len(late) or seed not in (None, seed_index):
-            return found
-        at = float(frames.time[late[0]])
-        return int(late[0]), SimulationDiverged(
-            Divergence.TOO_DEEP, time_s=at, part="part_0", seed=seed_index, detail="spoilt"
-        )
-
-    monkeypatch.setattr(Guard, "check", spoilt)
-
-
-def check_runs_again(scenario: Scenario, seed: Seed, index: int = 0) -> None:
-    """The seed by itself, from its start, comes to the same last states."""
-    again = run_one_seed(prepare(scenario), index)
-    assert again.last is not None and seed.last is not None and same(again.last, seed.last)
 
 
 def check_fits(result: Seed) -> LastStates:
@@ -78,11 +38,6 @@ def check_fits(result: Seed) -> LastStates:
     assert ending.time.tolist() == last.frames.time[:n].tolist()
     assert (ending.position == last.frames.position[:n]).all()
     return last
-
-
-def same(one: LastStates, two: LastStates) -> bool:
-    frames = (getattr(one.frames, f.name).tobytes() == getattr(two.frames, f.name).tobytes() for f in fields(Frames))
-    return all(frames) and one.valid == two.valid
 
 
 def test_exploding_run_names_the_file_with_its_last_states(tmp_path: Path) -> None:
@@ -181,47 +136,6 @@ def test_parts_that_are_lost_in_the_last_block_are_kept_as_the_engine_had_them(m
     last = check_fits(result)
     assert last.frames.time[0] < lost and not result.frames.present[-1, 0]
     check_runs_again(scenario, result)
-
-
-def crowd() -> Scenario:
-    """Blocks enough for a break between them."""
-    stage = Stage(drive=(Excitation(frequency_hz=500.0, amplitude_um=20.0),), duration_s=0.4)
-    return Scenario(
-        plate=PistonPlate(kind="piston", length_mm=60.0, width_mm=60.0),
-        schedule=Schedule(stage=(stage,)),
-        part=(HexNut(size="M2.5", count=4, start=Scattered(kind="scattered")),),
-        run=Run(seeds=2, frames_per_second=500.0),
-    )
-
-
-class StopsOnce:
-    """A stop event that is set from a look on."""
-
-    def __init__(self, looks: int) -> None:
-        self.left = looks
-
-    def is_set(self) -> bool:
-        self.left -= 1
-        return self.left < 0
-
-    def set(self) -> None:
-        self.left = 0
-
-
-def test_resumed_run_keeps_the_last_states_it_has_and_adds_none(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Seed 1 fails before the break, and again after it."""
-    fail_at(monkeypatch, 0.05, seed=1)
-    monkeypatch.setattr(seed_run, "BLOCK_STEPS", 1)
-    begun = record_run(crowd(), tmp_path, stop=StopsOnce(9), replay=False)  # type: ignore[arg-type]
-    assert begun.interrupted and len(begun.failures) == 1
-    before = (tmp_path / "failure_seed_1.npz").read_bytes()
-    result = resume_run(tmp_path, replay=False)
-    assert not result.interrupted and "failure_seed_1.npz" in str(result.failures[0])
-    assert [path.name for path in tmp_path.glob("failure*")] == ["failure_seed_1.npz"]
-    assert (tmp_path / "failure_seed_1.npz").read_bytes() == before
-    check_runs_again(crowd(), result.seeds[1], 1)
 
 
 def some_states() -> tuple[SimulationDiverged, LastStates]:

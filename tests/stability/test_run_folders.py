@@ -85,7 +85,7 @@ def test_files_of_the_user_in_a_run_folder_stay(tmp_path: Path) -> None:
         (tmp_path / name).write_bytes(content)
     resume_run(tmp_path)
     held = contents(tmp_path)
-    assert {name: held[name] for name in mine} == mine and "summary.json" in held
+    assert {name: held[name] for name in mine} == mine and {"summary.json", "replay.rrd"} <= {*held}
 
 
 def test_a_run_under_way_is_not_resumed_beside_itself(tmp_path: Path) -> None:

@@ -55,26 +55,19 @@ def scenario(**run: Any) -> Any:
     return strip_scenario(frequency_hz=4750.0, **({"duration_s": 0.2, "seeds": 3} | run))
 
 
-def test_a_seed_that_does_not_get_on_ends_as_failed_and_the_others_go_on(second_is_stuck: None) -> None:
-    result = simulate(scenario(), workers=1, stall_after=PATIENCE)
-    first, second, third = result.seeds
-    assert (first.status, second.status, third.status) == (Status.DONE, Status.DIVERGED, Status.DONE)
-    assert second.failure is not None and second.failure.divergence == Divergence.STALLED
-    assert len(second.frames) == STUCK_AT + 1 and second.failure.time_s == pytest.approx(second.frames.time[-1])
-    assert second.last is not None
-    line = str(second.failure)
-    assert line.startswith("seed 1: part_0 at 0.0") and "takes more than 0.4 s; it is at (" in line and "\n" not in line
-
-
-def test_a_recorded_run_keeps_its_last_state(
+def test_a_seed_that_does_not_get_on_ends_as_failed_and_the_others_go_on(
     second_is_stuck: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("feeder_sim.run.simulation.available_cores", lambda: 1)
-    result = record_run(scenario(), tmp_path / "run", replay=False, stall_after=PATIENCE)
-    assert [failure.seed for failure in result.failures] == [1]
-    assert (tmp_path / "run" / "failure_seed_1.npz").exists()
-    again = feeder_sim.open(tmp_path / "run")
-    assert [seed.status for seed in again.seeds] == [Status.DONE, Status.DIVERGED, Status.DONE]
+    result = record_run(scenario(), tmp_path, replay=False, stall_after=PATIENCE)
+    second = result.seeds[1]
+    assert [seed.status for seed in result.seeds] == [Status.DONE, Status.DIVERGED, Status.DONE]
+    assert [seed.status for seed in feeder_sim.open(tmp_path).seeds] == [seed.status for seed in result.seeds]
+    assert second.failure is not None and second.failure.divergence == Divergence.STALLED
+    assert len(second.frames) == STUCK_AT + 1 and second.failure.time_s == pytest.approx(second.frames.time[-1])
+    assert second.last is not None and (tmp_path / "failure_seed_1.npz").exists()
+    line = str(second.failure)
+    assert line.startswith("seed 1: part_0 at 0.0") and "takes more than 0.4 s; it is at (" in line and "\n" not in line
 
 
 def test_it_can_be_stopped_inside_a_frame(second_is_stuck: None) -> None:
