@@ -166,11 +166,7 @@ def test_mesh_reads_no_file_that_it_names(
 @pytest.mark.parametrize("suffix", MESH_SUFFIXES)
 def test_mesh_of_several_bodies_is_refused(suffix: str, tmp_path: Path) -> None:
     """Their hull was one body that closed the gap, with the mass of all."""
-    box, beside, inside = (
-        trimesh.creation.box((1, 1, 1)),
-        trimesh.creation.box((1, 1, 1)),
-        trimesh.creation.icosphere(1),
-    )
+    box, beside, inside = trimesh.creation.box(), trimesh.creation.box(), trimesh.creation.icosphere(1)
     beside.apply_translation((3, 0, 0))
     inside.apply_scale(0.3)
     inside.invert()  # a cavity, which was counted as mass twice
