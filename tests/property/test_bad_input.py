@@ -21,6 +21,7 @@ TUBE = {"kind": "tube", "inner_diameter_mm": 9.0}
 DRIVE = {"frequency_hz": 500.0, "amplitude_um": 20.0}
 SOFT = {"model": "compliant", "time_constant_us": 100}
 OVER_THE_EDGE = {"kind": "scattered", "centre_mm": [25.0, 0.0], "size_mm": [20.0, 20.0]}
+BLOCK = {"kind": "rectangle", "length_mm": 10.0, "width_mm": 9.0, "thickness_mm": 10.0}
 LONG = {"kind": "rectangle", "length_mm": 1000.0, "width_mm": 50.0, "thickness_mm": 3.0}
 STAGE = {"drive": [DRIVE], "duration_s": 0.1, "pause_s": 0.05, "pick": {"clearance_mm": 10.0}}
 PLATE: Document = NUT_ON_STRIP | {
@@ -45,6 +46,9 @@ OF_A_STRIP: Cases = [
     ({"plate.thickness_mm": None}, "plate.thickness_mm ... missing ... at least 0.001"),
     ({"plate": {"kind": "rectangle", "length_mm": 100, "width_mm": 100}}, "plate ... thickness_mm is missing"),
     ({"drive[0].mode": 3}, "drive[0].mode: is 3, a strip takes amplitude_um only"),
+    # Too thick for bending waves.
+    ({"plate": BLOCK, "drive[0].frequency_hz": 196e3}, "drive[0].frequency_hz: is 196000 ... below 156232 Hz only"),
+    ({"plate.thickness_mm": 10.0, "drive[0].frequency_hz": 160e3}, "drive[0].frequency_hz: is 160000 ... 156232"),
     ({"drive[0].frequency_hz": 2e6}, "drive[0].frequency_hz ... 2000000 ... below"),
     ({"plate.thickness_mm": None, "plate.thicknes_mm": 3.0}, "plate.thicknes_mm ... did you mean 'thickness_mm'"),
     ({"run": None, "runs": {"duration_s": 1.0}}, "runs: unknown key (did you mean 'run'"),

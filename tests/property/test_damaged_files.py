@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import sys
-import tomllib
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -16,10 +14,8 @@ from hypothesis import strategies as st
 from feeder_sim.errors import LONGEST_MESSAGE, FeederSimError, InputError, quoted
 from feeder_sim.part.mesh_file import MESH_SUFFIXES
 from feeder_sim.part.rigid_part import RigidPart
-from feeder_sim.scenario import MeshPart, Scenario, parse_scenario
-from feeder_sim.scenario.tables import validated
+from feeder_sim.scenario import MeshPart, parse_scenario
 from feeder_sim.scene.part import build_part
-from feeder_sim.scene.scene import build_scene
 
 FILE = Path("scenario.toml")
 SCENARIO = """
@@ -185,19 +181,3 @@ def test_mesh_without_bounds_is_refused(tmp_path: Path) -> None:
         path.write_text("\n".join([*lines[:2], f"{number} 0.0 0.0", *lines[3:]]))
         with pytest.raises(InputError, match=r"ring\.off: part\.file: "):
             mesh(path)
-
-
-@pytest.mark.parametrize(
-    ("plate", "frequency_hz", "most"),
-    [
-        ({"kind": "rectangle", "length_mm": 10.0, "width_mm": 9.0, "thickness_mm": 10.0}, 196e3, 156232),
-        ({"kind": "strip", "thickness_mm": 10.0}, 160e3, 156232),
-    ],
-)
-def test_plate_too_thick_for_bending_waves_is_refused(plate: dict[str, Any], frequency_hz: float, most: int) -> None:
-    document = tomllib.loads(SCENARIO) | {
-        "plate": plate,
-        "drive": [{"frequency_hz": frequency_hz, "amplitude_um": 0.1}],
-    }
-    with pytest.raises(InputError, match=rf"drive\[0\]\.frequency_hz: is {frequency_hz:g}.*below {most} Hz only$"):
-        build_scene(validated(document, Scenario, FILE))

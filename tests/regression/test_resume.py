@@ -11,7 +11,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import fields
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import h5py
 import numpy as np
@@ -27,8 +27,9 @@ from feeder_sim.records.trajectory import Frames
 from feeder_sim.records.trajectory_file import read_recording
 from feeder_sim.run.run_folder import record_run, resume_run, scenario_toml
 from feeder_sim.run.seed_run import SeedRun
-from feeder_sim.scenario import Excitation, Heap, HexNut, PistonPlate, Refill, Run, Scattered, Scenario
-from feeder_sim.scenario.schedule import Pick, Schedule, Stage
+from feeder_sim.scenario import Scenario
+from feeder_sim.scenario.changes import changed_values
+from feeder_sim.scenario.tables import validated
 from feeder_sim.scene.scene import build_scene
 
 WALL_TIMES = ("wall_s", "real_time_factor", "wall_s_per_simulated_s_one_core")
@@ -46,28 +47,19 @@ def short_blocks() -> Iterator[None]:
         yield
 
 
-def nuts(
-    *,
-    count: int = 6,
-    engine: Literal["impulse", "mujoco"] = "impulse",
-    duration_s: float = 0.2,
-    cycles: int = 2,
-    side_mm: float = 60.0,
-    clearance_mm: float = 14.0,
-    frames_per_second: float = 500.0,
-    start: Scattered | Heap | None = None,
-    refill: Refill | None = None,
-) -> Scenario:
-    """Nuts thrown about by a piston, with a pick after every cycle."""
-    drive = Excitation(frequency_hz=500.0, amplitude_um=20.0)
-    stage = Stage(drive=(drive,), duration_s=duration_s, pause_s=0.05, pick=Pick(clearance_mm=clearance_mm))
-    return Scenario(
-        plate=PistonPlate(kind="piston", length_mm=side_mm, width_mm=side_mm),
-        schedule=Schedule(cycles=cycles, stage=(stage,)),
-        part=(HexNut(size="M2.5", count=count, start=start or Scattered(kind="scattered")),),
-        refill=refill,
-        run=Run(engine=engine, seeds=2, seed=3, frames_per_second=frames_per_second),
-    )
+NUTS: dict[str, Any] = {
+    "plate": {"kind": "piston", "length_mm": 60.0, "width_mm": 60.0},
+    "part": [{"shape": "hex_nut", "size": "M2.5", "count": 6, "start": {"kind": "scattered"}}],
+    "run": {"seeds": 2, "seed": 3, "frames_per_second": 500.0},
+}
+
+
+def nuts(changes: dict[str, Any] | None = None, *, cycles: int = 2, **stage: Any) -> Scenario:
+    """Nuts thrown about by a piston, with a pick after every cycle; with other values at dotted keys."""
+    drive = {"frequency_hz": 500.0, "amplitude_um": 20.0}
+    stage = {"drive": [drive], "duration_s": 0.2, "pause_s": 0.05, "pick": {"clearance_mm": 14.0}} | stage
+    document = NUTS | {"schedule": {"cycles": cycles, "stage": [stage]}}
+    return validated(changed_values(document, changes or {}, Path("nuts")), Scenario, Path("nuts"))
 
 
 def held(folder: Path) -> dict[str, Any]:
@@ -152,17 +144,18 @@ def test_interrupted_run_goes_on_to_the_same_bits(looks: int, whole: Path, tmp_p
     check_same(folder, whole)
 
 
-HEAP, DROPPED = Heap(kind="heap", diameter_mm=25.0), Scattered(kind="scattered", drop_height_mm=(3.0, 3.0))
-REFILLED: dict[str, Any] = {"cycles": 3, "duration_s": 0.1, "clearance_mm": 8.0}
+SMALL = {"plate.length_mm": 16.0, "plate.width_mm": 16.0, "part[0].count": 12}
+POURED, DROPPED = {"kind": "heap", "diameter_mm": 25.0}, {"kind": "scattered", "drop_height_mm": 3.0}
+OFTEN: dict[str, Any] = {"cycles": 3, "duration_s": 0.1, "pick": {"clearance_mm": 8.0}}
 
 
 @pytest.mark.parametrize(
     ("scenario", "events", "least"),
     [
         # From a heap on a small plate parts fall off, in all blocks.
-        (nuts(side_mm=16.0, count=12, clearance_mm=100.0, start=Heap(kind="heap", diameter_mm=8.0)), "removals", 2),
-        (nuts(**REFILLED, refill=Refill(to=5, start=HEAP)), "arrivals", 1),
-        (nuts(**REFILLED, refill=Refill(to=5, start=DROPPED), engine="mujoco"), "arrivals", 1),
+        (nuts(SMALL | {"part[0].start": POURED | {"diameter_mm": 8.0}}, pick={"clearance_mm": 100.0}), "removals", 2),
+        (nuts({"refill": {"to": 5, "start": POURED}}, **OFTEN), "arrivals", 1),
+        (nuts({"refill": {"to": 5, "start": DROPPED}, "run.engine": "mujoco"}, **OFTEN), "arrivals", 1),
     ],
 )
 def test_what_comes_and_goes_is_the_same_after_a_break(
@@ -208,7 +201,7 @@ def ended_seeds(folder: Path) -> int:
 @pytest.mark.parametrize("ended", [1, pytest.param(0, marks=pytest.mark.slow)])
 def test_killed_run_goes_on_to_the_same_bits(ended: int, tmp_path: Path) -> None:
     """Killed after one seed of two, and before there is any."""
-    scenario, folder = nuts(duration_s=4.0, cycles=1, frames_per_second=200.0), tmp_path / "run"
+    scenario, folder = nuts({"run.frames_per_second": 200.0}, cycles=1, duration_s=4.0), tmp_path / "run"
     path = tmp_path / "long.toml"
     path.write_text(scenario_toml(scenario))
     command = [sys.executable, "-c", ONE_CORE, "run", str(path), "--out", str(folder)]
@@ -256,7 +249,7 @@ def test_a_folder_of_before_run_json_goes_on(whole: Path, tmp_path: Path) -> Non
 
 def test_result_does_not_depend_on_threads() -> None:
     """Six islands or so, and their number changes; removals in between."""
-    scene = build_scene(nuts(count=30))
+    scene = build_scene(nuts({"part[0].count": 30}))
     frames = []
     for threads in (1, 2, 3):
         engine = ImpulseEngine(scene, np.random.default_rng(2), threads=threads)

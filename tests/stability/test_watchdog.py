@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import threading
 import time
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 from command_line import feeder_sim as command
 from conftest import strip_scenario
@@ -20,7 +18,6 @@ from feeder_sim.errors import Divergence, InputError
 from feeder_sim.records.seed import Status
 from feeder_sim.records.trajectory import Frames
 from feeder_sim.run.run_folder import record_run
-from feeder_sim.run.simulation import simulate
 from feeder_sim.run.watchdog import STALLED, Watchdog
 
 PATIENCE = 0.4  # [s]
@@ -68,14 +65,6 @@ def test_a_seed_that_does_not_get_on_ends_as_failed_and_the_others_go_on(
     assert second.last is not None and (tmp_path / "failure_seed_1.npz").exists()
     line = str(second.failure)
     assert line.startswith("seed 1: part_0 at 0.0") and "takes more than 0.4 s; it is at (" in line and "\n" not in line
-
-
-def test_it_can_be_stopped_inside_a_frame(second_is_stuck: None) -> None:
-    stop = threading.Event()
-    threading.Timer(1.0, stop.set).start()
-    began = time.perf_counter()
-    result = simulate(scenario(), workers=1, stop=stop, stall_after=np.inf)
-    assert time.perf_counter() - began < 30.0 and result.interrupted
 
 
 def test_patience_that_is_none_is_refused(tmp_path: Path) -> None:
