@@ -12,6 +12,7 @@ from contextlib import contextmanager
 from dataclasses import fields
 from pathlib import Path
 from typing import Any
+from unittest import mock
 
 import h5py
 import numpy as np
@@ -130,17 +131,9 @@ def test_interrupted_run_goes_on_to_the_same_bits(looks: int, whole: Path, tmp_p
         assert resume_run(folder, replay=False).interrupted
     frames, complete = lengths(folder, "time"), lengths(whole, "time")
     assert frames[0] == complete[0] and frames[1] < complete[1]
-    opened: list[int] = []
-    open_seed = SeedRun._open
-
-    def noted(self: SeedRun, rng: Any) -> None:
-        opened.append(self._index)
-        open_seed(self, rng)
-
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(SeedRun, "_open", noted)
+    with mock.patch.object(SeedRun, "_open", autospec=True, side_effect=SeedRun._open) as opened:
         result = resume_run(folder, replay=False)
-    assert not result.interrupted and opened == [1]
+    assert not result.interrupted and [call.args[0]._index for call in opened.call_args_list] == [1]
     check_same(folder, whole)
 
 
@@ -185,9 +178,7 @@ def test_a_seed_that_diverged_before_the_break_is_still_a_failure(
     result = resume_run(tmp_path / "run", replay=False)
     assert len(result.failures) == 1 and "failure_seed_1.npz" in str(result.failures[0])
     check_same(tmp_path / "run", tmp_path / "whole")
-    assert [(file.name, file.read_bytes()) for file in (tmp_path / "run").glob("failure*")] == [
-        ("failure_seed_1.npz", before)
-    ]
+    assert [file.read_bytes() for file in (tmp_path / "run").glob("failure*")] == [before]
     check_runs_again(nuts(), result.seeds[1], 1)
 
 
@@ -228,8 +219,8 @@ def test_what_cannot_be_resumed_is_refused_in_one_line(whole: Path, tmp_path: Pa
     before = {path: path.read_bytes() for path in whole.iterdir()}
     check_refused(feeder_sim("run", "--resume", whole), str(whole), "--resume", "has ended")
     assert {path: path.read_bytes() for path in whole.iterdir()} == before
-    check_refused(feeder_sim("run", "--resume", tmp_path), str(tmp_path), "no run here")
-    check_refused(feeder_sim("run", "--resume", tmp_path / "nowhere"), "nowhere", "no run here")
+    for folder in (tmp_path, tmp_path / "nowhere"):
+        check_refused(feeder_sim("run", "--resume", folder), str(folder), "no run here")
     scenario = tmp_path / "s.toml"
     scenario.write_text(scenario_toml(nuts()))
     check_refused(feeder_sim("run", scenario, "--resume", whole), "--resume", "a scenario")
