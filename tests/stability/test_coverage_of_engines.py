@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 from conftest import REPOSITORY, ready, refusal, resting
-from hypothesis import assume, given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from feeder_sim.engines.lookup import engine_class
@@ -198,18 +198,9 @@ def cases(draw: st.DrawFn) -> Raw:
 
 
 @given(case=cases())
+@example(case=raw({"plate.rim": True, "run.planar": True, "part": [NUT | {"start": ONE_YAW}]}))
 @settings(max_examples=300, deadline=None)
 def test_a_scenario_is_refused_by_its_key_or_gets_an_engine_that_starts(case: Raw) -> None:
-    assume(not (case["run"]["planar"] and case["plate"].get("rim")))  # has its own test below
-    check_refused_or_started(case)
-
-
-def test_planar_motion_inside_a_rim_is_refused_or_starts() -> None:
-    nut = {"shape": "hex_nut", "size": "M2.5", "start": ONE_YAW}
-    check_refused_or_started(raw({"plate.rim": True, "run.planar": True, "part": [nut]}))
-
-
-def check_refused_or_started(case: Raw) -> None:
     try:
         scenario = validated(case, Scenario, FILE)
     except InputError as error:
