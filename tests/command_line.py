@@ -5,6 +5,8 @@ from __future__ import annotations
 import contextlib
 import itertools
 import os
+import resource
+import signal
 import subprocess
 import sys
 import tempfile
@@ -35,10 +37,20 @@ def feeder_sim(*arguments: object, cwd: Path | None = None) -> Done:
         return subprocess.CompletedProcess(command, code, _written(out), _written(err))
 
 
-def in_new_process(*arguments: object, cwd: Path | None = None) -> Done:
-    """Run a command as a user does."""
-    command = [sys.executable, "-m", "feeder_sim", *map(str, arguments)]
-    return subprocess.run(command, capture_output=True, text=True, cwd=cwd, timeout=300, check=False)
+def in_new_process(*arguments: object, cwd: Path | None = None, largest_file: int | None = None) -> Done:
+    """Run a command as a user does; perhaps on a disk that is full for what is beyond a size in a file [bytes]."""
+    return limited([sys.executable, "-m", "feeder_sim", *map(str, arguments)], cwd, largest_file)
+
+
+def limited(command: list[str], cwd: Path | None = None, largest_file: int | None = None) -> Done:
+    """Run a command line, in which no file may become larger."""
+
+    def small_files() -> None:
+        signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+        resource.setrlimit(resource.RLIMIT_FSIZE, (largest_file or 0, largest_file or 0))
+
+    before = small_files if largest_file else None
+    return subprocess.run(command, preexec_fn=before, capture_output=True, text=True, cwd=cwd, timeout=300, check=False)
 
 
 def said(done: Done) -> list[str]:

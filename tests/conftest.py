@@ -41,6 +41,12 @@ NUT_ON_STRIP: dict[str, Any] = {
     "part": [{"shape": "hex_nut", "size": "M2.5"}],
     "run": {"duration_s": 1.0},
 }
+BALL_ON_SLIDE: dict[str, Any] = {  # which is simulated in no time
+    "plate": {"kind": "piston"},
+    "drive": [{"frequency_hz": 50.0, "amplitude_um": 150.0}],
+    "part": [{"shape": "ball", "diameter_mm": 3.0, "guide": {"kind": "slide"}}],
+    "run": {"duration_s": 0.5, "seeds": 2},
+}
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
@@ -125,6 +131,10 @@ def piston_scenario(
 def ready(scene: Scene) -> Prepared:
     """A scene as it stands, perhaps changed by a test, with the engine of its scenario."""
     return Prepared(scene, choose_engine(scene.scenario), transport_cell(scene), ())
+
+
+def ball_on_slide(**run: Any) -> Scenario:
+    return Scenario.model_validate(BALL_ON_SLIDE).changed({f"run.{key}": value for key, value in run.items()})
 
 
 @functools.cache

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 import pytest
@@ -20,47 +20,34 @@ from feeder_sim.run.guard import Guard
 from feeder_sim.run.prepare import prepare
 from feeder_sim.run.run_folder import record_run
 from feeder_sim.run.simulation import Result, simulate
-from feeder_sim.scenario import (
-    Ball,
-    Excitation,
-    Heap,
-    HexNut,
-    Pick,
-    PistonPlate,
-    Rectangle,
-    Refill,
-    Robot,
-    Run,
-    Scattered,
-    Scenario,
-    Schedule,
-    Stage,
-)
+from feeder_sim.scenario import Scenario
+from feeder_sim.scenario.tables import validated
 from feeder_sim.scene.hopper import generator
 from feeder_sim.scene.refill import refill, refill_frames
 
-EngineName = Literal["impulse", "mujoco"]
-SPREAD = Scattered(kind="scattered")
-HEAP = Heap(kind="heap", diameter_mm=12.0, drop_height_mm=(1.0, 1.0))
+SPREAD = {"kind": "scattered"}
+HEAP = {"kind": "heap", "diameter_mm": 12.0, "drop_height_mm": 1.0}
 TO, BELOW, CYCLES = 6, 5, 5
-STRONG = Excitation(frequency_hz=500.0, amplitude_um=20.0)
-SHAKE = Stage(drive=(STRONG,), duration_s=0.15, pause_s=0.05, pick=Pick(clearance_mm=7.0))
+PICK_S, LOOK_S = 0.8, 0.25
+NUTS = {"shape": "hex_nut", "size": "M2.5", "count": 6, "start": SPREAD}
+PEARLS = {"shape": "ball", "diameter_mm": 4.0, "count": 3, "start": SPREAD, "name": "pearl"}
+STRONG = {"frequency_hz": 500.0, "amplitude_um": 20.0}
+SHAKE = {"drive": [STRONG], "duration_s": 0.15, "pause_s": 0.05}
+PICKING: dict[str, Any] = SHAKE | {"pick": {"clearance_mm": 7.0}}
+RUN: dict[str, Any] = {"seeds": 3, "frames_per_second": 200.0}
+DOCUMENT: dict[str, Any] = {
+    "plate": {"kind": "piston", "length_mm": 32.0, "width_mm": 32.0},
+    "schedule": {"cycles": CYCLES, "prepare": [SHAKE], "stage": [PICKING]},
+    "part": [NUTS, PEARLS],
+    "refill": {"to": TO, "below": BELOW, "start": HEAP},
+    "robot": {"pick_s": PICK_S, "look_s": LOOK_S},
+    "run": RUN,
+}
 
 
-def scenario(engine: EngineName = "impulse", **changes: Any) -> Scenario:
+def scenario(**changes: Any) -> Scenario:
     """Nuts and balls on a piston from which some fall; the picks leave those that lie near each other."""
-    held: dict[str, Any] = {
-        "plate": PistonPlate(kind="piston", length_mm=32.0, width_mm=32.0),
-        "schedule": Schedule(cycles=CYCLES, prepare=(SHAKE.model_copy(update={"pick": ()}),), stage=(SHAKE,)),
-        "part": (
-            HexNut(size="M2.5", count=6, start=SPREAD),
-            Ball(shape="ball", diameter_mm=4.0, count=3, start=SPREAD, name="pearl"),
-        ),
-        "refill": Refill(to=TO, below=BELOW, start=HEAP),
-        "robot": Robot(pick_s=0.8, look_s=0.25),
-        "run": Run(engine=engine, seeds=3, frames_per_second=200.0),
-    }
-    return Scenario(**held | changes)
+    return validated(DOCUMENT | changes, Scenario, Path("refilled"))
 
 
 @pytest.fixture(scope="module")
@@ -100,7 +87,7 @@ def test_picks_per_minute_as_counted_by_hand(result: Result) -> None:
     found, rates, clocks = result.measures(), [], []
     for seed in result.seeds:
         late = (seed.removals.cause == Cause.PICKED) & (seed.removals.time > 0.2 + 0.2 + 0.02)
-        clocks.append((CYCLES - 1) * (0.15 + 0.05 + 0.25) + 0.8 * late.sum())
+        clocks.append((CYCLES - 1) * (0.15 + 0.05 + LOOK_S) + PICK_S * late.sum())
         rates.append(60.0 * late.sum() / clocks[-1])
     assert found["counted_from_cycle"] == 2
     assert found["counted_s"]["mean"] == pytest.approx(np.mean(clocks))
@@ -127,14 +114,13 @@ def test_threads_and_a_run_folder_change_nothing(result: Result, tmp_path: Path)
     with (tmp_path / "run/picks.csv").open() as file:
         rows = list(csv.DictReader(file))
     assert len(rows) == sum(int((seed.removals.cause == Cause.PICKED).sum()) for seed in result.seeds)
-    robot = {"pick_s": 0.8, "look_s": 0.25}
     last: dict[str, int] = {}
     nut = stable_poses(result.scene.kinds[0])
     for row in rows:
         seed = result.seeds[int(row["seed"])]
         last[row["seed"]] = last.get(row["seed"], 0) + 1
         looks = int(row["cycle"])  # the stage that prepares has none
-        clock = float(row["time_s"]) + looks * robot["look_s"] + last[row["seed"]] * robot["pick_s"]
+        clock = float(row["time_s"]) + looks * LOOK_S + last[row["seed"]] * PICK_S
         assert float(row["clock_s"]) == pytest.approx(clock, abs=1e-3)
         assert float(row["time_s"]) == pytest.approx(0.2 + 0.2 * looks, abs=0.006)
         frame = seed.frames.row_at(float(row["time_s"]) - 1e-4)
@@ -155,13 +141,13 @@ def test_threads_and_a_run_folder_change_nothing(result: Result, tmp_path: Path)
     ("engine", "reaction"),
     [("impulse", False), ("mujoco", False), pytest.param("impulse", True, marks=pytest.mark.slow)],
 )
-def test_parts_that_are_added_move_as_parts_do(engine: EngineName, reaction: bool) -> None:
+def test_parts_that_are_added_move_as_parts_do(engine: str, reaction: bool) -> None:
     """They fall from where they were let go onto others and the plate, into which nothing sinks; none is in another."""
-    plate = Rectangle(kind="rectangle", length_mm=60.0, width_mm=60.0, thickness_mm=3.0)
-    drive = Excitation(frequency_hz=5000.0, amplitude_um=2.0)
-    stage = Stage(drive=(drive,), duration_s=0.04, pause_s=0.02, pick=Pick(clearance_mm=8.0))
-    run = Run(engine=engine, seeds=1, frames_per_second=1000.0, reaction=reaction)
-    varied = scenario(plate=plate, schedule=Schedule(cycles=3, stage=(stage,)), refill=Refill(start=HEAP), run=run)
+    plate = {"kind": "rectangle", "length_mm": 60.0, "width_mm": 60.0, "thickness_mm": 3.0}
+    stage = PICKING | {"drive": [{"frequency_hz": 5000.0, "amplitude_um": 2.0}], "duration_s": 0.04, "pause_s": 0.02}
+    schedule = {"cycles": 3, "stage": [stage | {"pick": {"clearance_mm": 8.0}}]}
+    run = {"engine": engine, "seeds": 1, "frames_per_second": 1000.0, "reaction": reaction}
+    varied = scenario(plate=plate, schedule=schedule, refill={"start": HEAP}, run=run)
     (seed,) = simulate(varied).seeds
     scene = prepare(varied).scene
     assert seed.status == Status.DONE and len(seed.arrivals) > 2
@@ -174,16 +160,15 @@ def test_parts_that_are_added_move_as_parts_do(engine: EngineName, reaction: boo
 
 @pytest.mark.parametrize("engine", ["impulse", "mujoco"])
 @pytest.mark.parametrize("count", [1, 3])
-def test_a_plate_that_has_been_emptied_is_filled_again(engine: EngineName, count: int) -> None:
+def test_a_plate_that_has_been_emptied_is_filled_again(engine: str, count: int) -> None:
     """Everything is picked in the first stage of a cycle; nothing is there in the second; then all parts are back."""
-    alone = SHAKE.model_copy(update={"duration_s": 0.03, "pick": Pick(clearance_mm=0.001)})
-    rest = Stage(drive=alone.drive, duration_s=0.03)
+    alone = PICKING | {"duration_s": 0.03, "pick": {"clearance_mm": 0.001}}
+    rest = {"drive": [STRONG], "duration_s": 0.03}
     varied = scenario(
-        engine,
-        part=(HexNut(size="M2.5", count=count, start=SPREAD),),
-        schedule=Schedule(cycles=3, stage=(alone, rest)),
-        refill=Refill(start=SPREAD),
-        run=Run(engine=engine, seeds=1, frames_per_second=500.0),
+        part=[NUTS | {"count": count}],
+        schedule={"cycles": 3, "stage": [alone, rest]},
+        refill={"start": SPREAD},
+        run={"engine": engine, "seeds": 1, "frames_per_second": 500.0},
     )
     found = simulate(varied)
     (seed,) = found.seeds
@@ -215,10 +200,9 @@ def test_what_is_added_at_once_is_added_in_an_engine_of_another_state() -> None:
 
 def test_the_guard_knows_how_high_new_parts_start() -> None:
     """Without the arrivals it finds energy from nowhere."""
-    still = SHAKE.model_copy(update={"drive": (Excitation(frequency_hz=500.0, amplitude_um=0.01),)})
-    high = Scattered(kind="scattered", drop_height_mm=(100.0, 100.0))
-    schedule = Schedule(cycles=2, stage=(still,))
-    varied = scenario(schedule=schedule, refill=Refill(start=high), run=Run(seeds=1, frames_per_second=200.0))
+    still = PICKING | {"drive": [STRONG | {"amplitude_um": 0.01}]}
+    high = {"kind": "scattered", "drop_height_mm": 100.0}
+    varied = scenario(schedule={"cycles": 2, "stage": [still]}, refill={"start": high}, run=RUN | {"seeds": 1})
     (seed,) = simulate(varied).seeds
     assert seed.status == Status.DONE and len(seed.arrivals) > 0
     prepared = prepare(varied)

@@ -11,24 +11,26 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import fields
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
+from unittest import mock
 
 import h5py
 import numpy as np
 import pytest
 from command_line import check_refused, feeder_sim
 from conftest import StopsAfter, each_seed_stops_after
+from failing import check_runs_again, fail_at
 
 from feeder_sim.engines.impulse.engine import ImpulseEngine
-from feeder_sim.errors import Divergence, InputError, SimulationDiverged
+from feeder_sim.errors import InputError
 from feeder_sim.records.seed import Status
 from feeder_sim.records.trajectory import Frames
 from feeder_sim.records.trajectory_file import read_recording
-from feeder_sim.run.guard import Guard
 from feeder_sim.run.run_folder import record_run, resume_run, scenario_toml
 from feeder_sim.run.seed_run import SeedRun
-from feeder_sim.scenario import Excitation, Heap, HexNut, PistonPlate, Refill, Run, Scattered, Scenario
-from feeder_sim.scenario.schedule import Pick, Schedule, Stage
+from feeder_sim.scenario import Scenario
+from feeder_sim.scenario.changes import changed_values
+from feeder_sim.scenario.tables import validated
 from feeder_sim.scene.scene import build_scene
 
 WALL_TIMES = ("wall_s", "real_time_factor", "wall_s_per_simulated_s_one_core")
@@ -46,28 +48,19 @@ def short_blocks() -> Iterator[None]:
         yield
 
 
-def nuts(
-    *,
-    count: int = 6,
-    engine: Literal["impulse", "mujoco"] = "impulse",
-    duration_s: float = 0.2,
-    cycles: int = 2,
-    side_mm: float = 60.0,
-    clearance_mm: float = 14.0,
-    frames_per_second: float = 500.0,
-    start: Scattered | Heap | None = None,
-    refill: Refill | None = None,
-) -> Scenario:
-    """Nuts thrown about by a piston, with a pick after every cycle."""
-    drive = Excitation(frequency_hz=500.0, amplitude_um=20.0)
-    stage = Stage(drive=(drive,), duration_s=duration_s, pause_s=0.05, pick=Pick(clearance_mm=clearance_mm))
-    return Scenario(
-        plate=PistonPlate(kind="piston", length_mm=side_mm, width_mm=side_mm),
-        schedule=Schedule(cycles=cycles, stage=(stage,)),
-        part=(HexNut(size="M2.5", count=count, start=start or Scattered(kind="scattered")),),
-        refill=refill,
-        run=Run(engine=engine, seeds=2, seed=3, frames_per_second=frames_per_second),
-    )
+NUTS: dict[str, Any] = {
+    "plate": {"kind": "piston", "length_mm": 60.0, "width_mm": 60.0},
+    "part": [{"shape": "hex_nut", "size": "M2.5", "count": 6, "start": {"kind": "scattered"}}],
+    "run": {"seeds": 2, "seed": 3, "frames_per_second": 500.0},
+}
+
+
+def nuts(changes: dict[str, Any] | None = None, *, cycles: int = 2, **stage: Any) -> Scenario:
+    """Nuts thrown about by a piston, with a pick after every cycle; with other values at dotted keys."""
+    drive = {"frequency_hz": 500.0, "amplitude_um": 20.0}
+    stage = {"drive": [drive], "duration_s": 0.2, "pause_s": 0.05, "pick": {"clearance_mm": 14.0}} | stage
+    document = NUTS | {"schedule": {"cycles": cycles, "stage": [stage]}}
+    return validated(changed_values(document, changes or {}, Path("nuts")), Scenario, Path("nuts"))
 
 
 def held(folder: Path) -> dict[str, Any]:
@@ -97,14 +90,10 @@ def check_same(folder: Path, expected: Path) -> None:
     assert json.dumps(summaries[0], sort_keys=True) == json.dumps(summaries[1], sort_keys=True)
 
 
-def removed(folder: Path) -> int:
+def lengths(folder: Path, name: str) -> list[int]:
+    """Of a dataset of the two seeds."""
     with h5py.File(folder / "trajectory.h5", "r") as file:
-        return sum(len(file[f"seeds/{index:03d}/removals/part"]) for index in range(2))
-
-
-def times(folder: Path) -> list[int]:
-    with h5py.File(folder / "trajectory.h5", "r") as file:
-        return [len(file[f"seeds/{index:03d}/time"]) for index in range(2)]
+        return [len(file[f"seeds/{index:03d}/{name}"]) for index in range(2)]
 
 
 @pytest.fixture(scope="module")
@@ -116,11 +105,6 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
     assert not result.interrupted and 0 < summary["stages"][0]["picked"]["mean"] < 6
     assert summary["stages"][1]["on_plate"]["mean"] > 0
     return folder
-
-
-def test_two_runs_of_one_scenario_are_the_same(whole: Path, tmp_path: Path) -> None:
-    record_run(nuts(), tmp_path / "run", replay=False)
-    check_same(tmp_path / "run", whole)
 
 
 @contextmanager
@@ -142,69 +126,40 @@ def test_interrupted_run_goes_on_to_the_same_bits(looks: int, whole: Path, tmp_p
     folder = tmp_path / "run"
     with each_seed_stops_after(looks):
         begun = record_run(nuts(), folder, replay=False)
-    assert begun.interrupted and sum(times(folder)) < sum(times(whole))
+    assert begun.interrupted and sum(lengths(folder, "time")) < sum(lengths(whole, "time"))
     with second_seed_stops():
         assert resume_run(folder, replay=False).interrupted
-    assert times(folder)[0] == times(whole)[0] and times(folder)[1] < times(whole)[1]
-    opened: list[int] = []
-    open_seed = SeedRun._open
-
-    def noted(self: SeedRun, rng: Any) -> None:
-        opened.append(self._index)
-        open_seed(self, rng)
-
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(SeedRun, "_open", noted)
+    frames, complete = lengths(folder, "time"), lengths(whole, "time")
+    assert frames[0] == complete[0] and frames[1] < complete[1]
+    with mock.patch.object(SeedRun, "_open", autospec=True, side_effect=SeedRun._open) as opened:
         result = resume_run(folder, replay=False)
-    assert not result.interrupted and opened == [1]
+    assert not result.interrupted and [call.args[0]._index for call in opened.call_args_list] == [1]
     check_same(folder, whole)
 
 
-def test_resumed_run_has_a_replay(tmp_path: Path) -> None:
-    folder = tmp_path / "run"
-    record_run(nuts(), folder, stop=StopsAfter(3), replay=False)
-    resume_run(folder)
-    assert (folder / "replay.rrd").stat().st_size > 1000
-
-
-def test_parts_that_fall_off_are_lost_alike(tmp_path: Path) -> None:
-    """From a heap on a small plate parts fall off, in all blocks."""
-    scenario = nuts(side_mm=16.0, count=12, clearance_mm=100.0, start=Heap(kind="heap", diameter_mm=8.0))
-    record_run(scenario, tmp_path / "whole", replay=False)
-    assert removed(tmp_path / "whole") > 4
-    begun = record_run(scenario, tmp_path / "run", stop=StopsAfter(3), replay=False)
-    assert begun.interrupted and removed(tmp_path / "run") < removed(tmp_path / "whole")
-    resume_run(tmp_path / "run", replay=False)
-    check_same(tmp_path / "run", tmp_path / "whole")
-
-
-def test_mujoco_goes_on_to_the_same_bits(tmp_path: Path) -> None:
-    scenario = nuts(count=4, engine="mujoco", clearance_mm=25.0)
-    record_run(scenario, tmp_path / "whole", replay=False)
-    begun = record_run(scenario, tmp_path / "run", stop=StopsAfter(3), replay=False)
-    assert begun.interrupted
-    resume_run(tmp_path / "run", replay=False)
-    check_same(tmp_path / "run", tmp_path / "whole")
+SMALL = {"plate.length_mm": 16.0, "plate.width_mm": 16.0, "part[0].count": 12}
+POURED, DROPPED = {"kind": "heap", "diameter_mm": 25.0}, {"kind": "scattered", "drop_height_mm": 3.0}
+OFTEN: dict[str, Any] = {"cycles": 3, "duration_s": 0.1, "pick": {"clearance_mm": 8.0}}
 
 
 @pytest.mark.parametrize(
-    ("engine", "start"),
+    ("scenario", "events", "least"),
     [
-        ("impulse", Heap(kind="heap", diameter_mm=25.0)),
-        ("mujoco", Scattered(kind="scattered", drop_height_mm=(3.0, 3.0))),
+        # From a heap on a small plate parts fall off, in all blocks.
+        (nuts(SMALL | {"part[0].start": POURED | {"diameter_mm": 8.0}}, pick={"clearance_mm": 100.0}), "removals", 2),
+        (nuts({"refill": {"to": 5, "start": POURED}}, **OFTEN), "arrivals", 1),
+        (nuts({"refill": {"to": 5, "start": DROPPED}, "run.engine": "mujoco"}, **OFTEN), "arrivals", 1),
     ],
 )
-def test_refilled_run_goes_on_to_the_same_bits(
-    engine: Literal["impulse", "mujoco"], start: Heap | Scattered, tmp_path: Path
+def test_what_comes_and_goes_is_the_same_after_a_break(
+    scenario: Scenario, events: str, least: int, tmp_path: Path
 ) -> None:
-    scenario = nuts(
-        count=6, engine=engine, cycles=3, duration_s=0.1, clearance_mm=8.0, refill=Refill(to=5, start=start)
-    )
     record_run(scenario, tmp_path / "whole", replay=False)
-    refills = [len(set(record.arrivals.cycle)) for record in read_recording(tmp_path / "whole/trajectory.h5").records]
-    assert min(refills) > 0
+    found = lengths(tmp_path / "whole", f"{events}/part")
+    assert min(found) >= least
     with second_seed_stops():
         assert record_run(scenario, tmp_path / "run", replay=False).interrupted
+    assert lengths(tmp_path / "run", f"{events}/part")[1] < found[1] or events == "arrivals"
     resume_run(tmp_path / "run", replay=False)
     check_same(tmp_path / "run", tmp_path / "whole")
     assert (tmp_path / "run/picks.csv").read_bytes() == (tmp_path / "whole/picks.csv").read_bytes()
@@ -213,23 +168,18 @@ def test_refilled_run_goes_on_to_the_same_bits(
 def test_a_seed_that_diverged_before_the_break_is_still_a_failure(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """What the summary of an unbroken run tells about failures, that of a resumed one tells too."""
-    check = Guard.check
-
-    def spoilt(self: Guard, frames: Frames, seed_index: int) -> tuple[int, SimulationDiverged | None]:
-        found = check(self, frames, seed_index)
-        if seed_index == 1:
-            at = float(frames.time[5])
-            return 5, SimulationDiverged(Divergence.TOO_DEEP, time_s=at, part="part_0", seed=1, detail="spoilt")
-        return found
-
-    monkeypatch.setattr(Guard, "check", spoilt)
+    """What an unbroken run tells about failures, that of a resumed one tells too, with the last states it had."""
+    fail_at(monkeypatch, 0.01, seed=1)
     assert len(record_run(nuts(), tmp_path / "whole", replay=False).failures) == 1
     with each_seed_stops_after(2):  # seed 1 ends in its first block
         begun = record_run(nuts(), tmp_path / "run", replay=False)
     assert begun.interrupted and len(begun.failures) == 1
-    assert len(resume_run(tmp_path / "run", replay=False).failures) == 1
+    before = (tmp_path / "run/failure_seed_1.npz").read_bytes()
+    result = resume_run(tmp_path / "run", replay=False)
+    assert len(result.failures) == 1 and "failure_seed_1.npz" in str(result.failures[0])
     check_same(tmp_path / "run", tmp_path / "whole")
+    assert [file.read_bytes() for file in (tmp_path / "run").glob("failure*")] == [before]
+    check_runs_again(nuts(), result.seeds[1], 1)
 
 
 def ended_seeds(folder: Path) -> int:
@@ -242,7 +192,7 @@ def ended_seeds(folder: Path) -> int:
 @pytest.mark.parametrize("ended", [1, pytest.param(0, marks=pytest.mark.slow)])
 def test_killed_run_goes_on_to_the_same_bits(ended: int, tmp_path: Path) -> None:
     """Killed after one seed of two, and before there is any."""
-    scenario, folder = nuts(duration_s=4.0, cycles=1, frames_per_second=200.0), tmp_path / "run"
+    scenario, folder = nuts({"run.frames_per_second": 200.0}, cycles=1, duration_s=4.0), tmp_path / "run"
     path = tmp_path / "long.toml"
     path.write_text(scenario_toml(scenario))
     command = [sys.executable, "-c", ONE_CORE, "run", str(path), "--out", str(folder)]
@@ -269,8 +219,8 @@ def test_what_cannot_be_resumed_is_refused_in_one_line(whole: Path, tmp_path: Pa
     before = {path: path.read_bytes() for path in whole.iterdir()}
     check_refused(feeder_sim("run", "--resume", whole), str(whole), "--resume", "has ended")
     assert {path: path.read_bytes() for path in whole.iterdir()} == before
-    check_refused(feeder_sim("run", "--resume", tmp_path), str(tmp_path), "no run here")
-    check_refused(feeder_sim("run", "--resume", tmp_path / "nowhere"), "nowhere", "no run here")
+    for folder in (tmp_path, tmp_path / "nowhere"):
+        check_refused(feeder_sim("run", "--resume", folder), str(folder), "no run here")
     scenario = tmp_path / "s.toml"
     scenario.write_text(scenario_toml(nuts()))
     check_refused(feeder_sim("run", scenario, "--resume", whole), "--resume", "a scenario")
@@ -280,20 +230,17 @@ def test_what_cannot_be_resumed_is_refused_in_one_line(whole: Path, tmp_path: Pa
 
 
 def test_a_folder_of_before_run_json_goes_on(whole: Path, tmp_path: Path) -> None:
-    """With checkpoints inside of seeds, which nobody reads any more."""
     folder = tmp_path / "run"
     with second_seed_stops():
         record_run(nuts(), folder, replay=False)
     (folder / "run.json").unlink()
-    (folder / "checkpoints").mkdir()
-    (folder / "checkpoints/seed_001.npz").write_bytes(b"of a version before")
     resume_run(folder, replay=False)
     check_same(folder, whole)
 
 
 def test_result_does_not_depend_on_threads() -> None:
     """Six islands or so, and their number changes; removals in between."""
-    scene = build_scene(nuts(count=30))
+    scene = build_scene(nuts({"part[0].count": 30}))
     frames = []
     for threads in (1, 2, 3):
         engine = ImpulseEngine(scene, np.random.default_rng(2), threads=threads)

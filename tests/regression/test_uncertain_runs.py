@@ -14,7 +14,7 @@ from typing import Any
 
 import pytest
 from command_line import check_refused, feeder_sim
-from conftest import REPOSITORY, StopsAfter
+from conftest import BALL_ON_SLIDE, REPOSITORY, StopsAfter, toml_of
 
 from feeder_sim.document.figure import empty_figure
 from feeder_sim.jobs import workers
@@ -25,31 +25,7 @@ from feeder_sim.run.run_folder import record_run
 from feeder_sim.studies.uncertainty.spread import spread_of
 from feeder_sim.studies.uncertainty.uncertainty import Uncertainty, UncertaintyQuestion
 
-INPUTS = 8
 NOT_DRAWN = "contact.restitution: uncertain inputs, which have the values of the scenario here"
-UNCERTAIN = """
-[uncertain]
-contact.restitution = { uniform = [0.1, 0.5] }
-"drive[0].amplitude_um" = { normal = [1.0, 0.1] }
-"""
-
-
-BALL = """
-[plate]
-kind = "piston"
-[[drive]]
-frequency_hz = 50.0
-amplitude_um = 150.0
-[[part]]
-shape = "ball"
-diameter_mm = 3.0
-guide = { kind = "slide" }
-[run]
-seeds = 2
-duration_s = 0.2
-[uncertain]
-contact.restitution = { uniform = [0.1, 0.5] }
-"""
 
 
 @pytest.fixture
@@ -62,41 +38,24 @@ def ball(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
             yield found
 
     monkeypatch.setattr(workers, "local_workers", in_a_thread)
-    (tmp_path / "ball.toml").write_text(BALL, encoding="utf-8")
+    uncertain = {"uncertain": {"contact": {"restitution": {"uniform": [0.1, 0.5]}}}}
+    (tmp_path / "ball.toml").write_text(toml_of(BALL_ON_SLIDE | uncertain), encoding="utf-8")
     return tmp_path / "ball.toml"
 
 
-@pytest.mark.slow
-def test_a_run_goes_on_to_its_uncertain_inputs(tmp_path: Path) -> None:
-    text = (REPOSITORY / "scenarios/drift_8775hz.toml").read_text(encoding="utf-8")
-    (tmp_path / "u.toml").write_text(text + UNCERTAIN, encoding="utf-8")
-    out = tmp_path / "run"
-    done = feeder_sim("run", tmp_path / "u.toml", "--seeds", 3, "--inputs", INPUTS, "--out", out, "--json")
-    assert done.returncode == 0, done.stderr
-    assert NOT_DRAWN not in done.stderr
-    told = json.loads(done.stdout)
-    speed = told["uncertainty"]["measures"]["transport_speed_mm_s"]
-    assert told["transport_speed_mm_s"]["n"] == 3 and speed["draws"] == INPUTS
-    assert speed["low"] < speed["median"] < speed["high"] and speed["sd_seeds"] > 0.0
-    with (out / "uncertainty/draws.csv").open(newline="") as file:
-        rows = list(csv.DictReader(file))
-    assert sorted(int(row["seed"]) for row in rows) == list(range(2 * INPUTS))  # each draw has seeds of its own
-    assert (out / "uncertainty/uncertainty.png").is_file()
-    shutil.rmtree(out / "uncertainty")
-    again = feeder_sim("run", "--resume", out, "--inputs", INPUTS, "--json")
-    assert again.returncode == 0, again.stderr
-    assert json.loads(again.stdout)["uncertainty"] == told["uncertainty"]
-
-
-def test_what_is_not_uncertain_is_refused_before_anything_is_written(tmp_path: Path) -> None:
-    scenario = REPOSITORY / "scenarios/drift_8775hz.toml"
-    check_refused(feeder_sim("uncertainty", scenario, "--out", tmp_path / "u"), "[uncertain]: is missing")
-    (tmp_path / "u.toml").write_text(scenario.read_text() + UNCERTAIN, encoding="utf-8")
-    wrong = feeder_sim("uncertainty", tmp_path / "u.toml", "--indices", "--inputs", 6, "--out", tmp_path / "u")
-    check_refused(wrong, "--inputs: is 6, allowed is a power of two")
-    wrong = feeder_sim("uncertainty", tmp_path / "u.toml", "--indices", "--seeds", 1, "--out", tmp_path / "u")
-    check_refused(wrong, "--seeds: is 1, allowed is 2 or more with indices")
-    assert not (tmp_path / "u").exists()
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        ("drift_8775hz", "[uncertain]: is missing"),
+        ("ball.toml --indices --inputs 6", "--inputs: is 6, allowed is a power of two"),
+        ("ball.toml --indices --seeds 1", "--seeds: is 1, allowed is 2 or more with indices"),
+    ],
+)
+def test_what_cannot_be_asked_is_refused_before_anything_is_written(
+    words: str, said: str, ball: Path, tmp_path: Path
+) -> None:
+    check_refused(feeder_sim("uncertainty", *words.split(), "--out", "u", cwd=tmp_path), said)
+    assert [*tmp_path.iterdir()] == [ball]
 
 
 def test_a_run_goes_on_with_as_many_draws_as_it_was_begun_with(ball: Path, tmp_path: Path) -> None:
@@ -105,9 +64,17 @@ def test_a_run_goes_on_with_as_many_draws_as_it_was_begun_with(ball: Path, tmp_p
     assert done.returncode == 0, done.stderr
     assert NOT_DRAWN not in done.stderr  # beside what the draws have come to
     assert any(NOT_DRAWN in caution for caution in json.loads(done.stdout)["cautions"])
-    again = feeder_sim("run", "--resume", out, "--json")
-    assert again.returncode == 0 and NOT_DRAWN not in again.stderr
-    assert json.loads(again.stdout)["uncertainty"] == json.loads(done.stdout)["uncertainty"]
+    speed = json.loads(done.stdout)["uncertainty"]["measures"]["highest_rise_mm"]
+    assert speed["draws"] == 3 and speed["low"] < speed["median"] < speed["high"] and speed["sd_seeds"] > 0.0
+    with (out / "uncertainty/draws.csv").open(newline="") as file:
+        assert sorted(int(row["seed"]) for row in csv.DictReader(file)) == [*range(6)]  # each draw has its own
+    assert (out / "uncertainty/uncertainty.png").is_file()
+    for anew in ((), ("--inputs", 3)):
+        again = feeder_sim("run", "--resume", out, "--json", *anew)
+        assert again.returncode == 0 and NOT_DRAWN not in again.stderr
+        assert json.loads(again.stdout)["uncertainty"] == json.loads(done.stdout)["uncertainty"]
+        shutil.move(out / "uncertainty", tmp_path / f"before{len(anew)}")
+    shutil.move(tmp_path / "before2", out / "uncertainty")
     check_refused(feeder_sim("run", "--resume", out, "--inputs", 4), "--inputs: is 4, allowed is 3, which the run")
     (out / "uncertainty/uncertainty.toml").write_text("inputs = true")
     check_refused(feeder_sim("run", "--resume", out), "uncertainty.toml: inputs: is True, allowed is a whole number")

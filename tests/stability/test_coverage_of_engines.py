@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 from conftest import REPOSITORY, ready, refusal, resting
-from hypothesis import assume, given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from feeder_sim.engines.lookup import engine_class
@@ -46,6 +46,8 @@ ZENER: Raw = {"contact.restitution": "zener"}
 IN_MUJOCO: Raw = {"run.engine": "mujoco"}
 IN_A_TUBE: Raw = {"part[0].guide": TUBE}
 IN_A_PLANE: Raw = {"part[0].start": ONE_YAW, "run.planar": True}
+ROUGH: Raw = {"part[0].guide": TUBE | {"friction": 0.2}}
+MODES: Raw = {"kind": "rectangle", "mode_file": str(REPOSITORY / "models/plate_180/modes.h5")}
 OF_COMPLIANT: Raw = {f"contact.{key}": value for key, value in COMPLIANT.items()}
 OTHER_SETTINGS = {
     "plate": "mocap",
@@ -80,16 +82,18 @@ def refused(changes: Raw) -> str:
     return refusal(accepted, changes)
 
 
-@pytest.mark.parametrize("engine", ["auto", "impulse", "mujoco"])
-def test_planar_motion_with_a_compliant_contact_is_refused_for_every_engine(engine: str) -> None:
-    """The impulse engine has no compliance, and MuJoCo no plane; `auto` is no way past that."""
-    message = refused(IN_A_PLANE | OF_COMPLIANT | {"run.engine": engine})
-    assert "run." in message and "allowed is" in message
-    assert engine != "auto" or "run.planar is true, allowed is false in MuJoCo" in message
-
-
-def test_planar_motion_is_computed_by_impulses() -> None:
-    assert choose_engine(accepted(IN_A_PLANE)).method == "impulse"
+@pytest.mark.parametrize(
+    ("changes", "engine"),
+    [
+        (IN_A_PLANE, "impulse"),
+        ({"mujoco": MujocoSettings().model_dump()}, "impulse"),  # as they are by default
+        (ROUGH, "impulse"),
+        (IN_A_TUBE | OF_COMPLIANT, "mujoco"),
+        (IN_MUJOCO | {"contact.noise_m_s": 0.0}, "mujoco"),  # what MuJoCo does anyway may be said
+    ],
+)
+def test_the_engine_is_the_one_that_can(changes: Raw, engine: str) -> None:
+    assert choose_engine(accepted(changes)).name == engine
 
 
 @pytest.mark.parametrize("name", OTHER_SETTINGS)
@@ -109,21 +113,18 @@ def test_every_setting_of_mujoco_is_tried_with_another_value() -> None:
     assert all(OTHER_SETTINGS[name] != value for name, value in defaults.items())
 
 
-def test_settings_of_mujoco_as_they_are_by_default_go_with_every_engine() -> None:
-    assert choose_engine(accepted({"mujoco": MujocoSettings().model_dump()})).name == "impulse"
-
-
-def test_friction_in_a_tube_goes_with_impulses_alone() -> None:
-    rough = {"part[0].guide": TUBE | {"friction": 0.2}}
-    for changes in (OF_COMPLIANT, IN_MUJOCO):
-        assert "part[0].guide.friction is 0.2, allowed is 0 in MuJoCo" in refused(rough | changes)
-    assert choose_engine(accepted(rough)).method == "impulse"
-    assert choose_engine(accepted(IN_A_TUBE | OF_COMPLIANT)).method == "mujoco"
-
-
 @pytest.mark.parametrize(
     ("changes", "line"),
     [
+        (IN_A_PLANE | OF_COMPLIANT, "run.planar is true, allowed is false in MuJoCo"),
+        (IN_A_PLANE | OF_COMPLIANT | {"run.engine": "impulse"}, "run."),
+        (IN_A_PLANE | OF_COMPLIANT | IN_MUJOCO, "run."),
+        ({"run.planar": True, "part": [NUT]}, "part[0].start.yaw_deg is [0, 360], allowed is one angle"),
+        (ROUGH | OF_COMPLIANT, "part[0].guide.friction is 0.2, allowed is 0 in MuJoCo"),
+        (ROUGH | IN_MUJOCO, "part[0].guide.friction is 0.2, allowed is 0 in MuJoCo"),
+        (IN_A_TUBE | {"plate.rim": True}, "plate.rim is true, allowed is false with part[0].guide"),
+        (ZENER | {"plate": MODES | {"rim": True}}, "plate.rim = true"),
+        (ZENER | {"plate": MODES, "run.reaction": True}, "run.reaction = true"),
         (NOISE | IN_MUJOCO, "noise_m_s is 1e-06, allowed is 0 or"),
         (NOISE | {"run.steps_per_period": 40}, "noise_m_s is 1e-06, allowed is 0 or"),
         (NOISE | IN_A_TUBE, "noise_m_s is 1e-06, allowed is 0"),
@@ -146,29 +147,21 @@ def test_friction_in_a_tube_goes_with_impulses_alone() -> None:
         (TANGENTIAL | IN_A_PLANE, "allowed is none with run.planar = true"),
     ],
 )
-def test_laws_of_impact_go_where_they_hold(changes: Raw, line: str) -> None:
+def test_what_no_engine_can_do_is_refused_by_its_key(changes: Raw, line: str) -> None:
     assert line in refused(changes)
-
-
-def test_no_noise_is_no_choice_in_mujoco() -> None:
-    """What MuJoCo does anyway may be said; so a comparison of engines can leave the noise out of both."""
-    assert choose_engine(accepted(IN_MUJOCO | {"contact.noise_m_s": 0.0})).name == "mujoco"
 
 
 def test_zener_needs_one_modulus_of_plate_and_balls() -> None:
     silicon = accepted(ZENER | {"plate": STRIP | {"material": "silicon"}})
     assert "allowed is a number for an orthotropic material" in refusal(build_scene, silicon)
-    plate = {"kind": "rectangle", "mode_file": "modes.h5"}
-    assert "plate.rim = true" in refused(ZENER | {"plate": plate | {"rim": True}})
-    assert "run.reaction = true" in refused(ZENER | {"plate": plate, "run.reaction": True})
 
 
 PLATES: list[Raw] = [
     {"kind": "piston"},
     {"kind": "piston", "rim": True},
     STRIP,
-    {"kind": "rectangle", "mode_file": str(REPOSITORY / "models/plate_180/modes.h5")},
-    {"kind": "rectangle", "mode_file": str(REPOSITORY / "models/plate_180/modes.h5"), "rim": True},
+    MODES,
+    MODES | {"rim": True},
 ]
 SHAPES: list[Raw] = [
     {"shape": "ball", "diameter_mm": 3.0},
@@ -205,22 +198,9 @@ def cases(draw: st.DrawFn) -> Raw:
 
 
 @given(case=cases())
+@example(case=raw({"plate.rim": True, "run.planar": True, "part": [NUT | {"start": ONE_YAW}]}))
 @settings(max_examples=300, deadline=None)
 def test_a_scenario_is_refused_by_its_key_or_gets_an_engine_that_starts(case: Raw) -> None:
-    assume(not (case["run"]["planar"] and case["plate"].get("rim")))  # has its own test below
-    check_refused_or_started(case)
-
-
-def test_planar_motion_inside_a_rim_is_refused_or_starts() -> None:
-    nut = {"shape": "hex_nut", "size": "M2.5", "start": ONE_YAW}
-    check_refused_or_started(raw({"plate.rim": True, "run.planar": True, "part": [nut]}))
-
-
-def test_a_rim_around_a_guide_is_refused() -> None:
-    assert "plate.rim is true, allowed is false with part[0].guide" in refused(IN_A_TUBE | {"plate.rim": True})
-
-
-def check_refused_or_started(case: Raw) -> None:
     try:
         scenario = validated(case, Scenario, FILE)
     except InputError as error:
@@ -267,18 +247,13 @@ def test_drift_of_several_parts_is_the_mean_over_those_that_are_there_at_the_end
     assert drift_velocity(frames) == pytest.approx(velocity.mean(axis=0))
     frames.present[3:, 0] = False
     assert drift_velocity(frames) == pytest.approx(velocity[1:].mean(axis=0))
-    lost = removed([0], float(frames.time[2]), Cause.LOST)
-    seed = Seed(frames, removals=lost, status=Status.DONE)
+    seed = Seed(frames, removals=removed([0], float(frames.time[2]), Cause.LOST), status=Status.DONE)
     prepared = ready(crowd)
     assert Drift().applies(prepared)
     found = Drift().compute(prepared, [seed])
     assert found.drift_velocity_x_mm_s.mean == pytest.approx(2.0)
     assert found.drift_velocity_y_mm_s.mean == pytest.approx(1.0)
     assert found.transport_speed_mm_s.n == 0  # which part's would it be?
-
-
-def test_drift_of_parts_that_are_all_gone_is_none(crowd: Scene) -> None:
-    frames = some_parts(crowd)
     frames.present[-1] = False
     assert np.isnan(drift_velocity(frames)).all()
 

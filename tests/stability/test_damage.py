@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import errno
 import json
+import os
 import random
-import resource
-import signal
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -14,23 +15,29 @@ from typing import Any
 import h5py
 import numpy as np
 import pytest
-from conftest import REPOSITORY, StopsAfter
+from command_line import check_refused, feeder_sim, in_new_process, limited
+from conftest import REPOSITORY, StopsAfter, ball_on_slide
+from failing import exploding
 
-from feeder_sim.errors import InputError
+import feeder_sim.cli.main as command_line
+from feeder_sim.errors import InputError, RecordingFailed
 from feeder_sim.part.stable_poses import PoseTable
 from feeder_sim.plate.drive import ModalDrive
 from feeder_sim.plate.mode_file import ModeFile, read_mode_file, write_mode_file
 from feeder_sim.records.events import impacts_of
+from feeder_sim.records.own_files import LOCK, RUN
 from feeder_sim.records.recording import PartRecord, PlateRecord
 from feeder_sim.records.seed import Seed, Status
 from feeder_sim.records.trajectory import FRAME_FIELDS, Frames
 from feeder_sim.records.trajectory_file import TRAJECTORY, read_recording
 from feeder_sim.records.trajectory_writer import TrajectoryWriter
 from feeder_sim.records.unclosed_file import closed_head, lookup3
-from feeder_sim.run import provenance, run_folder
+from feeder_sim.replay.replay import REPLAY, build_replay, timeline_ends
+from feeder_sim.replay.viewer import replay_file, time_shown
+from feeder_sim.run import provenance
 from feeder_sim.run.provenance import library_versions
 from feeder_sim.run.run_folder import SUMMARY, record_run, resume_run, scenario_toml
-from feeder_sim.scenario import Ball, Drive, MeshPart, PistonPlate, Run, Scenario, Slide, load_scenario
+from feeder_sim.scenario import Scenario
 
 BLOCK = 130  # frames
 # Reads every trajectory in a folder; a reader that waits is seen by the test's time limit.
@@ -47,16 +54,6 @@ for path in sorted(Path(sys.argv[1]).iterdir()):
         found = str(error).replace(path.name, "")
     print(json.dumps(found))
 """
-
-
-def ball(**run: Any) -> Scenario:
-    """A ball on a slide, which is simulated in no time."""
-    return Scenario(
-        plate=PistonPlate(kind="piston"),
-        drive=(Drive(frequency_hz=50.0, amplitude_um=150.0),),
-        part=(Ball(shape="ball", diameter_mm=3.0, guide=Slide(kind="slide")),),
-        run=Run(**({"duration_s": 20.0, "seeds": 2} | run)),
-    )
 
 
 def block(number: int, n_parts: int = 1) -> Seed:
@@ -96,7 +93,7 @@ def writer(path: Path, scenario: Scenario) -> TrajectoryWriter:
 def killed(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The file of a run that was killed after three blocks, and of the same run when it had ended."""
     folder = tmp_path_factory.mktemp("killed")
-    file = writer(folder / "closed.h5", ball())
+    file = writer(folder / "closed.h5", ball_on_slide())
     for number in range(3):
         for seed in range(2):
             file.append(seed, block(number))
@@ -111,10 +108,8 @@ def killed(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_killed_run_is_read(killed: Path) -> None:
     recording = read_recording(killed / "killed.h5")
     assert [sizes(record) for record in recording.records] == [(3 * BLOCK, 21, 0, 0, 0)] * 2
-    assert recording.status == (Status.UNFINISHED,) * 2 and (recording.records[1].wall_s, recording.wall_s) == (
-        2.0,
-        3.0,
-    )
+    assert recording.status == (Status.UNFINISHED,) * 2
+    assert (recording.records[1].wall_s, recording.wall_s) == (2.0, 3.0)
     assert np.array_equal(recording.seeds[0].position[:BLOCK], block(0).frames.position)
     assert [len(frames) for frames in read_recording(killed / "closed.h5").seeds] == [4 * BLOCK, 3 * BLOCK]
 
@@ -158,27 +153,6 @@ def test_every_dataset_is_under_a_checksum(killed: Path) -> None:
         file.visititems(check)
 
 
-def limited(command: list[str], largest_file: int | None) -> subprocess.CompletedProcess[str]:
-    """Run on a disk that is full for what is beyond a size in a file."""
-
-    def small_files() -> None:
-        if largest_file is not None:
-            signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
-            resource.setrlimit(resource.RLIMIT_FSIZE, (largest_file, largest_file))
-
-    return subprocess.run(command, preexec_fn=small_files, capture_output=True, text=True, timeout=100, check=False)
-
-
-def feeder_sim(*arguments: object, largest_file: int | None = None) -> subprocess.CompletedProcess[str]:
-    return limited([sys.executable, "-m", "feeder_sim", *map(str, arguments)], largest_file)
-
-
-def check_one_line(done: subprocess.CompletedProcess[str], code: int, *expected: str) -> None:
-    assert done.returncode == code and done.stderr.count("\n") == 1 and "Traceback" not in done.stderr, done.stderr
-    for text in expected:
-        assert text in done.stderr
-
-
 @pytest.mark.slow
 def test_commands_refuse_a_damaged_trajectory_at_once(killed: Path, tmp_path: Path) -> None:
     whole = bytearray((killed / "killed.h5").read_bytes())
@@ -186,47 +160,15 @@ def test_commands_refuse_a_damaged_trajectory_at_once(killed: Path, tmp_path: Pa
     whole[at + 8] ^= 1
     (tmp_path / TRAJECTORY).write_bytes(whole)
     for command in (["replay"], ["vibrometer", "--picture", tmp_path / "v.png"], ["run", "--resume"]):
-        check_one_line(feeder_sim(command[0], *command[1:], tmp_path), 2, "not a readable trajectory file")
-
-
-def interrupted(scenario: Scenario, folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A run that was stopped before its first step."""
-
-    def stop(*_: object, **__: object) -> None:
-        raise KeyboardInterrupt
-
-    with monkeypatch.context() as patch:
-        patch.setattr(run_folder, "run_ensemble", stop)
-        with pytest.raises(KeyboardInterrupt):
-            record_run(scenario, folder, replay=False)
-
-
-def test_run_does_not_go_on_with_other_input_files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    import trimesh
-
-    mode_file, mesh = tmp_path / "modes.h5", tmp_path / "box.stl"
-    held = read_mode_file(REPOSITORY / "models/plate_180/modes.h5")
-    plate = load_scenario(REPOSITORY / "scenarios/drift_2797hz_plate.toml")
-    on_plate = plate.model_copy(update={"plate": plate.plate.model_copy(update={"mode_file": mode_file})})
-    of_mesh = ball().model_copy(update={"part": (MeshPart(shape="mesh", file=mesh, guide=Slide(kind="slide")),)})
-    write_mode_file(mode_file, held)
-    trimesh.creation.box((2.0, 3.0, 4.0)).export(mesh)
-    for scenario, name in ((on_plate, "plate"), (of_mesh, "mesh")):
-        interrupted(scenario, tmp_path / name, monkeypatch)
-    for own in (mode_file, mesh):
-        own.unlink()  # the runs have copies
-    write_mode_file(tmp_path / "plate/inputs/modes.h5", ModeFile(held.modes))  # without what was measured
-    trimesh.creation.box((2.0, 3.0, 5.0)).export(tmp_path / "mesh/inputs/box.stl")
-    for name, key in (("plate", r"plate\.mode_file"), ("mesh", r"part\[0\]\.file")):
-        with pytest.raises(InputError, match=f"{name}: --resume: was begun with another content of {key}, allowed"):
-            resume_run(tmp_path / name, replay=False)
+        check_refused(feeder_sim(*command, tmp_path), "not a readable trajectory file")
 
 
 @pytest.mark.parametrize("changed", ["feeder_sim", "numpy"])
 def test_run_does_not_go_on_with_another_version(changed: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Of the package the sources count, not only the number of the version."""
     versions = library_versions()
-    interrupted(ball(), tmp_path, monkeypatch)
+    record_run(ball_on_slide(), tmp_path, replay=False)
+    (tmp_path / SUMMARY).unlink()
     other = versions | {changed: versions[changed] + "0"}
     monkeypatch.setattr(provenance, "library_versions", lambda: other)
     with pytest.raises(InputError, match=f"--resume: was begun with another version of {changed}, allowed is the same"):
@@ -234,7 +176,7 @@ def test_run_does_not_go_on_with_another_version(changed: str, tmp_path: Path, m
 
 
 def test_cost_of_a_run_that_goes_on_counts_all_stretches(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    scenario = ball(seeds=1, duration_s=60.0)
+    scenario = ball_on_slide(seeds=1, duration_s=60.0)
     with monkeypatch.context() as patch:  # as if the first stretch had taken hours
         finish = TrajectoryWriter.finish
         patch.setattr(TrajectoryWriter, "finish", lambda file, n, seed, wall_s: finish(file, n, seed, wall_s + 5000.0))
@@ -248,3 +190,137 @@ def test_cost_of_a_run_that_goes_on_counts_all_stretches(tmp_path: Path, monkeyp
     assert not result.interrupted and summary["wall_s"] == result.wall_s > second.wall_s
     one_core = summary["wall_s_per_simulated_s_one_core"] * summary["simulated_s"]
     assert one_core == pytest.approx(sum(seed.wall_s for seed in result.seeds))
+
+
+@pytest.mark.parametrize(
+    ("name", "scenario"),
+    [(name, ball_on_slide()) for name in ("scenario.toml", "scene.xml", SUMMARY)]
+    + [("failure_seed_0.npz", exploding())],
+)
+def test_full_disk_leaves_no_part_of_a_file(
+    name: str, scenario: Scenario, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    sync = os.fsync
+
+    def full(number: int) -> None:
+        if name in str(Path(f"/proc/self/fd/{number}").readlink()):
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        sync(number)
+
+    monkeypatch.setattr(os, "fsync", full)
+    with pytest.raises(RecordingFailed, match=f"{name}: cannot be written, is the disk full"):
+        record_run(scenario, tmp_path, replay=False)
+    assert not list(tmp_path.glob(f"{name}*"))
+    assert not name.startswith("failure") or len(read_recording(tmp_path / TRAJECTORY).seeds[0]) > 0
+
+
+def test_full_disk_leaves_no_part_of_a_mode_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def fails(self: Path, data: bytes) -> int:
+        self.touch()
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    held = read_mode_file(REPOSITORY / "models/plate_180/modes.h5")
+    write_mode_file(tmp_path / "modes.h5", ModeFile(held.modes))
+    before = (tmp_path / "modes.h5").read_bytes()
+    monkeypatch.setattr(Path, "write_bytes", fails)
+    with pytest.raises(RecordingFailed, match=r"modes\.h5: cannot be written, is the disk full"):
+        write_mode_file(tmp_path / "modes.h5", ModeFile(held.modes))
+    assert [path.read_bytes() for path in tmp_path.iterdir()] == [before]
+
+
+@pytest.mark.slow
+def test_full_disk_leaves_no_cut_replay(tmp_path: Path) -> None:
+    """rerun went on without a word, and the cut file took the replay's place."""
+    scenario = tmp_path / "ball.toml"
+    scenario.write_text(scenario_toml(ball_on_slide(duration_s=1.0)))
+    run = tmp_path / "run"
+    done = in_new_process("run", scenario, "--out", run, largest_file=165_000)  # the replay is longer
+    assert done.returncode == 1 and "Traceback" not in done.stderr, done.stderr
+    assert "replay.rrd: cannot be written, is the disk full?" in done.stderr.splitlines()[-1]  # after notes, if any
+    assert sorted(path.name for path in run.iterdir()) == [LOCK, RUN, "scenario.toml", "scene.xml", SUMMARY, TRAJECTORY]
+    build_replay(run / TRAJECTORY, run / REPLAY)
+    size = (run / REPLAY).stat().st_size
+    for largest in (1000, size // 2, size - 2000):  # from one writing to the next it differs by some hundred bytes
+        program = f"from pathlib import Path; from feeder_sim.replay.replay import *; p = Path({str(run)!r})"
+        command = [sys.executable, "-c", f"{program}; build_replay(p / 'trajectory.h5', p / 'replay.rrd')"]
+        done = limited(command, largest_file=largest)
+        assert done.returncode == 1 and "is the disk full?" in done.stderr.splitlines()[-1], done.stderr
+        assert (run / REPLAY).stat().st_size == size and not list(run.glob("*.partial"))
+
+
+@pytest.mark.parametrize(
+    ("number", "code"),
+    [(n, 2) for n in (errno.ENOENT, errno.EACCES, errno.EISDIR, errno.ENOTDIR)]
+    + [(n, 1) for n in (errno.ENOSPC, errno.EDQUOT, errno.EIO, errno.EFBIG)],
+)
+def test_system_errors_are_bad_input_only_where_another_name_helps(
+    number: int, code: int, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def fails() -> None:
+        raise OSError(number, os.strerror(number), "there\x1b[2J")
+
+    monkeypatch.setattr(command_line, "app", fails)
+    monkeypatch.setattr(os, "_exit", sys.exit)
+    with pytest.raises(SystemExit) as ended:
+        command_line.main()
+    assert ended.value.code == code
+    assert capsys.readouterr().err == f"feeder-sim: there\\x1b[2J: {os.strerror(number)}\n"
+
+
+def test_full_disk_under_the_output_is_a_failure(tmp_path: Path) -> None:
+    command = f"{sys.executable} -m feeder_sim list {tmp_path} > /dev/full"
+    done = subprocess.run(["sh", "-c", command], capture_output=True, text=True, timeout=100, check=False)
+    assert done.returncode == 1 and done.stderr.count("\n") == 1 and "No space left on device" in done.stderr
+
+
+def test_replays_of_a_run_that_goes_on_are_removed(tmp_path: Path) -> None:
+    record_run(ball_on_slide(duration_s=20.0), tmp_path, stop=StopsAfter(3), replay=False)
+    shutil.copy(replay_file(tmp_path), tmp_path / "replay_seed_001.rrd")  # whether the second seed had begun is chance
+    (tmp_path / "replay_of_mine.rrd").write_text("mine")
+    resume_run(tmp_path, replay=False)
+    assert [path.name for path in tmp_path.glob("*.rrd")] == ["replay_of_mine.rrd"]
+
+
+def test_replay_older_than_its_trajectory_is_built_again(tmp_path: Path) -> None:
+    record_run(ball_on_slide(duration_s=0.5), tmp_path)
+    replay, trajectory = tmp_path / REPLAY, tmp_path / TRAJECTORY
+    replay.write_bytes(b"as it was")
+    assert replay_file(tmp_path) == replay and replay.read_bytes() == b"as it was"
+    later = replay.stat().st_mtime_ns + 10**9
+    os.utime(trajectory, ns=(later, later))
+    assert replay_file(tmp_path).read_bytes().startswith(b"RRF2")
+
+
+def times_in(replay: Path, timeline: str) -> list[float]:
+    from rerun.chunk import RrdReader
+
+    batches = [chunk.to_record_batch() for chunk in RrdReader(replay).stream()]
+    held = [batch.column(timeline) for batch in batches if timeline in batch.schema.names]
+    return [time / 1e9 for column in held for time in column.cast("int64").to_pylist()]
+
+
+def test_no_time_beyond_the_record_is_shown(tmp_path: Path) -> None:
+    """Of two balls and three stages, two of them alike."""
+    stages = [{"drive": [{"frequency_hz": f, "amplitude_um": 5.0}], "duration_s": 1.0} for f in (500.0, 600.0, 500.0)]
+    balls = {"shape": "ball", "diameter_mm": 3.0, "count": 2, "start": {"kind": "scattered"}}
+    changes = {"drive": [], "schedule": {"stage": stages}, "part": [balls], "run.duration_s": None}
+    crowd = ball_on_slide().changed(changes)
+    for scenario, name in ((crowd, "crowd"), (ball_on_slide(), "ball")):
+        (tmp_path / name).mkdir()
+        file = writer(tmp_path / name / TRAJECTORY, scenario)
+        for number in range(3):
+            file.append(0, block(number, scenario.n_parts))
+        file.append(1, block(0, scenario.n_parts))
+        file.close()
+    ends = timeline_ends(read_recording(tmp_path / "crowd" / TRAJECTORY), 0)
+    build_replay(tmp_path / "crowd" / TRAJECTORY, tmp_path / "crowd.rrd")
+    assert ends == {name: pytest.approx(max(times_in(tmp_path / "crowd.rrd", name))) for name in ends}
+    assert ends["slow_motion"] == pytest.approx(7.9) and ends["sim_time"] == pytest.approx(2.992, abs=1e-3)
+    shown = [("crowd", 5.0, False), ("crowd", 9.0, True), ("ball", 0.5, True), ("ball", float("nan"), False)]
+    for name, at, slow in shown:
+        with pytest.raises(InputError, match="--slow-motion" if (name, slow) == ("ball", True) else "--at: is"):
+            time_shown(tmp_path / name, at, slow=slow)
+    assert time_shown(tmp_path / "crowd", 5.0, slow=True) == 5.0
+    assert time_shown(tmp_path / "crowd", None) == 1.0 and time_shown(tmp_path / "crowd", None, seed=1) < 1.0
+    refused = feeder_sim("replay", tmp_path / "ball", "--screenshot", tmp_path / "s.png", "--at", 4)
+    check_refused(refused, "--at: is 4, allowed is 0 to 2.99", "seed 0 is recorded for 2.99")

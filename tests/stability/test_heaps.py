@@ -8,16 +8,12 @@ from typing import Any
 import numpy as np
 import pytest
 from conftest import hull_distances
-from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
+from invariants import energy
 
-from feeder_sim.constants import GRAVITY
 from feeder_sim.records.seed import Status
-from feeder_sim.records.trajectory import Frames
 from feeder_sim.run.simulation import Result, simulate
 from feeder_sim.scenario import Scenario
 from feeder_sim.scenario.tables import validated
-from feeder_sim.scene.scene import Scene
 
 DEEPEST = -50e-6  # [m]
 
@@ -32,17 +28,6 @@ def heap(*, amplitude_um: float, seeds: int, count: int = 20, duration_s: float 
         "run": {"duration_s": duration_s, "seeds": seeds, "frames_per_second": 200.0} | run,
     }
     return validated(raw, Scenario, Path("heap.toml"))
-
-
-def energy(scene: Scene, frames: Frames) -> NDArray[np.float64]:
-    """Kinetic and potential energy of every part at every frame [J], shape (n, parts)."""
-    mass = np.array([part.mass for part in scene.parts])
-    inertia = np.array([part.inertia for part in scene.parts])
-    n, parts = frames.position.shape[:2]
-    turned = Rotation.from_quat(frames.quaternion.reshape(-1, 4), scalar_first=True)
-    spin = turned.inv().apply(frames.angular_velocity.reshape(-1, 3)).reshape(n, parts, 3)
-    kinetic = 0.5 * mass * (frames.velocity**2).sum(axis=-1) + 0.5 * (inertia * spin**2).sum(axis=-1)
-    return np.asarray(kinetic + mass * GRAVITY * frames.position[..., 2])
 
 
 @pytest.fixture(scope="module", params=[4, pytest.param(40, marks=pytest.mark.slow)])

@@ -174,18 +174,6 @@ def test_settings_that_fail_are_refused_with_the_reason_unless_asked_for(changes
 @pytest.mark.parametrize(
     ("changes", "why"),
     [
-        ({"mujoco.cone": "pyramidal"}, 'run.engine is "auto", allowed is "mujoco" with mujoco.cone'),
-        ({"run.planar": True}, "part[0].start.yaw_deg is [0, 360], allowed is one angle"),
-        ({"run.planar": True} | COMPLIANT, "run.planar is true, allowed is false in MuJoCo"),
-    ],
-)
-def test_settings_that_another_engine_would_ignore_are_refused(changes: dict[str, Any], why: str) -> None:
-    assert why in refusal(strip, changes)
-
-
-@pytest.mark.parametrize(
-    ("changes", "why"),
-    [
         ({"run.in_plane_velocity": False}, "a third of their speed"),
         ({"mujoco.cone": "pyramidal"}, "20 % too fast"),
         ({"mujoco.iterations": 1}, "not resolved"),

@@ -1,73 +1,31 @@
-"""What a run that diverged keeps of its last states, and that its seed can be run again."""
+"""What a run that diverged, or whose next frame never comes, keeps of its last states; its seed can be run again."""
 
 from __future__ import annotations
 
-import errno
-import os
-from dataclasses import fields
+import time
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from conftest import REPOSITORY, piston_scenario, strip_scenario
+from command_line import check_refused
+from command_line import feeder_sim as command
+from conftest import NUT_ON_STRIP, REPOSITORY, piston_scenario, strip_scenario
+from failing import check_runs_again, exploding, fail_at, same
 
 import feeder_sim
-from feeder_sim.errors import Divergence, InputError, RecordingFailed, SimulationDiverged
+from feeder_sim.engines.impulse.lone.engine import LoneEngine
+from feeder_sim.engines.lookup import engine_class
+from feeder_sim.engines.protocol import ENDED, WHOLE, new_interrupt
+from feeder_sim.errors import Divergence, InputError, SimulationDiverged
 from feeder_sim.records.last_states import LAST_FRAMES, LastStates, read_last_states, save_last_states
 from feeder_sim.records.seed import Seed, Status
 from feeder_sim.records.trajectory import Frames
 from feeder_sim.records.trajectory_file import read_recording
-from feeder_sim.run import seed_run
-from feeder_sim.run.guard import Guard
-from feeder_sim.run.one_seed import run_one_seed
-from feeder_sim.run.prepare import prepare
-from feeder_sim.run.run_folder import record_run, resume_run
+from feeder_sim.run.run_folder import record_run
 from feeder_sim.run.simulation import simulate
-from feeder_sim.scenario import (
-    Contact,
-    Excitation,
-    HexNut,
-    PistonPlate,
-    Run,
-    Scattered,
-    Scenario,
-    Start,
-    load_scenario,
-    with_run,
-)
-from feeder_sim.scenario.schedule import Schedule, Settled, Stage
-
-
-def exploding(**run: Any) -> Scenario:
-    """A nut on springs so hard and so little damped that the step is too long for them."""
-    step_us = 1e6 / (8775.0 * 40)
-    contact = Contact(model="compliant", time_constant_us=step_us, damping_ratio=0.1)
-    scenario = strip_scenario(frequency_hz=8775.0, **({"duration_s": 1.0} | run))
-    return scenario.model_copy(update={"contact": contact})
-
-
-def fail_at(monkeypatch: pytest.MonkeyPatch, time_s: float, seed: int | None = None) -> None:
-    """Let the guard take the first frame from that time [s] on for invalid, of one seed or of all."""
-    check = Guard.check
-
-    def spoilt(self: Guard, frames: Frames, seed_index: int) -> tuple[int, SimulationDiverged | None]:
-        found = check(self, frames, seed_index)
-        late = np.flatnonzero(frames.time >= time_s)
-        if not len(late) or seed not in (None, seed_index):
-            return found
-        at = float(frames.time[late[0]])
-        return int(late[0]), SimulationDiverged(
-            Divergence.TOO_DEEP, time_s=at, part="part_0", seed=seed_index, detail="spoilt"
-        )
-
-    monkeypatch.setattr(Guard, "check", spoilt)
-
-
-def check_runs_again(scenario: Scenario, seed: Seed, index: int = 0) -> None:
-    """The seed by itself, from its start, comes to the same last states."""
-    again = run_one_seed(prepare(scenario), index)
-    assert again.last is not None and seed.last is not None and same(again.last, seed.last)
+from feeder_sim.run.watchdog import STALLED, Watchdog
+from feeder_sim.scenario import HexNut, Scenario, Start, load_scenario, with_run
 
 
 def check_fits(result: Seed) -> LastStates:
@@ -82,26 +40,18 @@ def check_fits(result: Seed) -> LastStates:
     return last
 
 
-def same(one: LastStates, two: LastStates) -> bool:
-    frames = (getattr(one.frames, f.name).tobytes() == getattr(two.frames, f.name).tobytes() for f in fields(Frames))
-    return all(frames) and one.valid == two.valid
-
-
 def test_exploding_run_names_the_file_with_its_last_states(tmp_path: Path) -> None:
     scenario = exploding(seeds=2)
     result = record_run(scenario, tmp_path, replay=False)
     assert read_recording(tmp_path / "trajectory.h5").status == (Status.DIVERGED, Status.DIVERGED)
-    opened = feeder_sim.open(tmp_path)
+    opened, kinds = feeder_sim.open(tmp_path), [failure.divergence for failure in result.failures]
     assert [str(failure) for failure in opened.failures] == [str(failure) for failure in result.failures]
-    assert [f.divergence for f in opened.failures] == [f.divergence for f in result.failures]
+    assert [failure.divergence for failure in opened.failures] == kinds
     assert opened.summary()["failures"] == result.summary()["failures"] and "2 diverged" in repr(opened)
     alone = tmp_path / "alone.h5"
     alone.write_bytes((tmp_path / "trajectory.h5").read_bytes())
     (tmp_path / "failure_seed_1.npz").rename(tmp_path / "kept.npz")
-    assert [f.divergence for f in feeder_sim.open(alone).failures] == [
-        result.failures[0].divergence,
-        Divergence.UNKNOWN,
-    ]
+    assert [failure.divergence for failure in feeder_sim.open(alone).failures] == [kinds[0], Divergence.UNKNOWN]
     (tmp_path / "kept.npz").rename(tmp_path / "failure_seed_1.npz")
     for index, seed in enumerate(result.seeds):
         name = f"failure_seed_{index}.npz"
@@ -126,22 +76,6 @@ def test_without_a_recorder_the_result_carries_the_last_states() -> None:
     assert valid.last is None
 
 
-def test_frames_that_are_not_finite_are_kept_too(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    from feeder_sim.engines.mujoco.engine import MujocoEngine
-
-    original = MujocoEngine.advance
-
-    def poisoned(self: MujocoEngine, n_frames: int) -> Frames:
-        self.data.qvel[3] = np.nan if self.data.time > 0.1 else self.data.qvel[3]
-        return original(self, n_frames)
-
-    monkeypatch.setattr(MujocoEngine, "advance", poisoned)
-    result = record_run(strip_scenario(duration_s=1.0, engine="mujoco"), tmp_path, replay=False)
-    last = read_last_states(tmp_path / "failure_seed_0.npz")
-    assert same(last, check_fits(result.seeds[0]))
-    assert np.isfinite(last.frames.velocity[: last.valid]).all() and np.isnan(last.frames.velocity[last.valid]).any()
-
-
 @pytest.mark.parametrize("time_s", [0.0003, 0.11, 0.3999])
 def test_of_a_long_block_the_frames_around_the_failure_are_kept(monkeypatch: pytest.MonkeyPatch, time_s: float) -> None:
     """A part on a slide is advanced by 2000 frames at once."""
@@ -156,14 +90,16 @@ def test_of_a_long_block_the_frames_around_the_failure_are_kept(monkeypatch: pyt
 
 def test_last_states_after_a_stage_that_ended_by_its_event_run_again(monkeypatch: pytest.MonkeyPatch) -> None:
     """The plate moves as it did: the stage had stopped long before the schedule says."""
-    drive = Excitation(frequency_hz=4750.0, amplitude_um=2.0)
-    until = Settled(within_mm=20.0, for_s=0.1)
-    schedule = Schedule(
-        stage=(Stage(drive=(drive,), duration_s=5.0, until=until), Stage(drive=(drive,), duration_s=5.0))
-    )
-    scenario = strip_scenario().model_copy(
-        update={"drive": (), "schedule": schedule, "run": Run(seeds=1, frames_per_second=500.0)}
-    )
+    stage = {"drive": [{"frequency_hz": 4750.0, "amplitude_um": 2.0}], "duration_s": 5.0}
+    stages = [stage | {"until": {"within_mm": 20.0, "for_s": 0.1}}, stage]
+    part = NUT_ON_STRIP["part"][0] | {"start": {"position_mm": [1.95, 0.0]}}
+    changes = {
+        "drive": [],
+        "schedule": {"stage": stages},
+        "part": [part],
+        "run": {"frames_per_second": 500.0, "seeds": 1},
+    }
+    scenario = Scenario.model_validate(NUT_ON_STRIP | changes)
     fail_at(monkeypatch, 0.5)
     (seed,) = simulate(scenario).seeds
     check_fits(seed)
@@ -172,58 +108,14 @@ def test_last_states_after_a_stage_that_ended_by_its_event_run_again(monkeypatch
 
 
 def test_parts_that_are_lost_in_the_last_block_are_kept_as_the_engine_had_them(monkeypatch: pytest.MonkeyPatch) -> None:
-    start = Start(position_mm=(89.9, 0.0))
-    other = HexNut(size="M2.5", start=Start(position_mm=(0.0, 0.0)))
-    scenario = piston_scenario(start=start, duration_s=1.0).model_copy(
-        update={"part": (HexNut(size="M2.5", start=start), other)}
-    )
+    nuts = tuple(HexNut(size="M2.5", start=Start(position_mm=(x, 0.0))) for x in (89.9, 0.0))
+    scenario = piston_scenario(part=nuts, duration_s=1.0)
     lost = float(simulate(scenario).seeds[0].removals.time[0])
     fail_at(monkeypatch, lost + 0.01)
     result = simulate(scenario).seeds[0]
     last = check_fits(result)
     assert last.frames.time[0] < lost and not result.frames.present[-1, 0]
     check_runs_again(scenario, result)
-
-
-def crowd() -> Scenario:
-    """Blocks enough for a break between them."""
-    stage = Stage(drive=(Excitation(frequency_hz=500.0, amplitude_um=20.0),), duration_s=0.4)
-    return Scenario(
-        plate=PistonPlate(kind="piston", length_mm=60.0, width_mm=60.0),
-        schedule=Schedule(stage=(stage,)),
-        part=(HexNut(size="M2.5", count=4, start=Scattered(kind="scattered")),),
-        run=Run(seeds=2, frames_per_second=500.0),
-    )
-
-
-class StopsOnce:
-    """A stop event that is set from a look on."""
-
-    def __init__(self, looks: int) -> None:
-        self.left = looks
-
-    def is_set(self) -> bool:
-        self.left -= 1
-        return self.left < 0
-
-    def set(self) -> None:
-        self.left = 0
-
-
-def test_resumed_run_keeps_the_last_states_it_has_and_adds_none(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Seed 1 fails before the break, and again after it."""
-    fail_at(monkeypatch, 0.05, seed=1)
-    monkeypatch.setattr(seed_run, "BLOCK_STEPS", 1)
-    begun = record_run(crowd(), tmp_path, stop=StopsOnce(9), replay=False)  # type: ignore[arg-type]
-    assert begun.interrupted and len(begun.failures) == 1
-    before = (tmp_path / "failure_seed_1.npz").read_bytes()
-    result = resume_run(tmp_path, replay=False)
-    assert not result.interrupted and "failure_seed_1.npz" in str(result.failures[0])
-    assert [path.name for path in tmp_path.glob("failure*")] == ["failure_seed_1.npz"]
-    assert (tmp_path / "failure_seed_1.npz").read_bytes() == before
-    check_runs_again(crowd(), result.seeds[1], 1)
 
 
 def some_states() -> tuple[SimulationDiverged, LastStates]:
@@ -242,25 +134,79 @@ def test_other_last_states_are_never_overwritten(tmp_path: Path) -> None:
     assert same(read_last_states(tmp_path / "failure_seed_0_2.npz"), other)
 
 
-def test_full_disk_is_said_in_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    def full(descriptor: int) -> None:
-        if list(tmp_path.glob("failure*.partial")):
-            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-
-    monkeypatch.setattr(os, "fsync", full)
-    with pytest.raises(RecordingFailed, match=r"failure_seed_0\.npz: cannot be written, is the disk full\?"):
-        record_run(exploding(), tmp_path, replay=False)
-    assert not list(tmp_path.glob("failure*"))
-    assert len(read_recording(tmp_path / "trajectory.h5").seeds[0]) > 0
-
-
 def test_unreadable_last_states_are_refused(tmp_path: Path) -> None:
     failure, last = some_states()
     path = tmp_path / save_last_states(tmp_path, failure, last)
     whole = path.read_bytes()
-    for spoilt in (b"", b"no archive", whole[: len(whole) // 2]):
-        path.write_bytes(spoilt)
+    for spoilt in (b"", b"no archive", whole[: len(whole) // 2], None):
+        path.unlink() if spoilt is None else path.write_bytes(spoilt)
         with pytest.raises(InputError, match="holds no readable last states"):
             read_last_states(path)
-    with pytest.raises(InputError, match="holds no readable last states"):
-        read_last_states(tmp_path / "nothing.npz")
+
+
+PATIENCE = 0.4  # [s]
+STUCK_AT = 20  # frames
+
+
+class Stuck(LoneEngine):
+    """The frame after STUCK_AT never comes."""
+
+    def advance(self, n_frames: int) -> Frames:
+        if self._frame + n_frames > STUCK_AT:
+            whole = super().advance(STUCK_AT - self._frame)
+            while not self._interrupt[ENDED]:
+                time.sleep(0.01)
+            return whole
+        return super().advance(n_frames)
+
+
+@pytest.fixture
+def second_is_stuck(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of seeds that run one after the other, the second one."""
+    made: list[Any] = []
+
+    def chosen(choice: Any) -> Any:
+        made.append(choice)
+        return Stuck if len(made) == 2 else engine_class(choice)
+
+    monkeypatch.setattr("feeder_sim.run.seed_run.engine_class", chosen)
+
+
+def test_a_seed_that_does_not_get_on_ends_as_failed_and_the_others_go_on(
+    second_is_stuck: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("feeder_sim.run.simulation.available_cores", lambda: 1)
+    result = record_run(strip_scenario(duration_s=0.2, seeds=3), tmp_path, replay=False, stall_after=PATIENCE)
+    second = result.seeds[1]
+    assert [seed.status for seed in result.seeds] == [Status.DONE, Status.DIVERGED, Status.DONE]
+    assert [seed.status for seed in feeder_sim.open(tmp_path).seeds] == [seed.status for seed in result.seeds]
+    assert second.failure is not None and second.failure.divergence == Divergence.STALLED
+    assert len(second.frames) == STUCK_AT + 1 and second.failure.time_s == pytest.approx(second.frames.time[-1])
+    assert second.last is not None and (tmp_path / "failure_seed_1.npz").exists()
+    line = str(second.failure)
+    assert line.startswith("seed 1: part_0 at 0.0") and "takes more than 0.4 s; it is at (" in line and "\n" not in line
+
+
+def test_patience_that_is_none_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"stall_after: is -1\.0, allowed is a time in seconds over 0"):
+        feeder_sim.simulate(strip_scenario(), stall_after=-1.0)
+    check_refused(command("run", "drift_4750hz", "--stall-after", "0", cwd=tmp_path), "--stall-after")
+    assert not (tmp_path / "runs").exists()
+
+
+def test_a_call_that_is_over_in_time_is_not_interrupted() -> None:
+    interrupt = new_interrupt()
+    with Watchdog(interrupt, 0.2) as watchdog:
+        for _ in range(3):
+            watchdog.begin()
+            time.sleep(0.1)
+            assert not watchdog.end()
+        watchdog.begin()
+        for frame in range(1, 8):  # slow, but each frame comes in time
+            time.sleep(0.08)
+            interrupt[WHOLE] = frame
+        assert not watchdog.end()
+        watchdog.begin()
+        time.sleep(0.5)
+        assert interrupt[ENDED] == STALLED
+        assert watchdog.end() and interrupt[ENDED] == 0
