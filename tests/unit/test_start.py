@@ -208,8 +208,9 @@ def test_a_part_in_the_wall_of_a_rim_is_refused_with_what_is_allowed(start: Any,
 
 
 def test_as_many_places_as_parts() -> None:
-    for start, count in ((placed((0, 0, 0)), 2), (placed(), 1)):
-        assert "places" in refusal(validated, nut(start).model_dump() | {"count": count}, HexNut, Path())
+    raw = nut(placed((0, 0, 0))).model_dump()
+    for changes in ({"count": 2}, {"start": {"kind": "placed", "places_mm_deg": []}}):
+        assert "places" in refusal(validated, raw | changes, HexNut, Path())
 
 
 def test_a_part_that_touches_the_wall_is_not_refused() -> None:
@@ -268,7 +269,5 @@ def hook() -> RigidPart:
 def test_overlap_is_that_of_the_pieces(place_mm: Any, yaw_deg: float, overlaps: bool) -> None:
     turned = Rotation.from_euler("z", yaw_deg, degrees=True).as_quat(scalar_first=True)
     a, b = hook(), hook()
-    assert (
-        parts_overlap(a, (np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0])), b, (1e-3 * np.array(place_mm), turned))
-        == overlaps
-    )
+    place, level = 1e-3 * np.array(place_mm), np.array([1.0, 0.0, 0.0, 0.0])
+    assert parts_overlap(a, (np.zeros(3), level), b, (place, turned)) == overlaps
