@@ -218,10 +218,8 @@ def test_drive_that_cannot_be_meant_is_refused(drive: str, expected: str, folder
 
 def test_response_and_ranking_from_the_command_line(folder: Path, held: ModeFile, tmp_path: Path) -> None:
     source = folder / "modes.h5"
-    done = feeder_sim(
-        "response", source, "--actuator", "left", "--at", "-20,10", "--volts", 40, "--damping", 0.003, "--json",
-        "--picture", tmp_path / "r.png", "--data", tmp_path / "r.csv",
-    )  # fmt: skip
+    options = ["--actuator", "left", "--at", "-20,10", "--volts", "40", "--damping", "0.003", "--json", "--data"]
+    done = feeder_sim("response", source, *options, tmp_path / "r.csv")
     assert done.returncode == 0, done.stderr
     highest = max(json.loads(done.stdout)["peaks"], key=lambda peak: peak["amplitude_um"])
     assert highest["damping_ratio"] == pytest.approx(0.003, rel=0.05)
@@ -229,14 +227,13 @@ def test_response_and_ranking_from_the_command_line(folder: Path, held: ModeFile
     assert lines[0] == "frequency_hz,amplitude_um,power_w,current_left_ma,current_right_ma"
     largest = max(float(line.split(",")[1]) for line in lines[1:])
     assert largest == pytest.approx(highest["amplitude_um"], rel=1e-4)
-    ranked = feeder_sim("modes", source, "--volts", 40, "--near", "-20,10", "--json", "--gallery", tmp_path / "g.png")
+    ranked = feeder_sim("modes", source, "--volts", 40, "--near", "-20,10", "--json")
     assert ranked.returncode == 0, ranked.stderr
     rows = json.loads(ranked.stdout)
     assert [row["amplitude_um"] for row in rows] == sorted((row["amplitude_um"] for row in rows), reverse=True)
     left = next(row for row in rows if row["mode"] == highest["mode"])
     acceleration = left["amplitude_um"] * 1e-6 * (2.0 * math.pi * left["frequency_hz"]) ** 2
     assert left["peak_acceleration_g"] == pytest.approx(acceleration / 9.81, rel=1e-9)
-    assert all((tmp_path / name).stat().st_size > 10_000 for name in ("r.png", "g.png"))
 
 
 @pytest.mark.parametrize(

@@ -152,13 +152,6 @@ def test_a_hole_is_found_in_the_points_or_given(tmp_path: Path, grid: NDArray[np
     np.testing.assert_allclose(found.outline.holes[0].mean(axis=0), [0.03, 0.03], atol=1e-9)
 
 
-def test_picture_and_table_for_people(tmp_path: Path, grid: NDArray[np.float64]) -> None:
-    file = write_table(tmp_path / "own.csv", [2776.0], grid, values_at(plate_180().modes, [13], grid)[:, 0])
-    done = feeder_sim("modes", "import", file, "--thickness", 3, "--picture", tmp_path / "sheet.png")
-    assert done.returncode == 0 and (tmp_path / "sheet.png").stat().st_size > 10_000
-    assert "moved by (-90, -90) mm" in done.stdout and "14, 2776 Hz" in done.stdout
-
-
 PLACES = [(x, y) for x in range(0, 60, 4) for y in range(0, 60, 4)]
 HEADER = ["# frequency_hz, 299.0", "x_mm, y_mm, mode_1"]
 SQUARE = {"size_mm": [60, 60]}
