@@ -74,20 +74,32 @@ def test_flights_that_begin_before_the_plate_has_settled_do_not_count() -> None:
         assert found.interval == pytest.approx(PERIOD * np.array(expected))
 
 
-def test_no_impacts_make_no_flights() -> None:
+CHAOS = np.random.default_rng(0).uniform(0.5, 1.0, 200)
+HALF, THIRD = (np.resize(0.3 * PERIOD * (np.arange(n) == 0), 200) for n in (2, 3))  # of the contacts last
+
+
+@pytest.mark.parametrize(
+    ("approach", "lasting", "expected"),
+    [
+        *((np.resize(1.0 + 0.01 * np.arange(n), 200), 0.0, str(n)) for n in PERIODS),
+        (np.resize([1.0, 1.0 + 0.9 * TOLERANCE], 200), 0.0, "1"),
+        (np.resize([1.0, 1.0 + 1.1 * TOLERANCE], 200), 0.0, "2"),
+        (CHAOS, 0.0, "chaotic"),
+        (CHAOS, HALF, "sticking"),
+        (CHAOS, THIRD, "chaotic"),
+        (CHAOS, 0.5 * TOLERANCE * PERIOD, "chaotic"),  # as long as a contact takes in MuJoCo
+        (np.ones(LAST_IMPACTS), 0.0, "undecided"),
+        (np.ones(LAST_IMPACTS + 1), 0.0, "1"),
+    ],
+)
+def test_motion_is_named_by_its_impacts(approach: NDArray[np.float64], lasting: ArrayLike, expected: str) -> None:
+    """By the number of them after which speeds repeat, and by how many flights end in rest."""
+    assert named(every_period(len(approach), lasting=lasting, approach=approach)) == expected
+
+
+def test_without_impacts_there_are_no_flights() -> None:
     assert len(flights(no_events(IMPACTS), PERIOD, GRAVITY).interval) == 0
-
-
-@pytest.mark.parametrize("period", PERIODS)
-def test_period_is_the_number_of_impacts_after_which_speeds_repeat(period: int) -> None:
-    speeds = np.resize(1.0 + 0.01 * np.arange(period), 200)
-    assert named(every_period(200, approach=speeds)) == str(period)
-
-
-def test_differences_below_the_tolerance_are_none() -> None:
-    below, above = (np.resize([1.0, 1.0 + factor * TOLERANCE], 200) for factor in (0.9, 1.1))
-    assert named(every_period(200, approach=below)) == "1"
-    assert named(every_period(200, approach=above)) == "2"
+    assert motion(no_events(IMPACTS), PERIOD, TOLERANCE, end=1.0) == "undecided"
 
 
 def test_only_the_last_impacts_are_looked_at() -> None:
@@ -96,20 +108,6 @@ def test_only_the_last_impacts_are_looked_at() -> None:
     assert named(every_period(len(speeds), approach=speeds)) == "2"
     speeds[-LAST_IMPACTS // 2] = 0.7
     assert named(every_period(len(speeds), approach=speeds)) == "chaotic"
-
-
-def test_motion_that_does_not_repeat_is_chaotic() -> None:
-    speeds = np.random.default_rng(0).uniform(0.5, 1.0, 200)
-    assert named(every_period(200, approach=speeds)) == "chaotic"
-
-
-def test_motion_is_sticking_when_half_of_the_flights_end_in_rest() -> None:
-    half, third = (np.resize(0.3 * PERIOD * (np.arange(n) == 0), 200) for n in (2, 3))
-    speeds = np.random.default_rng(0).uniform(0.5, 1.0, 200)
-    assert named(every_period(200, lasting=half, approach=speeds)) == "sticking"
-    assert named(every_period(200, lasting=third, approach=speeds)) == "chaotic"
-    hardly = 0.5 * TOLERANCE * PERIOD  # as long as a contact takes in MuJoCo
-    assert named(every_period(200, lasting=hardly, approach=speeds)) == "chaotic"
 
 
 def test_chatter_before_a_rest_is_no_flight() -> None:
@@ -130,12 +128,6 @@ def test_a_part_that_stays_on_the_plate_to_the_end_is_resting() -> None:
     assert named(only, end=last + 3.0 * PERIOD) == "resting"
 
 
-def test_few_impacts_leave_the_motion_undecided() -> None:
-    assert named(every_period(LAST_IMPACTS)) == "undecided"
-    assert named(every_period(LAST_IMPACTS + 1)) == "1"
-    assert motion(no_events(IMPACTS), PERIOD, TOLERANCE, end=1.0) == "undecided"
-
-
 def autoregressive(n: int, memory: float, seed: int) -> NDArray[np.float64]:
     values, noise = np.zeros(n), np.random.default_rng(seed).normal(size=n)
     for i in range(1, n):
@@ -149,11 +141,11 @@ def test_standard_error_allows_for_correlation_of_neighbours() -> None:
     found, naive = batched(seeds), Statistic.of(np.concatenate(seeds))
     assert (found.mean, found.sd, found.n) == (naive.mean, naive.sd, 20_000)
     assert 4.0 < found.se / naive.se < 9.0
-
-
-def test_standard_error_of_independent_values_stays() -> None:
-    values = np.random.default_rng(0).normal(size=20_000)
-    assert batched([values]).se == pytest.approx(values.std() / math.sqrt(20_000), rel=0.4)
+    independent = np.random.default_rng(0).normal(size=20_000)
+    assert batched([independent]).se == pytest.approx(independent.std() / math.sqrt(20_000), rel=0.4)
+    few = independent[:30]
+    assert batched([few[:10], few[10:10], few[10:]]) == Statistic.of(few)
+    assert batched([]).as_dict() == {"mean": None, "sd": None, "se": None, "n": 0}
 
 
 def test_velocity_record_without_bounces_has_no_numbers_of_them() -> None:
@@ -162,12 +154,6 @@ def test_velocity_record_without_bounces_has_no_numbers_of_them() -> None:
     assert told["bounce_interval_ms"] == {"mean": None, "sd": None, "se": None, "n": 0}
     assert told["least_bounce_interval_ms"] is None and told["largest_bounce_interval_ms"] is None
     assert told["plate_velocity_mm_s"] is None and told["least_velocity_mm_s"] == pytest.approx(-20.0)
-
-
-def test_few_values_have_the_plain_standard_error_and_none_have_none() -> None:
-    values = np.random.default_rng(0).normal(size=30)
-    assert batched([values[:10], values[10:10], values[10:]]) == Statistic.of(values)
-    assert batched([]).as_dict() == {"mean": None, "sd": None, "se": None, "n": 0}
 
 
 def test_the_plate_has_settled_five_time_constants_after_its_last_drive_began() -> None:
@@ -185,9 +171,6 @@ def test_thresholds_of_the_bouncing_ball() -> None:
     assert period_two_threshold(0.2) == pytest.approx(2.5442, abs=5e-5)
     assert period_one_threshold(1.0) == 0.0
     assert period_two_threshold(1.0) == pytest.approx(1.0)
-
-
-def test_expected_interval_of_the_ball_at_558_hz() -> None:
     assert expected_interval(558.0, 90e-6, 0.2, GRAVITY) == pytest.approx(0.07720, abs=5e-6)
 
 

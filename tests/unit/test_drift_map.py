@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from conftest import REPOSITORY, refusal
+from conftest import REPOSITORY, refusal, strip_scenario
 from prediction import GradientDrift, MapDrift
 
 from feeder_sim.constants import GRAVITY
@@ -17,18 +17,7 @@ from feeder_sim.plate.materials import MATERIALS
 from feeder_sim.plate.mode_shapes import standing_wave
 from feeder_sim.plate.rectangle import RectangularPlate
 from feeder_sim.run.prepare import prepare
-from feeder_sim.scenario import (
-    Drive,
-    HexNut,
-    Rectangle,
-    Run,
-    Scattered,
-    Scenario,
-    Strip,
-    load_scenario,
-    resolve_material,
-    with_run,
-)
+from feeder_sim.scenario import Strip, load_scenario, resolve_material, with_run
 from feeder_sim.scene.prepared import Prepared
 from feeder_sim.studies.drift_map.drift_map import DriftMap
 from feeder_sim.studies.drift_map.files import load_map, save_map
@@ -44,19 +33,11 @@ PLATE = RectangularPlate(1.0, 1.0, THICKNESS, MATERIALS["aluminium"])
 OMEGA = 2.0 * math.pi * FREQUENCY
 DRIVE: dict[str, Any] = {"frequency_hz": FREQUENCY, "amplitude_um": 1e6 * AMPLITUDE, "ring_up": False}
 BINS = 24
-ALUMINIUM = {"density_kg_m3": 2770.0, "youngs_modulus_gpa": 71.0, "poisson_ratio": 0.33}
 ANGLES = (np.arange(BINS) + 0.5) * 0.5 * math.pi / BINS
 
 
-def on_strip(**run: float) -> Prepared:
-    return prepare(
-        Scenario(
-            plate=Strip(thickness_mm=3.0),
-            drive=(Drive(**DRIVE),),
-            part=(HexNut(size="M2.5"),),
-            run=Run(duration_s=run.get("duration_s", 4.0), seeds=1),
-        )
-    )
+def on_strip(duration_s: float = 4.0) -> Prepared:
+    return prepare(strip_scenario(duration_s=duration_s).changed({"drive": [DRIVE]}))
 
 
 def drift_map(drift: float = 0.0, along: float = 0.0, across: float = 0.0) -> DriftMap:
@@ -101,11 +82,9 @@ def test_nothing_moves_where_the_antinode_is_below_one_g() -> None:
 
 
 def test_on_a_plate_parts_drift_to_where_its_mode_moves_less() -> None:
-    scenario = Scenario(
-        plate=Rectangle(kind="rectangle", mode_file=REPOSITORY / "models/plate_180/modes.h5"),
-        drive=(Drive(frequency_hz=2646.0, amplitude_um=5.0),),
-        part=(HexNut(size="M2.5"),),
-        run=Run(duration_s=0.1, seeds=1),
+    drive = {"frequency_hz": 2646.0, "amplitude_um": 5.0}
+    scenario = load_scenario(REPOSITORY / "scenarios/drift_2797hz_plate.toml").changed(
+        {"drive": [drive], "run.stop": "time"}
     )
     scene = prepare(scenario).scene
     table = drift_map(0.7)
@@ -164,9 +143,13 @@ def test_a_saved_map_is_the_same(tmp_path: Path) -> None:
     assert read.made == held.made and read.plate == held.plate and read.simulated_s == held.simulated_s
     for name in ("frequency", "speed", "drift", "drift_se", "along", "across"):
         assert (getattr(read, name) == getattr(held, name)).all()
+    one = on_strip().scenario  # many parts are computed in steps, the one of the map without
+    many = one.changed({"part[0].count": 4, "part[0].start": {"kind": "scattered", "size_mm": [9.0, 50.0]}})
+    assert made_of(one, THICKNESS) == made_of(many, THICKNESS) != made_of(with_run(one, steps_per_period=80), THICKNESS)
 
 
-ORTHOTROPIC = ALUMINIUM | {"youngs_modulus_y_gpa": 71.0, "shear_modulus_gpa": 26.7}
+ORTHOTROPIC = {"density_kg_m3": 2770.0, "youngs_modulus_gpa": 71.0, "poisson_ratio": 0.33}
+ORTHOTROPIC |= {"youngs_modulus_y_gpa": 71.0, "shear_modulus_gpa": 26.7}
 
 
 @pytest.mark.parametrize(
@@ -202,17 +185,14 @@ def test_files_that_are_no_map_are_refused(tmp_path: Path, monkeypatch: pytest.M
     assert "version 0, allowed is 2" in refusal(load_map, path)
 
 
-@pytest.mark.parametrize(
-    ("changes", "said"),
-    [
+def test_drives_beyond_the_map_are_refused() -> None:
+    for changes, said in (
         ({"drive[0].frequency_hz": 11000.0}, "is 11000, allowed is 400 to 10000"),
         ({"drive[0].amplitude_um": 25.0}, "moves an antinode at 0.746 m/s"),
         ({"drive": 2 * [DRIVE]}, "drives 2 modes at once"),
-    ],
-)
-def test_drives_beyond_the_map_are_refused(changes: dict[str, object], said: str) -> None:
-    prepared = prepare(on_strip().scenario.changed(changes))
-    assert said in refusal(walk, drift_map(0.7), prepared, np.zeros((1, 2)), np.random.default_rng(0))
+    ):
+        prepared = prepare(on_strip().scenario.changed(changes))
+        assert said in refusal(walk, drift_map(0.7), prepared, np.zeros((1, 2)), np.random.default_rng(0))
 
 
 def test_a_sequence_of_modes_carries_a_point_to_its_goal() -> None:
@@ -250,11 +230,3 @@ def test_a_strip_for_the_plate_of_a_scenario() -> None:
     assert "plate.kind" in refusal(strip_of, load_scenario(REPOSITORY / "scenarios/ball_50hz.toml"))
     steered = load_scenario(REPOSITORY / "scenarios/chladni_plate.toml")
     assert asdict(resolve_material(strip_of(steered).material)) == pytest.approx(asdict(MATERIALS["silicon"]))
-
-
-def test_a_map_of_one_part_serves_many_of_them() -> None:
-    """Many parts are computed in steps, the one of the map without."""
-    one, start = on_strip().scenario, Scattered(kind="scattered", size_mm=(9.0, 50.0))
-    many = one.model_copy(update={"part": (HexNut(size="M2.5", count=4, start=start),)})
-    assert made_of(one, THICKNESS) == made_of(many, THICKNESS)
-    assert made_of(with_run(one, steps_per_period=80), THICKNESS) != made_of(one, THICKNESS)

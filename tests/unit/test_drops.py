@@ -56,6 +56,7 @@ def test_a_slab_falls_flat_and_a_cube_has_one_pose() -> None:
     slab = drop(box(6e-3, 6e-3, 0.2e-3), 60)
     assert slab.shares[0].value > 0.9
     assert drop(box(3e-3, 3e-3, 3e-3), 20).shares[0].hits == 20
+    assert "ball: has no stable poses" in refusal(drop, ball(3e-3, 7850.0, "ball"))
 
 
 def test_standard_error_of_shares() -> None:
@@ -64,10 +65,6 @@ def test_standard_error_of_shares() -> None:
     assert flat.value == 0.9 and flat.standard_error == pytest.approx(0.03, rel=0.05)
     assert edge.value == 0.0 and edge.standard_error == pytest.approx(0.01, rel=0.05)
     assert study.other == 10
-
-
-def test_a_ball_is_refused() -> None:
-    assert "ball: has no stable poses" in refusal(drop, ball(3e-3, 7850.0, "ball"))
 
 
 @pytest.mark.slow
@@ -97,9 +94,8 @@ def test_what_is_in_front_hides_what_is_behind() -> None:
     assert shown == pytest.approx((sides + math.sin(elevation) * 24e-6) * per_metre**2, rel=0.03)
 
 
-def test_the_command_describes_and_draws_a_part(tmp_path: Path) -> None:
-    picture = tmp_path / "poses.png"
-    done = feeder_sim("part", str(HOOK), "--json", "--drops", "50", "--picture", str(picture), "--friction", "0.1")
+def test_the_command_describes_a_part() -> None:
+    done = feeder_sim("part", HOOK, "--json", "--drops", 50, "--friction", 0.1)
     assert done.returncode == 0, done.stderr
     found = json.loads(done.stdout)
     assert found["size_mm"] == pytest.approx([9.0, 12.0, 1.5])
@@ -109,21 +105,17 @@ def test_the_command_describes_and_draws_a_part(tmp_path: Path) -> None:
     assert [pose["name"] for pose in found["stable_poses"]] == ["A", "B", "C", "D"]
     assert sum(pose["share"] for pose in found["stable_poses"]) + found["drops"]["other_share"] == pytest.approx(1.0)
     assert found["drops"]["friction"] == 0.1 and found["drops"]["restitution"] == 0.2
-    assert picture.stat().st_size > 10_000
 
 
 def test_the_command_cuts_a_part(tmp_path: Path) -> None:
     pytest.importorskip("coacd")
     shutil.copy(HOOK, tmp_path)
-    line = ("part", str(tmp_path / "hook.stl"), "--pieces", "--drops", "0")
+    line = ("part", tmp_path / "hook.stl", "--pieces", "--drops", 0)
     done = feeder_sim(*line)
     assert done.returncode == 0 and "pieces: 6" in done.stdout, done.stderr
     assert (tmp_path / "hook_pieces.obj").read_text() == (HOOK.parent / "hook_pieces.obj").read_text()
     check_refused(feeder_sim(*line), "hook_pieces.obj: --pieces: exists already, --force replaces it")
     assert feeder_sim(*line, "--force").returncode == 0
-
-
-TOO_LONG = "hook.stl: is 1.2e+04 mm long with --unit = 1000, allowed is 0.1 to 300 mm: --unit is 0.001"
 
 
 @pytest.mark.parametrize(
@@ -132,18 +124,13 @@ TOO_LONG = "hook.stl: is 1.2e+04 mm long with --unit = 1000, allowed is 0.1 to 3
         ("--unit -1", "hook.stl: --unit: is -1.0, allowed is greater"),
         ("--unit nan", "hook.stl: --unit: is nan, allowed is a finite number"),
         ("--friction -1", "hook.stl: --friction: is -1.0"),
-        ("--pieces", "hook_pieces.obj: --pieces: exists already, --force replaces it"),
         ("--engine magic", "--engine: is 'magic', allowed is impulse, mujoco"),
         ("--material wood", "hook.stl: --material: is 'wood', allowed is one of"),
         ("--restitution 1.5", "hook.stl: --restitution: is 1.5, allowed is"),
-        ("--unit 1000", TOO_LONG),
+        ("--unit 1000", "hook.stl: is 1.2e+04 mm long with --unit = 1000, allowed is 0.1 to 300 mm"),
         ("--piece-error-mm 0.1", "--piece-error-mm: belongs to --pieces"),
         ("--picture poses.txt", "--picture: is '.txt', allowed is .png"),
     ],
 )
 def test_bad_options(options: str, message: str) -> None:
     check_refused(feeder_sim("part", HOOK, "--drops", 0, *options.split()), message)
-
-
-def test_a_missing_file_is_named(tmp_path: Path) -> None:
-    check_refused(feeder_sim("part", tmp_path / "none.stl"), "none.stl: no such mesh file\n")

@@ -38,16 +38,19 @@ def test_examples_of_a_wheel_lie_in_the_package(tmp_path: Path, monkeypatch: pyt
 def test_without_examples_there_are_none(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(importlib.resources, "files", lambda _: tmp_path / "feeder_sim")
     assert examples_folder() is None and examples() == {} and starter_folder() is None
-    line = "drift_4750hz: no such file, and no such example; feeder-sim list"
-    assert line in refusal(scenario_path, "drift_4750hz")
-    line = "modes.h5: no such file, the package is here without its examples"
-    assert line in refusal(example_file, "models/plate_180/modes.h5")
+    assert "drift_4750hz: no such file" in refusal(scenario_path, "drift_4750hz")
+    assert "modes.h5: no such file" in refusal(example_file, "models/plate_180/modes.h5")
     check_refused(feeder_sim("new", tmp_path / "a"), "without its examples, allowed is --from")
 
 
 def test_a_name_is_that_of_a_file_before_that_of_an_example(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     assert scenario_path("drift_4750hz") == DRIFT
+    for command in ("run", "check"):
+        slow = feeder_sim(command, "drift_4750hz", "--engine", "slow")
+        check_refused(slow, "drift_4750hz.toml: run.engine: is 'slow'")
+    check_refused(feeder_sim("bifurcation", "drift_4750hz", "--from", 5, "--to", 1), "allowed is 0 < --from < --to")
+    assert list(tmp_path.iterdir()) == []
     (tmp_path / "drift_4750hz").mkdir()
     assert scenario_path("drift_4750hz") == Path("drift_4750hz")
     check_refused(feeder_sim("check", "drift_4750hz"), "drift_4750hz: is no file")
@@ -77,15 +80,6 @@ def test_a_mistyped_name_gets_the_nearest_one(
         check_refused(feeder_sim(command, name), said)
 
 
-def test_commands_take_examples_by_name_from_anywhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
-    for command in ("run", "check"):
-        slow = feeder_sim(command, "drift_4750hz", "--engine", "slow")
-        check_refused(slow, "drift_4750hz.toml: run.engine: is 'slow'")
-    check_refused(feeder_sim("bifurcation", "drift_4750hz", "--from", 5, "--to", 1), "allowed is 0 < --from < --to")
-    assert list(tmp_path.iterdir()) == []
-
-
 def test_list_begins_with_the_files_of_the_folder(tmp_path: Path) -> None:
     text = DRIFT.read_text()
     for name in ("mine.toml", "project/scenario.toml", "scenarios/other.toml"):
@@ -105,10 +99,7 @@ def test_list_begins_with_the_files_of_the_folder(tmp_path: Path) -> None:
     assert str(REPOSITORY / "models/plate_180/modes.h5") in found["mode files of examples"]
     lines = feeder_sim("list", cwd=tmp_path).stdout.splitlines()
     assert lines.index("scenarios:") < lines.index("examples:") < lines.index("engines:")
-
-
-def test_list_names_no_file_twice(repository: Path) -> None:
-    found = json.loads(feeder_sim("list", repository, "--json").stdout)
+    found = json.loads(feeder_sim("list", REPOSITORY, "--json").stdout)  # no file twice
     assert "scenarios/drift_4750hz.toml" in found["scenarios"] and found["examples"] == {}
     assert found["mode files"] and found["mode files of examples"] == {}
 

@@ -73,10 +73,13 @@ def brute_force(parts: Records, kinds: Kinds, n: int, range_: float) -> list[tup
 def test_pairs_are_those_of_brute_force(count: int, range_: float, rim: bool) -> None:
     n_pairs = 0
     for seed in range(5):
-        # From far apart to all in a lump, and one that has flown away.
-        for spread in (0.5 * HALF, 5e-3):
+        # From far apart to all in a lump, in one place and in a row; and one that has flown away.
+        for spread in (0.5 * HALF, 5e-3, 0.0):
             parts, kinds, n = cloud(count, seed, rim=rim, spread=spread)
             parts["there"][0] = 1
+            if spread == 0.0:
+                parts["there"][:n], parts["position"][:n] = 1, [0.01, 0.02, 0.003]
+                parts["position"][:n, 0] += seed * 1e-3 * np.arange(n)
             if seed == 4:
                 parts["position"][0, :2] = [3.0, -2.0]
             pairs = found(parts, kinds, n, range_)
@@ -84,16 +87,6 @@ def test_pairs_are_those_of_brute_force(count: int, range_: float, rim: bool) ->
             assert list(zip(pairs["a"].tolist(), pairs["b"].tolist(), strict=True)) == expected
             n_pairs += len(expected)
     assert n_pairs > 0 or count == 1
-
-
-def test_parts_in_one_place_or_in_a_row_make_pairs_too() -> None:
-    parts, kinds, n = cloud(20, 0)
-    parts["there"][:] = 1
-    parts["position"][:] = [0.01, 0.02, 0.003]
-    assert len(found(parts, kinds, n, 0.0)) == n * (n - 1) // 2
-    parts["position"][:, 0] = np.arange(n) * 1e-3
-    pairs = found(parts, kinds, n, 0.0)
-    assert list(zip(pairs["a"].tolist(), pairs["b"].tolist(), strict=True)) == brute_force(parts, kinds, n, 0.0)
 
 
 def test_new_pairs_begin_with_the_axis_between_their_centres() -> None:
@@ -164,16 +157,3 @@ def test_tournament_tree_finds_what_a_scan_finds(n: int) -> None:
         event = int(earliest(tree)) if rng.random() < 0.5 else int(rng.integers(n))
         due[event] = np.inf if rng.random() < 0.05 else rng.integers(20) / 16
         set_due(tree, event, due[event])
-
-
-def test_tournament_tree_runs_events_in_the_order_of_a_heap() -> None:
-    import heapq
-
-    rng, n = np.random.default_rng(1), 50
-    tree, heap = all_due(n, 0.0), [(0.0, event) for event in range(n)]
-    for _ in range(3000):
-        t, event = heapq.heappop(heap)
-        assert (tree[1], earliest(tree)) == (t, event)
-        later = t + float(rng.exponential())
-        heapq.heappush(heap, (later, event))
-        set_due(tree, event, later)

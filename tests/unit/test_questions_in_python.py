@@ -13,11 +13,10 @@ import pytest
 import tomli_w
 from conftest import strip_scenario
 from pretended import Pretended
-from test_search import AMPLITUDE, FRICTION, values_of
+from speeds import AMPLITUDE, FRICTION, of_map, values_of
 
 import feeder_sim
 from feeder_sim.notebook import MOST_ROWS, table
-from feeder_sim.scenario import Scenario
 from feeder_sim.studies.search.optimise import OptimiseQuestion
 from feeder_sim.studies.study import Answer
 
@@ -50,9 +49,6 @@ def test_sweep() -> None:
     assert len(swept.plot()) == 1
     with pytest.raises(feeder_sim.InputError, match="is sped"):
         swept.plot("sped")
-
-
-def test_designs_of_a_sweep() -> None:
     vary: dict[str, Any] = {AMPLITUDE: [1.0, 2.0], FRICTION: [0.1, 0.2]}
     zipped = feeder_sim.sweep(strip_scenario(), vary, zip=True, executor=Pretended(values_of))
     assert [row.point[FRICTION] for row in zipped.rows] == [0.1, 0.2]
@@ -73,9 +69,7 @@ def test_optimise(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     assert "as it is" in found._repr_html_() and found.plot().get_ylabel() == "speed"
     assert found.best is not None and found.best.point is not None
     assert found.best_scenario.contact.friction == found.best.point[FRICTION]
-    first, second = Pretended(values_of), Pretended(values_of)
-    kept = [feeder_sim.optimise(strip_scenario(), over, **how, executor=e, out=tmp_path / "s") for e in (first, second)]
-    assert first.count and not second.count and kept[0].best == kept[1].best == found.best
+    feeder_sim.optimise(strip_scenario(), over, **how, executor=Pretended(values_of), out=tmp_path / "s")
     assert (tmp_path / "s/best.toml").is_file()
     read: Any = feeder_sim.open_study(tmp_path / "s")
     assert read.aim == found.aim and read.question.over == (f"{AMPLITUDE}=0.5:5", f"{FRICTION}=[0.1, 0.2, 0.3]")
@@ -108,8 +102,6 @@ def test_uncertainty(tmp_path: Path) -> None:
     few = feeder_sim.uncertainty(scenario, inputs=3, executor=executor)
     with pytest.raises(feeder_sim.InputError, match="speed has no shares that can be told"):
         few.plot_shares()
-    with pytest.raises(feeder_sim.InputError, match="is sped"):
-        found.plot("sped")
 
 
 def test_compare(tmp_path: Path) -> None:
@@ -123,11 +115,7 @@ def test_compare(tmp_path: Path) -> None:
 
 
 def test_speed_map(tmp_path: Path) -> None:
-    def of_amplitude(scenario: Scenario, seed: int) -> dict[str, float]:
-        amplitude = float(scenario.drive[0].amplitude_um or 0.0)
-        return {"transport_speed_mm_s": amplitude if amplitude > 1.0 else math.nan, "drift_velocity_x_mm_s": 1.0}
-
-    scenario, executor = feeder_sim.load_scenario("drift_4750hz"), Pretended(of_amplitude)
+    scenario, executor = feeder_sim.load_scenario("drift_4750hz"), Pretended(of_map)
     how: dict[str, Any] = {"seeds": 2, "executor": executor}
     for out in (None, tmp_path / "m", tmp_path / "m"):
         found = feeder_sim.speed_map(scenario, [4000.0, 5000.0], "1:2:2", out=out, **how)
@@ -160,31 +148,21 @@ REFUSED: list[tuple[Callable[[], Any], str]] = [
     (lambda: feeder_sim.sweep(DRIFT, ["a"]), r"vary: is \['a'\], allowed is a dictionary"),  # type: ignore[arg-type]
     (lambda: feeder_sim.sweep("x", {}), "scenario: is 'x', allowed"),  # type: ignore[arg-type]
     (lambda: feeder_sim.sweep(DRIFT, {AMPLITUDE: [object()]}), "allowed are numbers, texts and tables"),
-    (lambda: feeder_sim.sweep(DRIFT, {AMPLITUDE: [1]}, seeds=0), "seeds: is 0, allowed"),
     (lambda: feeder_sim.sweep(DRIFT, {AMPLITUDE: [1]}, measure=3), "measure: is 3, allowed"),  # type: ignore[arg-type]
     (lambda: feeder_sim.sweep(DRIFT, {AMPLITUDE: [1]}, until_se="3%"), "until_se: is '3%', allowed"),  # type: ignore[arg-type]
     (lambda: feeder_sim.sweep(DRIFT, {AMPLITUDE: [1]}, until_se=2), "until_se: is 2, allowed is less than 1"),
     (lambda: feeder_sim.sweep(DRIFT, {AMPLITUDE: [1]}, until_se=0.1), "measure: is missing"),
-    (
-        lambda: feeder_sim.sweep(DRIFT, {AMPLITUDE: [1]}, most_seeds=7),
-        "most_seeds: is 7, allowed is greater than",
-    ),
     (lambda: feeder_sim.sweep(DRIFT, {AMPLITUDE: [1]}, zip=True, sobol=4), "zip, sobol: are both given"),
-    (
-        lambda: feeder_sim.sweep(DRIFT, {AMPLITUDE: [1, 1]}),
-        r"vary drive\[0\]\.amplitude_um: has no value, or one",
-    ),
+    (lambda: feeder_sim.sweep(DRIFT, {AMPLITUDE: [1, 1]}), r"vary drive\[0\]\.amplitude_um: "),
     (lambda: feeder_sim.sweep(DRIFT, {}), "vary: is missing"),
     (lambda: feeder_sim.sweep(DRIFT, {AMPLITUDE: [1]}, out=__file__), "out: is not a folder"),
     (lambda: feeder_sim.optimise(DRIFT, {AMPLITUDE: "1:2"}), "maximise, minimise: exactly one of them is needed"),
     (lambda: feeder_sim.optimise(DRIFT, {AMPLITUDE: "1:2:5"}, maximise="a"), r"over drive\[0\]\.amplitude_um: has a"),
-    (lambda: feeder_sim.optimise(DRIFT, {AMPLITUDE: "1:2"}, maximise="a", seeds=1), "seeds: is 1, allowed"),
     (lambda: feeder_sim.optimise(DRIFT, {AMPLITUDE: "1:2"}, maximise="a", sampler="x"), "sampler: is 'x', allowed"),  # type: ignore[arg-type]
     (lambda: feeder_sim.optimise(DRIFT, {AMPLITUDE: "1:2"}, maximise="a", budget_s=0), "budget_s: is 0, allowed"),
     (lambda: feeder_sim.uncertainty(DRIFT), r"\[uncertain\]: is missing"),
     (lambda: feeder_sim.uncertainty(UNCERTAIN, indices=True, inputs=6), "inputs: is 6, allowed is a power of two"),
     (lambda: feeder_sim.uncertainty(UNCERTAIN, indices=True, seeds=1), "seeds: is 1, allowed is 2 or more"),
-    (lambda: feeder_sim.uncertainty(DRIFT, inputs=1), "inputs: is 1, allowed is greater than or equal to 2"),
     (lambda: feeder_sim.compare(3, 4), "first: is 3, allowed is a path"),  # type: ignore[arg-type]
     (lambda: feeder_sim.speed_map(DRIFT, [1.0], 3), "amplitudes_um: is 3, allowed"),  # type: ignore[arg-type]
     (lambda: feeder_sim.speed_map(DRIFT, [-1.0], [1.0]), "frequencies_hz: is .* all above 0"),

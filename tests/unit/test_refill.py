@@ -11,31 +11,15 @@ import pytest
 from conftest import refusal, resting, toml_of
 from scipy.spatial.distance import cdist, pdist
 
-from feeder_sim.errors import InputError
 from feeder_sim.records.trajectory import Frames
-from feeder_sim.scenario import (
-    Ball,
-    Excitation,
-    Heap,
-    HexNut,
-    Pick,
-    PistonPlate,
-    Placed,
-    Refill,
-    Run,
-    Scattered,
-    Scenario,
-    Schedule,
-    Stage,
-    load_scenario,
-    parse_scenario,
-)
+from feeder_sim.scenario import Ball, Heap, HexNut, Placed, Scattered, Scenario, load_scenario, parse_scenario
 from feeder_sim.scene.hopper import generator, next_parts
 from feeder_sim.scene.refill import refill, refill_frames, wanted
 from feeder_sim.scene.scene import Scene, build_scene
 from feeder_sim.scene.start import start_poses
 
 HEAP = Heap(kind="heap", diameter_mm=20.0)
+POUR: dict[str, Any] = {"start": {"kind": "heap", "diameter_mm": 20.0}}
 SPREAD = Scattered(kind="scattered")
 DRIVE: dict[str, Any] = {"frequency_hz": 500.0, "amplitude_um": 1.0}
 SCENARIO: dict[str, Any] = {
@@ -50,17 +34,10 @@ def read(changes: dict[str, Any]) -> Scenario:
     return parse_scenario(toml_of(SCENARIO, changes), file=Path("case.toml"))
 
 
-def scene_of(*parts: Any, filled: Refill | None, cycles: int = 3, side_mm: float = 60.0) -> Scene:
-    stage = Stage(drive=(Excitation(**DRIVE),), duration_s=0.1, pick=(Pick(clearance_mm=5.0),))
-    return build_scene(
-        Scenario(
-            plate=PistonPlate(kind="piston", length_mm=side_mm, width_mm=side_mm),
-            schedule=Schedule(cycles=cycles, stage=(stage,)),
-            part=parts,
-            refill=filled,
-            run=Run(seeds=2),
-        )
-    )
+def scene_of(*parts: Any, filled: dict[str, Any] | None, side_mm: float = 60.0) -> Scene:
+    tables = [part.model_dump(exclude_none=True) for part in parts]
+    changes = {"part": tables, "refill": filled, "schedule.cycles": 3, "plate.length_mm": side_mm}
+    return build_scene(read(changes | {"plate.width_mm": side_mm}))
 
 
 def nuts(count: int, start: Any = SPREAD, **more: Any) -> HexNut:
@@ -89,10 +66,8 @@ BOTH: dict[str, Any] = {"refill": {}, "robot": {}}
         ({"refill.to": 2.0}, "refill.to: is 2.0, allowed is"),
         ({"refill.from": 2}, "refill.from: unknown key"),
         ({"refill.start.kind": "point"}, "refill.start.kind: is point, allowed is 'scattered', 'heap'"),
-        ({"refill.start.diameter_mm": 9.0}, "refill.start.kind: is "),
         ({"refill": {}, "goal.x_mm": 0.0}, "goal is given, allowed is none with [refill]"),
         ({"robot.pick_s": -1.0}, "robot.pick_s: is -1.0, allowed is greater than or equal to 0"),
-        ({"robot.look_s": "soon"}, "robot.look_s: is 'soon', allowed is a valid number"),
         (BOTH | {"part[0].count": 1, "part[0].start": None}, "refill.start is missing"),
         (BOTH | {"stage[0].pick": None}, "robot belongs to a [schedule] with a pick"),
         (BOTH | {"part[0].name": "a nut"}, "part[0].name: is 'a nut', "),
@@ -104,29 +79,27 @@ def test_bad_refills_are_refused_in_one_line(changes: dict[str, Any], expected: 
 
 def test_parts_placed_one_by_one_are_all_there_at_the_start() -> None:
     placed = nuts(2, Placed(kind="placed", places_mm_deg=((0.0, 0.0, 0.0), (9.0, 0.0, 0.0))))
-    poses = start_poses(scene_of(placed, filled=Refill(start=HEAP)), np.random.default_rng(0))
+    poses = start_poses(scene_of(placed, filled=POUR), np.random.default_rng(0))
     assert all(pose.present for pose in poses)
-    with pytest.raises(ValueError, match=r"refill\.to is 1, allowed is 2, all parts, where some are placed"):
-        scene_of(placed, filled=Refill(to=1, start=HEAP))
+    assert "refill.to is 1, allowed is 2, all parts" in refusal(scene_of, placed, filled=POUR | {"to": 1})
 
 
 @pytest.mark.parametrize(
     ("start", "key"),
     [
-        (Heap(kind="heap", diameter_mm=20.0, centre_mm=(25.0, 0.0)), "refill.start.diameter_mm"),
-        (Scattered(kind="scattered", centre_mm=(40.0, 0.0)), "refill.start.centre_mm"),
+        (POUR["start"] | {"centre_mm": [25.0, 0.0]}, "refill.start.diameter_mm"),
+        ({"kind": "scattered", "centre_mm": [40.0, 0.0]}, "refill.start.centre_mm"),
     ],
 )
 def test_a_refill_off_the_plate_or_absurdly_wide_is_refused(start: Any, key: str) -> None:
-    assert refusal(scene_of, nuts(4), filled=Refill(start=start)).startswith(f"{key}: ")
+    assert f"{key}: " in refusal(scene_of, nuts(4), filled={"start": start})
 
 
 def test_a_last_stage_that_may_end_at_once_needs_a_pause_before_a_refill() -> None:
     once = {"plate": {"kind": "strip", "thickness_mm": 3.0}, "stage[0].drive[0].frequency_hz": 4750.0}
     once |= {"stage[0].pick": None, "stage[0].until": {"within_mm": 1.0}}
     build_scene(read(once))
-    with pytest.raises(InputError, match=r"two frames.* with until and a refill after it"):
-        build_scene(read(once | {"cycles": 2, "refill": {}}))
+    assert "two frames" in refusal(lambda: build_scene(read(once | {"cycles": 2, "refill": {}})))
 
 
 def test_kinds_are_called_by_name_or_shape() -> None:
@@ -134,8 +107,7 @@ def test_kinds_are_called_by_name_or_shape() -> None:
     assert scene_of(nuts(2), ball, filled=None).scenario.kind_names == ("hex_nut", "ball")
     three = scene_of(nuts(2), ball, nuts(1, name="small"), filled=None).scenario
     assert three.kind_names == ("hex_nut_0", "ball", "small")
-    with pytest.raises(ValueError, match=r'part\[2\]\.name is "ball", allowed is a name of its own'):
-        scene_of(nuts(2), ball, nuts(1, name="ball"), filled=None)
+    assert 'part[2].name is "ball"' in refusal(scene_of, nuts(2), ball, nuts(1, name="ball"), filled=None)
 
 
 def test_kinds_of_one_heap_are_poured_together() -> None:
@@ -153,7 +125,7 @@ def test_kinds_of_one_heap_are_poured_together() -> None:
 
 
 def test_the_hopper_holds_the_kinds_in_the_ratio_of_their_counts() -> None:
-    scene = scene_of(nuts(30), Ball(shape="ball", diameter_mm=3.0, count=10, start=SPREAD), filled=Refill(to=8))
+    scene = scene_of(nuts(30), Ball(shape="ball", diameter_mm=3.0, count=10, start=SPREAD), filled={"to": 8})
     none = np.ones(40, bool)
     drawn = [next_parts(scene, none, 8, generator(scene, seed, 1)) for seed in range(200)]
     assert all(len(set(parts)) == 8 for parts in drawn)
@@ -168,7 +140,7 @@ def test_the_hopper_holds_the_kinds_in_the_ratio_of_their_counts() -> None:
 
 
 def test_at_the_start_there_are_as_many_as_a_refill_is_to() -> None:
-    scene = scene_of(nuts(30, HEAP), Ball(shape="ball", diameter_mm=3.0, count=10, start=HEAP), filled=Refill(to=8))
+    scene = scene_of(nuts(30, HEAP), Ball(shape="ball", diameter_mm=3.0, count=10, start=HEAP), filled={"to": 8})
     poses = start_poses(scene, np.random.default_rng(0))
     assert sum(pose.present for pose in poses) == 8 and len(poses) == 40
     at = np.array([pose.position for pose in poses if pose.present])
@@ -176,15 +148,15 @@ def test_at_the_start_there_are_as_many_as_a_refill_is_to() -> None:
 
 
 def test_when_and_how_many() -> None:
-    scene = scene_of(nuts(10), filled=Refill(to=8, below=5), cycles=3)
+    scene = scene_of(nuts(10), filled={"to": 8, "below": 5})
     assert [wanted(scene, n) for n in (0, 4, 5, 8)] == [8, 4, 0, 0]
-    assert [wanted(scene_of(nuts(10), filled=Refill()), n) for n in (0, 9, 10)] == [10, 1, 0]
+    assert [wanted(scene_of(nuts(10), filled={}), n) for n in (0, 9, 10)] == [10, 1, 0]
     assert refill_frames(scene) == {scene.frame_at(0.1): 1, scene.frame_at(0.2): 2}  # not after the last cycle
     assert refill_frames(scene_of(nuts(10), filled=None)) == {}
 
 
 def test_a_heap_is_poured_from_above_the_highest_part_under_it() -> None:
-    scene = scene_of(nuts(12), filled=Refill(start=HEAP))
+    scene = scene_of(nuts(12), filled=POUR)
     size, drop = scene.kinds[0].size, 0.2e-3
     beside, under = (28.0, 0.0, 30.0), (11.0, 0.0, 6.0)
     for places, top in (({0: beside}, 0.0), ({0: beside, 5: under}, 6e-3 + size)):
@@ -197,7 +169,7 @@ def test_a_heap_is_poured_from_above_the_highest_part_under_it() -> None:
 
 
 def test_scattered_parts_keep_away_from_those_on_the_plate_and_come_as_far_as_there_is_room() -> None:
-    scene = scene_of(nuts(40), filled=Refill(start=SPREAD), side_mm=30.0)
+    scene = scene_of(nuts(40), filled={"start": {"kind": "scattered"}}, side_mm=30.0)
     lying = {part: (10.0 * (part % 3) - 10.0, 10.0 * (part // 3) - 10.0, 1.0) for part in range(9)}
     parts, poses = refill(scene, now_on(scene, lying), generator(scene, 0, 1))
     assert 3 < len(poses) == len(parts) < 31
@@ -206,11 +178,10 @@ def test_scattered_parts_keep_away_from_those_on_the_plate_and_come_as_far_as_th
 
 
 def test_a_part_on_its_way_down_beside_the_plate_holds_its_place() -> None:
-    scene = scene_of(nuts(3), filled=Refill(start=SPREAD))
+    scene = scene_of(nuts(3), filled={"start": {"kind": "scattered"}})
     parts, _ = refill(scene, now_on(scene, {0: (0.0, 0.0, 1.0), 1: (40.0, 0.0, -10.0)}), generator(scene, 0, 1))
     assert list(parts) == [2]
 
 
-def test_the_example_plans_its_refills() -> None:
-    scenario = load_scenario(Path(__file__).parents[2] / "scenarios/refill_nuts.toml")
-    assert len(refill_frames(build_scene(scenario))) == 7
+def test_the_example_plans_its_refills(repository: Path) -> None:
+    assert len(refill_frames(build_scene(load_scenario(repository / "scenarios/refill_nuts.toml")))) == 7

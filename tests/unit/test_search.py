@@ -6,17 +6,16 @@ import csv
 import json
 import math
 import re
-import threading
 import tomllib
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, get_args
 
-import numpy as np
 import pytest
 from command_line import check_refused, feeder_sim
-from conftest import strip_scenario
+from conftest import REPOSITORY, strip_scenario
 from pretended import Pretended, asked
+from speeds import AMPLITUDE, FRICTION, OVER, SEARCH, speed_of, values_of
 
 from feeder_sim.errors import InputError
 from feeder_sim.jobs.task import SeedValues
@@ -29,34 +28,16 @@ from feeder_sim.studies.search.space import Space
 from feeder_sim.studies.search.trials import Aim, Trial, is_worse
 from feeder_sim.studies.sweep.case import Case
 
-AMPLITUDE, FRICTION = "drive[0].amplitude_um", "contact.friction"
-OVER = (f"{AMPLITUDE}=0.5:5", f"{FRICTION}=0.1,0.2,0.3")
 AIM = Aim("speed", True, 8)
 
 
-def speed_of(scenario: Scenario, seed: int) -> float:
-    """Largest at 3 um and the middle friction; without a value above 4.5 um."""
-    amplitude, friction = float(scenario.drive[0].amplitude_um or 0.0), scenario.contact.friction
-    if amplitude > 4.5:
-        return math.nan
-    of_seed, own = (np.random.default_rng([seed, scenario.run.seed, n]).normal() for n in (0, int(1e6 * amplitude)))
-    return float(10.0 - (amplitude - 3.0) ** 2 - 10.0 * abs(friction - 0.2) + 1.0 * of_seed + 0.3 * own)
+def searched(folder: Path, scenario: Scenario | None = None, **words: Any) -> tuple[Search, Pretended]:
+    executor, question = Pretended(values_of), OptimiseQuestion.of(**SEARCH | words)
+    return asked(question, scenario or strip_scenario(amplitude_um=1.0), executor, folder), executor
 
 
-def values_of(scenario: Scenario, seed: int) -> dict[str, float]:
-    return {"speed": speed_of(scenario, seed)}
-
-
-def searched(
-    folder: Path, stop: threading.Event | None = None, after: int = 0, scenario: Scenario | None = None, **words: Any
-) -> tuple[Search, Pretended]:
-    executor, usual = Pretended(values_of, stop, after), {"over": OVER, "maximise": "speed", "seeds": 8, "trials": 48}
-    question = OptimiseQuestion.of(**usual | words)
-    return asked(question, scenario or strip_scenario(amplitude_um=1.0), executor, folder, stop=stop), executor
-
-
-def test_the_best_is_found_and_checked_with_fresh_seeds(tmp_path: Path) -> None:
-    found, _ = searched(tmp_path)
+def test_the_best_is_found_and_checked_with_fresh_seeds_and_losers_are_stopped_early(tmp_path: Path) -> None:
+    found, executor = searched(tmp_path)
     assert found.complete and found.best is not None and found.best.point is not None
     assert found.best.point[FRICTION] == 0.2
     assert found.best.point[AMPLITUDE] == pytest.approx(3.0, abs=0.5)
@@ -66,21 +47,34 @@ def test_the_best_is_found_and_checked_with_fresh_seeds(tmp_path: Path) -> None:
     assert low < 5.0 < high and mean == pytest.approx(5.0, abs=0.7)  # the true difference, 10 - 5
     scenario = found.space.scenario.changed({"run.seed": FRESH})
     assert found.present.values == tuple(speed_of(scenario, seed) for seed in range(16))
+    stopped = [trial for trial in found.trials if trial.stopped]
+    assert len(stopped) >= len(found.trials) // 3
+    assert all(trial.seeds < AIM.seeds for trial in stopped)
+    best = max(trial.found.mean for trial in found.trials if trial.is_whole(AIM))
+    assert not [t for t in stopped if not math.isnan(t.found.mean) and 10 - (t.point[AMPLITUDE] - 3.0) ** 2 > best]
+    assert executor.count < 0.8 * (8 * 48 + 32 + 4 * 8)
+
+
+def use(executor: Pretended, patch: pytest.MonkeyPatch) -> None:
+    """Let commands run their seeds there."""
+    patch.setattr("feeder_sim.jobs.workers.workers_of", lambda count, dask: given_workers(executor, 2))
+
+
+ASKED = ("optimise", REPOSITORY / "scenarios/drift_4750hz.toml", "--maximise", "speed", "--over", OVER[0])
 
 
 def test_a_best_recipe_without_a_value_in_some_fresh_seeds_says_so(
-    repository: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def values_of(scenario: Scenario, seed: int) -> dict[str, float]:
         fresh = scenario.run.seed == FRESH - 1  # after 2^63 - 1 comes 0
         return {"speed": math.nan if fresh and seed % 4 == 0 else 1.0 + seed}
 
     executor = Pretended(values_of)
-    monkeypatch.setattr("feeder_sim.jobs.workers.workers_of", lambda count, dask: given_workers(executor, 2))
-    asked = ("optimise", repository / "scenarios/drift_4750hz.toml", "--maximise", "speed", "--over", OVER[0])
-    done = feeder_sim(*asked, "--trials", 4, "--seed", 2**63 - 1, "--json", "--out", tmp_path / "out")
+    use(executor, monkeypatch)
+    done = feeder_sim(*ASKED, "--trials", 4, "--seed", 2**63 - 1, "--json", "--out", tmp_path / "out")
     told = json.loads(done.stdout)
-    assert done.returncode == 1 and "has no speed in 4 of 16 fresh seeds, its mean is of the others" in done.stderr
+    assert done.returncode == 1 and "has no speed in 4 of 16 fresh seeds" in done.stderr
     assert (told["best"]["n"], told["best"]["seeds"], told["gain"]["n"]) == (12, 16, 12)
 
 
@@ -98,28 +92,6 @@ def test_every_sampler_goes_on_after_its_random_trials(tmp_path: Path, monkeypat
     assert not (tmp_path / "without/optuna.log").exists()  # refused before any work
 
 
-def test_losers_are_stopped_early(tmp_path: Path) -> None:
-    found, executor = searched(tmp_path)
-    stopped = [trial for trial in found.trials if trial.stopped]
-    assert len(stopped) >= len(found.trials) // 3
-    assert all(trial.seeds < AIM.seeds for trial in stopped)
-    best = max(trial.found.mean for trial in found.trials if trial.is_whole(AIM))
-    lost = [t for t in stopped if not math.isnan(t.found.mean) and 10 - (t.point[AMPLITUDE] - 3.0) ** 2 > best]
-    assert not lost
-    assert executor.count < 0.8 * (8 * 48 + 32 + 4 * 8)
-
-
-def test_a_search_goes_on_to_the_same_end(tmp_path: Path) -> None:
-    whole, _ = searched(tmp_path / "whole")
-    for after in (3, 40, 150, 10_000):  # in the first generation, in a later one, at the check
-        found, _ = searched(tmp_path / "broken", stop=threading.Event(), after=after)
-        assert found.complete == (after == 10_000)
-    again, executor = searched(tmp_path / "broken")
-    assert [trial.point for trial in again.trials] == [trial.point for trial in whole.trials]
-    assert again.best == whole.best and again.present == whole.present
-    assert executor.count == 0  # everything was in the journal
-
-
 def test_values_that_are_not_allowed_together_do_not_end_a_search(tmp_path: Path) -> None:
     scenario = strip_scenario().changed({"contact.restitution_exponent": 0.25})
     over = ["contact.restitution_exponent=0.0,0.25", "contact.restitution_speed_m_s=1.0,2.0", f"{AMPLITUDE}=1:4"]
@@ -132,10 +104,10 @@ def test_values_that_are_not_allowed_together_do_not_end_a_search(tmp_path: Path
 @pytest.mark.parametrize(
     ("largest", "gain", "said"),
     [
-        (True, -1.0, r"no recipe was found that is better .* is worse, difference -1 \(95 %: -1.005 to -0.995\)"),
-        (True, 0.0, "is not told apart from that of the file: difference .* with fresh seeds"),
+        (True, -1.0, r"is worse, difference -1 \(95 %: -1.005 to -0.995\)"),
+        (True, 0.0, "is not told apart"),
         (True, 1.0, ""),
-        (False, 1.0, "no recipe was found that is better .* is worse, difference"),
+        (False, 1.0, "is worse, difference"),
         (False, 0.0, "is not told apart"),
         (False, -1.0, ""),
     ],
@@ -155,7 +127,7 @@ def test_a_best_recipe_that_is_not_surely_better_has_a_caution(largest: bool, ga
 
 
 def test_a_search_whose_best_recipe_is_worse_with_fresh_seeds_says_so(
-    repository: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def values_of(scenario: Scenario, seed: int) -> dict[str, float] | str:
         """More with more amplitude in the search, and less with fresh seeds; from 4 um on the drive is too weak."""
@@ -164,20 +136,17 @@ def test_a_search_whose_best_recipe_is_worse_with_fresh_seeds_says_so(
             return f"drive[0]: asks for {amplitude} um"
         return {"speed": seed + (amplitude if scenario.run.seed < FRESH else -amplitude)}
 
-    executor, out = Pretended(values_of), tmp_path / "out"
-    monkeypatch.setattr("feeder_sim.jobs.workers.workers_of", lambda count, dask: given_workers(executor, 2))
-    asked = ("optimise", repository / "scenarios/drift_4750hz.toml", "--maximise", "speed", "--over", OVER[0])
-    done = feeder_sim(*asked, "--trials", 16, "--out", out)
-    caution = "no recipe was found that is better than that of the file: best.toml is worse, difference -"
-    assert done.returncode == 0 and f"feeder-sim: caution: {caution}" in done.stderr
-    with (out / "trials.csv").open(newline="") as file:
-        rows = list(csv.DictReader(file))
+    use(Pretended(values_of), monkeypatch)
+    asked = (*ASKED, "--trials", 16, "--out", tmp_path)
+    done = feeder_sim(*asked)
+    assert done.returncode == 0 and "feeder-sim: caution: no recipe was found that is better" in done.stderr
+    rows = list(csv.DictReader((tmp_path / "trials.csv").read_text().splitlines()))
     none = [row for row in rows if not row["mean"]]
     assert none and all(row["refused"] == f"drive[0]: asks for {row[AMPLITUDE]} um" for row in none)
     assert not any(row["refused"] for row in rows if row["mean"])
     assert f"without a value  {len(none)}, mostly: {none[0]['refused']}" in done.stdout
-    told = json.loads(feeder_sim(*asked, "--trials", 16, "--out", out, "--json").stdout)
-    assert told["cautions"][0]["caution"].startswith(caution)
+    told = json.loads(feeder_sim(*asked, "--json").stdout)
+    assert len(told["cautions"]) == 1
     assert told["without_value"] == {"trials": len(none), "mostly": none[0]["refused"]}
 
 
@@ -230,19 +199,17 @@ def test_a_space_that_is_refused(over: list[str], said: str) -> None:
         Space.of(strip_scenario(), over)
 
 
-def test_command(repository: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    executor = Pretended(values_of)
-    monkeypatch.setattr("feeder_sim.jobs.workers.workers_of", lambda count, dask: given_workers(executor, 2))
-    scenario, out = repository / "scenarios/drift_4750hz.toml", tmp_path / "out"
-    asked = ("optimise", scenario, "--maximise", "speed", "--over", OVER[0], "--trials", 24, "--out", out)
+def test_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    use(Pretended(values_of), monkeypatch)
+    scenario, out = ASKED[1], tmp_path / "out"
+    asked = (*ASKED, "--trials", 24, "--out", out)
     done = feeder_sim(*asked)
     assert done.returncode == 0, done.stderr
     assert "fresh seeds" in done.stdout and "95 % interval" in done.stdout
     best = tomllib.loads((out / "best.toml").read_text())
     assert 2.0 < best["drive"][0]["amplitude_um"] < 4.0
     assert load_scenario(out / "best.toml").run.seed == 0
-    with (out / "trials.csv").open(newline="") as file:
-        assert len(list(csv.DictReader(file))) == 24
+    assert len((out / "trials.csv").read_text().splitlines()) == 1 + 24
     assert (out / "history.png").stat().st_size > 1000
     told = json.loads(feeder_sim(*asked, "--json").stdout)
     assert told["complete"] and told["gain"]["low"] < told["gain"]["mean"]
@@ -251,26 +218,19 @@ def test_command(repository: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPat
         fewer = (*asked[:6], "--check-seeds", 2, "--trials", 2, *asked[-2:])
         assert re.search(r": \d+ seeds in the folder do not count: they are of other", feeder_sim(*fewer).stderr)
         assert "do not count" not in feeder_sim(*fewer).stderr
-    told = feeder_sim(*asked[:2], "--maximise", "sped", *asked[4:-1], tmp_path / "none")
-    check_refused(told, "--maximise: is sped (did you mean 'speed'?), allowed are speed")
-    assert not (tmp_path / "none").exists()  # so that the corrected command has its folder
     failing = Pretended(lambda scenario, seed: values_of(scenario, seed) if seed else "no room")  # which is journalled
-    with monkeypatch.context() as first:
-        first.setattr("feeder_sim.jobs.workers.workers_of", lambda count, dask: given_workers(failing, 2))
+    for executor in (Pretended(values_of), failing):
+        use(executor, monkeypatch)
         told = feeder_sim(*asked[:2], "--maximise", "sped", *asked[4:-1], tmp_path / "none")
-    check_refused(told, "--maximise: is sped")
-    assert not (tmp_path / "none").exists()
-    negative = feeder_sim("optimise", scenario, "--maximise", "speed", "--over", f"{AMPLITUDE}=-1:2", cwd=tmp_path)
-    check_refused(negative, str(scenario), f"{AMPLITUDE}: is -1")
-    (tmp_path / "damaged").mkdir()
-    for name in ("search.toml", "optuna.log"):
-        (tmp_path / "damaged" / name).write_text("{" if name == "optuna.log" else (out / name).read_text())
-    check_refused(feeder_sim(*asked[:-1], tmp_path / "damaged"), "optuna.log", "is no record of a search")
+        check_refused(told, "--maximise: is sped (did you mean 'speed'?), allowed are speed")
+        assert not (tmp_path / "none").exists()  # so that the corrected command has its folder
+    (out / "optuna.log").write_text("{")
+    check_refused(feeder_sim(*asked), "optuna.log", "is no record of a search")
     for options, said in (
-        ((), "--maximise, --minimise: exactly one of them"),
-        (("--maximise", "a", "--minimise", "b"), "exactly one of them"),
-        (("--maximise", "a", "--budget", "soon"), "30min"),
-        (("--maximise", "a", "--over", "contact.friction=0.2:0.3:5"), "--over contact.friction: has a number of"),
-        (("--maximise", "a", "--sampler", "x"), "--sampler"),
+        (f"--over {OVER[0]}", "--maximise, --minimise: "),
+        (f"--maximise speed --over {AMPLITUDE}=-1:2", f"{AMPLITUDE}: is -1"),
+        (f"--over {OVER[0]} --maximise a --budget soon", "--budget"),
+        ("--maximise a --over contact.friction=0.2:0.3:5", "--over contact.friction: "),
+        (f"--over {OVER[0]} --maximise a --sampler x", "--sampler"),
     ):
-        check_refused(feeder_sim("optimise", scenario, "--over", OVER[0], *options, cwd=tmp_path), said)
+        check_refused(feeder_sim("optimise", scenario, *options.split(), cwd=tmp_path), said)

@@ -47,36 +47,24 @@ def test_workers_that_end_again_and_again_end_the_sweep(monkeypatch: pytest.Monk
         run_work(SweepWork(cases, lambda case, seed: None), workers)
 
 
-def test_a_worker_with_other_files_or_another_version_is_told() -> None:
+def test_a_task_says_why_it_cannot_be_run_and_what_misleads() -> None:
+    refused = strip_scenario().changed({"part[0].start.position_mm": [1e4, 0.0]})
+    misleading = strip_scenario(duration_s=0.02).changed({"run.in_plane_velocity": False})
+    (failed,), (told,) = (run_task(Task(one, identity_of(one), (0,))) for one in (refused, misleading))
+    assert "start.position_mm" in failed.failure and not failed.values
+    assert [line.partition(" ")[0] for line in told.cautions] == ["run.in_plane_velocity"]
+    for seed in (failed, told):
+        entry = json.loads(json.dumps(seed.as_entry()))
+        assert SeedValues.of_entry(entry) == seed
+        entry.pop("cautions", None)  # as journals had it once
+        assert SeedValues.of_entry(entry) == replace(seed, cautions=())
     with pytest.raises(FeederSimError, match="another version of the package"):
-        run_task(Task(strip_scenario(), "of another version", (0,)))
-
-
-def test_a_task_that_cannot_be_run_says_why() -> None:
-    scenario = strip_scenario().changed({"part[0].start.position_mm": [1e4, 0.0]})
-    (seed,) = run_task(Task(scenario, identity_of(scenario), (0,)))
-    assert "start.position_mm" in seed.failure and not seed.values
-    entry = json.loads(json.dumps(seed.as_entry()))
-    assert SeedValues.of_entry(entry) == seed
-
-
-def test_cautions_come_with_the_seeds_of_a_task() -> None:
-    scenario = strip_scenario(duration_s=0.02).changed({"run.in_plane_velocity": False})
-    (seed,) = run_task(Task(scenario, identity_of(scenario), (0,)))
-    assert [line.partition(" ")[0] for line in seed.cautions] == ["run.in_plane_velocity"]
-    entry = json.loads(json.dumps(seed.as_entry()))
-    assert SeedValues.of_entry(entry) == seed
-    del entry["cautions"]  # as journals had it once
-    assert SeedValues.of_entry(entry) == replace(seed, cautions=())
+        run_task(Task(misleading, "of another version", (0,)))
 
 
 def test_a_caution_is_told_once_for_all_points() -> None:
     """Also where its numbers are those of each point."""
-    lines = [
-        ("run.planar is true: no",),
-        ("run.planar is true: no", "drive[0]: by 3.2 um"),
-        ("drive[0]: by 2.5e+03 um",),
-    ]
+    lines = [("run.planar is true: no",), ("run.planar is true: no", "drive[0]: by 3.2 um"), ("drive[0]: by 2e+03 um",)]
     places = [[SeedValues(seed, {}, 0.1, "", told) for seed in range(2)] for told in lines]
     assert [caution.in_words() for caution in cautions_over([*places, []])] == [
         "run.planar is true: no (at 2 of 3 points)",

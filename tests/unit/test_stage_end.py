@@ -24,6 +24,7 @@ from feeder_sim.scene.scene import Scene, build_scene
 from feeder_sim.scene.timetable import timetable
 
 LONG, PAUSE = 3.0, 0.05  # [s]
+DRIVE = {"frequency_hz": 4750.0, "amplitude_um": 1.0}
 
 
 def scenario(*, start_mm: float = 16.0, seeds: int = 1, within_mm: float = 2.0, for_s: float = 0.2) -> Scenario:
@@ -69,12 +70,9 @@ def test_settled_is_near_a_node_without_a_break(scene: Scene) -> None:
     assert not settled(scene, lines, 1, standing(scene, [*there[:-3], at + 3e-3, at, at]))
     assert settled(scene, lines, 1, standing(scene, [0.0, *there]))
     assert not settled(scene, lines, 0, standing(scene, there)) and not settled(scene, lines, 2, standing(scene, there))
-
-
-def test_nothing_settles_on_an_empty_plate(scene: Scene) -> None:
-    frames = standing(scene, [node(scene)] * 100)
-    frames.present[:] = False
-    assert not settled(scene, stage_lines(scene), 1, frames)
+    empty = standing(scene, there)
+    empty.present[:] = False
+    assert not settled(scene, lines, 1, empty)
 
 
 def test_stops_shift_what_follows() -> None:
@@ -144,51 +142,28 @@ def test_arrival_is_told_from_the_last_frame(scene: Scene) -> None:
     assert not arrived(scene, fallen).any()
     point = build_scene(scenario().model_copy(update={"goal": Goal(x_mm=19.0, y_mm=4.0, within_mm=3.0)}))
     assert not arrived(point, standing(scene, [0.0, 19e-3])).any()
-
-
-def test_measures_of_no_seeds_are_empty(scene: Scene) -> None:
-    found = Arrivals().compute(ready(scene), [])
-    assert found.at_goal == found.at_goal_of == 0
-    assert as_json(found)["arrival_time_s"] == {"mean": None, "sd": None, "se": None, "n": 0}
-
-
-WITHOUT_STAGES = {
-    "schedule": None,
-    "drive": [{"frequency_hz": 4750.0, "amplitude_um": 1.0}],
-    "run": {"duration_s": 1.0},
-}
+    nothing = Arrivals().compute(ready(scene), [])
+    assert nothing.at_goal == nothing.at_goal_of == 0
+    assert as_json(nothing)["arrival_time_s"] == {"mean": None, "sd": None, "se": None, "n": 0}
 
 
 @pytest.mark.parametrize(
     ("changes", "says"),
     [
         ({"plate": {"kind": "piston"}}, "no nodal lines"),
-        (WITHOUT_STAGES, "goal belongs to a"),
+        ({"schedule": None, "drive": [DRIVE], "run.duration_s": 1.0}, "goal belongs to a"),
         ({"stage[2]": {"duration_s": 1.0, "until": {}}}, "a stage with a drive"),
+        ({"goal": {"x_mm": 900.0}}, "goal.x_mm: is 900, allowed is within"),
+        ({"stage[1].pause_s": 0.005, "stage[1].pick": {"clearance_mm": 10.0}}, "stage[1].pause_s: is 0.005"),
     ],
 )
 def test_what_cannot_settle_or_arrive_is_refused(changes: dict[str, Any], says: str) -> None:
-    assert says in refusal(scenario().changed, changes)
-
-
-def picked_after(pause_s: float) -> Scenario:
-    """The nut is picked once it has settled and a pause is over; nothing comes after that."""
-    wait, out, _ = scenario(start_mm=16.9).model_dump(exclude_none=True)["schedule"]["stage"]
-    stages = [wait, out | {"pause_s": pause_s, "pick": {"clearance_mm": 10.0}}]
-    return scenario(start_mm=16.9).changed({"schedule.stage": stages})
-
-
-def test_a_pick_without_a_pause_after_parts_have_settled_is_refused() -> None:
-    line = "schedule.stage[1].pause_s: is 0.005, allowed is at least two frames"
-    assert line in refusal(build_scene, picked_after(0.005))
+    assert says in refusal(lambda: build_scene(scenario().changed(changes)))
 
 
 def test_a_settled_nut_is_picked_at_the_end_of_the_pause() -> None:
-    (seed,) = simulate(picked_after(PAUSE)).seeds
+    wait, out, _ = scenario(start_mm=16.9).model_dump(exclude_none=True)["schedule"]["stage"]
+    picked = {"schedule.stage": [wait, out | {"pick": {"clearance_mm": 10.0}}]}
+    (seed,) = simulate(scenario(start_mm=16.9).changed(picked)).seeds
     assert seed.removals.time == pytest.approx(seed.stops[1] + PAUSE, abs=0.01)
     assert seed.frames.time[-1] == seed.removals.time[0]
-
-
-def test_a_goal_beside_the_plate_is_refused() -> None:
-    far = scenario().changed({"goal": {"x_mm": 900.0}})
-    assert "goal.x_mm: is 900, allowed is within" in refusal(build_scene, far)

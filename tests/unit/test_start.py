@@ -3,16 +3,22 @@
 from __future__ import annotations
 
 import re
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+import trimesh
 from conftest import piston_scenario, refusal
 from scipy.spatial.distance import pdist
 from scipy.spatial.transform import Rotation
 
+from feeder_sim.part.rigid_part import RigidPart
+from feeder_sim.part.solids import hex_nut
 from feeder_sim.run.prepare import prepare
-from feeder_sim.scenario import Ball, Box, Drive, GivenState, Heap, HexNut, Placed, Scattered, Scenario, Start
+from feeder_sim.scenario import Ball, Box, Drive, GivenState, Heap, HexNut, MeshPart, Placed, Scattered, Scenario, Start
+from feeder_sim.scenario.tables import validated
+from feeder_sim.scene.overlap import parts_overlap
 from feeder_sim.scene.scene import Scene, build_scene
 from feeder_sim.scene.start import Pose, start_poses
 
@@ -28,6 +34,18 @@ def scattered(count: int, **start: Any) -> HexNut:
 
 def heap(count: int, **start: Any) -> HexNut:
     return HexNut(size="M2.5", count=count, start=Heap(kind="heap", **({"diameter_mm": 30.0} | start)))
+
+
+def nut(start: Any, **more: Any) -> HexNut:
+    return HexNut(size="M2.5", start=start, **more)
+
+
+def at(x: float, y: float, **more: Any) -> Start:
+    return Start(position_mm=(x, y), **more)
+
+
+def placed(*places: tuple[float, float, float]) -> Placed:
+    return Placed(kind="placed", places_mm_deg=places)
 
 
 def corners(scene: Scene, poses: list[Pose]) -> list[np.ndarray]:
@@ -68,13 +86,36 @@ def test_scattered_parts_fill_the_whole_plate_by_default() -> None:
     assert np.abs(places.mean(axis=0)).max() < 5e-3
 
 
-def test_scattered_parts_are_dropped_from_their_height_turned_as_told() -> None:
-    scene = plate_with(scattered(20, drop_height_mm=(0.3, 0.4), tilt_deg=(2.0, 5.0)))
-    poses = start_poses(scene, np.random.default_rng(0))
-    lowest = np.array([points[:, 2].min() for points in corners(scene, poses)])
-    assert 0.3e-3 <= lowest.min() < lowest.max() <= 0.4e-3
-    tilts = np.degrees(np.arccos(upward(poses)))
-    assert 2.0 <= tilts.min() < tilts.max() <= 5.0
+def test_parts_are_dropped_from_their_height_turned_as_told() -> None:
+    """Anywhere, or one at a point."""
+    drawn: Any = {"drop_height_mm": (0.3, 0.4), "tilt_deg": (2.0, 5.0)}
+    point = HexNut(size="M2.5", start=Start(position_mm=(1.0, -2.0), **drawn))
+    for part, seeds in ((scattered(20, **drawn), 1), (point, 20)):
+        scene, poses = plate_with(part), list[Pose]()
+        for seed in range(seeds):
+            poses += start_poses(scene, np.random.default_rng(seed))
+        lowest = [pose.position[2] + scene.parts[0].lowest(pose.quaternion) for pose in poses]
+        assert 0.3e-3 <= min(lowest) < max(lowest) <= 0.4e-3
+        tilts = np.degrees(np.arccos(upward(poses)))
+        assert 2.0 <= tilts.min() < tilts.max() <= 5.0
+    assert centres(poses)[:, :2] == pytest.approx(np.tile([1e-3, -2e-3], (20, 1)))
+
+
+def test_parts_laid_down_one_by_one_are_where_the_scenario_says() -> None:
+    places = ((0.0, 0.0, 0.0), (0.0, 5.2, 0.0), (-20.0, 10.0, 77.0))  # the first two all but touch with their flats
+    poses = start_poses(plate_with(nut(placed(*places))), np.random.default_rng(3))
+    for (x, y, yaw), pose in zip(places, poses, strict=True):
+        assert pose.position * 1e3 == pytest.approx(np.array([x, y, 1.01]))
+        turned = Rotation.from_quat(pose.quaternion, scalar_first=True).as_euler("xyz", degrees=True)
+        assert turned == pytest.approx(np.array([0.0, 0.0, yaw]))
+
+
+def test_hulls_that_reach_into_each_other_are_said(tmp_path: Path) -> None:
+    trimesh.creation.box(extents=[4.0, 4.0, 2.0]).export(tmp_path / "box.stl")
+    start = placed((0.0, 0.0, 0.0), (3.0, 0.0, 0.0), (10.0, 0.0, 0.0))
+    mesh = MeshPart(shape="mesh", file=tmp_path / "box.stl", start=start)
+    cautions = prepare(piston_scenario(frequency_hz=500.0, part=mesh)).cautions
+    assert [line for line in cautions if "the hulls of part_0 and part_1 overlap by" in line]
 
 
 def test_heap_of_99_nuts_does_not_overlap_and_stands_in_its_column() -> None:
@@ -122,29 +163,6 @@ def test_same_seed_same_poses(part: HexNut) -> None:
         assert a.quaternion.tobytes() != c.quaternion.tobytes()
 
 
-def refused(scene: Scene) -> str:
-    return refusal(start_poses, scene, np.random.default_rng(0))
-
-
-def test_no_room_is_refused_with_the_key() -> None:
-    crowded = plate_with(Ball(shape="ball", diameter_mm=2.0), scattered(200), side_mm=40.0)
-    message = refused(crowded)
-    assert message.startswith("part[1].start: ")
-    assert "no room" in message and "200 parts" in message and "allowed" in message
-
-
-def test_point_starts_that_overlap_are_refused_with_the_key() -> None:
-    near, far = (HexNut(size="M2.5", start=Start(position_mm=(x, 0.0))) for x in (1.0, 20.0))
-    first = HexNut(size="M2.5", start=Start(position_mm=(0.0, 0.0)))
-    assert refused(plate_with(first, far, near)).startswith("part[2].start.position_mm: overlaps another part")
-    assert len(start_poses(plate_with(first, far), np.random.default_rng(0))) == 2
-
-
-def test_heap_on_a_part_is_refused_with_the_key() -> None:
-    below = Ball(shape="ball", diameter_mm=20.0, start=Start(position_mm=(0.0, 0.0)))
-    assert refused(plate_with(below, heap(5))).startswith("part[1].start: overlaps")
-
-
 def rim_scenario(part: Any, phase_deg: float = 0.0) -> Scenario:
     """A plate of 60 mm with a wall around it, off its rest at the start by up to 20 um."""
     rimmed = {"length_mm": 60.0, "width_mm": 60.0, "rim": True}
@@ -157,21 +175,42 @@ def box(start: Any) -> Box:
 
 
 UPRIGHT: Any = {"yaw_deg": (0.0, 0.0), "tilt_deg": (0.0, 0.0)}
+STATES = [GivenState(kind="state", position_mm=(x, 0.0, 1.0)) for x in (0.0, 5.0)]
+BELOW = Ball(shape="ball", diameter_mm=20.0, start=at(0.0, 0.0))
 
 
 @pytest.mark.parametrize(
-    ("part", "line"),
+    ("parts", "line"),
     [
-        (
-            box(Start(position_mm=(-28.0, 0.0), **UPRIGHT)),
-            "position_mm: is [-28, 0], 1 mm in the wall of the rim, allowed is -27 to 27 along x",
-        ),
-        (Ball(shape="ball", diameter_mm=5.0, start=Start(position_mm=(1.0, 28.0))), "allowed is -27.5 to 27.5 along y"),
-        (box(Placed(kind="placed", places_mm_deg=((0.0, 28.5, 0.0),))), "places_mm_deg[0]: is [0, 28.5], 0.5 mm in"),
+        ((Ball(shape="ball", diameter_mm=2.0), scattered(500)), "part[1].start: ... no room ... 500 parts ... allowed"),
+        ((nut(at(0.0, 0.0)), nut(at(20.0, 0.0)), nut(at(1.0, 0.0))), "part[2].start.position_mm: overlaps another"),
+        ((BELOW, heap(5)), "part[1].start: overlaps"),
+        ((box(STATES[0]), box(STATES[1])), "part[1].start.position_mm: overlaps part_0"),
+        ((nut(placed((0, 0, 0), (5.0, 0, 0))),), "places_mm_deg[1]: overlaps part_0"),
+        ((nut(placed((0, 0, 0), (80.0, 0, 0))),), "places_mm_deg[1]: is [80, 0], allowed is +-30"),
     ],
 )
-def test_a_part_in_the_wall_of_a_rim_is_refused_with_what_is_allowed(part: Any, line: str) -> None:
-    assert line in refused(build_scene(rim_scenario(part)))
+def test_starts_without_room_are_refused_with_the_key(parts: Any, line: str) -> None:
+    message = refusal(lambda: start_poses(plate_with(*parts), np.random.default_rng(0)))
+    assert all(text in message for text in line.split(" ... ")), message
+
+
+@pytest.mark.parametrize(
+    ("start", "line"),
+    [
+        (at(-28.0, 0.0, **UPRIGHT), "position_mm: is [-28, 0], 1 mm in the wall of the rim, allowed is -27 to 27 "),
+        (at(1.0, 28.5, **UPRIGHT), "0.5 mm in the wall of the rim, allowed is -28 to 28 along y"),
+        (placed((0.0, 28.5, 0.0)), "places_mm_deg[0]: is [0, 28.5], 0.5 mm in"),
+    ],
+)
+def test_a_part_in_the_wall_of_a_rim_is_refused_with_what_is_allowed(start: Any, line: str) -> None:
+    assert line in refusal(start_poses, build_scene(rim_scenario(box(start))), np.random.default_rng(0))
+
+
+def test_as_many_places_as_parts() -> None:
+    raw = nut(placed((0, 0, 0))).model_dump()
+    for changes in ({"count": 2}, {"start": {"kind": "placed", "places_mm_deg": []}}):
+        assert "places" in refusal(validated, raw | changes, HexNut, Path())
 
 
 def test_a_part_that_touches_the_wall_is_not_refused() -> None:
@@ -183,7 +222,7 @@ def test_a_part_that_touches_the_wall_is_not_refused() -> None:
 @pytest.mark.parametrize(
     "start",
     [
-        Start(position_mm=(28.5, 0.0)),
+        at(28.5, 0.0),
         GivenState(kind="state", position_mm=(28.5, 0.0, 1.0)),
         Scattered(kind="scattered", centre_mm=(28.5, 0.0), size_mm=(1.0, 1.0)),
     ],
@@ -204,6 +243,31 @@ def test_a_part_that_the_plate_reaches_at_the_start_is_warned_of() -> None:
     assert not prepare(rim_scenario(low, phase_deg=0.0)).cautions
 
 
-def test_states_that_overlap_are_refused_with_their_own_key() -> None:
-    one, other = (GivenState(kind="state", position_mm=(x, 0.0, 1.0)) for x in (0.0, 5.0))
-    assert refused(plate_with(box(one), box(other))).startswith("part[1].start.position_mm: overlaps part_0, allowed")
+def hook() -> RigidPart:
+    """A U out of three boxes, open along y."""
+    nut = hex_nut(5e-3, 2e-3, 2.5e-3, 7850.0, "hook")
+    boxes = [((-4.0, 0.0), (1.0, 8.0)), ((4.0, 0.0), (1.0, 8.0)), ((0.0, -3.5), (8.0, 1.0))]
+    pieces = tuple(
+        1e-3 * np.array([[x + i * a / 2, y + j * b / 2, k] for i in (-1, 1) for j in (-1, 1) for k in (-1, 1)])
+        for (x, y), (a, b) in boxes
+    )
+    corners = np.concatenate(pieces)
+    return RigidPart("hook", 1e-3, nut.inertia, corners, 0.0, corners, nut.faces, pieces=pieces)
+
+
+@pytest.mark.parametrize(
+    ("place_mm", "yaw_deg", "overlaps"),
+    [
+        ((3.0, 1.2, 0.0), 180.0, False),  # a leg of each stands in the other
+        ((0.9, 1.2, 0.0), 180.0, True),  # the legs meet
+        ((3.0, 0.0, 0.0), 0.0, True),
+        ((3.0, 0.0, 2.1), 0.0, False),  # above
+        ((0.0, 7.6, 0.0), 0.0, True),
+        ((0.0, 8.1, 0.0), 0.0, False),
+    ],
+)
+def test_overlap_is_that_of_the_pieces(place_mm: Any, yaw_deg: float, overlaps: bool) -> None:
+    turned = Rotation.from_euler("z", yaw_deg, degrees=True).as_quat(scalar_first=True)
+    a, b = hook(), hook()
+    place, level = 1e-3 * np.array(place_mm), np.array([1.0, 0.0, 0.0, 0.0])
+    assert parts_overlap(a, (np.zeros(3), level), b, (place, turned)) == overlaps

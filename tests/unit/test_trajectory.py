@@ -1,11 +1,9 @@
 from __future__ import annotations
 
-import os
 import resource
 import signal
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import h5py
@@ -58,35 +56,8 @@ def test_same_seed_gives_the_same_bits_whatever_the_workers(engine: str) -> None
     one, two = (simulate(scenario, workers=n).trajectories for n in (1, 3))
     assert all(same(a, b) for a, b in zip(one, two, strict=True))
     assert not same(one[0], one[1])
-
-
-def test_first_seeds_do_not_depend_on_how_many_follow() -> None:
-    few, many = (simulate(strip_scenario(seeds=n, duration_s=0.1)).trajectories for n in (1, 2))
-    assert same(few[0], many[0])
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("sent", [signal.SIGKILL, signal.SIGINT])
-def test_stopped_run_leaves_a_readable_file(tmp_path: Path, repository: Path, sent: signal.Signals) -> None:
-    folder = tmp_path / "run"
-    scenario = repository / "scenarios/separation_100.toml"
-    command = [sys.executable, "-m", "feeder_sim", "run", str(scenario), "--seeds", "2", "--out", str(folder)]
-    process = subprocess.Popen(command, env=os.environ, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-    try:
-        deadline = time.monotonic() + 120
-        while time.monotonic() < deadline and not _blocks_written(folder / TRAJECTORY):
-            time.sleep(0.1)
-        process.send_signal(sent)
-        code = process.wait(timeout=60)
-    finally:
-        process.kill()
-    recording = read_recording(folder / TRAJECTORY)
-    assert all(len(frames) >= 200 for frames in recording.seeds)
-    assert all(np.isfinite(frames.position).all() for frames in recording.seeds)
-    assert set(recording.status) == {Status.UNFINISHED}
-    if sent == signal.SIGINT:
-        assert code == 130
-        assert (folder / "summary.json").is_file()
+    (alone,) = simulate(scenario.changed({"run.seeds": 1})).trajectories  # whatever seeds follow
+    assert same(alone, one[0])
 
 
 def test_full_disk_ends_the_run_with_one_line(tmp_path: Path, repository: Path) -> None:
@@ -102,20 +73,7 @@ def test_full_disk_ends_the_run_with_one_line(tmp_path: Path, repository: Path) 
     assert done.stderr.count("\n") == 1 and "disk full" in done.stderr, done.stderr
 
 
-def _blocks_written(path: Path) -> bool:
-    try:
-        return all(len(frames) >= 200 for frames in read_recording(path).seeds)
-    except InputError:
-        return False
-
-
-def test_truncated_and_foreign_files_are_refused(tmp_path: Path) -> None:
-    record_run(strip_scenario(), tmp_path / "run", replay=False)
-    whole = (tmp_path / "run" / TRAJECTORY).read_bytes()
-    cut = tmp_path / "cut.h5"
-    cut.write_bytes(whole[: len(whole) // 2])
-    with pytest.raises(InputError, match=r"cut\.h5: not a readable trajectory file"):
-        read_recording(cut)
+def test_foreign_file_is_refused(tmp_path: Path) -> None:
     with h5py.File(tmp_path / "foreign.h5", "w") as file:
         file["x"] = 1.0
     with pytest.raises(InputError, match=r"foreign\.h5: schema: is None"):

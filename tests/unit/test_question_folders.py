@@ -1,14 +1,18 @@
-"""The folder of a sweep: what its journals keep, tasks that share it, and what it is not to be."""
+"""The folder of a question of many runs: what its journals keep, tasks that share it, and what it is not to be."""
 
 from __future__ import annotations
 
+import threading
 import zlib
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
+import pretended
 import pytest
-from conftest import strip_scenario
+import speeds
+import swept
+from conftest import REPOSITORY, strip_scenario
 from pretended import asked
 from swept import AMPLITUDE, Pretended, over
 
@@ -16,9 +20,54 @@ from feeder_sim.errors import InputError
 from feeder_sim.jobs.journal import Journal, read_journal
 from feeder_sim.jobs.ledger import Ledger
 from feeder_sim.run.identity import identity_of
-from feeder_sim.scenario import load_scenario
+from feeder_sim.scenario import Scenario, load_scenario
 from feeder_sim.studies.ask import folder_of, merged
+from feeder_sim.studies.question import Question
+from feeder_sim.studies.search.optimise import OptimiseQuestion
 from feeder_sim.studies.sweep.sweep import SweepQuestion
+from feeder_sim.studies.uncertainty.uncertainty import UncertaintyQuestion
+
+STRIP = strip_scenario(seeds=3, amplitude_um=1.0)
+KINDS: dict[str, tuple[Question, Scenario, Any]] = {
+    "sweep": (over(f"{AMPLITUDE}=1:2:15"), STRIP, swept.values_of),
+    "uncertainty": (
+        UncertaintyQuestion.of(inputs=16),
+        STRIP.changed({"uncertain": {AMPLITUDE: {"uniform": [1.0, 4.0]}}}),
+        swept.values_of,
+    ),
+    "optimise": (OptimiseQuestion.of(**speeds.SEARCH), STRIP, speeds.values_of),
+    "map": (speeds.MAP, load_scenario(REPOSITORY / "scenarios/drift_4750hz.toml"), speeds.of_map),
+}
+
+
+def tables(folder: Path) -> dict[str, str]:
+    return {file.name: file.read_text() for file in folder.glob("*.csv")}
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_what_is_done_is_kept(kind: str, tmp_path: Path) -> None:
+    """Stopped again and again, in a search in the first generation, in a later one and at the check; then whole."""
+    question, scenario, values_of = KINDS[kind]
+    asked(question, scenario, pretended.Pretended(values_of), tmp_path / "whole")
+    for after in (3, 15, 40, 150, 10_000):
+        stop = threading.Event()
+        asked(question, scenario, pretended.Pretended(values_of, stop, after), tmp_path / "broken", stop=stop)
+        journal = tmp_path / "broken/journal.jsonl"
+        journal.write_bytes(journal.read_bytes()[:-20])  # killed within a line
+    last, none = (pretended.Pretended(values_of) for _ in range(2))
+    assert asked(question, scenario, last, tmp_path / "broken").complete and last.count == 1
+    assert asked(question, scenario, none, tmp_path / "broken").complete and none.count == 0
+    assert tables(tmp_path / "broken") == tables(tmp_path / "whole") != {}
+
+
+@pytest.mark.parametrize("kind", ["sweep", "uncertainty", "map"])
+def test_tasks_of_a_job_array_merge_to_the_whole(kind: str, tmp_path: Path) -> None:
+    question, scenario, values_of = KINDS[kind]
+    for number in (1, 2, 3):
+        asked(question, scenario, pretended.Pretended(values_of), tmp_path / "s", (number, 3))
+    assert len(list((tmp_path / "s").glob("journal-*-of-3.jsonl"))) == 3 and not tables(tmp_path / "s")
+    asked(question, scenario, pretended.Pretended(values_of), tmp_path / "whole")
+    assert merged(tmp_path / "s").complete and tables(tmp_path / "s") == tables(tmp_path / "whole") != {}
 
 
 def test_a_journal_outlives_what_a_kill_leaves(tmp_path: Path) -> None:
@@ -53,15 +102,6 @@ def test_done_points_are_kept_and_others_added(tmp_path: Path) -> None:
     assert fewer.kept == 2 and fewer.complete
     assert identity_of(scenario) == identity_of(scenario.changed({"title": "other", "run.seeds": 7}))
     assert identity_of(scenario) != identity_of(scenario.changed({"run.seed": 7}))
-
-
-def test_tasks_of_a_job_array_merge_to_the_whole(tmp_path: Path) -> None:
-    scenario, question = strip_scenario(seeds=3), over(f"{AMPLITUDE}=1:2:5")
-    for number in (1, 2, 3):
-        asked(question, scenario, Pretended(), tmp_path / "s", (number, 3))
-    assert len(list((tmp_path / "s").glob("journal-*-of-3.jsonl"))) == 3
-    found: Any = merged(tmp_path / "s")
-    assert found.complete and found.rows == asked(question, scenario, Pretended()).rows
 
 
 def test_tasks_that_begin_at_once_share_a_folder(tmp_path: Path) -> None:
