@@ -63,6 +63,7 @@ class WorkFolder:
         own: tuple[str, ...] = (),
     ) -> None:
         self._own = (kind, SCENARIO, *own)
+        self._foreign_locks = tuple(f"{name}.lock" for name in own)  # links by which Optuna locks its journal
         self.path, self._kind, self._scenario = path, kind, scenario
         self._text = f"{mark_of(scenario, same)}\n{question}"
         suffix = f"-{share[0]}-of-{share[1]}" if share else ""
@@ -91,8 +92,10 @@ class WorkFolder:
             self.path.mkdir(parents=True, exist_ok=True)
         except OSError as error:
             raise not_written(self.path, error) from error
-        check_no_links(self.path)
+        check_no_links(self.path, self._foreign_locks)
         self._held.enter_context(holding(self._lock))
+        for name in self._foreign_locks:  # nobody else works here: a kill has left it
+            (self.path / name).unlink(missing_ok=True)
         with holding(self.path / WRITING, WAIT_S):
             self._check_same()
             self._begun = not (self.path / self._kind).exists()
@@ -194,12 +197,12 @@ def check_work_folder(path: Path, kind: str) -> None:
         raise InputError(problem, file=path, argument="out")
 
 
-def check_no_links(path: Path) -> None:
-    """Refuse a folder with links in it: they would be written to elsewhere.
+def check_no_links(path: Path, allowed: tuple[str, ...] = ()) -> None:
+    """Refuse a folder with links in it, but for names that are allowed: they would be written to elsewhere.
 
     Raises:
         InputError: as said.
     """
     for entry in sorted(path.iterdir()):
-        if entry.is_symlink():
+        if entry.is_symlink() and entry.name not in allowed:
             raise InputError("is a link, allowed is a file of the folder itself", file=entry)

@@ -55,6 +55,12 @@ def test_tunnelling_part_stops_the_run_and_keeps_its_frames(tmp_path: Path) -> N
         assert (frames.position[:, 0, 2] > 0).all()
 
 
+def test_slow_part_on_the_same_plate_does_not_tunnel() -> None:
+    start = Start(drop_height_mm=(20.0, 20.0), tilt_deg=(0.0, 0.0))
+    scenario = piston_scenario(frequency_hz=50.0, amplitude_um=1.0, start=start, duration_s=0.5)
+    assert simulate(scenario).seeds[0].status == Status.DONE
+
+
 @pytest.mark.parametrize(
     ("scenario", "poison", "expected"),
     [

@@ -16,7 +16,6 @@ from command_line import feeder_sim, in_new_process, said
 from golden_commands import GOLDEN, lasting
 
 KILLS = 10
-LOCKED_OUT = pytest.mark.xfail(reason="a kill can leave optuna.log.lock, a link, with which a folder is refused")
 AMPLITUDE = "drive[0].amplitude_um"
 # Command, and the files that have to be the same at the end.
 COMMANDS = {
@@ -74,9 +73,7 @@ def kill_again_and_again(words: list[str], folder: Path) -> list[str]:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    "name", [pytest.param(name, marks=LOCKED_OUT if name == "optimise" else ()) for name in COMMANDS]
-)
+@pytest.mark.parametrize("name", COMMANDS)
 def test_a_command_that_is_killed_goes_on_to_the_same_tables(name: str, tmp_path: Path) -> None:
     shutil.copy(GOLDEN / "ball.toml", tmp_path)
     text, files = COMMANDS[name]

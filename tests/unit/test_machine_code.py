@@ -353,6 +353,6 @@ def test_a_function_for_compiled_ones_cannot_be_called_from_python(kind: Any) ->
     double = kind(lambda x: 2.0 * x)
     for inner in (double, state.fly_to):  # which is one of an engine
         with pytest.raises(TypeError, match=r"is for compiled functions only; entry_point\(function\.py_func\)"):
-            inner(1.0)
+            inner(1.0)  # type: ignore[call-arg]
     assert entry_point(double.py_func)(1.5) == 3.0
     assert entry_point(lambda x: double(double(x)))(1.5) == 6.0

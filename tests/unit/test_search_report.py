@@ -16,6 +16,7 @@ from pretended import Pretended, asked
 
 from feeder_sim.document import figure
 from feeder_sim.document.words import with_error
+from feeder_sim.errors import InputError
 from feeder_sim.scenario import Scenario
 from feeder_sim.studies.search.optimise import OptimiseQuestion, Search
 
@@ -92,6 +93,16 @@ def test_what_is_read_is_what_was_found(tmp_path: Path) -> None:
         file.write("99,1.5,0.2,0.5,0.1,4,0,\n98,1.5,0.2,0.4,0.1,2,1,\n")  # too good to last; stopped early
     again = Search.read(tmp_path)
     assert again.first is not None and again.first.number == 99 and again.leader == read.leader
+
+
+def test_a_search_that_was_killed_as_it_wrote_goes_on(tmp_path: Path) -> None:
+    """Optuna locks its journal by a link, which a kill leaves; another link is refused."""
+    found = searched(tmp_path, trials=4)
+    (tmp_path / "optuna.log.lock").symlink_to("nowhere")
+    assert searched(tmp_path, trials=4).table() == found.table()
+    (tmp_path / "draws.csv").symlink_to("nowhere")
+    with pytest.raises(InputError, match="is a link"):
+        searched(tmp_path, trials=4)
 
 
 def test_page_of_a_search_that_has_not_ended(tmp_path: Path, coarse: None) -> None:
