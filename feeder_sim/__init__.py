@@ -9,8 +9,8 @@ Build scenarios in code from `Scenario` and its tables in `feeder_sim.scenario`;
 `record_run` also writes a run folder, `open` gives its result again, and `document_of` a page of it. A result has
 findings, tables (`to_frame`, `to_xarray`) and plots; `record` of `simulate` says what to keep of it: `AllFrames`,
 `EveryNth`, `ImpactsOnly`, `StatisticsOnly`. Questions about many runs are `sweep`, `uncertainty`, `optimise`,
-`speed_map`, `chart` and `compare`; `measure_drift` runs many drifts. A `Feeder` is run stage by stage, `FeederEnvironment` is one for
-Gymnasium (extra `gym`). Bad input is an `InputError`.
+`speed_map`, `chart` and `compare`; `measure_drift` runs many drifts. A `Feeder` is run stage by stage,
+`FeederEnvironment` is one for Gymnasium (extra `gym`). Bad input is an `InputError`.
 """
 
 from __future__ import annotations

@@ -89,6 +89,42 @@ class InputError(FeederSimError):
         super().__init__(f"{where}: {problem}" if where else problem)
 
 
+class NotAllowed(InputError):
+    """A value that is not allowed.
+
+    Args:
+        value: as it was given.
+        allowed: what it may be.
+        where: file, key and argument, as for `InputError`.
+    """
+
+    def __init__(self, value: object, allowed: str, **where: Any) -> None:
+        super().__init__(f"is {quoted(value)}, allowed is {allowed}", **where)
+
+
+class Unknown(InputError):
+    """A name that there is not; the message has the one that is meant, and all there are.
+
+    Args:
+        name: as it was given.
+        known: the names there are.
+        where: file, key and argument, as for `InputError`.
+    """
+
+    def __init__(self, name: object, known: Iterable[str], **where: Any) -> None:
+        names = list(known)
+        hint = nearest(str(name), names)
+        shown = shortened(name) if isinstance(name, str) else quoted(name)
+        super().__init__(f"is {shown}{hint}, allowed are {', '.join(names) or 'none'}", **where)
+
+
+class MissingExtra(InputError):
+    """A library that is not installed, by the extra of this package that brings it; key and argument as above."""
+
+    def __init__(self, extra: str, **where: Any) -> None:
+        super().__init__(f"needs the extra `{extra}`: pip install 'feeder_sim[{extra}]'", **where)
+
+
 class NotMeasured(InputError, AttributeError):
     """A measure that has no meaning for a scenario; as an attribute that is missing, so that `hasattr` says False."""
 
@@ -160,7 +196,7 @@ def check_type(value: object, kind: type | UnionType, allowed: str, key: str) ->
         InputError: as said; `key` names the argument, `allowed` says what it takes.
     """
     if not isinstance(value, kind):
-        raise InputError(f"is {quoted(value)}, allowed is {allowed}", key=key)
+        raise NotAllowed(value, allowed, key=key)
 
 
 def check_whole(value: object, key: str, least: int = 1, most: int | None = None) -> int:
@@ -172,7 +208,7 @@ def check_whole(value: object, key: str, least: int = 1, most: int | None = None
     number = int(value) if isinstance(value, Integral) and not isinstance(value, bool) else None
     if number is None or number < least or (most is not None and number > most):
         limits = f"from {least} on" if most is None else f"from {least} to {most}"
-        raise InputError(f"is {quoted(value)}, allowed is a whole number {limits}", key=key)
+        raise NotAllowed(value, f"a whole number {limits}", key=key)
     return number
 
 

@@ -8,7 +8,7 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from feeder_sim.errors import InputError, shortened
+from feeder_sim.errors import MissingExtra, shortened
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -59,7 +59,7 @@ def library(name: str) -> Any:
     try:
         return importlib.import_module(name)
     except ImportError as error:
-        raise InputError("needs the extra `data`: pip install 'feeder_sim[data]'", key=name) from error
+        raise MissingExtra("data", key=name) from error
 
 
 def axes_for(ax: Axes | None) -> Axes:

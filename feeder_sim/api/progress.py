@@ -7,7 +7,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 
-from feeder_sim.errors import InputError, printable, quoted, shortened
+from feeder_sim.errors import NotAllowed, printable, shortened
 
 Show = Callable[[float], None]
 Notify = Callable[[str], None]
@@ -20,7 +20,7 @@ SHOWN_S = 0.2  # [s] between two looks of the bar
 def shown(progress: Progress, title: str) -> Iterator[tuple[Show | None, Notify | None]]:
     """What a run is to call with the fraction done, and with what takes long; nothing where nobody wants to know."""
     if progress and progress is not True and not callable(progress):
-        raise InputError(f"is {quoted(progress)}, allowed is True, or a function of the fraction done", key="progress")
+        raise NotAllowed(progress, "True, or a function of the fraction done", key="progress")
     if progress is not True:
         yield progress or None, None
         return

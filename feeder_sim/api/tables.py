@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, Literal, get_args
 
 import numpy as np
 
-from feeder_sim.errors import InputError, quoted
+from feeder_sim.errors import InputError, Unknown
 from feeder_sim.measures.picks import has_picks, picks_csv
 from feeder_sim.measures.values import values_of_seed
 from feeder_sim.notebook import library
@@ -42,7 +42,7 @@ def kept_frames(result: Result) -> list[Any]:
 def frame_of(result: Result, of: Table) -> pandas.DataFrame:
     """See `Result.to_frame`."""
     if of not in get_args(Table):
-        raise InputError(f"is {quoted(of)}, allowed are {', '.join(get_args(Table))}", key="of")
+        raise Unknown(of, get_args(Table), key="of")
     pandas = library("pandas")
     makers = {"measures": _measures, "frames": _frames, "impacts": _impacts, "removals": _removals}
     if of == "picks":

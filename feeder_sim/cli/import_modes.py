@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from feeder_sim.cli.files import naming, new_picture, writable
-from feeder_sim.errors import InputError, nearest, printable
+from feeder_sim.errors import InputError, Unknown, printable
 
 if TYPE_CHECKING:
     from feeder_sim.plate.imported.measured_shapes import MeasuredShapes
@@ -88,8 +88,7 @@ def _material(name: str) -> Material:
     from feeder_sim.plate.materials import MATERIALS
 
     if name not in MATERIALS:
-        names = ", ".join(sorted(MATERIALS))
-        raise InputError(f"is {name!r}{nearest(name, MATERIALS)}, allowed is one of {names}", key="--material")
+        raise Unknown(name, MATERIALS, key="--material")
     return MATERIALS[name]
 
 

@@ -11,7 +11,7 @@ import typer
 from feeder_sim.cli.files import writable
 from feeder_sim.cli.options import AsJson
 from feeder_sim.cli.terminal import progress_bar
-from feeder_sim.errors import InputError, quoted
+from feeder_sim.errors import InputError, NotAllowed, quoted
 
 if TYPE_CHECKING:
     from feeder_sim.replay.colours import Colour
@@ -102,7 +102,7 @@ def _colour(text: str | None) -> Colour | None:
         if text == meaning:
             return cast("Colour", meaning)
     if text is not None:
-        raise InputError(f"is {quoted(text)}, allowed is {' or '.join(get_args(Colour))}", key="--colour")
+        raise NotAllowed(text, f"{' or '.join(get_args(Colour))}", key="--colour")
     return None
 
 
@@ -112,5 +112,5 @@ def _size(text: str | None) -> tuple[int, int] | None:
         return None
     numbers = text.split("x")
     if len(numbers) != 2 or not all(n.isascii() and n.isdigit() and len(n) <= 5 for n in numbers):
-        raise InputError(f"is {quoted(text)}, allowed is WIDTHxHEIGHT, such as 1280x720", key="--size")
+        raise NotAllowed(text, "WIDTHxHEIGHT, such as 1280x720", key="--size")
     return int(numbers[0]), int(numbers[1])

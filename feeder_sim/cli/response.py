@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from feeder_sim.cli.files import modes_of, naming, new_picture, writable
-from feeder_sim.errors import InputError, nearest
+from feeder_sim.errors import InputError, Unknown
 
 if TYPE_CHECKING:
     import numpy as np
@@ -130,8 +130,6 @@ def amplitudes_of(held: ModeFile, names: list[str], volts: float, source: Path) 
     known = [each.name for each in held.actuators]
     for name in names:
         if name not in known:
-            raise InputError(
-                f"is {name!r}{nearest(name, known)}, allowed is {', '.join(known)}", file=source, key="--actuator"
-            )
+            raise Unknown(name, known, file=source, key="--actuator")
     _check_volts(volts, source)
     return voltages(held, list(dict.fromkeys(names)), 0.5 * volts, [0.0] * len(set(names)))

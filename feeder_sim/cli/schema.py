@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from feeder_sim.cli.files import writable
-from feeder_sim.errors import InputError, nearest
+from feeder_sim.errors import Unknown
 
 KINDS = ("scenario", "plate")
 
@@ -24,7 +24,7 @@ def schema(
 ) -> None:
     """Print the JSON Schema of scenarios or of plate files, by which editors complete and check them."""
     if kind not in KINDS:
-        raise InputError(f"is {kind!r}{nearest(kind, KINDS)}, allowed is {' or '.join(KINDS)}", key="KIND")
+        raise Unknown(kind, KINDS, key="KIND")
     if out is not None:
         writable(out, force=force)
     from feeder_sim.scenario.schema import schema_text

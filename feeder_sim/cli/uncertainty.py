@@ -12,7 +12,7 @@ import typer
 from feeder_sim.cli.files import naming_options
 from feeder_sim.cli.study import finish
 from feeder_sim.cli.terminal import progress_bar, stop_on_signal
-from feeder_sim.errors import InputError, printable, quoted
+from feeder_sim.errors import InputError, NotAllowed, printable
 
 if TYPE_CHECKING:
     from feeder_sim.scenario import Scenario
@@ -72,7 +72,7 @@ def inputs_asked(run: Path, given: int | None) -> int:
     except (OSError, ValueError, KeyError) as error:
         raise InputError(f"does not say what was asked: {error}", file=file) from error
     if type(asked) is not int or asked < SEEDS:
-        raise InputError(f"is {quoted(asked)}, allowed is a whole number of at least 2", file=file, key="inputs")
+        raise NotAllowed(asked, "a whole number of at least 2", file=file, key="inputs")
     if given not in (None, asked):
         raise InputError(f"is {given}, allowed is {asked}, which the run was begun with", file=run, key="--inputs")
     return asked

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from feeder_sim.errors import InputError, check_type, nearest, quoted
+from feeder_sim.errors import InputError, NotAllowed, Unknown, check_type
 from feeder_sim.run.prepare import prepare
 from feeder_sim.scenario import Scenario, Stage, check_scenario, with_run
 from feeder_sim.scenario.tables import validated
@@ -77,11 +77,10 @@ class Catalogue:
             InputError: there is none of this name or number, or it cannot be run.
         """
         if isinstance(stage, bool) or not isinstance(stage, Stage | Mapping | str | int | np.integer):
-            raise InputError(f"is {quoted(stage)}, allowed is a stage: its name, number or table", key="stage")
+            raise NotAllowed(stage, "a stage: its name, number or table", key="stage")
         if isinstance(stage, str):
             if stage not in self.names:
-                known = ", ".join(self.names)
-                raise InputError(f'is "{stage}"{nearest(stage, self.names)}, allowed are {known}', key="stage")
+                raise Unknown(stage, self.names, key="stage")
             return self.names.index(stage)
         if isinstance(stage, int | np.integer):
             if not 0 <= stage < len(self._stages):

@@ -18,7 +18,7 @@ from typing import Any, Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from feeder_sim.errors import InputError, check_whole, quoted
+from feeder_sim.errors import InputError, MissingExtra, NotAllowed, Unknown, check_whole
 from feeder_sim.feeder.feeder import Feeder, checked_pick
 from feeder_sim.feeder.poses import Poses
 from feeder_sim.scenario import Pick, Robot, Scenario, Stage
@@ -28,7 +28,7 @@ from feeder_sim.scene.scene import Scene
 try:
     import gymnasium
 except ImportError:
-    raise InputError("needs the extra `gym`: pip install 'feeder_sim[gym]'", key="FeederEnvironment") from None
+    raise MissingExtra("gym", key="FeederEnvironment") from None
 
 Observation = dict[str, NDArray[Any]]
 Reward = Literal["rate", "picks"]
@@ -76,7 +76,7 @@ class FeederEnvironment(gymnasium.Env[Observation, np.int64]):
         self._most_steps = check_whole(most_steps, "most_steps")
         self._ready = self._feeder = Feeder(scenario, stages=stages)
         if reward not in get_args(Reward):
-            raise InputError(f"is {quoted(reward)}, allowed are {', '.join(get_args(Reward))}", key="reward")
+            raise Unknown(reward, get_args(Reward), key="reward")
         self._reward = reward
         self._refill_below = _checked_refill(scenario, refill_below)
         self._steps, self._over = 0, False
@@ -121,7 +121,7 @@ class FeederEnvironment(gymnasium.Env[Observation, np.int64]):
             raise InputError("comes after the end of an episode, allowed is `reset` first", key="step")
         if not self.action_space.contains(action):
             stages = len(self._feeder.stage_names)
-            raise InputError(f"is {quoted(action)}, allowed is a whole number from 0 to {stages - 1}", key="action")
+            raise NotAllowed(action, f"a whole number from 0 to {stages - 1}", key="action")
         feeder, before = self._feeder, self._feeder.time
         self._steps += 1
         picked = len(feeder.vibrate(int(action)))

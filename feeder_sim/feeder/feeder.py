@@ -19,7 +19,7 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from feeder_sim.errors import InputError, check_type, check_whole, path_of_user, quoted
+from feeder_sim.errors import InputError, NotAllowed, check_type, check_whole, path_of_user
 from feeder_sim.feeder.catalogue import Catalogue
 from feeder_sim.feeder.poses import Poses, poses_of
 from feeder_sim.measures.picking import pickable
@@ -174,9 +174,9 @@ class Feeder:
         try:
             chosen = np.atleast_1d(np.asarray(parts))
         except ValueError:  # lists of different lengths
-            raise InputError(f"is {quoted(parts)}, allowed is the number of a part, or several", key="pick") from None
+            raise NotAllowed(parts, "the number of a part, or several", key="pick") from None
         if chosen.ndim != 1 or (chosen.size and not np.issubdtype(chosen.dtype, np.integer)):
-            raise InputError(f"is {quoted(parts)}, allowed is the number of a part, or several", key="pick")
+            raise NotAllowed(parts, "the number of a part, or several", key="pick")
         missing = chosen[~np.isin(chosen, there)]
         if len(missing):
             raise InputError(

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from multiprocessing.connection import Connection
 from typing import Any
 
-from feeder_sim.errors import InputError, quoted
+from feeder_sim.errors import InputError, MissingExtra, quoted
 from feeder_sim.run.simulation import available_cores
 
 CLUSTER_WAIT_S = 30.0  # [s] until a scheduler has to have answered
@@ -113,7 +113,7 @@ def dask_workers(address: str) -> Iterator[Workers]:
         from distributed.comm.core import CommClosedError
         from distributed.scheduler import KilledWorker
     except ImportError:
-        raise InputError("needs the extra `dask`: pip install 'feeder_sim[dask]'", key="--dask") from None
+        raise MissingExtra("dask", key="--dask") from None
     _check_address(address)
     try:
         client = Client(address, timeout=CLUSTER_WAIT_S, set_as_default=False)

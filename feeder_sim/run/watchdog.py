@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from feeder_sim.engines.protocol import ENDED, WHOLE
-from feeder_sim.errors import InputError, quoted
+from feeder_sim.errors import NotAllowed
 
 STALL_AFTER_S = 60.0  # [s] of wall time for a frame; the slowest scenario takes less than one
 STALLED = 2  # what interrupts an engine: not the wish to stop
@@ -26,7 +26,7 @@ def checked_patience(stall_after: float) -> float:
     """
     number = isinstance(stall_after, int | float | np.number) and not isinstance(stall_after, bool)
     if not number or not stall_after > 0.0:
-        raise InputError(f"is {quoted(stall_after)}, allowed is a time in seconds over 0", argument="stall_after")
+        raise NotAllowed(stall_after, "a time in seconds over 0", argument="stall_after")
     return float(stall_after)
 
 

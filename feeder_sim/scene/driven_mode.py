@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from feeder_sim.errors import InputError, nearest
+from feeder_sim.errors import InputError, Unknown
 from feeder_sim.plate.drive import ModalDrive
 from feeder_sim.plate.mode_file import ModeFile, Resonance
 from feeder_sim.plate.mode_shapes import ModeShape, RitzShape
@@ -153,11 +153,7 @@ def _actuators(drive: Excitation, mode: str, key: str, held: ModeFile, measured:
     if drive.actuator is not None:
         for name in drive.actuator:
             if name not in known:
-                raise InputError(
-                    f"is {name!r}{nearest(name, known)}, allowed are the actuators in the mode file: "
-                    f"{', '.join(known) or 'none'}",
-                    key=f"{key}.actuator",
-                )
+                raise Unknown(name, known, key=f"{key}.actuator")
         if len(set(drive.actuator)) < len(drive.actuator):
             raise InputError("names an actuator twice, allowed is once", key=f"{key}.actuator")
         return drive.actuator

@@ -27,7 +27,7 @@ from pydantic import Field
 
 from feeder_sim.constants import GRAVITY
 from feeder_sim.document.figure import Figure
-from feeder_sim.errors import InputError, quoted
+from feeder_sim.errors import InputError, NotAllowed
 from feeder_sim.jobs.bench import Bench
 from feeder_sim.jobs.cautions import Caution
 from feeder_sim.jobs.folder import SCENARIO
@@ -149,8 +149,7 @@ def values_of(text: str, argument: str) -> list[float]:
     except InputError as error:
         raise InputError(error.problem, argument=argument) from None
     if not values or len(values) > MOST_VALUES or not all(isinstance(v, int | float) and v > 0 for v in values):
-        problem = f"is {quoted(text)}, allowed is LOW:HIGH:COUNT, LOW:HIGH:logCOUNT or A,B,C, all above 0"
-        raise InputError(problem, argument=argument)
+        raise NotAllowed(text, "LOW:HIGH:COUNT, LOW:HIGH:logCOUNT or A,B,C, all above 0", argument=argument)
     return sorted(float(f"{value:.6g}") if ":" in text else float(value) for value in values)
 
 
@@ -165,8 +164,7 @@ def mark_of(text: str) -> tuple[float, float, float]:
         if not all(0.0 < value < math.inf for value in (frequency, amplitude, speed)):
             raise ValueError
     except ValueError:
-        problem = f"is {quoted(text)}, allowed are three numbers above 0 such as 4750,1.0,1.44"
-        raise InputError(problem, argument="mark") from None
+        raise NotAllowed(text, "three numbers above 0 such as 4750,1.0,1.44", argument="mark") from None
     return frequency, amplitude, speed
 
 

@@ -87,7 +87,7 @@ def test_every_sampler_goes_on_after_its_random_trials(tmp_path: Path, monkeypat
     assert points["cmaes"][:RANDOM_TRIALS] == points["tpe"][:RANDOM_TRIALS]  # the same random draws
     assert points["cmaes"][RANDOM_TRIALS:] != points["tpe"][RANDOM_TRIALS:]
     monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
-    with pytest.raises(InputError, match=r"sampler: is \"cmaes\", which needs the extra `search`"):
+    with pytest.raises(InputError, match="sampler: needs the extra `search`"):
         searched(tmp_path / "without", **words, sampler="cmaes")
     assert not (tmp_path / "without/optuna.log").exists()  # refused before any work
 

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from feeder_sim.errors import InputError
+from feeder_sim.errors import InputError, MissingExtra
 from feeder_sim.run.identity import identity_of
 from feeder_sim.studies.search.space import Parameter, Space
 from feeder_sim.studies.search.trials import Aim, Trial
@@ -86,7 +86,7 @@ def _study(log: Path | None, space: Space, aim: Aim, sampler: str) -> Study:
         from optuna.storages.journal import JournalFileBackend
         from optuna.study import StudyDirection
     except ImportError:
-        raise InputError("needs the extra `search`: pip install 'feeder_sim[search]'", key="optimise") from None
+        raise MissingExtra("search", key="optimise") from None
     optuna.logging.set_verbosity(optuna.logging.ERROR)
     direction = StudyDirection.MAXIMIZE if aim.largest else StudyDirection.MINIMIZE
     asked = f"{identity_of(space.scenario)} {aim} {space.parameters} {sampler}"
@@ -123,8 +123,7 @@ def _check_sampler(name: str, space: Space) -> None:
     if any(parameter.span is None for parameter in space.parameters):
         raise InputError('is "cmaes", allowed is "tpe" where there are choices', argument="sampler")
     if importlib.util.find_spec("cmaes") is None:
-        problem = "is \"cmaes\", which needs the extra `search`: pip install 'feeder_sim[search]'"
-        raise InputError(problem, argument="sampler")
+        raise MissingExtra("search", argument="sampler")
 
 
 def _value(parameter: Parameter, kept: Any) -> Any:

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 
-from feeder_sim.errors import InputError, nearest
+from feeder_sim.errors import InputError, Unknown
 from feeder_sim.jobs.bench import Bench
 from feeder_sim.jobs.cautions import Caution, cautions_over
 from feeder_sim.jobs.ledger import Ledger
@@ -183,7 +183,7 @@ def check_measure(name: str, values: Mapping[str, float], argument: str = "measu
         InputError: as said.
     """
     if name and values and name not in values:
-        raise InputError(f"is {name}{nearest(name, values)}, allowed are {', '.join(values)}", argument=argument)
+        raise Unknown(name, values, argument=argument)
 
 
 @dataclass(frozen=True)

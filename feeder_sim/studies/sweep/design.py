@@ -17,7 +17,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from feeder_sim.errors import InputError, quoted
+from feeder_sim.errors import InputError, NotAllowed
 from feeder_sim.scenario.changes import check_decides, full_key, path_of, read_value
 
 MOST_POINTS = 20_000
@@ -61,8 +61,7 @@ def read_axis(text: str, argument: str = "vary") -> Axis:
     """
     key, equals, values = text.partition("=")
     if not equals or not key.strip() or not values.strip():
-        problem = f"is {quoted(text)}, allowed is KEY=LOW:HIGH:COUNT, LOW:HIGH:logCOUNT or A,B,C"
-        raise InputError(problem, argument=argument)
+        raise NotAllowed(text, "KEY=LOW:HIGH:COUNT, LOW:HIGH:logCOUNT or A,B,C", argument=argument)
     key = full_key(key.strip())
     check_decides(key)
     match = _RANGE.fullmatch(values.strip())

@@ -26,7 +26,7 @@ from pydantic import Field
 from feeder_sim.document.document import Table, Text
 from feeder_sim.document.figure import Figure
 from feeder_sim.document.words import measure_label
-from feeder_sim.errors import InputError, quoted
+from feeder_sim.errors import InputError, NotAllowed, quoted
 from feeder_sim.jobs.cautions import Caution
 from feeder_sim.jobs.folder import JOURNAL, SCENARIO
 from feeder_sim.measures.statistic import LARGEST_OF_MANY, Statistic
@@ -381,7 +381,7 @@ def axis_texts(vary: Mapping[str, Any]) -> tuple[str, ...]:
 
 def _listed(key: str, values: Any) -> str:
     if not isinstance(values, Iterable):
-        raise InputError(f"is {quoted(values)}, allowed is a sequence of values, or a text of them", key=str(key))
+        raise NotAllowed(values, "a sequence of values, or a text of them", key=str(key))
     try:
         return json.dumps([value.item() if isinstance(value, np.generic) else value for value in values])
     except TypeError as error:

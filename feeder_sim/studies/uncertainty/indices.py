@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from feeder_sim.errors import InputError
+from feeder_sim.errors import MissingExtra
 from feeder_sim.scenario import Scenario
 from feeder_sim.studies.uncertainty.draws import Draw, draw_at
 
@@ -100,6 +100,4 @@ def _salib(module: str) -> Any:
 
         return importlib.import_module(module)
     except ImportError:
-        raise InputError(
-            "needs the extra `uncertainty`: pip install 'feeder_sim[uncertainty]'", argument="indices"
-        ) from None
+        raise MissingExtra("uncertainty", argument="indices") from None

@@ -26,7 +26,7 @@ from pydantic import Field
 from feeder_sim.document.document import Table, Text
 from feeder_sim.document.figure import Figure
 from feeder_sim.document.words import measure_label
-from feeder_sim.errors import InputError, nearest
+from feeder_sim.errors import InputError, Unknown
 from feeder_sim.jobs.cautions import Caution, cautions_over
 from feeder_sim.jobs.folder import JOURNAL, SCENARIO
 from feeder_sim.jobs.journal import read_journal
@@ -157,8 +157,7 @@ class Uncertainty(Study):
     def measure(self, name: str | None = None) -> str:
         name = name or self.question.measure
         if name and name not in self.measures and (self.measures or name != self.question.measure):
-            allowed = ", ".join(self.measures) or "none, nothing has a value"
-            raise InputError(f"is {name}{nearest(name, self.measures)}, allowed are {allowed}", argument="measure")
+            raise Unknown(name, self.measures, argument="measure")
         return name or self.main()
 
     def main(self) -> str:
