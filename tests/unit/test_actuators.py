@@ -153,7 +153,7 @@ def test_power_is_what_damping_takes(held: ModeFile) -> None:
 def test_measured_gain_goes_before_and_scales_other_actuators(folder: Path, held: ModeFile, tmp_path: Path) -> None:
     j = best_mode(held, 0)
     frequency = held.modes.natural_frequency[j]
-    measured = {"frequency_hz": round(float(frequency), 4), "damping_ratio": 0.004, "amplitude_um_per_vpp": 0.05}
+    measured: Raw = {"frequency_hz": round(float(frequency), 4), "damping_ratio": 0.004, "amplitude_um_per_vpp": 0.05}
     measured |= {"driven_point_mm": [-20.0, 10.0], "actuator": ["left"]}
     (tmp_path / "plate.toml").write_text(toml_of(PLATE, {"resonance": [measured]}))
     write_mode_file(tmp_path / "modes.h5", compute_modes(load_plate_file(tmp_path / "plate.toml")))

@@ -104,7 +104,7 @@ def test_uncertainty() -> None:
 
 
 def test_speed_map(tmp_path: Path) -> None:
-    scenario, how = feeder_sim.load_scenario("drift_4750hz"), {"seeds": 2, "executor": Pretended(of_map)}
+    scenario, how = feeder_sim.load_scenario("drift_4750hz"), dict[str, Any](seeds=2, executor=Pretended(of_map))
     asked: tuple[Any, ...] = ([4000.0, 5000.0], "1:2:2")
     found = feeder_sim.speed_map(scenario, *asked, out=tmp_path / "m", **how)
     assert found.complete and [point.frequency_hz for point in found.points] == [4000.0, 4000.0, 5000.0, 5000.0]
