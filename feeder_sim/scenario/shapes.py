@@ -200,7 +200,7 @@ def _of_another_package(value: Any, check: Callable[[Any], Any]) -> Any:
     if isinstance(value, PartTable) and type(value) not in SHAPES.values():
         return value
     shape = value.get("shape") if isinstance(value, dict) else None
-    if shape in SHAPES or not isinstance(shape, str) or shape not in extensions.names_of("parts"):
+    if not isinstance(shape, str) or shape in SHAPES or shape not in extensions.names_of("parts"):
         return check(value)
     table = extensions.find("parts", shape)
     try:

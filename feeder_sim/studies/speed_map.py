@@ -164,7 +164,7 @@ def mark_of(text: str) -> tuple[float, float, float]:
         if not all(0.0 < value < math.inf for value in (frequency, amplitude, speed)):
             raise ValueError
     except ValueError:
-        raise NotAllowed(text, "three numbers above 0 such as 4750,1.0,1.44", argument="mark") from None
+        raise NotAllowed(text, "a mark of three numbers above 0 such as 4750,1.0,1.44", argument="mark") from None
     return frequency, amplitude, speed
 
 

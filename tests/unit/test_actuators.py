@@ -1,4 +1,4 @@
-"""Voltages and actuators: plate files, mode files, drives, the commands, and one line for what cannot be meant."""
+"""Voltages, actuators and measured resonances: plate files, mode files, drives, commands, and what cannot be meant."""
 
 from __future__ import annotations
 
@@ -9,12 +9,14 @@ from typing import Any
 
 import numpy as np
 import pytest
-from command_line import check_refused, feeder_sim
+from command_line import check_refused, feeder_sim, said
 from conftest import toml_of
 
+from feeder_sim.errors import InputError
 from feeder_sim.plate.mode_file import ModeFile, read_mode_file, write_mode_file
 from feeder_sim.plate.response import frequency_response, modal_forces, oscillators, voltages
-from feeder_sim.scenario import load_plate_file, load_scenario
+from feeder_sim.run.prepare import prepare
+from feeder_sim.scenario import Drive, HexNut, Rectangle, Run, Scenario, Start, load_plate_file, load_scenario
 from feeder_sim.scene.plate_modes import compute_modes
 from feeder_sim.scene.scene import Scene, build_scene
 
@@ -151,11 +153,7 @@ def test_power_is_what_damping_takes(held: ModeFile) -> None:
 def test_measured_gain_goes_before_and_scales_other_actuators(folder: Path, held: ModeFile, tmp_path: Path) -> None:
     j = best_mode(held, 0)
     frequency = held.modes.natural_frequency[j]
-    measured: dict[str, Any] = {
-        "frequency_hz": round(float(frequency), 4),
-        "damping_ratio": 0.004,
-        "amplitude_um_per_vpp": 0.05,
-    }
+    measured: Raw = {"frequency_hz": round(float(frequency), 4), "damping_ratio": 0.004, "amplitude_um_per_vpp": 0.05}
     measured |= {"driven_point_mm": [-20.0, 10.0], "actuator": ["left"]}
     (tmp_path / "plate.toml").write_text(toml_of(PLATE, {"resonance": [measured]}))
     write_mode_file(tmp_path / "modes.h5", compute_modes(load_plate_file(tmp_path / "plate.toml")))
@@ -265,3 +263,64 @@ def test_check_says_what_moves_under_the_part_and_what_is_left_out(folder: Path,
     at_part = abs(float(scene.surface.deflection(0, np.zeros((1, 2)))[0])) * scene.drives[0].steady_amplitude
     assert drive["under_parts"][0]["amplitude_um"] == pytest.approx([1e6 * at_part] * 3)
     assert drive["left_out_um"] == pytest.approx(1e6 * (scene.driven[0].left_out or 0.0)) and drive["left_out_um"] > 0.0
+
+
+MEASURED = """
+[plate]
+length_mm = 180
+width_mm = 180
+thickness_mm = 3
+highest_frequency_hz = 3500
+[[resonance]]
+frequency_hz = {frequency}
+damping_ratio = 0.0015
+amplitude_um_per_vpp = 0.2
+driven_point_mm = [0, 0]
+"""
+
+
+def measured_plate(folder: Path, frequency: float, *more: str) -> Path:
+    plate = folder / "plate.toml"
+    plate.write_text(MEASURED.format(frequency=frequency) + "\n".join(more))
+    return plate
+
+
+def scenario(mode_file: Path, **drive: object) -> Scenario:
+    return Scenario(
+        plate=Rectangle(kind="rectangle", mode_file=mode_file),
+        drive=(Drive(**({"voltage_vpp": 10.0} | drive)),),  # type: ignore[arg-type]
+        part=(HexNut(size="M2.5", start=Start(position_mm=(3.0, 0.0))),),
+        run=Run(duration_s=0.1, seeds=1),
+    )
+
+
+def test_a_resonance_may_name_its_mode(tmp_path: Path) -> None:
+    out = tmp_path / "modes.h5"
+    done = feeder_sim("modes", measured_plate(tmp_path, 2860.0), "--out", out)
+    check_refused(done, "resonance[0].frequency_hz", "2860", "name a mode")
+    done = feeder_sim("modes", measured_plate(tmp_path, 2860.0, "mode = 14"), "--out", out)
+    assert done.returncode == 0
+    (caution,) = said(done)
+    assert "caution: mode 14" in caution and "2860" in caution and "2 %" in caution.replace("2%", "2 %")
+    prepared = prepare(scenario(out, frequency_hz=2860.0, mode=14))
+    (mode,) = prepared.scene.driven
+    assert "mode 14" in mode.label and mode.drive.damping_ratio == pytest.approx(0.0015)
+    # Driven at the resonance that was measured, with the gain that was: 2 um in the middle of the plate.
+    assert mode.drive.natural_frequency == mode.drive.drive_frequency == 2860.0
+    at = prepared.scene.surface.deflection(0, prepared.cell.antinode[None])[0] if prepared.cell else math.nan
+    assert abs(at) * mode.drive.amplitude == pytest.approx(2e-6, rel=1e-3)
+    assert any("mode 14" in line and "2860" in line for line in prepared.cautions)
+    with pytest.raises(InputError, match="no mode within"):  # nothing else has changed
+        prepare(scenario(out, frequency_hz=2860.0))
+    with pytest.raises(InputError, match=r"mode 14 lies at 2776.0 Hz, or 2860.0 Hz"):
+        prepare(scenario(out, frequency_hz=3000.0, mode=14))
+
+
+def test_a_mode_that_is_near_and_one_that_is_not_there(tmp_path: Path) -> None:
+    done = feeder_sim("modes", measured_plate(tmp_path, 2797.0, "mode = 14"))
+    assert done.returncode == 0 and said(done) == []
+    # The nearest is 14; the one before it was meant.
+    done = feeder_sim("modes", measured_plate(tmp_path, 2760.0, "mode = 13"))
+    assert done.returncode == 0 and "mode 13" in said(done)[0]
+    check_refused(feeder_sim("modes", measured_plate(tmp_path, 2797.0, "mode = 99")), "resonance[0].mode", "99", "1 to")
+    check_refused(feeder_sim("modes", measured_plate(tmp_path, 2797.0, "mode = 0")), "resonance[0].mode")

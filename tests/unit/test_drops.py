@@ -1,21 +1,25 @@
-"""Drops on a plate at rest, the command `part`, and the picture of poses."""
+"""Stable poses, drops on a plate at rest, the command `part`, and the picture of poses."""
 
 from __future__ import annotations
 
 import json
 import math
 import shutil
+from itertools import product
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 import trimesh
 from command_line import check_refused, feeder_sim
 from conftest import REPOSITORY, refusal
+from scipy.spatial.transform import Rotation
 
+from feeder_sim.part.mesh_part import mesh_part
 from feeder_sim.part.rigid_part import RigidPart
-from feeder_sim.part.solids import ball, hex_nut
-from feeder_sim.part.stable_poses import NONE
+from feeder_sim.part.solids import ball, cylinder, hex_nut
+from feeder_sim.part.stable_poses import NONE, PoseTable, stable_poses
 from feeder_sim.plots.poses import AZIMUTH_DEG, ELEVATION_DEG, PIXELS, render
 from feeder_sim.scenario import Contact
 from feeder_sim.studies.drops import DropStudy, drop
@@ -23,7 +27,7 @@ from feeder_sim.studies.drops import DropStudy, drop
 HOOK = REPOSITORY / "models/hook/hook.stl"
 
 
-def nut() -> RigidPart:
+def tall_nut() -> RigidPart:
     return hex_nut(5e-3, 3e-3, 2.5e-3, 7850.0, "nut")
 
 
@@ -35,12 +39,12 @@ def box(x: float, y: float, z: float) -> RigidPart:
 
 
 def test_every_drop_ends_in_a_pose_and_threads_change_nothing() -> None:
-    one, two = (drop(nut(), 200, seed=4, workers=workers) for workers in (1, 2))
+    one, two = (drop(tall_nut(), 200, seed=4, workers=workers) for workers in (1, 2))
     assert (one.pose == two.pose).all() and (one.rest_s == two.rest_s).all()
     assert sum(share.hits for share in one.shares) + one.other == 200
     assert one.other == one.moving == 0
     assert np.nanmax(one.rest_s) < 1.0
-    assert (drop(nut(), 200, seed=5).pose != one.pose).any()
+    assert (drop(tall_nut(), 200, seed=5).pose != one.pose).any()
 
 
 def test_parts_that_bounce_fall_flat_more_often() -> None:
@@ -48,7 +52,7 @@ def test_parts_that_bounce_fall_flat_more_often() -> None:
 
     Without bounces a nut stays on the side that it falls on. Toppling over is a matter of 0.46 against 0.67 here.
     """
-    flat = [drop(nut(), 400, contact=Contact(restitution=e)).shares[0].value for e in (0.0, 0.8)]
+    flat = [drop(tall_nut(), 400, contact=Contact(restitution=e)).shares[0].value for e in (0.0, 0.8)]
     assert flat[1] - flat[0] > 0.1
 
 
@@ -60,7 +64,7 @@ def test_a_slab_falls_flat_and_a_cube_has_one_pose() -> None:
 
 
 def test_standard_error_of_shares() -> None:
-    study = DropStudy(nut(), "impulse", Contact(), np.array([0] * 90 + [NONE] * 10), np.zeros(100))
+    study = DropStudy(tall_nut(), "impulse", Contact(), np.array([0] * 90 + [NONE] * 10), np.zeros(100))
     flat, edge = study.shares
     assert flat.value == 0.9 and flat.standard_error == pytest.approx(0.03, rel=0.05)
     assert edge.value == 0.0 and edge.standard_error == pytest.approx(0.01, rel=0.05)
@@ -71,7 +75,7 @@ def test_standard_error_of_shares() -> None:
 @pytest.mark.parametrize("friction", [0.0, 0.3])
 def test_engines_agree_on_a_nut(friction: float) -> None:
     contact = Contact(friction=friction)
-    impulse, mujoco = (drop(nut(), 400, contact=contact, engine=engine) for engine in ("impulse", "mujoco"))
+    impulse, mujoco = (drop(tall_nut(), 400, contact=contact, engine=engine) for engine in ("impulse", "mujoco"))
     together = math.hypot(impulse.shares[0].standard_error, mujoco.shares[0].standard_error)
     assert abs(impulse.shares[0].value - mujoco.shares[0].value) < 3.0 * together
     if friction == 0.0:  # without it, most drops are alike one by one
@@ -134,3 +138,112 @@ def test_the_command_cuts_a_part(tmp_path: Path) -> None:
 )
 def test_bad_options(options: str, message: str) -> None:
     check_refused(feeder_sim("part", HOOK, "--drops", 0, *options.split()), message)
+
+
+def nut() -> RigidPart:
+    return hex_nut(5e-3, 2e-3, 2.5e-3, 7850.0, "nut")
+
+
+def turned(table: PoseTable, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Random poses, members of theirs and yaws: number, yaw, attitude."""
+    number, yaw, attitude = [], [], []
+    for n, pose in enumerate(table.poses):
+        for level in pose.attitude:
+            number.append(n)
+            yaw.append(rng.uniform(0.0, 2.0 * np.pi / pose.yaws))
+            turn = Rotation.from_rotvec([0.0, 0.0, yaw[-1]]) * Rotation.from_quat(level, scalar_first=True)
+            attitude.append(turn.as_quat(scalar_first=True))
+    return np.array(number), np.array(yaw), np.array(attitude)
+
+
+@pytest.mark.parametrize(
+    ("part", "heights", "faces", "yaws"),
+    [
+        (nut(), [1.0e-3, 2.5e-3], [2, 6], [6, 2]),
+        (box(6e-3, 4e-3, 2e-3), [1e-3, 2e-3, 3e-3], [2, 2, 2], [2, 2, 2]),
+        (box(2e-3, 2e-3, 2e-3), [1e-3], [6], [4]),
+        (cylinder(4e-3, 3e-3, 7850.0, "rod"), [1.5e-3, 2e-3], [2, 32], [32, 2]),
+        (ball(4e-3, 7850.0, "ball"), [], [], []),
+    ],
+    ids=["nut", "box", "cube", "cylinder", "ball"],
+)
+def test_symmetric_poses_are_one(part: RigidPart, heights: list[float], faces: list[int], yaws: list[int]) -> None:
+    poses = stable_poses(part).poses
+    assert [pose.height for pose in poses] == pytest.approx(heights, rel=6e-3)
+    assert [len(pose.down) for pose in poses] == faces
+    assert [pose.yaws for pose in poses] == yaws
+    assert sum(pose.chance for pose in poses) == pytest.approx(1.0 if poses else 0.0)
+
+
+def test_a_prism_of_no_symmetry_and_its_mirror_images() -> None:
+    """A right-angled prism lies on its two triangles in two ways: they are mirror images."""
+    triangle = np.array([[0.0, 0.0], [4e-3, 0.0], [0.0, 3e-3]]) - np.array([4e-3, 3e-3]) / 3.0
+    corners = np.array([[x, y, z] for z in (-2.5e-3, 2.5e-3) for x, y in triangle])
+    part = RigidPart("prism", 1.0, np.ones(3), corners, 0.0, corners, np.empty((0, 3), np.int64))
+    poses = stable_poses(part).poses
+    assert sorted(len(pose.down) for pose in poses) == [1, 1, 1, 1, 1]
+    ends = [pose for pose in poses if abs(pose.down[0][2]) > 0.9]
+    assert ends[0].height == pytest.approx(2.5e-3) == ends[1].height
+
+
+@pytest.mark.parametrize("part", [nut(), cylinder(4e-3, 3e-3, 7850.0, "rod"), box(6e-3, 4e-3, 2e-3)])
+def test_number_and_yaw_of_attitudes(part: RigidPart) -> None:
+    table = stable_poses(part)
+    number, yaw, attitude = turned(table, np.random.default_rng(1))
+    assert (table.number(attitude) == number).all()
+    round_ones = np.array([table.poses[n].yaws >= 24 for n in number])
+    found = table.yaw(attitude)
+    assert found[~round_ones] == pytest.approx(yaw[~round_ones], abs=1e-6)
+    assert (found[round_ones] == 0.0).all()
+    leaning = Rotation.from_rotvec([np.radians(25.0), 0.0, 0.0]).as_quat(scalar_first=True)
+    assert table.number(leaning) == NONE
+
+
+def test_the_yaw_of_a_rod_on_its_side_is_that_of_its_axis() -> None:
+    """However it has rolled."""
+    table = stable_poses(cylinder(2e-3, 8e-3, 7850.0, "rod"))
+    rng, axes, yaws = np.random.default_rng(2), [], []
+    for _ in range(50):
+        roll = Rotation.from_rotvec([0.0, 0.0, rng.uniform(0.0, 2.0 * np.pi)])
+        attitude = Rotation.from_rotvec([0.0, 0.0, rng.uniform(0.0, np.pi)]) * Rotation.from_rotvec([np.pi / 2, 0, 0])
+        x, y, _ = attitude.apply([0.0, 0.0, 1.0])
+        axes.append(np.arctan2(y, x))
+        yaws.append(table.yaw((attitude * roll).as_quat(scalar_first=True)[None])[0])
+    difference = (np.array(yaws) - axes) % np.pi
+    spread = np.abs((difference - difference[0] + np.pi / 2) % np.pi - np.pi / 2)
+    assert spread.max() < np.radians(6.0)  # half of what is between two of its corners
+
+
+def of_mesh(mesh: Any, folder: Path) -> RigidPart:
+    """As read from a file, with the contact corners of the usual error."""
+    mesh.export(folder / "part.stl")
+    return mesh_part(folder / "part.stl", 1.0, 7850.0, "part", corner_error=50e-6)
+
+
+def chamfered_cube(side: float, chamfer: float) -> Any:
+    """A cube [mm] whose corners are cut."""
+    full, less = 0.5 * side, 0.5 * side - chamfer
+    points = [np.roll([full, less, less], n) * signs for n in range(3) for signs in product((-1.0, 1.0), repeat=3)]
+    return trimesh.Trimesh(np.array(points)).convex_hull
+
+
+@pytest.mark.parametrize(
+    ("mesh", "faces", "yaws"),
+    [
+        (trimesh.creation.cylinder(radius=1.5, height=2.0, sections=100), 2, 100),
+        (trimesh.creation.annulus(1.0, 3.0, 1.0, sections=128), 2, 128),
+        (chamfered_cube(3.0, 0.01), 6, 4),
+        (trimesh.creation.box(extents=[10.0, 10.0, 0.03]), 2, 4),
+    ],
+    ids=["disc", "washer", "cube", "shim"],
+)
+def test_symmetry_is_that_of_the_mesh_whatever_its_contact_corners(
+    mesh: Any, faces: int, yaws: int, tmp_path: Path
+) -> None:
+    lowest = stable_poses(of_mesh(mesh, tmp_path)).poses[0]
+    assert (len(lowest.down), lowest.yaws) == (faces, yaws)
+
+
+def test_a_capsule_has_one_pose_that_it_rolls_in_and_a_ball_of_facets_one_as_well(tmp_path: Path) -> None:
+    for mesh in (trimesh.creation.capsule(height=4.0, radius=1.5), trimesh.creation.icosphere(subdivisions=3)):
+        assert len(stable_poses(of_mesh(mesh, tmp_path)).poses) == 1

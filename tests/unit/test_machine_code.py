@@ -351,8 +351,9 @@ def test_damaged_machine_code_is_compiled_again(suffix: str, left: str, copy: Co
 def test_a_function_for_compiled_ones_cannot_be_called_from_python(kind: Any) -> None:
     """A call would end the process."""
     double = kind(lambda x: 2.0 * x)
-    for inner in (double, state.fly_to):  # which is one of an engine
+    of_engine: Any = state.fly_to
+    for inner in (double, of_engine):
         with pytest.raises(TypeError, match=r"is for compiled functions only; entry_point\(function\.py_func\)"):
-            inner(1.0)  # type: ignore[call-arg]
+            inner(1.0)
     assert entry_point(double.py_func)(1.5) == 3.0
     assert entry_point(lambda x: double(double(x)))(1.5) == 6.0
