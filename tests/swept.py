@@ -10,7 +10,7 @@ import numpy as np
 import pretended
 from conftest import strip_scenario
 
-from feeder_sim.jobs.bench import Bench
+from feeder_sim.jobs.runner import Bench
 from feeder_sim.jobs.workers import Workers
 from feeder_sim.scenario import Scenario
 from feeder_sim.studies.sweep.cases import CasesPlan

@@ -79,7 +79,7 @@ class Result(simulation.Result):
         Raises:
             InputError: xarray is missing, or no frames were kept.
         """
-        from feeder_sim.api.dataset import dataset_of
+        from feeder_sim.api.tables import dataset_of
 
         return dataset_of(self)
 

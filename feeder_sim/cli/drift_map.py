@@ -33,7 +33,7 @@ def drift_map(
     scenario = scenario_of(scenario_file, None, None, seed, settings)
     with naming(scenario_file):
         from feeder_sim.jobs.workers import seed_workers
-        from feeder_sim.run.advice import not_drawn
+        from feeder_sim.run.prepare import not_drawn
         from feeder_sim.studies.drift_map.files import save_map
         from feeder_sim.studies.drift_map.making import make_map, strip_of
 

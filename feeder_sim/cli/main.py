@@ -164,7 +164,7 @@ def run(
 
 def _finish_run(result: Result, folder: Path, as_json: bool, inputs: int) -> None:
     """Go on to the uncertain inputs, if there are any; print what came out; the exit code says how it ended."""
-    from feeder_sim.run.advice import not_drawn
+    from feeder_sim.run.prepare import not_drawn
 
     whole = not result.interrupted and not result.failures
     if not as_json:

@@ -19,8 +19,6 @@ from feeder_sim.engines.surface_arrays import surface_arrays
 from feeder_sim.errors import Divergence, SimulationDiverged
 from feeder_sim.records.events import Events, parts_arrived
 from feeder_sim.records.trajectory import SAME_TIME, Frames
-from feeder_sim.run.energy import EnergyLimit, energy_limit, fall_speed, largest_at_once, largest_reaction
-from feeder_sim.run.plate_edge import edge_of
 from feeder_sim.run.state_check import (
     ALLOWED,
     CLEAR,
@@ -37,10 +35,16 @@ from feeder_sim.run.state_check import (
     VIOLATION,
     Bodies,
     DepthLimit,
+    EnergyLimit,
     Held,
     Motion,
     States,
     check_states,
+    edge_of,
+    energy_limit,
+    fall_speed,
+    largest_at_once,
+    largest_reaction,
     new_states,
     no_states,
 )

@@ -10,8 +10,8 @@ import numpy as np
 from feeder_sim.errors import FeederSimError, InputError
 from feeder_sim.records.seed import Seed
 from feeder_sim.run.compilation import compile_engine
-from feeder_sim.run.identity import identity_of
 from feeder_sim.run.prepare import prepare
+from feeder_sim.run.provenance import identity_of
 from feeder_sim.run.seed_run import SeedRun
 from feeder_sim.run.watchdog import STALL_AFTER_S
 from feeder_sim.scenario import Scenario
@@ -50,7 +50,7 @@ def prepared_once(scenario: Scenario, identity: str) -> Prepared | InputError:
 
     Args:
         scenario: what to prepare.
-        identity: that it has where it comes from, see `feeder_sim.run.identity`.
+        identity: that it has where it comes from, see `feeder_sim.run.provenance`.
 
     Raises:
         FeederSimError: this process has another version of the package, or other files than who asks.

@@ -23,10 +23,10 @@ from feeder_sim.measures.protocol import Measure, as_json
 from feeder_sim.records.seed import Counts, Seed, Status, endings
 from feeder_sim.records.trajectory import Frames
 from feeder_sim.run.compilation import COMPILING, announced, compile_engine
-from feeder_sim.run.identity import identity_of
 from feeder_sim.run.keep import AllFrames, Keep, Keeper
 from feeder_sim.run.one_seed import run_seed_elsewhere
 from feeder_sim.run.prepare import prepare
+from feeder_sim.run.provenance import identity_of
 from feeder_sim.run.recorder import Recorder
 from feeder_sim.run.seed_run import SeedRun
 from feeder_sim.run.watchdog import STALL_AFTER_S

@@ -10,9 +10,9 @@ from pathlib import Path
 from typing import Any
 
 from feeder_sim.errors import InputError
-from feeder_sim.jobs.bench import FOREIGN, Bench
 from feeder_sim.jobs.folder import SCENARIO, WorkFolder, usual_folder
 from feeder_sim.jobs.ledger import Ledger
+from feeder_sim.jobs.runner import FOREIGN, Bench
 from feeder_sim.jobs.workers import Workers
 from feeder_sim.measures.function import identity_of_measures
 from feeder_sim.measures.protocol import Measure

@@ -12,8 +12,8 @@ from pathlib import Path
 from typing import Any, ClassVar, Protocol, Self
 
 from feeder_sim.errors import InputError, option_of
-from feeder_sim.jobs.bench import Bench
 from feeder_sim.jobs.ledger import Ledger
+from feeder_sim.jobs.runner import Bench
 from feeder_sim.scenario import Scenario
 from feeder_sim.scenario.tables import Table, validated
 from feeder_sim.studies.study import Study

@@ -28,19 +28,18 @@ from pydantic import Field
 from feeder_sim.constants import GRAVITY
 from feeder_sim.document.figure import Figure
 from feeder_sim.errors import InputError, NotAllowed
-from feeder_sim.jobs.bench import Bench
 from feeder_sim.jobs.cautions import Caution
 from feeder_sim.jobs.folder import SCENARIO
 from feeder_sim.jobs.ledger import Ledger
+from feeder_sim.jobs.runner import Bench
 from feeder_sim.jobs.task import SeedValues, Task
 from feeder_sim.measures.statistic import LARGEST_OF_MANY, Statistic, finite_or_none
 from feeder_sim.notebook import axes_for, counted
 from feeder_sim.plate.mode_shapes import StandingWave, standing_wave
 from feeder_sim.plate.rectangle import RectangularPlate
-from feeder_sim.run.advice import not_drawn
 from feeder_sim.run.batch import check_drifting
-from feeder_sim.run.identity import identity_of
-from feeder_sim.run.prepare import prepare
+from feeder_sim.run.prepare import not_drawn, prepare
+from feeder_sim.run.provenance import identity_of
 from feeder_sim.scenario import Scenario, Start, Strip, load_scenario, resolve_material, with_run
 from feeder_sim.studies.question import Plan, Question
 from feeder_sim.studies.study import Record, Study, TableFile, csv_bytes, number_in

@@ -214,7 +214,7 @@ def test_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     told = json.loads(feeder_sim(*asked, "--json").stdout)
     assert told["complete"] and told["gain"]["low"] < told["gain"]["mean"]
     with monkeypatch.context() as newer:
-        newer.setattr("feeder_sim.run.identity.library_versions", lambda: {"numpy": "another"})
+        newer.setattr("feeder_sim.run.provenance.library_versions", lambda: {"numpy": "another"})
         fewer = (*asked[:6], "--check-seeds", 2, "--trials", 2, *asked[-2:])
         assert re.search(r": \d+ seeds in the folder do not count: they are of other", feeder_sim(*fewer).stderr)
         assert "do not count" not in feeder_sim(*fewer).stderr

@@ -317,6 +317,6 @@ def test_command_says_what_does_not_count(tmp_path: Path, monkeypatch: pytest.Mo
     asked = (*ASKED, "--out", tmp_path / "s", "--vary", f"{AMPLITUDE}=1,2,3", "--seeds", 2)
     for task in ("1/2", "2/2"):
         assert feeder_sim(*asked, "--task", task).stderr == ""  # what the other task has done is of this sweep
-    monkeypatch.setattr("feeder_sim.run.identity.library_versions", lambda: {"numpy": "another"})
+    monkeypatch.setattr("feeder_sim.run.provenance.library_versions", lambda: {"numpy": "another"})
     assert f"6 {line}" in feeder_sim(*asked).stderr
     assert feeder_sim(*asked).stderr == ""  # nothing is run anew

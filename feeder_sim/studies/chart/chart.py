@@ -30,7 +30,7 @@ from feeder_sim.jobs.cautions import Caution
 from feeder_sim.jobs.folder import SCENARIO
 from feeder_sim.measures.statistic import Statistic, finite_or_none
 from feeder_sim.notebook import axes_for, counted
-from feeder_sim.run.identity import identity_of
+from feeder_sim.run.provenance import identity_of
 from feeder_sim.scenario import Scenario, load_scenario
 from feeder_sim.studies.chart.settings import METHODS, MUJOCO, Setting, is_default, reference_of, settings_of
 from feeder_sim.studies.question import Question

@@ -18,8 +18,8 @@ from feeder_sim.plate.mode_file import read_mode_file
 from feeder_sim.plate.mode_shapes import standing_wave
 from feeder_sim.plate.rectangle import RectangularPlate
 from feeder_sim.records.trajectory import Frames
-from feeder_sim.run.identity import content_text
 from feeder_sim.run.prepare import prepare
+from feeder_sim.run.provenance import content_text
 from feeder_sim.run.simulation import run_ensemble
 from feeder_sim.scenario import (
     CustomMaterial,

@@ -29,14 +29,14 @@ from pydantic import Field
 from feeder_sim.document.document import Text
 from feeder_sim.document.figure import Figure
 from feeder_sim.errors import InputError
-from feeder_sim.jobs.bench import Bench
 from feeder_sim.jobs.cautions import Caution, cautions_over, most_frequent
 from feeder_sim.jobs.folder import SCENARIO
 from feeder_sim.jobs.ledger import Ledger
+from feeder_sim.jobs.runner import Bench
 from feeder_sim.measures.protocol import labelled
 from feeder_sim.measures.statistic import Statistic, finite_or_none
 from feeder_sim.notebook import axes_for, counted
-from feeder_sim.run.identity import content_hash
+from feeder_sim.run.provenance import content_hash
 from feeder_sim.scenario import Scenario, load_scenario
 from feeder_sim.scenario.changes import labels, value_at
 from feeder_sim.studies.question import Plan, Question

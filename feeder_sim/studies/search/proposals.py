@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from feeder_sim.errors import InputError, MissingExtra
-from feeder_sim.run.identity import identity_of
+from feeder_sim.run.provenance import identity_of
 from feeder_sim.studies.search.space import Parameter, Space
 from feeder_sim.studies.search.trials import Aim, Trial
 from feeder_sim.studies.sweep.design import Point

@@ -18,9 +18,9 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from feeder_sim.errors import InputError
-from feeder_sim.jobs.bench import Bench
+from feeder_sim.jobs.runner import Bench
 from feeder_sim.measures.statistic import Statistic
-from feeder_sim.run.identity import identity_of
+from feeder_sim.run.provenance import identity_of
 from feeder_sim.scenario import Scenario
 from feeder_sim.studies.search.proposals import LOG, Proposals, Sampler
 from feeder_sim.studies.search.space import Space

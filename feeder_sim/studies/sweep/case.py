@@ -38,7 +38,7 @@ class Case:
 
     Attributes:
         scenario: what is run.
-        identity: see `feeder_sim.run.identity`.
+        identity: see `feeder_sim.run.provenance`.
         first, stride: its seeds are `first`, `first + stride`, and so on: draws of uncertain inputs have seeds of their
             own, so that their scatter is independent.
         done: what has come back, by seed.

@@ -14,11 +14,11 @@ from functools import cached_property
 from pathlib import Path
 
 from feeder_sim.errors import InputError, Unknown
-from feeder_sim.jobs.bench import Bench
 from feeder_sim.jobs.cautions import Caution, cautions_over
 from feeder_sim.jobs.ledger import Ledger
+from feeder_sim.jobs.runner import Bench
 from feeder_sim.jobs.task import SeedValues, Task
-from feeder_sim.run.identity import identity_of
+from feeder_sim.run.provenance import identity_of
 from feeder_sim.scenario import Scenario
 from feeder_sim.scenario.changes import labels
 from feeder_sim.studies.study import Study

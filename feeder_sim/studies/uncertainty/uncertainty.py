@@ -29,7 +29,7 @@ from feeder_sim.document.words import measure_label
 from feeder_sim.errors import InputError, Unknown
 from feeder_sim.jobs.cautions import Caution, cautions_over
 from feeder_sim.jobs.folder import JOURNAL, SCENARIO
-from feeder_sim.jobs.journal import read_journal
+from feeder_sim.jobs.ledger import read_journal
 from feeder_sim.jobs.task import SeedValues
 from feeder_sim.measures.protocol import labelled
 from feeder_sim.measures.statistic import Statistic, finite_or_none
