@@ -25,7 +25,7 @@ from feeder_sim.run.compilation import compile_engine
 from feeder_sim.run.prepare import prepare
 from feeder_sim.run.simulation import generators, simulate
 from feeder_sim.scenario import Scenario, load_scenario, with_run
-from feeder_sim.scene.free_modes import free_modes
+from feeder_sim.scene.driven_mode import free_modes
 from feeder_sim.scene.prepared import Prepared
 
 SCENARIOS = Path(__file__).parents[1] / "scenarios"

@@ -19,7 +19,7 @@ from pydantic import BaseModel, BeforeValidator
 from pydantic.fields import FieldInfo
 from pydantic_core import PydanticUndefined
 
-from feeder_sim.scenario.key_texts import KEYS, key_texts, meaning_of
+from feeder_sim.scenario.schema import KEYS, key_texts, meaning_of
 
 TAGS = ("kind", "shape")  # keys that say which of several tables is meant
 # Suffix of a key: its unit. The longest suffix that fits counts.

@@ -19,7 +19,7 @@ from feeder_sim.run.provenance import changed_inputs
 from feeder_sim.run.run_folder import RESOLVED, SUMMARY
 from feeder_sim.scenario import Scenario, parse_scenario
 from feeder_sim.scene.prepared import Prepared
-from feeder_sim.studies.kinds import kind_of
+from feeder_sim.studies.ask import kind_of
 
 
 def open(run: str | Path) -> OpenedRun:

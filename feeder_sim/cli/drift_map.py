@@ -8,8 +8,7 @@ from typing import Annotated
 
 import typer
 
-from feeder_sim.cli.files import naming, scenario_of, writable
-from feeder_sim.cli.options import AsJson, Dask, ScenarioFile, Seed, Set, ThreadCount
+from feeder_sim.cli.files import AsJson, Dask, ScenarioFile, Seed, Set, ThreadCount, naming, scenario_of, writable
 from feeder_sim.cli.terminal import notify, progress_bar, stop_on_signal
 from feeder_sim.errors import InputError, printable
 

@@ -18,10 +18,7 @@ from feeder_sim import __version__
 from feeder_sim.cli.commands import Commands
 from feeder_sim.cli.compare import compare
 from feeder_sim.cli.drift_map import drift_map
-from feeder_sim.cli.files import naming, naming_options, new_picture, scenario_of, writable
-from feeder_sim.cli.import_modes import import_modes_command
-from feeder_sim.cli.new import new
-from feeder_sim.cli.options import (
+from feeder_sim.cli.files import (
     AsJson,
     Dask,
     EngineName,
@@ -32,7 +29,14 @@ from feeder_sim.cli.options import (
     Set,
     StallAfter,
     ThreadCount,
+    naming,
+    naming_options,
+    new_picture,
+    scenario_of,
+    writable,
 )
+from feeder_sim.cli.import_modes import import_modes_command
+from feeder_sim.cli.new import new
 from feeder_sim.cli.part import part
 from feeder_sim.cli.plate import modes, sequence, wave
 from feeder_sim.cli.replay import replay

@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any, cast, get_args
 
 import typer
 
-from feeder_sim.cli.files import writable
-from feeder_sim.cli.options import AsJson
+from feeder_sim.cli.files import AsJson, writable
 from feeder_sim.cli.terminal import progress_bar
 from feeder_sim.errors import InputError, NotAllowed, quoted
 

@@ -41,7 +41,7 @@ def response(
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout.")] = False,
 ) -> None:
     """Compute how a plate answers its actuators: amplitude, current and power over the frequency, and the peaks."""
-    from feeder_sim.cli.report_response import print_response, write_response
+    from feeder_sim.cli.report import print_response, write_response
     from feeder_sim.plate.response import frequency_response, modal_forces
 
     for path in (picture, data):
@@ -77,8 +77,8 @@ def response(
 
 def print_ranked(held: ModeFile, volts: float, near: str | None, source: Path, as_json: bool) -> None:
     """Print the modes of a plate in the order of what a voltage, peak to peak, does near a point x,y [mm]."""
-    from feeder_sim.cli.report_response import print_ranking
-    from feeder_sim.plate.ranking import rank_modes
+    from feeder_sim.cli.report import print_ranking
+    from feeder_sim.plate.response import rank_modes
 
     _check_actuators(held, source)
     _check_volts(volts, source)

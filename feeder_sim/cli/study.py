@@ -11,8 +11,19 @@ from typing import TYPE_CHECKING, Annotated, Any, get_origin
 
 import typer
 
-from feeder_sim.cli.files import naming, naming_options, scenario_of
-from feeder_sim.cli.options import AsJson, Dask, EngineName, Measure, ScenarioFile, Seed, Set, WorkerCount
+from feeder_sim.cli.files import (
+    AsJson,
+    Dask,
+    EngineName,
+    Measure,
+    ScenarioFile,
+    Seed,
+    Set,
+    WorkerCount,
+    naming,
+    naming_options,
+    scenario_of,
+)
 from feeder_sim.cli.terminal import notify, progress_bar, stop_on_signal
 from feeder_sim.errors import FeederSimError, InputError, Interrupted, escaped, option_of, printable
 
@@ -81,7 +92,7 @@ def study_command(name: str, title: str) -> Any:
 
     Its options are the fields of the question, which takes long to import: so it is made when it is called.
     """
-    from feeder_sim.studies.kinds import KINDS
+    from feeder_sim.studies.ask import KINDS
 
     kind = KINDS[name]
 

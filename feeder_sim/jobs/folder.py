@@ -16,8 +16,7 @@ from typing import Self
 
 from feeder_sim.errors import InputError, not_written
 from feeder_sim.jobs.ledger import read_journal
-from feeder_sim.records.own_files import INPUTS, holding
-from feeder_sim.records.whole_file import write_whole
+from feeder_sim.records.files import INPUTS, holding, write_whole
 from feeder_sim.run.carried_files import carry_files
 from feeder_sim.run.provenance import content_text
 from feeder_sim.run.run_folder import scenario_toml

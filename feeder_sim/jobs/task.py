@@ -71,7 +71,7 @@ def run_task(task: Task, measures: tuple[Measure[Any, Any], ...] = ()) -> tuple[
     Raises:
         FeederSimError: this process has another version of the package, or other files than who asks.
     """
-    from feeder_sim.measures.values import values_of_seed
+    from feeder_sim.measures.catalogue import values_of_seed
     from feeder_sim.records.seed import Status
     from feeder_sim.run.one_seed import prepared_once, run_one_seed
 

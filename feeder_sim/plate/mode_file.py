@@ -19,6 +19,7 @@ from __future__ import annotations
 
 import contextlib
 import io
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -28,17 +29,158 @@ from numpy.typing import NDArray
 
 from feeder_sim import __version__
 from feeder_sim.errors import InputError, not_written
-from feeder_sim.hdf5_text import get_text, put_array, put_text
-from feeder_sim.hdf5_trust import check_trusted
-from feeder_sim.plate.actuator_group import read_actuators, write_actuators
+from feeder_sim.hdf5 import check_trusted, get_text, put_array, put_text
 from feeder_sim.plate.actuators import Actuator
 from feeder_sim.plate.materials import Material
 from feeder_sim.plate.modes import PlateModes
-from feeder_sim.plate.outline_group import read_outline, write_outline
+from feeder_sim.plate.outline import MOST_POINTS, Outline, checked_outline
 from feeder_sim.plate.rectangle import RectangularPlate
+from feeder_sim.plate.ritz.attachments import Layer
 
 if TYPE_CHECKING:
     import h5py
+
+
+# The group /actuators of a mode file; its layout stands in feeder_sim.plate.mode_file.
+
+FORCE = "actuators/force_per_volt"
+# name: (unit, numbers of each actuator, least, largest)
+FIELDS = {
+    "centre": ("m", 2, -1e3, 1e3),
+    "size": ("m", 2, 1e-9, 1e3),
+    "angle": ("rad", 0, -10.0, 10.0),
+    "thickness": ("m", 0, 1e-9, 1e3),
+    "side": ("1 above, -1 below the plate", 0, -1.0, 1.0),
+    "density": ("kg/m^3", 0, 1e-3, 1e6),
+    "youngs_modulus": ("Pa", 0, 1.0, 1e15),
+    "poisson_ratio": ("1", 0, 0.0, 0.5),
+    "moment_per_volt": ("N/V", 0, 0.0, 1e12),
+    "shear_lag": ("m", 0, 0.0, 1e3),
+    "capacitance": ("F", 0, 0.0, 1e3),
+    "loss_tangent": ("1", 0, 0.0, 1.0),
+}
+
+
+def write_actuators(file: Any, actuators: Sequence[Actuator], force_per_volt: NDArray[np.float64]) -> None:
+    """Write the actuators of a plate, and their modal forces [N/V], shape (n_modes, n_actuators)."""
+    rows = [
+        {
+            "centre": a.layer.centre,
+            "size": a.layer.size,
+            "angle": a.layer.angle,
+            "thickness": a.layer.thickness,
+            "side": float(a.layer.side),
+            "density": a.layer.material.density,
+            "youngs_modulus": a.layer.material.youngs_modulus,
+            "poisson_ratio": a.layer.material.poisson_ratio,
+            "moment_per_volt": a.moment_per_volt,
+            "shear_lag": a.shear_lag,
+            "capacitance": a.capacitance,
+            "loss_tangent": a.loss_tangent,
+        }
+        for a in actuators
+    ]
+    put_text(file.create_group("actuators").attrs, {"name": "\n".join(a.name for a in actuators)})
+    for name, (unit, width, _, _) in FIELDS.items():
+        shape = (len(rows), width) if width else (len(rows),)
+        put_array(file, f"actuators/{name}", np.array([row[name] for row in rows], float).reshape(shape), unit)
+    put_array(file, FORCE, force_per_volt, "N/V")
+
+
+def read_actuators(file: Any, path: Path) -> tuple[tuple[Actuator, ...], NDArray[np.float64]]:
+    """Read both back.
+
+    Raises:
+        InputError: something is missing, has another shape, or a number that is not allowed; `path` names the file.
+    """
+    text = get_text(file["actuators"].attrs, "name") if "actuators" in file else None
+    if text is None:
+        raise InputError("is missing, every mode file has it", file=path, key="actuators")
+    names = text.split("\n") if text else []
+    data = {}
+    for name_of, (_, width, least, largest) in FIELDS.items():
+        key, shape = f"actuators/{name_of}", (len(names), width) if width else (len(names),)
+        values = np.asarray(file[key][()]) if key in file else np.empty(0)
+        if values.dtype.kind != "f" or values.shape != shape:
+            raise InputError(f"has shape {values.shape}, allowed are numbers of shape {shape}", file=path, key=key)
+        if not ((values >= least) & (values <= largest)).all():
+            raise InputError(f"holds a number outside {least:g} to {largest:g}", file=path, key=key)
+        data[name_of] = values.tolist()
+    rows = [dict(zip(data, row, strict=True)) for row in zip(*data.values(), strict=True)]
+    force = np.asarray(file[FORCE][()]) if FORCE in file else np.empty(0)
+    if force.dtype.kind != "f" or force.ndim != 2 or not np.isfinite(force).all():
+        raise InputError("is missing or damaged, every mode file has it", file=path, key=FORCE)
+    return tuple(_actuator(name, row) for name, row in zip(names, rows, strict=True)), force
+
+
+def _actuator(name: str, row: dict[str, Any]) -> Actuator:
+    layer = Layer(
+        centre=tuple(row["centre"]),
+        size=tuple(row["size"]),
+        angle=row["angle"],
+        thickness=row["thickness"],
+        side=-1 if row["side"] < 0.0 else 1,
+        material=Material(row["density"], row["youngs_modulus"], row["poisson_ratio"]),
+    )
+    return Actuator(name, layer, row["moment_per_volt"], row["shear_lag"], row["capacitance"], row["loss_tangent"])
+
+
+# The group /outline of a mode file, and of the plate in a trajectory file: points, and the polygon each belongs to.
+
+SAME_SIZE = 1e-6  # relative, of the bounding box of an outline and its plate
+
+
+def write_outline(file: Any, name: str, outline: Outline) -> None:
+    """Write an outline as a group; polygon 0 is the outer edge, the others are holes."""
+    numbers = [np.full(len(ring), i, np.int64) for i, ring in enumerate(outline.rings)]
+    put_array(file, f"{name}/point", np.concatenate(outline.rings), "m")
+    put_array(file, f"{name}/ring", np.concatenate(numbers), "0: outer edge, else a hole")
+
+
+def read_outline(file: Any, name: str, size: tuple[float, float], path: Path) -> Outline | None:
+    """Read and check it; None where there is none.
+
+    Args:
+        file: HDF5 file or group.
+        name: of the group.
+        size: length and width of its bounding box [m].
+        path: of the file, for messages.
+
+    Raises:
+        InputError: it is damaged, is no simple polygon with holes in it, or does not fit the plate.
+    """
+    if name not in file:
+        return None
+    try:
+        points, rings = np.asarray(file[name]["point"][()]), np.asarray(file[name]["ring"][()])
+    except (KeyError, TypeError, AttributeError, ValueError, IndexError) as error:
+        raise InputError("is unreadable, allowed are the datasets point and ring", file=path, key=name) from error
+    if points.dtype.kind != "f" or points.shape != (len(rings), 2) or rings.dtype.kind not in "iu" or rings.ndim != 1:
+        raise InputError(
+            f"holds arrays of shapes {points.shape} and {rings.shape}, allowed are (n, 2) numbers and (n,) whole ones",
+            file=path,
+            key=name,
+        )
+    if not 3 <= len(points) <= MOST_POINTS or not (np.abs(points) <= 1e6).all():
+        raise InputError(f"holds {len(points)} points, allowed are 3 to {MOST_POINTS} finite ones", file=path, key=name)
+    steps = np.diff(rings)
+    if rings[0] != 0 or ((steps != 0) & (steps != 1)).any():
+        raise InputError("numbers its polygons wrongly, allowed is 0, 0, ..., 1, 1, ...", file=path, key=f"{name}/ring")
+    try:
+        outline = checked_outline([points[rings == i] for i in range(int(rings[-1]) + 1)])
+    except ValueError as error:
+        raise InputError(str(error), file=path, key=name) from error
+    half = 0.5 * np.array(size)
+    off = np.abs(np.concatenate([outline.exterior.max(axis=0) - half, outline.exterior.min(axis=0) + half]))
+    if off.max() > SAME_SIZE * max(size):
+        raise InputError(
+            f"reaches {1e3 * off.max():.3g} mm beyond the plate's length and width or falls short of them, allowed is "
+            "what they bound",
+            file=path,
+            key=name,
+        )
+    return outline
+
 
 SCHEMA = "feeder_sim/plate_modes"
 SCHEMA_VERSION = 3

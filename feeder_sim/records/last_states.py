@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 
 from feeder_sim.errors import Divergence, InputError, SimulationDiverged
+from feeder_sim.records.files import write_whole
 from feeder_sim.records.trajectory import Frames
-from feeder_sim.records.whole_file import write_whole
 
 LAST_FRAMES = 100  # kept of a block that failed, at most: half of them before the first one that is not valid
 

@@ -4,16 +4,122 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from feeder_sim.hdf5 import put_array, put_text
 from feeder_sim.notebook import block, counted
-from feeder_sim.part.stable_poses import PoseTable
+from feeder_sim.part.stable_poses import PoseTable, StablePose, pose_names
 from feeder_sim.plate.drive import ModalDrive
+from feeder_sim.plate.mode_file import read_outline, write_outline
 from feeder_sim.plate.outline import Outline
 from feeder_sim.records.seed import Seed, Status, endings
 from feeder_sim.records.trajectory import Frames
+
+# The groups /plate and /drive of a trajectory file; their layout stands there.
+
+DRIVE_FIELDS = {
+    "shape": "1",
+    "drive_frequency": "Hz",
+    "natural_frequency": "Hz",
+    "amplitude": "m",
+    "phase": "rad",
+    "damping_ratio": "1",
+}
+
+
+def write_plate(file: Any, plate: PlateRecord) -> None:
+    """Write what is kept of a plate and its drives."""
+    group = file.create_group("plate")
+    group.attrs.update(length=plate.length, width=plate.width, thickness=plate.thickness)
+    put_text(group.attrs, {"unit": "m"})
+    lines = plate.nodal_lines
+    points = np.concatenate(lines) if lines else np.zeros((0, 2))
+    numbers = np.concatenate([np.full(len(line), i) for i, line in enumerate(lines)]) if lines else np.zeros(0)
+    put_array(file, "plate/x", plate.x, "m")
+    put_array(file, "plate/y", plate.y, "m")
+    put_array(file, "plate/mode_shape", plate.mode_shape, "1")
+    put_array(file, "plate/nodal_point", points, "m")
+    put_array(file, "plate/nodal_line", numbers.astype(np.int64), "1")
+    put_array(file, "plate/antinode", plate.antinode, "m")
+    if plate.outline is not None:
+        write_outline(file, "plate/outline", plate.outline)
+    for name, unit in DRIVE_FIELDS.items():
+        values = [getattr(drive, name) for drive in plate.drives]
+        put_array(file, f"drive/{name}", np.array([np.nan if value is None else value for value in values]), unit)
+
+
+def read_plate(file: Any) -> PlateRecord:
+    """Read it back.
+
+    Raises:
+        InputError: its outline is damaged.
+    """
+    group = file["plate"]
+    points, numbers = group["nodal_point"][()], group["nodal_line"][()]
+    return PlateRecord(
+        length=float(group.attrs["length"]),
+        width=float(group.attrs["width"]),
+        thickness=float(group.attrs["thickness"]),
+        x=group["x"][()],
+        y=group["y"][()],
+        mode_shape=group["mode_shape"][()],
+        nodal_lines=tuple(points[numbers == i] for i in np.unique(numbers)),
+        antinode=group["antinode"][()],
+        drives=_read_drives(file["drive"]),
+        outline=read_outline(
+            group,
+            "outline",
+            (float(group.attrs["length"]), float(group.attrs["width"])),
+            Path(str(file.filename)) if hasattr(file, "filename") else Path("trajectory.h5"),
+        ),
+    )
+
+
+def _read_drives(group: Any) -> tuple[ModalDrive, ...]:
+    rows = zip(*(group[name][()].tolist() for name in DRIVE_FIELDS), strict=True)
+    drives = [dict(zip(DRIVE_FIELDS, row, strict=True)) for row in rows]
+    return tuple(
+        ModalDrive(**drive | {"damping_ratio": None if np.isnan(drive["damping_ratio"]) else drive["damping_ratio"]})
+        for drive in drives
+    )
+
+
+# The groups /parts/NAME of a trajectory file; their layout stands there.
+
+
+def write_part(file: Any, part: PartRecord) -> None:
+    """Write what is kept of a part."""
+    group = f"parts/{part.name}"
+    for name, unit in (("vertices", "m"), ("faces", "1"), ("centre", "m"), ("principal_axes", "1")):
+        put_array(file, f"{group}/{name}", getattr(part, name), unit)
+    poses = part.poses.poses
+    pose = np.repeat(np.arange(len(poses)), [len(p.down) for p in poses])
+    put_array(file, f"{group}/poses/height", np.array([p.height for p in poses], float), "m")
+    put_array(file, f"{group}/poses/chance", np.array([p.chance for p in poses], float), "1")
+    put_array(file, f"{group}/poses/yaws", np.array([p.yaws for p in poses], np.int64), "1")
+    put_array(file, f"{group}/poses/pose", pose.astype(np.int64), "1")
+    put_array(file, f"{group}/poses/down", np.concatenate([np.empty((0, 3)), *(p.down for p in poses)]), "1")
+    put_array(file, f"{group}/poses/attitude", np.concatenate([np.empty((0, 4)), *(p.attitude for p in poses)]), "1")
+
+
+def read_part(name: str, group: Any) -> PartRecord:
+    """Read it back."""
+    poses = {key: values[()] for key, values in group["poses"].items()}
+    of = [poses["pose"] == n for n in range(len(poses["height"]))]
+    table = PoseTable(
+        tuple(
+            StablePose(letter, float(height), float(chance), poses["down"][rows], poses["attitude"][rows], int(yaws))
+            for letter, height, chance, yaws, rows in zip(
+                pose_names(), poses["height"], poses["chance"], poses["yaws"], of, strict=False
+            )
+        )
+    )
+    vertices, faces, centre, axes = (group[key][()] for key in ("vertices", "faces", "centre", "principal_axes"))
+    return PartRecord(name, vertices, faces, centre, axes, table)
+
 
 MOST_SEEDS = 20  # that a notebook shows
 

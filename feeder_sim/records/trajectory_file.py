@@ -40,14 +40,11 @@ from pathlib import Path
 from typing import Any
 
 from feeder_sim.errors import Divergence, FeederSimError, InputError, SimulationDiverged, path_of_user
-from feeder_sim.hdf5_text import get_text
-from feeder_sim.hdf5_trust import check_trusted
+from feeder_sim.hdf5 import check_trusted, get_text
 from feeder_sim.records.events import ARRIVALS, IMPACTS, REMOVALS, Columns, events
+from feeder_sim.records.files import check_no_links
 from feeder_sim.records.last_states import read_failure
-from feeder_sim.records.own_files import check_no_links
-from feeder_sim.records.part_group import read_part
-from feeder_sim.records.plate_group import read_plate
-from feeder_sim.records.recording import Recording
+from feeder_sim.records.recording import Recording, read_part, read_plate
 from feeder_sim.records.seed import Counts, Seed, Status
 from feeder_sim.records.trajectory import FRAME_FIELDS, Frames
 from feeder_sim.records.unclosed_file import read_hdf5

@@ -14,10 +14,8 @@ from numpy.typing import NDArray
 
 from feeder_sim import __version__
 from feeder_sim.errors import RecordingFailed, cause_of
-from feeder_sim.hdf5_text import put_array, put_text
-from feeder_sim.records.part_group import write_part
-from feeder_sim.records.plate_group import write_plate
-from feeder_sim.records.recording import PartRecord, PlateRecord
+from feeder_sim.hdf5 import put_array, put_text
+from feeder_sim.records.recording import PartRecord, PlateRecord, write_part, write_plate
 from feeder_sim.records.seed import Counts, Seed, Status
 from feeder_sim.records.trajectory import BLOCK_FRAMES, FRAME_FIELDS
 from feeder_sim.records.trajectory_file import EVENTS, SCHEMA, SCHEMA_VERSION, read_seed, seed_name

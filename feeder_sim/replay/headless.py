@@ -23,8 +23,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from feeder_sim.errors import FeederSimError
+from feeder_sim.records.files import write_whole
 from feeder_sim.records.recording import Recording
-from feeder_sim.records.whole_file import write_whole
 from feeder_sim.replay.colours import Colour
 from feeder_sim.replay.layout import Style
 from feeder_sim.replay.plate import TIMELINE

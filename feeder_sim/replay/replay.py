@@ -12,9 +12,9 @@ from pathlib import Path
 
 from feeder_sim.errors import InputError, path_of_user
 from feeder_sim.plate.drive import modal_terms
+from feeder_sim.records.files import write_whole
 from feeder_sim.records.recording import Recording
 from feeder_sim.records.trajectory_file import read_recording
-from feeder_sim.records.whole_file import write_whole
 from feeder_sim.replay.colours import Colour, colours_of
 from feeder_sim.replay.crowd import crowd_blueprint, log_crowd
 from feeder_sim.replay.labels import log_labels, log_stage_texts, plate_box, stage_texts

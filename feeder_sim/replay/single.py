@@ -9,14 +9,13 @@ import numpy as np
 from feeder_sim.plate.nodal_lines import NodalLines
 from feeder_sim.records.recording import Recording
 from feeder_sim.records.trajectory import Frames
-from feeder_sim.replay.eye import OBLIQUE
 from feeder_sim.replay.labels import Box, plate_box
-from feeder_sim.replay.layout import Style, layout, scene_eye
+from feeder_sim.replay.layout import OBLIQUE, Style, layout, scene_eye
 from feeder_sim.replay.parts import NUT, drawn_part, radius_of
 from feeder_sim.replay.plate import MM, TIMELINE
 from feeder_sim.replay.shadows import log_shadows
 from feeder_sim.scenario import Start, parse_scenario
-from feeder_sim.scene.guide import Guide, build_guide
+from feeder_sim.scene.scene import Guide, build_guide
 
 LINE_GREY, PATH = (150, 150, 150), (30, 110, 60)
 GLASS = (110, 160, 190)

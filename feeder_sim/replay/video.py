@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from feeder_sim.errors import FeederSimError, InputError, not_written, printable
+from feeder_sim.records.files import partial_of
 from feeder_sim.records.trajectory_file import read_recording, trajectory_of
-from feeder_sim.records.whole_file import partial_of
 from feeder_sim.replay.colours import Colour
 from feeder_sim.replay.headless import camera
 from feeder_sim.replay.plate import TIMELINE

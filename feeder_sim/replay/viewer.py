@@ -10,9 +10,8 @@ import tempfile
 from pathlib import Path
 
 from feeder_sim.errors import FeederSimError, InputError
-from feeder_sim.records.own_files import check_no_links, locked
+from feeder_sim.records.files import check_no_links, locked, write_whole
 from feeder_sim.records.trajectory_file import read_recording, trajectory_of
-from feeder_sim.records.whole_file import write_whole
 from feeder_sim.replay.colours import Colour
 from feeder_sim.replay.headless import camera, viewer_program
 from feeder_sim.replay.plate import TIMELINE

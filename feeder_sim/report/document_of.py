@@ -20,8 +20,7 @@ from feeder_sim.report.search_report import search_content
 from feeder_sim.report.sweep_report import sweep_content
 from feeder_sim.report.uncertainty_report import uncertainty_content
 from feeder_sim.scenario import load_scenario
-from feeder_sim.studies.ask import open_study
-from feeder_sim.studies.kinds import KINDS, kind_of
+from feeder_sim.studies.ask import KINDS, kind_of, open_study
 from feeder_sim.studies.question import Question
 from feeder_sim.studies.study import Study, text_of
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from feeder_sim.errors import FeederSimError, InputError
-from feeder_sim.records.own_files import locked
+from feeder_sim.records.files import locked
 from feeder_sim.records.recording import Recording
 from feeder_sim.records.seed import Status
 from feeder_sim.records.trajectory_file import recording_of

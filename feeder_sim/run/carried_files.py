@@ -9,8 +9,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 
 from feeder_sim.errors import InputError, cause_of, not_written
-from feeder_sim.records.own_files import INPUTS
-from feeder_sim.records.whole_file import write_whole
+from feeder_sim.records.files import INPUTS, write_whole
 from feeder_sim.scenario import Scenario, input_files, with_files
 
 LARGEST_CARRIED = 100_000_000  # [byte]; larger files stay where they are: a run of them is not for the post

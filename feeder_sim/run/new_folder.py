@@ -11,7 +11,7 @@ from typing import Any
 
 from feeder_sim.errors import InputError, not_written, shortened
 from feeder_sim.example_files import starter_folder
-from feeder_sim.records.whole_file import write_whole
+from feeder_sim.records.files import write_whole
 from feeder_sim.run.carried_files import carried_names
 from feeder_sim.run.run_folder import RESOLVED, scenario_toml
 from feeder_sim.scenario import (
@@ -22,7 +22,6 @@ from feeder_sim.scenario import (
     parse_scenario,
     with_files,
 )
-from feeder_sim.scenario.paths import input_files
 from feeder_sim.scenario.schema import schema_text
 from feeder_sim.scenario.tables import parse, read_text
 

@@ -15,10 +15,10 @@ from feeder_sim.records.seed import Seed, Status
 from feeder_sim.records.trajectory import Frames
 from feeder_sim.run.seed_run import SeedRun, arrived
 from feeder_sim.run.simulation import generators
-from feeder_sim.scene.hopper import generator, next_parts
 from feeder_sim.scene.prepared import Prepared
 from feeder_sim.scene.refill import fill_in
 from feeder_sim.scene.scene import Scene
+from feeder_sim.scene.start import generator, next_parts
 
 
 class OpenRun(SeedRun):

@@ -19,9 +19,9 @@ from numpy.typing import NDArray
 from feeder_sim.constants import GRAVITY
 from feeder_sim.engines.lookup import engine_class
 from feeder_sim.engines.protocol import ENDED, Engine, new_interrupt
+from feeder_sim.measures.catalogue import names_of_measures
 from feeder_sim.measures.picks import robot_of
 from feeder_sim.measures.protocol import as_json
-from feeder_sim.measures.values import names_of_measures
 from feeder_sim.part.rigid_part import RigidPart
 from feeder_sim.plate.drive import ModalDrive
 from feeder_sim.replay.wave import PERIODS, PICTURES, POINTS
@@ -40,10 +40,10 @@ from feeder_sim.scene.under_parts import motion_under_parts
 
 # How long a seed of a run will take, from a trial of its engine.
 #
-# What a step costs changes with what the parts do: at first they fall and the plate rings up, later they lie together on
-# nodal lines, and in a pause they come to rest. So the trial goes through one pass of all stages, each cut to two seconds
-# at most; what is cut off counts at the cost of the second half of what was computed of it. A run without stages is
-# followed for longer while that costs next to nothing.
+# What a step costs changes with what the parts do: at first they fall and the plate rings up, later they lie together
+# on nodal lines, and in a pause they come to rest. So the trial goes through one pass of all stages, each cut to two
+# seconds at most; what is cut off counts at the cost of the second half of what was computed of it. A run without
+# stages is followed for longer while that costs next to nothing.
 
 LONGEST_STAGE_S = 2.0  # of the drives of a stage, and of a pause
 TRIAL_S, LONGEST_TRIAL_S = 2.0, 10.0  # [s] of wall time, and until a piece of it is given up

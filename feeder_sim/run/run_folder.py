@@ -16,12 +16,11 @@ import numpy as np
 from feeder_sim import __version__
 from feeder_sim.errors import InputError, RecordingFailed, not_written, shortened
 from feeder_sim.measures.picks import has_picks, picks_csv
-from feeder_sim.records.own_files import LOCK, RUN, locked
+from feeder_sim.records.files import LOCK, RUN, locked, partial_of, write_whole
 from feeder_sim.records.recording import PartRecord, PlateRecord
 from feeder_sim.records.seed import Seed, Status
 from feeder_sim.records.trajectory_file import TRAJECTORY, recording_of
 from feeder_sim.records.trajectory_writer import TrajectoryWriter
-from feeder_sim.records.whole_file import partial_of, write_whole
 from feeder_sim.replay.replay import REPLAY, build_replay, remove_replays
 from feeder_sim.run.carried_files import carry_files
 from feeder_sim.run.compilation import announced

@@ -24,11 +24,10 @@ from feeder_sim.run.recorder import Recorder
 from feeder_sim.run.watchdog import STALL_AFTER_S, Watchdog
 from feeder_sim.scenario import Pick
 from feeder_sim.scene.cell import PASSAGE_TO
-from feeder_sim.scene.hopper import generator
 from feeder_sim.scene.prepared import Prepared
 from feeder_sim.scene.refill import refill, refill_frames
 from feeder_sim.scene.scene import Scene
-from feeder_sim.scene.start import Pose
+from feeder_sim.scene.start import Pose, generator
 
 # The blocks that one seed has recorded so far, as many of them as the rest of its run needs.
 

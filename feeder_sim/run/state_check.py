@@ -10,8 +10,7 @@ from numpy.typing import NDArray
 
 from feeder_sim.borrow import borrow, borrowed
 from feeder_sim.constants import GRAVITY
-from feeder_sim.engines.outline_arrays import OutlineArrays, edge_distance, off_plate, outline_arrays
-from feeder_sim.engines.surface_arrays import SurfaceArrays
+from feeder_sim.engines.surface_arrays import OutlineArrays, SurfaceArrays, edge_distance, off_plate, outline_arrays
 from feeder_sim.machine_code import entry_point, inlined, uncounted
 from feeder_sim.plate.compiled import (
     BETA_X,
@@ -25,7 +24,7 @@ from feeder_sim.plate.compiled import (
 )
 from feeder_sim.records.trajectory import Frames
 from feeder_sim.scenario import Contact
-from feeder_sim.scene.free_modes import free_modes
+from feeder_sim.scene.driven_mode import free_modes
 from feeder_sim.scene.scene import Scene
 
 # Energy of the parts of a scene, and the largest energy that its vibrating plate can give them.
@@ -144,8 +143,9 @@ def _restitution(contact: Contact) -> float:
 # Where parts are relative to the edge of the plate: over it, clear of the edge, fallen beside it, or lost.
 #
 # The sides of the plate stop nothing. A part that tips over the edge may swing under the plate by twice its size until
-# the next frame, and go on falling below the plate. So a part that has once come down beside the plate counts as *fallen*
-# until it rises above the resting surface again. It is *lost* once it is off the plate and below the floor level.
+# the next frame, and go on falling below the plate. So a part that has once come down beside the plate counts as
+# *fallen* until it rises above the resting surface again. It is *lost* once it is off the plate and below the floor
+# level.
 
 
 class Edge(NamedTuple):

@@ -5,14 +5,17 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from feeder_sim.errors import InputError
 from feeder_sim.plate.drive import ModalTerms, modal_terms
 from feeder_sim.plate.mode_file import ModeFile, read_mode_file
 from feeder_sim.plate.mode_shapes import ModeShape, Piston, RitzShape, StandingWave, shortest_wavelength, standing_wave
 from feeder_sim.plate.modes import plate_modes
+from feeder_sim.plate.outline import Outline, checked_outline
 from feeder_sim.plate.rectangle import RectangularPlate
 from feeder_sim.plate.surface import Surface, tabulate
 from feeder_sim.scenario import (
@@ -23,11 +26,47 @@ from feeder_sim.scenario import (
     Scenario,
     StillPlate,
     Strip,
+    load_outline_file,
     resolve_material,
 )
+from feeder_sim.scenario.outline import Ring
 from feeder_sim.scenario.rules import lines_of, plate_with_outline
 from feeder_sim.scene.driven_mode import DrivenMode, driven_mode, metres, modal_drive
 from feeder_sim.scene.timetable import Timetable, timetable
+
+# Outline file -> outline of a plate, in SI units.
+
+SAGITTA = 1e-5  # [m]; how far the corners of a round hole are from the middles between them
+FEWEST, MOST = 48, 720  # corners of a round one
+
+
+def read_outline_file(path: Path) -> Outline:
+    """Read the outer edge and the holes of a plate, in the coordinates of the user.
+
+    Raises:
+        InputError: unreadable file, a key or value that is not allowed, polygons that are no plate with holes.
+    """
+    file = load_outline_file(path)
+    try:
+        return checked_outline([_corners(file.exterior), *map(_corners, file.hole)])
+    except ValueError as error:
+        raise InputError(str(error), file=path) from error
+
+
+def _corners(ring: Ring) -> NDArray[np.float64]:
+    """Corners (n, 2) [m]; those of a circle are so far out that the area is that of the circle."""
+    if ring.points_mm is not None:
+        return 1e-3 * np.array(ring.points_mm, float)
+    if ring.size_mm is not None:
+        half = 0.5e-3 * np.array(ring.size_mm)
+        return 1e-3 * np.array(ring.centre_mm) + half * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
+    radius = 0.5e-3 * (ring.diameter_mm or 0.0)
+    n = math.ceil(math.pi / math.acos(max(1.0 - SAGITTA / radius, 0.0))) if radius > SAGITTA else FEWEST
+    n = min(max(n, FEWEST), MOST)
+    angle = 2.0 * math.pi * np.arange(n) / n
+    out = radius * math.sqrt(2.0 * math.pi / n / math.sin(2.0 * math.pi / n))
+    return 1e-3 * np.array(ring.centre_mm) + out * np.column_stack([np.cos(angle), np.sin(angle)])
+
 
 SEARCH_FACTOR = 1.1  # modes of a plate given by its dimensions are computed this far beyond the highest drive
 # Largest amplitude over plate thickness: linear plate theory ends well below it.

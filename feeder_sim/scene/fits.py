@@ -12,7 +12,6 @@ from feeder_sim.errors import InputError
 from feeder_sim.part.rigid_part import RigidPart
 from feeder_sim.plate.surface import Surface
 from feeder_sim.scenario import GivenState, Heap, PartSpec, Pick, Placed, Scattered, Scenario, Start, Tube
-from feeder_sim.scene.column import check_width
 from feeder_sim.scene.gripper import read_gripper
 
 if TYPE_CHECKING:
@@ -20,6 +19,7 @@ if TYPE_CHECKING:
     from feeder_sim.scene.scene import Scene
     from feeder_sim.scene.timetable import TimedStage
 
+WIDEST_HEAP = 500  # parts side by side
 DIAMETER_ROUND_OFF = 1e-9  # relative, of a tube that is just as wide as its part
 FREE_TILT, UPRIGHT = (0.0, 3.0), (0.0, 0.0)  # [deg]; tilt at the start of a free and of a guided part by default
 
@@ -164,4 +164,18 @@ def check_in_tube(spec: PartSpec, part: RigidPart, i: int) -> None:
         raise InputError(
             f"is {spec.guide.inner_diameter_mm:g}, allowed is at least {needed:.4g}, which the part takes at its start",
             key=f"part[{i}].guide.inner_diameter_mm",
+        )
+
+
+def check_width(start: Heap, size: float, *, key: str) -> None:
+    """Refuse a heap that is absurdly wide for parts of a size [m]; `key` names its start in the message.
+
+    Raises:
+        InputError: it is.
+    """
+    widest = 2e3 * WIDEST_HEAP * size
+    if start.diameter_mm > widest:
+        raise InputError(
+            f"is {start.diameter_mm:g}, allowed is up to {WIDEST_HEAP} times the size of a part, {widest:.4g}",
+            key=f"{key}.diameter_mm",
         )

@@ -7,10 +7,8 @@ from numpy.typing import NDArray
 
 from feeder_sim.records.trajectory import Frames
 from feeder_sim.scenario import Heap, Scattered
-from feeder_sim.scene.column import column
-from feeder_sim.scene.hopper import next_parts
 from feeder_sim.scene.scene import Scene
-from feeder_sim.scene.start import Pose, Spheres, free_place, height_and_attitude
+from feeder_sim.scene.start import Pose, Spheres, column, free_place, height_and_attitude, next_parts
 
 MAX_TRIES_OF_REFILL = 20_000  # places drawn for all parts of one refill before the plate counts as full
 

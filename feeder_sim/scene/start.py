@@ -13,12 +13,64 @@ from numpy.typing import NDArray
 from feeder_sim.errors import InputError
 from feeder_sim.part.rigid_part import RigidPart
 from feeder_sim.scenario import GivenState, Heap, Placed, Scattered, Start
-from feeder_sim.scene.column import APART, column
-from feeder_sim.scene.fits import FREE_TILT, UPRIGHT
-from feeder_sim.scene.guide import Guide
-from feeder_sim.scene.hopper import next_parts
+from feeder_sim.scene.fits import FREE_TILT, UPRIGHT, check_width
 from feeder_sim.scene.overlap import check_apart, check_off_rim
-from feeder_sim.scene.scene import Scene
+from feeder_sim.scene.scene import Guide, Scene
+
+# The column that a heap is poured from: layers in hexagonal packing, one part size apart.
+
+APART = 1e-4  # [m]; smallest distance between the bounding spheres of two parts at the start
+
+
+def column(start: Heap, size: float, count: int, *, key: str) -> NDArray[np.float64]:
+    """Centres (count, 3) [m] of bounding spheres of a radius [m], the lowest layer that much above z = 0.
+
+    Raises:
+        InputError: as `check_width`.
+    """
+    check_width(start, size, key=key)
+    pitch = 2.0 * (size + APART)
+    reach = max(0.0, 0.5e-3 * start.diameter_mm - size)
+    n = math.ceil(reach / pitch) + 1
+    a, b = np.meshgrid(np.arange(-2 * n, 2 * n + 1), np.arange(-2 * n, 2 * n + 1))
+    grid = pitch * np.column_stack([(a + 0.5 * b).ravel(), (0.5 * math.sqrt(3.0) * b).ravel()])
+    layer = grid[np.hypot(*grid.T) <= reach + 1e-9]
+    index = np.arange(count)
+    height = size + pitch * (index // len(layer))
+    centres = np.column_stack([layer[index % len(layer)], height])
+    centres[:, :2] += 1e-3 * np.array(start.centre_mm)
+    return centres
+
+
+# The hopper that a plate is filled from: which parts come out of it next.
+#
+# It holds the kinds in the ratio of their counts. A scene has a fixed number of places for parts of each kind, so that
+# one may come only while one of its kind is not on the plate.
+
+
+def generator(scene: Scene, seed_index: int, cycle: int) -> np.random.Generator:
+    """Random numbers of the refill at the end of a cycle: its own, so that none before it have to be remembered."""
+    return np.random.default_rng(np.random.SeedSequence(scene.scenario.run.seed, spawn_key=(seed_index, cycle)))
+
+
+def next_parts(scene: Scene, free: NDArray[np.bool_], number: int, rng: np.random.Generator) -> NDArray[np.int64]:
+    """Indices of the parts that come next, in this order, shape (number,) or fewer.
+
+    Args:
+        scene: has the kinds.
+        free: which parts are not on the plate, shape (parts,).
+        number: that are wanted.
+        rng: draws the kind of each, in proportion to the counts of the kinds of which a part is free.
+    """
+    counts = np.bincount(scene.kind_of)
+    left = [np.flatnonzero(free & (scene.kind_of == kind)).tolist() for kind in range(len(counts))]
+    parts: list[int] = []
+    for _ in range(min(number, int(free.sum()))):
+        weight = np.where([bool(of_kind) for of_kind in left], counts, 0)
+        kind = int(rng.choice(len(counts), p=weight / weight.sum()))
+        parts.append(left[kind].pop(0))
+    return np.array(parts, np.int64)
+
 
 INTO_PLATE = 1e-6  # [m]; round-off of a state that is given in decimals
 MAX_TRIES = 20_000  # places drawn for one part before the rectangle counts as full

@@ -17,10 +17,23 @@ from feeder_sim.jobs.workers import Workers
 from feeder_sim.measures.function import identity_of_measures
 from feeder_sim.measures.protocol import Measure
 from feeder_sim.scenario import Scenario, load_scenario
-from feeder_sim.studies.kinds import KINDS, kind_of
+from feeder_sim.studies.chart.chart import ChartQuestion
 from feeder_sim.studies.question import Question
+from feeder_sim.studies.search.optimise import OptimiseQuestion
+from feeder_sim.studies.speed_map import MapQuestion
 from feeder_sim.studies.study import Study
 from feeder_sim.studies.sweep.sweep import SweepQuestion
+from feeder_sim.studies.uncertainty.uncertainty import UncertaintyQuestion
+
+# All questions of many runs, by the command that asks them, and which of them a folder holds.
+
+_ALL: tuple[type[Question], ...] = (SweepQuestion, UncertaintyQuestion, OptimiseQuestion, MapQuestion, ChartQuestion)
+KINDS = {kind.kind: kind for kind in _ALL}
+
+
+def kind_of(folder: Path) -> type[Question] | None:
+    """What a folder holds; None where it holds no question."""
+    return next((kind for kind in _ALL if (folder / kind.file).is_file()), None)
 
 
 def folder_of(

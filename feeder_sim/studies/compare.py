@@ -17,8 +17,8 @@ from typing import Any
 import numpy as np
 
 from feeder_sim.errors import InputError
+from feeder_sim.measures.catalogue import values_of_seed
 from feeder_sim.measures.statistic import Statistic, half_interval
-from feeder_sim.measures.values import values_of_seed
 from feeder_sim.notebook import counted
 from feeder_sim.records.recording import Recording
 from feeder_sim.records.seed import Status

@@ -22,8 +22,8 @@ from feeder_sim.run.run_folder import record_run
 from feeder_sim.run.simulation import Result, simulate
 from feeder_sim.scenario import Scenario
 from feeder_sim.scenario.tables import validated
-from feeder_sim.scene.hopper import generator
 from feeder_sim.scene.refill import refill, refill_frames
+from feeder_sim.scene.start import generator
 
 SPREAD = {"kind": "scattered"}
 HEAP = {"kind": "heap", "diameter_mm": 12.0, "drop_height_mm": 1.0}

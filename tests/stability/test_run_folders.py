@@ -27,10 +27,9 @@ from conftest import BALL_ON_SLIDE, REPOSITORY, StopsAfter, ball_on_slide, toml_
 from feeder_sim.engines.impulse.engine import ImpulseEngine
 from feeder_sim.errors import InputError
 from feeder_sim.plate.mode_file import ModeFile, read_mode_file, write_mode_file
-from feeder_sim.records.own_files import LOCK, locked
+from feeder_sim.records.files import LOCK, locked, write_whole
 from feeder_sim.records.seed import Status
 from feeder_sim.records.trajectory_file import read_recording
-from feeder_sim.records.whole_file import write_whole
 from feeder_sim.replay import viewer
 from feeder_sim.replay.replay import build_replay
 from feeder_sim.run import carried_files, run_folder
@@ -44,7 +43,7 @@ MODES = REPOSITORY / "models/plate_180/modes.h5"
 HOLD = """
 import sys
 from pathlib import Path
-from feeder_sim.records.own_files import locked
+from feeder_sim.records.files import locked
 with locked(Path(sys.argv[1])):
     print("held", flush=True)
     sys.stdin.read()

@@ -23,7 +23,7 @@ from command_line import feeder_sim
 from conftest import REPOSITORY
 from test_screenshot import DRIVERS
 
-from feeder_sim.cli.options import Set
+from feeder_sim.cli.files import Set
 
 PAGES = ["README.md", "CONTRIBUTING.md", *sorted(f"docs/{page.name}" for page in REPOSITORY.glob("docs/*.md"))]
 MORE_PAGES = ["CHANGELOG.md", "models/README.md", "benchmarks/peers/README.md"]  # whose links are looked at, too

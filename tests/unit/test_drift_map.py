@@ -21,8 +21,7 @@ from feeder_sim.scenario import Strip, load_scenario, resolve_material, with_run
 from feeder_sim.scene.prepared import Prepared
 from feeder_sim.studies.drift_map.drift_map import DriftMap
 from feeder_sim.studies.drift_map.files import load_map, save_map
-from feeder_sim.studies.drift_map.increments import binned
-from feeder_sim.studies.drift_map.making import made_of, strip_of
+from feeder_sim.studies.drift_map.making import binned, made_of, strip_of
 from feeder_sim.studies.drift_map.walk import Mode, velocity, walk
 from feeder_sim.studies.search.screening import screened
 from feeder_sim.studies.search.space import Space

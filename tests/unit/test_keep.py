@@ -17,7 +17,7 @@ from conftest import strip_scenario
 import feeder_sim
 from feeder_sim import AllFrames, EveryNth, ImpactsOnly, Result, StatisticsOnly
 from feeder_sim.errors import InputError
-from feeder_sim.measures.values import names_of_measures, values_of_seed
+from feeder_sim.measures.catalogue import names_of_measures, values_of_seed
 from feeder_sim.records.seed import Status
 from feeder_sim.records.trajectory import Frames
 from feeder_sim.records.trajectory_file import TRAJECTORY, read_recording

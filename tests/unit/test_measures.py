@@ -10,7 +10,7 @@ from conftest import piston_scenario, resting, strip_scenario
 
 from feeder_sim.errors import InputError
 from feeder_sim.measures.drift import drift_velocity, first_passage, transport_speed
-from feeder_sim.measures.scene_memory import once_for_scene
+from feeder_sim.measures.stage_lines import once_for_scene
 from feeder_sim.measures.statistic import Statistic
 from feeder_sim.records.trajectory import Frames
 from feeder_sim.run.simulation import simulate

@@ -15,8 +15,7 @@ import trimesh
 from conftest import NUT_ON_STRIP, REPOSITORY, refusal, toml_of
 
 from feeder_sim.engines.impulse.kinds import read_kinds
-from feeder_sim.part.crossing_facets import first_crossing
-from feeder_sim.part.mesh_file import MOST_BYTES, MOST_FACETS, closed_mesh, stored_normals_against
+from feeder_sim.part.mesh_file import MOST_BYTES, MOST_FACETS, closed_mesh, first_crossing, stored_normals_against
 from feeder_sim.part.mesh_part import mesh_part, solid
 from feeder_sim.part.pieces import make_pieces, pieces_beside, read_pieces, write_pieces
 from feeder_sim.run.prepare import prepare

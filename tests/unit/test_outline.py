@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from own_modes import circle, flat_plate, on_plate
 
 import feeder_sim as package
-from feeder_sim.engines.outline_arrays import ON_EDGE, edge_distance, off_plate, outline_arrays
+from feeder_sim.engines.surface_arrays import ON_EDGE, edge_distance, off_plate, outline_arrays
 from feeder_sim.machine_code import entry_point
 from feeder_sim.plate.mode_file import read_mode_file
 from feeder_sim.plate.nodal_lines import antinode_near, nodal_lines

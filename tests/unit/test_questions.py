@@ -22,8 +22,7 @@ from swept import over
 
 import feeder_sim
 from feeder_sim.errors import InputError
-from feeder_sim.jobs.ledger import Journal, read_journal
-from feeder_sim.jobs.ledger import Ledger
+from feeder_sim.jobs.ledger import Journal, Ledger, read_journal
 from feeder_sim.notebook import MOST_ROWS, table
 from feeder_sim.run.provenance import identity_of
 from feeder_sim.scenario import Scenario, load_scenario

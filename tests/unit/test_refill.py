@@ -13,10 +13,9 @@ from scipy.spatial.distance import cdist, pdist
 
 from feeder_sim.records.trajectory import Frames
 from feeder_sim.scenario import Ball, Heap, HexNut, Placed, Scattered, Scenario, load_scenario, parse_scenario
-from feeder_sim.scene.hopper import generator, next_parts
 from feeder_sim.scene.refill import refill, refill_frames, wanted
 from feeder_sim.scene.scene import Scene, build_scene
-from feeder_sim.scene.start import start_poses
+from feeder_sim.scene.start import generator, next_parts, start_poses
 
 HEAP = Heap(kind="heap", diameter_mm=20.0)
 POUR: dict[str, Any] = {"start": {"kind": "heap", "diameter_mm": 20.0}}

@@ -16,9 +16,8 @@ from feeder_sim.plate.drive import ModalDrive
 from feeder_sim.records.recording import PlateRecord, Recording
 from feeder_sim.records.trajectory_file import TRAJECTORY, read_recording
 from feeder_sim.replay.colours import colours_of, default_colour, kind_names
-from feeder_sim.replay.eye import framing
 from feeder_sim.replay.labels import Box, bar_length, legend_places, stage_texts
-from feeder_sim.replay.layout import scene_aspect, scene_eye
+from feeder_sim.replay.layout import framing, scene_aspect, scene_eye
 from feeder_sim.replay.replay import build_replay
 from feeder_sim.replay.shadows import LIGHT, log_shadows
 from feeder_sim.replay.single import single_box

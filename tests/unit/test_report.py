@@ -19,7 +19,7 @@ from feeder_sim.document.words import number, split_unit, with_error
 from feeder_sim.errors import Divergence, FeederSimError, SimulationDiverged
 from feeder_sim.measures.statistic import Statistic, half_interval
 from feeder_sim.plots.run_curves import draw_over_time
-from feeder_sim.records.own_files import locked
+from feeder_sim.records.files import locked
 from feeder_sim.records.trajectory import Frames
 from feeder_sim.report import run_pictures
 from feeder_sim.report.document_of import document_of

@@ -18,8 +18,7 @@ from feeder_sim.engines.impulse.kinds import read_kinds
 from feeder_sim.engines.impulse.lone.edge_piece import BESIDE, EDGE_POINT, UPRIGHT
 from feeder_sim.engines.impulse.lone.edge_points import edge_points
 from feeder_sim.engines.impulse.state import Kinds, new_parts
-from feeder_sim.engines.outline_arrays import outline_arrays
-from feeder_sim.engines.surface_arrays import SurfaceArrays
+from feeder_sim.engines.surface_arrays import SurfaceArrays, outline_arrays
 from feeder_sim.part.rigid_part import CORNER_RADIUS
 from feeder_sim.plate.outline import checked_outline
 from feeder_sim.scenario import Scenario

@@ -10,9 +10,9 @@ from conftest import strip_scenario
 
 from feeder_sim.scenario import Scenario, Uncertain
 from feeder_sim.scenario.changes import labels
-from feeder_sim.studies.uncertainty.draws import Draw, draws_of
 from feeder_sim.studies.uncertainty.indices import saltelli_draws
 from feeder_sim.studies.uncertainty.linear_shares import LinearShares, linear_shares
+from feeder_sim.studies.uncertainty.spread import Draw, draws_of
 
 AMPLITUDE, FRICTION, MATERIAL = "drive[0].amplitude_um", "contact.friction", "part[0].material"
 INPUTS: dict[str, Any] = {

@@ -20,7 +20,7 @@ from feeder_sim.engines.impulse.reaction.yielding_impact import Modes
 from feeder_sim.engines.reaction import reaction_at
 from feeder_sim.records.seed import Status
 from feeder_sim.scenario import HexNut, Scenario
-from feeder_sim.scene.free_modes import free_modes
+from feeder_sim.scene.driven_mode import free_modes
 from feeder_sim.scene.part import build_part
 from feeder_sim.scene.scene import build_scene
 

@@ -18,7 +18,7 @@ from feeder_sim.plate.mode_shapes import RitzShape
 from feeder_sim.records.seed import Status
 from feeder_sim.run.run_folder import record_run, resume_run
 from feeder_sim.scenario import Scenario, with_run
-from feeder_sim.scene.free_modes import free_modes
+from feeder_sim.scene.driven_mode import free_modes
 from feeder_sim.scene.scene import build_scene
 
 CROWD = on_plate(

@@ -7,8 +7,8 @@ import pytest
 from conftest import strip_scenario
 
 from feeder_sim.scenario import Uncertain
-from feeder_sim.studies.uncertainty.draws import draws_of
 from feeder_sim.studies.uncertainty.indices import saltelli_draws, sobol_indices
+from feeder_sim.studies.uncertainty.spread import draws_of
 
 KEYS = ("drive[0].amplitude_um", "contact.friction", "contact.part_friction")
 SCATTER = 1.0  # standard deviation of seeds

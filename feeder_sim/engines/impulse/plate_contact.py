@@ -37,7 +37,7 @@ from feeder_sim.engines.impulse.state import (
 )
 from feeder_sim.engines.impulse.tube_contact import approach_wall, gather_wall, leap_to_wall, meeting_time
 from feeder_sim.engines.impulse.vectors import dot
-from feeder_sim.engines.outline_arrays import ON_EDGE, off_plate
+from feeder_sim.engines.surface_arrays import ON_EDGE, off_plate
 from feeder_sim.machine_code import compiled, inlined
 from feeder_sim.plate.compiled import (
     BETA_X,

@@ -15,7 +15,7 @@ from numba.extending import overload
 from feeder_sim.engines.impulse.circle_crossings import cross_circles
 from feeder_sim.engines.impulse.circles import is_round, lay_out
 from feeder_sim.engines.impulse.state import GAP, arm_of, point, top_speed
-from feeder_sim.engines.outline_arrays import edge_distance
+from feeder_sim.engines.surface_arrays import edge_distance
 from feeder_sim.machine_code import compiled
 
 MOST_CROSSINGS = 2  # of an edge of the hull with the outline that have room in the scratch space

@@ -13,7 +13,7 @@ import math
 from feeder_sim.engines.impulse.circles import QUARTERS, count_of, is_round
 from feeder_sim.engines.impulse.plate_edge import points_on_edge
 from feeder_sim.engines.impulse.state import ASLEEP, AWAKE, GAP, point, top_speed
-from feeder_sim.engines.outline_arrays import off_plate
+from feeder_sim.engines.surface_arrays import off_plate
 from feeder_sim.machine_code import compiled
 
 SLOW = 5e-3  # [m/s]; a hop of a micrometre

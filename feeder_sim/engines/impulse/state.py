@@ -16,7 +16,7 @@ from feeder_sim.engines.impulse.vectors import dot, times, vector
 from feeder_sim.engines.surface_arrays import SurfaceArrays
 from feeder_sim.machine_code import compiled, inlined
 from feeder_sim.plate.zener import TABLE_POINTS
-from feeder_sim.scene.guide import Guide
+from feeder_sim.scene.scene import Guide
 
 GAP, RATE, SURFACE_RATE, SURFACE_ACCELERATION, WALL_GAP, WALL_RATE = range(6)  # columns of Scratch.corner
 ARM, NORMAL, VELOCITY, BEFORE, IMPULSE = range(5)  # of Scratch.contact

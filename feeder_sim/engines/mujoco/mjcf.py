@@ -34,8 +34,7 @@ from feeder_sim.engines.mujoco.contact import (
 from feeder_sim.engines.mujoco.walls import add_rim, add_tube, leaning
 from feeder_sim.part.rigid_part import CORNER_RADIUS, LEVEL, RigidPart
 from feeder_sim.plate.surface import Surface
-from feeder_sim.scene.guide import Guide
-from feeder_sim.scene.scene import Scene
+from feeder_sim.scene.scene import Guide, Scene
 
 PATCH_MASS_RATIO = 1e6  # patch over part: the part moves its patch by a millionth of its own motion
 # MuJoCo stops its solver by a cost scaled with the trace of the inertia matrix, which the heavy patches inflate.

@@ -10,8 +10,7 @@ import numpy as np
 from feeder_sim.engines.mujoco.contact import contact_parameters, hull_name
 from feeder_sim.part.rigid_part import RigidPart
 from feeder_sim.scenario import Contact
-from feeder_sim.scene.guide import Guide
-from feeder_sim.scene.scene import Scene
+from feeder_sim.scene.scene import Guide, Scene
 
 TUBE_PLANES = 32  # around a tube: its radius is right to half a percent
 TUBE_HEIGHT = 0.02  # [m]; drawn to twice that, in contact everywhere

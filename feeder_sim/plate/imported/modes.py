@@ -16,15 +16,136 @@ from numpy.typing import NDArray
 
 from feeder_sim.errors import InputError
 from feeder_sim.plate.imported.measured_shapes import LARGEST_COORDINATE, MeasuredShapes
-from feeder_sim.plate.imported.outline_of_points import distinct, outline_of_points
-from feeder_sim.plate.imported.resemblance import Resemblance, resemblances
 from feeder_sim.plate.imported.scattered_fit import Fit, fit_scattered, slopes
 from feeder_sim.plate.materials import Material
 from feeder_sim.plate.mode_file import ModeFile, Origin, Resonance
 from feeder_sim.plate.mode_shapes import standing_wave
-from feeder_sim.plate.modes import TERMS_PER_AXIS, PlateModes
-from feeder_sim.plate.outline import Outline
+from feeder_sim.plate.modes import TERMS_PER_AXIS, PlateModes, plate_modes
+from feeder_sim.plate.outline import Outline, checked_outline, rectangular
 from feeder_sim.plate.rectangle import RectangularPlate
+
+# The outline of a plate, from nothing but the points that a measurement or a mesh has on it.
+
+NEIGHBOURS = 4
+COMMON = 95.0  # percentile of the distances to these neighbours
+LONGEST_EDGE = 2.0  # times that distance; where points are farther apart there is no plate
+LEAST_HOLE = 0.75  # of that length; the radius of a hole. Smaller ones are gaps between scattered points
+SAME_PLACE = 1e-6  # of the size of the plate
+
+
+def distinct(points: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Points (n, 2) without those at the same place, as the nodes of a solid above each other are."""
+    grain = SAME_PLACE * float(np.ptp(points, axis=0).max()) or 1.0
+    _, first = np.unique(np.round(points / grain).astype(np.int64), axis=0, return_index=True)
+    return points[np.sort(first)]
+
+
+def outline_of_points(points: NDArray[np.float64]) -> tuple[Outline, float]:
+    """The concave hull of points (n, 2) [m] that are all distinct, with holes where they leave room for more.
+
+    An outline that is its bounding box within the distance of neighbours becomes that box.
+
+    Returns:
+        the outline; how wide the widest gap between points is that is taken for plate, though it may be a hole [m].
+
+    Raises:
+        ValueError: the points are too few, or on a line.
+    """
+    import shapely
+    from scipy.spatial import Delaunay, QhullError, cKDTree
+
+    try:
+        corners = Delaunay(points).simplices
+    except (QhullError, ValueError) as error:
+        raise ValueError(f"has {len(points)} places, allowed are at least 3 that are not on a line") from error
+    sides = np.concatenate([corners[:, [0, 1]], corners[:, [1, 2]], corners[:, [2, 0]]])
+    lengths = np.linalg.norm(points[sides[:, 0]] - points[sides[:, 1]], axis=1)
+    near = cKDTree(points).query(points, k=min(NEIGHBOURS + 1, len(points)))[0][:, -1]
+    limit = LONGEST_EDGE * float(np.percentile(near, COMMON))
+    ratio = (limit - lengths.min()) / max(float(np.ptp(lengths)), 1e-300)
+    hull = shapely.concave_hull(shapely.MultiPoint(points), ratio=float(np.clip(ratio, 0.0, 1.0)), allow_holes=True)
+    if hull.geom_type != "Polygon":
+        raise ValueError(f"has {len(points)} places, allowed are at least 3 that are not on a line")
+    areas = [shapely.Polygon(hole).area for hole in hull.interiors]
+    least = np.pi * (LEAST_HOLE * limit) ** 2
+    holes = [hole for hole, area in zip(hull.interiors, areas, strict=True) if area > least]
+    widest = max((area for area in areas if area <= least), default=0.0)
+    found = checked_outline([shapely.get_coordinates(ring) for ring in (hull.exterior, *holes)])
+    return as_box(found) if rectangular(found, 0.5 * limit) else found, 2.0 * math.sqrt(widest / np.pi)
+
+
+def as_box(outline: Outline) -> Outline:
+    """The bounding box of an outline."""
+    (left, low), (right, high) = outline.exterior.min(axis=0), outline.exterior.max(axis=0)
+    return Outline(np.array([[left, low], [right, low], [right, high], [left, high]]))
+
+
+# Which mode of the plain rectangle a given mode is most alike, by the modal assurance criterion.
+#
+#     MAC = (a . b)^2 / (a . a)(b . b)
+#
+# (Allemang and Brown, Proc. 1st IMAC (1982) 110.) Degenerate modes come in any mixture, so that for those within
+# `SAME_FREQUENCY` of each other it is the share of a in the space that they span.
+
+SAME_FREQUENCY = 1e-3  # relative
+FARTHER = (
+    1.6,
+    1.2,
+    1.0,
+    0.7,
+    0.4,
+)  # of the highest frequency; how far the rectangle's modes are computed, if they can be
+
+
+@dataclass(frozen=True)
+class Resemblance:
+    """The likeness of a mode to one of the plain rectangle of the same bounding box.
+
+    Attributes:
+        mac: 1 for the same shape, 0 for nothing in common.
+        modes: 0-based index of the rectangle's mode; of all that are degenerate with it.
+        frequency: of that mode [Hz].
+    """
+
+    mac: float
+    modes: tuple[int, ...]
+    frequency: float
+
+
+def resemblances(
+    plate: RectangularPlate, frequency: NDArray[np.float64], points: NDArray[np.float64], values: NDArray[np.float64]
+) -> list[Resemblance | None]:
+    """For modes with values (modes, n) at points (n, 2) [m] of a plate; None where the rectangle has no modes there."""
+    modes = _of_rectangle(plate, float(frequency.max()))
+    if modes is None:
+        return [None] * len(values)
+    groups: list[list[int]] = []
+    for i, f in enumerate(modes.natural_frequency.tolist()):
+        if groups and f < (1.0 + SAME_FREQUENCY) * modes.natural_frequency[groups[-1][-1]]:
+            groups[-1].append(i)
+        else:
+            groups.append([i])
+    best: list[Resemblance | None] = [None] * len(values)
+    for group in groups:
+        span = np.linalg.qr(np.stack([modes.evaluate(i, *points.T)[0] for i in group], axis=1))[0]
+        for k, value in enumerate(values):
+            mac = float(((span.T @ value) ** 2).sum() / (value**2).sum())
+            held = best[k]
+            if held is None or mac > held.mac:
+                best[k] = Resemblance(mac, tuple(group), float(modes.natural_frequency[group[0]]))
+    return best
+
+
+def _of_rectangle(plate: RectangularPlate, highest: float) -> PlateModes | None:
+    for factor in FARTHER:
+        try:
+            modes = plate_modes(plate, highest_frequency=factor * highest)
+        except ValueError:  # not resolved so far
+            continue
+        if len(modes):
+            return modes
+    return None
+
 
 LEAST_DEFLECTION = 1e-100  # in the unit of the file; its square would be none
 MISSED = 0.9  # residual over the deflection, from which on the points contradict each other

@@ -15,7 +15,7 @@ import numpy as np
 from feeder_sim.errors import InputError, cause_of
 from feeder_sim.plate.materials import Material
 from feeder_sim.plate.rectangle import RectangularPlate
-from feeder_sim.records.whole_file import write_whole
+from feeder_sim.records.files import write_whole
 from feeder_sim.scenario import Scenario, resolve_material
 from feeder_sim.studies.drift_map.drift_map import DriftMap, Made
 from feeder_sim.studies.drift_map.making import made_of, strip_of

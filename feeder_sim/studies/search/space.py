@@ -12,8 +12,7 @@ from typing import TYPE_CHECKING, Any
 from feeder_sim.errors import InputError
 from feeder_sim.scenario import Scenario
 from feeder_sim.scenario.changes import value_at
-from feeder_sim.studies.sweep.design import Axis, Point, Range, read_axis
-from feeder_sim.studies.sweep.modes import MODE, mode_frequencies, with_frequencies
+from feeder_sim.studies.sweep.design import MODE, Axis, Point, Range, mode_frequencies, read_axis, with_frequencies
 
 if TYPE_CHECKING:
     from optuna.trial import BaseTrial

@@ -23,10 +23,9 @@ from feeder_sim.scenario import Scenario
 from feeder_sim.scenario.changes import labels
 from feeder_sim.studies.study import Study
 from feeder_sim.studies.sweep.case import Case, Effort
-from feeder_sim.studies.sweep.design import Point, overlap
-from feeder_sim.studies.sweep.modes import with_frequencies
+from feeder_sim.studies.sweep.design import Point, overlap, with_frequencies
 from feeder_sim.studies.sweep.table import Row, rows_of
-from feeder_sim.studies.uncertainty.draws import Draw
+from feeder_sim.studies.uncertainty.spread import Draw
 
 
 @dataclass(frozen=True)

@@ -46,8 +46,7 @@ from feeder_sim.studies.sweep.table import (
     main_measure,
     means_of_some,
 )
-from feeder_sim.studies.uncertainty.draws import draws_of
-from feeder_sim.studies.uncertainty.spread import Spread
+from feeder_sim.studies.uncertainty.spread import Spread, draws_of
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from feeder_sim.errors import MissingExtra
 from feeder_sim.scenario import Scenario
-from feeder_sim.studies.uncertainty.draws import Draw, draw_at
+from feeder_sim.studies.uncertainty.spread import Draw, draw_at
 
 RESAMPLES = 200  # of the bootstrap that SALib makes the intervals with
 

@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from feeder_sim.scenario import Scenario, Uncertain
 from feeder_sim.scenario.changes import labels
-from feeder_sim.studies.uncertainty.draws import Draw
+from feeder_sim.studies.uncertainty.spread import Draw
 
 RESAMPLES = 400  # of the bootstrap: the ends of a 95 % interval lie between its 10th and 11th values
 ENDS = (0.025, 0.975)  # of the intervals

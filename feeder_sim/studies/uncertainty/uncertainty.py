@@ -41,10 +41,9 @@ from feeder_sim.studies.study import Line, Record, Study, TableFile, csv_bytes, 
 from feeder_sim.studies.sweep.case import Case, Effort
 from feeder_sim.studies.sweep.cases import Cases, CasesPlan
 from feeder_sim.studies.sweep.table import main_measure
-from feeder_sim.studies.uncertainty.draws import Draw, draws_of
 from feeder_sim.studies.uncertainty.indices import Index, saltelli_draws, sobol_indices
 from feeder_sim.studies.uncertainty.linear_shares import LinearShares, linear_shares
-from feeder_sim.studies.uncertainty.spread import Spread, spread_of
+from feeder_sim.studies.uncertainty.spread import Draw, Spread, draws_of, spread_of
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -24,7 +24,7 @@ from feeder_sim.engines.impulse.lone.edge_piece import (
     turned_back,
 )
 from feeder_sim.engines.impulse.vectors import dot, plus
-from feeder_sim.engines.outline_arrays import ON_EDGE
+from feeder_sim.engines.surface_arrays import ON_EDGE
 from feeder_sim.machine_code import compiled
 
 STEPS, SETTLED = 8, 1e-10  # Newton's method on a circle [rad]

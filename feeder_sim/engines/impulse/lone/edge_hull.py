@@ -26,7 +26,7 @@ from feeder_sim.engines.impulse.lone.edge_piece import (
 )
 from feeder_sim.engines.impulse.state import arm_of
 from feeder_sim.engines.impulse.vectors import cross, difference, dot, plus
-from feeder_sim.engines.outline_arrays import ON_EDGE
+from feeder_sim.engines.surface_arrays import ON_EDGE
 from feeder_sim.machine_code import compiled, inlined
 
 LEAST_ACROSS = 0.02  # sine of the angle between two lines, at least: nearly parallel ones have a normal that leaps

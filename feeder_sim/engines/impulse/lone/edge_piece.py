@@ -11,7 +11,7 @@ import math
 import numpy as np
 
 from feeder_sim.engines.impulse.vectors import dot, write_to
-from feeder_sim.engines.outline_arrays import ON_EDGE
+from feeder_sim.engines.surface_arrays import ON_EDGE
 from feeder_sim.machine_code import compiled, inlined
 
 # arm: from the centre of mass to the point of the part [m]; normal: from the plate to the part; foot: x and y of the

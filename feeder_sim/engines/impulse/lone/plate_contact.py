@@ -18,7 +18,7 @@ from feeder_sim.engines.impulse.lone.leap import NEVER, fall_on, first_leaps, fo
 from feeder_sim.engines.impulse.lone.plate_points import CLOSE, REACH, look, look_at_edge
 from feeder_sim.engines.impulse.lone.state import AT, FREE, GAP, KNOWN, LATE, SPENT
 from feeder_sim.engines.impulse.state import ASLEEP, top_speed
-from feeder_sim.engines.outline_arrays import edge_distance
+from feeder_sim.engines.surface_arrays import edge_distance
 from feeder_sim.machine_code import inlined, uncounted
 
 ENTERED = 1.0  # tolerances that a point may come into the plate in a leap; pressed ones are moved by CARRIED

@@ -44,7 +44,7 @@ from feeder_sim.engines.impulse.lone.state import (
 )
 from feeder_sim.engines.impulse.state import arm_of, inverse_inertia, spin_of, turning_acceleration
 from feeder_sim.engines.impulse.vectors import add_to, cross, difference, dot, plus, times, vector, write_to
-from feeder_sim.engines.outline_arrays import ON_EDGE, off_plate
+from feeder_sim.engines.surface_arrays import ON_EDGE, off_plate
 from feeder_sim.machine_code import inlined
 
 CLOSE = 1e-6  # [m]

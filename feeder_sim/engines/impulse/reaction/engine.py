@@ -18,7 +18,7 @@ from feeder_sim.engines.impulse.reaction.yielding_impact import Modes
 from feeder_sim.engines.impulse.state import Bounds, Plate
 from feeder_sim.engines.reaction import reaction_of, set_reaction, with_reaction
 from feeder_sim.engines.surface_arrays import SurfaceArrays, surface_arrays
-from feeder_sim.scene.free_modes import free_modes
+from feeder_sim.scene.driven_mode import free_modes
 from feeder_sim.scene.scene import Scene
 
 WINDOW_OF_ONE = 5e-2  # [s], of a single part, which meets nobody; its impacts make the bounds anew often enough
