@@ -20,7 +20,7 @@ import typer
 
 from feeder_sim.constants import GRAVITY
 from feeder_sim.measures.bounces import expected_interval, flights, impact_tolerance, settling_time
-from feeder_sim.records.events import Events
+from feeder_sim.records.seed import Events
 from feeder_sim.run.simulation import Result, simulate
 from feeder_sim.scenario import Scenario, load_scenario, with_run
 

@@ -23,10 +23,10 @@ __version__ = "0.1.0"
 
 if TYPE_CHECKING:
     from feeder_sim import scenario as scenario
+    from feeder_sim.api.calls import compare as compare
     from feeder_sim.api.calls import measure_drift as measure_drift
     from feeder_sim.api.calls import record_run as record_run
     from feeder_sim.api.calls import simulate as simulate
-    from feeder_sim.api.compare import compare as compare
     from feeder_sim.api.opened import open as open
     from feeder_sim.api.result import Result as Result
     from feeder_sim.api.studies import chart as chart

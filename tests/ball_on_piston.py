@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from small_noise_slide import Heights, mean_height
 
-from feeder_sim.engines.lookup import engine_class
+from feeder_sim.engines.protocol import engine_class
 from feeder_sim.run.simulation import generators
 from feeder_sim.scenario import Ball, Contact, Drive, PistonPlate, Run, Scenario, Start
 from feeder_sim.scenario.engine_choice import choose_engine

@@ -10,8 +10,7 @@ import pytest
 from conftest import strip_scenario
 
 from feeder_sim.errors import Divergence, SimulationDiverged
-from feeder_sim.records.last_states import LastStates
-from feeder_sim.records.seed import Seed
+from feeder_sim.records.seed import LastStates, Seed
 from feeder_sim.records.trajectory import Frames
 from feeder_sim.run.guard import Guard
 from feeder_sim.run.one_seed import run_one_seed

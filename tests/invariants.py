@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from feeder_sim.constants import GRAVITY
-from feeder_sim.engines.lookup import engine_class
+from feeder_sim.engines.protocol import engine_class
 from feeder_sim.records.trajectory import Frames
 from feeder_sim.run.simulation import generators
 from feeder_sim.scenario import Contact, Scenario

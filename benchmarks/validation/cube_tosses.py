@@ -33,7 +33,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from feeder_sim.document.figure import MM, empty_figure
-from feeder_sim.engines.lookup import engine_class
+from feeder_sim.engines.protocol import engine_class
 from feeder_sim.errors import FeederSimError, InputError
 from feeder_sim.run.prepare import prepare
 from feeder_sim.scenario import Box, Contact, GivenState, Run, Scenario, StillPlate

@@ -32,7 +32,7 @@ from numpy.typing import NDArray
 from single_impacts import after_impacts
 
 from feeder_sim.document.figure import empty_figure
-from feeder_sim.engines.lookup import engine_class
+from feeder_sim.engines.protocol import engine_class
 from feeder_sim.scenario import Ball, Contact, Drive, PistonPlate, Run, Scenario, Start
 from feeder_sim.scenario.engine_choice import choose_engine
 from feeder_sim.scene.scene import build_scene

@@ -21,7 +21,7 @@ from feeder_sim.studies.search.optimise import OptimiseQuestion, Search
 from feeder_sim.studies.search.proposals import Sampler
 from feeder_sim.studies.speed_map import MapQuestion, SpeedMap
 from feeder_sim.studies.study import Study
-from feeder_sim.studies.sweep.case import MOST_SEEDS
+from feeder_sim.studies.sweep.cases import MOST_SEEDS
 from feeder_sim.studies.sweep.sweep import Sweep, SweepQuestion, axis_texts
 from feeder_sim.studies.uncertainty.uncertainty import Uncertainty, UncertaintyQuestion
 

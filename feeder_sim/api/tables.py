@@ -9,9 +9,9 @@ import numpy as np
 
 from feeder_sim.errors import InputError, Unknown
 from feeder_sim.measures.catalogue import values_of_seed
-from feeder_sim.measures.picks import has_picks, picks_csv
+from feeder_sim.measures.picking import has_picks, picks_csv
 from feeder_sim.notebook import library
-from feeder_sim.records.events import Cause
+from feeder_sim.records.seed import Cause
 from feeder_sim.records.trajectory import FRAME_FIELDS, SAME_TIME
 
 if TYPE_CHECKING:

@@ -76,7 +76,7 @@ def import_modes_command(
 
         write_mode_file(out, held)
     if picture is not None:
-        from feeder_sim.plots.imported import draw_imported
+        from feeder_sim.plots.pictures import draw_imported
 
         draw_imported(imported, picture)
     _print(imported, as_json)

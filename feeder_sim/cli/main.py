@@ -301,7 +301,7 @@ def vibrometer(
     as_json: AsJson = False,
 ) -> None:
     """Draw the velocity of a guided part over time, as a laser vibrometer records it, and its bounce intervals."""
-    from feeder_sim.measures.velocity_record import velocity_record
+    from feeder_sim.measures.bounces import velocity_record
     from feeder_sim.plots.pictures import draw_velocity
     from feeder_sim.records.trajectory_file import recording_of
 

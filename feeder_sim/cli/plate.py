@@ -49,7 +49,7 @@ def modes(
 
         draw_mode(mode_file.modes, mode - 1, new_picture(picture))
     if gallery is not None:
-        from feeder_sim.plots.response import draw_gallery
+        from feeder_sim.plots.pictures import draw_gallery
 
         draw_gallery(mode_file, new_picture(gallery))
     if near is not None and volts is None:

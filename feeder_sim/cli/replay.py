@@ -43,9 +43,8 @@ def replay(
     as_json: AsJson = False,
 ) -> None:
     """Open a recorded run in the rerun viewer, take a picture of it or make a film."""
-    from feeder_sim.replay.plate import TIMELINE
+    from feeder_sim.replay.plate import SLOW, TIMELINE
     from feeder_sim.replay.viewer import FORMATS, SIZE, open_viewer, replay_file, take_screenshot, time_shown
-    from feeder_sim.replay.wave import SLOW
 
     if screenshot is not None and video is not None:
         raise InputError("is not allowed together with --screenshot", key="--video")

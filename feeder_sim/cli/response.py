@@ -69,7 +69,7 @@ def response(
     if data is not None:
         write_response(found, [a.name for a in held.actuators], data)
     if picture is not None:
-        from feeder_sim.plots.response import draw_response
+        from feeder_sim.plots.pictures import draw_response
 
         draw_response(found, picture, title=f"Driven by {', '.join(names)} at {volts:g} V peak to peak", point=point)
     print_response(found, held, forces, names, volts, as_json)

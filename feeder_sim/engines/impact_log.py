@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from feeder_sim.machine_code import compiled
-from feeder_sim.records.events import Events, impacts_of
+from feeder_sim.records.seed import Events, impacts_of
 
 
 class ImpactLog(NamedTuple):

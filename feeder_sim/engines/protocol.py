@@ -2,18 +2,44 @@
 
 from __future__ import annotations
 
+import importlib
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Protocol, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
+from feeder_sim import extensions
+from feeder_sim.scenario.engine_choice import Choice
+
 if TYPE_CHECKING:
-    from feeder_sim.records.events import Events
-    from feeder_sim.records.seed import Counts
+    from feeder_sim.records.seed import Counts, Events
     from feeder_sim.records.trajectory import Frames
     from feeder_sim.scene.scene import Scene
     from feeder_sim.scene.start import Pose
+
+
+# The engine of a scenario, imported only when it is needed.
+
+CLASSES = {
+    "impulse": "impulse.engine:ImpulseEngine",
+    "exact": "impulse.lone.engine:LoneEngine",
+    "reaction": "impulse.reaction.engine:ReactingEngine",
+    "slide": "slide.engine:SlideEngine",
+    "mujoco": "mujoco.engine:MujocoEngine",
+}
+
+
+def engine_class(choice: Choice) -> type[Engine]:
+    """The class behind an engine choice.
+
+    Raises:
+        InputError: it is of another package, and cannot be imported.
+    """
+    if choice.method not in CLASSES:
+        return cast("type[Engine]", extensions.find("engines", choice.name))
+    module, _, name = CLASSES[choice.method].partition(":")
+    return cast("type[Engine]", getattr(importlib.import_module(f"feeder_sim.engines.{module}"), name))
 
 
 ENDED, WHOLE = range(2)  # of an interrupt

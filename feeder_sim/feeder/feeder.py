@@ -25,8 +25,7 @@ from feeder_sim.feeder.poses import Poses, poses_of
 from feeder_sim.measures.picking import pickable
 from feeder_sim.measures.protocol import labelled
 from feeder_sim.notebook import block, counted, line
-from feeder_sim.records.events import Cause, parts_removed
-from feeder_sim.records.seed import Status
+from feeder_sim.records.seed import Cause, Status, parts_removed
 from feeder_sim.run.compilation import compile_engine
 from feeder_sim.run.open_run import OpenRun
 from feeder_sim.run.run_folder import check_free, record_ended

@@ -12,8 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from feeder_sim.measures.found import Found
-from feeder_sim.measures.protocol import Measure, labelled
+from feeder_sim.measures.protocol import Found, Measure, labelled
 from feeder_sim.measures.stage_lines import once_for_scene
 from feeder_sim.measures.statistic import Statistic
 from feeder_sim.plate.wave import Track, Wave, crest_track, still_points

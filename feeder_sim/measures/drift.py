@@ -15,8 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from feeder_sim.measures.found import Found
-from feeder_sim.measures.protocol import Measure, labelled
+from feeder_sim.measures.protocol import Found, Measure, labelled
 from feeder_sim.measures.statistic import Statistic
 from feeder_sim.records.seed import Seed
 from feeder_sim.records.trajectory import Frames

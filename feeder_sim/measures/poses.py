@@ -8,12 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from feeder_sim.measures.found import Found
-from feeder_sim.measures.protocol import Measure, labelled
+from feeder_sim.measures.protocol import Found, Measure, labelled
 from feeder_sim.measures.statistic import Statistic
 from feeder_sim.part.stable_poses import NONE
-from feeder_sim.records.events import Cause, parts_arrived
-from feeder_sim.records.seed import Seed, Status
+from feeder_sim.records.seed import Cause, Seed, Status, parts_arrived
 from feeder_sim.scene.prepared import Prepared
 from feeder_sim.scene.scene import Scene
 

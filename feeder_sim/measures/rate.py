@@ -13,9 +13,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from feeder_sim.measures.found import Found
-from feeder_sim.measures.picks import IN_NO_POSE, Picks, pick_stages, picks_by_hand, picks_of, robot_of
-from feeder_sim.measures.protocol import Measure, labelled
+from feeder_sim.measures.picking import IN_NO_POSE, Picks, pick_stages, picks_by_hand, picks_of, robot_of
+from feeder_sim.measures.protocol import Found, Measure, labelled
 from feeder_sim.measures.statistic import Statistic
 from feeder_sim.records.seed import Seed, Status
 from feeder_sim.scene.prepared import Prepared

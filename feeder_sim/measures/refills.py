@@ -7,12 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from feeder_sim.measures.found import Found
-from feeder_sim.measures.picks import picks_by_hand
-from feeder_sim.measures.protocol import Measure, labelled
+from feeder_sim.measures.picking import picks_by_hand
+from feeder_sim.measures.protocol import Found, Measure, labelled
 from feeder_sim.measures.statistic import Statistic
-from feeder_sim.records.events import Cause, parts_removed
-from feeder_sim.records.seed import Seed
+from feeder_sim.records.seed import Cause, Seed, parts_removed
 from feeder_sim.scene.prepared import Prepared
 from feeder_sim.scene.refill import refill_frames, wanted
 from feeder_sim.scene.scene import Scene

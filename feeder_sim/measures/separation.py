@@ -13,13 +13,11 @@ from dataclasses import dataclass, fields
 import numpy as np
 from numpy.typing import NDArray
 
-from feeder_sim.measures.found import Found
 from feeder_sim.measures.picking import nearest_neighbours
-from feeder_sim.measures.protocol import Measure, labelled
+from feeder_sim.measures.protocol import Found, Measure, labelled
 from feeder_sim.measures.stage_lines import StageLines, stage_lines
 from feeder_sim.measures.statistic import Statistic
-from feeder_sim.records.events import Cause, parts_arrived, parts_removed
-from feeder_sim.records.seed import Seed, Status
+from feeder_sim.records.seed import Cause, Seed, Status, parts_arrived, parts_removed
 from feeder_sim.records.trajectory import Frames
 from feeder_sim.scene.prepared import Prepared
 from feeder_sim.scene.scene import Scene

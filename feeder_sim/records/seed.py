@@ -2,19 +2,195 @@
 
 from __future__ import annotations
 
+import io
+import itertools
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from enum import IntEnum
-from typing import Any, NamedTuple
+from pathlib import Path
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from feeder_sim.errors import SimulationDiverged
+from feeder_sim.errors import Divergence, InputError, SimulationDiverged
 from feeder_sim.notebook import counted
-from feeder_sim.records.events import ARRIVALS, IMPACTS, REMOVALS, Events, joined, no_events
-from feeder_sim.records.last_states import LastStates
+from feeder_sim.records.files import write_whole
 from feeder_sim.records.trajectory import Frames
+
+# What happens to parts beside their motion: impacts, removals and arrivals, a row each, in order of time.
+#
+# They are NumPy's record arrays: a column is an attribute (`impacts.time`), rows are taken as from any array.
+#
+# impacts: contacts of a guided part with the plate; a part that sticks is in one long contact.
+#
+#     time                begin of the contact [s]
+#     until               its end [s]: `time` for an impact without duration, infinite while the part still sticks
+#     approach_speed      of the part relative to the plate at the begin [m/s]
+#     departure_velocity  vertical velocity of the part at the end [m/s]; NaN while the part still sticks
+#
+# removals: parts taken out, at `time` [s]; `part` is its index, `cause` see `Cause`.
+#
+# arrivals: parts of refills; a part is not in the frame at `time` [s] yet, but in the next one. `part` is its index,
+# `cycle` the one at whose end the refill was (there is one at most), `height` that of the centre of mass where it was
+# let go [m].
+
+Events: TypeAlias = Any  # np.recarray, which type checkers lose where rows are taken
+
+# name: (unit, type)
+Columns: TypeAlias = Mapping[str, tuple[str, str]]
+IMPACTS: Columns = {
+    "time": ("s", "f8"),
+    "until": ("s", "f8"),
+    "approach_speed": ("m/s", "f8"),
+    "departure_velocity": ("m/s", "f8"),
+}
+REMOVALS: Columns = {"time": ("s", "f8"), "part": ("1", "i8"), "cause": ("1", "i8")}
+ARRIVALS: Columns = {"time": ("s", "f8"), "part": ("1", "i8"), "cycle": ("1", "i8"), "height": ("m", "f8")}
+
+
+class Cause(IntEnum):
+    """Why a part was taken out."""
+
+    PICKED = 1
+    LOST = 2
+
+
+def events(columns: Columns, **values: ArrayLike) -> Events:
+    """Events of one kind, one per entry of the longest column; a number stands for all rows, nothing for none."""
+    arrays = np.broadcast_arrays(*(values.get(name, ()) for name in columns))
+    found = np.empty(len(arrays[0]), [(name, kind) for name, (_, kind) in columns.items()])
+    for name, array in zip(columns, arrays, strict=True):
+        found[name] = array
+    events: Events = found.view(np.recarray)
+    return events
+
+
+def no_events(columns: Columns) -> Events:
+    """None of a kind, the same array each time: one is asked for with every block."""
+    return _NONE[id(columns)]
+
+
+_NONE = {id(columns): events(columns) for columns in (IMPACTS, REMOVALS, ARRIVALS)}
+
+
+def removed(parts: ArrayLike, time: float, cause: Cause) -> Events:
+    """Parts, by their indices, that are taken out at once."""
+    return events(REMOVALS, time=time, part=parts, cause=cause)
+
+
+def impacts_of(rows: NDArray[np.float64]) -> Events:
+    """Impacts whose columns are in the order above, shape (n, 4)."""
+    if not len(rows):
+        return no_events(IMPACTS)
+    return events(IMPACTS, **dict(zip(IMPACTS, rows.T, strict=True)))
+
+
+def joined(blocks: Sequence[Events]) -> Events:
+    """Concatenate events of one kind in time."""
+    held = [block for block in blocks if len(block)] or blocks[:1]
+    events: Events = np.concatenate(held).view(np.recarray) if len(held) > 1 else held[0]
+    return events
+
+
+def parts_removed(removals: Events, cause: Cause, *, start: float = -np.inf, end: float = np.inf) -> NDArray[np.int64]:
+    """Indices of the parts taken out for a cause at start < time <= end [s]."""
+    return np.asarray(removals.part[(removals.cause == cause) & (removals.time > start) & (removals.time <= end)])
+
+
+def parts_arrived(arrivals: Events, *, start: float, end: float) -> NDArray[np.int64]:
+    """Indices of the parts that came at start <= time < end [s]."""
+    return np.asarray(arrivals.part[(arrivals.time >= start) & (arrivals.time < end)])
+
+
+# The last states of a seed that diverged, to look at.
+
+LAST_FRAMES = 100  # kept of a block that failed, at most: half of them before the first one that is not valid
+
+
+@dataclass(frozen=True)
+class LastStates:
+    """What is kept of a block in which a seed diverged. The seed runs again from its start, to the same bits.
+
+    Attributes:
+        frames: up to LAST_FRAMES of the block.
+        valid: number of `frames` before the first one that is not valid.
+    """
+
+    frames: Frames
+    valid: int
+
+    @staticmethod
+    def of(block: Frames, valid: int) -> LastStates:
+        """Cut the frames around the failure out of a block of which the first `valid` frames are valid."""
+        skipped = max(0, min(valid - LAST_FRAMES // 2, len(block) - LAST_FRAMES))
+        kept = block[slice(skipped, skipped + LAST_FRAMES)]
+        # Copied, since `present` is still written to.
+        return LastStates(Frames(*(getattr(kept, field.name).copy() for field in fields(Frames))), valid - skipped)
+
+
+def save_last_states(folder: Path, failure: SimulationDiverged, last: LastStates) -> str:
+    """Write the last states of a seed that diverged into a run folder, as NumPy's .npz; returns the file's name.
+
+    Arrays: those of `Frames` [SI units], `valid` (see `LastStates`), `divergence` (its name), `cause`, `part` and
+    `time_s`. A run that is resumed may come here again: a file that holds anything else stays, and this one gets the
+    next free number.
+
+    Raises:
+        RecordingFailed: it cannot be written, as when the disk is full.
+    """
+    arrays: dict[str, Any] = {field.name: getattr(last.frames, field.name) for field in fields(Frames)}
+    arrays |= {"valid": last.valid, "divergence": failure.divergence.name, "cause": failure.cause}
+    arrays |= {"part": failure.part, "time_s": failure.time_s}
+    held = io.BytesIO()
+    np.savez(held, **arrays)
+    stem = _stem(failure.seed)
+    for name in itertools.chain([f"{stem}.npz"], (f"{stem}_{number}.npz" for number in itertools.count(2))):
+        path = folder / name
+        if path.is_symlink() or (path.exists() and not path.is_file()):
+            continue
+        if path.exists() and path.read_bytes() != held.getvalue():
+            continue
+        write_whole(path, held.getvalue())
+        return name
+    raise AssertionError("unreachable")
+
+
+def _stem(seed: int) -> str:
+    return f"failure_seed_{seed}"
+
+
+def read_failure(folder: Path, seed: int) -> tuple[SimulationDiverged, LastStates]:
+    """Why a seed of a run folder diverged, and its last states.
+
+    Raises:
+        InputError: its file is not there, or cannot be read.
+    """
+    path = folder / f"{_stem(seed)}.npz"
+    last = read_last_states(path)
+    try:
+        with path.open("rb") as file, np.load(file, allow_pickle=False) as held:
+            name, cause, part = (str(held[key]) if key in held else "" for key in ("divergence", "cause", "part"))
+            time = float(held["time_s"])
+    except Exception as error:
+        raise InputError("holds no readable last states", file=path) from error
+    divergence = Divergence.__members__.get(name, Divergence.UNKNOWN)
+    return SimulationDiverged(divergence, time_s=time, part=part, seed=seed, detail=cause, file=path.name), last
+
+
+def read_last_states(path: str | Path) -> LastStates:
+    """Read the last states of a seed that diverged, to look at them.
+
+    Raises:
+        InputError: the file cannot be read.
+    """
+    try:
+        with Path(path).open("rb") as file, np.load(file, allow_pickle=False) as held:
+            arrays = {name: held[name] for name in held.files}
+        frames = Frames(**{field.name: arrays[field.name] for field in fields(Frames)})
+        return LastStates(frames, int(arrays["valid"]))
+    except Exception as error:  # of a file that is damaged or of another kind, NumPy raises what it likes
+        raise InputError("holds no readable last states", file=path) from error
 
 
 class Status(IntEnum):
@@ -57,7 +233,7 @@ class Seed:
     Attributes:
         frames: states of all parts.
         impacts, removals, arrivals: contacts of a guided part with the plate, parts picked or lost, parts of refills;
-            see feeder_sim.records.events.
+            see feeder_sim.records.seed.
         stops: when the drives of the stages stopped, in order [s]; those not listed keep to the schedule.
         status: how it ended.
         wall_s: wall time spent in its loop [s].

@@ -20,7 +20,7 @@ Layout, schema version 4 (SI units, in the `unit` attribute of every dataset):
     /seeds/NNN/time, position, quaternion, velocity, angular_velocity, present, status
     /seeds/NNN/unresolved_impacts, late_contacts, budgets_spent  (1,)   see feeder_sim.records.seed
     /seeds/NNN/wall_time  (2,)                of the seed, and of the ensemble when that was noted
-    /seeds/NNN/removals/time, part, cause   of parts picked or lost; see feeder_sim.records.events
+    /seeds/NNN/removals/time, part, cause   of parts picked or lost; see feeder_sim.records.seed
     /seeds/NNN/arrivals/time, part, cycle, height   of parts that came with a refill
     /seeds/NNN/stops      (s,)                when the drives of the stages stopped; the others keep to the schedule
     /seeds/NNN/impacts/time, until, approach_speed, departure_velocity   of a part in a guide
@@ -41,11 +41,9 @@ from typing import Any
 
 from feeder_sim.errors import Divergence, FeederSimError, InputError, SimulationDiverged, path_of_user
 from feeder_sim.hdf5 import check_trusted, get_text
-from feeder_sim.records.events import ARRIVALS, IMPACTS, REMOVALS, Columns, events
 from feeder_sim.records.files import check_no_links
-from feeder_sim.records.last_states import read_failure
 from feeder_sim.records.recording import Recording, read_part, read_plate
-from feeder_sim.records.seed import Counts, Seed, Status
+from feeder_sim.records.seed import ARRIVALS, IMPACTS, REMOVALS, Columns, Counts, Seed, Status, events, read_failure
 from feeder_sim.records.trajectory import FRAME_FIELDS, Frames
 from feeder_sim.records.unclosed_file import read_hdf5
 

@@ -13,16 +13,15 @@ from numpy.typing import NDArray
 
 from feeder_sim.measures.picking import nearest_neighbours
 from feeder_sim.plate.drive import ModalTerms
-from feeder_sim.records.events import Cause, Events
 from feeder_sim.records.recording import PartRecord, PlateRecord, Recording
+from feeder_sim.records.seed import Cause, Events
 from feeder_sim.records.trajectory import Frames
 from feeder_sim.replay.colours import Colours
 from feeder_sim.replay.labels import log_stage_texts, plate_box, stage_texts
 from feeder_sim.replay.layout import Style, layout, scene_eye, wave_view
 from feeder_sim.replay.parts import NUT, drawn_part, radius_of
-from feeder_sim.replay.plate import MM, NODE_HEIGHT_MM, TIMELINE, drawn_lines
+from feeder_sim.replay.plate import MM, NODE_HEIGHT_MM, SLOW, TIMELINE, drawn_lines, log_wave
 from feeder_sim.replay.shadows import log_instances, log_shadows
-from feeder_sim.replay.wave import SLOW, log_wave
 from feeder_sim.scenario import Scenario, parse_scenario
 from feeder_sim.scene.timetable import TimedStage, Timetable
 

@@ -14,8 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from feeder_sim.replay.labels import Box, legend_lines
-from feeder_sim.replay.plate import TIMELINE
-from feeder_sim.replay.wave import HEIGHT, PERIOD_S, SLOW
+from feeder_sim.replay.plate import HEIGHT, PERIOD_S, SLOW, TIMELINE
 
 # The eye of a 3D view, placed so that what is to be seen fills the pane.
 

@@ -19,10 +19,9 @@ from feeder_sim.replay.colours import Colour, colours_of
 from feeder_sim.replay.crowd import crowd_blueprint, log_crowd
 from feeder_sim.replay.labels import log_labels, log_stage_texts, plate_box, stage_texts
 from feeder_sim.replay.layout import Style
-from feeder_sim.replay.plate import TIMELINE, log_plate
+from feeder_sim.replay.plate import PERIOD_S, PERIODS, PICTURES, SLOW, TIMELINE, log_plate
 from feeder_sim.replay.shadows import log_shadow_plane
 from feeder_sim.replay.single import log_single, single_blueprint, single_box
-from feeder_sim.replay.wave import PERIOD_S, PERIODS, PICTURES, SLOW
 from feeder_sim.scenario import Scenario, parse_scenario
 from feeder_sim.scene.timetable import Timetable, timed, timetable
 

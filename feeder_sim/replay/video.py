@@ -19,9 +19,8 @@ from feeder_sim.records.files import partial_of
 from feeder_sim.records.trajectory_file import read_recording, trajectory_of
 from feeder_sim.replay.colours import Colour
 from feeder_sim.replay.headless import camera
-from feeder_sim.replay.plate import TIMELINE
+from feeder_sim.replay.plate import SLOW, TIMELINE
 from feeder_sim.replay.viewer import ends_shown
-from feeder_sim.replay.wave import SLOW
 
 FPS, SIZE = 25.0, (1280, 720)
 LONGEST_S = 20.0  # of a film whose speed is not given

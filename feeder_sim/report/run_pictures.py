@@ -22,8 +22,8 @@ from feeder_sim.plots.plate_top import (
     frame_plate,
     has_shape,
 )
-from feeder_sim.records.events import Cause, parts_removed
 from feeder_sim.records.recording import PlateRecord
+from feeder_sim.records.seed import Cause, parts_removed
 from feeder_sim.records.trajectory import Frames
 from feeder_sim.replay.colours import colours_of, default_colour
 from feeder_sim.replay.viewer import take_screenshot
@@ -182,7 +182,7 @@ def _ground(axes: Any, plate: PlateRecord, shape: int | None) -> None:
         draw_shape(axes, plate, shape, pale=PALE)
         return
     frame_plate(axes, plate)
-    from feeder_sim.plots.outline import cut_to_plate
+    from feeder_sim.plots.plate_top import cut_to_plate
 
     cut_to_plate(axes, plate.outline)
 

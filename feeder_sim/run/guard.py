@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from feeder_sim.engines.surface_arrays import surface_arrays
 from feeder_sim.errors import Divergence, SimulationDiverged
-from feeder_sim.records.events import Events, parts_arrived
+from feeder_sim.records.seed import Events, parts_arrived
 from feeder_sim.records.trajectory import SAME_TIME, Frames
 from feeder_sim.run.state_check import (
     ALLOWED,

@@ -11,10 +11,9 @@ from typing import Any
 
 from feeder_sim.errors import InputError, quoted
 from feeder_sim.measures.catalogue import measures_of
-from feeder_sim.measures.picks import has_picks, picks_of
+from feeder_sim.measures.picking import has_picks, picks_of
 from feeder_sim.measures.protocol import SeedReader
-from feeder_sim.records.events import IMPACTS, no_events
-from feeder_sim.records.seed import Seed
+from feeder_sim.records.seed import IMPACTS, Seed, no_events
 from feeder_sim.records.trajectory import Frames
 from feeder_sim.scene.prepared import Prepared
 

@@ -12,8 +12,7 @@ from typing import Any
 from feeder_sim.errors import InputError, not_written, shortened
 from feeder_sim.example_files import starter_folder
 from feeder_sim.records.files import write_whole
-from feeder_sim.run.carried_files import carried_names
-from feeder_sim.run.run_folder import RESOLVED, scenario_toml
+from feeder_sim.run.run_folder import RESOLVED, carried_names, scenario_toml
 from feeder_sim.scenario import (
     Scenario,
     input_files,

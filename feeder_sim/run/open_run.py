@@ -10,8 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from feeder_sim.measures.stage_lines import stage_lines
-from feeder_sim.records.events import Cause, Events, removed
-from feeder_sim.records.seed import Seed, Status
+from feeder_sim.records.seed import Cause, Events, Seed, Status, removed
 from feeder_sim.records.trajectory import Frames
 from feeder_sim.run.seed_run import SeedRun, arrived
 from feeder_sim.run.simulation import generators

@@ -17,14 +17,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from feeder_sim.constants import GRAVITY
-from feeder_sim.engines.lookup import engine_class
-from feeder_sim.engines.protocol import ENDED, Engine, new_interrupt
+from feeder_sim.engines.protocol import ENDED, Engine, engine_class, new_interrupt
 from feeder_sim.measures.catalogue import names_of_measures
-from feeder_sim.measures.picks import robot_of
+from feeder_sim.measures.picking import robot_of
 from feeder_sim.measures.protocol import as_json
 from feeder_sim.part.rigid_part import RigidPart
 from feeder_sim.plate.drive import ModalDrive
-from feeder_sim.replay.wave import PERIODS, PICTURES, POINTS
+from feeder_sim.replay.plate import PERIODS, PICTURES, POINTS
 from feeder_sim.run.compilation import compile_engine
 from feeder_sim.run.guard import Guard
 from feeder_sim.run.prepare import prepare, recommendations

@@ -7,8 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from feeder_sim.errors import SimulationDiverged
-from feeder_sim.records.last_states import LastStates, save_last_states
-from feeder_sim.records.seed import Seed
+from feeder_sim.records.seed import LastStates, Seed, save_last_states
 from feeder_sim.records.trajectory_writer import TrajectoryWriter
 
 WRITE_S = 0.5  # [s] of wall time between two blocks that are written

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import contextlib
+import hashlib
 import itertools
 import json
+import re
 import threading
 from collections.abc import Callable, Mapping
 from concurrent.futures import Executor
@@ -14,15 +16,14 @@ from typing import Any
 import numpy as np
 
 from feeder_sim import __version__
-from feeder_sim.errors import InputError, RecordingFailed, not_written, shortened
-from feeder_sim.measures.picks import has_picks, picks_csv
-from feeder_sim.records.files import LOCK, RUN, locked, partial_of, write_whole
+from feeder_sim.errors import InputError, RecordingFailed, cause_of, not_written, shortened
+from feeder_sim.measures.picking import has_picks, picks_csv
+from feeder_sim.records.files import INPUTS, LOCK, RUN, locked, partial_of, write_whole
 from feeder_sim.records.recording import PartRecord, PlateRecord
 from feeder_sim.records.seed import Seed, Status
 from feeder_sim.records.trajectory_file import TRAJECTORY, recording_of
 from feeder_sim.records.trajectory_writer import TrajectoryWriter
 from feeder_sim.replay.replay import REPLAY, build_replay, remove_replays
-from feeder_sim.run.carried_files import carry_files
 from feeder_sim.run.compilation import announced
 from feeder_sim.run.keep import AllFrames, Keep, check_kept
 from feeder_sim.run.prepare import prepare
@@ -30,11 +31,87 @@ from feeder_sim.run.provenance import check_inputs, check_libraries, input_hashe
 from feeder_sim.run.recorder import Recorder
 from feeder_sim.run.simulation import Result, check_starts, run_ensemble
 from feeder_sim.run.watchdog import STALL_AFTER_S
-from feeder_sim.scenario import Scenario, load_scenario, parse_scenario, with_files
+from feeder_sim.scenario import Scenario, input_files, load_scenario, parse_scenario, with_files
 from feeder_sim.scenario.rules import complaints
 from feeder_sim.scene.prepared import Prepared
 from feeder_sim.scene.scene import Scene
 from feeder_sim.single_thread import single_threaded
+
+# Copies of the files that a scenario reads, in a folder that can then be taken elsewhere.
+
+LARGEST_CARRIED = 100_000_000  # [byte]; larger files stay where they are: a run of them is not for the post
+_UNUSUAL = re.compile(r"[^A-Za-z0-9._-]+|^\.+")
+
+
+def carried_names(scenario: Scenario) -> dict[Path, str]:
+    """Names for copies of the files that a scenario reads, by their paths.
+
+    Files of the same content and suffix have the same name, other files names of their own, also where capitals do not
+    count. Files above `LARGEST_CARRIED` have none.
+
+    Raises:
+        InputError: a file cannot be read.
+    """
+    names: dict[Path, str] = {}
+    known: dict[tuple[str, str], str] = {}
+    for key, path in input_files(scenario).items():
+        if path in names or (path.is_file() and path.stat().st_size > LARGEST_CARRIED):
+            continue
+        same = hashlib.sha256(_read(path, key)).hexdigest(), path.suffix
+        if same not in known:
+            known[same] = _free_name(path, {name.lower() for name in known.values()})
+        names[path] = known[same]
+    return names
+
+
+def _free_name(path: Path, taken: set[str]) -> str:
+    """A name of plain characters near that of a file: the same, or with a number."""
+    plain = Path(_UNUSUAL.sub("_", path.name))
+    numbered = (plain.with_stem(f"{plain.stem}_{number}") for number in itertools.count(2))
+    return next(name.name for name in itertools.chain([plain], numbered) if name.name.lower() not in taken)
+
+
+def copy_files(names: Mapping[Path, str], folder: Path) -> None:
+    """Write copies of files into a folder, which is made.
+
+    Raises:
+        RecordingFailed: one cannot be written, as when the disk is full.
+        InputError: one cannot be read, or the folder cannot be made.
+    """
+    if not names:
+        return
+    try:
+        folder.mkdir(exist_ok=True)
+    except OSError as error:
+        raise not_written(folder, error) from error
+    for name, path in {name: path for path, name in names.items()}.items():
+        write_whole(folder / name, _read(path))
+
+
+def carry_files(scenario: Scenario, run: Path, notify: Callable[[str], None] | None = None) -> Scenario:
+    """Copy the files that a scenario reads into a run folder; returns the scenario with the names of the copies.
+
+    Names are relative to the run folder. A file above `LARGEST_CARRIED` keeps its own, which is said by `notify`.
+
+    Raises:
+        RecordingFailed, InputError: as for `copy_files` and `carried_names`.
+    """
+    names = carried_names(scenario)
+    if notify:
+        for path in sorted(set(input_files(scenario).values()) - names.keys()):
+            notify(f"{path} is too large to be copied into {run}, which needs it where it is")
+    copy_files(names, run / INPUTS)
+    return with_files(scenario, lambda path: Path(INPUTS, names[path]) if path in names else path.absolute())
+
+
+def _read(path: Path, key: str | None = None) -> bytes:
+    if not path.is_file():  # a pipe may never end
+        raise InputError("no such file", file=path, key=key)
+    try:
+        return path.read_bytes()
+    except OSError as error:
+        raise InputError(f"cannot be read: {cause_of(error)}", file=path, key=key) from error
+
 
 FORMAT = 1  # of run.json
 SUMMARY, PICKS, RESOLVED, MJCF = "summary.json", "picks.csv", "scenario.toml", "scene.xml"

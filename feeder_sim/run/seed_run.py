@@ -10,14 +10,23 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from feeder_sim.engines.lookup import engine_class
-from feeder_sim.engines.protocol import ENDED, Engine, new_interrupt
+from feeder_sim.engines.protocol import ENDED, Engine, engine_class, new_interrupt
 from feeder_sim.errors import Divergence, SimulationDiverged
 from feeder_sim.measures.picking import pickable
 from feeder_sim.measures.stage_lines import StageLines, settled, stage_lines
-from feeder_sim.records.events import ARRIVALS, REMOVALS, Cause, Events, events, joined, no_events, removed
-from feeder_sim.records.last_states import LastStates
-from feeder_sim.records.seed import Seed, Status
+from feeder_sim.records.seed import (
+    ARRIVALS,
+    REMOVALS,
+    Cause,
+    Events,
+    LastStates,
+    Seed,
+    Status,
+    events,
+    joined,
+    no_events,
+    removed,
+)
 from feeder_sim.records.trajectory import Frames
 from feeder_sim.run.guard import Guard
 from feeder_sim.run.recorder import Recorder

@@ -1,12 +1,14 @@
 """Scenario files: TOML -> frozen, validated values. The only room that knows pydantic; keys carry their units."""
 
-from feeder_sim.scenario.attachments import Actuator, Bar, BondedLayer, Mass
 from feeder_sim.scenario.material import CustomMaterial, resolve_material
 from feeder_sim.scenario.part import GivenState, Heap, PartTable, Placed, Scattered, Slide, Start, Tube
-from feeder_sim.scenario.paths import input_files, with_files
 from feeder_sim.scenario.plate import (
+    Actuator,
+    Bar,
+    BondedLayer,
     Drive,
     Excitation,
+    Mass,
     MeasuredResonance,
     ModePlate,
     PistonPlate,
@@ -16,19 +18,20 @@ from feeder_sim.scenario.plate import (
     StillPlate,
     Strip,
 )
-from feeder_sim.scenario.refill import Refill, Robot
 from feeder_sim.scenario.run import Contact, MujocoSettings, Run
 from feeder_sim.scenario.scenario import (
     Scenario,
     check_scenario,
+    input_files,
     load_actuator_file,
     load_outline_file,
     load_plate_file,
     load_scenario,
     parse_scenario,
+    with_files,
     with_run,
 )
-from feeder_sim.scenario.schedule import Goal, Pick, Schedule, Settled, Stage
+from feeder_sim.scenario.schedule import Goal, Pick, Refill, Robot, Schedule, Settled, Stage
 from feeder_sim.scenario.shapes import Ball, Box, Cylinder, Dimer, HexNut, MeshPart, PartSpec
 from feeder_sim.scenario.uncertain import Uncertain
 

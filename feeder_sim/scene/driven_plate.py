@@ -29,7 +29,7 @@ from feeder_sim.scenario import (
     load_outline_file,
     resolve_material,
 )
-from feeder_sim.scenario.outline import Ring
+from feeder_sim.scenario.plate import Ring
 from feeder_sim.scenario.rules import lines_of, plate_with_outline
 from feeder_sim.scene.driven_mode import DrivenMode, driven_mode, metres, modal_drive
 from feeder_sim.scene.timetable import Timetable, timetable

@@ -21,7 +21,7 @@ from feeder_sim.scenario import GivenState, Scenario, Slide, Start, Tube, check_
 from feeder_sim.scene.driven_mode import DrivenMode, free_modes
 from feeder_sim.scene.driven_plate import DrivenPlate, assemble_plate, motion_terms
 from feeder_sim.scene.fits import check_goal, check_in_tube, check_on_plate, check_picks, check_refill
-from feeder_sim.scene.part import build_part
+from feeder_sim.scene.part import build_part, zener_inelasticities
 from feeder_sim.scene.timetable import (
     FRAME_AT,
     TimedStage,
@@ -31,7 +31,6 @@ from feeder_sim.scene.timetable import (
     of_stages,
     timetable,
 )
-from feeder_sim.scene.zener import zener_inelasticities
 
 # Guides, which keep a part over one place of the plate.
 #

@@ -28,11 +28,10 @@ from pydantic import Field
 from feeder_sim.constants import GRAVITY
 from feeder_sim.document.figure import Figure
 from feeder_sim.errors import InputError, NotAllowed
-from feeder_sim.jobs.cautions import Caution
 from feeder_sim.jobs.folder import SCENARIO
 from feeder_sim.jobs.ledger import Ledger
 from feeder_sim.jobs.runner import Bench
-from feeder_sim.jobs.task import SeedValues, Task
+from feeder_sim.jobs.task import Caution, SeedValues, Task
 from feeder_sim.measures.statistic import LARGEST_OF_MANY, Statistic, finite_or_none
 from feeder_sim.notebook import axes_for, counted
 from feeder_sim.plate.mode_shapes import StandingWave, standing_wave
@@ -43,7 +42,7 @@ from feeder_sim.run.provenance import identity_of
 from feeder_sim.scenario import Scenario, Start, Strip, load_scenario, resolve_material, with_run
 from feeder_sim.studies.question import Plan, Question
 from feeder_sim.studies.study import Record, Study, TableFile, csv_bytes, number_in
-from feeder_sim.studies.sweep.case import Case, Effort
+from feeder_sim.studies.sweep.cases import Case, Effort
 from feeder_sim.studies.sweep.design import read_axis
 
 if TYPE_CHECKING:

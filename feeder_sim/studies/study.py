@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
 from feeder_sim.document.document import Text
 from feeder_sim.document.figure import Figure, save_figures
 from feeder_sim.errors import InputError, cause_of, quoted
-from feeder_sim.jobs.cautions import Caution
+from feeder_sim.jobs.task import Caution
 from feeder_sim.notebook import library, table
 
 if TYPE_CHECKING:

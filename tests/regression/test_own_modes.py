@@ -14,7 +14,7 @@ from own_modes import nodes_2411, places, plate_180, shape_55, units_164, values
 
 import feeder_sim as package
 from feeder_sim.plate.mode_file import read_mode_file
-from feeder_sim.records.events import Cause
+from feeder_sim.records.seed import Cause
 from feeder_sim.scenario import Drive, ModePlate, Scenario, load_scenario, with_run
 
 HOLE, RADIUS = np.array([0.035, 0.0]), 0.012  # of models/plate_hole

@@ -10,12 +10,11 @@ import numpy as np
 import pytest
 from conftest import hull_distances
 
-from feeder_sim.engines.lookup import engine_class
+from feeder_sim.engines.protocol import engine_class
 from feeder_sim.errors import Divergence
-from feeder_sim.measures.picks import picks_of
+from feeder_sim.measures.picking import picks_of
 from feeder_sim.part.stable_poses import stable_poses
-from feeder_sim.records.events import ARRIVALS, Cause, no_events, parts_removed
-from feeder_sim.records.seed import Status
+from feeder_sim.records.seed import ARRIVALS, Cause, Status, no_events, parts_removed
 from feeder_sim.run.guard import Guard
 from feeder_sim.run.prepare import prepare
 from feeder_sim.run.run_folder import record_run

@@ -10,7 +10,7 @@ import pytest
 from conftest import hull_distances
 from pinned import LOST, PICKED
 
-from feeder_sim.records.events import Cause
+from feeder_sim.records.seed import Cause
 from feeder_sim.run.simulation import Result, simulate
 from feeder_sim.scenario import Scenario, load_scenario
 from feeder_sim.scenario.tables import validated

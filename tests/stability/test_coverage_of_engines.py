@@ -15,11 +15,10 @@ from conftest import REPOSITORY, ready, refusal, resting
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from feeder_sim.engines.lookup import engine_class
+from feeder_sim.engines.protocol import engine_class
 from feeder_sim.errors import InputError
 from feeder_sim.measures.drift import Drift, drift_velocity
-from feeder_sim.records.events import Cause, removed
-from feeder_sim.records.seed import Seed, Status
+from feeder_sim.records.seed import Cause, Seed, Status, removed
 from feeder_sim.records.trajectory import Frames
 from feeder_sim.scenario import MujocoSettings, Scenario
 from feeder_sim.scenario.changes import changed_values

@@ -24,10 +24,9 @@ from feeder_sim.errors import InputError, RecordingFailed
 from feeder_sim.part.stable_poses import PoseTable
 from feeder_sim.plate.drive import ModalDrive
 from feeder_sim.plate.mode_file import ModeFile, read_mode_file, write_mode_file
-from feeder_sim.records.events import impacts_of
 from feeder_sim.records.files import LOCK, RUN
 from feeder_sim.records.recording import PartRecord, PlateRecord
-from feeder_sim.records.seed import Seed, Status
+from feeder_sim.records.seed import Seed, Status, impacts_of
 from feeder_sim.records.trajectory import FRAME_FIELDS, Frames
 from feeder_sim.records.trajectory_file import TRAJECTORY, read_recording
 from feeder_sim.records.trajectory_writer import TrajectoryWriter

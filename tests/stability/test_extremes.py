@@ -17,8 +17,7 @@ from conftest import StopsAfter, opened, refusal, toml_of
 from threadpoolctl import threadpool_limits
 
 from feeder_sim.engines.impulse.engine import ImpulseEngine
-from feeder_sim.engines.lookup import engine_class
-from feeder_sim.engines.protocol import ENDED, new_interrupt
+from feeder_sim.engines.protocol import ENDED, engine_class, new_interrupt
 from feeder_sim.plate.materials import MATERIALS
 from feeder_sim.plate.modes import plate_modes
 from feeder_sim.plate.rectangle import RectangularPlate

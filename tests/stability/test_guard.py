@@ -15,8 +15,7 @@ from scipy.spatial.transform import Rotation
 from feeder_sim.engines.impulse.engine import ImpulseEngine
 from feeder_sim.engines.mujoco.engine import MujocoEngine
 from feeder_sim.errors import Divergence
-from feeder_sim.records.last_states import read_last_states
-from feeder_sim.records.seed import Status
+from feeder_sim.records.seed import Status, read_last_states
 from feeder_sim.records.trajectory import Frames
 from feeder_sim.records.trajectory_file import read_recording
 from feeder_sim.run.guard import ENERGY_FACTOR, Guard

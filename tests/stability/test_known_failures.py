@@ -12,7 +12,7 @@ from chart_cases import APPROACH, FLAT_DROP, RESTITUTION, SLIDING_IMPACT, Drop
 from conftest import NUT_ON_STRIP, piston_scenario, refusal
 from stability_maps import FAST, Change, State, classify, compliant, falling, half_way, made_by, mujoco, soft, steps
 
-from feeder_sim.engines.lookup import engine_class
+from feeder_sim.engines.protocol import engine_class
 from feeder_sim.plate.drive import ModalTerms
 from feeder_sim.run.prepare import prepare
 from feeder_sim.run.simulation import Result, simulate

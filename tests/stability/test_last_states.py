@@ -15,11 +15,9 @@ from failing import check_runs_again, exploding, fail_at, same
 
 import feeder_sim
 from feeder_sim.engines.impulse.lone.engine import LoneEngine
-from feeder_sim.engines.lookup import engine_class
-from feeder_sim.engines.protocol import ENDED, WHOLE, new_interrupt
+from feeder_sim.engines.protocol import ENDED, WHOLE, engine_class, new_interrupt
 from feeder_sim.errors import Divergence, InputError, SimulationDiverged
-from feeder_sim.records.last_states import LAST_FRAMES, LastStates, read_last_states, save_last_states
-from feeder_sim.records.seed import Seed, Status
+from feeder_sim.records.seed import LAST_FRAMES, LastStates, Seed, Status, read_last_states, save_last_states
 from feeder_sim.records.trajectory import Frames
 from feeder_sim.records.trajectory_file import read_recording
 from feeder_sim.run.run_folder import record_run

@@ -32,9 +32,8 @@ from feeder_sim.records.seed import Status
 from feeder_sim.records.trajectory_file import read_recording
 from feeder_sim.replay import viewer
 from feeder_sim.replay.replay import build_replay
-from feeder_sim.run import carried_files, run_folder
-from feeder_sim.run.carried_files import carry_files
-from feeder_sim.run.run_folder import record_run, resume_run
+from feeder_sim.run import run_folder
+from feeder_sim.run.run_folder import carry_files, record_run, resume_run
 from feeder_sim.scenario import MeshPart, Rectangle, Scenario, load_scenario, with_run
 
 MODES = REPOSITORY / "models/plate_180/modes.h5"
@@ -404,7 +403,7 @@ def test_equal_files_are_stored_once_and_names_that_clash_are_numbered(tmp_path:
 def test_a_large_file_stays_where_it_is_and_the_user_hears_of_it(
     scenario: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(carried_files, "LARGEST_CARRIED", 10_000)
+    monkeypatch.setattr(run_folder, "LARGEST_CARRIED", 10_000)
     said: list[str] = []
     loaded = load_scenario(scenario)
     (tmp_path / "run").mkdir()

@@ -14,6 +14,7 @@ from feeder_sim.constants import GRAVITY
 from feeder_sim.measures.bounces import (
     LAST_IMPACTS,
     PERIODS,
+    VelocityRecord,
     batched,
     expected_interval,
     flights,
@@ -23,8 +24,7 @@ from feeder_sim.measures.bounces import (
     settling_time,
 )
 from feeder_sim.measures.statistic import Statistic
-from feeder_sim.measures.velocity_record import VelocityRecord
-from feeder_sim.records.events import IMPACTS, Events, impacts_of, no_events
+from feeder_sim.records.seed import IMPACTS, Events, impacts_of, no_events
 from feeder_sim.records.trajectory_file import TRAJECTORY, read_recording
 from feeder_sim.run.run_folder import SUMMARY, record_run
 from feeder_sim.run.simulation import simulate

@@ -93,7 +93,7 @@ sys.stdin.readline()
 FALL = """
 import json, sys
 import numpy as np
-from feeder_sim.engines.lookup import engine_class
+from feeder_sim.engines.protocol import engine_class
 from feeder_sim.scenario import load_scenario
 from feeder_sim.scenario.engine_choice import choose_engine
 from feeder_sim.scene.scene import build_scene

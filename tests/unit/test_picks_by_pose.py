@@ -15,8 +15,7 @@ from scipy.spatial.transform import Rotation
 from feeder_sim.measures.picking import pickable
 from feeder_sim.measures.poses import Poses
 from feeder_sim.part import mesh_file
-from feeder_sim.records.events import ARRIVALS, Cause, events, removed
-from feeder_sim.records.seed import Seed, Status
+from feeder_sim.records.seed import ARRIVALS, Cause, Seed, Status, events, removed
 from feeder_sim.records.trajectory import Frames
 from feeder_sim.run.prepare import prepare
 from feeder_sim.run.provenance import input_hashes

@@ -22,7 +22,7 @@ from feeder_sim.api.opened import OpenedRun
 from feeder_sim.api.progress import shown
 from feeder_sim.errors import InputError
 from feeder_sim.measures import catalogue
-from feeder_sim.measures.found import Found
+from feeder_sim.measures.protocol import Found
 from feeder_sim.run.run_folder import SUMMARY, scenario_toml
 from feeder_sim.scenario import HexNut, Rectangle, Scenario, Start
 

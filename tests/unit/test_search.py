@@ -26,7 +26,7 @@ from feeder_sim.studies.search.proposals import RANDOM_TRIALS, Sampler
 from feeder_sim.studies.search.search import FRESH, Checked
 from feeder_sim.studies.search.space import Space
 from feeder_sim.studies.search.trials import Aim, Trial, is_worse
-from feeder_sim.studies.sweep.case import Case
+from feeder_sim.studies.sweep.cases import Case
 
 AIM = Aim("speed", True, 8)
 

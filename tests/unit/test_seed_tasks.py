@@ -19,9 +19,8 @@ from swept import AMPLITUDE, Pretended, over, plan_of
 import feeder_sim
 from feeder_sim import sweep
 from feeder_sim.errors import FeederSimError
-from feeder_sim.jobs.cautions import cautions_over
 from feeder_sim.jobs.runner import Bench, run_work
-from feeder_sim.jobs.task import SeedValues, Task, run_task
+from feeder_sim.jobs.task import SeedValues, Task, cautions_over, run_task
 from feeder_sim.jobs.workers import Workers
 from feeder_sim.records.seed import Seed
 from feeder_sim.run.provenance import identity_of

@@ -11,8 +11,7 @@ from conftest import ready, resting
 
 from feeder_sim.measures.separation import Separation, StageReport, stage_reports
 from feeder_sim.measures.stage_lines import StageLines, stage_lines
-from feeder_sim.records.events import ARRIVALS, REMOVALS, Cause, Events, events, joined, no_events, removed
-from feeder_sim.records.seed import Seed, Status
+from feeder_sim.records.seed import ARRIVALS, REMOVALS, Cause, Events, Seed, Status, events, joined, no_events, removed
 from feeder_sim.records.trajectory import Frames
 from feeder_sim.scenario import Excitation, HexNut, Run, Scattered, Scenario, Strip
 from feeder_sim.scenario.schedule import Pick, Schedule, Stage

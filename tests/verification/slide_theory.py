@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 from scipy.optimize import brentq
 
 from feeder_sim.constants import GRAVITY
-from feeder_sim.records.events import Events
-from feeder_sim.records.seed import Seed
+from feeder_sim.records.seed import Events, Seed
 from feeder_sim.run.simulation import simulate
 from feeder_sim.scenario import Ball, Contact, Drive, PistonPlate, Run, Scenario, Slide, Start
 

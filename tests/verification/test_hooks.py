@@ -10,8 +10,8 @@ import pytest
 from hooks import S_HOOK, U_HOOK, of_boxes, piece_distances, with_parts
 
 from feeder_sim.engines.impulse import engine as impulse
-from feeder_sim.engines.lookup import engine_class
 from feeder_sim.engines.mujoco import engine as mujoco
+from feeder_sim.engines.protocol import engine_class
 from feeder_sim.scenario import Contact, Drive, Heap, HexNut, PistonPlate, Run, Scattered, Scenario
 from feeder_sim.scenario.engine_choice import choose_engine
 from feeder_sim.scene.scene import Scene, build_scene

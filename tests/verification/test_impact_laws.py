@@ -31,8 +31,8 @@ from feeder_sim.plate.zener import (
 )
 from feeder_sim.run.run_folder import record_run
 from feeder_sim.scenario import Ball, Contact, Drive, PistonPlate, Rectangle, Run, Scenario, Start, Strip
+from feeder_sim.scene.part import zener_inelasticities
 from feeder_sim.scene.scene import Scene, build_scene
-from feeder_sim.scene.zener import zener_inelasticities
 
 resolve_ball = from_python(impact_law.resolve_ball)
 RADIUS, MASS = 1.5e-3, 1.1e-4

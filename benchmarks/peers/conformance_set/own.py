@@ -28,7 +28,7 @@ from conformance_set.cases import (
 )
 from conformance_set.judge import Result
 from conformance_set.motions import OBSERVERS, Motion
-from feeder_sim.engines.lookup import engine_class
+from feeder_sim.engines.protocol import engine_class
 from feeder_sim.errors import InputError
 from feeder_sim.measures.drift import drift_velocity, transport_speed
 from feeder_sim.measures.statistic import Statistic

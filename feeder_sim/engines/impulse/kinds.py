@@ -21,8 +21,8 @@ from feeder_sim.engines.impulse.state import (
 from feeder_sim.part.rigid_part import CORNER_RADIUS
 from feeder_sim.plate.zener import log_restitution_table
 from feeder_sim.scenario import Contact
+from feeder_sim.scene.part import zener_inelasticities
 from feeder_sim.scene.scene import Scene
-from feeder_sim.scene.zener import zener_inelasticities
 
 RIM_HEIGHT, RIM_THICKNESS = 0.5, 0.02  # [m]; above and below the plate
 

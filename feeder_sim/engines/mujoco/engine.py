@@ -27,8 +27,7 @@ from feeder_sim.engines.protocol import ENDED, WHOLE, new_interrupt
 from feeder_sim.engines.surface_arrays import surface_arrays
 from feeder_sim.machine_code import compiled, entry_point
 from feeder_sim.plate.compiled import modal_motion, surface_modes
-from feeder_sim.records.events import Events
-from feeder_sim.records.seed import Counts
+from feeder_sim.records.seed import Counts, Events
 from feeder_sim.records.trajectory import BLOCK_FRAMES, Frames
 from feeder_sim.scene.scene import Scene
 from feeder_sim.scene.start import Pose, start_poses

@@ -11,8 +11,7 @@ from feeder_sim.constants import GRAVITY
 from feeder_sim.engines.impact_log import new_log, take_impacts
 from feeder_sim.engines.noise import new_streams
 from feeder_sim.engines.slide.motion import Law, Plate, V, Z, advance
-from feeder_sim.records.events import Events, joined
-from feeder_sim.records.seed import Counts
+from feeder_sim.records.seed import Counts, Events, joined
 from feeder_sim.records.trajectory import BLOCK_FRAMES, Frames
 from feeder_sim.scene.scene import Scene
 from feeder_sim.scene.start import Pose, start_poses

@@ -26,8 +26,8 @@ from pydantic import Field
 from feeder_sim.document.document import Table, Text
 from feeder_sim.document.figure import Figure
 from feeder_sim.errors import InputError
-from feeder_sim.jobs.cautions import Caution
 from feeder_sim.jobs.folder import SCENARIO
+from feeder_sim.jobs.task import Caution
 from feeder_sim.measures.statistic import Statistic, finite_or_none
 from feeder_sim.notebook import axes_for, counted
 from feeder_sim.run.provenance import identity_of
@@ -35,8 +35,7 @@ from feeder_sim.scenario import Scenario, load_scenario
 from feeder_sim.studies.chart.settings import METHODS, MUJOCO, Setting, is_default, reference_of, settings_of
 from feeder_sim.studies.question import Question
 from feeder_sim.studies.study import Line, Record, Study, TableFile, csv_bytes, number_in, text_of
-from feeder_sim.studies.sweep.case import Case, Effort
-from feeder_sim.studies.sweep.cases import Cases, CasesPlan, check_measure
+from feeder_sim.studies.sweep.cases import Case, Cases, CasesPlan, Effort, check_measure
 from feeder_sim.studies.sweep.table import main_measure
 
 if TYPE_CHECKING:

@@ -29,10 +29,10 @@ from pydantic import Field
 from feeder_sim.document.document import Text
 from feeder_sim.document.figure import Figure
 from feeder_sim.errors import InputError
-from feeder_sim.jobs.cautions import Caution, cautions_over, most_frequent
 from feeder_sim.jobs.folder import SCENARIO
 from feeder_sim.jobs.ledger import Ledger
 from feeder_sim.jobs.runner import Bench
+from feeder_sim.jobs.task import Caution, cautions_over, most_frequent
 from feeder_sim.measures.protocol import labelled
 from feeder_sim.measures.statistic import Statistic, finite_or_none
 from feeder_sim.notebook import axes_for, counted

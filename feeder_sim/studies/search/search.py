@@ -25,7 +25,7 @@ from feeder_sim.scenario import Scenario
 from feeder_sim.studies.search.proposals import LOG, Proposals, Sampler
 from feeder_sim.studies.search.space import Space
 from feeder_sim.studies.search.trials import Aim, Trial, TrialWork
-from feeder_sim.studies.sweep.case import Case
+from feeder_sim.studies.sweep.cases import Case
 from feeder_sim.studies.sweep.design import Point
 
 GENERATION = 8  # trials that are proposed together

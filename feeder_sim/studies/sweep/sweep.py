@@ -27,15 +27,14 @@ from feeder_sim.document.document import Table, Text
 from feeder_sim.document.figure import Figure
 from feeder_sim.document.words import measure_label
 from feeder_sim.errors import InputError, NotAllowed, quoted
-from feeder_sim.jobs.cautions import Caution
 from feeder_sim.jobs.folder import JOURNAL, SCENARIO
+from feeder_sim.jobs.task import Caution
 from feeder_sim.measures.statistic import LARGEST_OF_MANY, Statistic
 from feeder_sim.notebook import cell, counted
 from feeder_sim.scenario import Scenario, load_scenario
 from feeder_sim.studies.question import Question
 from feeder_sim.studies.study import Line, Record, Study, TableFile, csv_bytes, number_in, text_of, value_in
-from feeder_sim.studies.sweep.case import FEWEST, FIRST_LOOK, MOST_SEEDS, Effort
-from feeder_sim.studies.sweep.cases import Cases, CasesPlan, check_measure
+from feeder_sim.studies.sweep.cases import FEWEST, FIRST_LOOK, MOST_SEEDS, Cases, CasesPlan, Effort, check_measure
 from feeder_sim.studies.sweep.design import Axis, Point, grid, read_axis, side_by_side, sobol_sample
 from feeder_sim.studies.sweep.table import (
     COLUMNS,

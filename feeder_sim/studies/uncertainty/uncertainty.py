@@ -27,10 +27,9 @@ from feeder_sim.document.document import Table, Text
 from feeder_sim.document.figure import Figure
 from feeder_sim.document.words import measure_label
 from feeder_sim.errors import InputError, Unknown
-from feeder_sim.jobs.cautions import Caution, cautions_over
 from feeder_sim.jobs.folder import JOURNAL, SCENARIO
 from feeder_sim.jobs.ledger import read_journal
-from feeder_sim.jobs.task import SeedValues
+from feeder_sim.jobs.task import Caution, SeedValues, cautions_over
 from feeder_sim.measures.protocol import labelled
 from feeder_sim.measures.statistic import Statistic, finite_or_none
 from feeder_sim.notebook import axes_for, counted
@@ -38,8 +37,7 @@ from feeder_sim.scenario import Scenario, load_scenario
 from feeder_sim.scenario.changes import labels
 from feeder_sim.studies.question import Question
 from feeder_sim.studies.study import Line, Record, Study, TableFile, csv_bytes, number_in, value_in
-from feeder_sim.studies.sweep.case import Case, Effort
-from feeder_sim.studies.sweep.cases import Cases, CasesPlan
+from feeder_sim.studies.sweep.cases import Case, Cases, CasesPlan, Effort
 from feeder_sim.studies.sweep.table import main_measure
 from feeder_sim.studies.uncertainty.indices import Index, saltelli_draws, sobol_indices
 from feeder_sim.studies.uncertainty.linear_shares import LinearShares, linear_shares

@@ -14,8 +14,7 @@ from feeder_sim.engines.impulse.lone.state import FREE, Exactness, new_part, new
 from feeder_sim.engines.impulse.state import ABSENT
 from feeder_sim.engines.noise import new_streams
 from feeder_sim.engines.surface_arrays import surface_arrays
-from feeder_sim.records.events import Events, impacts_of
-from feeder_sim.records.seed import Counts
+from feeder_sim.records.seed import Counts, Events, impacts_of
 from feeder_sim.records.trajectory import Frames
 from feeder_sim.scene.scene import Scene
 from feeder_sim.scene.start import Pose
