@@ -65,7 +65,7 @@ _PUBLIC = {
     "build_replay": "replay.replay",
     "build_scene": "scene.scene",
     "chart": "api.studies",
-    "compare": "api.compare",
+    "compare": "api.calls",
     "document_of": "report.document_of",
     "load_scenario": "scenario",
     "measure_drift": "api.calls",

@@ -114,8 +114,7 @@ class Unknown(InputError):
     def __init__(self, name: object, known: Iterable[str], **where: Any) -> None:
         names = list(known)
         hint = nearest(str(name), names)
-        shown = shortened(name) if isinstance(name, str) else quoted(name)
-        super().__init__(f"is {shown}{hint}, allowed are {', '.join(names) or 'none'}", **where)
+        super().__init__(f"is {quoted(name)}{hint}, allowed are {', '.join(names) or 'none'}", **where)
 
 
 class MissingExtra(InputError):

@@ -176,7 +176,7 @@ def _slab(frequency: float) -> RectangularPlate:
     """A plate whose waves are as long as they have to be.
 
     Both stiffnesses, D = E d and S = E s, are proportional to Young's modulus E, so that the dispersion relation of
-    feeder_sim.plate.mode_shapes is quadratic in E; its larger root is bending.
+    feeder_sim.plate.rectangle is quadratic in E; its larger root is bending.
     """
     omega2, k2 = (2.0 * math.pi * frequency) ** 2, (2.0 * math.pi / WAVELENGTH) ** 2
     unit = RectangularPlate(1.0, 1.0, THICKNESS, Material(DENSITY, 1.0, POISSON_RATIO))

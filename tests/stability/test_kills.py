@@ -15,7 +15,7 @@ import pytest
 from command_line import feeder_sim, in_new_process, said
 from golden_commands import GOLDEN, lasting
 
-KILLS = 10
+KILLS = 5
 AMPLITUDE = "drive[0].amplitude_um"
 # Command, and the files that have to be the same at the end.
 COMMANDS = {

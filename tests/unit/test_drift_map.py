@@ -178,7 +178,7 @@ def test_files_that_are_no_map_are_refused(tmp_path: Path, monkeypatch: pytest.M
     held = drift_map(0.7)
     save_map(replace(held, drift=held.drift[:, :, :3]), path)
     assert "is no drift map" in refusal(load_map, path)
-    monkeypatch.setattr("feeder_sim.studies.drift_map.drift_map.VERSION", 0)
+    monkeypatch.setattr("feeder_sim.studies.drift_map.files.VERSION", 0)
     save_map(held, path)
     monkeypatch.undo()
     assert "version 0, allowed is 2" in refusal(load_map, path)

@@ -204,7 +204,7 @@ def test_another_seed_begins_as_a_new_feeder_does() -> None:
 
 
 REFUSED: list[tuple[str, Any]] = [
-    ("stage: is on(?s:.*)allowed are out, in", lambda feeder: feeder.vibrate("on")),
+    ("stage: is 'on'(?s:.*)allowed are out, in", lambda feeder: feeder.vibrate("on")),
     ("stage: is 2, allowed is 0 to 1", lambda feeder: feeder.vibrate(2)),
     ("stage: is True, allowed is a stage", lambda feeder: feeder.vibrate(True)),
     ("vibrate: allowed is exactly one", lambda feeder: feeder.vibrate()),

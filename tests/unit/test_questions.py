@@ -60,7 +60,7 @@ def test_sweep() -> None:
     check_shown(swept)
     assert list(swept.to_frame().columns[:4]) == [AMPLITUDE, "measure", "mean", "se"] and len(swept.to_frame()) == 200
     assert len(swept.plot()) == 1
-    with pytest.raises(feeder_sim.InputError, match="is sped"):
+    with pytest.raises(feeder_sim.InputError, match="is 'sped'"):
         swept.plot("sped")
     vary: dict[str, Any] = {AMPLITUDE: [1.0, 2.0], FRICTION: [0.1, 0.2]}
     zipped = feeder_sim.sweep(strip_scenario(), vary, zip=True, executor=Pretended(values_of))
@@ -291,7 +291,7 @@ def test_a_refused_question_leaves_nothing_that_was_not_there(tmp_path: Path) ->
     question, scenario = over(f"{AMPLITUDE}=1:2:5", measure="sped"), strip_scenario(seeds=3)
 
     def refused(path: Path, share: tuple[int, int] | None = None) -> None:
-        with pytest.raises(InputError, match="is sped"):
+        with pytest.raises(InputError, match="is 'sped'"):
             asked(question, scenario, swept.Pretended(), path, share)
 
     refused(tmp_path / "new/s")

@@ -18,12 +18,12 @@ from feeder_sim.document.figure import Figure, Picture, empty_figure
 from feeder_sim.document.words import number, split_unit, with_error
 from feeder_sim.errors import Divergence, FeederSimError, SimulationDiverged
 from feeder_sim.measures.statistic import Statistic, half_interval
-from feeder_sim.plots.run_curves import draw_over_time
 from feeder_sim.records.files import locked
 from feeder_sim.records.trajectory import Frames
 from feeder_sim.report import run_pictures
 from feeder_sim.report.document_of import document_of
 from feeder_sim.report.measure_tables import interval_text, measure_blocks
+from feeder_sim.report.run_curves import draw_over_time
 from feeder_sim.report.run_report import run_document
 from feeder_sim.run.guard import Guard
 from feeder_sim.run.run_folder import record_run, resume_run

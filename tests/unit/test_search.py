@@ -222,7 +222,7 @@ def test_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     for executor in (Pretended(values_of), failing):
         use(executor, monkeypatch)
         told = feeder_sim(*asked[:2], "--maximise", "sped", *asked[4:-1], tmp_path / "none")
-        check_refused(told, "--maximise: is sped (did you mean 'speed'?), allowed are speed")
+        check_refused(told, "--maximise: is 'sped' (did you mean 'speed'?), allowed are speed")
         assert not (tmp_path / "none").exists()  # so that the corrected command has its folder
     (out / "optuna.log").write_text("{")
     check_refused(feeder_sim(*asked), "optuna.log", "is no record of a search")

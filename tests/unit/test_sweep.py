@@ -270,7 +270,7 @@ def test_command(tmp_path: Path) -> None:
     assert feeder_sim("merge", out).returncode == 0
     before = {file.name: file.read_bytes() for file in out.iterdir()}
     for refused in (feeder_sim(*asked, "--measure", "sped"), feeder_sim("merge", out, "--measure", "sped")):
-        check_refused(refused, "--measure: is sped", "allowed are speed")
+        check_refused(refused, "--measure: is 'sped'", "allowed are speed")
     (out / "journal.jsonl").unlink()
     check_refused(feeder_sim("merge", out), str(out), "holds no seed of the sweep")
     left = {file.name: file.read_bytes() for file in out.iterdir()}

@@ -8,6 +8,6 @@ where v and D are functions of the frequency, of a and of s alone. Those of a st
 once for a part and a contact law. Much of what is in them is known: v goes with the speed omega s h/2 at which the top
 surface moves to and fro, D with the cube of the speed omega a over gravity. What is left is tabulated without units.
 
-Rooms: `increments` (from paths to a table), `making` (runs on strips), `drift_map` (the table and its look-up),
+Rooms: `making` (runs on strips, from paths to a table), `drift_map` (the table and its look-up),
 `walk` (parts on the plate of a scenario), `files`.
 """
