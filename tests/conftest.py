@@ -50,24 +50,27 @@ BALL_ON_SLIDE: dict[str, Any] = {  # which is simulated in no time
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
-    parser.addoption("--room", help="Only unit tests of this room: it is the highest that their file imports from.")
+    parser.addoption("--room", help="Only unit tests of this room, the highest one that their file imports from.")
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     """Tests that take minutes come first: at the end one of them would keep a single core at work."""
     if room := config.getoption("--room"):
-        items[:] = [item for item in items if item.path.parent.name == "unit" and room_of(item.path) == room]
+        units = [item for item in items if item.path.parent.name == "unit"]
+        items[:] = [item for item in units if rooms_of(item.path)[:1] == [room]]
+        items[:] = items or [item for item in units if room in rooms_of(item.path)]  # no test is about it alone
+        if not items:
+            raise pytest.UsageError(f"--room is {room}, allowed are rooms of the package that unit tests import from")
     items.sort(key=lambda item: not any(mark.kwargs.get("minutes") for mark in item.iter_markers("slow")))
 
 
 @functools.cache
-def room_of(file: Path) -> str:
-    """The highest room of the package that a test imports from; "cli" of those that import none and call commands."""
+def rooms_of(file: Path) -> list[str]:
+    """The rooms of the package that a test imports from, the highest first; "cli" of those that only call commands."""
     settings = tomllib.loads((REPOSITORY / "pyproject.toml").read_text(encoding="utf-8"))
     layers = settings["tool"]["importlinter"]["contracts"][0]["layers"]
-    rooms = [name.strip() for layer in layers for name in layer.split("|")]
     taken = set(re.findall(r"^from feeder_sim\.(\w+)", file.read_text(encoding="utf-8"), re.MULTILINE))
-    return next((room for room in rooms if room in taken), "cli")
+    return [name.strip() for layer in layers for name in layer.split("|") if name.strip() in taken] or ["cli"]
 
 
 @pytest.fixture

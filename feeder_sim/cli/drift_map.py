@@ -8,7 +8,17 @@ from typing import Annotated
 
 import typer
 
-from feeder_sim.cli.files import AsJson, Dask, ScenarioFile, Seed, Set, ThreadCount, naming, scenario_of, writable
+from feeder_sim.cli.files import (
+    AsJson,
+    Dask,
+    ScenarioFile,
+    Seed,
+    Set,
+    ThreadCount,
+    file_in_errors,
+    scenario_of,
+    writable,
+)
 from feeder_sim.cli.terminal import notify, progress_bar, stop_on_signal
 from feeder_sim.errors import InputError, printable
 
@@ -30,14 +40,14 @@ def drift_map(
     if out.suffix != ".npz":
         raise InputError(f"is {out.suffix!r}, allowed is .npz", file=out, key="--out")
     scenario = scenario_of(scenario_file, None, None, seed, settings)
-    with naming(scenario_file):
+    with file_in_errors(scenario_file):
         from feeder_sim.jobs.workers import seed_workers
-        from feeder_sim.run.prepare import not_drawn
+        from feeder_sim.run.prepare import ignored_uncertainty
         from feeder_sim.studies.drift_map.files import save_map
         from feeder_sim.studies.drift_map.making import make_map, strip_of
 
         strip = strip_of(scenario)
-        for caution in not_drawn(scenario):
+        for caution in ignored_uncertainty(scenario):
             notify(f"caution: {caution}")
         with (
             stop_on_signal() as stop,

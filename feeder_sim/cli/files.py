@@ -86,7 +86,7 @@ def modes_of(source: Path) -> ModeFile:
         from feeder_sim.scenario import load_plate_file
         from feeder_sim.scene.plate_modes import compute_modes
 
-        with naming(source):
+        with file_in_errors(source):
             return compute_modes(load_plate_file(source))
     from feeder_sim.plate.mode_file import read_mode_file
 
@@ -124,7 +124,7 @@ def writable(path: Path, *, force: bool | None = None) -> Path:
 
 
 @contextlib.contextmanager
-def naming_options() -> Iterator[None]:
+def options_in_errors() -> Iterator[None]:
     """Let each InputError in the block name an option, such as --until-se, where it names an argument, until_se."""
     try:
         yield
@@ -137,10 +137,10 @@ def naming_options() -> Iterator[None]:
 
 
 @contextlib.contextmanager
-def naming(file: Path) -> Iterator[None]:
-    """Add the name of a file to each InputError that is raised without one in the block; `naming_options`, too."""
+def file_in_errors(file: Path) -> Iterator[None]:
+    """Add the name of a file to each InputError that is raised without one in the block; `options_in_errors`, too."""
     try:
-        with naming_options():
+        with options_in_errors():
             yield
     except InputError as error:
         if error.file is not None:

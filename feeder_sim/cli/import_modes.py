@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from feeder_sim.cli.files import naming, new_picture, writable
+from feeder_sim.cli.files import file_in_errors, new_picture, writable
 from feeder_sim.errors import InputError, Unknown, printable
 
 if TYPE_CHECKING:
@@ -62,14 +62,14 @@ def import_modes_command(
 
         edge = read_outline_file(outline)
     shapes = _read(source, unit, 1e-3 * thickness)
-    with naming(source):
+    with file_in_errors(source):
         imported = import_modes(shapes, thickness=1e-3 * thickness, material=of, outline=edge, source=source.name)
     held = imported.mode_file
     if actuators is not None:
         from feeder_sim.scenario import load_actuator_file
         from feeder_sim.scene.attachments import with_actuators
 
-        with naming(actuators):
+        with file_in_errors(actuators):
             held = with_actuators(held, load_actuator_file(actuators).actuator)
     if out is not None:
         from feeder_sim.plate.mode_file import write_mode_file

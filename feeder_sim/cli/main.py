@@ -29,9 +29,9 @@ from feeder_sim.cli.files import (
     Set,
     StallAfter,
     ThreadCount,
-    naming,
-    naming_options,
+    file_in_errors,
     new_picture,
+    options_in_errors,
     scenario_of,
     writable,
 )
@@ -119,7 +119,7 @@ def run(
     from feeder_sim.jobs.workers import seed_workers
     from feeder_sim.run.watchdog import STALL_AFTER_S, checked_patience
 
-    with naming_options():
+    with options_in_errors():
         patience = checked_patience(STALL_AFTER_S if stall_after is None else stall_after)
     if resume is not None:
         given = {"a scenario": scenario_file, "--engine": engine, "--seeds": seeds, "--seed": seed, "--set": settings}
@@ -144,7 +144,7 @@ def run(
     if scenario_file is None:
         raise InputError("a scenario file is needed, or --resume with the folder of a run", key="run")
     scenario = scenario_of(scenario_file, engine, seeds, seed, settings)
-    with naming(scenario_file):
+    with file_in_errors(scenario_file):
         from feeder_sim.run.run_folder import check_free, fresh_folder, record_run
 
         if out is not None:
@@ -168,7 +168,7 @@ def run(
 
 def _finish_run(result: Result, folder: Path, as_json: bool, inputs: int) -> None:
     """Go on to the uncertain inputs, if there are any; print what came out; the exit code says how it ended."""
-    from feeder_sim.run.prepare import not_drawn
+    from feeder_sim.run.prepare import ignored_uncertainty
 
     whole = not result.interrupted and not result.failures
     if not as_json:
@@ -180,7 +180,7 @@ def _finish_run(result: Result, folder: Path, as_json: bool, inputs: int) -> Non
         print_result(result, folder, as_json, {"uncertainty": uncertain.as_json()} if uncertain else {})
     elif uncertain:
         print(uncertain_lines(uncertain))
-    drawn = not_drawn(result.scenario) if uncertain and uncertain.measure() else []
+    drawn = ignored_uncertainty(result.scenario) if uncertain and uncertain.measure() else []
     for caution in result.cautions:
         if caution not in drawn:
             print(f"feeder-sim: caution: {printable(caution)}", file=sys.stderr)
@@ -207,7 +207,7 @@ def check(
 ) -> None:
     """Validate a scenario; print the resolved scene, its cost and file size."""
     scenario = scenario_of(scenario_file, engine, seeds, None, settings)
-    with naming(scenario_file):
+    with file_in_errors(scenario_file):
         if mjcf is not None:
             from feeder_sim.run.run_folder import mjcf_text
             from feeder_sim.scene.scene import build_scene
@@ -250,7 +250,7 @@ def bifurcation(
         writable(data)
         if picture == data:
             raise InputError("is the same file as --picture, allowed is another one", file=data, key="--data")
-    with naming(scenario_file), progress_bar(scenario.title or scenario_file.stem) as progress:
+    with file_in_errors(scenario_file), progress_bar(scenario.title or scenario_file.stem) as progress:
         import numpy as np
 
         from feeder_sim.studies.bifurcation import SETTLE, sweep_amplitude, write_sweep

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from feeder_sim.cli.files import ScenarioFile, modes_of, naming, new_picture, scenario_of, writable
+from feeder_sim.cli.files import ScenarioFile, file_in_errors, modes_of, new_picture, scenario_of, writable
 from feeder_sim.cli.report import print_modes, print_ratios, print_routes, print_waves
 from feeder_sim.cli.response import print_ranked
 from feeder_sim.errors import InputError
@@ -139,7 +139,7 @@ def _print_ratios(
     if source.suffix != ".toml":
         raise InputError("holds the modes of one plate, allowed with --ratios is a plate file (.toml)", file=source)
     start, end, y = line
-    with naming(source):
+    with file_in_errors(source):
         rows = list(compare_ratios(load_plate_file(source), values, start=start, end=end, y=y, search=search))
     if picture is not None:
         from feeder_sim.plots.pictures import draw_ratios
@@ -192,7 +192,7 @@ def wave(
     scenario = scenario_of(scenario_file, None, None, None)
     if picture is not None:
         new_picture(picture)
-    with naming(scenario_file):
+    with file_in_errors(scenario_file):
         from feeder_sim.scene.scene import build_scene
 
         scene = build_scene(scenario)

@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from feeder_sim.cli.files import naming_options, writable
+from feeder_sim.cli.files import options_in_errors, writable
 from feeder_sim.cli.terminal import notify, progress_bar
 from feeder_sim.errors import InputError, printable, quoted
 
@@ -36,7 +36,7 @@ def report(
         raise InputError(f"is {quoted(file.suffix)}, allowed is {' or '.join(SUFFIXES)}", file=file, key="--out")
     if file.is_file() and not force and not text:
         raise InputError("exists already, --force replaces it", file=file, key="--out")
-    with progress_bar(str(folder)) as progress, naming_options():
+    with progress_bar(str(folder)) as progress, options_in_errors():
         document = document_of(folder, screenshot=screenshot, progress=progress, notify=notify)
         if text:
             print(document.text())

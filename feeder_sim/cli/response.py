@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from feeder_sim.cli.files import modes_of, naming, new_picture, writable
+from feeder_sim.cli.files import file_in_errors, modes_of, new_picture, writable
 from feeder_sim.errors import InputError, Unknown
 
 if TYPE_CHECKING:
@@ -62,7 +62,7 @@ def response(
         raise InputError(f"is {damping:g}, allowed is 1e-06 to 1", file=source, key="--damping")
     point = point_on_plate(at, held, source, "--at")
     names = actuator or [held.actuators[0].name]
-    with naming(source):
+    with file_in_errors(source):
         voltage = amplitudes_of(held, names, volts, source)
         found = frequency_response(held, voltage, low=low, high=high, point=point, damping_ratio=damping)
         forces = modal_forces(held)
@@ -82,7 +82,7 @@ def print_ranked(held: ModeFile, volts: float, near: str | None, source: Path, a
 
     _check_actuators(held, source)
     _check_volts(volts, source)
-    with naming(source):
+    with file_in_errors(source):
         ranked = rank_modes(held, 0.5 * volts, point_on_plate(near, held, source, "--near"))
     print_ranking(ranked, as_json)
 

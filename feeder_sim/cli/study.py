@@ -20,8 +20,8 @@ from feeder_sim.cli.files import (
     Seed,
     Set,
     WorkerCount,
-    naming,
-    naming_options,
+    file_in_errors,
+    options_in_errors,
     scenario_of,
 )
 from feeder_sim.cli.terminal import notify, progress_bar, stop_on_signal
@@ -112,7 +112,7 @@ def study_command(name: str, title: str) -> Any:
         **given: Any,
     ) -> None:
         scenario, share = scenario_of(scenario_file, engine, None, seed, settings), _task_of(task)
-        with naming(scenario_file):
+        with file_in_errors(scenario_file):
             from feeder_sim.jobs import workers as jobs
             from feeder_sim.studies.ask import ask, folder_of
 
@@ -145,7 +145,7 @@ def merge(
     """Make the table of a study out of what the tasks of a job array have done."""
     from feeder_sim.studies.ask import merged
 
-    with naming_options():
+    with options_in_errors():
         study = merged(folder, measure)
     shown(study, folder, as_json, measure)
     finish(study, measure, goes_on="the tasks that are missing can be run again", code=FeederSimError.exit_code)

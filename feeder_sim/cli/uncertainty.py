@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from feeder_sim.cli.files import naming_options
+from feeder_sim.cli.files import options_in_errors
 from feeder_sim.cli.study import finish
 from feeder_sim.cli.terminal import progress_bar, stop_on_signal
 from feeder_sim.errors import InputError, NotAllowed, printable
@@ -36,7 +36,7 @@ def run_uncertain(scenario: Scenario, run: Path, inputs: int) -> Study | None:
     from feeder_sim.studies.uncertainty.uncertainty import UncertaintyQuestion
 
     question = UncertaintyQuestion(inputs=inputs, seeds=SEEDS)
-    with naming_options(), stop_on_signal() as stop, progress_bar("uncertain inputs", stop) as progress:
+    with options_in_errors(), stop_on_signal() as stop, progress_bar("uncertain inputs", stop) as progress:
         folder = folder_of(question, scenario, run / FOLDER)
         return ask(question, scenario, local_workers(), folder, stop=stop, progress=progress)
 
@@ -54,7 +54,7 @@ def keep_asked(scenario: Scenario, run: Path, inputs: int) -> None:
 
     if scenario.uncertain:
         question = UncertaintyQuestion(inputs=inputs, seeds=SEEDS)
-        with naming_options(), folder_of(question, scenario, run / FOLDER):
+        with options_in_errors(), folder_of(question, scenario, run / FOLDER):
             pass
 
 

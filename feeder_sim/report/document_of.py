@@ -74,7 +74,7 @@ def study_document(folder: Path) -> Document:
 
 def _asked(question: Question) -> Table:
     """The words of the question."""
-    given = question.model_dump(mode="json", exclude_none=True)
+    given = question.model_dump(mode="json", exclude_none=True, exclude_defaults=True)
     rows = tuple((headed(name), worded(value)) for name, value in given.items() if value not in (False, [], 0, ""))
     return Table("", ("what", "how"), rows)
 

@@ -155,11 +155,11 @@ def cautions(scene: Scene, engine: Choice) -> list[str]:
     """Settings of a scene that are known to give wrong numbers: key, value and effect, a line each."""
     scenario = scene.scenario
     lines = [*complaints(scenario, "unstable"), *_cautions_of_motion(scene)]
-    lines += [*not_drawn(scenario), *complaints(scenario, "misleading")]
+    lines += [*ignored_uncertainty(scenario), *complaints(scenario, "misleading")]
     return lines + (_cautions_of_fall(scene) if engine.name == "mujoco" else [])
 
 
-def not_drawn(scenario: Scenario) -> list[str]:
+def ignored_uncertainty(scenario: Scenario) -> list[str]:
     """The caution about uncertain inputs, wherever a scenario is run as it is and no values of them are drawn."""
     keys = ", ".join(scenario.uncertain or ())
     return [f"{keys}: uncertain inputs, which have the values of the scenario here, not those of draws"] if keys else []

@@ -42,7 +42,7 @@ def path_of(key: str) -> KeyPath:
     return tuple(path)
 
 
-def check_decides(key: str) -> None:
+def check_variable(key: str) -> None:
     """Refuse a key whose values are no other scenario: they decide nothing, or only the random numbers.
 
     Raises:

@@ -16,7 +16,7 @@ from pydantic import BeforeValidator, Field, ValidationError, model_validator
 
 from feeder_sim.errors import InputError, check_type, path_of_user
 from feeder_sim.example_files import scenario_path
-from feeder_sim.scenario.changes import changed_values, check_decides
+from feeder_sim.scenario.changes import changed_values, check_variable
 from feeder_sim.scenario.part import Heap, Scattered, Slide, Tube
 from feeder_sim.scenario.plate import (
     MOST_DRIVES,
@@ -211,7 +211,7 @@ class Scenario(Table):
         for key, uncertain in (self.uncertain or {}).items():
             keys = (key, *uncertain.also)
             for name in keys:
-                _check_decides(name)
+                _check_variable(name)
                 if name in seen:
                     raise ValueError(f"uncertain holds {name} twice, allowed is each key once")
                 seen.add(name)
@@ -234,10 +234,10 @@ class Scenario(Table):
             raise ValueError(f"uncertain.{key}: {error.key}: {error.problem}") from None
 
 
-def _check_decides(key: str) -> None:
+def _check_variable(key: str) -> None:
     """Refuse a key that decides nothing, for a validator."""
     try:
-        check_decides(key)
+        check_variable(key)
     except InputError as error:
         raise ValueError(f"uncertain.{error.key}: {error.problem}") from None
 

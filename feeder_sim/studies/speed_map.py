@@ -37,7 +37,7 @@ from feeder_sim.notebook import axes_for, counted
 from feeder_sim.plate.mode_shapes import StandingWave, standing_wave
 from feeder_sim.plate.rectangle import RectangularPlate
 from feeder_sim.run.batch import check_drifting
-from feeder_sim.run.prepare import not_drawn, prepare
+from feeder_sim.run.prepare import ignored_uncertainty, prepare
 from feeder_sim.run.provenance import identity_of
 from feeder_sim.scenario import Scenario, Start, Strip, load_scenario, resolve_material, with_run
 from feeder_sim.studies.question import Plan, Question
@@ -303,7 +303,7 @@ class SpeedMap(Study):
     @property
     def cautions(self) -> list[Caution]:
         """What misleads: uncertain inputs, whose values are those of the scenario."""
-        return [Caution(line, 1, 1) for line in not_drawn(self.scenario)]
+        return [Caution(line, 1, 1) for line in ignored_uncertainty(self.scenario)]
 
     @property
     def fastest(self) -> MapPoint | None:

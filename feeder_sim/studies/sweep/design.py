@@ -22,7 +22,7 @@ from typing import Any
 from feeder_sim.errors import InputError, NotAllowed
 from feeder_sim.plate.mode_file import read_mode_file
 from feeder_sim.scenario import Scenario
-from feeder_sim.scenario.changes import changed_values, check_decides, full_key, path_of, read_value
+from feeder_sim.scenario.changes import changed_values, check_variable, full_key, path_of, read_value
 
 # Modes of the plate as values of a key: a key that ends in `.mode` takes the frequency of the drive along.
 #
@@ -123,7 +123,7 @@ def read_axis(text: str, argument: str = "vary") -> Axis:
     if not equals or not key.strip() or not values.strip():
         raise NotAllowed(text, "KEY=LOW:HIGH:COUNT, LOW:HIGH:logCOUNT or A,B,C", argument=argument)
     key = full_key(key.strip())
-    check_decides(key)
+    check_variable(key)
     match = _RANGE.fullmatch(values.strip())
     if match is not None:
         low, high, log, count = float(match[1]), float(match[2]), match[3] is not None, match[4]
