@@ -85,6 +85,8 @@ class SeedArrivals:
 class Arrivals(Measure[ArrivalFindings, SeedArrivals]):
     """How many parts a schedule brings to its goal."""
 
+    headline = ("arrival_time_s", "travelled_mm")
+
     counts = (Status.DONE, Status.LEFT_PLATE)
 
     def applies(self, prepared: Prepared) -> bool:

@@ -248,6 +248,8 @@ class SeedBounces:
 class Bounces(Measure[BounceFindings, SeedBounces]):
     """Bounce interval, flight height, impact speed and motion of a part in a guide."""
 
+    headline = ("bounce_interval_ms", "flight_height_mm", "impact_speed_mm_s")
+
     def applies(self, prepared: Prepared) -> bool:
         return prepared.scene.guides[0] is not None
 

@@ -71,6 +71,10 @@ MEASURES: tuple[Measure[Any, Any], ...] = (
     Arrivals(),
     Circulation(),
 )
+# The most telling values of all, the first of them where several are measured.
+HEADLINES = tuple(
+    name for measure in (Drift, Rate, Arrivals, Bounces, Separation, Refills, Circulation) for name in measure.headline
+)
 Findings = TypeVar("Findings")
 
 

@@ -162,6 +162,8 @@ SeedWaves = tuple[OnWave | None, ...]  # what is read of a seed: for each wave, 
 class Circulation(Measure[WaveFindings, SeedWaves]):
     """Circulation of parts with a quasi-travelling wave, and their share at its still points."""
 
+    headline = ("circulation_mm_s",)
+
     counts = (Status.DONE, Status.LEFT_PLATE)
 
     def applies(self, prepared: Prepared) -> bool:

@@ -64,6 +64,8 @@ class SeedDrift:
 class Drift(Measure[DriftFindings, SeedDrift]):
     """Transport speed, drift velocity and highest rise of a scenario without a schedule."""
 
+    headline = ("transport_speed_mm_s",)
+
     def applies(self, prepared: Prepared) -> bool:
         return prepared.scenario.schedule is None
 

@@ -33,6 +33,8 @@ class FunctionMeasure(Measure[dict[str, Statistic], float]):
     def __init__(self, function: Function, name: str = "") -> None:
         self._function, self._name = function, name or getattr(function, "__name__", "")
 
+        self.headline = (self._name,)
+
     @property
     def name(self) -> str:
         return self._name

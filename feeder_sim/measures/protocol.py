@@ -107,9 +107,11 @@ class Measure(ABC, Generic[Findings, Reading]):
 
     Attributes:
         counts: how a seed has to have ended to be measured.
+        headline: its most telling values, which stand first wherever measures are shown.
     """
 
     counts: tuple[Status, ...] = (Status.DONE,)
+    headline: tuple[str, ...] = ()
 
     def __repr__(self) -> str:
         return f"{type(self).__name__}()"

@@ -94,6 +94,8 @@ class SeedRate:
 class Rate(Measure[RateFindings, SeedRate]):
     """Picks per minute of a schedule with picks."""
 
+    headline = ("picks_per_minute",)
+
     counts = (Status.DONE, Status.LEFT_PLATE)
 
     def applies(self, prepared: Prepared) -> bool:

@@ -43,6 +43,8 @@ class SeedRefills:
 class Refills(Measure[RefillFindings, SeedRefills]):
     """Parts that came while a run went on."""
 
+    headline = ("refilled",)
+
     def applies(self, prepared: Prepared) -> bool:
         return prepared.scenario.refill is not None
 

@@ -193,6 +193,8 @@ class SeedSeparation:
 class Separation(Measure[SeparationFindings, SeedSeparation]):
     """Counts of many parts at the end of every stage, parts picked and parts lost."""
 
+    headline = ("picked", "lost")
+
     counts = (Status.DONE, Status.LEFT_PLATE)
 
     def applies(self, prepared: Prepared) -> bool:

@@ -3,29 +3,17 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
 from feeder_sim.document.document import Block, Folded, Table, Text, Tile
 from feeder_sim.document.words import headed, number, split_unit, with_error, worded
+from feeder_sim.measures.catalogue import HEADLINES
 from feeder_sim.measures.statistic import half_interval
 from feeder_sim.studies.sweep.table import MAIN
 
 HEAD = ("measure", "unit", "mean", "SE", "95 % interval", "n")
-# Measures that stand at the top of a page, the most telling ones first, and how many of them.
-FIRST = (
-    "transport_speed_mm_s",
-    "picks_per_minute",
-    "arrival_time_s",
-    "travelled_mm",
-    "bounce_interval_ms",
-    "flight_height_mm",
-    "impact_speed_mm_s",
-    "picked",
-    "lost",
-    "refilled",
-)
-TELLING = tuple(dict.fromkeys((*MAIN, *FIRST)))  # those of questions of many runs
+TELLING = tuple(dict.fromkeys((*MAIN, *HEADLINES)))  # those of questions of many runs
 TILES = 4
 MOST_ROWS = 200  # of a table of stages; more would make the page too large to mail
 LEAST_FOR_INTERVAL = 3  # values; that of two is as wide as 25 standard errors
@@ -37,13 +25,13 @@ def in_order(measures: Iterable[str], asked: str = "") -> list[str]:
     return sorted(measures, key=lambda name: (rank.get(name, len(rank)), "[" in name or "." in name))
 
 
-def tiles(measures: Mapping[str, Any]) -> tuple[Tile, ...]:
-    """The most important results of a run."""
+def tiles(measures: Mapping[str, Any], own: Sequence[str] = ()) -> tuple[Tile, ...]:
+    """The most important results of a run; own: values that other packages, or a user, have added."""
     found = []
     if "at_goal" in measures and measures["at_goal_of"]:
         found.append(Tile("arrived", f"{measures['at_goal']} of {measures['at_goal_of']}", "parts", "of all seeds"))
     transport = bool(found)
-    for name in FIRST:
+    for name in (*HEADLINES, *own):
         value = measures.get(name, {})
         if not is_statistic(value) or not value["n"] or (transport and name in ("picked", "lost")):
             continue

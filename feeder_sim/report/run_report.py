@@ -10,6 +10,7 @@ from pathlib import Path
 
 from feeder_sim.document.document import Block, Document, Section, Table, Text
 from feeder_sim.document.words import number, sentence
+from feeder_sim.measures.catalogue import HEADLINES
 from feeder_sim.records.seed import Counts, Status
 from feeder_sim.report.measure_tables import measure_blocks, tiles
 from feeder_sim.report.provenance import foot
@@ -53,6 +54,7 @@ def run_document(
     tell(0.2)
     summary = run.result.summary()
     measures = run.result.measures()
+    own = [name for measure, _ in run.result.findings for name in measure.headline if name not in HEADLINES]
     tell(0.4)
     pictures: list[Block] = [picture for picture in (plate_picture(run), parts_picture(run)) if picture is not None]
     tell(0.6)
@@ -78,7 +80,7 @@ def run_document(
     return Document(
         title=scenario.title or run.folder.resolve().name,
         subtitle=_subtitle(run),
-        tiles=tiles(measures),
+        tiles=tiles(measures, own),
         notices=tuple(_notices(run)),
         sections=tuple(section for section in sections if section.blocks),
         foot=foot(),
