@@ -12,14 +12,11 @@ from feeder_sim.plate.materials import MATERIALS
 from feeder_sim.plate.mode_file import read_mode_file
 from feeder_sim.records.trajectory_file import TRAJECTORY
 from feeder_sim.scenario import load_scenario
+from feeder_sim.scenario.run import ENGINES
 from feeder_sim.scenario.shapes import SHAPES
 from feeder_sim.scenario.tables import read_text
 
 UNUSABLE = "unusable: "
-ENGINES = {
-    "impulse": "rigid contact by impulses, flight in closed form; exact on a slide",
-    "mujoco": "rigid-body contact by MuJoCo's own solver",
-}
 
 
 def catalogue(folder: Path) -> dict[str, dict[str, str]]:
@@ -37,7 +34,7 @@ def catalogue(folder: Path) -> dict[str, dict[str, str]]:
         "examples": {name: _title(path) for name, path in examples().items() if path.resolve() not in own},
         "mode files": {str(path.relative_to(folder)): text for path, text in mode_files.items()},
         "mode files of examples": {str(path): _modes(path) for path in more if path.resolve() not in own},
-        "engines": ENGINES | _added("engines"),
+        "engines": {name: text for name, text in ENGINES.items() if name != "auto"} | _added("engines"),
         "parts": {name: table.sizes for name, table in SHAPES.items()} | _added("parts"),
         "materials": {name: f"{m.density:g} kg/m3, {m.youngs_modulus / 1e9:g} GPa" for name, m in MATERIALS.items()},
     }

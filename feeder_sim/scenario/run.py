@@ -10,7 +10,11 @@ from feeder_sim import extensions
 from feeder_sim.scenario.tables import DurationS, Flag, NonNegative, Positive, Table
 
 TOLERANCE_NM = 0.1  # of contacts without a step, where the scenario does not say
-ENGINES = ("auto", "impulse", "mujoco")
+ENGINES = {
+    "auto": "the fastest that covers the scene",
+    "impulse": "rigid contact by impulses, flight in closed form; exact on a slide",
+    "mujoco": "rigid-body contact by MuJoCo's own solver",
+}
 STEPS_PER_PERIOD = 40  # of a method that has steps, where the scenario does not say
 
 Share = Annotated[float, Field(ge=0, le=1, strict=True)]
