@@ -307,6 +307,29 @@ def test_an_interrupt_before_the_first_block_ends_at_once_and_the_folder_goes_on
     assert not run.exists()
 
 
+@pytest.mark.slow
+def test_an_interrupt_in_mid_run_keeps_what_was_computed(tmp_path: Path) -> None:
+    run = tmp_path / "run"
+    words = ("run", "separation_100", "--seeds", "2", "--out", str(run))
+    with subprocess.Popen([sys.executable, "-m", "feeder_sim", *words], stdout=subprocess.DEVNULL) as process:
+        until = time.monotonic() + 120.0
+        while time.monotonic() < until and least_recorded(run) < 200:
+            time.sleep(0.1)
+        process.send_signal(signal.SIGINT)
+        assert process.wait(60.0) == 130
+    recording = read_recording(run / "trajectory.h5")
+    assert set(recording.status) == {Status.UNFINISHED} and (run / "summary.json").is_file()
+    assert all(np.isfinite(frames.position).all() for frames in recording.seeds)
+
+
+def least_recorded(run: Path) -> int:
+    """Frames of the seed of a run under way that has the fewest; 0 while there is no file to read."""
+    try:
+        return min(map(len, read_recording(run / "trajectory.h5").seeds))
+    except InputError:
+        return 0
+
+
 def test_a_run_that_ends_writes_no_summary_of_another(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A run in a folder that a faster process has taken between two looks is refused, with nothing written."""
     looks, check_free = [], run_folder.check_free
