@@ -180,7 +180,13 @@ def test_full_disk_ends_the_run_with_one_line(tmp_path: Path, repository: Path) 
     assert done.stderr.count("\n") == 1 and "disk full" in done.stderr, done.stderr
 
 
-def test_foreign_file_is_refused(tmp_path: Path) -> None:
+def test_truncated_and_foreign_files_are_refused(tmp_path: Path) -> None:
+    record_run(strip_scenario(), tmp_path / "run", replay=False)
+    whole = (tmp_path / "run" / TRAJECTORY).read_bytes()
+    cut = tmp_path / "cut.h5"
+    cut.write_bytes(whole[: len(whole) // 2])
+    with pytest.raises(InputError, match=r"cut\.h5: not a readable trajectory file"):
+        read_recording(cut)
     with h5py.File(tmp_path / "foreign.h5", "w") as file:
         file["x"] = 1.0
     with pytest.raises(InputError, match=r"foreign\.h5: schema: is None"):
