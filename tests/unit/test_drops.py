@@ -247,3 +247,7 @@ def test_symmetry_is_that_of_the_mesh_whatever_its_contact_corners(
 def test_a_capsule_has_one_pose_that_it_rolls_in_and_a_ball_of_facets_one_as_well(tmp_path: Path) -> None:
     for mesh in (trimesh.creation.capsule(height=4.0, radius=1.5), trimesh.creation.icosphere(subdivisions=3)):
         assert len(stable_poses(of_mesh(mesh, tmp_path)).poses) == 1
+
+
+def test_a_part_without_its_file_is_refused(tmp_path: Path) -> None:
+    check_refused(feeder_sim("part", tmp_path / "none.stl"), "none.stl: no such mesh file\n")
