@@ -22,9 +22,9 @@ from feeder_sim.jobs.task import SeedValues
 from feeder_sim.jobs.workers import given_workers
 from feeder_sim.scenario import Scenario, load_scenario
 from feeder_sim.studies.search.optimise import OptimiseQuestion, Search
-from feeder_sim.studies.search.proposals import RANDOM_TRIALS, Sampler
+from feeder_sim.studies.search.proposals import LOG, RANDOM_TRIALS, Proposals, Sampler
 from feeder_sim.studies.search.search import FRESH, Checked
-from feeder_sim.studies.search.space import Space
+from feeder_sim.studies.search.space import Parameter, Space
 from feeder_sim.studies.search.trials import Aim, Trial, is_worse
 from feeder_sim.studies.sweep.cases import Case
 
@@ -90,6 +90,39 @@ def test_every_sampler_goes_on_after_its_random_trials(tmp_path: Path, monkeypat
     with pytest.raises(InputError, match="sampler: needs the extra `search`"):
         searched(tmp_path / "without", **words, sampler="cmaes")
     assert not (tmp_path / "without/optuna.log").exists()  # refused before any work
+
+
+@pytest.mark.parametrize("values", [0, 1])
+@pytest.mark.parametrize("number", [0, 1, 5, RANDOM_TRIALS + 3])
+def test_a_kill_while_a_trial_takes_its_values_changes_none(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, number: int, values: int
+) -> None:
+    """At the scenario itself, at a start, at random, and where the sampler has learnt."""
+    space = Space.of(strip_scenario(amplitude_um=1.0), OVER)
+    trials, start = RANDOM_TRIALS + 6, {AMPLITUDE: 2.0, FRICTION: 0.2}
+
+    def search(log: Path) -> list[tuple[int, Any]]:
+        proposals = Proposals(log, space, AIM, "tpe", [start])
+        points: list[tuple[int, Any]] = []
+        while len(points) < trials:
+            ((trial, point),) = proposals.next(1)
+            points.append((trial, point))
+            done = {0: SeedValues(0, {"speed": point[AMPLITUDE]}, 0.0)}
+            proposals.tell([Trial(trial, point, Case(space.scenario, "", done=done))])
+        return points
+
+    whole, suggest, left = search(tmp_path / "whole"), Parameter.suggest, [2 * number + values]
+
+    def killed(parameter: Parameter, trial: Any) -> Any:
+        if not left[0]:
+            raise KeyboardInterrupt
+        left[0] -= 1
+        return suggest(parameter, trial)
+
+    with monkeypatch.context() as patch, pytest.raises(KeyboardInterrupt):
+        patch.setattr(Parameter, "suggest", killed)
+        search(tmp_path / LOG)
+    assert search(tmp_path / LOG) == whole and whole[1][1] == start
 
 
 def test_values_that_are_not_allowed_together_do_not_end_a_search(tmp_path: Path) -> None:

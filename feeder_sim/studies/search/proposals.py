@@ -25,6 +25,8 @@ from feeder_sim.studies.sweep.design import Point
 if TYPE_CHECKING:
     from optuna.samplers import BaseSampler
     from optuna.study import Study
+    from optuna.trial import FrozenTrial
+    from optuna.trial import Trial as AskedTrial
 
 Sampler = Literal["tpe", "cmaes"]
 LOG = "optuna.log"
@@ -52,19 +54,31 @@ class Proposals:
     def next(self, size: int) -> list[tuple[int, Point]]:
         """The next trials by number: those that a break has left in the record, then new ones."""
         parameters = self._space.parameters
-        keys = {parameter.key for parameter in parameters}
-        recorded = [trial for trial in self._study.trials if set(trial.params) >= keys]  # a kill may leave half a one
         points: list[tuple[int, Point]] = []
         for number in range(self._handed, self._handed + size):
-            if number < len(recorded):
-                kept = recorded[number]
-                points.append((kept.number, {p.key: _value(p, kept.params[p.key]) for p in parameters}))
+            kept = self._kept(number)
+            if kept is not None and set(kept.params) >= {parameter.key for parameter in parameters}:
+                point = {p.key: _value(p, kept.params[p.key]) for p in parameters}
             else:
-                self._study.sampler = _sampler_of(self._sampler, self._space, number)
-                asked = self._study.ask()
-                points.append((asked.number, self._space.suggest(asked)))
+                point = self._space.suggest(self._asked(number, kept))
+            points.append((number, point))
         self._handed += size
         return points
+
+    def _kept(self, number: int) -> FrozenTrial | None:
+        """What the record has of a trial that was asked for before; None where it was not."""
+        from optuna.trial import TrialState
+
+        recorded = self._study.get_trials(deepcopy=False)
+        kept = recorded[number] if number < len(recorded) else None
+        return kept if kept is not None and kept.state != TrialState.WAITING else None
+
+    def _asked(self, number: int, kept: FrozenTrial | None) -> AskedTrial:
+        """A trial that takes its values now: a new one, or one that a kill has left without some of its values."""
+        import optuna
+
+        self._study.sampler = _sampler_of(self._sampler, self._space, number)
+        return self._study.ask() if kept is None else optuna.Trial(self._study, kept._trial_id)
 
     def tell(self, trials: Sequence[Trial]) -> None:
         """Tell Optuna what became of trials; a recipe without a value counts as worse than all others."""
