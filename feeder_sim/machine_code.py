@@ -44,6 +44,9 @@ FOLDERS_KEPT = 4  # of other states of sources, libraries and processor: two che
 LIBRARIES = ("numba", "llvmlite", "numpy", "mujoco")
 KEY_LENGTH = 24
 OPTIONS = {"nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True}  # nothing calls them from C
+# Of inner functions. That they are not copied has to be said: numba compiles a function when it comes to a call of it,
+# and then takes over from the caller that it is to be copied. All engines became one function in this way.
+INNER = OPTIONS | {"no_cpython_wrapper": True, "forceinline": False}
 
 # Parts of numba's inside that an ingredient replaces; without them inner functions are compiled as any other.
 INGREDIENTS = all(
@@ -80,7 +83,7 @@ def compiled(function: F) -> F:
     Its machine code is part of theirs. That it has none of its own, and no way in from Python, saves a third of the
     time that compilation takes; `entry_point(function.py_func)` can be called from Python.
     """
-    return _inner(_njit(no_cpython_wrapper=True, **OPTIONS)(function))
+    return _inner(_njit(**INNER)(function))
 
 
 def uncounted(function: F) -> F:
@@ -88,12 +91,12 @@ def uncounted(function: F) -> F:
 
     Neither it nor what it calls may make an array; its caller holds those that it is given.
     """
-    return _inner(_njit(no_cpython_wrapper=True, _nrt=False, **OPTIONS)(function))
+    return _inner(_njit(**INNER | {"_nrt": False})(function))
 
 
 def inlined(function: F) -> F:
     """As `uncounted`, and copied into every function that calls it: for what the inner loops call most."""
-    return _inner(_njit(no_cpython_wrapper=True, forceinline=True, _nrt=False, **OPTIONS)(function))
+    return _inner(_njit(**INNER | {"_nrt": False, "forceinline": True})(function))
 
 
 class _EntryPoint(CPUDispatcher):
