@@ -283,17 +283,34 @@ def test_energy_never_grows(bodies: int, contacts: int) -> None:
         assert scene.energy() <= before * (1 + 1e-10)
 
 
-def test_falling_stacks_settle_and_obey() -> None:
+@pytest.mark.parametrize("blocks", [4, 10])
+def test_falling_stacks_settle_and_obey(blocks: int) -> None:
     rng = np.random.default_rng(5)
     for _ in range(20):
-        scene = stack(4, rng.uniform(), rng.uniform(0, 0.8))
-        scene.bodies.velocity[:] = rng.normal(size=(4, 3)) * 0.02 - [0, 0, 0.2]
-        scene.bodies.spin[:] = rng.normal(size=(4, 3))
+        scene = stack(blocks, rng.uniform(), rng.uniform(0, 0.8))
+        scene.bodies.velocity[:] = rng.normal(size=(blocks, 3)) * 0.02 - [0, 0, 0.2]
+        scene.bodies.spin[:] = rng.normal(size=(blocks, 3))
         energy = scene.energy()
         settled, before, after = scene.run(impact)
         assert settled
         assert scene.energy() <= energy
         assert scene.worst(after) < close(before)
+
+
+@pytest.mark.parametrize("closely", [0.0, 1e-7])
+def test_a_face_whose_points_slip_by_a_hair_is_solved(closely: float) -> None:
+    """Its six points are moved sideways, and approach, at speeds that differ a little."""
+    rng = np.random.default_rng(6)
+    for _ in range(200):
+        scene = Scene(1, 6)
+        scene.put(0, (0, 0, HALF[2]), rng.normal(size=3) * 1e-4 - [0, 0, GRAVITY_STEP / 2], rng.normal(size=3) * 0.02)
+        for k in range(6):
+            at = 0.003 * np.cos(k * np.pi / 3), 0.003 * np.sin(k * np.pi / 3), 0.0
+            scene.touch(WORLD, 0, np.array(at), (0, 0, 1), mu=0.3, target=5e-6 * rng.normal())
+            scene.contacts.vector[VELOCITY, k] = (1e-4, 5e-5, 0) + 1e-5 * rng.normal(size=3)
+        settled, _, after = scene.run(lambda *problem: solve(*problem, closely))
+        assert settled
+        assert scene.worst(after) < max(1e-8, 3.0 * closely)
 
 
 @pytest.mark.parametrize("arm", [1e-5, 1e-3])

@@ -78,7 +78,7 @@ NO_LIFT = 1e-3  # of the time of constant forces: what is lifted sooner than tha
 FIRMLY = 0.99  # of full friction: what takes less is not sliding
 SOLVED = 0.05  # tolerances by which the motion under forces may be off that the laws of contact ask for
 TURNS, STOPS = 3, 0.98  # rounds, and share of the time, by which the end of a slip is found
-SLIPS = 1e-7  # [m/s]
+SLIPS, CREPT = 1e-7, 10.0  # [m/s], and on a plate that moves tolerances in the time of forces: what slips by less stays
 NOTHING = (0.0, 0.0, 0.0)
 
 
@@ -196,25 +196,31 @@ def press(part, kind, n, pressed, unknown, surface, bounds, t, until, least, wor
     time = max(min(usual, lift, until - t), least)
     m = 0
     for turn in range(TURNS):
+        slips = SLIPS if bounds.speed == 0.0 else max(SLIPS, CREPT * bounds.exact.tolerance / time)
         _load(part, kind, time, work)
         m = _gather_ahead(part, kind, n, surface, bounds, t, time, usual, work)
+        if bounds.speed > 0.0:
+            _move_as_one(m, slips, work.contacts)
+        if kind.corner_to - kind.corner_from > 1:
+            _turn_inwards(part, kind, m, time, work)
         if not solve(work.bodies, work.contacts, m, None, SOLVED * bounds.exact.tolerance / usual):
             work.counts[UNRESOLVED] += 1
-        stops = _slip_stops(part, kind, m, time, work)
+        stops = _slip_stops(part, kind, m, time, slips, work)
         if stops > STOPS * time or stops < max((1.0 - STOPS) * usual, least) or turn == TURNS - 1:
             break
         time = stops
-    loaded, held = False, True
+    held, loaded, firmly, friction = True, False, 0.0, NOTHING
     for i in range(m):
         p, normal = vector(work.contacts.vector[IMPULSE, i]), vector(work.contacts.vector[NORMAL, i])
         along = dot(p, normal)
         if along > 0.0:
             loaded = True
-            friction = plus(p, -along, normal)
+            firmly += FIRMLY * work.contacts.number[FRICTION, i] * along
+            friction = plus(friction, 1.0, plus(p, -along, normal))
             u = _relative(i, work)
             u = plus(u, -dot(u, normal), normal)
-            held = held and dot(u, u) < SLIPS * SLIPS
-            held = held and dot(friction, friction) <= (FIRMLY * work.contacts.number[FRICTION, i] * along) ** 2
+            held = held and dot(u, u) < slips * slips
+    held = held and dot(friction, friction) <= firmly * firmly
     if not loaded:
         return 0.0, False
     _apply_forces(part, m, time, work)
@@ -276,8 +282,10 @@ def _relative(i, work):
 
 
 @inlined
-def _slip_stops(part, kind, m, time, work):
+def _slip_stops(part, kind, m, time, slips, work):
     """When the first contact that slips will have stopped [s], if it does within a time of constant forces; or that.
+
+    slips: what is slower does not slip [m/s].
 
     Along its slip s, with the other accelerations a and a share r of full friction F, it goes on by s - (a + r F) t.
     F is taken for that of a part that does not turn.
@@ -295,7 +303,7 @@ def _slip_stops(part, kind, m, time, work):
         u = difference(at, vector(row[WITH : WITH + 3]))
         u = plus(u, -dot(u, normal), normal)
         s = math.sqrt(dot(u, u))
-        share = -dot(p, u) / (s * mu * along) if s > SLIPS else 1.0
+        share = -dot(p, u) / (s * mu * along) if s > slips else 1.0
         if share > FIRMLY:
             continue
         full = mu * pressed / kind.mass / time
@@ -382,14 +390,12 @@ def _gather_ahead(part, kind, n, surface, bounds, t, time, usual, work):
         if row[CARRY] == 0.0:
             continue
         _gather(i, m, 0.0, work)
-        going, inwards = cross(spin, vector(row[AT : AT + 3])), NOTHING
+        going = cross(spin, vector(row[AT : AT + 3]))
         turned = 0.0
         if row[KNOWN] == AT_EDGE:
             turned = _turn_along(row, work.edge[int(row[EDGE])], m, part, kind, going, time, contacts)
         elif kind.corner_to - kind.corner_from > 1:
             write_to(contacts.vector[ARM_SECOND, m], plus(row[AT : AT + 3], 0.5 * time, going))
-        if kind.corner_to - kind.corner_from > 1:
-            inwards = cross(spin, going)
         gap = row[GAP] - 0.5 * touch
         target = -RETURN * gap / usual
         if gap > 0.5 * touch:
@@ -397,7 +403,6 @@ def _gather_ahead(part, kind, n, surface, bounds, t, time, usual, work):
         contacts.number[TARGET, m] = target - turned
         m += 1
         if row[MOVES] == 0.0:
-            add_to(contacts.vector[VELOCITY, m - 1], -0.5 * time, inwards)
             continue
         # A ball touches below its centre, wherever that goes.
         past = cross(spin, plus(row[AT : AT + 3], kind.radius, row[TOWARDS : TOWARDS + 3]))
@@ -423,8 +428,38 @@ def _gather_ahead(part, kind, n, surface, bounds, t, time, usual, work):
             if kind.radius > 0.0 and kind.corner_to - kind.corner_from == 1:
                 write_to(contacts.vector[ARM_SECOND, m - 1], plus(NOTHING, -kind.radius, normal))
         lift = speed if row[KNOWN] == AT_EDGE else speed + slope_x * along_x + slope_y * along_y
-        write_to(contacts.vector[VELOCITY, m - 1], plus((along_x, along_y, lift), -0.5 * time, inwards))
+        write_to(contacts.vector[VELOCITY, m - 1], (along_x, along_y, lift))
     return m
+
+
+@inlined
+def _move_as_one(m, slips, contacts):
+    """Give all contacts one sideways velocity where those of the plate differ by no more than `slips` [m/s].
+
+    A plate that bends moves places under a part apart, so that nothing can stick at all of them.
+    """
+    velocities, normals = contacts.vector[VELOCITY], contacts.vector[NORMAL]
+    low_x = low_y = math.inf
+    high_x = high_y = -math.inf
+    for i in range(m):
+        x, y = velocities[i, 0], velocities[i, 1]
+        low_x, high_x, low_y, high_y = min(low_x, x), max(high_x, x), min(low_y, y), max(high_y, y)
+    if max(high_x - low_x, high_y - low_y) > slips:
+        return
+    x, y = 0.5 * (low_x + high_x), 0.5 * (low_y + high_y)
+    for i in range(m):
+        u, n = velocities[i], normals[i]
+        u[2] -= (n[0] * (x - u[0]) + n[1] * (y - u[1])) / n[2]  # the gap closes as before
+        u[0], u[1] = x, y
+
+
+@inlined
+def _turn_inwards(part, kind, m, time, work):
+    """Take from the velocity of all contacts what corners gain as they turn, half of it in the mean of a time [s]."""
+    spin = spin_of(part, kind)
+    for i in range(m):
+        inwards = cross(spin, cross(spin, vector(work.point[work.row_of[i], AT : AT + 3])))
+        add_to(work.contacts.vector[VELOCITY, i], -0.5 * time, inwards)
 
 
 @inlined

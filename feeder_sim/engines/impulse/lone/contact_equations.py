@@ -7,11 +7,18 @@ CMAME 92 (1991) 353),
 
 and moments against rolling like p_t. By the last step's impulses each contact is taken for open, sticking or slipping
 (semismooth Newton method). Where faces meet W is singular: motions are unique, impulses are not. So the unknown of a
-step is the change of motion, six numbers for each body, and impulses follow it by a compliance 1/r about what they
-were, which leaves solutions as they are (proximal points; Rockafellar, SIAM J. Control 14 (1976) 877). From no impulses
-that comes to nearly the least ones, so that what is symmetric stays so. A large r makes a step Newton's; a small one
-makes it short and safe, as in Levenberg's and Marquardt's method. Steps that lead nowhere begin again from sweeps of
-projected Gauss-Seidel (Jean, CMAME 177 (1999) 235).
+step is the change of motion, six numbers for each body, and impulses follow it by a compliance about what they were,
+which leaves solutions as they are (proximal points; Rockafellar, SIAM J. Control 14 (1976) 877). From no impulses that
+leads to nearly the least ones, so that what is symmetric stays so.
+
+Where many points stick or slip by a hair these steps lead nowhere. Then the laws are blurred by a speed s,
+
+    p.n (u.n - b) = m s^2,   p_t sqrt(u_t^2 + s^2) = -mu p.n u_t          (m: effective mass)
+
+whose solution is smooth (Chen and Harker, SIAM J. Matrix Anal. 14 (1993) 1168), and the path of the solutions is
+followed from a large blur to none. A step linearises p_t and u_t alike (Chan, Golub and Mulet, SIAM J. Sci. Comput. 20
+(1999) 1964). Bodies that are jammed may have no such path: there sweeps of projected Gauss-Seidel (Jean, CMAME 177
+(1999) 235) go before Newton's steps.
 """
 
 from __future__ import annotations
@@ -27,23 +34,25 @@ from feeder_sim.machine_code import inlined, uncounted
 A, B, N = range(3)  # directions at a contact: two tangents and the normal; then the tangents again, of spin
 DIRECTIONS, FORCES = 5, 3
 SECOND, OTHER, WIDTH, COUNT = range(4)  # of Room.place
-IMPULSES, BEFORE, KNOWN, RATE, GAP, BEST, SWEPT = range(7)  # of Room.value
+IMPULSES, BEFORE, KNOWN, RATE, GAP, BEST = range(6)  # of Room.value
 SLIDES, ROLLS = range(2)  # of Room.limit
 START, NOW, STEP = range(3)  # of Room.motion
 
 ENOUGH = 1e-12  # of the largest approach: how closely contacts are solved
 FLOOR = 4e-15  # of the largest speed, which is round-off
 LEAST = 1e-11  # [m/s]; what does not count
-NEARLY = 1e-4  # of the largest speed: what may be left after all attempts, where many points stick or slip by a hair
-# What follows was chosen by trial on thousands of random heaps and stacks.
-STIFFEST, STIFF, SOFT = 1e8, 1e2, 1e1  # r, in effective masses: at most and at first; at other attempts
-STIFFER, SOFTER = 10.0, 0.03  # its factors after a step that leads closer, and after some that do not
-PATIENCE, FEW, FAILURES = 2, 1, 8  # steps that lead nowhere, one after the other; how often, at first and later
-NEWTONS = 100  # steps of an attempt
-ATTEMPTS, STEADY = 24, 6  # all, and those that follow the same sweeps on and on
-SWEEPS = 8  # at first, doubled each time
+NEARLY = 1e-4  # of the largest speed: what may be left after all attempts, where bodies are jammed
+# What follows was chosen by trial on thousands of random heaps, stacks and rides.
+STIFF, STIFFEST = 1e8, 1e10  # largest changes of an impulse, in effective masses, with the velocity
+NEWTONS, PATIENCE = 12, 3  # steps by the laws themselves; those that may lead nowhere, one after the other
+STEPS = 100  # along the path
+SHARPER, SHORTEST = 0.5, 0.98  # its factors: at first, and at last where it cannot be followed
+SHARP, TRIED = 1e-2, 0.3  # of the blur at first, or of what is near enough: from there on the laws themselves are tried
+AGAIN = 0.2  # of the blur at which they were tried last
+LEAST_BLUR = 0.01  # of the error that is small enough
+CENTRED, LOST = 0.5, 1e3  # blurs by which blurred laws may be off, and by which a step has led away
+SWEEPS, BATCHES = 16, 7  # at first, doubled each time; so often
 LARGEST = 1 << 20
-GOLDEN = 0.5 * (math.sqrt(5.0) - 1.0)
 
 
 class Room(NamedTuple):
@@ -51,9 +60,9 @@ class Room(NamedTuple):
 
     rows: what it is in each direction at a contact; push: what an impulse in that direction does to it; both (n,
     DIRECTIONS, width), of the second body and then of the first, or of the modes. place (n, 4): where in the motion
-    these begin, the width of the latter, the number of directions. value (7, n, DIRECTIONS): IMPULSES; relative
-    velocity BEFORE; KNOWN: that of the world, negative; RATE: effective inverse mass; GAP, BEST and SWEPT: impulses on
-    the way. limit (n, 2): tangential impulse and moment, as shares of the normal impulse. target (n,) [m/s]. law (n,
+    these begin, the width of the latter, the number of directions. value (6, n, DIRECTIONS): IMPULSES; relative
+    velocity BEFORE; KNOWN: that of the world, negative; RATE: effective inverse mass; GAP and BEST: impulses on the
+    way. limit (n, 2): tangential impulse and moment, as shares of the normal impulse. target (n,) [m/s]. law (n,
     DIRECTIONS, DIRECTIONS): by how much impulses fall when velocities rise. motion: (3, all); matrix: (all, all).
     """
 
@@ -76,7 +85,7 @@ def room_for(bodies: int, contacts: int, shapes: int) -> Room:
         rows=np.zeros((contacts, DIRECTIONS, width)),
         push=np.zeros((contacts, DIRECTIONS, width)),
         place=np.zeros((contacts, 4), np.int64),
-        value=np.zeros((7, contacts, DIRECTIONS)),
+        value=np.zeros((6, contacts, DIRECTIONS)),
         limit=np.zeros((contacts, 2)),
         target=np.zeros(contacts),
         law=np.zeros((contacts, DIRECTIONS, DIRECTIONS)),
@@ -138,14 +147,19 @@ def _push(room, i, k, p, which):
 @uncounted
 def begin(room, n, size):
     """No impulses yet: the motion before them, relative velocities and effective masses."""
-    for i in range(n):
-        for k in range(_place(room, i, COUNT)):
-            room.value[IMPULSES, i, k] = 0.0
+    _forget(room, n)
     make_motion(room, n, size)
     for i in range(n):
         for k in range(_place(room, i, COUNT)):
             room.value[BEFORE, i, k] = relative(room, i, k)
             room.value[RATE, i, k] = _coupling(room, i, k, k)
+
+
+@inlined
+def _forget(room, n):
+    for i in range(n):
+        for k in range(_place(room, i, COUNT)):
+            room.value[IMPULSES, i, k] = 0.0
 
 
 @uncounted
@@ -163,67 +177,96 @@ def make_motion(room, n, size):
 def settle(room, n, size, closely):
     """Solve for impulses and motion, from impulses as they are; returns whether every contact obeys its laws.
 
-    closely: what may be left of a velocity [m/s], where an attempt comes no closer.
+    closely: what may be left of a velocity [m/s].
     """
-    approach = speed = 0.0
+    approach = speed = fastest = 0.0
     for i in range(n):
         approach = max(approach, room.target[i] - room.value[BEFORE, i, N])
         for k in range(FORCES):
-            known = abs(room.value[KNOWN, i, k])
-            speed = max(speed, known, known + abs(room.value[BEFORE, i, k]))
-    enough, sweeps = max(ENOUGH * approach, FLOOR * speed, LEAST), SWEEPS
-    for attempt in range(ATTEMPTS):
-        stiff, failures = STIFF if attempt % 2 == 1 else SOFT, FAILURES
-        if attempt == 0:
-            stiff, failures = STIFFEST, FEW
-        if _newtons(room, n, size, enough, stiff, failures):
-            return True
-        _copy(room, BEST, IMPULSES, n)
-        make_motion(room, n, size)
-        if _linearise(room, n, enough, SOFT) <= closely:
-            return True
-        if attempt >= STEADY:
-            _disturb(room, n, attempt)
-            sweeps = 2 * SWEEPS
-        elif attempt > 0:
-            _copy(room, SWEPT, IMPULSES, n)
-        make_motion(room, n, size)
-        for _ in range(sweeps):
-            _sweep(room, n)
-        sweeps *= 2
-        _copy(room, IMPULSES, SWEPT, n)
-    _copy(room, BEST, IMPULSES, n)
-    make_motion(room, n, size)
-    return _linearise(room, n, enough, SOFT) < NEARLY * speed
+            known, before = abs(room.value[KNOWN, i, k]), abs(room.value[BEFORE, i, k])
+            speed, fastest = max(speed, known + before), max(fastest, before)
+    enough = max(ENOUGH * approach, FLOOR * speed, LEAST, closely)
+    if _newtons(room, n, size, enough):
+        return True
+    blur = max(approach, fastest)
+    if _follow_path(room, n, size, blur, TRIED * closely if closely > 0.0 else SHARP * blur, enough):
+        return True
+    return _sweeps(room, n, size, enough, NEARLY * speed)
 
 
 @uncounted
-def _newtons(room, n, size, enough, stiff, most):
-    """Steps until the error is small enough; returns whether it is. BEST is what came closest."""
-    best, failures, stale = math.inf, 0, 0
+def _newtons(room, n, size, enough):
+    """Steps by the laws themselves, as long as they lead closer; returns whether the error is small enough."""
+    best, stale = math.inf, 0
     for _ in range(NEWTONS):
         make_motion(room, n, size)
-        error = _linearise(room, n, enough, stiff)
+        error = _linearise(room, n, enough)
         if error <= enough:
             return True
-        if error < best:
-            if best < math.inf and stiff < STIFFEST:
-                stiff = min(STIFFEST, stiff * max(STIFFER, best / error))
-                _linearise(room, n, enough, stiff)
-            best, stale = error, 0
-            _copy(room, IMPULSES, BEST, n)
-        elif stale < PATIENCE:
-            stale += 1
-        elif failures < most:
-            failures, stale, stiff = failures + 1, 0, SOFTER * stiff
-            _copy(room, BEST, IMPULSES, n)
-            make_motion(room, n, size)
-            _linearise(room, n, enough, stiff)
-        else:
+        stale = 0 if error < best else stale + 1
+        best = min(best, error)
+        if stale > PATIENCE or not _newton(room, n, size):
             return False
+    return False
+
+
+@uncounted
+def _follow_path(room, n, size, blur, tried, enough):
+    """Follow the solution of blurred laws from a large blur [m/s] to none; returns whether it leads to the end.
+
+    tried: from which blur on the laws themselves are tried.
+    """
+    _forget(room, n)
+    for i in range(n):
+        room.value[IMPULSES, i, N] = blur / (n * room.value[RATE, i, N])
+    sharp, sharper, followed, stale = blur, SHARPER, False, 0
+    for _ in range(STEPS):
+        make_motion(room, n, size)
+        error = _linearise_blurred(room, n, blur)
+        if error <= CENTRED * blur:
+            _copy(room, IMPULSES, BEST, n)
+            if blur <= tried:
+                if _newtons(room, n, size, enough):
+                    return True
+                if blur <= LEAST_BLUR * enough:
+                    return False
+                _copy(room, BEST, IMPULSES, n)
+                make_motion(room, n, size)
+                tried = AGAIN * blur
+            sharper = max(sharper * sharper, 0.1 * SHARPER) if stale < 2 else sharper
+            sharp, blur, followed, stale = blur, max(sharper * blur, LEAST_BLUR * enough), True, 0
+            _linearise_blurred(room, n, blur)
+        else:
+            stale += 1
+            if followed and (stale > PATIENCE or error > LOST * blur):
+                sharper, stale = math.sqrt(sharper), 0
+                if sharper > SHORTEST:
+                    return False
+                blur = sharper * sharp
+                _copy(room, BEST, IMPULSES, n)
+                make_motion(room, n, size)
+                _linearise_blurred(room, n, blur)
         if not _newton(room, n, size):
             return False
     return False
+
+
+@uncounted
+def _sweeps(room, n, size, enough, nearly):
+    """Sweep, and try Newton's method from where sweeps lead; returns whether the error is small enough, or nearly."""
+    _forget(room, n)
+    make_motion(room, n, size)
+    sweeps = SWEEPS
+    for _ in range(BATCHES):
+        for _ in range(sweeps):
+            _sweep(room, n)
+        _copy(room, IMPULSES, BEST, n)
+        if _newtons(room, n, size, enough):
+            return True
+        _copy(room, BEST, IMPULSES, n)
+        make_motion(room, n, size)
+        sweeps *= 2
+    return _linearise(room, n, enough) < nearly
 
 
 @uncounted
@@ -234,16 +277,7 @@ def _copy(room, source, target, n):
 
 
 @uncounted
-def _disturb(room, n, attempt):
-    """Other impulses within the cones, between none and twice what they are, to begin from."""
-    for i in range(n):
-        share = 2.0 * ((GOLDEN * (i + 1) * attempt) % 1.0)
-        for k in range(_place(room, i, COUNT)):
-            room.value[IMPULSES, i, k] *= share
-
-
-@uncounted
-def _linearise(room, n, enough, stiff):
+def _linearise(room, n, enough):
     """How impulses change, GAP - law (change of velocity), by the laws of contact; returns their error now [m/s]."""
     worst = 0.0
     for i in range(n):
@@ -260,40 +294,83 @@ def _linearise(room, n, enough, stiff):
                 gap[k] = -p[k]
             worst = max(worst, math.hypot(p[A], p[B]) * (rate[A] + rate[B]))
             continue
-        law[N, N] = stiff / rate[N]
+        law[N, N] = STIFF / rate[N]
         gap[N] = -law[N, N] * along
-        error = _linearise_disc(room, i, A, room.limit[i, SLIDES], max(pressed, 0.0), stiff)
+        error = _linearise_disc(room, i, A, room.limit[i, SLIDES], max(pressed, 0.0))
         worst = max(worst, error * (rate[A] + rate[B]))
         if count > FORCES:
-            error = _linearise_disc(room, i, FORCES, room.limit[i, ROLLS], max(pressed, 0.0), stiff)
+            error = _linearise_disc(room, i, FORCES, room.limit[i, ROLLS], max(pressed, 0.0))
             worst = max(worst, error * math.sqrt((rate[FORCES] + rate[FORCES + 1]) * rate[N]))
     return worst
 
 
 @inlined
-def _linearise_disc(room, i, k, share, pressed, stiff):
+def _linearise_disc(room, i, k, share, pressed):
     """The same for directions k and k + 1 of contact i, where impulses are at most a share of the normal one."""
     p, law, gap = room.value[IMPULSES, i], room.law[i], room.value[GAP, i]
     r = 1.0 / (room.value[RATE, i, k] + room.value[RATE, i, k + 1])
     x, y = relative(room, i, k), relative(room, i, k + 1)
     s, t = p[k] - r * x, p[k + 1] - r * y
     size, limit = math.sqrt(s * s + t * t), share * pressed
-    r_stiff = r * stiff
+    stiff = STIFF * r
     if size <= limit:  # sticks
-        law[k, k] = law[k + 1, k + 1] = r_stiff
-        gap[k], gap[k + 1] = -r_stiff * x, -r_stiff * y
+        law[k, k] = law[k + 1, k + 1] = stiff
+        gap[k], gap[k + 1] = -stiff * x, -stiff * y
         return r * math.sqrt(x * x + y * y)
     error = math.hypot(p[k] - limit * s / size, p[k + 1] - limit * t / size)
     # Slips: p_t = share p.n (s, t), and a change of velocity across turns that direction.
-    s, t, edge = p[k] - r_stiff * x, p[k + 1] - r_stiff * y, share * p[N]
+    s, t, edge = p[k] - stiff * x, p[k + 1] - stiff * y, share * p[N]
     size = math.sqrt(s * s + t * t)
-    turn, s, t = (edge * r_stiff / size, s / size, t / size) if size > 0.0 else (0.0, 0.0, 0.0)
+    turn, s, t = (edge * stiff / size, s / size, t / size) if size > 0.0 else (0.0, 0.0, 0.0)
     law[k, N], law[k + 1, N] = share * s * law[N, N], share * t * law[N, N]
     law[k, k], law[k, k + 1] = turn * t * t, -turn * s * t
     law[k + 1, k], law[k + 1, k + 1] = -turn * s * t, turn * s * s
     edge += share * gap[N]
     gap[k], gap[k + 1] = edge * s - p[k], edge * t - p[k + 1]
     return error
+
+
+@uncounted
+def _linearise_blurred(room, n, blur):
+    """As `_linearise`, by the laws as a blur [m/s] makes them smooth."""
+    worst = 0.0
+    for i in range(n):
+        p, law, gap, rate = room.value[IMPULSES, i], room.law[i], room.value[GAP, i], room.value[RATE, i]
+        count = _place(room, i, COUNT)
+        for k in range(count):
+            for m in range(count):
+                law[k, m] = 0.0
+        # q w = blur^2 as q + w = sqrt((q - w)^2 + 4 blur^2), written such that nothing cancels.
+        q, w, square = rate[N] * p[N], relative(room, i, N) - room.target[i], 4.0 * blur * blur
+        root = math.sqrt((q - w) * (q - w) + square)
+        if q > w:
+            of_q, of_w = square / (root * (root + q - w)), 1.0 + (q - w) / root
+        else:
+            of_q, of_w = 1.0 - (q - w) / root, square / (root * (root + w - q))
+        error = (4.0 * q * w - square) / (q + w + root) if q + w > 0.0 else q + w - root
+        law[N, N] = min(of_w / of_q, STIFFEST) / rate[N]
+        gap[N] = -error / of_q / rate[N] if of_q > 1.0 / STIFFEST else -law[N, N] * w
+        worst = max(worst, abs(error), _blur_disc(room, i, A, room.limit[i, SLIDES], blur))
+        if count > FORCES:
+            turns = math.sqrt((rate[FORCES] + rate[FORCES + 1]) / rate[N])
+            worst = max(worst, _blur_disc(room, i, FORCES, room.limit[i, ROLLS], blur * turns) / turns)
+    return worst
+
+
+@inlined
+def _blur_disc(room, i, k, share, blur):
+    """The same for directions k and k + 1 of contact i, and by how much their law is not obeyed."""
+    p, law, gap = room.value[IMPULSES, i], room.law[i], room.value[GAP, i]
+    rate = room.value[RATE, i, k] + room.value[RATE, i, k + 1]
+    x, y = relative(room, i, k), relative(room, i, k + 1)
+    size, limit = math.sqrt(x * x + y * y + blur * blur), share * p[N]
+    s, t = x / size, y / size
+    law[k, k], law[k, k + 1] = (p[k] * s + limit) / size, p[k] * t / size
+    law[k + 1, k], law[k + 1, k + 1] = p[k + 1] * s / size, (p[k + 1] * t + limit) / size
+    law[k, N], law[k + 1, N] = -share * s * law[N, N], -share * t * law[N, N]
+    edge = share * (p[N] + gap[N])
+    gap[k], gap[k + 1] = -p[k] - edge * s, -p[k + 1] - edge * t
+    return math.hypot(p[k] + limit * s, p[k + 1] + limit * t) * rate * size / (size + limit * rate)
 
 
 @uncounted
