@@ -52,8 +52,9 @@ def test_transport_speed_is_the_pinned_one(name: str, engine: str) -> None:
 def test_both_engines_agree(name: str, within: float) -> None:
     impulse, impulse_se = speed(name, "impulse", 256)
     mujoco, mujoco_se = speed(name, "mujoco", DRIFT[name, "mujoco"].seeds)
-    assert np.hypot(impulse_se / impulse, mujoco_se / mujoco) < 0.4 * within
-    assert abs(impulse / mujoco - 1) < within
+    error = float(np.hypot(impulse_se / impulse, mujoco_se / mujoco))
+    assert error < 0.4 * within
+    assert abs(impulse / mujoco - 1) < within + 2.0 * error
 
 
 @pytest.mark.slow
