@@ -48,13 +48,13 @@ def test_transport_speed_is_the_pinned_one(name: str, engine: str) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("name", "within"), [("drift_4750hz", 0.05), ("drift_8775hz", 0.10)])
-def test_both_engines_agree(name: str, within: float) -> None:
+@pytest.mark.parametrize(("name", "within", "seeds"), [("drift_4750hz", 0.05, 48), ("drift_8775hz", 0.10, 12)])
+def test_both_engines_agree(name: str, within: float, seeds: int) -> None:
+    """At 4750 Hz twelve seeds in MuJoCo have an error of 1.1 %, with which 4 % are not always less than 5 %."""
     impulse, impulse_se = speed(name, "impulse", 256)
-    mujoco, mujoco_se = speed(name, "mujoco", DRIFT[name, "mujoco"].seeds)
-    error = float(np.hypot(impulse_se / impulse, mujoco_se / mujoco))
-    assert error < 0.4 * within
-    assert abs(impulse / mujoco - 1) < within + 2.0 * error
+    mujoco, mujoco_se = speed(name, "mujoco", seeds)
+    assert np.hypot(impulse_se / impulse, mujoco_se / mujoco) < 0.4 * within
+    assert abs(impulse / mujoco - 1) < within
 
 
 @pytest.mark.slow
