@@ -56,9 +56,11 @@ class Surface:
 
     @cached_property
     def extremes(self) -> NDArray[np.float64]:
-        """Largest deflection [1] and slope [1/m] of every shape, shape (2, n_shapes)."""
+        """Largest deflection [1], slope [1/m] and curvature [1/m^2] of every shape, shape (3, n_shapes)."""
         along_x, along_y = np.gradient(self.table[:, 0], self.x, self.y, axis=(1, 2))
-        values = np.stack([np.abs(self.table[:, 0]), np.hypot(along_x, along_y)])
+        bent_x, twisted = np.gradient(along_x, self.x, self.y, axis=(1, 2))
+        bent = np.hypot(np.hypot(bent_x, np.gradient(along_y, self.y, axis=2)), np.sqrt(2.0) * twisted)
+        values = np.stack([np.abs(self.table[:, 0]), np.hypot(along_x, along_y), bent])
         if self.outline is not None:
             values = np.where(self._near_plate(self.outline), values, 0.0)
         return np.asarray(values.max(axis=(2, 3)))

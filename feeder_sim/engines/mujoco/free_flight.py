@@ -44,7 +44,7 @@ def flight_of(scene: Scene) -> Flight:
     """The flight of the part of a scene."""
     settings = scene.scenario.mujoco
     alone = len(scene.parts) == 1 and scene.guides[0] is None and not scene.rim and settings.integrator == "euler"
-    kind, terms, (antinode, steepest) = scene.kinds[0], scene.surface.terms, scene.surface.extremes
+    kind, terms, (antinode, steepest) = scene.kinds[0], scene.surface.terms, scene.surface.extremes[:2]
     # The patch is tangent under the centre, so that it is higher by the slope under a corner.
     per_metre = antinode[terms.shape] + 2.0 * kind.size * steepest[terms.shape]
     crest = float(np.abs(terms.coefficient) @ per_metre) + ABOVE

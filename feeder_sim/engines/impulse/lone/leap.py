@@ -4,48 +4,60 @@ With gap g, rate u and a bound a on the acceleration with which point and surfac
 
     t = (u + sqrt(u^2 + 2 a g)) / a                                             (conservative advancement, Mirtich 1996)
 
-Near a contact the surface's present acceleration h and a bound J on its change say more: the same with a = h + J t. And
-while the surface falls away (h < 0) nothing touches before h has come back to zero. A leap is aimed at half the width
-of the touch, `Exactness.touch`; so it ends in it, whatever its length, and a part never enters what it meets.
+Near a contact the present acceleration, its rate and a bound on the next derivative say more. From there on the surface
+is looked at as it will be under the path of the point (path.py), and so on until one touches. Leaps aim at
+half the width of the touch, `Exactness.touch`; so they end in it, whatever their length. What bounds do not know is
+found after the leap (step.py).
 """
 
 from __future__ import annotations
 
 import math
-
-import numpy as np
+from typing import NamedTuple
 
 from feeder_sim.constants import GRAVITY
-from feeder_sim.engines.impulse.lone.moving_surface import ahead, move_surface
-from feeder_sim.engines.impulse.lone.state import (
-    AT,
-    FALL,
-    GAP,
-    GOES,
-    JERK,
-    KNOWN,
-    MOVES,
-    OWN,
-    PUSH,
-    RATE,
-    SAFE,
-    SWING,
-    TOWARDS,
-    WITH,
-    fly_to,
-)
-from feeder_sim.engines.impulse.state import spin_of, top_speed, turning_acceleration, turning_speed
-from feeder_sim.engines.impulse.vectors import add_to, cross, dot, plus, vector
-from feeder_sim.machine_code import inlined
+from feeder_sim.engines.impulse.lone.moving_surface import move_surface
+from feeder_sim.engines.impulse.lone.path import ahead
+from feeder_sim.engines.impulse.lone.state import ABOVE, AT_EDGE, ON_PLATE
+from feeder_sim.engines.impulse.vectors import dot
+from feeder_sim.machine_code import inlined, uncounted
 
-NEAR = 1.0  # [rad] of the surface's motion: for shorter leaps the bound on its jerk is worth using
-MAX_LEAPS = 100  # of a forecast, in which every point has its own
-NEVER = 1e9  # [s]; the flight of a part that is not over the plate
+MAX_LEAPS = 100  # in which every point has its own
 LEFT = 1e-9  # [m/s]; what round-off leaves of the speed of points that stay, or that have just been left
 TINY = 1e-300
-UP = (0.0, 0.0, 1.0)
-POLISHED = 3  # steps of Newton's method
-CURVED = 2.0  # times as much as one wave of that crest and that slope is a surface curved at most
+NEARLY = 0.2  # of half a touch
+LONGEST, STRIDE = 8.0, 2.0  # [rad] of the surface's fastest motion: of a leap, and of one by a polynomial
+POLISHED = 4  # leaps by a polynomial
+UNSEEN = 0.05  # tolerances by which a contact may be late since its time is not known better
+WILD = 8.0  # a fourth derivative of the path of a point, by the third and the spin, is less
+
+
+class Unsure(NamedTuple):
+    """What is not known of the motion of points.
+
+    slack: acceleration by a slope that is crossed [m/s^2]; twist, wild: third and fourth derivatives by turning
+    [m/s^3, m/s^4]; curving: half the acceleration by the curvature of the surface [m/s^2].
+    """
+
+    slack: float
+    twist: float
+    wild: float
+    curving: float
+
+
+@inlined
+def unsure_of(part, kind, bounds, turning):
+    v = part.velocity
+    sideways = math.sqrt(v[0] * v[0] + v[1] * v[1]) + turning.speed
+    slack, curving = 2.0 * bounds.slope * bounds.fastest * sideways, 0.5 * bounds.curvature * sideways * sideways
+    twist = twist_of(kind, turning)
+    return Unsure(slack, twist, WILD * twist * turning.speed / kind.reach if twist > 0.0 else 0.0, curving)
+
+
+@inlined
+def twist_of(kind, turning):
+    """Bound on the third derivative of the path of any point by turning [m/s^3]."""
+    return 3.0 * turning.acceleration * turning.speed / kind.reach if kind.reach > 0.0 else 0.0
 
 
 @inlined
@@ -56,192 +68,99 @@ def leap(gap, rate, bound):
 
 
 @inlined
-def near_leap(gap, rate, h, jerk, guess):
-    """As `leap`, of a gap that accelerates by -h now, which changes by at most `jerk` per second.
+def polynomial_leap(gap, motion, snap, stride, nearly):
+    """As `leap`, of a gap whose motion is known: rate, closing acceleration, and the rate of that; snap: bound on more.
 
-    Until a time t the bound h + jerk t holds: what is shorter, t or the leap under that bound, is safe. The leap falls
-    with t, so that it lies on the other side of the best t. guess: of that [s].
+    gap + rate t - closing t^2/2 - change t^3/6 - snap t^4/24 is no more than the gap. Leaps under it, each no longer
+    than a stride [s], converge to its first root. Also returns whether it is nearly there [m], and the gap as well.
     """
-    once = leap(gap, rate, max(h, 0.0) + jerk * guess + TINY)
-    again = leap(gap, rate, max(h, 0.0) + jerk * once + TINY)
-    return max(min(guess, once), min(once, again))
+    t, (rate, closing, change) = 0.0, motion
+    for _ in range(POLISHED):
+        here = gap + t * (rate - t * (0.5 * closing + t * (change / 6.0 + t * snap / 24.0)))
+        if here <= nearly:
+            return t, snap * t * t * t * t <= 24.0 * nearly
+        goes = rate - t * (closing + t * (0.5 * change + t * snap / 6.0))
+        now, end = t * (change + 0.5 * snap * t), t + stride
+        most = closing + max(now, end * (change + 0.5 * snap * end))  # the second derivative is convex
+        step = leap(here, goes, max(most, TINY))
+        if step >= stride:
+            return t + stride, False
+        t += step
+    return t, False
 
 
 @inlined
-def room_of(row, rate, touch):
-    """The gap that a point may close in a leap [m], and its rate [m/s]: a point that has just been left is let go."""
-    gap = row[GAP] - 0.5 * touch
-    if gap <= 0.0 and rate >= -LEFT:
-        return 0.5 * touch, max(rate, 0.0)
-    return max(gap, 0.25 * touch), rate
-
-
-@inlined
-def leap_of(row, rate, slack, twist, bounds, touch):
-    """Time [s] before which a point with this rate [m/s] cannot touch; slack, twist: see `unsure`."""
-    gap, rate = room_of(row, rate, touch)
-    moves = row[MOVES]
-    found = leap(gap, rate, row[OWN] + slack + moves)
-    if moves == 0.0 or bounds.fastest * found > NEAR:
-        return found
-    h, jerk = row[PUSH] + slack, moves * bounds.fastest + twist
-    found = max(found, near_leap(gap, rate, h, jerk, 2.0 * found))
-    if rate >= 0.0 and h < 0.0:  # the surface falls away
-        found = max(found, leap(-h, -row[JERK] - twist, jerk * bounds.fastest))
-    return found
-
-
-@inlined
-def still_leap(row, rate, slack, twist, touch):
-    """As `leap_of`, on a surface that does not move: the point's acceleration is known where the row is."""
-    gap, rate = room_of(row, rate, touch)
-    found = leap(gap, rate, row[OWN] + slack)
-    if row[KNOWN] == 1.0:
-        found = max(found, near_leap(gap, rate, row[FALL] + slack, twist, 2.0 * found))
-    elif row[KNOWN] != 0.0:
-        swing = vector(row[SWING : SWING + 3])
-        jerk = 3.0 * twist + 3.0 * math.sqrt(dot(swing, swing)) * row[OWN]
-        found = max(found, near_leap(gap, rate, row[FALL] + slack, jerk, 2.0 * found))
-    return found
-
-
-@inlined
-def unsure(part, kind, bounds):
-    """What is not known of the points' accelerations: by the slope that they cross [m/s^2], and by turning [m/s^3]."""
-    turning = turning_speed(part, kind)
-    v = part.velocity
-    slack = 2.0 * bounds.slope * bounds.fastest * (math.sqrt(v[0] * v[0] + v[1] * v[1]) + turning)
-    return slack, 3.0 * turning_acceleration(part, kind) * turning / kind.reach if kind.reach > 0.0 else 0.0
-
-
-@inlined
-def shortest_leap(part, kind, bounds):
+def shortest_leap(part, bounds, turning):
     """A leap that covers no more than a quarter of a touch [s]: nothing is entered by it."""
-    accelerated = GRAVITY + turning_acceleration(part, kind) + bounds.speed * bounds.fastest
-    return leap(0.25 * bounds.exact.touch, -top_speed(part, kind) - bounds.speed, accelerated)
+    fastest = math.sqrt(dot(part.velocity, part.velocity)) + turning.speed + bounds.speed
+    return leap(0.25 * bounds.exact.touch, -fastest, GRAVITY + turning.acceleration + bounds.speed * bounds.fastest)
 
 
-@inlined
-def fall_on(part, kind, n, spare, slack, twist, surface, bounds, work):
-    """Bring a part that is just about to touch to where it does; returns the time that takes [s], or 0.
+@uncounted
+def first_contact(n, limit, plate, t, unsure, work):
+    """Time after t [s] before which none of the first n points touches, nor comes below the crest; at most the limit.
 
-    spare: the longest [s]. Nothing touches yet. For so brief a time the points and the surface move as polynomials of
-    third degree say, to a share of the touch.
+    Points that forces see to are left out.
     """
-    touch = bounds.exact.touch
-    longest = min(bounds.brief, spare)
-    if slack > 0.0:
-        longest = min(longest, math.sqrt(0.1 * touch / slack))
-    if twist * longest * longest * longest > 0.6 * touch:
-        longest = np.cbrt(0.6 * touch / twist)
-    found = longest
+    far, half = 0.0, 0.5 * plate.bounds.exact.touch
     for i in range(n):
-        row = work.point[i]
-        gap, rate = row[GAP] - 0.5 * touch, row[RATE]
-        if row[KNOWN] == 0.0 or gap + found * (rate - 0.5 * found * (row[PUSH] + row[JERK] * found / 3.0)) > 0.0:
-            continue
-        if gap <= 0.5 * touch:
-            return 0.0
-        time = leap(gap, rate, max(row[PUSH], TINY))
-        for _ in range(POLISHED):
-            nears = rate - time * (row[PUSH] + 0.5 * row[JERK] * time)
-            if nears >= 0.0:
-                time = NEVER
-                break
-            time -= (gap + time * (rate - 0.5 * time * (row[PUSH] + row[JERK] * time / 3.0))) / nears
-        found = min(found, time)
-    if found == longest:
-        return 0.0
-    for i in range(n):
-        row = work.point[i]
-        rate = row[RATE] - 0.5 * (row[OWN] + slack + row[MOVES]) * found
-        if row[KNOWN] == 0.0 and row[GAP] + found * rate <= touch:
-            return 0.0
-    spin, (q, dq, a, j) = spin_of(part, kind), work.now
-    for s in range(q.shape[0]):
-        q[s] += found * (dq[s] + 0.5 * found * (a[s] + found * j[s] / 3.0))
-        dq[s] += found * (a[s] + 0.5 * found * j[s])
-        a[s] += found * j[s]
-    for i in range(n):
-        row = work.point[i]
-        normal, radius = vector(row[TOWARDS : TOWARDS + 3]), kind.radius
-        if row[KNOWN] == 0.0:
-            normal, radius = UP, 0.0
-        if row[MOVES] == 0.0 and row[KNOWN] == 0.0:
-            row[PUSH] = row[FALL] = row[OWN]  # at the worst
-            row[JERK] = 0.0
-        elif row[KNOWN] == 0.0:
-            row[GAP] -= 0.5 * slack * found * found
-        row[GAP] += found * (row[RATE] - 0.5 * found * (row[PUSH] + row[JERK] * found / 3.0))
-        row[RATE] -= found * (row[PUSH] + 0.5 * row[JERK] * found)
-        add_to(row[WITH : WITH + 3], found * (row[PUSH] - row[FALL] + 0.5 * row[JERK] * found), normal)
-        add_to(row[AT : AT + 3], found, cross(spin, plus(row[AT : AT + 3], radius, normal)))
-        row[PUSH] += found * row[JERK]
-    fly_to(part, kind, part.clock + found)
-    return found
-
-
-@inlined
-def first_leaps(n, slack, twist, bounds, work):
-    """Times [s] before which none of the first n points can touch, and none above the crest can come below it."""
-    touch = bounds.exact.touch
-    found = to_crest = NEVER
-    for i in range(n):
-        row = work.point[i]
-        gap, rate = row[GAP], row[RATE]
-        if gap == math.inf:
-            continue
-        if row[MOVES] == 0.0:
-            if gap + to_crest * (rate - 0.5 * row[OWN] * to_crest) <= 0.5 * touch:
-                to_crest = min(to_crest, still_leap(row, rate, 0.0, twist, touch))
-        else:
-            if row[KNOWN] == 0.0:
-                rate -= slack / bounds.fastest  # the slope there is not known
-            if gap + found * (rate - 0.5 * (row[OWN] + slack + row[MOVES]) * found) <= 0.5 * touch:
-                found = min(found, leap_of(row, rate, slack, twist, bounds, touch))
-    return found, to_crest
-
-
-@inlined
-def forecast(part, kind, n, surface, bounds, t, until, flight, unknown, work):
-    """Leap again and again as the surface will move, until the first point touches, or one reaches the crest.
-
-    flight: the first leap, and when a point can be below the crest [s]; unknown: see `unsure`. The surface is taken as
-    it will be under the way of a point, to first order where its slopes are known.
-    """
-    far, to_crest = flight
-    slack, twist = unknown
-    touch = bounds.exact.touch
-    per_fastest = 1.0 / bounds.fastest
-    curving = CURVED * slack * slack / (8.0 * bounds.fastest * bounds.fastest * max(bounds.crest, TINY))
-    limit, brief = min(to_crest, until - t), 0.5 * bounds.brief
-    for i in range(n):
-        work.point[i, SAFE] = far
+        point = work.point[i]
+        point.safe = math.inf if point.carried or point.gap == math.inf else 0.0
+        point.inside = max((2.0 if point.rate >= -LEFT else 1.5) * half - point.gap, 0.0)
     for _ in range(MAX_LEAPS):
-        if far >= limit:
-            return limit
-        move_surface(t + far, surface, work.then)
-        phase = bounds.fastest * far
-        further, bent = NEVER, curving * (2.0 + 4.0 * phase + phase * phase)
+        if far > 0.0:
+            move_surface(t + far, plate.surface, work.then)
+        next_far, lands = math.inf, False
         for i in range(n):
-            row = work.point[i]
-            if row[MOVES] == 0.0 or row[GAP] == math.inf:
-                continue
-            if row[SAFE] > far:
-                further = min(further, row[SAFE] - far)
-                continue
-            if row[KNOWN] != 0.0:
-                gap, rate, h = ahead(i, far, 0.0, bent + twist * far, row[GOES], row[GOES + 1], work)
-            else:
-                gap, rate, h = ahead(i, far, slack * per_fastest, slack + twist * far, 0.0, 0.0, work)
-            gap -= 0.5 * touch
-            if gap <= 0.0 or gap < -rate * brief:
-                return far
-            found = leap(gap, rate, row[OWN] + slack + row[MOVES])
-            if bounds.fastest * found < NEAR:
-                jerk = row[MOVES] * bounds.fastest + twist
-                found = max(found, near_leap(gap, rate, h + slack, jerk, 2.0 * found))
-            row[SAFE] = far + found
-            further = min(further, found)
-        far += further
-    return min(far, limit)
+            point = work.point[i]
+            if point.safe <= far:
+                found, point.lands = _safe_leap(point, work.under[i], far, next_far - far, plate.bounds, unsure, work)
+                point.safe = far + found
+            if point.safe < next_far:
+                next_far, lands = point.safe, point.lands
+        far = next_far
+        if lands or far >= limit:
+            return min(far, limit)
+    return far
+
+
+@inlined
+def _safe_leap(point, under, far, enough, bounds, unsure, work):
+    """Time [s] from `far` [s] on for which a point cannot touch, `enough` if it can be; and whether it touches then."""
+    nearly, phase = 0.5 * NEARLY * bounds.exact.touch, bounds.fastest * far
+    gap, rate, closing, change = _expected(point, under, far, bounds, unsure, work)
+    if gap <= nearly:
+        return 0.0, True
+    if point.sort == ABOVE:
+        return leap(gap, rate, point.most_own), False
+    # The plate pushes more, or less, where the point has come to after that phase of its motion.
+    push = point.most_push + unsure.slack * (2.0 + 0.5 * (phase + LONGEST))
+    found = min(leap(gap, rate, point.most_own + push), LONGEST / bounds.fastest)
+    if found >= enough:
+        return found, False
+    snap = (push * bounds.fastest + point.unsure) * bounds.fastest + unsure.wild
+    stride = min(2.0 * found, STRIDE / bounds.fastest)
+    further, lands = polynomial_leap(gap, (rate, closing, change + point.unsure), snap, stride, nearly)
+    return (further, lands) if further > found else (found, False)
+
+
+@inlined
+def _expected(point, under, far, bounds, unsure, work):
+    """Gap over half a touch, its rate, and as in `ahead`, a time [s] after the look; at the worst, but for UNSEEN."""
+    half = 0.5 * bounds.exact.touch
+    if far == 0.0:
+        rate = max(point.rate, 0.0) if point.inside > 0.0 and point.rate >= -LEFT else point.rate
+        return point.gap + point.inside - half, rate, point.closing, point.closing_rate
+    gap, rate, closing, change = ahead(point, under, far, work.now, work.then)
+    if gap > 2.0 * half:
+        point.inside = 0.0
+    more, wild, phase, bent, slip = far * point.unsure, far * far * unsure.wild, bounds.fastest * far, 0.0, 0.0
+    if point.sort == ON_PLATE:
+        bent = unsure.curving
+    elif point.sort == AT_EDGE:  # the place on the edge moves along it
+        slip, more = unsure.slack / bounds.fastest, more + unsure.slack
+    margin = far * (slip + far * (more / 6.0 + wild / 24.0 + bent))
+    rate -= slip + far * (0.5 * more + wild / 6.0 + bent * (2.0 + phase))
+    closing += more + 0.5 * wild + bent * (2.0 + phase * (4.0 + phase))
+    gap += point.inside - half
+    return gap - max(margin - UNSEEN * bounds.exact.tolerance, 0.0), rate, closing, change

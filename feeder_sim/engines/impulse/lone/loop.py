@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 from feeder_sim.borrow import borrow
 from feeder_sim.engines.impulse.frame_rows import write_state
 from feeder_sim.engines.impulse.free_flight import orthonormalise
-from feeder_sim.engines.impulse.lone.follow import bring
-from feeder_sim.engines.impulse.lone.plate_contact import meet_plate
+from feeder_sim.engines.impulse.lone.ride import bring
 from feeder_sim.engines.impulse.lone.state import PART, Exactness, Plate, Scratch
+from feeder_sim.engines.impulse.lone.step import step
 from feeder_sim.engines.impulse.lone.window import bound
 from feeder_sim.engines.impulse.state import ABSENT, ASLEEP, AWAKE, Kinds
 from feeder_sim.engines.impulse.window import acting_terms
@@ -97,6 +97,5 @@ def _through_window(frame, lone, plate, clock, frames, seen):
         elif part.there == ASLEEP or part.there == ABSENT:
             clock[DUE] = end
         else:
-            due = meet_plate(lone.parts, lone.kinds, plate.surface, plate.bounds, t, min(end, shown), lone.work)
-            clock[DUE] = min(due, end)
+            clock[DUE] = min(step(lone, plate, t), end)
     return frame

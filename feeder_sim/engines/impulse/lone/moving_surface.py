@@ -1,4 +1,4 @@
-"""Where the surface is, how it moves and slopes; and where points over it will be."""
+"""Where the surface is, how it moves and slopes, by modal coordinates at a time and mode shapes at a place."""
 
 from __future__ import annotations
 
@@ -6,12 +6,10 @@ import math
 
 from feeder_sim.engines.impulse.lone.state import (
     ACCELERATION,
+    ALONG,
     CHANGE,
-    FALL,
-    GAP,
     HEIGHT,
     NOW,
-    RATE,
     SLOPE_X,
     SLOPE_Y,
     SPEED,
@@ -44,19 +42,16 @@ def move_surface(t, surface, modal):
 
 
 @inlined
-def shapes_at(x, y, surface, known, under):
-    """What every mode shape does at (x, y) [m], into under (n_shapes, 5), see HEIGHT; only that if not `known`."""
+def shapes_at(x, y, surface, under):
+    """What every mode shape does at (x, y) [m], into under (n_shapes, 6), see HEIGHT; ALONG the vertical."""
     first_x, a = grid_cell(x, surface.grid_x)
     first_y, b = grid_cell(y, surface.grid_y)
     weight_x, weight_y = cubic_weights(a), cubic_weights(b)
-    table = surface.table
-    for s in range(under.shape[0]):
-        under[s, HEIGHT] = interpolate(table, s, W, first_x, first_y, weight_x, weight_y)
-    if not known:
-        return
     change_x = cubic_slopes(a, surface.grid_x[1] - surface.grid_x[0])
     change_y = cubic_slopes(b, surface.grid_y[1] - surface.grid_y[0])
+    table = surface.table
     for s in range(under.shape[0]):
+        under[s, HEIGHT] = under[s, ALONG] = interpolate(table, s, W, first_x, first_y, weight_x, weight_y)
         under[s, SLOPE_X] = interpolate(table, s, W, first_x, first_y, change_x, weight_y)
         under[s, SLOPE_Y] = interpolate(table, s, W, first_x, first_y, weight_x, change_y)
         under[s, TURN_X] = interpolate(table, s, BETA_X, first_x, first_y, weight_x, weight_y)
@@ -64,35 +59,62 @@ def shapes_at(x, y, surface, known, under):
 
 
 @inlined
-def shapes_under(x, y, part, surface, known, under):
+def shapes_under(x, y, part, surface, under):
     """As `shapes_at`; a tangent surface is the plane under the part's centre."""
     if not surface.tangent:
-        shapes_at(x, y, surface, known, under)
+        shapes_at(x, y, surface, under)
         return
-    shapes_at(part.position[0], part.position[1], surface, True, under)
+    shapes_at(part.position[0], part.position[1], surface, under)
     for s in range(under.shape[0]):
         under[s, SLOPE_X], under[s, SLOPE_Y] = under[s, TURN_X], under[s, TURN_Y]
         under[s, HEIGHT] += under[s, SLOPE_X] * (x - part.position[0]) + under[s, SLOPE_Y] * (y - part.position[1])
+        under[s, ALONG] = under[s, HEIGHT]
 
 
 @inlined
-def ahead(i, far, slip, more, vx, vy, work):
-    """Gap [m], rate [m/s] and acceleration towards the surface [m/s^2] of point i after a time [s], at the worst.
-
-    It goes sideways by (vx, vy) [m/s]; what is unsure of its rate [m/s] and of its acceleration [m/s^2]: slip, more.
-    """
-    row, under = work.point[i], work.under[i]
-    fall = row[FALL] + more
-    rate = row[RATE] - slip
-    gap = row[GAP] + far * (rate - 0.5 * fall * far)
-    rate -= fall * far
-    h = fall
+def height_at(under, modal):
+    """Height of the surface at a place [m]."""
+    height = 0.0
     for s in range(under.shape[0]):
-        w = under[s, HEIGHT]
-        q, dq = work.then[NOW, s], work.then[SPEED, s]
-        rises = vx * under[s, SLOPE_X] + vy * under[s, SLOPE_Y]
-        there = w + rises * far
-        gap -= there * q - w * work.now[NOW, s] - far * (w * work.now[SPEED, s] + rises * work.now[NOW, s])
-        rate -= there * dq - w * work.now[SPEED, s] + rises * (q - work.now[NOW, s])
-        h += there * work.then[ACCELERATION, s] + 2.0 * rises * dq
-    return gap, rate, h
+        height += under[s, HEIGHT] * modal[NOW, s]
+    return height
+
+
+@inlined
+def slope_at(under, modal):
+    """Slope of the surface at a place [1]."""
+    x = y = 0.0
+    for s in range(under.shape[0]):
+        x += under[s, SLOPE_X] * modal[NOW, s]
+        y += under[s, SLOPE_Y] * modal[NOW, s]
+    return x, y
+
+
+@inlined
+def flow_at(under, modal, surface):
+    """Velocity of a place of the plate [m/s]: where it bends its surface moves sideways too."""
+    moves, x, y, z = surface.half_thickness * surface.in_plane, 0.0, 0.0, 0.0
+    for s in range(under.shape[0]):
+        speed = modal[SPEED, s]
+        x -= moves * under[s, TURN_X] * speed
+        y -= moves * under[s, TURN_Y] * speed
+        z += under[s, HEIGHT] * speed
+    return x, y, z
+
+
+@inlined
+def along_at(under, modal, which):
+    """How the surface moves a point along its normal: by NOW [m], SPEED [m/s], ACCELERATION or CHANGE."""
+    total = 0.0
+    for s in range(under.shape[0]):
+        total += under[s, ALONG] * modal[which, s]
+    return total
+
+
+@inlined
+def most_push(under, bounds):
+    """The largest acceleration of a point along its normal that the plate can have [m/s^2]."""
+    most = 0.0
+    for s in range(under.shape[0]):
+        most += abs(under[s, ALONG]) * bounds.acceleration[s]
+    return most

@@ -15,31 +15,58 @@ from feeder_sim.engines.surface_arrays import SurfaceArrays
 from feeder_sim.machine_code import inlined
 
 FREE, PRESSED, FOLLOWING = range(3)  # in PART, phase
-# Columns of Scratch.point, a point that can touch: its gap [m] and how fast that grows [m/s]; how fast both sides are
-# accelerated together [m/s^2], and how that changes [m/s^3]; the largest acceleration of the surface there, and of the
-# point by itself [m/s^2]; how it falls by itself, with its part [m/s^2]; friction; KNOWN: 0 where the columns after it
-# are not filled, AT_EDGE on the edge of the plate; CARRY: 1 where constant forces see to it (contact.py).
-GAP, RATE, PUSH, JERK, MOVES, OWN, FALL, MU, KNOWN, CARRY = range(10)
-AT_EDGE = 2.0
-# Arm from the centre of mass, normal of what it can touch and how that moves, three columns each.
-AT, TOWARDS, WITH = 10, 13, 16
-# Of a point on the edge of the plate: how its normal turns [1/s], three columns, and its row in Scratch.edge.
-SWING, EDGE = 19, 22
-# Of a point while leaps are made (leap.py): its sideways velocity [m/s], two columns; until when it does not touch [s].
-GOES, SAFE = 23, 25
-POINT_COLUMNS = 26
-# Of Scratch.under: what each mode shape does under a point: deflection, its slopes, and rotations.
-HEIGHT, SLOPE_X, SLOPE_Y, TURN_X, TURN_Y = range(5)
+# A point that can touch. sort: ABOVE the crest of the plate, to which the gap is, ON_PLATE or AT_EDGE. gap [m],
+# infinite where there is nothing to touch, its rate [m/s], how fast both sides are accelerated together, `closing`
+# [m/s^2], of it `push` by the plate, and its rate [m/s^3]; most_own, most_push: bounds on what both sides do of it;
+# unsure: bound on the change of what the point does of it, as far as that is not known [m/s^3]; push_rate: mean change
+# of the push while forces last [m/s^3]. arm from the centre of mass to the contact [m], normal from the plate, and the
+# velocity of the plate there [m/s]. Path of the centre of the sphere around the point: velocity, acceleration, and the
+# vertical part of its change; at the edge all is along the normal, in the vertical part; there the normal turns by a
+# swing [1/s], and `edge` is the row in Scratch.edge. carried: forces see to it (sustained.py). inside: how far it is
+# inside, and let go [m]; safe: until when it does not touch [s]; lands: it does then (leap.py).
+ABOVE, ON_PLATE, AT_EDGE = range(3)
+POINT = np.dtype(
+    [
+        ("sort", "i8"),
+        ("gap", "f8"),
+        ("rate", "f8"),
+        ("closing", "f8"),
+        ("closing_rate", "f8"),
+        ("push", "f8"),
+        ("most_own", "f8"),
+        ("most_push", "f8"),
+        ("unsure", "f8"),
+        ("push_rate", "f8"),
+        ("friction", "f8"),
+        ("arm", "f8", 3),
+        ("normal", "f8", 3),
+        ("surface_velocity", "f8", 3),
+        ("path_velocity", "f8", 3),
+        ("path_acceleration", "f8", 3),
+        ("path_jerk", "f8"),
+        ("swing", "f8", 3),
+        ("edge", "i8"),
+        ("carried", "i8"),
+        ("inside", "f8"),
+        ("safe", "f8"),
+        ("lands", "i8"),
+    ],
+    align=True,
+)
+# Of Scratch.under: what each mode shape does under a point: deflection, its slopes, rotations, and how far it moves the
+# plate along the normal of the point.
+HEIGHT, SLOPE_X, SLOPE_Y, TURN_X, TURN_Y, ALONG = range(6)
 NOW, SPEED, ACCELERATION, CHANGE = range(4)  # of Scratch.now and Scratch.then
 EDGE_POINTS = 32  # room for points on the edge of the plate
 UNRESOLVED, LATE, SPENT = range(3)  # of Scratch.counts
 
 # State of the part: that of `impulse.state.PART`, and before it, as numba needs it, what it does (docs/contact.md).
 # phase: FREE; PRESSED by a mean force [N] and moment [N m] until it is looked at next; FOLLOWING the surface, whose
-# frame at a place it has a seat and a facing in. The force changes with the push of the plate, by a jerk [m/s^3] of the
-# part, from less than its mean to more; it has its mean after the time lead [s]. held: looks for which it has not
-# slipped. draws: state of its random numbers. depth: of its deepest point after its last look [m]. beside: it has come
-# under the sheet of the plate from beside it, and falls past. looks: at it, beyond those that pass, until budget [s].
+# frame at a place it has a seat and a facing in. Force and moment change steadily with the push of the plate: by a jerk
+# [m/s^3] of the part, and a twist [N m/s]; they have their mean after the time lead [s]. held: looks for which it has
+# not slipped. draws: state of its random numbers. depth: of its deepest point after its last look [m]. beside: it has
+# come under the sheet of the plate from beside it, and falls past. looks: at it, beyond those that pass, until budget
+# [s].
 OWN_FIELDS: list[Any] = [
     ("phase", "i8"),
     ("held", "i8"),
@@ -51,6 +78,7 @@ OWN_FIELDS: list[Any] = [
     ("force", "f8", 3),
     ("moment", "f8", 3),
     ("jerk", "f8", 3),
+    ("twist", "f8", 3),
     ("lead", "f8"),
     ("place", "f8", 2),
     ("seat", "f8", 3),
@@ -70,18 +98,18 @@ class Exactness(NamedTuple):
 class Bounds(NamedTuple):
     """What the surface can do at most within a window of time.
 
-    end: of the window [s]; crest: height [m]; slope: steepest [1]; acceleration: of every mode shape at its antinode
-    [m/s^2]; speed: of any point [m/s]; fastest: rate of any term [rad/s]; brief: a time in which it moves as a
-    polynomial of third degree in time says, to a share of the touch [s]; calm: the part may come to rest.
+    end: of the window [s]; crest: height [m]; slope: steepest [1]; curvature: largest [1/m]; acceleration: of every
+    mode shape at its antinode [m/s^2]; speed: of any point [m/s]; fastest: rate of any term [rad/s]; calm: the part may
+    come to rest.
     """
 
     end: float
     crest: float
     slope: float
+    curvature: float
     acceleration: NDArray[np.float64]
     speed: float
     fastest: float
-    brief: float
     calm: bool
     exact: Exactness
 
@@ -96,17 +124,17 @@ class Plate(NamedTuple):
 class Scratch(NamedTuple):
     """Few arrays, since every one of them makes each call of a compiled function dearer.
 
-    point: (n, POINT_COLUMNS), see GAP. under: (n, n_shapes, 5), see HEIGHT. row_of: of every contact, its row in
-    `point`. now, then: (4, n_shapes), the modal coordinates and three derivatives at two times, see NOW. edge: points
-    on the edge of the plate. counts: (3,), impacts and forces that were not solved, contacts found late, budgets
-    of looks spent. before: (1,), the part as it was after its last look.
+    point: (n,), records POINT. under: (n, n_shapes, 6), see HEIGHT. point_of: of every contact, its point. now, then:
+    (4, n_shapes), the modal coordinates and three derivatives at two times, see NOW. edge: points on the edge of the
+    plate. counts: (3,), impacts and forces that were not solved, contacts found late, budgets of looks spent. before:
+    (1,), the part as it was after its last look.
     """
 
-    point: NDArray[np.float64]
+    point: NDArray[np.void]
     under: NDArray[np.float64]
     bodies: Bodies
     contacts: Contacts
-    row_of: NDArray[np.int64]
+    point_of: NDArray[np.int64]
     now: NDArray[np.float64]
     then: NDArray[np.float64]
     edge: NDArray[np.void]
@@ -119,11 +147,11 @@ def new_scratch(kinds: Kinds, n_shapes: int) -> Scratch:
     rows = int((kinds.record["corner_to"] - kinds.record["corner_from"]).max()) + EDGE_POINTS
     bodies, contacts, _ = new_room(1, rows)
     return Scratch(
-        point=np.zeros((rows + 1, POINT_COLUMNS)),
-        under=np.zeros((rows + 1, n_shapes, 5)),
+        point=np.zeros(rows + 1, POINT),
+        under=np.zeros((rows + 1, n_shapes, 6)),
         bodies=bodies,
         contacts=contacts,
-        row_of=np.zeros(rows, np.int64),
+        point_of=np.zeros(rows, np.int64),
         now=np.zeros((4, n_shapes)),
         then=np.zeros((4, n_shapes)),
         edge=np.zeros(EDGE_POINTS, EDGE_POINT),
@@ -162,9 +190,9 @@ def fly_to(part, kind, t):
         gained = part.force[k] / kind.mass * duration
         part.position[k] += (part.velocity[k] + 0.5 * gained) * duration + part.jerk[k] * bent
         part.velocity[k] += gained + part.jerk[k] * turned
-        part.momentum[k] += 0.5 * part.moment[k] * duration
+        part.momentum[k] += 0.5 * part.moment[k] * duration + part.twist[k] * bent / duration
     part.position[2] -= 0.5 * GRAVITY * duration * duration
     part.velocity[2] -= GRAVITY * duration
     rotate(part.attitude, part.momentum, kind, duration)  # at the mean of its momentum, to second order
     for k in range(3):
-        part.momentum[k] += 0.5 * part.moment[k] * duration
+        part.momentum[k] += 0.5 * part.moment[k] * duration + part.twist[k] * (turned - bent / duration)

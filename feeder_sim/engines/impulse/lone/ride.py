@@ -19,13 +19,11 @@ import math
 
 from feeder_sim.constants import GRAVITY
 from feeder_sim.engines.impulse.lone.moving_surface import move_surface, shapes_under
+from feeder_sim.engines.impulse.lone.points import touches
 from feeder_sim.engines.impulse.lone.state import (
     ACCELERATION,
-    AT,
     FOLLOWING,
-    GAP,
     HEIGHT,
-    KNOWN,
     NOW,
     SLOPE_X,
     SLOPE_Y,
@@ -154,13 +152,14 @@ def goes_along(part, height, t, surface, work):
 
 
 @uncounted
-def follows_until(part, kind, n, height, surface, bounds, t, until, work):
-    """Until when a part that lies still on the surface may follow it [s]; t if not at all.
+def follows_until(part, kind, plate, now, height, work):
+    """Until when a part that lies still on the surface may follow it [s]; the time of the look if not at all.
 
-    height: of its centre over the surface [m]. The first n points are looked at as supports.
+    now: the look (sustained.py), whose points are looked at as supports; height: of its centre over the surface [m].
     """
+    surface, bounds, t, until, n = plate.surface, plate.bounds, now.t, now.until, now.n
     under = work.under[n]  # one row more than points
-    shapes_under(part.position[0], part.position[1], part, surface, True, under)
+    shapes_under(part.position[0], part.position[1], part, surface, under)
     if _bends(part, n, under, bounds, work):
         return t
     rho = _support_radius(n, bounds, work)
@@ -230,12 +229,12 @@ def _bends(part, n, under, bounds, work):
     """Whether the plate bends away from its tangent plane, under a support, by more than may be."""
     found = False
     for i in range(n):
-        row = work.point[i]
-        if row[KNOWN] == 0.0 or not row[GAP] <= BENDS * bounds.exact.tolerance:
+        point = work.point[i]
+        if not touches(point, BENDS * bounds.exact.tolerance):
             continue
         bent = 0.0
         for s in range(under.shape[0]):
-            plane = under[s, HEIGHT] + under[s, SLOPE_X] * row[AT] + under[s, SLOPE_Y] * row[AT + 1]
+            plane = under[s, HEIGHT] + under[s, SLOPE_X] * point.arm[0] + under[s, SLOPE_Y] * point.arm[1]
             amplitude = bounds.acceleration[s] / (bounds.fastest * bounds.fastest)
             bent += 2.0 * amplitude * abs(work.under[i, s, HEIGHT] - plane)
         found = found or bent > BENDS * bounds.exact.tolerance
@@ -250,8 +249,8 @@ def _support_radius(n, bounds, work):
         c, s = math.cos(2.0 * math.pi * k / DIRECTIONS), math.sin(2.0 * math.pi * k / DIRECTIONS)
         farthest = -math.inf
         for i in range(n):
-            row = work.point[i]
-            if row[KNOWN] != 0.0 and row[GAP] <= BENDS * bounds.exact.tolerance:
-                farthest = max(farthest, row[AT] * c + row[AT + 1] * s)
+            point = work.point[i]
+            if touches(point, BENDS * bounds.exact.tolerance):
+                farthest = max(farthest, point.arm[0] * c + point.arm[1] * s)
         least = min(least, farthest)
     return least

@@ -1,0 +1,128 @@
+"""Impacts of the part on the plate, and which of its bounces are summed (docs/contact.md).
+
+A point that touches and approaches gets an impulse, together with all others that touch (contact_problem.py); again at
+zero time until none approaches. Where bounces pile up within a time in which the change of the surface's acceleration,
+J, moves it by less than the tolerance, J T^3 / 6 < tolerance, a point does not rebound: it stays.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from feeder_sim.constants import GRAVITY
+from feeder_sim.engines.impulse.lone.contact_law import hit_alone, restitution_at
+from feeder_sim.engines.impulse.lone.contact_problem import (
+    ARM_SECOND,
+    FRICTION,
+    IMPULSE,
+    NORMAL,
+    RESTITUTION,
+    ROLLING,
+    VELOCITY,
+    WORLD,
+    impact,
+)
+from feeder_sim.engines.impulse.lone.leap import LEFT, twist_of
+from feeder_sim.engines.impulse.lone.points import move_points, touches
+from feeder_sim.engines.impulse.lone.state import UNRESOLVED
+from feeder_sim.engines.impulse.state import inverse_inertia
+from feeder_sim.engines.impulse.vectors import add_to, cross, plus, vector, write_to
+from feeder_sim.engines.noise import half_normal
+from feeder_sim.machine_code import inlined
+
+ROUNDS = 20  # of impacts at zero time; after them what still approaches does so without rebound
+LONGEST_CHATTER = 3e-5  # [s] of bounces that are summed where nothing moves: hops of a nanometre
+TOGETHER = 10.0  # tolerances; points this close hit together, so that a flat landing is one impact and not six
+DOWN = (0.0, 0.0, -1.0)
+
+
+@inlined
+def chatter_time(push, twist, bounds):
+    """Time [s] of bounces that are summed: the change of an acceleration moves a point by less than the tolerance.
+
+    push: the largest of the surface [m/s^2]; twist: see `Unsure`.
+    """
+    jerk, longest = push * bounds.fastest + twist, LONGEST_CHATTER
+    if 6.0 * bounds.exact.tolerance < jerk * longest * longest * longest:
+        return np.cbrt(6.0 * bounds.exact.tolerance / jerk)
+    return longest
+
+
+@inlined
+def load_part(part, kind, turning, time, work):
+    """Motion of the part as it will be after a time [s] without contact, and its inertia."""
+    bodies, turns = work.bodies, inverse_inertia(part, kind)
+    bodies.inverse_mass[0] = 1.0 / kind.mass
+    for c in range(6):
+        bodies.inverse_inertia[0, c] = turns[c]
+    write_to(bodies.spin[0], plus(turning.spin, time, turning.change))
+    write_to(bodies.velocity[0], plus(part.velocity, GRAVITY * time, DOWN))
+
+
+@inlined
+def gather(i, m, restitution, work):
+    """Make point i contact m."""
+    point, contacts = work.point[i], work.contacts
+    contacts.body[m, 0], contacts.body[m, 1] = WORLD, 0
+    write_to(contacts.vector[ARM_SECOND, m], point.arm)
+    write_to(contacts.vector[NORMAL, m], point.normal)
+    write_to(contacts.vector[VELOCITY, m], point.surface_velocity)
+    contacts.number[RESTITUTION, m], contacts.number[FRICTION, m] = restitution, point.friction
+    contacts.number[ROLLING, m] = 0.0
+    work.point_of[m] = i
+
+
+@inlined
+def strike(part, kind, seen, rebounds, bounds, work):
+    """Impacts at all points that touch, until none approaches; returns how the part turns after them.
+
+    rebounds: False where nothing may bounce.
+    """
+    turning = seen.turning
+    for rounds in range(ROUNDS + 1):
+        m, approaches = _gather_touching(kind, seen.n, rebounds and rounds < ROUNDS, bounds, turning, work)
+        if not approaches:
+            break
+        if not (m == 1 and hit_alone(part, kind, work)):
+            load_part(part, kind, turning, 0.0, work)
+            if not impact(work.bodies, work.contacts, m, None):
+                work.counts[UNRESOLVED] += 1
+            write_to(part.velocity, vector(work.bodies.velocity[0]))
+            for i in range(m):
+                arm, impulse = work.contacts.vector[ARM_SECOND, i], work.contacts.vector[IMPULSE, i]
+                add_to(part.momentum, 1.0, cross(arm, impulse))
+        _scatter(part, m, bounds, work)
+        turning = move_points(part, kind, seen.n, work)
+    return turning
+
+
+@inlined
+def _gather_touching(kind, n, rebounds, bounds, turning, work):
+    """Make all points that are as good as touching, and do not leave, contacts; returns their number.
+
+    And whether one of them touches and approaches.
+    """
+    m, approaches, twist = 0, False, twist_of(kind, turning)
+    for i in range(n):
+        point = work.point[i]
+        if point.rate > LEFT or not touches(point, TOGETHER * bounds.exact.tolerance):
+            continue
+        approaches = approaches or (point.rate < -LEFT and point.gap <= bounds.exact.touch)
+        e = restitution_at(kind, -point.rate) if rebounds else 0.0
+        departure = 0.5 * chatter_time(point.most_push, twist, bounds) * (1.0 - e) * max(point.closing, 0.0)
+        if -e * point.rate <= departure:
+            e = 0.0  # what is left of its bounces is summed: they take what the plate pushes meanwhile
+        gather(i, m, e, work)
+        m += 1
+    return m, approaches
+
+
+@inlined
+def _scatter(part, m, bounds, work):
+    """Add a random speed to a part that has hit a plate that moves."""
+    moves = False
+    for i in range(m):
+        moves = moves or work.point[work.point_of[i]].most_push > 0.0
+    if moves and bounds.exact.noise > 0.0:
+        size, part.draws = half_normal(part.draws)
+        part.velocity[2] += bounds.exact.noise * size

@@ -1,0 +1,75 @@
+"""All points of a part that can touch the plate: how they stand to it, and how they do after a change of motion."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from feeder_sim.engines.impulse.lone.at_edge import REACH, look_at_edge, move_edge_point
+from feeder_sim.engines.impulse.lone.moving_surface import move_surface
+from feeder_sim.engines.impulse.lone.on_plate import look_at_corners, move_corner
+from feeder_sim.engines.impulse.lone.path import Turning, turning_of
+from feeder_sim.engines.impulse.lone.state import ABOVE, AT_EDGE
+from feeder_sim.engines.surface_arrays import edge_distance
+from feeder_sim.machine_code import inlined
+
+
+class Seen(NamedTuple):
+    """A look at a part: how many points it has, whether one is close, and one may be at the edge; how it turns."""
+
+    n: int
+    close: bool
+    near_edge: bool
+    turning: Turning
+
+
+@inlined
+def look(part, kind, kinds, plate, t, work):
+    """Fill all points at time t [s]; returns what is seen."""
+    turning = turning_of(part, kind)
+    n, close, moved = look_at_corners(part, kind, kinds, plate, t, turning, work)
+    near_edge, at_edge = _may_reach_edge(part, kind, plate.surface), False
+    if near_edge:
+        if not moved:
+            move_surface(t, plate.surface, work.now)
+        n, at_edge = look_at_edge(part, kind, kinds, plate, n, turning, work)
+    return Seen(n, close or at_edge, near_edge, turning)
+
+
+@inlined
+def _may_reach_edge(part, kind, surface):
+    """Whether a part is so near the edge of the plate that a point there may come up."""
+    far = kind.reach + kind.radius + REACH
+    x, y = part.position[0], part.position[1]
+    if abs(x) + far > surface.grid_x[-1] or abs(y) + far > surface.grid_y[-1]:
+        return True
+    return abs(edge_distance(surface.outline, x, y, far)) < far
+
+
+@inlined
+def move_points(part, kind, n, work):
+    """How the first n points move anew, after the velocity of the part has changed; returns how it turns."""
+    turning = turning_of(part, kind)
+    for i in range(n):
+        point = work.point[i]
+        if point.sort == AT_EDGE:
+            move_edge_point(point, work.edge[point.edge], work.under[i], part, kind, turning, work.now)
+        else:
+            move_corner(point, work.under[i], part, kind, turning, work.now)
+    return turning
+
+
+@inlined
+def lowest_gap(n, work):
+    """The least gap of the first n points [m]."""
+    gap = np.inf
+    for i in range(n):
+        gap = min(gap, work.point[i].gap)
+    return gap
+
+
+@inlined
+def touches(point, gap):
+    """Whether a point is no farther than a gap [m] from what it can touch."""
+    return point.sort != ABOVE and point.gap <= gap

@@ -1,0 +1,200 @@
+"""One free part over the plate: leap, verify, classify, act (docs/contact.md).
+
+leap       bring the part to the time at which it is due
+verify     no point may be in the plate by more than before. If one is, the part goes back, and the time of contact is
+           found by halving what was leapt; what has no such time came from beside the plate, under its sheet
+classify   a point that touches approaches, is held, or is free; the solution of all contacts says which of the last two
+act        impacts, forces, a ride, rest; or flight until the first point can touch
+
+A part may be looked at so often, and no more, in a given time.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from feeder_sim.constants import GRAVITY
+from feeder_sim.engines.impulse.lone.impact import strike
+from feeder_sim.engines.impulse.lone.leap import first_contact, shortest_leap, unsure_of
+from feeder_sim.engines.impulse.lone.on_plate import CLOSE
+from feeder_sim.engines.impulse.lone.points import look, lowest_gap, touches
+from feeder_sim.engines.impulse.lone.ride import bring, follows_until, goes_along, sit_down
+from feeder_sim.engines.impulse.lone.state import FREE, LATE, SPENT
+from feeder_sim.engines.impulse.lone.sustained import CARRIED, Moment, press
+from feeder_sim.engines.impulse.state import ASLEEP, top_speed
+from feeder_sim.machine_code import inlined, uncounted
+
+NEVER = 1e9  # [s]; the flight of a part that is not over the plate
+ENTERED = 1.0  # tolerances that a point may come into the plate in a leap; pressed ones are moved by CARRIED
+SURE, HALVINGS = 0.1, 40  # tolerances that anything may move while the time of a contact is not known
+LOOKS, PAID = 200.0, 6e6  # looks at once, and per second; where more are asked for, they are SPARING apart
+SPARING = 6e-7  # [s]
+PAST = 1e-3  # [s] between looks at a part that falls past the plate
+STILL = 1e-6  # [m/s]; what is as slow on a plate that is calm, and does not slip, rests
+BALANCED = 1e-3  # of its weight, and of that times its reach
+SKIPPED = 8  # looks after one at which a part may not follow
+LEAST_LOOK = 1e-5  # [s]; points at the edge of the plate come and go
+
+
+@inlined
+def step(lone, plate, t):
+    """Bring the part to time t [s] and see what it does; returns when to look at it next [s]."""
+    part, kind = lone.parts[0], lone.kinds.record[lone.parts[0].kind]
+    lone.work.before[0] = part
+    bring(part, kind, t, plate.surface)
+    part.phase = FREE
+    height = part.position[2] - kind.reach - kind.radius - plate.bounds.crest
+    if height > CLOSE:
+        rising, part.beside, part.depth = part.velocity[2], 0, 0.0
+        return t + (rising + math.sqrt(rising * rising + 2.0 * GRAVITY * (height - 0.5 * CLOSE))) / GRAVITY
+    if part.beside:
+        return t + PAST
+    spent = _spends_budget(part, t, lone.work)
+    t, seen = _verify(lone, plate, t, look(part, kind, lone.kinds, plate, t, lone.work), spent)
+    if part.beside:
+        return t
+    part.depth = max(-lowest_gap(seen.n, lone.work), 0.0)
+    due = _act(part, kind, plate, t, seen, spent, lone.work)
+    return max(due, t + SPARING) if spent else due
+
+
+@inlined
+def _spends_budget(part, t, work):
+    """Count a look; returns whether there were too many of late."""
+    spent = part.looks >= LOOKS
+    part.looks = max(part.looks - PAID * (t - part.budget), 0.0) + 1.0
+    part.budget = t
+    if part.looks >= LOOKS and not spent:
+        part.looks += 0.5 * LOOKS  # so that it is over for some us, not from one look to the next
+        work.counts[SPENT] += 1
+    return part.looks >= LOOKS
+
+
+@inlined
+def _verify(lone, plate, t, seen, spent):
+    """See that no point has come into the plate; returns a time [s] at which that is so, and what is seen then."""
+    part, before, work, surface = lone.parts[0], lone.work.before[0], lone.work, plate.surface
+    allowed = before.depth + (ENTERED if before.phase == FREE else CARRIED) * plate.bounds.exact.tolerance
+    gap = lowest_gap(seen.n, work)
+    if gap >= -allowed:
+        return t, seen
+    if t == before.clock or _next_switch(surface, before.clock, np.inf) <= t:
+        part.position[2] -= gap  # out of a surface that has jumped into it (`ring_up = false`), or that it starts in
+        for i in range(seen.n):
+            work.point[i].gap -= gap
+        return t, seen
+    if spent:
+        work.counts[LATE] += 1
+        return t, seen
+    return _go_back(lone, plate, t, allowed)
+
+
+@uncounted
+def _go_back(lone, plate, late, allowed):
+    """Find when the contact was that a leap has passed, by halving the leap; returns that time [s] and what is there.
+
+    late: the time after the leap, at which a point is deeper than allowed [m]. One that is deep from its first moment
+    on has come under the plate from beside it, if it is near the edge. Else it is a contact, and is pushed out.
+    """
+    part, kind, work = lone.parts[0], lone.kinds.record[lone.parts[0].kind], lone.work
+    early, looks = work.before[0].clock, 0
+    sure = SURE * plate.bounds.exact.tolerance / (top_speed(part, kind) + plate.bounds.speed)
+    while late - early > sure and looks < HALVINGS:
+        looks += 1
+        t = 0.5 * (early + late)
+        if lowest_gap(_look_back(lone, kind, plate, t).n, work) < -allowed:
+            late = t
+        else:
+            early = t
+    seen = _look_back(lone, kind, plate, late)
+    if seen.near_edge and lowest_gap(seen.n, work) < -max(allowed, CLOSE):
+        part.beside = 1
+    else:
+        work.counts[LATE] += 1
+    part.looks += looks
+    return late, seen
+
+
+@inlined
+def _look_back(lone, kind, plate, t):
+    """Look at the part at a time [s] before the last look and after the one before it."""
+    lone.parts[0] = lone.work.before[0]
+    bring(lone.parts[0], kind, t, plate.surface)
+    lone.parts[0].phase = FREE
+    return look(lone.parts[0], kind, lone.kinds, plate, t, lone.work)
+
+
+@inlined
+def _act(part, kind, plate, t, seen, spent, work):
+    """What the part does after a look; returns when to look at it next [s]. spent: nothing bounces."""
+    until, bounds, turning = _next_switch(plate.surface, t, plate.bounds.end), plate.bounds, seen.turning
+    if seen.close:
+        turning = strike(part, kind, seen, not spent, bounds, work)
+    shortest, unsure = shortest_leap(part, bounds, turning), unsure_of(part, kind, bounds, turning)
+    if seen.close:
+        now = Moment(t, until, seen.n, turning, unsure)
+        stays, held = press(part, kind, plate, now, SPARING if spent else shortest, work)  # until it is looked at
+        if stays > 0.0:
+            part.held = part.held + 1 if held else min(part.held, 0)
+            return t + (_stay(part, kind, plate, now, stays, work) if held else stays)
+        part.held = 0
+    limit = until - t
+    if seen.near_edge:
+        limit = min(limit, max(LEAST_LOOK, 0.25 * max(lowest_gap(seen.n, work), 0.0) / top_speed(part, kind)))
+    return min(t + max(first_contact(seen.n, limit, plate, t, unsure, work), shortest), until)
+
+
+@inlined
+def _stay(part, kind, plate, now, stays, work):
+    """How long a part that does not slip stays [s]: for ever at rest, or while it follows, or for the time `stays`."""
+    height = _height(now.n, plate.bounds, work)
+    if part.held < 1 or not goes_along(part, height, now.t + stays, plate.surface, work):
+        return stays
+    ends = follows_until(part, kind, plate, now, height, work)
+    if plate.bounds.calm and (ends == now.until or _is_still(part, kind, plate.bounds, work)):
+        for k in range(3):
+            part.velocity[k] = part.momentum[k] = 0.0
+        part.there, part.phase = ASLEEP, FREE
+        return NEVER
+    if ends - now.t <= stays:
+        part.held = -SKIPPED
+        return stays
+    sit_down(part, kind, now.t, plate.surface)
+    return ends - now.t
+
+
+@inlined
+def _is_still(part, kind, bounds, work):
+    """Whether the part, as the solution of its contacts has it, hardly moves, and its forces balance."""
+    speed = spin = force = moment = 0.0
+    for k in range(3):
+        speed += work.bodies.velocity[0, k] ** 2
+        spin += work.bodies.spin[0, k] ** 2
+        force += (part.force[k] - (kind.mass * GRAVITY if k == 2 else 0.0)) ** 2
+        moment += part.moment[k] ** 2
+    moves = math.sqrt(speed) + kind.reach * math.sqrt(spin)
+    unbalanced = kind.reach * math.sqrt(force) + math.sqrt(moment)
+    return moves < STILL + 1.01 * bounds.speed and unbalanced < BALANCED * kind.mass * GRAVITY * kind.reach
+
+
+@inlined
+def _next_switch(surface, t, end):
+    """When a term of the surface begins or ends next, or the end of the window [s]: its motion is smooth until then."""
+    for k in range(surface.term_start.shape[0]):
+        if surface.term_start[k] > t:
+            end = min(end, surface.term_start[k])
+        if surface.term_stop[k] > t:
+            end = min(end, surface.term_stop[k])
+    return end
+
+
+@inlined
+def _height(n, bounds, work):
+    """Height of the centre of mass over its supports [m]."""
+    lowest = 0.0
+    for i in range(n):
+        if touches(work.point[i], CARRIED * bounds.exact.tolerance):
+            lowest = min(lowest, work.point[i].arm[2])
+    return -lowest
