@@ -24,7 +24,7 @@ from feeder_sim.engines.impulse.kinds import read_kinds
 from feeder_sim.engines.impulse.lone.edge_piece import BALL, FACE, LINES
 from feeder_sim.engines.impulse.lone.engine import exactness_of
 from feeder_sim.engines.impulse.lone.impact import strike
-from feeder_sim.engines.impulse.lone.leap import unsure_of
+from feeder_sim.engines.impulse.lone.leap import first_contact, unsure_of
 from feeder_sim.engines.impulse.lone.path import turning_of
 from feeder_sim.engines.impulse.lone.points import look, move_points
 from feeder_sim.engines.impulse.lone.state import ABOVE, AT_EDGE, Plate, Scratch, fly_to, new_part, new_scratch
@@ -91,6 +91,13 @@ def _renew(parts: Any, kinds: Any, n: int, work: Any) -> None:
 def _strike(parts: Any, kinds: Any, plate: Any, t: float, work: Any) -> Any:
     part, kind = parts[0], kinds.record[parts[0].kind]
     strike(part, kind, look(part, kind, kinds, plate, t, work), True, plate.bounds, work)
+
+
+@njit
+def _first_contact(parts: Any, kinds: Any, n: int, limit: float, plate: Any, t: float, work: Any) -> Any:
+    part, kind = parts[0], kinds.record[0]
+    unsure = unsure_of(part, kind, plate.bounds, turning_of(part, kind))
+    return first_contact(n, limit, plate, t, unsure, work)
 
 
 @njit
@@ -394,3 +401,35 @@ def test_rates_after_an_impact_are_those_of_a_fresh_look(name: str, where: str) 
         assert points["rate"][touching].min() > -1e-8
         hits += 1
     assert hits > 20
+
+
+# Leaps
+
+LIMIT = 4e-4  # [s]
+AT_MOST = 1e-11  # [m]; by a tenth of the tolerance a point may be inside since its time of contact is not known better
+
+
+@pytest.mark.parametrize("plate", PLATES)
+@pytest.mark.parametrize("name", PARTS)
+def test_nothing_touches_before_the_first_contact(name: str, plate: str) -> None:
+    """And most leaps that end before their limit end in a touch."""
+    rng = np.random.default_rng([list(PARTS).index(name), list(PLATES).index(plate), 9])
+    touch, ended, touched = exactness_of(scene_of(name, plate)).touch, 0, 0
+    for _ in range(60):
+        place = over(name, plate, rng, 10.0 ** rng.uniform(-9.0, -6.1))
+        time, n = float(place.parts["clock"][0]), looked_at(place)
+        if not np.isfinite(place.points(n)["gap"]).all() or place.points(n)["gap"].min() < touch:
+            continue
+        found = float(_first_contact(place.parts, place.kinds, n, LIMIT, place.plate, time, place.work))
+        before = [lowest_gap(place, time + found * share) for share in rng.uniform(0.0, 1.0, 40)]
+        assert min(before) > -AT_MOST
+        if found < LIMIT:
+            last = lowest_gap(place, time + found)
+            assert last > -AT_MOST
+            ended, touched = ended + 1, touched + (last <= touch)
+    assert ended > 20
+    assert touched > 0.5 * ended
+
+
+def lowest_gap(place: Place, time: float) -> float:
+    return float(seen_at(place, time)[0]["gap"].min())

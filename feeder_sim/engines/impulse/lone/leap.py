@@ -17,7 +17,7 @@ from typing import NamedTuple
 
 from feeder_sim.constants import GRAVITY
 from feeder_sim.engines.impulse.lone.moving_surface import move_surface
-from feeder_sim.engines.impulse.lone.path import ahead
+from feeder_sim.engines.impulse.lone.path import SIXTH, ahead
 from feeder_sim.engines.impulse.lone.state import ABOVE, AT_EDGE, ON_PLATE
 from feeder_sim.engines.impulse.vectors import dot
 from feeder_sim.machine_code import inlined, uncounted
@@ -26,8 +26,9 @@ MAX_LEAPS = 100  # in which every point has its own
 LEFT = 1e-9  # [m/s]; what round-off leaves of the speed of points that stay, or that have just been left
 TINY = 1e-300
 NEARLY = 0.2  # of half a touch
-LONGEST, STRIDE = 8.0, 2.0  # [rad] of the surface's fastest motion: of a leap, and of one by a polynomial
-POLISHED = 4  # leaps by a polynomial
+LONGEST, STRIDE = 8.0, 1.0  # [rad] of the surface's fastest motion: of a leap, and of one by a polynomial
+POLISHED, LONGER = 5, 4.0  # leaps by a polynomial; how much longer is one after a whole stride
+ALIKE = 1.0  # of the last leap: points that are due within that are looked at together
 UNSEEN = 0.05  # tolerances by which a contact may be late since its time is not known better
 WILD = 8.0  # a fourth derivative of the path of a point, by the third and the spin, is less
 
@@ -71,21 +72,20 @@ def leap(gap, rate, bound):
 def polynomial_leap(gap, motion, snap, stride, nearly):
     """As `leap`, of a gap whose motion is known: rate, closing acceleration, and the rate of that; snap: bound on more.
 
-    gap + rate t - closing t^2/2 - change t^3/6 - snap t^4/24 is no more than the gap. Leaps under it, each no longer
-    than a stride [s], converge to its first root. Also returns whether it is nearly there [m], and the gap as well.
+    gap + rate t - closing t^2/2 - change t^3/6 - snap t^4/24 is no more than the gap. Leaps under it converge to its
+    first root; the first is no longer than a stride [s]. Also returns whether it is nearly there [m], and the gap too.
     """
-    t, (rate, closing, change) = 0.0, motion
+    t, (rate, closing, change), half, sixth, last = 0.0, motion, 0.5 * snap, SIXTH * snap, SIXTH * 0.25 * snap
+    third = SIXTH * change
     for _ in range(POLISHED):
-        here = gap + t * (rate - t * (0.5 * closing + t * (change / 6.0 + t * snap / 24.0)))
+        here = gap + t * (rate - t * (0.5 * closing + t * (third + t * last)))
         if here <= nearly:
-            return t, snap * t * t * t * t <= 24.0 * nearly
-        goes = rate - t * (closing + t * (0.5 * change + t * snap / 6.0))
-        now, end = t * (change + 0.5 * snap * t), t + stride
-        most = closing + max(now, end * (change + 0.5 * snap * end))  # the second derivative is convex
-        step = leap(here, goes, max(most, TINY))
-        if step >= stride:
-            return t + stride, False
-        t += step
+            return t, last * t * t * t * t <= nearly
+        goes = rate - t * (closing + t * (0.5 * change + t * sixth))
+        end = t + stride
+        most = closing + max(t * (change + half * t), end * (change + half * end))  # the second derivative is convex
+        step = min(stride, leap(here, goes, max(most, TINY)))
+        t, stride = t + step, (LONGER if step == stride else 2.0) * step
     return t, False
 
 
@@ -102,7 +102,7 @@ def first_contact(n, limit, plate, t, unsure, work):
 
     Points that forces see to are left out.
     """
-    far, half = 0.0, 0.5 * plate.bounds.exact.touch
+    far, together, half = 0.0, 0.0, 0.5 * plate.bounds.exact.touch
     for i in range(n):
         point = work.point[i]
         point.safe = math.inf if point.carried or point.gap == math.inf else 0.0
@@ -113,12 +113,12 @@ def first_contact(n, limit, plate, t, unsure, work):
         next_far, lands = math.inf, False
         for i in range(n):
             point = work.point[i]
-            if point.safe <= far:
+            if point.safe <= far + together:
                 found, point.lands = _safe_leap(point, work.under[i], far, next_far - far, plate.bounds, unsure, work)
                 point.safe = far + found
             if point.safe < next_far:
                 next_far, lands = point.safe, point.lands
-        far = next_far
+        far, together = next_far, ALIKE * (next_far - far)
         if lands or far >= limit:
             return min(far, limit)
     return far
@@ -127,7 +127,7 @@ def first_contact(n, limit, plate, t, unsure, work):
 @inlined
 def _safe_leap(point, under, far, enough, bounds, unsure, work):
     """Time [s] from `far` [s] on for which a point cannot touch, `enough` if it can be; and whether it touches then."""
-    nearly, phase = 0.5 * NEARLY * bounds.exact.touch, bounds.fastest * far
+    nearly, phase, per_fastest = 0.5 * NEARLY * bounds.exact.touch, bounds.fastest * far, 1.0 / bounds.fastest
     gap, rate, closing, change = _expected(point, under, far, bounds, unsure, work)
     if gap <= nearly:
         return 0.0, True
@@ -135,12 +135,17 @@ def _safe_leap(point, under, far, enough, bounds, unsure, work):
         return leap(gap, rate, point.most_own), False
     # The plate pushes more, or less, where the point has come to after that phase of its motion.
     push = point.most_push + unsure.slack * (2.0 + 0.5 * (phase + LONGEST))
-    found = min(leap(gap, rate, point.most_own + push), LONGEST / bounds.fastest)
+    snap = (push * bounds.fastest + point.unsure) * bounds.fastest + unsure.wild
+    change += point.unsure
+    longest = LONGEST * per_fastest
+    if enough < longest:
+        most = closing + max(enough * (change + 0.5 * snap * enough), 0.0)
+        if gap + enough * (rate - 0.5 * enough * max(most, 0.0)) > nearly:
+            return enough, False
+    found = min(leap(gap, rate, point.most_own + push), longest)
     if found >= enough:
         return found, False
-    snap = (push * bounds.fastest + point.unsure) * bounds.fastest + unsure.wild
-    stride = min(2.0 * found, STRIDE / bounds.fastest)
-    further, lands = polynomial_leap(gap, (rate, closing, change + point.unsure), snap, stride, nearly)
+    further, lands = polynomial_leap(gap, (rate, closing, change), snap, STRIDE * per_fastest, nearly)
     return (further, lands) if further > found else (found, False)
 
 
@@ -159,8 +164,8 @@ def _expected(point, under, far, bounds, unsure, work):
         bent = unsure.curving
     elif point.sort == AT_EDGE:  # the place on the edge moves along it
         slip, more = unsure.slack / bounds.fastest, more + unsure.slack
-    margin = far * (slip + far * (more / 6.0 + wild / 24.0 + bent))
-    rate -= slip + far * (0.5 * more + wild / 6.0 + bent * (2.0 + phase))
+    margin = far * (slip + far * (SIXTH * (more + 0.25 * wild) + bent))
+    rate -= slip + far * (0.5 * more + SIXTH * wild + bent * (2.0 + phase))
     closing += more + 0.5 * wild + bent * (2.0 + phase * (4.0 + phase))
     gap += point.inside - half
     return gap - max(margin - UNSEEN * bounds.exact.tolerance, 0.0), rate, closing, change

@@ -20,6 +20,7 @@ from feeder_sim.engines.impulse.state import inverse_inertia, turning_accelerati
 from feeder_sim.engines.impulse.vectors import cross, plus, times, vector, write_to
 from feeder_sim.machine_code import inlined
 
+SIXTH = 1.0 / 6.0
 Vector: TypeAlias = tuple[float, float, float]
 
 
@@ -67,7 +68,7 @@ def ahead(point, under, far, now, then):
     now, then: modal coordinates at both times, see NOW.
     """
     v, a, jerk = point.path_velocity, point.path_acceleration, point.path_jerk
-    gap = point.gap + far * (v[2] + far * (0.5 * a[2] + far * jerk / 6.0))
+    gap = point.gap + far * (v[2] + far * (0.5 * a[2] + SIXTH * far * jerk))
     rate, closing = v[2] + far * (a[2] + 0.5 * far * jerk), -a[2] - far * jerk
     if point.sort == ABOVE:
         return gap, rate, closing, -jerk

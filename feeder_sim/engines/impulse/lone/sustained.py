@@ -183,10 +183,9 @@ def _solve_forces(part, kind, plate, now, times_and_slip, work):
         if point.carried:
             gather(i, m, 0.0, work)
             turned = _set_contact_after(m, part, kind, plate, now.turning, time, work)
-            gap = point.gap - 0.5 * exact.touch
-            target = -RETURN * gap / usual
-            if gap > 0.5 * exact.touch:
-                target = min(target, -2.0 * gap / time - point.rate)
+            target = -RETURN * (point.gap - min(max(point.gap, 0.0), exact.touch)) / usual
+            if point.gap > exact.touch:
+                target = min(target, -2.0 * (point.gap - 0.5 * exact.touch) / time - point.rate)
             work.contacts.number[TARGET, m] = target - turned
             m += 1
     if plate.bounds.speed > 0.0:
