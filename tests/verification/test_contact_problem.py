@@ -10,9 +10,8 @@ from conftest import from_python, symmetric
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
 
-from feeder_sim.engines.impulse import single_impact
-from feeder_sim.engines.impulse.lone import contact_equations, contact_problem
-from feeder_sim.engines.impulse.lone.contact_problem import (
+from feeder_sim.engines.impulse import contact_equations, contact_problem, single_impact
+from feeder_sim.engines.impulse.contact_problem import (
     ARM_FIRST,
     ARM_SECOND,
     FRICTION,

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from numba.extending import overload
 
+from feeder_sim.engines.impulse.contact_problem import ARM_SECOND, FRICTION, NORMAL, RESTITUTION, VELOCITY
 from feeder_sim.engines.impulse.impact_law import falling_restitution, resolve_ball, zener_restitution
-from feeder_sim.engines.impulse.lone.contact_problem import ARM_SECOND, FRICTION, NORMAL, RESTITUTION, VELOCITY
 from feeder_sim.engines.impulse.single_impact import resolve_free
 from feeder_sim.engines.impulse.state import EXPONENT, TANGENTIAL, ZENER, inverse_inertia
 from feeder_sim.engines.impulse.vectors import vector

@@ -10,8 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from feeder_sim.constants import GRAVITY
-from feeder_sim.engines.impulse.lone.contact_law import hit_alone, restitution_at
-from feeder_sim.engines.impulse.lone.contact_problem import (
+from feeder_sim.engines.impulse.contact_problem import (
     ARM_SECOND,
     FRICTION,
     IMPULSE,
@@ -22,6 +21,7 @@ from feeder_sim.engines.impulse.lone.contact_problem import (
     WORLD,
     impact,
 )
+from feeder_sim.engines.impulse.lone.contact_law import hit_alone, restitution_at
 from feeder_sim.engines.impulse.lone.leap import LEFT, twist_of
 from feeder_sim.engines.impulse.lone.points import move_points, touches
 from feeder_sim.engines.impulse.lone.state import UNRESOLVED

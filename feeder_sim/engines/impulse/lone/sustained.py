@@ -11,9 +11,8 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from feeder_sim.engines.impulse.lone.at_edge import edge_point_after
-from feeder_sim.engines.impulse.lone.contact_equations import STEP, STIFF, solve_equations
-from feeder_sim.engines.impulse.lone.contact_problem import (
+from feeder_sim.engines.impulse.contact_equations import STEP, STIFF, solve_equations
+from feeder_sim.engines.impulse.contact_problem import (
     ARM_SECOND,
     FRICTION,
     IMPULSE,
@@ -22,6 +21,7 @@ from feeder_sim.engines.impulse.lone.contact_problem import (
     VELOCITY,
     solve,
 )
+from feeder_sim.engines.impulse.lone.at_edge import edge_point_after
 from feeder_sim.engines.impulse.lone.impact import LONGEST_CHATTER, chatter_time, gather, load_part
 from feeder_sim.engines.impulse.lone.leap import LEFT, Unsure, first_contact, shortest_leap
 from feeder_sim.engines.impulse.lone.moving_surface import along_at, flow_at, move_surface

@@ -24,7 +24,7 @@ from numba.core import types
 from numba.extending import overload
 from numpy.typing import NDArray
 
-from feeder_sim.engines.impulse.lone.contact_equations import (
+from feeder_sim.engines.impulse.contact_equations import (
     BEFORE,
     COUNT,
     DIRECTIONS,
