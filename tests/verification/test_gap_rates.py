@@ -74,7 +74,7 @@ class Place(NamedTuple):
 @njit
 def _look(parts: Any, kinds: Any, plate: Any, t: float, work: Any) -> Any:
     part = parts[0]
-    return look(part, kinds.record[part.kind], kinds, plate, t, work).n
+    return look(part, kinds, plate, t, work).n
 
 
 @njit
@@ -90,7 +90,7 @@ def _renew(parts: Any, kinds: Any, n: int, work: Any) -> None:
 @njit
 def _strike(parts: Any, kinds: Any, plate: Any, t: float, work: Any) -> Any:
     part, kind = parts[0], kinds.record[parts[0].kind]
-    strike(part, kind, look(part, kind, kinds, plate, t, work), True, plate.bounds, work)
+    strike(part, kind, look(part, kinds, plate, t, work), True, plate.bounds, work)
 
 
 @njit

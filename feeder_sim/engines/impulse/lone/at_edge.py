@@ -47,12 +47,12 @@ SWUNG = 4.0  # |n'| |v|, by which a gap at the edge is accelerated at most, over
 
 
 @inlined
-def look_at_edge(part, kind, kinds, plate, first, turning, work):
+def look_at_edge(part, kinds, plate, first, turning, work):
     """Fill points on the edge of the plate, from `first` on; returns their end, and whether one is close.
 
     work.now: modal coordinates.
     """
-    surface = plate.surface
+    kind, surface = kinds.record[part.kind], plate.surface
     height = _height_of_plate(part, surface, work.under[first], work.now)
     part.position[2] -= height
     found = edge_points(part, kind, kinds, surface, REACH, work.edge)
@@ -72,7 +72,7 @@ def look_at_edge(part, kind, kinds, plate, first, turning, work):
         _lean(point, edge, kind, slope_at(under, work.now))
         for s in range(under.shape[0]):
             under[s, SLOPE_X] = under[s, SLOPE_Y] = 0.0  # its path is along the normal
-        move_edge_point(point, edge, under, part, kind, turning, work.now)
+        move_edge_point(n, part, kind, turning, work)
         close = close or point.gap < CLOSE
         n += 1
     return n, close
@@ -113,8 +113,9 @@ def _lean(point, edge, kind, slope):
 
 
 @inlined
-def move_edge_point(point, edge, under, part, kind, turning, modal):
-    """Write how the normal of a point on the edge turns, and the path of its gap, as its part moves now."""
+def move_edge_point(i, part, kind, turning, work):
+    """Write how the normal of point i, on the edge, turns, and the path of its gap, as its part moves now."""
+    point, edge = work.point[i], work.edge[work.point[i].edge]
     n, far, axis = vector(point.normal), point.gap + kind.radius, vector(edge.axis)
     write_path(point, part, plus(point.arm, kind.radius, n), turning)
     v = difference(point.path_velocity, point.surface_velocity)
@@ -133,18 +134,19 @@ def move_edge_point(point, edge, under, part, kind, turning, modal):
     if kind.reach > 0.0:
         point.unsure += 9.0 * turning.acceleration * turning.speed / kind.reach
     write_to(point.swing, swing)
-    write_to(point.path_velocity, (0.0, 0.0, point.rate + along_at(under, modal, SPEED)))
+    write_to(point.path_velocity, (0.0, 0.0, point.rate + along_at(work.under[i], work.now, SPEED)))
     write_to(point.path_acceleration, (0.0, 0.0, opens))
-    point.path_jerk, point.closing_rate = 0.0, along_at(under, modal, CHANGE)
+    point.path_jerk, point.closing_rate = 0.0, along_at(work.under[i], work.now, CHANGE)
 
 
 @inlined
-def edge_point_after(point, edge, part, kind, turning, time):
-    """Arm and normal of a contact on the edge for forces that last a time [s]: those of the middle; and a speed [m/s].
+def edge_point_after(i, part, kind, turning, time, work):
+    """Arm and normal at point i, on the edge, for forces that last a time [s]: those of the middle; and a speed [m/s].
 
     The gap closes along the normal of the end, the force acts along that of the middle: by that speed the normal
     velocity of the contact has to be less than the rate of the gap.
     """
+    point, edge = work.point[i], work.edge[work.point[i].edge]
     at, n, swing = vector(point.arm), vector(point.normal), vector(point.swing)
     going = cross(turning.spin, at)
     v = difference(plus(part.velocity, 1.0, going), point.surface_velocity)

@@ -114,7 +114,7 @@ def first_contact(n, limit, plate, t, unsure, work):
         for i in range(n):
             point = work.point[i]
             if point.safe <= far + together:
-                found, point.lands = _safe_leap(point, work.under[i], far, next_far - far, plate.bounds, unsure, work)
+                found, point.lands = _safe_leap(i, far, next_far - far, plate.bounds, unsure, work)
                 point.safe = far + found
             if point.safe < next_far:
                 next_far, lands = point.safe, point.lands
@@ -125,10 +125,11 @@ def first_contact(n, limit, plate, t, unsure, work):
 
 
 @inlined
-def _safe_leap(point, under, far, enough, bounds, unsure, work):
-    """Time [s] from `far` [s] on for which a point cannot touch, `enough` if it can be; and whether it touches then."""
+def _safe_leap(i, far, enough, bounds, unsure, work):
+    """Time [s] from `far` [s] on for which point i cannot touch, `enough` if it can be; and whether it touches then."""
+    point = work.point[i]
     nearly, phase, per_fastest = 0.5 * NEARLY * bounds.exact.touch, bounds.fastest * far, 1.0 / bounds.fastest
-    gap, rate, closing, change = _expected(point, under, far, bounds, unsure, work)
+    gap, rate, closing, change = _expected(i, far, bounds, unsure, work)
     if gap <= nearly:
         return 0.0, True
     if point.sort == ABOVE:
@@ -150,13 +151,13 @@ def _safe_leap(point, under, far, enough, bounds, unsure, work):
 
 
 @inlined
-def _expected(point, under, far, bounds, unsure, work):
+def _expected(i, far, bounds, unsure, work):
     """Gap over half a touch, its rate, and as in `ahead`, a time [s] after the look; at the worst, but for UNSEEN."""
-    half = 0.5 * bounds.exact.touch
+    point, half = work.point[i], 0.5 * bounds.exact.touch
     if far == 0.0:
         rate = max(point.rate, 0.0) if point.inside > 0.0 and point.rate >= -LEFT else point.rate
         return point.gap + point.inside - half, rate, point.closing, point.closing_rate
-    gap, rate, closing, change = ahead(point, under, far, work.now, work.then)
+    gap, rate, closing, change = ahead(point, work.under[i], far, work.now, work.then)
     if gap > 2.0 * half:
         point.inside = 0.0
     more, wild, phase, bent, slip = far * point.unsure, far * far * unsure.wild, bounds.fastest * far, 0.0, 0.0

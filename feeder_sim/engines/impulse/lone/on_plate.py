@@ -30,12 +30,13 @@ UP = (0.0, 0.0, 1.0)
 
 
 @inlined
-def look_at_corners(part, kind, kinds, plate, t, turning, work):
+def look_at_corners(part, kinds, plate, t, turning, work):
     """Fill the first of all points, one for each corner.
 
     Returns their number, whether one is close to the surface, and whether that has been moved to time t.
     """
-    corners, surface = kinds.corners[kind.corner_from : kind.corner_to], plate.surface
+    kind, surface = kinds.record[part.kind], plate.surface
+    corners = kinds.corners[kind.corner_from : kind.corner_to]
     close = moved = False
     for i in range(corners.shape[0]):
         point, arm = work.point[i], arm_of(part, corners, i)
@@ -57,7 +58,7 @@ def look_at_corners(part, kind, kinds, plate, t, turning, work):
             _stand(point, work.under[i], arm, kind, plate, work.now)
             point.gap = part.position[2] + arm[2] - kind.radius - height_at(work.under[i], work.now)
             close = close or point.gap <= CLOSE
-        move_corner(point, work.under[i], part, kind, turning, work.now)
+        move_corner(i, part, kind, turning, work)
     return corners.shape[0], close, moved
 
 
@@ -85,12 +86,13 @@ def seen_at(under, dx, dy, modal, surface):
 
 
 @inlined
-def move_corner(point, under, part, kind, turning, modal):
-    """Write the path of a corner as its part moves now, and how its gap changes; above the crest one at the worst."""
+def move_corner(i, part, kind, turning, work):
+    """Write the path of corner i as its part moves now, and how its gap changes; above the crest one at the worst."""
+    point = work.point[i]
     point.most_own = GRAVITY + turning.acceleration
     if point.sort == ON_PLATE:
         write_path(point, part, plus(point.arm, kind.radius, point.normal), turning)
-        _, point.rate, point.closing, point.closing_rate = ahead(point, under, 0.0, modal, modal)
+        _, point.rate, point.closing, point.closing_rate = ahead(point, work.under[i], 0.0, work.now, work.now)
         return
     spin, arm = turning.spin, point.arm
     point.rate = part.velocity[2] + spin[0] * arm[1] - spin[1] * arm[0]
@@ -100,14 +102,15 @@ def move_corner(point, under, part, kind, turning, modal):
 
 
 @inlined
-def corner_after(point, under, kind, plate, turning, time, then):
-    """Arm, normal and velocity of the plate for forces that last a time [s]; then: modal coordinates at its end.
+def corner_after(i, kind, plate, turning, time, work):
+    """Arm, normal and velocity of the plate at corner i for forces that last a time [s], to which `work.then` belongs.
 
     The arm is that of the middle and the normal the mean; the velocity is that of the end. A ball touches below its
     centre, wherever that goes.
     """
+    point = work.point[i]
     v, old = point.path_velocity, vector(point.normal)
-    new, velocity = seen_at(under, v[0] * time, v[1] * time, then, plate.surface)
+    new, velocity = seen_at(work.under[i], v[0] * time, v[1] * time, work.then, plate.surface)
     both = plus(old, 1.0, new)
     normal = combine(1.0 / math.sqrt(dot(both, both)), both, 0.0, UP, 0.0, UP)
     if kind.corner_to - kind.corner_from == 1:

@@ -25,15 +25,16 @@ class Seen(NamedTuple):
 
 
 @inlined
-def look(part, kind, kinds, plate, t, work):
+def look(part, kinds, plate, t, work):
     """Fill all points at time t [s]; returns what is seen."""
+    kind = kinds.record[part.kind]
     turning = turning_of(part, kind)
-    n, close, moved = look_at_corners(part, kind, kinds, plate, t, turning, work)
+    n, close, moved = look_at_corners(part, kinds, plate, t, turning, work)
     near_edge, at_edge = _may_reach_edge(part, kind, plate.surface), False
     if near_edge:
         if not moved:
             move_surface(t, plate.surface, work.now)
-        n, at_edge = look_at_edge(part, kind, kinds, plate, n, turning, work)
+        n, at_edge = look_at_edge(part, kinds, plate, n, turning, work)
     return Seen(n, close or at_edge, near_edge, turning)
 
 
@@ -52,11 +53,10 @@ def move_points(part, kind, n, work):
     """How the first n points move anew, after the velocity of the part has changed; returns how it turns."""
     turning = turning_of(part, kind)
     for i in range(n):
-        point = work.point[i]
-        if point.sort == AT_EDGE:
-            move_edge_point(point, work.edge[point.edge], work.under[i], part, kind, turning, work.now)
+        if work.point[i].sort == AT_EDGE:
+            move_edge_point(i, part, kind, turning, work)
         else:
-            move_corner(point, work.under[i], part, kind, turning, work.now)
+            move_corner(i, part, kind, turning, work)
     return turning
 
 

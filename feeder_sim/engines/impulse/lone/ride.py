@@ -16,6 +16,7 @@ which is true for a whole window where the envelopes of the motion say so, or un
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 from feeder_sim.constants import GRAVITY
 from feeder_sim.engines.impulse.lone.moving_surface import move_surface, shapes_under
@@ -42,6 +43,18 @@ BENDS = 10.0  # tolerances
 STRIDE = 0.2  # [rad] of the fastest motion: between two looks ahead
 DIRECTIONS = 16
 HALVINGS = 40
+
+
+class Seat(NamedTuple):
+    """How a part sits on its supports.
+
+    height: of its centre over them [m]; radius: see `_support_radius`; inertia: the largest, by its mass [m^2].
+    """
+
+    height: float
+    radius: float
+    inertia: float
+    friction: float
 
 
 @uncounted
@@ -162,7 +175,8 @@ def follows_until(part, kind, plate, now, height, work):
     shapes_under(part.position[0], part.position[1], part, surface, under)
     if _bends(part, n, under, bounds, work):
         return t
-    rho = _support_radius(n, bounds, work)
+    most = max(kind.inertia[0], kind.inertia[1], kind.inertia[2])
+    seat = Seat(height, _support_radius(n, bounds, work), most / kind.mass, kind.friction[0])
     # The largest acceleration of all.
     push = along = turning = 0.0
     moves = surface.half_thickness * surface.in_plane
@@ -171,20 +185,19 @@ def follows_until(part, kind, plate, now, height, work):
         push += a * abs(under[s, HEIGHT])
         turning += a * (abs(under[s, SLOPE_X]) + abs(under[s, SLOPE_Y]))
         along += moves * a * (abs(under[s, TURN_X]) + abs(under[s, TURN_Y]))
-    most = max(kind.inertia[0], kind.inertia[1], kind.inertia[2])
     along += height * turning
-    if _held(GRAVITY - push, along + GRAVITY * bounds.slope, most * turning / kind.mass, height, rho, kind):
+    if _held(GRAVITY - push, along + GRAVITY * bounds.slope, turning, seat):
         return until
     if bounds.fastest * (until - t) < STRIDE:
         return t
     good, stride = t, STRIDE / bounds.fastest
     while good < until:
         next_time = min(good + stride, until)
-        if not _held_at(next_time, under, height, rho, most, kind, surface, work):
+        if not _held_at(next_time, under, seat, surface, work):
             bad = next_time
             for _ in range(HALVINGS):
                 middle = 0.5 * (good + bad)
-                if _held_at(middle, under, height, rho, most, kind, surface, work):
+                if _held_at(middle, under, seat, surface, work):
                     good = middle
                 else:
                     bad = middle
@@ -194,7 +207,7 @@ def follows_until(part, kind, plate, now, height, work):
 
 
 @inlined
-def _held_at(t, under, height, rho, most, kind, surface, work):
+def _held_at(t, under, seat, surface, work):
     """Whether a part that follows is held at time t."""
     move_surface(t, surface, work.then)
     push = x = y = about_x = about_y = slope_x = slope_y = 0.0
@@ -208,19 +221,20 @@ def _held_at(t, under, height, rho, most, kind, surface, work):
         about_y -= a * under[s, SLOPE_X]
         slope_x += q * under[s, SLOPE_X]
         slope_y += q * under[s, SLOPE_Y]
-    x, y = x + about_y * height + GRAVITY * slope_x, y - about_x * height + GRAVITY * slope_y
+    x, y = x + about_y * seat.height + GRAVITY * slope_x, y - about_x * seat.height + GRAVITY * slope_y
     turning = math.sqrt(about_x * about_x + about_y * about_y)
-    return _held(GRAVITY + push, math.sqrt(x * x + y * y), most * turning / kind.mass, height, rho, kind)
+    return _held(GRAVITY + push, math.sqrt(x * x + y * y), turning, seat)
 
 
 @inlined
-def _held(normal, lateral, moment, height, rho, kind):
-    """Whether friction and supports hold a part; all forces and moments by its mass."""
+def _held(normal, lateral, turning, seat):
+    """Whether friction and supports hold a part, for accelerations along and across the normal, and of its turning."""
+    moment = seat.inertia * turning + seat.height * lateral
     return (
         normal > 0.0
-        and rho >= -LEVEL * height
-        and lateral <= FIRM * kind.friction[0] * normal
-        and moment + height * lateral <= (BALANCED * max(rho, 0.0) + LEVEL * height) * normal
+        and seat.radius >= -LEVEL * seat.height
+        and lateral <= FIRM * seat.friction * normal
+        and moment <= (BALANCED * max(seat.radius, 0.0) + LEVEL * seat.height) * normal
     )
 
 

@@ -52,11 +52,11 @@ def step(lone, plate, t):
     if part.beside:
         return t + PAST
     spent = _spends_budget(part, t, lone.work)
-    t, seen = _verify(lone, plate, t, look(part, kind, lone.kinds, plate, t, lone.work), spent)
+    t, seen = _verify(lone, plate, t, look(part, lone.kinds, plate, t, lone.work), spent)
     if part.beside:
         return t
     part.depth = max(-lowest_gap(seen.n, lone.work), 0.0)
-    due = _act(part, kind, plate, t, seen, spent, lone.work)
+    due = _act(lone, plate, t, seen, spent)
     return max(due, t + SPARING) if spent else due
 
 
@@ -123,12 +123,13 @@ def _look_back(lone, kind, plate, t):
     lone.parts[0] = lone.work.before[0]
     bring(lone.parts[0], kind, t, plate.surface)
     lone.parts[0].phase = FREE
-    return look(lone.parts[0], kind, lone.kinds, plate, t, lone.work)
+    return look(lone.parts[0], lone.kinds, plate, t, lone.work)
 
 
 @inlined
-def _act(part, kind, plate, t, seen, spent, work):
+def _act(lone, plate, t, seen, spent):
     """What the part does after a look; returns when to look at it next [s]. spent: nothing bounces."""
+    part, kind, work = lone.parts[0], lone.kinds.record[lone.parts[0].kind], lone.work
     until, bounds, turning = _next_switch(plate.surface, t, plate.bounds.end), plate.bounds, seen.turning
     if seen.close:
         turning = strike(part, kind, seen, not spent, bounds, work)

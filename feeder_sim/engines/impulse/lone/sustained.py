@@ -182,7 +182,7 @@ def _solve_forces(part, kind, plate, now, times_and_slip, work):
         point = work.point[i]
         if point.carried:
             gather(i, m, 0.0, work)
-            turned = _set_contact_after(m, part, kind, plate, now.turning, time, work)
+            turned = _set_contact_after(m, part, kind, plate, (now.turning, time), work)
             target = -RETURN * (point.gap - min(max(point.gap, 0.0), exact.touch)) / usual
             if point.gap > exact.touch:
                 target = min(target, -2.0 * (point.gap - 0.5 * exact.touch) / time - point.rate)
@@ -198,15 +198,15 @@ def _solve_forces(part, kind, plate, now, times_and_slip, work):
 
 
 @inlined
-def _set_contact_after(m, part, kind, plate, turning, time, work):
+def _set_contact_after(m, part, kind, plate, turning_and_time, work):
     """Write contact m as it is for forces of a time [s]; returns a speed [m/s], see `edge_point_after`."""
-    i, contacts = work.point_of[m], work.contacts
+    i, contacts, (turning, time) = work.point_of[m], work.contacts, turning_and_time
     point, under, turned = work.point[i], work.under[i], 0.0
     if point.sort == AT_EDGE:
-        arm, normal, turned = edge_point_after(point, work.edge[point.edge], part, kind, turning, time)
+        arm, normal, turned = edge_point_after(i, part, kind, turning, time, work)
         velocity = flow_at(under, work.then, plate.surface)
     else:
-        arm, normal, velocity = corner_after(point, under, kind, plate, turning, time, work.then)
+        arm, normal, velocity = corner_after(i, kind, plate, turning, time, work)
     point.push_rate = (along_at(under, work.then, ACCELERATION) - point.push) / time
     write_to(contacts.vector[ARM_SECOND, m], arm)
     write_to(contacts.vector[NORMAL, m], normal)
