@@ -18,7 +18,7 @@ import numpy as np
 import typer
 
 from feeder_sim.constants import GRAVITY
-from feeder_sim.engines.impulse.lone.engine import LoneEngine
+from feeder_sim.engines.impulse.free_part.engine import FreePartEngine
 from feeder_sim.scenario import Scenario, load_scenario
 from feeder_sim.scene.scene import Scene, build_scene
 
@@ -77,7 +77,7 @@ def scenes() -> Iterator[tuple[str, Scene, float]]:
 
 def cost(scene: Scene, since: float, seed: int) -> tuple[float, tuple[int, ...]]:
     """Processor time per simulated second [s], and what was counted since then."""
-    engine = LoneEngine(scene, np.random.default_rng(seed))
+    engine = FreePartEngine(scene, np.random.default_rng(seed))
     first, last = round(since / scene.frame_interval), scene.n_frames - 1
     for at in range(0, first, BLOCK):
         engine.advance(min(BLOCK, first - at))
@@ -88,7 +88,7 @@ def cost(scene: Scene, since: float, seed: int) -> tuple[float, tuple[int, ...]]
     return spent / ((last - first) * scene.frame_interval), tuple(np.subtract(counts(engine), before).tolist())
 
 
-def counts(engine: LoneEngine) -> list[int]:
+def counts(engine: FreePartEngine) -> list[int]:
     found = engine.counts
     return [found.unresolved_impacts, found.late_contacts, found.budgets_spent]
 

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 CLASSES = {
     "impulse": "impulse.engine:ImpulseEngine",
-    "exact": "impulse.lone.engine:LoneEngine",
+    "exact": "impulse.free_part.engine:FreePartEngine",
     "reaction": "impulse.reaction.engine:ReactingEngine",
     "slide": "slide.engine:SlideEngine",
     "mujoco": "mujoco.engine:MujocoEngine",

@@ -14,7 +14,7 @@ from conftest import NUT_ON_STRIP, REPOSITORY, piston_scenario, strip_scenario
 from failing import check_runs_again, exploding, fail_at, same
 
 import feeder_sim
-from feeder_sim.engines.impulse.lone.engine import LoneEngine
+from feeder_sim.engines.impulse.free_part.engine import FreePartEngine
 from feeder_sim.engines.protocol import ENDED, WHOLE, engine_class, new_interrupt
 from feeder_sim.errors import Divergence, InputError, SimulationDiverged
 from feeder_sim.records.seed import LAST_FRAMES, LastStates, Seed, Status, read_last_states, save_last_states
@@ -146,7 +146,7 @@ PATIENCE = 0.4  # [s]
 STUCK_AT = 20  # frames
 
 
-class Stuck(LoneEngine):
+class Stuck(FreePartEngine):
     """The frame after STUCK_AT never comes."""
 
     def advance(self, n_frames: int) -> Frames:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from conftest import strip_scenario
 
-from feeder_sim.engines.impulse.lone.engine import LoneEngine
+from feeder_sim.engines.impulse.free_part.engine import FreePartEngine
 from feeder_sim.records.seed import Status
 from feeder_sim.records.trajectory import Frames
 from feeder_sim.run import seed_run
@@ -29,15 +29,15 @@ def test_pieces_change_nothing(engine: str, monkeypatch: pytest.MonkeyPatch) -> 
 
 def test_a_block_that_is_stopped_is_dropped_as_a_whole(monkeypatch: pytest.MonkeyPatch) -> None:
     stop, calls = threading.Event(), []
-    advance = LoneEngine.advance
+    advance = FreePartEngine.advance
 
-    def counted(self: LoneEngine, n_frames: int) -> Frames:
+    def counted(self: FreePartEngine, n_frames: int) -> Frames:
         calls.append(n_frames)
         if len(calls) == 5:
             stop.set()
         return advance(self, n_frames)
 
-    monkeypatch.setattr(LoneEngine, "advance", counted)
+    monkeypatch.setattr(FreePartEngine, "advance", counted)
     monkeypatch.setattr(seed_run, "PIECE_S", 0.0)
     seed = simulate(strip_scenario(duration_s=0.3), stop=stop).seeds[0]
     assert len(calls) == 5 and seed.status == Status.UNFINISHED

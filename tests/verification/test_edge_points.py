@@ -14,9 +14,9 @@ from own_modes import circle
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
+from feeder_sim.engines.impulse.free_part.edge_piece import BESIDE, EDGE_POINT, UPRIGHT
+from feeder_sim.engines.impulse.free_part.edge_points import edge_points
 from feeder_sim.engines.impulse.kinds import read_kinds
-from feeder_sim.engines.impulse.lone.edge_piece import BESIDE, EDGE_POINT, UPRIGHT
-from feeder_sim.engines.impulse.lone.edge_points import edge_points
 from feeder_sim.engines.impulse.state import Kinds, new_parts
 from feeder_sim.engines.surface_arrays import SurfaceArrays, outline_arrays
 from feeder_sim.part.rigid_part import CORNER_RADIUS

@@ -20,15 +20,15 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 from test_invariants import swing
 
+from feeder_sim.engines.impulse.free_part.edge_piece import BALL, FACE, LINES
+from feeder_sim.engines.impulse.free_part.engine import exactness_of
+from feeder_sim.engines.impulse.free_part.impact import strike
+from feeder_sim.engines.impulse.free_part.leap import first_contact, unsure_of
+from feeder_sim.engines.impulse.free_part.path import turning_of
+from feeder_sim.engines.impulse.free_part.points import look, move_points
+from feeder_sim.engines.impulse.free_part.state import ABOVE, AT_EDGE, Plate, Scratch, fly_to, new_part, new_scratch
+from feeder_sim.engines.impulse.free_part.window import bound
 from feeder_sim.engines.impulse.kinds import read_kinds
-from feeder_sim.engines.impulse.lone.edge_piece import BALL, FACE, LINES
-from feeder_sim.engines.impulse.lone.engine import exactness_of
-from feeder_sim.engines.impulse.lone.impact import strike
-from feeder_sim.engines.impulse.lone.leap import first_contact, unsure_of
-from feeder_sim.engines.impulse.lone.path import turning_of
-from feeder_sim.engines.impulse.lone.points import look, move_points
-from feeder_sim.engines.impulse.lone.state import ABOVE, AT_EDGE, Plate, Scratch, fly_to, new_part, new_scratch
-from feeder_sim.engines.impulse.lone.window import bound
 from feeder_sim.engines.impulse.state import Kinds, new_parts
 from feeder_sim.engines.impulse.window import acting_terms
 from feeder_sim.engines.surface_arrays import surface_arrays

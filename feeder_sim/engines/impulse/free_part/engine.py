@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from feeder_sim.engines.impulse.engine import COLUMNS, ImpulseEngine
 from feeder_sim.engines.impulse.frame_rows import ROW
-from feeder_sim.engines.impulse.lone.loop import WINDOW, Drive, Lone, advance
-from feeder_sim.engines.impulse.lone.state import FREE, Exactness, new_part, new_scratch
+from feeder_sim.engines.impulse.free_part.loop import WINDOW, Drive, FreePart, advance
+from feeder_sim.engines.impulse.free_part.state import FREE, Exactness, new_part, new_scratch
 from feeder_sim.engines.impulse.state import ABSENT
 from feeder_sim.engines.noise import new_streams
 from feeder_sim.engines.surface_arrays import surface_arrays
@@ -28,7 +28,7 @@ def exactness_of(scene: Scene) -> Exactness:
     return Exactness(tolerance, max(TOUCHING * tolerance, LEAST_TOUCH), scene.scenario.contact.noise_m_s)
 
 
-class LoneEngine(ImpulseEngine):
+class FreePartEngine(ImpulseEngine):
     """One free part whose contacts have no step behind the engine protocol; starts and frames are the general ones'."""
 
     def __init__(
@@ -54,7 +54,7 @@ class LoneEngine(ImpulseEngine):
         times = np.asarray((self._frame + 1 + np.arange(n_frames)) * scene.frame_interval, float)
         drive = Drive(self._surface, scene.surface.extremes, self._exact, WINDOW)
         frames = self._rows_to_fill(times, rows)
-        advance(Lone(self._part, self._kinds, self._scratch), drive, self._clock, frames)
+        advance(FreePart(self._part, self._kinds, self._scratch), drive, self._clock, frames)
         return self._advanced(rows)
 
     def _begin_window_now(self) -> None:

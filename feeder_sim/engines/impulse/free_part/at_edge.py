@@ -13,9 +13,9 @@ from __future__ import annotations
 import math
 
 from feeder_sim.constants import GRAVITY
-from feeder_sim.engines.impulse.lone.edge_piece import BALL, BESIDE, LINES, NONE
-from feeder_sim.engines.impulse.lone.edge_points import edge_points
-from feeder_sim.engines.impulse.lone.moving_surface import (
+from feeder_sim.engines.impulse.free_part.edge_piece import BALL, BESIDE, LINES, NONE
+from feeder_sim.engines.impulse.free_part.edge_points import edge_points
+from feeder_sim.engines.impulse.free_part.moving_surface import (
     along_at,
     flow_at,
     height_at,
@@ -24,9 +24,9 @@ from feeder_sim.engines.impulse.lone.moving_surface import (
     shapes_under,
     slope_at,
 )
-from feeder_sim.engines.impulse.lone.on_plate import CLOSE
-from feeder_sim.engines.impulse.lone.path import write_path
-from feeder_sim.engines.impulse.lone.state import (
+from feeder_sim.engines.impulse.free_part.on_plate import CLOSE
+from feeder_sim.engines.impulse.free_part.path import write_path
+from feeder_sim.engines.impulse.free_part.state import (
     ACCELERATION,
     ALONG,
     AT_EDGE,

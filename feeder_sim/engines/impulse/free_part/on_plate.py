@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 
 from feeder_sim.constants import GRAVITY
-from feeder_sim.engines.impulse.lone.moving_surface import (
+from feeder_sim.engines.impulse.free_part.moving_surface import (
     along_at,
     flow_at,
     height_at,
@@ -18,8 +18,8 @@ from feeder_sim.engines.impulse.lone.moving_surface import (
     shapes_under,
     slope_at,
 )
-from feeder_sim.engines.impulse.lone.path import ahead, write_path
-from feeder_sim.engines.impulse.lone.state import ABOVE, ACCELERATION, ON_PLATE, SLOPE_X, SLOPE_Y, SPEED
+from feeder_sim.engines.impulse.free_part.path import ahead, write_path
+from feeder_sim.engines.impulse.free_part.state import ABOVE, ACCELERATION, ON_PLATE, SLOPE_X, SLOPE_Y, SPEED
 from feeder_sim.engines.impulse.state import arm_of
 from feeder_sim.engines.impulse.vectors import combine, cross, dot, plus, vector, write_to
 from feeder_sim.engines.surface_arrays import ON_EDGE, off_plate

@@ -6,11 +6,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from feeder_sim.engines.impulse.lone.at_edge import REACH, look_at_edge, move_edge_point
-from feeder_sim.engines.impulse.lone.moving_surface import move_surface
-from feeder_sim.engines.impulse.lone.on_plate import look_at_corners, move_corner
-from feeder_sim.engines.impulse.lone.path import Turning, turning_of
-from feeder_sim.engines.impulse.lone.state import ABOVE, AT_EDGE
+from feeder_sim.engines.impulse.free_part.at_edge import REACH, look_at_edge, move_edge_point
+from feeder_sim.engines.impulse.free_part.moving_surface import move_surface
+from feeder_sim.engines.impulse.free_part.on_plate import look_at_corners, move_corner
+from feeder_sim.engines.impulse.free_part.path import Turning, turning_of
+from feeder_sim.engines.impulse.free_part.state import ABOVE, AT_EDGE
 from feeder_sim.engines.surface_arrays import edge_distance
 from feeder_sim.machine_code import inlined
 

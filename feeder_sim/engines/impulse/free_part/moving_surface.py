@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from feeder_sim.engines.impulse.lone.state import (
+from feeder_sim.engines.impulse.free_part.state import (
     ACCELERATION,
     ALONG,
     CHANGE,

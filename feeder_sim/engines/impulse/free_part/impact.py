@@ -21,10 +21,10 @@ from feeder_sim.engines.impulse.contact_problem import (
     WORLD,
     impact,
 )
-from feeder_sim.engines.impulse.lone.contact_law import hit_alone, restitution_at
-from feeder_sim.engines.impulse.lone.leap import LEFT, twist_of
-from feeder_sim.engines.impulse.lone.points import move_points, touches
-from feeder_sim.engines.impulse.lone.state import UNRESOLVED
+from feeder_sim.engines.impulse.free_part.contact_law import hit_alone, restitution_at
+from feeder_sim.engines.impulse.free_part.leap import LEFT, twist_of
+from feeder_sim.engines.impulse.free_part.points import move_points, touches
+from feeder_sim.engines.impulse.free_part.state import UNRESOLVED
 from feeder_sim.engines.impulse.state import inverse_inertia
 from feeder_sim.engines.impulse.vectors import add_to, cross, plus, vector, write_to
 from feeder_sim.engines.noise import half_normal

@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 from feeder_sim.borrow import borrow
 from feeder_sim.engines.impulse.frame_rows import write_state
 from feeder_sim.engines.impulse.free_flight import orthonormalise
-from feeder_sim.engines.impulse.lone.ride import bring
-from feeder_sim.engines.impulse.lone.state import PART, Exactness, Plate, Scratch
-from feeder_sim.engines.impulse.lone.step import step
-from feeder_sim.engines.impulse.lone.window import bound
+from feeder_sim.engines.impulse.free_part.ride import bring
+from feeder_sim.engines.impulse.free_part.state import PART, Exactness, Plate, Scratch
+from feeder_sim.engines.impulse.free_part.step import step
+from feeder_sim.engines.impulse.free_part.window import bound
 from feeder_sim.engines.impulse.state import ABSENT, ASLEEP, AWAKE, Kinds
 from feeder_sim.engines.impulse.window import acting_terms
 from feeder_sim.engines.protocol import ENDED, WHOLE
@@ -33,7 +33,7 @@ class Drive(NamedTuple):
     window: float
 
 
-class Lone(NamedTuple):
+class FreePart(NamedTuple):
     """The part, as an array of one; its kind; and scratch space."""
 
     parts: NDArray[np.void]
@@ -42,19 +42,19 @@ class Lone(NamedTuple):
 
 
 @entry_point
-def advance(lone, drive, clock, frames):
+def advance(free, drive, clock, frames):
     """Advance the part past the times of frames, and write its state at each.
 
     clock: time from which windows count, number of the window under way, and when the part is to be looked at next.
     """
-    advance_lone(lone, drive, clock, frames)
+    advance_free_part(free, drive, clock, frames)
 
 
 @compiled
-def advance_lone(lone, drive, clock, frames):
+def advance_free_part(free, drive, clock, frames):
     """`advance` for compiled functions."""
-    lone, frames = borrow(lone), borrow(frames)
-    part, surface = lone.parts[0], drive.surface
+    free, frames = borrow(free), borrow(frames)
+    part, surface = free.parts[0], drive.surface
     seen, frame = np.empty(1, PART), 0
     while True:
         start, end = clock[ORIGIN] + clock[NUMBER] * drive.window, clock[ORIGIN] + (clock[NUMBER] + 1.0) * drive.window
@@ -63,7 +63,7 @@ def advance_lone(lone, drive, clock, frames):
         if clock[DUE] == start:
             orthonormalise(part.attitude)
         _wake(part, bounds, start)  # the drive may have changed since
-        frame = _through_window(frame, lone, Plate(borrow(acting), borrow(bounds)), clock, frames, seen)
+        frame = _through_window(frame, free, Plate(borrow(acting), borrow(bounds)), clock, frames, seen)
         if frame == frames.time.shape[0] or frames.interrupt[ENDED] != 0:
             return
         clock[NUMBER] += 1.0
@@ -78,12 +78,12 @@ def _wake(part, bounds, t):
 
 
 @uncounted
-def _through_window(frame, lone, plate, clock, frames, seen):
+def _through_window(frame, free, plate, clock, frames, seen):
     """Look at the part again and again until the window ends, and write its state at the times of frames from one on.
 
     Returns the next frame; seen: room for a part.
     """
-    part, kind, end = lone.parts[0], lone.kinds.record[0], plate.bounds.end
+    part, kind, end = free.parts[0], free.kinds.record[0], plate.bounds.end
     while frame < frames.time.shape[0] and frames.interrupt[ENDED] == 0:
         shown, t = frames.time[frame], clock[DUE]
         if t >= shown:
@@ -97,5 +97,5 @@ def _through_window(frame, lone, plate, clock, frames, seen):
         elif part.there == ASLEEP or part.there == ABSENT:
             clock[DUE] = end
         else:
-            clock[DUE] = min(step(lone, plate, t), end)
+            clock[DUE] = min(step(free, plate, t), end)
     return frame

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from feeder_sim.engines.impulse.lone.edge_piece import (
+from feeder_sim.engines.impulse.free_part.edge_piece import (
     BALL,
     BESIDE,
     LINES,

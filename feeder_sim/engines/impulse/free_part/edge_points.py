@@ -32,9 +32,9 @@ from numba.core import types
 from numba.extending import overload
 
 from feeder_sim.engines.impulse.circles import is_round
-from feeder_sim.engines.impulse.lone.edge_cylinder import cylinder_on_line, under_cylinder
-from feeder_sim.engines.impulse.lone.edge_hull import balls_on_piece, hull_edge_on_line, hull_on_line, under_plane
-from feeder_sim.engines.impulse.lone.edge_piece import BESIDE, PARALLEL, WITH_PART, nearby, row, store, turned_back
+from feeder_sim.engines.impulse.free_part.edge_cylinder import cylinder_on_line, under_cylinder
+from feeder_sim.engines.impulse.free_part.edge_hull import balls_on_piece, hull_edge_on_line, hull_on_line, under_plane
+from feeder_sim.engines.impulse.free_part.edge_piece import BESIDE, PARALLEL, WITH_PART, nearby, row, store, turned_back
 from feeder_sim.engines.impulse.state import CIRCLE, arm_of
 from feeder_sim.engines.impulse.vectors import difference, plus
 from feeder_sim.machine_code import compiled, inlined

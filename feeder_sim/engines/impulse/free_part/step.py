@@ -16,13 +16,13 @@ import math
 import numpy as np
 
 from feeder_sim.constants import GRAVITY
-from feeder_sim.engines.impulse.lone.impact import strike
-from feeder_sim.engines.impulse.lone.leap import first_contact, shortest_leap, unsure_of
-from feeder_sim.engines.impulse.lone.on_plate import CLOSE
-from feeder_sim.engines.impulse.lone.points import look, lowest_gap, touches
-from feeder_sim.engines.impulse.lone.ride import bring, follows_until, goes_along, sit_down
-from feeder_sim.engines.impulse.lone.state import FREE, LATE, SPENT
-from feeder_sim.engines.impulse.lone.sustained import CARRIED, Moment, press
+from feeder_sim.engines.impulse.free_part.impact import strike
+from feeder_sim.engines.impulse.free_part.leap import first_contact, shortest_leap, unsure_of
+from feeder_sim.engines.impulse.free_part.on_plate import CLOSE
+from feeder_sim.engines.impulse.free_part.points import look, lowest_gap, touches
+from feeder_sim.engines.impulse.free_part.ride import bring, follows_until, goes_along, sit_down
+from feeder_sim.engines.impulse.free_part.state import FREE, LATE, SPENT
+from feeder_sim.engines.impulse.free_part.sustained import CARRIED, Moment, press
 from feeder_sim.engines.impulse.state import ASLEEP, top_speed
 from feeder_sim.machine_code import inlined, uncounted
 
@@ -39,10 +39,10 @@ LEAST_LOOK = 1e-5  # [s]; points at the edge of the plate come and go
 
 
 @inlined
-def step(lone, plate, t):
+def step(free, plate, t):
     """Bring the part to time t [s] and see what it does; returns when to look at it next [s]."""
-    part, kind = lone.parts[0], lone.kinds.record[lone.parts[0].kind]
-    lone.work.before[0] = part
+    part, kind = free.parts[0], free.kinds.record[free.parts[0].kind]
+    free.work.before[0] = part
     bring(part, kind, t, plate.surface)
     part.phase = FREE
     height = part.position[2] - kind.reach - kind.radius - plate.bounds.crest
@@ -51,12 +51,12 @@ def step(lone, plate, t):
         return t + (rising + math.sqrt(rising * rising + 2.0 * GRAVITY * (height - 0.5 * CLOSE))) / GRAVITY
     if part.beside:
         return t + PAST
-    spent = _spends_budget(part, t, lone.work)
-    t, seen = _verify(lone, plate, t, look(part, lone.kinds, plate, t, lone.work), spent)
+    spent = _spends_budget(part, t, free.work)
+    t, seen = _verify(free, plate, t, look(part, free.kinds, plate, t, free.work), spent)
     if part.beside:
         return t
-    part.depth = max(-lowest_gap(seen.n, lone.work), 0.0)
-    due = _act(lone, plate, t, seen, spent)
+    part.depth = max(-lowest_gap(seen.n, free.work), 0.0)
+    due = _act(free, plate, t, seen, spent)
     return max(due, t + SPARING) if spent else due
 
 
@@ -73,9 +73,9 @@ def _spends_budget(part, t, work):
 
 
 @inlined
-def _verify(lone, plate, t, seen, spent):
+def _verify(free, plate, t, seen, spent):
     """See that no point has come into the plate; returns a time [s] at which that is so, and what is seen then."""
-    part, before, work, surface = lone.parts[0], lone.work.before[0], lone.work, plate.surface
+    part, before, work, surface = free.parts[0], free.work.before[0], free.work, plate.surface
     allowed = before.depth + (ENTERED if before.phase == FREE else CARRIED) * plate.bounds.exact.tolerance
     gap = lowest_gap(seen.n, work)
     if gap >= -allowed:
@@ -88,27 +88,27 @@ def _verify(lone, plate, t, seen, spent):
     if spent:
         work.counts[LATE] += 1
         return t, seen
-    return _go_back(lone, plate, t, allowed)
+    return _go_back(free, plate, t, allowed)
 
 
 @uncounted
-def _go_back(lone, plate, late, allowed):
+def _go_back(free, plate, late, allowed):
     """Find when the contact was that a leap has passed, by halving the leap; returns that time [s] and what is there.
 
     late: the time after the leap, at which a point is deeper than allowed [m]. One that is deep from its first moment
     on has come under the plate from beside it, if it is near the edge. Else it is a contact, and is pushed out.
     """
-    part, kind, work = lone.parts[0], lone.kinds.record[lone.parts[0].kind], lone.work
+    part, kind, work = free.parts[0], free.kinds.record[free.parts[0].kind], free.work
     early, looks = work.before[0].clock, 0
     sure = SURE * plate.bounds.exact.tolerance / (top_speed(part, kind) + plate.bounds.speed)
     while late - early > sure and looks < HALVINGS:
         looks += 1
         t = 0.5 * (early + late)
-        if lowest_gap(_look_back(lone, kind, plate, t).n, work) < -allowed:
+        if lowest_gap(_look_back(free, kind, plate, t).n, work) < -allowed:
             late = t
         else:
             early = t
-    seen = _look_back(lone, kind, plate, late)
+    seen = _look_back(free, kind, plate, late)
     if seen.near_edge and lowest_gap(seen.n, work) < -max(allowed, CLOSE):
         part.beside = 1
     else:
@@ -118,18 +118,18 @@ def _go_back(lone, plate, late, allowed):
 
 
 @inlined
-def _look_back(lone, kind, plate, t):
+def _look_back(free, kind, plate, t):
     """Look at the part at a time [s] before the last look and after the one before it."""
-    lone.parts[0] = lone.work.before[0]
-    bring(lone.parts[0], kind, t, plate.surface)
-    lone.parts[0].phase = FREE
-    return look(lone.parts[0], lone.kinds, plate, t, lone.work)
+    free.parts[0] = free.work.before[0]
+    bring(free.parts[0], kind, t, plate.surface)
+    free.parts[0].phase = FREE
+    return look(free.parts[0], free.kinds, plate, t, free.work)
 
 
 @inlined
-def _act(lone, plate, t, seen, spent):
+def _act(free, plate, t, seen, spent):
     """What the part does after a look; returns when to look at it next [s]. spent: nothing bounces."""
-    part, kind, work = lone.parts[0], lone.kinds.record[lone.parts[0].kind], lone.work
+    part, kind, work = free.parts[0], free.kinds.record[free.parts[0].kind], free.work
     until, bounds, turning = _next_switch(plate.surface, t, plate.bounds.end), plate.bounds, seen.turning
     if seen.close:
         turning = strike(part, kind, seen, not spent, bounds, work)

@@ -21,14 +21,14 @@ from feeder_sim.engines.impulse.contact_problem import (
     VELOCITY,
     solve,
 )
-from feeder_sim.engines.impulse.lone.at_edge import edge_point_after
-from feeder_sim.engines.impulse.lone.impact import LONGEST_CHATTER, chatter_time, gather, load_part
-from feeder_sim.engines.impulse.lone.leap import LEFT, Unsure, first_contact, shortest_leap
-from feeder_sim.engines.impulse.lone.moving_surface import along_at, flow_at, move_surface
-from feeder_sim.engines.impulse.lone.on_plate import corner_after
-from feeder_sim.engines.impulse.lone.path import Turning, ahead
-from feeder_sim.engines.impulse.lone.points import touches
-from feeder_sim.engines.impulse.lone.state import ACCELERATION, AT_EDGE, FREE, PRESSED, UNRESOLVED
+from feeder_sim.engines.impulse.free_part.at_edge import edge_point_after
+from feeder_sim.engines.impulse.free_part.impact import LONGEST_CHATTER, chatter_time, gather, load_part
+from feeder_sim.engines.impulse.free_part.leap import LEFT, Unsure, first_contact, shortest_leap
+from feeder_sim.engines.impulse.free_part.moving_surface import along_at, flow_at, move_surface
+from feeder_sim.engines.impulse.free_part.on_plate import corner_after
+from feeder_sim.engines.impulse.free_part.path import Turning, ahead
+from feeder_sim.engines.impulse.free_part.points import touches
+from feeder_sim.engines.impulse.free_part.state import ACCELERATION, AT_EDGE, FREE, PRESSED, UNRESOLVED
 from feeder_sim.engines.impulse.state import top_speed
 from feeder_sim.engines.impulse.vectors import add_to, cross, difference, dot, plus, times, vector, write_to
 from feeder_sim.machine_code import inlined

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from feeder_sim.constants import GRAVITY
 from feeder_sim.engines.impulse.contact_problem import Bodies, Contacts, new_room
-from feeder_sim.engines.impulse.lone.edge_piece import EDGE_POINT
+from feeder_sim.engines.impulse.free_part.edge_piece import EDGE_POINT
 from feeder_sim.engines.impulse.state import AWAKE, PART_FIELDS, Kinds, flies, rotate
 from feeder_sim.engines.surface_arrays import SurfaceArrays
 from feeder_sim.machine_code import inlined

@@ -19,9 +19,9 @@ import math
 from typing import NamedTuple
 
 from feeder_sim.constants import GRAVITY
-from feeder_sim.engines.impulse.lone.moving_surface import move_surface, shapes_under
-from feeder_sim.engines.impulse.lone.points import touches
-from feeder_sim.engines.impulse.lone.state import (
+from feeder_sim.engines.impulse.free_part.moving_surface import move_surface, shapes_under
+from feeder_sim.engines.impulse.free_part.points import touches
+from feeder_sim.engines.impulse.free_part.state import (
     ACCELERATION,
     FOLLOWING,
     HEIGHT,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from feeder_sim.engines.impulse.lone.state import Bounds
+from feeder_sim.engines.impulse.free_part.state import Bounds
 from feeder_sim.engines.impulse.window import bound_window, fastest_rate
 from feeder_sim.machine_code import compiled
 
