@@ -189,7 +189,7 @@ class Along:
         return np.stack([zeros, zeros - 2.0 / THICKNESS, zeros])
 
 
-def tray_scene(case: Case, *, duration: float, seeds: int) -> Scene:
+def tray_scene(case: Case, *, duration: float, seeds: int, **run: Any) -> Scene:
     """A flat block over the tray, as a piston whose surface has been given the second motion."""
     start = Start(position_mm=(-3000.0, 0.0), drop_height_mm=(0.02, 0.05), tilt_deg=(0.0, 0.0), yaw_deg=(0.0, 0.0))
     scenario = Scenario(
@@ -197,7 +197,7 @@ def tray_scene(case: Case, *, duration: float, seeds: int) -> Scene:
         drive=(Drive(frequency_hz=case.frequency, amplitude_um=1e6 * case.up, ring_up=False),),
         part=(Box(shape="box", size_mm=(8.0, 8.0, 2.0), start=start),),
         contact=Contact(restitution=case.restitution, friction=case.friction),
-        run=Run(duration_s=duration, seeds=seeds),
+        run=Run(duration_s=duration, seeds=seeds, **run),
     )
     rate = np.full(2, 2j * math.pi * case.frequency)
     both = np.array([-1j * case.up, -1j * case.along])
@@ -214,9 +214,9 @@ class Found:
     cost: float
 
 
-def speed_in_engine(case: Case, *, duration: float = 5.0, seeds: int = 2) -> Found:
+def speed_in_engine(case: Case, *, duration: float = 5.0, seeds: int = 2, **run: Any) -> Found:
     """Mean speed along the tray from SETTLED to the end."""
-    scene = tray_scene(case, duration=duration, seeds=seeds)
+    scene = tray_scene(case, duration=duration, seeds=seeds, **run)
     began = time.process_time()
     _, runs = recorded(scene.scenario, scene)
     cost = (time.process_time() - began) / (seeds * duration)

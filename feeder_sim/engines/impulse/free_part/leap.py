@@ -100,24 +100,36 @@ def shortest_leap(part, bounds, turning):
 def first_contact(n, limit, plate, t, unsure, work):
     """Time after t [s] before which none of the first n points touches, nor comes below the crest; at most the limit.
 
-    Points that forces see to are left out.
+    Points that forces see to are left out. The most urgent point is seen to first: it leaves little to find for others.
     """
     far, together, half = 0.0, 0.0, 0.5 * plate.bounds.exact.touch
+    first, lowest = 0, math.inf
     for i in range(n):
         point = work.point[i]
-        point.safe = math.inf if point.carried or point.gap == math.inf else 0.0
+        point.safe = math.inf
+        if point.carried or point.gap == math.inf:
+            continue
+        if point.sort == ABOVE:
+            if point.gap + limit * (point.rate - 0.5 * limit * point.most_own) < 0.0:
+                limit = leap(point.gap, point.rate, point.most_own)
+            continue
+        point.safe = 0.0
         point.inside = max((2.0 if point.rate >= -LEFT else 1.5) * half - point.gap, 0.0)
+        soon = plate.bounds.fastest * (point.gap + point.inside) + point.rate
+        if soon < lowest:
+            first, lowest = i, soon
     for _ in range(MAX_LEAPS):
         if far > 0.0:
             move_surface(t + far, plate.surface, work.then)
-        next_far, lands = math.inf, False
-        for i in range(n):
+        next_far, lands, begin = limit, False, first
+        for k in range(begin, begin + n):
+            i = k if k < n else k - n
             point = work.point[i]
             if point.safe <= far + together:
                 found, point.lands = _safe_leap(i, far, next_far - far, plate.bounds, unsure, work)
                 point.safe = far + found
             if point.safe < next_far:
-                next_far, lands = point.safe, point.lands
+                next_far, lands, first = point.safe, point.lands, i
         far, together = next_far, ALIKE * (next_far - far)
         if lands or far >= limit:
             return min(far, limit)
@@ -132,16 +144,14 @@ def _safe_leap(i, far, enough, bounds, unsure, work):
     gap, rate, closing, change = _expected(i, far, bounds, unsure, work)
     if gap <= nearly:
         return 0.0, True
-    if point.sort == ABOVE:
-        return leap(gap, rate, point.most_own), False
     # The plate pushes more, or less, where the point has come to after that phase of its motion.
     push = point.most_push + unsure.slack * (2.0 + 0.5 * (phase + LONGEST))
     snap = (push * bounds.fastest + point.unsure) * bounds.fastest + unsure.wild
     change += point.unsure
     longest = LONGEST * per_fastest
     if enough < longest:
-        most = closing + max(enough * (change + 0.5 * snap * enough), 0.0)
-        if gap + enough * (rate - 0.5 * enough * max(most, 0.0)) > nearly:
+        bends = 0.5 * max(closing, 0.0) + enough * SIXTH * (max(change, 0.0) + 0.25 * enough * snap)
+        if gap + enough * (rate - enough * bends) > nearly:
             return enough, False
     found = min(leap(gap, rate, point.most_own + push), longest)
     if found >= enough:

@@ -96,9 +96,6 @@ def move_corner(i, part, kind, turning, work):
         return
     spin, arm = turning.spin, point.arm
     point.rate = part.velocity[2] + spin[0] * arm[1] - spin[1] * arm[0]
-    point.closing, point.closing_rate, point.path_jerk = point.most_own, 0.0, 0.0
-    write_to(point.path_velocity, (0.0, 0.0, point.rate))
-    write_to(point.path_acceleration, (0.0, 0.0, -point.most_own))
 
 
 @inlined

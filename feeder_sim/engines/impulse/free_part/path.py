@@ -15,7 +15,7 @@ from __future__ import annotations
 from typing import NamedTuple, TypeAlias
 
 from feeder_sim.constants import GRAVITY
-from feeder_sim.engines.impulse.free_part.state import ABOVE, ACCELERATION, ALONG, CHANGE, NOW, SLOPE_X, SLOPE_Y, SPEED
+from feeder_sim.engines.impulse.free_part.state import ACCELERATION, ALONG, CHANGE, NOW, SLOPE_X, SLOPE_Y, SPEED
 from feeder_sim.engines.impulse.state import inverse_inertia, turning_acceleration, turning_speed
 from feeder_sim.engines.impulse.vectors import cross, plus, times, vector, write_to
 from feeder_sim.machine_code import inlined
@@ -70,8 +70,6 @@ def ahead(point, under, far, now, then):
     v, a, jerk = point.path_velocity, point.path_acceleration, point.path_jerk
     gap = point.gap + far * (v[2] + far * (0.5 * a[2] + SIXTH * far * jerk))
     rate, closing = v[2] + far * (a[2] + 0.5 * far * jerk), -a[2] - far * jerk
-    if point.sort == ABOVE:
-        return gap, rate, closing, -jerk
     dx, dy = far * (v[0] + 0.5 * far * a[0]), far * (v[1] + 0.5 * far * a[1])
     vx, vy, change = v[0] + far * a[0], v[1] + far * a[1], -jerk
     for s in range(under.shape[0]):

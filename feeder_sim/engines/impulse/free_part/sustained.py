@@ -28,7 +28,7 @@ from feeder_sim.engines.impulse.free_part.moving_surface import along_at, flow_a
 from feeder_sim.engines.impulse.free_part.on_plate import corner_after
 from feeder_sim.engines.impulse.free_part.path import Turning, ahead
 from feeder_sim.engines.impulse.free_part.points import touches
-from feeder_sim.engines.impulse.free_part.state import ACCELERATION, AT_EDGE, FREE, PRESSED, UNRESOLVED
+from feeder_sim.engines.impulse.free_part.state import ABOVE, ACCELERATION, AT_EDGE, FREE, PRESSED, UNRESOLVED
 from feeder_sim.engines.impulse.state import top_speed
 from feeder_sim.engines.impulse.vectors import add_to, cross, difference, dot, plus, times, vector, write_to
 from feeder_sim.machine_code import inlined
@@ -372,12 +372,14 @@ def _push_others(part, kind, n, work):
         more = plus(pushed, 1.0, cross(turning, point.arm))
         change = dot(point.normal, plus(part.jerk, 1.0, cross(turning_rate, point.arm)))
         towards = dot(point.normal, more)
+        point.most_own += abs(towards)
+        if point.sort == ABOVE:
+            continue
         if point.sort == AT_EDGE:
             more = 0.0, 0.0, towards
         add_to(point.path_acceleration, 1.0, more)
         point.path_jerk += change
         point.closing, point.closing_rate = point.closing - towards, point.closing_rate - change
-        point.most_own += abs(towards)
 
 
 @inlined
