@@ -229,7 +229,7 @@ def hull_distances(scene: Scene, frames: Frames) -> NDArray[np.float64]:
     """Distance of all parts that are near each other, piece by piece, over all frames [m]."""
     from scipy.spatial import cKDTree
 
-    from feeder_sim.engines.impulse.hulls import HullLibrary, hull_distance
+    from feeder_sim.engines.impulse.pairs.hulls import HullLibrary, hull_distance
     from feeder_sim.engines.impulse.state import new_parts
 
     pieces = [(k, points) for k, kind in enumerate(scene.kinds) for points in kind.pieces or (kind.corners,)]

@@ -9,9 +9,10 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from feeder_sim.engines.impulse import island, neighbours
+from feeder_sim.engines.impulse import island
 from feeder_sim.engines.impulse.kinds import read_kinds, rim_walls
-from feeder_sim.engines.impulse.pair_contact import PAIR
+from feeder_sim.engines.impulse.pairs import neighbours
+from feeder_sim.engines.impulse.pairs.due import PAIR
 from feeder_sim.engines.impulse.state import Kinds, new_parts
 from feeder_sim.scenario import Ball, HexNut, Scattered
 from feeder_sim.scene.scene import Scene, build_scene

@@ -14,7 +14,7 @@ import numpy as np
 
 from feeder_sim.constants import GRAVITY
 from feeder_sim.engines.impulse.impact_law import largest_restitution
-from feeder_sim.engines.impulse.neighbours import Room, find_islands, find_pairs
+from feeder_sim.engines.impulse.pairs.neighbours import Room, find_islands, find_pairs
 from feeder_sim.engines.impulse.rest import wake
 from feeder_sim.engines.impulse.state import in_pieces, orthonormalise_parts, turning_speed
 from feeder_sim.engines.impulse.window import acting_terms, bound_window, fastest_rate

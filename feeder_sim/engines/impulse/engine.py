@@ -34,10 +34,11 @@ from feeder_sim.engines.impulse.frame_rows import (
     VELOCITY,
     FrameRows,
 )
-from feeder_sim.engines.impulse.hulls import HullLibrary
 from feeder_sim.engines.impulse.island import Crowd, Share, Span, Tools, advance_islands
 from feeder_sim.engines.impulse.kinds import read_kinds, rim_walls
-from feeder_sim.engines.impulse.pair_contact import PAIR
+from feeder_sim.engines.impulse.pairs.due import PAIR
+from feeder_sim.engines.impulse.pairs.hulls import HullLibrary
+from feeder_sim.engines.impulse.pairs.separating_axis import new_meeting
 from feeder_sim.engines.impulse.state import ABSENT, Bounds, Plate, new_parts, new_scratch, read_wall
 from feeder_sim.engines.protocol import ENDED, WHOLE, new_interrupt
 from feeder_sim.engines.surface_arrays import SurfaceArrays, surface_arrays
@@ -86,7 +87,10 @@ class ImpulseEngine:
         corners = np.split(kinds.corners, kinds.piece["corner_from"][1:])
         radii = [*kinds.record["radius"], *np.zeros(len(corners) - len(kinds.record))]  # only a hull is a ball
         self._libraries = [HullLibrary(corners, radii) for _ in range(0 if self._alone else self._threads)]
-        self._tools = [Tools(library.hulls(), work) for library, work in zip(self._libraries, self._work, strict=False)]
+        self._tools = [
+            Tools(library.hulls(), work, new_meeting(kinds))
+            for library, work in zip(self._libraries, self._work, strict=False)
+        ]
         self._pool = ThreadPoolExecutor(self._threads) if self._threads > 1 else None
         self._parts = self._start(rng)
         self._frame = self._unresolved = 0

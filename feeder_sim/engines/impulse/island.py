@@ -16,9 +16,11 @@ from numpy.typing import NDArray
 
 from feeder_sim.borrow import borrow, borrowed
 from feeder_sim.engines.impulse.frame_rows import write_row
-from feeder_sim.engines.impulse.hulls import Hulls
-from feeder_sim.engines.impulse.neighbours import Islands
-from feeder_sim.engines.impulse.pair_contact import meet, meeting_bound
+from feeder_sim.engines.impulse.pairs.collision import meet
+from feeder_sim.engines.impulse.pairs.due import meeting_bound
+from feeder_sim.engines.impulse.pairs.hulls import Hulls
+from feeder_sim.engines.impulse.pairs.neighbours import Islands
+from feeder_sim.engines.impulse.pairs.separating_axis import Meeting
 from feeder_sim.engines.impulse.plate_contact import meet_plate
 from feeder_sim.engines.impulse.rest import fall_asleep, wake
 from feeder_sim.engines.impulse.state import ASLEEP, Kinds, Scratch, fly_to, in_pieces
@@ -41,6 +43,7 @@ class Tools(NamedTuple):
 
     hulls: Hulls
     work: Scratch
+    meeting: Meeting
 
 
 class Share(NamedTuple):
@@ -139,7 +142,7 @@ def look_at_pair(event, t, agenda, crowd, bounds, tools, reach):
     left = False
     due, near = meeting_bound(pair, parts, kinds, t, bounds)
     if near:
-        hit = meet(pair, parts, kinds, tools.hulls, tools.work.points)
+        hit = meet(pair, parts, kinds, tools)
         if hit:
             wake(parts[pair.a])
             wake(parts[pair.b])

@@ -45,8 +45,8 @@ def read_kinds(scene: Scene) -> Kinds:
         mass.append(np.inf)
         inertia.append(np.full(3, np.inf))
         corners.append(_rim_box(scene))
-        edges.append(np.empty((0, 2), np.int64))
-        planes.append(hull_planes(corners[-1]))
+        edges.append(np.empty((0, 4), np.int64))  # parts lean on its faces only
+        planes.append(hull_of(corners[-1])[1])
         pieces.append([])
         radius.append(0.0)
     axis = [symmetry_axis(moments) for moments in inertia]
@@ -71,8 +71,10 @@ def read_kinds(scene: Scene) -> Kinds:
     record["piece_from"] = np.where(has, len(mass) + first, own)
     record["piece_to"] = np.where(has, len(mass) + last, own + 1)
     bodies = corners + [points for of in pieces for points in of]
-    planes += [_hull(points.tobytes())[1] for of in pieces for points in of]
-    piece = _piece_records(bodies, planes)
+    for points in (points for of in pieces for points in of):
+        edges.append(_hull(points.tobytes())[0])
+        planes.append(_hull(points.tobytes())[1])
+    piece = _piece_records(bodies, edges, planes)
     piece["centre"][: len(mass)], piece["reach"][: len(mass)] = 0.0, record["reach"]
     return Kinds(record, np.concatenate(bodies), np.concatenate(edges), np.concatenate(planes), piece)
 
@@ -99,10 +101,13 @@ def _write_restitution(record: NDArray[np.void], scene: Scene) -> None:
         record["tangential_restitution"] = contact.tangential_restitution
 
 
-def _piece_records(corners: list[NDArray[np.float64]], planes: list[NDArray[np.float64]]) -> NDArray[np.void]:
-    """Records `PIECE` of convex bodies with these corners (n, 3) and planes (f, 4)."""
+def _piece_records(
+    corners: list[NDArray[np.float64]], edges: list[NDArray[np.int64]], planes: list[NDArray[np.float64]]
+) -> NDArray[np.void]:
+    """Records `PIECE` of convex bodies with these corners (n, 3), edges (m, 4) and planes (f, 4)."""
     piece = np.zeros(len(corners), PIECE)
     piece["corner_from"], piece["corner_to"] = _places(corners)
+    piece["edge_from"], piece["edge_to"] = _places(edges)
     piece["plane_from"], piece["plane_to"] = _places(planes)
     piece["centre"] = [0.5 * (points.min(axis=0) + points.max(axis=0)) for points in corners]
     apart = zip(corners, piece["centre"], strict=True)
@@ -119,34 +124,34 @@ def _places(lists: Sequence[Sized]) -> tuple[NDArray[np.int64], NDArray[np.int64
 @functools.lru_cache(maxsize=64)  # the same parts for every seed
 def _hull(corners: bytes) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
     """Edges and planes of a hull, from its corners as they lie in memory."""
-    points = np.frombuffer(corners).reshape(-1, 3)
-    return hull_edges(points), hull_planes(points)
+    return hull_of(np.frombuffer(corners).reshape(-1, 3))
 
 
-def hull_edges(corners: NDArray[np.float64]) -> NDArray[np.int64]:
-    """Edges of the convex hull of corners (n, 3), as pairs of indices (m, 2); none for corners in a plane."""
+def hull_of(corners: NDArray[np.float64]) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    """Edges (m, 4) and planes (f, 4) of the convex hull of corners (n, 3), see `Kinds`; none for corners in a plane."""
     if _in_plane(corners):
-        return np.empty((0, 2), np.int64)
+        return np.empty((0, 4), np.int64), np.empty((0, 4))
     from scipy.spatial import ConvexHull
 
-    hull = ConvexHull(corners)
-    sides = np.sort(np.concatenate([hull.simplices[:, [0, 1]], hull.simplices[:, [1, 2]], hull.simplices[:, [2, 0]]]))
-    return np.unique(sides, axis=0).astype(np.int64)
+    size = np.abs(corners).max()
+    hull = ConvexHull(corners / size)
+    planes, face = np.unique(hull.equations.round(12), axis=0, return_inverse=True)
+    edges = []
+    for triangle, others in enumerate(hull.neighbors):
+        for opposite, other in enumerate(others):
+            if triangle < other and face[triangle] != face[other]:  # else it is a diagonal
+                ends = np.delete(hull.simplices[triangle], opposite)
+                edges.append([*ends, face[triangle], face[other]])
+    found = np.array(edges, np.int64)
+    along = corners[found[:, 1]] - corners[found[:, 0]]
+    wrong = np.einsum("ij,ij->i", along, np.cross(planes[found[:, 3], :3], planes[found[:, 2], :3])) < 0.0
+    found[wrong, :2] = found[wrong, 1::-1]
+    return found[np.lexsort(found.T[::-1])], planes * [1.0, 1.0, 1.0, size]
 
 
 def _in_plane(corners: NDArray[np.float64]) -> bool:
     """Whether corners (n, 3) are too few for a body, or the outline of a part that stays in a plane."""
     return len(corners) < 4 or bool((np.ptp(corners, axis=0) == 0.0).any())
-
-
-def hull_planes(corners: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Planes of the faces of the convex hull of corners (n, 3), shape (f, 4); none for corners in a plane."""
-    if _in_plane(corners):
-        return np.empty((0, 4))
-    from scipy.spatial import ConvexHull
-
-    size = np.abs(corners).max()
-    return np.unique((ConvexHull(corners / size).equations * [1.0, 1.0, 1.0, size]).round(12), axis=0)
 
 
 def _rim_box(scene: Scene) -> NDArray[np.float64]:

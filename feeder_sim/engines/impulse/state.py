@@ -73,12 +73,14 @@ ZENER_FIELDS: list[Any] = [(ZENER, "f8"), ("zener_table", "f8", TABLE_POINTS)]
 TANGENTIAL_FIELDS: list[Any] = [(TANGENTIAL, "f8")]
 
 
-# A convex body: where its corners and planes are in `Kinds`; centre of a sphere around it, in principal axes from the
-# centre of mass of its part, and the radius of that sphere, both [m].
+# A convex body: where its corners, edges and planes are in `Kinds`; centre of a sphere around it, in principal axes
+# from the centre of mass of its part, and the radius of that sphere, both [m].
 PIECE = np.dtype(
     [
         ("corner_from", "i8"),
         ("corner_to", "i8"),
+        ("edge_from", "i8"),
+        ("edge_to", "i8"),
         ("plane_from", "i8"),
         ("plane_to", "i8"),
         ("centre", "f8", 3),
@@ -91,8 +93,9 @@ PIECE = np.dtype(
 class Kinds(NamedTuple):
     """All kinds of parts: one record `KIND` each, and their convex bodies one behind the other.
 
-    corners: (n, 3) [m]; edges: pairs of corners, counted from the first of their kind, (m, 2); planes of the faces:
-    (outward unit normal, offset) with normal . x + offset <= 0 inside, (f, 4). piece: a record `PIECE` each, first the
+    corners: (n, 3) [m]; edges: two corners and the two faces that meet there, counted from the first of their body,
+    (m, 4), along the normal of the second times that of the first; planes of the faces: (outward unit normal, offset)
+    with normal . x + offset <= 0 inside, (f, 4). piece: a record `PIECE` each, first the
     hull of every kind, by the number of the kind, then the pieces of concave ones.
     """
 

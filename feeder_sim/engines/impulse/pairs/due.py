@@ -1,13 +1,11 @@
-"""Contact of two parts: when they can meet at the earliest, and their impact.
+"""When two parts can meet at the earliest.
 
 Parts meet by convex pieces: a concave part has several, any other is one. A pair is one piece of each.
 
 Of two parts that fly gravity does not change the relative motion; walls, and parts asleep, stand. Each pair keeps an
 axis, the direction in which its hulls were last found apart. The plane across it between both hulls parts them for as
 long as no corner of either can have crossed it, which bounds the time of their meeting from below by arithmetic on
-corners alone; only where the plane does not part them any more is the library asked for distance and closest points
-(conservative advancement, as at the plate). An impact is at the closest points and at all corners of one hull in the
-other, so that faces meet as faces.
+corners alone; only where the plane does not part them any more are they looked at (collision.py).
 """
 
 from __future__ import annotations
@@ -17,24 +15,14 @@ import math
 import numpy as np
 
 from feeder_sim.constants import GRAVITY
-from feeder_sim.engines.impulse.hulls import hull_distance
-from feeder_sim.engines.impulse.impact_law import hit_part, restitution_of_pair
-from feeder_sim.engines.impulse.state import arm_of, flies, fly_to, inverse_inertia, turning_acceleration, turning_speed
-from feeder_sim.engines.impulse.vectors import difference, dot, plus, vector, write_to
+from feeder_sim.engines.impulse.state import flies, fly_to, turning_acceleration, turning_speed
 from feeder_sim.machine_code import compiled, inlined, uncounted
 
-LEAST = 1e-300  # [m], of a length that is divided by
 ROUND_OFF = 1e-7  # [m]; more than the library's tolerance
 SLACK = 1e-6  # [m]; hulls this close touch, and may enter each other this far before anybody looks
 DEEP = 2e-6  # [m]; how deep parts may enter each other before they are looked at again, where a step is longer
 PUSHED = 0.1  # of that time, while parts are deep in each other: a heap that falls in needs many pushes
-# [m]; parts laid into each other so deep are parted little by little, step by step: at once one would be put through
-# the plate. Parts that meet do not come to that; 80 um has been seen at the bottom of a poured heap.
-LAID_IN, LITTLE = 1.5e-4, 5e-6
-LEVEL = 0.1  # upward component of the axis of two parts, from which on one of them counts as the lower
-MAX_ROUNDS = 8  # of impacts at the points of one contact
 SURELY = 1.0 + 1e-6  # beyond round-off
-FAR = 1e3  # [m]; no distance beyond this is asked of the library: every answer gives the pair a better axis
 
 
 # Pieces of two parts that can meet within a window: the numbers of the parts, a < b, those of the pieces in `Kinds`,
@@ -187,97 +175,3 @@ def _crossing_time(part, kind, piece, kinds, axis, sign, support, plane):
         if root > 0.0:
             shortest = min(shortest, 2.0 * gap / root)
     return shortest
-
-
-@uncounted
-def meet(pair, parts, kinds, hulls, points):
-    """Ask for the distance of a pair and, where its parts touch and approach each other, give them impulses.
-
-    Both parts are at the same time; points: room for the corners of both and one more. Returns whether their motion has
-    changed.
-    """
-    a, b = parts[pair.a], parts[pair.b]
-    axis, witness = pair.axis, hulls.witness
-    distance = hull_distance(hulls, a, pair.piece_a, b, pair.piece_b, FAR)
-    if distance >= FAR:
-        return False
-    piece_a, piece_b = kinds.piece[pair.piece_a], kinds.piece[pair.piece_b]
-    if _is_ball(piece_a) and _is_ball(
-        piece_b
-    ):  # which meet just when their spheres do, with closest points that coincide
-        write_to(axis, difference(b.position, a.position))
-        size = math.sqrt(dot(axis, axis))
-        for k in range(3):
-            axis[k] /= max(size, LEAST)
-    elif abs(distance) > ROUND_OFF:  # of closest points that coincide the direction is round-off
-        for k in range(3):
-            axis[k] = (witness[3 + k] - witness[k]) / distance
-        size = math.sqrt(axis[0] ** 2 + axis[1] ** 2 + axis[2] ** 2)
-        for k in range(3):
-            axis[k] /= size
-    if distance > SLACK:
-        return False
-    for k in range(3):
-        points[0, k] = 0.5 * (witness[k] + witness[3 + k])
-    n = _corners_inside(a, piece_a, b, piece_b, kinds, points, 1)
-    n = _corners_inside(b, piece_b, a, piece_a, kinds, points, n)
-    return _collide(a, kinds.record[a.kind], b, kinds.record[b.kind], points, n, axis, distance)
-
-
-@inlined
-def _is_ball(piece):
-    """Whether a piece is a single corner, with the radius of its kind around it."""
-    return piece.corner_to - piece.corner_from == 1
-
-
-@compiled
-def _corners_inside(a, piece_a, b, piece_b, kinds, points, n):
-    """Append the corners of a's piece that are inside that of b, or as good as touch it; returns their number."""
-    if piece_a.corner_to - piece_a.corner_from == 1:
-        return n
-    for c in range(piece_a.corner_from, piece_a.corner_to):
-        at = plus(a.position, 1.0, arm_of(a, kinds.corners, c))
-        from_b = difference(at, b.position)
-        local = _along_body_axis(b, from_b, 0), _along_body_axis(b, from_b, 1), _along_body_axis(b, from_b, 2)
-        inside = piece_b.plane_to > piece_b.plane_from
-        for f in range(piece_b.plane_from, piece_b.plane_to):
-            plane = kinds.planes[f]
-            if dot(plane, local) + plane[3] > SLACK:
-                inside = False
-                break
-        if inside:
-            write_to(points[n], at)
-            n += 1
-    return n
-
-
-@compiled
-def _collide(a, kind_a, b, kind_b, points, n, axis, distance):
-    """Impacts of part b on part a at n points, one after the other, along an axis from a to b; part what overlaps.
-
-    At points that one impact makes approach again there are further ones, until all of them separate.
-    """
-    fixed = kind_b.mass == np.inf
-    inverse_mass = 1.0 / kind_a.mass, 1.0 / kind_b.mass
-    inverse, normal = (inverse_inertia(a, kind_a), inverse_inertia(b, kind_b)), vector(axis)
-    law = 0 if fixed else 1
-    hit = False
-    for _ in range(MAX_ROUNDS):
-        again = False
-        for i in range(n):
-            arms = difference(points[i], a.position), difference(points[i], b.position)
-            e = restitution_of_pair(a, b, kind_a, law, inverse, arms, normal)
-            again |= hit_part(a, b, kind_a, inverse_mass, inverse, arms, normal, (e, kind_a.friction[law]))
-        hit |= again
-        if not again:
-            break
-    if distance < 0.0:
-        share = 1.0 if fixed else kind_b.mass / (kind_a.mass + kind_b.mass)
-        if distance < -LAID_IN:
-            distance = -LITTLE
-            if not fixed and abs(axis[2]) > LEVEL:  # the lower one lies on the plate
-                share = 0.0 if axis[2] > 0.0 else 1.0
-        for k in range(3):
-            a.position[k] += distance * share * axis[k]
-            b.position[k] -= distance * (1.0 - share) * axis[k]
-    return hit or distance < -ROUND_OFF

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from feeder_sim.engines.impulse.pair_contact import PAIR
+from feeder_sim.engines.impulse.pairs.due import PAIR
 from feeder_sim.engines.impulse.state import in_pieces, piece_centre
 from feeder_sim.machine_code import compiled
 
