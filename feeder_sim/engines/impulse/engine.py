@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 
 from feeder_sim.engines.impact_log import new_log, room_for, take_impacts
 from feeder_sim.engines.impulse.alone import SAME_CONTACT, Alone, ContactNotes, Drive, advance_alone
+from feeder_sim.engines.impulse.components import lay_to_rest
 from feeder_sim.engines.impulse.crowd import find_neighbours, open_window, share_out
 from feeder_sim.engines.impulse.frame_rows import (
     ATTITUDE,
@@ -39,7 +40,17 @@ from feeder_sim.engines.impulse.kinds import read_kinds, rim_walls
 from feeder_sim.engines.impulse.pairs.due import PAIR
 from feeder_sim.engines.impulse.pairs.hulls import HullLibrary
 from feeder_sim.engines.impulse.pairs.separating_axis import new_meeting
-from feeder_sim.engines.impulse.state import ABSENT, Bounds, Plate, new_parts, new_scratch, read_wall
+from feeder_sim.engines.impulse.state import (
+    ABSENT,
+    ALONE,
+    ASLEEP,
+    AWAKE,
+    Bounds,
+    Plate,
+    new_parts,
+    new_scratch,
+    read_wall,
+)
 from feeder_sim.engines.protocol import ENDED, WHOLE, new_interrupt
 from feeder_sim.engines.surface_arrays import SurfaceArrays, surface_arrays
 from feeder_sim.records.seed import Counts, Events
@@ -198,6 +209,8 @@ class ImpulseEngine:
                 break  # for the guard to see
             reach = WIDER * max(reach, way)
             parts = begun.copy()
+        if bounds.calm and until == self._span[1] and not frames.interrupt[ENDED]:
+            lay_to_rest(crowd, Plate(acting, bounds), self._tools[0], until)
         self._parts, self._pairs = parts, pairs
 
     def _longest_way(self, parts: NDArray[np.void], begun: NDArray[np.void]) -> float:
@@ -252,7 +265,11 @@ class ImpulseEngine:
 
     def remove(self, parts: NDArray[np.int64]) -> None:
         self._begin_window_now()
-        self._parts["there"][parts] = self._opened["there"][parts] = ABSENT
+        for state in (self._parts, self._opened):
+            component = np.unique(state["asleep_with"][parts])
+            rest_on_it = np.isin(state["asleep_with"], component[component != ALONE]) & (state["there"] == ASLEEP)
+            state["there"][rest_on_it], state["clock"][rest_on_it] = AWAKE, self._frame * self._scene.frame_interval
+            state["there"][parts] = ABSENT
 
     def add(self, parts: NDArray[np.int64], poses: Sequence[Pose]) -> None:
         from scipy.spatial.transform import Rotation

@@ -23,7 +23,7 @@ from feeder_sim.engines.impulse.pairs.neighbours import Islands
 from feeder_sim.engines.impulse.pairs.separating_axis import Meeting
 from feeder_sim.engines.impulse.plate_contact import meet_plate
 from feeder_sim.engines.impulse.rest import fall_asleep, wake
-from feeder_sim.engines.impulse.state import ASLEEP, Kinds, Scratch, fly_to, in_pieces
+from feeder_sim.engines.impulse.state import ALONE, ASLEEP, Kinds, Scratch, fly_to, in_pieces
 from feeder_sim.engines.protocol import ENDED
 from feeder_sim.machine_code import compiled, entry_point, inlined
 
@@ -144,8 +144,8 @@ def look_at_pair(event, t, agenda, crowd, bounds, tools, reach):
     if near:
         hit = meet(pair, parts, kinds, tools)
         if hit:
-            wake(parts[pair.a])
-            wake(parts[pair.b])
+            _wake_with(pair.a, p, t, agenda, crowd, bounds)
+            _wake_with(pair.b, p, t, agenda, crowd, bounds)
         due, near = meeting_bound(pair, parts, kinds, t, bounds)
         if hit:
             for i in (pair.a, pair.b):
@@ -155,6 +155,24 @@ def look_at_pair(event, t, agenda, crowd, bounds, tools, reach):
                     look_again_at_pairs(i, p, t, agenda, crowd, bounds)
     set_due(agenda.tree, event, due)
     return left
+
+
+@compiled
+def _wake_with(i, except_pair, t, agenda, crowd, bounds):
+    """Wake a part at time t, and all that sleep with it."""
+    parts, number = crowd.parts, crowd.parts[i].asleep_with
+    if parts[i].there != ASLEEP:
+        return
+    wake(parts[i])
+    if number == ALONE:
+        return
+    for k in range(agenda.n_parts):
+        j = crowd.islands.part[agenda.first_part + k]
+        if parts[j].there == ASLEEP and parts[j].asleep_with == number:
+            parts[j].clock = t
+            wake(parts[j])
+            set_due(agenda.tree, k, t)
+            look_again_at_pairs(j, except_pair, t, agenda, crowd, bounds)
 
 
 @inlined

@@ -12,7 +12,7 @@ import math
 
 from feeder_sim.engines.impulse.circles import QUARTERS, count_of, is_round
 from feeder_sim.engines.impulse.plate_edge import points_on_edge
-from feeder_sim.engines.impulse.state import ASLEEP, AWAKE, GAP, point, top_speed
+from feeder_sim.engines.impulse.state import ALONE, ASLEEP, AWAKE, GAP, point, top_speed
 from feeder_sim.engines.surface_arrays import off_plate
 from feeder_sim.machine_code import compiled
 
@@ -38,7 +38,7 @@ def fall_asleep(part, kinds, surface, work):
         return False
     for k in range(3):
         part.velocity[k] = part.momentum[k] = 0.0
-    part.there = ASLEEP
+    part.there, part.asleep_with = ASLEEP, ALONE
     return True
 
 

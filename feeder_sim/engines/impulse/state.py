@@ -22,12 +22,13 @@ GAP, RATE, SURFACE_RATE, SURFACE_ACCELERATION, WALL_GAP, WALL_RATE = range(6)  #
 ARM, NORMAL, VELOCITY, BEFORE, IMPULSE = range(5)  # of Scratch.contact
 RESTITUTION, FRICTION, TARGET, STEP_NORMAL, STEP_TANGENT = range(5)  # of Scratch.law
 ABSENT, AWAKE, ASLEEP = range(3)  # in PART, there
+ALONE = -1  # in PART, asleep_with
 SLENDER = 4.0  # largest over smallest moment of inertia
 
 
 # State of one part in world axes at a time of its own, `clock` [s]: columns of the attitude are the body axes; momentum
 # is the angular momentum about the centre of mass; there: ABSENT once it has been taken out, ASLEEP while it lies still
-# (rest.py), else AWAKE.
+# (rest.py), else AWAKE; asleep_with: number of the component that it sleeps in, or ALONE.
 PART_FIELDS: list[Any] = [
     ("position", "f8", 3),
     ("velocity", "f8", 3),
@@ -36,6 +37,7 @@ PART_FIELDS: list[Any] = [
     ("clock", "f8"),
     ("kind", "i8"),
     ("there", "i8"),
+    ("asleep_with", "i8"),
 ]
 PART = np.dtype(PART_FIELDS, align=True)
 # What parts of one kind have in common: mass [kg], infinite for what stands still, and principal inertia; axis of
@@ -184,7 +186,7 @@ def new_parts(
     kind = np.asarray(kind)
     parts = np.zeros(len(kind), PART)
     parts["position"], parts["attitude"], parts["kind"], parts["there"] = position, attitude, kind, AWAKE
-    parts["velocity"], parts["momentum"] = velocity, momentum
+    parts["velocity"], parts["momentum"], parts["asleep_with"] = velocity, momentum, ALONE
     return parts
 
 

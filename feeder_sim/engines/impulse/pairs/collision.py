@@ -46,7 +46,7 @@ def meet(pair, parts, kinds, tools):
     """
     a, b = parts[pair.a], parts[pair.b]
     kind_a, kind_b = kinds.record[a.kind], kinds.record[b.kind]
-    gap, n = _look_at_pair(pair, a, kind_a, b, kind_b, kinds, tools)
+    gap, n = look_at_pair(pair, a, kind_a, b, kind_b, kinds, tools)
     if n == 0:
         return False
     hit = _collide(a, kind_a, b, kind_b, n, vector(pair.axis), tools)
@@ -57,7 +57,7 @@ def meet(pair, parts, kinds, tools):
 
 
 @inlined
-def _look_at_pair(pair, a, kind_a, b, kind_b, kinds, tools):
+def look_at_pair(pair, a, kind_a, b, kind_b, kinds, tools):
     """Gap of a pair [m], whose axis is made anew, and the number of points at which it touches; they are written."""
     piece_a, piece_b = kinds.piece[pair.piece_a], kinds.piece[pair.piece_b]
     room, axis = tools.meeting, pair.axis
@@ -137,8 +137,8 @@ def _collide(a, kind_a, b, kind_b, n, normal, tools):
         e = restitution_of_pair(a, b, kind_a, law, inverse, arms, normal)
         return hit_part(a, b, kind_a, inverse_mass, inverse, arms, normal, (e, kind_a.friction[law]))
     bodies, contacts = tools.meeting.bodies, tools.meeting.contacts
-    _load(0, a, kind_a, inverse[0], bodies)
-    _load(1, b, kind_b, inverse[1], bodies)
+    load_body(0, a, kind_a, inverse[0], bodies)
+    load_body(1, b, kind_b, inverse[1], bodies)
     for i in range(n):
         arms = vector(point[i]), plus(from_b, 1.0, point[i])
         contacts.body[i, 0], contacts.body[i, 1] = 0, 1
@@ -157,7 +157,7 @@ def _collide(a, kind_a, b, kind_b, n, normal, tools):
 
 
 @inlined
-def _load(j, part, kind, turns, bodies):
+def load_body(j, part, kind, turns, bodies):
     """Make a part body j."""
     bodies.inverse_mass[j] = 1.0 / kind.mass
     for c in range(6):

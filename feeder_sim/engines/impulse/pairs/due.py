@@ -47,14 +47,14 @@ def meeting_bound(pair, parts, kinds, t, bounds):
     fly_to(a, kind_a, t)
     fly_to(b, kind_b, t)
     axis, piece_a, piece_b = pair.axis, kinds.piece[pair.piece_a], kinds.piece[pair.piece_b]
-    top = _extent(a, kind_a, piece_a, kinds, axis, 1.0)
-    bottom = _extent(b, kind_b, piece_b, kinds, axis, -1.0)
+    top = extent(a, kind_a, piece_a, kinds, axis, 1.0)
+    bottom = extent(b, kind_b, piece_b, kinds, axis, -1.0)
     gap = -bottom - top
     # The plane moves with both hulls' mean speed along the axis; each has half of the gap to itself.
     # Gravity changes nothing between two that fly; beside a wall or a part asleep the plane stands and the other falls.
     drift, fall = 0.0, GRAVITY * abs(axis[2])
     flies_a, flies_b = flies(a, kind_a), flies(b, kind_b)
-    if not flies_a and not flies_b and gap >= -DEEP:
+    if not flies_a and not flies_b:
         return np.inf, False
     if flies_a and flies_b:
         fall = 0.0
@@ -118,7 +118,7 @@ def _along_body_axis(part, vector, n):
 
 
 @compiled
-def _extent(part, kind, piece, kinds, axis, sign):
+def extent(part, kind, piece, kinds, axis, sign):
     """Largest coordinate of a piece of a part along sign * axis [m]."""
     x, y, z = (
         _along_body_axis(part, axis, 0),

@@ -235,13 +235,13 @@ def find_islands(parts, n_free, pairs):
     root = np.arange(n_free)
     for p in range(pairs.shape[0]):
         if pairs[p].b < n_free:
-            a, b = _root(root, pairs[p].a), _root(root, pairs[p].b)
+            a, b = root_of(root, pairs[p].a), root_of(root, pairs[p].b)
             root[max(a, b)] = min(a, b)
     number = np.full(n_free, -1)
     count = 0
     for i in range(n_free):  # a root is the lowest part of its island
         if parts[i].there:
-            r = _root(root, i)
+            r = root_of(root, i)
             if r == i:
                 number[i] = count
                 count += 1
@@ -260,7 +260,8 @@ def find_islands(parts, n_free, pairs):
 
 
 @compiled
-def _root(root, i):
+def root_of(root, i):
+    """The lowest part of the set that part i is in, by `root`, which leads there."""
     while root[i] != i:
         root[i] = root[root[i]]
         i = root[i]
