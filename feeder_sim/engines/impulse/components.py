@@ -35,7 +35,7 @@ from feeder_sim.engines.impulse.state import ASLEEP, AWAKE, GAP, inverse_inertia
 from feeder_sim.engines.impulse.vectors import difference, dot, plus, vector, write_to
 from feeder_sim.machine_code import compiled, entry_point, inlined
 
-STAYED = 1e-6  # [m] that any point of a part at rest may have moved in a window
+STAYED = 5e-6  # [m] that any point of a part at rest may have moved in a window: it could fall as far
 WEIGHED = 5e-4  # [s] for which the weight is held; a hop of 1 um takes as long
 SOLVED, MOVES = 1e-3, 1e-2  # of the speed of a fall of that time: how closely to solve, and from where on a part moves
 CARRIES = 1e-6  # [m]; points this close to the plate carry

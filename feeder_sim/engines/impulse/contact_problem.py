@@ -232,32 +232,69 @@ def _inverse_inertia(bodies, j):
 @uncounted
 def _lay_out(bodies, contacts, n, modes):
     """Write the equations of n contacts into the room, without impulses; returns the length of the motion."""
-    room, ends = contacts.room, _end_of_bodies(contacts, n)
+    room, ends, one = contacts.room, _end_of_bodies(contacts, n), _is_one_pair(contacts, n, modes)
     for j in range(ends // 6):
         for c in range(3):
             room.motion[START, 6 * j + c] = bodies.velocity[j, c]
             room.motion[START, 6 * j + 3 + c] = bodies.spin[j, c]
+    if one:
+        ends = 6
+        _write_relative_motion(bodies, contacts, room)
     size = ends + _number_of(modes)
     for x in range(ends, size):
         room.motion[START, x] = 0.0
     for i in range(n):
         first, second, normal = contacts.body[i, 0], contacts.body[i, 1], vector(contacts.vector[NORMAL, i])
         alone = first == WORLD
+        arm, first_arm = vector(contacts.vector[ARM_SECOND, i]), vector(contacts.vector[ARM_FIRST, i])
         frame, count = tangents(normal), DIRECTIONS if contacts.number[ROLLING, i] > 0.0 else FORCES
         for k in range(count):
             d = normal if k == N else frame[k % FORCES]
-            _write_body(bodies, room, i, k, d, second, vector(contacts.vector[ARM_SECOND, i]), 0, 1.0)
+            _write_body(bodies, room, i, k, d, second, arm, 0, 1.0)
             room.value[KNOWN, i, k] = -dot(d, contacts.vector[VELOCITY, i]) if alone and k < FORCES else 0.0
             if alone:
                 _write_modes(modes, room, i, k, d)
+            elif one:
+                _add_other(bodies, room, i, k, d, first_arm, arm)
             else:
-                _write_body(bodies, room, i, k, d, first, vector(contacts.vector[ARM_FIRST, i]), 6, -1.0)
+                _write_body(bodies, room, i, k, d, first, first_arm, 6, -1.0)
         place = room.place[i]
         place[SECOND], place[OTHER] = 6 * second, ends if alone else 6 * first
         place[WIDTH], place[COUNT] = _number_of(modes) if alone else 6, count
+        if one:
+            place[SECOND] = place[OTHER] = place[WIDTH] = 0
         room.limit[i, SLIDES], room.limit[i, ROLLS] = contacts.number[FRICTION, i], contacts.number[ROLLING, i]
     begin(room, n, size)
     return size
+
+
+@inlined
+def _is_one_pair(contacts, n, modes):
+    """Whether bodies 0 and 1 touch each other alone: then their relative motion says all, with half the unknowns."""
+    one = _number_of(modes) == 0
+    for i in range(n):
+        one = one and contacts.body[i, 0] == 0 and contacts.body[i, 1] == 1
+    return one
+
+
+@inlined
+def _write_relative_motion(bodies, contacts, room):
+    """Motion of the second body relative to the first, where its own centre of mass is."""
+    apart = difference(contacts.vector[ARM_FIRST, 0], contacts.vector[ARM_SECOND, 0])
+    v = difference(bodies.velocity[1], plus(bodies.velocity[0], 1.0, cross(bodies.spin[0], apart)))
+    spin = difference(bodies.spin[1], bodies.spin[0])
+    write_to(room.motion[START, :3], v)
+    write_to(room.motion[START, 3:6], spin)
+
+
+@inlined
+def _add_other(bodies, room, i, k, d, first_arm, arm):
+    """Add to what an impulse does to the relative motion of two bodies what its opposite does to the first."""
+    turned = times(_inverse_inertia(bodies, 0), cross(first_arm, d) if k < FORCES else d)
+    moved = cross(turned, difference(first_arm, arm))
+    for c in range(3):
+        room.push[i, k, c] += (bodies.inverse_mass[0] * d[c] if k < FORCES else 0.0) + moved[c]
+        room.push[i, k, 3 + c] += turned[c]
 
 
 @inlined
@@ -320,6 +357,14 @@ def _write_out(bodies, contacts, n, modes):
         write_to(contacts.vector[IMPULSE, i], combine(p[A], a, p[B], b, p[N], normal))
         moment = combine(p[FORCES], a, p[FORCES + 1], b, 0.0, normal) if rolling else (0.0, 0.0, 0.0)
         write_to(contacts.vector[MOMENT, i], moment)
+    if _is_one_pair(contacts, n, modes):
+        for i in range(n):
+            push, moment = vector(contacts.vector[IMPULSE, i]), vector(contacts.vector[MOMENT, i])
+            for j in range(2):
+                arm, sign = vector(contacts.vector[ARM_FIRST if j == 0 else ARM_SECOND, i]), 2.0 * j - 1.0
+                _apply(bodies, j, arm, push, sign)
+                add_to(bodies.spin[j], sign, times(_inverse_inertia(bodies, j), moment))
+        return
     for j in range(ends // 6):
         for c in range(3):
             bodies.velocity[j, c] = room.motion[NOW, 6 * j + c]

@@ -178,7 +178,7 @@ def _push(part, inverse_mass, arm, impulse, sign):
 def _part(a, kind_a, b, kind_b, gap, axis):
     """Move two parts apart that are deeper in each other than they may be."""
     fixed = kind_b.mass == np.inf
-    share, way = 1.0 if fixed else kind_b.mass / (kind_a.mass + kind_b.mass), gap + DEEP
+    share, way = 1.0 if fixed else kind_b.mass / (kind_a.mass + kind_b.mass), gap + 0.5 * DEEP
     if gap < -LAID_IN:
         way = -LITTLE
         if not fixed and abs(axis[2]) > LEVEL:  # the lower one lies on the plate
