@@ -69,6 +69,24 @@ def kinetic_energy(scene: Scene, frames: Frames) -> Floats:
     return np.asarray(moving + np.stack([_turning(scene, frames, i)[1] for i in range(len(scene.parts))], axis=1))
 
 
+def momentum(scene: Scene, frames: Frames) -> Floats:
+    """Of all parts in flight together, without what gravity gives them, shape (n, 3) [kg m/s]."""
+    mass = np.array([part.mass for part in scene.parts])
+    total = np.einsum("k,nkc->nc", mass, frames.velocity)
+    total[:, 2] += mass.sum() * GRAVITY * frames.time
+    return np.asarray(total)
+
+
+def angular_momentum(scene: Scene, frames: Frames) -> Floats:
+    """Of all parts together, about their common centre of mass, shape (n, 3) [kg m^2/s]."""
+    mass = np.array([part.mass for part in scene.parts])
+    share = mass / mass.sum()
+    place = frames.position - np.einsum("k,nkc->nc", share, frames.position)[:, None]
+    velocity = frames.velocity - np.einsum("k,nkc->nc", share, frames.velocity)[:, None]
+    own = sum(_turning(scene, frames, i)[0] for i in range(len(mass)))
+    return np.asarray(np.einsum("k,nkc->nc", mass, np.cross(place, velocity)) + own)
+
+
 def energy(scene: Scene, frames: Frames) -> Floats:
     """Of motion and of height over the resting plate, of every part, shape (n, parts) [J]."""
     weight = GRAVITY * np.array([part.mass for part in scene.parts])

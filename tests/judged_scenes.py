@@ -58,7 +58,7 @@ class Finding:
 def scene(kind: str, seed: int) -> Raw:
     """The scene of a kind, one of `KINDS`, with a number."""
     rng = np.random.default_rng(seed)
-    part = _ball(rng) if kind == "balls" else _part(rng)
+    part = ball(rng) if kind == "balls" else _part(rng)
     contact = {
         "restitution": float(rng.choice([0.0, 0.2, 0.5, 0.8, 0.95])),
         "friction": float(rng.choice([0.0, 0.05, 0.3, 1.0])),
@@ -105,17 +105,24 @@ def judged(kind: str, seed: int) -> Finding | None:
 
 def _part(rng: Rng) -> Raw:
     shape = rng.choice(["hex_nut", "ball", "box", "mesh"])
+    return ball(rng) if shape == "ball" else _of_corners(shape, rng)
+
+
+def corner_part(rng: Rng) -> Raw:
+    """A nut, a box or a mesh."""
+    return _of_corners(rng.choice(["hex_nut", "box", "mesh"]), rng)
+
+
+def _of_corners(shape: str, rng: Rng) -> Raw:
     if shape == "hex_nut":
         return {"shape": "hex_nut", "size": str(rng.choice(NUTS))}
-    if shape == "ball":
-        return _ball(rng)
     if shape == "box":
         return {"shape": "box", "size_mm": (10.0 ** rng.uniform(0.0, 1.0, 3)).tolist()}
     name = rng.choice(MESHES)
     return {"shape": "mesh", "file": str(MODELS / f"{name}/{name}.stl")}
 
 
-def _ball(rng: Rng) -> Raw:
+def ball(rng: Rng) -> Raw:
     return {"shape": "ball", "diameter_mm": float(rng.uniform(1.0, 8.0))}
 
 
