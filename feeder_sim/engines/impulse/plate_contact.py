@@ -109,12 +109,13 @@ def meet_plate(part, kinds, wall, surface, bounds, t, work):
 def points_over_plate(part, kinds, surface, bounds, t, work):
     """Look at all points of a part over a plate that is calm, see `look`; returns them."""
     kind = kinds.record[part.kind]
-    moved, _ = lowest_points(part, kind, surface, bounds, 2.0 * TOUCH, t, work)
+    lowest_points(part, kind, surface, bounds, 2.0 * TOUCH, t, work)
+    move_surface(part, surface, t, work)
     further = points_on_edge(part, kind, kinds, surface, work)
     corners = kinds.corners[kind.corner_from : kind.corner_to]
     if further > 0 or is_round(kind):
         corners = work.points[: count_of(kind) + further]
-    look(part, kind, corners, surface, bounds, t, moved, work)
+    look(part, kind, corners, surface, bounds, t, True, work)
     return corners
 
 
