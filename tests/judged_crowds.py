@@ -86,13 +86,15 @@ def _pair(rng: Rng) -> Raw:
 
 
 def _heap(rng: Rng) -> Raw:
-    parts, height = [], 6.0
+    parts, height = [], 16.0
     for _ in range(int(rng.integers(2, 13))):
         x, y = rng.uniform(-6.0, 6.0, 2)
         start = {"kind": "state", "position_mm": [float(x), float(y), height], "quaternion": _turn(rng)}
         parts.append(_part(rng) | {"start": start})
         height += 14.0
-    plate = {"kind": "still", "length_mm": 120.0, "width_mm": 120.0, "rim": bool(rng.random() < 0.5)}
+    rim = bool(rng.random() < 0.5)
+    size = 120.0 if rim else 800.0  # over whose edge none comes
+    plate = {"kind": "still", "length_mm": size, "width_mm": size, "rim": rim}
     return {"plate": plate, "part": parts, "run": {"duration_s": 1.5, "seeds": 1, "frames_per_second": 500.0}}
 
 

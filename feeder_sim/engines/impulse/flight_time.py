@@ -103,8 +103,13 @@ def forecast(part, kind, corners, surface, bounds, t, flight, tilt, work):
 
 @inlined
 def shortest_flight(part, kind, bounds):
-    """The step [s]; less for a part so fast that it would enter the surface deeply, more for one that hardly moves."""
+    """The step [s]; less for a part so fast that it would enter the surface deeply, more for one that hardly moves.
+
+    On a plate at rest looks are so close that no part enters it by more than it sinks in while it lies there.
+    """
     fastest = top_speed(part, kind)
+    if bounds.speed == 0.0:
+        return min(bounds.rest_step, 0.5 * SAG / fastest)
     return max(min(bounds.step, DEEP / fastest), min(bounds.rest_step, DEPTH / fastest))
 
 

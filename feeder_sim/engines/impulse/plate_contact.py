@@ -67,7 +67,8 @@ def meet_plate(part, kinds, wall, surface, bounds, t, work):
     if wall is None:  # noqa: SIM102 - else it can be near the wall; numba leaves out a plain test of None only
         if height > 2.0 * TOUCH:
             rising = part.velocity[2]
-            return max((rising + math.sqrt(rising * rising + 2.0 * GRAVITY * height)) / GRAVITY, bounds.step), False
+            fall = (rising + math.sqrt(rising * rising + 2.0 * GRAVITY * height)) / GRAVITY
+            return max(fall, shortest_flight(part, kind, bounds)) if fall < bounds.step else fall, False
     moved, lowest = lowest_points(part, kind, surface, bounds, 2.0 * TOUCH, t, work)
     further = points_on_edge(part, kind, kinds, surface, work)
     corners, n_corners, others = kinds.corners[kind.corner_from : kind.corner_to], count_of(kind), np.inf

@@ -20,6 +20,7 @@ from feeder_sim.engines.impulse.vectors import cross, difference, dot, plus, vec
 from feeder_sim.machine_code import inlined, uncounted
 
 FACES_FIRST = 1e-9  # [m]; an axis of edges has to be better than one of faces by that
+NEAR = 1e-5  # [m]; edges farther than that from the other piece do not touch it
 PARALLEL = 1e-7  # sine of the angle between two edges, below which they have no axis
 
 
@@ -27,11 +28,13 @@ class Meeting(NamedTuple):
     """Room for two pieces that meet, all in world axes from the centre of mass of the first part.
 
     corner (2, n, 3): of either piece [m]; plane (2, f, 4): of its faces, outward normal and offset, see `Kinds`; point
-    (m, 3): at which they touch; bodies and contacts: of their collision.
+    (m, 3): at which they touch; edge (2, e): of either piece, those that may touch the other; bodies and contacts: of
+    their collision.
     """
 
     corner: NDArray[np.float64]
     plane: NDArray[np.float64]
+    edge: NDArray[np.int64]
     point: NDArray[np.float64]
     bodies: Bodies
     contacts: Contacts
@@ -40,10 +43,11 @@ class Meeting(NamedTuple):
 def new_meeting(kinds: Kinds) -> Meeting:
     corners = int((kinds.piece["corner_to"] - kinds.piece["corner_from"]).max())
     planes = int((kinds.piece["plane_to"] - kinds.piece["plane_from"]).max())
+    edges = int((kinds.piece["edge_to"] - kinds.piece["edge_from"]).max())
     bodies, contacts, _ = new_room(2, 2 * corners)
     sizes = (2, corners, 3), (2, max(planes, 1), 4), (2 * corners, 3)
     corner, plane, point = (np.zeros(size) for size in sizes)
-    return Meeting(corner, plane, point, bodies, contacts)
+    return Meeting(corner, plane, np.zeros((2, edges), np.int64), point, bodies, contacts)
 
 
 @uncounted
@@ -84,12 +88,31 @@ def separating_axis(piece_a, piece_b, kinds, room):
                 lowest = min(lowest, dot(plane, room.corner[1 - end, c]) + plane[3])
             if lowest > gap:
                 gap, axis = lowest, vector(plane) if end == 0 else (-plane[0], -plane[1], -plane[2])
-    for i in range(piece_a.edge_from, piece_a.edge_to):
-        for j in range(piece_b.edge_from, piece_b.edge_to):
-            apart, normal = _between_edges(kinds.edges[i], kinds.edges[j], room)
+    edges_a, edges_b = _near_edges(0, piece_a, piece_b, kinds, room), _near_edges(1, piece_b, piece_a, kinds, room)
+    for i in range(edges_a):
+        for j in range(edges_b):
+            apart, normal = _between_edges(kinds.edges[room.edge[0, i]], kinds.edges[room.edge[1, j]], room)
             if apart > gap + FACES_FIRST:
                 gap, axis = apart, normal
     return gap, axis
+
+
+@inlined
+def _near_edges(end, piece, other, kinds, room):
+    """List the edges of the piece at an end that are not all outside a face of the other one; returns their number."""
+    n = 0
+    for e in range(piece.edge_from, piece.edge_to):
+        p, q = room.corner[end, kinds.edges[e, 0]], room.corner[end, kinds.edges[e, 1]]
+        near = True
+        for f in range(other.plane_to - other.plane_from):
+            plane = room.plane[1 - end, f]
+            if min(dot(plane, p), dot(plane, q)) + plane[3] > NEAR:
+                near = False
+                break
+        if near:
+            room.edge[end, n] = e
+            n += 1
+    return n
 
 
 @inlined
