@@ -22,7 +22,6 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from feeder_sim.engines.impulse.engine import COLUMNS, ImpulseEngine
-from feeder_sim.engines.impulse.state import ARM, FRICTION, NORMAL, RESTITUTION, VELOCITY
 from feeder_sim.errors import InputError
 from feeder_sim.machine_code import entry_point
 from feeder_sim.records.trajectory import Frames
@@ -151,14 +150,32 @@ def symmetric(matrix: NDArray[np.float64]) -> tuple[float, ...]:
     return tuple(float(matrix[i, j]) for i in range(3) for j in range(i, 3))
 
 
-def contacts(
-    arm: NDArray[np.float64], normal: NDArray[np.float64], surface_velocity: NDArray[np.float64], e: float, mu: float
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Contacts (5, n, 3) and their laws (5, n) as compiled code takes them, from arrays (n, 3)."""
-    contact, law = np.zeros((5, *arm.shape)), np.zeros((5, len(arm)))
-    contact[ARM], contact[NORMAL], contact[VELOCITY] = arm, normal, surface_velocity
-    law[RESTITUTION], law[FRICTION] = e, mu
-    return contact, law
+def struck(
+    mass: float,
+    inverse_inertia: NDArray[np.float64],
+    motion: tuple[NDArray[np.float64], NDArray[np.float64]],
+    touch: tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]],
+    law: tuple[float, float],
+    modes: Any = None,
+) -> None:
+    """Impact of one body on a surface at n points at once; changes its motion, velocity and angular momentum, in place.
+
+    touch: arms, normals and velocities of the surface, (n, 3) each; law: restitution and friction.
+    """
+    from feeder_sim.engines.impulse import contact_problem
+
+    arm, normal, surface = touch
+    n, (velocity, momentum) = len(arm), motion
+    bodies, contacts, _ = contact_problem.new_room(1, n, 0 if modes is None else len(modes.taken))
+    bodies.velocity[0], bodies.spin[0], bodies.inverse_mass[0] = velocity, inverse_inertia @ momentum, 1.0 / mass
+    bodies.inverse_inertia[0] = symmetric(inverse_inertia)
+    contacts.body[:] = contact_problem.WORLD, 0
+    contacts.vector[contact_problem.ARM_SECOND], contacts.vector[contact_problem.NORMAL] = arm, normal
+    contacts.vector[contact_problem.VELOCITY] = surface
+    contacts.number[contact_problem.RESTITUTION], contacts.number[contact_problem.FRICTION] = law
+    from_python(contact_problem.impact)(bodies, contacts, n, modes)
+    velocity[:] = bodies.velocity[0]
+    momentum += np.cross(arm, contacts.vector[contact_problem.IMPULSE]).sum(axis=0)
 
 
 def rows(matrix: NDArray[np.float64]) -> tuple[tuple[float, ...], ...]:

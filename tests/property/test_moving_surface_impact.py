@@ -1,7 +1,7 @@
 """Impacts know no frame of reference: what moves along with a surface sees the same impact as over one at rest.
 
-Everything here holds to round-off. The sweeps over several corners end at a tolerance of their own (3e-6 m/s), but they
-take the same steps in every frame, so it is no limit here.
+A single point is solved to round-off. Several at once are solved to 1e-11 m/s, which steps in different frames reach in
+different places.
 """
 
 from __future__ import annotations
@@ -9,23 +9,24 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from conftest import contacts, from_python, moving_part, rows, symmetric
+from conftest import from_python, moving_part, rows, struck, symmetric
 from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from feeder_sim.engines.impulse import impact, single_impact
+from feeder_sim.engines.impulse import single_impact
 from feeder_sim.part.rigid_part import RigidPart
 from feeder_sim.scenario import Ball, Cylinder, HexNut
 from feeder_sim.scene.part import build_part
 
-resolve_impact, resolve_single = from_python(impact.resolve_impact), from_python(single_impact.resolve_single)
+resolve_single = from_python(single_impact.resolve_single)
 NUT, LARGE_NUT = build_part(HexNut(size="M2.5")), build_part(HexNut(size="M5"))
 BALL = build_part(Ball(shape="ball", diameter_mm=3.0))
 ROD = build_part(Cylinder(shape="cylinder", diameter_mm=4.0, height_mm=9.0))
 PARTS = (NUT, LARGE_NUT, BALL, ROD)
 ROUND_OFF = 1e-12  # of the velocities; most impacts of the kind here stay below 1e-15, the worst came to 1e-13
-# [m/s]. An impact without any loss does no work. `resolve_impact` finds that but for the round-off of all velocities,
+SOLVED = 1e-10  # of the velocities, where several points are solved at once
+# [m/s]. An impact without any loss does no work. `impact` finds that but for the round-off of all velocities,
 # and compares it with 1e-12 of the work of the approach: over a surface at 1 m/s an approach below 1e-4 m/s may fail
 # that, and loses restitution for it.
 SLOWEST = 1e-3
@@ -90,10 +91,8 @@ class Touch:
         return Touch(self.arm, self.normal, self.surface + moving)
 
     def hit(self, body: Body, e: float, mu: float) -> None:
-        n = len(self.arm)
-        contact, law = contacts(self.arm, self.normal, self.surface, e, mu)
-        with moving_part(body.velocity, body.momentum) as part:
-            resolve_impact(part, 1 / body.part.mass, symmetric(body.inverse_inertia), contact, law, n)
+        motion = body.velocity, body.momentum
+        struck(body.part.mass, body.inverse_inertia, motion, (self.arm, self.normal, self.surface), (e, mu))
 
 
 def landing(seed: int, touching: int, *, uneven: float) -> tuple[Body, Touch]:
@@ -116,12 +115,12 @@ def landing(seed: int, touching: int, *, uneven: float) -> tuple[Body, Touch]:
     return body, touch
 
 
-def check_same(one: Body, other: Body, moving: np.ndarray) -> None:
+def check_same(one: Body, other: Body, moving: np.ndarray, off: float = ROUND_OFF) -> None:
     """The second body is the first one with a velocity on top, and nothing else."""
     speed = max(float(np.abs(one.velocity).max()), float(np.abs(other.velocity).max()), 1.0)
-    assert np.abs(other.velocity - moving - one.velocity).max() < ROUND_OFF * speed
+    assert np.abs(other.velocity - moving - one.velocity).max() < off * speed
     turned = one.part.size * one.inverse_inertia @ (other.momentum - one.momentum)  # as speed of its rim
-    assert np.abs(turned).max() < ROUND_OFF * speed
+    assert np.abs(turned).max() < off * speed
 
 
 @given(seed=chance, touching=st.integers(1, 12), e=share, mu=share, moving=frame)
@@ -136,7 +135,7 @@ def test_velocity_added_to_part_and_surface_is_added_to_the_result(
     touch.hit(body, e, mu)
     touch.seen_from(moving).hit(other, e, mu)
     assert np.abs(body.velocity - before).max() > 0.0  # it was an impact
-    check_same(body, other, moving)
+    check_same(body, other, moving, SOLVED)
 
 
 @given(seed=chance, touching=st.integers(1, 12), e=share, mu=share)

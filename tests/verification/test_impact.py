@@ -4,17 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from conftest import contacts, from_python, moving_part, symmetric
+from conftest import struck
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from feeder_sim.engines.impulse import impact
 from feeder_sim.part.rigid_part import RigidPart
 from feeder_sim.scenario import HexNut
 from feeder_sim.scene.part import build_part
 
-resolve_impact = from_python(impact.resolve_impact)
 NUT = build_part(HexNut(size="M2.5"))
 
 
@@ -30,11 +28,8 @@ class State:
     def hit(self, corners: np.ndarray, e: float, mu: float, slope: float = 0.0) -> np.ndarray:
         """Resolve an impact at some corners; returns their relative velocities before and after, (2, n, 3)."""
         normal = np.tile(np.array([-slope, 0.0, 1.0]) / np.hypot(1, slope), (len(corners), 1))
-        contact, law = contacts(self.arm[corners], normal, np.zeros((len(corners), 3)), e, mu)
-        before = self.at(corners)
-        n = len(corners)
-        with moving_part(self.velocity, self.momentum) as part:
-            resolve_impact(part, 1 / self.part.mass, symmetric(self.inverse_inertia), contact, law, n)
+        before, touch = self.at(corners), (self.arm[corners], normal, np.zeros((len(corners), 3)))
+        struck(self.part.mass, self.inverse_inertia, (self.velocity, self.momentum), touch, (e, mu))
         return np.stack([before, self.at(corners)])
 
     def at(self, corners: np.ndarray) -> np.ndarray:

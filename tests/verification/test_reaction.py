@@ -6,17 +6,15 @@ from typing import Any
 
 import numpy as np
 import pytest
-from conftest import REPOSITORY, contacts, from_python, moving_part, symmetric
+from conftest import REPOSITORY, struck
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from feeder_sim import simulate
 from feeder_sim.constants import GRAVITY
-from feeder_sim.engines.impulse import impact
-from feeder_sim.engines.impulse.reaction import yielding_impact
+from feeder_sim.engines.impulse.contact_problem import Modes
 from feeder_sim.engines.impulse.reaction.engine import ReactingEngine
 from feeder_sim.engines.impulse.reaction.yielding_contact import LIFTED, TAKEN, WORK
-from feeder_sim.engines.impulse.reaction.yielding_impact import Modes
 from feeder_sim.engines.reaction import reaction_at
 from feeder_sim.records.seed import Status
 from feeder_sim.scenario import HexNut, Scenario
@@ -180,13 +178,11 @@ def test_infinitely_heavy_modes_are_a_prescribed_motion(corners: int) -> None:
     nut, rng = build_part(HexNut(size="M2.5")), np.random.default_rng(1)
     turned = Rotation.from_rotvec(rng.normal(size=3) * 0.01).as_matrix()
     arm = (nut.corners @ turned.T)[nut.corners[:, 2] < 0][:corners]
-    inverse = symmetric(turned @ np.diag(1 / nut.inertia) @ turned.T)
+    inverse, touch = turned @ np.diag(1 / nut.inertia) @ turned.T, (arm, np.tile([0.0, 0.0, 1.0], (corners, 1)))
     found = []
-    for function, further in ((impact.resolve_impact, ()), (yielding_impact.resolve_yielding, (modes_of(corners),))):
-        contact, law = contacts(arm, np.tile([0.0, 0.0, 1.0], (corners, 1)), np.full((corners, 3), 0.05), 0.2, 0.3)
+    for modes in (None, modes_of(corners)):
         velocity, momentum = np.array([0.1, 0.02, -0.2]), np.array([1e-8, -2e-8, 1e-8])
-        with moving_part(velocity, momentum) as part:
-            from_python(function)(part, 1 / nut.mass, inverse, contact, law, corners, *further)
+        struck(nut.mass, inverse, (velocity, momentum), (*touch, np.full((corners, 3), 0.05)), (0.2, 0.3), modes)
         found.append(np.concatenate([velocity, momentum]))
     assert found[0] == pytest.approx(found[1], rel=1e-12, abs=1e-20)
 

@@ -22,16 +22,16 @@ from feeder_sim.engines.impulse.contact_problem import (
     NORMAL,
     ROLLING,
     TARGET,
-    VELOCITY,
-    WORLD,
+    meet_world,
     new_room,
     solve,
 )
-from feeder_sim.engines.impulse.pairs.collision import load_body, look_at_pair
+from feeder_sim.engines.impulse.impact import load_body
+from feeder_sim.engines.impulse.pairs.collision import look_at_pair
 from feeder_sim.engines.impulse.pairs.due import SLACK, extent
 from feeder_sim.engines.impulse.pairs.neighbours import root_of
 from feeder_sim.engines.impulse.plate_contact import contact_of, points_over_plate
-from feeder_sim.engines.impulse.state import ASLEEP, AWAKE, GAP, inverse_inertia
+from feeder_sim.engines.impulse.state import ASLEEP, AWAKE, GAP
 from feeder_sim.engines.impulse.vectors import difference, dot, plus, vector, write_to
 from feeder_sim.machine_code import compiled, entry_point, inlined
 
@@ -115,7 +115,7 @@ def holds(component, crowd, plate, tools, bodies, contacts, t):
     for j in range(component.member.shape[0]):
         part = crowd.parts[component.member[j]]
         kind = crowd.kinds.record[part.kind]
-        load_body(j, part, kind, inverse_inertia(part, kind), bodies)
+        load_body(j, part, kind, bodies)
         bodies.velocity[j, 2] -= GRAVITY * WEIGHED
         n = _gather_plate(j, part, crowd.kinds, plate, t, n, contacts, tools.work)
     for k in range(component.pair.shape[0]):
@@ -139,11 +139,8 @@ def _gather_plate(j, part, kinds, plate, t, n, contacts, work):
     for i in range(corners.shape[0]):
         if work.corner[i, GAP] <= CARRIES:
             arm, normal, velocity = contact_of(i, part, kind, corners, plate.surface, work)
-            contacts.body[n, 0], contacts.body[n, 1] = WORLD, j
-            write_to(contacts.vector[ARM_SECOND, n], arm)
-            write_to(contacts.vector[NORMAL, n], normal)
-            write_to(contacts.vector[VELOCITY, n], velocity)
-            _keep_up(n, kind.friction[0], contacts)
+            meet_world(n, contacts, j, (arm, normal, velocity), (0.0, kind.friction[0]))
+            contacts.number[TARGET, n] = 0.0
             n += 1
     return n
 
@@ -159,21 +156,14 @@ def _gather_pair(pair, body, crowd, n, contacts, tools):
     for i in range(found):
         at = vector(tools.meeting.point[i])
         if wall:
-            contacts.body[n, 0], contacts.body[n, 1] = WORLD, body[pair.a]
-            write_to(contacts.vector[ARM_SECOND, n], at)
-            write_to(contacts.vector[NORMAL, n], (-axis[0], -axis[1], -axis[2]))
-            write_to(contacts.vector[VELOCITY, n], (0.0, 0.0, 0.0))
+            place = at, (-axis[0], -axis[1], -axis[2]), (0.0, 0.0, 0.0)
+            meet_world(n, contacts, body[pair.a], place, (0.0, kind_a.friction[0]))
         else:
             contacts.body[n, 0], contacts.body[n, 1] = body[pair.a], body[pair.b]
             write_to(contacts.vector[ARM_FIRST, n], at)
             write_to(contacts.vector[ARM_SECOND, n], plus(from_b, 1.0, at))
             write_to(contacts.vector[NORMAL, n], axis)
-        _keep_up(n, kind_a.friction[0 if wall else 1], contacts)
+            contacts.number[FRICTION, n], contacts.number[ROLLING, n] = kind_a.friction[1], 0.0
+        contacts.number[TARGET, n] = 0.0
         n += 1
     return n
-
-
-@inlined
-def _keep_up(n, friction, contacts):
-    """Contact n shall not approach."""
-    contacts.number[TARGET, n], contacts.number[FRICTION, n], contacts.number[ROLLING, n] = 0.0, friction, 0.0

@@ -52,6 +52,7 @@ AGAIN = 0.2  # of the blur at which they were tried last
 LEAST_BLUR = 0.01  # of the error that is small enough
 CENTRED, LOST = 0.5, 1e3  # blurs by which blurred laws may be off, and by which a step has led away
 SWEEPS, BATCHES = 16, 7  # at first, doubled each time; so often
+FEW = 12  # sweeps that bring a small impact near its solution, in half the time that Newton's method takes from nothing
 LARGEST = 1 << 20
 
 
@@ -192,6 +193,14 @@ def settle(room, n, size, closely):
     if _follow_path(room, n, size, blur, TRIED * closely if closely > 0.0 else SHARP * blur, enough):
         return True
     return _sweeps(room, n, size, enough, NEARLY * speed)
+
+
+@uncounted
+def come_near(room, n, size):
+    """Sweep a few times from impulses as they are."""
+    make_motion(room, n, size)
+    for _ in range(FEW):
+        _sweep(room, n)
 
 
 @uncounted

@@ -43,6 +43,7 @@ from feeder_sim.engines.impulse.contact_equations import (
     N,
     Room,
     begin,
+    come_near,
     make_motion,
     relative,
     room_for,
@@ -119,6 +120,16 @@ def new_room(bodies: int, contacts: int, shapes: int = 0) -> tuple[Bodies, Conta
     )
 
 
+@inlined
+def meet_world(n, contacts, body, place, law):
+    """Make contact n one of a body with the world; place: arm, normal, velocity; law: restitution and friction."""
+    contacts.body[n, 0], contacts.body[n, 1] = WORLD, body
+    write_to(contacts.vector[ARM_SECOND, n], place[0])
+    write_to(contacts.vector[NORMAL, n], place[1])
+    write_to(contacts.vector[VELOCITY, n], place[2])
+    contacts.number[RESTITUTION, n], contacts.number[FRICTION, n], contacts.number[ROLLING, n] = law[0], law[1], 0.0
+
+
 @uncounted
 def solve(bodies, contacts, n, modes, closely=0.0):
     """Find the impulses at the first n contacts that reach their TARGET; changes velocities and spins in place.
@@ -144,10 +155,10 @@ def solve(bodies, contacts, n, modes, closely=0.0):
 
 
 @uncounted
-def impact(bodies, contacts, n, modes):
+def impact(bodies, contacts, n, modes, closely=0.0):
     """As `solve`, by Newton's law of restitution: the target is -e u.n where a contact approaches, else 0.
 
-    Overwrites TARGET. Energy never grows.
+    closely: see `settle`; with it sweeps come first. Overwrites TARGET. Energy never grows.
     """
     room, number = contacts.room, contacts.number
     if n == 1 and number[ROLLING, 0] <= 0.0 and _impact_alone(bodies, contacts, modes):
@@ -157,7 +168,9 @@ def impact(bodies, contacts, n, modes):
     for _ in range(HALVINGS + 1):
         for i in range(n):
             room.target[i] = -share * number[RESTITUTION, i] * min(room.value[BEFORE, i, N], 0.0)
-        settled = settle(room, n, size, 0.0)
+        if closely > 0.0:
+            come_near(room, n, size)
+        settled = settle(room, n, size, closely)
         work, least, _ = _work(room, n)
         if (settled and work <= least) or share == 0.0:
             break

@@ -14,6 +14,7 @@ import numpy as np
 from feeder_sim.constants import GRAVITY
 from feeder_sim.engines.impulse.circle_lift import lift_by_turning
 from feeder_sim.engines.impulse.circles import count_of, is_round, leap_of_circles, lowest_points, tilt_of
+from feeder_sim.engines.impulse.contact_problem import meet_world
 from feeder_sim.engines.impulse.far_corners import MANY, far_leap, gather_near
 from feeder_sim.engines.impulse.flight_time import flight_on_flat, forecast, longest_leap, shortest_flight
 from feeder_sim.engines.impulse.impact import resolve_impact
@@ -21,15 +22,10 @@ from feeder_sim.engines.impulse.impact_law import hit_plate, restitution_on_plat
 from feeder_sim.engines.impulse.moving_surface import move_surface
 from feeder_sim.engines.impulse.plate_edge import edge_leap, points_on_edge
 from feeder_sim.engines.impulse.state import (
-    ARM,
-    FRICTION,
     GAP,
-    NORMAL,
     RATE,
-    RESTITUTION,
     SURFACE_ACCELERATION,
     SURFACE_RATE,
-    VELOCITY,
     arm_of,
     height_of,
     inverse_inertia,
@@ -254,16 +250,12 @@ def _impact(part, kind, corners, wall, surface, work):
             continue
         depth = max(depth, -work.corner[i, GAP])
         arm, normal, velocity = contact_of(i, part, kind, corners, surface, work)
-        for k in range(3):
-            work.contact[ARM, n, k] = arm[k]
-            work.contact[NORMAL, n, k] = normal[k]
-            work.contact[VELOCITY, n, k] = velocity[k]
-        work.law[RESTITUTION, n] = restitution_on_plate(part, kind, arm, normal, velocity)
-        work.law[FRICTION, n] = kind.friction[0]
+        law = restitution_on_plate(part, kind, arm, normal, velocity), kind.friction[0]
+        meet_world(n, work.contacts, 0, (arm, normal, velocity), law)
         n += 1
     if wall is not None:
         n = gather_wall(part, kind, corners, wall, TOUCH, n, work)
-    if not resolve_impact(part, 1.0 / kind.mass, inverse_inertia(part, kind), work.contact, work.law, n):
+    if not resolve_impact(part, kind, n, None, work):
         work.unresolved[0] += 1
     put_back(part, corners, depth, work)
     approach(part, kind, corners, work)

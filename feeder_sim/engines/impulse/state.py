@@ -11,6 +11,7 @@ from numba.extending import overload
 from numpy.typing import ArrayLike, NDArray
 
 from feeder_sim.constants import GRAVITY
+from feeder_sim.engines.impulse.contact_problem import Bodies, Contacts, new_room
 from feeder_sim.engines.impulse.free_flight import orthonormalise, rotate_freely, rotate_symmetric
 from feeder_sim.engines.impulse.vectors import dot, times, vector
 from feeder_sim.engines.surface_arrays import SurfaceArrays
@@ -19,8 +20,6 @@ from feeder_sim.plate.zener import TABLE_POINTS
 from feeder_sim.scene.scene import Guide
 
 GAP, RATE, SURFACE_RATE, SURFACE_ACCELERATION, WALL_GAP, WALL_RATE = range(6)  # columns of Scratch.corner
-ARM, NORMAL, VELOCITY, BEFORE, IMPULSE = range(5)  # of Scratch.contact
-RESTITUTION, FRICTION, TARGET, STEP_NORMAL, STEP_TANGENT = range(5)  # of Scratch.law
 ABSENT, AWAKE, ASLEEP = range(3)  # in PART, there
 ALONE = -1  # in PART, asleep_with
 SLENDER = 4.0  # largest over smallest moment of inertia
@@ -147,15 +146,14 @@ class Scratch(NamedTuple):
     """Few arrays, since every one of them makes each call of a compiled function dearer.
 
     corner: (n, 6), columns GAP over what it can touch, RATE of approach, what the surface adds to rate and acceleration
-    bound, WALL_GAP, WALL_RATE. contact: (5, 2 n, 3), ARM, NORMAL and surface VELOCITY of each contact of an impact, and
-    more in impact.py. law: (5, 2 n), RESTITUTION and FRICTION of each, and more. modal: (4, n_shapes), q and dq/dt, now
-    and as they will be. under: (n, n_shapes), deflections under each corner. modes: (n_shapes, 3). points: (n, 3),
-    points of the hull on the plate's edge, or of two that meet. unresolved: (1,), impacts whose sweeps did not settle.
+    bound, WALL_GAP, WALL_RATE. bodies and contacts: of an impact, of one part or two. modal: (4, n_shapes), q and
+    dq/dt, now and as they will be. under: (n, n_shapes), deflections under each corner. modes: (n_shapes, 3). points:
+    (n, 3), points of the hull on the plate's edge. unresolved: (1,), impacts that were not solved.
     """
 
     corner: NDArray[np.float64]
-    contact: NDArray[np.float64]
-    law: NDArray[np.float64]
+    bodies: Bodies
+    contacts: Contacts
     modal: NDArray[np.float64]
     under: NDArray[np.float64]
     modes: NDArray[np.float64]
@@ -197,15 +195,18 @@ def read_wall(guide: Guide | None) -> Wall | None:
     return Wall(np.array([*guide.foot, 0.0]), guide.axis, guide.radius, guide.restitution, guide.friction)
 
 
-def new_scratch(kinds: Kinds, n_shapes: int) -> Scratch:
-    """Room for any part: each of its corners can touch plate and wall, each of its edges the edge of the plate."""
+def new_scratch(kinds: Kinds, n_shapes: int, yielding: int = 0) -> Scratch:
+    """Room for any part: each of its corners can touch plate and wall, each of its edges the edge of the plate.
+
+    yielding: number of modes that give way.
+    """
     of = kinds.record
     n = int((of["corner_to"] - of["corner_from"] + 2 * (of["edge_to"] - of["edge_from"])).max())
-    of_piece = kinds.piece["corner_to"] - kinds.piece["corner_from"]
-    together = max(n, 1 + 2 * int(of_piece.max()))  # points of two parts that meet
-    sizes = ((n, 6), (5, 2 * n, 3), (5, 2 * n), (4, n_shapes), (n, n_shapes), (n_shapes, 3), (together, 3))
-    corner, contact, law, modal, under, modes, points = (np.zeros(size) for size in sizes)
-    return Scratch(corner, contact, law, modal, under, modes, points, np.zeros(1, np.int64))
+    of_piece = kinds.piece["corner_to"] - kinds.piece["corner_from"]  # each may lie on a face of another one
+    bodies, contacts, _ = new_room(2, max(2 * n, 2 * int(of_piece.max())), yielding)
+    sizes = (4, n_shapes), (n, n_shapes), (n_shapes, 3), (n, 3)
+    modal, under, modes, points = (np.zeros(size) for size in sizes)
+    return Scratch(np.zeros((n, 6)), bodies, contacts, modal, under, modes, points, np.zeros(1, np.int64))
 
 
 @inlined

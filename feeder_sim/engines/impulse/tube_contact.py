@@ -11,20 +11,16 @@ import math
 import numpy as np
 
 from feeder_sim.constants import GRAVITY
+from feeder_sim.engines.impulse.contact_problem import meet_world
 from feeder_sim.engines.impulse.state import (
-    ARM,
-    FRICTION,
     GAP,
-    NORMAL,
     RATE,
-    RESTITUTION,
-    VELOCITY,
     WALL_GAP,
     WALL_RATE,
     arm_of,
     spin_of,
 )
-from feeder_sim.engines.impulse.vectors import add_to, cross, difference, dot, plus, write_to
+from feeder_sim.engines.impulse.vectors import add_to, cross, difference, dot, plus
 from feeder_sim.machine_code import compiled, inlined
 
 FINEST = 1.0 / 32.0  # of a step: rattling between two impacts is followed no further
@@ -63,10 +59,8 @@ def gather_wall(part, kind, corners, wall, touch, n, work):
         arm = arm_of(part, corners, i)
         across, rho = _from_axis(arm, part, wall)
         normal = (-across[0] / rho, -across[1] / rho, -across[2] / rho)
-        write_to(work.contact[NORMAL, n], normal)
-        write_to(work.contact[ARM, n], plus(arm, -kind.radius, normal))
-        write_to(work.contact[VELOCITY, n], (0.0, 0.0, 0.0))
-        work.law[RESTITUTION, n], work.law[FRICTION, n] = wall.restitution, wall.friction
+        place = plus(arm, -kind.radius, normal), normal, (0.0, 0.0, 0.0)
+        meet_world(n, work.contacts, 0, place, (wall.restitution, wall.friction))
         if -work.corner[i, WALL_GAP] > deepest:
             deepest = -work.corner[i, WALL_GAP]
             back = (deepest * normal[0], deepest * normal[1], deepest * normal[2])

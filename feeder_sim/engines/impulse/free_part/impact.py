@@ -12,14 +12,9 @@ import numpy as np
 from feeder_sim.constants import GRAVITY
 from feeder_sim.engines.impulse.contact_problem import (
     ARM_SECOND,
-    FRICTION,
     IMPULSE,
-    NORMAL,
-    RESTITUTION,
-    ROLLING,
-    VELOCITY,
-    WORLD,
     impact,
+    meet_world,
 )
 from feeder_sim.engines.impulse.free_part.contact_law import hit_alone, restitution_at
 from feeder_sim.engines.impulse.free_part.leap import LEFT, twist_of
@@ -63,12 +58,8 @@ def load_part(part, kind, turning, time, work):
 def gather(i, m, restitution, work):
     """Make point i contact m."""
     point, contacts = work.point[i], work.contacts
-    contacts.body[m, 0], contacts.body[m, 1] = WORLD, 0
-    write_to(contacts.vector[ARM_SECOND, m], point.arm)
-    write_to(contacts.vector[NORMAL, m], point.normal)
-    write_to(contacts.vector[VELOCITY, m], point.surface_velocity)
-    contacts.number[RESTITUTION, m], contacts.number[FRICTION, m] = restitution, point.friction
-    contacts.number[ROLLING, m] = 0.0
+    place = vector(point.arm), vector(point.normal), vector(point.surface_velocity)
+    meet_world(m, contacts, 0, place, (restitution, point.friction))
     work.point_of[m] = i
 
 

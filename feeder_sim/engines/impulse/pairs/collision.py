@@ -20,6 +20,7 @@ from feeder_sim.engines.impulse.contact_problem import (
     ROLLING,
     impact,
 )
+from feeder_sim.engines.impulse.impact import CLOSELY, load_body
 from feeder_sim.engines.impulse.impact_law import hit_part, restitution_of_pair
 from feeder_sim.engines.impulse.pairs.due import DEEP, ROUND_OFF, SLACK
 from feeder_sim.engines.impulse.pairs.hulls import hull_distance
@@ -27,7 +28,7 @@ from feeder_sim.engines.impulse.pairs.separating_axis import place_pieces, separ
 from feeder_sim.engines.impulse.pairs.touching_points import touching_points
 from feeder_sim.engines.impulse.single_impact import velocity_of_point
 from feeder_sim.engines.impulse.state import inverse_inertia
-from feeder_sim.engines.impulse.vectors import add_to, combine, cross, difference, dot, plus, times, vector, write_to
+from feeder_sim.engines.impulse.vectors import add_to, combine, cross, difference, dot, plus, vector, write_to
 from feeder_sim.machine_code import compiled, inlined, uncounted
 
 # [m]; parts laid into each other so deep are parted little by little, step by step: at once one would be put through
@@ -136,9 +137,9 @@ def _collide(a, kind_a, b, kind_b, n, normal, tools):
         arms, inverse_mass = (vector(point[0]), plus(from_b, 1.0, point[0])), (1.0 / kind_a.mass, 1.0 / kind_b.mass)
         e = restitution_of_pair(a, b, kind_a, law, inverse, arms, normal)
         return hit_part(a, b, kind_a, inverse_mass, inverse, arms, normal, (e, kind_a.friction[law]))
-    bodies, contacts = tools.meeting.bodies, tools.meeting.contacts
-    load_body(0, a, kind_a, inverse[0], bodies)
-    load_body(1, b, kind_b, inverse[1], bodies)
+    bodies, contacts = tools.work.bodies, tools.work.contacts
+    load_body(0, a, kind_a, bodies)
+    load_body(1, b, kind_b, bodies)
     for i in range(n):
         arms = vector(point[i]), plus(from_b, 1.0, point[i])
         contacts.body[i, 0], contacts.body[i, 1] = 0, 1
@@ -147,23 +148,13 @@ def _collide(a, kind_a, b, kind_b, n, normal, tools):
         write_to(contacts.vector[NORMAL, i], normal)
         contacts.number[RESTITUTION, i] = restitution_of_pair(a, b, kind_a, law, inverse, arms, normal)
         contacts.number[FRICTION, i], contacts.number[ROLLING, i] = kind_a.friction[law], 0.0
-    if not impact(bodies, contacts, n, None):
+    if not impact(bodies, contacts, n, None, CLOSELY):
         tools.work.unresolved[0] += 1
     for i in range(n):
         push = vector(contacts.vector[IMPULSE, i])
         _push(a, 1.0 / kind_a.mass, contacts.vector[ARM_FIRST, i], push, -1.0)
         _push(b, 1.0 / kind_b.mass, contacts.vector[ARM_SECOND, i], push, 1.0)
     return True
-
-
-@inlined
-def load_body(j, part, kind, turns, bodies):
-    """Make a part body j."""
-    bodies.inverse_mass[j] = 1.0 / kind.mass
-    for c in range(6):
-        bodies.inverse_inertia[j, c] = turns[c]
-    write_to(bodies.velocity[j], part.velocity)
-    write_to(bodies.spin[j], times(turns, vector(part.momentum)))
 
 
 @inlined

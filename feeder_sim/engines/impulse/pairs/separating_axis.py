@@ -14,7 +14,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from feeder_sim.engines.impulse.contact_problem import Bodies, Contacts, new_room
 from feeder_sim.engines.impulse.state import Kinds
 from feeder_sim.engines.impulse.vectors import cross, difference, dot, plus, vector, write_to
 from feeder_sim.machine_code import inlined, uncounted
@@ -28,26 +27,22 @@ class Meeting(NamedTuple):
     """Room for two pieces that meet, all in world axes from the centre of mass of the first part.
 
     corner (2, n, 3): of either piece [m]; plane (2, f, 4): of its faces, outward normal and offset, see `Kinds`; point
-    (m, 3): at which they touch; edge (2, e): of either piece, those that may touch the other; bodies and contacts: of
-    their collision.
+    (m, 3): at which they touch; edge (2, e): of either piece, those that may touch the other.
     """
 
     corner: NDArray[np.float64]
     plane: NDArray[np.float64]
     edge: NDArray[np.int64]
     point: NDArray[np.float64]
-    bodies: Bodies
-    contacts: Contacts
 
 
 def new_meeting(kinds: Kinds) -> Meeting:
     corners = int((kinds.piece["corner_to"] - kinds.piece["corner_from"]).max())
     planes = int((kinds.piece["plane_to"] - kinds.piece["plane_from"]).max())
     edges = int((kinds.piece["edge_to"] - kinds.piece["edge_from"]).max())
-    bodies, contacts, _ = new_room(2, 2 * corners)
     sizes = (2, corners, 3), (2, max(planes, 1), 4), (2 * corners, 3)
     corner, plane, point = (np.zeros(size) for size in sizes)
-    return Meeting(corner, plane, np.zeros((2, edges), np.int64), point, bodies, contacts)
+    return Meeting(corner, plane, np.zeros((2, edges), np.int64), point)
 
 
 @uncounted

@@ -9,13 +9,13 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from feeder_sim.engines.impulse.contact_problem import Modes
 from feeder_sim.engines.impulse.engine import ImpulseEngine
 from feeder_sim.engines.impulse.frame_rows import FrameRows
 from feeder_sim.engines.impulse.island import Crowd, Span
 from feeder_sim.engines.impulse.reaction.crowd import Limits, advance_reacting, open_yielding_window
 from feeder_sim.engines.impulse.reaction.yielding_contact import Yielding
-from feeder_sim.engines.impulse.reaction.yielding_impact import Modes
-from feeder_sim.engines.impulse.state import Bounds, Plate
+from feeder_sim.engines.impulse.state import Bounds, Plate, new_scratch
 from feeder_sim.engines.reaction import reaction_of, set_reaction, with_reaction
 from feeder_sim.engines.surface_arrays import SurfaceArrays, surface_arrays
 from feeder_sim.scene.driven_mode import free_modes
@@ -47,7 +47,8 @@ class ReactingEngine(ImpulseEngine):
             self._window = WINDOW_OF_ONE
         modes, n = free_modes(scene.driven), scene.surface.n_shapes
         self._rate = modes.rate
-        contacts = self._work[0].contact.shape[1]
+        self._work[0] = new_scratch(self._kinds, n, yielding=n)
+        contacts = self._work[0].contacts.body.shape[0]
         room = Modes(1.0 / modes.modal_mass, np.zeros((contacts, n, 3)), np.zeros(n))
         self._yielding = Yielding(room, np.zeros(n, complex), np.zeros(3))
         self._surface = with_reaction(self._surface, self._rate)

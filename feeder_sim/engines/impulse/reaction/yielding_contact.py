@@ -10,26 +10,15 @@ from numpy.typing import NDArray
 
 from feeder_sim.constants import GRAVITY
 from feeder_sim.engines.impulse.circles import count_of, is_round, leap_of_circles, lowest_points, tilt_of
+from feeder_sim.engines.impulse.contact_problem import ARM_SECOND, IMPULSE, VELOCITY, Modes, meet_world
 from feeder_sim.engines.impulse.far_corners import MANY, far_leap, gather_near
 from feeder_sim.engines.impulse.flight_time import forecast, longest_leap, shortest_flight
+from feeder_sim.engines.impulse.impact import resolve_impact
 from feeder_sim.engines.impulse.impact_law import restitution_on_plate
 from feeder_sim.engines.impulse.plate_contact import TOUCH, approach, contact_of, look, put_back
 from feeder_sim.engines.impulse.plate_edge import edge_leap, points_on_edge
-from feeder_sim.engines.impulse.reaction.yielding_impact import Modes, resolve_yielding
-from feeder_sim.engines.impulse.state import (
-    ARM,
-    FRICTION,
-    GAP,
-    NORMAL,
-    RATE,
-    RESTITUTION,
-    SURFACE_ACCELERATION,
-    SURFACE_RATE,
-    VELOCITY,
-    arm_of,
-    inverse_inertia,
-)
-from feeder_sim.engines.impulse.vectors import write_to
+from feeder_sim.engines.impulse.state import GAP, RATE, SURFACE_ACCELERATION, SURFACE_RATE, arm_of, spin_of
+from feeder_sim.engines.impulse.vectors import combine, cross, dot, plus, vector
 from feeder_sim.engines.reaction import react
 from feeder_sim.machine_code import compiled, inlined
 from feeder_sim.plate.compiled import BETA_X, BETA_Y, cubic_weights, grid_cell, interpolate
@@ -91,21 +80,17 @@ def _impact(part, kind, corners, surface, t, work, yielding):
             continue
         depth = max(depth, -work.corner[i, GAP])
         arm, normal, velocity = contact_of(i, part, kind, corners, surface, work)
-        write_to(work.contact[ARM, n], arm)
-        write_to(work.contact[NORMAL, n], normal)
-        write_to(work.contact[VELOCITY, n], velocity)
-        work.law[RESTITUTION, n] = restitution_on_plate(part, kind, arm, normal, velocity)
-        work.law[FRICTION, n] = kind.friction[0]
+        law = restitution_on_plate(part, kind, arm, normal, velocity), kind.friction[0]
+        meet_world(n, work.contacts, 0, (arm, normal, velocity), law)
         _find_carried(i, part, corners, surface, work, modes.carried[n])
         n += 1
-    inverse = inverse_inertia(part, kind)
-    settled, worked = resolve_yielding(part, 1.0 / kind.mass, inverse, work.contact, work.law, n, modes)
-    if not settled:
+    before = vector(part.velocity), spin_of(part, kind)
+    if not resolve_impact(part, kind, n, modes, work):
         work.unresolved[0] += 1
     books, taken = yielding.books, modes.taken
     for s in range(taken.shape[0]):
         books[TAKEN] += (work.modal[1, s] - 0.5 * taken[s]) * taken[s] / modes.inverse_mass[s]
-    books[WORK] += worked
+    books[WORK] += _work(n, before, modes, work)
     books[LIFTED] += kind.mass * GRAVITY * depth
     react(surface, t, taken, yielding.changed)
     for i in range(corners.shape[0]):
@@ -114,6 +99,24 @@ def _impact(part, kind, corners, surface, t, work, yielding):
                 work.corner[i, SURFACE_RATE] -= work.under[i, s] * taken[s]
     put_back(part, corners, depth, work)
     approach(part, kind, corners, work)
+
+
+@inlined
+def _work(n, before, modes, work):
+    """Work of the impulses of n contacts in the frame of the surface [J]: sum of p . (u + u')/2.
+
+    before: velocity and spin of the part before them.
+    """
+    total, body = 0.0, work.bodies
+    for i in range(n):
+        arm, push = vector(work.contacts.vector[ARM_SECOND, i]), vector(work.contacts.vector[IMPULSE, i])
+        first = plus(before[0], 1.0, cross(before[1], arm))
+        last = plus(body.velocity[0], 1.0, cross(body.spin[0], arm))
+        mean = plus(combine(0.5, first, 0.5, last, 0.0, last), -1.0, work.contacts.vector[VELOCITY, i])
+        for s in range(modes.taken.shape[0]):
+            mean = plus(mean, 0.5 * modes.taken[s], modes.carried[i, s])
+        total += dot(push, mean)
+    return total
 
 
 @inlined
