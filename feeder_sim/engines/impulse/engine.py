@@ -3,10 +3,11 @@
 Time is cut into windows. In each window
 
     window      which terms of the plate's motion act, and bounds on what it can do (window.py)
-    pairs       which parts can meet at all, from a grid; the islands that such pairs make (neighbours.py)
+    pairs       which parts can meet at all, from a grid; the islands that such pairs make (pairs/neighbours.py)
     islands     each advances by itself, event by event (island.py): looks at parts over the plate (plate_contact.py)
-                and at pairs (pair_contact.py), impacts (impact.py), how long parts may fly (flight_time.py), and
-                their flights (free_flight.py)
+                and at pairs (pairs/), impacts (impact.py), how long parts may fly (flight_time.py), and their
+                flights (free_flight.py)
+    components  what touches and lies still at the end of a window sleeps (components.py)
 
 (Conservative advancement: Mirtich, PhD thesis, Berkeley 1996.) The step is what ends the infinite rattling of a part at
 rest: corners may enter the surface by what they cover in one step, and are put back on it at the impact. Islands are
