@@ -29,7 +29,7 @@ from feeder_sim.engines.impulse.contact_problem import (
 from feeder_sim.engines.impulse.impact import load_body
 from feeder_sim.engines.impulse.pairs.collision import look_at_pair
 from feeder_sim.engines.impulse.pairs.due import SLACK, extent
-from feeder_sim.engines.impulse.pairs.neighbours import root_of
+from feeder_sim.engines.impulse.pairs.neighbours import grouped, root_of
 from feeder_sim.engines.impulse.plate_contact import contact_of, points_over_plate
 from feeder_sim.engines.impulse.state import ASLEEP, AWAKE, GAP
 from feeder_sim.engines.impulse.vectors import difference, dot, plus, vector, write_to
@@ -41,49 +41,60 @@ SOLVED, MOVES = 1e-3, 1e-2  # of the speed of a fall of that time: how closely t
 CARRIES = 1e-6  # [m]; points this close to the plate carry
 
 
-class Component(NamedTuple):
-    """Parts that touch each other, pairs of them (both by index), and the body that each part is, -1 for others."""
+class Components(NamedTuple):
+    """Those that may come to rest: parts that touch each other, and pairs of them, both by index and grouped.
+
+    member, first_member: parts of component c are member[first_member[c] : first_member[c + 1]]; pair, first_pair
+    likewise. body: of every part, its place in its component.
+    """
 
     member: NDArray[np.int64]
+    first_member: NDArray[np.int64]
     pair: NDArray[np.int64]
+    first_pair: NDArray[np.int64]
     body: NDArray[np.int64]
 
 
 def lay_to_rest(crowd, plate, tools, t):
     """Put to sleep the components that lie still at the end of a window, at t [s]."""
-    root = still_components(crowd, len(crowd.islands.place))
-    awake = np.unique(root[(root >= 0) & (crowd.parts["there"][: len(root)] == AWAKE)])
-    of_pair = root[crowd.pairs["a"]]
-    for number in awake:
-        member, pair = np.flatnonzero(root == number), np.flatnonzero(of_pair == number)
-        body = np.full(len(crowd.parts), -1)
-        body[member] = np.arange(len(member))
-        points = len(member) * tools.work.corner.shape[0] + len(pair) * tools.meeting.point.shape[0]
-        bodies, contacts, _ = new_room(len(member), points)
-        if holds(Component(member, pair, body), crowd, plate, tools, bodies, contacts, t):
-            crowd.parts["there"][member], crowd.parts["asleep_with"][member] = ASLEEP, number
-            crowd.parts["velocity"][member] = crowd.parts["momentum"][member] = 0.0
+    found = still_components(crowd, len(crowd.islands.place))
+    if len(found.member):
+        parts, pairs = int(np.diff(found.first_member).max()), int(np.diff(found.first_pair).max())
+        points = parts * tools.work.corner.shape[0] + pairs * tools.meeting.point.shape[0]
+        bodies, contacts, _ = new_room(parts, points)
+        rest(found, crowd, plate, tools, bodies, contacts, t)
 
 
 @entry_point
 def still_components(crowd, n_free):
-    """The component of every part: the lowest number of its parts; -1 where one of them is absent or moves."""
-    parts, kinds = crowd.parts, crowd.kinds
+    """Components of which no part has moved in this window, and one at least is awake."""
+    parts, pairs, kinds = crowd.parts, crowd.pairs, crowd.kinds
     root = np.arange(n_free)
-    for p in range(crowd.pairs.shape[0]):
-        pair = crowd.pairs[p]
-        if pair.b < n_free and _touch(pair, parts, kinds):
-            a, b = root_of(root, pair.a), root_of(root, pair.b)
+    for p in range(pairs.shape[0]):
+        if pairs[p].b < n_free and _touch(pairs[p], parts, kinds):
+            a, b = root_of(root, pairs[p].a), root_of(root, pairs[p].b)
             root[max(a, b)] = min(a, b)
-    moves = np.zeros(n_free, np.bool_)
+    moves, awake = np.zeros(n_free, np.bool_), np.zeros(n_free, np.bool_)
     for i in range(n_free):
         root[i] = root_of(root, i)
-        if not _has_stayed(parts[i], crowd.begun[i], kinds.record[parts[i].kind]):
-            moves[root[i]] = True
+        moves[root[i]] |= not _has_stayed(parts[i], crowd.begun[i], kinds.record[parts[i].kind])
+        awake[root[i]] |= parts[i].there == AWAKE
+    number, count = np.full(n_free, -1), 0
     for i in range(n_free):
-        if moves[root[i]]:
-            root[i] = -1
-    return root
+        if root[i] == i and awake[i] and not moves[i]:
+            number[i] = count
+            count += 1
+        number[i] = number[root[i]]
+    of_pair = np.empty(pairs.shape[0], np.int64)
+    for p in range(pairs.shape[0]):
+        of_pair[p] = number[pairs[p].a]
+    member, first_member = grouped(number, count)
+    pair, first_pair = grouped(of_pair, count)
+    body = np.full(parts.shape[0], -1)
+    for c in range(count):
+        for k in range(first_member[c], first_member[c + 1]):
+            body[member[k]] = k - first_member[c]
+    return Components(member, first_member, pair, first_pair, body)
 
 
 @inlined
@@ -107,25 +118,46 @@ def _has_stayed(part, begun, kind):
 
 
 @entry_point
-def holds(component, crowd, plate, tools, bodies, contacts, t):
-    """Whether the contacts of a component hold it as it is at t [s]."""
-    component, crowd, plate, tools = borrow(component), borrow(crowd), borrow(plate), borrow(tools)
+def rest(components, crowd, plate, tools, bodies, contacts, t):
+    """Put to sleep the components that their contacts hold at t [s]."""
+    found, crowd, plate, tools = borrow(components), borrow(crowd), borrow(plate), borrow(tools)
     bodies, contacts = borrow(bodies), borrow(contacts)
-    n = 0
-    for j in range(component.member.shape[0]):
-        part = crowd.parts[component.member[j]]
-        kind = crowd.kinds.record[part.kind]
-        load_body(j, part, kind, bodies)
-        bodies.velocity[j, 2] -= GRAVITY * WEIGHED
-        n = _gather_plate(j, part, crowd.kinds, plate, t, n, contacts, tools.work)
-    for k in range(component.pair.shape[0]):
-        n = _gather_pair(crowd.pairs[component.pair[k]], component.body, crowd, n, contacts, tools)
+    for c in range(found.first_member.shape[0] - 1):
+        n = _gather(c, found, crowd, plate, tools, bodies, contacts, t)
+        first, last = found.first_member[c], found.first_member[c + 1]
+        if not _holds(found.member[first:last], crowd, bodies, contacts, n):
+            continue
+        for k in range(first, last):
+            part = crowd.parts[found.member[k]]
+            part.there, part.asleep_with = ASLEEP, found.member[first]
+            for x in range(3):
+                part.velocity[x] = part.momentum[x] = 0.0
+
+
+@compiled
+def _gather(c, found, crowd, plate, tools, bodies, contacts, t):
+    """Write bodies and contacts of component c; returns the number of contacts."""
+    n, first = 0, found.first_member[c]
+    for k in range(first, found.first_member[c + 1]):
+        part = crowd.parts[found.member[k]]
+        load_body(k - first, part, crowd.kinds.record[part.kind], bodies)
+        n = _gather_plate(k - first, part, crowd.kinds, plate, t, n, contacts, tools.work)
+    for k in range(found.first_pair[c], found.first_pair[c + 1]):
+        n = _gather_pair(crowd.pairs[found.pair[k]], found.body, crowd, n, contacts, tools)
+    return n
+
+
+@compiled
+def _holds(member, crowd, bodies, contacts, n):
+    """Whether n contacts hold all bodies against their motion and their weight."""
     fall = GRAVITY * WEIGHED
+    for j in range(member.shape[0]):
+        bodies.velocity[j, 2] -= fall
     if not solve(bodies, contacts, n, None, SOLVED * fall):
         return False
-    for j in range(component.member.shape[0]):
+    for j in range(member.shape[0]):
         v, spin = bodies.velocity[j], bodies.spin[j]
-        reach = crowd.kinds.record[crowd.parts[component.member[j]].kind].reach
+        reach = crowd.kinds.record[crowd.parts[member[j]].kind].reach
         if math.sqrt(dot(v, v)) + reach * math.sqrt(dot(spin, spin)) > MOVES * fall:
             return False
     return True

@@ -22,7 +22,7 @@ from feeder_sim.engines.impulse.pairs.hulls import Hulls
 from feeder_sim.engines.impulse.pairs.neighbours import Islands
 from feeder_sim.engines.impulse.pairs.separating_axis import Meeting
 from feeder_sim.engines.impulse.plate_contact import meet_plate
-from feeder_sim.engines.impulse.rest import wake
+from feeder_sim.engines.impulse.rest import fall_asleep, wake
 from feeder_sim.engines.impulse.state import ALONE, ASLEEP, Kinds, Scratch, fly_to, in_pieces
 from feeder_sim.engines.protocol import ENDED
 from feeder_sim.machine_code import compiled, entry_point, inlined
@@ -127,6 +127,9 @@ def _look_at_part(event, t, agenda, crowd, plate, work, reach):
     leap, hit = meet_plate(part, crowd.kinds, None, plate.surface, plate.bounds, t, work)
     set_due(agenda.tree, event, t + leap)
     if hit:
+        alone = crowd.islands.first_touching[i] == crowd.islands.first_touching[i + 1]
+        if plate.bounds.calm and alone and fall_asleep(part, crowd.kinds, plate.surface, work):
+            set_due(agenda.tree, event, np.inf)
         look_again_at_pairs(i, -1, t, agenda, crowd, plate.bounds)
     return left
 

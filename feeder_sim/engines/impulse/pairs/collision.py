@@ -169,10 +169,10 @@ def _push(part, inverse_mass, arm, impulse, sign):
 def _part(a, kind_a, b, kind_b, gap, axis):
     """Move two parts apart that are deeper in each other than they may be."""
     fixed = kind_b.mass == np.inf
-    share, way = 1.0 if fixed else kind_b.mass / (kind_a.mass + kind_b.mass), gap + 0.5 * DEEP
+    share = 1.0 if fixed else kind_b.mass / (kind_a.mass + kind_b.mass)
     if gap < -LAID_IN:
-        way = -LITTLE
+        gap = -LITTLE
         if not fixed and abs(axis[2]) > LEVEL:  # the lower one lies on the plate
             share = 0.0 if axis[2] > 0.0 else 1.0
-    add_to(a.position, way * share, axis)
-    add_to(b.position, -way * (1.0 - share), axis)
+    add_to(a.position, gap * share, axis)
+    add_to(b.position, -gap * (1.0 - share), axis)

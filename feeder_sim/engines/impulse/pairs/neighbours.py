@@ -247,11 +247,11 @@ def find_islands(parts, n_free, pairs):
                 count += 1
             else:
                 number[i] = number[r]
-    part, first_part = _grouped(number, count)
+    part, first_part = grouped(number, count)
     island_of_pair = np.empty(pairs.shape[0], np.int64)
     for p in range(pairs.shape[0]):
         island_of_pair[p] = number[pairs[p].a]
-    pair, first_pair = _grouped(island_of_pair, count)
+    pair, first_pair = grouped(island_of_pair, count)
     place = np.full(n_free, -1)
     for k in range(part.shape[0]):
         place[part[k]] = k
@@ -269,7 +269,7 @@ def root_of(root, i):
 
 
 @compiled
-def _grouped(number, count):
+def grouped(number, count):
     """Indices ordered by their number (-1: left out), and the first of each of `count` groups."""
     first = np.zeros(count + 1, np.int64)
     for i in range(number.shape[0]):
