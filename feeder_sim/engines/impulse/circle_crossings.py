@@ -12,7 +12,7 @@ import math
 from numba.extending import overload
 
 from feeder_sim.engines.impulse.state import CIRCLE
-from feeder_sim.machine_code import compiled
+from feeder_sim.machine_code import uncounted
 
 MOST = 5  # points in one plane: two on each circle, one on the round face
 PARALLEL = 1e-9  # [1]
@@ -33,7 +33,7 @@ def _cross_by_kind(part, kind, begin, end, n, work):
     return lambda part, kind, begin, end, n, work: _cross_circles(part, kind, begin, end, n, work)
 
 
-@compiled
+@uncounted
 def _cross_circles(part, kind, begin, end, n, work):
     if n + MOST > work.points.shape[0] or n + MOST > work.corner.shape[0]:
         return n
@@ -76,7 +76,7 @@ def _cross_circles(part, kind, begin, end, n, work):
     return n
 
 
-@compiled
+@uncounted
 def _append(x, y, z, before, along, length, n, work):
     """Append a point in body axes [m] if it lies on the piece of the edge, and not beside it."""
     if 0.0 <= before + along[0] * x + along[1] * y + along[2] * z <= length:

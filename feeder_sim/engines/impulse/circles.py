@@ -25,7 +25,7 @@ from numba.extending import overload
 from feeder_sim.engines.impulse.moving_surface import move_surface, slope_under
 from feeder_sim.engines.impulse.state import CIRCLE, GAP, RATE, SURFACE_ACCELERATION, SURFACE_RATE, spin_of
 from feeder_sim.engines.impulse.vectors import cross
-from feeder_sim.machine_code import compiled, inlined
+from feeder_sim.machine_code import compiled, inlined, uncounted
 
 QUARTERS = 4  # points on each circle: four that lie on a plane share a flat landing evenly
 POINTS = 2 * QUARTERS
@@ -125,7 +125,7 @@ def lay_out(kind, kinds, work):
     return n
 
 
-@compiled
+@uncounted
 def _lowest_points(part, kind, surface, bounds, near, t, work):
     radius, height, r = kind.circle_radius, kind.circle_height, part.attitude
     if radius == 0.0:
@@ -182,7 +182,7 @@ def _tilt_of(lowest, part, kind, work):
     )
 
 
-@compiled
+@uncounted
 def _leap_of_circles(tilt, kind, bounds, own, leap, to_crest, work):
     round_part, s, u, e = tilt
     if not round_part:
@@ -200,7 +200,7 @@ def _leap_of_circles(tilt, kind, bounds, own, leap, to_crest, work):
     return leap, to_crest
 
 
-@compiled
+@uncounted
 def _further_of_circles(tilt, kind, bounds, flight, further, work):
     round_part, s, u, e = tilt
     if not round_part:

@@ -5,9 +5,9 @@ from __future__ import annotations
 from feeder_sim.engines.impulse.contact_problem import ARM_SECOND, IMPULSE, impact
 from feeder_sim.engines.impulse.state import inverse_inertia
 from feeder_sim.engines.impulse.vectors import add_to, cross, times, vector, write_to
-from feeder_sim.machine_code import compiled, inlined
+from feeder_sim.machine_code import inlined, uncounted
 
-CLOSELY = 1e-6  # [m/s]; what an impact may be off, where steps are coarser
+CLOSELY = 3e-6  # [m/s]; what an impact may be off, where steps are coarser
 
 
 @inlined
@@ -21,7 +21,7 @@ def load_body(j, part, kind, bodies):
     write_to(bodies.spin[j], times(turns, vector(part.momentum)))
 
 
-@compiled
+@uncounted
 def resolve_impact(part, kind, n, modes, work):
     """Change velocity and angular momentum of a part for impacts at the first n contacts, which have been gathered.
 

@@ -25,7 +25,7 @@ from feeder_sim.engines.impulse.plate_contact import meet_plate
 from feeder_sim.engines.impulse.rest import fall_asleep, wake
 from feeder_sim.engines.impulse.state import ALONE, ASLEEP, Kinds, Scratch, fly_to, in_pieces
 from feeder_sim.engines.protocol import ENDED
-from feeder_sim.machine_code import compiled, entry_point, inlined
+from feeder_sim.machine_code import compiled, entry_point, inlined, uncounted
 
 
 class Crowd(NamedTuple):
@@ -158,7 +158,7 @@ def look_at_pair(event, t, agenda, crowd, bounds, tools, reach):
     return left
 
 
-@compiled
+@uncounted
 def _wake_with(i, except_pair, t, agenda, crowd, bounds):
     """Wake a part at time t, and all that sleep with it."""
     parts, number = crowd.parts, crowd.parts[i].asleep_with

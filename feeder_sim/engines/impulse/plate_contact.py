@@ -34,7 +34,7 @@ from feeder_sim.engines.impulse.state import (
 from feeder_sim.engines.impulse.tube_contact import approach_wall, gather_wall, leap_to_wall, meeting_time
 from feeder_sim.engines.impulse.vectors import dot
 from feeder_sim.engines.surface_arrays import ON_EDGE, off_plate
-from feeder_sim.machine_code import compiled, inlined
+from feeder_sim.machine_code import compiled, inlined, uncounted
 from feeder_sim.plate.compiled import (
     BETA_X,
     BETA_Y,
@@ -214,7 +214,7 @@ def _surface_touched(x, y, surface_rate, part, surface, work):
     return (moves * vx, moves * vy, surface_rate), normal
 
 
-@compiled
+@uncounted
 def contact_of(i, part, kind, corners, surface, work):
     """Arm, normal and surface velocity of a corner that touches the plate."""
     arm = arm_of(part, corners, i)
@@ -238,7 +238,7 @@ def _impact_at(i, part, kind, corners, surface, work):
     approach(part, kind, corners, work)
 
 
-@compiled
+@uncounted
 def _impact(part, kind, corners, wall, surface, work):
     """Put the deepest corner back on the surface and give impulses to all corners that touch and approach.
 

@@ -16,7 +16,7 @@ from feeder_sim.engines.impulse.circle_crossings import cross_circles
 from feeder_sim.engines.impulse.circles import is_round, lay_out
 from feeder_sim.engines.impulse.state import GAP, arm_of, point, top_speed
 from feeder_sim.engines.surface_arrays import edge_distance
-from feeder_sim.machine_code import compiled
+from feeder_sim.machine_code import uncounted
 
 MOST_CROSSINGS = 2  # of an edge of the hull with the outline that have room in the scratch space
 EDGE_STEPS = 10  # a point on the edge moves along the hull: its leaps are estimates, and at least this long
@@ -39,7 +39,7 @@ def _points_on_edge(part, kind, kinds, surface, work):
     return lambda part, kind, kinds, surface, work: _points_on_outline(part, kind, kinds, surface.outline, work)
 
 
-@compiled
+@uncounted
 def _points_on_outline(part, kind, kinds, outline, work):
     """Where edges of the part's hull cross those of the outline, seen from above."""
     corners = kinds.corners[kind.corner_from : kind.corner_to]
@@ -72,7 +72,7 @@ def _points_on_outline(part, kind, kinds, outline, work):
     return n - first
 
 
-@compiled
+@uncounted
 def _points_on_sides(part, kind, kinds, surface, work):
     """Where edges of the part's hull cross the plane of a side of the plate."""
     corners = kinds.corners[kind.corner_from : kind.corner_to]
@@ -103,7 +103,7 @@ def _points_on_sides(part, kind, kinds, surface, work):
     return n - first
 
 
-@compiled
+@uncounted
 def edge_leap(part, kind, corners, first, step, work):
     """Flight after which the points on the plate's edge, from `first` on, are looked at again [s]."""
     speed, gap = top_speed(part, kind), np.inf

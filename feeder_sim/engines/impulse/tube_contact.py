@@ -21,7 +21,7 @@ from feeder_sim.engines.impulse.state import (
     spin_of,
 )
 from feeder_sim.engines.impulse.vectors import add_to, cross, difference, dot, plus
-from feeder_sim.machine_code import compiled, inlined
+from feeder_sim.machine_code import inlined, uncounted
 
 FINEST = 1.0 / 32.0  # of a step: rattling between two impacts is followed no further
 
@@ -34,7 +34,7 @@ def _from_axis(arm, part, wall):
     return across, math.sqrt(dot(across, across))
 
 
-@compiled
+@uncounted
 def approach_wall(part, kind, corners, wall, touch, work):
     """Fill gap and rate of every corner at the wall; returns how many touch (gap up to `touch` [m]) and approach."""
     spin, touching = spin_of(part, kind), 0
@@ -49,7 +49,7 @@ def approach_wall(part, kind, corners, wall, touch, work):
     return touching
 
 
-@compiled
+@uncounted
 def gather_wall(part, kind, corners, wall, touch, n, work):
     """Append the corners that touch the wall and approach it to the n contacts there are; put the part back inside."""
     deepest, back = 0.0, (0.0, 0.0, 0.0)
@@ -69,7 +69,7 @@ def gather_wall(part, kind, corners, wall, touch, n, work):
     return n
 
 
-@compiled
+@uncounted
 def leap_to_wall(part, kind, corners, wall, work):
     """Longest flight [s] during which no corner can touch the wall."""
     least = min(kind.inertia[0], kind.inertia[1], kind.inertia[2])
@@ -90,7 +90,7 @@ def leap_to_wall(part, kind, corners, wall, work):
     return shortest
 
 
-@compiled
+@uncounted
 def meeting_time(work, n_corners, step):
     """When a corner is expected to meet plate or wall at its present rate [s]: between a share of a step and one.
 

@@ -29,7 +29,7 @@ from feeder_sim.engines.impulse.pairs.touching_points import touching_points
 from feeder_sim.engines.impulse.single_impact import velocity_of_point
 from feeder_sim.engines.impulse.state import inverse_inertia
 from feeder_sim.engines.impulse.vectors import add_to, combine, cross, difference, dot, plus, vector, write_to
-from feeder_sim.machine_code import compiled, inlined, uncounted
+from feeder_sim.machine_code import inlined, uncounted
 
 # [m]; parts laid into each other so deep are parted little by little, step by step: at once one would be put through
 # the plate. Parts that meet do not come to that; 80 um has been seen at the bottom of a poured heap.
@@ -121,7 +121,7 @@ def _axis_of_closest(pair, a, b, piece_a, piece_b, gap, witness):
         write_to(axis, combine(1.0 / size, apart, 0.0, apart, 0.0, apart))
 
 
-@compiled
+@uncounted
 def _collide(a, kind_a, b, kind_b, n, normal, tools):
     """Collision of part b with part a at n points, along a normal from a to b; returns whether there was one."""
     point, law = tools.meeting.point, 0 if kind_b.mass == np.inf else 1
@@ -165,7 +165,7 @@ def _push(part, inverse_mass, arm, impulse, sign):
         add_to(part.momentum, sign, cross(arm, impulse))
 
 
-@compiled
+@uncounted
 def _part(a, kind_a, b, kind_b, gap, axis):
     """Move two parts apart that are deeper in each other than they may be."""
     fixed = kind_b.mass == np.inf
