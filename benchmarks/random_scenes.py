@@ -1,10 +1,10 @@
-"""Random scenes of one free part: whether every run ends, in time, and nothing falls through the plate.
+"""Random scenes of one free part, and of several: whether every run ends, in time, and mechanics keeps its laws.
 
     python benchmarks/random_scenes.py [--scenes 5000] [--kinds edge,hole] [--first 0] [--failing FOLDER]
 
 Prints a row for each kind of scene, and every scene that fails; it is written as a scenario file that anyone can run.
-What must hold, and what the kinds are: tests/judged_scenes.py. With 5000 of each of the nine kinds it takes about an
-hour on two cores.
+What must hold, and what the kinds are: tests/judged_scenes.py, and tests/judged_crowds.py for several parts, which have
+to be asked for. With 5000 of each of the nine kinds of one part it takes about an hour on two cores.
 """
 
 from __future__ import annotations
@@ -21,7 +21,9 @@ import typer
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 
-from judged_scenes import KINDS, Finding, judged, scene
+import judged_crowds
+import judged_scenes
+from judged_scenes import KINDS, Finding
 
 AT_ONCE = 20  # scenes that a worker takes
 HEAD = "kind     scenes  refused  failed  late contacts  budgets spent  unresolved  s per s: median    99 %   worst"
@@ -29,12 +31,12 @@ HEAD = "kind     scenes  refused  failed  late contacts  budgets spent  unresolv
 
 def several(kind: str, first: int, last: int) -> list[tuple[int, Finding | None]]:
     """What is found in scenes from one number to before another."""
-    found = []
+    found, scenes = [], judged_crowds if kind in judged_crowds.KINDS else judged_scenes
     for seed in range(first, last):
         try:
-            found.append((seed, judged(kind, seed)))
+            found.append((seed, scenes.judged(kind, seed)))
         except Exception as error:  # of an engine that breaks down; the others go on
-            found.append((seed, Finding(scene(kind, seed), (f"{type(error).__name__}: {error}",), 0.0)))
+            found.append((seed, Finding(scenes.scene(kind, seed), (f"{type(error).__name__}: {error}",), 0.0)))
     return found
 
 

@@ -53,7 +53,6 @@ LEAST_BLUR = 0.01  # of the error that is small enough
 CENTRED, LOST = 0.5, 1e3  # blurs by which blurred laws may be off, and by which a step has led away
 SWEEPS, BATCHES = 16, 7  # at first, doubled each time; so often
 FEW = 80  # sweeps that bring a small impact to its solution, in less time than Newton's method takes
-STALLED = 1.0  # of what may be left: a sweep that changes no more has come to the solution
 LARGEST = 1 << 20
 
 
@@ -198,13 +197,13 @@ def settle(room, n, size, closely):
 
 @uncounted
 def sweep_closely(room, n, size, closely):
-    """Sweep a few times from impulses as they are; returns whether a sweep no longer changes velocities [m/s]."""
+    """Sweep from impulses as they are until that changes velocities by no more than `closely` [m/s]; whether it did."""
     make_motion(room, n, size)
     change, sweeps = math.inf, 0
-    while change > STALLED * closely and sweeps < FEW:
+    while change > closely and sweeps < FEW:
         change = _sweep(room, n)
         sweeps += 1
-    return change <= STALLED * closely
+    return change <= closely
 
 
 @uncounted
