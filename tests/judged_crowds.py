@@ -76,7 +76,7 @@ def _pair(rng: Rng) -> Raw:
         place = [9.0 * side, *(float(value) for value in rng.uniform(-2.0, 2.0, 2))]
         start = {
             "kind": "state",
-            "position_mm": [place[0], place[1], 80.0 + place[2]],
+            "position_mm": [place[0], place[1], 400.0 + place[2]],
             "quaternion": _turn(rng),
             "velocity_mm_s": [-side * float(rng.uniform(50.0, 400.0)), *rng.uniform(-20.0, 20.0, 2).tolist()],
             "angular_velocity_rad_s": (rng.normal(size=3) * float(rng.choice([0.0, 20.0, 100.0]))).tolist(),

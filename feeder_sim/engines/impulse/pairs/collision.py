@@ -167,7 +167,7 @@ def _push(part, inverse_mass, arm, impulse, sign):
 
 @uncounted
 def _part(a, kind_a, b, kind_b, gap, axis):
-    """Move two parts apart that are deeper in each other than they may be."""
+    """Move two parts apart that are deeper in each other than they may be; both momenta are kept."""
     fixed = kind_b.mass == np.inf
     share = 1.0 if fixed else kind_b.mass / (kind_a.mass + kind_b.mass)
     if gap < -LAID_IN:
@@ -176,3 +176,8 @@ def _part(a, kind_a, b, kind_b, gap, axis):
             share = 0.0 if axis[2] > 0.0 else 1.0
     add_to(a.position, gap * share, axis)
     add_to(b.position, -gap * (1.0 - share), axis)
+    if not fixed and gap != -LITTLE:  # the common centre of mass has stayed; so must the angular momentum about it
+        moved = cross(axis, difference(b.velocity, a.velocity))
+        heavier = kind_a.mass / (kind_a.mass + kind_b.mass)
+        add_to(a.momentum, heavier * gap * share * kind_a.mass, moved)
+        add_to(b.momentum, (1.0 - heavier) * gap * share * kind_a.mass, moved)
