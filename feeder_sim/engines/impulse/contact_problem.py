@@ -43,11 +43,11 @@ from feeder_sim.engines.impulse.contact_equations import (
     N,
     Room,
     begin,
+    come_near,
     make_motion,
     relative,
     room_for,
     settle,
-    sweep_closely,
 )
 from feeder_sim.engines.impulse.single_impact import (
     HALVINGS,
@@ -168,8 +168,9 @@ def impact(bodies, contacts, n, modes, closely=0.0):
     for _ in range(HALVINGS + 1):
         for i in range(n):
             room.target[i] = -share * number[RESTITUTION, i] * min(room.value[BEFORE, i, N], 0.0)
-        settled = closely > 0.0 and sweep_closely(room, n, size, closely)
-        settled = settled or settle(room, n, size, closely)
+        if closely > 0.0:
+            come_near(room, n, size, closely)
+        settled = settle(room, n, size, closely)
         work, least, _ = _work(room, n)
         if (settled and work <= least) or share == 0.0:
             break
