@@ -20,7 +20,7 @@ from feeder_sim.engines.impulse.contact_problem import (
     ROLLING,
     impact,
 )
-from feeder_sim.engines.impulse.impact import CLOSELY, load_body
+from feeder_sim.engines.impulse.impact import load_body
 from feeder_sim.engines.impulse.impact_law import hit_part, restitution_of_pair
 from feeder_sim.engines.impulse.pairs.due import DEEP, ROUND_OFF, SLACK
 from feeder_sim.engines.impulse.pairs.hulls import hull_distance
@@ -148,7 +148,7 @@ def _collide(a, kind_a, b, kind_b, n, normal, tools):
         write_to(contacts.vector[NORMAL, i], normal)
         contacts.number[RESTITUTION, i] = restitution_of_pair(a, b, kind_a, law, inverse, arms, normal)
         contacts.number[FRICTION, i], contacts.number[ROLLING, i] = kind_a.friction[law], 0.0
-    if not impact(bodies, contacts, n, None, CLOSELY):
+    if not impact(bodies, contacts, n, None):
         tools.work.unresolved[0] += 1
     for i in range(n):
         push = vector(contacts.vector[IMPULSE, i])
