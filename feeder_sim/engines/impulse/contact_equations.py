@@ -199,11 +199,13 @@ def settle(room, n, size, closely):
 def come_near(room, n, size, closely):
     """Sweep until that changes velocities by no more than `closely` [m/s], but a few times at most.
 
-    It begins with what would nearly stop a flat landing, shared out, so that what is symmetric stays so.
+    It begins with what stops a flat landing, which is a mere shift, shared out: what is symmetric stays so.
     """
     for i in range(n):
-        p = max(room.target[i] - room.value[BEFORE, i, N], 0.0) / (n * room.value[RATE, i, N])
-        room.value[IMPULSES, i, N] = p
+        shifts = 0.0  # inverse mass, without what turns
+        for x in range(3):
+            shifts += room.rows[i, N, x] * room.push[i, N, x]
+        room.value[IMPULSES, i, N] = max(room.target[i] - room.value[BEFORE, i, N], 0.0) / (n * shifts)
     make_motion(room, n, size)
     change, sweeps = math.inf, 0
     while change > closely and sweeps < FEW:
