@@ -236,6 +236,7 @@ def test_a_block_that_slides_does_not_fall_asleep() -> None:
 # Random scenes; benchmarks/random_scenes.py runs thousands
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(30))
 def test_random_pairs_in_flight_keep_their_momenta(seed: int) -> None:
     finding = judged("pair", seed)
