@@ -109,6 +109,6 @@ def test_nuts_fall_through_the_hole_and_none_hangs_over_it(repository: Path) -> 
         there = frames.present[-1]
         place, height = frames.position[-1, there, :2], frames.position[-1, there, 2]
         lying = height < 0.0012  # a nut is 2 mm high; what is higher flies
-        # A nut may lie over the edge of the hole, but not with its centre of mass beyond it.
-        assert (outline.distance(place[lying & (height > 0.0)]) > -1e-4).all()
+        # A nut may lie over the edge of the hole, but not with its centre of mass beyond the chord that carries it.
+        assert (outline.distance(place[lying & (height > 0.0)]) > -((5.8e-3) ** 2) / (8.0 * RADIUS)).all()
     assert through >= 3
