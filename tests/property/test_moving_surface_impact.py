@@ -124,6 +124,7 @@ def check_same(one: Body, other: Body, moving: np.ndarray, off: float = ROUND_OF
 
 
 @given(seed=chance, touching=st.integers(1, 12), e=share, mu=share, moving=frame)
+@example(seed=5133, touching=6, e=1.0, mu=0.0, moving=np.array([0.0, 1.0, 1.0]))
 @settings(max_examples=300, deadline=None)
 def test_velocity_added_to_part_and_surface_is_added_to_the_result(
     seed: int, touching: int, e: float, mu: float, moving: np.ndarray

@@ -175,18 +175,24 @@ def make_motion(room, n, size):
 
 
 @uncounted
-def settle(room, n, size, closely):
-    """Solve for impulses and motion, from impulses as they are; returns whether every contact obeys its laws.
-
-    closely: what may be left of a velocity [m/s].
-    """
+def accuracy(room, n, closely):
+    """How closely contacts are solved, their largest approach, speed in any frame, and relative velocity [m/s]."""
     approach = speed = fastest = 0.0
     for i in range(n):
         approach = max(approach, room.target[i] - room.value[BEFORE, i, N])
         for k in range(FORCES):
             known, before = abs(room.value[KNOWN, i, k]), abs(room.value[BEFORE, i, k])
             speed, fastest = max(speed, known + before), max(fastest, before)
-    enough = max(ENOUGH * approach, FLOOR * speed, LEAST, closely)
+    return max(ENOUGH * approach, FLOOR * speed, LEAST, closely), approach, speed, fastest
+
+
+@uncounted
+def settle(room, n, size, closely):
+    """Solve for impulses and motion, from impulses as they are; returns whether every contact obeys its laws.
+
+    closely: what may be left of a velocity [m/s].
+    """
+    enough, approach, speed, fastest = accuracy(room, n, closely)
     if _newtons(room, n, size, enough):
         return True
     blur = max(approach, fastest)

@@ -42,6 +42,7 @@ from feeder_sim.engines.impulse.contact_equations import (
     B,
     N,
     Room,
+    accuracy,
     begin,
     come_near,
     make_motion,
@@ -171,14 +172,13 @@ def impact(bodies, contacts, n, modes, closely=0.0):
         if closely > 0.0:
             come_near(room, n, size, closely)
         settled = settle(room, n, size, closely)
-        work, least, _ = _work(room, n)
-        if (settled and work <= least) or share == 0.0:
+        work, at_first, trace = _work(room, n, closely)
+        if (settled and work <= trace) or share == 0.0:
             break
         if not settled:
             begin(room, n, size)
         share = 0.5 * share if settled and share > 0.02 else 0.0
-    if not settled:
-        _spare_energy(room, n, size)
+    _take_back(room, n, size, work, at_first, 1.0 if settled else 0.5)
     for i in range(n):
         number[TARGET, i] = room.target[i]
     _write_out(bodies, contacts, n, modes)
@@ -332,27 +332,30 @@ def _write_body(bodies, room, i, k, d, j, arm, at, sign):
 
 
 @uncounted
-def _work(room, n):
-    """Work of all impulses in the frame of the contacts [J], the energy they create; what is as good as none.
+def _work(room, n, closely):
+    """Work of all impulses in the frame of the contacts [J], the energy they create.
 
-    The third value is the work that they would do if they changed no velocity.
+    Also the work that they would do if they changed no velocity, and what the accuracy of the solution leaves unknown.
     """
-    total = size = at_first = 0.0
+    total = size = at_first = pushes = 0.0
     for i in range(n):
         for k in range(room.place[i, COUNT]):
             p, before = room.value[IMPULSES, i, k], room.value[BEFORE, i, k]
             total += 0.5 * p * (before + relative(room, i, k))
             size += abs(p * before)
             at_first += p * before
-    return total, ROUND_OFF * size, at_first
+            pushes += abs(p) if k < FORCES else 0.0
+    return total, at_first, ROUND_OFF * size + pushes * accuracy(room, n, closely)[0]
 
 
 @uncounted
-def _spare_energy(room, n, size):
-    """Reduce impulses that obey not all laws and would create energy to those that leave the least."""
-    work, least, at_first = _work(room, n)
-    if work > least:
-        share = max(-at_first, 0.0) / (2.0 * (work - at_first))
+def _take_back(room, n, size, work, at_first, part):
+    """Lower all impulses, if they create energy: to a share that creates none, or to part of it.
+
+    A trace is taken back whole (1); half of that share leaves the least energy, if impulses obey not all laws.
+    """
+    if work > max(at_first, 0.0):
+        share = part * max(-at_first, 0.0) / (work - at_first)
         for i in range(n):
             for k in range(room.place[i, COUNT]):
                 room.value[IMPULSES, i, k] *= share
