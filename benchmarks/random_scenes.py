@@ -3,8 +3,8 @@
     python benchmarks/random_scenes.py [--scenes 5000] [--kinds edge,hole] [--first 0] [--failing FOLDER]
 
 Prints a row for each kind of scene, and every scene that fails; it is written as a scenario file that anyone can run.
-What must hold, and what the kinds are: tests/judged_scenes.py, and tests/judged_crowds.py for several parts, which have
-to be asked for. With 5000 of each of the nine kinds of one part it takes about an hour on two cores.
+What must hold, and what the kinds are: tests/judged_scenes.py. Kinds of tests/judged_crowds.py, for several parts, and
+of tests/judged_tubes.py have to be asked for. With 5000 of each of the nine others it takes about an hour on two cores.
 """
 
 from __future__ import annotations
@@ -23,15 +23,17 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 
 import judged_crowds
 import judged_scenes
+import judged_tubes
 from judged_scenes import KINDS, Finding
 
+ASKED_FOR = {**dict.fromkeys(judged_crowds.KINDS, judged_crowds), judged_tubes.KIND: judged_tubes}
 AT_ONCE = 20  # scenes that a worker takes
 HEAD = "kind     scenes  refused  failed  late contacts  budgets spent  unresolved  s per s: median    99 %   worst"
 
 
 def several(kind: str, first: int, last: int) -> list[tuple[int, Finding | None]]:
     """What is found in scenes from one number to before another."""
-    found, scenes = [], judged_crowds if kind in judged_crowds.KINDS else judged_scenes
+    found, scenes = [], ASKED_FOR.get(kind, judged_scenes)
     for seed in range(first, last):
         try:
             found.append((seed, scenes.judged(kind, seed)))

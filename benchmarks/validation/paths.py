@@ -6,8 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from feeder_sim.engines.impact_log import new_log
-from feeder_sim.engines.impulse.alone import Alone, ContactNotes, Drive, advance_alone
+from feeder_sim.engines.impulse.alone import Alone, Drive, advance_alone
 from feeder_sim.engines.impulse.engine import WINDOW_ALONE
 from feeder_sim.engines.impulse.frame_rows import POSITION, QUATERNION, ROW, FrameRows
 from feeder_sim.engines.impulse.kinds import read_kinds
@@ -38,8 +37,8 @@ def follow(scene: Scene, places: Floats, attitudes: Rotation, time: Floats) -> t
     drive = Drive(surface, scene.surface.extremes, scene.timestep, WINDOW_ALONE)
     rows = np.empty((len(places), len(time), 1, ROW))
     for k in range(len(places)):
-        alone, notes = Alone(parts[k : k + 1], kinds, None, work), ContactNotes(new_log(1), np.zeros(2))
-        advance_alone(alone, drive, notes, np.zeros(3), FrameRows(time[1:], rows[k, 1:], np.zeros(1, np.int64)))
+        alone = Alone(parts[k : k + 1], kinds, work)
+        advance_alone(alone, drive, np.zeros(3), FrameRows(time[1:], rows[k, 1:], np.zeros(1, np.int64)))
     place, attitude = rows[:, :, 0, POSITION], scene.attitudes(rows[:, :, :, QUATERNION])[:, :, 0]
     place[:, 0], attitude[:, 0] = places, quaternions
     return place, attitude

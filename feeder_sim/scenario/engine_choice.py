@@ -47,9 +47,9 @@ def needs_steps(scenario: Scenario) -> Iterator[str]:
     """Why the impulse engine computes a scenario in steps; nothing where it does without."""
     if scenario.n_parts > 1:
         yield f"with {scenario.n_parts} parts: one free part is computed without a step"
-    if scenario.guide is not None:
-        yield f'with part[0].guide.kind = "{scenario.guide.kind}"'
-    if scenario.part[0].in_steps:
+    if scenario.guide is not None and scenario.guide.kind == "slide":
+        yield 'with part[0].guide.kind = "slide"'
+    if scenario.part[0].in_steps and scenario.guide is None:
         yield f'with part[0].shape = "{scenario.part[0].shape}"'
     if getattr(scenario.plate, "rim", False):
         yield "with plate.rim = true"

@@ -245,6 +245,8 @@ def _in_impulses(s: Scenario) -> Broken:
             yield "run.engine", f'"mujoco" with mujoco.{name}'
     if s.guide is not None and s.guide.kind == "slide":
         return
+    if s.guide is not None and s.run.steps_per_period is not None:
+        yield "run.steps_per_period", 'none with part[0].guide.kind = "tube", whose wall is met without steps'
     steps, reason = s.run.steps_per_period, next(needs_steps(s), "")
     if (reason or steps is not None) and s.contact.noise_m_s not in (0.0, Contact().noise_m_s):
         why = reason or f"with run.steps_per_period = {steps}"

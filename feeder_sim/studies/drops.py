@@ -19,8 +19,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from feeder_sim.constants import GRAVITY
-from feeder_sim.engines.impact_log import new_log
-from feeder_sim.engines.impulse.alone import Alone, ContactNotes
+from feeder_sim.engines.impulse.alone import Alone
 from feeder_sim.engines.impulse.alone import Drive as MovingPlate
 from feeder_sim.engines.impulse.drops import advance_to_rest
 from feeder_sim.engines.impulse.engine import WINDOW_ALONE
@@ -193,12 +192,11 @@ def _impulse_drops(scene: Scene, starts: Rotation, interrupt: NDArray[np.int64])
     principal = scene.principal_attitudes(starts.as_quat(scalar_first=True)[:, None])[:, 0]
     turned = Rotation.from_quat(principal, scalar_first=True).as_matrix()
     parts = new_parts(_places(part, starts), turned, np.zeros(len(starts), np.int64))
-    alone = Alone(parts, kinds, None, new_scratch(kinds, scene.surface.n_shapes))
+    alone = Alone(parts, kinds, new_scratch(kinds, scene.surface.n_shapes))
     surface = surface_arrays(scene.surface, scene.scenario.run)
     drive = MovingPlate(surface, scene.surface.extremes, scene.timestep, WINDOW_ALONE)
     rested = np.empty(len(parts))
-    notes = ContactNotes(new_log(1), np.zeros(2))
-    advance_to_rest(alone, drive, notes, INTERVAL_S, scene.times.duration, interrupt, rested)
+    advance_to_rest(alone, drive, INTERVAL_S, scene.times.duration, interrupt, rested)
     ended = Rotation.from_matrix(parts["attitude"]).as_quat(scalar_first=True)
     return scene.attitudes(ended[:, None])[:, 0], rested
 

@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import judged_tubes
 import pytest
 from judged_scenes import KINDS, Finding, judged
 
@@ -37,3 +38,11 @@ def test_what_was_wrong_once_is_right(kind: str) -> None:
 def test_random_scenes_end_and_nothing_falls_through(kind: str) -> None:
     found = [held(kind, seed) for seed in range(10_000_000, 10_000_000 + MANY)]
     assert sum(finding is not None for finding in found) > MANY // 3  # some starts are refused
+
+
+@pytest.mark.slow
+def test_parts_in_random_tubes_stay_out_of_wall_and_plate() -> None:
+    for seed in range(MANY):
+        finding = judged_tubes.judged("tube", seed)
+        assert finding is not None
+        assert not finding.faults, (seed, finding.faults, finding.scene)

@@ -26,7 +26,17 @@ from feeder_sim.engines.impulse.free_part.impact import strike
 from feeder_sim.engines.impulse.free_part.leap import first_contact, unsure_of
 from feeder_sim.engines.impulse.free_part.path import turning_of
 from feeder_sim.engines.impulse.free_part.points import look, move_points
-from feeder_sim.engines.impulse.free_part.state import ABOVE, AT_EDGE, Plate, Scratch, fly_to, new_part, new_scratch
+from feeder_sim.engines.impulse.free_part.state import (
+    ABOVE,
+    AT_EDGE,
+    ON_WALL,
+    Plate,
+    Scratch,
+    fly_to,
+    new_part,
+    new_scratch,
+    read_wall,
+)
 from feeder_sim.engines.impulse.free_part.window import bound
 from feeder_sim.engines.impulse.kinds import read_kinds
 from feeder_sim.engines.impulse.state import Kinds, new_parts
@@ -44,8 +54,10 @@ PARTS: dict[str, dict[str, Any]] = {
 PLATES: dict[str, dict[str, Any]] = {
     "still": {"kind": "still", "length_mm": 40.0, "width_mm": 20.0},
     "piston": {"kind": "piston", "length_mm": 40.0, "width_mm": 20.0},
+    "tube": {"kind": "piston", "length_mm": 40.0, "width_mm": 20.0},
     "bending": {"kind": "rectangle", "mode_file": str(MODES)},
 }
+TUBE = {"kind": "tube", "inner_diameter_mm": 21.0, "tilt_deg": 20.0, "friction": 0.2}
 HALF = np.array([20e-3, 10e-3])  # of the plates that do not bend [m]
 FREQUENCY, AMPLITUDE = 200.0, 18.6  # of the piston [Hz] and [um]: 3 g
 BENDS = Drive(frequency_hz=2646.0, voltage_vpp=120.0, ring_up=False)
@@ -83,14 +95,14 @@ def _fly(parts: Any, kinds: Any, t: float) -> None:
 
 
 @njit
-def _renew(parts: Any, kinds: Any, n: int, work: Any) -> None:
-    move_points(parts[0], kinds.record[0], n, work)
+def _renew(parts: Any, kinds: Any, plate: Any, n: int, work: Any) -> None:
+    move_points(parts[0], kinds.record[0], plate, n, work)
 
 
 @njit
 def _strike(parts: Any, kinds: Any, plate: Any, t: float, work: Any) -> Any:
     part, kind = parts[0], kinds.record[parts[0].kind]
-    strike(part, kind, look(part, kinds, plate, t, work), True, plate.bounds, work)
+    strike(part, kind, look(part, kinds, plate, t, work), True, plate, work)
 
 
 @njit
@@ -114,8 +126,9 @@ def _bounds(surface: Any, extremes: Any, start: float, end: float, exact: Any) -
 
 @cache
 def scene_of(name: str, plate: str) -> Any:
-    given: dict[str, Any] = {"plate": PLATES[plate], "part": [PARTS[name]], "run": {"duration_s": 1.0}}
-    drive = {"still": (), "piston": (swing(FREQUENCY, AMPLITUDE),), "bending": (BENDS,)}[plate]
+    part = PARTS[name] | ({"guide": TUBE} if plate == "tube" else {})
+    given: dict[str, Any] = {"plate": PLATES[plate], "part": [part], "run": {"duration_s": 1.0}}
+    drive = {"still": (), "bending": (BENDS,)}.get(plate, (swing(FREQUENCY, AMPLITUDE),))
     contact = quiet(restitution=0.4, friction=0.3)
     return build_scene(Scenario.model_validate(given | {"drive": drive, "contact": contact}))
 
@@ -132,7 +145,8 @@ def place_of(
     surface, bounds = _bounds(
         surface_arrays(scene.surface, scene.scenario.run), scene.surface.extremes, 0.0, 0.04, exactness_of(scene)
     )
-    return Place(parts, kinds, Plate(surface, bounds), new_scratch(kinds, scene.surface.n_shapes))
+    plate_and_wall = Plate(surface, bounds, read_wall(scene.guides[0]))
+    return Place(parts, kinds, plate_and_wall, new_scratch(kinds, scene.surface.n_shapes))
 
 
 def looked_at(place: Place) -> int:
@@ -187,7 +201,7 @@ def compared(place: Place) -> Iterator[Found]:
     for i, point in enumerate(now):
         if point["sort"] == ABOVE or not np.isfinite(point["gap"]):
             continue
-        sort = "corner"
+        sort = "wall" if point["sort"] == ON_WALL else "corner"
         if point["sort"] == AT_EDGE:
             where = edge[point["edge"]]
             if where["turns"] == LINES and np.linalg.norm(where["axis"]) > LEAPS:
@@ -209,7 +223,7 @@ def compared(place: Place) -> Iterator[Found]:
         rate = (4.0 * first[0] - first[1]) / 3.0
         yield Found(sort, "rate", point["rate"], rate, abs(first[0] - first[1]) + 1e-11)
         yield Found(sort, "closing", point["closing"], (4.0 * second[0] - second[1]) / 3.0, off)
-        if sort == "corner":
+        if sort in {"corner", "wall"}:
             third = -(gap[2] - 2.0 * gap[1] + 2.0 * gap[-1] - gap[-2]) / (2.0 * STEP**3)
             off = ROUGH * abs(third) + 10.0 * curving * place.plate.bounds.fastest + 30.0
             yield Found(sort, "closing_rate", point["closing_rate"], third, off)
@@ -252,7 +266,9 @@ def test_gaps_over_a_plate_change_as_their_points_say(name: str, plate: str) -> 
     """A corner or a ball that is just above it or just inside."""
     rng = np.random.default_rng([list(PARTS).index(name), list(PLATES).index(plate)])
     found = [one for _ in range(400) for one in compared(over(name, plate, rng, float(rng.uniform(-1e-6, 9e-7))))]
-    assert checked(found)["corner"] >= 200
+    counts = checked(found)
+    assert counts["corner"] >= 200
+    assert (counts.get("wall", 0) >= 200) == (plate == "tube")
 
 
 def at_edge(name: str, rng: np.random.Generator, plate: str = "still") -> Place:
@@ -302,7 +318,9 @@ def test_gaps_at_the_edge_of_a_piston_change_as_their_points_say(name: str, sort
 def test_no_point_falls_by_itself_faster_than_its_bound(name: str, plate: str) -> None:
     rng = np.random.default_rng([list(PARTS).index(name), list(PLATES).index(plate), 6])
     for i in range(400):
-        place = at_edge(name, rng, plate) if i % 2 and plate != "bending" else over(name, plate, rng, 5e-7)
+        place = (
+            at_edge(name, rng, plate) if i % 2 and plate not in {"bending", "tube"} else over(name, plate, rng, 5e-7)
+        )
         points = place.points(looked_at(place))
         points = points[points["sort"] != ABOVE]
         slack = _unsure(place.parts, place.kinds, place.plate.bounds).slack
@@ -329,7 +347,7 @@ def assert_as_a_fresh_look(place: Place, n: int) -> int:
         for name in KEPT:
             np.testing.assert_array_equal(point[name], again[name], err_msg=name)
         names = RENEWED + (AND_PATH if point["sort"] != ABOVE else ())
-        names += ("swing", "unsure") if point["sort"] == AT_EDGE else ()
+        names += ("swing", "unsure", "wild") if point["sort"] in {AT_EDGE, ON_WALL} else ()
         for name in names:
             np.testing.assert_allclose(point[name], again[name], rtol=1e-9, atol=1e-9, err_msg=name)
         below += point["sort"] != ABOVE
@@ -353,7 +371,7 @@ def test_rates_renewed_over_a_plate_are_those_of_a_fresh_look(name: str, plate: 
         n = looked_at(place)
         for _ in range(3):
             changed(place, rng)
-            _renew(place.parts, place.kinds, n, place.work)
+            _renew(place.parts, place.kinds, place.plate, n, place.work)
             known += assert_as_a_fresh_look(place, n)
     assert known >= 150
 
@@ -368,7 +386,7 @@ def test_rates_renewed_at_the_edge_are_those_of_a_fresh_look(name: str) -> None:
         n = looked_at(place)
         for _ in range(5):
             changed(place, rng)
-            _renew(place.parts, place.kinds, n, place.work)
+            _renew(place.parts, place.kinds, place.plate, n, place.work)
             known += assert_as_a_fresh_look(place, n)
     assert known > 100
 
@@ -385,7 +403,7 @@ def closed(place: Place) -> Place:
     return place
 
 
-@pytest.mark.parametrize("where", ["still", "piston", "edge"])
+@pytest.mark.parametrize("where", ["still", "piston", "tube", "edge"])
 @pytest.mark.parametrize("name", PARTS)
 def test_rates_after_an_impact_are_those_of_a_fresh_look(name: str, where: str) -> None:
     rng = np.random.default_rng([list(PARTS).index(name), len(where), 3])

@@ -1,4 +1,4 @@
-"""The one part of a scene, which meets the plate and perhaps the wall of a tube, and nothing else."""
+"""The one part of a scene, which meets the plate and nothing else, in steps."""
 
 from __future__ import annotations
 
@@ -8,18 +8,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from feeder_sim.borrow import borrow
-from feeder_sim.engines.impact_log import ImpactLog, begin_contact, end_contact, in_contact
 from feeder_sim.engines.impulse.frame_rows import write_row
-from feeder_sim.engines.impulse.plate_contact import TOUCH, meet_plate
+from feeder_sim.engines.impulse.plate_contact import meet_plate
 from feeder_sim.engines.impulse.rest import fall_asleep, wake
 from feeder_sim.engines.impulse.state import (
     ASLEEP,
-    GAP,
-    SURFACE_RATE,
     Kinds,
     Plate,
     Scratch,
-    Wall,
     fly_to,
     orthonormalise_parts,
 )
@@ -28,7 +24,6 @@ from feeder_sim.engines.protocol import ENDED, WHOLE
 from feeder_sim.engines.surface_arrays import SurfaceArrays
 from feeder_sim.machine_code import compiled, entry_point, uncounted
 
-SAME_CONTACT = 1.5  # steps between two impacts that count as one contact
 ORIGIN, NUMBER, DUE = range(3)  # of the clock
 
 
@@ -41,39 +36,29 @@ class Drive(NamedTuple):
     window: float
 
 
-class ContactNotes(NamedTuple):
-    """Contacts of a part in a guide; last: end of the contact under way, and the part's vertical velocity then."""
-
-    log: ImpactLog
-    last: NDArray[np.float64]
-
-
 class Alone(NamedTuple):
-    """The part, as an array of one; its kind; the wall of its tube, None without one; and scratch space."""
+    """The part, as an array of one; its kind; and scratch space."""
 
     parts: NDArray[np.void]
     kinds: Kinds
-    wall: Wall | None
     work: Scratch
 
 
 @entry_point
-def advance_alone(alone, drive, notes, clock, frames):
+def advance_alone(alone, drive, clock, frames):
     """Advance the part past the times of frames, and write its state at each.
 
     clock: time from which windows count, number of the window under way, and when the part is to be looked at next.
     """
-    advance_part(alone, drive, notes, clock, frames)
+    advance_part(alone, drive, clock, frames)
 
 
 @compiled
-def advance_part(alone, drive, notes, clock, frames):
+def advance_part(alone, drive, clock, frames):
     """`advance_alone` for compiled functions."""
     alone, frames = borrow(alone), borrow(frames)
     part, kind, surface = alone.parts[0], alone.kinds.record[0], drive.surface
-    top = 0.0  # in a tube, contacts are told apart by the usual step
-    if alone.wall is None:
-        top = fastest_rate(surface)
+    top = fastest_rate(surface)
     start, end = clock[ORIGIN] + clock[NUMBER] * drive.window, clock[ORIGIN] + (clock[NUMBER] + 1.0) * drive.window
     acting = acting_terms(surface, start, end)
     bounds = bound_window(acting, drive.extremes, start, end, drive.step, top)
@@ -92,9 +77,7 @@ def advance_part(alone, drive, notes, clock, frames):
                     wake(part)
                 clock[DUE] = start
             plate = Plate(borrow(acting), borrow(bounds))
-            clock[DUE] = _advance_until(
-                min(end, frames.time[frame]), clock[DUE], alone, plate, notes, drive.step, frames
-            )
+            clock[DUE] = _advance_until(min(end, frames.time[frame]), clock[DUE], alone, plate, frames)
             if frames.interrupt[ENDED] != 0:
                 return
         write_row(alone.parts, 0, alone.kinds, frames.time[frame], frames.row[frame, 0])
@@ -102,37 +85,15 @@ def advance_part(alone, drive, notes, clock, frames):
 
 
 @uncounted
-def _advance_until(until, t, alone, plate, notes, step, frames):
+def _advance_until(until, t, alone, plate, frames):
     """Look at the part again and again until a time [s]; returns when it is due after that."""
     part, kind = alone.parts[0], alone.kinds.record[0]
     while t < until and frames.interrupt[ENDED] == 0:
         if part.there == ASLEEP:
             return plate.bounds.end
         fly_to(part, kind, t)
-        before = part.velocity[2]
-        leap, hit = meet_plate(part, alone.kinds, alone.wall, plate.surface, plate.bounds, t, alone.work)
+        leap, hit = meet_plate(part, alone.kinds, plate.surface, plate.bounds, t, alone.work)
         t += leap
-        if hit:
-            if alone.wall is not None:
-                _note_contact(part, before, kind.corner_to - kind.corner_from, notes, t - leap, step, alone.work)
-            elif plate.bounds.calm:
-                fall_asleep(part, alone.kinds, plate.surface, alone.work)
+        if hit and plate.bounds.calm:
+            fall_asleep(part, alone.kinds, plate.surface, alone.work)
     return t
-
-
-@compiled
-def _note_contact(part, before, n_corners, notes, t, step, work):
-    """Note an impact on the plate of a part in a guide; what follows within a step is the same contact.
-
-    before: its vertical velocity before it.
-    """
-    log, last = notes.log, notes.last
-    if in_contact(log) and t - last[0] > SAME_CONTACT * step:
-        end_contact(log, last[0], last[1])
-    if not in_contact(log):
-        surface_rate = 0.0
-        for i in range(n_corners):
-            if work.corner[i, GAP] <= TOUCH:
-                surface_rate = work.corner[i, SURFACE_RATE]
-        begin_contact(log, t, max(surface_rate - before, 0.0))
-    last[0], last[1] = t, part.velocity[2]

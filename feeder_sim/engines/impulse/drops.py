@@ -12,13 +12,12 @@ from feeder_sim.machine_code import entry_point
 
 
 @entry_point
-def advance_to_rest(alone, drive, notes, interval, longest, interrupt, rested):
+def advance_to_rest(alone, drive, interval, longest, interrupt, rested):
     """Advance each part of `alone` until it has fallen asleep; parts are left where they are then.
 
     Args:
         alone: one part for each drop, at its start; kind, and scratch space.
         drive: as for `advance_alone`, of a plate that nothing moves.
-        notes: as for `advance_alone`.
         interval: after which a part is looked at [s].
         longest: time [s] after which a part is given up.
         interrupt: as for `FrameRows`.
@@ -26,12 +25,12 @@ def advance_to_rest(alone, drive, notes, interval, longest, interrupt, rested):
     """
     times, rows, clock = np.zeros(1), np.zeros((1, 1, ROW)), np.zeros(3)
     for k in range(alone.parts.shape[0]):
-        part = Alone(alone.parts[k : k + 1], alone.kinds, alone.wall, alone.work)
+        part = Alone(alone.parts[k : k + 1], alone.kinds, alone.work)
         clock[:] = 0.0
         times[0], rested[k] = 0.0, np.nan
         while times[0] < longest:
             times[0] += interval
-            advance_part(part, drive, notes, clock, FrameRows(times, rows, interrupt))
+            advance_part(part, drive, clock, FrameRows(times, rows, interrupt))
             if interrupt[ENDED] != 0:
                 return
             if part.parts[0].there == ASLEEP:

@@ -22,8 +22,7 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 from numpy.typing import NDArray
 
-from feeder_sim.engines.impact_log import new_log, room_for, take_impacts
-from feeder_sim.engines.impulse.alone import SAME_CONTACT, Alone, ContactNotes, Drive, advance_alone
+from feeder_sim.engines.impulse.alone import Alone, Drive, advance_alone
 from feeder_sim.engines.impulse.components import lay_to_rest
 from feeder_sim.engines.impulse.crowd import find_neighbours, open_window, share_out
 from feeder_sim.engines.impulse.frame_rows import (
@@ -50,11 +49,10 @@ from feeder_sim.engines.impulse.state import (
     Plate,
     new_parts,
     new_scratch,
-    read_wall,
 )
 from feeder_sim.engines.protocol import ENDED, WHOLE, new_interrupt
 from feeder_sim.engines.surface_arrays import SurfaceArrays, surface_arrays
-from feeder_sim.records.seed import Counts, Events
+from feeder_sim.records.seed import Counts, Events, impacts_of
 from feeder_sim.records.trajectory import BLOCK_FRAMES, Frames
 from feeder_sim.scene.scene import Scene
 from feeder_sim.scene.start import Pose, start_poses
@@ -90,8 +88,6 @@ class ImpulseEngine:
         self._interrupt = new_interrupt() if interrupt is None else interrupt
         self._kinds = kinds = read_kinds(scene)
         self._n = len(scene.parts)
-        self._wall = read_wall(scene.guides[0])
-        self._notes = ContactNotes(new_log(1), np.zeros(2))
         self._surface = surface_arrays(scene.surface, scene.scenario.run)
         self._threads = max(1, threads)
         self._alone = self._single_apart and self._n == 1 and not scene.rim and scene.scenario.refill is None
@@ -141,14 +137,9 @@ class ImpulseEngine:
         scene, rows = self._scene, np.empty((n_frames, self._n, ROW))
         times = np.asarray((self._frame + 1 + np.arange(n_frames)) * scene.frame_interval, float)
         if self._alone:
-            if self._wall is not None:  # each contact takes a step at least
-                room = n_frames * (scene.steps_per_frame + 1) + 1
-                self._notes = self._notes._replace(log=room_for(self._notes.log, room))
             drive = Drive(self._surface, self._scene.surface.extremes, scene.timestep, WINDOW_ALONE)
             frames = self._rows_to_fill(times, rows)
-            advance_alone(
-                Alone(self._parts, self._kinds, self._wall, self._work[0]), drive, self._notes, self._clock, frames
-            )
+            advance_alone(Alone(self._parts, self._kinds, self._work[0]), drive, self._clock, frames)
         else:
             self._interrupt[WHOLE] = 0
             self._advance_crowd(times, rows)
@@ -299,10 +290,7 @@ class ImpulseEngine:
         return Counts(self._unresolved + sum(int(work.unresolved[0]) for work in self._work))
 
     def take_impacts(self, *, end: bool) -> Events:
-        log, last = self._notes
-        since = self._frame * self._scene.frame_interval - last[0]
-        over = since > SAME_CONTACT * self._scene.timestep
-        return take_impacts(log, end=end, over=(float(last[0]), float(last[1])) if over else None)
+        return impacts_of(np.empty((0, 4)))
 
     def _first_row(self, parts: NDArray[np.void]) -> NDArray[np.float64]:
         """The state of parts that have not moved yet, shape (parts, ROW)."""

@@ -31,7 +31,6 @@ from feeder_sim.engines.impulse.state import (
     inverse_inertia,
     spin_of,
 )
-from feeder_sim.engines.impulse.tube_contact import approach_wall, gather_wall, leap_to_wall, meeting_time
 from feeder_sim.engines.impulse.vectors import dot
 from feeder_sim.engines.surface_arrays import ON_EDGE, off_plate
 from feeder_sim.machine_code import compiled, inlined, uncounted
@@ -50,44 +49,32 @@ BESIDE = 2e-4  # [m]; a point that far below the surface is beside the plate or 
 
 
 @inlined
-def meet_plate(part, kinds, wall, surface, bounds, t, work):
+def meet_plate(part, kinds, surface, bounds, t, work):
     """Impacts of one part at time t [s], and how long it may fly then.
-
-    The wall is None without a tube: then nothing about walls is compiled.
 
     Returns:
         the flight [s]; whether it has hit the plate.
     """
     kind = kinds.record[part.kind]
     height = part.position[2] - kind.reach - kind.radius - bounds.crest
-    if wall is None:  # noqa: SIM102 - else it can be near the wall; numba leaves out a plain test of None only
-        if height > 2.0 * TOUCH:
-            rising = part.velocity[2]
-            fall = (rising + math.sqrt(rising * rising + 2.0 * GRAVITY * height)) / GRAVITY
-            return max(fall, shortest_flight(part, kind, bounds)) if fall < bounds.step else fall, False
+    if height > 2.0 * TOUCH:
+        rising = part.velocity[2]
+        fall = (rising + math.sqrt(rising * rising + 2.0 * GRAVITY * height)) / GRAVITY
+        return max(fall, shortest_flight(part, kind, bounds)) if fall < bounds.step else fall, False
     moved, lowest = lowest_points(part, kind, surface, bounds, 2.0 * TOUCH, t, work)
     further = points_on_edge(part, kind, kinds, surface, work)
     corners, n_corners, others = kinds.corners[kind.corner_from : kind.corner_to], count_of(kind), np.inf
     if further > 0 or is_round(kind):
         corners = work.points[: n_corners + further]
-    elif wall is None and n_corners > MANY and not bounds.calm:  # what comes to rest is looked at with all corners
+    elif n_corners > MANY and not bounds.calm:  # what comes to rest is looked at with all corners
         near, others = gather_near(part, kind, corners, bounds, work)
         corners = work.points[:near]
     on_plate, last = look(part, kind, corners, surface, bounds, t, moved, work)
-    if wall is None:
-        if on_plate == 1:
-            _impact_at(last, part, kind, corners, surface, work)
-        elif on_plate > 1:
-            _impact(part, kind, corners, None, surface, work)
-    else:
-        on_wall = approach_wall(part, kind, corners, wall, TOUCH, work)
-        if on_plate + on_wall > 0:
-            _impact(part, kind, corners, wall, surface, work)
-            approach_wall(part, kind, corners, wall, TOUCH, work)
+    if on_plate == 1:
+        _impact_at(last, part, kind, corners, surface, work)
+    elif on_plate > 1:
+        _impact(part, kind, corners, surface, work)
     leap, to_crest, own = longest_leap(part, kind, corners, work)
-    if wall is not None:  # in a play of micrometres a part must not fly a whole step into the wall
-        wall_leap = leap_to_wall(part, kind, corners, wall, work)
-        return max(min(leap, wall_leap), meeting_time(work, corners.shape[0], bounds.step)), on_plate > 0
     tilt = tilt_of(lowest, part, kind, work)
     leap, to_crest = leap_of_circles(tilt, kind, bounds, own, leap, to_crest, work)
     shortest = stride = shortest_flight(part, kind, bounds)
@@ -231,7 +218,7 @@ def _impact_at(i, part, kind, corners, surface, work):
     inverse_mass, turns = 1.0 / kind.mass, inverse_inertia(part, kind)
     e, mu = restitution_on_plate(part, kind, arm, normal, velocity), kind.friction[0]
     if not hit_plate(part, kind, inverse_mass, turns, arm, normal, velocity, (e, mu)):
-        _impact(part, kind, corners, None, surface, work)
+        _impact(part, kind, corners, surface, work)
         return
     depth = lift_by_turning(part, kind, inverse_mass, turns, arm, max(-work.corner[i, GAP], 0.0))
     put_back(part, corners, depth, work)
@@ -239,7 +226,7 @@ def _impact_at(i, part, kind, corners, surface, work):
 
 
 @uncounted
-def _impact(part, kind, corners, wall, surface, work):
+def _impact(part, kind, corners, surface, work):
     """Put the deepest corner back on the surface and give impulses to all corners that touch and approach.
 
     What a corner covered inside the surface within one step would otherwise add up, and a resting part would sink.
@@ -253,8 +240,6 @@ def _impact(part, kind, corners, wall, surface, work):
         law = restitution_on_plate(part, kind, arm, normal, velocity), kind.friction[0]
         meet_world(n, work.contacts, 0, (arm, normal, velocity), law)
         n += 1
-    if wall is not None:
-        n = gather_wall(part, kind, corners, wall, TOUCH, n, work)
     if not resolve_impact(part, kind, n, None, work):
         work.unresolved[0] += 1
     put_back(part, corners, depth, work)

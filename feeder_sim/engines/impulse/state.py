@@ -17,9 +17,8 @@ from feeder_sim.engines.impulse.vectors import dot, times, vector
 from feeder_sim.engines.surface_arrays import SurfaceArrays
 from feeder_sim.machine_code import compiled, inlined
 from feeder_sim.plate.zener import TABLE_POINTS
-from feeder_sim.scene.scene import Guide
 
-GAP, RATE, SURFACE_RATE, SURFACE_ACCELERATION, WALL_GAP, WALL_RATE = range(6)  # columns of Scratch.corner
+GAP, RATE, SURFACE_RATE, SURFACE_ACCELERATION = range(4)  # columns of Scratch.corner
 ABSENT, AWAKE, ASLEEP = range(3)  # in PART, there
 ALONE = -1  # in PART, asleep_with
 SLENDER = 4.0  # largest over smallest moment of inertia
@@ -107,16 +106,6 @@ class Kinds(NamedTuple):
     piece: NDArray[np.void]
 
 
-class Wall(NamedTuple):
-    """The wall of a tube: a point of its axis [m], unit vector along it, inner radius [m]."""
-
-    foot: NDArray[np.float64]
-    axis: NDArray[np.float64]
-    radius: float
-    restitution: float
-    friction: float
-
-
 class Bounds(NamedTuple):
     """What the surface can do at most within a window of time.
 
@@ -145,8 +134,8 @@ class Plate(NamedTuple):
 class Scratch(NamedTuple):
     """Few arrays, since every one of them makes each call of a compiled function dearer.
 
-    corner: (n, 6), columns GAP over what it can touch, RATE of approach, what the surface adds to rate and acceleration
-    bound, WALL_GAP, WALL_RATE. bodies and contacts: of an impact, of one part or two. modal: (4, n_shapes), q and
+    corner: (n, 4), columns GAP over what it can touch, RATE of approach, what the surface adds to rate and acceleration
+    bound. bodies and contacts: of an impact, of one part or two. modal: (4, n_shapes), q and
     dq/dt, now and as they will be. under: (n, n_shapes), deflections under each corner. modes: (n_shapes, 3). points:
     (n, 3), points of the hull on the plate's edge. unresolved: (1,), impacts that were not solved.
     """
@@ -188,15 +177,8 @@ def new_parts(
     return parts
 
 
-def read_wall(guide: Guide | None) -> Wall | None:
-    """The wall of a guide with play, None without one."""
-    if guide is None or guide.radius is None or guide.restitution is None:
-        return None
-    return Wall(np.array([*guide.foot, 0.0]), guide.axis, guide.radius, guide.restitution, guide.friction)
-
-
 def new_scratch(kinds: Kinds, n_shapes: int, yielding: int = 0) -> Scratch:
-    """Room for any part: each of its corners can touch plate and wall, each of its edges the edge of the plate.
+    """Room for any part: each of its corners can touch the plate, each of its edges the edge of the plate.
 
     yielding: number of modes that give way.
     """
@@ -206,7 +188,7 @@ def new_scratch(kinds: Kinds, n_shapes: int, yielding: int = 0) -> Scratch:
     bodies, contacts, _ = new_room(2, max(2 * n, 2 * int(of_piece.max())), yielding)
     sizes = (4, n_shapes), (n, n_shapes), (n_shapes, 3), (n, 3)
     modal, under, modes, points = (np.zeros(size) for size in sizes)
-    return Scratch(np.zeros((n, 6)), bodies, contacts, modal, under, modes, points, np.zeros(1, np.int64))
+    return Scratch(np.zeros((n, 4)), bodies, contacts, modal, under, modes, points, np.zeros(1, np.int64))
 
 
 @inlined

@@ -66,7 +66,7 @@ def look_at_edge(part, kinds, plate, first, turning, work):
         if point.gap < -BESIDE:
             continue
         point.sort, point.edge, point.friction, point.carried = AT_EDGE, k, kind.friction[0], 0
-        point.push = along_at(under, work.now, ACCELERATION)
+        point.wild, point.push = 0.0, along_at(under, work.now, ACCELERATION)
         point.most_push = most_push(under, plate.bounds)
         write_to(point.surface_velocity, flow_at(under, work.now, surface))
         _lean(point, edge, kind, slope_at(under, work.now))

@@ -7,18 +7,21 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from feeder_sim.engines.impact_log import new_log, room_for, take_impacts
 from feeder_sim.engines.impulse.engine import COLUMNS, ImpulseEngine
 from feeder_sim.engines.impulse.frame_rows import ROW
-from feeder_sim.engines.impulse.free_part.loop import WINDOW, Drive, FreePart, advance
-from feeder_sim.engines.impulse.free_part.state import FREE, Exactness, new_part, new_scratch
+from feeder_sim.engines.impulse.free_part.loop import Drive, FreePart, advance
+from feeder_sim.engines.impulse.free_part.notes import Notes
+from feeder_sim.engines.impulse.free_part.state import FREE, WINDOW, Exactness, new_part, new_scratch, read_wall
 from feeder_sim.engines.impulse.state import ABSENT
 from feeder_sim.engines.noise import new_streams
 from feeder_sim.engines.surface_arrays import surface_arrays
-from feeder_sim.records.seed import Counts, Events, impacts_of
+from feeder_sim.records.seed import Counts, Events
 from feeder_sim.records.trajectory import Frames
 from feeder_sim.scene.scene import Scene
 from feeder_sim.scene.start import Pose
 
+SAME_CONTACT = 1.5  # usual steps between two impacts that count as one contact
 TOUCHING, LEAST_TOUCH = 0.01, 1e-13  # share of the tolerance, and [m]: gaps from which on points touch
 
 
@@ -44,6 +47,8 @@ class FreePartEngine(ImpulseEngine):
         self._exact = exactness_of(scene)
         self._scratch = new_scratch(self._kinds, scene.surface.n_shapes)
         self._part = new_part(self._parts, new_streams(rng, 1))
+        self._wall = read_wall(scene.guides[0])
+        self._notes = Notes(new_log(1), np.zeros(2), SAME_CONTACT * scene.timestep)
 
     @property
     def counts(self) -> Counts:
@@ -54,7 +59,11 @@ class FreePartEngine(ImpulseEngine):
         times = np.asarray((self._frame + 1 + np.arange(n_frames)) * scene.frame_interval, float)
         drive = Drive(self._surface, scene.surface.extremes, self._exact, WINDOW)
         frames = self._rows_to_fill(times, rows)
-        advance(FreePart(self._part, self._kinds, self._scratch), drive, self._clock, frames)
+        if self._wall is not None:
+            room = int(n_frames * scene.frame_interval / self._notes.apart) + 2
+            self._notes = self._notes._replace(log=room_for(self._notes.log, room))
+        free = FreePart(self._part, self._kinds, self._scratch, self._wall, self._notes)
+        advance(free, drive, self._clock, frames)
         return self._advanced(rows)
 
     def _begin_window_now(self) -> None:
@@ -78,4 +87,6 @@ class FreePartEngine(ImpulseEngine):
         self._surface = surface_arrays(scene.surface, scene.scenario.run)
 
     def take_impacts(self, *, end: bool) -> Events:
-        return impacts_of(np.empty((0, 4)))
+        log, last, apart = self._notes
+        over = self._frame * self._scene.frame_interval - last[0] > apart
+        return take_impacts(log, end=end, over=(float(last[0]), float(last[1])) if over else None)

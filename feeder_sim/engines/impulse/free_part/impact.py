@@ -18,8 +18,9 @@ from feeder_sim.engines.impulse.contact_problem import (
 )
 from feeder_sim.engines.impulse.free_part.contact_law import hit_alone, restitution_at
 from feeder_sim.engines.impulse.free_part.leap import LEFT, twist_of
+from feeder_sim.engines.impulse.free_part.on_wall import restitution_of_wall
 from feeder_sim.engines.impulse.free_part.points import move_points, touches
-from feeder_sim.engines.impulse.free_part.state import UNRESOLVED
+from feeder_sim.engines.impulse.free_part.state import ON_WALL, UNRESOLVED
 from feeder_sim.engines.impulse.state import inverse_inertia
 from feeder_sim.engines.impulse.vectors import add_to, cross, plus, vector, write_to
 from feeder_sim.engines.noise import half_normal
@@ -64,17 +65,17 @@ def gather(i, m, restitution, work):
 
 
 @inlined
-def strike(part, kind, seen, rebounds, bounds, work):
+def strike(part, kind, seen, rebounds, plate, work):
     """Impacts at all points that touch, until none approaches; returns how the part turns after them.
 
     rebounds: False where nothing may bounce.
     """
-    turning = seen.turning
+    turning, bounds = seen.turning, plate.bounds
     for rounds in range(ROUNDS + 1):
-        m, approaches = _gather_touching(kind, seen.n, rebounds and rounds < ROUNDS, bounds, turning, work)
+        m, approaches = _gather_touching(kind, seen.n, rebounds and rounds < ROUNDS, plate, turning, work)
         if not approaches:
             break
-        if not (m == 1 and hit_alone(part, kind, work)):
+        if not (m == 1 and work.point[work.point_of[0]].sort != ON_WALL and hit_alone(part, kind, work)):
             load_part(part, kind, turning, 0.0, work)
             if not impact(work.bodies, work.contacts, m, None):
                 work.counts[UNRESOLVED] += 1
@@ -83,23 +84,25 @@ def strike(part, kind, seen, rebounds, bounds, work):
                 arm, impulse = work.contacts.vector[ARM_SECOND, i], work.contacts.vector[IMPULSE, i]
                 add_to(part.momentum, 1.0, cross(arm, impulse))
         _scatter(part, m, bounds, work)
-        turning = move_points(part, kind, seen.n, work)
+        turning = move_points(part, kind, plate, seen.n, work)
     return turning
 
 
 @inlined
-def _gather_touching(kind, n, rebounds, bounds, turning, work):
+def _gather_touching(kind, n, rebounds, plate, turning, work):
     """Make all points that are as good as touching, and do not leave, contacts; returns their number.
 
     And whether one of them touches and approaches.
     """
-    m, approaches, twist = 0, False, twist_of(kind, turning)
+    m, approaches, twist, bounds = 0, False, twist_of(kind, turning), plate.bounds
     for i in range(n):
         point = work.point[i]
         if point.rate > LEFT or not touches(point, TOGETHER * bounds.exact.tolerance):
             continue
         approaches = approaches or (point.rate < -LEFT and point.gap <= bounds.exact.touch)
-        e = restitution_at(kind, -point.rate) if rebounds else 0.0
+        e = 0.0
+        if rebounds:
+            e = restitution_of_wall(plate) if point.sort == ON_WALL else restitution_at(kind, -point.rate)
         departure = 0.5 * chatter_time(point.most_push, twist, bounds) * (1.0 - e) * max(point.closing, 0.0)
         if -e * point.rate <= departure:
             e = 0.0  # what is left of its bounces is summed: they take what the plate pushes meanwhile

@@ -146,7 +146,7 @@ def _safe_leap(i, far, enough, bounds, unsure, work):
         return 0.0, True
     # The plate pushes more, or less, where the point has come to after that phase of its motion.
     push = point.most_push + unsure.slack * (2.0 + 0.5 * (phase + LONGEST))
-    snap = (push * bounds.fastest + point.unsure) * bounds.fastest + unsure.wild
+    snap = (push * bounds.fastest + point.unsure) * bounds.fastest + unsure.wild + point.wild
     change += point.unsure
     longest = LONGEST * per_fastest
     if enough < longest:
@@ -170,7 +170,8 @@ def _expected(i, far, bounds, unsure, work):
     gap, rate, closing, change = ahead(point, work.under[i], far, work.now, work.then)
     if gap > 2.0 * half:
         point.inside = 0.0
-    more, wild, phase, bent, slip = far * point.unsure, far * far * unsure.wild, bounds.fastest * far, 0.0, 0.0
+    more, wild = far * point.unsure, far * far * (unsure.wild + point.wild)
+    phase, bent, slip = bounds.fastest * far, 0.0, 0.0
     if point.sort == ON_PLATE:
         bent = unsure.curving
     elif point.sort == AT_EDGE:  # the place on the edge moves along it
@@ -179,4 +180,4 @@ def _expected(i, far, bounds, unsure, work):
     rate -= slip + far * (0.5 * more + SIXTH * wild + bent * (2.0 + phase))
     closing += more + 0.5 * wild + bent * (2.0 + phase * (4.0 + phase))
     gap += point.inside - half
-    return gap - max(margin - UNSEEN * bounds.exact.tolerance, 0.0), rate, closing, change
+    return gap - max(margin - UNSEEN * bounds.exact.tolerance, 0.0), rate, closing, change + far * point.wild

@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 from feeder_sim.borrow import borrow
 from feeder_sim.engines.impulse.frame_rows import write_state
 from feeder_sim.engines.impulse.free_flight import orthonormalise
+from feeder_sim.engines.impulse.free_part.notes import Notes
 from feeder_sim.engines.impulse.free_part.ride import bring
-from feeder_sim.engines.impulse.free_part.state import PART, Exactness, Plate, Scratch
+from feeder_sim.engines.impulse.free_part.state import PART, Exactness, Plate, Scratch, Wall
 from feeder_sim.engines.impulse.free_part.step import step
 from feeder_sim.engines.impulse.free_part.window import bound
 from feeder_sim.engines.impulse.state import ABSENT, ASLEEP, AWAKE, Kinds
@@ -20,7 +21,6 @@ from feeder_sim.engines.protocol import ENDED, WHOLE
 from feeder_sim.engines.surface_arrays import SurfaceArrays
 from feeder_sim.machine_code import compiled, entry_point, uncounted
 
-WINDOW = 2e-2  # [s]; bounds follow the ring-up of the plate
 ORIGIN, NUMBER, DUE = range(3)  # of the clock
 
 
@@ -34,11 +34,15 @@ class Drive(NamedTuple):
 
 
 class FreePart(NamedTuple):
-    """The part, as an array of one; its kind; and scratch space."""
+    """The part, as an array of one; its kind; scratch space; the wall of its tube, None without one, and what is
+    noted there.
+    """
 
     parts: NDArray[np.void]
     kinds: Kinds
     work: Scratch
+    wall: Wall | None
+    notes: Notes
 
 
 @entry_point
@@ -63,7 +67,7 @@ def advance_free_part(free, drive, clock, frames):
         if clock[DUE] == start:
             orthonormalise(part.attitude)
         _wake(part, bounds, start)  # the drive may have changed since
-        frame = _through_window(frame, free, Plate(borrow(acting), borrow(bounds)), clock, frames, seen)
+        frame = _through_window(frame, free, Plate(borrow(acting), borrow(bounds), free.wall), clock, frames, seen)
         if frame == frames.time.shape[0] or frames.interrupt[ENDED] != 0:
             return
         clock[NUMBER] += 1.0

@@ -41,7 +41,7 @@ def look_at_corners(part, kinds, plate, t, turning, work):
     for i in range(corners.shape[0]):
         point, arm = work.point[i], arm_of(part, corners, i)
         point.sort, point.most_push, point.unsure = ABOVE, 0.0, 0.0
-        point.push, point.carried = 0.0, 0
+        point.push, point.wild, point.carried = 0.0, 0.0, 0
         point.gap = part.position[2] + arm[2] - kind.radius - plate.bounds.crest
         write_to(point.arm, plus(arm, -kind.radius, UP))
         write_to(point.normal, UP)

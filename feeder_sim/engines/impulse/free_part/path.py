@@ -51,7 +51,7 @@ def turning_of(part, kind):
 
 @inlined
 def write_path(point, part, centre, turning):
-    """Write the path of a centre [m], seen from the centre of mass, as the part flies by itself."""
+    """Write the path of a centre [m], seen from the centre of mass, as the part flies by itself; returns its jerk."""
     spin, change, again = turning.spin, turning.change, turning.change_rate
     v = cross(spin, centre)
     a = plus(cross(change, centre), 1.0, cross(spin, v))
@@ -59,6 +59,7 @@ def write_path(point, part, centre, turning):
     write_to(point.path_velocity, plus(part.velocity, 1.0, v))
     point.path_acceleration[0], point.path_acceleration[1], point.path_acceleration[2] = a[0], a[1], a[2] - GRAVITY
     point.path_jerk = jerk[2]
+    return jerk
 
 
 @inlined

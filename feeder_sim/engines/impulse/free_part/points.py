@@ -9,8 +9,9 @@ import numpy as np
 from feeder_sim.engines.impulse.free_part.at_edge import REACH, look_at_edge, move_edge_point
 from feeder_sim.engines.impulse.free_part.moving_surface import move_surface
 from feeder_sim.engines.impulse.free_part.on_plate import look_at_corners, move_corner
+from feeder_sim.engines.impulse.free_part.on_wall import look_at_wall, move_at_wall
 from feeder_sim.engines.impulse.free_part.path import Turning, turning_of
-from feeder_sim.engines.impulse.free_part.state import ABOVE, AT_EDGE
+from feeder_sim.engines.impulse.free_part.state import ABOVE, AT_EDGE, ON_WALL
 from feeder_sim.engines.surface_arrays import edge_distance
 from feeder_sim.machine_code import inlined
 
@@ -35,7 +36,8 @@ def look(part, kinds, plate, t, work):
         if not moved:
             move_surface(t, plate.surface, work.now)
         n, at_edge = look_at_edge(part, kinds, plate, n, turning, work)
-    return Seen(n, close or at_edge, near_edge, turning)
+    n, at_wall = look_at_wall(part, kinds, plate, n, turning, work)
+    return Seen(n, close or at_edge or at_wall, near_edge, turning)
 
 
 @inlined
@@ -49,12 +51,14 @@ def _may_reach_edge(part, kind, surface):
 
 
 @inlined
-def move_points(part, kind, n, work):
+def move_points(part, kind, plate, n, work):
     """How the first n points move anew, after the velocity of the part has changed; returns how it turns."""
     turning = turning_of(part, kind)
     for i in range(n):
         if work.point[i].sort == AT_EDGE:
             move_edge_point(i, part, kind, turning, work)
+        elif work.point[i].sort == ON_WALL:
+            move_at_wall(i, part, kind, plate, turning, work)
         else:
             move_corner(i, part, kind, turning, work)
     return turning

@@ -13,18 +13,21 @@ from feeder_sim.engines.impulse.free_part.edge_piece import EDGE_POINT
 from feeder_sim.engines.impulse.state import AWAKE, PART_FIELDS, Kinds, flies, rotate
 from feeder_sim.engines.surface_arrays import SurfaceArrays
 from feeder_sim.machine_code import inlined
+from feeder_sim.scene.scene import Guide
 
+WINDOW = 2e-2  # [s]; bounds follow the ring-up of the plate
 FREE, PRESSED, FOLLOWING = range(3)  # in PART, phase
-# A point that can touch. sort: ABOVE the crest of the plate, to which the gap is, ON_PLATE or AT_EDGE. gap [m],
-# infinite where there is nothing to touch, its rate [m/s], how fast both sides are accelerated together, `closing`
-# [m/s^2], of it `push` by the plate, and its rate [m/s^3]; most_own, most_push: bounds on what both sides do of it;
-# unsure: bound on the change of what the point does of it, as far as that is not known [m/s^3]; push_rate: mean change
-# of the push while forces last [m/s^3]. arm from the centre of mass to the contact [m], normal from the plate, and the
-# velocity of the plate there [m/s]. Path of the centre of the sphere around the point: velocity, acceleration, and the
-# vertical part of its change; at the edge all is along the normal, in the vertical part; there the normal turns by a
-# swing [1/s], and `edge` is the row in Scratch.edge. carried: forces see to it (sustained.py). inside: how far it is
+# A point that can touch. sort: ABOVE the crest of the plate, to which the gap is, ON_PLATE, AT_EDGE or ON_WALL. gap
+# [m], infinite where there is nothing to touch, its rate [m/s], how fast both sides are accelerated together,
+# `closing` [m/s^2], of it `push` by the plate, and its rate [m/s^3]; most_own, most_push: bounds on what both sides
+# do of it; unsure: bound on the change of what the point does of it, as far as that is not known [m/s^3]; wild: on
+# the fourth derivative of its path, beyond that by turning [m/s^4]; push_rate: mean change of the push while forces
+# last [m/s^3]. arm from the centre of mass to the contact [m], normal from the plate, and the velocity of the plate
+# there [m/s]. Path of the centre of the sphere around the point: velocity, acceleration, and the vertical part of its
+# change; at the edge and at the wall all is along the normal, in the vertical part; there the normal turns by a swing
+# [1/s], and `edge` is the row in Scratch.edge. carried: forces see to it (sustained.py). inside: how far it is
 # inside, and let go [m]; safe: until when it does not touch [s]; lands: it does then (leap.py).
-ABOVE, ON_PLATE, AT_EDGE = range(3)
+ABOVE, ON_PLATE, AT_EDGE, ON_WALL = range(4)
 POINT = np.dtype(
     [
         ("sort", "i8"),
@@ -36,6 +39,7 @@ POINT = np.dtype(
         ("most_own", "f8"),
         ("most_push", "f8"),
         ("unsure", "f8"),
+        ("wild", "f8"),
         ("push_rate", "f8"),
         ("friction", "f8"),
         ("arm", "f8", 3),
@@ -114,11 +118,22 @@ class Bounds(NamedTuple):
     exact: Exactness
 
 
+class Wall(NamedTuple):
+    """The wall of a tube: a point of its axis [m], unit vector along it, inner radius [m]."""
+
+    foot: NDArray[np.float64]
+    axis: NDArray[np.float64]
+    radius: float
+    restitution: float
+    friction: float
+
+
 class Plate(NamedTuple):
-    """The plate in a window: the terms that act, and what they can do at most."""
+    """The plate in a window: the terms that act, what they can do at most, and the wall of a tube over it, or None."""
 
     surface: SurfaceArrays
     bounds: Bounds
+    wall: Wall | None
 
 
 class Scratch(NamedTuple):
@@ -143,8 +158,8 @@ class Scratch(NamedTuple):
 
 
 def new_scratch(kinds: Kinds, n_shapes: int) -> Scratch:
-    """Room for the part: its corners, and the points on the edge of the plate."""
-    rows = int((kinds.record["corner_to"] - kinds.record["corner_from"]).max()) + EDGE_POINTS
+    """Room for the part: its corners, on the plate and at a wall, and the points on the edge of the plate."""
+    rows = 2 * int((kinds.record["corner_to"] - kinds.record["corner_from"]).max()) + EDGE_POINTS
     bodies, contacts, _ = new_room(1, rows)
     return Scratch(
         point=np.zeros(rows + 1, POINT),
@@ -158,6 +173,13 @@ def new_scratch(kinds: Kinds, n_shapes: int) -> Scratch:
         counts=np.zeros(3, np.int64),
         before=np.zeros(1, PART),
     )
+
+
+def read_wall(guide: Guide | None) -> Wall | None:
+    """The wall of a guide with play, None without one."""
+    if guide is None or guide.radius is None or guide.restitution is None:
+        return None
+    return Wall(np.array([*guide.foot, 0.0]), guide.axis, guide.radius, guide.restitution, guide.friction)
 
 
 def new_part(like: NDArray[np.void], draws: NDArray[np.uint64]) -> NDArray[np.void]:

@@ -16,9 +16,11 @@ import math
 import numpy as np
 
 from feeder_sim.constants import GRAVITY
-from feeder_sim.engines.impulse.free_part.impact import strike
+from feeder_sim.engines.impulse.free_part.impact import TOGETHER, strike
 from feeder_sim.engines.impulse.free_part.leap import first_contact, shortest_leap, unsure_of
+from feeder_sim.engines.impulse.free_part.notes import note_contact, speed_of_touched_plate
 from feeder_sim.engines.impulse.free_part.on_plate import CLOSE
+from feeder_sim.engines.impulse.free_part.on_wall import is_guided
 from feeder_sim.engines.impulse.free_part.points import look, lowest_gap, touches
 from feeder_sim.engines.impulse.free_part.ride import bring, follows_until, goes_along, sit_down
 from feeder_sim.engines.impulse.free_part.state import FREE, LATE, SPENT
@@ -46,7 +48,7 @@ def step(free, plate, t):
     bring(part, kind, t, plate.surface)
     part.phase = FREE
     height = part.position[2] - kind.reach - kind.radius - plate.bounds.crest
-    if height > CLOSE:
+    if height > CLOSE and not is_guided(plate):
         rising, part.beside, part.depth = part.velocity[2], 0, 0.0
         return t + (rising + math.sqrt(rising * rising + 2.0 * GRAVITY * (height - 0.5 * CLOSE))) / GRAVITY
     if part.beside:
@@ -131,16 +133,24 @@ def _act(free, plate, t, seen, spent):
     """What the part does after a look; returns when to look at it next [s]. spent: nothing bounces."""
     part, kind, work = free.parts[0], free.kinds.record[free.parts[0].kind], free.work
     until, bounds, turning = _next_switch(plate.surface, t, plate.bounds.end), plate.bounds, seen.turning
+    before, rises = part.velocity[2], np.nan
     if seen.close:
-        turning = strike(part, kind, seen, not spent, bounds, work)
+        if is_guided(plate):
+            rises = speed_of_touched_plate(seen.n, TOGETHER * bounds.exact.tolerance, work)
+        turning = strike(part, kind, seen, not spent, plate, work)
     shortest, unsure = shortest_leap(part, bounds, turning), unsure_of(part, kind, bounds, turning)
     if seen.close:
         now = Moment(t, until, seen.n, turning, unsure)
         stays, held = press(part, kind, plate, now, SPARING if spent else shortest, work)  # until it is looked at
         if stays > 0.0:
             part.held = part.held + 1 if held else min(part.held, 0)
-            return t + (_stay(part, kind, plate, now, stays, work) if held else stays)
+            due = t + (_stay(part, kind, plate, now, stays, work) if held else stays)
+            if is_guided(plate):
+                note_contact(free.notes, t, due + 0.0 * rises, rises - before, part)
+            return due
         part.held = 0
+    if is_guided(plate):
+        note_contact(free.notes, t, t + 0.0 * rises, rises - before, part)
     limit = until - t
     if seen.near_edge:
         limit = min(limit, max(LEAST_LOOK, 0.25 * max(lowest_gap(seen.n, work), 0.0) / top_speed(part, kind)))
@@ -150,20 +160,29 @@ def _act(free, plate, t, seen, spent):
 @inlined
 def _stay(part, kind, plate, now, stays, work):
     """How long a part that does not slip stays [s]: for ever at rest, or while it follows, or for the time `stays`."""
+    if is_guided(plate):
+        if plate.bounds.calm and _is_still(part, kind, plate.bounds, work):
+            return _rest(part)
+        return stays
     height = _height(now.n, plate.bounds, work)
     if part.held < 1 or not goes_along(part, height, now.t + stays, plate.surface, work):
         return stays
     ends = follows_until(part, kind, plate, now, height, work)
     if plate.bounds.calm and (ends == now.until or _is_still(part, kind, plate.bounds, work)):
-        for k in range(3):
-            part.velocity[k] = part.momentum[k] = 0.0
-        part.there, part.phase = ASLEEP, FREE
-        return NEVER
+        return _rest(part)
     if ends - now.t <= stays:
         part.held = -SKIPPED
         return stays
     sit_down(part, kind, now.t, plate.surface)
     return ends - now.t
+
+
+@inlined
+def _rest(part):
+    for k in range(3):
+        part.velocity[k] = part.momentum[k] = 0.0
+    part.there, part.phase = ASLEEP, FREE
+    return NEVER
 
 
 @inlined

@@ -26,9 +26,19 @@ from feeder_sim.engines.impulse.free_part.impact import LONGEST_CHATTER, chatter
 from feeder_sim.engines.impulse.free_part.leap import LEFT, Unsure, first_contact, shortest_leap
 from feeder_sim.engines.impulse.free_part.moving_surface import along_at, flow_at, move_surface
 from feeder_sim.engines.impulse.free_part.on_plate import corner_after
+from feeder_sim.engines.impulse.free_part.on_wall import is_guided, wall_point_after
 from feeder_sim.engines.impulse.free_part.path import Turning, ahead
 from feeder_sim.engines.impulse.free_part.points import touches
-from feeder_sim.engines.impulse.free_part.state import ABOVE, ACCELERATION, AT_EDGE, FREE, PRESSED, UNRESOLVED
+from feeder_sim.engines.impulse.free_part.state import (
+    ABOVE,
+    ACCELERATION,
+    AT_EDGE,
+    FREE,
+    ON_PLATE,
+    ON_WALL,
+    PRESSED,
+    UNRESOLVED,
+)
 from feeder_sim.engines.impulse.state import top_speed
 from feeder_sim.engines.impulse.vectors import add_to, cross, difference, dot, plus, times, vector, write_to
 from feeder_sim.machine_code import inlined
@@ -121,6 +131,8 @@ def _time_of_forces(part, kind, bounds, now, work):
             if point.sort == AT_EDGE:
                 turns = math.sqrt(dot(point.arm, point.arm)) / top_speed(part, kind)
                 longest = min(longest, TURNED_AT_EDGE * turns)
+            elif point.sort == ON_WALL:
+                longest = min(longest, TURNED / max(math.sqrt(dot(point.swing, point.swing)), TURNED))
     chatter, time = chatter_time(most, now.unsure.twist, bounds), _time_of_change(most, longest, bounds)
     if now.turning.speed * time > TURNED * kind.reach:
         time = TURNED * kind.reach / now.turning.speed
@@ -188,7 +200,7 @@ def _solve_forces(part, kind, plate, now, times_and_slip, work):
                 target = min(target, -2.0 * (point.gap - 0.5 * exact.touch) / time - point.rate)
             work.contacts.number[TARGET, m] = target - turned
             m += 1
-    if plate.bounds.speed > 0.0:
+    if plate.bounds.speed > 0.0 and not is_guided(plate):
         _move_as_one(m, slips, work.contacts)
     if kind.corner_to - kind.corner_from > 1:
         _turn_inwards(now.turning.spin, m, time, work)
@@ -205,6 +217,9 @@ def _set_contact_after(m, part, kind, plate, turning_and_time, work):
     if point.sort == AT_EDGE:
         arm, normal, turned = edge_point_after(i, part, kind, turning, time, work)
         velocity = flow_at(under, work.then, plate.surface)
+    elif point.sort == ON_WALL:
+        arm, normal, turned = wall_point_after(i, part, kind, turning, time, work)
+        velocity = NOTHING
     else:
         arm, normal, velocity = corner_after(i, kind, plate, turning, time, work)
     point.push_rate = (along_at(under, work.then, ACCELERATION) - point.push) / time
@@ -375,7 +390,7 @@ def _push_others(part, kind, n, work):
         point.most_own += abs(towards)
         if point.sort == ABOVE:
             continue
-        if point.sort == AT_EDGE:
+        if point.sort != ON_PLATE:
             more = 0.0, 0.0, towards
         add_to(point.path_acceleration, 1.0, more)
         point.path_jerk += change

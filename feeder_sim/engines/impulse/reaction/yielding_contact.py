@@ -40,7 +40,7 @@ class Yielding(NamedTuple):
 
 @compiled
 def meet_yielding_plate(part, kinds, surface, bounds, t, work, yielding):
-    """As `meet_plate` without a wall."""
+    """As `meet_plate`."""
     kind = kinds.record[part.kind]
     height = part.position[2] - kind.reach - kind.radius - bounds.crest
     if height > 2.0 * TOUCH:
