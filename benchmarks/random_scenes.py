@@ -4,7 +4,7 @@
 
 Prints a row for each kind of scene, and every scene that fails; it is written as a scenario file that anyone can run.
 What must hold, and what the kinds are: tests/judged_scenes.py. Kinds of tests/judged_crowds.py, for several parts, and
-of tests/judged_tubes.py have to be asked for. With 5000 of each of the nine others it takes about an hour on two cores.
+of tests/judged_tubes.py have to be asked for. With 5000 of each of the others it takes about two hours on two cores.
 """
 
 from __future__ import annotations
@@ -24,11 +24,11 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 import judged_crowds
 import judged_scenes
 import judged_tubes
-from judged_scenes import KINDS, Finding
+from judged_scenes import ALL, Finding
 
 ASKED_FOR = {**dict.fromkeys(judged_crowds.KINDS, judged_crowds), judged_tubes.KIND: judged_tubes}
 AT_ONCE = 20  # scenes that a worker takes
-HEAD = "kind     scenes  refused  failed  late contacts  budgets spent  unresolved  s per s: median    99 %   worst"
+HEAD = "kind          scenes  refused  failed  late contacts  budgets spent  unresolved  s per s: median   99 %   worst"
 
 
 def several(kind: str, first: int, last: int) -> list[tuple[int, Finding | None]]:
@@ -44,7 +44,7 @@ def several(kind: str, first: int, last: int) -> list[tuple[int, Finding | None]
 
 def main(
     scenes: Annotated[int, typer.Option(help="of each kind")] = 5000,
-    kinds: Annotated[str, typer.Option(help="separated by commas")] = ",".join(KINDS),
+    kinds: Annotated[str, typer.Option(help="separated by commas")] = ",".join(ALL),
     first: Annotated[int, typer.Option(help="number of the first scene")] = 0,
     failing: Annotated[Path | None, typer.Option(help="folder for the scenes that fail")] = None,
     workers: Annotated[int, typer.Option()] = os.cpu_count() or 1,
@@ -71,11 +71,11 @@ def main(
                     print(f"  {kind} {seed}: {'; '.join(finding.faults)}", flush=True)
                     if failing is not None:
                         failing.mkdir(parents=True, exist_ok=True)
-                        (failing / f"{kind}_{seed}.toml").write_text(tomli_w.dumps(finding.scene))
+                        (failing / f"{kind.replace('/', '_')}_{seed}.toml").write_text(tomli_w.dumps(finding.scene))
             late, spent, unresolved = (sum(getattr(f.counts, name) for f in run) for name in COUNTED)
             wall = np.array([finding.wall_s for finding in run])
             print(
-                f"{kind:<7}{len(run):>8}{refused:>9}{failed:>8}{late:>15}{spent:>15}{unresolved:>12}"
+                f"{kind:<12}{len(run):>8}{refused:>9}{failed:>8}{late:>15}{spent:>15}{unresolved:>12}"
                 f"{np.median(wall):>17.3f}{np.quantile(wall, 0.99):>8.2f}{wall.max():>8.1f}",
                 flush=True,
             )

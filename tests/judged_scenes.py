@@ -57,9 +57,10 @@ class Finding:
 
 
 def scene(kind: str, seed: int) -> Raw:
-    """The scene of a kind, one of `KINDS`, with a number."""
+    """The scene of a kind, one of `ALL`, with a number."""
     rng = np.random.default_rng(seed)
-    part = ball(rng) if kind == "balls" else _part(rng)
+    kind, of = kind.split("/") if "/" in kind else (kind, "balls" if kind == "balls" else "")
+    part = {"balls": ball, "rods": cylinder, "": _part}[of](rng)
     contact = {
         "restitution": float(rng.choice([0.0, 0.2, 0.5, 0.8, 0.95])),
         "friction": float(rng.choice([0.0, 0.05, 0.3, 1.0])),
@@ -73,7 +74,7 @@ def scene(kind: str, seed: int) -> Raw:
     }
     plate, drive, where, run = KINDS[kind](rng)
     raw: Raw = {
-        "title": f"Random scene {seed}, {kind}",
+        "title": f"Random scene {seed}, {kind}/{of}",
         "plate": plate,
         "part": [part | {"start": start | where}],
         "contact": contact,
@@ -95,7 +96,7 @@ def nothing_more(scene: Scene, frames: Frames) -> list[str]:
 def looked_at(raw: Raw, name: str, more: Callable[[Scene, Frames], list[str]] = nothing_more) -> Finding | None:
     """Run a scene by the name of a file; more: looks for further faults."""
     try:
-        scenario = validated(raw, Scenario, Path(f"{name}.toml"))
+        scenario = validated(raw, Scenario, Path(f"{name.replace('/', '_')}.toml"))
         result = simulate(scenario, workers=1, stall_after=STALL_AFTER)
     except InputError:
         return None
@@ -136,6 +137,15 @@ def of_corners(shape: str, rng: Rng) -> Raw:
 
 def ball(rng: Rng) -> Raw:
     return {"shape": "ball", "diameter_mm": float(rng.uniform(1.0, 8.0))}
+
+
+def cylinder(rng: Rng) -> Raw:
+    """From a coin to a rod."""
+    return {
+        "shape": "cylinder",
+        "diameter_mm": float(rng.uniform(1.0, 8.0)),
+        "height_mm": float(10.0 ** rng.uniform(-0.3, 1.0)),
+    }
 
 
 Made = tuple[Raw, list[Raw], Raw, Raw]  # plate, drives, place and velocity, run
@@ -244,3 +254,4 @@ KINDS: dict[str, Callable[[Rng], Made]] = {
     "strip": _strip,
     "hole": _hole,
 }
+ALL = (*KINDS, *(f"{kind}/rods" for kind in KINDS if kind != "balls"))

@@ -199,6 +199,13 @@ def _laws_of_impact(s: Scenario) -> Broken:
             yield "contact.tangential_restitution", f"none with different numbers in part[{uneven[0]}].inertia_g_mm2"
         if s.run.reaction:
             yield "contact.tangential_restitution", "none with run.reaction = true"
+        if contact.rolling_friction_um:
+            yield "contact.rolling_friction_um", "0 with contact.tangential_restitution, whose impacts take no moment"
+    if contact.rolling_friction_um:
+        if s.run.reaction:
+            yield "contact.rolling_friction_um", "0 with run.reaction = true"
+        if s.guide is not None and s.guide.kind == "slide":
+            yield "contact.rolling_friction_um", '0 with part[0].guide.kind = "slide", on which nothing rolls'
     if contact.restitution == "zener":
         weighed = [i for i, part in enumerate(s.part) if part.mass_g is not None]
         if s.plate.kind in ("piston", "still"):
@@ -269,6 +276,8 @@ def _in_mujoco(s: Scenario) -> Broken:
         yield "contact.restitution", f"a number {before}"
     if contact.tangential_restitution is not None:
         yield "contact.tangential_restitution", "none in MuJoCo, which has no such law"
+    if contact.rolling_friction_um:
+        yield "contact.rolling_friction_um", "0 in MuJoCo, whose rolling friction is soft"
     if contact.noise_m_s not in (0.0, Contact().noise_m_s):
         yield "contact.noise_m_s", f"{NOISES} in MuJoCo, whose impacts do not scatter"
     if run.tolerance_nm is not None:

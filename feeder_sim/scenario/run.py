@@ -49,6 +49,7 @@ class Contact(Table):
         Share | Literal["zener"], PlainValidator(_share_or_zener, json_schema_input_type=Share | Literal["zener"])
     ] = 0.2
     friction: NonNegative = 0.3
+    rolling_friction_um: NonNegative = 0.0
     part_restitution: Share = 0.2
     part_friction: NonNegative = 0.3
     restitution_exponent: Share = 0.0

@@ -76,7 +76,6 @@ class Cylinder(PartTable):
     """Solid circular cylinder, axis upright at the start."""
 
     sizes: ClassVar[str] = "diameter_mm, height_mm"
-    in_steps: ClassVar[bool] = True
     shape: Literal["cylinder"]
     diameter_mm: LengthMm
     height_mm: LengthMm

@@ -36,11 +36,12 @@ STRIP: Raw = {"kind": "strip", "thickness_mm": 3.0}
 SLIDE = {"kind": "slide"}
 SCATTERED = {"kind": "scattered"}
 NUT: Raw = {"shape": "hex_nut", "size": "M3"}
-ROD: Raw = {"shape": "cylinder", "diameter_mm": 3.0, "height_mm": 6.0}
+DIMER: Raw = {"shape": "dimer", "ball_diameter_mm": 3.0, "length_mm": 12.0}
 NOISE: Raw = {"contact.noise_m_s": 1e-6}
 EXACT: Raw = {"run.tolerance_nm": 0.1}
 EXPONENT: Raw = {"contact.restitution": 0.3, "contact.restitution_exponent": 0.2}
 TANGENTIAL: Raw = {"contact.tangential_restitution": 0.3}
+ROLLING: Raw = {"contact.rolling_friction_um": 5.0}
 ZENER: Raw = {"contact.restitution": "zener"}
 IN_MUJOCO: Raw = {"run.engine": "mujoco"}
 IN_A_TUBE: Raw = {"part[0].guide": TUBE}
@@ -130,7 +131,7 @@ def test_every_setting_of_mujoco_is_tried_with_another_value() -> None:
         (IN_MUJOCO | {"run.tolerance_nm": 1.0}, "run.tolerance_nm is 1, allowed is none in Mu"),
         (EXACT | {"part[0].count": 2, "part[0].start": SCATTERED}, "with 2 parts"),
         ({"run.steps_per_period": 40} | IN_A_TUBE, 'none with part[0].guide.kind = "tube"'),
-        (EXACT | {"part": [ROD]}, 'none with part[0].shape = "cylinder"'),
+        (EXACT | {"part": [DIMER]}, 'none with part[0].shape = "dimer"'),
         (EXACT | IN_A_PLANE, "none with run.planar = true"),
         (EXPONENT | IN_MUJOCO, "contact.restitution_exponent is 0.2"),
         (EXPONENT | OF_COMPLIANT, "contact.restitution_exponent is 0.2, allowed is 0 in Mu"),
@@ -143,6 +144,9 @@ def test_every_setting_of_mujoco_is_tried_with_another_value() -> None:
         (TANGENTIAL | {"part": [NUT]}, 'allowed is none with part[0].shape = "hex_nut"'),
         (TANGENTIAL | IN_A_TUBE, "allowed is none with part[0].guide"),
         (TANGENTIAL | IN_A_PLANE, "allowed is none with run.planar = true"),
+        (ROLLING | IN_MUJOCO, "contact.rolling_friction_um is 5, allowed is 0 in MuJoCo"),
+        (ROLLING | TANGENTIAL, "contact.rolling_friction_um is 5, allowed is 0 with contact.tangential"),
+        (ROLLING | {"part[0].guide": SLIDE}, "contact.rolling_friction_um is 5, allowed is 0 with part[0].guide"),
     ],
 )
 def test_what_no_engine_can_do_is_refused_by_its_key(changes: Raw, line: str) -> None:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import judged_tubes
 import pytest
-from judged_scenes import KINDS, Finding, judged
+from judged_scenes import ALL, Finding, judged
 
 # Each of these has been endless, has lost its part through the plate or has gained energy.
 ONCE_WRONG = [
@@ -34,7 +34,7 @@ def test_what_was_wrong_once_is_right(kind: str) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", ALL)
 def test_random_scenes_end_and_nothing_falls_through(kind: str) -> None:
     found = [held(kind, seed) for seed in range(10_000_000, 10_000_000 + MANY)]
     assert sum(finding is not None for finding in found) > MANY // 3  # some starts are refused

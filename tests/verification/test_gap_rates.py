@@ -21,6 +21,7 @@ from scipy.spatial.transform import Rotation
 from test_invariants import swing
 
 from feeder_sim.engines.impulse.free_part.edge_piece import BALL, FACE, LINES
+from feeder_sim.engines.impulse.free_part.edge_piece import ROUND as ROUND_FACE
 from feeder_sim.engines.impulse.free_part.engine import exactness_of
 from feeder_sim.engines.impulse.free_part.impact import strike
 from feeder_sim.engines.impulse.free_part.leap import first_contact, unsure_of
@@ -29,6 +30,7 @@ from feeder_sim.engines.impulse.free_part.points import look, move_points
 from feeder_sim.engines.impulse.free_part.state import (
     ABOVE,
     AT_EDGE,
+    ON_CIRCLE,
     ON_WALL,
     Plate,
     Scratch,
@@ -50,7 +52,10 @@ PARTS: dict[str, dict[str, Any]] = {
     "box": {"shape": "box", "size_mm": [9.0, 7.0, 5.0]},
     "nut": {"shape": "hex_nut", "size": "M5"},
     "ball": {"shape": "ball", "diameter_mm": 4.0},
+    "rod": {"shape": "cylinder", "diameter_mm": 4.0, "height_mm": 7.0},
+    "coin": {"shape": "cylinder", "diameter_mm": 6.0, "height_mm": 2.0},
 }
+ROUND = ("rod", "coin")
 PLATES: dict[str, dict[str, Any]] = {
     "still": {"kind": "still", "length_mm": 40.0, "width_mm": 20.0},
     "piston": {"kind": "piston", "length_mm": 40.0, "width_mm": 20.0},
@@ -66,7 +71,7 @@ MOMENTS = 1e-2 + 5e-3 * np.array([0.5, 0.6, 0.72, 0.8, 0.95, 1.0])  # [s]; the p
 STEP = 2e-6  # [s] between gaps
 ROUGH = 0.02  # of a third derivative, by differences
 LEAPS = 45.0  # 1 / sine of the angle between two lines, at most: the normal of nearly parallel ones is limited
-SORTS = {BALL: "ball", LINES: "lines", FACE: "face"}
+SORTS = {BALL: "ball", LINES: "lines", FACE: "face", ROUND_FACE: "round face"}
 
 Floats = NDArray[np.float64]
 
@@ -201,7 +206,7 @@ def compared(place: Place) -> Iterator[Found]:
     for i, point in enumerate(now):
         if point["sort"] == ABOVE or not np.isfinite(point["gap"]):
             continue
-        sort = "wall" if point["sort"] == ON_WALL else "corner"
+        sort = {ON_WALL: "wall", ON_CIRCLE: "circle"}.get(int(point["sort"]), "corner")
         if point["sort"] == AT_EDGE:
             where = edge[point["edge"]]
             if where["turns"] == LINES and np.linalg.norm(where["axis"]) > LEAPS:
@@ -217,11 +222,16 @@ def compared(place: Place) -> Iterator[Found]:
         gap = {k: float(other["gap"]) for k, other in same.items()} | {0: float(point["gap"])}
         first = [(gap[k] - gap[-k]) / (2 * k * STEP) for k in (1, 2)]
         second = [-(gap[k] - 2.0 * gap[0] + gap[-k]) / (k * STEP) ** 2 for k in (1, 2)]
-        off = abs(second[0] - second[1]) + 2.0 * curving + 2e-5  # `curving` is half of it
+        bent = 2.0 * curving  # `curving` is half of it
+        if sort == "circle":  # slides
+            bent += 2.0 * place.plate.bounds.curvature * float(point["swing"] @ point["swing"])
+        off = abs(second[0] - second[1]) + bent + 2e-5
         if off > max(1.0, 0.01 * abs(second[0])):
             continue  # the normal turns too fast for the differences
-        rate = (4.0 * first[0] - first[1]) / 3.0
-        yield Found(sort, "rate", point["rate"], rate, abs(first[0] - first[1]) + 1e-11)
+        rate, rough = (4.0 * first[0] - first[1]) / 3.0, 1e-11
+        if sort == "circle" and place.plate.bounds.curvature:  # whose lowest point is that over a plane
+            rough = 1e-6
+        yield Found(sort, "rate", point["rate"], rate, abs(first[0] - first[1]) + rough)
         yield Found(sort, "closing", point["closing"], (4.0 * second[0] - second[1]) / 3.0, off)
         if sort in {"corner", "wall"}:
             third = -(gap[2] - 2.0 * gap[1] + 2.0 * gap[-1] - gap[-2]) / (2.0 * STEP**3)
@@ -236,6 +246,10 @@ def motion(rng: np.random.Generator) -> tuple[Floats, Floats]:
 def lowest(name: str, turn: Rotation) -> float:
     """Of a part under its centre of mass [m]."""
     kinds = read_kinds(scene_of(name, "still"))
+    if name in ROUND:
+        kind, axis = kinds.record[0], turn.as_matrix()[2]
+        across = np.hypot(axis[0], axis[1])
+        return float(kind["circle_radius"] * across + kind["circle_height"] * abs(axis[2]) + kind["radius"])
     return float(-turn.apply(kinds.corners)[:, 2].min() + kinds.record["radius"][0])
 
 
@@ -267,7 +281,7 @@ def test_gaps_over_a_plate_change_as_their_points_say(name: str, plate: str) -> 
     rng = np.random.default_rng([list(PARTS).index(name), list(PLATES).index(plate)])
     found = [one for _ in range(400) for one in compared(over(name, plate, rng, float(rng.uniform(-1e-6, 9e-7))))]
     counts = checked(found)
-    assert counts["corner"] >= 200
+    assert counts["circle" if name in ROUND and plate != "tube" else "corner"] >= 200
     assert (counts.get("wall", 0) >= 200) == (plate == "tube")
 
 
@@ -295,7 +309,13 @@ def at_edge(name: str, rng: np.random.Generator, plate: str = "still") -> Place:
 
 AT_EDGES = pytest.mark.parametrize(
     ("name", "sorts"),
-    [("box", {"lines", "face"}), ("nut", {"lines", "face"}), ("ball", {"ball at an edge", "ball at a vertex"})],
+    [
+        ("box", {"lines", "face"}),
+        ("nut", {"lines", "face"}),
+        ("rod", {"lines"}),
+        ("coin", {"lines"}),
+        ("ball", {"ball at an edge", "ball at a vertex"}),
+    ],
 )
 
 
@@ -448,7 +468,7 @@ def test_nothing_touches_before_the_first_contact(name: str, plate: str) -> None
             assert last > -AT_MOST
             ended, touched = ended + 1, touched + (last <= touch)
     assert ended > 20
-    assert touched > 0.5 * ended
+    assert touched > (0.4 if name in ROUND and plate == "tube" else 0.5) * ended  # 64 corners spin along that wall
 
 
 def lowest_gap(place: Place, time: float) -> float:

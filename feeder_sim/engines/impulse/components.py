@@ -171,7 +171,7 @@ def _gather_plate(j, part, kinds, plate, t, n, contacts, work):
     for i in range(corners.shape[0]):
         if work.corner[i, GAP] <= CARRIES:
             arm, normal, velocity = contact_of(i, part, kind, corners, plate.surface, work)
-            meet_world(n, contacts, j, (arm, normal, velocity), (0.0, kind.friction[0]))
+            meet_world(n, contacts, j, (arm, normal, velocity), (0.0, kind.friction[0], kind.rolling))
             contacts.number[TARGET, n] = 0.0
             n += 1
     return n
@@ -189,7 +189,7 @@ def _gather_pair(pair, body, crowd, n, contacts, tools):
         at = vector(tools.meeting.point[i])
         if wall:
             place = at, (-axis[0], -axis[1], -axis[2]), (0.0, 0.0, 0.0)
-            meet_world(n, contacts, body[pair.a], place, (0.0, kind_a.friction[0]))
+            meet_world(n, contacts, body[pair.a], place, (0.0, kind_a.friction[0], 0.0))
         else:
             contacts.body[n, 0], contacts.body[n, 1] = body[pair.a], body[pair.b]
             write_to(contacts.vector[ARM_FIRST, n], at)

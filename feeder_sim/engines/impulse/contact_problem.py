@@ -123,12 +123,12 @@ def new_room(bodies: int, contacts: int, shapes: int = 0) -> tuple[Bodies, Conta
 
 @inlined
 def meet_world(n, contacts, body, place, law):
-    """Make contact n one of a body with the world; place: arm, normal, velocity; law: restitution and friction."""
+    """Make contact n one of a body with the world; place: arm, normal, velocity; law: the first three of number."""
     contacts.body[n, 0], contacts.body[n, 1] = WORLD, body
     write_to(contacts.vector[ARM_SECOND, n], place[0])
     write_to(contacts.vector[NORMAL, n], place[1])
     write_to(contacts.vector[VELOCITY, n], place[2])
-    contacts.number[RESTITUTION, n], contacts.number[FRICTION, n], contacts.number[ROLLING, n] = law[0], law[1], 0.0
+    contacts.number[RESTITUTION, n], contacts.number[FRICTION, n], contacts.number[ROLLING, n] = law
 
 
 @uncounted

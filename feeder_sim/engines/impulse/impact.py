@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from feeder_sim.engines.impulse.contact_problem import ARM_SECOND, IMPULSE, impact
+from feeder_sim.engines.impulse.contact_problem import ARM_SECOND, IMPULSE, MOMENT, impact
 from feeder_sim.engines.impulse.state import inverse_inertia
 from feeder_sim.engines.impulse.vectors import add_to, cross, times, vector, write_to
 from feeder_sim.machine_code import inlined, uncounted
@@ -32,4 +32,5 @@ def resolve_impact(part, kind, n, modes, work):
     write_to(part.velocity, work.bodies.velocity[0])
     for i in range(n):
         add_to(part.momentum, 1.0, cross(work.contacts.vector[ARM_SECOND, i], work.contacts.vector[IMPULSE, i]))
+        add_to(part.momentum, 1.0, vector(work.contacts.vector[MOMENT, i]))
     return settled

@@ -63,6 +63,7 @@ def read_kinds(scene: Scene) -> Kinds:
         for own, of in zip(corners, pieces, strict=True)
     ]
     record["friction"] = contact.friction, contact.part_friction
+    record["rolling"] = 1e-6 * contact.rolling_friction_um
     _write_restitution(record, scene)
     record["corner_from"], record["corner_to"] = _places(corners)
     record["edge_from"], record["edge_to"] = _places(edges)

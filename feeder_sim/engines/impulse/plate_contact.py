@@ -70,9 +70,9 @@ def meet_plate(part, kinds, surface, bounds, t, work):
         near, others = gather_near(part, kind, corners, bounds, work)
         corners = work.points[:near]
     on_plate, last = look(part, kind, corners, surface, bounds, t, moved, work)
-    if on_plate == 1:
+    if on_plate == 1 and kind.rolling == 0.0:
         _impact_at(last, part, kind, corners, surface, work)
-    elif on_plate > 1:
+    elif on_plate > 0:
         _impact(part, kind, corners, surface, work)
     leap, to_crest, own = longest_leap(part, kind, corners, work)
     tilt = tilt_of(lowest, part, kind, work)
@@ -237,7 +237,7 @@ def _impact(part, kind, corners, surface, work):
             continue
         depth = max(depth, -work.corner[i, GAP])
         arm, normal, velocity = contact_of(i, part, kind, corners, surface, work)
-        law = restitution_on_plate(part, kind, arm, normal, velocity), kind.friction[0]
+        law = restitution_on_plate(part, kind, arm, normal, velocity), kind.friction[0], kind.rolling
         meet_world(n, work.contacts, 0, (arm, normal, velocity), law)
         n += 1
     if not resolve_impact(part, kind, n, None, work):

@@ -40,8 +40,8 @@ PART_FIELDS: list[Any] = [
 PART = np.dtype(PART_FIELDS, align=True)
 # What parts of one kind have in common: mass [kg], infinite for what stands still, and principal inertia; axis of
 # symmetry or -1; radius [m] around its corners, their reach from the centre of mass; restitution and friction on the
-# plate (0) and between parts (1), the same for all kinds; where its corners and edges are in `Kinds`, and the
-# pieces that meet those of other parts.
+# plate (0) and between parts (1), and arm of rolling friction on the plate [m], the same for all kinds; where its
+# corners and edges are in `Kinds`, and the pieces that meet those of other parts.
 KIND_FIELDS: list[Any] = [
     ("mass", "f8"),
     ("inertia", "f8", 3),
@@ -50,6 +50,7 @@ KIND_FIELDS: list[Any] = [
     ("reach", "f8"),
     ("restitution", "f8", 2),
     ("friction", "f8", 2),
+    ("rolling", "f8"),
     ("corner_from", "i8"),
     ("corner_to", "i8"),
     ("edge_from", "i8"),

@@ -13,7 +13,7 @@ from __future__ import annotations
 import math
 
 from feeder_sim.constants import GRAVITY
-from feeder_sim.engines.impulse.free_part.edge_piece import BALL, BESIDE, LINES, NONE
+from feeder_sim.engines.impulse.free_part.edge_piece import BALL, BESIDE, LINES, NONE, ROUND
 from feeder_sim.engines.impulse.free_part.edge_points import edge_points
 from feeder_sim.engines.impulse.free_part.moving_surface import (
     along_at,
@@ -66,10 +66,11 @@ def look_at_edge(part, kinds, plate, first, turning, work):
         if point.gap < -BESIDE:
             continue
         point.sort, point.edge, point.friction, point.carried = AT_EDGE, k, kind.friction[0], 0
-        point.wild, point.push = 0.0, along_at(under, work.now, ACCELERATION)
+        point.wild = point.rolls = 0.0
+        point.push = along_at(under, work.now, ACCELERATION)
         point.most_push = most_push(under, plate.bounds)
         write_to(point.surface_velocity, flow_at(under, work.now, surface))
-        _lean(point, edge, kind, slope_at(under, work.now))
+        _lean(point, edge, slope_at(under, work.now))
         for s in range(under.shape[0]):
             under[s, SLOPE_X] = under[s, SLOPE_Y] = 0.0  # its path is along the normal
         move_edge_point(n, part, kind, turning, work)
@@ -96,7 +97,7 @@ def _along_normal(under, n, surface):
 
 
 @inlined
-def _lean(point, edge, kind, slope):
+def _lean(point, edge, slope):
     """Write arm and normal on an edge that has the slope of the plate: it stays normal to it, and to the part's.
 
     The edge point itself has both over a level plate.
@@ -108,7 +109,7 @@ def _lean(point, edge, kind, slope):
     leant = plus(n, -n[2] * (slope[0] * along[0] + slope[1] * along[1]), leans)
     leant = plus(NONE, 1.0 / math.sqrt(dot(leant, leant)), leant)
     write_to(point.arm, edge.arm)
-    add_to(point.arm, kind.radius, difference(n, leant))
+    add_to(point.arm, edge.radius, difference(n, leant))
     write_to(point.normal, leant)
 
 
@@ -116,18 +117,26 @@ def _lean(point, edge, kind, slope):
 def move_edge_point(i, part, kind, turning, work):
     """Write how the normal of point i, on the edge, turns, and the path of its gap, as its part moves now."""
     point, edge = work.point[i], work.edge[work.point[i].edge]
-    n, far, axis = vector(point.normal), point.gap + kind.radius, vector(edge.axis)
-    write_path(point, part, plus(point.arm, kind.radius, n), turning)
+    n, far, axis, bends = vector(point.normal), point.gap + edge.radius, vector(edge.axis), 0.0
+    write_path(point, part, plus(point.arm, edge.radius, n), turning)
     v = difference(point.path_velocity, point.surface_velocity)
     if edge.turns == BALL:
         around = plus(v, -dot(v, axis), axis)
         swing = plus(NONE, 1.0 / far, plus(around, -dot(around, n), n))
     elif edge.turns == LINES:
-        swing = plus(NONE, -dot(turning.spin, vector(edge.lever)), axis)
+        swing = -dot(turning.spin, vector(edge.lever)) - edge.bend * dot(v, axis)
+        swing = plus(NONE, swing / (1.0 - far * edge.bend * dot(axis, axis)), axis)
+        slides = far * dot(swing, axis) - dot(v, axis)
+        bends = edge.bend * slides * slides
+    elif edge.turns == ROUND:
+        axis = vector(edge.lever)
+        across = cross(n, axis)
+        swing = plus(NONE, dot(v, across) / far, across)
+        swing = plus(swing, -dot(n, cross(turning.spin, axis)), axis)
     else:
         swing = cross(turning.spin, n)
     fast, own = math.sqrt(dot(swing, swing)), GRAVITY + turning.acceleration
-    opens = dot(n, point.path_acceleration) + 2.0 * dot(swing, v) - far * dot(swing, swing)
+    opens = dot(n, point.path_acceleration) + 2.0 * dot(swing, v) - far * dot(swing, swing) + bends
     point.rate, point.closing = dot(n, v), point.push - opens
     point.most_own = own + SWUNG * fast * math.sqrt(dot(v, v))
     point.unsure = 3.0 * fast * point.most_own
@@ -140,22 +149,28 @@ def move_edge_point(i, part, kind, turning, work):
 
 
 @inlined
-def edge_point_after(i, part, kind, turning, time, work):
+def edge_point_after(i, part, turning, time, work):
     """Arm and normal at point i, on the edge, for forces that last a time [s]: those of the middle; and a speed [m/s].
 
     The gap closes along the normal of the end, the force acts along that of the middle: by that speed the normal
     velocity of the contact has to be less than the rate of the gap.
     """
     point, edge = work.point[i], work.edge[work.point[i].edge]
-    at, n, swing = vector(point.arm), vector(point.normal), vector(point.swing)
-    going = cross(turning.spin, at)
+    n, swing = vector(point.normal), vector(point.swing)
+    centre = plus(point.arm, edge.radius, n)
+    going = cross(turning.spin, centre)
     v = difference(plus(part.velocity, 1.0, going), point.surface_velocity)
     middle = plus(n, 0.5 * time, swing)
     middle = plus(NONE, 1.0 / math.sqrt(dot(middle, middle)), middle)
+    turned = time * dot(swing, v)
     if edge.turns == BALL:
-        return plus(plus(at, kind.radius, n), -kind.radius, middle), middle, 0.5 * time * dot(swing, v)
-    if edge.turns == LINES:  # they meet farther along that of the part
-        slides = plus(NONE, dot(v, vector(edge.axis)), cross(n, vector(edge.lever)))
+        slides, turned = NONE, 0.5 * turned
+    elif edge.turns == LINES:  # they meet farther along that of the part
+        slides = plus(NONE, -dot(v, vector(edge.axis)), cross(n, vector(edge.lever)))
+        turned += 0.5 * time * edge.bend * dot(slides, slides)
+    elif edge.turns == ROUND:  # the vertex slides along the axis
+        slides = plus(NONE, -dot(v, vector(edge.lever)), edge.lever)
     else:  # the vertex slides along the face
-        slides = plus(v, -dot(v, n), n)
-    return plus(at, 0.5 * time, difference(going, slides)), middle, time * dot(swing, v)
+        slides = plus(plus(NONE, -1.0, v), dot(v, n), n)
+    going = plus(going, 1.0, slides)
+    return plus(plus(centre, 0.5 * time, going), -edge.radius, middle), middle, turned

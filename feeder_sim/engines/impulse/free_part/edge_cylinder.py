@@ -11,7 +11,6 @@ from feeder_sim.engines.impulse.free_part.edge_piece import (
     INWARDS,
     PARALLEL,
     UPRIGHT,
-    WITH_PART,
     carries,
     centre_from,
     faces_up,
@@ -22,6 +21,7 @@ from feeder_sim.engines.impulse.free_part.edge_piece import (
     seen,
     store,
     turned_back,
+    turns_of_lines,
 )
 from feeder_sim.engines.impulse.vectors import dot, plus
 from feeder_sim.engines.surface_arrays import ON_EDGE
@@ -40,7 +40,8 @@ def cylinder_on_line(part, kind, piece, reach, points, n):
     if -min(BESIDE, radius) <= gap < reach:
         arm = plus((0.0, 0.0, 0.0), (2.0 * share - 1.0) * height, axis)
         foot = place_on(piece, along)
-        n = store(n, plus(arm, -radius - kind.radius, normal), normal, foot, gap, WITH_PART, points)
+        turns, around = turns_of_lines(axis, 0.0, normal, piece), radius + kind.radius
+        n = store(n, plus(arm, -around, normal), normal, foot, gap, turns, around, points)
     u, v = seen((r[0, 0], r[1, 0], r[2, 0]), piece), seen((r[0, 1], r[1, 1], r[2, 1]), piece)
     size = math.sqrt(u[0] * u[0] + v[0] * v[0])
     for end in (-height, height):
@@ -66,7 +67,12 @@ def cylinder_on_line(part, kind, piece, reach, points, n):
             if carries(gap, kind, dot(centre, normal), -extent, extent):
                 body = radius * c, radius * s, end
                 arm = plus((row(r, 0, body), row(r, 1, body), row(r, 2, body)), -kind.radius, normal)
-                n = store(n, arm, normal, place_on(piece, along), gap, WITH_PART, points)
+                out, tangent = (c, s, 0.0), (-s, c, 0.0)
+                bend = dot(out, a) / radius
+                turns = turns_of_lines(
+                    (row(r, 0, tangent), row(r, 1, tangent), row(r, 2, tangent)), bend, normal, piece
+                )
+                n = store(n, arm, normal, place_on(piece, along), gap, turns, kind.radius, points)
     return n
 
 
@@ -108,7 +114,7 @@ def under_cylinder(kind, vertex, cone):
     at_end, at_side = z * end[2] - kind.circle_height, size - kind.circle_radius
     end_up, side_up = faces_up(end, cone), faces_up(side, cone)
     if end_up and (at_end >= at_side or not side_up):
-        return (at_end if at_side <= max(at_end, 0.0) + ON_EDGE else np.inf), end
+        return (at_end if at_side <= max(at_end, 0.0) + ON_EDGE else np.inf), end, 0.0
     if side_up:
-        return (at_side if at_end <= max(at_side, 0.0) + ON_EDGE else np.inf), side
-    return np.inf, end
+        return (at_side if at_end <= max(at_side, 0.0) + ON_EDGE else np.inf), side, kind.circle_radius
+    return np.inf, end, 0.0

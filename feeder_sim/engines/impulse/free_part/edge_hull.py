@@ -9,7 +9,6 @@ import numpy as np
 from feeder_sim.engines.impulse.free_part.edge_piece import (
     BALL,
     BESIDE,
-    LINES,
     NONE,
     UPRIGHT,
     carries,
@@ -22,14 +21,14 @@ from feeder_sim.engines.impulse.free_part.edge_piece import (
     seen,
     store,
     turned_back,
+    turns_of_lines,
     write_point,
 )
 from feeder_sim.engines.impulse.state import arm_of
-from feeder_sim.engines.impulse.vectors import cross, difference, dot, plus
+from feeder_sim.engines.impulse.vectors import difference, dot, plus
 from feeder_sim.engines.surface_arrays import ON_EDGE
 from feeder_sim.machine_code import compiled, inlined
 
-LEAST_ACROSS = 0.02  # sine of the angle between two lines, at least: nearly parallel ones have a normal that leaps
 APART = 0.9  # cosine between the directions in which two points of a ball lie around it, at most
 
 
@@ -54,20 +53,9 @@ def hull_edge_on_line(part, kind, corners, ends, piece, reach, points, n):
         low, high = _extent(part, corners, normal)
         if carries(gap, kind, dot(centre, normal), low, high):
             arm = plus(plus(one, share, difference(other, one)), -kind.radius, normal)
-            turns = _turns_of_lines(difference(other, one), normal, piece)
-            n = store(n, arm, normal, place_on(piece, along), gap, turns, points)
+            turns = turns_of_lines(difference(other, one), 0.0, normal, piece)
+            n = store(n, arm, normal, place_on(piece, along), gap, turns, kind.radius, points)
     return n
-
-
-@inlined
-def _turns_of_lines(e, normal, piece):
-    """How the normal of two lines turns (EDGE_POINT): n' = -(w . (e x n)) (n x d) / ((n x d) . e); e: the part's."""
-    b = cross(normal, (piece[0], piece[1], 0.0))
-    size = math.sqrt(dot(e, e))
-    across = dot(b, e) / size
-    if abs(across) < LEAST_ACROSS:
-        across = LEAST_ACROSS if across >= 0.0 else -LEAST_ACROSS
-    return LINES, plus(NONE, 1.0 / size, cross(e, normal)), plus(NONE, 1.0 / across, b)
 
 
 @inlined
@@ -88,13 +76,13 @@ def under_plane(kinds, piece, vertex, cone):
         if away > gap and faces_up(planes[k], cone):
             gap, best = away, k
     if best < 0:
-        return np.inf, (0.0, 0.0, 1.0)
+        return np.inf, (0.0, 0.0, 1.0), 0.0
     face, beyond = (planes[best, 0], planes[best, 1], planes[best, 2]), max(gap, 0.0)
     nearest = plus(vertex, -beyond, face)  # on the face, or the vertex itself inside the part
     for k in range(piece.plane_from, piece.plane_to):
         if k != best and dot(planes[k], nearest) + planes[k, 3] > beyond + ON_EDGE:
-            return np.inf, face
-    return gap, face
+            return np.inf, face, 0.0
+    return gap, face, 0.0
 
 
 @compiled
@@ -118,7 +106,7 @@ def balls_on_piece(part, kind, kinds, piece, back, reach, points, n):
         if not -BESIDE <= gap < reach or up < UPRIGHT * away:
             continue
         normal = way[0] / away, way[1] / away, way[2] / away
-        turns = BALL, NONE, ((piece[0], piece[1], 0.0) if on_line else NONE)
+        turns = BALL, NONE, ((piece[0], piece[1], 0.0) if on_line else NONE), 0.0
         foot = place_on(piece, along)
         n = _store_apart(n, plus(arm, -kind.radius, normal), normal, foot, gap, kind.radius, turns, points)
     return n
@@ -136,6 +124,6 @@ def _store_apart(n, arm, normal, foot, gap, radius, turns, points):
         apart = plus(plus(arm, radius, normal), -1.0, plus(other.arm, radius, other.normal))  # of two balls
         if dot(apart, apart) < 1e-6 * radius * radius:
             if gap < other.gap:
-                write_point(other, arm, normal, foot, gap, turns)
+                write_point(other, arm, normal, foot, gap, turns, radius)
             return n
-    return store(n, arm, normal, foot, gap, turns, points)
+    return store(n, arm, normal, foot, gap, turns, radius, points)

@@ -10,14 +10,17 @@ import math
 
 import numpy as np
 
-from feeder_sim.engines.impulse.vectors import dot, write_to
+from feeder_sim.engines.impulse.vectors import cross, dot, plus, write_to
 from feeder_sim.engines.surface_arrays import ON_EDGE
 from feeder_sim.machine_code import compiled, inlined
 
 # arm: from the centre of mass to the point of the part [m]; normal: from the plate to the part; foot: x and y of the
 # point on the plate's edge [m]; gap [m]. The normal of a BALL turns as its centre goes around the piece along `axis`,
-# or around a vertex, where that is zero; that of two LINES at the rate -(spin . lever) axis; that of a FACE with it.
-BALL, LINES, FACE = range(3)
+# or around a vertex, where that is zero; that of a FACE with the part, that of a ROUND one as its axis, along `lever`,
+# goes around a vertex. Two LINES meet in a point that slides along that
+# of the part by -(v . axis); if it is bent by a curvature `bend` [1/m] along the normal, the normal turns at the rate
+# -(spin . lever + bend (v . axis)) axis. radius: around ball or line [m].
+BALL, LINES, FACE, ROUND = range(4)
 EDGE_POINT = np.dtype(
     [
         ("arm", "f8", 3),
@@ -27,11 +30,14 @@ EDGE_POINT = np.dtype(
         ("turns", "i8"),
         ("lever", "f8", 3),
         ("axis", "f8", 3),
+        ("bend", "f8"),
+        ("radius", "f8"),
     ],
     align=True,
 )
 NONE = (0.0, 0.0, 0.0)
-WITH_PART = (FACE, NONE, NONE)  # turns, lever and axis of a point whose normal turns with the part
+WITH_PART = (FACE, NONE, NONE, 0.0)  # turns, lever, axis and bend of a point whose normal turns with the part
+LEAST_ACROSS = 0.02  # sine of the angle between two lines, at least: nearly parallel ones have a normal that leaps
 
 BESIDE = 2e-4  # [m]; a point that deep is beside the plate or under it, as for corners
 UPRIGHT = 0.02  # of a normal, at least: a degree from level
@@ -41,8 +47,8 @@ PARALLEL = 1e-6  # [1]
 
 
 @compiled
-def store(n, arm, normal, foot, gap, turns, points):
-    """Append a point, or put it in place of the farthest of all; turns: its turns, lever and axis."""
+def store(n, arm, normal, foot, gap, turns, radius, points):
+    """Append a point, or put it in place of the farthest of all; turns: its turns, lever, axis and bend."""
     k = n
     if n == points.shape[0]:
         k = 0
@@ -51,12 +57,12 @@ def store(n, arm, normal, foot, gap, turns, points):
                 k = i
         if n == 0 or points[k].gap <= gap:
             return n
-    write_point(points[k], arm, normal, foot, gap, turns)
+    write_point(points[k], arm, normal, foot, gap, turns, radius)
     return max(n, k + 1)
 
 
 @inlined
-def write_point(point, arm, normal, foot, gap, turns):
+def write_point(point, arm, normal, foot, gap, turns, radius):
     write_to(point.arm, arm)
     write_to(point.normal, normal)
     point.foot[0], point.foot[1] = foot
@@ -64,6 +70,22 @@ def write_point(point, arm, normal, foot, gap, turns):
     point.turns = turns[0]
     write_to(point.lever, turns[1])
     write_to(point.axis, turns[2])
+    point.bend, point.radius = turns[3], radius
+
+
+@inlined
+def turns_of_lines(along, bend, normal, piece):
+    """How the normal of two lines turns (EDGE_POINT); along: that of the part, of any length; bend: its curvature.
+
+    With unit vectors e along the part's and d along the plate's line, and a = (n x d) / ((n x d) . e), where they touch
+    n' = -(w . (e x n) + bend (v . a)) a.
+    """
+    b = cross(normal, (piece[0], piece[1], 0.0))
+    size = math.sqrt(dot(along, along))
+    across = dot(b, along) / size
+    if abs(across) < LEAST_ACROSS:
+        across = LEAST_ACROSS if across >= 0.0 else -LEAST_ACROSS
+    return LINES, plus(NONE, 1.0 / size, cross(along, normal)), plus(NONE, 1.0 / across, b), bend
 
 
 @inlined

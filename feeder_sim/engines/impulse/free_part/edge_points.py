@@ -34,7 +34,16 @@ from numba.extending import overload
 from feeder_sim.engines.impulse.circles import is_round
 from feeder_sim.engines.impulse.free_part.edge_cylinder import cylinder_on_line, under_cylinder
 from feeder_sim.engines.impulse.free_part.edge_hull import balls_on_piece, hull_edge_on_line, hull_on_line, under_plane
-from feeder_sim.engines.impulse.free_part.edge_piece import BESIDE, PARALLEL, WITH_PART, nearby, row, store, turned_back
+from feeder_sim.engines.impulse.free_part.edge_piece import (
+    BESIDE,
+    PARALLEL,
+    ROUND,
+    WITH_PART,
+    nearby,
+    row,
+    store,
+    turned_back,
+)
 from feeder_sim.engines.impulse.state import CIRCLE, arm_of
 from feeder_sim.engines.impulse.vectors import difference, plus
 from feeder_sim.machine_code import compiled, inlined
@@ -229,12 +238,15 @@ def _on_piece(part, kind, kinds, place, reach, lines, points, n):
     r = part.attitude
     vertex = turned_back(r, (x, y, z))
     cone = turned_back(r, along), turned_back(r, back), (r[2, 0], r[2, 1], r[2, 2])
-    gap, face = _under_face(part, kind, kinds, vertex, cone)
+    gap, face, round_by = _under_face(part, kind, kinds, vertex, cone)
     gap -= kind.radius
     if -BESIDE <= gap < reach:
         normal = -row(r, 0, face), -row(r, 1, face), -row(r, 2, face)
         arm = plus((x, y, z), gap, normal)
-        n = store(n, arm, normal, begin, gap, WITH_PART, points)
+        turns, radius = WITH_PART, kind.radius
+        if round_by > 0.0:
+            turns, radius = (ROUND, (r[0, 2], r[1, 2], r[2, 2]), (0.0, 0.0, 0.0), 0.0), kind.radius + round_by
+        n = store(n, arm, normal, begin, gap, turns, radius, points)
     return n
 
 
@@ -247,7 +259,7 @@ def _on_line(part, kind, kinds, piece, reach, points, n):
 
 
 def _under_face(part, kind, kinds, vertex, cone):
-    """Gap of a convex vertex under the part [m], infinite under no face, and the outward normal of that face.
+    """Gap of a convex vertex under the part [m], infinite under no face; outward normal of that face; its radius [m].
 
     In body axes: vertex, from the centre of mass; cone: unit vectors along the edge from it to both sides, and up.
     """

@@ -13,6 +13,7 @@ from feeder_sim.constants import GRAVITY
 from feeder_sim.engines.impulse.contact_problem import (
     ARM_SECOND,
     IMPULSE,
+    MOMENT,
     impact,
     meet_world,
 )
@@ -56,11 +57,12 @@ def load_part(part, kind, turning, time, work):
 
 
 @inlined
-def gather(i, m, restitution, work):
+def gather(i, m, restitution, kind, work):
     """Make point i contact m."""
     point, contacts = work.point[i], work.contacts
     place = vector(point.arm), vector(point.normal), vector(point.surface_velocity)
-    meet_world(m, contacts, 0, place, (restitution, point.friction))
+    rolling = kind.rolling if point.sort != ON_WALL else 0.0
+    meet_world(m, contacts, 0, place, (restitution, point.friction, rolling))
     work.point_of[m] = i
 
 
@@ -75,7 +77,8 @@ def strike(part, kind, seen, rebounds, plate, work):
         m, approaches = _gather_touching(kind, seen.n, rebounds and rounds < ROUNDS, plate, turning, work)
         if not approaches:
             break
-        if not (m == 1 and work.point[work.point_of[0]].sort != ON_WALL and hit_alone(part, kind, work)):
+        alone = m == 1 and work.point[work.point_of[0]].sort != ON_WALL and kind.rolling == 0.0
+        if not (alone and hit_alone(part, kind, work)):
             load_part(part, kind, turning, 0.0, work)
             if not impact(work.bodies, work.contacts, m, None):
                 work.counts[UNRESOLVED] += 1
@@ -83,6 +86,7 @@ def strike(part, kind, seen, rebounds, plate, work):
             for i in range(m):
                 arm, impulse = work.contacts.vector[ARM_SECOND, i], work.contacts.vector[IMPULSE, i]
                 add_to(part.momentum, 1.0, cross(arm, impulse))
+                add_to(part.momentum, 1.0, vector(work.contacts.vector[MOMENT, i]))
         _scatter(part, m, bounds, work)
         turning = move_points(part, kind, plate, seen.n, work)
     return turning
@@ -106,7 +110,7 @@ def _gather_touching(kind, n, rebounds, plate, turning, work):
         departure = 0.5 * chatter_time(point.most_push, twist, bounds) * (1.0 - e) * max(point.closing, 0.0)
         if -e * point.rate <= departure:
             e = 0.0  # what is left of its bounces is summed: they take what the plate pushes meanwhile
-        gather(i, m, e, work)
+        gather(i, m, e, kind, work)
         m += 1
     return m, approaches
 

@@ -18,7 +18,7 @@ from typing import NamedTuple
 from feeder_sim.constants import GRAVITY
 from feeder_sim.engines.impulse.free_part.moving_surface import move_surface
 from feeder_sim.engines.impulse.free_part.path import SIXTH, ahead
-from feeder_sim.engines.impulse.free_part.state import ABOVE, AT_EDGE, ON_PLATE
+from feeder_sim.engines.impulse.free_part.state import ABOVE, AT_EDGE, ON_CIRCLE
 from feeder_sim.engines.impulse.vectors import dot
 from feeder_sim.machine_code import inlined, uncounted
 
@@ -172,8 +172,10 @@ def _expected(i, far, bounds, unsure, work):
         point.inside = 0.0
     more, wild = far * point.unsure, far * far * (unsure.wild + point.wild)
     phase, bent, slip = bounds.fastest * far, 0.0, 0.0
-    if point.sort == ON_PLATE:
+    if point.sort <= ON_CIRCLE:
         bent = unsure.curving
+        if point.sort == ON_CIRCLE:  # slides
+            bent = 2.0 * bent + bounds.curvature * dot(point.swing, point.swing)
     elif point.sort == AT_EDGE:  # the place on the edge moves along it
         slip, more = unsure.slack / bounds.fastest, more + unsure.slack
     margin = far * (slip + far * (SIXTH * (more + 0.25 * wild) + bent))

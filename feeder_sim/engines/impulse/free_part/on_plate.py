@@ -35,31 +35,42 @@ def look_at_corners(part, kinds, plate, t, turning, work):
 
     Returns their number, whether one is close to the surface, and whether that has been moved to time t.
     """
-    kind, surface = kinds.record[part.kind], plate.surface
+    kind = kinds.record[part.kind]
     corners = kinds.corners[kind.corner_from : kind.corner_to]
     close = moved = False
     for i in range(corners.shape[0]):
-        point, arm = work.point[i], arm_of(part, corners, i)
-        point.sort, point.most_push, point.unsure = ABOVE, 0.0, 0.0
-        point.push, point.wild, point.carried = 0.0, 0.0, 0
-        point.gap = part.position[2] + arm[2] - kind.radius - plate.bounds.crest
-        write_to(point.arm, plus(arm, -kind.radius, UP))
-        write_to(point.normal, UP)
-        if point.gap <= CLOSE:
-            x, y = part.position[0] + arm[0], part.position[1] + arm[1]
-            outside = abs(x) > surface.grid_x[-1] + ON_EDGE or abs(y) > surface.grid_y[-1] + ON_EDGE
-            if outside or off_plate(surface.outline, x, y):
-                point.gap = math.inf
-                continue
-            if not moved:
-                move_surface(t, surface, work.now)
-                moved = True
-            shapes_under(x, y, part, surface, work.under[i])
-            _stand(point, work.under[i], arm, kind, plate, work.now)
-            point.gap = part.position[2] + arm[2] - kind.radius - height_at(work.under[i], work.now)
-            close = close or point.gap <= CLOSE
-        move_corner(i, part, kind, turning, work)
+        moved, near = see_corner(i, arm_of(part, corners, i), part, kind, plate, t, moved, work)
+        close = close or near
+        if work.point[i].gap < math.inf:
+            move_corner(i, part, kind, turning, work)
     return corners.shape[0], close, moved
+
+
+@inlined
+def see_corner(i, arm, part, kind, plate, t, moved, work):
+    """Write how point i of the part, at the end of an arm [m], stands to the plate.
+
+    Returns whether the surface has been moved to time t, and whether the point is close to it.
+    """
+    point, surface = work.point[i], plate.surface
+    point.sort, point.most_push, point.unsure = ABOVE, 0.0, 0.0
+    point.push, point.wild, point.carried, point.rolls = 0.0, 0.0, 0, 0.0
+    point.gap = part.position[2] + arm[2] - kind.radius - plate.bounds.crest
+    write_to(point.arm, plus(arm, -kind.radius, UP))
+    write_to(point.normal, UP)
+    if point.gap > CLOSE:
+        return moved, False
+    x, y = part.position[0] + arm[0], part.position[1] + arm[1]
+    outside = abs(x) > surface.grid_x[-1] + ON_EDGE or abs(y) > surface.grid_y[-1] + ON_EDGE
+    if outside or off_plate(surface.outline, x, y):
+        point.gap = math.inf
+        return moved, False
+    if not moved:
+        move_surface(t, surface, work.now)
+    shapes_under(x, y, part, surface, work.under[i])
+    _stand(point, work.under[i], arm, kind, plate, work.now)
+    point.gap = part.position[2] + arm[2] - kind.radius - height_at(work.under[i], work.now)
+    return True, point.gap <= CLOSE
 
 
 @inlined

@@ -92,7 +92,7 @@ def _look(part, kinds, plate, first, turning, work):
         rho = math.sqrt(dot(p, p))
         normal = plus(STILL, -1.0 / rho, p) if rho > TINY else ACROSS
         point.sort, point.carried, point.gap = ON_WALL, 0, 0.5 * (room - rho) * (room + rho) / room
-        point.friction, point.unsure = wall.friction, 0.0
+        point.friction, point.unsure, point.rolls = wall.friction, 0.0, 0.0
         point.push = point.most_push = point.push_rate = 0.0
         write_to(point.arm, plus(arm, -kind.radius, normal))
         write_to(point.normal, normal)

@@ -8,6 +8,7 @@ import numpy as np
 
 from feeder_sim.engines.impulse.free_part.at_edge import REACH, look_at_edge, move_edge_point
 from feeder_sim.engines.impulse.free_part.moving_surface import move_surface
+from feeder_sim.engines.impulse.free_part.on_circle import look_at_circles, move_on_circle
 from feeder_sim.engines.impulse.free_part.on_plate import look_at_corners, move_corner
 from feeder_sim.engines.impulse.free_part.on_wall import look_at_wall, move_at_wall
 from feeder_sim.engines.impulse.free_part.path import Turning, turning_of
@@ -31,13 +32,14 @@ def look(part, kinds, plate, t, work):
     kind = kinds.record[part.kind]
     turning = turning_of(part, kind)
     n, close, moved = look_at_corners(part, kinds, plate, t, turning, work)
+    n, on_circle, moved = look_at_circles(part, kinds, plate, n, t, moved, turning, work)
     near_edge, at_edge = _may_reach_edge(part, kind, plate.surface), False
     if near_edge:
         if not moved:
             move_surface(t, plate.surface, work.now)
         n, at_edge = look_at_edge(part, kinds, plate, n, turning, work)
     n, at_wall = look_at_wall(part, kinds, plate, n, turning, work)
-    return Seen(n, close or at_edge or at_wall, near_edge, turning)
+    return Seen(n, close or on_circle or at_edge or at_wall, near_edge, turning)
 
 
 @inlined
@@ -59,6 +61,8 @@ def move_points(part, kind, plate, n, work):
             move_edge_point(i, part, kind, turning, work)
         elif work.point[i].sort == ON_WALL:
             move_at_wall(i, part, kind, plate, turning, work)
+        elif work.point[i].rolls > 0.0:
+            move_on_circle(i, part, kind, turning, work)
         else:
             move_corner(i, part, kind, turning, work)
     return turning

@@ -27,7 +27,7 @@ FREE, PRESSED, FOLLOWING = range(3)  # in PART, phase
 # change; at the edge and at the wall all is along the normal, in the vertical part; there the normal turns by a swing
 # [1/s], and `edge` is the row in Scratch.edge. carried: forces see to it (sustained.py). inside: how far it is
 # inside, and let go [m]; safe: until when it does not touch [s]; lands: it does then (leap.py).
-ABOVE, ON_PLATE, AT_EDGE, ON_WALL = range(4)
+ABOVE, ON_PLATE, ON_CIRCLE, AT_EDGE, ON_WALL = range(5)
 POINT = np.dtype(
     [
         ("sort", "i8"),
@@ -49,6 +49,7 @@ POINT = np.dtype(
         ("path_acceleration", "f8", 3),
         ("path_jerk", "f8"),
         ("swing", "f8", 3),
+        ("rolls", "f8"),
         ("edge", "i8"),
         ("carried", "i8"),
         ("inside", "f8"),
@@ -61,7 +62,7 @@ POINT = np.dtype(
 # plate along the normal of the point.
 HEIGHT, SLOPE_X, SLOPE_Y, TURN_X, TURN_Y, ALONG = range(6)
 NOW, SPEED, ACCELERATION, CHANGE = range(4)  # of Scratch.now and Scratch.then
-EDGE_POINTS = 32  # room for points on the edge of the plate
+CIRCLES, EDGE_POINTS = 2, 32  # room for points on the edge of the plate
 UNRESOLVED, LATE, SPENT = range(3)  # of Scratch.counts
 
 # State of the part: that of `impulse.state.PART`, and before it, as numba needs it, what it does (docs/contact.md).
@@ -159,7 +160,7 @@ class Scratch(NamedTuple):
 
 def new_scratch(kinds: Kinds, n_shapes: int) -> Scratch:
     """Room for the part: its corners, on the plate and at a wall, and the points on the edge of the plate."""
-    rows = 2 * int((kinds.record["corner_to"] - kinds.record["corner_from"]).max()) + EDGE_POINTS
+    rows = 2 * int((kinds.record["corner_to"] - kinds.record["corner_from"]).max()) + CIRCLES + EDGE_POINTS
     bodies, contacts, _ = new_room(1, rows)
     return Scratch(
         point=np.zeros(rows + 1, POINT),

@@ -16,6 +16,7 @@ import math
 import numpy as np
 
 from feeder_sim.constants import GRAVITY
+from feeder_sim.engines.impulse.circles import is_round
 from feeder_sim.engines.impulse.free_part.impact import TOGETHER, strike
 from feeder_sim.engines.impulse.free_part.leap import first_contact, shortest_leap, unsure_of
 from feeder_sim.engines.impulse.free_part.notes import note_contact, speed_of_touched_plate
@@ -78,7 +79,9 @@ def _spends_budget(part, t, work):
 def _verify(free, plate, t, seen, spent):
     """See that no point has come into the plate; returns a time [s] at which that is so, and what is seen then."""
     part, before, work, surface = free.parts[0], free.work.before[0], free.work, plate.surface
-    allowed = before.depth + (ENTERED if before.phase == FREE else CARRIED) * plate.bounds.exact.tolerance
+    # Of a circle ever another point comes up, a little deeper than the corners on it.
+    entered = ENTERED if before.phase == FREE and not is_round(free.kinds.record[part.kind]) else CARRIED
+    allowed = before.depth + entered * plate.bounds.exact.tolerance
     gap = lowest_gap(seen.n, work)
     if gap >= -allowed:
         return t, seen

@@ -16,6 +16,7 @@ from feeder_sim.engines.impulse.contact_problem import (
     ARM_SECOND,
     FRICTION,
     IMPULSE,
+    MOMENT,
     NORMAL,
     TARGET,
     VELOCITY,
@@ -25,6 +26,7 @@ from feeder_sim.engines.impulse.free_part.at_edge import edge_point_after
 from feeder_sim.engines.impulse.free_part.impact import LONGEST_CHATTER, chatter_time, gather, load_part
 from feeder_sim.engines.impulse.free_part.leap import LEFT, Unsure, first_contact, shortest_leap
 from feeder_sim.engines.impulse.free_part.moving_surface import along_at, flow_at, move_surface
+from feeder_sim.engines.impulse.free_part.on_circle import lowest_point_after
 from feeder_sim.engines.impulse.free_part.on_plate import corner_after
 from feeder_sim.engines.impulse.free_part.on_wall import is_guided, wall_point_after
 from feeder_sim.engines.impulse.free_part.path import Turning, ahead
@@ -34,7 +36,7 @@ from feeder_sim.engines.impulse.free_part.state import (
     ACCELERATION,
     AT_EDGE,
     FREE,
-    ON_PLATE,
+    ON_CIRCLE,
     ON_WALL,
     PRESSED,
     UNRESOLVED,
@@ -44,11 +46,16 @@ from feeder_sim.engines.impulse.vectors import add_to, cross, difference, dot, p
 from feeder_sim.machine_code import inlined
 
 LONGEST = 5e-5  # [s] of forces
-TURNED, TURNED_AT_EDGE = 0.02, 0.0005  # [rad] by which a part turns under forces; there the normal turns too
+TURNED, ROLLED, TURNED_AT_EDGE = (
+    0.02,
+    0.002,
+    0.0005,
+)  # [rad] by which a part turns under forces; there the normal turns too
 CARRIED = 30.0  # tolerances; points that have been pressed and are this close still are
 RETURN = 0.3  # share of its gap that a pressed point gives back in the time of forces
 SETTLED = 0.1  # of the speed that the plate gives a point in the time of summed bounces: what is slower stays
 NO_LIFT = 1e-3  # of the time of forces: what is lifted sooner than that is lifted now
+LEAST_ROLL = 1e-6  # [s]
 FIRMLY = 0.99  # of full friction: what takes less is not sliding
 SOLVED = 0.05  # tolerances by which the motion under forces may be off that the laws of contact ask for
 TURNS, STOPS = 3, 0.98  # rounds, and share of the time, by which the end of a slip is found
@@ -133,6 +140,9 @@ def _time_of_forces(part, kind, bounds, now, work):
                 longest = min(longest, TURNED_AT_EDGE * turns)
             elif point.sort == ON_WALL:
                 longest = min(longest, TURNED / max(math.sqrt(dot(point.swing, point.swing)), TURNED))
+            elif point.sort == ON_CIRCLE:
+                slides = math.sqrt(dot(point.swing, point.swing)) + top_speed(part, kind)
+                longest = min(longest, max(ROLLED * math.sqrt(dot(point.arm, point.arm)) / slides, LEAST_ROLL))
     chatter, time = chatter_time(most, now.unsure.twist, bounds), _time_of_change(most, longest, bounds)
     if now.turning.speed * time > TURNED * kind.reach:
         time = TURNED * kind.reach / now.turning.speed
@@ -193,9 +203,10 @@ def _solve_forces(part, kind, plate, now, times_and_slip, work):
     for i in range(now.n):
         point = work.point[i]
         if point.carried:
-            gather(i, m, 0.0, work)
+            gather(i, m, 0.0, kind, work)
             turned = _set_contact_after(m, part, kind, plate, (now.turning, time), work)
-            target = -RETURN * (point.gap - min(max(point.gap, 0.0), exact.touch)) / usual
+            slowly = LONGEST if point.gap < -CARRIED * exact.tolerance else usual
+            target = -RETURN * (point.gap - min(max(point.gap, 0.0), exact.touch)) / slowly
             if point.gap > exact.touch:
                 target = min(target, -2.0 * (point.gap - 0.5 * exact.touch) / time - point.rate)
             work.contacts.number[TARGET, m] = target - turned
@@ -203,7 +214,7 @@ def _solve_forces(part, kind, plate, now, times_and_slip, work):
     if plate.bounds.speed > 0.0 and not is_guided(plate):
         _move_as_one(m, slips, work.contacts)
     if kind.corner_to - kind.corner_from > 1:
-        _turn_inwards(now.turning.spin, m, time, work)
+        _turn_inwards(kind, now.turning.spin, m, time, work)
     if not solve(work.bodies, work.contacts, m, None, SOLVED * exact.tolerance / usual):
         work.counts[UNRESOLVED] += 1
     return m
@@ -215,11 +226,13 @@ def _set_contact_after(m, part, kind, plate, turning_and_time, work):
     i, contacts, (turning, time) = work.point_of[m], work.contacts, turning_and_time
     point, under, turned = work.point[i], work.under[i], 0.0
     if point.sort == AT_EDGE:
-        arm, normal, turned = edge_point_after(i, part, kind, turning, time, work)
+        arm, normal, turned = edge_point_after(i, part, turning, time, work)
         velocity = flow_at(under, work.then, plate.surface)
     elif point.sort == ON_WALL:
         arm, normal, turned = wall_point_after(i, part, kind, turning, time, work)
         velocity = NOTHING
+    elif point.sort == ON_CIRCLE:
+        arm, normal, velocity = lowest_point_after(i, kind, plate, turning, time, work)
     else:
         arm, normal, velocity = corner_after(i, kind, plate, turning, time, work)
     point.push_rate = (along_at(under, work.then, ACCELERATION) - point.push) / time
@@ -251,11 +264,21 @@ def _move_as_one(m, slips, contacts):
 
 
 @inlined
-def _turn_inwards(spin, m, time, work):
-    """Take from the velocity of all contacts what corners gain as they turn, half of it in the mean of a time [s]."""
+def _turn_inwards(kind, spin, m, time, work):
+    """Take from the velocity of all contacts what the part gains there as it turns, in the mean of a time [s].
+
+    It touches with one point after the other; a normal that turns with them is in the targets.
+    """
     for i in range(m):
-        inwards = cross(spin, cross(spin, work.point[work.point_of[i]].arm))
-        add_to(work.contacts.vector[VELOCITY, i], -0.5 * time, inwards)
+        point, arm = work.point[work.point_of[i]], work.contacts.vector[ARM_SECOND, i]
+        gained = cross(spin, difference(arm, point.arm))
+        if point.sort >= AT_EDGE:
+            normal = vector(work.contacts.vector[NORMAL, i])
+            radius = work.edge[point.edge].radius if point.sort == AT_EDGE else kind.radius
+            centre = plus(point.arm, radius, point.normal)
+            along = 0.5 * time * dot(normal, cross(spin, cross(spin, centre)))
+            gained = plus(gained, along - dot(normal, gained), normal)
+        add_to(work.contacts.vector[VELOCITY, i], -1.0, gained)
 
 
 @inlined
@@ -327,7 +350,7 @@ def _apply_forces(part, m, time, work):
     for i in range(m):
         arm, impulse = work.contacts.vector[ARM_SECOND, i], work.contacts.vector[IMPULSE, i]
         add_to(part.force, 1.0 / time, impulse)
-        add_to(part.moment, 1.0 / time, cross(arm, impulse))
+        add_to(part.moment, 1.0 / time, plus(work.contacts.vector[MOMENT, i], 1.0, cross(arm, impulse)))
     _change_forces(part, m, work)
 
 
@@ -390,7 +413,7 @@ def _push_others(part, kind, n, work):
         point.most_own += abs(towards)
         if point.sort == ABOVE:
             continue
-        if point.sort != ON_PLATE:
+        if point.sort > ON_CIRCLE:
             more = 0.0, 0.0, towards
         add_to(point.path_acceleration, 1.0, more)
         point.path_jerk += change

@@ -80,7 +80,7 @@ def _impact(part, kind, corners, surface, t, work, yielding):
             continue
         depth = max(depth, -work.corner[i, GAP])
         arm, normal, velocity = contact_of(i, part, kind, corners, surface, work)
-        law = restitution_on_plate(part, kind, arm, normal, velocity), kind.friction[0]
+        law = restitution_on_plate(part, kind, arm, normal, velocity), kind.friction[0], 0.0
         meet_world(n, work.contacts, 0, (arm, normal, velocity), law)
         _find_carried(i, part, corners, surface, work, modes.carried[n])
         n += 1
