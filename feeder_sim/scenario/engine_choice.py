@@ -51,8 +51,6 @@ def needs_steps(scenario: Scenario) -> Iterator[str]:
         yield 'with part[0].guide.kind = "slide"'
     if scenario.part[0].in_steps and scenario.guide is None:
         yield f'with part[0].shape = "{scenario.part[0].shape}"'
-    if getattr(scenario.plate, "rim", False):
-        yield "with plate.rim = true"
     if scenario.refill is not None:
         yield "with refill"
     for key in ("planar", "reaction"):

@@ -37,7 +37,7 @@ from feeder_sim.engines.impulse.free_part.state import (
     fly_to,
     new_part,
     new_scratch,
-    read_wall,
+    read_walls,
 )
 from feeder_sim.engines.impulse.free_part.window import bound
 from feeder_sim.engines.impulse.kinds import read_kinds
@@ -60,8 +60,10 @@ PLATES: dict[str, dict[str, Any]] = {
     "still": {"kind": "still", "length_mm": 40.0, "width_mm": 20.0},
     "piston": {"kind": "piston", "length_mm": 40.0, "width_mm": 20.0},
     "tube": {"kind": "piston", "length_mm": 40.0, "width_mm": 20.0},
+    "rim": {"kind": "piston", "width_mm": 24.0, "rim": True},
     "bending": {"kind": "rectangle", "mode_file": str(MODES)},
 }
+BETWEEN = {"box": 16.8, "nut": 14.0, "ball": 7.8, "rod": 12.4, "coin": 10.6}  # walls [mm]: parts come near them
 TUBE = {"kind": "tube", "inner_diameter_mm": 21.0, "tilt_deg": 20.0, "friction": 0.2}
 HALF = np.array([20e-3, 10e-3])  # of the plates that do not bend [m]
 FREQUENCY, AMPLITUDE = 200.0, 18.6  # of the piston [Hz] and [um]: 3 g
@@ -71,6 +73,12 @@ MOMENTS = 1e-2 + 5e-3 * np.array([0.5, 0.6, 0.72, 0.8, 0.95, 1.0])  # [s]; the p
 STEP = 2e-6  # [s] between gaps
 ROUGH = 0.02  # of a third derivative, by differences
 LEAPS = 45.0  # 1 / sine of the angle between two lines, at most: the normal of nearly parallel ones is limited
+# Each of these is compiled in a way of its own.
+SLOW = ("coin", "tube", "rim")
+EACH_PLATE, EACH_PART = (
+    pytest.mark.parametrize(name, [pytest.param(key, marks=pytest.mark.slow) if key in SLOW else key for key in of])
+    for name, of in (("plate", PLATES), ("name", PARTS))
+)
 SORTS = {BALL: "ball", LINES: "lines", FACE: "face", ROUND_FACE: "round face"}
 
 Floats = NDArray[np.float64]
@@ -132,7 +140,8 @@ def _bounds(surface: Any, extremes: Any, start: float, end: float, exact: Any) -
 @cache
 def scene_of(name: str, plate: str) -> Any:
     part = PARTS[name] | ({"guide": TUBE} if plate == "tube" else {})
-    given: dict[str, Any] = {"plate": PLATES[plate], "part": [part], "run": {"duration_s": 1.0}}
+    around = PLATES[plate] | ({"length_mm": BETWEEN[name]} if plate == "rim" else {})
+    given: dict[str, Any] = {"plate": around, "part": [part], "run": {"duration_s": 1.0}}
     drive = {"still": (), "bending": (BENDS,)}.get(plate, (swing(FREQUENCY, AMPLITUDE),))
     contact = quiet(restitution=0.4, friction=0.3)
     return build_scene(Scenario.model_validate(given | {"drive": drive, "contact": contact}))
@@ -150,7 +159,7 @@ def place_of(
     surface, bounds = _bounds(
         surface_arrays(scene.surface, scene.scenario.run), scene.surface.extremes, 0.0, 0.04, exactness_of(scene)
     )
-    plate_and_wall = Plate(surface, bounds, read_wall(scene.guides[0]))
+    plate_and_wall = Plate(surface, bounds, read_walls(scene))
     return Place(parts, kinds, plate_and_wall, new_scratch(kinds, scene.surface.n_shapes))
 
 
@@ -216,7 +225,7 @@ def compared(place: Place) -> Iterator[Found]:
                 sort += " at a vertex" if not where["axis"].any() else " at an edge"
             same = {k: same_point(point, points) for k, points in others.items()}
         else:
-            same = {k: points[i] for k, points in others.items()}
+            same = {k: points[i] if len(points) == len(now) else None for k, points in others.items()}
         if any(other is None or other["sort"] != point["sort"] for other in same.values()):
             continue  # at a limit
         gap = {k: float(other["gap"]) for k, other in same.items()} | {0: float(point["gap"])}
@@ -274,15 +283,15 @@ def checked(found: list[Found]) -> dict[str, int]:
     return counts
 
 
-@pytest.mark.parametrize("plate", PLATES)
-@pytest.mark.parametrize("name", PARTS)
+@EACH_PLATE
+@EACH_PART
 def test_gaps_over_a_plate_change_as_their_points_say(name: str, plate: str) -> None:
     """A corner or a ball that is just above it or just inside."""
     rng = np.random.default_rng([list(PARTS).index(name), list(PLATES).index(plate)])
     found = [one for _ in range(400) for one in compared(over(name, plate, rng, float(rng.uniform(-1e-6, 9e-7))))]
     counts = checked(found)
     assert counts["circle" if name in ROUND and plate != "tube" else "corner"] >= 200
-    assert (counts.get("wall", 0) >= 200) == (plate == "tube")
+    assert (counts.get("wall", 0) >= 200) == (plate in {"tube", "rim"})
 
 
 def at_edge(name: str, rng: np.random.Generator, plate: str = "still") -> Place:
@@ -313,7 +322,7 @@ AT_EDGES = pytest.mark.parametrize(
         ("box", {"lines", "face"}),
         ("nut", {"lines", "face"}),
         ("rod", {"lines"}),
-        ("coin", {"lines"}),
+        pytest.param("coin", {"lines"}, marks=pytest.mark.slow),
         ("ball", {"ball at an edge", "ball at a vertex"}),
     ],
 )
@@ -333,13 +342,15 @@ def test_gaps_at_the_edge_of_a_piston_change_as_their_points_say(name: str, sort
     assert min(counts.get(sort, 0) for sort in sorts) > 20
 
 
-@pytest.mark.parametrize("plate", PLATES)
-@pytest.mark.parametrize("name", PARTS)
+@EACH_PLATE
+@EACH_PART
 def test_no_point_falls_by_itself_faster_than_its_bound(name: str, plate: str) -> None:
     rng = np.random.default_rng([list(PARTS).index(name), list(PLATES).index(plate), 6])
     for i in range(400):
         place = (
-            at_edge(name, rng, plate) if i % 2 and plate not in {"bending", "tube"} else over(name, plate, rng, 5e-7)
+            at_edge(name, rng, plate)
+            if i % 2 and plate not in {"bending", "tube", "rim"}
+            else over(name, plate, rng, 5e-7)
         )
         points = place.points(looked_at(place))
         points = points[points["sort"] != ABOVE]
@@ -381,8 +392,8 @@ def changed(place: Place, rng: np.random.Generator) -> None:
     place.parts["momentum"] = attitude @ (place.kinds.record["inertia"][0] * (attitude.T @ spin))
 
 
-@pytest.mark.parametrize("plate", PLATES)
-@pytest.mark.parametrize("name", PARTS)
+@EACH_PLATE
+@EACH_PART
 def test_rates_renewed_over_a_plate_are_those_of_a_fresh_look(name: str, plate: str) -> None:
     rng = np.random.default_rng([list(PARTS).index(name), list(PLATES).index(plate), 1])
     known = 0
@@ -396,7 +407,7 @@ def test_rates_renewed_over_a_plate_are_those_of_a_fresh_look(name: str, plate: 
     assert known >= 150
 
 
-@pytest.mark.parametrize("name", PARTS)
+@EACH_PART
 def test_rates_renewed_at_the_edge_are_those_of_a_fresh_look(name: str) -> None:
     """Again and again: no bound grows with the number of times."""
     rng = np.random.default_rng([list(PARTS).index(name), 2])
@@ -423,8 +434,10 @@ def closed(place: Place) -> Place:
     return place
 
 
-@pytest.mark.parametrize("where", ["still", "piston", "tube", "edge"])
-@pytest.mark.parametrize("name", PARTS)
+@pytest.mark.parametrize(
+    "where", [*(pytest.param(key, marks=pytest.mark.slow) for key in ("tube", "rim")), "still", "piston", "edge"]
+)
+@EACH_PART
 def test_rates_after_an_impact_are_those_of_a_fresh_look(name: str, where: str) -> None:
     rng = np.random.default_rng([list(PARTS).index(name), len(where), 3])
     hits = 0
@@ -449,8 +462,8 @@ LIMIT = 4e-4  # [s]
 AT_MOST = 1e-11  # [m]; by a tenth of the tolerance a point may be inside since its time of contact is not known better
 
 
-@pytest.mark.parametrize("plate", PLATES)
-@pytest.mark.parametrize("name", PARTS)
+@EACH_PLATE
+@EACH_PART
 def test_nothing_touches_before_the_first_contact(name: str, plate: str) -> None:
     """And most leaps that end before their limit end in a touch."""
     rng = np.random.default_rng([list(PARTS).index(name), list(PLATES).index(plate), 9])

@@ -22,6 +22,8 @@ from feeder_sim.engines.impulse.contact_problem import (
     NORMAL,
     ROLLING,
     TARGET,
+    Bodies,
+    Contacts,
     meet_world,
     new_room,
     solve,
@@ -55,14 +57,28 @@ class Components(NamedTuple):
     body: NDArray[np.int64]
 
 
-def lay_to_rest(crowd, plate, tools, t):
-    """Put to sleep the components that lie still at the end of a window, at t [s]."""
+class Lying(NamedTuple):
+    """Components that may be put to sleep, and room to solve their contacts."""
+
+    found: Components
+    bodies: Bodies
+    contacts: Contacts
+
+
+def none_lying(tools):
+    """No components; takes the room of a thread."""
+    none, first = np.empty(0, np.int64), np.zeros(1, np.int64)
+    return Lying(Components(none, first, none, first, none), tools.work.bodies, tools.work.contacts)
+
+
+def lying(crowd, tools):
+    """Components that have not moved in a window, or None."""
     found = still_components(crowd, len(crowd.islands.place))
-    if len(found.member):
-        parts, pairs = int(np.diff(found.first_member).max()), int(np.diff(found.first_pair).max())
-        points = parts * tools.work.corner.shape[0] + pairs * tools.meeting.point.shape[0]
-        bodies, contacts, _ = new_room(parts, points)
-        rest(found, crowd, plate, tools, bodies, contacts, t)
+    if not len(found.member):
+        return None
+    parts, pairs = int(np.diff(found.first_member).max()), int(np.diff(found.first_pair).max())
+    points = parts * tools.work.corner.shape[0] + pairs * tools.meeting.point.shape[0]
+    return Lying(found, *new_room(parts, points)[:2])
 
 
 @entry_point
@@ -118,10 +134,15 @@ def _has_stayed(part, begun, kind):
 
 
 @entry_point
-def rest(components, crowd, plate, tools, bodies, contacts, t):
+def rest_alone(lying, crowd, plate, tools, t):
+    """As `rest`, where nothing else is compiled that solves contacts."""
+    rest(borrow(lying), borrow(crowd), borrow(plate), borrow(tools), t)
+
+
+@compiled
+def rest(lying, crowd, plate, tools, t):
     """Put to sleep the components that their contacts hold at t [s]."""
-    found, crowd, plate, tools = borrow(components), borrow(crowd), borrow(plate), borrow(tools)
-    bodies, contacts = borrow(bodies), borrow(contacts)
+    found, bodies, contacts = lying.found, lying.bodies, lying.contacts
     for c in range(found.first_member.shape[0] - 1):
         n = _gather(c, found, crowd, plate, tools, bodies, contacts, t)
         first, last = found.first_member[c], found.first_member[c + 1]

@@ -178,11 +178,25 @@ def impact(bodies, contacts, n, modes, closely=0.0):
         if not settled:
             begin(room, n, size)
         share = 0.5 * share if settled and share > 0.02 else 0.0
+    if not settled and _slip(room, n, size, closely):
+        work = 0.0
     _take_back(room, n, size, work, at_first, 1.0 if settled else 0.5)
     for i in range(n):
         number[TARGET, i] = room.target[i]
     _write_out(bodies, contacts, n, modes)
     return settled
+
+
+@uncounted
+def _slip(room, n, size, closely):
+    """Solve without friction what is jammed, as between a plate that moves and a wall; whether that has a solution.
+
+    Rigid bodies may have none with friction: forces along a line that lies in the cones of both its ends grow at will.
+    """
+    for i in range(n):
+        room.limit[i, SLIDES] = room.limit[i, ROLLS] = 0.0
+    begin(room, n, size)
+    return settle(room, n, size, closely)
 
 
 @uncounted

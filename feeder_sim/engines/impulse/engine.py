@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from feeder_sim.engines.impulse.alone import Alone, Drive, advance_alone
-from feeder_sim.engines.impulse.components import lay_to_rest
+from feeder_sim.engines.impulse.components import lying, none_lying
 from feeder_sim.engines.impulse.crowd import find_neighbours, open_window, share_out
 from feeder_sim.engines.impulse.frame_rows import (
     ATTITUDE,
@@ -183,7 +183,7 @@ class ImpulseEngine:
             frames = FrameRows(np.empty(0), np.empty((0, self._n, ROW)), new_interrupt())
         parts, start = self._opened.copy(), self._span[0]
         acting, bounds, reach = self._open_window(parts)
-        begun = parts.copy()
+        plate, begun = Plate(acting, bounds), parts.copy()
         absent = np.flatnonzero(parts["there"][: self._n] == ABSENT)
         frames.row[:, absent] = self._row[absent]
         if len(absent) == self._n:
@@ -193,7 +193,7 @@ class ImpulseEngine:
             self._forget_unresolved()
             pairs, islands = find_neighbours(parts, self._n, self._kinds, self._surface, reach, self._pairs_before)
             crowd = Crowd(parts, begun, pairs, self._kinds, islands)
-            left = self._advance_islands(crowd, Plate(acting, bounds), Span(start, until, reach), frames)
+            left = self._advance_islands(crowd, plate, Span(start, until, reach), frames)
             if not left or frames.interrupt[ENDED]:
                 break
             way = self._longest_way(parts, begun)
@@ -202,7 +202,7 @@ class ImpulseEngine:
             reach = WIDER * max(reach, way)
             parts = begun.copy()
         if bounds.calm and until == self._span[1] and not frames.interrupt[ENDED]:
-            lay_to_rest(crowd, Plate(acting, bounds), self._tools[0], until)
+            self._lay_to_rest(crowd, plate, Span(start, until, reach), frames)
         self._parts, self._pairs = parts, pairs
 
     def _longest_way(self, parts: NDArray[np.void], begun: NDArray[np.void]) -> float:
@@ -223,13 +223,21 @@ class ImpulseEngine:
         """Advance all islands, in parallel where there are threads; returns whether a part has left its reach."""
         owner = share_out(crowd.islands, self._threads)
         if self._pool is None:
-            return bool(advance_islands(Share(owner, 0), crowd, plate, self._tools[0], span, frames))
+            tools = self._tools[0]
+            return bool(advance_islands(Share(owner, 0), crowd, plate, tools, span, frames, none_lying(tools)))
         tasks = [
-            self._pool.submit(advance_islands, Share(owner, i), crowd, plate, tools, span, frames)
+            self._pool.submit(advance_islands, Share(owner, i), crowd, plate, tools, span, frames, none_lying(tools))
             for i, tools in enumerate(self._tools)
         ]
         left = [task.result() for task in tasks]  # all of them, also after the first that has
         return any(left)
+
+    def _lay_to_rest(self, crowd: Crowd, plate: Plate, span: Span, frames: FrameRows) -> None:
+        """Put to sleep what lies still at the end of a window."""
+        tools = self._tools[0]
+        found = lying(crowd, tools)
+        if found is not None:
+            advance_islands(Share(np.empty(0, np.int64), 0), crowd, plate, tools, span, frames, found)
 
     def _begin_window_now(self) -> None:
         """End the window under way at the last frame: what happens there acts on the parts from then on."""

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from feeder_sim.borrow import borrow, borrowed
+from feeder_sim.engines.impulse.components import rest
 from feeder_sim.engines.impulse.frame_rows import write_row
 from feeder_sim.engines.impulse.pairs.collision import meet
 from feeder_sim.engines.impulse.pairs.due import meeting_bound
@@ -74,13 +75,17 @@ class Agenda(NamedTuple):
 
 
 @entry_point
-def advance_islands(share, crowd, plate, tools, span, frames):
-    """Advance the islands of a thread to the end of a window, and write their frames.
+def advance_islands(share, crowd, plate, tools, span, frames, lying):
+    """Advance the islands of a thread to the end of a window, and write their frames; or put to sleep what is `lying`.
 
-    Returns whether a part has come farther than the reach that its possible neighbours were found for.
+    Both in one, since each entry point compiles all that it calls, and both solve contacts. Returns whether a part has
+    come farther than the reach that its possible neighbours were found for.
     """
     owner, crowd, plate, tools, frames = share.owner, borrow(crowd), borrow(plate), borrow(tools), borrow(frames)
     left = False
+    if lying.found.member.shape[0] > 0:
+        rest(borrow(lying), crowd, plate, tools, span.end)
+        return left
     for island in range(owner.shape[0]):
         if owner[island] == share.thread:
             left |= _advance_island(island, crowd, plate, tools, span, frames)

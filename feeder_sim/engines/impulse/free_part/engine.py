@@ -12,7 +12,7 @@ from feeder_sim.engines.impulse.engine import COLUMNS, ImpulseEngine
 from feeder_sim.engines.impulse.frame_rows import ROW
 from feeder_sim.engines.impulse.free_part.loop import Drive, FreePart, advance
 from feeder_sim.engines.impulse.free_part.notes import Notes
-from feeder_sim.engines.impulse.free_part.state import FREE, WINDOW, Exactness, new_part, new_scratch, read_wall
+from feeder_sim.engines.impulse.free_part.state import FREE, WINDOW, Exactness, Tube, new_part, new_scratch, read_walls
 from feeder_sim.engines.impulse.state import ABSENT
 from feeder_sim.engines.noise import new_streams
 from feeder_sim.engines.surface_arrays import surface_arrays
@@ -46,8 +46,8 @@ class FreePartEngine(ImpulseEngine):
         super().__init__(scene, rng, interrupt=interrupt)
         self._exact = exactness_of(scene)
         self._scratch = new_scratch(self._kinds, scene.surface.n_shapes)
-        self._part = new_part(self._parts, new_streams(rng, 1))
-        self._wall = read_wall(scene.guides[0])
+        self._part = new_part(self._parts[:1], new_streams(rng, 1))
+        self._wall = read_walls(scene)
         self._notes = Notes(new_log(1), np.zeros(2), SAME_CONTACT * scene.timestep)
 
     @property
@@ -59,7 +59,7 @@ class FreePartEngine(ImpulseEngine):
         times = np.asarray((self._frame + 1 + np.arange(n_frames)) * scene.frame_interval, float)
         drive = Drive(self._surface, scene.surface.extremes, self._exact, WINDOW)
         frames = self._rows_to_fill(times, rows)
-        if self._wall is not None:
+        if isinstance(self._wall, Tube):
             room = int(n_frames * scene.frame_interval / self._notes.apart) + 2
             self._notes = self._notes._replace(log=room_for(self._notes.log, room))
         free = FreePart(self._part, self._kinds, self._scratch, self._wall, self._notes)

@@ -19,9 +19,9 @@ from feeder_sim.engines.impulse.contact_problem import (
 )
 from feeder_sim.engines.impulse.free_part.contact_law import hit_alone, restitution_at
 from feeder_sim.engines.impulse.free_part.leap import LEFT, twist_of
-from feeder_sim.engines.impulse.free_part.on_wall import restitution_of_wall
 from feeder_sim.engines.impulse.free_part.points import move_points, touches
 from feeder_sim.engines.impulse.free_part.state import ON_WALL, UNRESOLVED
+from feeder_sim.engines.impulse.free_part.walls import restitution_of_wall
 from feeder_sim.engines.impulse.state import inverse_inertia
 from feeder_sim.engines.impulse.vectors import add_to, cross, plus, vector, write_to
 from feeder_sim.engines.noise import half_normal
@@ -30,6 +30,7 @@ from feeder_sim.machine_code import inlined
 ROUNDS = 20  # of impacts at zero time; after them what still approaches does so without rebound
 LONGEST_CHATTER = 3e-5  # [s] of bounces that are summed where nothing moves: hops of a nanometre
 TOGETHER = 10.0  # tolerances; points this close hit together, so that a flat landing is one impact and not six
+JAMMED = 5e-4  # [s]; for which a part slips that no impact with friction frees
 DOWN = (0.0, 0.0, -1.0)
 
 
@@ -82,6 +83,7 @@ def strike(part, kind, seen, rebounds, plate, work):
             load_part(part, kind, turning, 0.0, work)
             if not impact(work.bodies, work.contacts, m, None):
                 work.counts[UNRESOLVED] += 1
+                part.jammed = part.clock + JAMMED
             write_to(part.velocity, vector(work.bodies.velocity[0]))
             for i in range(m):
                 arm, impulse = work.contacts.vector[ARM_SECOND, i], work.contacts.vector[IMPULSE, i]
@@ -106,7 +108,9 @@ def _gather_touching(kind, n, rebounds, plate, turning, work):
         approaches = approaches or (point.rate < -LEFT and point.gap <= bounds.exact.touch)
         e = 0.0
         if rebounds:
-            e = restitution_of_wall(plate) if point.sort == ON_WALL else restitution_at(kind, -point.rate)
+            e = restitution_at(kind, -point.rate)
+            if point.sort == ON_WALL:
+                e = restitution_of_wall(plate, kind, -point.rate)
         departure = 0.5 * chatter_time(point.most_push, twist, bounds) * (1.0 - e) * max(point.closing, 0.0)
         if -e * point.rate <= departure:
             e = 0.0  # what is left of its bounces is summed: they take what the plate pushes meanwhile

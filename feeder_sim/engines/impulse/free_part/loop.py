@@ -12,7 +12,7 @@ from feeder_sim.engines.impulse.frame_rows import write_state
 from feeder_sim.engines.impulse.free_flight import orthonormalise
 from feeder_sim.engines.impulse.free_part.notes import Notes
 from feeder_sim.engines.impulse.free_part.ride import bring
-from feeder_sim.engines.impulse.free_part.state import PART, Exactness, Plate, Scratch, Wall
+from feeder_sim.engines.impulse.free_part.state import PART, Exactness, Plate, Rim, Scratch, Tube
 from feeder_sim.engines.impulse.free_part.step import step
 from feeder_sim.engines.impulse.free_part.window import bound
 from feeder_sim.engines.impulse.state import ABSENT, ASLEEP, AWAKE, Kinds
@@ -34,14 +34,14 @@ class Drive(NamedTuple):
 
 
 class FreePart(NamedTuple):
-    """The part, as an array of one; its kind; scratch space; the wall of its tube, None without one, and what is
-    noted there.
+    """The part, as an array of one; its kind; scratch space; the walls around it, or None, and what is noted
+    in a tube.
     """
 
     parts: NDArray[np.void]
     kinds: Kinds
     work: Scratch
-    wall: Wall | None
+    wall: Tube | Rim | None
     notes: Notes
 
 

@@ -10,9 +10,9 @@ from feeder_sim.engines.impulse.free_part.at_edge import REACH, look_at_edge, mo
 from feeder_sim.engines.impulse.free_part.moving_surface import move_surface
 from feeder_sim.engines.impulse.free_part.on_circle import look_at_circles, move_on_circle
 from feeder_sim.engines.impulse.free_part.on_plate import look_at_corners, move_corner
-from feeder_sim.engines.impulse.free_part.on_wall import look_at_wall, move_at_wall
 from feeder_sim.engines.impulse.free_part.path import Turning, turning_of
 from feeder_sim.engines.impulse.free_part.state import ABOVE, AT_EDGE, ON_WALL
+from feeder_sim.engines.impulse.free_part.walls import in_tube, look_at_walls, move_at_wall, walled
 from feeder_sim.engines.surface_arrays import edge_distance
 from feeder_sim.machine_code import inlined
 
@@ -34,11 +34,13 @@ def look(part, kinds, plate, t, work):
     n, close, moved = look_at_corners(part, kinds, plate, t, turning, work)
     n, on_circle, moved = look_at_circles(part, kinds, plate, n, t, moved, turning, work)
     near_edge, at_edge = _may_reach_edge(part, kind, plate.surface), False
+    if walled(plate) and not in_tube(plate):
+        near_edge = False  # behind the rim
     if near_edge:
         if not moved:
             move_surface(t, plate.surface, work.now)
         n, at_edge = look_at_edge(part, kinds, plate, n, turning, work)
-    n, at_wall = look_at_wall(part, kinds, plate, n, turning, work)
+    n, at_wall = look_at_walls(part, kinds, plate, n, turning, work)
     return Seen(n, close or on_circle or at_edge or at_wall, near_edge, turning)
 
 

@@ -13,7 +13,7 @@ from feeder_sim.engines.impulse.free_part.edge_piece import EDGE_POINT
 from feeder_sim.engines.impulse.state import AWAKE, PART_FIELDS, Kinds, flies, rotate
 from feeder_sim.engines.surface_arrays import SurfaceArrays
 from feeder_sim.machine_code import inlined
-from feeder_sim.scene.scene import Guide
+from feeder_sim.scene.scene import Scene
 
 WINDOW = 2e-2  # [s]; bounds follow the ring-up of the plate
 FREE, PRESSED, FOLLOWING = range(3)  # in PART, phase
@@ -67,17 +67,18 @@ UNRESOLVED, LATE, SPENT = range(3)  # of Scratch.counts
 
 # State of the part: that of `impulse.state.PART`, and before it, as numba needs it, what it does (docs/contact.md).
 # phase: FREE; PRESSED by a mean force [N] and moment [N m] until it is looked at next; FOLLOWING the surface, whose
-# frame at a place it has a seat and a facing in. Force and moment change steadily with the push of the plate: by a jerk
-# [m/s^3] of the part, and a twist [N m/s]; they have their mean after the time lead [s]. held: looks for which it has
-# not slipped. draws: state of its random numbers. depth: of its deepest point after its last look [m]. beside: it has
-# come under the sheet of the plate from beside it, and falls past. looks: at it, beyond those that pass, until budget
-# [s].
+# frame at a place it has a seat and a facing in. Force and moment change steadily with the push of the plate: by a
+# jerk [m/s^3] of the part, and a twist [N m/s]; they have their mean after the time lead [s]. held: looks for which
+# it has not slipped. draws: state of its random numbers. depth: of its deepest point after its last look [m]. beside:
+# it has come under the sheet of the plate from beside it, and falls past. jammed: until when it has no friction [s].
+# looks: at it, beyond those that pass, until budget [s].
 OWN_FIELDS: list[Any] = [
     ("phase", "i8"),
     ("held", "i8"),
     ("beside", "i8"),
     ("looks", "f8"),
     ("budget", "f8"),
+    ("jammed", "f8"),
     ("depth", "f8"),
     ("draws", "u8"),
     ("force", "f8", 3),
@@ -119,7 +120,7 @@ class Bounds(NamedTuple):
     exact: Exactness
 
 
-class Wall(NamedTuple):
+class Tube(NamedTuple):
     """The wall of a tube: a point of its axis [m], unit vector along it, inner radius [m]."""
 
     foot: NDArray[np.float64]
@@ -129,12 +130,18 @@ class Wall(NamedTuple):
     friction: float
 
 
+class Rim(NamedTuple):
+    """Four walls around the plate, at plus and minus half of its length and width (2,) [m]."""
+
+    half: NDArray[np.float64]
+
+
 class Plate(NamedTuple):
-    """The plate in a window: the terms that act, what they can do at most, and the wall of a tube over it, or None."""
+    """The plate in a window: the terms that act, what they can do at most, and the walls over it, or None."""
 
     surface: SurfaceArrays
     bounds: Bounds
-    wall: Wall | None
+    wall: Tube | Rim | None
 
 
 class Scratch(NamedTuple):
@@ -159,8 +166,8 @@ class Scratch(NamedTuple):
 
 
 def new_scratch(kinds: Kinds, n_shapes: int) -> Scratch:
-    """Room for the part: its corners, on the plate and at a wall, and the points on the edge of the plate."""
-    rows = 2 * int((kinds.record["corner_to"] - kinds.record["corner_from"]).max()) + CIRCLES + EDGE_POINTS
+    """Room for the part: its corners, on the plate and at four walls, and the points on the edge of the plate."""
+    rows = 5 * int((kinds.record["corner_to"] - kinds.record["corner_from"]).max()) + CIRCLES + EDGE_POINTS
     bodies, contacts, _ = new_room(1, rows)
     return Scratch(
         point=np.zeros(rows + 1, POINT),
@@ -176,11 +183,14 @@ def new_scratch(kinds: Kinds, n_shapes: int) -> Scratch:
     )
 
 
-def read_wall(guide: Guide | None) -> Wall | None:
-    """The wall of a guide with play, None without one."""
+def read_walls(scene: Scene) -> Tube | Rim | None:
+    """The wall of a guide with play, or of a rim; None without either."""
+    guide = scene.guides[0]
+    if scene.rim:
+        return Rim(0.5 * np.array([scene.surface.length, scene.surface.width]))
     if guide is None or guide.radius is None or guide.restitution is None:
         return None
-    return Wall(np.array([*guide.foot, 0.0]), guide.axis, guide.radius, guide.restitution, guide.friction)
+    return Tube(np.array([*guide.foot, 0.0]), guide.axis, guide.radius, guide.restitution, guide.friction)
 
 
 def new_part(like: NDArray[np.void], draws: NDArray[np.uint64]) -> NDArray[np.void]:

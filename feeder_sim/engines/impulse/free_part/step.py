@@ -21,14 +21,15 @@ from feeder_sim.engines.impulse.free_part.impact import TOGETHER, strike
 from feeder_sim.engines.impulse.free_part.leap import first_contact, shortest_leap, unsure_of
 from feeder_sim.engines.impulse.free_part.notes import note_contact, speed_of_touched_plate
 from feeder_sim.engines.impulse.free_part.on_plate import CLOSE
-from feeder_sim.engines.impulse.free_part.on_wall import is_guided
 from feeder_sim.engines.impulse.free_part.points import look, lowest_gap, touches
 from feeder_sim.engines.impulse.free_part.ride import bring, follows_until, goes_along, sit_down
 from feeder_sim.engines.impulse.free_part.state import FREE, LATE, SPENT
 from feeder_sim.engines.impulse.free_part.sustained import CARRIED, Moment, press
+from feeder_sim.engines.impulse.free_part.walls import in_tube, leans, time_to_walls, walled
 from feeder_sim.engines.impulse.state import ASLEEP, top_speed
 from feeder_sim.machine_code import inlined, uncounted
 
+ASIDE = 1e-5  # [m]; no plate moves a part that follows it sideways by more
 NEVER = 1e9  # [s]; the flight of a part that is not over the plate
 ENTERED = 1.0  # tolerances that a point may come into the plate in a leap; pressed ones are moved by CARRIED
 SURE, HALVINGS = 0.1, 40  # tolerances that anything may move while the time of a contact is not known
@@ -49,7 +50,7 @@ def step(free, plate, t):
     bring(part, kind, t, plate.surface)
     part.phase = FREE
     height = part.position[2] - kind.reach - kind.radius - plate.bounds.crest
-    if height > CLOSE and not is_guided(plate):
+    if height > CLOSE and not walled(plate):
         rising, part.beside, part.depth = part.velocity[2], 0, 0.0
         return t + (rising + math.sqrt(rising * rising + 2.0 * GRAVITY * (height - 0.5 * CLOSE))) / GRAVITY
     if part.beside:
@@ -59,6 +60,9 @@ def step(free, plate, t):
     if part.beside:
         return t
     part.depth = max(-lowest_gap(seen.n, free.work), 0.0)
+    if t < part.jammed:
+        for i in range(seen.n):
+            free.work.point[i].friction = 0.0
     due = _act(free, plate, t, seen, spent)
     return max(due, t + SPARING) if spent else due
 
@@ -138,7 +142,7 @@ def _act(free, plate, t, seen, spent):
     until, bounds, turning = _next_switch(plate.surface, t, plate.bounds.end), plate.bounds, seen.turning
     before, rises = part.velocity[2], np.nan
     if seen.close:
-        if is_guided(plate):
+        if in_tube(plate):
             rises = speed_of_touched_plate(seen.n, TOGETHER * bounds.exact.tolerance, work)
         turning = strike(part, kind, seen, not spent, plate, work)
     shortest, unsure = shortest_leap(part, bounds, turning), unsure_of(part, kind, bounds, turning)
@@ -148,13 +152,13 @@ def _act(free, plate, t, seen, spent):
         if stays > 0.0:
             part.held = part.held + 1 if held else min(part.held, 0)
             due = t + (_stay(part, kind, plate, now, stays, work) if held else stays)
-            if is_guided(plate):
+            if in_tube(plate):
                 note_contact(free.notes, t, due + 0.0 * rises, rises - before, part)
             return due
         part.held = 0
-    if is_guided(plate):
+    if in_tube(plate):
         note_contact(free.notes, t, t + 0.0 * rises, rises - before, part)
-    limit = until - t
+    limit = min(until - t, time_to_walls(part, kind, plate))
     if seen.near_edge:
         limit = min(limit, max(LEAST_LOOK, 0.25 * max(lowest_gap(seen.n, work), 0.0) / top_speed(part, kind)))
     return min(t + max(first_contact(seen.n, limit, plate, t, unsure, work), shortest), until)
@@ -163,7 +167,7 @@ def _act(free, plate, t, seen, spent):
 @inlined
 def _stay(part, kind, plate, now, stays, work):
     """How long a part that does not slip stays [s]: for ever at rest, or while it follows, or for the time `stays`."""
-    if is_guided(plate):
+    if in_tube(plate) or (walled(plate) and leans(now.n, ASIDE, work)):
         if plate.bounds.calm and _is_still(part, kind, plate.bounds, work):
             return _rest(part)
         return stays

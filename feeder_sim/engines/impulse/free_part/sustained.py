@@ -28,7 +28,6 @@ from feeder_sim.engines.impulse.free_part.leap import LEFT, Unsure, first_contac
 from feeder_sim.engines.impulse.free_part.moving_surface import along_at, flow_at, move_surface
 from feeder_sim.engines.impulse.free_part.on_circle import lowest_point_after
 from feeder_sim.engines.impulse.free_part.on_plate import corner_after
-from feeder_sim.engines.impulse.free_part.on_wall import is_guided, wall_point_after
 from feeder_sim.engines.impulse.free_part.path import Turning, ahead
 from feeder_sim.engines.impulse.free_part.points import touches
 from feeder_sim.engines.impulse.free_part.state import (
@@ -41,6 +40,7 @@ from feeder_sim.engines.impulse.free_part.state import (
     PRESSED,
     UNRESOLVED,
 )
+from feeder_sim.engines.impulse.free_part.walls import leans, wall_point_after, walled
 from feeder_sim.engines.impulse.state import top_speed
 from feeder_sim.engines.impulse.vectors import add_to, cross, difference, dot, plus, times, vector, write_to
 from feeder_sim.machine_code import inlined
@@ -186,7 +186,8 @@ def _mark_carried(n, usual, chatter, bounds, work):
     for i in range(n):
         point = work.point[i]
         near = point.gap <= bounds.exact.touch or (point.gap <= close and point.rate * usual > -close)
-        stays = point.rate <= max(SETTLED * chatter * point.closing, bounds.exact.tolerance / usual)
+        slowly = max(bounds.exact.tolerance, -point.gap) / usual  # what is inside has to get out
+        stays = point.rate <= max(SETTLED * chatter * point.closing, slowly)
         point.carried = OFFERED if near and stays and touches(point, close) else 0
 
 
@@ -211,7 +212,8 @@ def _solve_forces(part, kind, plate, now, times_and_slip, work):
                 target = min(target, -2.0 * (point.gap - 0.5 * exact.touch) / time - point.rate)
             work.contacts.number[TARGET, m] = target - turned
             m += 1
-    if plate.bounds.speed > 0.0 and not is_guided(plate):
+    leant = walled(plate) and leans(now.n, CARRIED * exact.tolerance, work)
+    if plate.bounds.speed > 0.0 and not leant:
         _move_as_one(m, slips, work.contacts)
     if kind.corner_to - kind.corner_from > 1:
         _turn_inwards(kind, now.turning.spin, m, time, work)
@@ -229,7 +231,7 @@ def _set_contact_after(m, part, kind, plate, turning_and_time, work):
         arm, normal, turned = edge_point_after(i, part, turning, time, work)
         velocity = flow_at(under, work.then, plate.surface)
     elif point.sort == ON_WALL:
-        arm, normal, turned = wall_point_after(i, part, kind, turning, time, work)
+        arm, normal, turned = wall_point_after(i, part, kind, plate, turning, time, work)
         velocity = NOTHING
     elif point.sort == ON_CIRCLE:
         arm, normal, velocity = lowest_point_after(i, kind, plate, turning, time, work)

@@ -9,6 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from feeder_sim.engines.impulse.components import lying, rest_alone
 from feeder_sim.engines.impulse.contact_problem import Modes
 from feeder_sim.engines.impulse.engine import ImpulseEngine
 from feeder_sim.engines.impulse.frame_rows import FrameRows
@@ -76,6 +77,11 @@ class ReactingEngine(ImpulseEngine):
         left = advance_reacting(crowd, opened, self._tools[0], span, frames, self._yielding, margins)
         self._reaction = reaction_of(plate.surface)
         return bool(left)
+
+    def _lay_to_rest(self, crowd: Crowd, plate: Plate, span: Span, frames: FrameRows) -> None:
+        found = lying(crowd, self._tools[0])
+        if found is not None:
+            rest_alone(found, crowd, plate, self._tools[0], span.end)
 
     def _keep_begin_of_window(self) -> None:
         super()._keep_begin_of_window()

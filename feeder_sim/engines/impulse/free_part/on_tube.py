@@ -13,9 +13,6 @@ from __future__ import annotations
 
 import math
 
-from numba.core import types
-from numba.extending import overload
-
 from feeder_sim.constants import GRAVITY
 from feeder_sim.engines.impulse.free_part.leap import LONGEST, twist_of
 from feeder_sim.engines.impulse.free_part.on_plate import CLOSE
@@ -30,59 +27,9 @@ ACROSS = (1.0, 0.0, 0.0)
 STILL = (0.0, 0.0, 0.0)
 
 
-def look_at_wall(part, kinds, plate, first, turning, work):
-    """Fill a point for every corner, from `first` on, if there is a wall; returns the end, and whether one is close."""
-    raise NotImplementedError("for compiled code only")
-
-
-def move_at_wall(i, part, kind, plate, turning, work):
-    """Write the path of the gap of point i, at the wall, as its part moves now."""
-    raise NotImplementedError("for compiled code only")
-
-
-def restitution_of_wall(plate):
-    """Coefficient of restitution of the wall, 0 without one."""
-    raise NotImplementedError("for compiled code only")
-
-
-def is_guided(plate):
-    """Whether there is a wall."""
-    raise NotImplementedError("for compiled code only")
-
-
-def _without_wall(plate):
-    return isinstance(plate.types[plate.fields.index("wall")], types.NoneType)
-
-
-@overload(look_at_wall)
-def _look_if_there(part, kinds, plate, first, turning, work):
-    if _without_wall(plate):
-        return lambda part, kinds, plate, first, turning, work: (first, False)
-    return lambda part, kinds, plate, first, turning, work: _look(part, kinds, plate, first, turning, work)
-
-
-@overload(move_at_wall)
-def _move_if_there(i, part, kind, plate, turning, work):
-    if _without_wall(plate):
-        return lambda i, part, kind, plate, turning, work: None
-    return lambda i, part, kind, plate, turning, work: _move(i, part, kind, plate, turning, work)
-
-
-@overload(restitution_of_wall)
-def _restitution_if_there(plate):
-    if _without_wall(plate):
-        return lambda plate: 0.0
-    return lambda plate: plate.wall.restitution
-
-
-@overload(is_guided)
-def _is_there(plate):
-    there = not _without_wall(plate)
-    return lambda plate: there
-
-
 @uncounted
-def _look(part, kinds, plate, first, turning, work):
+def look_at_tube(part, kinds, plate, first, turning, work):
+    """Fill a point for every corner, from `first` on; returns the end, and whether one is close."""
     kind, wall, close = kinds.record[part.kind], plate.wall, False
     corners, room = kinds.corners[kind.corner_from : kind.corner_to], wall.radius - kind.radius
     for i in range(corners.shape[0]):
@@ -97,12 +44,18 @@ def _look(part, kinds, plate, first, turning, work):
         write_to(point.arm, plus(arm, -kind.radius, normal))
         write_to(point.normal, normal)
         write_to(point.surface_velocity, STILL)
-        for s in range(work.under.shape[1]):
-            for k in range(work.under.shape[2]):
-                work.under[n, s, k] = 0.0  # the plate does not move the wall
-        _move(n, part, kind, plate, turning, work)
+        forget_plate(work.under[n])
+        move_at_tube(n, part, kind, plate, turning, work)
         close = close or point.gap <= CLOSE
     return first + corners.shape[0], close
+
+
+@inlined
+def forget_plate(under):
+    """The plate does not move a wall."""
+    for s in range(under.shape[0]):
+        for k in range(under.shape[1]):
+            under[s, k] = 0.0
 
 
 @inlined
@@ -117,7 +70,8 @@ def _across(a, wall):
 
 
 @inlined
-def _move(i, part, kind, plate, turning, work):
+def move_at_tube(i, part, kind, plate, turning, work):
+    """Write the path of the gap of point i, at the wall, as its part moves now."""
     point, wall, room = work.point[i], plate.wall, plate.wall.radius - kind.radius
     arm = plus(point.arm, kind.radius, point.normal)
     jerk = _across(write_path(point, part, arm, turning), wall)
@@ -137,7 +91,7 @@ def _move(i, part, kind, plate, turning, work):
 
 
 @inlined
-def wall_point_after(i, part, kind, turning, time, work):
+def tube_point_after(i, part, kind, turning, time, work):
     """As `edge_point_after`, of point i at the wall."""
     point = work.point[i]
     at, n, swing = vector(point.arm), vector(point.normal), vector(point.swing)
