@@ -74,7 +74,7 @@ STEP = 2e-6  # [s] between gaps
 ROUGH = 0.02  # of a third derivative, by differences
 LEAPS = 45.0  # 1 / sine of the angle between two lines, at most: the normal of nearly parallel ones is limited
 # Each of these is compiled in a way of its own.
-SLOW = ("coin", "tube", "rim")
+SLOW = ("rod", "coin", "tube", "rim")
 EACH_PLATE, EACH_PART = (
     pytest.mark.parametrize(name, [pytest.param(key, marks=pytest.mark.slow) if key in SLOW else key for key in of])
     for name, of in (("plate", PLATES), ("name", PARTS))
@@ -321,7 +321,7 @@ AT_EDGES = pytest.mark.parametrize(
     [
         ("box", {"lines", "face"}),
         ("nut", {"lines", "face"}),
-        ("rod", {"lines"}),
+        pytest.param("rod", {"lines"}, marks=pytest.mark.slow),
         pytest.param("coin", {"lines"}, marks=pytest.mark.slow),
         ("ball", {"ball at an edge", "ball at a vertex"}),
     ],
