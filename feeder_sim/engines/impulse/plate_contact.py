@@ -31,7 +31,7 @@ from feeder_sim.engines.impulse.state import (
     inverse_inertia,
     spin_of,
 )
-from feeder_sim.engines.impulse.vectors import dot, times
+from feeder_sim.engines.impulse.vectors import dot
 from feeder_sim.engines.surface_arrays import ON_EDGE, off_plate
 from feeder_sim.machine_code import compiled, inlined, uncounted
 from feeder_sim.plate.compiled import (
@@ -70,13 +70,10 @@ def meet_plate(part, kinds, surface, bounds, t, work):
         near, others = gather_near(part, kind, corners, bounds, work)
         corners = work.points[:near]
     on_plate, last = look(part, kind, corners, surface, bounds, t, moved, work)
-    height = part.position[2]
     if on_plate == 1 and kind.rolling == 0.0:
         _impact_at(last, part, kind, corners, surface, work)
     elif on_plate > 0:
         _impact(part, kind, corners, surface, work)
-    if bounds.speed == 0.0 and part.position[2] > height and not is_round(kind):
-        _take_fall(part, kind, part.position[2] - height)
     leap, to_crest, own = longest_leap(part, kind, corners, work)
     tilt = tilt_of(lowest, part, kind, work)
     leap, to_crest = leap_of_circles(tilt, kind, bounds, own, leap, to_crest, work)
@@ -247,29 +244,6 @@ def _impact(part, kind, corners, surface, work):
         work.unresolved[0] += 1
     put_back(part, corners, depth, work)
     approach(part, kind, corners, work)
-
-
-@inlined
-def _take_fall(part, kind, height):
-    """Take from the motion of a part what it has gained by falling into a plate at rest, out of which it was lifted.
-
-    As forces along the vertical would: by a share of its vertical velocity, and of its turning about level axes.
-    """
-    momentum, turns = part.momentum, inverse_inertia(part, kind)
-    level = momentum[0], momentum[1], 0.0
-    turned = times(turns, level)
-    square = 0.5 * (kind.mass * part.velocity[2] * part.velocity[2] + dot(level, turned))
-    linear, fallen = momentum[2] * turned[2], kind.mass * GRAVITY * height
-    if square <= 0.0:
-        return
-    least = min(max(-0.5 * linear / square, 0.0), 1.0)  # the share that leaves the least energy
-    inside = (2.0 * square + linear) * (2.0 * square + linear) - 4.0 * square * fallen
-    share = least
-    if inside > 0.0:
-        share = min(max((math.sqrt(inside) - linear) / (2.0 * square), least), 1.0)
-    part.velocity[2] *= share
-    momentum[0] *= share
-    momentum[1] *= share
 
 
 @inlined
