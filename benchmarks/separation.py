@@ -88,6 +88,7 @@ VARIANTS: dict[str, Change] = {
     "poured in the middle, spread at 558 Hz": _poured,
     "20 steps per period": lambda raw: raw["run"].update(steps_per_period=20),
     "80 steps per period": lambda raw: raw["run"].update(steps_per_period=80),
+    "400 steps per period": lambda raw: raw["run"].update(steps_per_period=400),
 }
 
 

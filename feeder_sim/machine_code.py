@@ -105,7 +105,7 @@ class _EntryPoint(CPUDispatcher):
         collecting = gc.isenabled()
         gc.disable()
         try:
-            with _compiled_into(self, JITCodeLibrary):
+            with _compiled_into(self, _Whole if INGREDIENTS else JITCodeLibrary):
                 return super().compile(sig)
         finally:
             if collecting:
@@ -127,6 +127,23 @@ class _Inner(CPUDispatcher):
         raise TypeError(
             f"{self.py_func.__name__} is for compiled functions only; entry_point(function.py_func) can be called"
         )
+
+
+class _Whole(JITCodeLibrary):
+    """Code of an entry point, which no compiled function calls: what others would need to copy it is not kept.
+
+    Reading that takes as long as linking the machine code.
+    """
+
+    def serialize_using_object_code(self) -> Any:
+        name, kind, (machine_code, _) = super().serialize_using_object_code()
+        nothing = llvmlite.binding.parse_assembly(str(self._codegen._create_empty_module(name)))
+        return name, kind, (machine_code, nothing.as_bitcode())
+
+    def get_pointer_to_function(self, name: str) -> int:
+        """Its address; numba would look the name up in what is not kept."""
+        self._ensure_finalized()
+        return int(self._codegen._engine.get_function_address(name))
 
 
 class _Ingredient(JITCodeLibrary):

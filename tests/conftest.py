@@ -21,7 +21,8 @@ import tomli_w
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from feeder_sim.engines.impulse.engine import COLUMNS, ImpulseEngine
+from feeder_sim.engines.impulse.engine import ImpulseEngine
+from feeder_sim.engines.impulse.parts_engine import COLUMNS
 from feeder_sim.errors import InputError
 from feeder_sim.machine_code import entry_point
 from feeder_sim.records.trajectory import Frames

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import functools
+import gc
+import importlib.util
+import sys
 from typing import Any
 
 import typer
@@ -13,6 +16,7 @@ from feeder_sim.errors import InputError, Interrupted
 # Of Click. Newer versions of typer have a Click of their own inside, so that its class has no other name in common.
 _USAGE_ERROR: type[Exception] = typer.BadParameter.__mro__[1]
 
+GARBAGE = 50_000  # objects made, after which Python looks for garbage; 700 by itself
 
 # Questions of many runs; their options are fields that take long to import.
 STUDIES = {
@@ -69,12 +73,26 @@ class Commands(TyperGroup):
 
     def invoke(self, ctx: Any) -> Any:
         """Ctrl-C in any command is one line; typer would end without a word. So are wrong options."""
+        _start_quickly()
         try:
             return super().invoke(ctx)
         except KeyboardInterrupt:
             raise Interrupted("interrupted") from None
         except _USAGE_ERROR as error:
             raise _in_one_line(error, ctx.invoked_subcommand) from error
+
+
+def _start_quickly() -> None:
+    """Load what SciPy names and nobody uses when it is used, and do not look for garbage in what is being loaded."""
+    gc.set_threshold(GARBAGE)
+    for child in ("f2py", "testing"):
+        spec = importlib.util.find_spec(f"numpy.{child}")
+        if f"numpy.{child}" in sys.modules or spec is None or spec.loader is None:
+            continue
+        spec.loader = importlib.util.LazyLoader(spec.loader)
+        module = sys.modules[spec.name] = importlib.util.module_from_spec(spec)
+        setattr(sys.modules["numpy"], child, module)
+        spec.loader.exec_module(module)
 
 
 def _in_one_line(error: Any, command: str | None) -> InputError:

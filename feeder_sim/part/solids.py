@@ -9,8 +9,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from feeder_sim.part.drawing import BLOCK_FACES, RIM_CORNERS, ball_mesh, circle, ring_mesh
 from feeder_sim.part.rigid_part import RigidPart
 
 # size: (across flats, height, bore) [mm]
@@ -21,7 +21,6 @@ ISO_4032 = {
     "M4": (7.0, 3.2, 4.0),
     "M5": (8.0, 4.7, 5.0),
 }
-RIM_CORNERS = 32  # per rim of a cylinder, where it touches with corners: 0.5 % of the radius inside it, at most
 
 
 def hex_nut(across: float, height: float, bore: float, density: float, name: str) -> RigidPart:
@@ -38,20 +37,17 @@ def hex_nut(across: float, height: float, bore: float, density: float, name: str
     angle = np.arange(6) * math.pi / 3.0
     rim = radius * np.stack([np.cos(angle), np.sin(angle)], axis=1)
     corners = np.concatenate([np.column_stack([rim, np.full(6, z)]) for z in (-height / 2, height / 2)])
-    vertices, faces = _ring_mesh(rim, bore / 2.0, height)
+    vertices, faces = ring_mesh(rim, bore / 2.0, height)
     inertia = np.array([transverse, transverse, axial])
     return RigidPart(name, prism - core, inertia, corners, 0.0, vertices, faces)
 
 
 def ball(diameter: float, density: float, name: str) -> RigidPart:
     """Solid sphere of a diameter [m] and a density [kg/m^3]."""
-    import trimesh
-
     radius = diameter / 2.0
     mass = density * 4.0 / 3.0 * math.pi * radius**3
-    drawn = trimesh.creation.icosphere(subdivisions=3, radius=radius)
     inertia = np.full(3, 0.4 * mass * radius**2)
-    return RigidPart(name, mass, inertia, np.zeros((1, 3)), radius, np.array(drawn.vertices), np.array(drawn.faces))
+    return RigidPart(name, mass, inertia, np.zeros((1, 3)), radius, *ball_mesh(radius))
 
 
 def cylinder(diameter: float, height: float, density: float, name: str) -> RigidPart:
@@ -59,24 +55,20 @@ def cylinder(diameter: float, height: float, density: float, name: str) -> Rigid
     radius = diameter / 2.0
     mass = density * math.pi * radius**2 * height
     transverse = mass * (3.0 * radius**2 + height**2) / 12.0
-    angle = 2.0 * math.pi * np.arange(RIM_CORNERS) / RIM_CORNERS
-    rim = radius * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    rim = circle(radius)
     corners = np.concatenate([np.column_stack([rim, np.full(RIM_CORNERS, z)]) for z in (-height / 2, height / 2)])
-    vertices, faces = _ring_mesh(rim, 0.0, height)
+    vertices, faces = ring_mesh(rim, 0.0, height)
     inertia = np.array([transverse, transverse, mass * radius**2 / 2.0])
     return RigidPart(name, mass, inertia, corners, 0.0, vertices, faces, circle_radius=radius)
 
 
 def box(sides: tuple[float, float, float], density: float, name: str) -> RigidPart:
     """Solid block with sides along x, y and z [m], of a density [kg/m^3]."""
-    import trimesh
-
     x, y, z = sides
     mass = density * x * y * z
-    drawn = trimesh.creation.box(sides)
     corners = 0.5 * np.array([[i * x, j * y, k * z] for i in (-1, 1) for j in (-1, 1) for k in (-1, 1)])
     inertia = mass / 12.0 * np.array([y * y + z * z, z * z + x * x, x * x + y * y])
-    return RigidPart(name, mass, inertia, corners, 0.0, np.array(drawn.vertices), np.array(drawn.faces))
+    return RigidPart(name, mass, inertia, corners, 0.0, corners, BLOCK_FACES)
 
 
 def dimer(
@@ -86,8 +78,6 @@ def dimer(
 
     Diameter of the balls, length over all, rod diameter [m]; densities of balls and rod [kg/m^3].
     """
-    import trimesh
-
     radius, apart = diameter / 2.0, length - diameter
     ball_mass, own = density * 4.0 / 3.0 * math.pi * radius**3, 0.4 * radius**2
     rod_radius, rod_length = rod_diameter / 2.0, apart - diameter
@@ -95,35 +85,9 @@ def dimer(
     axial = 2.0 * ball_mass * own + rod_mass * rod_radius**2 / 2.0
     transverse = 2.0 * ball_mass * (own + apart**2 / 4.0) + rod_mass * (3.0 * rod_radius**2 + rod_length**2) / 12.0
     corners = np.array([[-apart / 2.0, 0.0, 0.0], [apart / 2.0, 0.0, 0.0]])
-    balls = [trimesh.creation.icosphere(subdivisions=3, radius=radius).apply_translation(corner) for corner in corners]
-    rod = trimesh.creation.cylinder(radius=rod_radius, segment=corners)
-    drawn = trimesh.util.concatenate([*balls, rod])
-    assert isinstance(drawn, trimesh.Trimesh)
+    (ball, around), (rod, side) = ball_mesh(radius), ring_mesh(circle(rod_radius), 0.0, apart, 1)
+    vertices = np.concatenate([*(corner + ball for corner in corners), rod[:, [2, 0, 1]]])
+    faces = np.concatenate([around, len(ball) + around, 2 * len(ball) + side])
     inertia = np.array([axial, transverse, transverse])
     mass = 2.0 * ball_mass + rod_mass
-    return RigidPart(name, mass, inertia, corners, radius, np.array(drawn.vertices), np.array(drawn.faces))
-
-
-def _ring_mesh(
-    rim: NDArray[np.float64], bore_radius: float, height: float, per_side: int = 8
-) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """Closed mesh of a prism over a convex outline (n, 2) with a round bore; radius 0 closes it to the axis."""
-    sides = len(rim)
-    fraction = np.arange(per_side) / per_side
-    outline = np.concatenate([rim[i] + fraction[:, None] * (rim[(i + 1) % sides] - rim[i]) for i in range(sides)])
-    inner = bore_radius * outline / np.linalg.norm(outline, axis=1, keepdims=True)
-    n = len(outline)
-    rings = [(outline, -height / 2), (outline, height / 2), (inner, height / 2), (inner, -height / 2)]
-    vertices = np.concatenate([np.column_stack([ring, np.full(n, z)]) for ring, z in rings])
-    faces = []
-    for a, b in ((0, 1), (1, 2), (2, 3), (3, 0)):
-        i, j = np.arange(n), (np.arange(n) + 1) % n
-        faces += [
-            np.column_stack([a * n + i, a * n + j, b * n + j]),
-            np.column_stack([a * n + i, b * n + j, b * n + i]),
-        ]
-    import trimesh
-
-    mesh = trimesh.Trimesh(vertices, np.concatenate(faces), process=True)
-    mesh.update_faces(mesh.nondegenerate_faces())
-    return np.array(mesh.vertices), np.array(mesh.faces)
+    return RigidPart(name, mass, inertia, corners, radius, vertices, faces)

@@ -36,7 +36,7 @@ from feeder_sim.plate.ritz.matrices import (
     rigid_count,
     thin_plate_basis,
 )
-from feeder_sim.single_thread import single_threaded
+from feeder_sim.single_thread import solver_single_threaded
 
 TERMS_PER_AXIS = 24  # Legendre polynomials
 CONVERGENCE_CUT = 4  # terms left out to see whether a mode is resolved
@@ -116,7 +116,7 @@ class PlateModes:
         )
 
 
-@single_threaded
+@solver_single_threaded
 def plate_modes(
     plate: RectangularPlate,
     *,

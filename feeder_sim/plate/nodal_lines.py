@@ -12,6 +12,9 @@ from numpy.typing import NDArray
 from feeder_sim.plate.outline import Outline
 from feeder_sim.plate.surface import Surface
 
+NEIGHBOURS = np.array([[0, 0], [-1, -1], [-1, 0], [-1, 1], [0, -1], [0, 1], [1, -1], [1, 0], [1, 1]], float)
+CLOSE, LEVEL = 1e-7, 1e-12  # of half the plate, and of the largest deflection: closer and higher is round-off
+
 
 @dataclass(frozen=True)
 class NodalLines:
@@ -49,20 +52,24 @@ def nodal_lines(surface: Surface, shape: int = 0) -> NodalLines:
 
 
 def antinode_near(surface: Surface, shape: int, point: tuple[float, float]) -> NDArray[np.float64]:
-    """Antinode of the cell in which a point (x, y) [m] lies, shape (2,) [m]: the maximum of |w| next to the point."""
-    from scipy.optimize import minimize
+    """Antinode of the cell in which a point (x, y) [m] lies, shape (2,) [m]: the maximum of |w| next to the point.
 
+    It is climbed to in steps of the grid, then of half as much, and so on: no step leaves the cell.
+    """
     if surface.outline is not None:
         return _antinode_on(surface, surface.outline, shape, point)
     sign = np.sign(surface.deflection(shape, np.array([point]))[0]) or 1.0
     half = np.array([0.5 * surface.length, 0.5 * surface.width])
-    optimum = minimize(  # in units of half the plate, for which the optimiser's default step sizes are right
-        lambda u: -sign * surface.deflection(shape, (u * half)[None])[0],
-        np.array(point) / half,
-        method="L-BFGS-B",
-        bounds=[(-1.0, 1.0), (-1.0, 1.0)],
-    )
-    return np.asarray(optimum.x) * half
+    at, step = np.array(point), float(min(np.diff(surface.x).min(), np.diff(surface.y).min()))
+    while step > CLOSE * half.min():
+        around = np.clip(at + step * NEIGHBOURS, -half, half)
+        height = sign * surface.deflection(shape, around)
+        best = int(height.argmax())
+        if height[best] > height[0] + LEVEL:
+            at = around[best]
+        else:
+            step *= 0.5
+    return at
 
 
 def _antinode_on(surface: Surface, outline: Outline, shape: int, point: tuple[float, float]) -> NDArray[np.float64]:

@@ -46,7 +46,7 @@ from feeder_sim.scene.under_parts import motion_under_parts
 
 LONGEST_STAGE_S = 2.0  # of the drives of a stage, and of a pause
 TRIAL_S, LONGEST_TRIAL_S = 2.0, 10.0  # [s] of wall time, and until a piece of it is given up
-CHEAP_S = 0.3  # [s] of wall time that a trial may take in any case
+CHEAP_S = 0.1  # [s] of wall time that a trial may take in any case
 PIECES = 8  # of a stretch, so that its second half is known by itself
 
 

@@ -11,10 +11,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from statistics import NormalDist
 from typing import Annotated, Any, Self
 
 from pydantic import Field, model_validator
-from scipy.special import ndtri
 
 from feeder_sim.scenario.changes import full_key
 from feeder_sim.scenario.tables import Table
@@ -54,7 +54,7 @@ class Uncertain(Table):
         if self.normal is not None:
             mean, deviation = self.normal
             below, above = 0.5 * math.erfc(REACH / math.sqrt(2.0)), 0.5 * math.erfc(-REACH / math.sqrt(2.0))
-            return float(mean + deviation * ndtri(below + share * (above - below)))
+            return mean + deviation * NormalDist().inv_cdf(below + share * (above - below))
         low, high = self.ends
         if self.log_uniform is not None and 0.0 < share < 1.0:
             return math.exp(math.log(low) + share * math.log(high / low))

@@ -15,7 +15,8 @@ from feeder_sim.scene.scene import Scene
 
 ROUND_OFF = 1e-9  # relative, of a distance
 PASSAGE_FROM, PASSAGE_TO = 0.8, 0.2  # fractions of d0 between which the transport speed is measured
-LEAST_ANTINODE = 0.05  # of the mode's largest deflection; a smaller one is that of a nodal line or of a crossing of two
+# Of the mode's largest deflection: of a point on a nodal line or on a crossing of two, and of the antinode of a cell.
+ON_LINE, LEAST_ANTINODE = 1e-6, 0.05
 
 
 @dataclass(frozen=True)
@@ -58,8 +59,10 @@ def transport_cell(scene: Scene) -> Cell | None:
     lines = nodal_lines(scene.surface)
     if not lines.lines:
         return None
-    x, y = start.position_mm[:2]
-    antinode = antinode_near(scene.surface, 0, (x * 1e-3, y * 1e-3))
+    x, y = (1e-3 * value for value in start.position_mm[:2])
+    if abs(scene.surface.deflection(0, np.array([[x, y]]))[0]) < ON_LINE:
+        return None
+    antinode = antinode_near(scene.surface, 0, (x, y))
     if abs(scene.surface.deflection(0, antinode[None])[0]) < LEAST_ANTINODE:
         return None
     return Cell(antinode, float(lines.distance(antinode[None])[0]), lines)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from hooks import S_HOOK, U_HOOK, of_boxes, piece_distances, with_parts
 
-from feeder_sim.engines.impulse import engine as impulse
+from feeder_sim.engines.impulse import parts_engine as impulse
 from feeder_sim.engines.mujoco import engine as mujoco
 from feeder_sim.engines.protocol import engine_class
 from feeder_sim.scenario import Contact, Drive, Heap, HexNut, PistonPlate, Run, Scattered, Scenario

@@ -15,10 +15,11 @@ from scipy.spatial.transform import Rotation
 from feeder_sim.borrow import borrow
 from feeder_sim.constants import GRAVITY
 from feeder_sim.engines.impulse import single_impact
-from feeder_sim.engines.impulse.engine import COLUMNS, ImpulseEngine
+from feeder_sim.engines.impulse.engine import ImpulseEngine
 from feeder_sim.engines.impulse.kinds import read_kinds
 from feeder_sim.engines.impulse.pairs import hulls
 from feeder_sim.engines.impulse.pairs.hulls import HullLibrary
+from feeder_sim.engines.impulse.parts_engine import COLUMNS
 from feeder_sim.engines.impulse.state import new_parts, new_scratch
 from feeder_sim.engines.surface_arrays import surface_arrays
 from feeder_sim.part.rigid_part import RigidPart

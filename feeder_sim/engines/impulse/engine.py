@@ -25,21 +25,12 @@ from numpy.typing import NDArray
 from feeder_sim.engines.impulse.alone import Alone, Drive, advance_alone
 from feeder_sim.engines.impulse.components import lying, none_lying
 from feeder_sim.engines.impulse.crowd import find_neighbours, open_window, share_out
-from feeder_sim.engines.impulse.frame_rows import (
-    ATTITUDE,
-    MOMENTUM,
-    POSITION,
-    QUATERNION,
-    ROW,
-    SPIN,
-    VELOCITY,
-    FrameRows,
-)
+from feeder_sim.engines.impulse.frame_rows import ROW, FrameRows
 from feeder_sim.engines.impulse.island import Crowd, Share, Span, Tools, advance_islands
-from feeder_sim.engines.impulse.kinds import read_kinds, rim_walls
 from feeder_sim.engines.impulse.pairs.due import PAIR
 from feeder_sim.engines.impulse.pairs.hulls import HullLibrary
 from feeder_sim.engines.impulse.pairs.separating_axis import new_meeting
+from feeder_sim.engines.impulse.parts_engine import COLUMNS, PartsEngine
 from feeder_sim.engines.impulse.state import (
     ABSENT,
     ALONE,
@@ -51,19 +42,18 @@ from feeder_sim.engines.impulse.state import (
     new_scratch,
 )
 from feeder_sim.engines.protocol import ENDED, WHOLE, new_interrupt
-from feeder_sim.engines.surface_arrays import SurfaceArrays, surface_arrays
+from feeder_sim.engines.surface_arrays import SurfaceArrays
 from feeder_sim.records.seed import Counts, Events, impacts_of
-from feeder_sim.records.trajectory import BLOCK_FRAMES, Frames
+from feeder_sim.records.trajectory import Frames
 from feeder_sim.scene.scene import Scene
-from feeder_sim.scene.start import Pose, start_poses
+from feeder_sim.scene.start import Pose
 
 WINDOW = 1e-3  # [s], where parts can meet: shorter ones find the pairs too often, longer ones find too many
 WINDOW_ALONE = 1e-2  # [s], of a single part: for bounds on the plate that follow its ring-up
 WIDER = 1.5  # times the way of the farthest part: its reach when a window is computed again
-COLUMNS = {"position": POSITION, "velocity": VELOCITY, "attitude": ATTITUDE, "momentum": MOMENTUM}
 
 
-class ImpulseEngine:
+class ImpulseEngine(PartsEngine):
     """Rigid impulses behind the engine protocol.
 
     The state goes from window to window of a grid of its own, which only what acts on the parts (`remove`, `redrive`)
@@ -71,8 +61,6 @@ class ImpulseEngine:
     begin, from which it can be computed again up to any time in it.
     """
 
-    name = "impulse"
-    frames_per_block = BLOCK_FRAMES
     _single_apart = True  # a lone part has a loop of its own
     _window = WINDOW
 
@@ -84,11 +72,8 @@ class ImpulseEngine:
         threads: int = 1,
         interrupt: NDArray[np.int64] | None = None,
     ) -> None:
-        self._scene = scene
-        self._interrupt = new_interrupt() if interrupt is None else interrupt
-        self._kinds = kinds = read_kinds(scene)
-        self._n = len(scene.parts)
-        self._surface = surface_arrays(scene.surface, scene.scenario.run)
+        super().__init__(scene, rng, interrupt=interrupt)
+        kinds = self._kinds
         self._threads = max(1, threads)
         self._alone = self._single_apart and self._n == 1 and not scene.rim and scene.scenario.refill is None
         self._work = [new_scratch(kinds, scene.surface.n_shapes) for _ in range(self._threads)]
@@ -100,38 +85,10 @@ class ImpulseEngine:
             for library, work in zip(self._libraries, self._work, strict=False)
         ]
         self._pool = ThreadPoolExecutor(self._threads) if self._threads > 1 else None
-        self._parts = self._start(rng)
-        self._frame = self._unresolved = 0
-        self._row = self._first_row(self._parts[: self._n])  # the state at the last frame
-        self._clock = np.zeros(3)  # of a single part: see `advance_alone`
+        self._unresolved = 0
         self._opened = self._parts.copy()
         self._span = np.zeros(2)  # the window of many parts: its begin and end [s]
         self._pairs = self._pairs_before = np.empty(0, PAIR)
-
-    def _start(self, rng: np.random.Generator) -> NDArray[np.void]:
-        """Parts as they start, then the walls of a rim."""
-        from scipy.spatial.transform import Rotation
-
-        poses = start_poses(self._scene, rng)
-        centres, attitudes = rim_walls(self._scene)
-        principal = self._scene.principal_attitudes(np.array([pose.quaternion for pose in poses]))
-        turned = Rotation.from_quat(principal, scalar_first=True).as_matrix()
-        still = np.zeros_like(centres)
-        spin, momentum = np.array([pose.angular_velocity for pose in poses]), np.zeros((len(poses), 3))
-        for i in np.flatnonzero(spin.any(axis=1)):
-            momentum[i] = turned[i] @ (self._scene.parts[i].inertia * (turned[i].T @ spin[i]))
-        parts = new_parts(
-            np.concatenate([[pose.position for pose in poses], centres]),
-            np.concatenate([turned, attitudes]),
-            np.concatenate([self._scene.kind_of, np.full(len(centres), len(self._scene.kinds))]),
-            np.concatenate([[pose.velocity for pose in poses], still]),
-            np.concatenate([momentum, still]),
-        )
-        parts["there"][: len(poses)][[not pose.present for pose in poses]] = ABSENT
-        return parts
-
-    def current(self) -> Frames:
-        return self._frames(self._row[None], self._frame)
 
     def advance(self, n_frames: int) -> Frames:
         scene, rows = self._scene, np.empty((n_frames, self._n, ROW))
@@ -144,19 +101,6 @@ class ImpulseEngine:
             self._interrupt[WHOLE] = 0
             self._advance_crowd(times, rows)
         return self._advanced(rows)
-
-    def _rows_to_fill(self, times: NDArray[np.float64], rows: NDArray[np.float64]) -> FrameRows:
-        self._interrupt[WHOLE] = 0
-        return FrameRows(times, rows, self._interrupt)
-
-    def _advanced(self, rows: NDArray[np.float64]) -> Frames:
-        """The frames that are whole of those that were to be computed."""
-        rows = rows[: self._interrupt[WHOLE]]
-        if not len(rows):
-            return self.current()[slice(0, 0)]
-        self._frame += len(rows)
-        self._row = rows[-1].copy()
-        return self._frames(rows, self._frame - len(rows) + 1)
 
     def _advance_crowd(self, times: NDArray[np.float64], rows: NDArray[np.float64]) -> None:
         """Compute the windows that the frames lie in, or end with; the one under way may hold some of them."""
@@ -288,39 +232,9 @@ class ImpulseEngine:
         known = self._pairs_before  # of another part in the same place nothing is known
         self._pairs = self._pairs_before = known[~np.isin(known["a"], parts) & ~np.isin(known["b"], parts)]
 
-    def redrive(self, scene: Scene) -> None:
-        self._begin_window_now()
-        self._scene = scene
-        self._surface = surface_arrays(scene.surface, scene.scenario.run)
-
     @property
     def counts(self) -> Counts:
         return Counts(self._unresolved + sum(int(work.unresolved[0]) for work in self._work))
 
     def take_impacts(self, *, end: bool) -> Events:
         return impacts_of(np.empty((0, 4)))
-
-    def _first_row(self, parts: NDArray[np.void]) -> NDArray[np.float64]:
-        """The state of parts that have not moved yet, shape (parts, ROW)."""
-        from scipy.spatial.transform import Rotation
-
-        row = np.zeros((len(parts), ROW))
-        for name, columns in COLUMNS.items():
-            row[:, columns] = parts[name].reshape(len(parts), -1)
-        row[:, QUATERNION] = Rotation.from_matrix(parts["attitude"]).as_quat(scalar_first=True)
-        inertia = self._kinds.record["inertia"][parts["kind"]]
-        for i in np.flatnonzero(parts["momentum"].any(axis=1)):
-            turned = parts["attitude"][i]
-            row[i, SPIN] = turned @ (turned.T @ parts["momentum"][i] / inertia[i])
-        return row
-
-    def _frames(self, rows: NDArray[np.float64], first: int) -> Frames:
-        n = len(rows)
-        return Frames(
-            time=np.asarray((first + np.arange(n)) * self._scene.frame_interval, float),
-            position=rows[..., POSITION],
-            quaternion=self._scene.attitudes(rows[..., QUATERNION]),
-            velocity=rows[..., VELOCITY],
-            angular_velocity=rows[..., SPIN],
-            present=np.broadcast_to(self._parts["there"][: self._n] != ABSENT, (n, self._n)).copy(),
-        )

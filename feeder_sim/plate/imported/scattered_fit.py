@@ -21,7 +21,7 @@ import numpy as np
 from numpy.polynomial import legendre
 from numpy.typing import NDArray
 
-from feeder_sim.single_thread import single_threaded
+from feeder_sim.single_thread import solver_single_threaded
 
 WEIGHTS = np.logspace(-16.0, -2.0, 85)
 CAUTION = 1.4  # of the score
@@ -44,7 +44,7 @@ class Fit:
     condition: NDArray[np.float64]
 
 
-@single_threaded
+@solver_single_threaded
 def fit_scattered(
     points: NDArray[np.float64], values: NDArray[np.float64], size: tuple[float, float], terms: int
 ) -> Fit:

@@ -8,14 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from feeder_sim.engines.impact_log import new_log, room_for, take_impacts
-from feeder_sim.engines.impulse.engine import COLUMNS, ImpulseEngine
 from feeder_sim.engines.impulse.frame_rows import ROW
 from feeder_sim.engines.impulse.free_part.loop import Drive, FreePart, advance
 from feeder_sim.engines.impulse.free_part.notes import Notes
 from feeder_sim.engines.impulse.free_part.state import FREE, WINDOW, Exactness, Tube, new_part, new_scratch, read_walls
+from feeder_sim.engines.impulse.parts_engine import COLUMNS, PartsEngine
 from feeder_sim.engines.impulse.state import ABSENT
 from feeder_sim.engines.noise import new_streams
-from feeder_sim.engines.surface_arrays import surface_arrays
 from feeder_sim.records.seed import Counts, Events
 from feeder_sim.records.trajectory import Frames
 from feeder_sim.scene.scene import Scene
@@ -31,7 +30,7 @@ def exactness_of(scene: Scene) -> Exactness:
     return Exactness(tolerance, max(TOUCHING * tolerance, LEAST_TOUCH), scene.scenario.contact.noise_m_s)
 
 
-class FreePartEngine(ImpulseEngine):
+class FreePartEngine(PartsEngine):
     """One free part whose contacts have no step behind the engine protocol; starts and frames are the general ones'."""
 
     def __init__(
@@ -80,11 +79,6 @@ class FreePartEngine(ImpulseEngine):
 
     def add(self, parts: NDArray[np.int64], poses: Sequence[Pose]) -> None:
         raise NotImplementedError("nothing is refilled where one part is computed without a step")
-
-    def redrive(self, scene: Scene) -> None:
-        self._begin_window_now()
-        self._scene = scene
-        self._surface = surface_arrays(scene.surface, scene.scenario.run)
 
     def take_impacts(self, *, end: bool) -> Events:
         log, last, apart = self._notes

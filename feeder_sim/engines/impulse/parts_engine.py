@@ -1,0 +1,116 @@
+"""What every engine of rigid impulses has: parts as they start, the state at the last frame, and frames from rows."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from feeder_sim.engines.impulse.frame_rows import (
+    ATTITUDE,
+    MOMENTUM,
+    POSITION,
+    QUATERNION,
+    ROW,
+    SPIN,
+    VELOCITY,
+    FrameRows,
+)
+from feeder_sim.engines.impulse.kinds import read_kinds, rim_walls
+from feeder_sim.engines.impulse.state import ABSENT, new_parts
+from feeder_sim.engines.protocol import WHOLE, new_interrupt
+from feeder_sim.engines.surface_arrays import surface_arrays
+from feeder_sim.records.trajectory import BLOCK_FRAMES, Frames
+from feeder_sim.scene.scene import Scene
+from feeder_sim.scene.start import start_poses
+
+COLUMNS = {"position": POSITION, "velocity": VELOCITY, "attitude": ATTITUDE, "momentum": MOMENTUM}
+
+
+class PartsEngine:
+    """Parts, their kinds and the surface behind the engine protocol; how they advance is said by those made of it."""
+
+    name = "impulse"
+    frames_per_block = BLOCK_FRAMES
+
+    def __init__(self, scene: Scene, rng: np.random.Generator, *, interrupt: NDArray[np.int64] | None) -> None:
+        self._scene = scene
+        self._interrupt = new_interrupt() if interrupt is None else interrupt
+        self._kinds = read_kinds(scene)
+        self._n = len(scene.parts)
+        self._surface = surface_arrays(scene.surface, scene.scenario.run)
+        self._parts = self._start(rng)
+        self._frame = 0
+        self._row = self._first_row(self._parts[: self._n])  # the state at the last frame
+        self._clock = np.zeros(3)  # of a single part: see `advance_alone`
+
+    def _start(self, rng: np.random.Generator) -> NDArray[np.void]:
+        """Parts as they start, then the walls of a rim."""
+        from scipy.spatial.transform import Rotation
+
+        poses = start_poses(self._scene, rng)
+        centres, attitudes = rim_walls(self._scene)
+        principal = self._scene.principal_attitudes(np.array([pose.quaternion for pose in poses]))
+        turned = Rotation.from_quat(principal, scalar_first=True).as_matrix()
+        still = np.zeros_like(centres)
+        spin, momentum = np.array([pose.angular_velocity for pose in poses]), np.zeros((len(poses), 3))
+        for i in np.flatnonzero(spin.any(axis=1)):
+            momentum[i] = turned[i] @ (self._scene.parts[i].inertia * (turned[i].T @ spin[i]))
+        parts = new_parts(
+            np.concatenate([[pose.position for pose in poses], centres]),
+            np.concatenate([turned, attitudes]),
+            np.concatenate([self._scene.kind_of, np.full(len(centres), len(self._scene.kinds))]),
+            np.concatenate([[pose.velocity for pose in poses], still]),
+            np.concatenate([momentum, still]),
+        )
+        parts["there"][: len(poses)][[not pose.present for pose in poses]] = ABSENT
+        return parts
+
+    def current(self) -> Frames:
+        return self._frames(self._row[None], self._frame)
+
+    def _rows_to_fill(self, times: NDArray[np.float64], rows: NDArray[np.float64]) -> FrameRows:
+        self._interrupt[WHOLE] = 0
+        return FrameRows(times, rows, self._interrupt)
+
+    def _advanced(self, rows: NDArray[np.float64]) -> Frames:
+        """The frames that are whole of those that were to be computed."""
+        rows = rows[: self._interrupt[WHOLE]]
+        if not len(rows):
+            return self.current()[slice(0, 0)]
+        self._frame += len(rows)
+        self._row = rows[-1].copy()
+        return self._frames(rows, self._frame - len(rows) + 1)
+
+    def redrive(self, scene: Scene) -> None:
+        self._begin_window_now()
+        self._scene = scene
+        self._surface = surface_arrays(scene.surface, scene.scenario.run)
+
+    def _begin_window_now(self) -> None:
+        """What happens at the last frame acts on the parts from then on."""
+        raise NotImplementedError
+
+    def _first_row(self, parts: NDArray[np.void]) -> NDArray[np.float64]:
+        """The state of parts that have not moved yet, shape (parts, ROW)."""
+        from scipy.spatial.transform import Rotation
+
+        row = np.zeros((len(parts), ROW))
+        for name, columns in COLUMNS.items():
+            row[:, columns] = parts[name].reshape(len(parts), -1)
+        row[:, QUATERNION] = Rotation.from_matrix(parts["attitude"]).as_quat(scalar_first=True)
+        inertia = self._kinds.record["inertia"][parts["kind"]]
+        for i in np.flatnonzero(parts["momentum"].any(axis=1)):
+            turned = parts["attitude"][i]
+            row[i, SPIN] = turned @ (turned.T @ parts["momentum"][i] / inertia[i])
+        return row
+
+    def _frames(self, rows: NDArray[np.float64], first: int) -> Frames:
+        n = len(rows)
+        return Frames(
+            time=np.asarray((first + np.arange(n)) * self._scene.frame_interval, float),
+            position=rows[..., POSITION],
+            quaternion=self._scene.attitudes(rows[..., QUATERNION]),
+            velocity=rows[..., VELOCITY],
+            angular_velocity=rows[..., SPIN],
+            present=np.broadcast_to(self._parts["there"][: self._n] != ABSENT, (n, self._n)).copy(),
+        )
