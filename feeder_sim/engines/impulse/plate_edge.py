@@ -16,7 +16,7 @@ from feeder_sim.engines.impulse.circle_crossings import cross_circles
 from feeder_sim.engines.impulse.circles import is_round, lay_out
 from feeder_sim.engines.impulse.state import GAP, arm_of, point, top_speed
 from feeder_sim.engines.surface_arrays import edge_distance
-from feeder_sim.machine_code import uncounted
+from feeder_sim.machine_code import inlined, uncounted
 
 MOST_CROSSINGS = 2  # of an edge of the hull with the outline that have room in the scratch space
 EDGE_STEPS = 10  # a point on the edge moves along the hull: its leaps are estimates, and at least this long
@@ -39,12 +39,18 @@ def _points_on_edge(part, kind, kinds, surface, work):
     return lambda part, kind, kinds, surface, work: _points_on_outline(part, kind, kinds, surface.outline, work)
 
 
+@inlined
+def _falls(part):
+    """Whether a part has tipped over the edge: with its centre below the plate nothing that pushes up can hold it."""
+    return part.position[2] < 0.0
+
+
 @uncounted
 def _points_on_outline(part, kind, kinds, outline, work):
     """Where edges of the part's hull cross those of the outline, seen from above."""
     corners = kinds.corners[kind.corner_from : kind.corner_to]
     reach = kind.reach + kind.radius
-    if abs(edge_distance(outline, part.position[0], part.position[1], reach)) > reach:
+    if _falls(part) or abs(edge_distance(outline, part.position[0], part.position[1], reach)) > reach:
         return 0
     n = first = lay_out(kind, kinds, work)
     for k in range(outline.edges.shape[0]):
@@ -78,7 +84,7 @@ def _points_on_sides(part, kind, kinds, surface, work):
     corners = kinds.corners[kind.corner_from : kind.corner_to]
     reach = kind.reach + kind.radius
     half_x, half_y = surface.grid_x[-1], surface.grid_y[-1]
-    if abs(part.position[0]) + reach < half_x and abs(part.position[1]) + reach < half_y:
+    if _falls(part) or (abs(part.position[0]) + reach < half_x and abs(part.position[1]) + reach < half_y):
         return 0
     n = first = lay_out(kind, kinds, work)
     for axis in range(2):
