@@ -114,6 +114,9 @@ def run(
     stall_after: StallAfter = None,
     workers: ThreadCount = None,
     dask: Dask = None,
+    replay_too: Annotated[
+        bool, typer.Option("--replay", help="Build the replay at once; else when it is first looked at.")
+    ] = False,
 ) -> None:
     """Simulate a scenario and record it, or go on with a run that was interrupted."""
     from feeder_sim.jobs.workers import seed_workers
@@ -138,6 +141,7 @@ def run(
             return
         with stop_on_signal() as stop, progress_bar(str(resume), stop) as progress, seed_workers(workers, dask) as who:
             how: dict[str, Any] = {"progress": progress, "stop": stop, "notify": notify, "stall_after": patience}
+            how["replay"] = replay_too
             result = resume_run(resume, **how, **who)
         _finish_run(result, resume, as_json, asked)
         return
@@ -157,6 +161,7 @@ def run(
             title = scenario.title or scenario_file.stem
             with stop_on_signal() as stop, progress_bar(title, stop) as progress, seed_workers(workers, dask) as who:
                 how = {"progress": progress, "stop": stop, "notify": notify, "stall_after": patience}
+                how["replay"] = replay_too
                 result = record_run(scenario, folder, **how, **who)
         except BaseException:
             if out is None:

@@ -233,7 +233,7 @@ def test_full_disk_leaves_no_cut_replay(tmp_path: Path) -> None:
     scenario = tmp_path / "ball.toml"
     scenario.write_text(scenario_toml(ball_on_slide(duration_s=1.0)))
     run = tmp_path / "run"
-    done = in_new_process("run", scenario, "--out", run, largest_file=165_000)  # the replay is longer
+    done = in_new_process("run", scenario, "--replay", "--out", run, largest_file=165_000)  # the replay is longer
     assert done.returncode == 1 and "Traceback" not in done.stderr, done.stderr
     assert "replay.rrd: cannot be written, is the disk full?" in done.stderr.splitlines()[-1]  # after notes, if any
     assert sorted(path.name for path in run.iterdir()) == [LOCK, RUN, "scenario.toml", "scene.xml", SUMMARY, TRAJECTORY]

@@ -175,7 +175,7 @@ def test_what_a_kill_before_the_first_file_leaves_is_as_good_as_empty(tmp_path: 
 
 
 @pytest.mark.parametrize("name", ["trajectory.h5", "run.json", "scenario.toml", "replay.rrd", "inputs/modes.h5", LOCK])
-@pytest.mark.parametrize("command", ["run --resume run", "replay run --screenshot a.png"])
+@pytest.mark.parametrize("command", ["run --replay --resume run", "replay run --screenshot a.png"])
 def test_links_in_a_run_folder_are_not_followed(name: str, command: str, tmp_path: Path) -> None:
     cut_short(tmp_path / "run", with_inputs(duration_s=0.05))
     linked, mine = tmp_path / "run" / name, tmp_path / "mine"

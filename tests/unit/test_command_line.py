@@ -45,7 +45,7 @@ def test_run_prints_one_json_object_and_fills_the_folder(scenario: Path, tmp_pat
     assert summary["engine"] == "impulse"
     assert summary["simulated_s"] == pytest.approx(0.2, rel=0.03)
     assert summary["real_time_factor"] == pytest.approx(summary["simulated_s"] / summary["wall_s"])
-    files = {".lock", "run.json", "trajectory.h5", "replay.rrd", "summary.json", "scenario.toml", "scene.xml"}
+    files = {".lock", "run.json", "trajectory.h5", "summary.json", "scenario.toml", "scene.xml"}
     assert {p.name for p in (tmp_path / "run").iterdir()} == files
 
 
