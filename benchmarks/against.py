@@ -13,6 +13,8 @@ phases           processor time per simulated second in the stages of separation
 ensemble         64 seeds of drift_8775hz: share of all cores that is put to use
 rest             processor time per simulated second of a cube that is dropped on a plate at rest
 mujoco           processor time per simulated second of both drifts in the MuJoCo engine
+start            wall time of commands on drift_4750hz, each in a process of its own; of `run` with all its 12 seeds
+study            processor time of a sweep over drift_4750hz, each further seed
 compilation      processor time of the first 0.02 s of a drift and of separation_100 where nothing is compiled yet
 """
 
@@ -169,6 +171,35 @@ def mujoco() -> dict[str, float]:
     return costs
 
 
+def start() -> dict[str, float]:
+    file = str(SCENARIOS / "drift_4750hz.toml")
+    commands = {"version": ["--version"], "list": ["list"], "check": ["check", file], "run": ["run", file]}
+    found = {}
+    with tempfile.TemporaryDirectory() as folder:
+        for name, words in commands.items():
+            started = time.perf_counter()
+            subprocess.run([sys.executable, "-m", "feeder_sim", *words], check=True, cwd=folder, capture_output=True)
+            found[name] = time.perf_counter() - started
+        started = time.perf_counter()
+        subprocess.run([sys.executable, "-c", "import feeder_sim"], check=True)
+        found["import"] = time.perf_counter() - started
+    return found
+
+
+def study(few: int = 8, many: int = 72) -> dict[str, float]:
+    """A sweep of two points, with few and with many seeds."""
+    spent = []
+    for seeds in (few, many):
+        with tempfile.TemporaryDirectory() as folder:
+            before = resource.getrusage(resource.RUSAGE_CHILDREN)
+            words = ["sweep", str(SCENARIOS / "drift_4750hz.toml"), "--vary", "run.tolerance_nm=0.1,0.2", "--out", "s"]
+            command = [sys.executable, "-m", "feeder_sim", *words, "--seeds", str(seeds)]
+            subprocess.run(command, check=True, cwd=folder, capture_output=True)
+            after = resource.getrusage(resource.RUSAGE_CHILDREN)
+            spent.append(after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime)
+    return {"cpu of a seed": (spent[1] - spent[0]) / (2 * (many - few))}
+
+
 def compilation() -> dict[str, float]:
     """In a cache of its own; what the second scenario shares with the first is compiled once."""
     with tempfile.TemporaryDirectory() as folder:
@@ -201,6 +232,8 @@ WORKS: dict[str, Callable[[], dict[str, float]]] = {
     "ensemble": ensemble,
     "rest": rest,
     "mujoco": mujoco,
+    "start": start,
+    "study": study,
     "compilation": compilation,
 }
 

@@ -204,12 +204,16 @@ def _inner(dispatcher: Any) -> Any:
     return dispatcher
 
 
+def base_folder() -> Path:
+    """Where machine code lies, and what is known of its sources: the user's folder for caches, or NUMBA_CACHE_DIR."""
+    chosen = getattr(numba.config, "CACHE_DIR", "")
+    return Path(chosen) if chosen else user_cache_path("feeder_sim")
+
+
 @functools.cache
 def code_folder() -> Path:
     """The folder of the machine code of these sources, libraries and this processor; others are removed here."""
-    chosen = getattr(numba.config, "CACHE_DIR", "")  # of the user, by NUMBA_CACHE_DIR
-    base = Path(chosen) if chosen else user_cache_path("feeder_sim")
-    folder = base / "machine_code" / code_key()
+    folder = base_folder() / "machine_code" / code_key()
     with contextlib.suppress(OSError):  # a folder that cannot be made: everything is compiled in every process
         folder.mkdir(parents=True, exist_ok=True)
         folder.touch()
@@ -232,15 +236,28 @@ def source_hash(
 ) -> str:
     """Hash of all sources of a package that decide numbers, or of those of a pattern in a folder.
 
-    Rooms that only show them do not count, nor do docstrings, lines of comments and empty ones.
+    Rooms that only show them do not count, nor do docstrings, lines of comments and empty ones. It is kept beside the
+    machine code for as long as no file has another time or size: to make it takes as long as to load the machine code.
     """
+    files = [file for file in sorted(package.glob(pattern)) if file.relative_to(package).parts[0] not in without]
+    seen = hashlib.sha256(repr([(str(file), (at := file.stat()).st_mtime_ns, at.st_size) for file in files]).encode())
+    place = hashlib.sha256(repr((str(package), pattern, without)).encode()).hexdigest()[:KEY_LENGTH]
+    kept = base_folder() / "sources" / place
+    with contextlib.suppress(OSError, ValueError):
+        then, found = kept.read_text(encoding="ascii").split()
+        if then == seen.hexdigest():
+            return found
     sources = hashlib.sha256()
-    for file in sorted(package.glob(pattern)):
-        if file.relative_to(package).parts[0] in without:
-            continue
+    for file in files:
         code = WORDS.sub(lambda found: found[1] or b"", file.read_bytes())
         sources.update(file.relative_to(package).as_posix().encode() + b"\0" + code + b"\0")
-    return sources.hexdigest()[:12]
+    found = sources.hexdigest()[:12]
+    with contextlib.suppress(OSError):
+        kept.parent.mkdir(parents=True, exist_ok=True)
+        partial = kept.with_name(f"{place}.{os.getpid()}")
+        partial.write_text(f"{seen.hexdigest()} {found}", encoding="ascii")
+        partial.replace(kept)
+    return found
 
 
 def remove_old_folders(base: Path) -> None:

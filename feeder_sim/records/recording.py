@@ -122,6 +122,7 @@ def read_part(name: str, group: Any) -> PartRecord:
 
 
 MOST_SEEDS = 20  # that a notebook shows
+DISPLAY_POINTS = 121  # per axis of the plate: enough for the shortest wave of the catalogue, small enough to scrub
 
 
 @dataclass(frozen=True, repr=False)

@@ -23,11 +23,11 @@ from feeder_sim.measures.picking import robot_of
 from feeder_sim.measures.protocol import as_json
 from feeder_sim.part.rigid_part import RigidPart
 from feeder_sim.plate.drive import ModalDrive
+from feeder_sim.records.recording import DISPLAY_POINTS
 from feeder_sim.replay.plate import PERIODS, PICTURES, POINTS
 from feeder_sim.run.compilation import compile_engine
 from feeder_sim.run.guard import Guard
 from feeder_sim.run.prepare import prepare, recommendations
-from feeder_sim.run.run_folder import DISPLAY_POINTS
 from feeder_sim.run.simulation import available_cores
 from feeder_sim.scenario import PartSpec, Schedule, input_files
 from feeder_sim.scenario.schedule import Stage

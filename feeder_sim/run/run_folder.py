@@ -19,7 +19,7 @@ from feeder_sim import __version__
 from feeder_sim.errors import InputError, RecordingFailed, cause_of, not_written, shortened
 from feeder_sim.measures.picking import has_picks, picks_csv
 from feeder_sim.records.files import INPUTS, LOCK, RUN, locked, partial_of, write_whole
-from feeder_sim.records.recording import PartRecord, PlateRecord
+from feeder_sim.records.recording import DISPLAY_POINTS, PartRecord, PlateRecord
 from feeder_sim.records.seed import Seed, Status
 from feeder_sim.records.trajectory_file import TRAJECTORY, recording_of
 from feeder_sim.records.trajectory_writer import TrajectoryWriter
@@ -115,7 +115,6 @@ def _read(path: Path, key: str | None = None) -> bytes:
 
 FORMAT = 1  # of run.json
 SUMMARY, PICKS, RESOLVED, MJCF = "summary.json", "picks.csv", "scenario.toml", "scene.xml"
-DISPLAY_POINTS = 121  # per axis of the plate: enough for the shortest wave of the catalogue, small enough to scrub
 MJCF_PARTS = 200  # that scene.xml is written for; it names every pair of parts, a hundred thousand of 500
 
 
