@@ -27,7 +27,7 @@ from typing import Any, TypeVar
 import llvmlite.binding
 import numba
 from filelock import FileLock
-from numba.core import types
+from numba.core import targetconfig, types
 from numba.core.bytecode import FunctionIdentity
 from numba.core.caching import CompileResultCacheImpl, FunctionCache, _CacheLocator
 from numba.core.codegen import JITCodeLibrary
@@ -61,6 +61,7 @@ TOLD_APART = hasattr(FunctionIdentity, "_unique_ids")  # without it no machine c
 if TOLD_APART:
     FunctionIdentity._unique_ids = itertools.count(int.from_bytes(os.urandom(5), "big"))
 DAMAGED = (EOFError, ValueError, pickle.UnpicklingError)  # what reading a damaged file of the cache ends in
+COMPILED = [0]  # inner functions in this process, for who waits for it
 _njit: Any = numba.njit  # whose stubs do not know all options
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -120,8 +121,12 @@ class _Inner(CPUDispatcher):
         return super().get_call_template([types.unliteral(kind) for kind in args], kws)
 
     def compile(self, sig: Any) -> Any:
-        with _compiled_into(self, _Ingredient if INGREDIENTS else JITCodeLibrary):
+        if sig in self.overloads:
             return super().compile(sig)
+        with _compiled_into(self, _Ingredient if INGREDIENTS else JITCodeLibrary):
+            made = super().compile(sig)
+        COMPILED[0] += 1
+        return made
 
     def __call__(self, *_: Any) -> Any:
         raise TypeError(
@@ -168,6 +173,14 @@ class _Ingredient(JITCodeLibrary):
         self._finalize_dynamic_globals()
         self._finalized = True
 
+    def _get_module_for_linking(self) -> Any:
+        """The code itself, with functions that may be there more than once; numba would change a copy of it."""
+        self._ensure_finalized()
+        for function in self._final_module.functions:
+            if not function.is_declaration and function.linkage == llvmlite.binding.Linkage.external:
+                function.linkage = "linkonce_odr"
+        return self._final_module
+
     def get_pointer_to_function(self, name: str) -> int:
         self._ensure_finalized()
         return 0
@@ -193,10 +206,33 @@ def _compiled_into(dispatcher: Any, kind: type[JITCodeLibrary]) -> Iterator[None
     with global_compiler_lock:
         before = codegen._library_class
         codegen._library_class = kind
+        _Calls.get_call_type = _remembered
         try:
             yield
         finally:
             codegen._library_class = before
+            _Calls.get_call_type = _resolve
+
+
+_Calls: Any = types.BaseFunction
+_resolve = _Calls.get_call_type
+
+
+def _remembered(function: Any, context: Any, args: Any, keywords: Any) -> Any:
+    """What a call of a library's function is with these types, asked once: a tenth of the time of compilation.
+
+    Nearly all calls are sums, products and comparisons of the same few types, for each of which numba tries tens of
+    ways to read it.
+    """
+    flags = targetconfig.ConfigStack.top_or_none()
+    said = () if flags is None else tuple(sorted((name, str(value)) for name, value in flags._values.items()))
+    key = context, tuple(args), tuple(keywords.items()), said
+    known = function.__dict__.setdefault("_feeder_sim_calls", {})
+    if key not in known:
+        signature = _resolve(function, context, args, keywords)
+        known[key] = signature, function._impl_keys[signature.args]
+    signature, function._impl_keys[signature.args] = known[key]
+    return signature
 
 
 def _inner(dispatcher: Any) -> Any:

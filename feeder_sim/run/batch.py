@@ -19,7 +19,7 @@ from feeder_sim.measures.drift import Drift, DriftFindings, SeedDrift
 from feeder_sim.measures.protocol import SeedReader
 from feeder_sim.notebook import block
 from feeder_sim.records.seed import Status, endings
-from feeder_sim.run.compilation import COMPILING, announced, compile_engine
+from feeder_sim.run.compilation import compilation_announced, compile_engine
 from feeder_sim.run.prepare import prepare
 from feeder_sim.run.seed_run import SeedRun
 from feeder_sim.run.simulation import available_cores, generators
@@ -100,7 +100,7 @@ def measure_drift(
                 prepared = scenario if isinstance(scenario, Prepared) else prepare(scenario)
                 check_drifting(prepared)
                 if not done and not under_way:
-                    with announced(COMPILING, notify):
+                    with compilation_announced(prepared.engine.method, notify):
                         compile_engine(prepared)
                 under_way.append(_UnderWay(prepared, pool, stop))
                 while len(under_way) > AHEAD * cores and not stop.is_set():

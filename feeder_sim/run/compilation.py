@@ -9,11 +9,15 @@ from collections.abc import Callable, Iterator
 import numpy as np
 
 from feeder_sim.engines.protocol import engine_class
+from feeder_sim.machine_code import COMPILED
 from feeder_sim.run.guard import Guard
 from feeder_sim.scene.prepared import Prepared
 
 ANNOUNCED_S = 1.5  # [s]; what takes longer is announced
-COMPILING = "compiling the engine, which takes up to a minute; the result is kept for the next time"
+TOLD_EVERY_S = 5.0  # [s] of how far it is
+COMPILING = "compiling the engine"
+# Functions of an engine and the guard, roughly: scenes differ in the laws and walls that they need.
+FUNCTIONS = {"exact": 270, "impulse": 240, "reaction": 240, "slide": 50, "mujoco": 40, "drops": 200}
 
 
 def compile_engine(prepared: Prepared) -> None:
@@ -47,6 +51,27 @@ def in_daemon_thread(function: Callable[[], None]) -> None:
         thread.join(0.1)
     if failures:
         raise failures[0]
+
+
+@contextlib.contextmanager
+def compilation_announced(method: str, notify: Callable[[str], None] | None) -> Iterator[None]:
+    """Tell the user that an engine is being compiled, if it takes long, and how far it is."""
+    begun, over = COMPILED[0], threading.Event()
+
+    def tell() -> None:
+        if notify is None or over.wait(ANNOUNCED_S):
+            return
+        notify(f"{COMPILING}, which takes up to a minute; the result is kept for the next time")
+        while not over.wait(TOLD_EVERY_S):
+            notify(f"{COMPILING}: {COMPILED[0] - begun} of about {FUNCTIONS.get(method, 250)} functions")
+
+    thread = threading.Thread(target=tell, daemon=True)
+    thread.start()
+    try:
+        yield
+    finally:
+        over.set()
+        thread.join()
 
 
 @contextlib.contextmanager

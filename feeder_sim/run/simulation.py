@@ -22,7 +22,7 @@ from feeder_sim.measures.catalogue import Measured, measures_of
 from feeder_sim.measures.protocol import Measure, as_json
 from feeder_sim.records.seed import Counts, Seed, Status, endings
 from feeder_sim.records.trajectory import Frames
-from feeder_sim.run.compilation import COMPILING, announced, compile_engine
+from feeder_sim.run.compilation import announced, compilation_announced, compile_engine
 from feeder_sim.run.keep import AllFrames, Keep, Keeper
 from feeder_sim.run.one_seed import run_seed_elsewhere
 from feeder_sim.run.prepare import prepare
@@ -191,7 +191,7 @@ def run_ensemble(
     done = np.zeros(run.seeds)
     identity = identity_of(prepared.scenario) if executor else ""
     if not executor:
-        with announced(COMPILING, notify):  # before the threads need it
+        with compilation_announced(prepared.engine.method, notify):  # before the threads need it
             compile_engine(prepared)
     started = time.perf_counter()
     interrupts, asked = [new_interrupt() for _ in range(run.seeds)], math.inf  # when somebody asked to stop

@@ -30,7 +30,7 @@ from feeder_sim.engines.surface_arrays import surface_arrays
 from feeder_sim.errors import InputError, Interrupted
 from feeder_sim.part.rigid_part import RigidPart
 from feeder_sim.part.stable_poses import NONE, StablePose, stable_poses
-from feeder_sim.run.compilation import COMPILING, announced, in_daemon_thread
+from feeder_sim.run.compilation import compilation_announced, in_daemon_thread
 from feeder_sim.scenario import Ball, Contact, Run, Scenario, StillPlate
 from feeder_sim.scene.scene import Scene, build_scene
 from feeder_sim.single_thread import single_threaded
@@ -148,7 +148,7 @@ def drop(
     def compile_engine() -> None:
         compute(scene, starts[:1], np.ones(2, np.int64))
 
-    with announced(COMPILING, notify):
+    with compilation_announced("drops", notify):
         in_daemon_thread(compile_engine)
     attitude, rest_s, interrupt = np.empty((drops, 4)), np.empty(drops), new_interrupt()
     with ThreadPoolExecutor(workers) as pool:
