@@ -73,7 +73,7 @@ class Commands(TyperGroup):
 
     def invoke(self, ctx: Any) -> Any:
         """Ctrl-C in any command is one line; typer would end without a word. So are wrong options."""
-        _start_quickly()
+        start_quickly()
         try:
             return super().invoke(ctx)
         except KeyboardInterrupt:
@@ -82,7 +82,7 @@ class Commands(TyperGroup):
             raise _in_one_line(error, ctx.invoked_subcommand) from error
 
 
-def _start_quickly() -> None:
+def start_quickly() -> None:
     """Load what SciPy names and nobody uses when it is used, and do not look for garbage in what is being loaded."""
     gc.set_threshold(GARBAGE)
     for child in ("f2py", "testing"):
