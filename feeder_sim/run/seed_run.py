@@ -92,8 +92,9 @@ class History:
         return Frames.joined(frames)
 
     def whole(self) -> Seed:
-        """All blocks as one; only with `keep_all`."""
-        return Seed.joined(self._blocks)
+        """All blocks as one, which are then no longer kept; only with `keep_all`."""
+        blocks, self._blocks = self._blocks, []
+        return Seed.joined(blocks)
 
 
 def _begins_by(frames: Frames, time: float) -> bool:
