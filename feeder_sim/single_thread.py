@@ -27,12 +27,13 @@ def single_threaded(function: Callable[P, T]) -> Callable[P, T]:
 
 def solver_single_threaded(function: Callable[P, T]) -> Callable[P, T]:
     """As `single_threaded`, of a function that solves by SciPy: only a library that is loaded can be limited."""
+    limited = single_threaded(function)
 
     @functools.wraps(function)
     def loaded(*args: P.args, **kwargs: P.kwargs) -> T:
         import scipy.linalg  # noqa: F401
 
-        return single_threaded(function)(*args, **kwargs)
+        return limited(*args, **kwargs)
 
     return loaded
 

@@ -4,6 +4,7 @@
 
 pair   two parts meet in flight: momentum and angular momentum are kept, energy does not grow
 heap   two to twelve parts fall on each other on a plate at rest, with or without a rim: they rest, out of each other
+over   parts fall on two edges of a plate, at rest or driven: what tips over falls beside it, and does not get under it
 """
 
 from __future__ import annotations
@@ -28,6 +29,7 @@ from feeder_sim.scene.scene import Scene
 Raw = dict[str, Any]
 KEPT = 1e-9  # of momenta, and of energy in flight
 INTO_EACH_OTHER, INTO_PLATE = 2e-6, 1e-7  # [m]
+HALF, THICK, UNDER = 90e-3, 3e-3, 2e-3  # [m] of the plate of `over`, and from its edge, where a part is under it
 LAST = 0.02  # [s] in which what can rest does
 SLIDES = ("ball", "cylinder")  # and rolls
 
@@ -99,6 +101,33 @@ def _heap(rng: Rng) -> Raw:
     return {"plate": plate, "part": parts, "run": {"duration_s": 1.5, "seeds": 1, "frames_per_second": 500.0}}
 
 
+def _over(rng: Rng) -> Raw:
+    parts = []
+    for y in np.arange(-75.0, 76.0, 15.0):
+        for side in (-1.0, 1.0):
+            start = {
+                "kind": "state",
+                "position_mm": [side * float(rng.uniform(86.0, 89.9)), float(y), 12.0],
+                "quaternion": _turn(rng),
+                "velocity_mm_s": [30.0 * side * rng.random(), 5.0 * rng.normal(), 0.0],
+                "angular_velocity_rad_s": (20.0 * rng.normal(size=3)).tolist(),
+            }
+            parts.append(_part(rng) | {"start": start})
+    plate = {"kind": "still", "length_mm": 2e3 * HALF, "width_mm": 2e3 * HALF}
+    raw: Raw = {"plate": plate, "part": parts, "run": {"duration_s": 0.5, "seeds": 1, "frames_per_second": 400.0}}
+    if rng.random() < 0.5:
+        plate["kind"] = "piston"
+        raw["drive"] = [{"frequency_hz": 558.0, "amplitude_um": 20.0, "ring_up": False}]
+    return raw
+
+
+def _falls_beside(raw: Raw, made: Scene, frames: Frames) -> list[str]:
+    over = (np.abs(frames.position[..., :2]) < HALF - UNDER).all(axis=2)
+    height = frames.position[..., 2]
+    under = (over & frames.present & (height < 0.0) & (height > -THICK)).any(axis=0)
+    return [f"part {i}, {raw['part'][i]['shape']}, gets under the plate" for i in np.flatnonzero(under)]
+
+
 def _flies(raw: Raw, made: Scene, frames: Frames) -> list[str]:
     push, spin, total = momentum(made, frames), angular_momentum(made, frames), energy(made, frames).sum(axis=1)
     mass = np.array([part.mass for part in made.parts])
@@ -141,5 +170,5 @@ def _lies(raw: Raw, made: Scene, frames: Frames) -> list[str]:
     return faults + _apart(made, frames[slice(0, None, 10)])
 
 
-KINDS: dict[str, Callable[[Rng], Raw]] = {"pair": _pair, "heap": _heap}
-LAWS: dict[str, Callable[[Raw, Scene, Frames], list[str]]] = {"pair": _flies, "heap": _lies}
+KINDS: dict[str, Callable[[Rng], Raw]] = {"pair": _pair, "heap": _heap, "over": _over}
+LAWS: dict[str, Callable[[Raw, Scene, Frames], list[str]]] = {"pair": _flies, "heap": _lies, "over": _falls_beside}

@@ -20,7 +20,7 @@ from feeder_sim.engines.impulse.flight_time import flight_on_flat, forecast, lon
 from feeder_sim.engines.impulse.impact import resolve_impact
 from feeder_sim.engines.impulse.impact_law import hit_plate, restitution_on_plate
 from feeder_sim.engines.impulse.moving_surface import move_surface
-from feeder_sim.engines.impulse.plate_edge import edge_leap, points_on_edge
+from feeder_sim.engines.impulse.plate_edge import BESIDE, edge_leap, falls, points_on_edge
 from feeder_sim.engines.impulse.state import (
     GAP,
     RATE,
@@ -45,7 +45,6 @@ from feeder_sim.plate.compiled import (
 )
 
 TOUCH = 1e-9  # [m]; corners this close count as touching, so that a flat landing is one impact and not six
-BESIDE = 2e-4  # [m]; a point that far below the surface is beside the plate or under it
 
 
 @inlined
@@ -110,10 +109,10 @@ def look(part, kind, corners, surface, bounds, t, moved, work):
     moved: whether the surface has been moved to time t.
 
     Above the crest the gap is to the crest and the surface counts as still; below it, to the surface itself. A corner
-    beyond the edge of the plate has nothing under it.
+    beyond the edge of the plate has nothing under it, and a part that falls there has nothing at all.
     """
     lowest, rising, turning = part.position[2] - kind.radius, part.velocity[2], _turning(part, kind)
-    touching, last = 0, -1
+    touching, last, beyond = 0, -1, falls(part, kind)
     for i in range(corners.shape[0]):
         bottom, rate = lowest + height_of(part, corners, i), rising + dot(turning, corners[i])
         gap, surface_rate, acceleration = bottom - bounds.crest, 0.0, 0.0
@@ -126,7 +125,7 @@ def look(part, kind, corners, surface, bounds, t, moved, work):
             height, surface_rate, acceleration = _surface_under(x, y, i, part, surface, bounds, work)
             gap, rate = bottom - height, rate - surface_rate
             outside = abs(x) > surface.grid_x[-1] + ON_EDGE or abs(y) > surface.grid_y[-1] + ON_EDGE
-            if outside or off_plate(surface.outline, x, y) or gap < -BESIDE:
+            if beyond or outside or gap < -BESIDE or off_plate(surface.outline, x, y):
                 gap = np.inf
             if gap <= TOUCH and rate < 0.0:
                 touching += 1

@@ -14,10 +14,11 @@ from numba.extending import overload
 
 from feeder_sim.engines.impulse.circle_crossings import cross_circles
 from feeder_sim.engines.impulse.circles import is_round, lay_out
-from feeder_sim.engines.impulse.state import GAP, arm_of, point, top_speed
+from feeder_sim.engines.impulse.state import GAP, arm_of, in_pieces, point, top_speed
 from feeder_sim.engines.surface_arrays import edge_distance
 from feeder_sim.machine_code import inlined, uncounted
 
+BESIDE = 2e-4  # [m]; a point that far below the surface is beside the plate or under it
 MOST_CROSSINGS = 2  # of an edge of the hull with the outline that have room in the scratch space
 EDGE_STEPS = 10  # a point on the edge moves along the hull: its leaps are estimates, and at least this long
 
@@ -40,9 +41,12 @@ def _points_on_edge(part, kind, kinds, surface, work):
 
 
 @inlined
-def _falls(part):
-    """Whether a part has tipped over the edge: with its centre below the plate nothing that pushes up can hold it."""
-    return part.position[2] < 0.0
+def falls(part, kind):
+    """Whether a part has tipped over the edge: with its centre below the plate nothing that pushes up can hold it.
+
+    Unless it is concave, and hangs there.
+    """
+    return part.position[2] < -BESIDE and not in_pieces(kind)
 
 
 @uncounted
@@ -50,7 +54,7 @@ def _points_on_outline(part, kind, kinds, outline, work):
     """Where edges of the part's hull cross those of the outline, seen from above."""
     corners = kinds.corners[kind.corner_from : kind.corner_to]
     reach = kind.reach + kind.radius
-    if _falls(part) or abs(edge_distance(outline, part.position[0], part.position[1], reach)) > reach:
+    if falls(part, kind) or abs(edge_distance(outline, part.position[0], part.position[1], reach)) > reach:
         return 0
     n = first = lay_out(kind, kinds, work)
     for k in range(outline.edges.shape[0]):
@@ -84,7 +88,7 @@ def _points_on_sides(part, kind, kinds, surface, work):
     corners = kinds.corners[kind.corner_from : kind.corner_to]
     reach = kind.reach + kind.radius
     half_x, half_y = surface.grid_x[-1], surface.grid_y[-1]
-    if _falls(part) or (abs(part.position[0]) + reach < half_x and abs(part.position[1]) + reach < half_y):
+    if falls(part, kind) or (abs(part.position[0]) + reach < half_x and abs(part.position[1]) + reach < half_y):
         return 0
     n = first = lay_out(kind, kinds, work)
     for axis in range(2):
