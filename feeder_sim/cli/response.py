@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -42,7 +43,7 @@ def response(
 ) -> None:
     """Compute how a plate answers its actuators: amplitude, current and power over the frequency, and the peaks."""
     from feeder_sim.cli.report import print_response, write_response
-    from feeder_sim.plate.response import frequency_response, modal_forces
+    from feeder_sim.plate.response import assumption, frequency_response, modal_forces, oscillators
 
     for path in (picture, data):
         if path is not None:
@@ -73,18 +74,25 @@ def response(
 
         draw_response(found, picture, title=f"Driven by {', '.join(names)} at {volts:g} V peak to peak", point=point)
     print_response(found, held, forces, names, volts, as_json)
+    _say(assumption(oscillators(held, damping)))
 
 
 def print_ranked(held: ModeFile, volts: float, near: str | None, source: Path, as_json: bool) -> None:
     """Print the modes of a plate in the order of what a voltage, peak to peak, does near a point x,y [mm]."""
     from feeder_sim.cli.report import print_ranking
-    from feeder_sim.plate.response import rank_modes
+    from feeder_sim.plate.response import assumption, oscillators, rank_modes
 
     _check_actuators(held, source)
     _check_volts(volts, source)
     with file_in_errors(source):
         ranked = rank_modes(held, 0.5 * volts, point_on_plate(near, held, source, "--near"))
     print_ranking(ranked, as_json)
+    _say(assumption(oscillators(held)))
+
+
+def _say(caution: str) -> None:
+    if caution:
+        print(f"feeder-sim: caution: {caution}", file=sys.stderr)
 
 
 def _check_actuators(held: ModeFile, source: Path) -> None:

@@ -91,6 +91,15 @@ class SeedRate:
     clock: Clock
 
 
+ONE_LOAD = "while one load empties"
+
+
+def one_load(scene: Scene) -> bool:
+    """Whether no new parts come, so that picks per minute are those of one load and no rate that lasts."""
+    schedule = scene.scenario.schedule
+    return scene.scenario.refill is None and not (schedule is not None and schedule.by_hand)
+
+
 class Rate(Measure[RateFindings, SeedRate]):
     """Picks per minute of a schedule with picks."""
 
@@ -139,7 +148,8 @@ class Rate(Measure[RateFindings, SeedRate]):
             return []
         interval = f" +- {rate.se:.2f} (SE), SD {rate.sd:.2f}" if rate.n > 1 else ""
         begin = f", from cycle {findings.counted_from_cycle} on" if findings.counted_from_cycle > 1 else ""
-        lines = [labelled("picks per minute", f"{rate.mean:.2f}{interval}, n = {rate.n} seeds{begin}")]
+        load = f", {ONE_LOAD}" if one_load(prepared.scene) else ""
+        lines = [labelled("picks per minute", f"{rate.mean:.2f}{interval}, n = {rate.n} seeds{begin}{load}")]
         for entry in findings.picks_per_minute_of_kind:
             poses = [f"{pose.pose} {pose.picks_per_minute.mean:.2f}" for pose in entry.poses]
             spread = f" +- {entry.picks_per_minute.se:.2f}" if rate.n > 1 else ""

@@ -7,6 +7,7 @@ Layout, schema version 3 (SI units, named in the `unit` attribute of every datas
     /plate       length, width, thickness, density, youngs_modulus, poisson_ratio   (attributes)
                  youngs_modulus_y, shear_modulus   (attributes; of an orthotropic plate)
     /modes       natural_frequency (n,)  coefficients (n, 3, terms, terms)  parity (n, 2)  modal_mass (n,)
+                 damping_ratio (n,)   where it is known
     /resonances  mode (m,)  frequency (m,)  damping_ratio (m,)  gain (m,)  driven_point (m, 2)   measured; may be empty
                  driven_by (m, a)   1 for the actuators that were driven, else 0
     /actuators   name (attribute, one per line)  centre (a, 2)  size (a, 2)  angle (a,)  thickness (a,)  side (a,)
@@ -226,6 +227,7 @@ class ModeFile:
         actuators: bonded to it.
         force_per_volt: modal force of every actuator over its voltage [N/V], shape (n_modes, n_actuators).
         origin: where modes were imported from; None for computed ones.
+        damping_ratio: of every mode, as far as nothing was measured, shape (n_modes,); None where it is unknown.
     """
 
     modes: PlateModes
@@ -233,6 +235,7 @@ class ModeFile:
     actuators: tuple[Actuator, ...] = ()
     force_per_volt: NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, 0)))
     origin: Origin | None = None
+    damping_ratio: NDArray[np.float64] | None = None
 
 
 def write_mode_file(path: Path, held: ModeFile) -> None:
@@ -280,6 +283,8 @@ def write_mode_file(path: Path, held: ModeFile) -> None:
         put_array(file, "modes/coefficients", modes.coefficients, "1, 1/m, 1/m")
         put_array(file, "modes/parity", modes.parity, "1")
         put_array(file, "modes/modal_mass", modes.modal_mass, "kg")
+        if held.damping_ratio is not None:
+            put_array(file, DAMPING, held.damping_ratio, "1")
         put_array(file, "resonances/mode", np.array([r.mode for r in resonances], np.int64), "0-based index")
         put_array(file, "resonances/frequency", np.array([r.frequency for r in resonances], float), "Hz")
         put_array(file, "resonances/damping_ratio", np.array([r.damping_ratio for r in resonances], float), "1")
@@ -338,7 +343,7 @@ def _checked(file: h5py.File, path: Path) -> ModeFile:
     orthotropic = {name: _number(file, name, path) for name in _ORTHOTROPIC_KEYS if name in file["plate"].attrs}
     material = Material(values["density"], values["youngs_modulus"], values["poisson_ratio"], **orthotropic)
     plate = RectangularPlate(values["length"], values["width"], values["thickness"], material)
-    data = {name: _array(file, name, path) for name in _DATASETS}
+    data = {name: _array(file, name, path) for name in _DATASETS if name != DAMPING or name in file}
     actuators, force = read_actuators(file, path)
     n, m = len(data["modes/natural_frequency"]), len(data["resonances/mode"])
     coefficients = data["modes/coefficients"]
@@ -351,6 +356,8 @@ def _checked(file: h5py.File, path: Path) -> ModeFile:
         "resonances/driven_by": (m, len(actuators)),
         **{f"resonances/{name}": (m,) for name in ("frequency", "damping_ratio", "gain")},
     }
+    if DAMPING in data:
+        shapes[DAMPING] = (n,)
     for name, shape in shapes.items():
         if data[name].shape != shape:
             raise InputError(f"has shape {data[name].shape}, allowed is {shape}", file=path, key=name)
@@ -378,7 +385,7 @@ def _checked(file: h5py.File, path: Path) -> ModeFile:
         raise InputError(
             f"has shape {force.shape}, allowed is {(n, len(actuators))}", file=path, key="actuators/force_per_volt"
         )
-    return ModeFile(modes, resonances, actuators, force, _origin(file, path))
+    return ModeFile(modes, resonances, actuators, force, _origin(file, path), data.get(DAMPING))
 
 
 def _origin(file: h5py.File, path: Path) -> Origin | None:
@@ -392,6 +399,7 @@ def _origin(file: h5py.File, path: Path) -> Origin | None:
 
 
 _PLATE_KEYS = ("length", "width", "thickness", "density", "youngs_modulus", "poisson_ratio")
+DAMPING = "modes/damping_ratio"
 _ORTHOTROPIC_KEYS = ("youngs_modulus_y", "shear_modulus")
 # name: (kinds of NumPy dtype, number of dimensions, least, largest, whether NaN may stand for "unknown")
 _DATASETS: dict[str, tuple[str, int, float, float, bool]] = {
@@ -399,6 +407,7 @@ _DATASETS: dict[str, tuple[str, int, float, float, bool]] = {
     "modes/coefficients": ("f", 4, -1e12, 1e12, False),
     "modes/parity": ("iu", 2, -1, 1, False),
     "modes/modal_mass": ("f", 1, 1e-15, 1e9, True),
+    DAMPING: ("f", 1, 1e-9, 1.0, False),
     "resonances/mode": ("iu", 1, 0, 1e9, False),
     "resonances/frequency": ("f", 1, 1e-9, 1e12, False),
     "resonances/damping_ratio": ("f", 1, 1e-9, 1.0, True),

@@ -112,11 +112,13 @@ class Oscillators:
         natural_frequency: [Hz]; the measured one where there is one.
         damping_ratio: [1].
         modal_mass: [kg].
+        assumed: whether nothing says the damping ratio, which then is `DEFAULT_DAMPING_RATIO`.
     """
 
     natural_frequency: NDArray[np.float64]
     damping_ratio: NDArray[np.float64]
     modal_mass: NDArray[np.float64]
+    assumed: NDArray[np.bool_]
 
     def modal_coordinates(
         self, frequency: NDArray[np.float64], force: NDArray[np.complex128]
@@ -128,21 +130,34 @@ class Oscillators:
 
 
 def oscillators(held: ModeFile, damping_ratio: float | None = None) -> Oscillators:
-    """The oscillators of a mode file: measured frequencies and damping go before computed and default ones.
+    """The oscillators of a mode file: what was measured goes before what was computed or said for the whole plate.
 
     Args:
         held: modes, and what was measured of them.
         damping_ratio: of all modes, instead of what the file says.
     """
     frequency = held.modes.natural_frequency.copy()
-    damping = np.full(len(frequency), DEFAULT_DAMPING_RATIO)
+    damping = np.full(len(frequency), math.nan) if held.damping_ratio is None else held.damping_ratio.copy()
     for resonance in held.resonances:
         frequency[resonance.mode] = resonance.frequency
         if math.isfinite(resonance.damping_ratio):
             damping[resonance.mode] = resonance.damping_ratio
     if damping_ratio is not None:
         damping[:] = damping_ratio
-    return Oscillators(frequency, damping, held.modes.modal_mass)
+    assumed = np.isnan(damping)
+    return Oscillators(frequency, np.where(assumed, DEFAULT_DAMPING_RATIO, damping), held.modes.modal_mass, assumed)
+
+
+def assumption(modes: Oscillators) -> str:
+    """A line on the damping that is assumed; "" where all of it is known."""
+    n = int(modes.assumed.sum())
+    if not n:
+        return ""
+    which = "every mode" if n == len(modes.assumed) else f"{n} of {len(modes.assumed)} modes"
+    return (
+        f"assumes a damping ratio of {DEFAULT_DAMPING_RATIO:g} for {which}, to which amplitudes at resonance are "
+        "inversely proportional; plate.damping_ratio or a measured [[resonance]] says it"
+    )
 
 
 def modal_forces(held: ModeFile) -> NDArray[np.float64]:
@@ -197,7 +212,8 @@ class Peak:
     """A maximum of a frequency response.
 
     Attributes:
-        mode: 0-based, the one with the largest share of it among those within `BELONGS`, or else among all.
+        mode: 0-based, the one with the largest share of it among those whose bandwidth it lies in, or else among
+            those within `BELONGS`, or else among all.
         frequency: [Hz]; amplitude: [m].
         damping_ratio: half the width at 1/sqrt(2) of the height over the frequency; NaN where the response does not
             fall so far on both sides.
@@ -218,7 +234,7 @@ class Response:
         amplitude: (n,) [m], at the point asked for, or the largest on the plate.
         current: (n, n_actuators), complex [A].
         power: (n,) [W].
-        peaks: in order of frequency.
+        peaks: in order of frequency, the highest of each mode.
     """
 
     frequency: NDArray[np.float64]
@@ -258,7 +274,7 @@ def frequency_response(
     current = 1j * omega * (capacitance * voltage + q @ coupling)
     power = 0.5 * np.real(current @ np.conj(voltage))
     share = np.abs(q) * np.abs(shapes).max(axis=1)
-    peaks = _peaks(frequency, amplitude, share, modes.natural_frequency)
+    peaks = _peaks(frequency, amplitude, share, modes)
     return Response(frequency, amplitude, current, power, peaks)
 
 
@@ -292,21 +308,26 @@ def _peaks(
     frequency: NDArray[np.float64],
     amplitude: NDArray[np.float64],
     share: NDArray[np.float64],
-    natural_frequency: NDArray[np.float64],
+    modes: Oscillators,
 ) -> tuple[Peak, ...]:
-    """The maxima of a response; share: amplitude of every mode by itself (n, n_modes)."""
+    """The highest maximum of each mode; share: amplitude of every mode by itself (n, n_modes).
+
+    The largest amplitude on the plate has several maxima about a resonance: it changes its place there.
+    """
     from scipy.signal import find_peaks
 
-    peaks = []
+    peaks: dict[int, Peak] = {}
     for i in find_peaks(amplitude)[0]:
         level = amplitude[i] / math.sqrt(2.0)
         below = _crossing(frequency[i::-1], amplitude[i::-1], level)
         above = _crossing(frequency[i:], amplitude[i:], level)
         width = (above - below) / (2.0 * frequency[i])
-        near = np.abs(natural_frequency / frequency[i] - 1.0) < BELONGS
-        mode = int(np.where(near, share[i], 0.0).argmax()) if near.any() else int(share[i].argmax())
-        peaks.append(Peak(mode, float(frequency[i]), float(amplitude[i]), width))
-    return tuple(peaks)
+        off = np.abs(modes.natural_frequency / frequency[i] - 1.0)
+        near = next((near for near in (off < modes.damping_ratio, off < BELONGS) if near.any()), True)
+        mode = int(np.where(near, share[i], 0.0).argmax())
+        peak = Peak(mode, float(frequency[i]), float(amplitude[i]), width)
+        peaks[mode] = max(peak, peaks.get(mode, peak), key=lambda found: found.amplitude)
+    return tuple(sorted(peaks.values(), key=lambda peak: peak.frequency))
 
 
 def _crossing(frequency: NDArray[np.float64], amplitude: NDArray[np.float64], level: float) -> float:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from feeder_sim.document.figure import MM, MS, Figure
 from feeder_sim.document.words import number
 from feeder_sim.measures.bounces import BounceFindings, Flights, seed_flights
-from feeder_sim.measures.rate import RateFindings
+from feeder_sim.measures.rate import ONE_LOAD, RateFindings, one_load
 from feeder_sim.measures.separation import SeparationFindings, StageCounts
 from feeder_sim.measures.statistic import Statistic, half_interval
 from feeder_sim.plots.intervals import COLOURS, DODGE, SEED, draw_band, draw_bars, thinned
@@ -168,7 +168,7 @@ def curves(run: Recorded) -> Iterator[Figure]:
         yield from _counts(run, separation)
     rate = _findings(run, RateFindings)
     if rate is not None and rate.picks_per_minute.n:
-        yield _rate(rate)
+        yield _rate(rate, f" Counted {ONE_LOAD}." if one_load(run.result.scene) else "")
 
 
 def _findings(run: Recorded, kind: type[Kind]) -> Kind | None:
@@ -335,7 +335,7 @@ def _counts(run: Recorded, findings: SeparationFindings) -> Iterator[Figure]:
             )
 
 
-def _rate(findings: RateFindings) -> Figure:
+def _rate(findings: RateFindings, remark: str) -> Figure:
     """Picks per minute by kind, and where the time goes."""
     rows = 1 + sum(1 + len(kind.poses) for kind in findings.picks_per_minute_of_kind)
     height = min(1.6 + 0.28 * rows, 5.0)
@@ -351,5 +351,5 @@ def _rate(findings: RateFindings) -> Figure:
         draw,
         height=height,
         alt=f"Picks per minute: {number(rate.mean, 3)} in all, and of each kind; shares of the time.",
-        caption=f"Picks per minute, and where the time goes, means of {rate.n} seeds; {INTERVAL}.{begin}",
+        caption=f"Picks per minute, and where the time goes, means of {rate.n} seeds; {INTERVAL}.{begin}{remark}",
     )

@@ -42,7 +42,7 @@ def plate_picture(run: Recorded) -> Figure | None:
     driven: dict[tuple[int, float], list[float]] = {}
     for drive in plate.drives:
         if has_shape(plate, drive.shape):
-            driven.setdefault((drive.shape, round(drive.drive_frequency, 3)), []).append(drive.amplitude)
+            driven.setdefault((drive.shape, round(drive.drive_frequency, 3)), []).append(drive.steady_amplitude)
     shown = list(driven.items())[:MOST_SHAPES]
     if not shown:
         return None

@@ -332,7 +332,7 @@ def _drive_plan(mode: DrivenMode, under_parts: list[UnderPartPlan]) -> DrivePlan
     return DrivePlan(
         mode=mode.label,
         frequency_hz=drive.drive_frequency,
-        antinode_amplitude_um=1e6 * drive.amplitude,
+        antinode_amplitude_um=1e6 * drive.steady_amplitude,
         peak_acceleration_g=_throw_number(drive),
         ring_up_s=drive.ring_up_time,
         under_parts=under_parts,
@@ -360,7 +360,7 @@ def _part_plan(spec: PartSpec, kind: RigidPart) -> PartPlan:
 
 def _throw_number(drive: ModalDrive) -> float:
     """Peak acceleration of the antinode over gravity [1]."""
-    return drive.amplitude * (2.0 * math.pi * drive.drive_frequency) ** 2 / GRAVITY
+    return drive.steady_amplitude * (2.0 * math.pi * drive.drive_frequency) ** 2 / GRAVITY
 
 
 def _file_size(scene: Scene) -> int:

@@ -27,6 +27,7 @@ MOST_LAYERS = 10_000  # of ceramic in one patch
 MOST_ACTUATORS = 100
 Side = Literal["below", "above"]
 SizeMm = tuple[LengthMm, LengthMm]
+DampingRatio = Annotated[float, Field(ge=1e-6, lt=1, strict=True)]
 Name = Annotated[str, Field(min_length=1, max_length=60, pattern=r"^[^\x00-\x1f]+$")]
 
 
@@ -210,10 +211,11 @@ Plate = Annotated[Strip | Rectangle | ModePlate | PistonPlate | StillPlate, Fiel
 class Excitation(Table):
     """One mode driven at one frequency; see feeder_sim.plate.drive for the response in time.
 
-    The amplitude is the one reached at resonance, at `at_mm` or else at the highest antinode of the mode (of a free
-    rectangular plate usually a corner). A drive is at resonance unless `natural_frequency_hz` differs from
-    `frequency_hz`. `voltage_vpp` uses the gain measured on the plate, or the actuators in its mode file. `modes` are
-    those that move: the driven one, all, or those whose share of the motion is above a number.
+    `amplitude_um` is the one reached at resonance, at `at_mm` or else at the highest antinode of the mode (of a free
+    rectangular plate usually a corner); the drive is at resonance unless `natural_frequency_hz` says otherwise.
+    `voltage_vpp` uses the gain measured on the plate, or the actuators in its mode file, and acts at its distance from
+    the resonance. `modes` are those that move: the driven one, all, or those whose share of its amplitude is above a
+    number.
     """
 
     frequency_hz: FrequencyHz
@@ -222,12 +224,12 @@ class Excitation(Table):
     at_mm: PointMm | None = None
     mode: Annotated[int, Field(ge=1, strict=True)] | None = None
     natural_frequency_hz: FrequencyHz | None = None
-    damping_ratio: Annotated[float, Field(ge=1e-6, lt=1, strict=True)] | None = None
+    damping_ratio: DampingRatio | None = None
     ring_up: Flag = True
     phase_deg: AngleDeg = 0.0
     actuator: Annotated[tuple[Name, ...], Field(min_length=1, max_length=MOST_DRIVES)] | None = None
     actuator_phase_deg: Annotated[tuple[AngleDeg, ...], Field(max_length=MOST_DRIVES)] | None = None
-    modes: Literal["driven", "all"] | Annotated[float, Field(gt=0, lt=1, strict=True)] = "driven"
+    modes: Literal["driven", "all"] | Annotated[float, Field(gt=0, lt=1, strict=True)] | None = None
 
     @model_validator(mode="after")
     def _actuators_take_a_voltage(self) -> Self:
@@ -238,10 +240,8 @@ class Excitation(Table):
                 f"actuator_phase_deg has {len(self.actuator_phase_deg)} numbers, allowed are as many as actuators, "
                 f"{len(self.actuator or ())}"
             )
-        if self.modes != "driven" and self.voltage_vpp is None:
+        if self.modes not in (None, "driven") and self.voltage_vpp is None:
             raise ValueError(f"modes is {self.modes!r}, allowed is 'driven' without voltage_vpp")
-        if self.modes != "driven" and not self.ring_up:
-            raise ValueError(f"modes is {self.modes!r}, allowed is 'driven' with ring_up = false")
         return self
 
     @model_validator(mode="after")
@@ -272,13 +272,14 @@ class PlateBody(Table):
     material: MaterialChoice = "aluminium"
     highest_frequency_hz: FrequencyHz
     uniform_width: Flag = False
+    damping_ratio: DampingRatio | None = None
 
 
 class MeasuredResonance(Table):
     """A resonance measured on the plate; the amplitude is that at `driven_point_mm`, per volt peak to peak."""
 
     frequency_hz: FrequencyHz
-    damping_ratio: Annotated[float, Field(ge=1e-6, lt=1, strict=True)] | None = None
+    damping_ratio: DampingRatio | None = None
     amplitude_um_per_vpp: Positive | None = None
     driven_point_mm: PointMm = (0.0, 0.0)
     actuator: Annotated[tuple[Name, ...], Field(max_length=MOST_DRIVES)] = ()

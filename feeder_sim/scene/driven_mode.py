@@ -2,7 +2,8 @@
 
 A voltage becomes a modal amplitude in one of two ways. A gain measured on the plate goes before; it holds for the
 actuators it was measured with, and others are scaled to them by their computed forces. Without a gain the modal force
-F of the actuators counts, and the amplitude at resonance is F / (2 zeta m w^2).
+F of the actuators counts, and the amplitude at resonance is F / (2 zeta m w^2). Either way a voltage acts at its own
+frequency: what it moves depends on how far that is from the natural frequencies, measured or else computed.
 """
 
 from __future__ import annotations
@@ -22,6 +23,7 @@ from feeder_sim.plate.mode_shapes import ModeShape, RitzShape
 from feeder_sim.plate.response import (
     DEFAULT_DAMPING_RATIO,
     NO_FORCE,
+    assumption,
     deflection_at,
     modal_forces,
     oscillators,
@@ -74,8 +76,13 @@ def free_modes(driven: Sequence[DrivenMode]) -> FreeModes:
     return FreeModes(np.array(mass), np.array(rate))
 
 
-# A drive excites the mode nearest in frequency; farther off than this the plate has no such resonance.
+# An amplitude is that of the mode nearest in frequency, a voltage moves the nearer ones as it does; farther off than
+# this the plate has no such resonance.
 MODE_MATCH = 0.02
+# Modes follow a voltage from this share of the driven mode's amplitude on. A smaller one changes drifts by less than
+# 4 %, twice the share, and a mode costs a tenth of the time of one part (benchmarks/following_modes.py).
+FOLLOWS = 0.02
+MUCH_LEFT_OUT = 0.1  # of the driven mode's amplitude
 
 
 @dataclass(frozen=True)
@@ -120,15 +127,30 @@ def driven_mode(drive: Excitation, key: str, held: ModeFile) -> DrivenMode:
         InputError: no such mode or actuator, no gain, or a point where the mode does not move.
     """
     index = _choose_mode(drive, key, held)
-    doubt = "; ".join(line for mode, line in far_resonances(held) if mode == index)
-    return replace(_driven(drive, key, held, index), doubt=doubt)
+    driven = _driven(drive, key, held, index)
+    lines = [line for mode, line in far_resonances(held) if mode == index]
+    own = driven.drive.steady_amplitude
+    if driven.left_out is not None and driven.left_out > MUCH_LEFT_OUT * own:
+        lines.append(
+            f"other modes would move by {1e6 * driven.left_out:.3g} um beside the {1e6 * own:.3g} um of the driven "
+            f'one, and are left out; {key}.modes = "all" or a smaller share takes them in'
+        )
+    every = oscillators(held, drive.damping_ratio)
+    if driven.left_out is not None and not _calibrated(held, index) and every.assumed[index]:
+        lines.append(assumption(every))
+    return replace(driven, doubt="; ".join(lines))
+
+
+def _calibrated(held: ModeFile, index: int) -> bool:
+    """Whether the amplitude of a mode over its voltage was measured, so that no damping is needed for it."""
+    return any(r.mode == index and math.isfinite(r.gain) for r in held.resonances)
 
 
 def _driven(drive: Excitation, key: str, held: ModeFile, index: int) -> DrivenMode:
     """As `driven_mode`, of a mode that is chosen."""
     modes = held.modes
     measured = next((r for r in held.resonances if r.mode == index), None)
-    damping = drive.damping_ratio or _damping(measured)
+    damping = drive.damping_ratio or float(oscillators(held).damping_ratio[index])
     label = _label(held, index)
     shape = RitzShape(modes, index)
     if drive.voltage_vpp is None:
@@ -139,13 +161,15 @@ def _driven(drive: Excitation, key: str, held: ModeFile, index: int) -> DrivenMo
     names = _actuators(drive, f"mode {index + 1}", key, held, measured)
     if not names:
         assert measured is not None  # without a gain there is no drive without actuators
-        if drive.modes != "driven":
+        if drive.modes not in (None, "driven"):
             raise InputError(
                 f"is {drive.modes!r}, allowed is 'driven' for a plate file without actuators", key=f"{key}.modes"
             )
         level = measured.gain * drive.voltage_vpp
         level /= deflection_at(modes, index, measured.driven_point, f"{key}.voltage_vpp")
-        return DrivenMode(label, shape, modal_drive(drive, level, damping))
+        return DrivenMode(
+            label, shape, _of_oscillator(drive, level, drive.natural_frequency_hz or measured.frequency, damping)
+        )
     return _actuated(drive, key, held, index, names, damping)
 
 
@@ -154,31 +178,20 @@ def _actuated(
 ) -> DrivenMode:
     """The mode of a drive and its followers, from the modal forces of actuators."""
     assert drive.voltage_vpp is not None
-    phases = np.radians(drive.actuator_phase_deg or (0.0,) * len(names))
-    force = modal_forces(held) @ voltages(held, names, 0.5 * drive.voltage_vpp, phases.tolist())
+    force = modal_forces(held) @ _volts(drive, held, names)
     every = oscillators(held)
     natural, ratio = every.natural_frequency.copy(), every.damping_ratio.copy()
-    natural[index], ratio[index] = drive.natural_frequency_hz or drive.frequency_hz, damping
-    per_force = 1.0 / (2.0 * ratio * every.modal_mass * (2.0 * math.pi * natural) ** 2)
-    level = force * per_force
+    natural[index], ratio[index] = drive.natural_frequency_hz or natural[index], damping
+    level = force / (2.0 * ratio * every.modal_mass * (2.0 * math.pi * natural) ** 2)
     key_of_names = f"{key}.{'voltage_vpp' if drive.actuator is None else 'actuator'}"
     if abs(force[index]) < NO_FORCE * np.abs(force).max():
         raise InputError(f"is {', '.join(names)}, which does not drive mode {index + 1}", key=key_of_names)
-    drives = [
-        ModalDrive(
-            shape=0,
-            drive_frequency=drive.frequency_hz,
-            natural_frequency=float(natural[j]),
-            amplitude=abs(level[j]),
-            phase=math.radians(drive.phase_deg) + cmath.phase(level[j]),
-            damping_ratio=float(ratio[j]) if drive.ring_up else None,
-        )
-        for j in range(len(natural))
-    ]
+    drives = [_of_oscillator(drive, *each) for each in zip(level, natural, ratio, strict=True)]
     amplitude = np.array([each.steady_amplitude for each in drives])
     own = amplitude[index]
     amplitude[index] = 0.0
-    least = {"driven": math.inf, "all": 0.0}[drive.modes] if isinstance(drive.modes, str) else drive.modes
+    chosen = FOLLOWS if drive.modes is None else drive.modes
+    least = {"driven": math.inf, "all": 0.0}[chosen] if isinstance(chosen, str) else chosen
     follows = (amplitude > 0.0) & (amplitude >= least * own)
     return DrivenMode(
         label=_label(held, index),
@@ -187,6 +200,32 @@ def _actuated(
         followers=tuple(Follower(RitzShape(held.modes, int(j)), drives[j]) for j in np.flatnonzero(follows)),
         left_out=float(np.linalg.norm(amplitude[~follows])),
     )
+
+
+def _volts(drive: Excitation, held: ModeFile, names: tuple[str, ...]) -> NDArray[np.complex128]:
+    """Complex amplitude of every actuator of a plate [V]."""
+    assert drive.voltage_vpp is not None
+    phases = np.radians(drive.actuator_phase_deg or (0.0,) * len(names))
+    return voltages(held, names, 0.5 * drive.voltage_vpp, phases.tolist())
+
+
+def _of_oscillator(drive: Excitation, level: complex, natural_frequency: float, damping_ratio: float) -> ModalDrive:
+    """The modal drive of a voltage that would reach a complex amplitude [m] at the resonance [Hz] of its mode.
+
+    Without ring-up the motion is the stationary one from the start.
+    """
+    ringing = ModalDrive(
+        shape=0,
+        drive_frequency=drive.frequency_hz,
+        natural_frequency=float(natural_frequency),
+        amplitude=abs(level),
+        phase=math.radians(drive.phase_deg) + cmath.phase(level),
+        damping_ratio=float(damping_ratio),
+    )
+    if drive.ring_up:
+        return ringing
+    phase = cmath.phase(1j * ringing.steady)
+    return replace(ringing, amplitude=ringing.steady_amplitude, phase=phase, damping_ratio=None)
 
 
 def _actuators(drive: Excitation, mode: str, key: str, held: ModeFile, measured: Resonance | None) -> tuple[str, ...]:
@@ -220,12 +259,6 @@ def _label(held: ModeFile, index: int) -> str:
     return f"mode {index + 1}, {held.modes.natural_frequency[index]:.1f} Hz {kind}"
 
 
-def _damping(measured: Resonance | None) -> float:
-    if measured is not None and math.isfinite(measured.damping_ratio):
-        return measured.damping_ratio
-    return DEFAULT_DAMPING_RATIO
-
-
 def _choose_mode(drive: Excitation, key: str, held: ModeFile) -> int:
     modes = held.modes
     frequencies = modes.natural_frequency
@@ -250,13 +283,25 @@ def _choose_mode(drive: Excitation, key: str, held: ModeFile) -> int:
             key=f"{key}.{name}",
         )
     index = int(np.argmin(np.abs(frequencies - target)))
-    if abs(frequencies[index] / target - 1.0) > MODE_MATCH:
+    near = abs(frequencies[index] / target - 1.0) <= MODE_MATCH
+    if drive.voltage_vpp is not None and drive.natural_frequency_hz is None and (near or drive.actuator is not None):
+        measured = next((r for r in held.resonances if r.mode == index), None)
+        names = _actuators(drive, f"mode {index + 1}", key, held, measured)
+        return _strongest(drive, held, names) if names else index
+    if not near:
         raise InputError(
             f"is {target:g}, no mode within {MODE_MATCH:.0%}; the nearest is mode {index + 1} at "
             f"{frequencies[index]:.1f} Hz (or name a mode)",
             key=f"{key}.{name}",
         )
     return index
+
+
+def _strongest(drive: Excitation, held: ModeFile, names: tuple[str, ...]) -> int:
+    """The mode that a voltage moves most at its frequency."""
+    every = oscillators(held)
+    force = modal_forces(held) @ _volts(drive, held, names)
+    return int(np.abs(every.modal_coordinates(np.array([drive.frequency_hz]), force)[0]).argmax())
 
 
 def modal_drive(drive: Excitation, amplitude: float, damping_ratio: float = DEFAULT_DAMPING_RATIO) -> ModalDrive:

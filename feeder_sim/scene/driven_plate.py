@@ -195,10 +195,10 @@ def _tabulated(
     uniform_y: bool = False,
 ) -> DrivenPlate:
     for (key, _), mode in zip(drives, driven, strict=True):
-        if mode.drive.amplitude > LARGEST_DEFLECTION * thickness:
+        if mode.drive.steady_amplitude > LARGEST_DEFLECTION * thickness:
             raise InputError(
-                f"asks for {1e6 * mode.drive.amplitude:g} um at the antinode, allowed is up to the plate's thickness, "
-                f"{1e6 * thickness:g} um",
+                f"asks for {1e6 * mode.drive.steady_amplitude:g} um at the antinode, allowed is up to the plate's "
+                f"thickness, {1e6 * thickness:g} um",
                 key=key,
             )
     # A mode may be driven many times. The modes of the drives come first, then those that only follow.

@@ -54,7 +54,8 @@ def compute_modes(file: PlateFile) -> ModeFile:
                 "allowed is one of each mode (or name the mode)",
                 key=f"resonance[{i}].frequency_hz",
             )
-    held = ModeFile(modes, resonances, actuators, modal_force_table(modes, actuators))
+    damping = None if body.damping_ratio is None else np.full(len(modes), body.damping_ratio)
+    held = ModeFile(modes, resonances, actuators, modal_force_table(modes, actuators), damping_ratio=damping)
     modal_forces(held)  # refuses gains that cannot be those of their actuators
     return held
 

@@ -254,8 +254,8 @@ def build_scene(scenario: Scenario) -> Scene:
     check_refill(scenario, plate.surface, kinds)
     check_goal(scenario, plate.surface)
     run, times = scenario.run, timetable(scenario)
-    following = [follower.drive.natural_frequency for mode in plate.driven for follower in mode.followers]
-    timestep = 1.0 / (max(scenario.highest_frequency_hz, *following, 0.0) * run.steps)
+    ringing = [drive.natural_frequency for mode in plate.driven for drive in mode.drives]
+    timestep = 1.0 / (max(scenario.highest_frequency_hz, *ringing, 0.0) * run.steps)
     timestep = min(timestep, _longest_step(scenario, plate, each_once(scenario), kinds))
     kind_of = np.repeat(np.arange(len(kinds)), [spec.count for spec in scenario.part])
     digits = len(str(len(kind_of) - 1))

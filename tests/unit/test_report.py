@@ -87,7 +87,7 @@ def test_page_has_the_numbers_of_the_run(recorded: Path, undrawn: None) -> None:
             summary["libraries"]["feeder_sim"],
             f"feeder-sim run {recorded}/scenario.toml",
         ),
-        (recorded / "scenario.toml").read_text().split("\n")[3],
+        (recorded / "scenario.toml").read_text().split("\n")[3].strip(),
     ):
         assert expected in text
 
