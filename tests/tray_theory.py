@@ -1,11 +1,12 @@
 """A block on a rigid tray that moves to and fro along a line that rises: the engine's speed, and that of an ODE.
 
-The tray moves by S sin(w t) along a line at an angle beta to the horizontal. Its throw number S sin(beta) w^2 / g says
-whether a block leaves it (above 1). The block is a point that sticks, slips or flies (Boothroyd, Assembly Automation
-and Product Design, 2005, ch. 3; here with restitution):
+The tray moves by S sin(w t) along a line at an angle beta to it. Its throw number S sin(beta) w^2 / g says whether a
+block leaves it (above 1). Of an inclined tray g is what is normal to it, and `pull` is what is along it. The block is a
+point that sticks, slips or flies (Boothroyd, Assembly Automation and Product Design, 2005, ch. 3; here with
+restitution):
 
-    sticks  while |x_tray''| <= mu N,     N = g + z_tray'' > 0,
-    slips   with  x'' = +-mu N,           until both speeds are the same,
+    sticks  while |x_tray'' - pull| <= mu N,     N = g + z_tray'' > 0,
+    slips   with  x'' = +-mu N + pull,           until both speeds are the same,
     flies   once  N < 0,                  until it meets the tray; there the normal speed v_n becomes -e v_n, and
             friction takes the tangential one down by mu (1 + e) |v_n| at most.
 
@@ -17,37 +18,35 @@ from __future__ import annotations
 
 import math
 import time
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from invariants import recorded
 from numba import njit
 from numpy.typing import NDArray
 
+from feeder_sim import simulate
 from feeder_sim.constants import GRAVITY
-from feeder_sim.plate.drive import ModalTerms
-from feeder_sim.plate.surface import tabulate
-from feeder_sim.scenario import Box, Contact, Drive, PistonPlate, Run, Scenario, Start
-from feeder_sim.scene.scene import Scene, build_scene
+from feeder_sim.measures.catalogue import values_of_seed
+from feeder_sim.scenario import Box, Contact, Drive, Placed, Run, Scenario, Start, TrayPlate
 
-THICKNESS = 3e-3  # [m] of the plate, whose top moves along by rotations of its middle
 LENGTH, WIDTH = 8.0, 0.4  # [m]
 SETTLED = 1.0  # [s] until the speed is measured
 
 
 @dataclass(frozen=True)
 class Case:
-    """Frequency [Hz], throw number, angle [deg], friction and restitution [1]."""
+    """Frequency [Hz], throw number, angle to the tray [deg], friction and restitution [1], rise of the tray [deg]."""
 
     frequency: float
     throw: float
     angle: float
     friction: float
     restitution: float
+    tilt: float = 0.0
 
     def __str__(self) -> str:
-        contact = f"mu {self.friction:g}, e {self.restitution:g}"
+        contact = f"mu {self.friction:g}, e {self.restitution:g}{f', rises {self.tilt:g} deg' if self.tilt else ''}"
         return f"{self.frequency:g} Hz, throw {self.throw:g}, {self.angle:g} deg, {contact}"
 
     @property
@@ -57,7 +56,7 @@ class Case:
     @property
     def up(self) -> float:
         """Amplitude of the height [m]."""
-        return self.throw * GRAVITY / self.omega**2
+        return self.throw * GRAVITY * math.cos(math.radians(self.tilt)) / self.omega**2
 
     @property
     def along(self) -> float:
@@ -80,6 +79,11 @@ CASES = (
     Case(150.0, 2.6, 25.0, 0.2, 0.0),
 )
 QUICK = CASES[:3]
+INCLINED = (
+    Case(50.0, 1.06, 25.0, 0.4, 0.2, 3.0),
+    Case(60.0, 0.9, 30.0, 0.5, 0.0, 6.0),
+    Case(80.0, 1.4, 25.0, 0.3, 0.0, -2.0),
+)
 
 
 # The point block
@@ -93,54 +97,56 @@ def _gap(t: Any, s: Any, up: Any, w: Any, g: Any) -> Any:
 
 
 @njit
-def _slip(t: Any, s: Any, up: Any, along: Any, w: Any, g: Any, mu: Any) -> Any:
+def _slip(t: Any, s: Any, up: Any, w: Any, g: Any, mu: Any, pull: Any) -> Any:
     """Way and speed of a block that slips since s[0] with speed s[4], in the direction s[5] of its friction."""
     age = t - s[0]
-    speed = s[4] + s[5] * mu * (g * age + up * w * (math.cos(w * t) - math.cos(w * s[0])))
+    speed = s[4] + pull * age + s[5] * mu * (g * age + up * w * (math.cos(w * t) - math.cos(w * s[0])))
     sines = (math.sin(w * t) - math.sin(w * s[0])) / w - age * math.cos(w * s[0])
-    return s[4] * age + s[5] * mu * (0.5 * g * age * age + up * w * sines), speed
+    return s[4] * age + 0.5 * pull * age * age + s[5] * mu * (0.5 * g * age * age + up * w * sines), speed
 
 
 @njit
-def _event(mode: Any, t: Any, s: Any, up: Any, along: Any, w: Any, g: Any, mu: Any) -> Any:
+def _event(mode: Any, t: Any, s: Any, up: Any, along: Any, w: Any, g: Any, mu: Any, pull: Any) -> Any:
     """Negative once the state has ended."""
     if mode == 0:  # flight
         return _gap(t, s, up, w, g)
     pressed = g - up * w * w * math.sin(w * t)
     if mode == 1:  # stick
-        return min(pressed, mu * pressed - abs(along * w * w * math.sin(w * t)))
-    _way, speed = _slip(t, s, up, along, w, g, mu)
+        return min(pressed, mu * pressed - abs(along * w * w * math.sin(w * t) + pull))
+    _way, speed = _slip(t, s, up, w, g, mu, pull)
     return min(pressed, s[5] * (along * w * math.cos(w * t) - speed))
 
 
 @njit
-def _walk(up: Any, along: Any, w: Any, mu: Any, e: Any, g: Any, drop: Any, begin: Any, end: Any, looks: Any) -> Any:
+def _walk(motion: Any, law: Any, drop: Any, begin: Any, end: Any, looks: Any) -> Any:
     """Way of the block from `begin` to `end` [m], dropped from rest at t = 0 from a height over the tray."""
+    (up, along, w), (mu, e, g, pull) = motion, law
     look, t, mode, x, at_begin, looked = 2.0 * math.pi / w / looks, 0.0, 0, 0.0, 0.0, False
     s = np.array([0.0, drop, 0.0, 0.0, 0.0, 0.0])  # since, height, speed up, place, speed along, direction of friction
     while t < end:
         late = t + look
-        if _event(mode, late, s, up, along, w, g, mu) >= 0.0:
+        if _event(mode, late, s, up, along, w, g, mu, pull) >= 0.0:
             t = late
         else:
             early = t
             for _ in range(60):
                 middle = 0.5 * (early + late)
-                if _event(mode, middle, s, up, along, w, g, mu) >= 0.0:
+                if _event(mode, middle, s, up, along, w, g, mu, pull) >= 0.0:
                     early = middle
                 else:
                     late = middle
             t = late
         # the place now, and the state to go on in
-        way, speed = s[4] * (t - s[0]), s[4]
+        age = t - s[0]
+        way, speed = s[4] * age + 0.5 * pull * age * age, s[4] + pull * age
         if mode == 1:
             way, speed = along * (math.sin(w * t) - math.sin(w * s[0])), along * w * math.cos(w * t)
         elif mode == 2:
-            way, speed = _slip(t, s, up, along, w, g, mu)
+            way, speed = _slip(t, s, up, w, g, mu, pull)
         x = s[3] + way
         if not looked and t >= begin:
             looked, at_begin = True, x
-        if t != late or _event(mode, t, s, up, along, w, g, mu) >= 0.0:
+        if t != late or _event(mode, t, s, up, along, w, g, mu, pull) >= 0.0:
             continue
         rise = up * w * math.cos(w * t)
         pressed = g - up * w * w * math.sin(w * t)
@@ -156,54 +162,40 @@ def _walk(up: Any, along: Any, w: Any, mu: Any, e: Any, g: Any, drop: Any, begin
             mode = 0
             s[:] = t, up * math.sin(w * t), rise, x, speed, 0.0
             continue
-        pull = -along * w * w * math.sin(w * t)
-        if abs(tray - speed) < 1e-9 and abs(pull) <= mu * pressed:
+        wanted = -along * w * w * math.sin(w * t) - pull
+        if abs(tray - speed) < 1e-9 and abs(wanted) <= mu * pressed:
             mode, s[5] = 1, 0.0
         else:
-            mode, s[5] = 2, np.sign(tray - speed) if abs(tray - speed) >= 1e-9 else np.sign(pull)
+            mode, s[5] = 2, np.sign(tray - speed) if abs(tray - speed) >= 1e-9 else np.sign(wanted)
         s[:5] = t, 0.0, 0.0, x, speed
     return x - at_begin
 
 
 def speed_of_point(case: Case, drop: float = 3e-5, *, end: float = 5.0, looks: int = 1000) -> float:
     """Mean speed along the tray [m/s] from SETTLED to `end` [s]."""
-    law = (case.friction, case.restitution, GRAVITY)
-    return float(_walk(case.up, case.along, case.omega, *law, drop, SETTLED, end, looks)) / (end - SETTLED)
+    theta = math.radians(case.tilt)
+    law = (case.friction, case.restitution, GRAVITY * math.cos(theta), -GRAVITY * math.sin(theta))
+    motion = (case.up, case.along, case.omega)
+    return float(_walk(motion, law, drop, SETTLED, end, looks)) / (end - SETTLED)
 
 
 # The engine
 
 
-class Up:
-    """A plate that moves up as a whole."""
-
-    def evaluate_grid(self, x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.float64]:
-        return np.stack([np.ones((len(x), len(y))), *np.zeros((2, len(x), len(y)))])
-
-
-class Along:
-    """A plate whose top moves along x as a whole: its middle stays, and turns everywhere alike."""
-
-    def evaluate_grid(self, x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.float64]:
-        zeros = np.zeros((len(x), len(y)))
-        return np.stack([zeros, zeros - 2.0 / THICKNESS, zeros])
-
-
-def tray_scene(case: Case, *, duration: float, seeds: int, **run: Any) -> Scene:
-    """A flat block over the tray, as a piston whose surface has been given the second motion."""
-    start = Start(position_mm=(-3000.0, 0.0), drop_height_mm=(0.02, 0.05), tilt_deg=(0.0, 0.0), yaw_deg=(0.0, 0.0))
-    scenario = Scenario(
-        plate=PistonPlate(kind="piston", length_mm=1e3 * LENGTH, width_mm=1e3 * WIDTH, thickness_mm=1e3 * THICKNESS),
-        drive=(Drive(frequency_hz=case.frequency, amplitude_um=1e6 * case.up, ring_up=False),),
-        part=(Box(shape="box", size_mm=(8.0, 8.0, 2.0), start=start),),
+def tray_scenario(case: Case, *, count: int = 1, duration: float, seeds: int, **run: Any) -> Scenario:
+    """Flat blocks in a row across a tray that moves along a line at the case's angle to it."""
+    drop, flat = (0.02, 0.05), (0.0, 0.0)
+    places = tuple((-3000.0, 12.0 * (i + 0.5 - 0.5 * count), 0.0) for i in range(count))
+    row = Placed(kind="placed", places_mm_deg=places, drop_height_mm=drop)
+    alone = Start(position_mm=(-3000.0, 0.0), drop_height_mm=drop, tilt_deg=flat, yaw_deg=flat)
+    stroke = 1e6 * math.hypot(case.up, case.along)
+    return Scenario(
+        plate=TrayPlate(kind="tray", length_mm=1e3 * LENGTH, width_mm=1e3 * WIDTH, tilt_deg=case.tilt),
+        drive=(Drive(frequency_hz=case.frequency, stroke_um=stroke, angle_deg=case.angle + case.tilt),),
+        part=(Box(shape="box", size_mm=(8.0, 8.0, 2.0), count=count, start=alone if count == 1 else row),),
         contact=Contact(restitution=case.restitution, friction=case.friction),
         run=Run(duration_s=duration, seeds=seeds, **run),
     )
-    rate = np.full(2, 2j * math.pi * case.frequency)
-    both = np.array([-1j * case.up, -1j * case.along])
-    terms = ModalTerms(np.array([0, 1]), np.zeros(2), np.full(2, np.inf), both, rate)
-    surface = tabulate([Up(), Along()], terms, length=LENGTH, width=WIDTH, thickness=THICKNESS)
-    return replace(build_scene(scenario), surface=surface)
 
 
 @dataclass(frozen=True)
@@ -214,15 +206,12 @@ class Found:
     cost: float
 
 
-def speed_in_engine(case: Case, *, duration: float = 5.0, seeds: int = 2, **run: Any) -> Found:
+def speed_in_engine(case: Case, *, count: int = 1, duration: float = 5.0, seeds: int = 2, **run: Any) -> Found:
     """Mean speed along the tray from SETTLED to the end."""
-    scene = tray_scene(case, duration=duration, seeds=seeds, **run)
+    scenario = tray_scenario(case, count=count, duration=duration, seeds=seeds, **run)
     began = time.process_time()
-    _, runs = recorded(scene.scenario, scene)
+    result = simulate(scenario)
     cost = (time.process_time() - began) / (seeds * duration)
-    speeds = []
-    for frames in runs:
-        first = frames.row_at(SETTLED)
-        way = frames.position[-1, 0, 0] - frames.position[first, 0, 0]
-        speeds.append(way / (frames.time[-1] - frames.time[first]))
-    return Found(np.array(speeds), cost)
+    up_the_tray = math.cos(math.radians(case.tilt))
+    speeds = [values_of_seed(result.prepared, seed)["conveying_speed_mm_s"] for seed in result.seeds]
+    return Found(1e-3 * np.array(speeds) / up_the_tray, cost)

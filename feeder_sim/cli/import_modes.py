@@ -58,7 +58,7 @@ def import_modes_command(
 
     edge = None
     if outline is not None:
-        from feeder_sim.scene.driven_plate import read_outline_file
+        from feeder_sim.scene.outlines import read_outline_file
 
         edge = read_outline_file(outline)
     shapes = _read(source, unit, 1e-3 * thickness)

@@ -12,6 +12,7 @@ from feeder_sim.errors import NotMeasured
 from feeder_sim.measures.arrivals import ArrivalFindings, Arrivals
 from feeder_sim.measures.bounces import BounceFindings, Bounces
 from feeder_sim.measures.circulation import Circulation, WaveFindings
+from feeder_sim.measures.conveying import Conveying, ConveyingFindings
 from feeder_sim.measures.drift import Drift, DriftFindings
 from feeder_sim.measures.function import as_measure
 from feeder_sim.measures.poses import PoseFindings, Poses
@@ -62,6 +63,7 @@ def _numbers(value: Any, name: str) -> Iterator[tuple[str, float]]:
 
 
 MEASURES: tuple[Measure[Any, Any], ...] = (
+    Conveying(),
     Drift(),
     Bounces(),
     Separation(),
@@ -73,7 +75,9 @@ MEASURES: tuple[Measure[Any, Any], ...] = (
 )
 # The most telling values of all, the first of them where several are measured.
 HEADLINES = tuple(
-    name for measure in (Drift, Rate, Arrivals, Bounces, Separation, Refills, Circulation) for name in measure.headline
+    name
+    for measure in (Conveying, Drift, Rate, Arrivals, Bounces, Separation, Refills, Circulation)
+    for name in measure.headline
 )
 Findings = TypeVar("Findings")
 
@@ -103,6 +107,11 @@ class Measured(ABC):
     def drift(self) -> DriftFindings:
         """Transport speed, drift velocity and highest rise; not with a schedule."""
         return self._found(Drift)
+
+    @property
+    def conveying(self) -> ConveyingFindings:
+        """How fast a tray carries parts along."""
+        return self._found(Conveying)
 
     @property
     def bounces(self) -> BounceFindings:

@@ -19,12 +19,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 from numpy.polynomial import legendre
 from numpy.typing import NDArray
 
-from feeder_sim.plate.modes import PlateModes
 from feeder_sim.plate.rectangle import RectangularPlate
 from feeder_sim.plate.ritz.attachments import Layer
 
@@ -33,6 +33,16 @@ from feeder_sim.plate.ritz.attachments import Layer
 SHEAR_LAG = 0.3
 EDGE_POINTS = 24  # of the line integral along an edge; exact for polynomials of degree 47
 VACUUM_PERMITTIVITY = 8.8541878128e-12  # [F/m]
+
+
+class Shapes(Protocol):
+    """Modes of a plate, known where patches are."""
+
+    def __len__(self) -> int: ...
+
+    def evaluate_whole(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+        """(w [1], beta_x, beta_y [1/m]) of all modes at points (n, 2) [m], shape (n_modes, 3, n)."""
+        ...
 
 
 @dataclass(frozen=True)
@@ -55,14 +65,14 @@ class Actuator:
     capacitance: float = 0.0
     loss_tangent: float = 0.0
 
-    def force_per_volt(self, modes: PlateModes) -> NDArray[np.float64]:
+    def force_per_volt(self, modes: Shapes) -> NDArray[np.float64]:
         """Modal force over the voltage [N/V] of every mode, shape (n_modes,)."""
         points, normals = edge_quadrature(self.layer, self.shear_lag)
         rotation = modes.evaluate_whole(points)[:, 1:]
         return -self.layer.side * self.moment_per_volt * np.einsum("mfp,pf->m", rotation, normals)
 
 
-def modal_force_table(modes: PlateModes, actuators: Sequence[Actuator]) -> NDArray[np.float64]:
+def modal_force_table(modes: Shapes, actuators: Sequence[Actuator]) -> NDArray[np.float64]:
     """Modal force over the voltage [N/V] of all modes and actuators, shape (n_modes, n_actuators)."""
     forces = [actuator.force_per_volt(modes) for actuator in actuators]
     return np.array(forces).reshape(len(forces), len(modes)).T

@@ -1,4 +1,4 @@
-"""Mode shapes: the protocol they follow, one mode of a rectangular plate, and the closed forms of strip and piston.
+"""Mode shapes: the protocol they follow, one mode of a rectangular plate, closed forms of strip and rigid plate.
 
 A straight-crested standing wave w = cos(k x) in a Mindlin plate has beta_x = -B sin(k x) with
 
@@ -70,13 +70,27 @@ class StandingWave:
 
 
 @dataclass(frozen=True)
-class Piston:
-    """w = 1: the plate moves up and down as one rigid body. It has no slope, so that parts on it do not drift."""
+class Rigid:
+    """The plate moves as one rigid body, by small amounts: a piston has w = 1.
+
+    The top moves along x by -h/2 beta_x, so that beta_x = -2/h is a move along x by 1; a turn about z has
+    beta = (2 y / h, -2 x / h), a turn about y has w = -x.
+
+    Attributes:
+        move: along x, y, z [1].
+        turn: about x, y, z [1/m], per unit of the coordinate that is a length.
+        thickness: h [m]; only of a move along the plate or a turn about z.
+    """
+
+    move: tuple[float, float, float] = (0.0, 0.0, 1.0)
+    turn: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    thickness: float = 1.0
 
     def evaluate_grid(self, x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.float64]:
-        values = np.zeros((3, len(x), len(y)))
-        values[0] = 1.0
-        return values
+        x, y = np.meshgrid(x, y, indexing="ij")
+        along = self.move[0] - self.turn[2] * y, self.move[1] + self.turn[2] * x
+        up = self.move[2] + self.turn[0] * y - self.turn[1] * x
+        return np.stack([up, *(-2.0 / self.thickness * way for way in along)])
 
 
 def standing_wave(plate: RectangularPlate, frequency: float) -> StandingWave:

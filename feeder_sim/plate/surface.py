@@ -39,6 +39,7 @@ class Surface:
         table: (w [1], beta_x [1/m], beta_y [1/m]) of each shape, shape (n_shapes, 3, nx, ny).
         terms: the modal coordinates in time.
         outline: of a plate that is not the whole rectangle; beyond it there is nothing, whatever the table says.
+        resting: terms of `terms` that act at all times, as the incline of a tray; None without any.
     """
 
     length: float
@@ -49,6 +50,7 @@ class Surface:
     table: NDArray[np.float64]
     terms: ModalTerms
     outline: Outline | None = None
+    resting: ModalTerms | None = None
 
     @property
     def n_shapes(self) -> int:
@@ -67,7 +69,7 @@ class Surface:
 
     def moved_by(self, terms: ModalTerms) -> Surface:
         """The same surface, which moves in another way."""
-        other = replace(self, terms=terms)
+        other = replace(self, terms=terms if self.resting is None else terms.joined(self.resting))
         if "extremes" in self.__dict__:  # which take longer than many a stage
             other.__dict__["extremes"] = self.extremes
         return other
@@ -86,6 +88,12 @@ class Surface:
         terms = self.terms
         rates = ModalTerms(terms.shape, terms.start, terms.stop, terms.coefficient * terms.rate, terms.rate)
         return self._combined(points, rates.phasor(t, self.n_shapes)[0].real)
+
+    def resting_height(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Height [m] of surface points (n, 2) [m] of a plate that nothing drives, shape (n,)."""
+        if self.resting is None:
+            return np.zeros(len(points))
+        return self._combined(points, self.resting.phasor(0.0, self.n_shapes)[0].real)[:, 2]
 
     def deflection(self, shape: int, points: NDArray[np.float64]) -> NDArray[np.float64]:
         """Deflection w [1] of one mode shape at points (n, 2) [m], shape (n,)."""

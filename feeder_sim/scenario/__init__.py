@@ -15,8 +15,11 @@ from feeder_sim.scenario.plate import (
     PlateBody,
     PlateFile,
     Rectangle,
+    Ring,
     StillPlate,
     Strip,
+    Support,
+    TrayPlate,
 )
 from feeder_sim.scenario.run import Contact, MujocoSettings, Run
 from feeder_sim.scenario.scenario import (
@@ -65,6 +68,7 @@ __all__ = [
     "PlateFile",
     "Rectangle",
     "Refill",
+    "Ring",
     "Robot",
     "Run",
     "Scattered",
@@ -76,6 +80,8 @@ __all__ = [
     "Start",
     "StillPlate",
     "Strip",
+    "Support",
+    "TrayPlate",
     "Tube",
     "Uncertain",
     "check_scenario",

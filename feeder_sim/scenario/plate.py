@@ -135,6 +135,8 @@ class OutlineFile(Table):
     hole: Annotated[tuple[Ring, ...], Field(max_length=MOST_HOLES)] = ()
 
 
+MOST_TILT_DEG = 30.0
+MOST_TURN_MRAD = 100.0  # as an angle, which is taken for small
 MOST_DRIVES = 100  # at once; a plate has about so many modes below 20 kHz
 
 
@@ -205,7 +207,22 @@ class StillPlate(Table):
     rim: Flag = False
 
 
-Plate = Annotated[Strip | Rectangle | ModePlate | PistonPlate | StillPlate, Field(discriminator="kind")]
+class TrayPlate(Table):
+    """A tray that does not bend and moves as one rigid body, in any direction; `rim` as for `Rectangle`, and still."""
+
+    kind: Literal["tray"]
+    thickness_mm: LengthMm = 3.0
+    length_mm: LengthMm = 180.0
+    width_mm: LengthMm = 180.0
+    tilt_deg: Annotated[float, Field(ge=-MOST_TILT_DEG, le=MOST_TILT_DEG, strict=True)] = 0.0
+    rim: Flag = False
+
+
+Plate = Annotated[Strip | Rectangle | ModePlate | PistonPlate | StillPlate | TrayPlate, Field(discriminator="kind")]
+
+
+PLATE_LEVELS = ("amplitude_um", "voltage_vpp")
+TRAY_LEVELS = ("stroke_um", "turn_mrad", "motion_file")
 
 
 class Excitation(Table):
@@ -216,11 +233,20 @@ class Excitation(Table):
     `voltage_vpp` uses the gain measured on the plate, or the actuators in its mode file, and acts at its distance from
     the resonance. `modes` are those that move: the driven one, all, or those whose share of its amplitude is above a
     number.
+
+    A tray takes `stroke_um`, its amplitude along a line, or `turn_mrad`, about an axis through its middle, or
+    `motion_file`, one period of all six.
     """
 
     frequency_hz: FrequencyHz
     amplitude_um: NonNegative | None = None
     voltage_vpp: NonNegative | None = None
+    stroke_um: NonNegative | None = None
+    angle_deg: AngleDeg = 0.0
+    direction_deg: AngleDeg = 0.0
+    turn_mrad: Annotated[float, Field(ge=0, le=MOST_TURN_MRAD, strict=True)] | None = None
+    axis: Literal["x", "y", "z"] | None = None
+    motion_file: Path | None = None
     at_mm: PointMm | None = None
     mode: Annotated[int, Field(ge=1, strict=True)] | None = None
     natural_frequency_hz: FrequencyHz | None = None
@@ -246,8 +272,14 @@ class Excitation(Table):
 
     @model_validator(mode="after")
     def _one_level(self) -> Self:
-        if (self.amplitude_um is None) == (self.voltage_vpp is None):
-            raise ValueError("exactly one of amplitude_um and voltage_vpp is needed")
+        levels = {name: getattr(self, name) is not None for name in (*PLATE_LEVELS, *TRAY_LEVELS)}
+        if sum(levels.values()) != 1:
+            trays = f" (of a tray {', '.join(TRAY_LEVELS)})" if any(levels[name] for name in TRAY_LEVELS) else ""
+            raise ValueError(f"exactly one of amplitude_um and voltage_vpp is needed{trays}")
+        if (self.turn_mrad is None) != (self.axis is None):
+            raise ValueError('turn_mrad and axis = "x", "y" or "z" belong together, one is missing')
+        if self.stroke_um is None and (self.angle_deg or self.direction_deg):
+            raise ValueError("angle_deg and direction_deg belong to stroke_um, which is missing")
         if self.voltage_vpp is not None and self.at_mm is not None:
             raise ValueError("at_mm belongs to amplitude_um; a voltage acts at the measured driven point")
         return self
@@ -261,18 +293,67 @@ class Drive(Excitation):
 
 
 class PlateBody(Table):
-    """Dimensions and material of a rectangular plate, and up to which frequency its modes are computed.
+    """Dimensions and material of a plate, and up to which frequency its modes are computed.
 
-    With `uniform_width` only modes that do not vary across the width are computed: the bending of a strip.
+    It is a rectangle, or has an `outline`, in coordinates of its own that all places in the file are in. With
+    `uniform_width` only modes that do not vary across the width are computed: the bending of a strip.
     """
 
-    length_mm: LengthMm
-    width_mm: LengthMm
+    length_mm: LengthMm | None = None
+    width_mm: LengthMm | None = None
+    outline: Ring | None = None
     thickness_mm: LengthMm
     material: MaterialChoice = "aluminium"
     highest_frequency_hz: FrequencyHz
     uniform_width: Flag = False
     damping_ratio: DampingRatio | None = None
+
+    @model_validator(mode="after")
+    def _one_shape(self) -> Self:
+        sides = {"length_mm": self.length_mm, "width_mm": self.width_mm}
+        given = [name for name, side in sides.items() if side is not None]
+        if self.outline is not None and given:
+            raise ValueError(f"{given[0]} is {sides[given[0]]:g}, allowed is none with an outline")
+        if self.outline is None and len(given) < len(sides):
+            missing = next(name for name in sides if name not in given)
+            raise ValueError(f"{missing} is missing, allowed is a number above 0 (or give outline)")
+        return self
+
+    @property
+    def ring(self) -> Ring:
+        """The outer edge."""
+        if self.outline is not None:
+            return self.outline
+        assert self.length_mm is not None and self.width_mm is not None  # the table's own check
+        return Ring(size_mm=(self.length_mm, self.width_mm))
+
+
+class Support(Table):
+    """What carries the plate: at a point, along a line to another one, or on an area around it.
+
+    A spring carries the deflection, shared out evenly; `hinged` holds it, `clamped` holds all of the motion.
+    """
+
+    hold: Literal["spring", "hinged", "clamped"] = "spring"
+    at_mm: PointMm
+    to_mm: PointMm | None = None
+    diameter_mm: LengthMm | None = None
+    size_mm: SizeMm | None = None
+    stiffness_n_per_mm: Positive | None = None
+    loss_factor: Annotated[float, Field(ge=0, le=2, strict=True)] | None = None
+
+    @model_validator(mode="after")
+    def _holds(self) -> Self:
+        if (self.hold == "spring") != (self.stiffness_n_per_mm is not None):
+            needed = "a number above 0 with" if self.hold == "spring" else "none but with"
+            raise ValueError(f'stiffness_n_per_mm: allowed is {needed} hold = "spring"')
+        if self.loss_factor is not None and self.hold != "spring":
+            raise ValueError(f'loss_factor is {self.loss_factor:g}, allowed is none with hold = "{self.hold}"')
+        if sum(place is not None for place in (self.to_mm, self.diameter_mm, self.size_mm)) > 1:
+            raise ValueError("allowed is one of to_mm, diameter_mm and size_mm")
+        if self.to_mm == self.at_mm:
+            raise ValueError("to_mm is at_mm, allowed is another point")
+        return self
 
 
 class MeasuredResonance(Table):
@@ -293,6 +374,8 @@ class PlateFile(Table):
     actuator: Annotated[tuple[Actuator, ...], Field(max_length=MOST_ACTUATORS)] = ()
     bar: Annotated[tuple[Bar, ...], Field(max_length=MOST_ACTUATORS)] = ()
     mass: Annotated[tuple[Mass, ...], Field(max_length=MOST_ACTUATORS)] = ()
+    hole: Annotated[tuple[Ring, ...], Field(max_length=MOST_HOLES)] = ()
+    support: Annotated[tuple[Support, ...], Field(max_length=MOST_ACTUATORS)] = ()
     resonance: tuple[MeasuredResonance, ...] = ()
 
     @model_validator(mode="after")
@@ -304,6 +387,13 @@ class PlateFile(Table):
                 if name not in names:
                     known = ", ".join(names) or "none"
                     raise ValueError(f"resonance[{i}].actuator is {name!r}, allowed are the actuators: {known}")
-        if self.plate.uniform_width and (self.actuator or self.bar or self.mass):
-            raise ValueError("plate.uniform_width is true, allowed is false with actuators, bars and masses")
+        if self.plate.uniform_width and (self.actuator or self.bar or self.mass or self.by_elements):
+            raise ValueError("plate.uniform_width is true, allowed is false but with a plain rectangle")
+        if self.plate.damping_ratio is None and any(support.loss_factor is not None for support in self.support):
+            raise ValueError("plate.damping_ratio is missing, allowed with a loss_factor is a number: both add up")
         return self
+
+    @property
+    def by_elements(self) -> bool:
+        """Whether its modes take finite elements: it is no whole rectangle with free edges."""
+        return self.plate.outline is not None or bool(self.hole or self.support)

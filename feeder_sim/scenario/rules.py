@@ -20,6 +20,7 @@ from pydantic import BaseModel
 from feeder_sim import extensions
 from feeder_sim.scenario.engine_choice import choose_engine, needs_steps
 from feeder_sim.scenario.part import MAX_PARTS, Placed, Start
+from feeder_sim.scenario.plate import PLATE_LEVELS, TRAY_LEVELS, TrayPlate
 from feeder_sim.scenario.run import Contact, MujocoSettings
 from feeder_sim.scenario.shown import differs
 
@@ -99,8 +100,8 @@ def _tables(s: Scenario) -> Broken:
         yield "run.duration_s is that of the schedule"
     if run.stop != "time":
         yield "run.stop", '"time" with a schedule'
-    if s.plate.kind == "piston" and any(stage.until for stage in (*s.schedule.prepare, *s.schedule.stage)):
-        yield 'plate.kind is "piston", which has no nodal lines that parts could settle on'
+    if s.plate.kind in ("piston", "tray") and any(stage.until for stage in (*s.schedule.prepare, *s.schedule.stage)):
+        yield f'plate.kind is "{s.plate.kind}", which has no nodal lines that parts could settle on'
 
 
 def _around_the_plate(s: Scenario) -> Broken:
@@ -143,6 +144,17 @@ def _guides(s: Scenario) -> Broken:
         for name, field in MujocoSettings.model_fields.items():
             if differs(s.mujoco, name):
                 yield f"mujoco.{name}", f"{json.dumps(field.default)} with part[0].guide"
+
+
+def _trays(s: Scenario) -> Broken:
+    """How a tray is driven, and no other plate."""
+    own, others = (TRAY_LEVELS, PLATE_LEVELS) if isinstance(s.plate, TrayPlate) else (PLATE_LEVELS, TRAY_LEVELS)
+    for key, drive in s.excitations:
+        for name in others:
+            if getattr(drive, name) is not None:
+                yield f'{key}.{name} does not go with plate.kind = "{s.plate.kind}", allowed is {", ".join(own)}'
+    if isinstance(s.plate, TrayPlate) and s.plate.tilt_deg and choose_engine(s).method != "exact":
+        yield "plate.tilt_deg", "0 but with one free part that is computed without a step"
 
 
 def _rims(s: Scenario) -> Broken:
@@ -208,7 +220,7 @@ def _laws_of_impact(s: Scenario) -> Broken:
             yield "contact.rolling_friction_um", '0 with part[0].guide.kind = "slide", on which nothing rolls'
     if contact.restitution == "zener":
         weighed = [i for i, part in enumerate(s.part) if part.mass_g is not None]
-        if s.plate.kind in ("piston", "still"):
+        if s.plate.kind in ("piston", "still", "tray"):
             yield "contact.restitution", f'a number with plate.kind = "{s.plate.kind}", which does not bend'
         if on_balls:
             yield "contact.restitution", f"a number {on_balls}"
@@ -266,6 +278,8 @@ def _in_impulses(s: Scenario) -> Broken:
 
 def _in_mujoco(s: Scenario) -> Broken:
     contact, run = s.contact, s.run
+    if isinstance(s.plate, TrayPlate):
+        yield 'run.engine is "mujoco", allowed is "impulse" with plate.kind = "tray"'
     before = "in MuJoCo, whose contacts are set before it is known how fast they are"
     if s.guide is not None and s.guide.kind == "tube" and s.guide.friction > 0.0:
         why = "a part that slides along the wall gains speed away from it in MuJoCo's convex friction cone"
@@ -313,6 +327,8 @@ def _simplifications(s: Scenario) -> Broken:
         yield "schedule.by_hand", "a run of the scenario does not pick and fill in what a program did"
     if not s.run.in_plane_velocity and s.plate.kind not in ("piston", "still"):
         yield "run.in_plane_velocity", "drifts come out at a third of their speed or less"
+    if s.plate.kind == "tray" and _rim(s):
+        yield "plate.rim", "its walls stand still while the tray moves"
     if s.plate.kind == "strip" and s.run.planar:
         yield "run.planar", "over short waves drifts change by some percent"
 
@@ -342,7 +358,17 @@ def plate_with_outline(s: Scenario) -> Broken:
 
 RULES: dict[Level, tuple[Rule, ...]] = {
     "refused": (
-        *(_tables, _around_the_plate, _guides, _rims, _plane, _reaction, _laws_of_impact, _parts_that_meet_nothing),
+        *(
+            _tables,
+            _around_the_plate,
+            _guides,
+            _trays,
+            _rims,
+            _plane,
+            _reaction,
+            _laws_of_impact,
+            _parts_that_meet_nothing,
+        ),
     ),
     "unstable": (_steps, _settings_that_fail),
     "misleading": (_simplifications,),

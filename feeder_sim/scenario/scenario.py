@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Any, Literal, Self, TypeVar
 
 from pydantic import BeforeValidator, Field, ValidationError, model_validator
 
@@ -43,10 +43,11 @@ Change = Callable[[Path], Path]
 
 
 def input_files(scenario: Scenario) -> dict[str, Path]:
-    """The files that a scenario reads, by its keys: mode file, meshes of parts, their pieces, shapes of grippers."""
+    """The files that a scenario reads, by its keys: of the plate, its motion, parts, their pieces and grippers."""
     files: dict[str, Path] = {}
     if isinstance(scenario.plate, Rectangle | ModePlate) and scenario.plate.mode_file is not None:
         files["plate.mode_file"] = scenario.plate.mode_file
+    files |= {f"{key}.motion_file": drive.motion_file for key, drive in scenario.excitations if drive.motion_file}
     for i, part in enumerate(scenario.part):
         files |= {f"part[{i}].{key}": file for key, file in part.files.items()}
     picks = scenario.schedule.picks if scenario.schedule else ()
@@ -65,11 +66,24 @@ def with_files(scenario: Scenario, change: Change) -> Scenario:
             for group in ("prepare", "stage")
         }
         schedule = schedule.model_copy(update=groups)
-    return scenario.model_copy(update={"plate": plate, "part": tuple(parts), "schedule": schedule})
+    drives = _drives_with(scenario.drive, change)
+    return scenario.model_copy(update={"plate": plate, "drive": drives, "part": tuple(parts), "schedule": schedule})
+
+
+Driven = TypeVar("Driven", bound=Excitation)
+
+
+def _drives_with(drives: tuple[Driven, ...], change: Change) -> tuple[Driven, ...]:
+    """The drives with other names for their tables of motion."""
+    return tuple(
+        drive if drive.motion_file is None else drive.model_copy(update={"motion_file": change(drive.motion_file)})
+        for drive in drives
+    )
 
 
 def _stage_with(stage: Stage, change: Change) -> Stage:
-    """The stage with other names for the shapes of its grippers."""
+    """The stage with other names for the motions of its drives and the shapes of its grippers."""
+    stage = stage.model_copy(update={"drive": _drives_with(stage.drive, change)})
     if isinstance(stage.pick, Pick):
         return stage.model_copy(update={"pick": _pick_with(stage.pick, change)})
     return stage.model_copy(update={"pick": tuple(_pick_with(pick, change) for pick in stage.picks) or None})

@@ -6,16 +6,26 @@ import math
 from collections.abc import Sequence
 from dataclasses import replace
 from itertools import combinations
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 from feeder_sim.errors import InputError
 from feeder_sim.plate.actuators import SHEAR_LAG, Actuator, clamped_capacitance, modal_force_table, moment_of_strain
 from feeder_sim.plate.materials import Material
 from feeder_sim.plate.mode_file import ModeFile
+from feeder_sim.plate.outline import Outline
 from feeder_sim.plate.rectangle import RectangularPlate
 from feeder_sim.plate.ritz.attachments import Attachment, Layer, PointMass
 from feeder_sim.scenario import Actuator as ActuatorTable
 from feeder_sim.scenario import BondedLayer, PlateFile, resolve_material
+from feeder_sim.scenario import Support as SupportTable
 
+if TYPE_CHECKING:
+    from feeder_sim.plate.elements.mindlin import Support as Held
+
+SPREAD = 24  # points along a line or a side of an area, between which a spring is shared out
 TOUCHING = 1e-6  # [m]; patches that overlap by less are side by side
 
 
@@ -104,6 +114,88 @@ def build_attachments(
             )
         masses.append(PointMass((1e-3 * x, 1e-3 * y), 1e-3 * mass.mass_g, 1e-3 * mass.offset_mm))
     return (*(layer for key, layer in layers.items() if key not in silent), *masses)
+
+
+def check_within(outline: Outline, actuators: Sequence[Actuator], attachments: Sequence[Attachment]) -> None:
+    """Refuse what reaches beyond a plate with an outline, or over a hole.
+
+    Raises:
+        InputError: something does.
+    """
+    from shapely import Point, Polygon
+
+    layers = {f"actuator[{i}]": actuator.layer for i, actuator in enumerate(actuators)}
+    patches = list(layers.values())
+    bars = [each for each in attachments if isinstance(each, Layer) and each not in patches]
+    layers |= {f"bar[{i}]": layer for i, layer in enumerate(bars)}
+    places = {f"{key}.at_mm": Polygon(layer.corners(TOUCHING)) for key, layer in layers.items()}
+    masses = [each for each in attachments if isinstance(each, PointMass)]
+    places |= {f"mass[{i}].at_mm": Point(mass.centre) for i, mass in enumerate(masses)}
+    for key, place in places.items():
+        if not outline.polygon.covers(place):
+            x, y = 1e3 * place.centroid.x, 1e3 * place.centroid.y
+            raise InputError(
+                f"lies at ({x:.4g}, {y:.4g}) mm from the middle of the plate, from where it reaches beyond it or over "
+                "a hole, allowed is a place on it",
+                key=key,
+            )
+
+
+def build_supports(tables: Sequence[SupportTable], outline: Outline) -> tuple[Held, ...]:
+    """What carries a plate.
+
+    Raises:
+        InputError: a support that is not on the plate.
+    """
+    from feeder_sim.plate.elements.mindlin import Support
+
+    supports = []
+    for i, table in enumerate(tables):
+        place = _place(table)
+        points = _spread(place)
+        here = outline.polygon.buffer(TOUCHING).covers(place)
+        if not here and not (place.area > 0.0 and outline.polygon.intersection(place).area > 0.0):
+            x, y = table.at_mm
+            raise InputError(
+                f"lies at ({x:g}, {y:g}) mm from the middle of the plate, beside it, allowed is a place on it",
+                key=f"support[{i}].at_mm",
+            )
+        points = points[outline.distance(points) > -TOUCHING]
+        inside = points + 1e-3 * TOUCHING * np.sign(-points)  # on the edge nothing is beside the mesh
+        stiffness = 1e3 * (table.stiffness_n_per_mm or 0.0)
+        weights = np.full(len(points), 1.0 / max(len(points), 1))
+        supports.append(Support(table.hold, inside, weights, stiffness, table.loss_factor or 0.0, place))
+    return tuple(supports)
+
+
+def _place(table: SupportTable) -> Any:
+    """Point, line or area [m] of a support, as shapely has it."""
+    from shapely import LineString, Point, box
+
+    x, y = (1e-3 * c for c in table.at_mm)
+    if table.to_mm is not None:
+        return LineString([(x, y), (1e-3 * table.to_mm[0], 1e-3 * table.to_mm[1])])
+    if table.diameter_mm is not None:
+        return Point(x, y).buffer(0.5e-3 * table.diameter_mm)
+    if table.size_mm is not None:
+        a, b = (0.5e-3 * side for side in table.size_mm)
+        return box(x - a, y - b, x + a, y + b)
+    return Point(x, y)
+
+
+def _spread(place: Any) -> NDArray[np.float64]:
+    """Points (n, 2) [m] evenly spread over a point, line or area."""
+    import shapely
+
+    if place.geom_type == "Point":
+        return np.asarray(shapely.get_coordinates(place))
+    middles = (np.arange(SPREAD) + 0.5) / SPREAD
+    if place.geom_type == "LineString":
+        return np.asarray(shapely.get_coordinates(shapely.line_interpolate_point(place, middles, normalized=True)))
+    left, low, right, high = place.bounds
+    x, y = np.meshgrid(left + middles * (right - left), low + middles * (high - low))
+    points = np.column_stack([x.ravel(), y.ravel()])
+    return np.asarray(points[shapely.intersects_xy(place, *points.T)])
 
 
 def _layer(table: BondedLayer, material: Material) -> Layer:

@@ -50,11 +50,12 @@ class Cell:
 def transport_cell(scene: Scene) -> Cell | None:
     """Find the cell in which the part of a scene starts.
 
-    None where no transport speed is defined: with several parts or a schedule, without nodal lines, or when the part
-    starts on a nodal line.
+    None where no transport speed is defined: with several parts or a schedule, without nodal lines, on a tray, or when
+    the part starts on a nodal line.
     """
     start = scene.scenario.part[0].start
-    if len(scene.parts) > 1 or scene.scenario.schedule is not None or not isinstance(start, Start | GivenState):
+    rigid, crowd = scene.scenario.plate.kind == "tray", len(scene.parts) > 1
+    if rigid or crowd or scene.scenario.schedule is not None or not isinstance(start, Start | GivenState):
         return None
     lines = nodal_lines(scene.surface)
     if not lines.lines:

@@ -5,17 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from feeder_sim.errors import InputError
 from feeder_sim.plate.drive import ModalTerms, modal_terms
 from feeder_sim.plate.mode_file import ModeFile, read_mode_file
-from feeder_sim.plate.mode_shapes import ModeShape, Piston, RitzShape, StandingWave, shortest_wavelength, standing_wave
+from feeder_sim.plate.mode_shapes import ModeShape, Rigid, RitzShape, StandingWave, shortest_wavelength, standing_wave
 from feeder_sim.plate.modes import plate_modes
-from feeder_sim.plate.outline import Outline, checked_outline
 from feeder_sim.plate.rectangle import RectangularPlate
 from feeder_sim.plate.surface import Surface, tabulate
 from feeder_sim.scenario import (
@@ -26,47 +23,13 @@ from feeder_sim.scenario import (
     Scenario,
     StillPlate,
     Strip,
-    load_outline_file,
+    TrayPlate,
     resolve_material,
 )
-from feeder_sim.scenario.plate import Ring
 from feeder_sim.scenario.rules import lines_of, plate_with_outline
 from feeder_sim.scene.driven_mode import DrivenMode, driven_mode, metres, modal_drive
 from feeder_sim.scene.timetable import Timetable, timetable
-
-# Outline file -> outline of a plate, in SI units.
-
-SAGITTA = 1e-5  # [m]; how far the corners of a round hole are from the middles between them
-FEWEST, MOST = 48, 720  # corners of a round one
-
-
-def read_outline_file(path: Path) -> Outline:
-    """Read the outer edge and the holes of a plate, in the coordinates of the user.
-
-    Raises:
-        InputError: unreadable file, a key or value that is not allowed, polygons that are no plate with holes.
-    """
-    file = load_outline_file(path)
-    try:
-        return checked_outline([_corners(file.exterior), *map(_corners, file.hole)])
-    except ValueError as error:
-        raise InputError(str(error), file=path) from error
-
-
-def _corners(ring: Ring) -> NDArray[np.float64]:
-    """Corners (n, 2) [m]; those of a circle are so far out that the area is that of the circle."""
-    if ring.points_mm is not None:
-        return 1e-3 * np.array(ring.points_mm, float)
-    if ring.size_mm is not None:
-        half = 0.5e-3 * np.array(ring.size_mm)
-        return 1e-3 * np.array(ring.centre_mm) + half * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
-    radius = 0.5e-3 * (ring.diameter_mm or 0.0)
-    n = math.ceil(math.pi / math.acos(max(1.0 - SAGITTA / radius, 0.0))) if radius > SAGITTA else FEWEST
-    n = min(max(n, FEWEST), MOST)
-    angle = 2.0 * math.pi * np.arange(n) / n
-    out = radius * math.sqrt(2.0 * math.pi / n / math.sin(2.0 * math.pi / n))
-    return 1e-3 * np.array(ring.centre_mm) + out * np.column_stack([np.cos(angle), np.sin(angle)])
-
+from feeder_sim.scene.tray import tray_motion
 
 SEARCH_FACTOR = 1.1  # modes of a plate given by its dimensions are computed this far beyond the highest drive
 # Largest amplitude over plate thickness: linear plate theory ends well below it.
@@ -101,6 +64,8 @@ def assemble_plate(scenario: Scenario) -> DrivenPlate:
         return _from_modes(held, scenario.excitations, times)
     if isinstance(plate, StillPlate):
         return _still(plate)
+    if isinstance(plate, TrayPlate):
+        return _tray(plate, scenario.excitations, times)
     return _piston(plate, scenario.excitations, times)
 
 
@@ -126,16 +91,37 @@ def _piston(plate: PistonPlate, drives: Excitations, times: Timetable) -> Driven
     driven = []
     for key, drive in drives:
         _refuse(drive, key, "piston", "mode", "voltage_vpp", "at_mm")
-        driven.append(DrivenMode("piston", Piston(), modal_drive(drive, metres(drive.amplitude_um))))
+        driven.append(DrivenMode("piston", Rigid(), modal_drive(drive, metres(drive.amplitude_um))))
     size = (plate.length_mm * 1e-3, plate.width_mm * 1e-3, plate.thickness_mm * 1e-3)
     return _tabulated(driven, drives, times, *size, math.inf, uniform_y=True)
+
+
+def _tray(plate: TrayPlate, drives: Excitations, times: Timetable) -> DrivenPlate:
+    """A rigid tray; one that is tilted has a shape more, which nothing drives and which stays as it is.
+
+    Its lower end stays at z = 0.
+    """
+    size = (1e-3 * plate.length_mm, 1e-3 * plate.width_mm, 1e-3 * plate.thickness_mm)
+    driven = [tray_motion(drive, key, size) for key, drive in drives]
+    level = _tabulated(driven, drives, times, *size, math.inf, bends=False)
+    if not plate.tilt_deg:
+        return level
+    slope = math.tan(math.radians(plate.tilt_deg))
+    rises = Rigid(move=(0.0, 0.0, math.copysign(0.5 * size[0], slope)), turn=(0.0, -1.0, 0.0))
+    surface = level.surface
+    n, always = surface.n_shapes, (np.zeros(1), np.full(1, math.inf))
+    resting = ModalTerms(np.array([n]), *always, np.array([complex(slope)]), np.zeros(1, complex))
+    table = np.concatenate([surface.table, rises.evaluate_grid(surface.x, surface.y)[None]])
+    table[:n, 0] += slope * 0.5 * size[2] * table[:n, 1]  # an incline that moves along rises where one stays
+    tilted = replace(surface, table=table, terms=surface.terms.joined(resting), resting=resting)
+    return replace(level, surface=tilted)
 
 
 def _still(plate: StillPlate) -> DrivenPlate:
     """A flat surface; engines want a shape, which nothing drives."""
     length, width, thickness = (1e-3 * side for side in (plate.length_mm, plate.width_mm, plate.thickness_mm))
     terms = modal_terms(())
-    surface = tabulate([Piston()], terms, length=length, width=width, thickness=thickness, uniform_y=True)
+    surface = tabulate([Rigid()], terms, length=length, width=width, thickness=thickness, uniform_y=True)
     return DrivenPlate(surface, ())
 
 
@@ -193,9 +179,10 @@ def _tabulated(
     wavelength: float,
     *,
     uniform_y: bool = False,
+    bends: bool = True,
 ) -> DrivenPlate:
     for (key, _), mode in zip(drives, driven, strict=True):
-        if mode.drive.steady_amplitude > LARGEST_DEFLECTION * thickness:
+        if bends and mode.drive.steady_amplitude > LARGEST_DEFLECTION * thickness:
             raise InputError(
                 f"asks for {1e6 * mode.drive.steady_amplitude:g} um at the antinode, allowed is up to the plate's "
                 f"thickness, {1e6 * thickness:g} um",

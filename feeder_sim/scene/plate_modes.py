@@ -3,19 +3,27 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from typing import TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from feeder_sim.errors import InputError
-from feeder_sim.plate.actuators import modal_force_table
+from feeder_sim.plate.actuators import Actuator, modal_force_table
 from feeder_sim.plate.mode_file import ModeFile, Resonance
 from feeder_sim.plate.modes import PlateModes, plate_modes
+from feeder_sim.plate.outline import Outline
 from feeder_sim.plate.rectangle import RectangularPlate
 from feeder_sim.plate.response import modal_forces
-from feeder_sim.scenario import MeasuredResonance, PlateFile, resolve_material
-from feeder_sim.scene.attachments import build_actuators, build_attachments
+from feeder_sim.plate.ritz.attachments import Attachment
+from feeder_sim.scenario import Actuator as ActuatorTable
+from feeder_sim.scenario import Bar, Mass, MeasuredResonance, PlateFile, Support, resolve_material
+from feeder_sim.scene.attachments import build_actuators, build_attachments, build_supports, check_within
+from feeder_sim.scene.outlines import outline_of
 
+Moved = TypeVar("Moved", ActuatorTable, Bar, Mass, Support, MeasuredResonance)
+ROUGH = 0.02  # of the antinode; what a smooth shape may miss that of the elements by
 RESONANCE_MATCH = 0.02  # largest relative difference between a measured resonance and its computed mode
 
 
@@ -27,18 +35,26 @@ def compute_modes(file: PlateFile) -> ModeFile:
             mode within `RESONANCE_MATCH`.
     """
     body = file.plate
-    plate = RectangularPlate(
-        body.length_mm * 1e-3, body.width_mm * 1e-3, body.thickness_mm * 1e-3, resolve_material(body.material)
-    )
+    try:
+        outline = outline_of(body.ring, file.hole)
+    except ValueError as error:
+        raise InputError(str(error), key="plate.outline") from error
+    shift = shift_of(file)
+    file, outline = _moved(file, shift), outline.moved(1e-3 * shift)
+    plate = RectangularPlate(*outline.size, body.thickness_mm * 1e-3, resolve_material(body.material))
     actuators = build_actuators(file.actuator, plate)
     attachments = build_attachments(file, plate, actuators)
     try:
-        modes = plate_modes(
-            plate,
-            highest_frequency=body.highest_frequency_hz,
-            uniform_width=body.uniform_width,
-            attachments=attachments,
-        )
+        if file.by_elements:
+            modes, forces, loss = _by_elements(file, plate, outline, actuators, attachments)
+        else:
+            modes = plate_modes(
+                plate,
+                highest_frequency=body.highest_frequency_hz,
+                uniform_width=body.uniform_width,
+                attachments=attachments,
+            )
+            forces, loss = modal_force_table(modes, actuators), np.zeros(len(modes))
     except ValueError as error:
         raise InputError(f"is {body.highest_frequency_hz:g}, {error}", key="plate.highest_frequency_hz") from error
     if not len(modes):
@@ -54,10 +70,63 @@ def compute_modes(file: PlateFile) -> ModeFile:
                 "allowed is one of each mode (or name the mode)",
                 key=f"resonance[{i}].frequency_hz",
             )
-    damping = None if body.damping_ratio is None else np.full(len(modes), body.damping_ratio)
-    held = ModeFile(modes, resonances, actuators, modal_force_table(modes, actuators), damping_ratio=damping)
+    damping = None if body.damping_ratio is None else body.damping_ratio + loss
+    held = ModeFile(modes, resonances, actuators, forces, damping_ratio=damping)
     modal_forces(held)  # refuses gains that cannot be those of their actuators
     return held
+
+
+def shift_of(file: PlateFile) -> NDArray[np.float64]:
+    """By how much the coordinates of a plate file are moved [mm], so that its bounding box is centred, shape (2,)."""
+    if file.plate.outline is None:
+        return np.zeros(2)
+    edge = 1e3 * outline_of(file.plate.outline, ()).exterior
+    return np.asarray(-0.5 * (edge.min(axis=0) + edge.max(axis=0)))
+
+
+def _moved(file: PlateFile, shift: NDArray[np.float64]) -> PlateFile:
+    """The file with all places moved [mm]; the outline stays."""
+    dx, dy = shift.tolist()
+
+    def moved(table: Moved, *keys: str) -> Moved:
+        places = {key: getattr(table, key) for key in keys if getattr(table, key) is not None}
+        return table.model_copy(update={key: (x + dx, y + dy) for key, (x, y) in places.items()})
+
+    return file.model_copy(
+        update={
+            "actuator": tuple(moved(table, "at_mm") for table in file.actuator),
+            "bar": tuple(moved(table, "at_mm") for table in file.bar),
+            "mass": tuple(moved(table, "at_mm") for table in file.mass),
+            "support": tuple(moved(table, "at_mm", "to_mm") for table in file.support),
+            "resonance": tuple(moved(table, "driven_point_mm") for table in file.resonance),
+        }
+    )
+
+
+def _by_elements(
+    file: PlateFile,
+    plate: RectangularPlate,
+    outline: Outline,
+    actuators: Sequence[Actuator],
+    attachments: Sequence[Attachment],
+) -> tuple[PlateModes, NDArray[np.float64], NDArray[np.float64]]:
+    """Modes by finite elements, forces of actuators (n_modes, n_actuators) [N/V], damping ratios by supports."""
+    from feeder_sim.plate.elements.mindlin import element_modes
+
+    check_within(outline, actuators, attachments)
+    found = element_modes(
+        plate,
+        outline,
+        highest_frequency=file.plate.highest_frequency_hz,
+        attachments=attachments,
+        supports=build_supports(file.support, outline),
+    )
+    if not len(found):
+        raise ValueError("below the first mode of the plate")
+    found, modes, missed = found.fitted(plate, outline)
+    if missed.max() > ROUGH:
+        raise ValueError(f"mode {int(missed.argmax()) + 1} is too fine for smooth shapes over the plate")
+    return modes, modal_force_table(found, actuators), found.loss
 
 
 def far_resonances(held: ModeFile) -> Iterator[tuple[int, str]]:

@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 
 from feeder_sim.errors import InputError
 from feeder_sim.part.rigid_part import RigidPart
-from feeder_sim.scenario import GivenState, Heap, Placed, Scattered, Start
+from feeder_sim.plate.surface import Surface
+from feeder_sim.scenario import GivenState, Heap, Placed, Scattered, Start, TrayPlate
 from feeder_sim.scene.fits import FREE_TILT, UPRIGHT, check_width
 from feeder_sim.scene.overlap import check_apart, check_off_rim
 from feeder_sim.scene.scene import Guide, Scene
@@ -164,9 +165,25 @@ def start_poses(scene: Scene, rng: np.random.Generator) -> list[Pose]:
             position = next(centres[start]) + np.array([0.0, 0.0, 1e-3 * start.drop_height_mm[0]])
             if not placed.free(position, kind.size):
                 raise InputError("overlaps other parts", key=f"part[{i}].start")
+        if isinstance(scene.scenario.plate, TrayPlate):
+            position, quaternion = _on_tray(scene.scenario.plate, scene.surface, position, quaternion)
         placed.add(position, kind.size)
         poses.append(Pose(position, quaternion, velocity))
     return poses
+
+
+def _on_tray(
+    tray: TrayPlate, surface: Surface, position: NDArray[np.float64], quaternion: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """A place over a level tray and an attitude, turned with the tray about where the part comes down."""
+    from scipy.spatial.transform import Rotation
+
+    if not tray.tilt_deg:
+        return position, quaternion
+    lean = Rotation.from_euler("y", -tray.tilt_deg, degrees=True)
+    foot = np.array([*position[:2], surface.resting_height(position[None, :2])[0]])
+    turned = lean * Rotation.from_quat(quaternion, scalar_first=True)
+    return foot + lean.apply([0.0, 0.0, position[2]]), np.asarray(turned.as_quat(scalar_first=True))
 
 
 def _present(scene: Scene, rng: np.random.Generator) -> NDArray[np.bool_]:

@@ -39,6 +39,8 @@ def compare_ratios(
     body = file.plate
     if body.uniform_width:
         raise InputError("says that modes do not vary with the width", key="plate.uniform_width")
+    if body.length_mm is None or file.by_elements:
+        raise InputError("is no plain rectangle, allowed is one with --ratios", key="plate")
     length = 1e-3 * body.length_mm
     for name, place in (("from", start), ("to", end)):
         if abs(place) >= 0.5 * length:

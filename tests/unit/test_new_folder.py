@@ -40,7 +40,7 @@ def test_the_default_folder_is_the_plate_and_the_drift_of_the_tutorial(tmp_path:
         assert (folder / name).read_bytes() == (tutorial / source).read_bytes()
     body = load_plate_file(folder / "plate.toml").plate
     modes = read_mode_file(folder / "modes.h5").modes
-    assert modes.plate.length == pytest.approx(1e-3 * body.length_mm)
+    assert modes.plate.length == pytest.approx(1e-3 * (body.length_mm or 0.0))
     (drive,) = load_scenario(folder / "scenario.toml").drive
     assert modes.natural_frequency[drive.mode - 1 if drive.mode else 0] == pytest.approx(drive.frequency_hz, rel=1e-4)
 

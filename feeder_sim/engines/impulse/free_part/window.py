@@ -16,7 +16,7 @@ def bound(acting, extremes, start, stop, exact):
     fastest = max(fastest_rate(acting), SLOWEST)
     bent = 0.0  # most, of all shapes that act, by the height
     for s in range(found.acceleration.shape[0]):
-        if found.acceleration[s] > 0.0:
+        if found.acceleration[s] > 0.0 and extremes[0, s] > 0.0:
             bent = max(bent, extremes[2, s] / extremes[0, s])
     curvature = bent * found.crest
     return Bounds(

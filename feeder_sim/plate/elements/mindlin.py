@@ -1,0 +1,262 @@
+"""Modes of a Mindlin plate by triangles of fourth degree, with layers, masses and supports.
+
+Energies are those of feeder_sim.plate.modes, per element with the section of what lies there: the plate, and layers
+bonded to it. Fourth degree in deflection and rotations alike does not lock (Mindlin plates of high order: Hughes, The
+Finite Element Method, 1987, ch. 5). A support is a spring k against the deflection, spread over a place,
+
+    2 U = k mean of w^2,
+
+or holds the deflection (hinged) or all of the motion (clamped). With the loss factor eta of a spring, its share s_j of
+the energy of mode j adds eta s_j / 2 to the damping ratio of the mode (Ungar and Kerwin, J. Acoust. Soc. Am. 34 (1962)
+954).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from feeder_sim.plate.elements.mesh import triangulate
+from feeder_sim.plate.imported.modes import is_rectangle, scale_factors
+from feeder_sim.plate.imported.scattered_fit import fit_scattered
+from feeder_sim.plate.mode_shapes import standing_wave
+from feeder_sim.plate.modes import TERMS_PER_AXIS, PlateModes
+from feeder_sim.plate.outline import Outline
+from feeder_sim.plate.rectangle import RectangularPlate
+from feeder_sim.plate.ritz.attachments import Attachment, Layer, PointMass, added_section, bare_section
+from feeder_sim.single_thread import solver_single_threaded
+
+PER_WAVE = 0.28  # spacing of points over the shortest wavelength; frequencies are 0.05 % high there
+LEAST_ELEMENTS = 8.0  # along the shorter side of the plate
+SHIFT_HZ = 100.0  # below zero, about which modes are looked for: where a free plate has none
+AT_REST_HZ = 0.1  # slower than that are motions of the plate as a whole, on nothing
+MORE = 1.15  # of the number of modes that is expected
+ON_LINE = 1e-9  # [m]
+Hold = Literal["spring", "hinged", "clamped"]
+
+
+@dataclass(frozen=True)
+class Support:
+    """What carries the plate at a place.
+
+    Attributes:
+        hold: "spring", "hinged" or "clamped".
+        points: (n, 2) [m], between which a spring is shared out, or on whose line or area the plate is held.
+        weights: of the points, together 1, shape (n,).
+        stiffness: of a spring [N/m], all of it.
+        loss_factor: of a spring [1].
+        place: what is held, as shapely has it.
+    """
+
+    hold: Hold
+    points: NDArray[np.float64]
+    weights: NDArray[np.float64]
+    stiffness: float
+    loss_factor: float
+    place: Any
+
+
+@dataclass(frozen=True)
+class ElementModes:
+    """Modes on a mesh, sorted by frequency, scaled to max |w| = 1 at its nodes.
+
+    Attributes:
+        natural_frequency: [Hz], shape (n_modes,).
+        modal_mass: [kg], shape (n_modes,).
+        loss: damping ratio that supports give every mode, shape (n_modes,).
+        nodes: where shapes are known [m], shape (n, 2).
+        fields: w [1], beta_x, beta_y [1/m] there, shape (n_modes, 3, n).
+        basis: of scikit-fem, for `evaluate_whole`.
+    """
+
+    natural_frequency: NDArray[np.float64]
+    modal_mass: NDArray[np.float64]
+    loss: NDArray[np.float64]
+    nodes: NDArray[np.float64]
+    fields: NDArray[np.float64]
+    basis: Any
+
+    def __len__(self) -> int:
+        return len(self.natural_frequency)
+
+    def evaluate_whole(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+        """(w, beta_x, beta_y) of all modes at points (n, 2) [m] of the plate, shape (n_modes, 3, n)."""
+        values = self.basis.probes(points.T)
+        return np.stack([(values @ field.T).T for field in self.fields])
+
+    def fitted(self, plate: RectangularPlate, outline: Outline) -> tuple[ElementModes, PlateModes, NDArray[np.float64]]:
+        """The modes as smooth shapes over the bounding box, these with the same sign, and what shapes miss nodes by.
+
+        plate: with the bounding box of the outline. The last is a root mean square over the antinode [1].
+        """
+        fits = [fit_scattered(self.nodes, self.fields[:, k], outline.size, TERMS_PER_AXIS) for k in range(3)]
+        coefficients = np.stack([fit.coefficients for fit in fits], axis=1)
+        shape = None if is_rectangle(outline) else outline
+        parity = np.full((len(self), 2), -1)
+        modes = PlateModes(plate, self.natural_frequency, coefficients, parity, self.modal_mass, outline=shape)
+        sign = np.sign(scale_factors(modes, outline))
+        same = replace(self, fields=self.fields * sign[:, None, None])
+        return same, replace(modes, coefficients=coefficients * sign[:, None, None, None]), fits[0].residual
+
+
+@solver_single_threaded
+def element_modes(
+    plate: RectangularPlate,
+    outline: Outline,
+    *,
+    highest_frequency: float,
+    attachments: Sequence[Attachment] = (),
+    supports: Sequence[Support] = (),
+    finer: float = 1.0,
+) -> ElementModes:
+    """Compute every mode up to a frequency, without motions of the plate as a whole that nothing holds.
+
+    Args:
+        plate: thickness and material; length and width do not count.
+        outline: of the plate.
+        highest_frequency: [Hz], inclusive.
+        attachments: what is fixed to the plate.
+        supports: what carries it.
+        finer: elements per length over the usual number.
+
+    Raises:
+        ValueError: no mesh follows the outline and the layers, or there are no such waves in the plate.
+    """
+    import skfem
+
+    layers = [attachment for attachment in attachments if isinstance(attachment, Layer)]
+    wavelength = min(standing_wave(side, highest_frequency).wavelength for side in (plate, plate.turned))
+    spacing = min(PER_WAVE * wavelength, min(outline.size) / LEAST_ELEMENTS) / finer
+    points, triangles = triangulate(outline, [layer.corners() for layer in layers], spacing)
+    mesh = skfem.MeshTri(np.ascontiguousarray(points.T), np.ascontiguousarray(triangles.T))
+    basis = skfem.Basis(mesh, skfem.ElementTriP4())
+    stiffness, mass = _matrices(basis, plate, layers, points[triangles].mean(axis=1))
+    for each in attachments:
+        if isinstance(each, PointMass):
+            mass = mass + _point_mass(basis, each)
+    springs = [_spring(basis, support) for support in supports if support.hold == "spring"]
+    for spring in springs:
+        stiffness = stiffness + spring
+    free = np.setdiff1d(np.arange(3 * basis.N), _held(basis, supports))
+    expected = _expected(plate, outline, highest_frequency)
+    squared, vectors = _solved(stiffness[free][:, free], mass[free][:, free], highest_frequency, expected)
+    whole = np.zeros((len(squared), 3 * basis.N))
+    whole[:, free] = vectors.T
+    fields = whole.reshape(len(squared), 3, basis.N)
+    scale = 1.0 / np.abs(fields[:, 0]).max(axis=1)
+    losses = [support.loss_factor for support in supports if support.hold == "spring"]
+    shares = np.array([(whole * (spring @ whole.T).T).sum(axis=1) / squared for spring in springs])
+    return ElementModes(
+        natural_frequency=np.sqrt(squared) / (2.0 * math.pi),
+        modal_mass=scale**2,
+        loss=0.5 * np.array(losses) @ shares if springs else np.zeros(len(squared)),
+        nodes=np.ascontiguousarray(basis.doflocs.T),
+        fields=fields * scale[:, None, None],
+        basis=basis,
+    )
+
+
+def _matrices(basis: Any, plate: RectangularPlate, layers: Sequence[Layer], middles: NDArray[np.float64]) -> Any:
+    """Stiffness and mass (3 n, 3 n) of the plate with its layers; middles: of the elements (m, 2) [m]."""
+    import scipy.sparse
+    import shapely
+    import skfem
+
+    bare = bare_section(plate)
+    names = ("d11", "d12", "d22", "d66", "s", "m", "j")
+
+    def numbers(section: Any) -> NDArray[np.float64]:
+        b = section.bending
+        return np.array([b[0, 0], b[0, 1], b[1, 1], section.twisting, section.shear, section.mass, section.rotary])
+
+    of_element = np.tile(numbers(bare)[:, None], (1, len(middles)))
+    for layer in layers:
+        under = shapely.intersects_xy(shapely.Polygon(layer.corners()), *middles.T)
+        of_element[:, under] += numbers(added_section(plate, layer))[:, None]
+    flat = basis.with_element(skfem.ElementTriP0())
+    data = {name: flat.interpolate(row) for name, row in zip(names, of_element, strict=True)}
+
+    def block(form: Any) -> Any:
+        return skfem.BilinearForm(form).assemble(basis, **data)
+
+    def moves(u: Any, v: Any, c: Any) -> Any:
+        return c.s * (u.grad[0] * v.grad[0] + u.grad[1] * v.grad[1])
+
+    def bends_x(u: Any, v: Any, c: Any) -> Any:
+        return c.d11 * u.grad[0] * v.grad[0] + c.d66 * u.grad[1] * v.grad[1] + c.s * u * v
+
+    def bends_y(u: Any, v: Any, c: Any) -> Any:
+        return c.d22 * u.grad[1] * v.grad[1] + c.d66 * u.grad[0] * v.grad[0] + c.s * u * v
+
+    def twists(u: Any, v: Any, c: Any) -> Any:  # rows of beta_x, columns of beta_y
+        return c.d12 * u.grad[1] * v.grad[0] + c.d66 * u.grad[0] * v.grad[1]
+
+    across, shears = block(twists), [block(lambda u, v, c, k=k: -c.s * u.grad[k] * v) for k in range(2)]
+    weight, turn = block(lambda u, v, c: c.m * u * v), block(lambda u, v, c: c.j * u * v)
+    rows = [
+        [block(moves), shears[0].T, shears[1].T],
+        [shears[0], block(bends_x), across],
+        [shears[1], across.T, block(bends_y)],
+    ]
+    return scipy.sparse.bmat(rows).tocsc(), scipy.sparse.block_diag([weight, turn, turn]).tocsc()
+
+
+def _point_mass(basis: Any, point: PointMass) -> Any:
+    import scipy.sparse
+
+    here = basis.probes(np.array(point.centre)[:, None])
+    own = here.T @ here
+    turn = point.mass * point.offset**2 * own
+    return scipy.sparse.block_diag([point.mass * own, turn, turn]).tocsc()
+
+
+def _spring(basis: Any, support: Support) -> Any:
+    import scipy.sparse
+
+    here = basis.probes(support.points.T)
+    own = support.stiffness * (here.T @ scipy.sparse.diags(support.weights) @ here)
+    return scipy.sparse.bmat([[own, None], [None, scipy.sparse.csc_matrix((2 * basis.N, 2 * basis.N))]]).tocsc()
+
+
+def _held(basis: Any, supports: Sequence[Support]) -> NDArray[np.int64]:
+    """Unknowns that supports hold."""
+    import shapely
+
+    nodes, held = shapely.points(basis.doflocs.T), [np.zeros(0, np.int64)]
+    for support in supports:
+        if support.hold != "spring":
+            here = np.flatnonzero(shapely.distance(nodes, support.place) < ON_LINE)
+            held += [here + k * basis.N for k in range(3 if support.hold == "clamped" else 1)]
+    return np.unique(np.concatenate(held))
+
+
+def _expected(plate: RectangularPlate, outline: Outline, highest: float) -> int:
+    """About how many modes there are up to a frequency [Hz] (Weyl's law for free edges)."""
+    k = max(standing_wave(side, highest).wavenumber for side in (plate, plate.turned))
+    polygon = outline.polygon
+    return 3 + math.ceil(MORE * (polygon.area * k**2 / (4.0 * math.pi) + polygon.length * k / (2.0 * math.pi)))
+
+
+def _solved(stiffness: Any, mass: Any, highest: float, expected: int) -> tuple[NDArray[Any], NDArray[Any]]:
+    """Squared circular frequencies [1/s^2] and vectors, mass-normalised, of the modes up to a frequency [Hz]."""
+    from scipy.sparse.linalg import eigsh
+
+    n = stiffness.shape[0]
+    start = np.random.default_rng(0).normal(size=n)  # the same bits every time
+    while True:
+        wanted = min(expected, n - 2)
+        squared, vectors = eigsh(
+            stiffness, k=wanted, M=mass, sigma=-((2.0 * math.pi * SHIFT_HZ) ** 2), which="LM", v0=start
+        )
+        if squared.max() > (2.0 * math.pi * highest) ** 2 or wanted == n - 2:
+            break
+        expected *= 2
+    order = np.argsort(squared)
+    squared, vectors = squared[order], vectors[:, order]
+    kept = (squared > (2.0 * math.pi * AT_REST_HZ) ** 2) & (squared <= (2.0 * math.pi * highest) ** 2)
+    return squared[kept], vectors[:, kept]

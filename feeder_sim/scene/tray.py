@@ -1,0 +1,121 @@
+"""One excitation of a tray -> the rigid motions that it makes: along a line, about an axis, or from a table."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from feeder_sim.errors import InputError
+from feeder_sim.plate.drive import ModalDrive
+from feeder_sim.plate.mode_shapes import Rigid
+from feeder_sim.plate.waveform import CLOSE, read_waveform
+from feeder_sim.scenario import Excitation
+from feeder_sim.scenario.tables import read_text
+from feeder_sim.scene.driven_mode import DrivenMode, Follower
+
+LARGEST_STROKE = 0.02  # [m]
+DAMPING_RATIO = 0.1  # the amplitude is there within 1 / 2 pi zeta = 1.6 periods, but for 1/e of it
+SAME_PERIOD = 0.01  # relative
+MOVES = 1e-6  # of the largest; a smaller part of a motion is round-off
+AXES = np.eye(3)
+
+
+def tray_motion(drive: Excitation, key: str, size: Sequence[float]) -> DrivenMode:
+    """The motion of one drive; size: length, width and thickness of the tray [m].
+
+    A turn is in the modal coordinate a way: what half of the longer side moves by. The tray swings up like an
+    oscillator at its resonance, so that neither place nor speed jump.
+
+    Raises:
+        InputError: a motion that is too large, or a table that cannot be used.
+    """
+    arm = 0.5 * max(size[:2])
+    if drive.motion_file is not None:
+        return _from_table(drive, key, size, arm)
+    if drive.stroke_um is not None:
+        rise, heading = math.radians(drive.angle_deg), math.radians(drive.direction_deg)
+        across = math.cos(rise)
+        line = across * math.cos(heading), across * math.sin(heading), math.sin(rise)
+        shape, amplitude = Rigid(move=line, thickness=size[2]), 1e-6 * drive.stroke_um
+        label = f"along a line, {drive.angle_deg:g} deg above the horizontal"
+    else:
+        assert drive.turn_mrad is not None and drive.axis is not None  # the table's own check
+        turn = AXES["xyz".index(drive.axis)] / arm
+        shape = Rigid((0.0, 0.0, 0.0), (float(turn[0]), float(turn[1]), float(turn[2])), size[2])
+        amplitude, label = 1e-3 * drive.turn_mrad * arm, f"about {drive.axis}"
+    motion = ModalDrive(
+        shape=0,
+        drive_frequency=drive.frequency_hz,
+        natural_frequency=drive.natural_frequency_hz or drive.frequency_hz,
+        amplitude=amplitude,
+        phase=math.radians(drive.phase_deg),
+        damping_ratio=_damping(drive),
+    )
+    _check_stroke(motion.steady_amplitude, key)
+    return DrivenMode(f"tray, {label}", shape, motion)
+
+
+def _damping(drive: Excitation) -> float | None:
+    return (drive.damping_ratio or DAMPING_RATIO) if drive.ring_up else None
+
+
+def _check_stroke(amplitude: float, key: str) -> None:
+    if amplitude > LARGEST_STROKE:
+        raise InputError(
+            f"moves the tray by {1e3 * amplitude:.3g} mm, allowed is up to {1e3 * LARGEST_STROKE:g} mm", key=key
+        )
+
+
+def _from_table(drive: Excitation, key: str, size: Sequence[float], arm: float) -> DrivenMode:
+    """The harmonics of a table: one shape and drive for every direction of each."""
+    assert drive.motion_file is not None
+    wave = read_waveform(read_text(drive.motion_file), drive.motion_file)
+    frequency = 1.0 / wave.period
+    if abs(drive.frequency_hz / frequency - 1.0) > SAME_PERIOD:
+        raise InputError(
+            f"is {drive.frequency_hz:g}, allowed is {frequency:.6g}, one over the period of the table of "
+            f"{1e3 * wave.period:g} ms",
+            key=f"{key}.frequency_hz",
+        )
+    shapes = [Rigid(move=_three(axis), thickness=size[2]) for axis in AXES]
+    shapes += [Rigid((0.0, 0.0, 0.0), _three(axis / arm), size[2]) for axis in AXES]
+    coefficient = wave.coefficient * np.array([1.0, 1.0, 1.0, arm, arm, arm])
+    largest = np.abs(coefficient).max()
+    if largest == 0.0:
+        raise InputError("moves nothing, allowed is a table with a motion in it", file=drive.motion_file)
+    _check_stroke(largest, key)
+    motions = [
+        Follower(
+            shapes[j],
+            ModalDrive(
+                shape=0,
+                drive_frequency=(k + 1) * drive.frequency_hz,
+                natural_frequency=(k + 1) * drive.frequency_hz,
+                amplitude=float(abs(coefficient[k, j])),
+                phase=float(np.angle(1j * coefficient[k, j])) + (k + 1) * math.radians(drive.phase_deg),
+                damping_ratio=_damping(drive),
+            ),
+        )
+        for k, j in np.argwhere(np.abs(coefficient) > MOVES * largest).tolist()
+    ]
+    motions.sort(key=lambda motion: -motion.drive.amplitude)
+    doubt = ""
+    if wave.residual > CLOSE:
+        doubt = f"{len(coefficient)} harmonics come within {wave.residual:.1%} of its table, which has corners"
+    own = motions[0]
+    return DrivenMode(
+        f"tray, by {drive.motion_file.name}, {len(coefficient)} harmonics",
+        own.shape,
+        replace(own.drive),
+        followers=tuple(motions[1:]),
+        doubt=doubt,
+    )
+
+
+def _three(vector: NDArray[np.float64]) -> tuple[float, float, float]:
+    x, y, z = vector.tolist()
+    return x, y, z
