@@ -58,8 +58,23 @@ def modes(
         print_ranked(mode_file, volts, near, source, as_json)
         return
     print_modes(mode_file, as_json)
+    _say_shift(source)
     for _, caution in far_resonances(mode_file):
         print(f"feeder-sim: caution: {caution}", file=sys.stderr)
+
+
+def _say_shift(source: Path) -> None:
+    """Say by how much the places of a plate file were moved."""
+    from feeder_sim.scenario import load_plate_file
+    from feeder_sim.scene.plate_modes import shift_of
+
+    x, y = shift_of(load_plate_file(source)) if source.suffix == ".toml" else (0.0, 0.0)
+    if x or y:
+        print(
+            f"feeder-sim: moved by ({x:g}, {y:g}) mm, so that the middle of the plate is at (0, 0), in the mode file "
+            "and in scenarios",
+            file=sys.stderr,
+        )
 
 
 def sequence(

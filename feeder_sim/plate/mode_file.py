@@ -13,6 +13,8 @@ Layout, schema version 3 (SI units, named in the `unit` attribute of every datas
     /actuators   name (attribute, one per line)  centre (a, 2)  size (a, 2)  angle (a,)  thickness (a,)  side (a,)
                  density (a,)  youngs_modulus (a,)  poisson_ratio (a,)  moment_per_volt (a,)  shear_lag (a,)
                  capacitance (a,)  loss_tangent (a,)  force_per_volt (n, a)
+    /mesh        of modes on triangles of fourth degree, whose coefficients are empty:
+                 point (k, 2)  triangle (t, 3)  node (p, 2)  field (n, 3, p)   w, beta_x, beta_y at the nodes
     /outline     point (k, 2)  ring (k,)   of a plate that is no rectangle: ring 0 is its outer edge, others are holes
 """
 
@@ -32,6 +34,7 @@ from feeder_sim import __version__
 from feeder_sim.errors import InputError, not_written
 from feeder_sim.hdf5 import check_trusted, get_text, put_array, put_text
 from feeder_sim.plate.actuators import Actuator
+from feeder_sim.plate.elements.mesh_modes import MeshModes, quartic
 from feeder_sim.plate.materials import Material
 from feeder_sim.plate.modes import PlateModes
 from feeder_sim.plate.outline import MOST_POINTS, Outline, checked_outline
@@ -185,6 +188,8 @@ def read_outline(file: Any, name: str, size: tuple[float, float], path: Path) ->
 
 SCHEMA = "feeder_sim/plate_modes"
 SCHEMA_VERSION = 3
+RITZ = "Mindlin plate, Ritz with orthonormal Legendre products, shear factor 5/6"
+ELEMENTS = "Mindlin plate, triangles of fourth degree, shear factor 5/6"
 IMPORTED = "imported mode shapes at points, least squares in orthonormal Legendre products with a bending energy"
 
 
@@ -254,7 +259,7 @@ def write_mode_file(path: Path, held: ModeFile) -> None:
         "schema": SCHEMA,
         "creator": f"feeder_sim {__version__}",
         "libraries": f"numpy {np.__version__}, h5py {h5py.__version__}",
-        "method": IMPORTED if origin else "Mindlin plate, Ritz with orthonormal Legendre products, shear factor 5/6",
+        "method": IMPORTED if origin else ELEMENTS if isinstance(modes, MeshModes) else RITZ,
         "normalisation": "max |w| = 1 over the plate",
         "sign_convention": "w > 0 at or next to (+length/2, +width/2); the top moves by (-h/2 bx, -h/2 by, w) q",
     }
@@ -283,6 +288,10 @@ def write_mode_file(path: Path, held: ModeFile) -> None:
         put_array(file, "modes/coefficients", modes.coefficients, "1, 1/m, 1/m")
         put_array(file, "modes/parity", modes.parity, "1")
         put_array(file, "modes/modal_mass", modes.modal_mass, "kg")
+        if isinstance(modes, MeshModes):
+            mesh = {"point": modes.points, "triangle": modes.triangles, "node": modes.nodes, "field": modes.fields}
+            for name, values in mesh.items():
+                put_array(file, f"mesh/{name}", values, {"field": "1, 1/m, 1/m", "triangle": "1"}.get(name, "m"))
         if held.damping_ratio is not None:
             put_array(file, DAMPING, held.damping_ratio, "1")
         put_array(file, "resonances/mode", np.array([r.mode for r in resonances], np.int64), "0-based index")
@@ -343,7 +352,9 @@ def _checked(file: h5py.File, path: Path) -> ModeFile:
     orthotropic = {name: _number(file, name, path) for name in _ORTHOTROPIC_KEYS if name in file["plate"].attrs}
     material = Material(values["density"], values["youngs_modulus"], values["poisson_ratio"], **orthotropic)
     plate = RectangularPlate(values["length"], values["width"], values["thickness"], material)
-    data = {name: _array(file, name, path) for name in _DATASETS if name != DAMPING or name in file}
+    on_mesh = "mesh" in file
+    needed = {name: name != DAMPING and (on_mesh or not name.startswith("mesh/")) for name in _DATASETS}
+    data = {name: _array(file, name, path) for name in _DATASETS if needed[name] or name in file}
     actuators, force = read_actuators(file, path)
     n, m = len(data["modes/natural_frequency"]), len(data["resonances/mode"])
     coefficients = data["modes/coefficients"]
@@ -358,21 +369,41 @@ def _checked(file: h5py.File, path: Path) -> ModeFile:
     }
     if DAMPING in data:
         shapes[DAMPING] = (n,)
+    if on_mesh:
+        nodes = len(data["mesh/node"])
+        shapes |= {"mesh/field": (n, 3, nodes), "mesh/node": (nodes, 2), "modes/coefficients": (n, 3, 0, 0)}
+        shapes |= {"mesh/point": (len(data["mesh/point"]), 2), "mesh/triangle": (len(data["mesh/triangle"]), 3)}
     for name, shape in shapes.items():
         if data[name].shape != shape:
             raise InputError(f"has shape {data[name].shape}, allowed is {shape}", file=path, key=name)
     frequency = data["modes/natural_frequency"]
     if n == 0 or (np.diff(frequency) < -1e-3 * frequency[:-1]).any():
         raise InputError("must hold modes in ascending order", file=path, key="modes/natural_frequency")
-    if not np.abs(coefficients[:, 0]).reshape(n, -1).max(axis=1, initial=0.0).all():
-        raise InputError("holds a mode without deflection", file=path, key="modes/coefficients")
+    held = "mesh/field" if on_mesh else "modes/coefficients"
+    if not np.abs(data[held][:, 0]).reshape(n, -1).max(axis=1, initial=0.0).all():
+        raise InputError("holds a mode without deflection", file=path, key=held)
     if len(np.unique(data["resonances/mode"])) < m:
         raise InputError("names a mode twice, allowed is one resonance of each mode", file=path, key="resonances/mode")
     if (data["resonances/mode"] >= n).any():
         raise InputError(f"names a mode that is not there, allowed is below {n}", file=path, key="resonances/mode")
     outline = read_outline(file, "outline", (plate.length, plate.width), path)
     parity = data["modes/parity"].astype(np.int64)
-    modes = PlateModes(plate, frequency, coefficients, parity, data["modes/modal_mass"], outline=outline)
+    mass = data["modes/modal_mass"]
+    modes = PlateModes(plate, frequency, coefficients, parity, mass, outline=outline)
+    if on_mesh:
+        triangles = _checked_triangles(data, path)
+        modes = MeshModes(
+            plate=plate,
+            natural_frequency=frequency,
+            coefficients=coefficients,
+            parity=parity,
+            modal_mass=mass,
+            outline=outline,
+            points=data["mesh/point"],
+            triangles=triangles,
+            nodes=data["mesh/node"],
+            fields=data["mesh/field"],
+        )
     columns = [
         data[f"resonances/{name}"].tolist() for name in ("mode", "frequency", "damping_ratio", "gain", "driven_point")
     ]
@@ -386,6 +417,23 @@ def _checked(file: h5py.File, path: Path) -> ModeFile:
             f"has shape {force.shape}, allowed is {(n, len(actuators))}", file=path, key="actuators/force_per_volt"
         )
     return ModeFile(modes, resonances, actuators, force, _origin(file, path), data.get(DAMPING))
+
+
+def _checked_triangles(data: dict[str, NDArray[Any]], path: Path) -> NDArray[np.int64]:
+    """The triangles of a mesh.
+
+    Raises:
+        InputError: one names no point or has no area, or nodes are not those of fourth degree.
+    """
+    points, triangles = data["mesh/point"], data["mesh/triangle"].astype(np.int64)
+    if not len(triangles) or triangles.max() >= len(points):
+        raise InputError(f"names a point that is not there, allowed is below {len(points)}", file=path, key="mesh")
+    a, b, c = (points[triangles[:, k]] for k in range(3))
+    if not ((b[:, 0] - a[:, 0]) * (c[:, 1] - a[:, 1]) > (b[:, 1] - a[:, 1]) * (c[:, 0] - a[:, 0])).all():
+        raise InputError("has a triangle without area, or clockwise", file=path, key="mesh/triangle")
+    if len(data["mesh/node"]) != quartic(points, triangles).N:
+        raise InputError("has another number than elements of fourth degree", file=path, key="mesh/node")
+    return triangles
 
 
 def _origin(file: h5py.File, path: Path) -> Origin | None:
@@ -408,6 +456,10 @@ _DATASETS: dict[str, tuple[str, int, float, float, bool]] = {
     "modes/parity": ("iu", 2, -1, 1, False),
     "modes/modal_mass": ("f", 1, 1e-15, 1e9, True),
     DAMPING: ("f", 1, 1e-9, 1.0, False),
+    "mesh/point": ("f", 2, -1e3, 1e3, False),
+    "mesh/triangle": ("iu", 2, 0, 1e9, False),
+    "mesh/node": ("f", 2, -1e3, 1e3, False),
+    "mesh/field": ("f", 3, -1e12, 1e12, False),
     "resonances/mode": ("iu", 1, 0, 1e9, False),
     "resonances/frequency": ("f", 1, 1e-9, 1e12, False),
     "resonances/damping_ratio": ("f", 1, 1e-9, 1.0, True),

@@ -163,6 +163,12 @@ def checked_outline(rings: Sequence[NDArray[np.float64]]) -> Outline:
     return Outline(cleaned[0], tuple(cleaned[1:]))
 
 
+def rectangle_of(length: float, width: float) -> Outline:
+    """A rectangle [m] without holes."""
+    half = 0.5 * np.array([length, width])
+    return Outline(half * np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]]))
+
+
 def rectangular(outline: Outline, tolerance: float) -> bool:
     """Whether an outline is its bounding box, within a tolerance [m] that is wider in the corners, without holes."""
     import shapely

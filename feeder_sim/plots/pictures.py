@@ -135,8 +135,10 @@ def draw_gallery(held: ModeFile, path: Path) -> None:
         if index >= len(modes):
             continue
         w = modes.evaluate_grid(index, x, y)[0]
-        axes.contourf(x * MM, y * MM, w.T, levels=np.linspace(-1.0, 1.0, 21), cmap="RdBu_r", extend="both")
-        axes.contour(x * MM, y * MM, w.T, levels=[0.0], colors="black", linewidths=0.8)
+        levels = np.linspace(-1.0, 1.0, 21)
+        filled = axes.contourf(x * MM, y * MM, w.T, levels=levels, cmap="RdBu_r", extend="both")
+        lines = axes.contour(x * MM, y * MM, w.T, levels=[0.0], colors="black", linewidths=0.8)
+        cut_to_plate(axes, modes.outline, filled, lines)
         for actuator in held.actuators:
             _outline(axes, actuator.layer.corners() * MM)
         title = f"{index + 1}: {modes.natural_frequency[index]:.0f} Hz"

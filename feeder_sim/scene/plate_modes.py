@@ -23,7 +23,6 @@ from feeder_sim.scene.attachments import build_actuators, build_attachments, bui
 from feeder_sim.scene.outlines import outline_of
 
 Moved = TypeVar("Moved", ActuatorTable, Bar, Mass, Support, MeasuredResonance)
-ROUGH = 0.02  # of the antinode; what a smooth shape may miss that of the elements by
 RESONANCE_MATCH = 0.02  # largest relative difference between a measured resonance and its computed mode
 
 
@@ -114,19 +113,14 @@ def _by_elements(
     from feeder_sim.plate.elements.mindlin import element_modes
 
     check_within(outline, actuators, attachments)
-    found = element_modes(
+    modes, loss = element_modes(
         plate,
         outline,
         highest_frequency=file.plate.highest_frequency_hz,
         attachments=attachments,
         supports=build_supports(file.support, outline),
     )
-    if not len(found):
-        raise ValueError("below the first mode of the plate")
-    found, modes, missed = found.fitted(plate, outline)
-    if missed.max() > ROUGH:
-        raise ValueError(f"mode {int(missed.argmax()) + 1} is too fine for smooth shapes over the plate")
-    return modes, modal_force_table(found, actuators), found.loss
+    return modes, modal_force_table(modes, actuators), loss
 
 
 def far_resonances(held: ModeFile) -> Iterator[tuple[int, str]]:

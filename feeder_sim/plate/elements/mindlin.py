@@ -22,21 +22,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from feeder_sim.plate.elements.mesh import triangulate
-from feeder_sim.plate.imported.modes import is_rectangle, scale_factors
-from feeder_sim.plate.imported.scattered_fit import fit_scattered
+from feeder_sim.plate.elements.mesh_modes import MeshModes, quartic, shape_of
 from feeder_sim.plate.mode_shapes import standing_wave
-from feeder_sim.plate.modes import TERMS_PER_AXIS, PlateModes
 from feeder_sim.plate.outline import Outline
 from feeder_sim.plate.rectangle import RectangularPlate
 from feeder_sim.plate.ritz.attachments import Attachment, Layer, PointMass, added_section, bare_section
 from feeder_sim.single_thread import solver_single_threaded
 
-PER_WAVE = 0.28  # spacing of points over the shortest wavelength; frequencies are 0.05 % high there
-LEAST_ELEMENTS = 8.0  # along the shorter side of the plate
+PER_WAVE = 0.33  # spacing of points over the shortest wavelength; frequencies are 0.1 % high there
+LEAST_ELEMENTS = 12.0  # along the shorter side of the plate
 SHIFT_HZ = 100.0  # below zero, about which modes are looked for: where a free plate has none
 AT_REST_HZ = 0.1  # slower than that are motions of the plate as a whole, on nothing
-MORE = 1.15  # of the number of modes that is expected
 ON_LINE = 1e-9  # [m]
+SAMPLES = 161  # per axis, among which the largest deflection is looked for
+CLEAR_OF_NODE = 0.02  # of the antinode; a smaller deflection decides on no sign
 Hold = Literal["spring", "hinged", "clamped"]
 
 
@@ -61,49 +60,6 @@ class Support:
     place: Any
 
 
-@dataclass(frozen=True)
-class ElementModes:
-    """Modes on a mesh, sorted by frequency, scaled to max |w| = 1 at its nodes.
-
-    Attributes:
-        natural_frequency: [Hz], shape (n_modes,).
-        modal_mass: [kg], shape (n_modes,).
-        loss: damping ratio that supports give every mode, shape (n_modes,).
-        nodes: where shapes are known [m], shape (n, 2).
-        fields: w [1], beta_x, beta_y [1/m] there, shape (n_modes, 3, n).
-        basis: of scikit-fem, for `evaluate_whole`.
-    """
-
-    natural_frequency: NDArray[np.float64]
-    modal_mass: NDArray[np.float64]
-    loss: NDArray[np.float64]
-    nodes: NDArray[np.float64]
-    fields: NDArray[np.float64]
-    basis: Any
-
-    def __len__(self) -> int:
-        return len(self.natural_frequency)
-
-    def evaluate_whole(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
-        """(w, beta_x, beta_y) of all modes at points (n, 2) [m] of the plate, shape (n_modes, 3, n)."""
-        values = self.basis.probes(points.T)
-        return np.stack([(values @ field.T).T for field in self.fields])
-
-    def fitted(self, plate: RectangularPlate, outline: Outline) -> tuple[ElementModes, PlateModes, NDArray[np.float64]]:
-        """The modes as smooth shapes over the bounding box, these with the same sign, and what shapes miss nodes by.
-
-        plate: with the bounding box of the outline. The last is a root mean square over the antinode [1].
-        """
-        fits = [fit_scattered(self.nodes, self.fields[:, k], outline.size, TERMS_PER_AXIS) for k in range(3)]
-        coefficients = np.stack([fit.coefficients for fit in fits], axis=1)
-        shape = None if is_rectangle(outline) else outline
-        parity = np.full((len(self), 2), -1)
-        modes = PlateModes(plate, self.natural_frequency, coefficients, parity, self.modal_mass, outline=shape)
-        sign = np.sign(scale_factors(modes, outline))
-        same = replace(self, fields=self.fields * sign[:, None, None])
-        return same, replace(modes, coefficients=coefficients * sign[:, None, None, None]), fits[0].residual
-
-
 @solver_single_threaded
 def element_modes(
     plate: RectangularPlate,
@@ -113,12 +69,15 @@ def element_modes(
     attachments: Sequence[Attachment] = (),
     supports: Sequence[Support] = (),
     finer: float = 1.0,
-) -> ElementModes:
+) -> tuple[MeshModes, NDArray[np.float64]]:
     """Compute every mode up to a frequency, without motions of the plate as a whole that nothing holds.
 
+    Returns:
+        the modes; the damping ratio that supports give each of them, shape (n_modes,).
+
     Args:
-        plate: thickness and material; length and width do not count.
-        outline: of the plate.
+        plate: thickness, material, and the bounding box of its outline.
+        outline: of the plate, centred.
         highest_frequency: [Hz], inclusive.
         attachments: what is fixed to the plate.
         supports: what carries it.
@@ -127,14 +86,11 @@ def element_modes(
     Raises:
         ValueError: no mesh follows the outline and the layers, or there are no such waves in the plate.
     """
-    import skfem
-
     layers = [attachment for attachment in attachments if isinstance(attachment, Layer)]
     wavelength = min(standing_wave(side, highest_frequency).wavelength for side in (plate, plate.turned))
     spacing = min(PER_WAVE * wavelength, min(outline.size) / LEAST_ELEMENTS) / finer
     points, triangles = triangulate(outline, [layer.corners() for layer in layers], spacing)
-    mesh = skfem.MeshTri(np.ascontiguousarray(points.T), np.ascontiguousarray(triangles.T))
-    basis = skfem.Basis(mesh, skfem.ElementTriP4())
+    basis = quartic(points, triangles)
     stiffness, mass = _matrices(basis, plate, layers, points[triangles].mean(axis=1))
     for each in attachments:
         if isinstance(each, PointMass):
@@ -148,17 +104,38 @@ def element_modes(
     whole = np.zeros((len(squared), 3 * basis.N))
     whole[:, free] = vectors.T
     fields = whole.reshape(len(squared), 3, basis.N)
-    scale = 1.0 / np.abs(fields[:, 0]).max(axis=1)
     losses = [support.loss_factor for support in supports if support.hold == "spring"]
     shares = np.array([(whole * (spring @ whole.T).T).sum(axis=1) / squared for spring in springs])
-    return ElementModes(
+    modes = MeshModes(
+        plate=plate,
         natural_frequency=np.sqrt(squared) / (2.0 * math.pi),
-        modal_mass=scale**2,
-        loss=0.5 * np.array(losses) @ shares if springs else np.zeros(len(squared)),
+        coefficients=np.zeros((len(squared), 3, 0, 0)),
+        parity=np.full((len(squared), 2), -1),
+        modal_mass=np.ones(len(squared)),
+        outline=shape_of(outline),
+        points=points,
+        triangles=triangles,
         nodes=np.ascontiguousarray(basis.doflocs.T),
-        fields=fields * scale[:, None, None],
-        basis=basis,
+        fields=fields,
     )
+    scale = _scale(modes, outline)
+    loss = 0.5 * np.array(losses) @ shares if springs else np.zeros(len(squared))
+    return replace(modes, modal_mass=scale**2, fields=fields * scale[:, None, None]), loss
+
+
+def _scale(modes: MeshModes, outline: Outline) -> NDArray[np.float64]:
+    """By which each mode has max |w| = 1 on the plate, and w > 0 next to the corner (+, +) at the edge."""
+    x, y = (((np.arange(SAMPLES) + 0.5) / SAMPLES - 0.5) * side for side in outline.size)
+    between = np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1).reshape(-1, 2)
+    between = between[outline.holds(between)]
+    everywhere = np.concatenate([modes.fields[:, 0], modes.evaluate_whole(between)[:, 0]], axis=1)
+    largest = np.abs(everywhere).max(axis=1)
+    along = np.flatnonzero(np.abs(outline.distance(modes.nodes)) < ON_LINE)
+    along = along[np.argsort(-(modes.nodes[along] / np.array(outline.size)).sum(axis=1), kind="stable")]
+    edge = modes.fields[:, 0, along]
+    decides = (np.abs(edge) > CLEAR_OF_NODE * largest[:, None]).argmax(axis=1)
+    sign = np.sign(edge[np.arange(len(edge)), decides])
+    return np.asarray(np.where(sign == 0.0, 1.0, sign) / largest)
 
 
 def _matrices(basis: Any, plate: RectangularPlate, layers: Sequence[Layer], middles: NDArray[np.float64]) -> Any:
@@ -236,10 +213,10 @@ def _held(basis: Any, supports: Sequence[Support]) -> NDArray[np.int64]:
 
 
 def _expected(plate: RectangularPlate, outline: Outline, highest: float) -> int:
-    """About how many modes there are up to a frequency [Hz] (Weyl's law for free edges)."""
+    """A few more modes than there are up to a frequency [Hz], by Weyl's law with a term for free edges."""
     k = max(standing_wave(side, highest).wavenumber for side in (plate, plate.turned))
     polygon = outline.polygon
-    return 3 + math.ceil(MORE * (polygon.area * k**2 / (4.0 * math.pi) + polygon.length * k / (2.0 * math.pi)))
+    return 3 + math.ceil(polygon.area * k**2 / (4.0 * math.pi) + polygon.length * k / (2.0 * math.pi))
 
 
 def _solved(stiffness: Any, mass: Any, highest: float, expected: int) -> tuple[NDArray[Any], NDArray[Any]]:

@@ -237,7 +237,7 @@ def import_modes(
         coefficients=np.concatenate([fit.coefficients[:, None], _rotations(shapes, points, plate, fit)], axis=1),
         parity=np.full((len(shapes), 2), -1),
         modal_mass=np.full(len(shapes), np.nan),
-        outline=None if is_rectangle(outline) else outline,
+        outline=None if _is_rectangle(outline) else outline,
     )
     modes, scale, of_file = _scaled(modes, shapes.modal_mass, outline, cautions)
     alike = resemblances(plate, shapes.frequency, points, shapes.deflection)
@@ -276,7 +276,7 @@ def _outline_of(places: NDArray[np.float64], cautions: list[str]) -> Outline:
     return outline
 
 
-def is_rectangle(outline: Outline) -> bool:
+def _is_rectangle(outline: Outline) -> bool:
     fills_its_box = outline.polygon.area > (1.0 - 1e-9) * math.prod(outline.size)
     return len(outline.exterior) == 4 and not outline.holes and fills_its_box
 
@@ -376,20 +376,6 @@ def _grid(
     return x, y, places[inside], inside
 
 
-def scale_factors(modes: PlateModes, outline: Outline) -> NDArray[np.float64]:
-    """By which each mode has max |w| = 1 on the plate, and w > 0 next to the corner (+, +), shape (n_modes,)."""
-    x, y, _, inside = _grid(outline, SAMPLES)
-    edge = outline.edge_points(max(outline.size) / SAMPLES)
-    order = np.argsort(-(edge / np.array(outline.size)).sum(axis=1), kind="stable")  # the corner (+, +) first
-    scale = np.ones(len(modes))
-    for i in range(len(modes)):
-        along = modes.evaluate(i, *edge[order].T)[0]
-        largest = max(np.abs(modes.evaluate_grid(i, x, y)[0][inside]).max(), np.abs(along).max())
-        decides = along[np.argmax(np.abs(along) > CLEAR_OF_NODE * largest)]
-        scale[i] = (np.sign(decides) or 1.0) / largest
-    return scale
-
-
 def _scaled(
     modes: PlateModes, mass_of_file: NDArray[np.float64], outline: Outline, cautions: list[str]
 ) -> tuple[PlateModes, NDArray[np.float64], list[bool]]:
@@ -399,14 +385,21 @@ def _scaled(
         the modes; the factor of each; whether its mass is that of the file.
     """
     x, y, _, inside = _grid(outline, SAMPLES)
+    edge = outline.edge_points(max(outline.size) / SAMPLES)
+    order = np.argsort(-(edge / np.array(outline.size)).sum(axis=1), kind="stable")  # the corner (+, +) first
     share = outline.polygon.area * inside / inside.sum()
     plate, coefficients = modes.plate, modes.coefficients.copy()
-    scale, masses, of_file = scale_factors(modes, outline), np.zeros(len(modes)), [False] * len(modes)
+    scale, masses, of_file = np.ones(len(modes)), np.zeros(len(modes)), [False] * len(modes)
     for i in range(len(modes)):
+        values = modes.evaluate_grid(i, x, y)
+        along = modes.evaluate(i, *edge[order].T)[0]
+        largest = max(np.abs(values[0][inside]).max(), np.abs(along).max())
+        decides = along[np.argmax(np.abs(along) > CLEAR_OF_NODE * largest)]
+        scale[i] = (np.sign(decides) or 1.0) / largest
         coefficients[i] *= scale[i]
-        w, bx, by = (share * (scale[i] * field) ** 2 for field in modes.evaluate_grid(i, x, y))
+        w, bx, by = (share * (scale[i] * field) ** 2 for field in values)
         masses[i] = plate.mass_per_area * w.sum() + plate.rotary_inertia * (bx.sum() + by.sum())
-        given = mass_of_file[i] * scale[i] ** 2
+        given = mass_of_file[i] / largest**2
         if math.isnan(given):
             continue
         if masses[i] / MASS_FACTOR < given < masses[i] * MASS_FACTOR:
