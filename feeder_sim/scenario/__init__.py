@@ -5,6 +5,7 @@ from feeder_sim.scenario.part import GivenState, Heap, PartTable, Placed, Scatte
 from feeder_sim.scenario.plate import (
     Actuator,
     Bar,
+    BendingPlate,
     BondedLayer,
     Drive,
     Excitation,
@@ -42,6 +43,7 @@ __all__ = [
     "Actuator",
     "Ball",
     "Bar",
+    "BendingPlate",
     "BondedLayer",
     "Box",
     "Contact",

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, Literal, Self
+from typing import Annotated, Any, Literal, Self
 
-from pydantic import Field, model_validator
+from pydantic import Field, ValidationError, ValidationInfo, model_validator
 
 from feeder_sim.scenario.material import MaterialChoice
 from feeder_sim.scenario.tables import (
@@ -19,6 +19,8 @@ from feeder_sim.scenario.tables import (
     PointMm,
     Positive,
     Table,
+    parse,
+    read_text,
 )
 
 # Tables of a plate file for what is fixed to the plate: piezo actuators, bars, masses.
@@ -123,7 +125,7 @@ class Ring(Table):
         given = [name for name in ("points_mm", "diameter_mm", "size_mm") if getattr(self, name) is not None]
         if len(given) != 1:
             raise ValueError(f"gives {' and '.join(given) or 'no shape'}, allowed is points_mm, diameter_mm or size_mm")
-        if self.points_mm is not None and "centre_mm" in self.model_fields_set:
+        if self.points_mm is not None and self.centre_mm != (0.0, 0.0):
             raise ValueError("centre_mm belongs to diameter_mm or size_mm, points_mm says where it is by itself")
         return self
 
@@ -218,9 +220,6 @@ class TrayPlate(Table):
     rim: Flag = False
 
 
-Plate = Annotated[Strip | Rectangle | ModePlate | PistonPlate | StillPlate | TrayPlate, Field(discriminator="kind")]
-
-
 PLATE_LEVELS = ("amplitude_um", "voltage_vpp")
 TRAY_LEVELS = ("stroke_um", "turn_mrad", "motion_file")
 
@@ -292,42 +291,6 @@ class Drive(Excitation):
     duration_s: Positive | None = None
 
 
-class PlateBody(Table):
-    """Dimensions and material of a plate, and up to which frequency its modes are computed.
-
-    It is a rectangle, or has an `outline`, in coordinates of its own that all places in the file are in. With
-    `uniform_width` only modes that do not vary across the width are computed: the bending of a strip.
-    """
-
-    length_mm: LengthMm | None = None
-    width_mm: LengthMm | None = None
-    outline: Ring | None = None
-    thickness_mm: LengthMm
-    material: MaterialChoice = "aluminium"
-    highest_frequency_hz: FrequencyHz
-    uniform_width: Flag = False
-    damping_ratio: DampingRatio | None = None
-
-    @model_validator(mode="after")
-    def _one_shape(self) -> Self:
-        sides = {"length_mm": self.length_mm, "width_mm": self.width_mm}
-        given = [name for name, side in sides.items() if side is not None]
-        if self.outline is not None and given:
-            raise ValueError(f"{given[0]} is {sides[given[0]]:g}, allowed is none with an outline")
-        if self.outline is None and len(given) < len(sides):
-            missing = next(name for name in sides if name not in given)
-            raise ValueError(f"{missing} is missing, allowed is a number above 0 (or give outline)")
-        return self
-
-    @property
-    def ring(self) -> Ring:
-        """The outer edge."""
-        if self.outline is not None:
-            return self.outline
-        assert self.length_mm is not None and self.width_mm is not None  # the table's own check
-        return Ring(size_mm=(self.length_mm, self.width_mm))
-
-
 class Support(Table):
     """What carries the plate: at a point, along a line to another one, or on an area around it.
 
@@ -367,10 +330,52 @@ class MeasuredResonance(Table):
     mode: Annotated[int, Field(ge=1, strict=True)] | None = None
 
 
-class PlateFile(Table):
-    """A plate as `feeder-sim modes` reads it."""
+class PlateShape(Table):
+    """Shape, material and damping of a plate.
 
-    plate: PlateBody
+    It is a rectangle, or has an `outline`, in coordinates of its own that all places on the plate are in.
+    """
+
+    length_mm: LengthMm | None = None
+    width_mm: LengthMm | None = None
+    outline: Ring | None = None
+    thickness_mm: LengthMm
+    material: MaterialChoice = "aluminium"
+    damping_ratio: DampingRatio | None = None
+
+    @model_validator(mode="after")
+    def _one_shape(self) -> Self:
+        sides = {"length_mm": self.length_mm, "width_mm": self.width_mm}
+        given = [name for name, side in sides.items() if side is not None]
+        if self.outline is not None and given:
+            raise ValueError(f"{given[0]} is {sides[given[0]]:g}, allowed is none with an outline")
+        if self.outline is None and len(given) < len(sides):
+            missing = next(name for name in sides if name not in given)
+            raise ValueError(f"{missing} is missing, allowed is a number above 0 (or give outline)")
+        return self
+
+    @property
+    def ring(self) -> Ring:
+        """The outer edge."""
+        if self.outline is not None:
+            return self.outline
+        assert self.length_mm is not None and self.width_mm is not None  # the table's own check
+        return Ring(size_mm=(self.length_mm, self.width_mm))
+
+
+class PlateBody(PlateShape):
+    """Shape and material of a plate, and up to which frequency its modes are computed.
+
+    With `uniform_width` only modes that do not vary across the width are computed: the bending of a strip.
+    """
+
+    highest_frequency_hz: FrequencyHz
+    uniform_width: Flag = False
+
+
+class OnPlate(Table):
+    """What is fixed to a plate, carries it, and was measured on it."""
+
     actuator: Annotated[tuple[Actuator, ...], Field(max_length=MOST_ACTUATORS)] = ()
     bar: Annotated[tuple[Bar, ...], Field(max_length=MOST_ACTUATORS)] = ()
     mass: Annotated[tuple[Mass, ...], Field(max_length=MOST_ACTUATORS)] = ()
@@ -387,6 +392,16 @@ class PlateFile(Table):
                 if name not in names:
                     known = ", ".join(names) or "none"
                     raise ValueError(f"resonance[{i}].actuator is {name!r}, allowed are the actuators: {known}")
+        return self
+
+
+class PlateFile(OnPlate):
+    """A plate as `feeder-sim modes` reads it."""
+
+    plate: PlateBody
+
+    @model_validator(mode="after")
+    def _go_together(self) -> Self:
         if self.plate.uniform_width and (self.actuator or self.bar or self.mass or self.by_elements):
             raise ValueError("plate.uniform_width is true, allowed is false but with a plain rectangle")
         if self.plate.damping_ratio is None and any(support.loss_factor is not None for support in self.support):
@@ -397,3 +412,54 @@ class PlateFile(Table):
     def by_elements(self) -> bool:
         """Whether its modes take finite elements: it is no whole rectangle with free edges."""
         return self.plate.outline is not None or bool(self.hole or self.support)
+
+
+class BendingPlate(PlateShape, OnPlate):
+    """A plate that is described here, or in a plate file whose keys may be given anew; its modes are computed.
+
+    Modes are wanted up to `highest_frequency_hz`, or as far as they can be moved by the drives. A `rim` is only for a
+    rectangle; see `Rectangle`.
+    """
+
+    kind: Literal["plate"]
+    file: Path | None = None  # read before all else, and its keys put here
+    highest_frequency_hz: FrequencyHz | None = None
+    rim: Flag = False
+
+    @model_validator(mode="before")
+    @classmethod
+    def _from_file(cls, data: Any, info: ValidationInfo) -> Any:
+        """Put the keys of `file` before those that are given; relative to the folder of the scenario."""
+        if not isinstance(data, dict) or data.get("file") is None:
+            return data
+        folder = (info.context or {}).get("folder", Path())
+        path = Path(folder) / str(data["file"])
+        file = parse(read_text(path), PlateFile, path).model_dump(exclude_unset=True)
+        body = {key: value for key, value in file.pop("plate").items() if key != "uniform_width"}
+        if data.get("outline") is not None:
+            body = {key: value for key, value in body.items() if key not in ("length_mm", "width_mm")}
+        return body | file | {key: value for key, value in data.items() if key != "file"}
+
+    @model_validator(mode="after")
+    def _complete(self) -> Self:
+        self.as_file(1.0)
+        return self
+
+    def as_file(self, highest_frequency_hz: float) -> PlateFile:
+        """The same plate, with modes up to a frequency at least.
+
+        Raises:
+            ValueError: tables that do not go together.
+        """
+        shape = {key: getattr(self, key) for key in PlateShape.model_fields}
+        highest = max(highest_frequency_hz, self.highest_frequency_hz or 0.0)
+        try:
+            body = PlateBody(**shape, highest_frequency_hz=highest)
+            return PlateFile(plate=body, **{key: getattr(self, key) for key in OnPlate.model_fields})
+        except ValidationError as error:
+            raise ValueError(error.errors()[0]["msg"].removeprefix("Value error, ")) from None
+
+
+Plate = Annotated[
+    Strip | Rectangle | ModePlate | PistonPlate | StillPlate | TrayPlate | BendingPlate, Field(discriminator="kind")
+]

@@ -174,7 +174,7 @@ def _plane(s: Scenario) -> Broken:
         return
     if choose_engine(s).name == "mujoco":
         yield "run.planar", "false in MuJoCo"
-    if s.plate.kind in ("rectangle", "modes"):
+    if s.plate.kind in ("rectangle", "modes", "plate"):
         yield "plate.kind", '"strip", "piston" or "still" with run.planar = true'
     start = s.part[0].start
     if s.n_parts > 1 or s.guide is not None or not isinstance(start, Start):
@@ -191,8 +191,8 @@ def _reaction(s: Scenario) -> Broken:
         return
     if s.guide is not None:
         yield "part[0].guide", "none with run.reaction = true"
-    if s.plate.kind not in ("rectangle", "modes"):
-        yield "plate.kind", '"rectangle" or "modes" with run.reaction = true: only its modes have a mass'
+    if s.plate.kind not in ("rectangle", "modes", "plate"):
+        yield "plate.kind", '"rectangle", "modes" or "plate" with run.reaction = true: only its modes have a mass'
     for key, drive in s.excitations:
         if not drive.ring_up:
             yield f"{key}.ring_up", "true with run.reaction = true: it prescribes the motion"

@@ -65,6 +65,8 @@ def json_schema(kind: str) -> dict[str, Any]:
     for name, described in ({root.__name__: schema} | definitions).items():
         _describe(described, tables[name])
     _require_tags(schema, definitions)
+    if "BendingPlate" in definitions:  # its file may have it
+        definitions["BendingPlate"]["required"].remove("thickness_mm")
     _allow_dotted_keys(schema, definitions)
     return {"$schema": DRAFT, "title": f"feeder_sim {kind} file"} | schema
 

@@ -131,7 +131,7 @@ def validated(raw: dict[str, Any], table: type[T], file: Path) -> T:
     """
     _refuse_absurd(raw, file)
     try:
-        return table.model_validate(_without_numpy(raw))
+        return table.model_validate(_without_numpy(raw), context={"folder": file.resolve().parent})
     except ValidationError as error:
         raise first_error(error, table, file) from None
 

@@ -284,7 +284,8 @@ def _choose_mode(drive: Excitation, key: str, held: ModeFile) -> int:
         )
     index = int(np.argmin(np.abs(frequencies - target)))
     near = abs(frequencies[index] / target - 1.0) <= MODE_MATCH
-    if drive.voltage_vpp is not None and drive.natural_frequency_hz is None and (near or drive.actuator is not None):
+    named = drive.actuator is not None or len(held.actuators) == 1
+    if drive.voltage_vpp is not None and drive.natural_frequency_hz is None and (near or named):
         measured = next((r for r in held.resonances if r.mode == index), None)
         names = _actuators(drive, f"mode {index + 1}", key, held, measured)
         return _strongest(drive, held, names) if names else index

@@ -16,6 +16,7 @@ from feeder_sim.plate.modes import plate_modes
 from feeder_sim.plate.rectangle import RectangularPlate
 from feeder_sim.plate.surface import Surface, tabulate
 from feeder_sim.scenario import (
+    BendingPlate,
     Excitation,
     ModePlate,
     PistonPlate,
@@ -28,9 +29,13 @@ from feeder_sim.scenario import (
 )
 from feeder_sim.scenario.rules import lines_of, plate_with_outline
 from feeder_sim.scene.driven_mode import DrivenMode, driven_mode, metres, modal_drive
+from feeder_sim.scene.mode_cache import modes_of_plate
+from feeder_sim.scene.plate_modes import NoModes
 from feeder_sim.scene.timetable import Timetable, timetable
 from feeder_sim.scene.tray import tray_motion
 
+ABOVE = 1.3  # of the highest drive, up to where modes of a described plate are computed
+STEPS = 4  # per octave
 SEARCH_FACTOR = 1.1  # modes of a plate given by its dimensions are computed this far beyond the highest drive
 # Largest amplitude over plate thickness: linear plate theory ends well below it.
 LARGEST_DEFLECTION = 1.0
@@ -56,7 +61,7 @@ def assemble_plate(scenario: Scenario) -> DrivenPlate:
     plate, times = scenario.plate, timetable(scenario)
     if isinstance(plate, Strip):
         return _strip(plate, scenario.excitations, times)
-    if isinstance(plate, Rectangle | ModePlate):
+    if isinstance(plate, Rectangle | ModePlate | BendingPlate):
         held = _modes_for(plate, scenario.excitations)
         if held.modes.outline is not None:
             for problem in lines_of(scenario, plate_with_outline):
@@ -145,7 +150,31 @@ def _indices(mode: DrivenMode) -> list[int]:
     return [shape.index for shape in shapes if isinstance(shape, RitzShape)]
 
 
-def _modes_for(plate: Rectangle | ModePlate, drives: Excitations) -> ModeFile:
+def modes_of(plate: BendingPlate, drives: Excitations) -> ModeFile:
+    """The modes of a plate that a scenario describes, as far as its drives can move them.
+
+    Raises:
+        InputError: as `compute_modes`, with keys of the scenario.
+    """
+    highest = max((drive.natural_frequency_hz or drive.frequency_hz for _, drive in drives), default=0.0)
+    # In coarse steps, so that a drive of another frequency often needs no others.
+    step = 2.0 ** (math.ceil(STEPS * math.log2(ABOVE * highest)) / STEPS) if highest else 0.0
+    while True:
+        try:
+            held = modes_of_plate(plate.as_file(step))
+        except NoModes:
+            held = None
+        except InputError as error:
+            key = error.key or "plate"
+            raise InputError(error.problem, key=key if key.startswith("plate") else f"plate.{key}") from error
+        if held is not None and held.modes.natural_frequency[-1] >= highest:
+            return held
+        step *= 2.0  # a small plate, whose modes lie far apart
+
+
+def _modes_for(plate: Rectangle | ModePlate | BendingPlate, drives: Excitations) -> ModeFile:
+    if isinstance(plate, BendingPlate):
+        return modes_of(plate, drives)
     if plate.mode_file is not None:
         held = read_mode_file(plate.mode_file)
         if held.modes.outline is not None and not isinstance(plate, ModePlate):

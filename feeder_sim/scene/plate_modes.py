@@ -26,12 +26,16 @@ Moved = TypeVar("Moved", ActuatorTable, Bar, Mass, Support, MeasuredResonance)
 RESONANCE_MATCH = 0.02  # largest relative difference between a measured resonance and its computed mode
 
 
+class NoModes(InputError):
+    """A plate has no mode below the highest frequency that is asked for."""
+
+
 def compute_modes(file: PlateFile) -> ModeFile:
     """Compute the modes a plate file asks for.
 
     Raises:
-        InputError: no mode below the highest frequency, modes that are not resolved, or a resonance without a computed
-            mode within `RESONANCE_MATCH`.
+        NoModes: none below the highest frequency.
+        InputError: modes that are not resolved, or a resonance without a computed mode within `RESONANCE_MATCH`.
     """
     body = file.plate
     try:
@@ -57,7 +61,7 @@ def compute_modes(file: PlateFile) -> ModeFile:
     except ValueError as error:
         raise InputError(f"is {body.highest_frequency_hz:g}, {error}", key="plate.highest_frequency_hz") from error
     if not len(modes):
-        raise InputError(
+        raise NoModes(
             f"is {body.highest_frequency_hz:g}, below the first mode of the plate", key="plate.highest_frequency_hz"
         )
     resonances = tuple(_matched(measured, i, modes) for i, measured in enumerate(file.resonance))

@@ -23,6 +23,7 @@ from feeder_sim.run.prepare import prepare
 from feeder_sim.run.provenance import content_text
 from feeder_sim.run.simulation import run_ensemble
 from feeder_sim.scenario import (
+    BendingPlate,
     CustomMaterial,
     Drive,
     ModePlate,
@@ -161,6 +162,8 @@ def strip_of(scenario: Scenario) -> Strip:
     """
     plate = scenario.plate
     if isinstance(plate, Strip):
+        return Strip(thickness_mm=plate.thickness_mm, material=plate.material)
+    if isinstance(plate, BendingPlate):
         return Strip(thickness_mm=plate.thickness_mm, material=plate.material)
     if not isinstance(plate, Rectangle | ModePlate):
         raise InputError(f'is "{plate.kind}", allowed is a plate with bending waves', key="plate.kind")
