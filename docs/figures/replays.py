@@ -50,6 +50,7 @@ SHOTS = (
     Shot("brackets", (2.98,), "docs/figures/brackets.jpg", 3),
     Shot("screws", (2.98,), "docs/figures/screws.jpg", 3),
     Shot("mixture", (2.98,), "docs/figures/mixture.jpg", 3),
+    Shot("separation_l", (1.98, 2.48), "docs/figures/separation_l.jpg", 1, SCENE, 490),
     Shot("platform", (0.0, 1.18, 2.28), "docs/figures/platform.jpg", 1, SCENE, 380),
     Shot("tangle", (0.98,), "docs/figures/tangle.jpg", None, (420, 240, 760, 620), 400),
 )

@@ -77,20 +77,52 @@ def scenario_of(
 
 
 def modes_of(source: Path) -> ModeFile:
-    """Read a mode file, or compute the modes of a plate file (.toml).
+    """Read a mode file, or compute the modes of a plate file or of the plate that a scenario describes (.toml).
 
     Raises:
         InputError: a file that cannot be used.
     """
     if source.suffix == ".toml":
-        from feeder_sim.scenario import load_plate_file
+        from feeder_sim.scenario import BendingPlate, load_plate_file
         from feeder_sim.scene.plate_modes import compute_modes
 
         with file_in_errors(source):
-            return compute_modes(load_plate_file(source))
+            scenario = scenario_of_plate(source)
+            if scenario is None:
+                return compute_modes(load_plate_file(source))
+            from feeder_sim.scene.driven_plate import modes_of as modes_of_described
+
+            assert isinstance(scenario.plate, BendingPlate)  # its own check
+            return modes_of_described(scenario.plate, scenario.excitations)
     from feeder_sim.plate.mode_file import read_mode_file
 
     return read_mode_file(source)
+
+
+def scenario_of_plate(source: Path) -> Scenario | None:
+    """The scenario in a file that describes its plate; None of a plate file.
+
+    Raises:
+        InputError: a scenario with another kind of plate.
+    """
+    import tomllib
+
+    from feeder_sim.scenario import BendingPlate, load_scenario
+    from feeder_sim.scenario.tables import read_text
+
+    try:
+        if "part" not in tomllib.loads(read_text(source)):
+            return None
+    except (tomllib.TOMLDecodeError, ValueError, RecursionError):
+        return None  # as the reader of plate files says
+    scenario = load_scenario(source)
+    if not isinstance(scenario.plate, BendingPlate):
+        raise InputError(
+            f'is "{scenario.plate.kind}", allowed is "plate" in a scenario; else its mode file or a plate file',
+            file=source,
+            key="plate.kind",
+        )
+    return scenario
 
 
 def new_picture(path: Path) -> Path:

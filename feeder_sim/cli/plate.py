@@ -8,9 +8,17 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from feeder_sim.cli.files import ScenarioFile, file_in_errors, modes_of, new_picture, scenario_of, writable
+from feeder_sim.cli.files import (
+    ScenarioFile,
+    file_in_errors,
+    modes_of,
+    new_picture,
+    scenario_of,
+    scenario_of_plate,
+    writable,
+)
 from feeder_sim.cli.report import print_modes, print_ratios, print_routes, print_waves
-from feeder_sim.cli.response import print_ranked
+from feeder_sim.cli.response import print_mode_pairs, print_ranked
 from feeder_sim.errors import InputError
 
 if TYPE_CHECKING:
@@ -20,7 +28,9 @@ NO_LIMIT = 1e9  # growth of an offset that no route reaches
 
 
 def modes(
-    source: Annotated[Path, typer.Argument(help="Plate file (.toml), or mode file (.h5).", show_default=False)],
+    source: Annotated[
+        Path, typer.Argument(help="Plate file or scenario (.toml), or mode file (.h5).", show_default=False)
+    ],
     out: Annotated[Path | None, typer.Option("--out", help="Write the modes to this HDF5 file.")] = None,
     picture: Annotated[Path | None, typer.Option("--picture", help="Draw the mode of --mode to this file.")] = None,
     mode: Annotated[int, typer.Option("--mode", min=1, help="Mode number for --picture.")] = 1,
@@ -30,6 +40,9 @@ def modes(
     near: Annotated[
         str | None, typer.Option("--near", help="With --volts: amplitude at x,y [mm]; else at the highest antinode.")
     ] = None,
+    pairs: Annotated[
+        bool, typer.Option("--pairs", help="With --volts: pairs of modes that gather parts and throw them apart.")
+    ] = False,
     gallery: Annotated[Path | None, typer.Option("--gallery", help="Draw all modes on one sheet to this file.")] = None,
     force: Annotated[bool, typer.Option("--force", help="Replace an existing --out file.")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout.")] = False,
@@ -54,6 +67,11 @@ def modes(
         draw_gallery(mode_file, new_picture(gallery))
     if near is not None and volts is None:
         raise InputError("belongs to --volts, which is missing", file=source, key="--near")
+    if pairs:
+        if volts is None:
+            raise InputError("belongs to --volts, which is missing", file=source, key="--pairs")
+        print_mode_pairs(mode_file, volts, source, as_json)
+        return
     if volts is not None:
         print_ranked(mode_file, volts, near, source, as_json)
         return
@@ -65,10 +83,14 @@ def modes(
 
 def _say_shift(source: Path) -> None:
     """Say by how much the places of a plate file were moved."""
-    from feeder_sim.scenario import load_plate_file
+    from feeder_sim.scenario import BendingPlate, load_plate_file
     from feeder_sim.scene.plate_modes import shift_of
 
-    x, y = shift_of(load_plate_file(source)) if source.suffix == ".toml" else (0.0, 0.0)
+    if source.suffix != ".toml":
+        return
+    scenario = scenario_of_plate(source)
+    plate = None if scenario is None else scenario.plate
+    x, y = shift_of(plate.as_file(1.0) if isinstance(plate, BendingPlate) else load_plate_file(source))
     if x or y:
         print(
             f"feeder-sim: moved by ({x:g}, {y:g}) mm, so that the middle of the plate is at (0, 0), in the mode file "
@@ -78,7 +100,9 @@ def _say_shift(source: Path) -> None:
 
 
 def sequence(
-    source: Annotated[Path, typer.Argument(help="Plate file (.toml), or mode file (.h5).", show_default=False)],
+    source: Annotated[
+        Path, typer.Argument(help="Plate file or scenario (.toml), or mode file (.h5).", show_default=False)
+    ],
     start: Annotated[float, typer.Option("--from", help="Where the part lies, x from the centre [mm].")],
     end: Annotated[float, typer.Option("--to", help="Where it is to go [mm].")],
     *,

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 
     from feeder_sim.measures.circulation import StageWave
     from feeder_sim.plate.mode_file import ModeFile
+    from feeder_sim.plate.pairs import ModePair
     from feeder_sim.plate.response import RankedMode, Response
     from feeder_sim.plate.sequences import Route
     from feeder_sim.run.simulation import Result
@@ -92,6 +93,42 @@ def print_ranking(ranked: Sequence[RankedMode], as_json: bool) -> None:
     columns |= {"hop (mm)": "{hop_height_mm:.3g}", "N/V": "{force_per_volt_n:+.3g}", "actuator": "{actuator}"}
     near = [row | {"neighbours": ", ".join(map(str, row["neighbours"]))} for row in rows]
     print_table(near, columns | {"within 2 %": "{neighbours}"})
+
+
+def print_pairs(pairs: Sequence[ModePair], as_json: bool) -> None:
+    """Print pairs of modes, the best first."""
+    rows: list[dict[str, Any]] = [
+        {
+            "gather_mode": pair.gather.mode + 1,
+            "gather_hz": pair.gather.frequency,
+            "gather_actuator": pair.gather.actuator,
+            "gather_um": 1e6 * pair.gather.antinode,
+            "throw_mode": pair.throw.mode + 1,
+            "throw_hz": pair.throw.frequency,
+            "throw_actuator": pair.throw.actuator,
+            "throw_um": 1e6 * pair.throw.antinode,
+            "moved": pair.moved,
+            "thrown": pair.thrown,
+            "hop_mm": 1e3 * pair.hop,
+            "dead_mm": None if pair.dead is None else [1e3 * c for c in pair.dead],
+        }
+        for pair in pairs
+    ]
+    if as_json:
+        print(json.dumps(rows))
+        return
+    columns = {"gather": "{gather_mode}", "(Hz)": "{gather_hz:.1f}", "by": "{gather_actuator}"}
+    columns |= {"throw": "{throw_mode}", "(Hz) ": "{throw_hz:.1f}", "by ": "{throw_actuator}"}
+    columns |= {
+        "moved": "{moved:.0%}",
+        "thrown": "{thrown:.0%}",
+        "hop there (mm)": "{hop_mm:.3g}",
+        "dead at (mm)": "{at}",
+    }
+    places = [", ".join(f"{c:.0f}" for c in row["dead_mm"] or ()) for row in rows]
+    print_table([row | {"at": place} for row, place in zip(rows, places, strict=True)], columns)
+    if not rows:
+        print("no mode moves enough of the plate; a higher voltage may")
 
 
 def write_response(found: Response, names: Sequence[str], path: Path) -> None:

@@ -20,10 +20,13 @@ if TYPE_CHECKING:
 
 VOLTS = 100.0  # peak to peak
 HIGHEST_VOLTS = 1e5
+MOST_PAIRS = 12  # that are listed
 
 
 def response(
-    source: Annotated[Path, typer.Argument(help="Plate file (.toml), or mode file (.h5).", show_default=False)],
+    source: Annotated[
+        Path, typer.Argument(help="Plate file or scenario (.toml), or mode file (.h5).", show_default=False)
+    ],
     *,
     low: Annotated[float | None, typer.Option("--from", help="Lowest frequency [Hz]; else half of the first.")] = None,
     high: Annotated[float | None, typer.Option("--to", help="Highest frequency [Hz]; else the last one.")] = None,
@@ -87,6 +90,19 @@ def print_ranked(held: ModeFile, volts: float, near: str | None, source: Path, a
     with file_in_errors(source):
         ranked = rank_modes(held, 0.5 * volts, point_on_plate(near, held, source, "--near"))
     print_ranking(ranked, as_json)
+    _say(assumption(oscillators(held)))
+
+
+def print_mode_pairs(held: ModeFile, volts: float, source: Path, as_json: bool) -> None:
+    """Print pairs of modes for gathering and throwing apart, at a voltage, peak to peak."""
+    from feeder_sim.cli.report import print_pairs
+    from feeder_sim.plate.pairs import best_of_each, mode_pairs
+    from feeder_sim.plate.response import assumption, oscillators
+
+    _check_actuators(held, source)
+    _check_volts(volts, source)
+    with file_in_errors(source):
+        print_pairs(best_of_each(mode_pairs(held, 0.5 * volts), MOST_PAIRS), as_json)
     _say(assumption(oscillators(held)))
 
 

@@ -17,7 +17,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from feeder_sim.constants import GRAVITY
 from feeder_sim.errors import InputError
@@ -59,6 +59,12 @@ class RankedMode:
     neighbours: tuple[int, ...]
 
 
+def hop_height(amplitude: ArrayLike, frequency: float) -> NDArray[np.float64]:
+    """How high a part hops [m] where the plate moves by an amplitude [m] at a frequency [Hz]."""
+    velocity = 2.0 * math.pi * frequency * np.asarray(amplitude, float)
+    return np.asarray((velocity * (1.0 + RESTITUTION)) ** 2 / (2.0 * GRAVITY))
+
+
 def rank_modes(held: ModeFile, voltage: float, point: tuple[float, float] | None) -> list[RankedMode]:
     """Rank all modes by their amplitude at a point.
 
@@ -85,7 +91,7 @@ def rank_modes(held: ModeFile, voltage: float, point: tuple[float, float] | None
                 amplitude=amplitude,
                 antinode=antinode,
                 acceleration=amplitude * omega**2 / GRAVITY,
-                hop_height=(amplitude * omega * (1.0 + RESTITUTION)) ** 2 / (2.0 * GRAVITY),
+                hop_height=float(hop_height(amplitude, frequency)),
                 neighbours=tuple(int(i) for i in near if i != j),
             )
         )

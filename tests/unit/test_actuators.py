@@ -10,10 +10,11 @@ from typing import Any
 import numpy as np
 import pytest
 from command_line import check_refused, feeder_sim, said
-from conftest import toml_of
+from conftest import REPOSITORY, toml_of
 
 from feeder_sim.errors import InputError
 from feeder_sim.plate.mode_file import ModeFile, read_mode_file, write_mode_file
+from feeder_sim.plate.pairs import mode_pairs
 from feeder_sim.plate.response import frequency_response, modal_forces, oscillators, voltages
 from feeder_sim.run.prepare import prepare
 from feeder_sim.scenario import Drive, HexNut, Rectangle, Run, Scenario, Start, load_plate_file, load_scenario
@@ -296,11 +297,33 @@ def test_response_and_ranking_from_the_command_line(folder: Path, held: ModeFile
         ("response", "--volts -3", "--volts ... -3 ... above 0"),
         ("response", "--damping 2", "--damping ... 2"),
         ("modes", "--near 0,0", "--near ... --volts"),
+        ("modes", "--pairs", "--pairs ... --volts"),
         ("modes", "--volts 10 --near here", "--near ... here ... x,y"),
     ],
 )
 def test_options_that_cannot_be_meant_are_refused(command: str, options: str, expected: str, folder: Path) -> None:
     check_refused(feeder_sim(command, folder / "modes.h5", *options.split()), "modes.h5", expected)
+
+
+def test_pairs_of_modes_are_those_of_the_experiment() -> None:
+    """On the source's plate 2646 Hz gathers and 2797 Hz throws what lies on its lines, and the other way round."""
+    done = feeder_sim("modes", REPOSITORY / "models/plate_180_piezos/modes.h5", "--volts", 120, "--pairs", "--json")
+    assert done.returncode == 0, done.stderr
+    rows = json.loads(done.stdout)
+    scores = [row["moved"] * row["thrown"] for row in rows]
+    assert scores == sorted(scores, reverse=True) or max(np.diff(scores)) < 1e-3
+    assert (2646.0, 2797.0) in [(row["gather_hz"], row["throw_hz"]) for row in rows[:5]]
+    weak = feeder_sim("modes", REPOSITORY / "models/plate_180_piezos/modes.h5", "--volts", 1, "--pairs")
+    assert "a higher voltage may" in weak.stdout
+
+
+def test_a_throwing_mode_throws_what_it_moves(held: ModeFile) -> None:
+    """At ten times the voltage hops are a hundred times as high, and no place is thrown less."""
+    low, high = ({(p.gather.mode, p.throw.mode): p for p in mode_pairs(held, volts)} for volts in (60.0, 600.0))
+    assert low and set(low) <= set(high)
+    for key, pair in low.items():
+        assert high[key].hop == pytest.approx(100.0 * pair.hop) and high[key].thrown >= pair.thrown
+        assert (pair.dead is None) == (pair.thrown == 1.0)
 
 
 def test_check_says_what_moves_under_the_part_and_what_is_left_out(folder: Path, held: ModeFile) -> None:
