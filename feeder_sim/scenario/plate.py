@@ -8,6 +8,7 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import Field, ValidationError, ValidationInfo, model_validator
 
+from feeder_sim.scenario.drawing import with_drawing
 from feeder_sim.scenario.material import MaterialChoice
 from feeder_sim.scenario.tables import (
     AngleDeg,
@@ -339,6 +340,8 @@ class PlateShape(Table):
     length_mm: LengthMm | None = None
     width_mm: LengthMm | None = None
     outline: Ring | None = None
+    drawing: Path | None = None  # read before all else, and its tables put here
+    drawing_unit: Literal["mm", "cm", "m", "inch"] | None = None
     thickness_mm: LengthMm
     material: MaterialChoice = "aluminium"
     damping_ratio: DampingRatio | None = None
@@ -373,6 +376,11 @@ class PlateBody(PlateShape):
     uniform_width: Flag = False
 
 
+def _folder(info: ValidationInfo) -> Path:
+    """Where names of files start from."""
+    return Path((info.context or {}).get("folder", ""))
+
+
 class OnPlate(Table):
     """What is fixed to a plate, carries it, and was measured on it."""
 
@@ -399,6 +407,18 @@ class PlateFile(OnPlate):
     """A plate as `feeder-sim modes` reads it."""
 
     plate: PlateBody
+
+    @model_validator(mode="before")
+    @classmethod
+    def _from_drawing(cls, data: Any, info: ValidationInfo) -> Any:
+        """Put outline, holes and places of a drawing in."""
+        body = data.get("plate") if isinstance(data, dict) else None
+        if not isinstance(body, dict) or body.get("drawing") is None:
+            return data
+        own = {key: value for key, value in data.items() if key != "plate"}
+        drawn = with_drawing(body | own, _folder(info))
+        tables = {key: drawn.pop(key) for key in OnPlate.model_fields if key in drawn}
+        return {"plate": drawn} | tables
 
     @model_validator(mode="after")
     def _go_together(self) -> Self:
@@ -430,10 +450,11 @@ class BendingPlate(PlateShape, OnPlate):
     @classmethod
     def _from_file(cls, data: Any, info: ValidationInfo) -> Any:
         """Put the keys of `file` before those that are given; relative to the folder of the scenario."""
+        if isinstance(data, dict) and data.get("drawing") is not None:
+            data = with_drawing(data, _folder(info))
         if not isinstance(data, dict) or data.get("file") is None:
             return data
-        folder = (info.context or {}).get("folder", Path())
-        path = Path(folder) / str(data["file"])
+        path = _folder(info) / str(data["file"])
         file = parse(read_text(path), PlateFile, path).model_dump(exclude_unset=True)
         body = {key: value for key, value in file.pop("plate").items() if key != "uniform_width"}
         if data.get("outline") is not None:

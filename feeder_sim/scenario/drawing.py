@@ -1,0 +1,165 @@
+"""A drawing (DXF) of a plate -> the tables that say the same: its outline, holes, patches and feet.
+
+Layers of these names count, all others do not:
+
+    outline    the outer edge, and holes within it
+    holes      further holes
+    patches    rectangles, the piezo patches, from left to right
+    feet       circles or points, from left to right
+
+Lines and arcs that make closed rings together are joined. An `[[actuator]]` or `[[support]]` without a place takes that
+of the next patch or foot; a single one stands for all of them, with numbers behind its name.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from feeder_sim.errors import InputError, MissingExtra
+
+CLOSE = 0.005  # [mm]; how far straight pieces may be from a curve
+SNAP = 0.001  # [mm]; ends of lines that close are one
+SQUARE = 0.02  # of the shorter side; how far a patch may be from a rectangle
+MM = {"mm": 1.0, "cm": 10.0, "m": 1000.0, "inch": 25.4}
+OF_HEADER = {1: "inch", 4: "mm", 5: "cm", 6: "m"}  # $INSUNITS
+LAYERS = ("outline", "holes", "patches", "feet")
+MOST_BYTES = 50_000_000
+
+
+def with_drawing(data: dict[str, Any], folder: Path) -> dict[str, Any]:
+    """The keys of a plate with those of its `drawing` in place of it; without one they stay.
+
+    Args:
+        data: keys of the plate and of what is on it, as a file has them.
+        folder: which the name of the drawing is relative to.
+
+    Raises:
+        InputError: a drawing that cannot be read or lacks what is needed.
+    """
+    if data.get("drawing") is None:
+        return data
+    path = Path(folder) / str(data["drawing"])
+    rings, points = _read(path, data.get("drawing_unit"))
+    found = {key: value for key, value in data.items() if key not in ("drawing", "drawing_unit")}
+    for key in ("outline", "length_mm", "width_mm"):
+        if found.get(key) is not None:
+            raise InputError("is given beside a drawing, allowed is one of them", key=f"plate.{key}")
+    edges = sorted(rings["outline"], key=lambda ring: -ring.area)
+    if not edges:
+        raise InputError("has no closed ring in the layer outline, allowed is one with the plate's edge", file=path)
+    holes = [*edges[1:], *rings["holes"]]
+    found["outline"] = {"points_mm": _corners(edges[0])}
+    found["hole"] = [*(found.get("hole") or ()), *({"points_mm": _corners(hole)} for hole in holes)]
+    patches = [_rectangle(ring, path) for ring in sorted(rings["patches"], key=lambda ring: ring.centroid.x)]
+    feet: list[dict[str, Any]] = [{"at_mm": list(point)} for point in points]
+    feet += [{"at_mm": [r.centroid.x, r.centroid.y], "diameter_mm": _diameter(r)} for r in rings["feet"]]
+    feet.sort(key=lambda foot: foot["at_mm"][0])
+    for key, places in (("actuator", patches), ("support", feet)):
+        if found.get(key):
+            found[key] = _placed(list(found[key]), places, key, path)
+    return found
+
+
+def _placed(
+    tables: list[dict[str, Any]], places: Sequence[dict[str, Any]], key: str, path: Path
+) -> list[dict[str, Any]]:
+    """The tables, those without a place with one from the drawing."""
+    waiting = [table for table in tables if isinstance(table, dict) and "at_mm" not in table]
+    if not waiting:
+        return tables
+    layer = "patches" if key == "actuator" else "feet"
+    if len(waiting) == 1 and len(places) > 1:
+        name = waiting[0].get("name")
+        names = [{} if name is None else {"name": f"{name}_{i + 1}"} for i in range(len(places))]
+        copies = [waiting[0] | place | own for place, own in zip(places, names, strict=True)]
+        return [table for table in tables if table is not waiting[0]] + copies
+    if len(waiting) != len(places):
+        raise InputError(
+            f"has {len(places)} in the layer {layer}, allowed are as many as there are [[{key}]] without at_mm, "
+            f"{len(waiting)}, or one [[{key}]] for all",
+            file=path,
+        )
+    following = iter(places)
+    return [table if "at_mm" in table else table | next(following) for table in tables]
+
+
+def _read(path: Path, unit: Any) -> tuple[dict[str, list[Any]], list[tuple[float, float]]]:
+    """Rings of every layer as shapely's polygons, and points in the layer of feet [mm]."""
+    import shapely
+
+    try:
+        from ezdxf.filemanagement import readfile
+        from ezdxf.lldxf.const import DXFError
+        from ezdxf.path import make_path
+    except ImportError:
+        raise MissingExtra("dxf", key="plate.drawing") from None
+    if not path.is_file() or path.stat().st_size > MOST_BYTES:
+        raise InputError(f"is no file of up to {MOST_BYTES // 1_000_000} MB, allowed is a DXF drawing", file=path)
+    try:
+        document = readfile(path)
+    except (DXFError, OSError, UnicodeError, ValueError) as error:
+        raise InputError("is not a readable DXF drawing", file=path) from error
+    unit = OF_HEADER.get(document.units) if unit is None else unit
+    if unit not in MM:
+        raise InputError(f"does not say its unit, allowed is drawing_unit with {', '.join(MM)}", file=path)
+    lines: dict[str, list[Any]] = {layer: [] for layer in LAYERS}
+    points = []
+    for entity in document.modelspace():
+        layer = entity.dxf.layer.lower()
+        if layer not in lines:
+            continue
+        if entity.dxftype() == "POINT":
+            if layer == "feet":
+                points.append((MM[unit] * entity.dxf.location.x, MM[unit] * entity.dxf.location.y))
+            continue
+        try:
+            curve = make_path(entity)
+        except TypeError:
+            continue  # texts, dimensions
+        way = [(MM[unit] * v.x, MM[unit] * v.y) for v in curve.flattening(CLOSE / MM[unit])]
+        if len(way) > 1:
+            lines[layer].append(shapely.LineString([*way, way[0]] if curve.is_closed else way))
+    return {layer: _rings(of_layer) for layer, of_layer in lines.items()}, points
+
+
+def _rings(lines: Sequence[Any]) -> list[Any]:
+    """Closed rings that lines make, each as a polygon without holes."""
+    import shapely
+
+    if not lines:
+        return []
+    joined = shapely.union_all(lines, grid_size=SNAP)
+    faces = shapely.get_parts(shapely.polygonize([joined]))
+    # A ring within another one makes a hole in its face, and is a face itself.
+    return [shapely.Polygon(face.exterior) for face in faces]
+
+
+def _corners(ring: Any) -> list[list[float]]:
+    return [[x, y] for x, y in list(ring.exterior.coords)[:-1]]
+
+
+def _diameter(ring: Any) -> float:
+    """Of the circle with its area [mm]."""
+    return 2.0 * math.sqrt(ring.area / math.pi)
+
+
+def _rectangle(ring: Any, path: Path) -> dict[str, Any]:
+    """Middle, sides and angle of a patch, its first side the one nearest to x."""
+    import shapely
+
+    box = shapely.minimum_rotated_rectangle(ring)
+    corners = list(box.exterior.coords)
+    sides = [(corners[i + 1][0] - corners[i][0], corners[i + 1][1] - corners[i][1]) for i in range(2)]
+    first = max(sides, key=lambda side: abs(side[0]) / math.hypot(*side))
+    other = sides[1 - sides.index(first)]
+    a, b = math.hypot(*first), math.hypot(*other)
+    if box.area - ring.area > SQUARE * min(a, b) ** 2:
+        raise InputError(
+            f"has a patch at ({ring.centroid.x:.4g}, {ring.centroid.y:.4g}) mm that is no rectangle", file=path
+        )
+    angle = math.degrees(math.atan2(first[1], first[0]))
+    angle = (angle + 90.0) % 180.0 - 90.0
+    return {"at_mm": [box.centroid.x, box.centroid.y], "size_mm": [a, b], "angle_deg": round(angle, 6)}
