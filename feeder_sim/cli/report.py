@@ -69,8 +69,10 @@ def print_response(
         print("no peak in this range")
 
 
-def print_ranking(ranked: Sequence[RankedMode], as_json: bool) -> None:
-    """Print modes in the order of their amplitude at a place."""
+def print_ranking(ranked: Sequence[RankedMode], levels: Sequence[float], as_json: bool) -> None:
+    """Print modes in the order of their amplitude at a place, and how loud each is [dB(A) at 1 m]."""
+    from feeder_sim.measures.statistic import finite_or_none
+
     rows: list[dict[str, Any]] = [
         {
             "mode": mode.mode + 1,
@@ -81,16 +83,22 @@ def print_ranking(ranked: Sequence[RankedMode], as_json: bool) -> None:
             "antinode_um": 1e6 * mode.antinode,
             "peak_acceleration_g": mode.acceleration,
             "hop_height_mm": 1e3 * mode.hop_height,
+            "sound_dba_at_1_m": finite_or_none(level),
             "neighbours": [neighbour + 1 for neighbour in mode.neighbours],
         }
-        for mode in ranked
+        for mode, level in zip(ranked, levels, strict=True)
     ]
     if as_json:
         print(json.dumps(rows))
         return
     columns = {"mode": "{mode}", "frequency (Hz)": "{frequency_hz:.1f}", "amplitude (um)": "{amplitude_um:.4g}"}
     columns |= {"antinode (um)": "{antinode_um:.4g}", "peak (g)": "{peak_acceleration_g:.4g}"}
-    columns |= {"hop (mm)": "{hop_height_mm:.3g}", "N/V": "{force_per_volt_n:+.3g}", "actuator": "{actuator}"}
+    columns |= {
+        "hop (mm)": "{hop_height_mm:.3g}",
+        "dB(A)": "{sound_dba_at_1_m:.0f}",
+        "N/V": "{force_per_volt_n:+.3g}",
+        "actuator": "{actuator}",
+    }
     near = [row | {"neighbours": ", ".join(map(str, row["neighbours"]))} for row in rows]
     print_table(near, columns | {"within 2 %": "{neighbours}"})
 

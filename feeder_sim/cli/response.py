@@ -84,12 +84,14 @@ def print_ranked(held: ModeFile, volts: float, near: str | None, source: Path, a
     """Print the modes of a plate in the order of what a voltage, peak to peak, does near a point x,y [mm]."""
     from feeder_sim.cli.report import print_ranking
     from feeder_sim.plate.response import assumption, oscillators, rank_modes
+    from feeder_sim.plate.sound import loudness
 
     _check_actuators(held, source)
     _check_volts(volts, source)
     with file_in_errors(source):
         ranked = rank_modes(held, 0.5 * volts, point_on_plate(near, held, source, "--near"))
-    print_ranking(ranked, as_json)
+        levels = [loudness(held.modes, {mode.mode: mode.antinode}, mode.frequency) for mode in ranked]
+    print_ranking(ranked, levels, as_json)
     _say(assumption(oscillators(held)))
 
 

@@ -23,6 +23,8 @@ from feeder_sim.measures.picking import robot_of
 from feeder_sim.measures.protocol import as_json
 from feeder_sim.part.rigid_part import RigidPart
 from feeder_sim.plate.drive import ModalDrive
+from feeder_sim.plate.mode_shapes import RitzShape
+from feeder_sim.plate.sound import loudness
 from feeder_sim.records.recording import DISPLAY_POINTS
 from feeder_sim.replay.plate import PERIODS, PICTURES, POINTS
 from feeder_sim.run.compilation import compile_engine
@@ -180,6 +182,7 @@ class DrivePlan:
     """One drive and the motion of the plate that it causes; without ring-up `ring_up_s` is 0.
 
     `following_modes` move, too; `left_out_um` is what other modes would move, None where it is not known.
+    `sound_dba_at_1_m` is an upper bound (feeder_sim.plate.sound); None of a plate without modes.
     """
 
     mode: str
@@ -190,6 +193,7 @@ class DrivePlan:
     under_parts: list[UnderPartPlan]
     following_modes: int
     left_out_um: float | None
+    sound_dba_at_1_m: float | None
 
 
 @dataclass(frozen=True)
@@ -338,7 +342,18 @@ def _drive_plan(mode: DrivenMode, under_parts: list[UnderPartPlan]) -> DrivePlan
         under_parts=under_parts,
         following_modes=len(mode.followers),
         left_out_um=None if mode.left_out is None else 1e6 * mode.left_out,
+        sound_dba_at_1_m=_loudness(mode),
     )
+
+
+def _loudness(mode: DrivenMode) -> float | None:
+    """How loud the plate is under one drive, at 1 m [dB(A)]."""
+    if not isinstance(mode.shape, RitzShape):
+        return None
+    moving = [(mode.shape, mode.drive), *((follower.shape, follower.drive) for follower in mode.followers)]
+    motion = {shape.index: drive.steady for shape, drive in moving if isinstance(shape, RitzShape)}
+    level = loudness(mode.shape.modes, motion, mode.drive.drive_frequency)
+    return level if math.isfinite(level) else None
 
 
 def _part_plan(spec: PartSpec, kind: RigidPart) -> PartPlan:
