@@ -231,7 +231,7 @@ def test_long_values_are_shortened() -> None:
     long = "x" * 5000
     assert "...xx" in refused(f'{SCENARIO}engine = "{long}"')
     assert len(refused(f'{SCENARIO}engine = "{long}"')) < 200
-    assert refused(SCENARIO.replace("piston", long)).endswith("'piston', 'still', 'tray'")
+    assert refused(SCENARIO.replace("piston", long)).endswith("'still', 'tray', 'plate'")
     assert "unknown key; allowed are" in refused(f"{SCENARIO}{long} = 1")
     many = "\n".join(f"key_{i} = 1" for i in range(20_000))
     assert "and 19999 more" in refused(f"{SCENARIO}{many}")  # in no time

@@ -172,8 +172,9 @@ def test_a_named_mode_has_its_detuning_and_what_is_left_out_is_said(folder: Path
 
 
 def test_damping_is_said_where_it_is_assumed_and_can_be_set(tmp_path: Path) -> None:
-    (tmp_path / "plate.toml").write_text(toml_of(PLATE, {}))
-    (tmp_path / "damped.toml").write_text(toml_of(PLATE, {"plate.damping_ratio": 0.004}))
+    bare = {"bar": None, "mass": None, "actuator[0].loads": False, "actuator[1].loads": False}
+    (tmp_path / "plate.toml").write_text(toml_of(PLATE, bare))
+    (tmp_path / "damped.toml").write_text(toml_of(PLATE, bare | {"plate.damping_ratio": 0.004}))
     silent, damped = (feeder_sim("response", tmp_path / name, "--json") for name in ("plate.toml", "damped.toml"))
     assert "assumes a damping ratio of 0.002 for every mode" in silent.stderr and damped.stderr == ""
     peaks = [{row["mode"]: row["amplitude_um"] for row in json.loads(run.stdout)["peaks"]} for run in (silent, damped)]
