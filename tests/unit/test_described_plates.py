@@ -15,6 +15,7 @@ from feeder_sim.scenario import PlateFile, Scenario, load_plate_file, load_scena
 from feeder_sim.scene import mode_cache
 from feeder_sim.scene.plate_modes import compute_modes
 from feeder_sim.scene.scene import build_scene
+from feeder_sim.studies.sweep.design import with_frequencies
 
 Raw = dict[str, Any]
 PATCH: Raw = {"name": "a", "at_mm": [10.0, 5.0], "size_mm": [10.0, 10.0], "thickness_mm": 0.5, "d31_pm_per_v": 180.0}
@@ -98,6 +99,17 @@ def test_a_drive_of_nearly_the_same_frequency_needs_no_other_modes(cache: Path) 
         build_scene(scenario.changed({"drive[0].frequency_hz": frequency}))
         kept.append({path.name for path in cache.iterdir()})
     assert kept[0] == kept[1] == kept[2]
+
+
+def test_a_mode_that_is_varied_takes_the_frequency_of_the_plate_at_that_point_along() -> None:
+    scenario = Scenario.model_validate(SCENARIO).changed({"plate.highest_frequency_hz": 4000.0})
+    frequencies = [
+        with_frequencies(scenario, {"drive[0].mode": 2, "plate.thickness_mm": thickness})["drive[0].frequency_hz"]
+        for thickness in (1.0, 2.0)
+    ]
+    assert frequencies[1] / frequencies[0] == pytest.approx(2.0, rel=0.02)
+    with pytest.raises(InputError, match=r"plate\.highest_frequency_hz"):
+        with_frequencies(Scenario.model_validate(SCENARIO), {"drive[0].mode": 2})
 
 
 @pytest.mark.parametrize(

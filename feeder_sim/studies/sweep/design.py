@@ -20,9 +20,12 @@ from pathlib import Path
 from typing import Any
 
 from feeder_sim.errors import InputError, NotAllowed
-from feeder_sim.plate.mode_file import read_mode_file
-from feeder_sim.scenario import Scenario
+from feeder_sim.plate.mode_file import ModeFile, read_mode_file
+from feeder_sim.plate.response import oscillators
+from feeder_sim.scenario import BendingPlate, Scenario
 from feeder_sim.scenario.changes import changed_values, check_variable, full_key, path_of, read_value
+from feeder_sim.scenario.tables import validated
+from feeder_sim.scene.mode_cache import modes_of_plate
 
 # Modes of the plate as values of a key: a key that ends in `.mode` takes the frequency of the drive along.
 #
@@ -53,8 +56,10 @@ def mode_frequencies(plate: Any) -> tuple[float, ...]:
     """Where each mode of a plate is driven [Hz]; `plate` is the table of a scenario, checked or not.
 
     Raises:
-        InputError: it has no mode file.
+        InputError: it has no mode file, and is not described with the frequency up to where it has modes.
     """
+    if isinstance(plate, Mapping) and plate.get("kind") == "plate":
+        return _described(plate)
     file = plate.get("mode_file") if isinstance(plate, Mapping) else None
     if not isinstance(file, str | Path):
         raise InputError("is missing, allowed is a mode file where modes are varied", key="plate.mode_file")
@@ -67,11 +72,19 @@ def mode_frequencies(plate: Any) -> tuple[float, ...]:
 
 @functools.lru_cache(8)
 def _read(file: Path, changed: int, size: int) -> tuple[float, ...]:
-    held = read_mode_file(file)
-    found = [float(frequency) for frequency in held.modes.natural_frequency]
-    for resonance in held.resonances:
-        found[resonance.mode] = resonance.frequency
-    return tuple(found)
+    return _driven_at(read_mode_file(file))
+
+
+def _described(plate: Mapping[str, Any]) -> tuple[float, ...]:
+    """Of a plate that the scenario describes."""
+    checked = validated(dict(plate), BendingPlate, Path("plate"))
+    if checked.highest_frequency_hz is None:
+        raise InputError("is missing, allowed is a number where modes are varied", key="plate.highest_frequency_hz")
+    return _driven_at(modes_of_plate(checked.as_file(checked.highest_frequency_hz)))
+
+
+def _driven_at(held: ModeFile) -> tuple[float, ...]:
+    return tuple(oscillators(held).natural_frequency.tolist())
 
 
 def _frequency(frequencies: tuple[float, ...], key: str, mode: Any) -> float:
