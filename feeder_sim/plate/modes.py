@@ -116,6 +116,10 @@ class PlateModes:
         )
 
 
+class Unresolved(ValueError):
+    """The series of a plate is too short for the modes that are asked for."""
+
+
 @solver_single_threaded
 def plate_modes(
     plate: RectangularPlate,
@@ -141,7 +145,7 @@ def plate_modes(
         The modes, none if the lowest lies above `highest_frequency`.
 
     Raises:
-        ValueError: a mode asked for is not resolved: its frequency changes by more than `CONVERGED` when the series
+        Unresolved: a mode asked for is not resolved: its frequency changes by more than `CONVERGED` when the series
             has `CONVERGENCE_CUT` terms less, as happens for many half waves along a slender plate.
     """
     problem = _Problem(plate, theory, tuple(attachments), uniform_width, highest_frequency)
@@ -154,7 +158,7 @@ def plate_modes(
         if (wanted[: len(unresolved)] & unresolved).any() or wanted.sum() > len(unresolved):
             first = int(np.argmax(unresolved)) if unresolved.any() else len(unresolved) - 1
             resolved = frequencies[first]
-            raise ValueError(f"modes above {resolved:.0f} Hz are not resolved by {terms_per_axis} terms per axis")
+            raise Unresolved(f"modes above {resolved:.0f} Hz are not resolved by {terms_per_axis} terms per axis")
     return _normalised(_in_order(found, highest_frequency))
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 from collections.abc import Iterator, Sequence
 from typing import TypeVar
@@ -10,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from feeder_sim.errors import InputError
-from feeder_sim.plate.actuators import Actuator, modal_force_table
+from feeder_sim.plate.actuators import modal_force_table
 from feeder_sim.plate.mode_file import ModeFile, Resonance
-from feeder_sim.plate.modes import PlateModes, plate_modes
+from feeder_sim.plate.modes import PlateModes, Unresolved, plate_modes
 from feeder_sim.plate.outline import Outline
 from feeder_sim.plate.rectangle import RectangularPlate
 from feeder_sim.plate.response import modal_forces
@@ -47,17 +48,9 @@ def compute_modes(file: PlateFile) -> ModeFile:
     plate = RectangularPlate(*outline.size, body.thickness_mm * 1e-3, resolve_material(body.material))
     actuators = build_actuators(file.actuator, plate)
     attachments = build_attachments(file, plate, actuators)
+    check_within(outline, actuators, attachments)
     try:
-        if file.by_elements:
-            modes, forces, loss = _by_elements(file, plate, outline, actuators, attachments)
-        else:
-            modes = plate_modes(
-                plate,
-                highest_frequency=body.highest_frequency_hz,
-                uniform_width=body.uniform_width,
-                attachments=attachments,
-            )
-            forces, loss = modal_force_table(modes, actuators), np.zeros(len(modes))
+        modes, loss = _solved(file, plate, outline, attachments)
     except ValueError as error:
         raise InputError(f"is {body.highest_frequency_hz:g}, {error}", key="plate.highest_frequency_hz") from error
     if not len(modes):
@@ -74,7 +67,7 @@ def compute_modes(file: PlateFile) -> ModeFile:
                 key=f"resonance[{i}].frequency_hz",
             )
     damping = None if body.damping_ratio is None else body.damping_ratio + loss
-    held = ModeFile(modes, resonances, actuators, forces, damping_ratio=damping)
+    held = ModeFile(modes, resonances, actuators, modal_force_table(modes, actuators), damping_ratio=damping)
     modal_forces(held)  # refuses gains that cannot be those of their actuators
     return held
 
@@ -106,25 +99,29 @@ def _moved(file: PlateFile, shift: NDArray[np.float64]) -> PlateFile:
     )
 
 
-def _by_elements(
-    file: PlateFile,
-    plate: RectangularPlate,
-    outline: Outline,
-    actuators: Sequence[Actuator],
-    attachments: Sequence[Attachment],
-) -> tuple[PlateModes, NDArray[np.float64], NDArray[np.float64]]:
-    """Modes by finite elements, forces of actuators (n_modes, n_actuators) [N/V], damping ratios by supports."""
+def _solved(
+    file: PlateFile, plate: RectangularPlate, outline: Outline, attachments: Sequence[Attachment]
+) -> tuple[PlateModes, NDArray[np.float64]]:
+    """Modes by the Ritz method, where it can have them, else by finite elements; damping ratios by supports."""
+    body = file.plate
+    if not file.by_elements:
+        with contextlib.suppress(*(() if body.uniform_width else (Unresolved,))):
+            modes = plate_modes(
+                plate,
+                highest_frequency=body.highest_frequency_hz,
+                uniform_width=body.uniform_width,
+                attachments=attachments,
+            )
+            return modes, np.zeros(len(modes))
     from feeder_sim.plate.elements.mindlin import element_modes
 
-    check_within(outline, actuators, attachments)
-    modes, loss = element_modes(
+    return element_modes(
         plate,
         outline,
-        highest_frequency=file.plate.highest_frequency_hz,
+        highest_frequency=body.highest_frequency_hz,
         attachments=attachments,
         supports=build_supports(file.support, outline),
     )
-    return modes, modal_force_table(modes, actuators), loss
 
 
 def far_resonances(held: ModeFile) -> Iterator[tuple[int, str]]:

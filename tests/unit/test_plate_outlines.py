@@ -137,6 +137,19 @@ def test_plates_that_cannot_be_meant_are_refused(change: Raw, expected: str, tmp
     check_refused(feeder_sim("modes", tmp_path / "plate.toml"), "plate.toml", expected)
 
 
+def test_a_rectangle_that_the_series_does_not_resolve_is_computed_by_elements(tmp_path: Path) -> None:
+    """As bending modes of a beam of 400 mm; the twentieth would need more polynomials than there are."""
+    strip = {"length_mm": 400.0, "width_mm": 8.0, "thickness_mm": 1.0, "highest_frequency_hz": 9000.0}
+    (tmp_path / "strip.toml").write_text(toml_of({"plate": strip}))
+    modes = compute_modes(load_plate_file(tmp_path / "strip.toml")).modes
+    assert isinstance(modes, MeshModes)
+    straight = [i for i in range(len(modes)) if np.ptp(modes.evaluate(i, 0.2, [-0.003, 0.003])[0]) < 0.05]
+    order = np.sqrt(modes.natural_frequency[straight])
+    assert len(order) > 15 and np.diff(order) == pytest.approx([order[1] - order[0]] * (len(order) - 1), rel=0.03)
+    (tmp_path / "strip.toml").write_text(toml_of({"plate": strip | {"uniform_width": True}}))
+    check_refused(feeder_sim("modes", tmp_path / "strip.toml"), "plate.highest_frequency_hz", "not resolved")
+
+
 def test_a_clamped_edge_and_a_round_plate_from_the_command_line(tmp_path: Path) -> None:
     clamp = {"hold": "clamped", "at_mm": [-50.0, -20.0], "to_mm": [-50.0, 20.0]}
     strip = {"length_mm": 100.0, "width_mm": 40.0, "thickness_mm": 1.0, "highest_frequency_hz": 800.0}
