@@ -153,6 +153,27 @@ def test_a_stiff_plate_on_four_springs_moves_as_a_rigid_body() -> None:
     assert 0.0 < loss[3] < 0.02
 
 
+@pytest.mark.parametrize(
+    "place",
+    [
+        shapely.Point(0.0213, -0.0137),
+        shapely.Point(0.02, -0.01).buffer(0.001),
+        shapely.box(-0.03, -0.02, 0.01, 0.03),
+        shapely.LineString([(-0.05, -0.03), (0.02, 0.051)]),
+        shapely.LineString([(-0.09, -0.03), (-0.09, 0.05)]),
+    ],
+    ids=["point", "small disc", "rectangle", "line", "piece of an edge"],
+)
+def test_what_is_held_stays_and_the_rest_moves(place: Any) -> None:
+    """However small it is, and wherever it lies between the corners of the mesh."""
+    held = Support("clamped", np.zeros((0, 2)), np.zeros(0), 0.0, 0.0, place)
+    modes, _ = element_modes(SQUARE, rectangle_of(0.18, 0.18), highest_frequency=1500.0, supports=[held])
+    assert len(modes) > 4
+    inside = place.representative_point()
+    motion = modes.evaluate_whole(np.array([[inside.x, inside.y]]))[..., 0]
+    assert np.abs(motion[:, 0]).max() < 1e-4 and np.abs(motion[:, 1:]).max() < 0.2
+
+
 HOLES = [np.array([0.04, 0.12]) + circle(0.01, 72), np.array([0.16, 0.04]) + circle(0.006, 72)]
 ELL = np.array([[0.0, 0.0], [0.2, 0.0], [0.2, 0.08], [0.08, 0.08], [0.08, 0.16], [0.0, 0.16]])
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,29 +20,36 @@ ROUNDS = 15  # of moving points to the middle of their neighbours
 APART = 0.45  # of the spacing; how far points stay from lines
 FINER = 8  # times that lines are divided more finely, before the mesh is given up
 SAME_PLACE = 1e-7  # [m]; corners of lines this close are one
+NO_POINTS = np.zeros((0, 2))
 
 
 def triangulate(
-    outline: Outline, lines: Sequence[NDArray[np.float64]], spacing: float
+    outline: Outline, lines: Sequence[Any], spacing: float, corners: NDArray[np.float64] = NO_POINTS
 ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
     """Points (n, 2) [m] and triangles (m, 3), counter-clockwise.
 
     Args:
         outline: of the plate.
-        lines: closed ones on it (k, 2) [m], which sides of triangles follow.
+        lines: on it, as shapely has them, which sides of triangles follow.
         spacing: of the points [m].
+        corners: places (k, 2) [m] on it where triangles have a corner.
 
     Raises:
         ValueError: no such mesh is found, as with lines that cross at a sharp angle.
     """
     import shapely
 
-    edges = shapely.union_all([shapely.LinearRing(ring) for ring in (*outline.rings, *lines)], grid_size=SAME_PLACE)
+    rings = [shapely.LinearRing(ring) for ring in outline.rings]
+    edges = shapely.union_all([*rings, *lines], grid_size=SAME_PLACE)
     pieces = [shapely.get_coordinates(piece) for piece in shapely.get_parts(edges)]
     size = spacing
     for _ in range(FINER):
         on_lines, held = _divided(pieces, size)
-        points = _relaxed(on_lines, _between(outline, edges, spacing), outline)
+        apart = shapely.distance(shapely.points(corners), edges) > SAME_PLACE if len(corners) else []
+        fixed = np.vstack([on_lines, corners[apart]])
+        points = _relaxed(
+            fixed, _between(outline, shapely.union(edges, shapely.multipoints(corners)), spacing), outline
+        )
         triangles = _triangles(points, outline)
         sides = np.sort(np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]]), axis=1)
         if set(map(tuple, np.sort(held, axis=1).tolist())) <= set(map(tuple, sides.tolist())):

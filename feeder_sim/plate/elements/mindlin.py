@@ -33,7 +33,7 @@ PER_WAVE = 0.33  # spacing of points over the shortest wavelength; frequencies a
 LEAST_ELEMENTS = 12.0  # along the shorter side of the plate
 SHIFT_HZ = 100.0  # below zero, about which modes are looked for: where a free plate has none
 AT_REST_HZ = 0.1  # slower than that are motions of the plate as a whole, on nothing
-ON_LINE = 1e-9  # [m]
+ON_LINE = 2e-7  # [m]; where lines of the mesh cross, places are rounded
 SAMPLES = 161  # per axis, among which the largest deflection is looked for
 CLEAR_OF_NODE = 0.02  # of the antinode; a smaller deflection decides on no sign
 Hold = Literal["spring", "hinged", "clamped"]
@@ -86,10 +86,18 @@ def element_modes(
     Raises:
         ValueError: no mesh follows the outline and the layers, or there are no such waves in the plate.
     """
+    import shapely
+
     layers = [attachment for attachment in attachments if isinstance(attachment, Layer)]
     wavelength = min(standing_wave(side, highest_frequency).wavelength for side in (plate, plate.turned))
     spacing = min(PER_WAVE * wavelength, min(outline.size) / LEAST_ELEMENTS) / finer
-    points, triangles = triangulate(outline, [layer.corners() for layer in layers], spacing)
+    lines = [shapely.LinearRing(layer.corners()) for layer in layers]
+    holds = [support.place for support in supports if support.hold != "spring"]
+    lines += [place.boundary if place.area else place for place in holds if place.geom_type != "Point"]
+    corners = shapely.get_coordinates([place for place in holds if place.geom_type == "Point"])
+    whole_plate = outline.polygon
+    lines = [shapely.intersection(line, whole_plate) for line in lines]
+    points, triangles = triangulate(outline, lines, spacing, corners)
     basis = quartic(points, triangles)
     stiffness, mass = _matrices(basis, plate, layers, points[triangles].mean(axis=1))
     for each in attachments:
@@ -208,6 +216,8 @@ def _held(basis: Any, supports: Sequence[Support]) -> NDArray[np.int64]:
     for support in supports:
         if support.hold != "spring":
             here = np.flatnonzero(shapely.distance(nodes, support.place) < ON_LINE)
+            if not len(here):
+                raise ValueError("a support that holds is where the mesh has no node")
             held += [here + k * basis.N for k in range(3 if support.hold == "clamped" else 1)]
     return np.unique(np.concatenate(held))
 
