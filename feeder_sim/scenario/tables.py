@@ -134,6 +134,10 @@ def validated(raw: dict[str, Any], table: type[T], file: Path) -> T:
         return table.model_validate(_without_numpy(raw), context={"folder": file.resolve().parent})
     except ValidationError as error:
         raise first_error(error, table, file) from None
+    except InputError as error:  # of a file that this one names
+        if error.file is not None:
+            raise
+        raise InputError(error.problem, file=file, key=error.key) from None
 
 
 def _refuse_absurd(raw: dict[str, Any], file: Path) -> None:

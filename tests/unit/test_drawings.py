@@ -135,5 +135,5 @@ def test_drawings_that_cannot_be_meant_are_refused(without: str, change: Raw, ex
 def test_without_the_library_the_extra_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     draw(tmp_path / "plate.dxf")
     monkeypatch.setitem(sys.modules, "ezdxf.filemanagement", None)
-    with pytest.raises(InputError, match=r"feeder_sim\[dxf\]"):
+    with pytest.raises(InputError, match=r"plate\.toml: plate\.drawing: .*feeder_sim\[dxf\]"):
         file_in(tmp_path)
