@@ -106,7 +106,7 @@ def looked_at(raw: Raw, name: str, more: Callable[[Scene, Frames], list[str]] = 
     there = frames[slice(int(np.count_nonzero(frames.present[:, 0])))]
     if not all(np.isfinite(values).all() for values in (there.position, there.velocity, there.angular_velocity)):
         faults.append("a state is not finite")
-    at_rest = not any(drive["amplitude_um"] for drive in raw.get("drive", ()))
+    at_rest = not any(drive.get("amplitude_um", 1.0) for drive in raw.get("drive", ()))
     gain = growth(result.scene, there) if at_rest else 0.0
     if gain > GAINED:
         faults.append(f"energy grows by {1e6 * gain:.3g} um m g")
@@ -243,6 +243,73 @@ def _hole(rng: Rng) -> Made:
     return plate, [{"frequency_hz": hz, "amplitude_um": _amplitude(rng)}], where, {"duration_s": 0.4}
 
 
+def _volts(rng: Rng) -> Made:
+    """Patches at a voltage, on a resonance or anywhere beside it; every mode moves that counts."""
+    hz = float(rng.choice(_frequencies("plate_180_piezos", 400.0, 12e3))) * float(rng.uniform(0.97, 1.03))
+    names = [str(name) for name in rng.permutation(["centre", "back", "front"])[: int(rng.integers(1, 4))]]
+    drive: Raw = {"frequency_hz": hz, "voltage_vpp": float(10.0 ** rng.uniform(0.0, 2.3)), "actuator": names}
+    drive |= {"ring_up": bool(rng.random() < 0.8)}
+    x, y = rng.uniform(-89.0, 89.0, 2)
+    where = {"position_mm": [float(x), float(y), 10.0], "velocity_mm_s": [float(rng.uniform(-50.0, 50.0)), 0.0, -50.0]}
+    plate = {"kind": "rectangle", "mode_file": str(MODELS / "plate_180_piezos/modes.h5")}
+    return plate, [drive], where, {"duration_s": 0.4}
+
+
+def _tray(rng: Rng) -> Made:
+    """Strokes and turns of a tray that may rise, from which parts may fall."""
+    length, tilt = float(rng.uniform(60.0, 200.0)), float(rng.choice([0.0, rng.uniform(-10.0, 10.0)]))
+    hz = float(rng.uniform(20.0, 200.0))
+    drives: list[Raw] = []
+    for _ in range(int(rng.integers(1, 3))):
+        if rng.random() < 0.3:
+            turn = {"turn_mrad": float(rng.uniform(0.1, 5.0)), "axis": str(rng.choice(["x", "y", "z"]))}
+            drives.append({"frequency_hz": hz} | turn)
+            continue
+        throw = float(rng.uniform(0.3, 3.0)) * GRAVITY / (2.0 * np.pi * hz) ** 2
+        line = {"angle_deg": float(rng.uniform(5.0, 90.0)), "direction_deg": float(rng.uniform(-180.0, 180.0))}
+        drives.append({"frequency_hz": hz, "stroke_um": min(1e6 * throw, 1e4)} | line)
+    plate = {"kind": "tray", "length_mm": length, "width_mm": float(rng.uniform(40.0, 100.0)), "tilt_deg": tilt}
+    x, slope = float(rng.uniform(-25.0, 25.0)), np.tan(np.radians(tilt))
+    height = 12.0 + slope * (x + np.copysign(0.5 * length, slope))
+    where = {
+        "position_mm": [x, float(rng.uniform(-15.0, 15.0)), float(height)],
+        "velocity_mm_s": [float(rng.uniform(-50.0, 50.0)), 0.0, -50.0],
+    }
+    return plate, drives, where, {"duration_s": 1.0}
+
+
+ELL: Raw = {
+    "kind": "plate",
+    "outline": {"points_mm": [[0, 0], [120, 0], [120, 40], [50, 40], [50, 90], [0, 90]]},
+    "hole": [{"centre_mm": [100.0, 20.0], "diameter_mm": 12.0}],
+    "thickness_mm": 2.0,
+    "damping_ratio": 0.003,
+    "highest_frequency_hz": 8000.0,
+    "actuator": [
+        {"name": "a", "at_mm": [25.0, 60.0], "size_mm": [15.0, 15.0], "thickness_mm": 0.5, "d31_pm_per_v": 180.0}
+    ],
+    "support": [
+        {"at_mm": at, "diameter_mm": 6.0, "stiffness_n_per_mm": 5.0, "loss_factor": 0.2}
+        for at in ([10.0, 10.0], [110.0, 10.0], [10.0, 80.0])
+    ],
+}
+
+
+def _ell(rng: Rng) -> Made:
+    """An L on feet, by elements; parts come down near its inner corner, its hole and its edges."""
+    middle = np.array([[-10.0, -5.0], [40.0, -25.0], [-35.0, 0.0]])[int(rng.integers(3))]
+    x, y = middle + rng.uniform(-15.0, 15.0, 2)
+    where = {
+        "position_mm": [float(x), float(y), 10.0],
+        "velocity_mm_s": [*rng.uniform(-100.0, 100.0, 2).tolist(), -50.0],
+    }
+    drive: Raw = {
+        "frequency_hz": float(rng.uniform(300.0, 6000.0)),
+        "voltage_vpp": float(10.0 ** rng.uniform(0.5, 2.5)),
+    }
+    return ELL, [drive], where, {"duration_s": 0.4}
+
+
 KINDS: dict[str, Callable[[Rng], Made]] = {
     "still": _still,
     "edge": _edge,
@@ -253,5 +320,8 @@ KINDS: dict[str, Callable[[Rng], Made]] = {
     "plate": _plate,
     "strip": _strip,
     "hole": _hole,
+    "volts": _volts,
+    "tray": _tray,
+    "ell": _ell,
 }
 ALL = (*KINDS, *(f"{kind}/rods" for kind in KINDS if kind != "balls"))

@@ -138,6 +138,7 @@ class OutlineFile(Table):
     hole: Annotated[tuple[Ring, ...], Field(max_length=MOST_HOLES)] = ()
 
 
+BEYOND_MEASURED = 1.05  # of a measured resonance, up to where its mode is looked for
 MOST_TILT_DEG = 30.0
 MOST_TURN_MRAD = 100.0  # as an angle, which is taken for small
 MOST_DRIVES = 100  # at once; a plate has about so many modes below 20 kHz
@@ -473,7 +474,8 @@ class BendingPlate(PlateShape, OnPlate):
             ValueError: tables that do not go together.
         """
         shape = {key: getattr(self, key) for key in PlateShape.model_fields}
-        highest = max(highest_frequency_hz, self.highest_frequency_hz or 0.0)
+        measured = (BEYOND_MEASURED * resonance.frequency_hz for resonance in self.resonance)
+        highest = max(highest_frequency_hz, self.highest_frequency_hz or 0.0, *measured)
         try:
             body = PlateBody(**shape, highest_frequency_hz=highest)
             return PlateFile(plate=body, **{key: getattr(self, key) for key in OnPlate.model_fields})

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -110,7 +109,7 @@ def _from_table(drive: Excitation, key: str, size: Sequence[float], arm: float) 
     return DrivenMode(
         f"tray, by {drive.motion_file.name}, {len(coefficient)} harmonics",
         own.shape,
-        replace(own.drive),
+        own.drive,
         followers=tuple(motions[1:]),
         doubt=doubt,
     )

@@ -79,6 +79,14 @@ def test_a_plate_file_is_put_into_the_scenario_and_its_keys_may_be_given_anew(tm
     check_refused(feeder_sim("check", tmp_path / "scenario.toml"), "plate.toml", "plate.width_mm ... -3")
 
 
+def test_a_measured_resonance_above_the_drives_finds_its_mode() -> None:
+    scenario = Scenario.model_validate(SCENARIO)
+    highest = with_frequencies(scenario.changed({"plate.highest_frequency_hz": 9000.0}), {"drive[0].mode": 8})
+    resonance = {"frequency_hz": 1.01 * highest["drive[0].frequency_hz"], "damping_ratio": 0.001}
+    scene = build_scene(scenario.changed({"plate.resonance": [resonance]}))
+    assert scene.driven[0].drive.drive_frequency == 2200.0
+
+
 def test_modes_are_kept_and_a_damaged_file_is_made_again(cache: Path) -> None:
     file = PlateFile.model_validate({"plate": SHAPE | {"highest_frequency_hz": 3000.0}})
     first = mode_cache.modes_of_plate(file)

@@ -72,9 +72,6 @@ def element_modes(
 ) -> tuple[MeshModes, NDArray[np.float64]]:
     """Compute every mode up to a frequency, without motions of the plate as a whole that nothing holds.
 
-    Returns:
-        the modes; the damping ratio that supports give each of them, shape (n_modes,).
-
     Args:
         plate: thickness, material, and the bounding box of its outline.
         outline: of the plate, centred.
@@ -82,6 +79,9 @@ def element_modes(
         attachments: what is fixed to the plate.
         supports: what carries it.
         finer: elements per length over the usual number.
+
+    Returns:
+        the modes; the damping ratio that supports give each of them, shape (n_modes,).
 
     Raises:
         ValueError: no mesh follows the outline and the layers, or there are no such waves in the plate.
@@ -95,8 +95,7 @@ def element_modes(
     holds = [support.place for support in supports if support.hold != "spring"]
     lines += [place.boundary if place.area else place for place in holds if place.geom_type != "Point"]
     corners = shapely.get_coordinates([place for place in holds if place.geom_type == "Point"])
-    whole_plate = outline.polygon
-    lines = [shapely.intersection(line, whole_plate) for line in lines]
+    lines = [shapely.intersection(line, outline.polygon) for line in lines]
     points, triangles = triangulate(outline, lines, spacing, corners)
     basis = quartic(points, triangles)
     stiffness, mass = _matrices(basis, plate, layers, points[triangles].mean(axis=1))
