@@ -390,14 +390,17 @@ def plate_record(prepared: Prepared) -> PlateRecord:
     y = np.linspace(surface.y[0], surface.y[-1], min(len(surface.y), DISPLAY_POINTS))
     points = np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1).reshape(-1, 2)
     own = 1 + max((drive.shape for drive in prepared.scene.drives), default=0)  # modes that only follow are not drawn
-    shapes = [surface.deflection(j, points).reshape(len(x), len(y)) for j in range(own)]
+    shapes = np.stack([surface.deflection(j, points) for j in range(own)])
+    if surface.outline is not None:  # beyond its edge shapes go on to values that no place of the plate has
+        most = np.abs(shapes[:, surface.outline.holds(points)]).max(axis=1, keepdims=True)
+        shapes = np.clip(shapes, -most, most)
     return PlateRecord(
         length=surface.length,
         width=surface.width,
         thickness=surface.thickness,
         x=x,
         y=y,
-        mode_shape=np.stack(shapes),
+        mode_shape=shapes.reshape(own, len(x), len(y)),
         nodal_lines=cell.lines.lines if cell else (),
         antinode=cell.antinode if cell else np.full(2, np.nan),
         drives=prepared.scene.drives,

@@ -1,6 +1,7 @@
-"""A drawing (DXF) of a plate -> the tables that say the same: its outline, holes, patches and feet.
+"""A drawing (DXF, SVG) of a plate -> the tables that say the same: its outline, holes, patches and feet.
 
-Layers of these names count, all others do not:
+Layers of these names count, all others do not. In SVG a layer is a group, or one shape, with this name as its id or as
+its label in Inkscape.
 
     outline    the outer edge, and holes within it
     holes      further holes
@@ -14,9 +15,10 @@ of the next patch or foot; a single one stands for all of them, with numbers beh
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree
 
 from feeder_sim.errors import InputError, MissingExtra
 
@@ -27,6 +29,7 @@ MM = {"mm": 1.0, "cm": 10.0, "m": 1000.0, "inch": 25.4}
 OF_HEADER = {1: "inch", 4: "mm", 5: "cm", 6: "m"}  # $INSUNITS
 LAYERS = ("outline", "holes", "patches", "feet")
 MOST_BYTES = 50_000_000
+Point = tuple[float, float]
 
 
 def with_drawing(data: dict[str, Any], folder: Path) -> dict[str, Any]:
@@ -90,39 +93,103 @@ def _read(path: Path, unit: Any) -> tuple[dict[str, list[Any]], list[tuple[float
     """Rings of every layer as shapely's polygons, and points in the layer of feet [mm]."""
     import shapely
 
+    if not path.is_file() or path.stat().st_size > MOST_BYTES:
+        raise InputError(
+            f"is no file of up to {MOST_BYTES // 1_000_000} MB, allowed is a DXF or SVG drawing", file=path
+        )
+    lines: dict[str, list[Any]] = {layer: [] for layer in LAYERS}
+    points = []
+    for layer, way in (_svg if path.suffix.lower() == ".svg" else _dxf)(path, unit):
+        if len(way) > 1:
+            lines[layer].append(shapely.LineString(way))
+        elif layer == "feet":
+            points += way
+    return {layer: _rings(of_layer) for layer, of_layer in lines.items()}, points
+
+
+def _dxf(path: Path, unit: Any) -> Iterator[tuple[str, list[Point]]]:
+    """Layer and points [mm] of every line, curve and point."""
     try:
         from ezdxf.filemanagement import readfile
         from ezdxf.lldxf.const import DXFError
         from ezdxf.path import make_path
     except ImportError:
-        raise MissingExtra("dxf", key="plate.drawing") from None
-    if not path.is_file() or path.stat().st_size > MOST_BYTES:
-        raise InputError(f"is no file of up to {MOST_BYTES // 1_000_000} MB, allowed is a DXF drawing", file=path)
+        raise MissingExtra("drawing", key="plate.drawing") from None
     try:
         document = readfile(path)
     except (DXFError, OSError, UnicodeError, ValueError) as error:
         raise InputError("is not a readable DXF drawing", file=path) from error
-    unit = OF_HEADER.get(document.units) if unit is None else unit
-    if unit not in MM:
-        raise InputError(f"does not say its unit, allowed is drawing_unit with {', '.join(MM)}", file=path)
-    lines: dict[str, list[Any]] = {layer: [] for layer in LAYERS}
-    points = []
+    mm = _mm(OF_HEADER.get(document.units) if unit is None else unit, path)
     for entity in document.modelspace():
         layer = entity.dxf.layer.lower()
-        if layer not in lines:
+        if layer not in LAYERS:
             continue
         if entity.dxftype() == "POINT":
-            if layer == "feet":
-                points.append((MM[unit] * entity.dxf.location.x, MM[unit] * entity.dxf.location.y))
+            yield layer, [(mm * entity.dxf.location.x, mm * entity.dxf.location.y)]
             continue
         try:
             curve = make_path(entity)
         except TypeError:
             continue  # texts, dimensions
-        way = [(MM[unit] * v.x, MM[unit] * v.y) for v in curve.flattening(CLOSE / MM[unit])]
-        if len(way) > 1:
-            lines[layer].append(shapely.LineString([*way, way[0]] if curve.is_closed else way))
-    return {layer: _rings(of_layer) for layer, of_layer in lines.items()}, points
+        way = [(mm * v.x, mm * v.y) for v in curve.flattening(CLOSE / mm)]
+        yield layer, [*way, way[0]] if way and curve.is_closed else way
+
+
+def _svg(path: Path, unit: Any) -> Iterator[tuple[str, list[Point]]]:
+    """Layer and points [mm] of every path, y upwards from the lower edge of the page."""
+    try:
+        import svgelements as svg
+    except ImportError:
+        raise MissingExtra("drawing", key="plate.drawing") from None
+    try:
+        page = svg.SVG.parse(str(path), ppi=25.4)  # which makes a unit of what is drawn one millimetre
+    except (ElementTree.ParseError, OSError, UnicodeError, ValueError, AttributeError, TypeError) as error:
+        raise InputError("is not a readable SVG drawing", file=path) from error
+    says = str(page.values.get("width", "")).strip()
+    if unit is None:
+        mm = 1.0 if says.endswith(("mm", "cm", "in", "pt", "pc")) else _mm(None, path)
+    else:
+        mm = _mm(unit, path) * (page.viewbox.width / page.width if page.viewbox is not None and page.width else 1.0)
+    height = float(page.height or 0.0)
+
+    def within(shapes: Any, around: str) -> Iterator[tuple[str, list[Point]]]:
+        for shape in shapes:
+            names = (shape.id, shape.values.get("{http://www.inkscape.org/namespaces/inkscape}label"))
+            layer = next((str(name).lower() for name in names if str(name).lower() in LAYERS), around)
+            if isinstance(shape, svg.Group):
+                yield from within(shape, layer)
+            elif isinstance(shape, svg.Shape) and layer:
+                for piece in abs(svg.Path(shape)).as_subpaths():
+                    ways = [_followed(s.point, CLOSE / mm) for s in svg.Path(piece) if not isinstance(s, svg.Move)]
+                    corners = [at for i, way in enumerate(ways) for at in (way if i == 0 else way[1:])]
+                    yield layer, [(mm * x, mm * (height - y)) for x, y in corners]
+
+    yield from within(page, "")
+
+
+def _followed(point: Callable[[float], Any], close: float) -> list[Point]:
+    """Points of a curve over 0 to 1, the lines between them within `close` of it."""
+
+    def between(a: float, b: float, depth: int) -> list[float]:
+        middle = 0.5 * (a + b)
+        p, q, m = point(a), point(b), point(middle)
+        off = math.hypot(0.5 * (p[0] + q[0]) - m[0], 0.5 * (p[1] + q[1]) - m[1])
+        if depth >= 2 and (off < close or depth > 12):
+            return [b]
+        return between(a, middle, depth + 1) + between(middle, b, depth + 1)
+
+    straight = point(0.0), point(1.0), point(0.3)
+    (ax, ay), (bx, by), (cx, cy) = ((at[0], at[1]) for at in straight)
+    if math.hypot(ax + 0.3 * (bx - ax) - cx, ay + 0.3 * (by - ay) - cy) < 1e-9:
+        return [(ax, ay), (bx, by)]
+    return [(float(at[0]), float(at[1])) for at in map(point, [0.0, *between(0.0, 1.0, 0)])]
+
+
+def _mm(unit: Any, path: Path) -> float:
+    """Millimetres of a unit."""
+    if unit not in MM:
+        raise InputError(f"does not say its unit, allowed is drawing_unit with {', '.join(MM)}", file=path)
+    return MM[unit]
 
 
 def _rings(lines: Sequence[Any]) -> list[Any]:

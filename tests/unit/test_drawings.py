@@ -1,4 +1,4 @@
-"""A DXF drawing in place of an outline: what is read of it, and what is refused."""
+"""A DXF or SVG drawing in place of an outline: what is read of it, and what is refused."""
 
 from __future__ import annotations
 
@@ -8,8 +8,9 @@ from typing import Any
 
 import numpy as np
 import pytest
+import shapely
 from command_line import check_refused, feeder_sim
-from conftest import toml_of
+from conftest import REPOSITORY, toml_of
 from ezdxf.filemanagement import new
 
 from feeder_sim.errors import InputError
@@ -59,6 +60,12 @@ def file_in(folder: Path, **changes: Any) -> PlateFile:
     return load_plate_file(folder / "plate.toml")
 
 
+def whole(file: PlateFile) -> shapely.Polygon:
+    """The plate without its holes [mm]."""
+    assert file.plate.outline is not None
+    return shapely.Polygon(file.plate.outline.points_mm or (), [hole.points_mm or () for hole in file.hole])
+
+
 def test_outline_holes_patches_and_feet_are_where_they_are_drawn(tmp_path: Path) -> None:
     draw(tmp_path / "plate.dxf")
     file = file_in(tmp_path)
@@ -87,6 +94,61 @@ def test_units_of_the_drawing_are_those_it_says_or_those_that_are_given(tmp_path
     assert inches.actuator[0].at_mm == pytest.approx(given.actuator[0].at_mm, abs=0.01)
     with pytest.raises(InputError, match="does not say its unit"):
         file_in(tmp_path)
+
+
+SVG = """<svg xmlns="http://www.w3.org/2000/svg" xmlns:inkscape="http://www.inkscape.org/namespaces/inkscape"
+    {size} viewBox="0 0 120 90">
+  <path id="outline" d="M 0 90 H 110 A 10 10 0 0 0 120 80 V 50 H 50 V 0 H 0 Z
+    M 29 15 a 4 4 0 1 0 -8 0 a 4 4 0 1 0 8 0"/>
+  <g inkscape:label="Holes"><circle cx="105" cy="65" r="3"/></g>
+  <g id="patches"><rect x="15" y="45" width="15" height="15"/>
+    <g transform="translate(70 80) rotate(-26.565051)">
+      <rect width="11.18034" height="5.5901699" y="-5.5901699"/></g></g>
+  <g id="feet"><circle cx="8" cy="82" r="3"/><circle cx="8" cy="8" r="3"/><circle cx="100" cy="82" r="3"/></g>
+  <text>L</text><circle id="dimension" cx="60" cy="70" r="5"/>
+</svg>"""
+
+
+@pytest.mark.parametrize("size", ['width="120mm" height="90mm"', 'width="4.72440945in" height="3.54330709in"', ""])
+def test_an_svg_says_the_same_as_a_dxf(size: str, tmp_path: Path) -> None:
+    draw(tmp_path / "plate.dxf")
+    expected = file_in(tmp_path)
+    (tmp_path / "plate.svg").write_text(SVG.format(size=size))
+    unit = {} if size else {"plate.drawing_unit": "mm"}
+    found = file_in(tmp_path, **{"plate.drawing": "plate.svg"}, **unit)
+    one, other = whole(found), whole(expected)
+    assert one.symmetric_difference(other).area < 1e-4 * other.area
+    for patch, patch_of_dxf in zip(found.actuator, expected.actuator, strict=True):
+        assert (*patch.at_mm, *patch.size_mm, patch.angle_deg) == pytest.approx(
+            (*patch_of_dxf.at_mm, *patch_of_dxf.size_mm, patch_of_dxf.angle_deg), abs=0.01
+        )
+    feet = sorted((round(x, 2), round(y, 2)) for x, y in (support.at_mm for support in found.support))
+    assert feet == [(8.0, 8.0), (8.0, 82.0), (100.0, 8.0)]
+
+
+def test_the_two_drawings_of_the_tutorial_are_the_same(tmp_path: Path) -> None:
+    folder = REPOSITORY / "docs/tutorial"
+    as_dxf = (folder / "l_plate.toml").read_text()
+    (tmp_path / "svg.toml").write_text(as_dxf.replace("l_plate.dxf", str(folder / "l_plate.svg")))
+    one, other = (load_plate_file(path) for path in (folder / "l_plate.toml", tmp_path / "svg.toml"))
+    assert whole(one).symmetric_difference(whole(other)).area < 0.1
+    assert (one.actuator, len(one.support)) == (other.actuator, len(other.support))
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        (SVG.format(size=""), "plate.svg ... unit ... drawing_unit"),
+        (SVG.format(size='width="100%"'), "plate.svg ... unit"),
+        ("<svg", "plate.svg ... not a readable SVG"),
+        ("<html></html>", "plate.svg"),
+        ('<svg xmlns="http://www.w3.org/2000/svg" width="9mm" height="9mm"><rect width="9"/></svg>', "layer outline"),
+    ],
+)
+def test_an_svg_that_cannot_be_meant_is_refused(text: str, expected: str, tmp_path: Path) -> None:
+    (tmp_path / "plate.svg").write_text(text)
+    (tmp_path / "plate.toml").write_text(toml_of(FILE, {"plate.drawing": "plate.svg"}))
+    check_refused(feeder_sim("modes", tmp_path / "plate.toml"), expected)
 
 
 def test_tables_may_have_a_place_of_their_own(tmp_path: Path) -> None:
@@ -132,8 +194,11 @@ def test_drawings_that_cannot_be_meant_are_refused(without: str, change: Raw, ex
     check_refused(feeder_sim("modes", tmp_path / "plate.toml"), expected)
 
 
-def test_without_the_library_the_extra_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    draw(tmp_path / "plate.dxf")
-    monkeypatch.setitem(sys.modules, "ezdxf.filemanagement", None)
-    with pytest.raises(InputError, match=r"plate\.toml: plate\.drawing: .*feeder_sim\[dxf\]"):
-        file_in(tmp_path)
+@pytest.mark.parametrize(("name", "library"), [("plate.dxf", "ezdxf.filemanagement"), ("plate.svg", "svgelements")])
+def test_without_the_library_the_extra_is_named(
+    name: str, library: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / name).touch()
+    monkeypatch.setitem(sys.modules, library, None)
+    with pytest.raises(InputError, match=r"plate\.toml: plate\.drawing: .*feeder_sim\[drawing\]"):
+        file_in(tmp_path, **{"plate.drawing": name})

@@ -171,7 +171,7 @@ def test_a_wheel_holds_the_examples_without_pictures_and_stays_small(wheel: Path
         name.removeprefix("scenarios/") for name in names if name.startswith("scenarios/")
     }
     assert {"models/plate_180/modes.h5", "tutorial/drift.toml", "schema/scenario.schema.json"} <= set(names)
-    assert {Path(name).suffix for name in names} == {".csv", ".toml", ".h5", ".stl", ".obj", ".json"}
+    assert {Path(name).suffix for name in names} == {".csv", ".toml", ".h5", ".stl", ".obj", ".json", ".dxf", ".svg"}
     assert wheel.stat().st_size < LARGEST_WHEEL
 
 
