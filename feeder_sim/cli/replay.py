@@ -25,6 +25,7 @@ def replay(
     ] = None,
     at: Annotated[float | None, typer.Option("--at", min=0.0, help="Time shown in the screenshot [1 s].")] = None,
     video: Annotated[Path | None, typer.Option("--video", help="Write a film (.mp4); needs no screen.")] = None,
+    html: Annotated[Path | None, typer.Option("--html", help="Write a page that plays anywhere, offline.")] = None,
     begin: Annotated[float | None, typer.Option("--from", min=0.0, help="Begin of the film [0 s].")] = None,
     end: Annotated[float | None, typer.Option("--to", min=0.0, help="End of the film [that of the record].")] = None,
     speed: Annotated[
@@ -42,12 +43,13 @@ def replay(
     ] = False,
     as_json: AsJson = False,
 ) -> None:
-    """Open a recorded run in the rerun viewer, take a picture of it or make a film."""
+    """Open a recorded run in the rerun viewer, take a picture of it, make a film or a page that plays."""
     from feeder_sim.replay.plate import SLOW, TIMELINE
     from feeder_sim.replay.viewer import FORMATS, SIZE, open_viewer, replay_file, take_screenshot, time_shown
 
-    if screenshot is not None and video is not None:
-        raise InputError("is not allowed together with --screenshot", key="--video")
+    asked = [key for key, path in (("--screenshot", screenshot), ("--video", video), ("--html", html)) if path]
+    if len(asked) > 1:
+        raise InputError(f"is not allowed together with {asked[0]}", key=asked[1])
     if at is not None and screenshot is None:
         raise InputError("belongs to --screenshot", key="--at")
     of_films = {"--from": begin, "--to": end, "--speed": speed, "--fps": fps, "--size": size}
@@ -65,6 +67,10 @@ def replay(
             make_film(folder, video, film, seed=show_seed, colour=meaning, progress=progress)
         _tell(as_json, {"video": str(video), "seed": show_seed, **film.as_json_object()})
         return
+    if html is not None:
+        _check_new(html, "--html", (".html", ".htm"))
+        _tell(as_json, {"page": str(html), "seed": show_seed, "bytes": _write_page(folder, html, show_seed, meaning)})
+        return
     if screenshot is not None:
         _check_new(screenshot, "--screenshot", tuple(FORMATS))
         moment = time_shown(folder, at, seed=show_seed, slow=slow)
@@ -77,6 +83,24 @@ def replay(
     file = replay_file(folder, seed=show_seed, colour=meaning, rebuild=rebuild)
     open_viewer(file)
     _tell(as_json, {"replay": str(file), "seed": show_seed})
+
+
+def _write_page(folder: Path, file: Path, seed: int, meaning: Colour | None) -> int:
+    """Write the replay as one page, and say how many bytes it has."""
+    from feeder_sim.document.player import Player
+    from feeder_sim.records.files import write_whole
+    from feeder_sim.records.trajectory_file import read_recording, trajectory_of
+    from feeder_sim.replay.page import replay_page
+
+    recording = read_recording(trajectory_of(folder))
+    made = Player(
+        lambda: replay_page(recording, seed, colour=meaning),
+        title=f"Replay of {recording.path.parent.name}",
+        caption="",
+    )
+    content = made.alone().encode()
+    write_whole(file, content)
+    return len(content)
 
 
 def _tell(as_json: bool, made: dict[str, Any]) -> None:

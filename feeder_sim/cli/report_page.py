@@ -22,6 +22,9 @@ def report(
     screenshot: Annotated[
         bool, typer.Option("--screenshot", help="With a picture of the replay; needs a graphics driver, no screen.")
     ] = False,
+    replay: Annotated[
+        bool, typer.Option("--replay/--no-replay", help="The page of a run plays its replay, in one or two megabytes.")
+    ] = True,
     text: Annotated[bool, typer.Option("--text", help="Print it without pictures, and write nothing.")] = False,
     force: Annotated[bool, typer.Option("--force", help="Replace an existing page.")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout.")] = False,
@@ -37,7 +40,7 @@ def report(
     if file.is_file() and not force and not text:
         raise InputError("exists already, --force replaces it", file=file, key="--out")
     with progress_bar(str(folder)) as progress, options_in_errors():
-        document = document_of(folder, screenshot=screenshot, progress=progress, notify=notify)
+        document = document_of(folder, screenshot=screenshot, replay=replay, progress=progress, notify=notify)
         if text:
             print(document.text())
             return

@@ -1,7 +1,7 @@
-"""What a page is made of, and its HTML: one file, no scripts, nothing that has to be loaded.
+"""What a page is made of, and its HTML: one file, nothing that has to be loaded, no scripts but those of a player.
 
 All text goes through the template's automatic escaping, so that a title or a name of a file cannot become HTML; a
-policy in the page itself forbids scripts and everything that comes from elsewhere.
+policy in the page itself forbids other scripts and everything that comes from elsewhere.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ from dataclasses import dataclass, field
 from typing import Any, ClassVar, Literal
 
 from feeder_sim.document.figure import Figure, Picture
+from feeder_sim.document.player import Player, policy_for
 from feeder_sim.errors import escaped
 
 WIDEST_TEXT = 10_000  # characters of a line
@@ -81,7 +82,7 @@ class Folded:
     blocks: tuple[Text | Table, ...]
 
 
-Block = Text | Table | Figure | Picture | Folded
+Block = Text | Table | Figure | Picture | Player | Folded
 
 
 @dataclass(frozen=True)
@@ -108,6 +109,11 @@ class Document:
     def pictures(self) -> int:
         """Number of pictures."""
         return sum(isinstance(block, Figure | Picture) for section in self.sections for block in section.blocks)
+
+    @property
+    def policy(self) -> str:
+        """What the page may load and run."""
+        return policy_for([b for section in self.sections for b in section.blocks if isinstance(b, Player)])
 
     def html(self) -> str:
         """The whole page, one file."""

@@ -20,7 +20,7 @@ from feeder_sim.replay.colours import Colours
 from feeder_sim.replay.labels import log_stage_texts, plate_box, stage_texts
 from feeder_sim.replay.layout import Style, layout, scene_eye, wave_view
 from feeder_sim.replay.parts import NUT, drawn_part, radius_of
-from feeder_sim.replay.plate import MM, NODE_HEIGHT_MM, SLOW, TIMELINE, drawn_lines, log_wave
+from feeder_sim.replay.plate import MM, NODE_HEIGHT_MM, SLOW, TIMELINE, drawn_lines, log_wave, nodal_lines_of
 from feeder_sim.replay.shadows import log_instances, log_shadows
 from feeder_sim.scenario import Scenario, parse_scenario
 from feeder_sim.scene.timetable import TimedStage, Timetable
@@ -154,14 +154,8 @@ def _log_kind(
 def _log_stages(stream: Any, plate: PlateRecord, stages: Sequence[TimedStage], last: float) -> None:
     """Log nodal lines and name of every stage, from its begin on, up to the time `last` [s]."""
     import rerun as rr
-    from contourpy import contour_generator
 
-    lines_of_shape = [
-        [np.asarray(line) for line in contour_generator(plate.x, plate.y, shape.T).lines(0.0) if len(line) > 1]
-        for shape in plate.mode_shape
-    ]
-    if plate.outline is not None:
-        lines_of_shape = [list(plate.outline.kept(lines)) if lines else [] for lines in lines_of_shape]
+    lines_of_shape = nodal_lines_of(plate)
     for number, stage in enumerate(stages):
         if stage.start > last:
             break

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from feeder_sim.plate.drive import ModalDrive, ModalTerms
 from feeder_sim.plate.wave import standing_share
 from feeder_sim.records.recording import PlateRecord
-from feeder_sim.replay.area import area_of, body_mesh
+from feeder_sim.replay.area import Area, area_of, body_mesh
 from feeder_sim.scene.timetable import TimedStage
 
 # The surface in slow motion in a replay: a few periods of every stage, magnified, on a timeline of their own.
@@ -43,7 +43,7 @@ def log_wave(
     """
     import rerun as rr
 
-    rows, columns = (_thinned(len(axis)) for axis in (plate.x, plate.y))
+    rows, columns = (thinned(len(axis)) for axis in (plate.x, plate.y))
     area = area_of(plate.x[rows], plate.y[columns], plate.outline)
     shapes = np.stack([area.carried(shape) for shape in plate.mode_shape[:, rows[:, None], columns]])
 
@@ -83,7 +83,7 @@ def log_wave(
     return list(slow_stages.values())
 
 
-def _thinned(n: int) -> NDArray[np.int64]:
+def thinned(n: int) -> NDArray[np.int64]:
     """Indices of at most `POINTS` of n grid lines, evenly spaced, including the first and the last."""
     return np.unique(np.linspace(0, n - 1, min(n, POINTS)).round().astype(np.int64))
 
@@ -125,9 +125,23 @@ def log_plate(stream: Any, plate: PlateRecord, terms: ModalTerms, last: float) -
         vertex_normals=np.tile([0.0, 0.0, 1.0], (len(vertices), 1)),
     )
     stream.log("plate/surface", mesh, static=True)  # only the vertex colours below change in time
+    for time, field in amplitude_fields(plate, area, terms, last):
+        stream.set_time(TIMELINE, duration=time)
+        stream.log("plate/surface", rr.Mesh3D.from_fields(vertex_colors=diverging(field)))
+    if plate.nodal_lines:
+        stream.log("plate/nodal_lines", drawn_lines(plate.nodal_lines), static=True)
+
+
+def amplitude_fields(
+    plate: PlateRecord, area: Area, terms: ModalTerms, last: float, *, step: float = COLOUR_STEP
+) -> list[tuple[float, NDArray[np.float64]]]:
+    """Times [s] up to `last` at which the amplitude has changed, and its field (n,) at the corners of `area`.
+
+    Fields are over the largest amplitude of all. `step`: of the largest one, by which an amplitude has to change.
+    """
     times = np.linspace(0.0, last, ENVELOPE_POINTS)
     phasors = terms.phasor(times, len(plate.mode_shape))
-    rows, groups = _colour_rows(np.abs(phasors)), _driven_together(plate)
+    rows, groups = _colour_rows(np.abs(phasors), step), _driven_together(plate)
     fields = {
         row: area.carried(
             np.sum([_amplitude(phasors[row, group], plate.mode_shape[group]) for group in groups], axis=0)
@@ -135,11 +149,20 @@ def log_plate(stream: Any, plate: PlateRecord, terms: ModalTerms, last: float) -
         for row in rows
     }
     largest = max(max(float(np.abs(field).max()) for field in fields.values()), 1e-300)
-    for row, field in fields.items():
-        stream.set_time(TIMELINE, duration=float(times[row]))
-        stream.log("plate/surface", rr.Mesh3D.from_fields(vertex_colors=diverging(field / largest)))
-    if plate.nodal_lines:
-        stream.log("plate/nodal_lines", drawn_lines(plate.nodal_lines), static=True)
+    return [(float(times[row]), field / largest) for row, field in fields.items()]
+
+
+def nodal_lines_of(plate: PlateRecord) -> list[list[NDArray[np.float64]]]:
+    """Nodal lines (n, 2) [m] of every mode shape, as far as they are on the plate."""
+    from contourpy import contour_generator
+
+    of_shapes = [
+        [np.asarray(line) for line in contour_generator(plate.x, plate.y, shape.T).lines(0.0) if len(line) > 1]
+        for shape in plate.mode_shape
+    ]
+    if plate.outline is None:
+        return of_shapes
+    return [list(plate.outline.kept(lines)) if lines else [] for lines in of_shapes]
 
 
 def _driven_together(plate: PlateRecord) -> list[list[int]]:
@@ -175,9 +198,9 @@ def drawn_lines(lines: Sequence[NDArray[np.float64]]) -> Any:
     return rr.LineStrips3D(raised, colors=[NODE], radii=[0.12])
 
 
-def _colour_rows(amplitude: NDArray[np.float64]) -> list[int]:
-    """Rows of `amplitude` (n, n_shapes) that differ from the row before them in the list by `COLOUR_STEP`."""
-    step = COLOUR_STEP * max(float(amplitude.max()), 1e-300)
+def _colour_rows(amplitude: NDArray[np.float64], step: float) -> list[int]:
+    """Rows of `amplitude` (n, n_shapes) that differ from the row before them in the list by a step, of the largest."""
+    step *= max(float(amplitude.max()), 1e-300)
     rows = [0]
     for i in range(1, len(amplitude)):
         if np.abs(amplitude[i] - amplitude[rows[-1]]).max() > step:

@@ -78,12 +78,12 @@ def replay_content(
     """
     import rerun as rr
 
-    _check_shown(recording, shown_seed)
+    check_shown(recording, shown_seed)
     stream = rr.RecordingStream("feeder_sim", recording_id=f"{recording.path.parent.name}-{shown_seed}")
     scenario = parse_scenario(recording.scenario_text, file=recording.path)
-    times = _times_of(recording, scenario, shown_seed)
+    times = times_of(recording, scenario, shown_seed)
     terms = modal_terms(timed(recording.plate.drives, times))
-    crowd = _is_crowd(scenario)
+    crowd = is_crowd(scenario)
     colours = colours_of(scenario, colour, recording.parts)
     box = plate_box(recording.plate) if crowd else single_box(recording, shown_seed)
     held = stream.memory_recording()
@@ -110,24 +110,25 @@ def timeline_ends(recording: Recording, shown_seed: int) -> dict[str, float]:
     Raises:
         InputError: there is no such seed, or nothing of it.
     """
-    _check_shown(recording, shown_seed)
+    check_shown(recording, shown_seed)
     scenario = parse_scenario(recording.scenario_text, file=recording.path)
-    last, times = float(recording.seeds[shown_seed].time[-1]), _times_of(recording, scenario, shown_seed)
+    last, times = float(recording.seeds[shown_seed].time[-1]), times_of(recording, scenario, shown_seed)
     drives = recording.plate.drives
     reached = [stage for stage in times.stages if stage.excitations and stage.start <= last]
     kinds = {frozenset(drives[i] for i in stage.excitations) for stage in reached}
     slow = PERIOD_S * (PERIODS * len(kinds) - 1.0 / PICTURES)
-    return {TIMELINE: last} | ({SLOW: slow} if kinds and _is_crowd(scenario) else {})
+    return {TIMELINE: last} | ({SLOW: slow} if kinds and is_crowd(scenario) else {})
 
 
-def _times_of(recording: Recording, scenario: Scenario, shown_seed: int) -> Timetable:
+def times_of(recording: Recording, scenario: Scenario, shown_seed: int) -> Timetable:
     """When the stages of a seed were."""
     record = recording.records[shown_seed]
     interval = float(record.frames.time[1]) if len(record.frames) > 1 else None
     return timetable(scenario, record.stops.tolist(), frame_interval=interval)
 
 
-def _check_shown(recording: Recording, shown_seed: int) -> None:
+def check_shown(recording: Recording, shown_seed: int) -> None:
+    """Refuse a seed that there is not, or nothing of it."""
     if not 0 <= shown_seed < len(recording.seeds):
         raise InputError(
             f"is {shown_seed}, allowed is 0 to {len(recording.seeds) - 1}", file=recording.path, key="--show-seed"
@@ -136,5 +137,6 @@ def _check_shown(recording: Recording, shown_seed: int) -> None:
         raise InputError(f"seed {shown_seed} has no frames yet", file=recording.path)
 
 
-def _is_crowd(scenario: Scenario) -> bool:
+def is_crowd(scenario: Scenario) -> bool:
+    """Whether all parts and stages are shown, not the way of one part."""
     return scenario.schedule is not None or scenario.n_parts > 1

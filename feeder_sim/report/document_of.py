@@ -94,6 +94,7 @@ def document_of(
     folder: str | Path,
     *,
     screenshot: bool = False,
+    replay: bool = False,
     progress: Callable[[float], None] | None = None,
     notify: Callable[[str], None] | None = None,
 ) -> Document:
@@ -104,6 +105,7 @@ def document_of(
     Args:
         folder: of the run, or of the question; of a run also its trajectory file.
         screenshot: also take a picture of the replay, which takes seconds; of a run.
+        replay: the page of a run also plays the replay of its first seed, which adds one or two megabytes.
         progress: called with the fraction done.
         notify: takes a line for the user, such as that there is no graphics driver.
 
@@ -121,4 +123,4 @@ def document_of(
     if not (path / TRAJECTORY).is_file() and not (path.suffix == ".h5" and path.is_file()):
         allowed = f"a folder that holds {', '.join((TRAJECTORY, *(kind.file for kind in KINDS.values())))}"
         raise InputError(f"is no run and no question of many runs, allowed is {allowed}", file=path)
-    return run_document(path, with_screenshot=screenshot, progress=progress, notify=notify)
+    return run_document(path, with_screenshot=screenshot, with_replay=replay, progress=progress, notify=notify)

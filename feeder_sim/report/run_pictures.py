@@ -12,6 +12,7 @@ import numpy as np
 
 from feeder_sim.document.document import Block, Text
 from feeder_sim.document.figure import UM, WIDTH, Figure, picture_from
+from feeder_sim.document.player import Player
 from feeder_sim.document.words import number
 from feeder_sim.errors import FeederSimError
 from feeder_sim.plots.plate_top import (
@@ -26,6 +27,7 @@ from feeder_sim.records.recording import PlateRecord
 from feeder_sim.records.seed import Cause, parts_removed
 from feeder_sim.records.trajectory import Frames
 from feeder_sim.replay.colours import colours_of, default_colour
+from feeder_sim.replay.page import replay_page
 from feeder_sim.replay.viewer import take_screenshot
 from feeder_sim.report.recorded import Recorded
 from feeder_sim.scene.timetable import TimedStage
@@ -81,6 +83,18 @@ def parts_picture(run: Recorded) -> Figure | None:
     if len(recording.parts) == 1:
         return _paths(run)
     return _moments(run)
+
+
+def player(run: Recorded) -> Player | None:
+    """The replay of the first seed, which plays in the page; None where nothing is recorded."""
+    if not len(run.recording.seeds[0]):
+        return None
+    return Player(
+        lambda: replay_page(run.recording),
+        title="Replay",
+        caption="The replay of the first seed: turn it with the mouse; time line and speed are below it. Colour is "
+        "the amplitude of the surface, red and blue swing in opposite phase; black lines are nodal lines.",
+    )
 
 
 def _paths(run: Recorded) -> Figure:

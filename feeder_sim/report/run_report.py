@@ -16,7 +16,7 @@ from feeder_sim.report.measure_tables import measure_blocks, tiles
 from feeder_sim.report.provenance import foot
 from feeder_sim.report.recorded import Recorded, recorded_run
 from feeder_sim.report.run_curves import curves
-from feeder_sim.report.run_pictures import parts_picture, plate_picture, screenshot
+from feeder_sim.report.run_pictures import parts_picture, plate_picture, player, screenshot
 from feeder_sim.report.scenario_tables import scenario_blocks
 from feeder_sim.run.run_folder import RESOLVED
 from feeder_sim.studies.uncertainty.uncertainty import UncertaintyQuestion
@@ -35,6 +35,7 @@ def run_document(
     folder: Path,
     *,
     with_screenshot: bool = False,
+    with_replay: bool = False,
     progress: Progress | None = None,
     notify: Callable[[str], None] | None = None,
 ) -> Document:
@@ -43,6 +44,7 @@ def run_document(
     Args:
         folder: of the run, or its trajectory file.
         with_screenshot: also take a picture of the replay, which takes seconds.
+        with_replay: the page also plays the replay of the first seed, which adds one or two megabytes.
         progress: called with the fraction done.
         notify: takes a line for the user, such as that there is no graphics driver.
 
@@ -60,6 +62,7 @@ def run_document(
     tell(0.6)
     if with_screenshot:
         pictures.append(screenshot(run, notify))
+    playing = player(run) if with_replay else None
     tell(0.8)
     found: list[Block] = list(curves(run))
     tell(1.0)
@@ -72,6 +75,7 @@ def run_document(
     sections = [
         Section("What was asked", scenario_blocks(scenario, run.recording.scenario_text)),
         Section("The plate and the parts", tuple(pictures)),
+        Section("The replay", (playing,) if playing else ()),
         Section("Curves", tuple(found)),
         Section("All measures", (intro, *measure_blocks(measures))),
         Section("Cautions", _cautions(run)),

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import base64
+import hashlib
 import json
+import re
 from pathlib import Path
 
 import numpy as np
 import pytest
 from command_line import feeder_sim, one_line
 from conftest import StopsAfter, strip_scenario
-from pages import checked
+from pages import Checked, checked
 from test_screenshot import drawn
 
 from feeder_sim.document import figure
@@ -58,7 +61,7 @@ def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_page_of_a_run_is_whole_and_escaped(recorded: Path, tmp_path: Path) -> None:
     out = tmp_path / "page.html"
-    done = feeder_sim("report", recorded, "--out", out, "--json")
+    done = feeder_sim("report", recorded, "--out", out, "--json", "--no-replay")
     assert done.returncode == 0, done.stderr
     made = json.loads(done.stdout)
     assert made["file"] == str(out) and made["bytes"] == out.stat().st_size and made["kind"] == "run"
@@ -67,6 +70,20 @@ def test_page_of_a_run_is_whole_and_escaped(recorded: Path, tmp_path: Path) -> N
     shown = """<script>alert("x")</script> & 'so' \\u202e\\x1b[31m"""
     assert page.text.count(shown) >= 2  # heading and title; in the TOML its quotes are escaped
     assert "<script" not in out.read_text(encoding="utf-8")
+
+
+def test_page_plays_the_replay_and_runs_nothing_else(recorded: Path, tmp_path: Path, coarse: None) -> None:
+    done = feeder_sim("report", recorded, "--out", tmp_path / "page.html")
+    assert done.returncode == 0, done.stderr
+    page = Checked((tmp_path / "page.html").read_text(encoding="utf-8"))
+    (frame,) = page.all("iframe")
+    assert frame["sandbox"] == "allow-scripts" and frame["title"] == "Replay" and not page.all("script")
+    (policy,) = [meta["content"] for meta in page.all("meta") if meta.get("http-equiv") == "Content-Security-Policy"]
+    assert policy is not None and policy.startswith("default-src 'none'; ") and "http" not in policy
+    scripts = re.findall(r"<script[^>]*>(.*?)</script>", frame["srcdoc"] or "", re.DOTALL)
+    hashes = [base64.b64encode(hashlib.sha256(script.encode()).digest()).decode() for script in scripts]
+    assert len(hashes) == 2 and all(f"'sha256-{found}'" in policy for found in hashes)
+    assert "'unsafe-inline'" not in policy.partition("script-src")[2]
 
 
 def test_page_has_the_numbers_of_the_run(recorded: Path, undrawn: None) -> None:
@@ -98,7 +115,7 @@ def test_page_is_not_replaced_unasked(recorded: Path, tmp_path: Path, undrawn: N
     again = feeder_sim("report", recorded, "--out", out)
     assert again.returncode == 2 and "exists already, --force replaces it" in one_line(again)
     assert out.read_text() == "mine"
-    done = feeder_sim("report", recorded, "--out", out, "--force")
+    done = feeder_sim("report", recorded, "--out", out, "--force", "--no-replay")
     assert (done.returncode, done.stdout) == (0, f"{out}\n")
     checked(out.read_text(encoding="utf-8"))
 
@@ -122,7 +139,7 @@ def test_interrupted_run_says_so_and_can_go_on(tmp_path: Path, coarse: None) -> 
     scenario = titled("short", seeds=3, duration_s=6.0)
     result = record_run(scenario, tmp_path / "run", stop=StopsAfter(2), replay=False)
     assert result.interrupted
-    done = feeder_sim("report", tmp_path / "run")
+    done = feeder_sim("report", tmp_path / "run", "--no-replay")
     assert done.returncode == 0, done.stderr
     text = checked((tmp_path / "run/report.html").read_text(encoding="utf-8")).text
     assert "The run was interrupted: 0 of 3 seeds have ended." in text
@@ -153,7 +170,7 @@ def test_failed_seeds_are_named_and_do_not_count(
     monkeypatch.setattr(Guard, "check", spoilt)
     result = record_run(titled("failed", seeds=3, duration_s=0.3), tmp_path / "run", replay=False)
     assert len(result.failures) == 1
-    done = feeder_sim("report", tmp_path / "run")
+    done = feeder_sim("report", tmp_path / "run", "--no-replay")
     assert done.returncode == 0, done.stderr
     text = checked((tmp_path / "run/report.html").read_text(encoding="utf-8")).text
     assert "1 of 3 seeds failed" in text and "2 ran to their end, 1 stopped" in text
@@ -178,7 +195,7 @@ def test_page_without_a_graphics_driver_says_why(
 @drawn
 @pytest.mark.slow
 def test_picture_of_the_replay_is_embedded(recorded: Path, tmp_path: Path) -> None:
-    done = feeder_sim("report", recorded, "--out", tmp_path / "page.html", "--screenshot")
+    done = feeder_sim("report", recorded, "--out", tmp_path / "page.html", "--screenshot", "--no-replay")
     assert done.returncode == 0 and done.stderr == ""
     images = checked((tmp_path / "page.html").read_text(encoding="utf-8")).all("img")
     assert sum((image["src"] or "").startswith("data:image/jpeg") for image in images) == 1
@@ -205,11 +222,12 @@ def test_pages_of_all_kinds_of_runs(
     text = (repository / f"scenarios/{name}.toml").read_text().replace(*cut)
     (tmp_path / "a.toml").write_text(text.replace("../models", str(repository / "models")))
     assert feeder_sim("run", tmp_path / "a.toml", "--seeds", 2, "--out", tmp_path / "run").returncode == 0
-    assert feeder_sim("report", tmp_path / "run").returncode == 0
+    assert feeder_sim("report", tmp_path / "run", "--no-replay").returncode == 0
     page = checked((tmp_path / "run/report.html").read_text(encoding="utf-8"))
     assert len(page.all("img")) >= 1
     for words in expected:
         assert words in page.text.lower()
+    assert feeder_sim("replay", tmp_path / "run", "--html", tmp_path / "replay.html").returncode == 0
 
 
 def test_long_schedules_do_not_make_the_page_too_large() -> None:

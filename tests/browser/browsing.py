@@ -1,0 +1,45 @@
+"""A browser without a screen, for tests of pages; where there is none, they are skipped."""
+
+from __future__ import annotations
+
+import io
+import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
+SOFTWARE_3D = ("--no-sandbox", "--use-gl=swiftshader", "--enable-unsafe-swiftshader", "--ignore-gpu-blocklist")
+browsing = pytest.mark.skipif(CHROMIUM is None, reason="no Chromium")
+
+
+@contextmanager
+def browser_page(*, width: int = 1000, height: int = 700) -> Iterator[tuple[Any, list[str]]]:
+    """An empty page and a list that every request of it will be in, with those of pages within it."""
+    from playwright.sync_api import sync_playwright
+
+    asked: list[str] = []
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=list(SOFTWARE_3D))
+        page = browser.new_page(viewport={"width": width, "height": height})
+        page.on("request", lambda request: asked.append(request.url))
+        page.on("websocket", lambda socket: asked.append(socket.url))
+        yield page, asked
+        browser.close()
+
+
+def elsewhere(asked: list[str], allowed: str) -> list[str]:
+    """The requests to other places than those that begin with `allowed`."""
+    return [url for url in asked if not url.startswith(("data:", "blob:", "about:", allowed))]
+
+
+def pixels(page: Any, within: str) -> NDArray[np.int64]:
+    """What is seen of an element, shape (height, width, 3)."""
+    from PIL import Image
+
+    with Image.open(io.BytesIO(page.locator(within).screenshot(timeout=60_000))) as image:
+        return np.asarray(image.convert("RGB"), np.int64)

@@ -1,0 +1,75 @@
+"""Replays that travel: pages that play in a browser, offline, and run nothing but their player."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+from browsing import browser_page, browsing, elsewhere, pixels
+from command_line import feeder_sim
+from conftest import REPOSITORY, strip_scenario
+
+from feeder_sim.document.player import Player
+from feeder_sim.run.run_folder import record_run
+
+pytestmark = [pytest.mark.slow, browsing]
+MAILED = 3_000_000  # bytes
+
+
+def changed(page: object, within: str, *, seconds: float = 40.0) -> float:
+    """Share of pixels that change while a page plays, as soon as some do."""
+    first, begin, share = pixels(page, within), time.monotonic(), 0.0
+    while share < 1e-3 and time.monotonic() - begin < seconds:
+        share = float((np.abs(pixels(page, within) - first).max(axis=-1) > 30).mean())
+    return share
+
+
+def coloured(page: object, *, seconds: float = 40.0) -> float:
+    """Share of pixels that are red, or blue if these are fewer, antinodes in opposite phase; the player fades in."""
+    begin, share = time.monotonic(), 0.0
+    while share < 0.01 and time.monotonic() - begin < seconds:
+        red, _, blue = np.moveaxis(pixels(page, "body"), -1, 0)
+        share = min(((red > 1.5 * blue) & (red > 60)).mean(), ((blue > 1.3 * red) & (blue > 60)).mean())
+    return share
+
+
+def test_a_replay_plays_from_a_file(tmp_path: Path) -> None:
+    record_run(strip_scenario(duration_s=2.0), tmp_path / "run", replay=False)
+    assert feeder_sim("replay", tmp_path / "run", "--html", tmp_path / "page.html").returncode == 0
+    with browser_page() as (page, asked):
+        page.goto((tmp_path / "page.html").as_uri())
+        page.wait_for_selector("canvas", timeout=60_000)
+        assert page.title() == "Replay of run"
+        assert changed(page, "body") >= 1e-3
+        assert coloured(page) > 0.01
+    assert elsewhere(asked, "file://") == []
+
+
+def test_the_report_of_a_hundred_nuts_can_be_mailed_and_plays(tmp_path: Path) -> None:
+    run = [*("run", REPOSITORY / "scenarios/separation_100.toml", "--seeds", "1"), *("--out", tmp_path / "run")]
+    assert feeder_sim(*run).returncode == 0
+    assert feeder_sim("report", tmp_path / "run").returncode == 0
+    report = tmp_path / "run/report.html"
+    assert report.stat().st_size < MAILED
+    with browser_page() as (page, asked):
+        page.goto(report.as_uri())
+        page.locator("iframe").scroll_into_view_if_needed()
+        page.frame_locator("iframe").locator("canvas").last.wait_for(timeout=60_000)
+        assert changed(page, "iframe") >= 1e-3
+    assert elsewhere(asked, "file://") == []
+
+
+def test_no_other_script_runs_beside_a_player(tmp_path: Path) -> None:
+    """Not one that came into the page, nor one that came into the page within it."""
+    made = "<!doctype html><head><meta charset=\"utf-8\" /><title>a</title></head><script>document.title='own'</script>"
+    page_file = tmp_path / "page.html"
+    page_file.write_text(Player(lambda: made, title="<b>", caption="").alone())
+    with browser_page() as (page, _):
+        page.goto(page_file.as_uri())
+        assert page.title() == "own"
+        page_file.write_text(page_file.read_text() + "<script>document.title='foreign'</script><p>end</p>")
+        page.goto(page_file.as_uri())
+        page.wait_for_selector("p")
+        assert page.title() == "own"
