@@ -77,6 +77,7 @@ def test_dry_run_and_check_describe_and_write_nothing(scenario: Path, tmp_path: 
     assert json.loads(dry.stdout).keys() == plan.keys()
     assert plan["steps_per_seed"] == pytest.approx(0.1 * 4750 * 40, rel=0.03)
     assert plan["parts"][0]["mass_g"] == pytest.approx(0.263, rel=2e-3)
+    assert plan["parts"][0]["name"] == plan["drives"][0]["under_parts"][0]["part"] == "hex_nut"
     assert plan["estimated_wall_s"] > 0 and plan["estimated_file_size_mb"] > 0
     assert "transport_speed_mm_s" in plan["measures"]
     assert [p.name for p in tmp_path.iterdir()] == ["short.toml"]
