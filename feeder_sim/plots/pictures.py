@@ -123,7 +123,7 @@ def draw_response(response: Response, path: Path, *, title: str, point: tuple[fl
 
 
 def spaced(places: Sequence[float], least: float, low: float, high: float) -> list[float]:
-    """Places in order, moved by as little as makes them at least so far apart, in between two ends if they fit there."""
+    """Places in order, moved by as little as makes them at least so far apart, and within two ends."""
     groups: list[list[float]] = []  # of places that touch: each stands around the mean of where its own want to be
     for place in places:
         groups.append([place])
