@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 MOST_TICKS = 8  # on a logarithmic axis
 PALE = "#b8c6ea"
 DECADES = 30.0  # largest over smallest value from which on colours of a map, or an axis, are logarithmic
-OUTLYING = 0.05  # share of the values at either end that may lie beyond the colours
+OUTLYING = 1.5  # distances of the quartiles, beyond them, from which on a value is far from the others (Tukey)
 EVEN = 1e-6  # relative difference of steps, or of ratios, that counts as none
 MOST_CURVES = 6  # of the key with fewer values; with more of them there is a map
 BESIDE = 3  # panels of a sample in a row
@@ -163,15 +163,16 @@ def colour_limits(rows: Sequence[Row | Mean]) -> tuple[Any, tuple[float, float],
     """Scale and limits of colours, and which ends lie beyond them: a few far values must not hide all others."""
     from matplotlib.colors import LogNorm, Normalize
 
-    means = [row.found.mean for row in rows]
-    low, high = float(np.nanmin(means)), float(np.nanmax(means))
+    means = np.array([row.found.mean for row in rows])
+    low, high = float(means.min()), float(means.max())
     if low > 0.0 and high > DECADES * low:
         return LogNorm, (low, high), ""
-    least, most = (float(end) for end in np.nanpercentile(means, [100.0 * OUTLYING, 100.0 * (1.0 - OUTLYING)]))
-    usual = most - least
-    below, above = least - low > usual > 0.0, high - most > usual > 0.0
-    extend = {(True, True): "both", (True, False): "min", (False, True): "max"}.get((below, above), "")
-    return Normalize, (least if below else low, most if above else high), extend
+    first, third = np.quantile(means, [0.25, 0.75])
+    room = OUTLYING * (third - first) if third > first else math.inf
+    near = means[(means >= first - room) & (means <= third + room)]
+    least, most = float(near.min()), float(near.max())
+    extend = "both" if least > low and most < high else "min" if least > low else "max" if most < high else ""
+    return Normalize, (least, most), extend
 
 
 def _draw_sample(figure: Any, *, rows: Sequence[Row | Mean], keys: Sequence[str], label: str) -> None:
