@@ -67,7 +67,7 @@ def draw(amplitudes: list[float], found: dict[float, list[Statistic]], picture: 
     for (phase, row), colour in zip(found.items(), ("#be3434", "#3a60be", "0.4"), strict=False):
         mean, error = np.array([[s.mean, 1.96 * s.se] for s in row]).T
         axes.errorbar(amplitudes, mean, yerr=error, fmt="o-", markersize=3, color=colour, label=f"{phase:+g} deg")
-    axes.set(xscale="log", xlabel="amplitude at the corner (um)", ylabel="circulation, counter-clockwise (mm/s)")
+    axes.set(xscale="log", xlabel="amplitude at the corner (µm)", ylabel="circulation, counter-clockwise (mm/s)")
     axes.set_xticks(amplitudes, [f"{a:g}" for a in amplitudes])
     axes.minorticks_off()
     axes.legend(fontsize=8, title="phase, 95 % intervals", title_fontsize=8)

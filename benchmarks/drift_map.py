@@ -55,8 +55,8 @@ def draw_laws(drift_map: DriftMap, path: Path, *, title: str) -> None:
         speed = drift_map.speed[throws]
         left.errorbar(speed, share[i].mean(axis=1)[throws], 2.0 * error[i][throws], capsize=2, **how)
         right.plot(speed, spread[i][throws], **how)
-    left.set(xscale="log", ylim=(0.0, 2.0), ylabel="drift / (omega s h/2), 30 to 75 degrees from the antinode")
-    right.set(xscale="log", yscale="log", ylabel="diffusion D g / V^3, near the antinode")
+    left.set(xscale="log", ylim=(0.0, 2.0), ylabel="drift / (ω s h/2)", title="30° to 75° from the antinode")
+    right.set(xscale="log", yscale="log", ylabel="diffusion D g / V³", title="near the antinode")
     for axes in (left, right):
         axes.set(xlabel="velocity amplitude V of the antinode (m/s)")
         axes.grid(True, alpha=0.3)

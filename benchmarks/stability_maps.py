@@ -229,7 +229,7 @@ def falling(speed: float, change: Change, steps_per_ms: int) -> Raw:
 STEPS = Axis("steps per period", (5, 10, 20, 40, 80), (10, 40))
 RESTITUTION = Axis("restitution", (0.0, 0.1, 0.2, 0.4, 0.6), (0.2, 0.4))
 FREQUENCY = Axis("frequency (Hz)", (2000, 4750, 8775, 12000), (4750,))
-AMPLITUDE = Axis("amplitude (um)", (0.3, 1, 3, 10), (1, 10))
+AMPLITUDE = Axis("amplitude (µm)", (0.3, 1, 3, 10), (1, 10))
 SPEED = Axis("speed of the impact (m/s)", (0.1, 0.3, 1, 3, 10), (1, 10))
 
 

@@ -422,7 +422,7 @@ def save_chladni_plate(shown: Sequence[Steps], every: Sequence[Steps], path: Pat
     panels = figure.subplots(1, len(shown) + 1)
     for axes, steps in zip(panels[:-1], shown, strict=True):
         filled = _draw_steps(axes, steps)
-        figure.colorbar(filled, ax=axes, label="amplitude (um)", shrink=0.8)
+        figure.colorbar(filled, ax=axes, label="amplitude (µm)", shrink=0.8)
     _draw_profile(panels[-1], every)
     figure.savefig(path, dpi=110)
 

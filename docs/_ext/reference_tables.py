@@ -100,7 +100,7 @@ def check_meanings(models: Sequence[type[BaseModel]]) -> None:
         f"{model.__name__}.{key}"
         for model in models
         for key in model.model_fields
-        if key not in TAGS and not meaning_of(model, key)
+        if key != tag_of(model) and not meaning_of(model, key)
     ]
     bases = {base.__name__: base for model in models for base in model.__mro__ if issubclass(base, BaseModel)}
     stale = [
@@ -121,8 +121,9 @@ def written(section: Section, page: str) -> str:
     if others:
         lines += ["", f"Also written as {', '.join(others)}."]
     lines += ["", "| key | value | default | allowed | meaning |", "|---|---|---|---|---|"]
-    for key, info in sorted(model.model_fields.items(), key=lambda item: item[0] not in TAGS):
-        meaning = "which table this is" if key in TAGS else meaning_of(model, key)
+    tag = tag_of(model)
+    for key, info in sorted(model.model_fields.items(), key=lambda item: item[0] != tag):
+        meaning = "which table this is" if key == tag else meaning_of(model, key)
         cells = (f"`{key}`", words(key, info, page), default(info), allowed(info), meaning)
         lines.append("| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |")
     return "\n".join(lines)
@@ -130,7 +131,7 @@ def written(section: Section, page: str) -> str:
 
 def title(section: Section) -> str:
     place = section.places[0]
-    tag = next((key for key in TAGS if key in section.model.model_fields), None)
+    tag = tag_of(section.model)
     if not place:
         return "Top of the file"
     if tag is None:
@@ -158,7 +159,7 @@ def type_words(annotation: Any, page: str) -> str:
     if inspect.isclass(annotation) and issubclass(annotation, BaseModel):
         return f"[{short(annotation)}](#{anchor(page, annotation)})"
     if origin is dict:
-        return f"keys, each with a table {type_words(arguments[1], page)}"
+        return f"keys, each with a {type_words(arguments[1], page)}"
     if origin is Annotated:
         if get_origin(arguments[0]) is not dict and any(isinstance(entry, BeforeValidator) for entry in arguments[1:]):
             return RANGE
@@ -176,8 +177,14 @@ def type_words(annotation: Any, page: str) -> str:
 
 def short(model: type[BaseModel]) -> str:
     """What a link to a table says: its tag, or "table"."""
-    tag = next((key for key in TAGS if key in model.model_fields), None)
+    tag = tag_of(model)
     return f'`"{get_args(model.model_fields[tag].annotation)[0]}"`' if tag else "table"
+
+
+def tag_of(model: type[BaseModel]) -> str | None:
+    """The key that says which of several tables a table is; a `shape` that names a file is none."""
+    fields = model.model_fields
+    return next((key for key in TAGS if key in fields and get_origin(fields[key].annotation) is Literal), None)
 
 
 def unit(key: str, info: FieldInfo) -> str:

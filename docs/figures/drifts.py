@@ -36,7 +36,7 @@ def main() -> None:
         labels = ["measured", *(f"{engine}\n{seeds} seeds" for engine, seeds in SEEDS.items())]
         axes.set_xticks(range(3), labels)
         hertz = name.removeprefix("drift_").removesuffix("hz")
-        axes.set(xlim=(-0.5, 2.5), ylim=(0.0, None), ylabel="transport speed (mm/s)", title=f"{hertz} Hz, 1.00 um")
+        axes.set(xlim=(-0.5, 2.5), ylim=(0.0, None), ylabel="transport speed (mm/s)", title=f"{hertz} Hz, 1.00 µm")
         axes.grid(True, axis="y", alpha=0.3)
     figure.savefig(HERE / "drifts.png", dpi=130)
 

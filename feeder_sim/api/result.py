@@ -13,6 +13,7 @@ from feeder_sim.measures.protocol import SeedReader
 from feeder_sim.notebook import axes_for, block
 from feeder_sim.plots.result import draw_intervals, draw_paths, draw_stages, draw_ways
 from feeder_sim.records.recording import PlateRecord
+from feeder_sim.records.seed import Status
 from feeder_sim.run import simulation
 
 if TYPE_CHECKING:
@@ -47,7 +48,7 @@ class Plots:
         return draw_paths(axes_for(ax), self._result.plate, chosen)
 
     def drift(self, *, ax: Axes | None = None) -> Axes:
-        """The way of the part from antinode to node over time, a curve per seed.
+        """The way of the part from antinode to node over time, the mean of the seeds with its 95 % interval.
 
         Raises:
             InputError: no frames were kept, or no transport is measured.
@@ -55,8 +56,9 @@ class Plots:
         cell = self._result.prepared.cell
         if cell is None:
             raise InputError("has no transport to draw: one free part in a cell of a mode, no schedule", key="drift")
-        frames = self._frames(None)
-        return draw_ways(axes_for(ax), [(seed.time, cell.way(seed)) for seed in frames])
+        pairs = zip(self._frames(None), self._result.seeds, strict=True)
+        shown = [(frames, seed.status == Status.DONE) for frames, seed in pairs if len(frames) > 1]
+        return draw_ways(axes_for(ax), [frames for frames, _ in shown], cell.way, counted=[done for _, done in shown])
 
     def separation(self, *, ax: Axes | None = None) -> Axes:
         """How many parts are on the plate, on nodal lines and isolated at the end of every stage, mean and SE.

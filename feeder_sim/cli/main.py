@@ -208,9 +208,10 @@ def check(
     seeds: Seeds = None,
     settings: Set = None,
     as_json: AsJson = False,
+    full: Annotated[bool, typer.Option("--full", help="Print all values, by the keys that --json has.")] = False,
     mjcf: Annotated[Path | None, typer.Option("--mjcf", help="Also write the scene as MJCF.")] = None,
 ) -> None:
-    """Validate a scenario; print the resolved scene, its cost and file size."""
+    """Validate a scenario; say what moves and how strongly, which engine runs it, and what it costs."""
     scenario = scenario_of(scenario_file, engine, seeds, None, settings)
     with file_in_errors(scenario_file):
         if mjcf is not None:
@@ -219,7 +220,7 @@ def check(
 
             text = mjcf_text(build_scene(scenario))
             writable(mjcf).write_text(text, encoding="utf-8")
-        _print_plan(scenario, as_json, DRAWS)
+        _print_plan(scenario, as_json, DRAWS, full=full)
 
 
 app.command()(modes)
@@ -352,9 +353,10 @@ def _silent_interrupt(failure: sys.UnraisableHookArgs) -> None:
         sys.__unraisablehook__(failure)
 
 
-def _print_plan(scenario: Scenario, as_json: bool, inputs: int) -> None:
+def _print_plan(scenario: Scenario, as_json: bool, inputs: int, *, full: bool = False) -> None:
+    from feeder_sim.cli.plan import plan_lines
     from feeder_sim.run.plan import plan_run
     from feeder_sim.run.prepare import prepare
 
     plan = plan_run(prepare(scenario), inputs * SEEDS)
-    print(json.dumps(plan) if as_json else as_lines(plan))
+    print(json.dumps(plan) if as_json else as_lines(plan) if full else plan_lines(plan))

@@ -3,22 +3,23 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Mapping, Sequence
 from pathlib import PurePath
 from typing import Any
 
 # Suffix of a key: its unit. The longest suffix that fits counts.
 UNITS = {
-    "um_per_vpp": "um per V peak to peak",
+    "um_per_vpp": "µm per V peak to peak",
     "kg_m3": "kg/m3",
     "mm_s": "mm/s",
     "m_s": "m/s",
     "rad_s": "rad/s",
     "g_mm2": "g mm2",
     "mm": "mm",
-    "um": "um",
+    "um": "µm",
     "ms": "ms",
-    "us": "us",
+    "us": "µs",
     "hz": "Hz",
     "deg": "degrees",
     "vpp": "V peak to peak",
@@ -61,9 +62,19 @@ def measure_label(measure: str) -> str:
 
 
 def key_label(key: str) -> str:
-    """A key of a scenario as the label of an axis: its path, and its unit in brackets."""
+    """A key of a scenario as the head of a column: its path as a file has it, and its unit in brackets."""
     path, _, last = key.rpartition(".")
     return f"{path}.{headed(last)}" if path else headed(last)
+
+
+def key_words(key: str) -> str:
+    """A key of a scenario as the label of an axis: `drive[0].amplitude_um` is "amplitude of drive 0 (µm)"."""
+    *tables, last = key.removeprefix("schedule.").split(".")
+    name, bracket, number = last.partition("[")
+    words, unit = split_unit(name)
+    text = " of ".join([f"{words}{bracket}{number}", *reversed(tables)]).replace("_", " ")
+    text = re.sub(r"\[(\d+)\]", r" \1", text)
+    return f"{text} ({unit})" if unit else text
 
 
 def value_text(value: Any, digits: int = 6) -> str:

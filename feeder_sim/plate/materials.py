@@ -61,6 +61,11 @@ MATERIALS = {
     "brass": Material(density=8500.0, youngs_modulus=105.0e9, poisson_ratio=0.35),
     "acrylic": Material(density=1190.0, youngs_modulus=3.2e9, poisson_ratio=0.37),
     "nylon": Material(density=1140.0, youngs_modulus=2.8e9, poisson_ratio=0.39),
+    # At room temperature, PA6 dry: moist it has about a third of the modulus. Typical of data sheets, and within the
+    # ranges of Ashby, Materials Selection in Mechanical Design, appendix A.
+    "abs": Material(density=1050.0, youngs_modulus=2.3e9, poisson_ratio=0.39),
+    "pom": Material(density=1410.0, youngs_modulus=2.9e9, poisson_ratio=0.37),
+    "pa6": Material(density=1130.0, youngs_modulus=3.0e9, poisson_ratio=0.39),
     # A wafer with its flat along <110>, x and y along <110> (Hopcroft, Nix and Kenny, J. MEMS 19 (2010) 229).
     "silicon": Material(2329.0, 169.0e9, 0.064, youngs_modulus_y=169.0e9, shear_modulus=50.9e9),
 }

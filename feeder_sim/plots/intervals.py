@@ -1,21 +1,24 @@
 """Means with their 95 % intervals, and the bundles of curves they come from.
 
-The interval is that of the mean for independent seeds, by Student's t: mean +- t(0.975, n - 1) SE.
+The interval is that of the mean for independent seeds, by Student's t: mean ± t(0.975, n - 1) SE. That of two values is
+as wide as 25 standard errors, far beyond what most measures can be, and would hide all others: it is not drawn.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from feeder_sim.measures.statistic import Statistic, half_interval
+from feeder_sim.records.trajectory import Frames
 
 COLOURS = ("#1f5fa8", "#c2571a", "#2a8a5f", "#8a4fa3", "#b3261e", "#5b6875")  # of curves, in this order
 SEED = "#aab4bf"  # of the thin curve of a single seed
+FEWEST = 3  # values of a mean whose interval is drawn
 POINTS = 400  # of a curve at most; a picture has no room for more
 DODGE = 0.06  # of the distance of two points; curves side by side, so that their bars do not hide each other
 
@@ -29,10 +32,42 @@ def draw_band(axes: Any, x: NDArray[np.float64], curves: NDArray[np.float64], *,
     """Draw the mean of curves (seeds, n) over x (n,) with a band for its interval."""
     mean = curves.mean(axis=0)
     axes.plot(x, mean, color=colour, linewidth=1.8, label=label)
-    if len(curves) > 1:
+    if len(curves) >= FEWEST:
         se = curves.std(axis=0, ddof=1) / math.sqrt(len(curves))
         half = half_interval(1.0, len(curves)) * se
         axes.fill_between(x, mean - half, mean + half, color=colour, alpha=0.25, linewidth=0.0)
+
+
+def draw_over_time(
+    axes: Any, seeds: Sequence[Frames], value: Callable[[Frames], NDArray[np.float64]], *, counted: Sequence[bool]
+) -> None:
+    """Draw a value of every seed over time as a thin curve, and the mean with its interval while all counted seeds run.
+
+    A mean over the seeds that are left would be one of the slow ones.
+
+    Args:
+        axes: time in s.
+        seeds: with the same times, as far as they go.
+        value: of the frames of a seed, (n,).
+        counted: whether a seed is part of the mean; the others are dashed.
+    """
+    common = min((len(frames) for frames, counts in zip(seeds, counted, strict=True) if counts), default=0)
+    kept = []
+    for frames, counts in zip(seeds, counted, strict=True):
+        values, rows = value(frames), thinned(len(frames))
+        axes.plot(frames.time[rows], values[rows], color=SEED, linewidth=0.7, linestyle="-" if counts else "--")
+        if counts and common:
+            kept.append(values[thinned(common)])
+    axes.plot([], [], color=SEED, linewidth=0.7, label="single seeds")
+    if not kept:
+        return
+    time = next(frames.time for frames, counts in zip(seeds, counted, strict=True) if counts)[thinned(common)]
+    draw_band(axes, time, np.stack(kept), label=f"mean of {len(kept)} seeds", colour=COLOURS[0])
+
+
+def drawn_half(found: Statistic) -> float:
+    """Half the interval of a mean; 0 of a mean of too few values."""
+    return half_interval(found.se, found.n) if found.n >= FEWEST else 0.0
 
 
 def draw_bars(
@@ -40,7 +75,7 @@ def draw_bars(
 ) -> None:
     """Draw means over x, joined by a line, with their intervals; those without a value are left out."""
     held = [(at + shift, s) for at, s in zip(x, statistics, strict=True) if s.n]
-    half = [half_interval(s.se, s.n) if s.n > 1 else 0.0 for _, s in held]
+    half = [drawn_half(s) for _, s in held]
     axes.errorbar(
         [at for at, _ in held],
         [s.mean for _, s in held],

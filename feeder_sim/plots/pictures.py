@@ -83,6 +83,7 @@ def _draw_pair(points: Any, shape: Any, imported: Imported, i: int) -> Any:
 # Pictures of a plate's response: amplitude, current and power over the frequency; all mode shapes on one sheet.
 
 MOST_LABELS = 12  # peaks of a response that get one, the highest
+LABEL_SPACE = 0.083  # of the axis for each of them
 SHEET_POINTS = 81  # per axis of a small mode shape
 SHEET_COLUMNS = 8
 
@@ -93,22 +94,24 @@ def draw_response(response: Response, path: Path, *, title: str, point: tuple[fl
     top, middle, bottom = figure.subplots(3, 1, sharex=True, height_ratios=[3, 1, 1])
     top.semilogy(response.frequency, response.amplitude * UM, color="#3a60be", linewidth=1.0)
     resonant = [peak for peak in response.peaks if not math.isnan(peak.damping_ratio)]
-    width = response.frequency[-1] - response.frequency[0]
-    for peak in sorted(resonant, key=lambda peak: -peak.amplitude)[:MOST_LABELS]:
-        at_end = peak.frequency > response.frequency[-1] - 0.1 * width
+    named = sorted(sorted(resonant, key=lambda peak: -peak.amplitude)[:MOST_LABELS], key=lambda peak: peak.frequency)
+    low, high = float(response.frequency[0]), float(response.frequency[-1])
+    places = spaced([peak.frequency for peak in named], LABEL_SPACE * (high - low), low, high)
+    for peak, place in zip(named, places, strict=True):
         top.plot(peak.frequency, peak.amplitude * UM, "o", color="#be3434", markersize=3)
         top.annotate(
-            f"{peak.mode + 1}: {peak.frequency:.0f} Hz\n{peak.amplitude * UM:.3g} um",
+            f"{peak.mode + 1}: {peak.frequency:.0f} Hz\n{peak.amplitude * UM:.3g} µm",
             (peak.frequency, peak.amplitude * UM),
-            xytext=(-3 if at_end else 3, 3),
-            textcoords="offset points",
-            fontsize=7,
-            rotation=25,
-            ha="right" if at_end else "left",
+            xytext=(place, 0.98),
+            textcoords=("data", "axes fraction"),
+            fontsize=6.5,
+            ha="center",
+            va="top",
+            arrowprops={"arrowstyle": "-", "color": "0.7", "linewidth": 0.6},
         )
     where = "largest on the plate" if point is None else f"at ({point[0] * MM:g}, {point[1] * MM:g}) mm"
-    top.set(ylabel=f"amplitude (um), {where}", title=title)
-    top.set_ylim(None, 6.0 * response.amplitude.max() * UM)
+    top.set(ylabel=f"amplitude (µm), {where}", title=title)
+    top.set_ylim(None, 20.0 * response.amplitude.max() * UM)  # the labels stand above the peaks
     middle.semilogy(response.frequency, np.abs(response.current.sum(axis=1)) * 1e3, color="#e08a1e", linewidth=1.0)
     middle.set(ylabel="current (mA)")
     bottom.semilogy(response.frequency, response.power, color="#3a8a5a", linewidth=1.0)
@@ -117,6 +120,26 @@ def draw_response(response: Response, path: Path, *, title: str, point: tuple[fl
         axes.grid(True, alpha=0.3)
         axes.set_xlim(response.frequency[0], response.frequency[-1])
     figure.savefig(path, dpi=150)
+
+
+def spaced(places: Sequence[float], least: float, low: float, high: float) -> list[float]:
+    """Places in order, moved by as little as makes them at least so far apart, and within two ends."""
+    groups: list[list[float]] = []  # of places that touch: each stands around the mean of where its own want to be
+    for place in places:
+        groups.append([place])
+        while len(groups) > 1 and _first(groups[-1], least) < _first(groups[-2], least) + len(groups[-2]) * least:
+            groups[-2:] = [groups[-2] + groups[-1]]
+    found = [_first(group, least) + i * least for group in groups for i in range(len(group))]
+    for i in range(len(found)):
+        found[i] = max(found[i], low + (i + 0.5) * least)
+    for i in range(len(found)):
+        found[-1 - i] = min(found[-1 - i], high - (i + 0.5) * least)
+    return found
+
+
+def _first(group: Sequence[float], least: float) -> float:
+    """Where the first of a group of neighbours stands."""
+    return sum(group) / len(group) - 0.5 * (len(group) - 1) * least
 
 
 def draw_gallery(held: ModeFile, path: Path) -> None:
@@ -236,7 +259,7 @@ def draw_wave(stage_wave: StageWave, path: Path) -> None:
         on_plate = outline.holds(np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1))
         amplitude = np.minimum(amplitude, amplitude[on_plate].max())
     filled = axes.contourf(x * MM, y * MM, amplitude.T * UM, levels=30, cmap="Blues")
-    left.colorbar(filled, ax=axes, label="amplitude (um)")
+    left.colorbar(filled, ax=axes, label="amplitude (µm)")
     still = stage_wave.still
     cut_to_plate(axes, outline, filled)
     axes.plot(*(still.T * MM), "o", color="#be3434", markersize=6, label=f"{len(still)} still points")
@@ -250,7 +273,7 @@ def draw_wave(stage_wave: StageWave, path: Path) -> None:
         way = np.linspace(0.0, track.length * MM, len(track.points) + 1)
         along, phase = right.subplots(2, 1, sharex=True)
         along.plot(way, np.abs(np.append(track.amplitude, track.amplitude[0])) * UM, color="#e08a1e")
-        along.set(ylabel="amplitude (um)", ylim=(0.0, None))
+        along.set(ylabel="amplitude (µm)", ylim=(0.0, None))
         phase.plot(way, track.phase_deg - track.phase_deg[0], color="#e08a1e")
         phase.set(xlabel="along the crest's track, counter-clockwise (mm)", ylabel="phase (deg)")
     axes.set(aspect="equal", xlabel="x (mm)", ylabel="y (mm)")
@@ -271,7 +294,7 @@ def draw_bifurcation(diagram: Diagram, path: Path) -> None:
         "throw number $A\\omega^2/g$"
     )
     axes.set(
-        xlabel="amplitude of the plate (um)",
+        xlabel="amplitude of the plate (µm)",
         ylabel="impact speed relative to the plate (mm/s)",
         xlim=(diagram.sweep[0].amplitude * UM, diagram.sweep[-1].amplitude * UM),
         ylim=(0.0, None),

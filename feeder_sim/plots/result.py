@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from feeder_sim.document.figure import MM, MS
 from feeder_sim.measures.bounces import BounceFindings
 from feeder_sim.measures.separation import SeparationFindings
+from feeder_sim.plots.intervals import draw_over_time
 from feeder_sim.records.recording import PlateRecord
 from feeder_sim.records.trajectory import Frames
 from feeder_sim.scene.cell import PASSAGE_FROM, PASSAGE_TO
@@ -43,13 +44,19 @@ def draw_paths(axes: Axes, plate: PlateRecord, seeds: Sequence[Frames]) -> Axes:
     return axes
 
 
-def draw_ways(axes: Axes, ways: Sequence[tuple[NDArray[np.float64], NDArray[np.float64]]]) -> Axes:
-    """Distances from the nodal line over time, a curve for each pair of times (n,) [s] and ways (n,)."""
+def draw_ways(
+    axes: Axes,
+    seeds: Sequence[Frames],
+    way: Callable[[Frames], NDArray[np.float64]],
+    *,
+    counted: Sequence[bool],
+) -> Axes:
+    """Distance from the nodal line over time, as `draw_over_time` draws it; `way` has values (n,) of a seed."""
     for level in (PASSAGE_FROM, PASSAGE_TO):
         axes.axhline(level, color="0.6", linewidth=0.8, linestyle="--")
-    for time, way in ways:
-        axes.plot(time, way, linewidth=0.9)
+    draw_over_time(axes, seeds, way, counted=counted)
     axes.set(xlabel="time (s)", ylabel="distance from node over that of antinode", ylim=(0.0, None))
+    axes.legend()
     return axes
 
 

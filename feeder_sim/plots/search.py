@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 from feeder_sim.document.figure import Figure
 from feeder_sim.document.words import measure_label
-from feeder_sim.measures.statistic import Statistic, half_interval
+from feeder_sim.measures.statistic import Statistic
+from feeder_sim.plots.intervals import drawn_half
 from feeder_sim.plots.sweep import Mean, sample_figure
 
 if TYPE_CHECKING:
@@ -59,8 +60,8 @@ def draw_history(axes: Any, found: Search) -> None:
         (2, found.present, RED, "recipe of the file, fresh seeds"),
         (4, found.best, GREEN, "best recipe, fresh seeds"),
     ):
-        if checked is not None and checked.found.n > 1:
-            reach = half_interval(checked.found.se, checked.found.n)
+        if checked is not None and checked.found.n:
+            reach = drawn_half(checked.found)
             axes.errorbar(len(steps) + after, checked.found.mean, reach, fmt="s", color=color, capsize=3, label=label)
     axes.set(xlabel="trial", ylabel=measure_label(found.aim.measure))
     axes.grid(True, alpha=0.3)

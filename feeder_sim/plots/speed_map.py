@@ -9,13 +9,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from feeder_sim.constants import GRAVITY
-from feeder_sim.document.figure import Figure
+from feeder_sim.document.figure import Figure, make_logarithmic
 
 if TYPE_CHECKING:
     from feeder_sim.studies.speed_map import MapPoint, SpeedMap
 
 HATCHED = 0.5  # share of the seeds that arrive, below which a mean is that of the fast ones alone
 SPEEDS = (0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0)  # [mm/s] of contours
+RED = "#be3434"
 THROWS = (1.0, 10.0, 100.0, 1000.0)  # throw numbers of lines
 
 
@@ -23,7 +24,7 @@ def map_figure(found: SpeedMap) -> Figure:
     """A map of the transport speed."""
 
     def draw(figure: Any) -> None:
-        draw_points(figure.subplots(), found.points, title=found.scenario.title, marks=found.question.marks)
+        draw_points(figure.subplots(), found.points, title=found.heading, marks=found.question.marks)
 
     label = "Transport speed over drive frequency and amplitude"
     caption = f"{label}: white where no seed arrives, hatched where less than half of them do."
@@ -43,6 +44,7 @@ def draw_points(
         marks: measured points: frequency [Hz], amplitude [um], speed [mm/s]; in the colour of their speed.
     """
     from matplotlib.colors import LogNorm
+    from matplotlib.patheffects import withStroke
 
     frequencies = np.array(sorted({p.frequency_hz for p in points}))
     amplitudes = np.array(sorted({p.amplitude_um for p in points}))
@@ -63,18 +65,20 @@ def draw_points(
             axes.clabel(lines, fmt="%g mm/s", fontsize=7)
         if (share < HATCHED).any():
             axes.contourf(frequencies, amplitudes, share < HATCHED, levels=[0.5, 1.5], colors="none", hatches=["///"])
-    fine = np.linspace(x[0], x[-1], 400)
+    fine, seen = np.linspace(x[0], x[-1], 400), [withStroke(linewidth=2.5, foreground="white")]  # on every colour
     for throw in THROWS:
         amplitude = 1e6 * throw * GRAVITY / (2.0 * math.pi * fine) ** 2
         inside = (amplitude > y[0]) & (amplitude < y[-1])
         if inside.any():
-            axes.plot(fine[inside], amplitude[inside], color="#be3434", linewidth=1.6 if throw == 1.0 else 0.8)
+            width = 1.6 if throw == 1.0 else 0.8
+            axes.plot(fine[inside], amplitude[inside], color=RED, linewidth=width, path_effects=seen)
             axes.annotate(
                 f"throw number {throw:g}",
                 (fine[inside][0], amplitude[inside][0]),
                 xytext=(3, -9 if amplitude[inside][0] > 0.8 * y[-1] else 2),
                 textcoords="offset points",
-                color="#be3434",
+                color=RED,
+                path_effects=seen,
                 fontsize=7,
             )
     for frequency, amplitude_um, measured in marks:
@@ -88,9 +92,11 @@ def draw_points(
             color="white",
             fontsize=8,
         )
-    axes.set(yscale="log", xlim=(x[0], x[-1]), ylim=(y[0], y[-1]))
-    axes.set(xlabel="drive frequency (Hz)", ylabel="amplitude of the antinode (um)", title=title)
-    axes.figure.colorbar(mesh, ax=axes, label="transport speed (mm/s)")
+    make_logarithmic(axes.yaxis)
+    axes.set(xlim=(x[0], x[-1]), ylim=(y[0], y[-1]))
+    axes.set(xlabel="drive frequency (Hz)", ylabel="amplitude of the antinode (µm)", title=title)
+    colours = axes.figure.colorbar(mesh, ax=axes, label="transport speed (mm/s)")
+    make_logarithmic(colours.ax.yaxis)
 
 
 def _edges(centres: np.ndarray, *, log: bool) -> np.ndarray:

@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from feeder_sim.document.figure import Figure, make_logarithmic
-from feeder_sim.document.words import key_label, measure_label, number, value_text
+from feeder_sim.document.words import key_words, measure_label, number, value_text
 from feeder_sim.measures.statistic import Statistic, half_interval
-from feeder_sim.plots.intervals import COLOURS
+from feeder_sim.plots.intervals import COLOURS, FEWEST
 from feeder_sim.scenario.changes import labels
 
 if TYPE_CHECKING:
@@ -22,9 +22,9 @@ if TYPE_CHECKING:
 MOST_TICKS = 8  # on a logarithmic axis
 PALE = "#b8c6ea"
 DECADES = 30.0  # largest over smallest value from which on colours of a map, or an axis, are logarithmic
+OUTLYING = 1.5  # distances of the quartiles, beyond them, from which on a value is far from the others (Tukey)
 EVEN = 1e-6  # relative difference of steps, or of ratios, that counts as none
 MOST_CURVES = 6  # of the key with fewer values; with more of them there is a map
-TOO_FEW = 2  # values of a mean whose interval says next to nothing
 BESIDE = 3  # panels of a sample in a row
 
 
@@ -41,7 +41,7 @@ def sweep_figure(rows: Sequence[Row], keys: tuple[str, ...], measure: str) -> Fi
     """A measure of a sweep over its keys, from the rows that have a mean, of which there is one at least."""
     label, alt = measure_label(measure), f"{measure_label(measure)} over {' and '.join(keys)}, {len(rows)} points."
     over = "seeds and uncertain inputs" if rows[0].spread is not None else "the seeds"
-    bars = f"{label}: means over {over}; bars are 95 % intervals of the mean.{_beyond(rows)}"
+    bars = f"{label}: means over {over}; bars are 95 % intervals of the mean.{_without_bars(rows)}"
     grid = math.prod(len(values_of(rows, key)) for key in keys) <= 1.5 * len(rows)
     if len(keys) == 1:
         draw = partial(_draw_curves, rows=rows, over=keys[0], label=label)
@@ -55,7 +55,8 @@ def sweep_figure(rows: Sequence[Row], keys: tuple[str, ...], measure: str) -> Fi
         if halves:
             middle, widest = number(halves[len(halves) // 2], 2), number(halves[-1], 2)
             sure = f" Half the 95 % intervals are within ± {middle}, all within ± {widest}; the tables have them."
-        caption = f"{label}: means over the seeds.{sure} White: no value."
+        ends = " Values beyond an arrow of the scale have the colour at its end." if colour_limits(rows)[2] else ""
+        caption = f"{label}: means over the seeds.{sure} White: no value.{ends}"
         return Figure(partial(_draw_map, rows=rows, keys=keys, label=label), 4.2, alt, caption)
     return sample_figure(rows, keys, label, alt=alt, caption=bars)
 
@@ -77,6 +78,11 @@ def half_width(row: Row | Mean) -> float:
     return half_interval(row.found.se, count_of(row))
 
 
+def _drawn_half(row: Row | Mean) -> float:
+    """The same for a bar; 0 of a mean of too few values."""
+    return half_width(row) if count_of(row) >= FEWEST else 0.0
+
+
 def values_of(rows: Sequence[Row | Mean], key: str) -> list[Any]:
     """The different values of a key, in order of appearance."""
     return list(dict.fromkeys(row.point[key] for row in rows))
@@ -92,7 +98,7 @@ def draw_line(
     x = np.array(values, float) if numbers else np.array([names.index(str(value)) for value in values], float)
     order = np.argsort(x, kind="stable")
     mean = np.array([row.found.mean for row in rows])
-    reach = np.nan_to_num([half_width(row) for row in rows])
+    reach = np.array([_drawn_half(row) for row in rows])
     if joined and all(row.spread for row in rows):
         low, high = (np.array([getattr(row.spread, name) for row in rows]) for name in ("inputs_low", "inputs_high"))
         told = np.isfinite(low)
@@ -107,7 +113,7 @@ def draw_line(
         make_logarithmic(axes.xaxis)
     if not numbers:
         axes.set_xticks(range(len(names)), names)
-    axes.set(xlabel=key_label(key))
+    axes.set(xlabel=key_words(key))
     axes.grid(True, alpha=0.3)
 
 
@@ -121,11 +127,12 @@ def _draw_curves(figure: Any, *, rows: Sequence[Row], over: str, label: str, eac
     axes.set(ylabel=label)
     _fit(axes, rows)
     if each:
-        axes.legend(title=key_label(each), loc="center left", bbox_to_anchor=(1.0, 0.5))
+        axes.legend(title=key_words(each), loc="center left", bbox_to_anchor=(1.0, 0.5))
 
 
 def _draw_map(figure: Any, *, rows: Sequence[Row], keys: tuple[str, ...], label: str) -> None:
     """A heat map over two keys; points without a value stay white."""
+    from matplotlib.colors import LogNorm
     from matplotlib.ticker import NullLocator
 
     axes = figure.subplots()
@@ -135,10 +142,10 @@ def _draw_map(figure: Any, *, rows: Sequence[Row], keys: tuple[str, ...], label:
     grid = np.full((len(ticks[1]), len(ticks[0])), math.nan)
     for point, row in zip(points, rows, strict=True):
         grid[ticks[1].index(point[keys[1]]), ticks[0].index(point[keys[0]])] = row.found.mean
-    low, high = float(np.nanmin(grid)), float(np.nanmax(grid))
-    norm = "log" if low > 0.0 and high > DECADES * low else "linear"
-    image = axes.pcolormesh(*(_edges(values) for values in ticks), grid, cmap="viridis", norm=norm)
-    axes.set(xlabel=key_label(keys[0]), ylabel=key_label(keys[1]))
+    norm, limits, extend = colour_limits(rows)
+    how: dict[str, Any] = {"cmap": "viridis", "norm": norm(*limits)}
+    image = axes.pcolormesh(*(_edges(values) for values in ticks), grid, **how)
+    axes.set(xlabel=key_words(keys[0]), ylabel=key_words(keys[1]))
     for values, axis, name in zip(ticks, (axes.xaxis, axes.yaxis), "xy", strict=True):
         if not all(_is_number(value) for value in values):
             axis.set_ticks(range(len(values)), [str(value) for value in values])
@@ -147,7 +154,25 @@ def _draw_map(figure: Any, *, rows: Sequence[Row], keys: tuple[str, ...], label:
             axis.set_minor_locator(NullLocator())
             axis.set_ticks(values[:: math.ceil(len(values) / MOST_TICKS)])
             axis.set_major_formatter("{x:.3g}")
-    figure.colorbar(image, label=label)
+    colours = figure.colorbar(image, label=label, extend=extend or "neither")
+    if norm is LogNorm:
+        make_logarithmic(colours.ax.yaxis)
+
+
+def colour_limits(rows: Sequence[Row | Mean]) -> tuple[Any, tuple[float, float], str]:
+    """Scale and limits of colours, and which ends lie beyond them: a few far values must not hide all others."""
+    from matplotlib.colors import LogNorm, Normalize
+
+    means = np.array([row.found.mean for row in rows])
+    low, high = float(means.min()), float(means.max())
+    if low > 0.0 and high > DECADES * low:
+        return LogNorm, (low, high), ""
+    first, third = np.quantile(means, [0.25, 0.75])
+    room = OUTLYING * (third - first) if third > first else math.inf
+    near = means[(means >= first - room) & (means <= third + room)]
+    least, most = float(near.min()), float(near.max())
+    extend = "both" if least > low and most < high else "min" if least > low else "max" if most < high else ""
+    return Normalize, (least, most), extend
 
 
 def _draw_sample(figure: Any, *, rows: Sequence[Row | Mean], keys: Sequence[str], label: str) -> None:
@@ -169,20 +194,20 @@ def _on_band(rows: Sequence[Row]) -> str:
     return f"{band} At {len(gaps)} of {len(rows)} points the inputs are {gaps[0]}: no band." if gaps else band
 
 
-def _beyond(rows: Sequence[Row]) -> str:
-    """A remark on bars that are not seen in full."""
-    few = any(count_of(row) == TOO_FEW for row in rows)
-    return " Bars of two values, as wide as 25 standard errors, may run out of the picture." if few else ""
+def _without_bars(rows: Sequence[Row]) -> str:
+    """A remark on means without bars."""
+    few = any(count_of(row) < FEWEST for row in rows)
+    return f" Means of fewer than {FEWEST} values have none." if few else ""
 
 
 def _fit(axes: Any, rows: Sequence[Row | Mean]) -> None:
-    """Set the limits to the means and the bars of three values or more: those of two would leave no room for others."""
+    """Set the limits to the means and their bars."""
     means = [row.found.mean for row in rows]
     if min(means) > 0.0 and max(means) > DECADES * min(means):
         make_logarithmic(axes.yaxis)
         axes.set_ylim(0.5 * min(means), 2.0 * max(means))
         return
-    halves = [half_width(row) if count_of(row) > TOO_FEW else 0.0 for row in rows]
+    halves = [_drawn_half(row) for row in rows]
     low = min(mean - half for mean, half in zip(means, halves, strict=True))
     high = max(mean + half for mean, half in zip(means, halves, strict=True))
     room = 0.05 * (high - low) or 0.05 * abs(high) or 1.0

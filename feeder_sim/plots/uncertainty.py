@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from feeder_sim.document.figure import Figure
-from feeder_sim.document.words import between, key_label, measure_label, number
+from feeder_sim.document.words import between, key_words, measure_label, number
 from feeder_sim.measures.statistic import Statistic
 from feeder_sim.plots.sweep import Mean, sample_figure
 
@@ -102,7 +102,7 @@ def draw_shares(axes: Any, linear: LinearShares | None, indices: Sequence[Index]
         axes.barh(
             place, [share for _, share, _ in rows], 0.9 * height, xerr=halves, color=color, label=label, capsize=3
         )
-    axes.set_yticks(range(len(bars[0][2])), [key_label(key) for key, _, _ in bars[0][2]])
+    axes.set_yticks(range(len(bars[0][2])), [key_words(key) for key, _, _ in bars[0][2]])
     axes.invert_yaxis()
     axes.axvline(0.0, color="0.4", linewidth=0.8)
     axes.set(xlabel="share of the variance over the inputs")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any, TypeVar
 
 import numpy as np
@@ -13,43 +13,16 @@ from feeder_sim.document.words import number
 from feeder_sim.measures.bounces import BounceFindings, Flights, seed_flights
 from feeder_sim.measures.rate import ONE_LOAD, RateFindings, one_load
 from feeder_sim.measures.separation import SeparationFindings, StageCounts
-from feeder_sim.measures.statistic import Statistic, half_interval
-from feeder_sim.plots.intervals import COLOURS, DODGE, SEED, draw_band, draw_bars, thinned
+from feeder_sim.measures.statistic import Statistic
+from feeder_sim.plots.intervals import COLOURS, DODGE, FEWEST, draw_bars, draw_over_time, drawn_half
 from feeder_sim.records.seed import Status
 from feeder_sim.records.trajectory import Frames
 from feeder_sim.report.recorded import Recorded
 from feeder_sim.scene.cell import PASSAGE_FROM, PASSAGE_TO
 
-# Curves of a run, drawn on axes: what a part does over time, what many parts do from stage to stage, and rates.
+# Curves of a run, drawn on axes: what many parts do from stage to stage, and rates.
 
 SHARES = ("#1f5fa8", "#9bb8d3", "#e0a030", "#5b6875")  # driving, pauses, looks, picks
-
-
-def draw_over_time(
-    axes: Any, seeds: Sequence[Frames], value: Callable[[Frames], NDArray[np.float64]], *, counted: Sequence[bool]
-) -> None:
-    """Draw a value of every seed over time as a thin curve, and the mean with its interval while all counted seeds run.
-
-    A mean over the seeds that are left would be one of the slow ones.
-
-    Args:
-        axes: time in s.
-        seeds: with the same times, as far as they go.
-        value: of the frames of a seed, (n,).
-        counted: whether a seed is part of the mean; the others are dashed.
-    """
-    common = min((len(frames) for frames, counts in zip(seeds, counted, strict=True) if counts), default=0)
-    kept = []
-    for frames, counts in zip(seeds, counted, strict=True):
-        values, rows = value(frames), thinned(len(frames))
-        axes.plot(frames.time[rows], values[rows], color=SEED, linewidth=0.7, linestyle="-" if counts else "--")
-        if counts and common:
-            kept.append(values[thinned(common)])
-    axes.plot([], [], color=SEED, linewidth=0.7, label="single seeds")
-    if not kept:
-        return
-    time = next(frames.time for frames, counts in zip(seeds, counted, strict=True) if counts)[thinned(common)]
-    draw_band(axes, time, np.stack(kept), label=f"mean of {len(kept)} seeds", colour=COLOURS[0])
 
 
 def draw_counts(axes: Any, ends: Sequence[StageCounts], counts: Sequence[str], labels: Sequence[str]) -> None:
@@ -92,7 +65,7 @@ def draw_rates(axes: Any, findings: RateFindings) -> None:
             (f"{kind.kind}, pose {pose.pose}", pose.picks_per_minute, colour) for pose in picked if len(picked) > 1
         ]
     for place, (_, rate, colour) in enumerate(rows):
-        half = half_interval(rate.se, rate.n) if rate.n > 1 else 0.0
+        half = drawn_half(rate)
         pale = 1.0 if "," not in rows[place][0] else 0.5
         axes.barh(place, rate.mean, xerr=half, color=colour, alpha=pale, height=0.6, capsize=2.5)
         end = rate.mean + half
@@ -146,7 +119,7 @@ def _wide_enough(values: NDArray[np.float64]) -> tuple[float, float]:
     return low - room, high + room
 
 
-INTERVAL = "bars and bands are 95 % intervals of the mean over the seeds"
+INTERVAL = f"bars are 95 % intervals of the mean over the seeds, where there are {FEWEST} or more"
 MOST_STAGES = 12  # of one cycle in a picture by stage
 Kind = TypeVar("Kind")
 
@@ -211,7 +184,8 @@ def _drift(run: Recorded) -> Figure:
     mean = ""
     if first_end is not None:
         until = f" up to {first_end:.3g} s, when the first seed ends" if cell is not None else ""
-        mean = f" The mean is drawn{until}; the band is its 95 % interval."
+        band = "; the band is its 95 % interval" if sum(counted) >= FEWEST else ""
+        mean = f" The mean is drawn{until}{band}."
     left = " Dashed seeds did not run to their end." if not all(counted) else ""
     return Figure(
         draw,

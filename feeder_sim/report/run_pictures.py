@@ -59,7 +59,7 @@ def plate_picture(run: Recorded) -> Figure | None:
             filled = draw_shape(axes, plate, shape)
             low, high = min(amplitudes) * UM, max(amplitudes) * UM
             amplitude = number(high, 3) if math.isclose(low, high) else f"{number(low, 3)} to {number(high, 3)}"
-            axes.set_title(f"{frequency:g} Hz, {amplitude} um")
+            axes.set_title(f"{frequency:g} Hz, {amplitude} µm")
             _label(axes, grid, len(shown))
         figure.colorbar(filled, ax=grid, label="deflection, antinode = 1", ticks=[-1, 0, 1], shrink=0.8, aspect=30)
 

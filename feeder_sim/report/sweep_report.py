@@ -15,12 +15,8 @@ from feeder_sim.document.words import (
     value_text,
     with_error,
 )
-from feeder_sim.plots.sweep import (
-    TOO_FEW,
-    count_of,
-    half_width,
-    values_of,
-)
+from feeder_sim.plots.intervals import FEWEST
+from feeder_sim.plots.sweep import count_of, half_width, values_of
 from feeder_sim.report.content import Content
 from feeder_sim.report.measure_tables import TELLING, TILES, in_order, statistic_cells
 from feeder_sim.studies.sweep.sweep import CSV, Sweep
@@ -62,7 +58,7 @@ def _tiles(sweep: Sweep, ordered: Sequence[str]) -> Iterator[Tile]:
         row = max(sweep.valued(measure), key=lambda row: row.found.mean)
         label, unit = split_unit(measure)
         mean, half = with_error(row.found.mean, half_width(row))
-        sure = count_of(row) > TOO_FEW and half
+        sure = count_of(row) >= FEWEST and half
         spread = f"± {half} (95 %), " if sure else ""
         yield Tile(
             f"largest {label}", mean if sure else number(row.found.mean), unit, f"{spread}at {point_text(row.point)}"

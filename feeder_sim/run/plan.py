@@ -198,7 +198,7 @@ class DrivePlan:
 
 @dataclass(frozen=True)
 class PartPlan:
-    """One part table.
+    """One part table, by its name or else its shape, as results call it.
 
     `centre_mm` is the centre of mass in the part's file, `inertia_g_mm2` the principal moments of inertia, and
     `principal_axes` the attitude of their axes in the file, a quaternion with w first. The hull of its `corners` lies
@@ -292,7 +292,7 @@ def make_plan(prepared: Prepared, input_runs: int = 0) -> Plan:
         plate_mm=[round(1e3 * d, 3) for d in (surface.length, surface.width, surface.thickness)],
         drives=_drive_plans(scene),
         antinode_to_node_mm=1e3 * cell.reach if cell else None,
-        parts=[_part_plan(spec, kind) for spec, kind in zip(scene.scenario.part, scene.kinds, strict=True)],
+        parts=list(map(_part_plan, scene.scenario.kind_names, scene.scenario.part, scene.kinds)),
         parts_at_once=scene.scenario.parts_at_once,
         refills_at_most=len(refill_frames(scene)),
         simulated_s=scene.times.duration,
@@ -325,7 +325,7 @@ def _drive_plans(scene: Scene) -> list[DrivePlan]:
     under: list[list[UnderPartPlan]] = [[] for _ in scene.driven]
     for motion in motion_under_parts(scene):
         amplitudes = [1e6 * motion.least, 1e6 * motion.median, 1e6 * motion.largest]
-        part = UnderPartPlan(f"part_{motion.part}", amplitudes, motion.acceleration)
+        part = UnderPartPlan(scene.scenario.kind_names[motion.part], amplitudes, motion.acceleration)
         under[motion.excitation].append(part)
     return [_drive_plan(mode, parts) for mode, parts in zip(scene.driven, under, strict=True)]
 
@@ -356,10 +356,10 @@ def _loudness(mode: DrivenMode) -> float | None:
     return level if math.isfinite(level) else None
 
 
-def _part_plan(spec: PartSpec, kind: RigidPart) -> PartPlan:
-    """A part table, and the rigid part built from it, in the units of the plan."""
+def _part_plan(name: str, spec: PartSpec, kind: RigidPart) -> PartPlan:
+    """A part table by its name, and the rigid part built from it, in the units of the plan."""
     return PartPlan(
-        name=kind.name,
+        name=name,
         shape=spec.shape,
         count=spec.count,
         guide=spec.guide.kind if spec.guide else None,

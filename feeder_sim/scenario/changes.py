@@ -123,7 +123,7 @@ def _replaced(value: Any, path: KeyPath, new: Any, key: str) -> Any:
     if value is None:
         value = {}
     if not isinstance(value, Mapping):
-        raise InputError("leads into a value that is no table", key=key)
+        raise InputError(_number_missing(value, first, key) or "leads into a value that is no table", key=key)
     table = dict(value)
     if not rest:
         table[first] = new
@@ -144,10 +144,20 @@ def _entry(value: Any, element: str | int, key: str) -> Any:
             raise InputError(f"has the number [{element}], allowed is {allowed}", key=key)
         return value[element]
     if not isinstance(value, Mapping) or element not in value:
+        if missing := _number_missing(value, element, key):
+            raise InputError(missing, key=key)
         names = list(value) if isinstance(value, Mapping) else []
         allowed = f"; allowed are {', '.join(names)}" if names else ""
         raise InputError(f"unknown key {element}{nearest(element, names)}{allowed}", key=key)
     return value[element]
+
+
+def _number_missing(value: Any, name: str | int, key: str) -> str:
+    """What to write where a name of a key follows on a list of tables without a number; empty elsewhere."""
+    if not isinstance(value, list | tuple) or not value or not isinstance(value[0], Mapping):
+        return ""
+    before, name, after = key.partition(f".{name}")
+    return f"{before} is a list; write {before}[0]{name}{after}"
 
 
 def labels(point: Mapping[str, Any]) -> dict[str, Any]:

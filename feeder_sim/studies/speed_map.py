@@ -314,6 +314,11 @@ class SpeedMap(Study):
         believed = [point for point in self.points if point.n and point.n >= MOST_ARRIVE * point.seeds]
         return max(believed, key=lambda point: point.mean, default=None)
 
+    @property
+    def heading(self) -> str:
+        """Over the picture; a title that names the frequency of the scenario would mislead."""
+        return f"Transport speed of {self.scenario.kind_names[0].replace('_', ' ')}"
+
     def measure(self, name: str | None = None) -> str:
         return SPEED
 
@@ -365,7 +370,7 @@ class SpeedMap(Study):
         if not self.points:
             raise InputError("no point is done, there is nothing to draw", key="plot")
         axes = axes_for(ax)
-        draw_points(axes, self.points, title=self.scenario.title, marks=marks)
+        draw_points(axes, self.points, title=self.heading, marks=marks)
         return axes
 
     def lines(self, measure: str | None = None) -> list[str]:

@@ -64,7 +64,7 @@ OF_A_STRIP: Cases = [
     ({"part[0].shape": "hexnut"}, "part[0].shape: is hexnut, allowed is 'hex_nut'"),
     ({"plate.kind": "disc"}, "plate.kind: is disc, allowed is 'strip'"),
     ({"plate.kind": None}, "plate.kind: is missing"),
-    ({"plate.material": "wood"}, "plate.material: is 'wood', allowed is one of acrylic, aluminium"),
+    ({"plate.material": "wood"}, "plate.material: is 'wood', allowed is one of abs, acrylic, aluminium"),
     ({"part[0].start.position_mm": [900, 0]}, "part[0].start.position_mm ... 900 ... on the plate"),
     ({"part[0].start.tilt_deg": [5, 1]}, "part[0].start ... tilt_deg ... low <= high"),
     ({"part[0].start.position_mm": [10, 0], "run.stop": "passage"}, "part[0].start.position_mm ... 0.49 of the way"),

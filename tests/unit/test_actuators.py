@@ -16,6 +16,7 @@ from feeder_sim.errors import InputError
 from feeder_sim.plate.mode_file import ModeFile, read_mode_file, write_mode_file
 from feeder_sim.plate.pairs import mode_pairs
 from feeder_sim.plate.response import frequency_response, modal_forces, oscillators, voltages
+from feeder_sim.plots.pictures import spaced
 from feeder_sim.run.prepare import prepare
 from feeder_sim.scenario import Drive, HexNut, Rectangle, Run, Scenario, Start, load_plate_file, load_scenario
 from feeder_sim.scene.plate_modes import compute_modes
@@ -397,3 +398,9 @@ def test_a_mode_that_is_near_and_one_that_is_not_there(tmp_path: Path) -> None:
     assert done.returncode == 0 and "mode 13" in said(done)[0]
     check_refused(feeder_sim("modes", measured_plate(tmp_path, 2797.0, "mode = 99")), "resonance[0].mode", "99", "1 to")
     check_refused(feeder_sim("modes", measured_plate(tmp_path, 2797.0, "mode = 0")), "resonance[0].mode")
+
+
+def test_labels_of_peaks_stand_apart_and_within_the_picture() -> None:
+    assert spaced([1.0, 5.0, 9.0], 1.0, 0.0, 10.0) == [1.0, 5.0, 9.0]
+    assert spaced([5.0, 5.2, 8.0], 1.0, 0.0, 10.0) == pytest.approx([4.6, 5.6, 8.0])
+    assert spaced([0.0, 0.1, 9.9, 9.9], 1.0, 0.0, 10.0) == pytest.approx([0.5, 1.5, 8.5, 9.5])

@@ -77,10 +77,26 @@ def test_dry_run_and_check_describe_and_write_nothing(scenario: Path, tmp_path: 
     assert json.loads(dry.stdout).keys() == plan.keys()
     assert plan["steps_per_seed"] == pytest.approx(0.1 * 4750 * 40, rel=0.03)
     assert plan["parts"][0]["mass_g"] == pytest.approx(0.263, rel=2e-3)
+    assert plan["parts"][0]["name"] == plan["drives"][0]["under_parts"][0]["part"] == "hex_nut"
     assert plan["estimated_wall_s"] > 0 and plan["estimated_file_size_mb"] > 0
     assert "transport_speed_mm_s" in plan["measures"]
     assert [p.name for p in tmp_path.iterdir()] == ["short.toml"]
-    assert "antinode_to_node_mm: 19.49" in feeder_sim("check", scenario).stdout
+    assert "antinode_to_node_mm: 19.49" in feeder_sim("check", scenario, "--full").stdout
+
+
+def test_check_says_in_sentences_what_moves_and_what_it_costs(scenario: Path) -> None:
+    said = feeder_sim("check", scenario).stdout
+    for text in (
+        " moves at 4750 Hz by 1 um and 90.8 g at most; under hex_nut by 1 um and 90.8 g.\n",
+        "From antinode to node it is 19.49 mm.\n",
+        "The engine is impulse: rigid contact",
+        " of 0.1 s in steps of ",
+        "Cautions: none.\n",
+    ):
+        assert text in said
+    assert "transport_speed_mm_s" in said and "_um" not in said and len(said.splitlines()) < 12
+    many = feeder_sim("check", "separation_100", "--seeds", 1).stdout
+    assert "Mode 13 (2639.2 Hz computed) moves at 2646 Hz" in many and "(0 to 36.4)" in many
 
 
 @pytest.mark.parametrize("duration_s", [0.1, 6.0])

@@ -18,15 +18,15 @@ from test_screenshot import drawn
 from feeder_sim.document import figure
 from feeder_sim.document.document import Document, Folded, Section, Table, Text
 from feeder_sim.document.figure import Figure, Picture, empty_figure
-from feeder_sim.document.words import number, split_unit, with_error
+from feeder_sim.document.words import key_words, number, split_unit, with_error
 from feeder_sim.errors import Divergence, FeederSimError, SimulationDiverged
 from feeder_sim.measures.statistic import Statistic, half_interval
+from feeder_sim.plots.intervals import draw_over_time
 from feeder_sim.records.files import locked
 from feeder_sim.records.trajectory import Frames
 from feeder_sim.report import run_pictures
 from feeder_sim.report.document_of import document_of
 from feeder_sim.report.measure_tables import interval_text, measure_blocks
-from feeder_sim.report.run_curves import draw_over_time
 from feeder_sim.report.run_report import run_document
 from feeder_sim.run.guard import Guard
 from feeder_sim.run.run_folder import record_run, resume_run
@@ -265,7 +265,7 @@ def test_everything_in_a_page_is_escaped() -> None:
         ("frames_per_second", "frames per second", ""),
         ("duration_s", "duration", "s"),
         ("ring_up", "ring up", ""),
-        ("amplitude_um_per_vpp", "amplitude", "um per V peak to peak"),
+        ("amplitude_um_per_vpp", "amplitude", "µm per V peak to peak"),
     ],
 )
 def test_units_are_read_from_keys(key: str, words: str, unit: str) -> None:
@@ -285,6 +285,13 @@ def test_interval_is_that_of_student() -> None:
     assert half_interval(0.5, 2) == pytest.approx(6.353102, rel=1e-6)
     assert np.isnan(half_interval(1.0, 1))
     assert interval_text(Statistic(2.0, 0.0, 0.0, 4).as_dict()) == "all alike"
+
+
+def test_axes_are_labelled_in_words() -> None:
+    assert key_words("drive[0].amplitude_um") == "amplitude of drive 0 (µm)"
+    assert key_words("schedule.stage[1].drive[0].frequency_hz") == "frequency of drive 0 of stage 1 (Hz)"
+    assert key_words("part[0].start.position_mm[1]") == "position 1 of start of part 0 (mm)"
+    assert key_words("contact.friction") == "friction of contact"
 
 
 def test_mean_over_time_ends_with_the_first_seed_that_counts() -> None:

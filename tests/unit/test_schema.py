@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import json
 import re
 import shutil
@@ -117,3 +118,10 @@ def test_a_linter_names_a_misspelt_key(example: str, right: str, wrong: str, nam
     copy.write_text(text.replace(right, wrong, 1), encoding="utf-8")
     code, said = lint(copy)
     assert (code != 0) == bool(named) and named in said, said
+
+
+def test_documented_tables_show_no_names_of_python(repository: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.syspath_prepend(repository / "docs/_ext")
+    told = importlib.import_module("reference_tables").table_reference("feeder_sim.scenario:Scenario")
+    assert "| `shape` | file |" in told  # of a gripper; no choice between tables
+    assert not re.search(r"<class|pathlib|table \[table\]", told)

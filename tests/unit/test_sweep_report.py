@@ -10,6 +10,9 @@ from command_line import feeder_sim, one_line
 from pages import checked
 
 from feeder_sim.document import figure
+from feeder_sim.document.figure import empty_figure
+from feeder_sim.measures.statistic import Statistic
+from feeder_sim.plots.sweep import Mean, colour_limits, draw_line
 
 SWEEP = Path(__file__).parent / "sweep_by_hand"
 
@@ -39,7 +42,7 @@ def test_page_of_a_sweep(sweep: Path, coarse: None) -> None:
     for expected in (
         "Sweep: <b>Nut</b>",
         "largest transport speed",
-        "3.20 mm/s ± 0.32 (95 %), at amplitude 2 um",
+        "3.20 mm/s ± 0.32 (95 %), at amplitude 2 µm",
         "1 seeds failed, at 1 of 3 points",
         "3 of 4 points are there: the sweep has not ended.",
         "--vary 'drive[0].amplitude_um=0.5,1,2,4' --seeds 4 --out repeated",
@@ -68,6 +71,30 @@ def test_page_of_a_sweep_that_has_not_ended(sweep: Path, coarse: None) -> None:
     (sweep / "sweep.json").write_text("[]")
     refused = feeder_sim("report", sweep, "--force")
     assert refused.returncode == 2 and "holds no state of a sweep" in one_line(refused)
+
+
+def rows_of(*values: float, n: int = 4) -> list[Mean]:
+    """Means at points of one key, with a standard error of 1."""
+    return [Mean({"contact.friction": 0.1 * i}, Statistic(value, 2.0, 1.0, n)) for i, value in enumerate(values)]
+
+
+def test_a_few_far_values_do_not_take_all_colours() -> None:
+    near = [float(i) for i in range(60)]
+    assert colour_limits(rows_of(*near))[1:] == ((0.0, 59.0), "")
+    _, (low, high), extend = colour_limits(rows_of(*near, 1e4))
+    assert (low, high, extend) == (0.0, 59.0, "max")
+    assert colour_limits(rows_of(0.0, 0.0, 0.0, 0.0, 7.0))[1:] == ((0.0, 7.0), "")
+    assert colour_limits(rows_of(-1e4, *near, 1e4))[2] == "both"
+    scale, limits, extend = colour_limits(rows_of(0.1, 1.0, 50.0))
+    assert scale.__name__ == "LogNorm" and (limits, extend) == ((0.1, 50.0), "")
+
+
+@pytest.mark.parametrize(("n", "height"), [(2, 0.0), (3, 8.6)])
+def test_means_of_two_values_have_no_bars(n: int, height: float) -> None:
+    axes = empty_figure(4.0, 3.0).add_subplot()
+    draw_line(axes, rows_of(1.0, 2.0, n=n), "contact.friction", joined=True)
+    bar = axes.containers[0].lines[2][0].get_segments()[0]
+    assert bar[1, 1] - bar[0, 1] == pytest.approx(height, rel=1e-2)
 
 
 @pytest.mark.parametrize(

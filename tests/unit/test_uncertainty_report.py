@@ -71,7 +71,7 @@ def test_page_with_indices(tmp_path: Path, coarse: None) -> None:
         "Uncertain inputs: <b>Nut</b>",
         "40 draws of 3 uncertain inputs, 2 seeds of each.",
         f"median transport speed {spread.median:.2f} mm/s 90 % of runs {spread.low:.1f} to {spread.high:.1f}",
-        f"{AMPLITUDE} um 1 to 2, every ratio equally likely",
+        f"{AMPLITUDE} µm 1 to 2, every ratio equally likely",
         "0.3 ± 0.03 (normal, one standard deviation) contact.part_friction",
         "one of steel, aluminium",
         f"The measured value, 6.5 mm/s, lies within the 90 % of runs, {spread.low:.1f} to {spread.high:.1f}; "
