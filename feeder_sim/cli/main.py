@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Annotated, Any, NoReturn
 import typer
 
 from feeder_sim import __version__
+from feeder_sim.cli.app import app as app_command
 from feeder_sim.cli.commands import Commands
 from feeder_sim.cli.compare import compare
 from feeder_sim.cli.drift_map import drift_map
@@ -226,6 +227,7 @@ def check(
 app.command()(modes)
 app.command("modes import")(import_modes_command)
 app.command("drift-map")(drift_map)
+app.command("app")(app_command)
 for command in (response, sequence, wave, part, merge, new, compare, schema):
     app.command()(command)
 

@@ -7,6 +7,7 @@ Welch, Biometrika 34 (1947) 28; F. E. Satterthwaite, Biometrics Bulletin 2 (1946
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
@@ -16,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from feeder_sim.errors import InputError
+from feeder_sim.errors import LONGEST_VALUE, InputError, printable, shortened
 from feeder_sim.measures.catalogue import values_of_seed
 from feeder_sim.measures.statistic import Statistic, half_interval
 from feeder_sim.notebook import counted
@@ -220,3 +221,49 @@ def _different(first: Mapping[str, Any], second: Mapping[str, Any]) -> dict[str,
 
 def _differ(key: str, first: Mapping[str, Any], second: Mapping[str, Any]) -> bool:
     return bool(first.get(key) != second.get(key))
+
+
+def in_words(comparison: Comparison) -> str:
+    """All differences as lines of text."""
+    runs = {"first": comparison.first, "second": comparison.second}
+    lines = [f"{name:<7} {_described(run)}" for name, run in runs.items()]
+    how = "paired by seed" if comparison.paired else "Welch's interval, for the seeds are not the same"
+    lines += ["", f"second minus first, 95 % interval, {how}:"]
+    longest = max((len(difference.name) for difference in comparison.differences), default=0)
+    lines += [f"  {difference.name:<{longest}}  {_numbers(difference)}" for difference in comparison.differences]
+    for (name, _), names in zip(runs.items(), comparison.only, strict=True):
+        if names:
+            lines.append(f"  only the {name} run has: {', '.join(names)}")
+    for title, found in (("settings", comparison.settings), ("versions", comparison.versions)):
+        lines += ["", f"{title} that differ:" if found else f"no {title} differ"]
+        lines += [f"  {key}: {_text(values[0])} | {_text(values[1])}" for key, values in found.items()]
+    return "\n".join(lines)
+
+
+def _described(run: MeasuredRun) -> str:
+    seed, n = run.seeds
+    seeds = f"{n} seeds from {seed}"
+    for name, status in (("unfinished", Status.UNFINISHED), ("failed", Status.DIVERGED)):
+        seeds += f", {run.count(status)} {name}" if run.count(status) else ""
+    return printable(f"{run.path}: {shortened(run.scenario.title or 'no title')}, {seeds}")
+
+
+def _numbers(difference: Difference) -> str:
+    means = f"{_number(difference.first.mean)} | {_number(difference.second.mean)}"
+    if not math.isfinite(difference.difference):
+        return f"{means}, no difference can be had"
+    text = f"{means}, {difference.difference:+.4g}"
+    if math.isfinite(difference.low):
+        text += f" ({difference.low:+.4g} to {difference.high:+.4g})"
+    else:
+        text += " (too few seeds for an interval)"
+    n = f"{difference.first.n} and {difference.second.n}" if difference.pairs is None else f"{difference.pairs} pairs"
+    return f"{text}, n = {n}"
+
+
+def _number(value: float) -> str:
+    return f"{value:.4g}" if math.isfinite(value) else "none"
+
+
+def _text(value: Any) -> str:
+    return "none" if value is None else shortened(printable(json.dumps(value)), LONGEST_VALUE)

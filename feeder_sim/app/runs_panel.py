@@ -1,0 +1,101 @@
+"""The runs of the folder: to start, to watch, to stop, to read and to compare."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from nicegui import run, ui
+
+from feeder_sim.errors import FeederSimError
+from feeder_sim.records.files import write_whole
+from feeder_sim.report.document_of import document_of
+from feeder_sim.run.run_folder import fresh_folder
+from feeder_sim.studies.compare import Comparison, in_words, measured_run
+
+if TYPE_CHECKING:
+    from feeder_sim.app.page import Page
+
+REPORT = "report.html"  # its name in the folder of a run
+
+
+class RunsPanel:
+    """The runs as a page shows them; they belong to the server, and go on without it."""
+
+    def __init__(self, page: Page) -> None:
+        self.page = page
+        self.read = ""  # name of the run that is read
+        self.bars: dict[str, tuple[Any, Any]] = {}
+
+    @ui.refreshable_method
+    def table(self) -> None:
+        """How long, how often; all runs, the last one first; and what came out of one."""
+        with ui.row().classes("items-end"):
+            self.page.fields.numbers("run", "seeds", "duration_s")
+            ui.button("Run", on_click=self.start).props("no-caps")
+        self.bars = {}
+        for name, held in reversed(self.page.runs.held.items()):
+            with ui.row().classes("w-full items-center"):
+                ui.label(name)
+                bar = ui.linear_progress(held.done, show_value=False).classes("w-32")
+                self.bars[name] = bar, ui.label(held.words).classes("said")
+                if held.ended:
+                    ui.button("Read", on_click=lambda _, name=name: self.open(name)).props("dense flat no-caps")
+                else:
+                    ui.button("Stop", on_click=held.stop).props("dense flat no-caps")
+        self.lines = ui.label().classes("w-full result").style("white-space: pre-wrap; font-family: monospace")
+        self.frame = ui.element("iframe").props('sandbox="allow-scripts" title="Report"')
+        self.frame.classes("w-full").style("height: 70vh; border: 0")
+        self.frame.visible = False
+
+    def start(self) -> None:
+        """Run the draft as it is."""
+        draft = self.page.draft
+        if self.page.problem is not None:
+            ui.notify(str(self.page.problem), type="negative")
+            return
+        try:
+            folder = fresh_folder(draft.file.stem, draft.file.parent / "runs")
+        except FeederSimError as error:
+            ui.notify(str(error), type="negative")
+            return
+        self.page.runs.start(draft.text, draft.file, folder)
+        self.table.refresh()
+
+    def look(self) -> None:
+        """Bring the bars up to date, and the table when a run begins or ends."""
+        held = self.page.runs.held
+        ended = [name for name, found in held.items() if not found.ended and found.look().ended]
+        if ended or set(self.bars) != set(held):
+            self.table.refresh()
+        for name, (bar, said) in self.bars.items():
+            found = held[name]
+            bar.value, said.text = found.done, found.words
+
+    async def open(self, name: str) -> None:
+        """Show what came out of a run: its lines, how it differs from the one before it, its report with the replay."""
+        held = self.page.runs.held[name]
+        done = [other for other, found in self.page.runs.held.items() if found.ended == "done"]
+        earlier = done[done.index(name) - 1] if name in done and done.index(name) else None
+        self.lines.text = "\n".join(held.lines)
+        try:
+            if earlier is not None:
+                self.lines.text += (
+                    f"\n\n{await run.io_bound(_compared, self.page.runs.held[earlier].folder, held.folder)}"
+                )
+            await run.io_bound(_report, held.folder)
+        except FeederSimError as error:
+            self.lines.text += f"\n{error}"
+            return
+        self.frame.props(f'src="/report/{name}"')
+        self.frame.visible = True
+
+
+def _compared(first: Path, second: Path) -> str:
+    return in_words(Comparison(measured_run(first), measured_run(second)))
+
+
+def _report(folder: Path) -> None:
+    """Write the report of a run, if there is none."""
+    if not (folder / REPORT).is_file():
+        write_whole(folder / REPORT, document_of(folder, replay=True).html().encode())
