@@ -42,6 +42,7 @@ class Page:
         self.problem: InputError | None = None
         self.motion: Motion | None = None
         self.solved = ""  # the plate that `motion` is of
+        self.solving = False
         self.structure: tuple[Any, ...] = ()
         self.fields = Fields(self)
         self.plate, self.modes, self.parts = PlatePanel(self), ModesPanel(self), PartsPanel(self)
@@ -120,26 +121,28 @@ class Page:
         self.fields.update()
         self.schedule.update()
         self.plate.update()
-        if self.scenario and not self.problem:
-            await self._solve(self.scenario)
+        if not self.solving:
+            self.solving = True
+            try:
+                await self._solve()
+            finally:
+                self.solving = False
 
-    async def _solve(self, scenario: Scenario) -> None:
-        """Compute the modes of the plate, if it is another one."""
-        plate = scenario.plate.model_dump_json()
-        if plate != self.solved:
+    async def _solve(self) -> None:
+        """Compute the modes of the plate, until they are those of the draft as it is then."""
+        while self.scenario and not self.problem and (plate := self.scenario.plate.model_dump_json()) != self.solved:
+            scenario, self.solved = self.scenario, plate
             self.plate.words.text = "computing the modes ..."
             try:
-                self.motion = await run.io_bound(lambda: Motion(modes_shown(scenario)))
+                self.motion = await run.io_bound(_motion, scenario)
             except InputError as error:
                 self.motion = None
                 self.plate.hide(str(error))
-            self.solved = plate
             self.modes.begin(scenario)
             self.modes.show()
             if self.motion is not None:
                 await run.io_bound(self.motion.learn, scenario)
-        else:
-            self.modes.show()
+        self.modes.show()
 
     async def put_in(self, event: events.UploadEventArguments) -> str | None:
         """The name of a file that was dropped, in the folder of the scenario; None where it is refused."""
@@ -166,3 +169,7 @@ class Page:
             return
         self.saved = self.draft.text
         ui.notify(f"saved as {file}")
+
+
+def _motion(scenario: Scenario) -> Motion:
+    return Motion(modes_shown(scenario))

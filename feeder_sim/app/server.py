@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import asyncio
 import secrets
 import socket
 from pathlib import Path
 
-from nicegui import app, ui
+from nicegui import app, background_tasks, ui
 from starlette.responses import FileResponse, PlainTextResponse, Response
 
 from feeder_sim.app.draft import Draft
@@ -50,7 +51,13 @@ def serve(text: str, file: Path, *, port: int | None, show: bool) -> None:
     app.add_middleware(Guarded, token=token, port=port)
     app.on_shutdown(runs.stop_all)
     address = f"http://{HOST}:{port}/?token={token}"
-    print(f"{address}\nCtrl+C ends the server", flush=True)
+
+    async def tell() -> None:
+        while not _listens(port):
+            await asyncio.sleep(0.05)
+        print(f"{address}\nCtrl+C ends the server", flush=True)
+
+    app.on_startup(lambda: background_tasks.create(tell()))
     ui.run(
         page,
         host=HOST,
@@ -61,6 +68,11 @@ def serve(text: str, file: Path, *, port: int | None, show: bool) -> None:
         show_welcome_message=False,
         uvicorn_logging_level="error",
     )
+
+
+def _listens(port: int) -> bool:
+    with socket.socket() as asked:
+        return asked.connect_ex((HOST, port)) == 0
 
 
 def _free_port() -> int:

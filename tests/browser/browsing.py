@@ -14,6 +14,10 @@ from numpy.typing import NDArray
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
 SOFTWARE_3D = ("--no-sandbox", "--use-gl=swiftshader", "--enable-unsafe-swiftshader", "--ignore-gpu-blocklist")
+PIXEL = """([x, y]) => {
+  const plate = window.feederPlate, [u, v] = plate.at(x, y), box = plate.$el.getBoundingClientRect();
+  return [box.left + u * box.width / plate.$el.width, box.top + v * box.height / plate.$el.height];
+}"""  # of a place on the plate of the app [mm]
 browsing = pytest.mark.skipif(CHROMIUM is None, reason="no Chromium")
 
 

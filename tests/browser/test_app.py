@@ -17,15 +17,11 @@ import h5py
 import numpy as np
 import pytest
 import trimesh
-from browsing import browser_page, browsing, elsewhere, pixels
+from browsing import PIXEL, browser_page, browsing, elsewhere, pixels
 from command_line import feeder_sim
 
 pytestmark = [pytest.mark.slow, browsing]
 L_SHAPE = ((-90, -60), (90, -60), (90, 0), (0, 0), (0, 60), (-90, 60))
-PIXEL = """([x, y]) => {
-  const plate = window.feederPlate, [u, v] = plate.at(x, y), box = plate.$el.getBoundingClientRect();
-  return [box.left + u * box.width / plate.$el.width, box.top + v * box.height / plate.$el.height];
-}"""
 
 
 @pytest.fixture(scope="module")
