@@ -12,6 +12,11 @@ from chart_cases import BALL_HZ, BALL_PERIODS, BALL_UM, CONTACT, DROP_MM, DROP_S
 
 from conformance_set.cases import (
     CREEP_S,
+    CUBE_TILT_DEG,
+    FAST_HZ,
+    FAST_S,
+    FAST_SPEED,
+    FAST_UM,
     PISTON_HZ,
     PISTON_S,
     PISTON_UM,
@@ -20,10 +25,16 @@ from conformance_set.cases import (
     REST_SPEED,
     STICK_SPEED,
     THROW_UM,
+    TRAY_HZ,
+    TRAY_PHASE_DEG,
+    TRAY_S,
+    TRAY_UM,
     Row,
     closed_rows,
+    cube_corner,
     ensemble_row,
     measured_rows,
+    tray_height,
     zero_rows,
 )
 from conformance_set.judge import Result
@@ -42,6 +53,8 @@ from feeder_sim.scenario.tables import validated
 Raw = dict[str, Any]
 NUT, BALL = {"shape": "hex_nut", "size": "M2.5"}, {"shape": "ball", "diameter_mm": 3.0}
 START_MM = {"drift_4750": 1.95, "drift_8775": 1.43}
+CUBE = {"shape": "mesh", "file": str(Path(__file__).with_name("cube.off"))}
+TRAYS = ("two_axes", "fast_slip")  # the MuJoCo engine takes no tray
 ONE_DEGREE = ("rising_plate", "throw", "bouncing_ball")
 ZERO_SEEDS = 96
 FINEST, ENSEMBLE = 160, {"drift_4750": 96, "drift_8775": 256}  # steps per period and seeds of the right values
@@ -84,6 +97,36 @@ def _on_shaker(amplitude_um: float) -> Raw:
     return _scenario(drives, BALL, start, duration_s=BALL_PERIODS / BALL_HZ, frames_per_second=2000.0)
 
 
+def cube_falls(part: Raw) -> Raw:
+    """A cube on its edge; as a mesh or as a box."""
+    half = math.radians(0.5 * CUBE_TILT_DEG)
+    raw = _at_rest(part, 0.0, 0.0, DROP_S)
+    raw["part"][0]["start"] = {
+        "kind": "state",
+        "position_mm": [0.0, 0.0, DROP_MM + 1e3 * cube_corner()[1]],
+        "quaternion": [math.cos(half), 0.0, math.sin(half), 0.0],
+    }
+    return raw
+
+
+def _on_tray(drives: list[Raw], speed: float, duration_s: float) -> Raw:
+    start = {"drop_height_mm": 0.0, "tilt_deg": 0.0, "yaw_deg": 17.0, "velocity_mm_s": [1e3 * speed, 0.0, 0.0]}
+    raw = _scenario(drives, NUT, start, duration_s=duration_s, frames_per_second=1000.0)
+    raw["plate"] = {"kind": "tray", "length_mm": 200.0, "width_mm": 100.0}
+    return raw
+
+
+def _two_axes() -> Raw:
+    along = {"frequency_hz": TRAY_HZ, "stroke_um": TRAY_UM, "angle_deg": 0.0, "phase_deg": TRAY_PHASE_DEG}
+    up = {"frequency_hz": TRAY_HZ, "stroke_um": 1e6 * tray_height(), "angle_deg": 90.0}
+    return _on_tray([along, up], 0.0, TRAY_S)
+
+
+def _fast_slip() -> Raw:
+    drive = {"frequency_hz": FAST_HZ, "stroke_um": FAST_UM, "angle_deg": 0.0}
+    return _on_tray([drive], FAST_SPEED, FAST_S)
+
+
 def _piston() -> Raw:
     start = {"drop_height_mm": [0.2, 0.5], "yaw_deg": [0.0, 360.0], "tilt_deg": [0.0, 3.0]}
     drives = [{"frequency_hz": PISTON_HZ, "amplitude_um": PISTON_UM}]
@@ -98,6 +141,9 @@ SCENARIOS: dict[str, Callable[[], Raw]] = {
     "rising_plate": _rising,
     "throw": lambda: _on_shaker(THROW_UM),
     "bouncing_ball": lambda: _on_shaker(BALL_UM),
+    "mesh_cube": lambda: cube_falls(CUBE),
+    "two_axes": _two_axes,
+    "fast_slip": _fast_slip,
     "piston_zero": _piston,
     "drift_4750": lambda: strip(4750.0, 1.0, START_MM["drift_4750"]),
     "drift_8775": lambda: strip(8775.0, 1.0, START_MM["drift_8775"]),
@@ -174,7 +220,7 @@ def own_results(engine: str, cases: Iterable[str], *, quick: bool) -> list[Resul
     name = {"impulse": "feeder_sim, impulses", "mujoco": "feeder_sim, MuJoCo", "slide": "feeder_sim, slide"}[engine]
     results = []
     for case in cases:
-        if engine == "slide" and case not in ONE_DEGREE:
+        if (engine == "slide" and case not in ONE_DEGREE) or (engine == "mujoco" and case in TRAYS):
             continue
         if case in OBSERVERS:
             for steps in _settings(case, engine, quick=quick):

@@ -46,6 +46,7 @@ from feeder_sim.engines.impulse.vectors import add_to, cross, difference, dot, p
 from feeder_sim.machine_code import inlined
 
 LONGEST = 5e-5  # [s] of forces
+SWAYS = 0.5  # [rad] of the fastest motion of the plate, in which slip turns once at most
 TURNED, ROLLED, TURNED_AT_EDGE = (
     0.02,
     0.002,
@@ -58,7 +59,7 @@ NO_LIFT = 1e-3  # of the time of forces: what is lifted sooner than that is lift
 LEAST_ROLL = 1e-6  # [s]
 FIRMLY = 0.99  # of full friction: what takes less is not sliding
 SOLVED = 0.05  # tolerances by which the motion under forces may be off that the laws of contact ask for
-TURNS, STOPS = 3, 0.98  # rounds, and share of the time, by which the end of a slip is found
+TURNS, STOPS = 8, 0.98  # rounds, and share of the time, by which the end of a slip is found
 SLIPS, CREPT = 1e-7, 10.0  # [m/s], and on a plate that moves tolerances in the time of forces: what slips by less stays
 DIPS = 10.0  # tolerances by which a point without a load may come inside while forces last
 LIGHT = 1e-3  # of all loads: what bears less bears none
@@ -130,7 +131,8 @@ def _time_of_forces(part, kind, bounds, now, work):
         may_stay = may_stay or _may_stay(work.point[i], close, LONGEST_CHATTER, now.unsure)
     if not may_stay:
         return 0.0, 0.0
-    most, longest = 0.0, LONGEST
+    # A plate that only moves sideways has no push, and yet slip comes and goes within a period.
+    most, longest = 0.0, min(LONGEST, SWAYS / bounds.fastest)
     for i in range(now.n):
         point = work.point[i]
         if touches(point, close):
@@ -298,7 +300,8 @@ def _slip_stops(part, kind, spin, contacts, work):
     contacts: how many there are, that time, and the speed below which none slips [m/s].
 
     Along its slip s, with the other accelerations a and a share r of full friction F, it goes on by s - (a + r F) t.
-    F is taken for that of a part that does not turn.
+    F is taken for that of a part that does not turn. A contact that slips back at the end would have had the wrong
+    friction all the time, and a search from there stays late: its time is cut short.
     """
     (m, time, slips), pressed = contacts, 0.0
     found = time
@@ -319,7 +322,7 @@ def _slip_stops(part, kind, spin, contacts, work):
         full = mu * pressed / kind.mass / time
         others = (s - dot(_relative(i, work), u) / s) / time - share * full
         if others + full > 0.0:
-            found = min(found, s / (others + full))
+            found = min(found, (STOPS if share < 0.0 else 1.0) * s / (others + full))
     return found
 
 
