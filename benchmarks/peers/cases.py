@@ -21,7 +21,7 @@ from feeder_sim.constants import GRAVITY
 from feeder_sim.measures.drift import transport_speed
 from feeder_sim.plate.mode_shapes import StandingWave
 from feeder_sim.records.trajectory import Frames
-from feeder_sim.scenario import Ball, HexNut, load_scenario, with_run
+from feeder_sim.scenario import Ball, Box, HexNut, load_scenario, with_run
 from feeder_sim.scene.cell import PASSAGE_TO, Cell, transport_cell
 from feeder_sim.scene.part import build_part
 from feeder_sim.scene.scene import Scene, build_scene
@@ -78,7 +78,7 @@ class Setup:
     Attributes:
         dt: time step [s].
         body, position, quaternion, velocity: the part and its start.
-        plate: "rest", "rising" (at constant speed), "piston" or "strip".
+        plate: "rest", "rising" (at constant speed), "piston", "shaken" (along x and z) or "strip".
         strip: the standing wave of a strip.
         impact_speed: of a typical impact [m/s], for engines whose restitution depends on it.
         amplitude: of the plate [m], for engines that have to know.
@@ -106,6 +106,10 @@ class World(Protocol):
         """One step per entry with the plate at this height [m] and rate [m/s]; rows are states."""
         ...
 
+    def shake(self, place: list[list[float]], rate: list[list[float]], out: NDArray[np.float64]) -> None:
+        """One step per entry with the plate at this x and height [m] and these rates [m/s]; see `Method.shakes`."""
+        ...
+
     def ride(self, q: list[float], rate: list[float]) -> None:
         """One step per entry with the strip's modal coordinate [m] and its rate [m/s]."""
         ...
@@ -126,6 +130,7 @@ class Method:
         cases: those that it is for.
         us_per_step: what a step costs about, from which seeds and settings are chosen.
         arrives: whether a nut on a strip gets anywhere; if not, one seed is enough.
+        shakes: whether its worlds can `shake`, which moves the plate along x and z.
     """
 
     name: str
@@ -134,6 +139,7 @@ class Method:
     cases: tuple[str, ...]
     us_per_step: float
     arrives: bool = True
+    shakes: bool = False
 
 
 @dataclass
@@ -154,6 +160,11 @@ def steel_ball() -> Body:
 
 def steel_nut() -> Body:
     part = build_part(HexNut(shape="hex_nut", size="M2.5", material="steel"))
+    return Body(part.mass, part.inertia, 0.0, part.corners)
+
+
+def steel_cube(side: float) -> Body:
+    part = build_part(Box(shape="box", size_mm=(1e3 * side,) * 3, material="steel"))
     return Body(part.mass, part.inertia, 0.0, part.corners)
 
 

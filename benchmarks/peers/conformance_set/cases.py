@@ -42,7 +42,7 @@ CUBE_SIDE, CUBE_TILT_DEG = 4e-3, 30.0  # [m]; about y
 TRAY_HZ, TRAY_UM, TRAY_PHASE_DEG, TRAY_THROW = 50.0, 200.0, 60.0, 0.8  # x = A sin(w t + phase), z'' is up to 0.8 g
 TRAY_FROM_S, TRAY_S = 0.5, 1.0  # [s] over which its speed is measured
 FAST_HZ, FAST_UM, FAST_SPEED = 4000.0, 2.5, 0.03  # and the speed of the nut at first [m/s]
-FAST_EARLY_S, FAST_S = 0.03, 0.3  # [s] when its way is measured
+FAST_EARLY_S, FAST_S = 0.03, 0.1  # [s] when its way is measured
 
 CLOSED_FORM = 0.02  # of the scale: half the width of the interval around a closed form
 ZERO_SCALE_MM_S = 1.5  # drift at the frequency and amplitude of `piston_zero`, which its zero is compared with
@@ -159,17 +159,17 @@ def tray_height() -> float:
 
 
 @cache
-def tray_speed(steps: int = 10_000) -> float:
-    """Mean speed [m/s] over the fifth period of a point that sticks or slips, from rest; exact but where that changes."""
+def tray_speed(steps: int = 10_000, settled: int = 15) -> float:
+    """Mean speed [m/s] of a point that sticks or slips over a late period, from rest; exact but where that changes."""
     omega, phase = 2.0 * math.pi * TRAY_HZ, math.radians(TRAY_PHASE_DEG)
     dt, speed, way = 1.0 / (TRAY_HZ * steps), 0.0, 0.0
     rise = tray_height() * omega
-    for i in range(5 * steps):
+    for i in range((settled + 1) * steps):
         t = (i + 1) * dt
         pushed = GRAVITY * dt + rise * (math.cos(omega * t) - math.cos(omega * (t - dt)))
         most, tray = FRICTION * pushed, 1e-6 * TRAY_UM * omega * math.cos(omega * t + phase)
         new = min(max(tray, speed - most), speed + most)
-        way += 0.5 * dt * (speed + new) if i >= 4 * steps else 0.0
+        way += 0.5 * dt * (speed + new) if i >= settled * steps else 0.0
         speed = new
     return way * TRAY_HZ
 

@@ -58,8 +58,15 @@ TRAYS = ("two_axes", "fast_slip")  # the MuJoCo engine takes no tray
 ONE_DEGREE = ("rising_plate", "throw", "bouncing_ball")
 ZERO_SEEDS = 96
 FINEST, ENSEMBLE = 160, {"drift_4750": 96, "drift_8775": 256}  # steps per period and seeds of the right values
+NAMES = {
+    "slide": "feeder_sim, slide",
+    "exact": "feeder_sim, no step",
+    "impulse": "feeder_sim, impulses",
+    "mujoco": "feeder_sim, MuJoCo",
+}
 SEEDS = {  # by engine, of a result
     "impulse": {"piston_zero": 96, "drift_4750": 48, "drift_8775": 128},
+    "exact": {"piston_zero": 96, "drift_4750": 48, "drift_8775": 128},
     "mujoco": {"piston_zero": 12, "drift_4750": 4, "drift_8775": 12},
 }
 SLOW_HZ = 4.0  # of a plate whose speed is constant to 0.12 % for the two milliseconds that matter
@@ -151,24 +158,28 @@ SCENARIOS: dict[str, Callable[[], Raw]] = {
 
 
 def scenario_of(case: str, steps: int, seeds: int = 1, *, one_degree: bool = False, **run: Any) -> Scenario:
-    """A case as a scenario: `steps` per period or per millisecond, further keys of the table [run]."""
+    """A case as a scenario: `steps` per period or millisecond, 0 for none given, and further keys of [run]."""
     raw = SCENARIOS[case]()
     if case == "rising_plate":
         steps = round(steps * PER_MS / SLOW_HZ)
-    raw["run"] |= {"steps_per_period": steps, "seeds": seeds} | run
+    raw["run"] |= ({"steps_per_period": steps} if steps else {}) | {"seeds": seeds} | run
     if one_degree:
         raw["part"][0]["guide"] = {"kind": "slide"}
     return validated(raw, Scenario, Path(case))
 
 
 def once(case: str, engine: str, steps: int) -> dict[str, float]:
-    """Quantities of a case without chance; the engine "slide" is the impulse engine with one degree of freedom."""
-    one_degree = engine == "slide"
-    prepared = prepare(scenario_of(case, steps, one_degree=one_degree, engine="impulse" if one_degree else engine))
+    """Quantities of a case without chance; "slide" is the impulse engine with one degree of freedom."""
+    named = "mujoco" if engine == "mujoco" else "impulse"
+    return OBSERVERS[case](motion_of(scenario_of(case, steps, one_degree=engine == "slide", engine=named)))
+
+
+def motion_of(scenario: Scenario) -> Motion:
+    """The motion of the only part of a scenario."""
+    prepared = prepare(scenario)
     scene = prepared.scene
     frames = engine_class(prepared.engine)(scene, np.random.default_rng(0)).advance(scene.n_frames - 1)
-    motion = Motion(frames.time, frames.position[:, 0], frames.velocity[:, 0], frames.angular_velocity[:, 0])
-    return OBSERVERS[case](motion)
+    return Motion(frames.time, frames.position[:, 0], frames.velocity[:, 0], frames.angular_velocity[:, 0])
 
 
 def ensemble(case: str, steps: int, seeds: int, **run: Any) -> dict[str, Statistic]:
@@ -208,16 +219,16 @@ def remade_rows() -> list[Row]:
 
 
 def _settings(case: str, engine: str, *, quick: bool) -> tuple[int, ...]:
-    if engine == "slide":
-        return (40,)
+    if engine in ("slide", "exact"):
+        return (40,) if engine == "slide" else (0,)
     if case == "rising_plate":
         return (20, int(MOST_STEPS * SLOW_HZ / PER_MS))
     return (40, 160) if quick else (20, 40, 80, 160, 320)
 
 
 def own_results(engine: str, cases: Iterable[str], *, quick: bool) -> list[Result]:
-    """Results of "impulse", "mujoco" or "slide" at several steps."""
-    name = {"impulse": "feeder_sim, impulses", "mujoco": "feeder_sim, MuJoCo", "slide": "feeder_sim, slide"}[engine]
+    """Results of "impulse", "mujoco" or "slide" at several steps, or of "exact", the impulse engine without any."""
+    name = NAMES[engine]
     results = []
     for case in cases:
         if (engine == "slide" and case not in ONE_DEGREE) or (engine == "mujoco" and case in TRAYS):
@@ -227,8 +238,9 @@ def own_results(engine: str, cases: Iterable[str], *, quick: bool) -> list[Resul
                 numbers = once(case, engine, steps)
                 results += [Result(case, q, value, engine=name, setting=steps) for q, value in numbers.items()]
         else:
-            for steps in (40,) if quick else (20, 40):
+            for steps in (0,) if engine == "exact" else (40,) if quick else (20, 40):
                 seeds = max(SEEDS[engine][case] // (4 if quick else 1), 3)
-                for q, found in ensemble(case, steps, seeds, engine=engine).items():
+                named = "impulse" if engine == "exact" else engine
+                for q, found in ensemble(case, steps, seeds, engine=named).items():
                     results.append(Result(case, q, found.mean, found.se, name, steps, found.n))
     return results
