@@ -106,16 +106,20 @@ class World(Protocol):
         """One step per entry with the plate at this height [m] and rate [m/s]; rows are states."""
         ...
 
-    def shake(self, place: list[list[float]], rate: list[list[float]], out: NDArray[np.float64]) -> None:
-        """One step per entry with the plate at this x and height [m] and these rates [m/s]; see `Method.shakes`."""
-        ...
-
     def ride(self, q: list[float], rate: list[float]) -> None:
         """One step per entry with the strip's modal coordinate [m] and its rate [m/s]."""
         ...
 
     def state(self) -> NDArray[np.float64]:
         """State of the part, shape (13,)."""
+        ...
+
+
+class ShakenWorld(World, Protocol):
+    """A scene whose plate also moves sideways."""
+
+    def shake(self, place: list[list[float]], rate: list[list[float]], out: NDArray[np.float64]) -> None:
+        """One step per entry with the plate at this x and height [m] and these rates [m/s]; rows are states."""
         ...
 
 
@@ -130,7 +134,7 @@ class Method:
         cases: those that it is for.
         us_per_step: what a step costs about, from which seeds and settings are chosen.
         arrives: whether a nut on a strip gets anywhere; if not, one seed is enough.
-        shakes: whether its worlds can `shake`, which moves the plate along x and z.
+        shakes: whether its worlds are `ShakenWorld`.
     """
 
     name: str

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from typing import cast
 
 import numpy as np
 from cases import (
@@ -19,6 +20,7 @@ from cases import (
     Body,
     Method,
     Setup,
+    ShakenWorld,
     drift,
     steel_ball,
     steel_cube,
@@ -69,7 +71,7 @@ def once(method: Method, case: str, steps: int) -> dict[str, float]:
     if height is None:
         world.fall(out)
     elif height.ndim == 2:
-        world.shake(height[:-1].tolist(), (np.diff(height, axis=0) / setup.dt).tolist(), out)
+        cast("ShakenWorld", world).shake(height[:-1].tolist(), (np.diff(height, axis=0) / setup.dt).tolist(), out)
     else:
         world.piston(height[:-1].tolist(), (np.diff(height) / setup.dt).tolist(), out)
     begin = np.concatenate([setup.position, setup.quaternion, setup.velocity, np.zeros(3)])

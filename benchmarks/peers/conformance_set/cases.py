@@ -10,7 +10,7 @@ rising_plate      a ball falls by h onto a plate that rises at U: v = sqrt(U^2 +
 throw             a ball on a plate A sin(w t) too slow for bounces without rest: it lifts off where the plate
                   accelerates downward at g, sin(phi) = g / (A w^2), and rises to A sin(phi) + (A w cos(phi))^2 / 2 g
 bouncing_ball     period one (Holmes 1982): see `benchmarks/chart_cases.py`
-mesh_cube         a cube, given as a mesh, falls on one of its edges, which sticks: the impact of a rigid body in a plane
+mesh_cube         a cube, given as a mesh, falls on one of its edges, which sticks: a rigid body's impact in a plane
 two_axes          a nut on a tray that moves in an ellipse of x and z and never throws it: an ODE of stick and slip
 fast_slip         a nut slides on a tray that shakes along at kHz with the speed V: friction opposes what is left of it
                   over a period, v' = -mu g 2/pi asin(v/V). With u = asin(v/V) and T = pi V / (2 mu g) that is
@@ -144,7 +144,7 @@ def cube_corner() -> tuple[float, float]:
 
 
 def cube_velocities() -> tuple[float, float, float]:
-    """Up, along x [m/s] and about y [rad/s] after the impact, per unit of mass: the edge leaves with e v, and sticks."""
+    """Up, along x [m/s] and about y [rad/s] after the impact: the edge leaves with e v, and sticks."""
     (x, z), per_moment, change = cube_corner(), 6.0 / CUBE_SIDE**2, (1.0 + RESTITUTION) * APPROACH
     up_up, along, mixed = 1.0 + x * x * per_moment, 1.0 + z * z * per_moment, x * z * per_moment
     p_z = change / (up_up - mixed * mixed / along)
