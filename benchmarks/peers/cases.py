@@ -21,7 +21,7 @@ from feeder_sim.constants import GRAVITY
 from feeder_sim.measures.drift import transport_speed
 from feeder_sim.plate.mode_shapes import StandingWave
 from feeder_sim.records.trajectory import Frames
-from feeder_sim.scenario import Ball, HexNut, load_scenario, with_run
+from feeder_sim.scenario import Ball, Box, HexNut, load_scenario, with_run
 from feeder_sim.scene.cell import PASSAGE_TO, Cell, transport_cell
 from feeder_sim.scene.part import build_part
 from feeder_sim.scene.scene import Scene, build_scene
@@ -78,7 +78,7 @@ class Setup:
     Attributes:
         dt: time step [s].
         body, position, quaternion, velocity: the part and its start.
-        plate: "rest", "rising" (at constant speed), "piston" or "strip".
+        plate: "rest", "rising" (at constant speed), "piston", "shaken" (along x and z) or "strip".
         strip: the standing wave of a strip.
         impact_speed: of a typical impact [m/s], for engines whose restitution depends on it.
         amplitude: of the plate [m], for engines that have to know.
@@ -115,6 +115,14 @@ class World(Protocol):
         ...
 
 
+class ShakenWorld(World, Protocol):
+    """A scene whose plate also moves sideways."""
+
+    def shake(self, place: list[list[float]], rate: list[list[float]], out: NDArray[np.float64]) -> None:
+        """One step per entry with the plate at this x and height [m] and these rates [m/s]; rows are states."""
+        ...
+
+
 @dataclass(frozen=True)
 class Method:
     """A way to use an engine.
@@ -126,6 +134,7 @@ class Method:
         cases: those that it is for.
         us_per_step: what a step costs about, from which seeds and settings are chosen.
         arrives: whether a nut on a strip gets anywhere; if not, one seed is enough.
+        shakes: whether its worlds are `ShakenWorld`.
     """
 
     name: str
@@ -134,6 +143,7 @@ class Method:
     cases: tuple[str, ...]
     us_per_step: float
     arrives: bool = True
+    shakes: bool = False
 
 
 @dataclass
@@ -154,6 +164,11 @@ def steel_ball() -> Body:
 
 def steel_nut() -> Body:
     part = build_part(HexNut(shape="hex_nut", size="M2.5", material="steel"))
+    return Body(part.mass, part.inertia, 0.0, part.corners)
+
+
+def steel_cube(side: float) -> Body:
+    part = build_part(Box(shape="box", size_mm=(1e3 * side,) * 3, material="steel"))
     return Body(part.mass, part.inertia, 0.0, part.corners)
 
 

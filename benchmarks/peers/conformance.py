@@ -28,20 +28,19 @@ from feeder_sim.errors import FeederSimError, not_written
 
 FOLDER = Path(__file__).parent
 SET = FOLDER / "conformance.csv"
-OWN = {"feeder_sim, slide": "slide", "feeder_sim, impulses": "impulse", "feeder_sim, MuJoCo": "mujoco"}
 
 
 def run(path: Path, cases: Sequence[str], *, quick: bool, only: str | None) -> list[Result]:
     """Run every engine that is installed on some cases; the file grows with each case."""
     sys.path.insert(0, str(FOLDER))
     from conformance_cases import results_of
-    from conformance_set.own import own_results
+    from conformance_set.own import NAMES, own_results
     from plans import plan
     from run import MODULES, methods_installed
 
     results: list[Result] = []
     began = time.perf_counter()
-    for name, engine in OWN.items():
+    for engine, name in NAMES.items():
         if only is None or only.lower() in name.lower():
             for case in cases:
                 results += _noted(own_results(engine, [case], quick=quick), began)

@@ -7,12 +7,34 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from typing import cast
 
 import numpy as np
-from cases import SPIN, STATE, THROWN, UPRIGHT, VELOCITY, YAW, Body, Method, Setup, drift, steel_ball, steel_nut
+from cases import (
+    SPIN,
+    STATE,
+    THROWN,
+    UPRIGHT,
+    VELOCITY,
+    YAW,
+    Body,
+    Method,
+    Setup,
+    ShakenWorld,
+    drift,
+    steel_ball,
+    steel_cube,
+    steel_nut,
+)
 from chart_cases import APPROACH, BALL_HZ, BALL_PERIODS, BALL_UM, DROP_MM, DROP_S, RESTITUTION, SLIDE_MM_S
 from conformance_set.cases import (
     CREEP_S,
+    CUBE_SIDE,
+    CUBE_TILT_DEG,
+    FAST_HZ,
+    FAST_S,
+    FAST_SPEED,
+    FAST_UM,
     PISTON_HZ,
     PISTON_S,
     PISTON_UM,
@@ -21,6 +43,11 @@ from conformance_set.cases import (
     REST_SPEED,
     STICK_SPEED,
     THROW_UM,
+    TRAY_HZ,
+    TRAY_PHASE_DEG,
+    TRAY_S,
+    TRAY_UM,
+    tray_height,
 )
 from conformance_set.judge import Result
 from conformance_set.motions import OBSERVERS, Motion
@@ -32,6 +59,7 @@ from feeder_sim.measures.statistic import Statistic
 
 RISE_S = 0.01
 BALL_START = 0.5e-3  # of the ball over the shaker [m]
+TRAYS = ("two_axes", "fast_slip")
 CHUNK = 4750  # steps of the piston between two looks at the nut
 
 
@@ -42,6 +70,8 @@ def once(method: Method, case: str, steps: int) -> dict[str, float]:
     out = np.zeros((n, STATE))
     if height is None:
         world.fall(out)
+    elif height.ndim == 2:
+        cast("ShakenWorld", world).shake(height[:-1].tolist(), (np.diff(height, axis=0) / setup.dt).tolist(), out)
     else:
         world.piston(height[:-1].tolist(), (np.diff(height) / setup.dt).tolist(), out)
     begin = np.concatenate([setup.position, setup.quaternion, setup.velocity, np.zeros(3)])
@@ -53,9 +83,11 @@ def once(method: Method, case: str, steps: int) -> dict[str, float]:
 
 
 def _setup(case: str, steps: int) -> tuple[Setup, int, NDArray[np.float64] | None]:
-    """A case at its start, the number of steps, and the heights of the plate; None for a plate at rest."""
-    if case in ("rebound", "slide", "oblique_sticking", "slide_to_rest"):
+    """A case at its start, the number of steps, and the heights of the plate, or x and height; None at rest."""
+    if case in ("rebound", "slide", "oblique_sticking", "slide_to_rest", "mesh_cube"):
         return _at_rest(case, 1e-3 / steps)
+    if case in TRAYS:
+        return _on_tray(case, steps)
     ball = steel_ball()
     if case == "rising_plate":
         dt = 1e-3 / steps
@@ -89,10 +121,28 @@ def _at_rest(case: str, dt: float) -> tuple[Setup, int, None]:
         along = STICK_SPEED
     elif case == "slide_to_rest":
         drop, along, duration, impact = 0.0, REST_SPEED, CREEP_S, REST_SPEED
-    lowest = body.radius or -float(body.corners[:, 2].min())
+    elif case == "mesh_cube":
+        body, half = steel_cube(CUBE_SIDE), math.radians(0.5 * CUBE_TILT_DEG)
+        turn = np.array([math.cos(half), 0.0, math.sin(half), 0.0])
+    lowest = body.radius or -float(Rotation.from_quat(turn, scalar_first=True).apply(body.corners)[:, 2].min())
     velocity = np.array([along, 0.0, 0.0])
     setup = Setup(dt, body, np.array([0.0, 0.0, lowest + drop]), turn, velocity, "rest", None, impact)
     return setup, round(duration / dt), None
+
+
+def _on_tray(case: str, steps: int) -> tuple[Setup, int, NDArray[np.float64]]:
+    """A nut that lies on a tray, and where that is in x and z."""
+    frequency, duration, speed = (TRAY_HZ, TRAY_S, 0.0) if case == "two_axes" else (FAST_HZ, FAST_S, FAST_SPEED)
+    body, dt, n = steel_nut(), 1.0 / (frequency * steps), round(duration * frequency * steps)
+    phase = 2.0 * math.pi * frequency * _times(dt, n)
+    if case == "two_axes":
+        x, z = 1e-6 * TRAY_UM * np.sin(phase + math.radians(TRAY_PHASE_DEG)), tray_height() * np.sin(phase)
+    else:
+        x, z = 1e-6 * FAST_UM * np.sin(phase), 0.0 * phase
+    turn = np.array([math.cos(0.5 * YAW), 0.0, 0.0, math.sin(0.5 * YAW)])
+    position = np.array([0.0, 0.0, -float(body.corners[:, 2].min())])
+    setup = Setup(dt, body, position, turn, np.array([speed, 0.0, 0.0]), "shaken", amplitude=float(np.abs(z).max()))
+    return setup, n, np.column_stack([x, z])
 
 
 def piston_zero(method: Method, steps: int, seeds: int, seed_s: float = PISTON_S) -> dict[str, Statistic]:

@@ -63,6 +63,7 @@ class Contact:
 
 TUNED = Contact()
 SPRING = Contact(stiffness=0.1, damping=0.42)  # where the plate has no velocity only a spring pushes
+LYING = Contact(stiffness=0.3, damping=0.2, friction=None)  # for a part that stays on a plate and slips
 
 
 class PatchWorld:
@@ -82,12 +83,13 @@ class PatchWorld:
         half = setup.strip.half_thickness if setup.strip else 0.0
         mass = PLATE_MASS_RATIO * setup.body.mass
         moment = mass * LENGTH**2
+        second = 'type="slide" axis="1 0 0"' if setup.plate == "shaken" else 'type="hinge" axis="0 1 0"'
         return _xml(
             setup,
             contact,
             f'<body gravcomp="1" pos="0 0 {-half!r}"><inertial pos="0 0 0" mass="{mass!r}" '
             f'diaginertia="{moment!r} {moment!r} {moment!r}"/><joint type="slide" axis="0 0 1"/>'
-            f'<joint type="hinge" axis="0 1 0"/>{_box(half - 0.5 * DEPTH)}</body>',
+            f"<joint {second}/>{_box(half - 0.5 * DEPTH)}</body>",
         )
 
     def state(self) -> NDArray[np.float64]:
@@ -110,6 +112,15 @@ class PatchWorld:
             step(model, data)
             row[:7] = pose
             row[7:] = motion
+        _to_world(out)
+
+    def shake(self, place: list[list[float]], rate: list[list[float]], out: NDArray[np.float64]) -> None:
+        for (x, z), (u, w), row in zip(place, rate, out, strict=True):
+            self.data.qpos[:2] = z, x
+            self.data.qvel[:2] = w, u
+            mujoco.mj_step(self.model, self.data)
+            row[:7] = self.pose
+            row[7:] = self.motion
         _to_world(out)
 
     def ride(self, q: list[float], rate: list[float]) -> None:
@@ -146,6 +157,15 @@ class MocapWorld(PatchWorld):
             step(model, data)
             row[:7] = pose
             row[7:] = motion
+        _to_world(out)
+
+    def shake(self, place: list[list[float]], rate: list[list[float]], out: NDArray[np.float64]) -> None:
+        del rate
+        for (x, z), row in zip(place, out, strict=True):
+            self.data.mocap_pos[0] = x, 0.0, z
+            mujoco.mj_step(self.model, self.data)
+            row[:7] = self.pose
+            row[7:] = self.motion
         _to_world(out)
 
     def ride(self, q: list[float], rate: list[float]) -> None:
@@ -246,10 +266,11 @@ def _details(contact: Contact, plate: str) -> Any:
 METHODS = (
     Method(
         "plain MuJoCo",
-        PatchWorld,
+        lambda setup: PatchWorld(setup, LYING if setup.plate == "shaken" else TUNED),
         _details(TUNED, "plate on slide and hinge, 1e6 part masses, qpos and qvel written every step"),
         MOVING + AT_REST,
         10.0,
+        shakes=True,
     ),
     Method(
         "plain MuJoCo, mocap plate",
@@ -258,6 +279,7 @@ METHODS = (
         ("bouncing_ball", "drift_8775"),
         10.0,
         arrives=False,
+        shakes=True,
     ),
     Method(
         "plain MuJoCo, height field",

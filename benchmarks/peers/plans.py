@@ -13,13 +13,23 @@ LONG, PERIODIC = "slide_to_rest", ("throw", "bouncing_ball")  # ten times as lon
 SECONDS = 20.0  # of processor time that the seeds of one setting may take
 MOST_SEEDS = 16
 FEWEST = {"piston_zero": 4, "drift_4750": 2, "drift_8775": 4}  # that the judge can decide with
+SHAKEN = ("two_axes", "fast_slip")
 QUICK_SECONDS = 4.0
-NO_VELOCITY = ("rising_plate", "throw", "bouncing_ball", "drift_8775")  # what a plate without velocity is asked
+NO_VELOCITY = (
+    "rising_plate",
+    "throw",
+    "bouncing_ball",
+    "two_axes",
+    "fast_slip",
+    "drift_8775",
+)  # what a plate without velocity is asked
 
 
 def plan(case: str, method: Method, *, quick: bool) -> list[tuple[int, int]]:
     """Settings and seeds."""
     slow = method.us_per_step > SLOW_US
+    if case in SHAKEN and not method.shakes:
+        return []
     if not method.arrives and case not in NO_VELOCITY:
         return []
     if case not in (*DRIFTS, "piston_zero"):

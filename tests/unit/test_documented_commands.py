@@ -24,6 +24,8 @@ from conftest import REPOSITORY
 from test_screenshot import DRIVERS
 
 from feeder_sim.cli.files import Set
+from feeder_sim.run.prepare import prepare
+from feeder_sim.scenario import load_scenario
 
 PAGES = ["README.md", "CONTRIBUTING.md", *sorted(f"docs/{page.name}" for page in REPOSITORY.glob("docs/*.md"))]
 MORE_PAGES = ["CHANGELOG.md", "models/README.md", "benchmarks/peers/README.md"]  # whose links are looked at, too
@@ -254,6 +256,15 @@ def test_python_of_the_docs_runs(page: str, start: int, workplace: Path) -> None
     (lines,) = [lines for first, lines in blocks(page, "python") if first == start]
     with contextlib.chdir(workplace):
         exec(compile("\n".join(lines), f"{page}:{start}", "exec"), {"__name__": "__main__"})
+
+
+def test_scenarios_of_those_who_come_from_elsewhere_are_accepted(workplace: Path) -> None:
+    found = list(blocks("docs/coming_from.md", "toml"))
+    assert found
+    for start, lines in found:
+        file = workplace / "scenarios" / f"line_{start}.toml"
+        file.write_text("\n".join(lines), encoding="utf-8")
+        prepare(load_scenario(file))
 
 
 LINK = re.compile(r"!?\[[^\]]*\]\(([^()\s]+)\)")

@@ -10,6 +10,11 @@ rising_plate      a ball falls by h onto a plate that rises at U: v = sqrt(U^2 +
 throw             a ball on a plate A sin(w t) too slow for bounces without rest: it lifts off where the plate
                   accelerates downward at g, sin(phi) = g / (A w^2), and rises to A sin(phi) + (A w cos(phi))^2 / 2 g
 bouncing_ball     period one (Holmes 1982): see `benchmarks/chart_cases.py`
+mesh_cube         a cube, given as a mesh, falls on one of its edges, which sticks: a rigid body's impact in a plane
+two_axes          a nut on a tray that moves in an ellipse of x and z and never throws it: an ODE of stick and slip
+fast_slip         a nut slides on a tray that shakes along at kHz with the speed V: friction opposes what is left of it
+                  over a period, v' = -mu g 2/pi asin(v/V). With u = asin(v/V) and T = pi V / (2 mu g) that is
+                  t = T (Ci(u0) - Ci(u)) and a way of T V / 2 (Si(2 u0) - Si(2 u))
 piston_zero       a nut on a plate that moves up and down as a whole: no direction is preferred, its mean drift is 0
 drift             transport speed of a nut on a standing wave: ensembles of the impulse engine, and measurements
 """
@@ -18,8 +23,11 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cache
 
 from chart_cases import APPROACH, BALL_HZ, BALL_UM, FRICTION, RESTITUTION, SLIDE_MM_S, ball_height
+from scipy.optimize import brentq
+from scipy.special import sici
 
 from feeder_sim.constants import GRAVITY
 from feeder_sim.measures.statistic import Statistic
@@ -30,6 +38,11 @@ REST_SPEED, REST_S, CREEP_S = 0.2, 0.2, 0.5  # [m/s]; [s] when the nut has stopp
 PLATE_SPEED, PLATE_DROP = 0.5, 1e-3  # [m/s], [m]
 THROW_UM = 200.0
 PISTON_HZ, PISTON_UM, PISTON_S = 4750.0, 1.0, 5.0
+CUBE_SIDE, CUBE_TILT_DEG = 4e-3, 30.0  # [m]; about y
+TRAY_HZ, TRAY_UM, TRAY_PHASE_DEG, TRAY_THROW = 50.0, 200.0, 60.0, 0.8  # x = A sin(w t + phase), z'' is up to 0.8 g
+TRAY_FROM_S, TRAY_S = 0.5, 1.0  # [s] over which its speed is measured
+FAST_HZ, FAST_UM, FAST_SPEED = 4000.0, 2.5, 0.03  # and the speed of the nut at first [m/s]
+FAST_EARLY_S, FAST_S = 0.03, 0.1  # [s] when its way is measured
 
 CLOSED_FORM = 0.02  # of the scale: half the width of the interval around a closed form
 ZERO_SCALE_MM_S = 1.5  # drift at the frequency and amplitude of `piston_zero`, which its zero is compared with
@@ -43,6 +56,9 @@ CASES = (
     "rising_plate",
     "throw",
     "bouncing_ball",
+    "mesh_cube",
+    "two_axes",
+    "fast_slip",
     "piston_zero",
     "drift_4750",
     "drift_8775",
@@ -95,6 +111,8 @@ def closed_rows() -> list[Row]:
     up, push = e * v, mu * (1.0 + e) * v
     onto = math.sqrt(PLATE_SPEED**2 + 2.0 * GRAVITY * PLATE_DROP)
     stop = 1e3 * REST_SPEED**2 / (2.0 * mu * GRAVITY)
+    cube_up, cube_along, cube_spin = cube_velocities()
+    fast = "T V / 2 (Si(2 u0) - Si(2 u))"
     return [
         closed("rebound", "upward_velocity", "m/s", up, "e v"),
         closed("rebound", "sideways_velocity", "m/s", 0.0, "0", up),
@@ -110,7 +128,58 @@ def closed_rows() -> list[Row]:
         closed("rising_plate", "upward_velocity", "m/s", PLATE_SPEED + e * onto, "U + e sqrt(U^2 + 2 g h)"),
         closed("throw", "top", "mm", 1e3 * throw_height(), "A sin(phi) + (A w cos(phi))^2 / 2 g"),
         closed("bouncing_ball", "top", "mm", 1e3 * ball_height(BALL_HZ, 1e-6 * BALL_UM, e), "g T^2 / 8 + A sin(phi)"),
+        closed("mesh_cube", "upward_velocity", "m/s", cube_up, "p_z / m - v"),
+        closed("mesh_cube", "velocity_along", "m/s", cube_along, "p_x / m"),
+        closed("mesh_cube", "spin", "rad/s", cube_spin, "(r x p) / I"),
+        closed("two_axes", "speed", "mm/s", 1e3 * tray_speed(), "ODE of a point that sticks and slips"),
+        closed("fast_slip", "early_way", "mm", 1e3 * fast_way(FAST_EARLY_S), fast),
+        closed("fast_slip", "way", "mm", 1e3 * fast_way(FAST_S), fast),
     ]
+
+
+def cube_corner() -> tuple[float, float]:
+    """From the centre of the tilted cube to the edge that lands: along x, and down [m]."""
+    turn = math.radians(45.0 - CUBE_TILT_DEG)
+    return CUBE_SIDE / math.sqrt(2.0) * math.sin(turn), CUBE_SIDE / math.sqrt(2.0) * math.cos(turn)
+
+
+def cube_velocities() -> tuple[float, float, float]:
+    """Up, along x [m/s] and about y [rad/s] after the impact: the edge leaves with e v, and sticks."""
+    (x, z), per_moment, change = cube_corner(), 6.0 / CUBE_SIDE**2, (1.0 + RESTITUTION) * APPROACH
+    up_up, along, mixed = 1.0 + x * x * per_moment, 1.0 + z * z * per_moment, x * z * per_moment
+    p_z = change / (up_up - mixed * mixed / along)
+    p_x = -p_z * mixed / along
+    assert abs(p_x) < FRICTION * p_z
+    return p_z - APPROACH, p_x, -(z * p_x + x * p_z) * per_moment
+
+
+def tray_height() -> float:
+    """Amplitude of the height of the tray of `two_axes` [m]."""
+    return TRAY_THROW * GRAVITY / (2.0 * math.pi * TRAY_HZ) ** 2
+
+
+@cache
+def tray_speed(steps: int = 10_000, settled: int = 15) -> float:
+    """Mean speed [m/s] of a point that sticks or slips over a late period, from rest; exact but where that changes."""
+    omega, phase = 2.0 * math.pi * TRAY_HZ, math.radians(TRAY_PHASE_DEG)
+    dt, speed, way = 1.0 / (TRAY_HZ * steps), 0.0, 0.0
+    rise = tray_height() * omega
+    for i in range((settled + 1) * steps):
+        t = (i + 1) * dt
+        pushed = GRAVITY * dt + rise * (math.cos(omega * t) - math.cos(omega * (t - dt)))
+        most, tray = FRICTION * pushed, 1e-6 * TRAY_UM * omega * math.cos(omega * t + phase)
+        new = min(max(tray, speed - most), speed + most)
+        way += 0.5 * dt * (speed + new) if i >= settled * steps else 0.0
+        speed = new
+    return way * TRAY_HZ
+
+
+def fast_way(t: float) -> float:
+    """Way [m] of the nut of `fast_slip` at a time [s]."""
+    shaken = 2.0 * math.pi * FAST_HZ * 1e-6 * FAST_UM
+    first, scale = math.asin(FAST_SPEED / shaken), math.pi * shaken / (2.0 * FRICTION * GRAVITY)
+    now = brentq(lambda u: scale * (sici(first)[1] - sici(u)[1]) - t, 1e-9, first)
+    return float(0.5 * scale * shaken * (sici(2.0 * first)[0] - sici(2.0 * now)[0]))
 
 
 def throw_height(frequency: float = BALL_HZ, amplitude: float = 1e-6 * THROW_UM) -> float:

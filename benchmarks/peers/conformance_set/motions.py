@@ -14,10 +14,15 @@ from numpy.typing import NDArray
 
 from conformance_set.cases import (
     BALL_RADIUS,
+    FAST_EARLY_S,
+    FAST_S,
     PLATE_DROP,
     PLATE_SPEED,
     REST_S,
     THROW_UM,
+    TRAY_FROM_S,
+    TRAY_S,
+    cube_corner,
 )
 from feeder_sim.constants import GRAVITY
 
@@ -59,9 +64,9 @@ def rebound(motion: Motion) -> dict[str, float]:
     }
 
 
-def ball_impact(motion: Motion) -> dict[str, float]:
-    """Both impacts of a ball that flies along x."""
-    upward, row = after_impact(motion, BALL_RADIUS)
+def ball_impact(motion: Motion, height: float = BALL_RADIUS) -> dict[str, float]:
+    """Both impacts of a ball that flies along x, and that of a cube, whose centre is higher then."""
+    upward, row = after_impact(motion, height)
     return {
         "upward_velocity": upward,
         "velocity_along": float(motion.velocity[row, 0]),
@@ -108,6 +113,20 @@ def throw(motion: Motion) -> dict[str, float]:
     return tops(motion, 1e-6 * THROW_UM)
 
 
+def way_at(motion: Motion, time: float) -> float:
+    """Place along x [mm]."""
+    return 1e3 * float(motion.position[min(int(np.searchsorted(motion.time, time - 1e-9)), len(motion.time) - 1), 0])
+
+
+def two_axes(motion: Motion) -> dict[str, float]:
+    """Mean speed [mm/s] once the nut follows the tray."""
+    return {"speed": (way_at(motion, TRAY_S) - way_at(motion, TRAY_FROM_S)) / (TRAY_S - TRAY_FROM_S)}
+
+
+def fast_slip(motion: Motion) -> dict[str, float]:
+    return {"early_way": way_at(motion, FAST_EARLY_S), "way": way_at(motion, FAST_S)}
+
+
 OBSERVERS = {
     "rebound": rebound,
     "slide": ball_impact,
@@ -116,4 +135,7 @@ OBSERVERS = {
     "rising_plate": rising_plate,
     "throw": throw,
     "bouncing_ball": bouncing_ball,
+    "mesh_cube": lambda motion: ball_impact(motion, cube_corner()[1]),
+    "two_axes": two_axes,
+    "fast_slip": fast_slip,
 }

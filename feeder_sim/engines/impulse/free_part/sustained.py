@@ -46,6 +46,7 @@ from feeder_sim.engines.impulse.vectors import add_to, cross, difference, dot, p
 from feeder_sim.machine_code import inlined
 
 LONGEST = 5e-5  # [s] of forces
+SWAYS = 0.5  # [rad] of the fastest motion of the plate, in which slip turns once at most
 TURNED, ROLLED, TURNED_AT_EDGE = (
     0.02,
     0.002,
@@ -59,6 +60,7 @@ LEAST_ROLL = 1e-6  # [s]
 FIRMLY = 0.99  # of full friction: what takes less is not sliding
 SOLVED = 0.05  # tolerances by which the motion under forces may be off that the laws of contact ask for
 TURNS, STOPS = 3, 0.98  # rounds, and share of the time, by which the end of a slip is found
+MORE_TURNS, BACK = 8, 0.999  # rounds where it slips back after that, and share of the way to it that is taken
 SLIPS, CREPT = 1e-7, 10.0  # [m/s], and on a plate that moves tolerances in the time of forces: what slips by less stays
 DIPS = 10.0  # tolerances by which a point without a load may come inside while forces last
 LIGHT = 1e-3  # of all loads: what bears less bears none
@@ -89,13 +91,14 @@ def press(part, kind, plate, now, least, work):
     _mark_carried(now.n, usual, chatter, plate.bounds, work)
     time = max(min(usual, lift, now.until - now.t), least)
     m = 0
-    for turn in range(TURNS):
+    for turn in range(MORE_TURNS):
         slips = SLIPS
         if plate.bounds.speed > 0.0:
             slips = max(SLIPS, CREPT * plate.bounds.exact.tolerance / time)
         m = _solve_forces(part, kind, plate, now, (time, usual, slips), work)
-        stops = _slip_stops(part, kind, now.turning.spin, (m, time, slips), work)
-        if stops > STOPS * time or stops < max((1.0 - STOPS) * usual, least) or turn == TURNS - 1:
+        stops, back = _slip_stops(part, kind, now.turning.spin, (m, time, slips), work)
+        soon = (1.0 - (BACK if back else STOPS)) * usual
+        if stops < max(soon, least) or (not back and (stops > STOPS * time or turn >= TURNS - 1)):
             break
         time = stops
     loaded, sticks = _sort_loads(m, slips, work)
@@ -130,7 +133,8 @@ def _time_of_forces(part, kind, bounds, now, work):
         may_stay = may_stay or _may_stay(work.point[i], close, LONGEST_CHATTER, now.unsure)
     if not may_stay:
         return 0.0, 0.0
-    most, longest = 0.0, LONGEST
+    # A plate that only moves sideways has no push, and yet slip comes and goes within a period.
+    most, longest = 0.0, min(LONGEST, SWAYS / bounds.fastest)
     for i in range(now.n):
         point = work.point[i]
         if touches(point, close):
@@ -295,13 +299,16 @@ def _relative(i, work):
 def _slip_stops(part, kind, spin, contacts, work):
     """When the first contact that slips will have stopped [s], if it does within a time of forces; or that time.
 
+    And whether one slips back at the end. It would have had the wrong friction all the time, and a search from there
+    stays late: so the time is cut short.
+
     contacts: how many there are, that time, and the speed below which none slips [m/s].
 
     Along its slip s, with the other accelerations a and a share r of full friction F, it goes on by s - (a + r F) t.
     F is taken for that of a part that does not turn.
     """
     (m, time, slips), pressed = contacts, 0.0
-    found = time
+    found, back = time, False
     for i in range(m):
         pressed += dot(work.contacts.vector[IMPULSE, i], work.contacts.vector[NORMAL, i])
     for i in range(m):
@@ -319,8 +326,9 @@ def _slip_stops(part, kind, spin, contacts, work):
         full = mu * pressed / kind.mass / time
         others = (s - dot(_relative(i, work), u) / s) / time - share * full
         if others + full > 0.0:
-            found = min(found, s / (others + full))
-    return found
+            found = min(found, (BACK if share < 0.0 else 1.0) * s / (others + full))
+            back = back or share < 0.0
+    return found, back
 
 
 @inlined
