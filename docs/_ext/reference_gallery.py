@@ -6,6 +6,8 @@ import re
 import tomllib
 from pathlib import Path
 
+from typeset import typeset
+
 ROOT = Path(__file__).parents[2]
 BRACKETS = re.compile(r"\s*\((?:\d{4}|[^()]*[A-Za-z][^()]*)\)")  # around a year or words; (0,3) is a mode
 PICTURES = "figures/gallery"  # from docs/; made by docs/figures/gallery.py
@@ -54,7 +56,3 @@ def first_sentence(scenario: str) -> str:
         text = shorter
     found = re.match(r".+?\.(?= [A-Z0-9`]|$)", text)
     return found.group() if found else text.rstrip(":") + "."
-
-
-def typeset(text: str) -> str:
-    return re.sub(r"\bum\b", "µm", text).replace("+-", "±")
