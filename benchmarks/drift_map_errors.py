@@ -94,9 +94,9 @@ class Agreement:
 
     def line(self) -> str:
         """A row of the table in the docs."""
-        full = f"{self.full.mean:.3g} +- {self.full.se:.2g}"
-        walked = f"{self.walked.mean:.3g} +- {math.hypot(self.walked.se, self.map_se):.2g}"
-        error = f"{self.error_percent:+.1f} +- {self.error_se_percent:.1f} %"
+        full = f"{self.full.mean:.3g} ± {self.full.se:.2g}"
+        walked = f"{self.walked.mean:.3g} ± {math.hypot(self.walked.se, self.map_se):.2g}"
+        error = f"{self.error_percent:+.1f} ± {self.error_se_percent:.1f} %"
         return f"| {self.what} | {full} | {walked} | {error} | {self.speed_up:.0f} |"
 
 
@@ -358,7 +358,7 @@ class WaysAt:
 
     def line(self) -> str:
         """A row of the table in the docs."""
-        ways = f"{self.full.mean:.3g} +- {self.full.se:.1g} | {self.walked.mean:.3g} +- {self.walked.se:.1g}"
+        ways = f"{self.full.mean:.3g} ± {self.full.se:.1g} | {self.walked.mean:.3g} ± {self.walked.se:.1g}"
         return f"| {self.time:g} | {ways} | {self.full.sd:.2g} | {self.walked.sd:.2g} |"
 
 

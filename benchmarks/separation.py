@@ -111,7 +111,7 @@ def row(name: str, result: Result) -> str:
     found = result.measures()
     last = found["stages"][-1]
     cells = [found["picked"], found["lost"], last["dead"]]
-    numbers = " | ".join(f"{cell['mean']:.1f} +- {cell['sd'] or 0.0:.1f}" for cell in cells)
+    numbers = " | ".join(f"{cell['mean']:.1f} ± {cell['sd'] or 0.0:.1f}" for cell in cells)
     return f"| {name} | {numbers} | {found['picked']['n']} |"
 
 

@@ -6,6 +6,7 @@ A page holds a line such as `<!-- generated: tables feeder_sim.scenario:Scenario
     options COMMAND         the arguments and options of a command of feeder-sim (reference_commands.py)
     layout MODULE           the layout of a file, from the docstring of its module (reference_layouts.py)
     rooms all               the rooms of the package, from the import contract (reference_rooms.py)
+    gallery NAME,NAME,...   a card for each of these example scenarios (reference_gallery.py)
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ from collections.abc import Callable
 from typing import Any
 
 from reference_commands import command_options
+from reference_gallery import cards
 from reference_layouts import file_layout
 from reference_rooms import rooms_picture
 from reference_tables import table_reference
@@ -26,6 +28,7 @@ MAKERS: dict[str, Callable[[str], str]] = {
     "options": command_options,
     "layout": file_layout,
     "rooms": rooms_picture,
+    "gallery": cards,
 }
 log = logging.getLogger(__name__)
 

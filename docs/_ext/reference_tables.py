@@ -18,23 +18,24 @@ from typing import Annotated, Any, Literal, Union, get_args, get_origin
 from pydantic import BaseModel, BeforeValidator
 from pydantic.fields import FieldInfo
 from pydantic_core import PydanticUndefined
+from typeset import typeset
 
 from feeder_sim.scenario.schema import KEYS, key_texts, meaning_of
 
 TAGS = ("kind", "shape")  # keys that say which of several tables is meant
 # Suffix of a key: its unit. The longest suffix that fits counts.
 UNITS = {
-    "um_per_vpp": "um per V peak to peak",
+    "um_per_vpp": "µm per V peak to peak",
     "kg_m3": "kg/m3",
     "mm_s": "mm/s",
     "m_s": "m/s",
     "mm": "mm",
-    "um": "um",
+    "um": "µm",
     "hz": "Hz",
     "deg": "degrees",
     "vpp": "V peak to peak",
     "gpa": "GPa",
-    "us": "us",
+    "us": "µs",
     "s": "s",
     "per_second": "1/s",
 }
@@ -62,7 +63,7 @@ def table_reference(subject: str) -> str:
     sections: dict[type[BaseModel], Section] = {}
     collect(root, "", sections)
     check_meanings(list(sections))
-    return "\n\n".join(written(section, name.lower()) for section in sections.values())
+    return typeset("\n\n".join(written(section, name.lower()) for section in sections.values()))
 
 
 def collect(model: type[BaseModel], place: str, sections: dict[type[BaseModel], Section]) -> None:
