@@ -299,8 +299,8 @@ def _relative(i, work):
 def _slip_stops(part, kind, spin, contacts, work):
     """When the first contact that slips will have stopped [s], if it does within a time of forces; or that time.
 
-    And whether one slips back at the end. It would have had the wrong friction all the time, and a search from there
-    stays late: so the time is cut short.
+    And whether one slips back at the end, or will, since friction cannot hold it there. It would have had the wrong
+    friction all the time, or less than it takes, and a search from there stays late: so the time is cut short.
 
     contacts: how many there are, that time, and the speed below which none slips [m/s].
 
@@ -326,8 +326,9 @@ def _slip_stops(part, kind, spin, contacts, work):
         full = mu * pressed / kind.mass / time
         others = (s - dot(_relative(i, work), u) / s) / time - share * full
         if others + full > 0.0:
-            found = min(found, (BACK if share < 0.0 else 1.0) * s / (others + full))
-            back = back or share < 0.0
+            goes_back = share < 0.0 or others > full
+            found = min(found, (BACK if goes_back else 1.0) * s / (others + full))
+            back = back or goes_back
     return found, back
 
 
