@@ -24,18 +24,18 @@ class Fields:
         self.page = page
         self.held: dict[str, Any] = {}
 
-    def number(self, key: str) -> None:
-        """A number of the draft, if it has one there."""
+    def number(self, key: str, default: float | None = None) -> None:
+        """A number of the draft, if it has one there or a default is said."""
         draft = self.page.draft
-        if draft.value(key) is None:
+        if draft.value(key, default) is None:
             return
         name, unit = worded(key)
-        field = ui.number(name, value=draft.value(key), format="%.6g").classes("w-24")
+        field = ui.number(name, value=draft.value(key, default), format="%.6g").classes("w-24")
         field.props("dense" + (f" suffix={unit}" if unit else "") + f' data-key="{key}"')
         self.held[key] = field
 
         async def leave() -> None:
-            held, value = draft.value(key), field.value
+            held, value = draft.value(key, default), field.value
             if value is not None and value != held:
                 new = int(value) if isinstance(held, int) and float(value).is_integer() else float(value)
                 await self.page.step(lambda: draft.change(key, new))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -21,7 +22,7 @@ PATCH = {"size_mm": [20.0, 20.0], "thickness_mm": 1.0, "d31_pm_per_v": 180.0}
 FOOT = {"diameter_mm": 8.0, "stiffness_n_per_mm": 20.0, "loss_factor": 0.2}
 TOOLS = {"move": "move", "outline": "draw outline", "actuator": "put patch", "support": "put foot"}
 ON_PLATE = {
-    "actuator": ("at_mm[0]", "at_mm[1]", "size_mm[0]", "size_mm[1]", "thickness_mm", "angle_deg"),
+    "actuator": ("at_mm[0]", "at_mm[1]", "size_mm[0]", "size_mm[1]", "thickness_mm"),
     "support": ("at_mm[0]", "at_mm[1]", "stiffness_n_per_mm", "loss_factor"),
     "hole": ("centre_mm[0]", "centre_mm[1]", "diameter_mm"),
 }
@@ -63,6 +64,8 @@ class PlatePanel:
                     name = table.get("name") or f"{'foot' if kind == 'support' else kind} {i + 1}"
                     ui.label(str(name)).classes("w-16 overflow-hidden")
                     fields.numbers(f"plate.{kind}[{i}]", *names)
+                    if kind == "actuator":
+                        fields.number(f"plate.{kind}[{i}].angle_deg", default=0.0)
                     fields.remover(f"plate.{kind}[{i}]")
 
     def described(self) -> bool:
@@ -185,19 +188,25 @@ class PlatePanel:
         name, draft = await self.page.put_in(event), self.page.draft
         if name is None or not self.described():
             return
-        before = draft.text
+        before, patch = draft.text, {"name": "a"} | PATCH | dict((draft.value("plate.actuator") or [{}])[0])
+        without_place = {key: value for key, value in patch.items() if key not in ("at_mm", "size_mm", "angle_deg")}
+        foot = {key: value for key, value in FOOT.items() if key != "diameter_mm"}
 
-        def write() -> None:
-            for key in ("length_mm", "width_mm", "outline", "hole", "support"):
+        def write(*, patches: bool, feet: bool) -> None:
+            for key in ("length_mm", "width_mm", "outline", "hole", "support", "actuator"):
                 draft.change(f"plate.{key}", None)
-            for i in range(len(draft.value("plate.actuator") or ())):
-                for key in ("at_mm", "size_mm", "angle_deg"):
-                    draft.change(f"plate.actuator[{i}].{key}", None)
             draft.change("plate.drawing", name)
+            if patches:
+                draft.add("plate.actuator", without_place)
+            if feet:
+                draft.add("plate.support", foot)
 
-        await self.page.step(write)
-        if self.page.problem is None:
-            self.described()
+        for patches, feet in ((True, True), (True, False), (False, True), (False, False)):  # which layers it has
+            draft.write(before)
+            await self.page.step(partial(write, patches=patches, feet=feet))
+            if self.page.problem is None:
+                self.described()
+                break
         else:
             ui.notify(str(self.page.problem), type="negative")
             draft.write(before)

@@ -19,6 +19,7 @@ import pytest
 import trimesh
 from browsing import PIXEL, browser_page, browsing, elsewhere, pixels
 from command_line import feeder_sim
+from conftest import REPOSITORY
 
 pytestmark = [pytest.mark.slow, browsing]
 L_SHAPE = ((-90, -60), (90, -60), (90, 0), (0, 0), (0, 60), (-90, 60))
@@ -171,6 +172,23 @@ def test_what_cannot_be_stands_beside_the_field(server: tuple[str, Path]) -> Non
             {"name": "../../evil.txt", "mimeType": "text/plain", "buffer": b"x"}
         )
         page.wait_for_selector("text=allowed is a file that ends in")
+
+
+def test_a_drawing_is_dropped_and_markup_stays_text(server: tuple[str, Path]) -> None:
+    address, folder = server
+    with browser_page(width=1500, height=900) as (page, _):
+        opened(page, address)
+        page.locator(".q-uploader input[type=file]").first.set_input_files(REPOSITORY / "docs/tutorial/l_plate.svg")
+        page.wait_for_function("window.feederPlate.scene.things.filter((t) => t.kind === 'support').length === 3")
+        page.wait_for_function("window.feederPlate.scene.holes.length === 2 && window.feederPlate.scene.width === 160")
+        tab(page, "TOML")
+        page.locator(".cm-content").click()
+        page.keyboard.press("Control+a")
+        title = 'title = "<img src=x onerror=document.title=1>"'
+        page.keyboard.insert_text(title + text_of(page, folder).partition("[plate]")[2].join(["\n[plate]", ""]))
+        page.get_by_role("button", name="Take it over").click()
+        page.wait_for_selector("text=<img src=x onerror=document.title=1>")
+        assert page.title() == "feeder_sim"
 
 
 def test_only_the_browser_with_the_token_is_let_in(server: tuple[str, Path]) -> None:
