@@ -10,8 +10,8 @@ from pathlib import Path
 
 HERE = Path(__file__).parent
 sys.path.insert(0, str(HERE.parents[1] / "tests/browser"))
-from browsing import PIXEL, browser_page
-from PIL import Image
+from browsing import PIXEL, browser_page  # noqa: E402
+from PIL import Image  # noqa: E402
 
 
 def main() -> None:

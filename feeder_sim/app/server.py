@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import json
 import secrets
 import socket
 from pathlib import Path
@@ -19,7 +20,7 @@ from feeder_sim.app.runs_panel import REPORT
 HOST = "127.0.0.1"
 
 
-def serve(text: str, file: Path, *, port: int | None, show: bool) -> None:
+def serve(text: str, file: Path, *, port: int | None, show: bool, as_json: bool = False) -> None:
     """Serve the page of a scenario until the command is interrupted.
 
     Args:
@@ -27,6 +28,7 @@ def serve(text: str, file: Path, *, port: int | None, show: bool) -> None:
         file: that it is, or would be; what is put in and runs stand beside it.
         port: of the server; None for one that is free.
         show: open it in the browser.
+        as_json: print the address as a JSON object.
     """
     port = port or _free_port()
     token = secrets.token_urlsafe(18)
@@ -55,7 +57,7 @@ def serve(text: str, file: Path, *, port: int | None, show: bool) -> None:
     async def tell() -> None:
         while not _listens(port):
             await asyncio.sleep(0.05)
-        print(f"{address}\nCtrl+C ends the server", flush=True)
+        print(json.dumps({"address": address}) if as_json else f"{address}\nCtrl+C ends the server", flush=True)
 
     app.on_startup(lambda: background_tasks.create(tell()))
     ui.run(
@@ -67,6 +69,7 @@ def serve(text: str, file: Path, *, port: int | None, show: bool) -> None:
         reload=False,
         show_welcome_message=False,
         uvicorn_logging_level="error",
+        message_history_length=100,  # each holds up to a hundred kilobytes
     )
 
 

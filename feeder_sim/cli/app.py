@@ -8,6 +8,7 @@ from typing import Annotated
 
 import typer
 
+from feeder_sim.cli.files import AsJson
 from feeder_sim.errors import MissingExtra
 from feeder_sim.example_files import scenario_path
 
@@ -23,6 +24,7 @@ def app(
         Path | None, typer.Option("--folder", help="For files that are dropped in, and for runs [that of the file].")
     ] = None,
     port: Annotated[int | None, typer.Option("--port", min=1024, max=65535, help="Of the page [a free one].")] = None,
+    as_json: AsJson = False,
     show: Annotated[bool, typer.Option("--show/--no-show", help="Open it in the browser.")] = True,
 ) -> None:
     """Open a page in the browser: draw a plate, place piezos, see where parts drift, run, and watch."""
@@ -31,18 +33,18 @@ def app(
             raise MissingExtra("app")
     from feeder_sim.app.server import serve
 
-    text, file = _opened(scenario, folder)
-    serve(text, file, port=port, show=show)
+    text, file = opened(scenario, folder)
+    serve(text, file, port=port, show=show, as_json=as_json)
 
 
-def _opened(scenario: Path | None, folder: Path | None) -> tuple[str, Path]:
+def opened(scenario: Path | None, folder: Path | None) -> tuple[str, Path]:
     """The text of a scenario, and its file in the folder to work in, to which an example is copied once."""
     from feeder_sim.run.new_folder import SCENARIO, new_folder
     from feeder_sim.scenario.tables import read_text
 
     source = scenario_path(scenario or STARTS_FROM)
     file = source.absolute()
-    if source is not scenario or folder is not None:
+    if source != scenario or folder is not None:
         file = (folder or Path(source.stem)).absolute() / SCENARIO
         if not file.is_file():
             new_folder(file.parent, source)

@@ -231,13 +231,13 @@ def crowd_blueprint(recording: Recording, shown_seed: int, *, style: Style, entr
     if goal is not None:
         title = f"x (mm): shown seed orange, others grey; the goal is {goal.x_mm:g}"
     others = [f"/counts/others/seed_{seed:03d}" for seed in range(len(recording.seeds)) if seed != shown_seed]
-    unnamed = rr.SeriesLines.from_fields(names=[""])
+    others_named = rr.SeriesLines.from_fields(names=["other seeds"])
     counts = rrb.TimeSeriesView(
         origin="/counts",
         name=title,
         titlebar=not bare,
         plot_legend=rrb.PlotLegend(visible=bare or goal is None),
-        overrides=dict.fromkeys(others, unnamed) if bare and goal is not None else None,
+        overrides=dict.fromkeys(others, others_named) if bare and goal is not None else None,
     )
     views, shares = [counts, wave_view(box, style=style)], [1.0, 1.0]
     if style == "slow_motion":

@@ -163,7 +163,7 @@ def _plot(name: str, largest: float, others: list[int], *, window: float | None,
     if window:
         sides = [rr.TimeRangeBoundary.cursor_relative(seconds=side * window / 2.0) for side in (-1.0, 1.0)]
         around = rrb.TimeAxis(view_range=rr.TimeRange(*sides))
-    unnamed = rr.SeriesLines.from_fields(names=[""])
+    others_named = rr.SeriesLines.from_fields(names=["other seeds"])
     return rrb.TimeSeriesView(
         origin=f"/plots/{name}",
         name=f"{PLOTS[name].capitalize()}: shown seed orange, others grey",
@@ -171,7 +171,7 @@ def _plot(name: str, largest: float, others: list[int], *, window: float | None,
         axis_x=around,
         axis_y=rrb.ScalarAxis(range=(1.05 * lowest, 1.05 * max(largest, 1e-6))),
         plot_legend=rrb.PlotLegend(visible=bare),  # one orange line and a bundle of grey ones need none beside a title
-        overrides={f"/plots/{name}/{_other(seed)}": unnamed for seed in others} if bare else None,
+        overrides={f"/plots/{name}/{_other(seed)}": others_named for seed in others} if bare else None,
     )
 
 

@@ -15,6 +15,7 @@ from feeder_sim.app.draft import Draft
 from feeder_sim.app.guarded import put_in
 from feeder_sim.app.motion import DRIFT, Motion, modes_shown
 from feeder_sim.app.runs import Runs
+from feeder_sim.cli.app import opened
 from feeder_sim.errors import InputError
 from feeder_sim.plate.response import rank_modes
 from feeder_sim.scenario import load_scenario
@@ -115,6 +116,21 @@ def test_a_run_that_fails_says_why_and_one_that_is_stopped_keeps_its_folder(tmp_
         long.process.join(0.1)
     runs.stop_all()
     assert long.look().ended == "stopped" and (tmp_path / "long/trajectory.h5").is_file()
+
+
+def test_an_example_is_copied_once_and_a_file_of_ones_own_is_taken_where_it_is(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    text, file = opened(Path("patch_place"), None)
+    assert file == tmp_path / "patch_place/scenario.toml" and "[plate]" in text
+    file.write_text(text + "# mine\n")
+    assert opened(Path("patch_place"), None) == (text + "# mine\n", file)
+    (tmp_path / "own.toml").write_text(text)
+    assert opened(Path("own.toml"), None) == (text, tmp_path / "own.toml")
+    assert opened(Path("own.toml"), Path("there"))[1] == tmp_path / "there/scenario.toml"
+    with pytest.raises(InputError, match="no such file"):
+        opened(Path("none.toml"), None)
 
 
 def test_without_the_extra_the_command_names_it(monkeypatch: pytest.MonkeyPatch) -> None:

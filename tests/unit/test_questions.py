@@ -97,7 +97,7 @@ def test_uncertainty() -> None:
     assert found.complete and found.measures == ("speed",)
     check_shown(found)
     assert found.plot(measured=9.0).get_xlabel() == "speed"
-    assert [tick.get_text() for tick in found.plot_shares().get_yticklabels()] == ["drive[0].amplitude (um)"]
+    assert [tick.get_text() for tick in found.plot_shares().get_yticklabels()] == ["amplitude of drive 0 (µm)"]
     with pytest.raises(feeder_sim.InputError, match="speed has no shares that can be told"):
         few.plot_shares()
 
