@@ -18,7 +18,8 @@ LIBRARIES = ("nicegui", "tomlkit")
 
 def app(
     scenario: Annotated[
-        Path | None, typer.Argument(help="Scenario file, or the name of an example.", show_default="a nut on a plate")
+        Path | None,
+        typer.Argument(help="Scenario file, folder with one, or name of an example.", show_default="a nut on a plate"),
     ] = None,
     folder: Annotated[
         Path | None, typer.Option("--folder", help="For files that are dropped in, and for runs [that of the file].")
@@ -43,6 +44,8 @@ def opened(scenario: Path | None, folder: Path | None) -> tuple[str, Path]:
     from feeder_sim.scenario.tables import read_text
 
     source = scenario_path(scenario or STARTS_FROM)
+    if source.is_dir():  # that of an example which was opened before, or of `feeder-sim new`
+        return read_text(source / SCENARIO), source.absolute() / SCENARIO
     file = source.absolute()
     if source != scenario or folder is not None:
         file = (folder or Path(source.stem)).absolute() / SCENARIO
