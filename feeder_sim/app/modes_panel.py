@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from feeder_sim.app.page import Page
 
 VOLTS = 60.0  # peak to peak, until somebody says another
+NEAR = 0.01  # of a frequency; a drive as near as this is the one that is shown
 SWEEP_POINTS = 2000  # of a response that is drawn
 HEADS = {
     "mode": "mode",
@@ -172,7 +173,14 @@ class ModesPanel:
             self._draw(motion.driven(self.frequency, self.volts, self.names))
         else:
             mode = int(np.abs(motion.every.natural_frequency - self.frequency).argmin())
-            self._draw(motion.of_mode(mode, 1e-6))
+            amplitude = motion.measured(mode, self.volts) or 1e-6 * self._drawn_um()
+            self._draw(motion.of_mode(mode, amplitude))
+
+    def _drawn_um(self) -> float:
+        """The amplitude of the draft's drive at this frequency, or 1 µm."""
+        drives = [drive for _, drive in self.page.scenario.excitations] if self.page.scenario else []
+        found = (d.amplitude_um for d in drives if abs(d.frequency_hz - self.frequency) < NEAR * self.frequency)
+        return next((amplitude for amplitude in found if amplitude), 1.0)
 
     def follow(self, index: int, at: tuple[float, float], stamp: float) -> None:
         """Draw the motion with one patch at another place [m], for a drag that began at a time of the browser."""

@@ -20,7 +20,7 @@ from feeder_sim.constants import GRAVITY
 from feeder_sim.errors import InputError
 from feeder_sim.plate.actuators import Actuator, modal_force_table
 from feeder_sim.plate.mode_file import ModeFile, read_mode_file
-from feeder_sim.plate.response import modal_forces, oscillators
+from feeder_sim.plate.response import deflection_at, modal_forces, oscillators
 from feeder_sim.scenario import BendingPlate, ModePlate, Rectangle, Scenario
 from feeder_sim.scene.mode_cache import modes_of_plate
 
@@ -95,6 +95,14 @@ class Motion:
         """Modal coordinates of one mode alone, by its amplitude [m]."""
         return np.where(np.arange(len(self.held.modes)) == mode, amplitude, 0.0).astype(complex)
 
+    def measured(self, mode: int, volts_vpp: float) -> float | None:
+        """Amplitude of the antinode of a mode [m] by its measured gain; None where there is none."""
+        for resonance in self.held.resonances:
+            if resonance.mode == mode and math.isfinite(resonance.gain):
+                at = deflection_at(self.held.modes, mode, resonance.driven_point, "resonance.driven_point_mm")
+                return resonance.gain * volts_vpp / at
+        return None
+
     def field(self, q: NDArray[np.complex128], frequency: float) -> dict[str, Any]:
         """The motion as the page draws it, and its largest amplitude and hop in words."""
         w = np.tensordot(q, self.shapes, axes=1)
@@ -108,7 +116,7 @@ class Motion:
         speed = -1e3 * DRIFT * omega * 0.5 * self.held.modes.plate.thickness * np.where(hops, slope, 0.0)
         arrays = {"re": w.real, "im": w.imag, "vx": speed[0], "vy": speed[1]}
         largest = np.hypot(*speed)[self.on_plate].max()
-        words = f"{frequency:.5g} Hz: up to {1e6 * peak:.3g} µm, {peak * omega**2 / GRAVITY:.3g} g; "
+        words = f"{frequency:.5g} Hz: up to {1e6 * peak:.3g} µm, {peak * omega**2 / GRAVITY:.4g} g; "
         words += f"parts drift at up to {largest:.2g} mm/s" if hops.any() else "parts stay where they are"
         standing = np.abs(w.imag[self.on_plate]).max() < STILL
         lines = contour_generator(self.x, self.y, w.real.T).lines(0.0) if standing else []

@@ -138,6 +138,7 @@ class Page:
             except InputError as error:
                 self.motion = None
                 self.plate.hide(str(error))
+            self.plate.update()
             self.modes.begin(scenario)
             self.modes.show()
             if self.motion is not None:

@@ -94,7 +94,7 @@ class PlatePanel:
         for i, part in enumerate(scenario.part):
             for key in ("position_mm", "centre_mm"):
                 if (at := getattr(part.start, key, None)) is not None:
-                    size = getattr(part.start, "size_mm", (0.0, 0.0))
+                    size = getattr(part.start, "size_mm", None) or (0.0, 0.0)
                     things.append(_thing("part", i, at, size=size, label=part.name or part.label))
                     break
         length, width = np.ptp(rings[0], axis=0).tolist()

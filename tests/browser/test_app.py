@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import http.client
 import os
 import signal
@@ -25,13 +26,14 @@ pytestmark = [pytest.mark.slow, browsing]
 L_SHAPE = ((-90, -60), (90, -60), (90, 0), (0, 0), (0, 60), (-90, 60))
 
 
-@pytest.fixture(scope="module")
-def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[str, Path]]:
+@contextlib.contextmanager
+def serving(folder: Path, *words: str) -> Iterator[tuple[str, Path]]:
     """The address of a server with its token, and the folder that it works in."""
-    folder = tmp_path_factory.mktemp("app")
-    words = [sys.executable, "-m", "feeder_sim", "app", "--no-show", "--folder", str(folder / "mine")]
+    command = [sys.executable, "-m", "feeder_sim", "app", *words, "--no-show", "--folder", str(folder / "mine")]
     alone = {name: value for name, value in os.environ.items() if name != "PYTEST_CURRENT_TEST"}  # NiceGUI looks for it
-    process = subprocess.Popen(words, cwd=folder, env=alone, stdout=subprocess.PIPE, text=True, start_new_session=True)
+    process = subprocess.Popen(
+        command, cwd=folder, env=alone, stdout=subprocess.PIPE, text=True, start_new_session=True
+    )
     assert process.stdout is not None
     address = process.stdout.readline().strip()
     assert address.startswith("http://127.0.0.1:") and "?token=" in address
@@ -39,6 +41,13 @@ def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[str, Path
     os.killpg(process.pid, signal.SIGINT)
     process.communicate(timeout=30)
     assert process.returncode in (0, 130, -signal.SIGINT)
+
+
+@pytest.fixture(scope="module")
+def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[str, Path]]:
+    """A server that begins with a nut on a plate with one patch."""
+    with serving(tmp_path_factory.mktemp("app")) as served:
+        yield served
 
 
 def opened(page: Any, address: str) -> None:
@@ -189,6 +198,13 @@ def test_a_drawing_is_dropped_and_markup_stays_text(server: tuple[str, Path]) ->
         page.get_by_role("button", name="Take it over").click()
         page.wait_for_selector("text=<img src=x onerror=document.title=1>")
         assert page.title() == "feeder_sim"
+
+
+def test_a_plate_with_measured_modes_moves_as_it_will_in_the_run(tmp_path: Path) -> None:
+    with serving(tmp_path, "separation_100") as (address, _), browser_page(width=1500, height=900) as (page, _):
+        opened(page, address)
+        assert page.locator(".words").inner_text().startswith("2646 Hz: up to 36.4 µm")
+        assert page.evaluate("window.feederPlate.scene.width") == pytest.approx(180.0)
 
 
 def test_only_the_browser_with_the_token_is_let_in(server: tuple[str, Path]) -> None:

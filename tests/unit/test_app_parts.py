@@ -18,6 +18,7 @@ from feeder_sim.app.runs import Runs
 from feeder_sim.cli.app import opened
 from feeder_sim.errors import InputError
 from feeder_sim.plate.response import rank_modes
+from feeder_sim.run.prepare import prepare
 from feeder_sim.scenario import load_scenario
 
 EXAMPLE = REPOSITORY / "scenarios/patch_place.toml"
@@ -85,6 +86,15 @@ def test_a_dragged_patch_drives_about_as_one_that_is_put_there(at: tuple[float, 
     assert np.linalg.norm(followed) == pytest.approx(np.linalg.norm(put), rel=0.1)
     most = put.argsort()[-10:]
     assert np.median(followed[most] / put[most]) == pytest.approx(1.0, abs=0.15)
+
+
+def test_a_measured_gain_gives_the_amplitude_of_the_run() -> None:
+    scenario = load_scenario(REPOSITORY / "scenarios/separation_100.toml")
+    motion = Motion(modes_shown(scenario))
+    for drive in prepare(scenario).scene.drives:
+        mode = int(np.abs(motion.every.natural_frequency - drive.drive_frequency).argmin())
+        assert motion.measured(mode, 120.0) == pytest.approx(drive.steady_amplitude, rel=0.02)
+    assert motion.measured(0, 120.0) is None
 
 
 def test_plates_without_modes_are_said_to_have_none() -> None:
