@@ -300,7 +300,8 @@ def _slip_stops(part, kind, spin, contacts, work):
     """When the first contact that slips will have stopped [s], if it does within a time of forces; or that time.
 
     And whether one slips back at the end, or will, since friction cannot hold it there. It would have had the wrong
-    friction all the time, or less than it takes, and a search from there stays late: so the time is cut short.
+    friction all the time, or less than it takes, and a search from there stays late: so the time is cut short. Walls
+    stand still, and there a part that is jammed would go back and forth.
 
     contacts: how many there are, that time, and the speed below which none slips [m/s].
 
@@ -326,7 +327,7 @@ def _slip_stops(part, kind, spin, contacts, work):
         full = mu * pressed / kind.mass / time
         others = (s - dot(_relative(i, work), u) / s) / time - share * full
         if others + full > 0.0:
-            goes_back = share < 0.0 or others > full
+            goes_back = (share < 0.0 or others > full) and point.sort != ON_WALL
             found = min(found, (BACK if goes_back else 1.0) * s / (others + full))
             back = back or goes_back
     return found, back
