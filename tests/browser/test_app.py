@@ -191,7 +191,7 @@ def test_a_drawing_is_dropped_and_markup_stays_text(server: tuple[str, Path]) ->
         page.wait_for_function("window.feederPlate.scene.things.filter((t) => t.kind === 'support').length === 3")
         page.wait_for_function("window.feederPlate.scene.holes.length === 2 && window.feederPlate.scene.width === 160")
         tab(page, "TOML")
-        page.locator(".cm-content").click()
+        page.locator(".cm-content").focus()
         page.keyboard.press("Control+a")
         title = 'title = "<img src=x onerror=document.title=1>"'
         page.keyboard.insert_text(title + text_of(page, folder).partition("[plate]")[2].join(["\n[plate]", ""]))
