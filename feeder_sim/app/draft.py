@@ -18,10 +18,11 @@ class Draft:
     Attributes:
         text: of the scenario.
         file: that it is, or would be: names of files in it are relative to its folder.
+        saved: what the file held when the page last read or wrote it.
     """
 
     def __init__(self, text: str, file: Path) -> None:
-        self.text, self.file = text, file
+        self.text, self.file, self.saved = text, file, text
         self.before: list[str] = []
         self.after: list[str] = []
 

@@ -37,7 +37,7 @@ class Page:
     """
 
     def __init__(self, draft: Draft, runs: Runs) -> None:
-        self.draft, self.runs, self.saved = draft, runs, draft.text
+        self.draft, self.runs = draft, runs
         self.scenario: Scenario | None = None
         self.problem: InputError | None = None
         self.motion: Motion | None = None
@@ -160,7 +160,7 @@ class Page:
     def save(self) -> None:
         """Write the text to its file, unless somebody else has."""
         file = self.draft.file
-        if file.is_file() and file.read_text(encoding="utf-8") not in (self.draft.text, self.saved):
+        if file.is_file() and file.read_text(encoding="utf-8") not in (self.draft.text, self.draft.saved):
             ui.notify(f"{file}: was changed by somebody else; download the text instead", type="negative")
             return
         try:
@@ -168,7 +168,7 @@ class Page:
         except FeederSimError as error:
             ui.notify(str(error), type="negative")
             return
-        self.saved = self.draft.text
+        self.draft.saved = self.draft.text
         ui.notify(f"saved as {file}")
 
 

@@ -38,9 +38,7 @@ def serve(text: str, file: Path, *, port: int | None, show: bool, as_json: bool 
         await ui.context.client.connected()
         held = app.storage.tab
         draft = held.setdefault("draft", Draft(text, file))  # what a tab has written survives its reload
-        shown = Page(draft, runs)
-        shown.saved = held.setdefault("saved", text)
-        shown.build()
+        Page(draft, runs).build()
 
     def report(name: str) -> Response:
         found = runs.held.get(name)

@@ -21,7 +21,7 @@ from feeder_sim.replay.area import area_of, body_mesh
 from feeder_sim.replay.colours import Colour, Colours, colours_of
 from feeder_sim.replay.crowd import BLINK_S, RING, RING_SIZE, ring
 from feeder_sim.replay.labels import plate_box, stage_texts
-from feeder_sim.replay.layout import BACKGROUND, framing
+from feeder_sim.replay.layout import BACKGROUND, FIELD_OF_VIEW, framing
 from feeder_sim.replay.parts import radius_of
 from feeder_sim.replay.plate import (
     MM,
@@ -42,7 +42,6 @@ FRAMES_PER_S, MOST_FRAMES = 25.0, 500
 PLACE, TURN = 200.0, 256.0  # steps of a place over 1 mm, and of a component of an attitude over 1, that are kept
 COLOUR_STEP = 0.12  # of the largest amplitude; see `amplitude_fields`
 SPAN = 2.0  # of what is shown, in the units of the page: its player moves and clips for scenes of about this size
-LABEL_HEIGHT = 0.02  # of the span
 ASPECT = 1.5  # width over height of the page
 
 
@@ -115,7 +114,7 @@ class _Page:
         self.scene.add_light_directional("/lights/sun", intensity=1.6, position=(-1.0, -1.2, 2.5))
         eye, camera = framing(self.box.framed(), ASPECT), self.server.initial_camera
         camera.position, camera.look_at = eye.position * self.scale, eye.target * self.scale
-        camera.fov = np.radians(55.0)
+        camera.fov = FIELD_OF_VIEW
         # The surface is flat, so that only its edge needs corners.
         x, y = (axis[:: 4 if self.plate.outline else len(axis) - 1] for axis in (self.plate.x, self.plate.y))
         self.area = area_of(x, y, self.plate.outline)

@@ -160,12 +160,20 @@ def test_tabs_do_not_disturb_each_other_and_a_reload_loses_nothing(server: tuple
         drag(page, (30, 20), (-40, 20))
         page.wait_for_function("window.feederPlate.scene.things[0].x === -40")
         assert "[30.0, 20.0]" in text_of(other, folder) and "[-40.0, 20.0]" in text_of(page, folder)
+        page.get_by_label("Save the file").click()
+        page.wait_for_selector("text=saved as")
+        assert "[-40.0, 20.0]" in (folder / "scenario.toml").read_text()
         page.reload()
         page.wait_for_function("window.feederPlate && window.feederPlate.field", timeout=60_000)
         assert "[-40.0, 20.0]" in text_of(page, folder)
         page.get_by_label("Undo").click()
         page.wait_for_function("window.feederPlate.scene.things[0].x === 30")
         assert "# A nut on a plate" in text_of(page, folder)  # comments stay
+        page.get_by_label("Save the file").click()
+        page.wait_for_function("document.body.innerText.includes('saved as')")
+        assert "[30.0, 20.0]" in (folder / "scenario.toml").read_text()
+        other.get_by_label("Save the file").click()  # its text is what the file holds by now
+        other.wait_for_selector("text=saved as")
 
 
 def test_what_cannot_be_stands_beside_the_field(server: tuple[str, Path]) -> None:
