@@ -16,6 +16,7 @@ MOST_KINDS = 3  # of parts
 def plan_lines(plan: dict[str, Any]) -> str:
     """A plan, as JSON takes it, as a few lines for people."""
     lines = [plan["title"]] if plan["title"] else []
+    lines += [f"Of the drawing {plan['drawing']}."] if plan["drawing"] else []
     lines += [_drive(drive) for drive in plan["drives"][:MOST_DRIVES]]
     if (more := len(plan["drives"]) - MOST_DRIVES) > 0:
         lines.append(f"And {counted(more, 'more drive')}, which --full describes.")

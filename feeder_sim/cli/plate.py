@@ -76,13 +76,13 @@ def modes(
         print_ranked(mode_file, volts, near, source, as_json)
         return
     print_modes(mode_file, as_json)
-    _say_shift(source)
+    _say_origin(source)
     for _, caution in far_resonances(mode_file):
         print(f"feeder-sim: caution: {caution}", file=sys.stderr)
 
 
-def _say_shift(source: Path) -> None:
-    """Say by how much the places of a plate file were moved."""
+def _say_origin(source: Path) -> None:
+    """Say what was taken of the drawing of a plate file, and by how much its places were moved."""
     from feeder_sim.scenario import BendingPlate, load_plate_file
     from feeder_sim.scene.plate_modes import shift_of
 
@@ -90,7 +90,10 @@ def _say_shift(source: Path) -> None:
         return
     scenario = scenario_of_plate(source)
     plate = None if scenario is None else scenario.plate
-    x, y = shift_of(plate.as_file(1.0) if isinstance(plate, BendingPlate) else load_plate_file(source))
+    file = plate.as_file(1.0) if isinstance(plate, BendingPlate) else load_plate_file(source)
+    if file.plate.drawing_account is not None:
+        print(f"feeder-sim: of the drawing {file.plate.drawing_account}", file=sys.stderr)
+    x, y = shift_of(file)
     if x or y:
         print(
             f"feeder-sim: moved by ({x:g}, {y:g}) mm, so that the middle of the plate is at (0, 0), in the mode file "

@@ -226,6 +226,7 @@ class Plan:
         title: of the scenario.
         engine, engine_because: name of the engine, and the reason for the choice.
         plate_mm: length, width and thickness.
+        drawing: what was taken of a drawing, and what was ignored; None without one.
         drives: one per excitation of the scenario.
         antinode_to_node_mm: length of the transport cell; None without one.
         parts: one per part table of the scenario.
@@ -247,6 +248,7 @@ class Plan:
     engine: str
     engine_because: str
     plate_mm: list[float]
+    drawing: str | None
     drives: list[DrivePlan]
     antinode_to_node_mm: float | None
     parts: list[PartPlan]
@@ -290,6 +292,7 @@ def make_plan(prepared: Prepared, input_runs: int = 0) -> Plan:
         engine=engine.name,
         engine_because=engine.reason,
         plate_mm=[round(1e3 * d, 3) for d in (surface.length, surface.width, surface.thickness)],
+        drawing=getattr(scene.scenario.plate, "drawing_account", None),
         drives=_drive_plans(scene),
         antinode_to_node_mm=1e3 * cell.reach if cell else None,
         parts=list(map(_part_plan, scene.scenario.kind_names, scene.scenario.part, scene.kinds)),

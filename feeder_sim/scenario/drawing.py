@@ -6,30 +6,28 @@ its label in Inkscape.
     outline    the outer edge, and holes within it
     holes      further holes
     patches    rectangles, the piezo patches, from left to right
-    feet       circles or points, from left to right
+    feet       circles, upright rectangles or points, from left to right
 
-Lines and arcs that make closed rings together are joined. An `[[actuator]]` or `[[support]]` without a place takes that
-of the next patch or foot; a single one stands for all of them, with numbers behind its name.
+Lines and arcs that make closed rings together are joined; what closes no ring is refused. An `[[actuator]]` or
+`[[support]]` without a place takes that of the next patch or foot; a single one stands for all of them, with numbers
+behind its name.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
-from xml.etree import ElementTree
 
-from feeder_sim.errors import InputError, MissingExtra
+from feeder_sim.errors import InputError, NotAllowed
+from feeder_sim.scenario.drawing_files.dxf import read_dxf
+from feeder_sim.scenario.drawing_files.rings import check_apart, each_once, rings_of
+from feeder_sim.scenario.drawing_files.strokes import LAYERS, MM, MOST_BYTES, Account, Stroke, place_text
+from feeder_sim.scenario.drawing_files.svg import read_svg
 
-CLOSE = 0.005  # [mm]; how far straight pieces may be from a curve
-SNAP = 0.001  # [mm]; ends of lines that close are one
 SQUARE = 0.02  # of the shorter side; how far a patch may be from a rectangle
-MM = {"mm": 1.0, "cm": 10.0, "m": 1000.0, "inch": 25.4}
-OF_HEADER = {1: "inch", 4: "mm", 5: "cm", 6: "m"}  # $INSUNITS
-LAYERS = ("outline", "holes", "patches", "feet")
-MOST_BYTES = 50_000_000
-Point = tuple[float, float]
+ROUND = 0.02  # relative; how much smaller than the circle round it a foot may be
 
 
 def with_drawing(data: dict[str, Any], folder: Path) -> dict[str, Any]:
@@ -40,180 +38,105 @@ def with_drawing(data: dict[str, Any], folder: Path) -> dict[str, Any]:
         folder: which the name of the drawing is relative to.
 
     Raises:
-        InputError: a drawing that cannot be read or lacks what is needed.
+        InputError: a drawing that cannot be read, lacks what is needed, or holds what would be lost.
     """
     if data.get("drawing") is None:
         return data
     path = Path(folder) / str(data["drawing"])
-    rings, points = _read(path, data.get("drawing_unit"))
-    found = {key: value for key, value in data.items() if key not in ("drawing", "drawing_unit")}
+    result = {key: value for key, value in data.items() if key not in ("drawing", "drawing_unit")}
     for key in ("outline", "length_mm", "width_mm"):
-        if found.get(key) is not None:
+        if result.get(key) is not None:
             raise InputError("is given beside a drawing, allowed is one of them", key=f"plate.{key}")
+    account = Account(path)
+    try:
+        rings, points = _read(path, data.get("drawing_unit"), account)
+    except InputError:
+        raise
+    except Exception as error:  # the readers of damaged files, and what is made of them, raise what they like
+        raise account.refusal(f"is not a readable drawing ({type(error).__name__})") from error
     edges = sorted(rings["outline"], key=lambda ring: -ring.area)
     if not edges:
-        raise InputError("has no closed ring in the layer outline, allowed is one with the plate's edge", file=path)
-    holes = [*edges[1:], *rings["holes"]]
-    found["outline"] = {"points_mm": _corners(edges[0])}
-    found["hole"] = [*(found.get("hole") or ()), *({"points_mm": _corners(hole)} for hole in holes)]
-    patches = [_rectangle(ring, path) for ring in sorted(rings["patches"], key=lambda ring: ring.centroid.x)]
+        raise account.refusal(
+            f"has no closed ring in the layer outline, allowed is the plate's edge ({account.to_text()})"
+        )
+    for ring in edges[1:]:
+        if not edges[0].contains(ring):
+            place = place_text(ring.centroid.coords[0])
+            raise account.refusal(
+                f"has a second ring at {place} in the layer outline, allowed are the edge and its holes"
+            )
+    holes = each_once([*edges[1:], *rings["holes"]], account)
+    result["outline"] = {"points_mm": _corners(edges[0])}
+    result["hole"] = [*(result.get("hole") or ()), *({"points_mm": _corners(hole)} for hole in holes)]
+    patches = [_rectangle(ring, account) for ring in sorted(rings["patches"], key=lambda ring: ring.centroid.x)]
     feet: list[dict[str, Any]] = [{"at_mm": list(point)} for point in points]
-    feet += [{"at_mm": [r.centroid.x, r.centroid.y], "diameter_mm": _diameter(r)} for r in rings["feet"]]
+    feet += [_foot(ring, account) for ring in rings["feet"]]
     feet.sort(key=lambda foot: foot["at_mm"][0])
-    for key, places in (("actuator", patches), ("support", feet)):
-        if found.get(key):
-            found[key] = _placed(list(found[key]), places, key, path)
-    return found
+    for key, layer, places in (("actuator", "patches", patches), ("support", "feet", feet)):
+        tables = list(result.get(key) or ())
+        if any(isinstance(table, dict) and "at_mm" not in table for table in tables):
+            result[key] = _placed(tables, places, key, layer, account)
+        else:
+            account.leave(layer, f"{layer} that no [[{key}]] takes")
+    return result | {"drawing_account": account.to_text()}
+
+
+def _read(path: Path, unit: Any, account: Account) -> tuple[dict[str, list[Any]], list[tuple[float, float]]]:
+    """Rings of every layer as shapely's polygons, and points in the layer of feet [mm]."""
+    if not path.is_file() or path.stat().st_size > MOST_BYTES:
+        raise account.refusal(f"is no file of up to {MOST_BYTES // 1_000_000} MB, allowed is a DXF or SVG drawing")
+    if unit is not None and unit not in MM:
+        raise NotAllowed(unit, ", ".join(MM), key="plate.drawing_unit")
+    strokes: dict[str, list[Stroke]] = {layer: [] for layer in LAYERS}
+    for stroke in (read_svg if path.suffix.lower() == ".svg" else read_dxf)(path, unit, account):
+        strokes[stroke.layer].append(stroke)
+    points = [(float(s.points[0, 0]), float(s.points[0, 1])) for s in strokes["feet"] if len(s.points) == 1]
+    rings = {layer: rings_of(layer, of_layer, account) for layer, of_layer in strokes.items()}
+    for layer in ("holes", "patches", "feet"):
+        check_apart(layer, rings[layer], account)
+    return rings, list(dict.fromkeys(points))
 
 
 def _placed(
-    tables: list[dict[str, Any]], places: Sequence[dict[str, Any]], key: str, path: Path
+    tables: list[dict[str, Any]], places: Sequence[dict[str, Any]], key: str, layer: str, account: Account
 ) -> list[dict[str, Any]]:
     """The tables, those without a place with one from the drawing."""
     waiting = [table for table in tables if isinstance(table, dict) and "at_mm" not in table]
-    if not waiting:
-        return tables
-    layer = "patches" if key == "actuator" else "feet"
     if len(waiting) == 1 and len(places) > 1:
         name = waiting[0].get("name")
         names = [{} if name is None else {"name": f"{name}_{i + 1}"} for i in range(len(places))]
         copies = [waiting[0] | place | own for place, own in zip(places, names, strict=True)]
         return [table for table in tables if table is not waiting[0]] + copies
     if len(waiting) != len(places):
-        raise InputError(
+        raise account.refusal(
             f"has {len(places)} in the layer {layer}, allowed are as many as there are [[{key}]] without at_mm, "
-            f"{len(waiting)}, or one [[{key}]] for all",
-            file=path,
+            f"{len(waiting)}, or one [[{key}]] for all"
         )
     following = iter(places)
     return [table if "at_mm" in table else table | next(following) for table in tables]
-
-
-def _read(path: Path, unit: Any) -> tuple[dict[str, list[Any]], list[tuple[float, float]]]:
-    """Rings of every layer as shapely's polygons, and points in the layer of feet [mm]."""
-    import shapely
-
-    if not path.is_file() or path.stat().st_size > MOST_BYTES:
-        raise InputError(
-            f"is no file of up to {MOST_BYTES // 1_000_000} MB, allowed is a DXF or SVG drawing", file=path
-        )
-    lines: dict[str, list[Any]] = {layer: [] for layer in LAYERS}
-    points = []
-    for layer, way in (_svg if path.suffix.lower() == ".svg" else _dxf)(path, unit):
-        if len(way) > 1:
-            lines[layer].append(shapely.LineString(way))
-        elif layer == "feet":
-            points += way
-    return {layer: _rings(of_layer) for layer, of_layer in lines.items()}, points
-
-
-def _dxf(path: Path, unit: Any) -> Iterator[tuple[str, list[Point]]]:
-    """Layer and points [mm] of every line, curve and point."""
-    try:
-        from ezdxf.filemanagement import readfile
-        from ezdxf.lldxf.const import DXFError
-        from ezdxf.path import make_path
-    except ImportError:
-        raise MissingExtra("drawing", key="plate.drawing") from None
-    try:
-        document = readfile(path)
-    except (DXFError, OSError, UnicodeError, ValueError) as error:
-        raise InputError("is not a readable DXF drawing", file=path) from error
-    mm = _mm(OF_HEADER.get(document.units) if unit is None else unit, path)
-    for entity in document.modelspace():
-        layer = entity.dxf.layer.lower()
-        if layer not in LAYERS:
-            continue
-        if entity.dxftype() == "POINT":
-            yield layer, [(mm * entity.dxf.location.x, mm * entity.dxf.location.y)]
-            continue
-        try:
-            curve = make_path(entity)
-        except TypeError:
-            continue  # texts, dimensions
-        way = [(mm * v.x, mm * v.y) for v in curve.flattening(CLOSE / mm)]
-        yield layer, [*way, way[0]] if way and curve.is_closed else way
-
-
-def _svg(path: Path, unit: Any) -> Iterator[tuple[str, list[Point]]]:
-    """Layer and points [mm] of every path, y upwards from the lower edge of the page."""
-    try:
-        import svgelements as svg
-    except ImportError:
-        raise MissingExtra("drawing", key="plate.drawing") from None
-    try:
-        page = svg.SVG.parse(str(path), ppi=25.4)  # which makes a unit of what is drawn one millimetre
-    except (ElementTree.ParseError, OSError, UnicodeError, ValueError, AttributeError, TypeError) as error:
-        raise InputError("is not a readable SVG drawing", file=path) from error
-    says = str(page.values.get("width", "")).strip()
-    if unit is None:
-        mm = 1.0 if says.endswith(("mm", "cm", "in", "pt", "pc")) else _mm(None, path)
-    else:
-        mm = _mm(unit, path) * (page.viewbox.width / page.width if page.viewbox is not None and page.width else 1.0)
-    height = float(page.height or 0.0)
-
-    def within(shapes: Any, around: str) -> Iterator[tuple[str, list[Point]]]:
-        for shape in shapes:
-            names = (shape.id, shape.values.get("{http://www.inkscape.org/namespaces/inkscape}label"))
-            layer = next((str(name).lower() for name in names if str(name).lower() in LAYERS), around)
-            if isinstance(shape, svg.Group):
-                yield from within(shape, layer)
-            elif isinstance(shape, svg.Shape) and layer:
-                for piece in abs(svg.Path(shape)).as_subpaths():
-                    ways = [_followed(s.point, CLOSE / mm) for s in svg.Path(piece) if not isinstance(s, svg.Move)]
-                    corners = [at for i, way in enumerate(ways) for at in (way if i == 0 else way[1:])]
-                    yield layer, [(mm * x, mm * (height - y)) for x, y in corners]
-
-    yield from within(page, "")
-
-
-def _followed(point: Callable[[float], Any], close: float) -> list[Point]:
-    """Points of a curve over 0 to 1, the lines between them within `close` of it."""
-
-    def between(a: float, b: float, depth: int) -> list[float]:
-        middle = 0.5 * (a + b)
-        p, q, m = point(a), point(b), point(middle)
-        off = math.hypot(0.5 * (p[0] + q[0]) - m[0], 0.5 * (p[1] + q[1]) - m[1])
-        if depth >= 2 and (off < close or depth > 12):
-            return [b]
-        return between(a, middle, depth + 1) + between(middle, b, depth + 1)
-
-    straight = point(0.0), point(1.0), point(0.3)
-    (ax, ay), (bx, by), (cx, cy) = ((at[0], at[1]) for at in straight)
-    if math.hypot(ax + 0.3 * (bx - ax) - cx, ay + 0.3 * (by - ay) - cy) < 1e-9:
-        return [(ax, ay), (bx, by)]
-    return [(float(at[0]), float(at[1])) for at in map(point, [0.0, *between(0.0, 1.0, 0)])]
-
-
-def _mm(unit: Any, path: Path) -> float:
-    """Millimetres of a unit."""
-    if unit not in MM:
-        raise InputError(f"does not say its unit, allowed is drawing_unit with {', '.join(MM)}", file=path)
-    return MM[unit]
-
-
-def _rings(lines: Sequence[Any]) -> list[Any]:
-    """Closed rings that lines make, each as a polygon without holes."""
-    import shapely
-
-    if not lines:
-        return []
-    joined = shapely.union_all(lines, grid_size=SNAP)
-    faces = shapely.get_parts(shapely.polygonize([joined]))
-    # A ring within another one makes a hole in its face, and is a face itself.
-    return [shapely.Polygon(face.exterior) for face in faces]
 
 
 def _corners(ring: Any) -> list[list[float]]:
     return [[x, y] for x, y in list(ring.exterior.coords)[:-1]]
 
 
-def _diameter(ring: Any) -> float:
-    """Of the circle with its area [mm]."""
-    return 2.0 * math.sqrt(ring.area / math.pi)
+def _foot(ring: Any, account: Account) -> dict[str, Any]:
+    """Place and size of a foot that is a circle, or a rectangle along the axes."""
+    import shapely
+
+    around = shapely.minimum_bounding_circle(ring)
+    low_x, low_y, high_x, high_y = ring.bounds
+    if ring.area > (1.0 - ROUND) * around.area:
+        return {"at_mm": [ring.centroid.x, ring.centroid.y], "diameter_mm": 2.0 * math.sqrt(ring.area / math.pi)}
+    if ring.area > (1.0 - ROUND) * (high_x - low_x) * (high_y - low_y):
+        place = [0.5 * (low_x + high_x), 0.5 * (low_y + high_y)]
+        return {"at_mm": place, "size_mm": [high_x - low_x, high_y - low_y]}
+    raise account.refusal(
+        f"has a foot at {place_text(ring.centroid.coords[0])} that is neither a circle nor a rectangle along the axes"
+    )
 
 
-def _rectangle(ring: Any, path: Path) -> dict[str, Any]:
+def _rectangle(ring: Any, account: Account) -> dict[str, Any]:
     """Middle, sides and angle of a patch, its first side the one nearest to x."""
     import shapely
 
@@ -224,9 +147,7 @@ def _rectangle(ring: Any, path: Path) -> dict[str, Any]:
     other = sides[1 - sides.index(first)]
     a, b = math.hypot(*first), math.hypot(*other)
     if box.area - ring.area > SQUARE * min(a, b) ** 2:
-        raise InputError(
-            f"has a patch at ({ring.centroid.x:.4g}, {ring.centroid.y:.4g}) mm that is no rectangle", file=path
-        )
+        raise account.refusal(f"has a patch at {place_text(ring.centroid.coords[0])} that is no rectangle")
     angle = math.degrees(math.atan2(first[1], first[0]))
     angle = (angle + 90.0) % 180.0 - 90.0
     return {"at_mm": [box.centroid.x, box.centroid.y], "size_mm": [a, b], "angle_deg": round(angle, 6)}

@@ -343,6 +343,7 @@ class PlateShape(Table):
     outline: Ring | None = None
     drawing: Path | None = None  # read before all else, and its tables put here
     drawing_unit: Literal["mm", "cm", "m", "inch"] | None = None
+    drawing_account: str | None = None
     thickness_mm: LengthMm
     material: MaterialChoice = "aluminium"
     damping_ratio: DampingRatio | None = None

@@ -1,0 +1,216 @@
+"""DXF: entities of the model space, those of inserted blocks included -> strokes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+
+from feeder_sim.errors import MissingExtra
+from feeder_sim.scenario.drawing_files.strokes import MM, SAGITTA, Account, Points, Stroke, layer_of
+
+# $INSUNITS -> [mm]: inch, foot, mm, cm, m, mil, yard, micron, dm
+OF_HEADER = {1: 25.4, 2: 304.8, 4: 1.0, 5: 10.0, 6: 1000.0, 9: 0.0254, 10: 914.4, 13: 0.001, 14: 100.0}
+CURVES = {"LINE", "ARC", "CIRCLE", "ELLIPSE", "LWPOLYLINE", "POLYLINE", "SPLINE", "SOLID", "TRACE"}
+QUADS = ("SOLID", "TRACE")
+WORDS = {"TEXT", "MTEXT", "ATTDEF", "ATTRIB", "DIMENSION", "ARC_DIMENSION", "LARGE_RADIAL_DIMENSION", "LEADER"}
+WORDS |= {"MULTILEADER", "MLEADER", "TOLERANCE", "ACAD_TABLE"}
+PICTURES = {"IMAGE", "WIPEOUT", "OLE2FRAME", "OLEFRAME", "VIEWPORT", "LIGHT", "PDFUNDERLAY", "DWFUNDERLAY"}
+NEEDED = {"LINE": ("start", "end"), "ARC": ("center", "radius", "start_angle", "end_angle")}
+NEEDED |= {"CIRCLE": ("center", "radius"), "ELLIPSE": ("center", "major_axis", "ratio"), "POINT": ("location",)}
+NEEDED |= {"INSERT": ("name", "insert")}
+DEEPEST = 16  # inserts in inserts
+READ = "lines, arcs, circles, ellipses, polylines, splines and blocks of them"
+
+
+def read_dxf(path: Path, unit: str | None, account: Account) -> Iterator[Stroke]:
+    """Strokes of a DXF drawing.
+
+    Args:
+        path: of the drawing.
+        unit: `drawing_unit`, for a drawing that does not say its own.
+        account: to which every entity goes.
+
+    Raises:
+        InputError: a drawing that cannot be read, or not be understood.
+        MissingExtra: ezdxf is not installed.
+    """
+    try:
+        from ezdxf.filemanagement import readfile
+        from ezdxf.lldxf.const import DXFError
+    except ImportError:
+        raise MissingExtra("drawing", key="plate.drawing") from None
+    try:
+        document = readfile(path)
+    except (DXFError, OSError, UnicodeError, ValueError) as error:
+        raise account.refusal("is not a readable DXF drawing") from error
+    units = document.units if b"$INSUNITS" in path.read_bytes() else 0  # ezdxf takes metres where no header says it
+    return _Reader(document, _millimetres(units, unit, account), account).strokes()
+
+
+def _millimetres(code: int, unit: str | None, account: Account) -> float:
+    """Of a unit of the drawing, by its header or by `drawing_unit`, which may not contradict each other."""
+    header = OF_HEADER.get(code)
+    if header is None and (code or unit is None):
+        cause = f"has units of the kind {code} of DXF" if code else "does not say its unit"
+        allowed = "another unit" if code else f"drawing_unit with {', '.join(MM)}"
+        raise account.refusal(f"{cause}, allowed is {allowed}")
+    if unit is not None and header not in (None, MM[unit]):
+        raise account.refusal(f"says that its unit is {header:g} mm, drawing_unit is {unit!r}: allowed is no other")
+    return MM[unit] if header is None else header  # type: ignore[index]
+
+
+class _Reader:
+    """One pass over the entities of a document."""
+
+    def __init__(self, document: Any, mm: float, account: Account) -> None:
+        self.document, self.mm, self.account = document, mm, account
+
+    def strokes(self) -> Iterator[Stroke]:
+        for layout in self.document.layouts:
+            if layout.name != "Model":
+                for entity in layout:
+                    if layer_of(entity.dxf.layer) is not None:
+                        self.account.ignore("outside of the model space")
+        for entity in self.document.modelspace():
+            yield from self._entity(entity, entity.dxf.layer, 0, False)
+
+    def _entity(self, entity: Any, layer_name: str, depth: int, hidden: bool) -> Iterator[Stroke]:
+        """Strokes of an entity, on its own layer or, where that is 0 in a block, on that of the insert."""
+        self.account.count()
+        kind, layer = entity.dxftype(), layer_of(layer_name)
+        hidden = hidden or self._is_hidden(entity, layer_name)
+        if kind == "INSERT":
+            yield from self._insert(entity, layer_name, depth, hidden)
+        elif kind in WORDS:
+            self.account.ignore("texts and dimensions")
+        elif kind in PICTURES:
+            self.account.ignore("pictures and views")
+        elif kind in ("XLINE", "RAY"):
+            self.account.ignore("construction lines")
+        elif layer is None and (kind == "POINT" or kind not in CURVES):
+            self.account.others[layer_name] += 1
+        elif layer is None:
+            self.account.ignore_other(layer_name)
+        elif kind == "POINT" and layer != "feet":
+            self.account.ignore("points outside of feet")
+        else:
+            self._check(entity, kind, layer, hidden)
+            yield from self._curve(entity, kind, layer)
+
+    def _is_hidden(self, entity: Any, layer_name: str) -> bool:
+        """Whether an entity, or its layer, is not shown."""
+        table = self.document.layers
+        layer = table.get(layer_name) if table.has_entry(layer_name) else None
+        return bool(entity.dxf.get("invisible", 0) or (layer is not None and (layer.is_off() or layer.is_frozen())))
+
+    def _check(self, entity: Any, kind: str, layer: str, hidden: bool) -> None:
+        """Refuse what is not seen, what is not read, and what lacks a place."""
+        if hidden:
+            raise self.account.hidden(kind, layer)
+        if kind not in CURVES | {"POINT", "HATCH", "MPOLYGON"} or getattr(entity, "is_poly_face_mesh", False):
+            raise self.account.refusal(f"has a {kind} in the layer {layer}, allowed are {READ}: explode it")
+        missing = [name for name in NEEDED.get(kind, ()) if not entity.dxf.hasattr(name)]
+        if missing:
+            raise self.account.refusal(f"has a {kind} without {missing[0]} in the layer {layer}: the file is damaged")
+
+    def _insert(self, insert: Any, layer_name: str, depth: int, hidden: bool) -> Iterator[Stroke]:
+        """Strokes of a block where it is inserted."""
+        if depth >= DEEPEST:
+            raise self.account.refusal(f"has blocks in blocks in blocks, allowed are {DEEPEST} levels")
+        if not insert.dxf.hasattr("name") or insert.block() is None:
+            raise self.account.refusal("inserts a block that it lacks: the file is damaged")
+        if insert.mcount > 1:
+            self.account.count(insert.mcount)  # before they are made
+            for one in insert.multi_insert():
+                yield from self._insert(one, layer_name, depth, hidden)
+            return
+        from ezdxf.xclip import XClip
+
+        if XClip(insert).has_clipping_path:
+            raise self.account.refusal(f"has a clipped insert of {insert.dxf.name!r}, allowed are whole ones")
+        self.account.ignore("texts and dimensions", len(insert.attribs))
+        skipped: list[str] = []
+        for entity in insert.virtual_entities(skipped_entity_callback=lambda e, reason: skipped.append(e.dxftype())):
+            own = entity.dxf.layer
+            yield from self._entity(entity, layer_name if own == "0" else own, depth + 1, hidden)
+        if skipped:
+            raise self.account.refusal(f"inserts a block with a {skipped[0]}, which cannot be placed: explode it")
+
+    def _curve(self, entity: Any, kind: str, layer: str) -> Iterator[Stroke]:
+        """Strokes of one entity that is read."""
+        if kind == "POINT":
+            yield self.account.take_point(layer, np.array([[entity.dxf.location.x, entity.dxf.location.y]]) * self.mm)
+            return
+        self.account.check_reach(layer, _control(entity, kind) * self.mm)
+        fill = kind in ("HATCH", "MPOLYGON")
+        for curve in _filled_edges(entity, SAGITTA / self.mm) if fill else [_points(entity, kind, SAGITTA / self.mm)]:
+            points = curve * self.mm
+            self._check_level(points, kind, layer)
+            closed = getattr(entity, "is_closed", False) is True or getattr(entity, "closed", False) is True
+            stroke: Literal["line", "fill"] = "fill" if fill else "line"
+            yield from self.account.take(layer, points[:, :2], closed=closed or kind in QUADS, kind=stroke)
+
+    def _check_level(self, points: Points, kind: str, layer: str) -> None:
+        """Refuse what does not lie in a plane of the same height."""
+        if not len(points) or np.ptp(points[:, 2]) <= SAGITTA:
+            return
+        raise self.account.refusal(f"has a {kind} in the layer {layer} that is not level, allowed is a flat drawing")
+
+
+def _control(entity: Any, kind: str) -> Points:
+    """Points that reach as far as a curve does, in units of the drawing, shape (n, 2)."""
+    dxf = entity.dxf
+    if kind in ("ARC", "CIRCLE"):
+        return np.array([[dxf.radius, dxf.radius]], float)
+    if kind == "ELLIPSE":
+        reach = float(dxf.major_axis.magnitude) * max(1.0, abs(dxf.ratio))
+        return np.array([[reach, reach]])
+    if kind == "SPLINE":
+        points = [*entity.control_points, *entity.fit_points]
+        return np.array([[x, y] for x, y, *_ in points], float).reshape(-1, 2)
+    if kind == "LWPOLYLINE":
+        return np.array(entity.get_points("xyb"), float).reshape(-1, 3)
+    return np.empty((0, 2))
+
+
+def _points(entity: Any, kind: str, sagitta: float) -> Points:
+    """Points of a curve, in units of the drawing, shape (n, 3)."""
+    dxf = entity.dxf
+    if kind == "LINE":
+        vertices = [dxf.start, dxf.end]
+    elif kind in ("ARC", "CIRCLE"):
+        vertices = list(entity.flattening(min(sagitta, 0.2 * abs(dxf.radius)))) if dxf.radius else []
+    elif kind in ("ELLIPSE", "SPLINE"):
+        vertices = list(entity.flattening(sagitta, 16))
+    elif kind in QUADS:
+        vertices = entity.wcs_vertices()
+    else:
+        return _chain([_points(piece, piece.dxftype(), sagitta) for piece in entity.virtual_entities()])
+    return np.array([vertex.xyz for vertex in vertices]).reshape(-1, 3)
+
+
+def _chain(pieces: Sequence[Points]) -> Points:
+    """Pieces of a polyline one after the other; arcs come with either end first."""
+    chain = [piece for piece in pieces if len(piece)]
+    for i, piece in enumerate(chain):
+        before, after = chain[i - 1][-1], chain[(i + 1) % len(chain)]
+        if i:
+            turned = np.hypot(*(piece[-1] - before)[:2]) < np.hypot(*(piece[0] - before)[:2])
+        else:
+            first, last = (
+                min(np.hypot(*(end - at)[:2]) for at in (after[0], after[-1])) for end in (piece[0], piece[-1])
+            )
+            turned = len(chain) > 1 and first < last
+        chain[i] = piece[::-1] if turned else piece
+    return np.vstack(chain) if chain else np.empty((0, 3))
+
+
+def _filled_edges(entity: Any, sagitta: float) -> list[Points]:
+    """The edges of a hatch, in units of the drawing, each (n, 3)."""
+    from ezdxf.path import make_path
+
+    curves = make_path(entity, segments=64).sub_paths()
+    return [np.array([v.xyz for v in curve.flattening(sagitta)]).reshape(-1, 3) for curve in curves if len(curve)]

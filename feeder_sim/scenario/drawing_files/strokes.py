@@ -1,0 +1,174 @@
+"""What the readers of drawings share: strokes, the account of every entity, names of layers, bounds on what is read.
+
+Nothing is dropped in silence: an entity is taken as a stroke, ignored by a rule that the account names, or refused.
+"""
+
+from __future__ import annotations
+
+import difflib
+import math
+import re
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from feeder_sim.errors import InputError, printable, shortened
+
+SAGITTA = 0.002  # [mm]; how far straight pieces may be from a curve
+FARTHEST_MM = 1e5  # of a point from the origin, as for all lengths of a scenario
+MOST_ENTITIES = 20_000  # with those that inserts repeat; plates have some hundred
+MOST_POINTS = 200_000  # of all strokes together
+MOST_BYTES = 4_000_000  # a larger file takes longer than anyone waits for a message
+MM = {"mm": 1.0, "cm": 10.0, "m": 1000.0, "inch": 25.4}  # units of `drawing_unit`
+LAYERS = ("outline", "holes", "patches", "feet")
+MISSPELT = re.compile(r"(?:outlines?|holes?|patch(?:es)?|foot|feet)[\W\d_]*", re.IGNORECASE)
+ALIKE = 0.8  # as difflib counts: names this near to that of a layer are taken for misspelt
+NAMES = 3  # of other layers, in the account
+
+Points = NDArray[np.float64]
+
+
+class Stroke(NamedTuple):
+    """A line or curve as it is drawn, of straight pieces.
+
+    Attributes:
+        layer: one of `LAYERS`.
+        points: of the pieces [mm], shape (n, 2); one alone is a point.
+        closed: whether its last point is its first one.
+        kind: `line`; `filled`, a line that closes by itself since what it encloses is painted; `fill`, paint alone.
+    """
+
+    layer: str
+    points: Points
+    closed: bool
+    kind: Literal["line", "filled", "fill"] = "line"
+
+
+class Account:
+    """What became of the entities of a drawing.
+
+    Args:
+        path: of the drawing, for messages.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.taken: Counter[str] = Counter()
+        self.ignored: Counter[str] = Counter()
+        self.others: Counter[str] = Counter()
+        self._entities = self._points = 0
+
+    def refusal(self, problem: str) -> InputError:
+        """An error that names the drawing."""
+        return InputError(problem, file=self.path)
+
+    def hidden(self, kind: str, layer: str) -> InputError:
+        """A hidden entity in a layer that counts: nobody can say whether it is meant."""
+        return self.refusal(f"has a hidden {kind} in the layer {layer}, allowed is what is shown: show it or delete it")
+
+    def count(self, number: int = 1) -> None:
+        """So many entities more are looked at.
+
+        Raises:
+            InputError: they are too many.
+        """
+        self._entities += number
+        if self._entities > MOST_ENTITIES:
+            raise self.refusal(f"has more than {MOST_ENTITIES} entities, allowed are fewer: delete what is not plate")
+
+    def ignore(self, rule: str, number: int = 1) -> None:
+        """So many entities are ignored by a rule, in the plural of what it holds for."""
+        if number:
+            self.ignored[rule] += number
+
+    def leave(self, layer: str, rule: str) -> None:
+        """What was taken in a layer is needed by nothing after all."""
+        self.ignore(rule, self.taken.pop(layer, 0))
+
+    def ignore_other(self, layer: str) -> None:
+        """The entity is on a layer that does not count.
+
+        Raises:
+            InputError: the name of the layer is all but that of one that counts.
+        """
+        meant = misspelt(layer)
+        if meant is not None:
+            name = shortened(layer)
+            raise self.refusal(f"has lines in the layer {name!r} (did you mean {meant!r}?), allowed is another name")
+        self.others[layer] += 1
+
+    def take(
+        self, layer: str, points: Points, *, closed: bool, kind: Literal["line", "filled", "fill"] = "line"
+    ) -> Iterator[Stroke]:
+        """The entity is taken, as a stroke; nothing of one without length.
+
+        Raises:
+            InputError: it reaches too far, or there are too many points.
+        """
+        self.check_reach(layer, points)
+        points = points[np.r_[True, (np.diff(points, axis=0) != 0.0).any(axis=1)]]
+        self._points += len(points)
+        if self._points > MOST_POINTS:
+            raise self.refusal(f"has more than {MOST_POINTS} points on its curves, allowed are fewer")
+        if len(points) < 2:
+            self.ignore("lines without length")
+            return
+        self.taken[layer] += 1
+        yield Stroke(layer, np.vstack([points, points[:1]]) if closed else points, closed, kind)
+
+    def take_point(self, layer: str, point: Points) -> Stroke:
+        """The entity is taken, as a point (1, 2).
+
+        Raises:
+            InputError: it is too far away.
+        """
+        self.check_reach(layer, point)
+        self.taken[layer] += 1
+        return Stroke(layer, point, False)
+
+    def check_reach(self, layer: str, points: Points) -> None:
+        """Refuse points, or points of control, that no plate has.
+
+        Raises:
+            InputError: one is not finite or too far away.
+        """
+        reach = float(np.abs(points).max(initial=0.0))
+        if not reach <= FARTHEST_MM:
+            size = (
+                f"reaches {reach:.3g} mm from its origin" if math.isfinite(reach) else "has a place that is no number"
+            )
+            raise self.refusal(f"{size} in the layer {layer}, allowed is up to {FARTHEST_MM:g} mm")
+
+    def to_text(self) -> str:
+        """The account in one line."""
+        each = ", ".join(f"{layer} {self.taken[layer]}" for layer in LAYERS if self.taken[layer])
+        ignored = [f"{count} {rule}" for rule, count in self.ignored.items()]
+        if self.others:
+            names = [printable(shortened(name, 24)) for name in sorted(self.others)]
+            more = f" and {len(names) - NAMES} more" if len(names) > NAMES else ""
+            ignored.append(f"{self.others.total()} in other layers ({', '.join(names[:NAMES])}{more})")
+        return f"{self.path.name}: {self.taken.total()} taken ({each}), ignored {'; '.join(ignored) or 'none'}"
+
+
+def layer_of(name: str) -> str | None:
+    """The layer that a name stands for, bound references of DXF included; None where it does not count."""
+    last = re.split(r"\||\$\d+\$", name)[-1].strip().lower()
+    return last if last in LAYERS else None
+
+
+def misspelt(name: str) -> str | None:
+    """The layer that a name is all but equal to, or None."""
+    last = re.split(r"\||\$\d+\$", name)[-1].strip().lower()
+    near = difflib.get_close_matches(last, LAYERS, n=1, cutoff=ALIKE)
+    if near or not MISSPELT.fullmatch(last):
+        return near[0] if near else None
+    return next(layer for layer in LAYERS if layer[:2] == last[:2] or (layer, last[:2]) == ("feet", "fo"))
+
+
+def place_text(point: Sequence[float] | Points) -> str:
+    """A point [mm] in words."""
+    return f"({point[0]:.5g}, {point[1]:.5g}) mm"

@@ -1,0 +1,226 @@
+"""SVG: shapes of every group, copies by `use` included -> strokes.
+
+A layer is a group, or one shape, with its name as id or as label in Inkscape; the nearest such name counts.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, Literal, NamedTuple
+from xml.etree import ElementTree
+
+from feeder_sim.errors import MissingExtra
+from feeder_sim.scenario.drawing_files.strokes import Account, Points, Stroke, layer_of, misspelt
+from feeder_sim.scenario.drawing_files.svg_page import fitted, length, local, page_matrix, view_box
+from feeder_sim.scenario.drawing_files.svg_shapes import SHAPES, followed, moved, path_of, transform_of
+
+SPACE = "http://www.w3.org/2000/svg"
+LABEL = "{http://www.inkscape.org/namespaces/inkscape}label"
+LINK = "{http://www.w3.org/1999/xlink}href"
+GROUPS = ("g", "a", "svg")
+WORDS = ("text", "title", "desc")
+PICTURES = ("image", "foreignObject", "video", "canvas")
+DEFINITIONS = ("defs", "symbol", "clipPath", "mask", "marker", "pattern", "linearGradient", "radialGradient", "filter")
+SILENT = (*DEFINITIONS, "style", "script", "metadata", "view", "cursor", "font")
+GEOMETRY = {"d", "x", "y", "cx", "cy", "r", "rx", "ry", "width", "height", "transform"}  # not read from styles
+DEEPEST = 32  # copies in copies
+RULE = re.compile(r"([^{}]+)\{([^{}]*)\}")
+SELECTOR = re.compile(r"[.#]?[-\w]+|\*")
+
+
+class State(NamedTuple):
+    """What an element has from those around it."""
+
+    matrix: Points
+    viewport: tuple[float, float]
+    layer: str | None = None
+    name: str = "without a name"  # of the nearest group that has one
+    filled: bool = True
+    hidden: bool = False
+    cut: bool = False
+    uses: tuple[str, ...] = ()
+
+
+def read_svg(path: Path, unit: str | None, account: Account) -> Iterator[Stroke]:
+    """Strokes of an SVG drawing, y upwards from the lower edge of the page.
+
+    Args:
+        path: of the drawing.
+        unit: `drawing_unit`, for a drawing that does not say its own.
+        account: to which every entity goes.
+
+    Raises:
+        InputError: a drawing that cannot be read, or not be understood.
+        MissingExtra: svgelements is not installed.
+    """
+    try:
+        import svgelements  # noqa: F401
+    except ImportError:
+        raise MissingExtra("drawing", key="plate.drawing") from None
+    try:
+        root = ElementTree.parse(path).getroot()
+    except (ElementTree.ParseError, OSError, LookupError, ValueError) as error:
+        raise account.refusal("is not a readable SVG drawing") from error
+    space, name = local(root.tag)
+    if name != "svg" or space not in ("", SPACE):
+        kind = f"{name} of {space!r}" if space else name
+        raise account.refusal(f"is not an SVG drawing but {kind}, allowed is svg of {SPACE!r}")
+    return _Reader(root, account).strokes(*page_matrix(root, unit, account))
+
+
+class _Reader:
+    """One pass over the elements of a page, with a stack of its own: groups may lie in thousands of groups."""
+
+    def __init__(self, root: Any, account: Account) -> None:
+        self.root, self.account = root, account
+        self.space = local(root.tag)[0]
+        self.by_id = {element.get("id"): element for element in root.iter() if element.get("id")}
+        self.rules = _rules(root)
+
+    def strokes(self, matrix: Points, viewport: tuple[float, float]) -> Iterator[Stroke]:
+        stack = [(child, State(matrix, viewport)) for child in reversed(self.root)]
+        while stack:
+            element, around = stack.pop()
+            space, name = local(element.tag)
+            if not name:  # a comment
+                continue
+            if space != self.space:
+                self._foreign(element, name, around)
+                continue
+            self.account.count()
+            if name in SILENT:
+                self.account.ignore("definitions", _shapes_in(element))
+                continue
+            state = self._state(element, around)
+            if name in SHAPES:
+                yield from self._shape(element, name, state)
+            elif name in GROUPS:
+                inner = self._within(element, state) if name == "svg" else state
+                stack += [(child, inner) for child in reversed(element)]
+            elif name == "use":
+                stack += self._copy(element, state)
+            else:
+                self._other(element, name, state)
+
+    def _state(self, element: Any, around: State) -> State:
+        """What holds for an element and those in it."""
+        style = self._style(element)
+        placing = GEOMETRY.intersection(style)
+        if placing:
+            raise self.account.refusal(f"gives {min(placing)} of a {local(element.tag)[1]} by a style: not read")
+        names = [name for name in (element.get(LABEL), element.get("id")) if name]
+        layer = next((layer for layer in map(layer_of, names) if layer), None)
+        if layer is None and around.layer is None and (meant := next(filter(misspelt, names), None)):
+            names = [meant]
+
+        def value(key: str) -> str:
+            return str(style.get(key, element.get(key, ""))).strip().lower()
+
+        fill = value("fill")
+        painted = fill not in ("none", "transparent") if fill and fill != "inherit" else around.filled
+        return around._replace(
+            matrix=around.matrix @ transform_of(element, self.account),
+            layer=around.layer if layer is None or (around.uses and around.layer) else layer,
+            name=names[0] if names else around.name,
+            filled=painted,
+            hidden=around.hidden or value("display") == "none" or value("visibility") in ("hidden", "collapse"),
+            cut=around.cut or any(value(key) not in ("", "none") for key in ("clip-path", "mask")),
+        )
+
+    def _style(self, element: Any) -> dict[str, str]:
+        """Properties of an element by rules of the page, then by its own style."""
+        names = {"*", local(element.tag)[1], f"#{element.get('id', '')}"}
+        names |= {f".{name}" for name in element.get("class", "").split()}
+        style: dict[str, str] = {}
+        for selector, properties in self.rules:
+            if selector in names:
+                style |= properties
+        return style | _properties(element.get("style", ""))
+
+    def _shape(self, element: Any, name: str, state: State) -> Iterator[Stroke]:
+        if state.layer is None:
+            self.account.ignore_other(state.name)
+            return
+        if state.hidden:
+            raise self.account.hidden(name, state.layer)
+        if state.cut:
+            raise self.account.refusal(f"has a clipped {name} in the layer {state.layer}, allowed are whole ones")
+        path = path_of(element, name, state.viewport, self.account)
+        pieces = list(followed(path, state.matrix, state.layer, self.account)) if path.strip() else []
+        if not pieces:
+            self.account.ignore("shapes that draw nothing")
+        for points, closed in pieces:
+            kind: Literal["line", "filled"] = "filled" if state.filled and name != "line" else "line"
+            yield from self.account.take(state.layer, points, closed=closed, kind=kind)
+
+    def _within(self, element: Any, state: State, size: Any = None) -> State:
+        """In a viewport of its own; its sides are those of `size`, which copies it, where that has any."""
+        wide, high = state.viewport
+        x, y = (length(element.get(key, "0"), side, self.account) for key, side in (("x", wide), ("y", high)))
+        given = {
+            key: (None if size is None else size.get(key)) or element.get(key, "100%") for key in ("width", "height")
+        }
+        width, height = (length(given[key], s, self.account) for key, s in (("width", wide), ("height", high)))
+        box = view_box(element, self.account)
+        if box is None:
+            return state._replace(matrix=state.matrix @ moved(x, y), viewport=(width, height))
+        inner = fitted(element, box, width, height, self.account)
+        return state._replace(matrix=state.matrix @ moved(x, y) @ inner, viewport=box[2:])
+
+    def _copy(self, element: Any, state: State) -> list[tuple[Any, State]]:
+        """The element that a `use` copies, or those in the symbol that it copies, in its place."""
+        link = element.get("href") or element.get(LINK) or ""
+        name = link.removeprefix("#")
+        target = self.by_id.get(name) if link.startswith("#") else None
+        if target is None and state.layer is not None:
+            raise self.account.refusal(f"copies {link!r} into the layer {state.layer}, which the drawing lacks")
+        if target is None:
+            self.account.ignore_other(state.name)
+            return []
+        if name in state.uses or len(state.uses) >= DEEPEST:
+            raise self.account.refusal(f"copies {link!r} into itself, or copies copies of copies")
+        wide, high = state.viewport
+        x, y = (length(element.get(key, "0"), side, self.account) for key, side in (("x", wide), ("y", high)))
+        placed = state._replace(matrix=state.matrix @ moved(x, y), uses=(*state.uses, name))
+        if local(target.tag)[1] != "symbol":
+            return [(target, placed)]
+        inner = self._within(target, self._state(target, placed), element)
+        return [(child, inner) for child in reversed(target)]
+
+    def _other(self, element: Any, name: str, state: State) -> None:
+        """An element that draws no line."""
+        if name not in (*WORDS, *PICTURES) and _shapes_in(element) and state.layer is not None:
+            raise self.account.refusal(f"has shapes in a {name} in the layer {state.layer}, allowed are groups")
+        self.account.ignore("texts" if name in WORDS else "pictures" if name in PICTURES else "unknown elements")
+
+    def _foreign(self, element: Any, name: str, around: State) -> None:
+        """An element of another namespace, as editors put in."""
+        if around.layer is not None and _shapes_in(element):
+            raise self.account.refusal(
+                f"has a {name} of another namespace in the layer {around.layer}, allowed are shapes of {SPACE!r}"
+            )
+        self.account.ignore("elements of other namespaces")
+
+
+def _shapes_in(element: Any) -> int:
+    return sum(local(inner.tag)[1] in SHAPES for inner in element.iter())
+
+
+def _properties(text: str) -> dict[str, str]:
+    """Properties of a style, by lower-case name."""
+    pairs = (declaration.partition(":") for declaration in text.split(";"))
+    return {key.strip().lower(): value.split("!")[0].strip() for key, colon, value in pairs if colon}
+
+
+def _rules(root: Any) -> list[tuple[str, dict[str, str]]]:
+    """Selectors of a tag, a class or an id, each with its properties; those of an id last, since they count most."""
+    rules = []
+    for element in root.iter():
+        if local(element.tag)[1] == "style":
+            text = re.sub(r"/\*.*?\*/", "", "".join(element.itertext()), flags=re.DOTALL)
+            for selectors, properties in RULE.findall(text):
+                single = (selector.strip() for selector in selectors.split(","))
+                rules += [(name, _properties(properties)) for name in single if SELECTOR.fullmatch(name)]
+    return sorted(rules, key=lambda rule: ".#".find(rule[0][0]))
