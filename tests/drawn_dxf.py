@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from random import Random
 from typing import Any
 
-from drawn_plates import TURN, Arc, Bezier, Item, Line, Map, Ring, Segment
+from drawn_plates import TURN, Arc, Bezier, Item, Line, Map, Segment
 from ezdxf.filemanagement import new
 
 MM = {"mm": 1.0, "cm": 10.0, "m": 1000.0, "inch": 25.4}
@@ -98,9 +98,7 @@ class DxfSheet:
             self._segment(space, piece.reverse() if self.rng.random() < 0.5 else piece, attributes)
 
     def _polyline(self, space: Any, ring: Sequence[Segment], attributes: dict[str, Any]) -> None:
-        corners = [
-            (s.begin.real, s.begin.imag, math.tan(s.sweep / 4) if isinstance(s, Arc) else 0.0) for s in ring
-        ]
+        corners = [(s.begin.real, s.begin.imag, math.tan(s.sweep / 4) if isinstance(s, Arc) else 0.0) for s in ring]
         closed = self.rng.random() < 0.6
         if not closed:
             corners.append((ring[-1].end.real, ring[-1].end.imag, 0.0))
@@ -135,7 +133,12 @@ class DxfSheet:
             major = arc.rx * cmath.rect(1.0, arc.turn)
             ratio = arc.ry / arc.rx
             if ratio > 1.0:
-                major, ratio, low, high = 1j * cmath.rect(arc.ry, arc.turn), 1.0 / ratio, low - TURN / 4, high - TURN / 4
+                major, ratio, low, high = (
+                    1j * cmath.rect(arc.ry, arc.turn),
+                    1.0 / ratio,
+                    low - TURN / 4,
+                    high - TURN / 4,
+                )
                 low, high = (0.0, TURN) if full else (low % TURN, high % TURN)
             space.add_ellipse(centre, (major.real, major.imag), ratio, low, high, dxfattribs=attributes)
             return

@@ -47,9 +47,7 @@ class Arc:
     sweep: float
 
     def at(self, angle: float) -> complex:
-        return self.centre + cmath.rect(1.0, self.turn) * complex(
-            self.rx * math.cos(angle), self.ry * math.sin(angle)
-        )
+        return self.centre + cmath.rect(1.0, self.turn) * complex(self.rx * math.cos(angle), self.ry * math.sin(angle))
 
     @property
     def begin(self) -> complex:

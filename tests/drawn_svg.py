@@ -158,5 +158,7 @@ def used(item: Item, rng: Random, name: str) -> tuple[str, str]:
     word = rng.choice(["g", "symbol", "g"])
     style = ' overflow="visible"' if word == "symbol" else ""
     link = rng.choice(["href", "xlink:href"])
-    place = f'x="{_n(shift.real)}" y="{_n(shift.imag)}"' if rng.random() < 0.5 else f'transform="translate({_p(shift)})"'
+    place = (
+        f'x="{_n(shift.real)}" y="{_n(shift.imag)}"' if rng.random() < 0.5 else f'transform="translate({_p(shift)})"'
+    )
     return f'<{word} id="{name}"{style}>{shape}</{word}>', f'<use {link}="#{name}" {place}/>'

@@ -63,7 +63,7 @@ def odd_mesh(rng: Random, odd: str) -> ForeignFile:
     elif odd == "two bodies":
         n = len(body.corners)
         far = tuple(tuple(n + i for i in f) for f in faces)
-        corners = np.vstack([body.corners, body.corners + [100.0, 0.0, 0.0]])
+        corners = np.vstack([body.corners, body.corners + np.array([100.0, 0.0, 0.0])])
         body, truths = Body(body.name, corners, (*faces, *far), 2 * body.volume), (2 * body.volume,)
     elif odd == "facet twice":
         body = Body(body.name, body.corners, (*faces, faces[0]), body.volume)
@@ -103,7 +103,8 @@ def _odd_text(odd: str, body: Body, rng: Random) -> tuple[str, str, bytes]:
     if odd == "edges in PLY":
         rows = [" ".join(repr(float(x)) for x in corner) for corner in body.corners]
         rows += [f"3 {a} {b} {c}" for a, b, c in body.faces] + ["0 1", "1 2"]
-        head = ["ply", "format ascii 1.0", f"element vertex {len(body.corners)}", *(f"property double {x}" for x in "xyz"),
+        head = ["ply", "format ascii 1.0", f"element vertex {len(body.corners)}",
+                *(f"property double {x}" for x in "xyz"),
                 f"element face {len(body.faces)}", "property list uchar int vertex_indices", "element edge 2",
                 "property int vertex1", "property int vertex2", "end_header"]  # fmt: skip
         return "PLY", ".ply", "\n".join([*head, *rows, ""]).encode()

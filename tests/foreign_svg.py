@@ -65,13 +65,17 @@ def ordinary_svg(rng: Random) -> ForeignFile:
     body = f"<defs>{definitions}</defs>\n{body}"
     if uses and rng.random() < 0.5:  # a definition may come behind its use
         body = f"{body[body.index('</defs>') + 7 :]}\n<defs>{definitions}</defs>"
-    return _file(page, document(page, body, rng), plate, f"SVG, {page.said}, {uses:.0%} in uses", (plate.truth(),), True)
+    return _file(
+        page, document(page, body, rng), plate, f"SVG, {page.said}, {uses:.0%} in uses", (plate.truth(),), True
+    )
 
 
 def in_layer(layer: str, shapes: str, rng: Random) -> str:
     """A group that is a layer, by its id or by its label in Inkscape."""
     style = rng.choice(['fill="none" stroke="#000"', 'style="fill:none;stroke:black;stroke-width:0.1"', ""])
-    name = rng.choice([f'id="{layer}"', f'inkscape:groupmode="layer" id="layer{layer}" inkscape:label="{LABELS[layer]}"'])
+    name = rng.choice(
+        [f'id="{layer}"', f'inkscape:groupmode="layer" id="layer{layer}" inkscape:label="{LABELS[layer]}"']
+    )
     return f"<g {name} {style}>\n{shapes}</g>\n"
 
 
@@ -159,9 +163,7 @@ def _odd_body(odd: str, outline: Ring, hole: Ring, page: Page, gap: float, rng: 
     return in_layer("outline", edges, rng) + in_layer("holes", holes, rng), before
 
 
-def _more(
-    odd: str, edges: str, holes: str, edge: Ring, inner: Ring, page: Page, rng: Random
-) -> tuple[str, str]:
+def _more(odd: str, edges: str, holes: str, edge: Ring, inner: Ring, page: Page, rng: Random) -> tuple[str, str]:
     """The same for oddities that stand around a shape or beside it."""
     z, before = inner[0].begin, ""
     mm = abs(page.to_user.factor)
@@ -211,7 +213,9 @@ def _more(
     body = in_layer("outline", edges, rng) + in_layer("holes", holes, rng)
     if odd.startswith("misspelt"):
         wrong = odd.split()[1]
-        body = body.replace(f'id="{layers[wrong]}"', f'id="{wrong[:-1]}x"').replace(f'"{LABELS[wrong]}"', f'"{wrong}_1"')
+        body = body.replace(f'id="{layers[wrong]}"', f'id="{wrong[:-1]}x"').replace(
+            f'"{LABELS[wrong]}"', f'"{wrong}_1"'
+        )
     return body, before
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from pathlib import Path
 from typing import Any
 
@@ -57,14 +56,13 @@ def difference(taken: Taken, file: ForeignFile) -> str:
     if not file.truths:
         return "was taken, though it draws no plate"
     plate = plate_of(taken)
-    return min((_difference(plate, truth, file.slack_mm) for truth in file.truths), key=len)
+    return min((between(plate, truth, file.slack_mm) for truth in file.truths), key=len)
 
 
-def _difference(plate: Truth, truth: Truth, slack_mm: float) -> str:
+def between(plate: Truth, truth: Truth, slack_mm: float = 0.0) -> str:
+    """How two plates differ, of which the first may be moved as a whole."""
     low, low_drawn = plate.plate.bounds[:2], truth.plate.bounds[:2]
     shift = (low_drawn[0] - low[0], low_drawn[1] - low[1])
-    if file_far := math.hypot(*shift) > 1e6:
-        return f"is {file_far} away"
     moved = shapely.affinity.translate(plate.plate, *shift)
     allowed = SAME * truth.plate.area + (CLOSE_MM + slack_mm / 4) * truth.plate.length
     off = shapely.symmetric_difference(moved, truth.plate).area

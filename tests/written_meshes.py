@@ -73,7 +73,8 @@ def obj(body: Body, rng: Random) -> bytes:
     textured, normals, soup, negative = (rng.random() < p for p in (0.5, 0.5, 0.3, 0.3))
     colours = rng.random() < 0.15
     lines = ["# made by a modeller", "mtllib part.mtl", "o part"]
-    vertices, textures, ups, faces = [], 0, 0, []
+    vertices: list[int] = []
+    textures = ups = 0
 
     def vertex(i: int) -> str:
         more = " 0.5 0.25 1.0" if colours else ""
@@ -148,19 +149,18 @@ def ply(body: Body, rng: Random) -> bytes:
     head += [f"property list uchar {index[0]} {rng.choice(['vertex_indices', 'vertex_index'])}", "end_header", ""]
     sign = ">" if form == "binary_big_endian" else "<"
     kinds = [real[1]] * 3 + ["B" if name in colour else "f" for name in extra]
-    rows: list[tuple[list[str], list[float]]] = []
+    rows: list[tuple[list[str], list[float | int]]] = []
     for i, face in order:
         up = dict(zip(("nx", "ny", "nz"), normal(body, face), strict=True))
-        more = [float(rng.randrange(256)) if n in colour else up.get(n, rng.random()) for n in extra]
-        rows.append((kinds, [*body.corners[i], *more]))
+        more = [rng.randrange(256) if n in colour else float(up.get(n, rng.random())) for n in extra]
+        rows.append((kinds, [*map(float, body.corners[i]), *more]))
     for corners in written:
         values = [*([1] if flags else []), len(corners), *corners]
-        rows.append((["B"] * (2 if flags else 1) + [index[1]] * len(corners), [float(x) for x in values]))
+        rows.append((["B"] * (2 if flags else 1) + [index[1]] * len(corners), values))
     if form == "ascii":
-        text = [" ".join(str(int(x)) if k in "BiIH" else number(x) for k, x in zip(*row, strict=True)) for row in rows]
+        text = [" ".join(str(x) if isinstance(x, int) else number(x) for x in values) for _, values in rows]
         return "\n".join([*head[:-1], *text, ""]).encode()
-    data = b"".join(struct.pack(f"{sign}{''.join(k)}", *(int(x) if c in "BiIH" else x for c, x in zip(k, v, strict=True)))
-                    for k, v in rows)  # fmt: skip
+    data = b"".join(struct.pack(sign + "".join(formats), *values) for formats, values in rows)
     return "\n".join(head).encode() + data
 
 
