@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from random import Random
 
@@ -37,7 +38,7 @@ def summed_volume(body: Body) -> float:
     return float(np.einsum("ij,ij->", a, np.cross(b, c)) / 6.0)
 
 
-def _extruded(name: str, outline: list[list[float]], caps: list[Face], height: float, area: float) -> Body:
+def _extruded(name: str, outline: Sequence[Sequence[float]], caps: list[Face], height: float, area: float) -> Body:
     """A plane outline, counterclockwise, its caps cut into convex faces."""
     n = len(outline)
     corners = [[*p, 0.0] for p in outline] + [[*p, height] for p in outline]
@@ -62,7 +63,7 @@ def bracket(a: float, b: float, thick: float, height: float) -> Body:
     """An L; its caps are three rectangles, so that no edge ends within another one."""
     outline = [[0, 0], [thick, 0], [a, 0], [a, thick], [thick, thick], [thick, b], [0, b], [0, thick]]
     caps = [(0, 1, 4, 7), (1, 2, 3, 4), (7, 4, 5, 6)]
-    return _extruded("bracket", [list(map(float, p)) for p in outline], caps, height, thick * (a + b - thick))
+    return _extruded("bracket", outline, caps, height, thick * (a + b - thick))
 
 
 def tube(number: int, outer: float, inner: float, height: float) -> Body:

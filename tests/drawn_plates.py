@@ -210,7 +210,6 @@ def blob(rng: Random, rx: float, ry: float) -> Ring:
     """A closed chain of Bezier curves, smooth where they meet."""
     number = rng.randint(4, 7)
     places = [(rng.uniform(0.95, 1.05), i * TURN / number) for i in range(number)]
-    places = [(size, angle) for size, angle in places]
     pull = 4.0 / 3.0 * math.tan(TURN / number / 4)
 
     def knot(i: int, along: float) -> complex:

@@ -91,8 +91,11 @@ def odd_dxf(rng: Random, odd: str) -> ForeignFile:
             sheet.draw("holes", hole)
     elif odd in ("frozen holes", "layer off", "hidden hole"):
         layer = sheet.document.layers.add("holes")
-        layer.freeze() if odd == "frozen holes" else layer.off() if odd == "layer off" else None
-        sheet.draw("holes", hole, **({"invisible": 1} if odd == "hidden hole" else {}))
+        if odd == "frozen holes":
+            layer.freeze()
+        elif odd == "layer off":
+            layer.off()
+        sheet.draw("holes", hole, invisible=int(odd == "hidden hole"))
         truths = (truth, without)
     elif odd in ("two plates", "island"):
         sheet.draw("outline", hole if odd == "island" else rectangle(middle + 500.0, 50.0, 50.0))

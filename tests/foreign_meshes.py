@@ -51,7 +51,8 @@ def odd_mesh(rng: Random, odd: str) -> ForeignFile:
     body = random_body(rng).in_triangles()
     name = rng.choice(sorted(WRITERS))
     write, suffix = WRITERS[name]
-    faces, truths = list(body.faces), (body.volume,)
+    faces = list(body.faces)
+    truths: tuple[float, ...] = (body.volume,)
     if odd == "sliver":
         body = with_sliver(body, rng)
     elif odd == "hole":

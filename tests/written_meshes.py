@@ -155,7 +155,7 @@ def ply(body: Body, rng: Random) -> bytes:
         more = [rng.randrange(256) if n in colour else float(up.get(n, rng.random())) for n in extra]
         rows.append((kinds, [*map(float, body.corners[i]), *more]))
     for corners in written:
-        values = [*([1] if flags else []), len(corners), *corners]
+        values: list[float | int] = [*([1] if flags else []), len(corners), *corners]
         rows.append((["B"] * (2 if flags else 1) + [index[1]] * len(corners), values))
     if form == "ascii":
         text = [" ".join(str(x) if isinstance(x, int) else number(x) for x in values) for _, values in rows]
