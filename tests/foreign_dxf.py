@@ -137,7 +137,7 @@ def _oddity(sheet: DxfSheet, rng: Random, odd: str, plate: DrawnPlate, hole: Rin
             at = middle + 20j
             space.add_line((at.real - end, at.imag), (at.real + end, at.imag), dxfattribs={"layer": "outline"})
     elif odd.startswith("misspelt"):
-        sheet.draw("holes" if odd == "misspelt outline" else rng.choice(["hole", "Hole_s", "holes ", "cutouts"]), hole)
+        sheet.draw("holes" if odd == "misspelt outline" else rng.choice(["hole", "Hole_s", "holes "]), hole)
         if odd == "misspelt outline":
             sheet.draw(rng.choice(["Outlines", "out line", "contour"]), plate.outline)
     elif odd in ("open patch", "open hole"):
@@ -211,7 +211,7 @@ def hostile_dxf(rng: Random) -> ForeignFile:
     elif kind == "bulge":
         space.add_lwpolyline([(0, 0, big), (1, 1, 1 / big), (2, 0, -big)], format="xyb", close=True, dxfattribs=holes)
     else:
-        for _ in range(20_000):
+        for _ in range(6_000):
             z = complex(rng.uniform(-40, 40), rng.uniform(-40, 40))
             space.add_line((z.real, z.imag), (-z.imag, z.real), dxfattribs=holes)
     return ForeignFile(sheet.bytes(), ".dxf", f"DXF, hostile: {kind} {big:g}", None, patches=False, feet=False)
