@@ -38,7 +38,7 @@ def summed_volume(body: Body) -> float:
     return float(np.einsum("ij,ij->", a, np.cross(b, c)) / 6.0)
 
 
-def _extruded(name: str, outline: Sequence[Sequence[float]], caps: list[Face], height: float, area: float) -> Body:
+def _extruded(name: str, outline: Sequence[Sequence[float]], caps: Sequence[Face], height: float, area: float) -> Body:
     """A plane outline, counterclockwise, its caps cut into convex faces."""
     n = len(outline)
     corners = [[*p, 0.0] for p in outline] + [[*p, height] for p in outline]
