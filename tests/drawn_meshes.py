@@ -61,7 +61,16 @@ def box(a: float, b: float, c: float) -> Body:
 
 def bracket(a: float, b: float, thick: float, height: float) -> Body:
     """An L; its caps are three rectangles, so that no edge ends within another one."""
-    outline = [[0, 0], [thick, 0], [a, 0], [a, thick], [thick, thick], [thick, b], [0, b], [0, thick]]
+    outline: list[list[float]] = [
+        [0, 0],
+        [thick, 0],
+        [a, 0],
+        [a, thick],
+        [thick, thick],
+        [thick, b],
+        [0, b],
+        [0, thick],
+    ]
     caps = [(0, 1, 4, 7), (1, 2, 3, 4), (7, 4, 5, 6)]
     return _extruded("bracket", outline, caps, height, thick * (a + b - thick))
 
