@@ -203,6 +203,7 @@ def describe(body: RigidPart, spec: MeshPart, study: DropStudy | None) -> dict[s
         "principal_axes": body.principal_axes.tolist(),
         "watertight": True,  # no other file is read
         "facets": len(body.faces),
+        "dropped_facets": body.dropped_facets,  # without area
         "corners": len(body.corners),
         "corner_error_um": 1e6 * body.corner_error,
         "hull_over_volume": shape.hull_over_volume,

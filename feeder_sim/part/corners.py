@@ -20,6 +20,7 @@ Orbits = list[NDArray[np.int64]]
 MOST_CORNERS = 128
 MOST_LOOKED_AT = 5000  # vertices of a finer hull: those farthest along as many directions
 ALIKE = 1e-4  # of the size: how far a turned vertex may be from another one (single precision of STL files)
+ROUND_OFF = 1e-9  # of the size: what is no farther outside is not outside
 DOUBTFUL = 0.3  # of the error wanted: points less far over the planes of a hull are not farther from it than wanted
 WORST = 200  # vertices that stand out farthest, whose distance is computed exactly
 ROUNDS = 3  # of looking at more vertices of a fine hull
@@ -136,6 +137,7 @@ def _orbits(image: NDArray[np.int64], order: int) -> Orbits:
 
 def _greedy(points: Floats, orbits: Orbits, wanted: float, *, most: bool = False) -> NDArray[np.int64] | None:
     """Numbers of kept points; with `most` as many as are allowed, else None where these are not enough."""
+    wanted = max(wanted, ROUND_OFF)
     of = np.empty(len(points), np.int64)
     for number, orbit in enumerate(orbits):
         of[orbit] = number

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from feeder_sim.errors import InputError
+from feeder_sim.part.mesh_text import obj_facets, off_facets
 
 # Whether the facets of a mesh cross each other: a mesh that intersects itself has no sure volume.
 #
@@ -119,6 +120,8 @@ SHORTEST_MM, LONGEST_MM = 0.1, 300.0  # longest sides of parts that plates feed
 MOST_FACETS = 1_000_000  # read in 2 s and 1 GB
 MOST_BYTES = 300 * MOST_FACETS  # what as many facets take as text
 FLAT = 1e-6  # of the longest side
+NO_AREA = 1e-9  # of a facet over the square of its longest side
+TEXT = {".obj": obj_facets, ".off": off_facets}
 NORMALS_AGREE = 1e-3  # share of the facets whose stored normals may point the other way: slivers
 HEADER, FACET = 84, 50  # [byte] of a binary STL file
 BINARY_FACET = np.dtype([("normal", "<f4", 3), ("corner", "<f4", (3, 3)), ("attribute", "<u2")])
@@ -149,6 +152,7 @@ def closed_mesh(path: Path, unit_mm: float, *, key: str = "part.file") -> Any:
 
     mesh = read_triangles(path, refusal)
     _check_size(mesh, unit_mm, refusal)
+    mesh = _joined(mesh, refusal)
     _check_closed(mesh, unit_mm, refusal)
     _check_outside_out(mesh, path, refusal)
     if mesh.body_count > 1:
@@ -206,10 +210,14 @@ def _check_facets(path: Path, refusal: Refusal) -> None:
 def _loaded(path: Path, refusal: Refusal) -> Any:
     import trimesh
 
+    suffix = path.suffix.lower()
     try:
         with warnings.catch_warnings(action="ignore"):  # of numbers that are refused below
-            mesh = trimesh.load_mesh(path, resolver={}, skip_materials=True)
-    except ImportError as error:  # of a module that guesses the alphabet of a text
+            if suffix in TEXT:
+                mesh = trimesh.Trimesh(*TEXT[suffix](path.read_text(encoding="utf-8")), process=False)
+            else:
+                mesh = trimesh.load_mesh(path, resolver={}, skip_materials=True)
+    except (ImportError, UnicodeError) as error:  # the first of a module that guesses the alphabet of a text
         raise refusal("not a readable mesh: damaged, or its text is not in UTF-8") from error
     except Exception as error:  # the readers of the formats raise what they like
         raise refusal(f"not a readable mesh: {error}") from error
@@ -219,6 +227,30 @@ def _loaded(path: Path, refusal: Refusal) -> Any:
         raise refusal(f"has vertices of {mesh.vertices.shape[1]} coordinates, allowed are 3")
     if len(mesh.faces) > MOST_FACETS:
         raise refusal(f"has {len(mesh.faces)} facets, allowed is up to {MOST_FACETS}: {FEWER}")
+    return mesh
+
+
+def _joined(mesh: Any, refusal: Refusal) -> Any:
+    """The mesh with corners at one place as one, without facets of no area that nothing needs.
+
+    A facet whose three corners lie on a line is needed where others meet each of its sides: it stays if the mesh is
+    closed with it. `metadata["dropped_facets"]` counts the others.
+    """
+    mesh.merge_vertices(merge_tex=True, merge_norm=True)
+    facets = np.asarray(mesh.faces)
+    number = len(facets)
+    a, b, c = facets.T
+    mesh.update_faces((a != b) & (b != c) & (c != a))
+    if len(mesh.faces) == 0:
+        raise refusal("holds no triangles that have an area")
+    if not mesh.is_watertight:
+        sides = np.linalg.norm(np.roll(mesh.triangles, -1, axis=1) - mesh.triangles, axis=2).max(axis=1, initial=0.0)
+        kept = mesh.area_faces > NO_AREA * sides**2
+        without = mesh.copy()
+        without.update_faces(kept)
+        mesh = without if without.is_watertight else mesh
+    mesh.remove_unreferenced_vertices()
+    mesh.metadata["dropped_facets"] = number - len(mesh.faces)
     return mesh
 
 
@@ -288,9 +320,9 @@ def stored_normals_against(path: Path) -> tuple[int, int]:
         normal, corner = facets["normal"].astype(float), facets["corner"].astype(float)
     else:
         number = rb"[-+.\deE]+"
-        normals = re.findall(rb"normal\s+(%b)\s+(%b)\s+(%b)" % (number, number, number), data)
-        corners = re.findall(rb"vertex\s+(%b)\s+(%b)\s+(%b)" % (number, number, number), data)
-        if 3 * len(normals) != len(corners):
+        normals = re.findall(rb"normal\s+(%b)\s+(%b)\s+(%b)" % (number, number, number), data, re.IGNORECASE)
+        corners = re.findall(rb"vertex\s+(%b)\s+(%b)\s+(%b)" % (number, number, number), data, re.IGNORECASE)
+        if not normals or 3 * len(normals) != len(corners):
             return 0, 0
         normal, corner = np.array(normals, float), np.array(corners, float).reshape(-1, 3, 3)
     turned = np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])

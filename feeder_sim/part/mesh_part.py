@@ -76,6 +76,7 @@ def _read(
         principal_axes=axes,
         centre=centre,
         corner_error=error,
+        dropped_facets=mesh.metadata["dropped_facets"],
         pieces=tuple(_thinned(1e-3 * unit_mm * points - centre, corner_error) for points in held),
     )
 

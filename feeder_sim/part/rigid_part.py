@@ -39,6 +39,7 @@ class RigidPart:
         pieces: corners (n, 3) [m] of each convex piece that parts meet each other with; none: the hull of all corners.
         circle_radius: of a cylinder along z that meets the plate with the circles around its ends [m], on which its
             corners lie; 0 for what meets it with its corners.
+        dropped_facets: of its mesh file, which have no area and are left out.
     """
 
     name: str
@@ -53,6 +54,7 @@ class RigidPart:
     corner_error: float = 0.0
     pieces: tuple[NDArray[np.float64], ...] = ()
     circle_radius: float = 0.0
+    dropped_facets: int = 0
 
     @property
     def size(self) -> float:

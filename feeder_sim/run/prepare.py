@@ -9,6 +9,7 @@ import numpy as np
 
 from feeder_sim.constants import GRAVITY
 from feeder_sim.errors import InputError
+from feeder_sim.notebook import counted
 from feeder_sim.part.corners import MOST_CORNERS
 from feeder_sim.part.mesh_part import solid
 from feeder_sim.part.rigid_part import RigidPart
@@ -156,6 +157,11 @@ def cautions(scene: Scene, engine: Choice) -> list[str]:
     scenario = scene.scenario
     lines = [*complaints(scenario, "unstable"), *_cautions_of_motion(scene)]
     lines += [*ignored_uncertainty(scenario), *complaints(scenario, "misleading")]
+    lines += [
+        f"part[{i}].file: has {counted(kind.dropped_facets, 'facet')} of no area, which the part does without"
+        for i, kind in enumerate(scene.kinds)
+        if kind.dropped_facets
+    ]
     return lines + (_cautions_of_fall(scene) if engine.name == "mujoco" else [])
 
 

@@ -66,6 +66,7 @@ def with_drawing(data: dict[str, Any], folder: Path) -> dict[str, Any]:
                 f"has a second ring at {place} in the layer outline, allowed are the edge and its holes"
             )
     holes = each_once([*edges[1:], *rings["holes"]], account)
+    check_apart("outline or holes", holes, account)
     result["outline"] = {"points_mm": _corners(edges[0])}
     result["hole"] = [*(result.get("hole") or ()), *({"points_mm": _corners(hole)} for hole in holes)]
     patches = [_rectangle(ring, account) for ring in sorted(rings["patches"], key=lambda ring: ring.centroid.x)]
@@ -92,7 +93,7 @@ def _read(path: Path, unit: Any, account: Account) -> tuple[dict[str, list[Any]]
         strokes[stroke.layer].append(stroke)
     points = [(float(s.points[0, 0]), float(s.points[0, 1])) for s in strokes["feet"] if len(s.points) == 1]
     rings = {layer: rings_of(layer, of_layer, account) for layer, of_layer in strokes.items()}
-    for layer in ("holes", "patches", "feet"):
+    for layer in ("patches", "feet"):
         check_apart(layer, rings[layer], account)
     return rings, list(dict.fromkeys(points))
 

@@ -74,3 +74,10 @@ def test_many_sides_that_have_no_divisor() -> None:
     corners, error = contact_corners(vertices(cylinder), 30e-6)
     assert len(corners) <= MOST_CORNERS
     assert error <= 30e-6
+
+
+def test_no_error_takes_each_vertex_once() -> None:
+    points = vertices(trimesh.load_mesh(REPOSITORY / "models/bracket/bracket.stl"))
+    for some in (points, np.array(trimesh.creation.box((1.6, 0.8, 0.45)).vertices), points[:9]):
+        corners, error = contact_corners(some, 0.0)
+        assert error < 1e-12 and len(corners) == len(np.unique(corners, axis=0)) <= len(some)

@@ -43,6 +43,105 @@ def test_the_models_are_read(name: str) -> None:
     assert mesh.is_watertight and mesh.volume > 0.0
 
 
+QUADS = ((0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3))  # of a box
+PLACES = [(x, y, z) for x in (-2.0, 2.0) for y in (-1.5, 1.5) for z in (-1.0, 1.0)]
+
+
+def obj_text(corner: str, *, turns: bool = False) -> str:
+    """A box of 4 x 3 x 2, its facets written with corners of some form; `turns`: places and facets take turns."""
+    lines = [f"v {x} {y} {z}" for x, y, z in PLACES]
+    lines += [f"vt {0.01 * i} 0.5" for i in range(24)] + [f"vn {i} 1 0" for i in range(6)]
+    if turns:
+        lines = []
+    for i, quad in enumerate(QUADS):
+        if turns:
+            lines += [f"v {x} {y} {z}" for x, y, z in (PLACES[k] for k in quad)] + ["f -4 -3 -2 -1"]
+            continue
+        words = [corner.format(v=k + 1, t=4 * i + j + 1, n=i + 1, minus=k - 8) for j, k in enumerate(quad)]
+        lines += [f"g side_{i}", f"usemtl paint_{i}", "f " + " ".join(words)]
+    return "\n".join(["mtllib nowhere.mtl", *lines])
+
+
+@pytest.mark.parametrize("corner", ["{v}", "{v}/{t}", "{v}//{n}", "{v}/{t}/{n}", "{minus}"])
+def test_corners_of_an_obj_are_one_where_their_places_are(corner: str, tmp_path: Path) -> None:
+    (tmp_path / "box.obj").write_text(obj_text(corner))
+    mesh = closed_mesh(tmp_path / "box.obj", 1.0)
+    assert (len(mesh.vertices), len(mesh.faces)) == (8, 12) and mesh.volume == pytest.approx(24.0)
+
+
+def test_negative_numbers_of_an_obj_count_from_the_facet(tmp_path: Path) -> None:
+    (tmp_path / "box.obj").write_text(obj_text("", turns=True))
+    assert closed_mesh(tmp_path / "box.obj", 1.0).volume == pytest.approx(24.0)
+
+
+@pytest.mark.parametrize(
+    "line", ["f 1 2 9", "f 0 1 2", "f 1 2 -20", "f 1 2 x", "v 1 2", "v 1 2 three"], ids=lambda line: line
+)
+def test_an_obj_with_a_wrong_line_is_refused(line: str, tmp_path: Path) -> None:
+    (tmp_path / "box.obj").write_text(f"{obj_text('{v}')}\n{line}\n")
+    assert "not a readable mesh" in refusal(closed_mesh, tmp_path / "box.obj", 1.0)
+
+
+def test_facets_of_an_off_have_any_number_of_corners(tmp_path: Path) -> None:
+    ring = [(np.cos(a), np.sin(a)) for a in np.arange(6) * np.pi / 3.0]
+    places = [f"{x} {y} {z}" for z in (0, 1) for x, y in ring]
+    sides = [f"4 {i} {(i + 1) % 6} {6 + (i + 1) % 6} {6 + i} 255 0 0" for i in range(6)]
+    ends = ["6 5 4 3 2 1 0", "6 6 7 8 9 10 11"]
+    head = ["COFF # six sides", "12 8 0"]
+    (tmp_path / "prism.off").write_text("\n".join([*head, *places, *sides, *ends]))
+    assert closed_mesh(tmp_path / "prism.off", 1.0).volume == pytest.approx(1.5 * np.sqrt(3.0))
+
+
+@pytest.mark.parametrize("extra", [("nx", "ny", "nz"), ("s", "t"), ("red",)])
+def test_a_ply_with_more_than_places_is_read(extra: tuple[str, ...], tmp_path: Path) -> None:
+    """Each facet has corners of its own, with what differs between facets."""
+    head = [
+        "ply",
+        "format ascii 1.0",
+        "element vertex 24",
+        *(f"property float {name}" for name in ("x", "y", "z", *extra)),
+    ]
+    head += ["element face 6", "property list uchar int vertex_indices", "end_header"]
+    rows = [" ".join(map(str, (*PLACES[k], *(0.1 * i for _ in extra)))) for i, quad in enumerate(QUADS) for k in quad]
+    facets = [f"4 {4 * i} {4 * i + 1} {4 * i + 2} {4 * i + 3}" for i in range(6)]
+    (tmp_path / "box.ply").write_text("\n".join([*head, *rows, *facets, ""]))
+    assert closed_mesh(tmp_path / "box.ply", 1.0).volume == pytest.approx(24.0)
+
+
+@pytest.mark.parametrize("sliver", [(0, 0, 1), (0, 1, 0.5)])
+def test_facets_of_no_area_are_left_out_and_said(sliver: tuple[float, ...], tmp_path: Path) -> None:
+    """Corners of the sliver: the places of two corners of the box, or a place between them."""
+    mesh = box()
+    a, b = mesh.vertices[mesh.edges_unique[0]]
+    facet = np.array([[a + share * (b - a) for share in sliver]])
+    triangles = np.concatenate([mesh.triangles, facet])
+    trimesh.Trimesh(triangles.reshape(-1, 3), np.arange(39).reshape(-1, 3), process=False).export(tmp_path / "part.stl")
+    part = mesh_part(tmp_path / "part.stl", 1.0, 1000.0, "part")
+    assert part.dropped_facets == 1 and 1e9 * solid(part).volume == pytest.approx(24.0)
+    raw = NUT_ON_STRIP | {"part": [{"shape": "mesh", "file": str(tmp_path / "part.stl"), "material": "steel"}]}
+    assert any(
+        "1 facet of no area" in line
+        for line in prepare(parse_scenario(toml_of(raw), file=tmp_path / "scenario.toml")).cautions
+    )
+
+
+def test_facets_of_no_area_that_close_a_mesh_stay(tmp_path: Path) -> None:
+    """A side divided at its middle, that of its neighbour not: what lies between has no area."""
+    mesh = box()
+    first = mesh.triangles[0]
+    middle = 0.5 * (first[0] + first[1])
+    split = [[first[0], middle, first[2]], [middle, first[1], first[2]], [first[0], first[1], middle]]
+    triangles = np.concatenate([mesh.triangles[1:], split])
+    trimesh.Trimesh(triangles.reshape(-1, 3), np.arange(42).reshape(-1, 3), process=False).export(tmp_path / "part.stl")
+    part = mesh_part(tmp_path / "part.stl", 1.0, 1000.0, "part")
+    assert part.dropped_facets == 0 and 1e9 * solid(part).volume == pytest.approx(24.0)
+
+
+def test_an_stl_in_capitals_is_read(tmp_path: Path) -> None:
+    (tmp_path / "part.stl").write_text(box().export(file_type="stl_ascii").upper())
+    assert closed_mesh(tmp_path / "part.stl", 1.0).volume == pytest.approx(24.0)
+
+
 def test_open(tmp_path: Path) -> None:
     mesh = box()
     mesh.update_faces(np.arange(12) != 5)

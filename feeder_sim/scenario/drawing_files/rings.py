@@ -18,6 +18,7 @@ JOIN = 0.002  # [mm]; ends of lines that close are one. Below what any plate is 
 GRID = 0.001  # [mm]; places of joined lines, so that lines drawn twice are one
 MOST_MEETINGS = 20  # of a line with others, on average; the time to join them goes as all meetings
 TOGETHER = 100  # lines whose meetings are counted at once
+NEAR = 1e-5  # [mm]; points of a ring that are closer are one
 THIN = 1e-6  # [mm2]; a ring that encloses less is a line drawn back and forth
 
 
@@ -76,9 +77,8 @@ def _ring(layer: str, points: Points, account: Account) -> Any:
     """The polygon that a closed stroke, or one that is closed by a straight line, encloses."""
     import shapely
 
-    kept = points[np.r_[True, (np.diff(points, axis=0) != 0.0).any(axis=1)]]
-    if len(kept) >= 2 and (kept[0] == kept[-1]).all():
-        kept = kept[:-1]
+    # Points that are one but for round-off make a ring that crosses itself there.
+    kept = points[np.hypot(*(points - np.roll(points, 1, axis=0)).T) > NEAR]
     polygon = shapely.Polygon(kept) if len(kept) >= 3 else None
     if polygon is not None and not polygon.is_valid:
         raise account.refusal(
