@@ -61,7 +61,7 @@ def meet_plate(part, kinds, surface, bounds, t, work):
         fall = (rising + math.sqrt(rising * rising + 2.0 * GRAVITY * height)) / GRAVITY
         return max(fall, shortest_flight(part, kind, bounds)) if fall < bounds.step else fall, False
     moved, lowest = lowest_points(part, kind, surface, bounds, 2.0 * TOUCH, t, work)
-    further = points_on_edge(part, kind, kinds, surface, work)
+    further = points_on_edge(part, kind, kinds, surface, bounds.crest, work)
     corners, n_corners, others = kinds.corners[kind.corner_from : kind.corner_to], count_of(kind), np.inf
     if further > 0 or is_round(kind):
         corners = work.points[: n_corners + further]
@@ -94,7 +94,7 @@ def points_over_plate(part, kinds, surface, bounds, t, work):
     kind = kinds.record[part.kind]
     lowest_points(part, kind, surface, bounds, 2.0 * TOUCH, t, work)
     move_surface(part, surface, t, work)
-    further = points_on_edge(part, kind, kinds, surface, work)
+    further = points_on_edge(part, kind, kinds, surface, bounds.crest, work)
     corners = kinds.corners[kind.corner_from : kind.corner_to]
     if further > 0 or is_round(kind):
         corners = work.points[: count_of(kind) + further]
@@ -112,7 +112,7 @@ def look(part, kind, corners, surface, bounds, t, moved, work):
     beyond the edge of the plate has nothing under it, and a part that falls there has nothing at all.
     """
     lowest, rising, turning = part.position[2] - kind.radius, part.velocity[2], _turning(part, kind)
-    touching, last, beyond = 0, -1, falls(part, kind)
+    touching, last, beyond = 0, -1, falls(part, kind, bounds.crest)
     for i in range(corners.shape[0]):
         bottom, rate = lowest + height_of(part, corners, i), rising + dot(turning, corners[i])
         gap, surface_rate, acceleration = bottom - bounds.crest, 0.0, 0.0

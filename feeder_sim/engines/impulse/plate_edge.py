@@ -23,38 +23,42 @@ MOST_CROSSINGS = 2  # of an edge of the hull with the outline that have room in 
 EDGE_STEPS = 10  # a point on the edge moves along the hull: its leaps are estimates, and at least this long
 
 
-def points_on_edge(part, kind, kinds, surface, work):
+def points_on_edge(part, kind, kinds, surface, crest, work):
     """How many further points the part's hull has on the edge of the plate.
 
-    If any, work.points holds the corners or the points on circles, and these points after them.
+    If any, work.points holds the corners or the points on circles, and these points after them. crest: how high, and
+    how low, the surface may be [m].
     """
     raise NotImplementedError("for compiled code only")
 
 
 @overload(points_on_edge)
-def _points_on_edge(part, kind, kinds, surface, work):
+def _points_on_edge(part, kind, kinds, surface, crest, work):
     """A plate without an outline has the four sides of its grid."""
     outline = surface.types[surface.fields.index("outline")]
     if isinstance(outline, types.NoneType):
-        return lambda part, kind, kinds, surface, work: _points_on_sides(part, kind, kinds, surface, work)
-    return lambda part, kind, kinds, surface, work: _points_on_outline(part, kind, kinds, surface.outline, work)
+        return lambda part, kind, kinds, surface, crest, work: _points_on_sides(part, kind, kinds, surface, crest, work)
+    return lambda part, kind, kinds, surface, crest, work: _points_on_outline(
+        part, kind, kinds, surface.outline, crest, work
+    )
 
 
 @inlined
-def falls(part, kind):
+def falls(part, kind, crest):
     """Whether a part has tipped over the edge: with its centre below the plate nothing that pushes up can hold it.
 
-    Unless it is concave, and hangs there.
+    Below the plate is below the trough of its motion, as deep as its crest is high. Not a concave part, which may hang
+    there.
     """
-    return part.position[2] < -BESIDE and not in_pieces(kind)
+    return part.position[2] < -BESIDE - crest and not in_pieces(kind)
 
 
 @uncounted
-def _points_on_outline(part, kind, kinds, outline, work):
+def _points_on_outline(part, kind, kinds, outline, crest, work):
     """Where edges of the part's hull cross those of the outline, seen from above."""
     corners = kinds.corners[kind.corner_from : kind.corner_to]
     reach = kind.reach + kind.radius
-    if falls(part, kind) or abs(edge_distance(outline, part.position[0], part.position[1], reach)) > reach:
+    if falls(part, kind, crest) or abs(edge_distance(outline, part.position[0], part.position[1], reach)) > reach:
         return 0
     n = first = lay_out(kind, kinds, work)
     for k in range(outline.edges.shape[0]):
@@ -83,12 +87,12 @@ def _points_on_outline(part, kind, kinds, outline, work):
 
 
 @uncounted
-def _points_on_sides(part, kind, kinds, surface, work):
+def _points_on_sides(part, kind, kinds, surface, crest, work):
     """Where edges of the part's hull cross the plane of a side of the plate."""
     corners = kinds.corners[kind.corner_from : kind.corner_to]
     reach = kind.reach + kind.radius
     half_x, half_y = surface.grid_x[-1], surface.grid_y[-1]
-    if falls(part, kind) or (abs(part.position[0]) + reach < half_x and abs(part.position[1]) + reach < half_y):
+    if falls(part, kind, crest) or (abs(part.position[0]) + reach < half_x and abs(part.position[1]) + reach < half_y):
         return 0
     n = first = lay_out(kind, kinds, work)
     for axis in range(2):

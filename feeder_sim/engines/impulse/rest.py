@@ -27,7 +27,7 @@ def fall_asleep(part, kinds, surface, work):
     kind = kinds.record[part.kind]
     corners = kinds.corners[kind.corner_from : kind.corner_to]
     if is_round(kind):
-        corners = work.points[: count_of(kind) + points_on_edge(part, kind, kinds, surface, work)]
+        corners = work.points[: count_of(kind) + points_on_edge(part, kind, kinds, surface, 0.0, work)]
     sliding = math.sqrt(part.velocity[0] ** 2 + part.velocity[1] ** 2)
     sliding += kind.reach * abs(part.momentum[2]) / min(kind.inertia[0], kind.inertia[1], kind.inertia[2])
     if sliding > SLIDES or top_speed(part, kind) > SLOW:

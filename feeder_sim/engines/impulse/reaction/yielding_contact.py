@@ -47,7 +47,7 @@ def meet_yielding_plate(part, kinds, surface, bounds, t, work, yielding):
         rising = part.velocity[2]
         return max((rising + math.sqrt(rising * rising + 2.0 * GRAVITY * height)) / GRAVITY, bounds.step), False
     moved, lowest = lowest_points(part, kind, surface, bounds, 2.0 * TOUCH, t, work)
-    further = points_on_edge(part, kind, kinds, surface, work)
+    further = points_on_edge(part, kind, kinds, surface, bounds.crest, work)
     corners, n_corners, others = kinds.corners[kind.corner_from : kind.corner_to], count_of(kind), np.inf
     if further > 0 or is_round(kind):
         corners = work.points[: n_corners + further]
