@@ -141,6 +141,13 @@ def test_a_box_slides_down_a_tilted_tray_as_on_an_incline(tilt: float, friction:
     assert acceleration == pytest.approx(-math.copysign(expected, tilt), rel=2e-3)
 
 
+def test_a_box_that_slides_does_not_rise() -> None:
+    ensemble = simulate(sliding(10.0, 0.1))
+    slid = float(np.ptp(ensemble.seeds[0].frames.position[:, 0, 2]))
+    assert slid > 0.03
+    assert ensemble.drift.highest_rise_mm.mean == pytest.approx(0.2, abs=0.35)  # the drop is 0.2 to 0.5 mm
+
+
 def test_a_box_sticks_on_a_tilted_tray_and_lies_flat_on_it() -> None:
     frames = simulate(sliding(5.0, 0.3)).seeds[0].frames
     x, z = frames.position[-1, 0, 0], frames.position[-1, 0, 2]
