@@ -10,9 +10,9 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
 
+from feeder_sim.comma_separated import check_commas
 from feeder_sim.document.document import Text
 from feeder_sim.document.figure import Figure, save_figures
-from feeder_sim.comma_separated import check_commas
 from feeder_sim.errors import InputError, cause_of, quoted
 from feeder_sim.jobs.task import Caution
 from feeder_sim.notebook import library, table
