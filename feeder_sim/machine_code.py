@@ -120,6 +120,8 @@ class _EntryPoint(CPUDispatcher):
 class _Inner(CPUDispatcher):
     """A compiled function without a way in from Python, where a call would end the process."""
 
+    _cache: Any  # none, until it has to be compiled
+
     def get_call_template(self, args: Any, kws: Any) -> Any:
         """A constant as an argument makes no version of its own, as which numba would compile it first."""
         return super().get_call_template([types.unliteral(kind) for kind in args], kws)
@@ -360,7 +362,7 @@ class _PartFiles(CompileResultCacheImpl):
 
 
 class _Cache(FunctionCache):
-    _impl_class = _CacheFiles
+    _impl_class: type[CompileResultCacheImpl] = _CacheFiles
 
     def save_overload(self, signature: Any, data: Any) -> None:
         """Save under a lock: of two processes that compile at once, each adds to what the other has saved."""
