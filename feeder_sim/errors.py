@@ -6,6 +6,7 @@ import difflib
 import errno
 import functools
 import os
+import re
 from collections.abc import Iterable
 from enum import Enum
 from numbers import Integral
@@ -16,6 +17,8 @@ from typing import Any, cast
 LONGEST_VALUE = 80  # characters of a value, or of a key, in a message
 # Of arguments that have another name where a command is typed.
 OPTIONS = {"folder": "out", "budget_s": "budget", "frequencies_hz": "frequency", "amplitudes_um": "amplitude"}
+EXTENSIONS = (".so", ".pyd")  # of compiled modules of Python
+LIBRARY = re.compile(r"\.(so|dylib|dll)\b|dlopen", re.IGNORECASE)
 LONGEST_MESSAGE = 500  # characters: a few lines of a terminal
 
 
@@ -232,6 +235,20 @@ def not_written(path: str | Path, error: BaseException) -> FeederSimError:
     if of_a_name(error):
         return InputError(f"cannot be written: {cause_of(error)}", file=path)
     return RecordingFailed(f"{path}: cannot be written, is the disk full? ({cause_of(error)})")
+
+
+def library_failure(error: BaseException) -> FeederSimError | None:
+    """What to say of an error that is about a library: one that is not there, or that the system cannot load.
+
+    None of any other error. The system's loader gives a text and no number.
+    """
+    again = "install feeder_sim and the packages it needs again"
+    if isinstance(error, ModuleNotFoundError):
+        package = (error.name or "").partition(".")[0]
+        return None if package in ("", __package__) else FeederSimError(f"the package {package} is missing, {again}")
+    loading = isinstance(error, ImportError) and str(error.path).endswith(EXTENSIONS)
+    loading |= isinstance(error, OSError) and error.errno is None and LIBRARY.search(str(error)) is not None
+    return FeederSimError(f"a library is missing or damaged ({error}), {again}") if loading else None
 
 
 def of_a_name(error: BaseException) -> bool:

@@ -43,6 +43,9 @@ WORDS = re.compile(rb"^[ \t]*(?:r?" + TEXT + rb"[ \t]*|#[^\n]*)?\n|(" + TEXT + r
 FOLDERS_KEPT = 4  # of other states of sources, libraries and processor: two checkouts, an upgrade and a way back
 LIBRARIES = ("numba", "llvmlite", "numpy", "mujoco")
 KEY_LENGTH = 24
+PARTS = (
+    "parts"  # folder of inner functions whose entry point is not compiled yet, so that a killed process loses little
+)
 OPTIONS = {"nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True}  # nothing calls them from C
 # Of inner functions. That they are not copied has to be said: numba compiles a function when it comes to a call of it,
 # and then takes over from the caller that it is to be copied. All engines became one function in this way.
@@ -60,8 +63,9 @@ INGREDIENTS = all(
 TOLD_APART = hasattr(FunctionIdentity, "_unique_ids")  # without it no machine code is kept
 if TOLD_APART:
     FunctionIdentity._unique_ids = itertools.count(int.from_bytes(os.urandom(5), "big"))
+KEPT_IN_PARTS = INGREDIENTS and TOLD_APART
 DAMAGED = (EOFError, ValueError, pickle.UnpicklingError)  # what reading a damaged file of the cache ends in
-COMPILED = [0]  # inner functions in this process, for who waits for it
+COMPILED = [0]  # inner functions in this process, also those that a killed one has left, for who waits for it
 _njit: Any = numba.njit  # whose stubs do not know all options
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -74,7 +78,7 @@ def entry_point(function: F) -> F:
     dispatcher = _njit(**OPTIONS)(function)
     dispatcher.__class__ = _EntryPoint
     if TOLD_APART:
-        dispatcher._cache = _Cache(function)
+        dispatcher._cache = _EntryCache(function)
     return dispatcher
 
 
@@ -116,6 +120,8 @@ class _EntryPoint(CPUDispatcher):
 class _Inner(CPUDispatcher):
     """A compiled function without a way in from Python, where a call would end the process."""
 
+    _cache: Any  # none, until it has to be compiled
+
     def get_call_template(self, args: Any, kws: Any) -> Any:
         """A constant as an argument makes no version of its own, as which numba would compile it first."""
         return super().get_call_template([types.unliteral(kind) for kind in args], kws)
@@ -123,6 +129,8 @@ class _Inner(CPUDispatcher):
     def compile(self, sig: Any) -> Any:
         if sig in self.overloads:
             return super().compile(sig)
+        if KEPT_IN_PARTS and not isinstance(self._cache, _PartCache):
+            self._cache = _PartCache(self.py_func)  # here and not on import, when nothing may have to be compiled
         with _compiled_into(self, _Ingredient if INGREDIENTS else JITCodeLibrary):
             made = super().compile(sig)
         COMPILED[0] += 1
@@ -180,6 +188,10 @@ class _Ingredient(JITCodeLibrary):
             if not function.is_declaration and function.linkage == llvmlite.binding.Linkage.external:
                 function.linkage = "linkonce_odr"
         return self._final_module
+
+    def serialize_using_object_code(self) -> Any:
+        """Its code as it is: there is no machine code."""
+        return self.serialize_using_bitcode()
 
     def get_pointer_to_function(self, name: str) -> int:
         self._ensure_finalized()
@@ -340,8 +352,17 @@ class _CacheFiles(CompileResultCacheImpl):
     _locator_classes = [_Locator]  # noqa: RUF012 - as numba has it
 
 
+class _PartLocator(_Locator):
+    def get_cache_path(self) -> str:
+        return str(code_folder() / PARTS)
+
+
+class _PartFiles(CompileResultCacheImpl):
+    _locator_classes = [_PartLocator]  # noqa: RUF012 - as numba has it
+
+
 class _Cache(FunctionCache):
-    _impl_class = _CacheFiles
+    _impl_class: type[CompileResultCacheImpl] = _CacheFiles
 
     def save_overload(self, signature: Any, data: Any) -> None:
         """Save under a lock: of two processes that compile at once, each adds to what the other has saved."""
@@ -356,3 +377,14 @@ class _Cache(FunctionCache):
         with contextlib.suppress(OSError, *DAMAGED):  # what cannot be read is compiled
             return super().load_overload(signature, target_context)
         return None
+
+
+class _EntryCache(_Cache):
+    def save_overload(self, signature: Any, data: Any) -> None:
+        """Save, and remove the parts that it was made of, which take ten times as much room."""
+        super().save_overload(signature, data)
+        shutil.rmtree(code_folder() / PARTS, ignore_errors=True)
+
+
+class _PartCache(_Cache):
+    _impl_class = _PartFiles

@@ -66,6 +66,7 @@ from feeder_sim.errors import (
     Interrupted,
     RecordingFailed,
     cause_of,
+    library_failure,
     of_a_name,
     printable,
     shortened,
@@ -337,7 +338,12 @@ def main() -> NoReturn:
         if isinstance(error, RecordingFailed | Interrupted):
             os._exit(error.exit_code)
         sys.exit(error.exit_code)
-    except OSError as error:  # a file or folder that cannot be read, made or written
+    except (OSError, ImportError) as error:  # a file or folder that cannot be read, made or written; a library
+        if failure := library_failure(error):
+            print(f"feeder-sim: {failure}", file=sys.stderr, flush=True)
+            sys.exit(failure.exit_code)
+        if isinstance(error, ImportError):
+            raise
         name = error.filename or "standard output or a file"
         print(f"feeder-sim: {printable(f'{name}: {cause_of(error)}')}", file=sys.stderr, flush=True)
         if of_a_name(error):

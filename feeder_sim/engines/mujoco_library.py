@@ -16,15 +16,20 @@ def load_mujoco_symbols() -> None:
     """Check the version and make the C functions of the installed MuJoCo visible to compiled code by name.
 
     Raises:
-        FeederSimError: MuJoCo is too old, or of a version that is wrong.
+        FeederSimError: MuJoCo is too old, of a version that is wrong, or damaged.
     """
     version = tuple(int(n) for n in mujoco.__version__.split(".")[:3])
     if version < LEAST_VERSION or version == WRONG_VERSION:
         allowed = "allowed is 3.13 or newer except 4.0.0, which solves sparse contacts wrongly"
         raise FeederSimError(f"MuJoCo is {mujoco.__version__}, {allowed}")
     folder = Path(mujoco.__file__).parent
-    library = next(p for p in sorted(folder.iterdir()) if p.name.startswith(("libmujoco", "mujoco.dll")))
-    llvmlite.binding.load_library_permanently(str(library))
+    library = next((p for p in sorted(folder.iterdir()) if p.name.startswith(("libmujoco", "mujoco.dll"))), None)
+    if library is None:
+        raise FeederSimError(f"MuJoCo's library is missing in {folder}, install the package mujoco again")
+    try:
+        llvmlite.binding.load_library_permanently(str(library))
+    except RuntimeError as error:
+        raise FeederSimError(f"MuJoCo's library is damaged ({error}), install the package mujoco again") from error
 
 
 def silence_mujoco() -> None:

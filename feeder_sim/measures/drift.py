@@ -4,6 +4,7 @@
 seed is 0.6 d0 divided by the time between the first passages of distance 0.8 d0 and 0.2 d0 from the nodal line.
 *Drift velocity*: mean horizontal velocity over the whole recording, averaged over the parts present at its end.
 *Highest rise*: largest height of a part's centre above its lowest one, over all parts; the drop at the start counts.
+Heights are over the resting surface under the part.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ from numpy.typing import NDArray
 
 from feeder_sim.measures.protocol import Found, Measure, labelled
 from feeder_sim.measures.statistic import Statistic
+from feeder_sim.plate.surface import Surface
 from feeder_sim.records.seed import Seed
 from feeder_sim.records.trajectory import Frames
 from feeder_sim.scene.cell import PASSAGE_FROM, PASSAGE_TO, Cell
@@ -70,11 +72,11 @@ class Drift(Measure[DriftFindings, SeedDrift]):
         return prepared.scenario.schedule is None
 
     def reader(self, prepared: Prepared) -> Callable[[Seed], SeedDrift]:
-        cell = prepared.cell
+        cell, surface = prepared.cell, prepared.scene.surface
 
         def read(seed: Seed) -> SeedDrift:
             speed = transport_speed(seed.frames, cell) if cell else math.nan
-            return SeedDrift(speed, drift_velocity(seed.frames), highest_rise(seed.frames))
+            return SeedDrift(speed, drift_velocity(seed.frames), highest_rise(seed.frames, surface))
 
         return read
 
@@ -141,9 +143,14 @@ def drift_velocity(frames: Frames) -> NDArray[np.float64]:
     return np.asarray(moved.mean(axis=0) / elapsed)
 
 
-def highest_rise(frames: Frames) -> float:
-    """Largest height [m] of a part's centre above its lowest recorded one, over the parts of a seed that are there at
-    its end; NaN without any.
+def highest_rise(frames: Frames, surface: Surface) -> float:
+    """Largest height [m] of a part's centre over the resting surface under it, above its lowest recorded one.
+
+    Over the parts of a seed that are there at its end; NaN without any. A part that slides down a tilted tray does not
+    rise, nor does one that is carried up.
     """
-    height = frames.position[:, frames.present[-1], 2]
+    place = frames.position[:, frames.present[-1]]
+    height = place[..., 2]
+    if surface.resting is not None:
+        height = height - surface.resting_height(place[..., :2].reshape(-1, 2)).reshape(height.shape)
     return float(np.ptp(height, axis=0).max()) if height.size else math.nan

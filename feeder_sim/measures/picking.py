@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from feeder_sim.part.stable_poses import NONE, ROUND
+from feeder_sim.part.stable_poses import NONE, ROUND, axis_up
 from feeder_sim.records.seed import Cause, Seed
 from feeder_sim.records.trajectory import Frames
 from feeder_sim.scenario import Pick, Robot
@@ -166,7 +166,8 @@ def _taken(scene: Scene, pick: Pick, last: Frames, there: NDArray[np.bool_]) -> 
     if pick.part is not None:
         taken &= scene.kind_of == scene.scenario.kind_names.index(pick.part)
     if pick.up:
-        taken &= np.array([name in pick.up for name in scene.pose_names(last.quaternion[0])])
+        in_pose = np.array([name in pick.up for name in scene.pose_names(last.quaternion[0])])
+        taken &= in_pose | axis_up(last.quaternion[0], pick.up)
     if pick.clearance_mm is not None:
         taken &= isolated(last.position[0], there, pick.clearance_mm * 1e-3)
     if pick.shape is not None:

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from feeder_sim.measures.picking import has_picks
 from feeder_sim.measures.protocol import Found, Measure, labelled
 from feeder_sim.measures.statistic import Statistic
 from feeder_sim.part.stable_poses import NONE
@@ -44,7 +45,7 @@ class KindPoses(Found):
         kind: its name.
         names, heights_mm: of its poses, and the heights of the centre of mass in them.
         stages: one entry for each end of a stage.
-        picked: parts picked in every pose, in the whole run.
+        picked: parts picked in every pose, in the whole run; no value where nothing is to be picked.
         picked_other: parts picked in none of them.
     """
 
@@ -141,7 +142,7 @@ def _of_kind(scene: Scene, kind: int, name: str, seen: Sequence[SeedPoses]) -> K
                 changed=Statistic.of(float((a != b).sum()) for a, b in zip(number, before, strict=True)),
             )
         )
-    taken = [seed.picked_number[members[seed.picked]] for seed in seen]
+    taken = [seed.picked_number[members[seed.picked]] for seed in seen if has_picks(scene)]
     return KindPoses(
         kind=name,
         names=table.names,

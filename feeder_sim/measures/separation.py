@@ -13,7 +13,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 from numpy.typing import NDArray
 
-from feeder_sim.measures.picking import nearest_neighbours
+from feeder_sim.measures.picking import has_picks, nearest_neighbours
 from feeder_sim.measures.protocol import Found, Measure, labelled
 from feeder_sim.measures.stage_lines import StageLines, stage_lines
 from feeder_sim.measures.statistic import Statistic
@@ -173,7 +173,10 @@ class StageCounts(Found):
 
 @dataclass(frozen=True, repr=False)
 class SeparationFindings(Found):
-    """Number of parts in the scene, parts picked and lost in the whole run, and the counts of every stage."""
+    """Number of parts in the scene, parts picked and lost in the whole run, and the counts of every stage.
+
+    Where nothing is to be picked, `picked` has no value.
+    """
 
     parts: int
     picked: Statistic
@@ -221,7 +224,7 @@ class Separation(Measure[SeparationFindings, SeedSeparation]):
             stages.append(StageCounts(stage.cycle, stage.name, **counts))
         return SeparationFindings(
             parts=len(scene.parts),
-            picked=Statistic.of(seed.picked for seed in readings),
+            picked=Statistic.of(seed.picked for seed in readings if has_picks(scene)),
             lost=Statistic.of(seed.lost for seed in readings),
             stages=tuple(stages),
         )
@@ -233,7 +236,7 @@ class Separation(Measure[SeparationFindings, SeedSeparation]):
         for label, statistic in (
             ("picked", findings.picked),
             ("lost", findings.lost),
-            ("before last pick", findings.stages[-1].on_plate),
+            ("before last pick" if has_picks(prepared.scene) else "on the plate", findings.stages[-1].on_plate),
         ):
             if statistic.n:
                 spread = f", SD {statistic.sd:.1f}" if statistic.n > 1 else ""

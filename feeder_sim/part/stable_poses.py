@@ -31,6 +31,8 @@ ALIKE_INERTIA = 0.02  # of the largest moment of inertia
 ROUND_OFF = 1e-12  # of twice an area, in units of the size of a hull
 MOST_POINTS = 600  # of a hull; of a finer one those farthest along as many directions
 NEIGHBOURS = 12  # directions next to one
+# Directions of a part as drawn that may be asked to point up: faces that look alike are one pose, but have axes.
+AXES = {f"{sign}{axis}": float(f"{sign}1") * np.eye(3)[i] for i, axis in enumerate("xyz") for sign in "+-"}
 SAME_TURN = 0.01  # [rad]; turns this close are one
 ROUND = 24  # a part that looks the same at so many yaws is round
 
@@ -102,6 +104,13 @@ def downward(quaternion: NDArray[np.float64]) -> NDArray[np.float64]:
     """The direction of gravity in the part's axes, (..., 3), at attitudes (..., 4), w first."""
     w, x, y, z = np.moveaxis(np.asarray(quaternion, float), -1, 0)
     return -np.stack([2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)], axis=-1)
+
+
+def axis_up(quaternion: NDArray[np.float64], names: Iterable[str]) -> NDArray[np.bool_]:
+    """Whether one of these `AXES` points up at attitudes (..., 4), w first; others of the names say nothing."""
+    up = -downward(quaternion)
+    axes = np.array([AXES[name] for name in names if name in AXES]).reshape(-1, 3)
+    return np.asarray((up @ axes.T >= np.cos(np.radians(WITHIN_DEG))).any(axis=-1))
 
 
 def stable_poses(part: RigidPart) -> PoseTable:

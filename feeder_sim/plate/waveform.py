@@ -21,6 +21,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from feeder_sim.comma_separated import check_commas
 from feeder_sim.errors import InputError
 
 COLUMNS = ("x_um", "y_um", "z_um", "rx_mrad", "ry_mrad", "rz_mrad")
@@ -53,6 +54,7 @@ def read_waveform(text: str, path: Path) -> Waveform:
     Raises:
         InputError: a line that is broken, with its number, or times that are not even.
     """
+    check_commas(text, path)
     rows = [row for row in csv.reader(io.StringIO(text), skipinitialspace=True) if row and not row[0].startswith("#")]
     names = [name.strip() for name in rows[0]] if rows else []
     if not names or names[0] != "t_ms" or not set(names[1:]) <= set(COLUMNS) or not 1 < len(names) == len(set(names)):

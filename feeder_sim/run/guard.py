@@ -4,10 +4,10 @@ Violations, in the order in which they count where one frame has several:
 
     a state that is not finite
     a centre below the plate's surface: the part went through the plate between two steps
-    more energy than the plate can give (energy.py)
+    more energy than the plate can give
     a corner deeper in the plate than allowed
 
-Parts that have left the plate are treated in plate_edge.py; the states are looked at in state_check.py.
+The states are looked at in state_check.py, which also marks the parts that have left the plate.
 """
 
 from __future__ import annotations

@@ -47,7 +47,7 @@ MOST_STAGES = 100_000  # of all cycles together
 
 
 class Pick(Table):
-    """Take out every part with room around it: of one kind or all, in some poses or all.
+    """Take out every part with room around it: of one kind or all, with some sides up or all.
 
     There is room where the centre of the part is farther than `clearance_mm` from the centres of all others in plan
     view, and where the fingers of a gripper, `shape`, meet no other part.

@@ -10,6 +10,7 @@ import numpy as np
 
 from feeder_sim.errors import InputError
 from feeder_sim.part.rigid_part import RigidPart
+from feeder_sim.part.stable_poses import AXES
 from feeder_sim.plate.surface import Surface
 from feeder_sim.scenario import GivenState, Heap, PartSpec, Pick, Placed, Scattered, Scenario, Start, Tube
 from feeder_sim.scene.gripper import read_gripper
@@ -92,11 +93,11 @@ def check_pick(scene: Scene, pick: Pick, key: str) -> None:
     if pick.up and pick.part is None and len(names) > 1:
         raise InputError(f"needs the kind whose poses are meant, part: {', '.join(names)}", key=f"{key}.up")
     kind = names.index(pick.part) if pick.part is not None else 0
-    if wrong := [name for name in pick.up if name not in scene.poses[kind].names]:
-        allowed = ", ".join(scene.poses[kind].names) or "none, for it has no side up"
-        raise InputError(
-            f'has "{wrong[0]}", allowed is {allowed} (poses of {names[kind]}, see feeder-sim part)', key=f"{key}.up"
-        )
+    poses = scene.poses[kind].names
+    if wrong := [name for name in pick.up if name not in (*poses, *AXES)]:
+        of_kind = f"{', '.join(poses)} (poses of {names[kind]}, see feeder-sim part), " if poses else ""
+        axes = f"{', '.join(AXES)} (axes as drawn)"
+        raise InputError(f'has "{wrong[0]}", allowed is {of_kind}{axes}', key=f"{key}.up")
 
 
 def check_picks(scene: Scene) -> None:

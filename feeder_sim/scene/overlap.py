@@ -19,7 +19,9 @@ from feeder_sim.scenario import MeshPart
 from feeder_sim.scene.scene import Scene
 
 Place = tuple[NDArray[np.float64], NDArray[np.float64]]  # position (3,) [m], attitude (4,), w first
-PARTED = 1e-7  # [m]; pieces that a gap of this width parts do not overlap
+ROUND_OFF = 1e-7  # [m]; parts that touch may lie this deep in each other, or in a wall: places are given in decimals
+LEAST_GAP = 1e-9  # [m]; what the solver of linear programs tells from none
+TOLERANCE = 1e-10  # of that solver, the least it takes; its own would be 2 nm for parts of 20 mm
 LEAST_IN_PLATE = 1e-6  # [m]; round-off of states that are given in decimals
 
 
@@ -54,7 +56,7 @@ def check_off_rim(scene: Scene, part: int, place: Place, key: str) -> None:
     if not scene.rim:
         return
     depth, axis = _rim_depths(scene, part, place)
-    if depth[axis] <= PARTED:
+    if depth[axis] <= ROUND_OFF:
         return
     x, y = 1e3 * place[0][:2]
     points, radius = _corners(scene, part, place)
@@ -97,7 +99,7 @@ def overlaps(scene: Scene, places: Sequence[Place | None]) -> dict[str, tuple[fl
     found: dict[str, tuple[float, str]] = {}
 
     def note(what: str, depth: float, name: str) -> None:
-        if depth > max(PARTED, found.get(what, (0.0, ""))[0]):
+        if depth > max(ROUND_OFF, found.get(what, (0.0, ""))[0]):
             found[what] = depth, name
 
     there = [(i, place) for i, place in enumerate(places) if place is not None]
@@ -175,10 +177,14 @@ def _piece_depth(a: NDArray[np.float64], b: NDArray[np.float64]) -> float:
 
 
 def _parted(a: NDArray[np.float64], b: NDArray[np.float64], apart: float) -> bool:
-    """Whether a plane parts two sets of corners, (n, 3) and (m, 3) [m], by a distance [m] and a little."""
+    """Whether a plane parts two sets of corners, (n, 3) and (m, 3) [m], by a distance [m], but for round-off."""
     from scipy.optimize import linprog
 
-    wanted = apart + PARTED
+    between = b.mean(axis=0) - a.mean(axis=0)
+    length = float(np.linalg.norm(between))
+    if length > 0.0:  # what touches has no gap, which no plane would part for sure; moved away by so little it has one
+        b = b + ROUND_OFF / length * between
+    wanted = apart + LEAST_GAP
     if (a.min(axis=0) - b.max(axis=0) > wanted).any() or (b.min(axis=0) - a.max(axis=0) > wanted).any():
         return True
     centre, size = b.mean(axis=0), max(float(np.ptp(np.concatenate([a, b]), axis=0).max()), 1e-9)
@@ -186,9 +192,13 @@ def _parted(a: NDArray[np.float64], b: NDArray[np.float64], apart: float) -> boo
     below = np.column_stack([(a - centre) / size, -np.ones(len(a)), np.ones(len(a))])
     above = np.column_stack([-(b - centre) / size, np.ones(len(b)), np.ones(len(b))])
     bounds = [(-1.0, 1.0)] * 3 + [(None, None), (None, 1.0)]
-    found = linprog(
-        [0.0, 0.0, 0.0, 0.0, -1.0], np.concatenate([below, above]), np.zeros(len(a) + len(b)), bounds=bounds
+    plane = linprog(
+        [0.0, 0.0, 0.0, 0.0, -1.0],
+        np.concatenate([below, above]),
+        np.zeros(len(a) + len(b)),
+        bounds=bounds,
+        options={"primal_feasibility_tolerance": TOLERANCE, "dual_feasibility_tolerance": TOLERANCE},
     )
-    if found.x is None:
+    if plane.x is None:
         return False
-    return bool(2.0 * found.x[4] * size > wanted * np.linalg.norm(found.x[:3]))
+    return bool(2.0 * plane.x[4] * size > wanted * np.linalg.norm(plane.x[:3]))

@@ -15,7 +15,7 @@ from feeder_sim.part.rigid_part import RigidPart
 from feeder_sim.plate.surface import Surface
 from feeder_sim.scenario import GivenState, Heap, Placed, Scattered, Start, TrayPlate
 from feeder_sim.scene.fits import FREE_TILT, UPRIGHT, check_width
-from feeder_sim.scene.overlap import check_apart, check_off_rim
+from feeder_sim.scene.overlap import check_apart, check_off_rim, parts_overlap
 from feeder_sim.scene.scene import Guide, Scene
 
 # The column that a heap is poured from: layers in hexagonal packing, one part size apart.
@@ -141,17 +141,12 @@ def start_poses(scene: Scene, rng: np.random.Generator) -> list[Pose]:
             velocity = 1e-3 * np.array(start.velocity_mm_s)
             if guide:
                 position[:2] += guide.axis[:2] / guide.axis[2] * height
-            key = f"part[{i}].start.position_mm"
-            if not placed.free(position, kind.size):
-                raise InputError("overlaps another part, allowed is a place of its own", key=key)
             if not drawn(start, kind):
-                check_off_rim(scene, part, (position, quaternion), key)
+                check_off_rim(scene, part, (position, quaternion), f"part[{i}].start.position_mm")
         elif isinstance(start, Placed):
             position = np.array([*(1e-3 * c for c in start.places_mm_deg[number][:2]), height])
-            key = f"part[{i}].start.places_mm_deg[{number}]"
-            check_apart(scene, part, (position, quaternion), [pose.place for pose in poses], key)
             if not drawn(start, kind):
-                check_off_rim(scene, part, (position, quaternion), key)
+                check_off_rim(scene, part, (position, quaternion), f"part[{i}].start.places_mm_deg[{number}]")
         elif isinstance(start, Scattered):
             place = free_place(scene, start, kind, height, placed, rng, tries[i])
             if place is None:
@@ -167,6 +162,15 @@ def start_poses(scene: Scene, rng: np.random.Generator) -> list[Pose]:
                 raise InputError("overlaps other parts", key=f"part[{i}].start")
         if isinstance(scene.scenario.plate, TrayPlate):
             position, quaternion = _on_tray(scene.scenario.plate, scene.surface, position, quaternion)
+        before = [pose.place for pose in poses]
+        if isinstance(start, Placed):
+            check_apart(scene, part, (position, quaternion), before, f"part[{i}].start.places_mm_deg[{number}]")
+        elif isinstance(start, Start) and not placed.free(position, kind.size):
+            # Their spheres meet. If the attitude is drawn that is refused, so that every seed has room or none.
+            others = zip(scene.parts, before, strict=False)
+            if drawn(start, kind) or any(parts_overlap(kind, (position, quaternion), *other) for other in others):
+                key = f"part[{i}].start.position_mm"
+                raise InputError("overlaps another part, allowed is a place of its own", key=key)
         placed.add(position, kind.size)
         poses.append(Pose(position, quaternion, velocity))
     return poses

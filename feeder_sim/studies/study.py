@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
 
+from feeder_sim.comma_separated import check_commas
 from feeder_sim.document.document import Text
 from feeder_sim.document.figure import Figure, save_figures
 from feeder_sim.errors import InputError, cause_of, quoted
@@ -153,7 +154,9 @@ class TableFile:
             raise InputError("is a link, allowed is a file of the folder itself", file=file)
         if not file.is_file():
             raise InputError("is missing: nothing has come so far, the same command goes on", file=file)
-        self._file, self._reader = file, csv.DictReader(text_of(file).splitlines())
+        text = text_of(file)
+        check_commas(text, file)  # a spreadsheet may have written it anew
+        self._file, self._reader = file, csv.DictReader(text.splitlines())
         try:
             self.head = tuple(self._reader.fieldnames or ())
         except csv.Error as error:

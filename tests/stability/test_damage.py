@@ -266,6 +266,51 @@ def test_system_errors_are_bad_input_only_where_another_name_helps(
     assert capsys.readouterr().err == f"feeder-sim: there\\x1b[2J: {os.strerror(number)}\n"
 
 
+@pytest.mark.parametrize(
+    ("error", "expected"),
+    [
+        (
+            OSError("libmujoco.so.3.17.0: cannot open shared object file: No such file or directory"),
+            "a library is missing or damaged (libmujoco.so.3.17.0: cannot open",
+        ),
+        (OSError("dlopen(/lib/mujoco.dylib, 0x0006): tried: no such file"), "a library is missing or damaged (dlopen("),
+        (FileNotFoundError("Could not find module 'mujoco.dll' (or one of its dependencies)"), "a library is missing"),
+        (
+            ImportError("/mujoco/libmujoco.so: file too short", name="_specs", path="/mujoco/_specs.cpython-311.so"),
+            "a library is missing or damaged (/mujoco/libmujoco.so: file too short)",
+        ),
+        (ModuleNotFoundError("No module named 'h5py'", name="h5py"), "the package h5py is missing, install"),
+        (ModuleNotFoundError("No module named 'scipy.x'", name="scipy.x"), "the package scipy is missing, install"),
+        (OSError("no name and no number"), "standard output or a file: no name and no number"),
+    ],
+)
+def test_a_library_that_cannot_be_loaded_is_said_to_be(
+    error: Exception, expected: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def fails() -> None:
+        raise error
+
+    monkeypatch.setattr(command_line, "app", fails)
+    monkeypatch.setattr(os, "_exit", sys.exit)
+    with pytest.raises(SystemExit) as ended:
+        command_line.main()
+    assert ended.value.code == 1
+    line = capsys.readouterr().err
+    assert line.startswith(f"feeder-sim: {expected}") and line.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    "error", [ImportError("cannot import name 'x'"), ModuleNotFoundError("no module", name="feeder_sim.x")]
+)
+def test_a_fault_of_the_package_itself_keeps_its_traceback(error: Exception, monkeypatch: pytest.MonkeyPatch) -> None:
+    def fails() -> None:
+        raise error
+
+    monkeypatch.setattr(command_line, "app", fails)
+    with pytest.raises(ImportError):
+        command_line.main()
+
+
 def test_full_disk_under_the_output_is_a_failure(tmp_path: Path) -> None:
     command = f"{sys.executable} -m feeder_sim list {tmp_path} > /dev/full"
     done = subprocess.run(["sh", "-c", command], capture_output=True, text=True, timeout=100, check=False)

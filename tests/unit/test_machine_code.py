@@ -89,6 +89,21 @@ print("ready", file=sys.stderr, flush=True)
 sys.stdin.readline()
 """
 
+# Before it, an end as sudden as that of a killed process, when all but the entry itself is compiled.
+KILLED = """
+import os
+from feeder_sim import machine_code
+
+machine_code._EntryCache.save_overload = lambda *_: os._exit(9)
+"""
+
+# After it, which inner functions were not compiled, because they were there.
+HITS = """
+from feeder_sim.inner import law, sum_of_ends
+
+print([sum(function.stats.cache_hits.values()) for function in (law, sum_of_ends)])
+"""
+
 # The free fall of a ball far above a plate at rest.
 FALL = """
 import json, sys
@@ -163,6 +178,21 @@ def test_a_second_process_compiles_nothing(copy: Copy) -> None:
     assert len(before) == 2 + 4  # an index for each function, and its code
     assert copy.call(3, 0.5) == [expected(3, 0.5), 0]
     assert copy.files() == before
+
+
+@pytest.mark.parametrize(("argument", "values", "hits"), [(3, [7, -5], [1, 0]), (["begin", "end"], [6.0], [1, 1])])
+def test_what_a_killed_process_has_compiled_is_not_compiled_again(
+    argument: Any, values: list[float], hits: list[int], copy: Copy
+) -> None:
+    killed = copy.start(KILLED + CALL, [argument])
+    killed.communicate(timeout=120)
+    assert killed.returncode == 9
+    parts = [file for file in copy.files() if file.parent.name == machine_code.PARTS]
+    assert len(parts) == len(copy.files()) == 2 * sum(hits)  # an index for each function, and its code
+    out, err = copy.start(CALL + HITS, [argument]).communicate(timeout=120)
+    assert [json.loads(line) for line in out.splitlines()] == [[values, len(values)], hits] and err == ""
+    assert not [file for file in copy.files() if file.parent.name == machine_code.PARTS]  # they are in the entries now
+    assert copy.call(argument) == [values, 0]
 
 
 def test_versions_that_two_processes_compiled_are_told_apart_by_a_third(copy: Copy) -> None:

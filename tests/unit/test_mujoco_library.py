@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import tomllib
+from pathlib import Path
 
 import mujoco
 import pytest
@@ -23,6 +24,17 @@ def test_a_version_that_does_not_do_is_refused(monkeypatch: pytest.MonkeyPatch, 
 def test_any_other_is_taken(monkeypatch: pytest.MonkeyPatch, version: str) -> None:
     monkeypatch.setattr(mujoco, "__version__", version)
     load_mujoco_symbols()
+
+
+@pytest.mark.parametrize(("content", "expected"), [(None, "is missing in"), (b"no library", r"is damaged \(")])
+def test_a_library_that_is_not_there_or_damaged_is_said_to_be(
+    content: bytes | None, expected: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    if content is not None:
+        (tmp_path / "libmujoco.so").write_bytes(content)
+    monkeypatch.setattr(mujoco, "__file__", str(tmp_path / "__init__.py"))
+    with pytest.raises(FeederSimError, match=rf"MuJoCo's library {expected}.*, install the package mujoco again$"):
+        load_mujoco_symbols()
 
 
 def test_pip_is_told_the_same() -> None:

@@ -69,6 +69,12 @@ def lying(scene: Scene, tilts_deg: list[float], places_mm: list[tuple[float, flo
         ({"part": "hex_nut", "up": ["A"]}, [0, 2]),
         ({"part": "hex_nut", "up": ["B"]}, [1]),
         ({"part": "hex_nut", "up": ["A", "B"]}, [0, 1, 2]),
+        ({"part": "hex_nut", "up": ["+z"]}, [0]),  # either side of a nut is A
+        ({"part": "hex_nut", "up": ["-z"]}, [2]),
+        ({"part": "hex_nut", "up": ["B", "-z"]}, [1, 2]),
+        ({"part": "hex_nut", "up": ["+y"]}, [1]),
+        ({"part": "hex_nut", "up": ["-y", "+x"]}, []),
+        ({"part": "rod", "up": ["+y", "-z"]}, [3]),
         ({"part": "rod", "up": ["B"]}, [4]),  # upright; lying it is lower, A
         ({}, [0, 1, 2, 3, 4]),
     ],
@@ -153,6 +159,7 @@ ALL: dict[str, Any] = {"clearance_mm": 5.0}
         (ALL | {"part": "nut"}, 'pick.part is "nut", allowed is hex_nut, rod'),
         ([ALL, ALL | {"up": ["A"]}], "pick[1].up needs the kind whose poses are meant, part: hex_nut, rod"),
         ([ALL | {"part": "rod", "up": ["C"]}], 'pick[0].up: has "C", allowed is A, B (poses of rod'),
+        ([ALL | {"part": "rod", "up": ["top"]}], 'has "top", allowed is A, B (poses of rod, see feeder-sim part), +x'),
         ({"up": ["A"]}, "allowed is clearance_mm, shape or both"),
         ([ALL, {"shape": "none.stl"}], "stage[0].pick[1].shape: no such mesh file"),
         (3, "schedule.stage[0].pick: is 3, allowed is a table"),

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from conftest import ready, resting
 
+from feeder_sim.measures.poses import Poses
 from feeder_sim.measures.separation import Separation, StageReport, stage_reports
 from feeder_sim.measures.stage_lines import StageLines, stage_lines
 from feeder_sim.records.seed import ARRIVALS, REMOVALS, Cause, Events, Seed, Status, events, joined, no_events, removed
@@ -169,3 +170,18 @@ def test_measures_are_means_over_the_seeds(scene: Scene) -> None:
     assert [stage.end_s.mean for stage in found.stages] == pytest.approx([0.1, 0.2])
     assert [stage.isolated.mean for stage in found.stages] == [3.0, 3.0]
     assert [stage.picked.mean for stage in found.stages] == [0.0, 1.5]
+
+
+def test_picked_has_no_value_where_nothing_is_picked(scene: Scene) -> None:
+    pick_free = tuple(stage.model_copy(update={"pick": None}) for stage in scene.scenario.schedule.stage)  # type: ignore[union-attr]
+    several = scene.scenario.model_copy(update={"schedule": Schedule(stage=pick_free)})
+    prepared = ready(build_scene(several))
+    measure, poses = Separation(), Poses()
+    seeds = [record(still(scene, ROW))]
+    found = measure.compute(prepared, seeds)
+    assert found.picked.n == 0 and found.lost.n == 1
+    assert [line.split()[0] for line in measure.lines(prepared, found)] == ["lost", "on"]
+    (kind,) = poses.compute(prepared, seeds).pose_kinds
+    assert {pose.n for pose in (*kind.picked, kind.picked_other)} == {0}
+    with_pick = measure.compute(ready(scene), seeds)
+    assert [line.split()[0] for line in measure.lines(ready(scene), with_pick)] == ["picked", "lost", "before"]

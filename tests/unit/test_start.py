@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import itertools
+import math
 import re
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -275,6 +278,59 @@ def test_overlap_is_that_of_the_pieces(place_mm: Any, yaw_deg: float, overlaps: 
     a, b = hook(), hook()
     place, level = 1e-3 * np.array(place_mm), np.array([1.0, 0.0, 0.0, 0.0])
     assert parts_overlap(a, (np.zeros(3), level), b, (place, turned)) == overlaps
+
+
+EDGE = 6.0  # [mm] of a cube
+
+
+def cubes(x_mm: float, y_mm: float, start: str) -> dict[str, Any]:
+    """Two cubes, the second at a place."""
+    cube = {"shape": "box", "size_mm": [EDGE] * 3, "material": "steel"}
+    level = {"tilt_deg": [0.0, 0.0], "drop_height_mm": [0.0, 0.0]}
+    if start == "placed":
+        parts = [cube | {"count": 2, "start": {"kind": start, "places_mm_deg": [[0, 0, 0], [x_mm, y_mm, 0]]} | level}]
+    elif start == "state":
+        places = ([0.0, 0.0, EDGE / 2], [x_mm, y_mm, EDGE / 2])
+        parts = [cube | {"start": {"kind": start, "position_mm": place}} for place in places]
+    else:
+        level |= {"yaw_deg": [0.0, 0.0]}
+        parts = [cube | {"start": {"position_mm": place} | level} for place in ([0.0, 0.0], [x_mm, y_mm])]
+    return {"plate": {"kind": "still"}, "part": parts, "run": {"seeds": 1, "duration_s": 0.05}}
+
+
+@pytest.mark.parametrize("start", ["placed", "state", "point"])
+@pytest.mark.parametrize(("x_mm", "y_mm"), [(EDGE, 0.0), (0.0, -EDGE), (EDGE, EDGE), (EDGE, 5.9), (EDGE - 1e-5, 1.0)])
+def test_cubes_may_touch_at_the_start(x_mm: float, y_mm: float, start: str) -> None:
+    scene = build_scene(validated(cubes(x_mm, y_mm, start), Scenario, Path("scenario.toml")))
+    assert len(start_poses(scene, np.random.default_rng(0))) == 2
+
+
+@pytest.mark.parametrize("start", ["placed", "state", "point"])
+@pytest.mark.parametrize(("x_mm", "y_mm"), [(EDGE - 1e-3, 0.0), (EDGE - 1e-3, 5.9), (0.0, 3.0), (0.0, 0.0)])
+def test_cubes_may_not_overlap_at_the_start(x_mm: float, y_mm: float, start: str) -> None:
+    scene = build_scene(validated(cubes(x_mm, y_mm, start), Scenario, Path("scenario.toml")))
+    assert "overlaps" in refusal(start_poses, scene, np.random.default_rng(0))
+
+
+@pytest.mark.parametrize("corner_mm", [0.2, 3.0, 60.0])
+def test_edges_and_thin_plates_may_touch(corner_mm: float) -> None:
+    level = np.array([1.0, 0.0, 0.0, 0.0])
+    corners = 1e-3 * corner_mm * np.array(list(itertools.product((-1.0, 1.0), repeat=3)))
+    edge_up, across = (Rotation.from_euler(axes, [45.0, 90.0][: len(axes)], degrees=True) for axes in ("x", "xz"))
+    above = np.array([0.0, 0.0, 2.0 * math.sqrt(2.0) * 1e-3 * corner_mm])
+    thin = corners * [1.0, 1.0, 0.025]
+    slid = np.array([1.95e-3 * corner_mm, 0.0, 2.0 * thin.max(axis=0)[2]])
+    nut = hex_nut(5e-3, 2e-3, 2.5e-3, 7850.0, "nut")
+    for points, places in (
+        (corners, [(np.zeros(3), edge_up), (above, across)]),  # an edge lies across another
+        (thin, [(np.zeros(3), Rotation.identity()), (slid, Rotation.identity())]),
+    ):
+        kind = replace(nut, corners=points, vertices=points)
+        (first, a), (second, b) = [(place, turn.as_quat(scalar_first=True)) for place, turn in places]
+        assert not parts_overlap(kind, (first, a), kind, (second, b))
+        deeper = second - [0.0, 0.0, 1e-6]
+        assert parts_overlap(kind, (first, a), kind, (deeper, b))
+    assert parts_overlap(nut, (np.zeros(3), level), nut, (np.zeros(3), level))
 
 
 TURN = Rotation.from_euler("xyz", [0.3, -0.8, 1.9])

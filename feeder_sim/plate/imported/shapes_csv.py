@@ -23,6 +23,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from feeder_sim.comma_separated import check_commas
 from feeder_sim.errors import InputError, quoted
 from feeder_sim.plate.imported.measured_shapes import LARGEST_COORDINATE, MOST_MODES, MOST_POINTS, MeasuredShapes
 
@@ -38,6 +39,7 @@ def read_shapes_csv(text: str, path: Path) -> MeasuredShapes:
     Raises:
         InputError: a line that is broken, with its number, its column and what is allowed.
     """
+    check_commas(text, path)
     lines = csv.reader(io.StringIO(text), skipinitialspace=True)
     header: dict[str, list[float]] = {}
     names: list[str] = []

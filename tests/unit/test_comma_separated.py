@@ -1,0 +1,28 @@
+"""Tables that a spreadsheet has written with another separator than the comma."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from conftest import refusal
+
+from feeder_sim.comma_separated import check_commas
+from feeder_sim.plate.imported.shapes_csv import read_shapes_csv
+from feeder_sim.plate.waveform import read_waveform
+from feeder_sim.studies.study import TableFile
+
+
+@pytest.mark.parametrize(("separator", "word"), [(";", "semicolons"), ("\t", "tabs"), ("|", "bars"), (" ", "spaces")])
+def test_another_separator_is_named(separator: str, word: str, tmp_path: Path) -> None:
+    text = "# remarks, with commas; semicolons\n\n" + separator.join(["x_mm", "y_mm", "mode_1"])
+    for read in (check_commas, read_shapes_csv, read_waveform):
+        expected = f"own.csv: has {word} between its columns, allowed are commas, and points in numbers"
+        assert refusal(read, text, Path("own.csv")) == expected
+    (tmp_path / "table.csv").write_text(separator.join(["point", "mean"]))
+    assert f"has {word}" in refusal(TableFile, tmp_path / "table.csv")
+
+
+@pytest.mark.parametrize("text", ["", "# a;b", "t_ms", "t_ms, x_um", "a, b;c"])
+def test_other_tables_are_left_to_their_readers(text: str) -> None:
+    check_commas(text, Path("own.csv"))
