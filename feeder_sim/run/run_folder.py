@@ -37,9 +37,10 @@ from feeder_sim.scene.prepared import Prepared
 from feeder_sim.scene.scene import Scene
 from feeder_sim.single_thread import single_threaded
 
+MAKING = "making the file"
+
 # Copies of the files that a scenario reads, in a folder that can then be taken elsewhere.
 
-MAKING = "making the file"
 LARGEST_CARRIED = 100_000_000  # [byte]; larger files stay where they are: a run of them is not for the post
 _UNUSUAL = re.compile(r"[^A-Za-z0-9._-]+|^\.+")
 
