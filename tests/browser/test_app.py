@@ -172,6 +172,9 @@ def test_tabs_do_not_disturb_each_other_and_a_reload_loses_nothing(server: tuple
         assert "[30.0, 20.0]" in (folder / "scenario.toml").read_text()
         other.get_by_label("Save the file").click()  # its text is what the file holds by now
         other.wait_for_selector("text=saved as")
+        (folder / "scenario.toml").write_bytes(b"\xff\xfe")
+        other.get_by_label("Save the file").click()
+        other.wait_for_selector("text=scenario.toml: cannot be read as text")
 
 
 def test_what_cannot_be_stands_beside_the_field(server: tuple[str, Path]) -> None:
@@ -204,6 +207,30 @@ def test_a_drawing_is_dropped_and_markup_stays_text(server: tuple[str, Path]) ->
         page.get_by_role("button", name="Take it over").click()
         page.wait_for_selector("text=<img src=x onerror=document.title=1>")
         assert page.title() == "feeder_sim"
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [("[[part]]", "[part]"), ("[[plate.actuator]]", "[plate.actuator]"), (None, "no TOML at all"), (None, "plate = 3")],
+)
+def test_a_wrong_text_leaves_a_page_with_undo(server: tuple[str, Path], old: str | None, new: str) -> None:
+    address, folder = server
+    with browser_page(width=1500, height=900) as (page, _):
+        opened(page, address)
+        right = text_of(page, folder)
+        wrong = right.replace(old, new) if old else new
+        tab(page, "TOML")
+        page.locator(".cm-content").focus()
+        page.keyboard.press("Control+a")
+        page.keyboard.insert_text(wrong)
+        page.get_by_role("button", name="Take it over").click()
+        page.locator(".error", has_text="scenario.toml: ").wait_for()
+        page.reload()
+        page.locator(".error", has_text="scenario.toml: ").wait_for()
+        assert text_of(page, folder) == wrong
+        page.get_by_label("Undo").click()
+        page.wait_for_function("window.feederPlate && window.feederPlate.field")
+        assert page.locator(".error").inner_text() == "" and text_of(page, folder) == right
 
 
 def test_a_plate_with_measured_modes_moves_as_it_will_in_the_run(tmp_path: Path) -> None:
