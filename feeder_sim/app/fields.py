@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 from nicegui import events, ui
 
 from feeder_sim.app.guarded import MOST_BYTES
+from feeder_sim.errors import FeederSimError, cause_of
 
 if TYPE_CHECKING:
     from feeder_sim.app.page import Page
@@ -27,15 +28,15 @@ class Fields:
     def number(self, key: str, default: float | None = None) -> None:
         """A number of the draft, if it has one there or a default is said."""
         draft = self.page.draft
-        if draft.value(key, default) is None:
+        if draft.number(key, default) is None:
             return
         name, unit = worded(key)
-        field = ui.number(name, value=draft.value(key, default), format="%.6g").classes("w-24")
+        field = ui.number(name, value=draft.number(key, default), format="%.6g").classes("w-24")
         field.props("dense" + (f" suffix={unit}" if unit else "") + f' data-key="{key}"')
         self.held[key] = field
 
         async def leave() -> None:
-            held, value = draft.value(key, default), field.value
+            held, value = draft.number(key, default), field.value
             if value is not None and value != held:
                 new = int(value) if isinstance(held, int) and float(value).is_integer() else float(value)
                 await self.page.step(lambda: draft.change(key, new))
@@ -86,6 +87,17 @@ def worded(key: str) -> tuple[str, str]:
     word, unit, place = match[1], match[2] or "", match[3]
     name = SIDES[word][int(place)] if place is not None and word in SIDES else word.replace("_", " ")
     return name, UNITS.get(unit, unit)
+
+
+def notify(error: Exception) -> None:
+    """Say on the page what has failed, in one line."""
+    if isinstance(error, FeederSimError):
+        line = str(error)
+    elif isinstance(error, OSError):
+        line = f"{error.filename or 'the system'}: {cause_of(error)}"
+    else:
+        line = f"the page has failed here ({type(error).__name__}: {error}); the text is as it was"
+    ui.notify(FeederSimError(line).args[0], type="negative")
 
 
 def drop(label: str, act: Any) -> None:

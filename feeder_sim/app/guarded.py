@@ -4,6 +4,7 @@ known kinds under names of their own.
 
 from __future__ import annotations
 
+import contextlib
 import re
 import secrets
 from collections.abc import Awaitable, Callable, MutableMapping
@@ -93,8 +94,9 @@ def put_in(folder: Path, name: str, content: bytes) -> Path:
     stem = re.sub(r"[^A-Za-z0-9_-]+", "_", stem).strip("_")[:60] or "file"
     for number in range(1, 1000):
         path = folder / f"{stem}{f'_{number}' if number > 1 else ''}{suffix}"
-        if path.is_file() and path.read_bytes() == content:
-            return path
+        with contextlib.suppress(OSError):  # one that cannot be read is another one
+            if path.is_file() and path.read_bytes() == content:
+                return path
         if not path.exists():
             write_whole(path, content)
             return path

@@ -152,11 +152,11 @@ class ModesPanel:
     async def take_over(self) -> None:
         """Write frequency and voltage into the drive, or into that of the stage that is chosen."""
         draft = self.page.draft
-        key = f"schedule.stage[{self.page.schedule.chosen}].drive" if draft.value("schedule.stage") else "drive"
+        key = f"schedule.stage[{self.page.schedule.chosen}].drive" if draft.tables("schedule.stage") else "drive"
         drive = self.drive(self.frequency, self.names)
 
         def write() -> None:
-            if draft.value(key):
+            if draft.tables(key):
                 for name, value in drive.items():
                     draft.change(f"{key}[0].{name}", value)
             else:

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from nicegui import events, run, ui
+from nicegui import app, events, run, ui
 
 from feeder_sim.app.draft import Draft
-from feeder_sim.app.fields import Fields
+from feeder_sim.app.fields import Fields, notify
 from feeder_sim.app.guarded import put_in
 from feeder_sim.app.modes_panel import ModesPanel
 from feeder_sim.app.motion import Motion, modes_shown
@@ -18,11 +18,9 @@ from feeder_sim.app.runs import Runs
 from feeder_sim.app.runs_panel import RunsPanel
 from feeder_sim.app.schedule_panel import SchedulePanel
 from feeder_sim.errors import FeederSimError, InputError
-from feeder_sim.records.files import write_whole
 from feeder_sim.scenario import Scenario
 
 STYLE = ".nicegui-content { padding: 8px } .q-tab-panel { padding: 8px 0 } .q-field__bottom { padding-top: 2px }"
-TABLES = ("plate.actuator", "plate.support", "plate.hole", "part", "drive", "schedule.stage")
 
 
 class Page:
@@ -43,13 +41,14 @@ class Page:
         self.motion: Motion | None = None
         self.solved = ""  # the plate that `motion` is of
         self.solving = False
-        self.structure: tuple[Any, ...] = ()
+        self.structure: Any = None  # of the draft that the panels show
         self.fields = Fields(self)
         self.plate, self.modes, self.parts = PlatePanel(self), ModesPanel(self), PartsPanel(self)
         self.schedule, self.results = SchedulePanel(self), RunsPanel(self)
 
     def build(self) -> None:
         """Lay the page out, and show the draft."""
+        ui.on_exception(notify)
         ui.add_css(STYLE)
         with ui.row().classes("w-full items-center"):
             self.heading = ui.label().classes("text-lg font-bold")
@@ -79,7 +78,10 @@ class Page:
                 with ui.tab_panels(tabs, value=names[0], keep_alive=True).classes("w-full"):
                     for name, panel in zip(names, panels.values(), strict=True):
                         with ui.tab_panel(name):
-                            panel()
+                            try:
+                                panel()
+                            except Exception as error:  # the text and undo are there, whatever else fails
+                                app.handle_exception(error)
         ui.timer(0.5, self.results.look)
         ui.timer(0.05, self.changed, once=True)
 
@@ -97,7 +99,7 @@ class Page:
         try:
             act()
         except InputError as error:
-            ui.notify(str(error), type="negative")
+            notify(error)
         await self.changed()
 
     async def changed(self) -> None:
@@ -112,9 +114,8 @@ class Page:
         if not self.draft.readable:
             return
         self.heading.text = str(self.draft.value("title") or self.draft.file.stem)
-        structure = *(len(self.draft.value(key) or ()) for key in TABLES), str(self.draft.value("plate.outline"))
-        if self.structure != structure:
-            self.structure = structure
+        if self.structure != self.draft.structure:
+            self.structure = self.draft.structure
             self.fields.held.clear()
             for panel in (self.plate.numbers, self.parts.table, self.schedule.stages, self.results.table):
                 panel.refresh()
@@ -135,7 +136,7 @@ class Page:
             self.plate.words.text = "computing the modes ..."
             try:
                 self.motion = await run.io_bound(_motion, scenario)
-            except InputError as error:
+            except FeederSimError as error:
                 self.motion = None
                 self.plate.hide(str(error))
             self.plate.update()
@@ -150,7 +151,7 @@ class Page:
         try:
             return put_in(self.draft.file.parent, event.file.name, await event.file.read()).name
         except FeederSimError as error:
-            ui.notify(str(error), type="negative")
+            notify(error)
             return None
 
     def download(self) -> None:
@@ -159,17 +160,12 @@ class Page:
 
     def save(self) -> None:
         """Write the text to its file, unless somebody else has."""
-        file = self.draft.file
-        if file.is_file() and file.read_text(encoding="utf-8") not in (self.draft.text, self.draft.saved):
-            ui.notify(f"{file}: was changed by somebody else; download the text instead", type="negative")
-            return
         try:
-            write_whole(file, self.draft.text.encode())
+            self.draft.save()
         except FeederSimError as error:
-            ui.notify(str(error), type="negative")
+            notify(error)
             return
-        self.draft.saved = self.draft.text
-        ui.notify(f"saved as {file}")
+        ui.notify(f"saved as {self.draft.file}")
 
 
 def _motion(scenario: Scenario) -> Motion:

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 
 from nicegui import events, run, ui
 
-from feeder_sim.app.fields import drop
-from feeder_sim.errors import FeederSimError
+from feeder_sim.app.fields import drop, notify
+from feeder_sim.errors import FeederSimError, InputError
 from feeder_sim.part.stable_poses import stable_poses
 from feeder_sim.plate.materials import MATERIALS
 from feeder_sim.plots.poses import draw_poses
@@ -32,7 +32,7 @@ class PartsPanel:
     @ui.refreshable_method
     def table(self) -> None:
         """A row for each part, a place to drop a mesh, and the poses of one."""
-        for i, part in enumerate(self.page.draft.value("part") or ()):
+        for i, part in enumerate(self.page.draft.tables("part")):
             with ui.row().classes("items-end"):
                 shape = f"{part.get('shape', '')} {part.get('size', '')}"
                 ui.label(str(part.get("name") or part.get("file") or shape)).classes("w-32 overflow-hidden")
@@ -51,20 +51,21 @@ class PartsPanel:
         kept = {key: value for key in KEPT if (value := draft.value(f"part[0].{key}")) is not None}
         before = draft.text
         await self.page.step(lambda: draft.change("part[0]", {"shape": "mesh", "file": name} | kept))
-        if self.page.problem is not None or not await self.lies(0):
+        if not await self.lies(0):
             draft.write(before)
-        self.page.structure = ()
+        self.page.structure = None
         await self.page.changed()
         await self.lies(0)
 
     async def lies(self, index: int) -> bool:
         """Draw the stable poses of a part; says whether it could be."""
-        if self.page.scenario is None:
+        if self.page.scenario is None or self.page.problem is not None:
+            notify(self.page.problem or InputError("is not checked yet", file=self.page.draft.file))
             return False
         try:
             drawn = await run.io_bound(_poses, self.page.scenario, index)
         except FeederSimError as error:
-            ui.notify(str(error), type="negative")
+            notify(error)
             return False
         self.poses.set_source(f"data:image/png;base64,{base64.b64encode(drawn or b'').decode()}")
         self.poses.visible = True

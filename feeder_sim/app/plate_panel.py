@@ -9,7 +9,7 @@ import numpy as np
 from nicegui import events, ui
 from numpy.typing import ArrayLike, NDArray
 
-from feeder_sim.app.fields import drop
+from feeder_sim.app.fields import drop, notify
 from feeder_sim.plate.materials import MATERIALS
 from feeder_sim.scenario import BendingPlate
 from feeder_sim.scene.outlines import outline_of
@@ -59,7 +59,7 @@ class PlatePanel:
             fields.choice("plate.material", sorted(MATERIALS), "aluminium")
         drop("Drop a drawing (DXF, SVG)", self.dropped)
         for kind, names in ON_PLATE.items():
-            for i, table in enumerate(draft.value(f"plate.{kind}") or ()):
+            for i, table in enumerate(draft.tables(f"plate.{kind}")):
                 with ui.row().classes("items-end no-wrap gap-2"):
                     name = table.get("name") or f"{'foot' if kind == 'support' else kind} {i + 1}"
                     ui.label(str(name)).classes("w-16 overflow-hidden")
@@ -142,7 +142,7 @@ class PlatePanel:
         elif kind == "part":
             start = f"part[{index}].start"
             key = f"{start}.{'centre_mm' if draft.value(f'{start}.centre_mm') is not None else 'position_mm'}"
-            height = (draft.value(key) or [])[2:]
+            height = draft.numbers(key)[2:]
             await self.page.step(lambda: draft.change(key, [*at, *height]))
         elif self.described():
             key = f"plate.{keys.get(kind, 'outline.points_mm[{}]').format(index)}"
@@ -157,10 +157,11 @@ class PlatePanel:
 
         def write() -> None:
             for kind, names in ON_PLATE.items():
-                key = names[0].split("[")[0]
-                for i, table in enumerate(draft.value(f"plate.{kind}") or ()):
-                    if key in table:
-                        draft.change(f"plate.{kind}[{i}].{key}", [float(c) for c in shift + table[key]])
+                name = names[0].split("[")[0]
+                for i in range(len(draft.tables(f"plate.{kind}"))):
+                    key = f"plate.{kind}[{i}].{name}"
+                    if len(at := draft.numbers(key)) == 2:
+                        draft.change(key, [float(c) for c in shift + at])
             draft.change("plate.length_mm", None)
             draft.change("plate.width_mm", None)
             draft.change("plate.outline", {"points_mm": points})
@@ -175,7 +176,7 @@ class PlatePanel:
         kind, draft = event.args["tool"], self.page.draft
         entry: dict[str, Any] = {"at_mm": self._on_plate(event.args["at"])}
         if kind == "actuator":
-            taken = [table.get("name") for table in draft.value("plate.actuator") or ()]
+            taken = [table.get("name") for table in draft.tables("plate.actuator")]
             free = (f"{letter}{number}" for number in ["", *range(1, 100)] for letter in "abcdefghijklmnopqrstuvwxyz")
             entry = {"name": next(name for name in free if name not in taken)} | entry | PATCH
         else:
@@ -188,7 +189,7 @@ class PlatePanel:
         name, draft = await self.page.put_in(event), self.page.draft
         if name is None or not self.described():
             return
-        before, patch = draft.text, {"name": "a"} | PATCH | dict((draft.value("plate.actuator") or [{}])[0])
+        before, patch = draft.text, {"name": "a"} | PATCH | next(iter(draft.tables("plate.actuator")), {})
         without_place = {key: value for key, value in patch.items() if key not in ("at_mm", "size_mm", "angle_deg")}
         foot = {key: value for key, value in FOOT.items() if key != "diameter_mm"}
 
@@ -208,7 +209,7 @@ class PlatePanel:
                 self.described()
                 break
         else:
-            ui.notify(str(self.page.problem), type="negative")
+            notify(self.page.problem)
             draft.write(before)
         await self.page.changed()
 

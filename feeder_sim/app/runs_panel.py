@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from nicegui import run, ui
 
+from feeder_sim.app.fields import notify
 from feeder_sim.errors import FeederSimError
 from feeder_sim.records.files import write_whole
 from feeder_sim.report.document_of import document_of
@@ -52,12 +53,12 @@ class RunsPanel:
         """Run the draft as it is."""
         draft = self.page.draft
         if self.page.problem is not None:
-            ui.notify(str(self.page.problem), type="negative")
+            notify(self.page.problem)
             return
         try:
             folder = fresh_folder(draft.file.stem, draft.file.parent / "runs")
         except FeederSimError as error:
-            ui.notify(str(error), type="negative")
+            notify(error)
             return
         self.page.runs.start(draft.text, draft.file, folder)
         self.table.refresh()

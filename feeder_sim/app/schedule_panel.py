@@ -43,17 +43,18 @@ class SchedulePanel:
             ui.button("Add a stage", on_click=self.add).props("dense flat no-caps")
 
     def _held(self) -> list[dict[str, Any]]:
-        return list(self.page.draft.value("schedule.stage") or ())
+        return self.page.draft.tables("schedule.stage")
 
     def update(self) -> None:
         """Show the stages of the draft."""
+        number = self.page.draft.number
         self.blocks.props["stages"] = [
             {
                 "name": str(stage.get("name", "")),
-                "duration": float(stage.get("duration_s", 1.0)),
-                "pause": float(stage.get("pause_s", 0.0)),
+                "duration": float(number(f"schedule.stage[{i}].duration_s") or 1.0),
+                "pause": float(number(f"schedule.stage[{i}].pause_s") or 0.0),
             }
-            for stage in self._held()
+            for i, stage in enumerate(self._held())
         ]
         self.blocks.update()
 

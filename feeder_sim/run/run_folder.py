@@ -37,6 +37,8 @@ from feeder_sim.scene.prepared import Prepared
 from feeder_sim.scene.scene import Scene
 from feeder_sim.single_thread import single_threaded
 
+MAKING = "making the file"
+
 # Copies of the files that a scenario reads, in a folder that can then be taken elsewhere.
 
 LARGEST_CARRIED = 100_000_000  # [byte]; larger files stay where they are: a run of them is not for the post
@@ -285,7 +287,7 @@ def _run_into(
     """
     scenario, scene, new = prepared.scenario, prepared.scene, folder / f"{TRAJECTORY}.new"
     new.unlink(missing_ok=True)
-    with announced(f"making the file for {scenario.run.seeds} seeds", notify):
+    with announced(f"{MAKING} for {scenario.run.seeds} seeds", notify):
         writer = TrajectoryWriter(
             new,
             engine=prepared.engine.name,

@@ -108,6 +108,15 @@ def parse(text: str, table: type[T], file: Path) -> T:
     Raises:
         InputError: TOML syntax, or any key or value that is not allowed.
     """
+    return validated(document_in(text, file), table, file)
+
+
+def document_in(text: str, file: Path) -> dict[str, Any]:
+    """The TOML document of a text, whatever its keys and values are.
+
+    Raises:
+        InputError: TOML syntax, deep nesting, or a whole number of too many digits.
+    """
     if max(line.count(".") for line in _OUTSIDE_KEYS.split(text)) > MOST_DOTS:
         raise InputError(f"holds keys nested too deep, allowed are {DEEPEST} levels", file=file)
     try:
@@ -118,7 +127,8 @@ def parse(text: str, table: type[T], file: Path) -> T:
         raise InputError("holds a whole number of thousands of digits, allowed are 300", file=file) from error
     except RecursionError as error:
         raise InputError(f"holds lists or tables nested too deep, allowed are {DEEPEST} levels", file=file) from error
-    return validated(raw, table, file)
+    _refuse_absurd(raw, file)
+    return raw
 
 
 def validated(raw: dict[str, Any], table: type[T], file: Path) -> T:

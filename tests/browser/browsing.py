@@ -18,6 +18,7 @@ PIXEL = """([x, y]) => {
   const plate = window.feederPlate, [u, v] = plate.at(x, y), box = plate.$el.getBoundingClientRect();
   return [box.left + u * box.width / plate.$el.width, box.top + v * box.height / plate.$el.height];
 }"""  # of a place on the plate of the app [mm]
+PATIENCE_MS = 600_000  # for what a page is to show: that of a slow machine, below that of pytest for a test
 browsing = pytest.mark.skipif(CHROMIUM is None, reason="no Chromium")
 
 
@@ -30,6 +31,7 @@ def browser_page(*, width: int = 1000, height: int = 700) -> Iterator[tuple[Any,
     with sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=CHROMIUM, args=list(SOFTWARE_3D))
         page = browser.new_context(viewport={"width": width, "height": height}).new_page()
+        page.context.set_default_timeout(PATIENCE_MS)
         page.on("request", lambda request: asked.append(request.url))
         page.on("websocket", lambda socket: asked.append(socket.url))
         yield page, asked
@@ -45,5 +47,12 @@ def pixels(page: Any, within: str) -> NDArray[np.int64]:
     """What is seen of an element, shape (height, width, 3)."""
     from PIL import Image
 
-    with Image.open(io.BytesIO(page.locator(within).screenshot(timeout=60_000))) as image:
+    with Image.open(io.BytesIO(page.locator(within).screenshot())) as image:
         return np.asarray(image.convert("RGB"), np.int64)
+
+
+def wait_for_change(page: Any, within: str, share: float = 1e-3) -> None:
+    """Wait until a share of the pixels of an element is another one, as while it plays."""
+    first = pixels(page, within)
+    while (np.abs(pixels(page, within) - first).max(axis=-1) > 30).mean() < share:
+        pass

@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 import json
-import resource
-import signal
-import subprocess
-import sys
 from pathlib import Path
 
 import h5py
 import numpy as np
 import pytest
+from command_line import in_new_process, said
 from conftest import strip_scenario
 
 import feeder_sim
@@ -169,15 +166,9 @@ def test_same_seed_gives_the_same_bits_whatever_the_workers(engine: str) -> None
 
 def test_full_disk_ends_the_run_with_one_line(tmp_path: Path, repository: Path) -> None:
     scenario = repository / "scenarios/drift_4750hz.toml"
-    command = [sys.executable, "-m", "feeder_sim", "run", str(scenario), "--seeds", "4", "--out", str(tmp_path / "run")]
-
-    def small_files() -> None:
-        signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
-        resource.setrlimit(resource.RLIMIT_FSIZE, (150_000, 150_000))
-
-    done = subprocess.run(command, preexec_fn=small_files, capture_output=True, text=True, timeout=200, check=False)
+    done = in_new_process("run", scenario, "--seeds", 4, "--out", tmp_path / "run", largest_file=150_000)
     assert done.returncode == 1
-    assert done.stderr.count("\n") == 1 and "disk full" in done.stderr, done.stderr
+    assert len(said(done)) == 1 and "disk full" in said(done)[0], done.stderr
 
 
 def test_truncated_and_foreign_files_are_refused(tmp_path: Path) -> None:
