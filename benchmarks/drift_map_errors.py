@@ -207,7 +207,7 @@ def compare_gathering(drift_map: DriftMap, scenario: Scenario, seeds: int) -> Ga
     at, count = scene.frame_interval * np.arange(scene.n_frames, dtype=float), len(scene.parts)
     shares, lost = np.zeros((seeds, len(at))), 0
     for seed, frames in enumerate(result.trajectories):
-        on = frames.on_plate(scene.surface)
+        on = scene.on_plate(frames)
         for k in range(len(frames)):
             shares[seed, k] = lines.near(0, frames.position[k, on[k], :2], ON_LINE).sum() / count
         lost += count - int(on[-1].sum()) if len(frames) == len(at) else count

@@ -35,7 +35,7 @@ from numba.core.compiler_lock import global_compiler_lock
 from numba.core.registry import CPUDispatcher
 from platformdirs import user_cache_path
 
-SHOWING = ("api", "cli", "document", "plots", "replay", "report")  # rooms that decide no number
+SHOWING = ("api", "app", "cli", "document", "plots", "replay", "report")  # rooms that decide no number
 NOT_COMPILED = (*SHOWING, "feeder", "jobs", "measures", "studies")  # from which no compiled function takes anything
 # Lines of words alone: a text that is a statement by itself, a comment, nothing; and other long texts, which are kept.
 TEXT = rb'"""(?:[^"\\]|\\.|"(?!""))*"""'

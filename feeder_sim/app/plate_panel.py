@@ -209,6 +209,7 @@ class PlatePanel:
                 self.described()
                 break
         else:
+            assert self.page.problem is not None  # else it had been left
             notify(self.page.problem)
             draft.write(before)
         await self.page.changed()

@@ -187,9 +187,8 @@ def _finish_run(result: Result, folder: Path, as_json: bool, inputs: int) -> Non
         print_result(result, folder, as_json, {"uncertainty": uncertain.as_json()} if uncertain else {})
     elif uncertain:
         print(uncertain_lines(uncertain))
-    drawn = ignored_uncertainty(result.scenario) if uncertain and uncertain.measure() else []
-    for caution in result.cautions:
-        if caution not in drawn:
+    if not (uncertain and uncertain.measure()):
+        for caution in ignored_uncertainty(result.scenario):
             print(f"feeder-sim: caution: {printable(caution)}", file=sys.stderr)
     for failure in result.failures:
         print(f"feeder-sim: {failure}", file=sys.stderr)

@@ -56,7 +56,7 @@ class Poses:
 def poses_of(scene: Scene, now: Frames) -> Poses:
     """The parts on the plate in the last of some frames."""
     last = now[slice(-1, None)]
-    part = np.flatnonzero(last.on_plate(scene.surface)[0])
+    part = np.flatnonzero(scene.on_plate(last)[0])
     lying, names = scene.pose_names(last.quaternion[0]), scene.scenario.kind_names
     return Poses(
         time=float(last.time[0]),

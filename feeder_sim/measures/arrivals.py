@@ -6,8 +6,9 @@ A part has *arrived* if it is on the plate and within `goal.within_mm` of the go
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -92,6 +93,11 @@ class Arrivals(Measure[ArrivalFindings, SeedArrivals]):
     def applies(self, prepared: Prepared) -> bool:
         return prepared.scenario.goal is not None
 
+    missing: ClassVar[Mapping[str, str]] = {
+        "arrival_time_s": "in no seed did all parts reach the goal",
+        "travelled_mm": "in no seed was a part on the plate at the end",
+    }
+
     def reader(self, prepared: Prepared) -> Callable[[Seed], SeedArrivals]:
         scene = prepared.scene
 
@@ -141,7 +147,7 @@ def arrived(scene: Scene, frames: Frames) -> NDArray[np.bool_]:
         raise ValueError("the scenario has no goal")
     x, y = frames.position[-1, :, :2].T * 1e3
     distance = np.hypot(x - goal.x_mm, 0.0 if goal.y_mm is None else y - goal.y_mm)
-    return np.asarray(frames[slice(-1, None)].on_plate(scene.surface)[0] & (distance <= goal.within_mm))
+    return np.asarray(scene.on_plate(frames[slice(-1, None)])[0] & (distance <= goal.within_mm))
 
 
 def arrival_time(scene: Scene, seed: Seed) -> float:
@@ -155,7 +161,7 @@ def arrival_time(scene: Scene, seed: Seed) -> float:
 
 def _mean_place(scene: Scene, frames: Frames, row: int) -> NDArray[np.float64]:
     """Mean (x, y) [m] of the parts on the plate in one frame, shape (2,); NaN without parts."""
-    on_plate = frames[slice(row, row + 1 or None)].on_plate(scene.surface)[0]
+    on_plate = scene.on_plate(frames[slice(row, row + 1 or None)])[0]
     return frames.position[row, on_plate, :2].mean(axis=0) if on_plate.any() else np.full(2, np.nan)
 
 

@@ -20,9 +20,9 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -249,6 +249,7 @@ class Bounces(Measure[BounceFindings, SeedBounces]):
     """Bounce interval, flight height, impact speed and motion of a part in a guide."""
 
     headline = ("bounce_interval_ms", "flight_height_mm", "impact_speed_mm_s")
+    missing: ClassVar[Mapping[str, str]] = dict.fromkeys(headline, "no flight was longer than a period of the plate")
 
     def applies(self, prepared: Prepared) -> bool:
         return prepared.scene.guides[0] is not None

@@ -12,7 +12,7 @@ from feeder_sim.errors import NotMeasured
 from feeder_sim.measures.arrivals import ArrivalFindings, Arrivals
 from feeder_sim.measures.bounces import BounceFindings, Bounces
 from feeder_sim.measures.circulation import Circulation, WaveFindings
-from feeder_sim.measures.conveying import Conveying, ConveyingFindings
+from feeder_sim.measures.conveying import CircularConveying, CircularFindings, Conveying, ConveyingFindings
 from feeder_sim.measures.drift import Drift, DriftFindings
 from feeder_sim.measures.function import as_measure
 from feeder_sim.measures.poses import PoseFindings, Poses
@@ -71,12 +71,13 @@ MEASURES: tuple[Measure[Any, Any], ...] = (
     Refills(),
     Rate(),
     Arrivals(),
+    CircularConveying(),
     Circulation(),
 )
 # The most telling values of all, the first of them where several are measured.
 HEADLINES = tuple(
     name
-    for measure in (Conveying, Drift, Rate, Arrivals, Bounces, Separation, Refills, Circulation)
+    for measure in (Conveying, CircularConveying, Drift, Rate, Arrivals, Bounces, Separation, Refills, Circulation)
     for name in measure.headline
 )
 Findings = TypeVar("Findings")
@@ -112,6 +113,11 @@ class Measured(ABC):
     def conveying(self) -> ConveyingFindings:
         """How fast a tray carries parts along."""
         return self._found(Conveying)
+
+    @property
+    def circularconveying(self) -> CircularFindings:
+        """How fast a tray that turns about z carries parts round its middle."""
+        return self._found(CircularConveying)
 
     @property
     def bounces(self) -> BounceFindings:

@@ -97,7 +97,7 @@ def circulation(scene: Scene, track: Track, frames: Frames, start: float, stop: 
         return float("nan")
     before, after = frames.position[rows[:-1]], frames.position[rows[1:]]
     distance, nearest = cKDTree(track.points).query(before[..., :2].reshape(-1, 2))
-    on_plate = frames.on_plate(scene.surface)[rows[1:]]
+    on_plate = scene.on_plate(frames)[rows[1:]]
     counted = (distance.reshape(before.shape[:2]) < ON_TRACK) & on_plate
     along = ((after - before)[..., :2] * track.tangent[nearest].reshape(*before.shape[:2], 2)).sum(axis=-1)
     speed = along / np.diff(frames.time[rows])[:, None]
@@ -181,6 +181,14 @@ class Circulation(Measure[WaveFindings, SeedWaves]):
         waves = stage_waves(prepared.scene)
         return WaveFindings(tuple(_finding(wave, [seed[k] for seed in readings]) for k, wave in enumerate(waves)))
 
+    def without_value(self, prepared: Prepared, findings: WaveFindings) -> dict[str, str]:
+        reason = "no part was on the track of the wave"
+        return {
+            f"waves[{k}].circulation_mm_s": reason
+            for k, wave in enumerate(findings.waves)
+            if wave.track_mm is not None and not wave.circulation_mm_s.n
+        }
+
     def lines(self, prepared: Prepared, findings: WaveFindings) -> list[str]:
         lines = []
         for wave in findings.waves:
@@ -235,7 +243,7 @@ def _share_at_still_points(scene: Scene, still: NDArray[np.float64], frames: Fra
     from scipy.spatial import cKDTree
 
     row = frames.row_at(time)
-    points = frames.position[row, frames[slice(row, row + 1)].on_plate(scene.surface)[0], :2]
+    points = frames.position[row, scene.on_plate(frames[slice(row, row + 1)])[0], :2]
     if not len(points) or not len(still):
         return float("nan")
     return float((cKDTree(still).query(points)[0] < AT_STILL_POINT).mean())

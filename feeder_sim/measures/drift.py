@@ -10,8 +10,9 @@ Heights are over the resting surface under the part.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -67,6 +68,10 @@ class Drift(Measure[DriftFindings, SeedDrift]):
     """Transport speed, drift velocity and highest rise of a scenario without a schedule."""
 
     headline = ("transport_speed_mm_s",)
+    missing: ClassVar[Mapping[str, str]] = {
+        "transport_speed_mm_s": f"no seed passed from {PASSAGE_FROM:g} to {PASSAGE_TO:g} of antinode to node",
+        "drift_velocity_x_mm_s": "no part was there at the end of a seed",
+    }
 
     def applies(self, prepared: Prepared) -> bool:
         return prepared.scenario.schedule is None
@@ -79,6 +84,12 @@ class Drift(Measure[DriftFindings, SeedDrift]):
             return SeedDrift(speed, drift_velocity(seed.frames), highest_rise(seed.frames, surface))
 
         return read
+
+    def without_value(self, prepared: Prepared, findings: DriftFindings) -> dict[str, str]:
+        missing = super().without_value(prepared, findings)
+        if prepared.cell is None:  # nothing is measured that could be missing
+            del missing["transport_speed_mm_s"]
+        return missing
 
     def findings(self, prepared: Prepared, readings: Sequence[SeedDrift]) -> DriftFindings:
         return DriftFindings.of(

@@ -153,7 +153,7 @@ def isolated(position: NDArray[np.float64], candidates: NDArray[np.bool_], clear
 def pickable(scene: Scene, picks: Sequence[Pick], frames: Frames) -> NDArray[np.int64]:
     """Indices (m,) of the parts that at least one of several picks may take, in the last of some frames."""
     last = frames[slice(-1, None)]
-    there = last.on_plate(scene.surface)[0]
+    there = scene.on_plate(last)[0]
     taken = np.zeros(len(scene.parts), bool)
     for pick in picks:
         taken |= _taken(scene, pick, last, there)
@@ -188,8 +188,10 @@ class _Neighbours:
         self._scene, self._last = scene, last
         self._index = np.flatnonzero(there)
         outlines, tops = [], []
-        for part in self._index:
-            kind, at = scene.kinds[scene.kind_of[part]], last.position[0, part]
+        place = last.position[0, self._index]
+        height = scene.surface.heights(place[:, :2], np.repeat(last.time, len(place)))  # a tray may be anywhere
+        for part, at in zip(self._index, place - height[:, None] * [0.0, 0.0, 1.0], strict=True):
+            kind = scene.kinds[scene.kind_of[part]]
             turn = Rotation.from_quat(last.quaternion[0, part], scalar_first=True)
             bodies = [turn.apply(corners) + at for corners in kind.pieces or (kind.corners,)]
             flat = [shapely.convex_hull(shapely.MultiPoint(body[:, :2])).buffer(kind.corner_radius) for body in bodies]

@@ -113,7 +113,7 @@ class SeedPoses:
         for n in range(len(rows)):  # a part that came after the stage before has not changed
             came = parts_arrived(seed.arrivals, start=times[n], end=times[n + 1])
             self.before[n, came] = self.number[n, came]
-        self.there = np.array([frames[slice(row, row + 1)].on_plate(scene.surface)[0] for row in rows], bool)
+        self.there = np.array([scene.on_plate(frames[slice(row, row + 1)])[0] for row in rows], bool)
         picked = removals.cause == Cause.PICKED
         self.picked = removals.part[picked]
         at = [frames.row_at(time) for time in removals.time[picked]]

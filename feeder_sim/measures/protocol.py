@@ -11,7 +11,8 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import fields, is_dataclass
 from functools import cached_property
-from typing import Any, Generic, TypeVar
+from types import MappingProxyType
+from typing import Any, ClassVar, Generic, TypeVar
 
 from feeder_sim.measures.statistic import Statistic
 from feeder_sim.notebook import cell, line, table
@@ -108,10 +109,12 @@ class Measure(ABC, Generic[Findings, Reading]):
     Attributes:
         counts: how a seed has to have ended to be measured.
         headline: its most telling values, which stand first wherever measures are shown.
+        missing: why a value has no number in any seed that counts, by name.
     """
 
     counts: tuple[Status, ...] = (Status.DONE,)
     headline: tuple[str, ...] = ()
+    missing: ClassVar[Mapping[str, str]] = MappingProxyType({})
 
     def __repr__(self) -> str:
         return f"{type(self).__name__}()"
@@ -136,6 +139,10 @@ class Measure(ABC, Generic[Findings, Reading]):
     @abstractmethod
     def lines(self, prepared: Prepared, findings: Findings) -> list[str]:
         """The findings as lines of label and value; see `labelled`."""
+
+    def without_value(self, prepared: Prepared, findings: Findings) -> dict[str, str]:
+        """Values that have no number, by name, each with the reason."""
+        return {name: reason for name, reason in self.missing.items() if not getattr(findings, name).n}
 
     def compute(self, prepared: Prepared, seeds: Sequence[Seed]) -> Findings:
         """Measure an ensemble; seeds that do not count are left out."""

@@ -8,8 +8,9 @@ with parts as the scenario places them, the others with what picks and refills l
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
@@ -104,6 +105,7 @@ class Rate(Measure[RateFindings, SeedRate]):
     """Picks per minute of a schedule with picks."""
 
     headline = ("picks_per_minute",)
+    missing: ClassVar[Mapping[str, str]] = {"picks_per_minute": "no seed came to the end of a cycle that counts"}
 
     counts = (Status.DONE, Status.LEFT_PLATE)
 

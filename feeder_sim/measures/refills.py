@@ -76,7 +76,7 @@ def asked(scene: Scene, seed: Seed) -> int:
     timed = scene.stopped(seed.stops.tolist()) if len(seed.stops) else scene
     for frame in refill_frames(timed):
         if frame < len(frames):
-            left = frames[slice(frame, frame + 1)].on_plate(scene.surface)[0]
+            left = scene.on_plate(frames[slice(frame, frame + 1)])[0]
             time = float(frames.time[frame])
             left[parts_removed(seed.removals, Cause.PICKED, start=time - half, end=time + half)] = False
             number += wanted(scene, int(left.sum()))

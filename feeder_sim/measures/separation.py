@@ -109,7 +109,7 @@ def _report(
     frames, removals = record.frames, record.removals
     start, end = (frames.time[before] if before else -np.inf), frames.time[row]
     position = frames.position[row]
-    on_plate = frames[slice(row, row + 1)].on_plate(scene.surface)[0]
+    on_plate = scene.on_plate(frames[slice(row, row + 1)])[0]
     points = position[on_plate, :2]
     nearest = nearest_neighbours(points)
     clearances = [s.clearance for s in scene.times.stages if s.clearance is not None]

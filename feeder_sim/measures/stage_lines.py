@@ -87,5 +87,5 @@ def settled(scene: Scene, lines: StageLines, number: int, frames: Frames) -> boo
     if since < max(stage.start, frames.time[0]) - SAME_TIME:
         return False
     last = frames[slice(int(np.searchsorted(frames.time, since - SAME_TIME)), None)]
-    points = last.position[last.on_plate(scene.surface)][:, :2]
+    points = last.position[scene.on_plate(last)][:, :2]
     return len(points) > 0 and bool(lines.near(number, points, 1e-3 * stage.until.within_mm).all())

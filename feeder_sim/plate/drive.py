@@ -120,6 +120,16 @@ class ModalTerms:
             q[:, shape] = values[:, self.shape == shape].sum(axis=1)
         return q
 
+    def jumps(self, n_shapes: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Times (n,) [s] at which terms begin or end, and by how much each coordinate jumps there (n, n_shapes) [m]."""
+        ends = np.isfinite(self.stop)
+        last = self.coefficient[ends] * np.exp(self.rate[ends] * (self.stop[ends] - self.start[ends]))
+        times, number = np.unique(np.concatenate([self.start, self.stop[ends]]), return_inverse=True)
+        jump = np.zeros((len(times), n_shapes))
+        shapes = np.concatenate([self.shape, self.shape[ends]])
+        np.add.at(jump, (number, shapes), np.concatenate([self.coefficient.real, -last.real]))
+        return times, jump
+
     def since(self, time: float) -> ModalTerms:
         """The terms that act at a time [s] or later."""
         kept = self.stop > time

@@ -26,6 +26,7 @@ from feeder_sim.plate.outline import Outline
 from feeder_sim.single_thread import single_threaded
 
 POINTS_PER_WAVELENGTH = 80
+TOGETHER = 20_000  # points whose height is computed at once
 MAX_GRID_POINTS = 20_000_000  # of all shapes together; half a gigabyte
 
 
@@ -94,6 +95,24 @@ class Surface:
         if self.resting is None:
             return np.zeros(len(points))
         return self._combined(points, self.resting.phasor(0.0, self.n_shapes)[0].real)[:, 2]
+
+    def heights(self, points: NDArray[np.float64], times: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Height [m] of surface points (n, 2) [m], each at its own time (n,) [s], shape (n,)."""
+        height = np.empty(len(points))
+        for some in np.array_split(np.arange(len(points)), 1 + len(points) // TOGETHER):
+            moments, number = np.unique(times[some], return_inverse=True)
+            q = self.terms.phasor(moments, self.n_shapes).real[number]
+            height[some] = np.einsum("sp,ps->p", self.deflections(points[some]), q)
+        return height
+
+    @cached_property
+    def trough(self) -> float:
+        """How far below z = 0 the surface may be at any time and place, at most [m]."""
+        terms = self.terms
+        of_shape = np.abs(terms.coefficient)[:, None] * (terms.shape[:, None] == np.arange(self.n_shapes))
+        begins = np.unique(terms.start)[:, None]
+        acting = (terms.start <= begins) & (begins < terms.stop)  # which terms act changes for more only at a start
+        return float((acting @ of_shape @ self.extremes[0]).max(initial=0.0))
 
     def deflection(self, shape: int, points: NDArray[np.float64]) -> NDArray[np.float64]:
         """Deflection w [1] of one mode shape at points (n, 2) [m], shape (n,)."""

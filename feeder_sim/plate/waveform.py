@@ -6,8 +6,12 @@
     ...
 
 Times are evenly spaced and begin at 0; the period ends one spacing after the last line. Columns are any of those in
-`COLUMNS`. The series has as few harmonics as come within `CLOSE` of the largest value of each column at the lines of
-the table; its mean, which moves nothing, is left out.
+`COLUMNS`. The mean, which moves nothing, is left out.
+
+Parts feel accelerations: a small fast motion on a large slow one counts as much. So the series takes, of the first
+`MOST_HARMONICS`, those that count in displacement or in acceleration, until it comes within `CLOSE` of the
+displacements and within `CLOSE_ACCELERATION` of the accelerations at the lines of the table; and then those higher ones
+that stand out of the others, so that the noise of a measured table is not taken for motion.
 """
 
 from __future__ import annotations
@@ -29,27 +33,38 @@ TO_SI = (1e-6, 1e-6, 1e-6, 1e-3, 1e-3, 1e-3)
 FEWEST_LINES, MOST_LINES = 4, 100_000
 MOST_HARMONICS = 40
 CLOSE = 0.005  # of the largest value of a column
+CLOSE_ACCELERATION = 0.02  # of the largest acceleration
+COUNTS = 1e-4  # of the largest amplitude, or acceleration, of a harmonic: what is less is left out
+STANDS_OUT = 10.0  # times the acceleration of three quarters of the higher harmonics
 EVEN = 1e-3  # of the spacing of times
 LARGEST = 1e9
 
 
 @dataclass(frozen=True)
 class Waveform:
-    """A periodic motion: sum over k of Re[coefficient[k - 1] exp(2 pi i k t / period)].
+    """A periodic motion: sum over j of Re[coefficient[j] exp(2 pi i harmonic[j] t / period)].
 
     Attributes:
         period: [s].
-        coefficient: of moves along x, y, z [m] and turns about them [rad], shape (harmonics, 6).
+        harmonic: multiples of the frequency, in order, shape (n,).
+        coefficient: of moves along x, y, z [m] and turns about them [rad], shape (n, 6).
         residual: largest deviation at the lines of the table over the largest value of its column [1].
+        acceleration: the largest of the series at the lines of the table, of a move or at the arm of a turn [m/s^2].
+        left_out: the same of the harmonics that are left out.
+        left_out_frequency: of the one of them with the largest acceleration [Hz].
     """
 
     period: float
+    harmonic: NDArray[np.int64]
     coefficient: NDArray[np.complex128]
     residual: float
+    acceleration: float
+    left_out: float
+    left_out_frequency: float
 
 
-def read_waveform(text: str, path: Path) -> Waveform:
-    """Read a table; `path` names it in messages.
+def read_waveform(text: str, path: Path, arm: float) -> Waveform:
+    """Read a table; `path` names it in messages, `arm` [m] is where turns are judged.
 
     Raises:
         InputError: a line that is broken, with its number, or times that are not even.
@@ -75,22 +90,63 @@ def read_waveform(text: str, path: Path) -> Waveform:
     values = np.zeros((len(table), len(COLUMNS)))
     for name, column in zip(names[1:], table.T[1:], strict=True):
         values[:, COLUMNS.index(name)] = column * TO_SI[COLUMNS.index(name)]
-    coefficient, residual = _series(values - values.mean(axis=0))
-    return Waveform(1e-3 * float(steps.mean()) * len(table), coefficient, residual)
+    period = 1e-3 * float(steps.mean()) * len(table)
+    return _series(values - values.mean(axis=0), period, np.array([1.0, 1.0, 1.0, arm, arm, arm]))
 
 
-def _series(values: NDArray[np.float64]) -> tuple[NDArray[np.complex128], float]:
-    """Coefficients (harmonics, 6) of the shortest series that comes close to values (n, 6), and its residual."""
+def _series(values: NDArray[np.float64], period: float, arms: NDArray[np.float64]) -> Waveform:
+    """The series of values (n, 6) over a period [s]; `arms` make lengths of them (6,)."""
     n = len(values)
     spectrum = np.fft.rfft(values, axis=0) / n
     spectrum[1 : (n + 1) // 2] *= 2.0
+    spectrum[0] = 0.0
+    rate = np.square(2.0 * math.pi / period * np.arange(len(spectrum), dtype=np.float64))
+    moves = np.abs(spectrum) * arms
+    accelerations = moves * rate[:, None]
+    counts = (moves > COUNTS * moves.max()).any(axis=1) | (accelerations > COUNTS * accelerations.max()).any(axis=1)
     largest = np.abs(values).max(axis=0)
     largest[largest == 0.0] = 1.0
-    angle = 2.0 * math.pi * np.arange(n) / n
-    left, residual = values.copy(), 1.0
-    for k in range(1, min(MOST_HARMONICS, n // 2) + 1):
-        left -= np.real(spectrum[k] * np.exp(1j * k * angle)[:, None])
-        residual = float((np.abs(left) / largest).max())
-        if residual <= CLOSE:
+    every = _accelerations(spectrum, rate, arms, n)
+    kept = np.zeros(len(spectrum), bool)
+
+    def residuals() -> tuple[float, float]:
+        """Of displacements, over the largest of each column, and of accelerations [m/s^2]."""
+        series = np.fft.irfft(np.where(kept[:, None], _halved(spectrum, n), 0.0), n, axis=0) * n
+        apart = every - _accelerations(np.where(kept[:, None], spectrum, 0.0), rate, arms, n)
+        return float((np.abs(values - series) / largest).max()), float(np.abs(apart).max())
+
+    for k in np.flatnonzero(counts[: MOST_HARMONICS + 1]):
+        kept[k] = True
+        residual, left_out = residuals()
+        if residual <= CLOSE and left_out <= CLOSE_ACCELERATION * np.abs(every).max():
             break
-    return spectrum[1 : k + 1], residual
+    higher = accelerations[MOST_HARMONICS + 1 :].max(axis=1, initial=0.0)
+    if len(higher) and not (residuals()[1] <= CLOSE_ACCELERATION * np.abs(every).max()):
+        out = higher > max(STANDS_OUT * float(np.quantile(higher, 0.75)), CLOSE_ACCELERATION * accelerations.max())
+        kept[MOST_HARMONICS + 1 :] = out
+    residual, left_out = residuals()
+    rest = np.where(kept, 0.0, accelerations.max(axis=1))
+    return Waveform(
+        period,
+        np.flatnonzero(kept),
+        spectrum[kept],
+        residual,
+        float(np.abs(_accelerations(np.where(kept[:, None], spectrum, 0.0), rate, arms, n)).max()),
+        left_out,
+        int(rest.argmax()) / period,
+    )
+
+
+def _accelerations(
+    spectrum: NDArray[np.complex128], rate: NDArray[np.float64], arms: NDArray[np.float64], n: int
+) -> NDArray[np.float64]:
+    """Accelerations (n, 6) [m/s^2] of a series at the lines of its table."""
+    return np.asarray(np.fft.irfft(_halved(spectrum, n) * rate[:, None] * arms, n, axis=0) * n)
+
+
+def _halved(spectrum: NDArray[np.complex128], n: int) -> NDArray[np.complex128]:
+    """Amplitudes of harmonics, as the inverse transform takes them."""
+    halved = 0.5 * spectrum
+    if n % 2 == 0:
+        halved[-1] = spectrum[-1]
+    return halved

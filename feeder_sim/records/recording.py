@@ -150,6 +150,11 @@ class PlateRecord:
     drives: tuple[ModalDrive, ...]
     outline: Outline | None = None
 
+    @property
+    def trough(self) -> float:
+        """How far below z = 0 the surface may be, at most, while one drive acts [m]."""
+        return max((d.largest * float(np.abs(self.mode_shape[d.shape]).max()) for d in self.drives), default=0.0)
+
     def __repr__(self) -> str:
         size = f"{1e3 * self.length:g} x {1e3 * self.width:g} x {1e3 * self.thickness:g} mm"
         return f"<PlateRecord: {size}, {counted(len(self.drives), 'drive')}>"

@@ -68,13 +68,16 @@ class Frames:
     def __getitem__(self, rows: slice | NDArray[np.int64]) -> Frames:
         return Frames(*(getattr(self, name)[rows] for name in FRAME_FIELDS))
 
-    def on_plate(self, plate: PlateArea) -> NDArray[np.bool_]:
-        """Which parts are on a plate, shape (n, parts): not taken out, with their centres over it and above it."""
+    def on_plate(self, plate: PlateArea, height: NDArray[np.float64] | float) -> NDArray[np.bool_]:
+        """Which parts are on a plate, shape (n, parts): not taken out, with their centres over it and above it.
+
+        height: of the surface under each centre (n, parts), or the least that it may be [m].
+        """
         half = 0.5 * np.array([plate.length, plate.width])
         over = (np.abs(self.position[..., :2]) < half).all(axis=-1)
         if plate.outline is not None:
             over &= plate.outline.holds(np.nan_to_num(self.position[..., :2], nan=np.inf))
-        return np.asarray(self.present & over & (self.position[..., 2] > 0.0))
+        return np.asarray(self.present & over & (self.position[..., 2] > height))
 
     def row_at(self, time: float) -> int:
         """Index of the first frame at or after a time [s], or of the last one."""

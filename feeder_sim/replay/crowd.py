@@ -185,7 +185,7 @@ def _log_counts(
         cause: np.searchsorted(np.sort(removals.time[removals.cause == cause]), frames.time, side="right")
         for cause in Cause
     }
-    on_plate = frames.on_plate(plate)
+    on_plate = frames.on_plate(plate, -plate.trough)
     values = {
         "picked": removed[Cause.PICKED],
         "lost": removed[Cause.LOST],

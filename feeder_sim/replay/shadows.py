@@ -70,7 +70,7 @@ def log_shadows(
     """
     import rerun as rr
 
-    on_plate = frames.on_plate(plate)[:, members]
+    on_plate = frames.on_plate(plate, -plate.trough)[:, members]
     stream.log(f"shadows/{entity}", shadow_mesh(part), static=True)
     log_instances(stream, f"shadows/{entity}", frames, members, on_plate, times)
     position = frames.position[:, members] * MM

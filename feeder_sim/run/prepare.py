@@ -79,6 +79,7 @@ def doubts(scene: Scene) -> Iterator[str]:
     for (key, _), mode in zip(scene.scenario.excitations, scene.driven, strict=True):
         if mode.doubt:
             yield f"{key}: {mode.doubt}"
+    yield from _doubts_of_jumps(scene)
     if isinstance(plate, Strip) or (isinstance(plate, Rectangle) and plate.mode_file is None):
         material = resolve_material(plate.material or "aluminium")
         speed = largest_together(scene.times, scene.all_drives, speeds=True)
@@ -96,6 +97,24 @@ def doubts(scene: Scene) -> Iterator[str]:
             yield f"part[{i}]: is {1e3 * kind.longest:.3g} mm long, more than the plate's side, {1e3 * shorter:.3g} mm"
         if isinstance(spec, MeshPart):
             yield from _doubts_of_contact(spec, kind, i, crowd=len(scene.parts) > 1)
+
+
+def _doubts_of_jumps(scene: Scene) -> Iterator[str]:
+    """A line where drives without ring-up begin or end off zero, so that the surface jumps into or away from parts."""
+    times, jump = scene.surface.terms.jumps(scene.surface.n_shapes)
+    within = (times > 0.0) & (times < scene.times.duration - scene.frame_interval)
+    times, sizes = times[within], np.abs(jump[within]) @ scene.surface.extremes[0]
+    number = int((sizes > LARGEST_JUMP).sum())
+    if not number:
+        return
+    size, time = float(sizes.max()), float(times[sizes.argmax()])
+    stage = next((stage for stage in scene.times.stages if stage.start <= time <= stage.stop), None)
+    name = f'stage "{stage.name}" of cycle {stage.cycle}, ' if stage is not None and stage.name else ""
+    more = f", the largest of {number} jumps" if number > 1 else ""
+    yield (
+        f"ring_up: is false, and the surface jumps by up to {1e6 * size:.3g} um at {name}{time:.6g} s{more}: parts on "
+        "it may be stopped as too deep in the plate; ring_up = true, or a duration of whole half periods, avoids it"
+    )
 
 
 def _doubts_of_starts(scene: Scene) -> Iterator[str]:
@@ -144,6 +163,7 @@ def _doubts_of_contact(spec: MeshPart, kind: RigidPart, i: int, *, crowd: bool) 
 
 COMPLIANT_DEPTH = 0.37  # 1/e: largest depth of a critically damped contact, over speed times time constant
 THROUGH = 0.5  # of the thickness; a part that gets deeper into the plate may leave it on the lower side
+LARGEST_JUMP = 1e-6  # [m] of the surface; parts on a plate lie as deep in it by round-off of a step
 SHORT_RING_UP = 0.1  # of the time for which a drive acts; a shorter ring-up can be left out
 UNEVEN_WIDTH = 0.1  # of the antinode; a mode that varies more across the plate is not that of a strip
 FINE_STEPS = 40  # per period; more steps change the drift by a percent

@@ -26,7 +26,7 @@ from feeder_sim.records.trajectory_writer import TrajectoryWriter
 from feeder_sim.replay.replay import REPLAY, build_replay, remove_replays
 from feeder_sim.run.compilation import announced
 from feeder_sim.run.keep import AllFrames, Keep, check_kept
-from feeder_sim.run.prepare import prepare
+from feeder_sim.run.prepare import ignored_uncertainty, prepare
 from feeder_sim.run.provenance import check_inputs, check_libraries, input_hashes, library_versions
 from feeder_sim.run.recorder import Recorder
 from feeder_sim.run.simulation import Result, check_starts, run_ensemble
@@ -309,6 +309,10 @@ def _run_into(
             recorder.take(index, seed)
         writer.move_to(folder / TRAJECTORY)  # only now, when a kill leaves it readable and loses nothing
         remove_replays(folder)  # built from the file that was here before
+        if notify:
+            for caution in prepared.cautions:
+                if caution not in ignored_uncertainty(scenario):  # draws may follow, and the command says so
+                    notify(f"caution: {caution}")
         how: dict[str, Any] = {"progress": progress, "stop": stop, "notify": notify, "record": record, **runs}
         result = run_ensemble(prepared, recorder=recorder, ended=ended, wall_s_before=wall_s_before, **how)
     except BaseException:

@@ -16,10 +16,11 @@ from typing import Any
 
 import numpy as np
 
+from feeder_sim.document.words import split_unit
 from feeder_sim.engines.protocol import ENDED, new_interrupt
 from feeder_sim.errors import FeederSimError, SimulationDiverged
 from feeder_sim.measures.catalogue import Measured, measures_of
-from feeder_sim.measures.protocol import Measure, as_json
+from feeder_sim.measures.protocol import Measure, as_json, labelled
 from feeder_sim.records.seed import Counts, Seed, Status, endings
 from feeder_sim.records.trajectory import Frames
 from feeder_sim.run.compilation import announced, compilation_announced, compile_engine
@@ -112,7 +113,17 @@ class Result(Measured):
 
     def lines(self) -> list[str]:
         """What all measures find, in words."""
-        return [line for measure, found in self.findings for line in measure.lines(self.prepared, found)]
+        lines = [line for measure, found in self.findings for line in measure.lines(self.prepared, found)]
+        return lines + [labelled(split_unit(name)[0], f"no value: {why}") for name, why in self.without_value().items()]
+
+    def without_value(self) -> dict[str, str]:
+        """Values of measures that have no number, by name, each with the reason."""
+        reasons = {}
+        for measure, findings in self.findings:
+            counts = any(seed.status in measure.counts for seed in self.seeds)
+            for name, reason in measure.without_value(self.prepared, findings).items():
+                reasons[name] = reason if counts else "no seed ran to an end that counts"
+        return reasons
 
     def summary(self) -> dict[str, Any]:
         """Measures, cost and provenance as one JSON-ready dictionary."""
@@ -123,6 +134,7 @@ class Result(Measured):
             "seed": scenario.run.seed,
             "seeds": scenario.run.seeds,
             **self.measures(),
+            "without_value": self.without_value(),
             "simulated_s": simulated,
             "wall_s": self.wall_s,
             "real_time_factor": simulated / self.wall_s if self.wall_s > 0 else None,

@@ -162,8 +162,8 @@ def modes_of(plate: BendingPlate, drives: Excitations) -> ModeFile:
     while True:
         try:
             held = modes_of_plate(plate.as_file(step))
-        except NoModes:
-            held = None
+        except NoModes as error:
+            held, step = None, max(step, 0.6 * (error.first or 0.0))  # which is doubled below
         except InputError as error:
             key = error.key or "plate"
             raise InputError(error.problem, key=key if key.startswith("plate") else f"plate.{key}") from error

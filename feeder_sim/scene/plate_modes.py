@@ -24,11 +24,14 @@ from feeder_sim.scene.attachments import build_actuators, build_attachments, bui
 from feeder_sim.scene.outlines import outline_of
 
 Moved = TypeVar("Moved", ActuatorTable, Bar, Mass, Support, MeasuredResonance)
+HIGHEST_LOOKED_AT = 1e7  # [Hz], for the first mode of a plate that has none up to its highest frequency
 RESONANCE_MATCH = 0.02  # largest relative difference between a measured resonance and its computed mode
 
 
 class NoModes(InputError):
-    """A plate has no mode below the highest frequency that is asked for."""
+    """A plate has no mode below the highest frequency that is asked for; `first` is that of its first mode [Hz]."""
+
+    first: float | None = None
 
 
 def compute_modes(file: PlateFile) -> ModeFile:
@@ -54,9 +57,14 @@ def compute_modes(file: PlateFile) -> ModeFile:
     except ValueError as error:
         raise InputError(f"is {body.highest_frequency_hz:g}, {error}", key="plate.highest_frequency_hz") from error
     if not len(modes):
-        raise NoModes(
-            f"is {body.highest_frequency_hz:g}, below the first mode of the plate", key="plate.highest_frequency_hz"
+        first = _first_frequency(file, plate, outline, attachments)
+        where = "" if first is None else f", which is at {first:.1f} Hz"
+        error = NoModes(
+            f"is {body.highest_frequency_hz:g}, below the first mode of the plate{where}",
+            key="plate.highest_frequency_hz",
         )
+        error.first = first
+        raise error
     resonances = tuple(_matched(measured, i, modes) for i, measured in enumerate(file.resonance))
     for i, resonance in enumerate(resonances):
         same = [k for k in range(i) if resonances[k].mode == resonance.mode]
@@ -122,6 +130,24 @@ def _solved(
         attachments=attachments,
         supports=build_supports(file.support, outline),
     )
+
+
+def _first_frequency(
+    file: PlateFile, plate: RectangularPlate, outline: Outline, attachments: Sequence[Attachment]
+) -> float | None:
+    """That of the first mode [Hz], however high; None where it is not resolved."""
+    # A half wave along the longest side; most plates have their first mode up to twice that.
+    stiff, dense = plate.material.youngs_modulus, plate.material.density
+    speed = plate.thickness * math.sqrt(stiff / (12.0 * dense * (1.0 - plate.material.poisson_ratio**2)))
+    highest = max(file.plate.highest_frequency_hz, 0.5 * math.pi * speed / max(outline.size) ** 2)
+    with contextlib.suppress(ValueError):
+        while highest < HIGHEST_LOOKED_AT:
+            highest *= 2.0
+            body = file.plate.model_copy(update={"highest_frequency_hz": highest})
+            modes, _ = _solved(file.model_copy(update={"plate": body}), plate, outline, attachments)
+            if len(modes):
+                return float(modes.natural_frequency[0])
+    return None
 
 
 def far_resonances(held: ModeFile) -> Iterator[tuple[int, str]]:

@@ -39,7 +39,7 @@ def refill(scene: Scene, now: Frames, rng: np.random.Generator) -> tuple[NDArray
         now: one frame, after picks.
         rng: as of `hopper.generator`.
     """
-    number = wanted(scene, int(now.on_plate(scene.surface).sum()))
+    number = wanted(scene, int(scene.on_plate(now).sum()))
     return fill_in(scene, now, next_parts(scene, ~now.present[0], number, rng), rng)
 
 
@@ -47,10 +47,10 @@ def fill_in(
     scene: Scene, now: Frames, parts: NDArray[np.int64], rng: np.random.Generator
 ) -> tuple[NDArray[np.int64], list[Pose]]:
     """As `refill`, of parts (n,) that are chosen."""
-    start, there = scene.scenario.pour, now.present[0]
+    start = scene.scenario.pour
     if start is None or not len(parts):
         return np.empty(0, np.int64), []
-    poses = (_pour if isinstance(start, Heap) else _scatter)(scene, start, parts, now.position[0], there, rng)  # type: ignore[arg-type]
+    poses = (_pour if isinstance(start, Heap) else _scatter)(scene, start, parts, now, rng)  # type: ignore[arg-type]
     return parts[: len(poses)], poses
 
 
@@ -58,16 +58,17 @@ def _pour(
     scene: Scene,
     start: Heap,
     parts: NDArray[np.int64],
-    position: NDArray[np.float64],
-    there: NDArray[np.bool_],
+    now: Frames,
     rng: np.random.Generator,
 ) -> list[Pose]:
     """Poses in a column over the highest part under it, or over the plate; arguments as for `_scatter`."""
+    position, there = now.position[0], now.present[0]
     sizes = np.array([kind.size for kind in scene.kinds])[scene.kind_of]
     size = float(sizes[parts].max())
     away = np.hypot(*(position[there, :2] - 1e-3 * np.array(start.centre_mm)).T)
     under = away < np.maximum(0.5e-3 * start.diameter_mm, size) + sizes[there]
-    top = max([0.0, *(position[there, 2] + sizes[there])[under].tolist()])
+    plate = float(_heights(scene, 1e-3 * np.array([start.centre_mm]), now)[0])
+    top = max([0.0, plate, *(position[there, 2] + sizes[there])[under].tolist()])
     lift = np.array([0.0, 0.0, top + 1e-3 * start.drop_height_mm[0]])
     centres = column(start, size, len(parts), key="refill.start") + lift
     turned = [height_and_attitude(start, scene.kinds[scene.kind_of[part]], rng)[1] for part in parts]
@@ -78,8 +79,7 @@ def _scatter(
     scene: Scene,
     start: Scattered,
     parts: NDArray[np.int64],
-    position: NDArray[np.float64],
-    there: NDArray[np.bool_],
+    now: Frames,
     rng: np.random.Generator,
 ) -> list[Pose]:
     """Poses at random places away from all parts, up to the first part for which there is none.
@@ -88,13 +88,13 @@ def _scatter(
         scene: has the parts and the plate.
         start: where they are to come.
         parts: that are to come (n,).
-        position: of all parts (parts, 3) [m].
-        there: which of them are in the scene (parts,).
+        now: one frame of all parts.
         rng: draws.
     """
     placed = Spheres(max(kind.size for kind in scene.kinds))
-    for part in np.flatnonzero(there):
-        placed.add(position[part], scene.parts[part].size)
+    there = np.flatnonzero(now.present[0])
+    for part, height in zip(there, _heights(scene, now.position[0, there], now), strict=True):
+        placed.add(now.position[0, part] - [0.0, 0.0, height], scene.parts[part].size)
     poses: list[Pose] = []
     tries = [MAX_TRIES_OF_REFILL]
     for part in parts:
@@ -103,7 +103,12 @@ def _scatter(
         place = free_place(scene, start, kind, height, placed, rng, tries)
         if place is None:
             break
-        centre = np.array([*place, height])
-        placed.add(centre, kind.size)
-        poses.append(Pose(centre, quaternion, np.zeros(3)))
+        placed.add(np.array([*place, height]), kind.size)
+        lift = max(0.0, float(_heights(scene, place[None, :], now)[0]))
+        poses.append(Pose(np.array([*place, height + lift]), quaternion, np.zeros(3)))
     return poses
+
+
+def _heights(scene: Scene, places: NDArray[np.float64], now: Frames) -> NDArray[np.float64]:
+    """Height of the plate (n,) [m] under places (n, 2 or 3) [m] at the time of one frame: a tray may be anywhere."""
+    return scene.surface.heights(places[:, :2], np.repeat(now.time, len(places)))

@@ -17,6 +17,7 @@ from feeder_sim.part.rigid_part import RigidPart, outline
 from feeder_sim.part.stable_poses import NONE, PoseTable, stable_poses
 from feeder_sim.plate.drive import ModalDrive, silent_terms
 from feeder_sim.plate.surface import Surface
+from feeder_sim.records.trajectory import Frames
 from feeder_sim.scenario import GivenState, Scenario, Slide, Start, Tube, check_scenario
 from feeder_sim.scene.driven_mode import DrivenMode, free_modes
 from feeder_sim.scene.driven_plate import DrivenPlate, assemble_plate, motion_terms
@@ -177,6 +178,16 @@ class Scene:
     def frame_at(self, time: float) -> int:
         """Number of the first frame at or after a time [s], or of the last one."""
         return min(self.n_frames - 1, math.ceil(time / self.frame_interval - FRAME_AT))
+
+    def on_plate(self, frames: Frames) -> NDArray[np.bool_]:
+        """Which parts are on the plate (n, parts): in the scene, their centres over it and above where it is then."""
+        place, trough = frames.position, self.surface.trough
+        height = np.full(place.shape[:2], -trough)
+        near = frames.present & (np.abs(place[..., 2]) <= trough)
+        if near.any():
+            time = np.broadcast_to(frames.time[:, None], near.shape)[near]
+            height[near] = self.surface.heights(place[near][:, :2], time)
+        return frames.on_plate(self.surface, height)
 
     @property
     def rim(self) -> bool:

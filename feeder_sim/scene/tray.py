@@ -8,6 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from feeder_sim.constants import GRAVITY
 from feeder_sim.errors import InputError
 from feeder_sim.plate.drive import ModalDrive
 from feeder_sim.plate.mode_shapes import Rigid
@@ -19,7 +20,9 @@ from feeder_sim.scene.driven_mode import DrivenMode, Follower
 LARGEST_STROKE = 0.02  # [m]
 DAMPING_RATIO = 0.1  # the amplitude is there within 1 / 2 pi zeta = 1.6 periods, but for 1/e of it
 SAME_PERIOD = 0.01  # relative
-MOVES = 1e-6  # of the largest; a smaller part of a motion is round-off
+MOVES = 1e-6  # of the largest of a harmonic; a smaller part of it is round-off
+MISSED = 0.05  # of the acceleration of a table: what is left out is said if it is more
+NOTHING = 0.01  # [m/s^2]; and more than this
 AXES = np.eye(3)
 
 
@@ -72,7 +75,7 @@ def _check_stroke(amplitude: float, key: str) -> None:
 def _from_table(drive: Excitation, key: str, size: Sequence[float], arm: float) -> DrivenMode:
     """The harmonics of a table: one shape and drive for every direction of each."""
     assert drive.motion_file is not None
-    wave = read_waveform(read_text(drive.motion_file), drive.motion_file)
+    wave = read_waveform(read_text(drive.motion_file), drive.motion_file, arm)
     frequency = 1.0 / wave.period
     if abs(drive.frequency_hz / frequency - 1.0) > SAME_PERIOD:
         raise InputError(
@@ -83,7 +86,7 @@ def _from_table(drive: Excitation, key: str, size: Sequence[float], arm: float) 
     shapes = [Rigid(move=_three(axis), thickness=size[2]) for axis in AXES]
     shapes += [Rigid((0.0, 0.0, 0.0), _three(axis / arm), size[2]) for axis in AXES]
     coefficient = wave.coefficient * np.array([1.0, 1.0, 1.0, arm, arm, arm])
-    largest = np.abs(coefficient).max()
+    largest = np.abs(coefficient).max(initial=0.0)
     if largest == 0.0:
         raise InputError("moves nothing, allowed is a table with a motion in it", file=drive.motion_file)
     _check_stroke(largest, key)
@@ -92,26 +95,32 @@ def _from_table(drive: Excitation, key: str, size: Sequence[float], arm: float) 
             shapes[j],
             ModalDrive(
                 shape=0,
-                drive_frequency=(k + 1) * drive.frequency_hz,
-                natural_frequency=(k + 1) * drive.frequency_hz,
-                amplitude=float(abs(coefficient[k, j])),
-                phase=float(np.angle(1j * coefficient[k, j])) + (k + 1) * math.radians(drive.phase_deg),
+                drive_frequency=harmonic * drive.frequency_hz,
+                natural_frequency=harmonic * drive.frequency_hz,
+                amplitude=float(abs(coefficient[i, j])),
+                phase=float(np.angle(1j * coefficient[i, j])) + harmonic * math.radians(drive.phase_deg),
                 damping_ratio=_damping(drive),
             ),
         )
-        for k, j in np.argwhere(np.abs(coefficient) > MOVES * largest).tolist()
+        for i, harmonic in enumerate(wave.harmonic.tolist())
+        for j in np.flatnonzero(np.abs(coefficient[i]) > MOVES * np.abs(coefficient[i]).max())
     ]
     motions.sort(key=lambda motion: -motion.drive.amplitude)
-    doubt = ""
+    doubts = []
     if wave.residual > CLOSE:
-        doubt = f"{len(coefficient)} harmonics come within {wave.residual:.1%} of its table, which has corners"
+        doubts.append(f"{len(coefficient)} harmonics come within {wave.residual:.1%} of its table")
+    if wave.left_out > max(MISSED * wave.acceleration, NOTHING):
+        doubts.append(
+            f"{wave.left_out / GRAVITY:.3g} g of its table are left out, most of them at "
+            f"{wave.left_out_frequency:.4g} Hz, beside the {wave.acceleration / GRAVITY:.3g} g that it moves with"
+        )
     own = motions[0]
     return DrivenMode(
         f"tray, by {drive.motion_file.name}, {len(coefficient)} harmonics",
         own.shape,
         own.drive,
         followers=tuple(motions[1:]),
-        doubt=doubt,
+        doubt="; ".join(doubts),
     )
 
 

@@ -68,7 +68,7 @@ def test_every_part_comes_and_goes_as_recorded(result: Result) -> None:
             expected[seed.arrivals.part[np.abs(seed.arrivals.time - time) < 1e-9]] = True
             assert (present[frame] == expected).all()
         for frame, cycle in refill_frames(result.scene).items():
-            there = seed.frames[slice(frame, frame + 1)].on_plate(result.scene.surface)[0]
+            there = result.scene.on_plate(seed.frames[slice(frame, frame + 1)])[0]
             picked = parts_removed(
                 seed.removals, Cause.PICKED, start=seed.frames.time[frame - 1], end=seed.frames.time[frame]
             )

@@ -275,9 +275,9 @@ def test_on_the_plate_is_what_is_there_over_it_and_above_it(crowd: Scene) -> Non
     for place, expected in places_mm.items():
         frames = some_parts(crowd)
         frames.position[2:, 1] = 1e-3 * np.array(place)
-        found = frames.on_plate(crowd.surface)
+        found = crowd.on_plate(frames)
         assert found.shape == (5, 3)
         assert found[:2].all() and found[:, [0, 2]].all()
         assert (found[2:, 1] == expected).all(), place
         frames.present[3:, 1] = False
-        assert (frames.on_plate(crowd.surface)[2:, 1] == [expected, False, False]).all(), place
+        assert (crowd.on_plate(frames)[2:, 1] == [expected, False, False]).all(), place

@@ -13,7 +13,7 @@ from conftest import toml_of
 from feeder_sim.errors import InputError
 from feeder_sim.scenario import PlateFile, Scenario, load_plate_file, load_scenario
 from feeder_sim.scene import mode_cache
-from feeder_sim.scene.plate_modes import compute_modes
+from feeder_sim.scene.plate_modes import NoModes, compute_modes
 from feeder_sim.scene.scene import build_scene
 from feeder_sim.studies.sweep.design import with_frequencies
 
@@ -140,3 +140,14 @@ def test_what_no_plate_can_be_is_refused_with_its_key(change: Raw, expected: str
 def test_a_missing_plate_file_is_refused_in_python() -> None:
     with pytest.raises(InputError, match=r"nowhere\.toml"):
         Scenario.model_validate(SCENARIO | {"plate": {"kind": "plate", "file": "nowhere.toml"}})
+
+
+@pytest.mark.parametrize("shape", [{"outline": {"diameter_mm": 60.0}}, {"length_mm": 60.0, "width_mm": 50.0}])
+def test_a_plate_without_a_mode_that_low_says_where_its_first_one_is(shape: dict[str, Any]) -> None:
+    body = {"thickness_mm": 2.5, "damping_ratio": 0.002} | shape
+    with pytest.raises(
+        NoModes, match=r"is 1000, below the first mode of the plate, which is at (\d+\.\d) Hz"
+    ) as refusal:
+        compute_modes(PlateFile.model_validate({"plate": body | {"highest_frequency_hz": 1000.0}}))
+    first = compute_modes(PlateFile.model_validate({"plate": body | {"highest_frequency_hz": 5000.0}}))
+    assert refusal.value.first == pytest.approx(first.modes.natural_frequency[0], rel=1e-4)

@@ -167,7 +167,7 @@ def test_shadows_lie_flat_where_parts_are_over_the_plate(run: Path, recording: R
     frames = recording.seeds[0]
     scales = logged(run / "replay.rrd", "shadows/1", "InstancePoses3D:scales")
     timed = np.array([v for t, v in scales if t is not None])[..., 0]
-    assert (timed[: len(frames)] == frames.on_plate(recording.plate)[:, FEW:]).all() and not timed.all()
+    assert (timed[: len(frames)] == frames.on_plate(recording.plate, 0.0)[:, FEW:]).all() and not timed.all()
     matrix = np.array(logged(run / "replay.rrd", "shadows", "Transform3D:mat3x3")[0][1][0]).reshape(3, 3).T
     assert matrix @ [0.0, 0.0, 10.0] == pytest.approx([10.0 * LIGHT[0], 10.0 * LIGHT[1], 0.0], abs=0.01)
     assert matrix @ [1.0, 2.0, 0.0] == pytest.approx([1.0, 2.0, 0.0])

@@ -14,6 +14,7 @@ from conftest import toml_of
 from feeder_sim import simulate
 from feeder_sim.errors import InputError
 from feeder_sim.plate.waveform import read_waveform
+from feeder_sim.run.prepare import prepare
 from feeder_sim.scenario import Scenario
 from feeder_sim.scene.scene import Scene, build_scene
 
@@ -77,7 +78,7 @@ def test_a_table_moves_the_tray_as_its_harmonics_do(tmp_path: Path) -> None:
 def test_a_table_with_corners_is_said_to_be_off(tmp_path: Path) -> None:
     rows = "\n".join(f"{0.1 * i:.6g}, {100.0 * i:.6g}" for i in range(200))
     (tmp_path / "saw.csv").write_text("t_ms, x_um\n" + rows)
-    wave = read_waveform((tmp_path / "saw.csv").read_text(), tmp_path / "saw.csv")
+    wave = read_waveform((tmp_path / "saw.csv").read_text(), tmp_path / "saw.csv", 0.1)
     assert wave.period == pytest.approx(0.02) and len(wave.coefficient) == 40 and wave.residual > 0.05
     assert "40 harmonics come within" in scene_with({"motion_file": tmp_path / "saw.csv"}).driven[0].doubt
 
@@ -169,3 +170,123 @@ def test_conveying_speed_is_measured_along_the_stroke() -> None:
         _ = simulate(
             turned.changed({"plate.kind": "piston", "drive": [{"frequency_hz": 50.0, "amplitude_um": 1.0}]})
         ).conveying
+
+
+DISC: Raw = {"shape": "cylinder", "diameter_mm": 4.0, "height_mm": 0.2}
+SHAKEN: Raw = {"frequency_hz": 30.0, "stroke_um": 1000.0, "angle_deg": 25.0}
+
+
+def conveyed(**changes: Any) -> Any:
+    raw = TRAY | {"drive": [SHAKEN], "part": [DISC], "run": {"duration_s": 1.5, "seeds": 1}} | changes
+    return simulate(Scenario.model_validate(raw))
+
+
+def test_a_thin_part_on_a_strong_stroke_is_on_the_tray_where_the_tray_is() -> None:
+    thin, thick = (conveyed(part=[DISC | {"height_mm": height}]) for height in (0.2, 2.0))
+    speeds = [result.conveying.conveying_speed_mm_s for result in (thin, thick)]
+    assert [speed.n for speed in speeds] == [1, 1] and speeds[0].mean == pytest.approx(speeds[1].mean, rel=1e-2)
+    assert thin.without_value() == {} and 1.0 <= thin.scene.surface.trough / (1e-3 * math.sin(math.radians(25.0))) < 2.1
+
+
+def test_a_speed_without_a_value_says_why() -> None:
+    start = {"position_mm": [97.0, 0.0]}
+    result = conveyed(part=[DISC | {"start": start}], run={"duration_s": 0.8, "seeds": 1})
+    assert result.conveying.conveying_speed_mm_s.n == 0
+    assert "no part stayed on the tray" in result.summary()["without_value"]["conveying_speed_mm_s"]
+    assert any("no value: no part stayed on the tray" in line for line in result.lines())
+
+
+@pytest.mark.parametrize(
+    "drive",
+    [
+        {"stroke_um": 5000.0, "angle_deg": 90.0},
+        {"turn_mrad": 40.0, "axis": "x"},
+        {"stroke_um": 5000.0, "angle_deg": 60.0},
+    ],
+)
+def test_several_parts_follow_a_tray_that_swings_below_their_centres(drive: Raw) -> None:
+    boxes = {"shape": "box", "size_mm": [6.0, 6.0, 0.5], "count": 2}
+    start = {"kind": "scattered", "size_mm": [150.0, 80.0], "drop_height_mm": [0.02, 0.05], "tilt_deg": [0.0, 0.0]}
+    result = conveyed(
+        drive=[{"frequency_hz": 5.0} | drive], part=[boxes | {"start": start}], run={"duration_s": 1.0, "seeds": 1}
+    )
+    assert not result.failures
+    seed = result.seeds[0]
+    assert result.scene.on_plate(seed.frames).all()
+    last = seed.frames[slice(-200, None)]
+    height = [
+        result.scene.surface.heights(place[:, :2], np.full(2, t))
+        for place, t in zip(last.position, last.time, strict=True)
+    ]
+    over = last.position[..., 2] - np.array(height)
+    assert over.min() > 0.2e-3 and over.max() < 3e-3
+
+
+def test_a_path_ends_where_a_part_is_taken() -> None:
+    boxes = {"shape": "box", "size_mm": [8.0, 8.0, 2.0], "count": 2}
+    start = {"kind": "scattered", "centre_mm": [-60.0, 0.0], "size_mm": [60.0, 90.0], "drop_height_mm": [0.02, 0.05]}
+    stage = {"drive": [{"frequency_hz": 50.0, "stroke_um": 250.0, "angle_deg": 25.0}], "duration_s": 0.8}
+    plain = {"part": [boxes | {"start": start | {"tilt_deg": [0.0, 0.0]}}], "run": {"seeds": 1}, "drive": []}
+    picks = {"clearance_mm": 1.0}
+    speeds = [
+        conveyed(schedule={"cycles": 2, "stage": [stage | pick]}, **plain, **refill).conveying.conveying_speed_mm_s.mean
+        for pick, refill in (({}, {}), ({"pick": picks}, {"refill": {"to": 2}}))
+    ]
+    assert speeds[0] == pytest.approx(speeds[1], rel=0.05) and speeds[0] > 10.0
+
+
+def test_parts_go_round_a_tray_that_turns_as_it_rises() -> None:
+    rises = {"frequency_hz": 50.0, "stroke_um": 100.0, "angle_deg": 90.0}
+    turns = {"frequency_hz": 50.0, "turn_mrad": 5.0, "axis": "z"}
+    box = {"shape": "box", "size_mm": [6.0, 6.0, 2.0], "start": {"position_mm": [40.0, 0.0]}}
+    rates = [
+        conveyed(
+            part=[box], drive=[rises, turns | {"phase_deg": phase}]
+        ).circularconveying.circular_conveying_deg_s.mean
+        for phase in (0.0, 180.0)
+    ]
+    assert rates[0] == pytest.approx(-rates[1], rel=0.02) and rates[0] > 5.0
+    with pytest.raises(InputError):
+        _ = conveyed().circularconveying
+
+
+def table_of_z(path: Path, motions: dict[int, float], n: int = 2000, period_ms: float = 500.0) -> Path:
+    z = [sum(a * math.sin(2.0 * math.pi * k * i / n) for k, a in motions.items()) for i in range(n)]
+    path.write_text("t_ms, z_um\n" + "\n".join(f"{period_ms * i / n:.9g}, {value:.9g}" for i, value in enumerate(z)))
+    return path
+
+
+@pytest.mark.parametrize("fast", [45, 145, 600])
+def test_a_small_fast_motion_on_a_large_slow_one_is_followed(fast: int, tmp_path: Path) -> None:
+    """Its displacement is 0.4 % of the other, its acceleration at 90 Hz ten times as large."""
+    table = table_of_z(tmp_path / "motion.csv", {1: 9000.0, fast: 40.0})
+    wave = read_waveform(table.read_text(), table, 0.1)
+    assert wave.harmonic.tolist() == [1, fast]
+    np.testing.assert_allclose(np.abs(wave.coefficient[:, 2]), [9e-3, 40e-6], rtol=1e-6)
+    assert wave.left_out < 1e-3 * wave.acceleration
+
+
+def test_what_a_table_loses_is_said_before_the_run(tmp_path: Path) -> None:
+    table_of_z(tmp_path / "motion.csv", {1: 500.0} | dict.fromkeys(range(50, 1000, 2), 1.0))
+    raw = TRAY | {
+        "drive": [{"frequency_hz": 2.0, "motion_file": "motion.csv"}],
+        "run": {"duration_s": 0.02, "seeds": 1},
+    }
+    (tmp_path / "scene.toml").write_text(toml_of(raw))
+    result = feeder_sim("run", tmp_path / "scene.toml", "--out", tmp_path / "run")
+    assert (
+        result.returncode == 0
+        and "caution: drive[0]: " in result.stderr
+        and " g of its table are left out" in result.stderr
+    )
+    assert "at 1996 Hz" in result.stderr and "corners" not in result.stderr
+
+
+def test_a_surface_that_jumps_is_said_with_stage_and_size() -> None:
+    stage = {"name": "lift", "drive": [SHAKEN | {"ring_up": False, "phase_deg": 180.0}], "duration_s": 0.505}
+    raw = TRAY | {"drive": [], "schedule": {"cycles": 2, "stage": [stage]}, "run": {"seeds": 1}}
+    (line,) = [line for line in prepare(Scenario.model_validate(raw)).cautions if "jumps" in line]
+    size = 1000.0 * math.sin(math.radians(25.0)) * abs(math.sin(2.0 * math.pi * 30.0 * 0.505))
+    assert f"jumps by up to {size:.3g} um" in line and 'stage "lift" of cycle' in line
+    even = raw | {"schedule": {"cycles": 2, "stage": [stage | {"duration_s": 0.5}]}}
+    assert not any("jumps" in line for line in prepare(Scenario.model_validate(even)).cautions)

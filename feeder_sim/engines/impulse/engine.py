@@ -187,7 +187,7 @@ class ImpulseEngine(PartsEngine):
         """End the window under way at the last frame: what happens there acts on the parts from then on."""
         now = self._frame * self._scene.frame_interval
         if self._alone:
-            self._clock[:] = now, 0.0, now
+            self._clock[:] = now, 0.0, now, now
             for name, columns in COLUMNS.items():
                 self._parts[name][0] = self._row[0, columns].reshape(self._parts[name][0].shape)
             self._parts["clock"] = now

@@ -41,7 +41,7 @@ class PartsEngine:
         self._parts = self._start(rng)
         self._frame = 0
         self._row = self._first_row(self._parts[: self._n])  # the state at the last frame
-        self._clock = np.zeros(3)  # of a single part: see `advance_alone`
+        self._clock = np.zeros(4)  # of a single part: see `advance` of its loop
 
     def _start(self, rng: np.random.Generator) -> NDArray[np.void]:
         """Parts as they start, then the walls of a rim."""

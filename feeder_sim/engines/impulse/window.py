@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import cmath
 import math
 
 import numpy as np
@@ -9,7 +10,7 @@ import numpy as np
 from feeder_sim.constants import GRAVITY
 from feeder_sim.engines.impulse.state import Bounds
 from feeder_sim.engines.surface_arrays import SurfaceArrays
-from feeder_sim.machine_code import compiled
+from feeder_sim.machine_code import compiled, inlined
 
 BEAT = 1e-4  # relative; damping alone shifts the frequency of the transient by a hundredth of this
 COVERED = 5e-5  # [m]; what a surface may cover in such a longer step: a corner far below it counts as beside the plate
@@ -22,35 +23,65 @@ SAG = 1e-7  # [m]; how far a surface that is no longer driven may move relative 
 
 @compiled
 def acting_terms(surface, start, stop):
-    """The surface with those terms alone that act between two times [s] and have not died out."""
-    n = 0
-    chosen = np.empty(surface.term_shape.shape[0], np.int64)
-    for k in range(surface.term_shape.shape[0]):
-        if surface.term_start[k] < stop and surface.term_stop[k] >= start:
-            age = max(start - surface.term_start[k], 0.0)
-            if abs(surface.coefficient[k]) * math.exp(surface.rate[k].real * age) > FAINT:
-                chosen[n] = k
-                n += 1
-    shape, begin, end = np.empty(n, np.int64), np.empty(n), np.empty(n)
-    coefficient, rate = np.empty(n, np.complex128), np.empty(n, np.complex128)
-    for k in range(n):
-        term = chosen[k]
-        shape[k], begin[k], end[k] = surface.term_shape[term], surface.term_start[term], surface.term_stop[term]
-        coefficient[k], rate[k] = surface.coefficient[term], surface.rate[term]
+    """The surface with those terms alone that act between two times [s] and have not died out.
+
+    Terms of one shape and rate that act all the time become one: what rings on after many short stages are many terms.
+    """
+    n, most = 0, surface.term_shape.shape[0]
+    shape, begin, end = np.empty(most, np.int64), np.empty(most), np.empty(most)
+    coefficient, rate = np.empty(most, np.complex128), np.empty(most, np.complex128)
+    for k in range(most):
+        if surface.term_start[k] >= stop or surface.term_stop[k] < start:
+            continue
+        if _size_at(surface, k, max(start, surface.term_start[k])) <= FAINT:
+            continue
+        own, at = surface.coefficient[k], n
+        if surface.term_start[k] <= start and surface.term_stop[k] >= stop:
+            for j in range(n):
+                same = shape[j] == surface.term_shape[k] and rate[j] == surface.rate[k]
+                if same and begin[j] <= start and end[j] >= stop:
+                    at = j
+        shape[at], rate[at] = surface.term_shape[k], surface.rate[k]
+        if at == n:
+            begin[at], end[at], coefficient[at] = surface.term_start[k], surface.term_stop[k], own
+            n += 1
+            continue
+        later = max(begin[at], surface.term_start[k])
+        coefficient[at] = coefficient[at] * cmath.exp(rate[at] * (later - begin[at]))
+        coefficient[at] += own * cmath.exp(rate[at] * (later - surface.term_start[k]))
+        begin[at], end[at] = later, min(end[at], surface.term_stop[k])
     return SurfaceArrays(
         surface.grid_x,
         surface.grid_y,
         surface.table,
-        shape,
-        begin,
-        end,
-        coefficient,
-        rate,
+        shape[:n].copy(),
+        begin[:n].copy(),
+        end[:n].copy(),
+        coefficient[:n].copy(),
+        rate[:n].copy(),
         surface.half_thickness,
         surface.in_plane,
         surface.tangent,
         surface.outline,
     )
+
+
+@inlined
+def _size_at(surface, k, t):
+    """Modulus of a term at a time [s] [m]."""
+    return abs(surface.coefficient[k]) * math.exp(surface.rate[k].real * (t - surface.term_start[k]))
+
+
+@compiled
+def next_change(surface, t, end):
+    """When a term that has not died out begins or ends next, up to a time [s]."""
+    for k in range(surface.term_shape.shape[0]):
+        start, stop = surface.term_start[k], surface.term_stop[k]
+        if t < start < end and abs(surface.coefficient[k]) > FAINT:
+            end = start
+        elif t < stop < end and start < stop and _size_at(surface, k, stop) > FAINT:
+            end = stop
+    return end
 
 
 @compiled

@@ -125,7 +125,7 @@ def element_modes(
         nodes=np.ascontiguousarray(basis.doflocs.T),
         fields=fields,
     )
-    scale = _scale(modes, outline)
+    scale = _scale(modes, outline) if len(squared) else np.ones(0)
     loss = 0.5 * np.array(losses) @ shares if springs else np.zeros(len(squared))
     return replace(modes, modal_mass=scale**2, fields=fields * scale[:, None, None]), loss
 

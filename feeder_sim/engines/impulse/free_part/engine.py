@@ -68,7 +68,7 @@ class FreePartEngine(PartsEngine):
     def _begin_window_now(self) -> None:
         """What happens at the last frame acts on the part from then on."""
         now = self._frame * self._scene.frame_interval
-        self._clock[:] = now, 0.0, now
+        self._clock[:] = now, 0.0, now, now
         for name, columns in COLUMNS.items():
             self._part[name][0] = self._row[0, columns].reshape(self._part[name][0].shape)
         self._part["clock"], self._part["phase"], self._part["held"] = now, FREE, 0

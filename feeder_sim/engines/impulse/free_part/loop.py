@@ -16,12 +16,12 @@ from feeder_sim.engines.impulse.free_part.state import PART, Exactness, Plate, R
 from feeder_sim.engines.impulse.free_part.step import step
 from feeder_sim.engines.impulse.free_part.window import bound
 from feeder_sim.engines.impulse.state import ABSENT, ASLEEP, AWAKE, Kinds
-from feeder_sim.engines.impulse.window import acting_terms
+from feeder_sim.engines.impulse.window import acting_terms, next_change
 from feeder_sim.engines.protocol import ENDED, WHOLE
 from feeder_sim.engines.surface_arrays import SurfaceArrays
 from feeder_sim.machine_code import compiled, entry_point, uncounted
 
-ORIGIN, NUMBER, DUE = range(3)  # of the clock
+ORIGIN, NUMBER, DUE, BEGIN = range(4)  # of the clock
 
 
 class Drive(NamedTuple):
@@ -49,7 +49,8 @@ class FreePart(NamedTuple):
 def advance(free, drive, clock, frames):
     """Advance the part past the times of frames, and write its state at each.
 
-    clock: time from which windows count, number of the window under way, and when the part is to be looked at next.
+    clock: time from which windows count, number of the window under way, when the part is to be looked at next, and
+    when the stretch of the window under way began: windows are divided where the drive changes.
     """
     advance_free_part(free, drive, clock, frames)
 
@@ -61,7 +62,8 @@ def advance_free_part(free, drive, clock, frames):
     part, surface = free.parts[0], drive.surface
     seen, frame = np.empty(1, PART), 0
     while True:
-        start, end = clock[ORIGIN] + clock[NUMBER] * drive.window, clock[ORIGIN] + (clock[NUMBER] + 1.0) * drive.window
+        start, whole = clock[BEGIN], clock[ORIGIN] + (clock[NUMBER] + 1.0) * drive.window
+        end = next_change(surface, start, whole)
         acting = acting_terms(surface, start, end)
         bounds = bound(acting, drive.extremes, start, end, drive.exact)
         if clock[DUE] == start:
@@ -70,8 +72,8 @@ def advance_free_part(free, drive, clock, frames):
         frame = _through_window(frame, free, Plate(borrow(acting), borrow(bounds), free.wall), clock, frames, seen)
         if frame == frames.time.shape[0] or frames.interrupt[ENDED] != 0:
             return
-        clock[NUMBER] += 1.0
-        clock[DUE] = end
+        clock[NUMBER] += 1.0 if end == whole else 0.0
+        clock[DUE] = clock[BEGIN] = end
 
 
 @compiled
