@@ -34,6 +34,7 @@ NUTS = ("M2", "M2.5", "M3", "M4", "M5")
 MESHES = ("bracket", "screw")
 STALL_AFTER = 20.0  # [s] of wall time for a frame
 SLOWEST = 20.0  # [s] of wall time per simulated second
+SLOWEST_STAGES = 5.0  # the same, of a schedule
 GAINED = 1e-7  # [m] of height, of energy on a plate at rest
 
 
@@ -80,7 +81,7 @@ def scene(kind: str, seed: int) -> Raw:
         "contact": contact,
         "run": {"seeds": 1, "frames_per_second": 1000.0} | run,
     }
-    return raw | ({"drive": drive} if drive else {})
+    return raw | ({"schedule" if isinstance(drive, dict) else "drive": drive} if drive else {})
 
 
 def judged(kind: str, seed: int) -> Finding | None:
@@ -101,16 +102,16 @@ def looked_at(raw: Raw, name: str, more: Callable[[Scene, Frames], list[str]] = 
     except InputError:
         return None
     seed_result, faults = result.seeds[0], [failure.cause for failure in result.failures]
-    wall_s = seed_result.wall_s / raw["run"]["duration_s"]
+    wall_s = seed_result.wall_s / result.scene.times.duration
     frames = seed_result.frames
     there = frames[slice(int(np.count_nonzero(frames.present[:, 0])))]
     if not all(np.isfinite(values).all() for values in (there.position, there.velocity, there.angular_velocity)):
         faults.append("a state is not finite")
-    at_rest = not any(drive.get("amplitude_um", 1.0) for drive in raw.get("drive", ()))
+    at_rest = "schedule" not in raw and not any(drive.get("amplitude_um", 1.0) for drive in raw.get("drive", ()))
     gain = growth(result.scene, there) if at_rest else 0.0
     if gain > GAINED:
         faults.append(f"energy grows by {1e6 * gain:.3g} um m g")
-    if wall_s > SLOWEST:
+    if wall_s > (SLOWEST_STAGES if "schedule" in raw else SLOWEST):
         faults.append(f"takes {wall_s:.3g} s per simulated second")
     faults += more(result.scene, there)
     return Finding(raw, tuple(faults), wall_s, seed_result.counts, gain)
@@ -148,7 +149,7 @@ def cylinder(rng: Rng) -> Raw:
     }
 
 
-Made = tuple[Raw, list[Raw], Raw, Raw]  # plate, drives, place and velocity, run
+Made = tuple[Raw, list[Raw] | Raw, Raw, Raw]  # plate, drives or schedule, place and velocity, run
 
 
 def _still(rng: Rng) -> Made:
@@ -218,6 +219,21 @@ def _plate(rng: Rng) -> Made:
     where = {"position_mm": [float(x), float(y), 10.0], "velocity_mm_s": [float(rng.uniform(-50.0, 50.0)), 0.0, -50.0]}
     plate = {"kind": "rectangle", "mode_file": str(MODELS / "plate_180/modes.h5")}
     return plate, [{"frequency_hz": hz, "amplitude_um": amplitude}], where, {"duration_s": 0.4}
+
+
+def _stages(rng: Rng) -> Made:
+    """Stages of 0.2 ms to 1 s, one after the other, of a piston or a plate, with and without pauses and ring-up."""
+    one = _piston if rng.random() < 0.5 else _plate
+    plate, _, where, _ = one(rng)
+    stages = []
+    longest = float(10.0 ** rng.uniform(-3.0, 0.0))
+    for _ in range(int(rng.integers(1, 6))):
+        duration = float(np.exp(rng.uniform(np.log(2e-4), np.log(longest))))
+        pause = float(rng.choice([0.0, rng.uniform(0.0, 0.5) * duration]))
+        drive = one(rng)[1][0] | {"ring_up": bool(rng.random() < 0.8)}
+        stages.append({"drive": [drive], "duration_s": duration, "pause_s": pause})
+    whole = sum(stage["duration_s"] + stage["pause_s"] for stage in stages)
+    return plate, {"cycles": max(1, min(1000, round(0.4 / whole))), "stage": stages}, where, {}
 
 
 def _strip(rng: Rng) -> Made:
@@ -316,6 +332,7 @@ KINDS: dict[str, Callable[[Rng], Made]] = {
     "piston": _piston,
     "low": _low,
     "switch": _switch,
+    "stages": _stages,
     "balls": _piston,
     "plate": _plate,
     "strip": _strip,
