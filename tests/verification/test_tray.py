@@ -2,8 +2,13 @@
 
 from __future__ import annotations
 
+import itertools
+
 import pytest
 from tray_theory import CASES, INCLINED, QUICK, Case, speed_in_engine, speed_of_point
+
+from feeder_sim import simulate
+from feeder_sim.scenario import Scenario
 
 WITHIN = 0.002
 IN_STEPS = 0.05
@@ -37,3 +42,25 @@ def test_blocks_travel_as_points_do_in_every_gait() -> None:
 def test_blocks_side_by_side_travel_as_points_do_within_their_step() -> None:
     off = {str(case): deviation(case, count=2, duration=3, seeds=1) for case in CASES[:6]}
     assert max(map(abs, off.values())) < IN_STEPS, off
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("count", [1, 2])
+def test_parts_of_any_thickness_on_any_stroke_have_a_speed_or_a_reason(count: int) -> None:
+    for thickness, stroke, frequency in itertools.product((0.05, 0.2, 1.0, 10.0), (10, 100, 500, 2000), (20, 60, 200)):
+        start: dict[str, object] = {"position_mm": [-150.0, 0.0], "drop_height_mm": [0.01, 0.02]}
+        if count > 1:
+            start = {"kind": "scattered", "centre_mm": [-100.0, 0.0], "size_mm": [60.0, 60.0], "tilt_deg": [0.0, 0.0]}
+            start["drop_height_mm"] = [0.01, 0.02]
+        part = {"shape": "box", "size_mm": [8.0, 8.0, thickness], "count": count, "start": start}
+        raw = {
+            "plate": {"kind": "tray", "length_mm": 400.0, "width_mm": 100.0},
+            "drive": [{"frequency_hz": float(frequency), "stroke_um": float(stroke), "angle_deg": 25.0}],
+            "part": [part],
+            "run": {"duration_s": 1.2, "seeds": 1},
+        }
+        result = simulate(Scenario.model_validate(raw))
+        case = (thickness, stroke, frequency)
+        assert not result.failures, (case, result.failures)
+        missing = result.without_value().get("conveying_speed_mm_s")
+        assert (result.conveying.conveying_speed_mm_s.n == 1) == (missing is None), case
