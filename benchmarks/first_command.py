@@ -2,8 +2,8 @@
 
     python benchmarks/first_command.py [--ways pip,uv,uv-bytecode] [--rounds 1]
 
-Prints wall time and processor time [s] of every part, way by way: environment, installer, installation, first run, which
-compiles, and second run. What is downloaded is downloaded anew. Versions are those of `.ci/constraints.txt`.
+Prints wall time and processor time [s] of every part, way by way: environment, installer, installation, first run,
+which compiles, and second run. All is downloaded anew. Versions are those of `.ci/constraints.txt`.
 """
 
 from __future__ import annotations

@@ -111,14 +111,17 @@ class Bounds(NamedTuple):
     """What the surface can do at most within a window of time.
 
     end: of the window [s]; crest: height [m]; slope: steepest [1]; acceleration: of every mode shape at its antinode
-    [m/s^2]; speed: of any point [m/s]; step: the shortest flight [s] that is followed, and rest_step that of a part
-    that hardly moves; calm: parts may fall asleep.
+    [m/s^2]; amplitude: the same [m]; rate: by which derivatives grow, see `bound_window` [rad/s]; speed: of any point
+    [m/s]; step: the shortest flight [s] that is followed, and rest_step that of a part that hardly moves; calm: parts
+    may fall asleep.
     """
 
     end: float
     crest: float
     slope: float
     acceleration: NDArray[np.float64]
+    amplitude: NDArray[np.float64]
+    rate: float
     speed: float
     step: float
     rest_step: float

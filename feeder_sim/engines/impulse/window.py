@@ -100,35 +100,43 @@ def bound_window(acting, extremes, start, stop, step, top):
     step [s] belongs to the fastest of all terms, of the rate `top` [rad/s]; while only much slower ones act, steps are
     as much longer. Terms of one mode and one frequency add up as phasors (a ring-up begins at nothing), others as
     moduli (they beat).
+
+    The rate [rad/s] with which a derivative of the motion bounds the next ones, from the acceleration on, is that of
+    the terms where all of a shape are as fast; else sqrt(S / A), S and A the sums of a w^4 and a w^2 over its terms:
+    by Cauchy and Schwarz the jerk is no more than A times that.
     """
     now, own_step = fastest_rate(acting), step
     if now > 0.0 and top > MUCH_FASTER * now:
         step *= top / now
     antinode, steepest = extremes[0], extremes[1]
     n_shapes = antinode.shape[0]
-    acceleration = np.zeros(n_shapes)
-    crest = slope = speed = together = 0.0
+    acceleration, amplitude = np.zeros(n_shapes), np.zeros(n_shapes)
+    crest = slope = speed = together = rate = 0.0
     driven = False
     for k in range(acting.term_shape.shape[0]):
         driven = driven or (acting.rate[k].real == 0.0 and acting.coefficient[k] != 0.0)
     for shape in range(n_shapes):
-        envelope, fastest = 0.0, 0.0
+        snap, own, groups = 0.0, 0.0, 0
         for k in range(acting.term_shape.shape[0]):
-            if acting.term_shape[k] == shape:
-                fastest = max(fastest, abs(acting.rate[k].imag))
-                if not _seen_before(acting, k):
-                    envelope += max(_modulus(acting, k, start, stop, False), _modulus(acting, k, start, stop, True))
-        envelope *= ALLOWANCE
-        acceleration[shape] = envelope * fastest * fastest
-        crest += envelope * antinode[shape]
-        slope += envelope * steepest[shape]
-        speed += envelope * fastest * antinode[shape]
+            if acting.term_shape[k] != shape or _seen_before(acting, k):
+                continue
+            own = _fastest_together(acting, k)
+            size = max(_modulus(acting, k, start, stop, False), _modulus(acting, k, start, stop, True)) * ALLOWANCE
+            amplitude[shape] += size
+            acceleration[shape] += size * own * own
+            speed += size * own * antinode[shape]
+            snap += size * own * own * own * own
+            groups += 1
+        crest += amplitude[shape] * antinode[shape]
+        slope += amplitude[shape] * steepest[shape]
         together += acceleration[shape] * antinode[shape]
+        if acceleration[shape] > 0.0:
+            rate = max(rate, own if groups == 1 else math.sqrt(snap / acceleration[shape]))
     if step > own_step and speed * step > COVERED:
         step = max(own_step, COVERED / speed)
     rest_step = step if driven else max(step, math.sqrt(2.0 * SAG / (GRAVITY + together)))
     calm = not driven and speed <= CALM[0] and crest <= CALM[1]
-    return Bounds(stop, crest, slope, acceleration, speed, step, rest_step, calm)
+    return Bounds(stop, crest, slope, acceleration, amplitude, rate, speed, step, rest_step, calm)
 
 
 @compiled
@@ -136,6 +144,16 @@ def _together(acting, k, j):
     return acting.term_shape[j] == acting.term_shape[k] and abs(
         acting.rate[j].imag - acting.rate[k].imag
     ) <= BEAT * abs(acting.rate[k].imag)
+
+
+@compiled
+def _fastest_together(acting, k):
+    """The fastest rate of the terms that add up with term k [rad/s]."""
+    fastest = 0.0
+    for j in range(acting.term_shape.shape[0]):
+        if _together(acting, k, j):
+            fastest = max(fastest, abs(acting.rate[j].imag))
+    return fastest
 
 
 @compiled

@@ -40,7 +40,7 @@ def chatter_time(push, twist, bounds):
 
     push: the largest of the surface [m/s^2]; twist: see `Unsure`.
     """
-    jerk, longest = push * bounds.fastest + twist, LONGEST_CHATTER
+    jerk, longest = push * bounds.rate + twist, LONGEST_CHATTER
     if 6.0 * bounds.exact.tolerance < jerk * longest * longest * longest:
         return np.cbrt(6.0 * bounds.exact.tolerance / jerk)
     return longest

@@ -50,7 +50,7 @@ class Unsure(NamedTuple):
 def unsure_of(part, kind, bounds, turning):
     v = part.velocity
     sideways = math.sqrt(v[0] * v[0] + v[1] * v[1]) + turning.speed
-    slack, curving = 2.0 * bounds.slope * bounds.fastest * sideways, 0.5 * bounds.curvature * sideways * sideways
+    slack, curving = 2.0 * bounds.slope * bounds.rate * sideways, 0.5 * bounds.curvature * sideways * sideways
     twist = twist_of(kind, turning)
     return Unsure(slack, twist, WILD * twist * turning.speed / kind.reach if twist > 0.0 else 0.0, curving)
 
@@ -93,7 +93,7 @@ def polynomial_leap(gap, motion, snap, stride, nearly):
 def shortest_leap(part, bounds, turning):
     """A leap that covers no more than a quarter of a touch [s]: nothing is entered by it."""
     fastest = math.sqrt(dot(part.velocity, part.velocity)) + turning.speed + bounds.speed
-    return leap(0.25 * bounds.exact.touch, -fastest, GRAVITY + turning.acceleration + bounds.speed * bounds.fastest)
+    return leap(0.25 * bounds.exact.touch, -fastest, GRAVITY + turning.acceleration + bounds.speed * bounds.rate)
 
 
 @uncounted
@@ -115,7 +115,7 @@ def first_contact(n, limit, plate, t, unsure, work):
             continue
         point.safe = 0.0
         point.inside = max((2.0 if point.rate >= -LEFT else 1.5) * half - point.gap, 0.0)
-        soon = plate.bounds.fastest * (point.gap + point.inside) + point.rate
+        soon = plate.bounds.rate * (point.gap + point.inside) + point.rate
         if soon < lowest:
             first, lowest = i, soon
     for _ in range(MAX_LEAPS):
@@ -140,13 +140,13 @@ def first_contact(n, limit, plate, t, unsure, work):
 def _safe_leap(i, far, enough, bounds, unsure, work):
     """Time [s] from `far` [s] on for which point i cannot touch, `enough` if it can be; and whether it touches then."""
     point = work.point[i]
-    nearly, phase, per_fastest = 0.5 * NEARLY * bounds.exact.touch, bounds.fastest * far, 1.0 / bounds.fastest
+    nearly, phase, per_fastest = 0.5 * NEARLY * bounds.exact.touch, bounds.rate * far, 1.0 / bounds.rate
     gap, rate, closing, change = _expected(i, far, bounds, unsure, work)
     if gap <= nearly:
         return 0.0, True
     # The plate pushes more, or less, where the point has come to after that phase of its motion.
     push = point.most_push + unsure.slack * (2.0 + 0.5 * (phase + LONGEST))
-    snap = (push * bounds.fastest + point.unsure) * bounds.fastest + unsure.wild + point.wild
+    snap = (push * bounds.rate + point.unsure) * bounds.rate + unsure.wild + point.wild
     change += point.unsure
     longest = LONGEST * per_fastest
     if enough < longest:
@@ -171,13 +171,13 @@ def _expected(i, far, bounds, unsure, work):
     if gap > 2.0 * half:
         point.inside = 0.0
     more, wild = far * point.unsure, far * far * (unsure.wild + point.wild)
-    phase, bent, slip = bounds.fastest * far, 0.0, 0.0
+    phase, bent, slip = bounds.rate * far, 0.0, 0.0
     if point.sort <= ON_CIRCLE:
         bent = unsure.curving
         if point.sort == ON_CIRCLE:  # slides
             bent = 2.0 * bent + bounds.curvature * dot(point.swing, point.swing)
     elif point.sort == AT_EDGE:  # the place on the edge moves along it
-        slip, more = unsure.slack / bounds.fastest, more + unsure.slack
+        slip, more = unsure.slack / bounds.rate, more + unsure.slack
     margin = far * (slip + far * (SIXTH * (more + 0.25 * wild) + bent))
     rate -= slip + far * (0.5 * more + SIXTH * wild + bent * (2.0 + phase))
     closing += more + 0.5 * wild + bent * (2.0 + phase * (4.0 + phase))

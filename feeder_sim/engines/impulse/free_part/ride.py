@@ -249,8 +249,7 @@ def _bends(part, n, under, bounds, work):
         bent = 0.0
         for s in range(under.shape[0]):
             plane = under[s, HEIGHT] + under[s, SLOPE_X] * point.arm[0] + under[s, SLOPE_Y] * point.arm[1]
-            amplitude = bounds.acceleration[s] / (bounds.fastest * bounds.fastest)
-            bent += 2.0 * amplitude * abs(work.under[i, s, HEIGHT] - plane)
+            bent += 2.0 * bounds.amplitude[s] * abs(work.under[i, s, HEIGHT] - plane)
         found = found or bent > BENDS * bounds.exact.tolerance
     return found
 

@@ -105,8 +105,8 @@ class Bounds(NamedTuple):
     """What the surface can do at most within a window of time.
 
     end: of the window [s]; crest: height [m]; slope: steepest [1]; curvature: largest [1/m]; acceleration: of every
-    mode shape at its antinode [m/s^2]; speed: of any point [m/s]; fastest: rate of any term [rad/s]; calm: the part may
-    come to rest.
+    mode shape at its antinode [m/s^2]; amplitude: the same [m]; speed: of any point [m/s]; rate: by which derivatives
+    grow, see `bound_window`, and fastest, that of any term [rad/s]; calm: the part may come to rest.
     """
 
     end: float
@@ -114,7 +114,9 @@ class Bounds(NamedTuple):
     slope: float
     curvature: float
     acceleration: NDArray[np.float64]
+    amplitude: NDArray[np.float64]
     speed: float
+    rate: float
     fastest: float
     calm: bool
     exact: Exactness

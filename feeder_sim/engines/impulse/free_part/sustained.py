@@ -134,7 +134,7 @@ def _time_of_forces(part, kind, bounds, now, work):
     if not may_stay:
         return 0.0, 0.0
     # A plate that only moves sideways has no push, and yet slip comes and goes within a period.
-    most, longest = 0.0, min(LONGEST, SWAYS / bounds.fastest)
+    most, longest = 0.0, min(LONGEST, SWAYS / bounds.rate)
     for i in range(now.n):
         point = work.point[i]
         if touches(point, close):
@@ -159,7 +159,7 @@ def _time_of_change(push, longest, bounds):
 
     Of a motion whose fourth derivative is S, a cubic with the right speeds at both ends misses S T^4 / 384 at most.
     """
-    snap = push * bounds.fastest * bounds.fastest
+    snap = push * bounds.rate * bounds.rate
     if 384.0 * bounds.exact.tolerance < snap * longest * longest * longest * longest:
         return math.sqrt(math.sqrt(384.0 * bounds.exact.tolerance / snap))
     return longest
@@ -175,7 +175,7 @@ def _last_lift(bounds, now, chatter, work):
             continue
         root, closing, change = math.inf, point.closing + now.unsure.curving, point.closing_rate
         if point.most_push > 0.0 and change < 0.0:
-            bend = -0.5 * bounds.fastest * bounds.fastest * point.push
+            bend = -0.5 * bounds.rate * bounds.rate * point.push
             inside = change * change - 4.0 * bend * closing
             if inside >= 0.0:
                 root = 2.0 * closing / (math.sqrt(inside) - change)

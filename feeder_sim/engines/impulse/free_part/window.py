@@ -13,12 +13,22 @@ SLOWEST = 1.0  # [rad/s]; the rate of a surface that does not move
 def bound(acting, extremes, start, stop, exact):
     """Bounds between two times [s] of a surface of which the acting terms are known; extremes: as in `Surface`."""
     found = bound_window(acting, extremes, start, stop, 1.0, 0.0)
-    fastest = max(fastest_rate(acting), SLOWEST)
+    fastest, rate = max(fastest_rate(acting), SLOWEST), max(found.rate, SLOWEST)
     bent = 0.0  # most, of all shapes that act, by the height
     for s in range(found.acceleration.shape[0]):
         if found.acceleration[s] > 0.0 and extremes[0, s] > 0.0:
             bent = max(bent, extremes[2, s] / extremes[0, s])
     curvature = bent * found.crest
     return Bounds(
-        stop, found.crest, found.slope, curvature, found.acceleration, found.speed, fastest, found.calm, exact
+        stop,
+        found.crest,
+        found.slope,
+        curvature,
+        found.acceleration,
+        found.amplitude,
+        found.speed,
+        rate,
+        fastest,
+        found.calm,
+        exact,
     )

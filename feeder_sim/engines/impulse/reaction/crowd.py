@@ -132,7 +132,7 @@ def _bounds(acting, start, end, limits):
     rest_step = now.rest_step
     if rest_step > now.step:  # nothing drives it
         rest_step = max(now.step, math.sqrt(2.0 * SAG / (GRAVITY + most)))
-    return Bounds(end, crest, slope, now.acceleration, speed, now.step, rest_step, now.calm)
+    return Bounds(end, crest, slope, now.acceleration, now.amplitude, now.rate, speed, now.step, rest_step, now.calm)
 
 
 @compiled
@@ -202,7 +202,10 @@ def _renewed(surface, bounds, t, yielding, limits):
     new = _bounds(surface, t, bounds.end, limits)
     for s in range(new.acceleration.shape[0]):
         bounds.acceleration[s] = new.acceleration[s]
-    return Bounds(new.end, new.crest, new.slope, bounds.acceleration, new.speed, new.step, new.rest_step, new.calm)
+    sizes = bounds.acceleration, bounds.amplitude
+    return Bounds(
+        new.end, new.crest, new.slope, sizes[0], sizes[1], new.rate, new.speed, new.step, new.rest_step, new.calm
+    )
 
 
 @compiled
