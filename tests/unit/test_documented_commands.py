@@ -37,6 +37,7 @@ PROGRAMS = ("feeder-sim", ".venv/bin/feeder-sim")
 SKIPPED = (
     "python3 -m venv",
     ".venv/bin/pip",
+    ".venv/bin/uv",
     "pip",
     "git",
     "pytest",
