@@ -118,6 +118,7 @@ MESH_SUFFIXES = (".stl", ".obj", ".ply", ".off")
 FARTHEST_MM = 1e5  # as for all lengths of a scenario
 SHORTEST_MM, LONGEST_MM = 0.1, 300.0  # longest sides of parts that plates feed
 MOST_FACETS = 1_000_000  # read in 2 s and 1 GB
+MOST_BYTES_OF_TEXT = 20_000_000  # of OBJ and OFF, whose numbers take 40 times as much while they are read
 MOST_BYTES = 300 * MOST_FACETS  # what as many facets take as text
 FLAT = 1e-6  # of the longest side
 NO_AREA = 1e-9  # of a facet over the square of its longest side
@@ -203,6 +204,8 @@ def _check_facets(path: Path, refusal: Refusal) -> None:
         number = int(found.group(1)) if found else 0
     if number > MOST_FACETS:
         raise refusal(f"has {number} facets, allowed is up to {MOST_FACETS}: {FEWER}")
+    if path.suffix.lower() in TEXT and size > MOST_BYTES_OF_TEXT:
+        raise refusal(f"has {1e-6 * size:.0f} MB, allowed is up to {1e-6 * MOST_BYTES_OF_TEXT:.0f} MB: {FEWER}")
     if size > MOST_BYTES:
         raise refusal(f"has {1e-6 * size:.0f} MB, allowed is up to {1e-6 * MOST_BYTES:.0f} MB: {FEWER}")
 
@@ -214,7 +217,9 @@ def _loaded(path: Path, refusal: Refusal) -> Any:
     try:
         with warnings.catch_warnings(action="ignore"):  # of numbers that are refused below
             if suffix in TEXT:
-                mesh = trimesh.Trimesh(*TEXT[suffix](path.read_text(encoding="utf-8")), process=False)
+                text = path.read_text(encoding="utf-8-sig", errors="replace")  # names may have any alphabet
+                mesh = trimesh.Trimesh(*TEXT[suffix](text, MOST_FACETS), process=False)
+                mesh.remove_unreferenced_vertices()
             else:
                 mesh = trimesh.load_mesh(path, resolver={}, skip_materials=True)
     except (ImportError, UnicodeError) as error:  # the first of a module that guesses the alphabet of a text

@@ -17,11 +17,11 @@ from numpy.typing import NDArray
 Facets = tuple[NDArray[np.float64], NDArray[np.int64]]
 
 
-def obj_facets(text: str) -> Facets:
-    """Places (n, 3) of corners, and their numbers in triangles (m, 3).
+def obj_facets(text: str, most: int) -> Facets:
+    """Places (n, 3) of corners, and their numbers in triangles (m, 3), of about `most` facets.
 
     Raises:
-        ValueError: a number that is none, or of no corner.
+        ValueError: too many facets, a number that is none, or of no corner.
     """
     places: list[list[float]] = []
     triangles: list[tuple[int, int, int]] = []
@@ -32,6 +32,8 @@ def obj_facets(text: str) -> Facets:
         if words[0] == "v":
             places.append([float(word) for word in words[1:4]])
         elif words[0] in ("f", "fo"):
+            if len(triangles) > most or len(places) > 3 * most:
+                raise ValueError(f"it has more than {most} facets")
             numbers = [int(word.partition("/")[0]) for word in words[1:]]
             if 0 in numbers:
                 raise ValueError("a facet has a corner 0, corners are counted from 1")
@@ -39,7 +41,7 @@ def obj_facets(text: str) -> Facets:
     return _checked(places, triangles)
 
 
-def off_facets(text: str) -> Facets:
+def off_facets(text: str, most: int) -> Facets:
     """The same of an OFF, whose head may say that corners have normals, colours or more.
 
     Raises:
@@ -51,8 +53,12 @@ def off_facets(text: str) -> Facets:
         raise ValueError("its first line is not OFF")
     lines[0] = lines[0][1:]
     lines = lines[0 if lines[0] else 1 :]
+    if not lines or len(lines[0]) < 2:
+        raise ValueError("it does not say how many corners and facets it has")
     corners, facets = int(lines[0][0]), int(lines[0][1])
-    if corners < 0 or facets < 0 or len(lines) < 1 + corners + facets:
+    if not (0 <= corners <= 3 * most and 0 <= facets <= most):
+        raise ValueError(f"its head says {corners} corners and {facets} facets, allowed are {most} facets")
+    if len(lines) < 1 + corners + facets:
         raise ValueError("it has fewer lines than its head says")
     places = [[float(word) for word in words[:3]] for words in lines[1 : 1 + corners]]
     triangles: list[tuple[int, int, int]] = []
@@ -75,4 +81,6 @@ def _checked(places: Sequence[Sequence[float]], triangles: Sequence[tuple[int, i
     numbers = np.array(triangles, np.int64).reshape(-1, 3)
     if len(numbers) and not 0 <= numbers.min() <= numbers.max() < len(places):
         raise ValueError("a facet has a corner that the file lacks")
+    if not places:
+        raise ValueError("it has no corners")
     return np.array(places, float).reshape(len(places), -1), numbers

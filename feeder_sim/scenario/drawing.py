@@ -22,12 +22,13 @@ from typing import Any
 
 from feeder_sim.errors import InputError, NotAllowed
 from feeder_sim.scenario.drawing_files.dxf import read_dxf
-from feeder_sim.scenario.drawing_files.rings import check_apart, each_once, rings_of
+from feeder_sim.scenario.drawing_files.rings import JOIN, check_apart, each_once, rings_of
 from feeder_sim.scenario.drawing_files.strokes import LAYERS, MM, MOST_BYTES, Account, Stroke, place_text
 from feeder_sim.scenario.drawing_files.svg import read_svg
 
 SQUARE = 0.02  # of the shorter side; how far a patch may be from a rectangle
 ROUND = 0.02  # relative; how much smaller than the circle round it a foot may be
+CENTRED = 0.01  # of the size of a foot: how far from its middle a point may be that marks its centre
 
 
 def with_drawing(data: dict[str, Any], folder: Path) -> dict[str, Any]:
@@ -68,15 +69,18 @@ def with_drawing(data: dict[str, Any], folder: Path) -> dict[str, Any]:
     holes = each_once([*edges[1:], *rings["holes"]], account)
     check_apart("outline or holes", holes, account)
     result["outline"] = {"points_mm": _corners(edges[0])}
-    result["hole"] = [*(result.get("hole") or ()), *({"points_mm": _corners(hole)} for hole in holes)]
-    patches = [_rectangle(ring, account) for ring in sorted(rings["patches"], key=lambda ring: ring.centroid.x)]
-    feet: list[dict[str, Any]] = [{"at_mm": list(point)} for point in points]
-    feet += [_foot(ring, account) for ring in rings["feet"]]
-    feet.sort(key=lambda foot: foot["at_mm"][0])
+    drawn_holes = [{"points_mm": _corners(hole)} for hole in holes]
+    if isinstance(result.get("hole") or [], list | tuple):  # else the table's own check says what is wrong
+        result["hole"] = [*(result.get("hole") or ()), *drawn_holes]
+    patches = sorted((_rectangle(ring, account) for ring in rings["patches"]), key=_order)
+    feet: list[dict[str, Any]] = [{"at_mm": list(point)} for point in _points_apart(points, rings["feet"], account)]
+    feet = sorted([*feet, *(_foot(ring, account) for ring in rings["feet"])], key=_order)
     for key, layer, places in (("actuator", "patches", patches), ("support", "feet", feet)):
-        tables = list(result.get(key) or ())
+        tables = result.get(key) or []
+        if not isinstance(tables, list | tuple):  # as above
+            continue
         if any(isinstance(table, dict) and "at_mm" not in table for table in tables):
-            result[key] = _placed(tables, places, key, layer, account)
+            result[key] = _placed(list(tables), places, key, layer, account)
         else:
             account.leave(layer, f"{layer} that no [[{key}]] takes")
     return result | {"drawing_account": account.to_text()}
@@ -86,7 +90,7 @@ def _read(path: Path, unit: Any, account: Account) -> tuple[dict[str, list[Any]]
     """Rings of every layer as shapely's polygons, and points in the layer of feet [mm]."""
     if not path.is_file() or path.stat().st_size > MOST_BYTES:
         raise account.refusal(f"is no file of up to {MOST_BYTES // 1_000_000} MB, allowed is a DXF or SVG drawing")
-    if unit is not None and unit not in MM:
+    if unit is not None and (not isinstance(unit, str) or unit not in MM):
         raise NotAllowed(unit, ", ".join(MM), key="plate.drawing_unit")
     strokes: dict[str, list[Stroke]] = {layer: [] for layer in LAYERS}
     for stroke in (read_svg if path.suffix.lower() == ".svg" else read_dxf)(path, unit, account):
@@ -95,7 +99,7 @@ def _read(path: Path, unit: Any, account: Account) -> tuple[dict[str, list[Any]]
     rings = {layer: rings_of(layer, of_layer, account) for layer, of_layer in strokes.items()}
     for layer in ("patches", "feet"):
         check_apart(layer, rings[layer], account)
-    return rings, list(dict.fromkeys(points))
+    return rings, points
 
 
 def _placed(
@@ -114,11 +118,43 @@ def _placed(
             f"{len(waiting)}, or one [[{key}]] for all"
         )
     following = iter(places)
-    return [table if "at_mm" in table else table | next(following) for table in tables]
+    without = [isinstance(table, dict) and "at_mm" not in table for table in tables]
+    return [table | next(following) if free else table for table, free in zip(tables, without, strict=True)]
 
 
 def _corners(ring: Any) -> list[list[float]]:
     return [[x, y] for x, y in list(ring.exterior.coords)[:-1]]
+
+
+def _order(place: dict[str, Any]) -> tuple[float, float]:
+    """From left to right, and from below up where that is the same but for round-off."""
+    x, y = place["at_mm"]
+    return round(x / JOIN) * JOIN, y
+
+
+def _points_apart(
+    points: Sequence[tuple[float, float]], rings: Sequence[Any], account: Account
+) -> list[tuple[float, float]]:
+    """Points of feet, those drawn twice once, and without the centres of feet that are drawn as rings.
+
+    Raises:
+        InputError: a point that lies within a ring and is not its centre.
+    """
+    import shapely
+
+    apart: list[tuple[float, float]] = []
+    for point in points:
+        if any(math.dist(point, other) <= JOIN for other in apart):
+            account.ignore("points drawn twice")
+            continue
+        around = next((ring for ring in rings if ring.covers(shapely.Point(point))), None)
+        if around is None:
+            apart.append(point)
+        elif math.dist(point, around.centroid.coords[0]) <= CENTRED * math.sqrt(around.area):
+            account.ignore("centres of feet")
+        else:
+            raise account.refusal(f"has a point at {place_text(point)} within a foot, allowed is one of both")
+    return apart
 
 
 def _foot(ring: Any, account: Account) -> dict[str, Any]:
@@ -129,7 +165,7 @@ def _foot(ring: Any, account: Account) -> dict[str, Any]:
     low_x, low_y, high_x, high_y = ring.bounds
     if ring.area > (1.0 - ROUND) * around.area:
         return {"at_mm": [ring.centroid.x, ring.centroid.y], "diameter_mm": 2.0 * math.sqrt(ring.area / math.pi)}
-    if ring.area > (1.0 - ROUND) * (high_x - low_x) * (high_y - low_y):
+    if ring.symmetric_difference(shapely.box(*ring.bounds)).area <= JOIN * ring.length:
         place = [0.5 * (low_x + high_x), 0.5 * (low_y + high_y)]
         return {"at_mm": place, "size_mm": [high_x - low_x, high_y - low_y]}
     raise account.refusal(

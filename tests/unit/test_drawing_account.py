@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
+import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -131,6 +133,12 @@ LOST: list[tuple[Draw, str]] = [
     (lambda s, _: [rectangle(s, "patches", x, 40, 20, 10) for x in (40, 50)], "patches ... over each other"),
     (lambda s, _: s.add_lwpolyline([(4, 4), (9, 4), (4, 9)], close=True, dxfattribs=FOOT), "foot at ... neither"),
     (lambda s, d: (d.blocks.new("a").add_blockref("a", (0, 0)), s.add_blockref("a", (0, 0))), "blocks in blocks"),
+    (lambda s, _: s.add_lwpolyline([(40, 40), (60, 40)], dxfattribs=HOLE | {"const_width": 4.0}), "with a width"),
+    (lambda s, d: (d.add_xref_def("o.dxf", "other"), s.add_blockref("other", (0, 0))), "refers to another drawing"),
+    (lambda s, _: s.add_arc((50, 50), 5, 30, 390, dxfattribs=HOLE), "ARC that ends where it begins"),
+    (lambda s, _: rectangle(s, "holes copy", 40, 40, 20, 10), "did you mean 'holes'"),
+    (lambda s, _: (s.add_circle((9, 9), 5, dxfattribs=FOOT), s.add_point((11, 9), dxfattribs=FOOT)), "within a foot"),
+    (lambda s, _: [s.add_circle((50, 50), r, dxfattribs=HOLE) for r in (0.4, 20.0)], "over each other"),
     (lambda s, _: s.add_blockref("nowhere", (0, 0), dxfattribs=HOLE), "block that it lacks"),
 ]  # fmt: skip
 
@@ -252,11 +260,15 @@ SVG_HOLES = [
     ('<use href="#mark" x="20" y="20" width="20" height="20"/>', 4.0 * ROUND),
     ('<svg x="20" y="20" width="20" height="20" viewBox="0 0 10 10"><circle cx="5" cy="5" r="5"/></svg>', 4.0 * ROUND),
     ('<other:note/><!-- holes --><a><circle cx="50" cy="50" r="5"/></a>', ROUND),
+    ('<g visibility="hidden"><circle visibility="visible" cx="50" cy="50" r="5"/></g>', ROUND),
+    ('<g transform="translate(1-2)"><ellipse cx="50" cy="50" rx="5"/></g>', ROUND),
+    ('<use href="#page" x="20" y="20" width="20" height="20"/>', 4.0 * ROUND),
     ('<path class="thin" d="M 40 40 H 60"/><path class="thin" d="M 40 40 V 50 H 60 V 40"/>', 200.0),
 ]
 DEFINED = (
     '<style>.thin {fill: none}</style><defs><circle id="screw" r="5"/><symbol id="mark" viewBox="0 0 10 10">'
-    '<circle cx="5" cy="5" r="5"/></symbol><g id="two"><use href="#screw"/><use href="#screw" y="20"/></g></defs>'
+    '<circle cx="5" cy="5" r="5"/></symbol><svg id="page" viewBox="0 0 10 10">'
+    '<circle cx="5" cy="5" r="5"/></svg><g id="two"><use href="#screw"/><use href="#screw" y="20"/></g></defs>'
 )
 
 
@@ -284,6 +296,14 @@ SVG_LOST = [
     ('<g id="holes" style="transform: scale(2)"><circle r="5"/></g>', "by a style"),
     ('<g id="holes"><circle cx="1e300" cy="50" r="5"/></g>', "100000 mm"),
     ('<g id="holes"><circle cx="50" cy="50" r="1e30"/></g>', "100000 mm"),
+    ("<style>#holes path {fill: none}</style>", "'#holes path'"),
+    ("<style>.a {fill: none !important}</style>", "!important"),
+    ('<switch><g id="holes"><circle cx="50" cy="50" r="5"/></g></switch>', "shapes in a switch"),
+    (
+        '<g id="holes"><rect transform="rotate(9)" transform-origin="50 50" width="9" height="9"/></g>',
+        "transform-origin",
+    ),
+    ('<g id="holes"><rect x="50" y="50" width="-9" height="9"/></g>', "negative size"),
     ('<g id="holes"><switch><circle cx="50" cy="50" r="5"/></switch></g>', "shapes in a switch"),
 ]
 
@@ -303,3 +323,48 @@ def test_thousands_of_groups_and_copies_of_copies_end_soon(tmp_path: Path) -> No
     levels = "".join(f'<g id="g{i}">{f"""<use href="#g{i - 1}"/>""" * 10 if i else ""}</g>' for i in range(10))
     with pytest.raises(InputError, match="more than 20000 entities"):
         tables_of(svg_of(tmp_path / "plate.svg", levels))
+
+
+def test_a_page_that_paints_nothing_closes_nothing(tmp_path: Path) -> None:
+    page = 'fill="none" width="200mm" height="100mm" viewBox="0 0 200 100"'
+    with pytest.raises(InputError, match=r"holes.*10 mm from the next line"):
+        tables_of(svg_of(tmp_path / "plate.svg", '<path id="holes" d="M 40 40 H 60 V 50 H 40"/>', page))
+
+
+@pytest.mark.parametrize(
+    "hostile",
+    [
+        f'<circle id="holes" cx="{"1" * 50_000}x" r="5"/>',
+        f'<g id="holes" transform="rotate({"1" * 50_000}x)"><circle r="5"/></g>',
+        f'<path id="holes" d="M0 0 {"z" * 50_000}"/>',
+        f'<path id="holes" d="M0 0 {"l1 1z" * 10_000}"/>',
+        f"<style>{'a' * 50_000}</style>",
+        f"<style>{'/*' * 50_000}</style>",
+        f"<style>{'a{}' * 50_000}</style>",
+        f'<g id="{"holes" * 20_000}">{"<circle/>" * 1000}</g>',
+    ],
+)
+def test_hostile_texts_end_soon(hostile: str, tmp_path: Path) -> None:
+    path = svg_of(tmp_path / "plate.svg", hostile)
+    began = time.process_time()
+    with contextlib.suppress(InputError):
+        tables_of(path)
+    assert time.process_time() - began < 3.0
+
+
+def test_small_circles_have_their_area(tmp_path: Path) -> None:
+    for path in (
+        svg_of(tmp_path / "plate.svg", '<circle id="holes" cx="50" cy="50" r="0.1"/>'),
+        dxf_of(tmp_path / "plate.dxf", lambda space, _: space.add_circle((50, 50), 0.1, dxfattribs=HOLE)),
+    ):
+        (hole,) = tables_of(path)["hole"]
+        assert shapely.Polygon(hole["points_mm"]).area == pytest.approx(0.01 * math.pi, rel=2e-3)
+
+
+def test_the_centre_of_a_foot_is_no_second_foot(tmp_path: Path) -> None:
+    def draw(space: Any, _: Any) -> None:
+        space.add_circle((50, 50), 5, dxfattribs=FOOT)
+        space.add_point((50, 50), dxfattribs=FOOT)
+
+    tables = tables_of(dxf_of(tmp_path / "plate.dxf", draw), support=[{}])
+    assert len(tables["support"]) == 1 and "1 centres of feet" in tables["drawing_account"]

@@ -236,7 +236,7 @@ def test_too_many_facets_are_refused_unread(tmp_path: Path) -> None:
     assert "has 3000000 facets" in refusal(closed_mesh, tmp_path / "fine.ply", 1.0)
     with (tmp_path / "fine.obj").open("wb") as file:
         file.truncate(MOST_BYTES + 1)
-    assert "MB, allowed is up to 300 MB" in refusal(closed_mesh, tmp_path / "fine.obj", 1.0)
+    assert "MB, allowed is up to 20 MB" in refusal(closed_mesh, tmp_path / "fine.obj", 1.0)
 
 
 def test_normals_of_a_text_that_disagree(tmp_path: Path) -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+import re
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any, Literal
@@ -9,7 +11,7 @@ from typing import Any, Literal
 import numpy as np
 
 from feeder_sim.errors import MissingExtra
-from feeder_sim.scenario.drawing_files.strokes import MM, SAGITTA, Account, Points, Stroke, layer_of
+from feeder_sim.scenario.drawing_files.strokes import MM, ROUND, SAGITTA, Account, Points, Stroke, layer_of
 
 # $INSUNITS -> [mm]: inch, foot, mm, cm, m, mil, yard, micron, dm
 OF_HEADER = {1: 25.4, 2: 304.8, 4: 1.0, 5: 10.0, 6: 1000.0, 9: 0.0254, 10: 914.4, 13: 0.001, 14: 100.0}
@@ -18,9 +20,13 @@ QUADS = ("SOLID", "TRACE")
 WORDS = {"TEXT", "MTEXT", "ATTDEF", "ATTRIB", "DIMENSION", "ARC_DIMENSION", "LARGE_RADIAL_DIMENSION", "LEADER"}
 WORDS |= {"MULTILEADER", "MLEADER", "TOLERANCE", "ACAD_TABLE"}
 PICTURES = {"IMAGE", "WIPEOUT", "OLE2FRAME", "OLEFRAME", "VIEWPORT", "LIGHT", "PDFUNDERLAY", "DWFUNDERLAY"}
+SAYS_UNIT = re.compile(rb"(?:^|\n)\s*9\s*\r?\n\$INSUNITS\s*[\r\n]|\x09\x00?\$INSUNITS\x00")  # text, binary
+FRAME = 16  # flag of a vertex that a curve through a polyline does not go through
+WORK = 50  # vertices that cost as much as an entity
 NEEDED = {"LINE": ("start", "end"), "ARC": ("center", "radius", "start_angle", "end_angle")}
 NEEDED |= {"CIRCLE": ("center", "radius"), "ELLIPSE": ("center", "major_axis", "ratio"), "POINT": ("location",)}
 NEEDED |= {"INSERT": ("name", "insert")}
+SOME = 1000  # points after which it is seen whether there are too many
 DEEPEST = 16  # inserts in inserts
 READ = "lines, arcs, circles, ellipses, polylines, splines and blocks of them"
 
@@ -46,7 +52,7 @@ def read_dxf(path: Path, unit: str | None, account: Account) -> Iterator[Stroke]
         document = readfile(path)
     except (DXFError, OSError, UnicodeError, ValueError) as error:
         raise account.refusal("is not a readable DXF drawing") from error
-    units = document.units if b"$INSUNITS" in path.read_bytes() else 0  # ezdxf takes metres where no header says it
+    units = document.units if SAYS_UNIT.search(path.read_bytes()) else 0  # ezdxf takes metres where no header says it
     return _Reader(document, _millimetres(units, unit, account), account).strokes()
 
 
@@ -67,12 +73,13 @@ class _Reader:
 
     def __init__(self, document: Any, mm: float, account: Account) -> None:
         self.document, self.mm, self.account = document, mm, account
+        self._work: dict[str, int] = {}  # by name of a block
 
     def strokes(self) -> Iterator[Stroke]:
         for layout in self.document.layouts:
             if layout.name != "Model":
                 for entity in layout:
-                    if layer_of(entity.dxf.layer) is not None:
+                    if layer_of(entity.dxf.layer) is not None or entity.dxftype() == "INSERT":
                         self.account.ignore("outside of the model space")
         for entity in self.document.modelspace():
             yield from self._entity(entity, entity.dxf.layer, 0, False)
@@ -110,11 +117,19 @@ class _Reader:
         """Refuse what is not seen, what is not read, and what lacks a place."""
         if hidden:
             raise self.account.hidden(kind, layer)
-        if kind not in CURVES | {"POINT", "HATCH", "MPOLYGON"} or getattr(entity, "is_poly_face_mesh", False):
+        mesh = any(getattr(entity, name, False) for name in ("is_poly_face_mesh", "is_polygon_mesh"))
+        if kind not in CURVES | {"POINT", "HATCH", "MPOLYGON"} or mesh:
             raise self.account.refusal(f"has a {kind} in the layer {layer}, allowed are {READ}: explode it")
         missing = [name for name in NEEDED.get(kind, ()) if not entity.dxf.hasattr(name)]
         if missing:
             raise self.account.refusal(f"has a {kind} without {missing[0]} in the layer {layer}: the file is damaged")
+
+        if getattr(entity, "has_width", False):
+            raise self.account.refusal(f"has a {kind} with a width in the layer {layer}, allowed are lines without one")
+        if kind == "ARC" and math.isclose(entity.dxf.start_angle % 360.0, entity.dxf.end_angle % 360.0, abs_tol=1e-9):
+            raise self.account.refusal(
+                f"has an ARC that ends where it begins in the layer {layer}, allowed is a CIRCLE"
+            )
 
     def _insert(self, insert: Any, layer_name: str, depth: int, hidden: bool) -> Iterator[Stroke]:
         """Strokes of a block where it is inserted."""
@@ -122,6 +137,11 @@ class _Reader:
             raise self.account.refusal(f"has blocks in blocks in blocks, allowed are {DEEPEST} levels")
         if not insert.dxf.hasattr("name") or insert.block() is None:
             raise self.account.refusal("inserts a block that it lacks: the file is damaged")
+        if insert.block().block_record.is_xref:
+            raise self.account.refusal(f"refers to another drawing, {insert.dxf.name!r}, allowed are bound references")
+        if not len(insert.block()):
+            self.account.ignore("empty blocks")
+        self.account.count(self._work_of(insert.dxf.name))
         if insert.mcount > 1:
             self.account.count(insert.mcount)  # before they are made
             for one in insert.multi_insert():
@@ -139,6 +159,23 @@ class _Reader:
         if skipped:
             raise self.account.refusal(f"inserts a block with a {skipped[0]}, which cannot be placed: explode it")
 
+    def _work_of(self, name: str) -> int:
+        """What it costs to insert a block, in entities."""
+        if name not in self._work:
+            vertices = 0
+            for entity in self.document.blocks.get(name):
+                if entity.dxftype() == "LWPOLYLINE":
+                    vertices += len(entity)
+                elif entity.dxftype() == "POLYLINE":
+                    vertices += len(entity.vertices)
+                elif entity.dxftype() == "SPLINE":
+                    vertices += len(entity.control_points) + len(entity.fit_points)
+                elif entity.dxftype() == "HATCH":
+                    edges = (getattr(path, "edges", None) or getattr(path, "vertices", ()) for path in entity.paths)
+                    vertices += sum(map(len, edges))
+            self._work[name] = vertices // WORK
+        return self._work[name]
+
     def _curve(self, entity: Any, kind: str, layer: str) -> Iterator[Stroke]:
         """Strokes of one entity that is read."""
         if kind == "POINT":
@@ -146,7 +183,11 @@ class _Reader:
             return
         self.account.check_reach(layer, _control(entity, kind) * self.mm)
         fill = kind in ("HATCH", "MPOLYGON")
-        for curve in _filled_edges(entity, SAGITTA / self.mm) if fill else [_points(entity, kind, SAGITTA / self.mm)]:
+        sagitta = SAGITTA / self.mm
+        curves = _filled_edges(entity, sagitta) if fill else [_points(entity, kind, sagitta, self.account)]
+        if not sum(map(len, curves)):
+            self.account.ignore("lines without length")
+        for curve in filter(len, curves):
             points = curve * self.mm
             self._check_level(points, kind, layer)
             closed = getattr(entity, "is_closed", False) is True or getattr(entity, "closed", False) is True
@@ -176,19 +217,36 @@ def _control(entity: Any, kind: str) -> Points:
     return np.empty((0, 2))
 
 
-def _points(entity: Any, kind: str, sagitta: float) -> Points:
-    """Points of a curve, in units of the drawing, shape (n, 3)."""
+def _points(entity: Any, kind: str, sagitta: float, account: Account, before: int = 0) -> Points:
+    """Points of a curve, in units of the drawing, shape (n, 3); `before` are those of the curve that it is a piece of.
+
+    Raises:
+        InputError: there are too many.
+    """
     dxf = entity.dxf
     if kind == "LINE":
         vertices = [dxf.start, dxf.end]
     elif kind in ("ARC", "CIRCLE"):
-        vertices = list(entity.flattening(min(sagitta, 0.2 * abs(dxf.radius)))) if dxf.radius else []
+        size = min(sagitta, ROUND * abs(dxf.radius))
+        share = (dxf.end_angle - dxf.start_angle) % 360.0 / 360.0 if kind == "ARC" else 1.0
+        account.check_points(before + int(share * math.pi / math.sqrt(2.0 * size / abs(dxf.radius))) if size else 0)
+        vertices = list(entity.flattening(size)) if size else []
     elif kind in ("ELLIPSE", "SPLINE"):
-        vertices = list(entity.flattening(sagitta, 16))
+        vertices = []
+        for vertex in entity.flattening(sagitta, 16):
+            vertices.append(vertex)
+            if not len(vertices) % SOME:
+                account.check_points(before + len(vertices))
     elif kind in QUADS:
         vertices = entity.wcs_vertices()
     else:
-        return _chain([_points(piece, piece.dxftype(), sagitta) for piece in entity.virtual_entities()])
+        if kind == "POLYLINE":
+            entity.vertices[:] = [vertex for vertex in entity.vertices if not vertex.dxf.flags & FRAME]
+        pieces: list[Points] = []
+        for piece in entity.virtual_entities():
+            pieces.append(_points(piece, piece.dxftype(), sagitta, account, before))
+            before += len(pieces[-1])
+        return _chain(pieces)
     return np.array([vertex.xyz for vertex in vertices]).reshape(-1, 3)
 
 

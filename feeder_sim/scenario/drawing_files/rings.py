@@ -6,6 +6,7 @@ faces between them. What closes no ring is refused: a plate without one of its h
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from typing import Any
 
@@ -44,8 +45,12 @@ def rings_of(layer: str, strokes: Sequence[Stroke], account: Account) -> list[An
     if loose:
         rings += _faces(layer, loose, account)
     kept = each_once(rings, account)
+    tree = shapely.STRtree(kept)
     for stroke in strokes:
-        if stroke.kind == "fill" and not any(_alike(_ring(layer, stroke.points, account), ring) for ring in kept):
+        if stroke.kind != "fill":
+            continue
+        edge = _ring(layer, stroke.points, account)
+        if not any(_alike(edge, kept[i]) for i in tree.query(edge)):
             place = place_text(stroke.points.mean(axis=0))
             raise account.refusal(f"has a fill at {place} in the layer {layer} without lines round it, allowed is both")
     return kept
@@ -81,13 +86,17 @@ def _ring(layer: str, points: Points, account: Account) -> Any:
     kept = points[np.hypot(*(points - np.roll(points, 1, axis=0)).T) > NEAR]
     polygon = shapely.Polygon(kept) if len(kept) >= 3 else None
     if polygon is not None and not polygon.is_valid:
-        raise account.refusal(
-            f"has a ring in the layer {layer} that meets itself ({shapely.is_valid_reason(polygon)}), allowed is one "
-            "that does not"
-        )
+        where = _place_in(shapely.is_valid_reason(polygon))
+        raise account.refusal(f"has a ring in the layer {layer} that meets itself{where}, allowed is one that does not")
     if polygon is None or polygon.area <= THIN:
         raise account.refusal(f"has a ring at {place_text(points[0])} in the layer {layer} that encloses nothing")
     return polygon
+
+
+def _place_in(reason: str) -> str:
+    """The place in GEOS' words, "" without one."""
+    numbers = re.findall(r"[-+.\deE]+", reason.partition("[")[2])
+    return f" at {place_text([float(number) for number in numbers[:2]])}" if len(numbers) >= 2 else ""
 
 
 def _faces(layer: str, loose: Sequence[Any], account: Account) -> list[Any]:
@@ -166,7 +175,8 @@ def check_apart(layer: str, rings: Sequence[Any], account: Account) -> None:
     tree = shapely.STRtree(rings)
     for i, j in tree.query(rings, predicate="intersects").T:
         common = rings[i].intersection(rings[j]) if i < j else None
-        if common is not None and common.area > JOIN * (rings[i].length + rings[j].length):
+        most = JOIN * (rings[i].length + rings[j].length)
+        if common is not None and common.area > min(most, 0.1 * rings[i].area, 0.1 * rings[j].area):
             place = place_text(common.centroid.coords[0])
             raise account.refusal(
                 f"has two rings over each other at {place} in the layer {layer}, allowed are rings apart"

@@ -6,6 +6,7 @@ Nothing is dropped in silence: an entity is taken as a stroke, ignored by a rule
 from __future__ import annotations
 
 import difflib
+import functools
 import math
 import re
 from collections import Counter
@@ -27,7 +28,9 @@ MM = {"mm": 1.0, "cm": 10.0, "m": 1000.0, "inch": 25.4}  # units of `drawing_uni
 LAYERS = ("outline", "holes", "patches", "feet")
 MISSPELT = re.compile(r"(?:outlines?|holes?|patch(?:es)?|foot|feet)[\W\d_]*", re.IGNORECASE)
 ALIKE = 0.8  # as difflib counts: names this near to that of a layer are taken for misspelt
-NAMES = 3  # of other layers, in the account
+LONGEST_NAME, MOST_LETTERS = 40, 400  # of a name that may be misspelt, and of one that is looked at
+ROUND = 1e-3  # sagitta over radius, at most: so that small circles have their area within 0.2 %
+NAMES_SHOWN = 3  # of other layers, in the account
 
 Points = NDArray[np.float64]
 
@@ -110,10 +113,10 @@ class Account:
             InputError: it reaches too far, or there are too many points.
         """
         self.check_reach(layer, points)
-        points = points[np.r_[True, (np.diff(points, axis=0) != 0.0).any(axis=1)]]
+        self.check_points(len(points))
         self._points += len(points)
-        if self._points > MOST_POINTS:
-            raise self.refusal(f"has more than {MOST_POINTS} points on its curves, allowed are fewer")
+        if len(points):
+            points = points[np.r_[True, (np.diff(points, axis=0) != 0.0).any(axis=1)]]
         if len(points) < 2:
             self.ignore("lines without length")
             return
@@ -129,6 +132,15 @@ class Account:
         self.check_reach(layer, point)
         self.taken[layer] += 1
         return Stroke(layer, point, False)
+
+    def check_points(self, number: int) -> None:
+        """Refuse so many points more.
+
+        Raises:
+            InputError: they are too many.
+        """
+        if self._points + number > MOST_POINTS:
+            raise self.refusal(f"has more than {MOST_POINTS} points on its curves, allowed are fewer")
 
     def check_reach(self, layer: str, points: Points) -> None:
         """Refuse points, or points of control, that no plate has.
@@ -149,24 +161,34 @@ class Account:
         ignored = [f"{count} {rule}" for rule, count in self.ignored.items()]
         if self.others:
             names = [printable(shortened(name, 24)) for name in sorted(self.others)]
-            more = f" and {len(names) - NAMES} more" if len(names) > NAMES else ""
-            ignored.append(f"{self.others.total()} in other layers ({', '.join(names[:NAMES])}{more})")
+            more = f" and {len(names) - NAMES_SHOWN} more" if len(names) > NAMES_SHOWN else ""
+            ignored.append(f"{self.others.total()} in other layers ({', '.join(names[:NAMES_SHOWN])}{more})")
         return f"{self.path.name}: {self.taken.total()} taken ({each}), ignored {'; '.join(ignored) or 'none'}"
 
 
+@functools.lru_cache(maxsize=1024)
 def layer_of(name: str) -> str | None:
     """The layer that a name stands for, bound references of DXF included; None where it does not count."""
-    last = re.split(r"\||\$\d+\$", name)[-1].strip().lower()
-    return last if last in LAYERS else None
+    bare = _bare(name)
+    return bare if bare in LAYERS else None
 
 
+@functools.lru_cache(maxsize=1024)
 def misspelt(name: str) -> str | None:
-    """The layer that a name is all but equal to, or None."""
-    last = re.split(r"\||\$\d+\$", name)[-1].strip().lower()
-    near = difflib.get_close_matches(last, LAYERS, n=1, cutoff=ALIKE)
-    if near or not MISSPELT.fullmatch(last):
+    """The layer that a name is all but equal to, or begins with, as a copy of it does; None where it is another."""
+    bare = _bare(name)
+    begins = next((layer for layer in LAYERS if bare.startswith(layer)), None)
+    if begins or len(bare) > LONGEST_NAME:
+        return begins
+    near = difflib.get_close_matches(bare, LAYERS, n=1, cutoff=ALIKE)
+    if near or not MISSPELT.fullmatch(bare):
         return near[0] if near else None
-    return next(layer for layer in LAYERS if layer[:2] == last[:2] or (layer, last[:2]) == ("feet", "fo"))
+    return next(layer for layer in LAYERS if layer[:2] == bare[:2] or (layer, bare[:2]) == ("feet", "fo"))
+
+
+def _bare(name: str) -> str:
+    """A name without what a reference to another drawing puts before it, in small letters."""
+    return re.split(r"\||\$\d+\$", name[-MOST_LETTERS:])[-1].strip().lower()
 
 
 def place_text(point: Sequence[float] | Points) -> str:

@@ -24,9 +24,11 @@ WORDS = ("text", "title", "desc")
 PICTURES = ("image", "foreignObject", "video", "canvas")
 DEFINITIONS = ("defs", "symbol", "clipPath", "mask", "marker", "pattern", "linearGradient", "radialGradient", "filter")
 SILENT = (*DEFINITIONS, "style", "script", "metadata", "view", "cursor", "font")
-GEOMETRY = {"d", "x", "y", "cx", "cy", "r", "rx", "ry", "width", "height", "transform"}  # not read from styles
+GEOMETRY = {"d", "x", "y", "cx", "cy", "r", "rx", "ry", "width", "height"}  # attributes that are not read from styles
+PLACING = {"transform", "transform-origin", "transform-box", "translate", "rotate", "scale", "offset-path", "zoom"}
+SEEN = {"fill", "display", "visibility", "clip-path", "mask", *GEOMETRY, *PLACING}  # by rules of a style: understood
+MOST_RULES = 2000
 DEEPEST = 32  # copies in copies
-RULE = re.compile(r"([^{}]+)\{([^{}]*)\}")
 SELECTOR = re.compile(r"[.#]?[-\w]+|\*")
 
 
@@ -38,7 +40,8 @@ class State(NamedTuple):
     layer: str | None = None
     name: str = "without a name"  # of the nearest group that has one
     filled: bool = True
-    hidden: bool = False
+    removed: bool = False  # by display
+    invisible: bool = False  # by visibility, which an inner element may set back
     cut: bool = False
     uses: tuple[str, ...] = ()
 
@@ -76,11 +79,17 @@ class _Reader:
     def __init__(self, root: Any, account: Account) -> None:
         self.root, self.account = root, account
         self.space = local(root.tag)[0]
-        self.by_id = {element.get("id"): element for element in root.iter() if element.get("id")}
-        self.rules = _rules(root)
+        self.by_id: dict[str, Any] = {}
+        for element in root.iter():
+            if element.get("id"):
+                self.by_id.setdefault(element.get("id"), element)  # the first of several, as browsers do
+        self.rules = _rules(root, account)
 
     def strokes(self, matrix: Points, viewport: tuple[float, float]) -> Iterator[Stroke]:
-        stack = [(child, State(matrix, viewport)) for child in reversed(self.root)]
+        if self.root.get("transform"):
+            raise self.account.refusal("has a page with a transform, allowed is one on a group")
+        page = self._state(self.root, State(matrix, viewport))._replace(layer=None, name="without a name")
+        stack = [(child, page) for child in reversed(self.root)]
         while stack:
             element, around = stack.pop()
             space, name = local(element.tag)
@@ -91,7 +100,7 @@ class _Reader:
                 continue
             self.account.count()
             if name in SILENT:
-                self.account.ignore("definitions", _shapes_in(element))
+                self.account.ignore("definitions", 0 if around.uses else _shapes_in(element))
                 continue
             state = self._state(element, around)
             if name in SHAPES:
@@ -106,14 +115,20 @@ class _Reader:
 
     def _state(self, element: Any, around: State) -> State:
         """What holds for an element and those in it."""
-        style = self._style(element)
-        placing = GEOMETRY.intersection(style)
-        if placing:
-            raise self.account.refusal(f"gives {min(placing)} of a {local(element.tag)[1]} by a style: not read")
-        names = [name for name in (element.get(LABEL), element.get("id")) if name]
+        style, name = self._style(element), local(element.tag)[1]
+        names = [element.get(key) for key in (LABEL, "data-name", "id") if element.get(key)]
         layer = next((layer for layer in map(layer_of, names) if layer), None)
         if layer is None and around.layer is None and (meant := next(filter(misspelt, names), None)):
             names = [meant]
+        layer = around.layer if layer is None or (around.uses and around.layer) else layer
+        placing = (PLACING | (GEOMETRY if name in SHAPES else set())).intersection(style)
+        if element.get("transform") and element.get("transform-origin"):
+            placing.add("transform-origin")
+        if placing and element is not self.root:
+            raise self.account.refusal(
+                f"has a {name} in {layer or (names[0] if names else around.name)} whose {min(placing)} is given by a "
+                "style, allowed are attributes"
+            )
 
         def value(key: str) -> str:
             return str(style.get(key, element.get(key, ""))).strip().lower()
@@ -122,28 +137,29 @@ class _Reader:
         painted = fill not in ("none", "transparent") if fill and fill != "inherit" else around.filled
         return around._replace(
             matrix=around.matrix @ transform_of(element, self.account),
-            layer=around.layer if layer is None or (around.uses and around.layer) else layer,
+            layer=layer,
             name=names[0] if names else around.name,
             filled=painted,
-            hidden=around.hidden or value("display") == "none" or value("visibility") in ("hidden", "collapse"),
+            removed=around.removed or value("display") == "none",
+            invisible=value("visibility") in ("hidden", "collapse") if value("visibility") else around.invisible,
             cut=around.cut or any(value(key) not in ("", "none") for key in ("clip-path", "mask")),
         )
 
     def _style(self, element: Any) -> dict[str, str]:
         """Properties of an element by rules of the page, then by its own style."""
-        names = {"*", local(element.tag)[1], f"#{element.get('id', '')}"}
-        names |= {f".{name}" for name in element.get("class", "").split()}
+        names = ["*", local(element.tag)[1], *(f".{name}" for name in element.get("class", "").split())]
+        names.append(f"#{element.get('id', '')}")
+        ranked = sorted((rule for name in names for rule in self.rules.get(name, ())), key=lambda rule: rule[0])
         style: dict[str, str] = {}
-        for selector, properties in self.rules:
-            if selector in names:
-                style |= properties
+        for _, properties in ranked:
+            style |= properties
         return style | _properties(element.get("style", ""))
 
     def _shape(self, element: Any, name: str, state: State) -> Iterator[Stroke]:
         if state.layer is None:
             self.account.ignore_other(state.name)
             return
-        if state.hidden:
+        if state.removed or state.invisible:
             raise self.account.hidden(name, state.layer)
         if state.cut:
             raise self.account.refusal(f"has a clipped {name} in the layer {state.layer}, allowed are whole ones")
@@ -184,22 +200,26 @@ class _Reader:
         wide, high = state.viewport
         x, y = (length(element.get(key, "0"), side, self.account) for key, side in (("x", wide), ("y", high)))
         placed = state._replace(matrix=state.matrix @ moved(x, y), uses=(*state.uses, name))
-        if local(target.tag)[1] != "symbol":
+        if local(target.tag)[1] not in ("symbol", "svg"):
             return [(target, placed)]
+        if target.get("refX") or target.get("refY"):
+            raise self.account.refusal(f"copies the symbol {link!r} by its refX or refY, allowed is its corner")
         inner = self._within(target, self._state(target, placed), element)
         return [(child, inner) for child in reversed(target)]
 
     def _other(self, element: Any, name: str, state: State) -> None:
         """An element that draws no line."""
-        if name not in (*WORDS, *PICTURES) and _shapes_in(element) and state.layer is not None:
-            raise self.account.refusal(f"has shapes in a {name} in the layer {state.layer}, allowed are groups")
+        layer = state.layer or _layer_within(element)
+        if name not in WORDS and _shapes_in(element) and layer is not None:
+            raise self.account.refusal(f"has shapes in a {name} in the layer {layer}, allowed are groups")
         self.account.ignore("texts" if name in WORDS else "pictures" if name in PICTURES else "unknown elements")
 
     def _foreign(self, element: Any, name: str, around: State) -> None:
         """An element of another namespace, as editors put in."""
-        if around.layer is not None and _shapes_in(element):
+        layer = around.layer or _layer_within(element)
+        if layer is not None and _shapes_in(element):
             raise self.account.refusal(
-                f"has a {name} of another namespace in the layer {around.layer}, allowed are shapes of {SPACE!r}"
+                f"has a {name} of another namespace in the layer {layer}, allowed are shapes of {SPACE!r}"
             )
         self.account.ignore("elements of other namespaces")
 
@@ -214,13 +234,45 @@ def _properties(text: str) -> dict[str, str]:
     return {key.strip().lower(): value.split("!")[0].strip() for key, colon, value in pairs if colon}
 
 
-def _rules(root: Any) -> list[tuple[str, dict[str, str]]]:
-    """Selectors of a tag, a class or an id, each with its properties; those of an id last, since they count most."""
-    rules = []
+def _layer_within(element: Any) -> str | None:
+    """The first layer that something in an element is named by."""
+    names = (inner.get(key) for inner in element.iter() for key in (LABEL, "data-name", "id"))
+    return next((layer for name in names if name and (layer := layer_of(name))), None)
+
+
+def _rules(root: Any, account: Account) -> dict[str, list[tuple[int, dict[str, str]]]]:
+    """Properties by selector: of a tag, a class or an id, each with its rank, by which the later of two counts.
+
+    Raises:
+        InputError: other selectors, or `!important`, of properties that decide what is drawn; too many rules.
+    """
+    rules: dict[str, list[tuple[int, dict[str, str]]]] = {}
+    number = 0
     for element in root.iter():
-        if local(element.tag)[1] == "style":
-            text = re.sub(r"/\*.*?\*/", "", "".join(element.itertext()), flags=re.DOTALL)
-            for selectors, properties in RULE.findall(text):
-                single = (selector.strip() for selector in selectors.split(","))
-                rules += [(name, _properties(properties)) for name in single if SELECTOR.fullmatch(name)]
-    return sorted(rules, key=lambda rule: ".#".find(rule[0][0]))
+        if local(element.tag)[1] != "style":
+            continue
+        for selectors, body in _rule_texts("".join(element.itertext())):
+            properties = _properties(body)
+            decides = sorted(SEEN.intersection(properties))
+            for selector in (name.strip() for name in selectors.split(",")):
+                number += 1
+                if number > MOST_RULES:
+                    raise account.refusal(f"has more than {MOST_RULES} rules of style, allowed are fewer")
+                if SELECTOR.fullmatch(selector) and not (decides and "!important" in body.replace(" ", "")):
+                    rank = MOST_RULES * (1 + ".#".find(selector[0])) + number
+                    rules.setdefault(selector, []).append((rank, properties))
+                elif decides and selector and not selector.startswith("@"):
+                    raise account.refusal(
+                        f"has a rule of style for {selector!r} that gives {decides[0]}, allowed are rules of one tag, "
+                        "class or id, without !important"
+                    )
+    return rules
+
+
+def _rule_texts(text: str) -> Iterator[tuple[str, str]]:
+    """Selectors and properties of a style; what stands before them, such as @import, is left out."""
+    text = "".join(piece.partition("*/")[2] if i else piece for i, piece in enumerate(text.split("/*")))
+    for part in text.split("}"):
+        head, brace, body = part.rpartition("{")
+        if brace:
+            yield head.rpartition("{")[2].rpartition(";")[2], body

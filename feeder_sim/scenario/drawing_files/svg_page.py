@@ -13,8 +13,9 @@ import numpy as np
 
 from feeder_sim.scenario.drawing_files.strokes import MM, Account, Points
 
-NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
-LENGTH = re.compile(rf"\s*({NUMBER})\s*(mm|cm|in|pt|pc|px|q|%)?\s*", re.IGNORECASE)
+# Possessive: a long text that is no number is given up at once.
+NUMBER = r"[-+]?(?:\d++\.?\d*+|\.\d++)(?:[eE][-+]?\d++)?+"
+LENGTH = re.compile(rf"\s*+({NUMBER})\s*+(mm|cm|in|pt|pc|px|q|%)?\s*+", re.IGNORECASE)
 PX = 25.4 / 96.0  # [mm], by CSS
 PHYSICAL = {"mm": 1.0, "cm": 10.0, "in": 25.4, "pt": 25.4 / 72.0, "pc": 25.4 / 6.0, "q": 0.25}  # [mm]
 AGREE = 2e-3  # relative; widths are written with few digits
@@ -45,6 +46,8 @@ def length(text: str, whole: float, account: Account) -> float:
     if match is None:
         raise account.refusal(f"has a length {text!r}, allowed is a number, perhaps in mm, cm, in, pt, pc, px, Q or %")
     value, unit = float(match[1]), (match[2] or "px").lower()
+    if unit == "%" and whole == 0.0:
+        raise account.refusal(f"has a length of {text!r} of a page without a size, allowed is a number")
     if unit == "%":
         return 0.01 * value * whole
     return value * PHYSICAL.get(unit, PX) / PX

@@ -12,14 +12,15 @@ from typing import Any
 
 import numpy as np
 
-from feeder_sim.scenario.drawing_files.strokes import SAGITTA, Account, Points
+from feeder_sim.scenario.drawing_files.strokes import ROUND, SAGITTA, Account, Points
 from feeder_sim.scenario.drawing_files.svg_page import NUMBER, length
 
 SHAPES = ("path", "rect", "circle", "ellipse", "line", "polyline", "polygon")
 COMMANDS = re.compile(r"\s*[Mm][MmZzLlHhVvCcSsQqTtAaEe0-9+\-.,\s]*")
-TRANSFORM = re.compile(
-    rf"\s*(matrix|translate|scale|rotate|skewX|skewY)\s*\(\s*({NUMBER}(?:[\s,]+{NUMBER})*)\s*\)[\s,]*"
-)
+KINDS = "matrix|translate|scale|rotate|skewX|skewY"
+TRANSFORM = re.compile(rf"\s*+({KINDS})\s*+\(\s*+({NUMBER}(?:[\s,]*+{NUMBER})*+)\s*+\)[\s,]*+")
+CLOSED_AGAIN = re.compile(r"([Zz])[\s,]*+(?:[Zz][\s,]*+)++")
+MOST_NUMBERS, MOST_REOPENED = 100_000, 1000  # of a path; svgelements takes the square of the second
 ARGUMENTS = {"matrix": (6,), "translate": (1, 2), "scale": (1, 2), "rotate": (1, 3), "skewX": (1,), "skewY": (1,)}
 MOST_PIECES = 20_000  # of one curve
 
@@ -34,7 +35,7 @@ def transform_of(element: Any, account: Account) -> Points:
     at = len(text) - len(text.lstrip())
     while at < len(text):
         match = TRANSFORM.match(text, at)
-        numbers = [float(part) for part in re.split(r"[\s,]+", match[2])] if match is not None else []
+        numbers = [float(part) for part in re.findall(NUMBER, match[2])] if match is not None else []
         if match is None or len(numbers) not in ARGUMENTS[match[1]]:
             raise account.refusal(f"has a transform {text!r} that is none, allowed is one of {', '.join(ARGUMENTS)}")
         matrix = matrix @ _elementary(match[1], numbers)
@@ -89,14 +90,30 @@ def path_of(element: Any, name: str, viewport: tuple[float, float], account: Acc
     if name == "rect":
         x, y, w, h = side("x", width), side("y", height), side("width", width), side("height", height)
         given = {key: element.get(key) for key in ("rx", "ry") if element.get(key, "auto") != "auto"}
-        rx = length(given.get("rx", given.get("ry", "0")), width, account)
-        ry = length(given.get("ry", given.get("rx", "0")), height, account)
-        return _rectangle(x, y, w, h, min(rx, 0.5 * w), min(ry, 0.5 * h)) if w > 0.0 and h > 0.0 else ""
-    rx = side("r", diagonal) if name == "circle" else side("rx", width)
-    ry = rx if name == "circle" else side("ry", height)
+        rx = length(given["rx"], width, account) if "rx" in given else None
+        ry = length(given["ry"], height, account) if "ry" in given else None
+        rx, ry = rx if rx is not None else ry or 0.0, ry if ry is not None else rx or 0.0
+        sizes = (w, h, rx, ry)
+        path = _rectangle(x, y, w, h, min(rx, 0.5 * w), min(ry, 0.5 * h)) if w > 0.0 and h > 0.0 else ""
+        return _not_negative(name, sizes, path, account)
+    if name == "circle":
+        rx = ry = side("r", diagonal)
+    else:  # without one, or with auto, the other one counts
+        radii = {key: element.get(key, "auto") for key in ("rx", "ry")}
+        rx = length(radii["rx"], width, account) if radii["rx"] != "auto" else None
+        ry = length(radii["ry"], height, account) if radii["ry"] != "auto" else None
+        rx, ry = rx if rx is not None else ry or 0.0, ry if ry is not None else rx or 0.0
     x, y = side("cx", width), side("cy", height)
     half = f"A {rx!r} {ry!r} 0 1 1"
-    return f"M {x + rx!r} {y!r} {half} {x - rx!r} {y!r} {half} {x + rx!r} {y!r} Z" if rx > 0.0 and ry > 0.0 else ""
+    path = f"M {x + rx!r} {y!r} {half} {x - rx!r} {y!r} {half} {x + rx!r} {y!r} Z" if rx > 0.0 and ry > 0.0 else ""
+    return _not_negative(name, (rx, ry), path, account)
+
+
+def _not_negative(name: str, sizes: tuple[float, ...], path: str, account: Account) -> str:
+    """The path, if no size is negative, which is an error by the standard."""
+    if min(sizes) < 0.0:
+        raise account.refusal(f"has a {name} of a negative size, allowed is 0 and above")
+    return path
 
 
 def _rectangle(x: float, y: float, w: float, h: float, rx: float, ry: float) -> str:
@@ -117,6 +134,10 @@ def followed(path: str, matrix: Points, layer: str, account: Account) -> Iterato
     """
     import svgelements as svg
 
+    path = CLOSED_AGAIN.sub(r"\1 ", path)  # closing twice is closing once
+    reopened = len(re.findall(r"[Zz](?![\s,]*+(?:[Mm]|$))", path))
+    if reopened > MOST_REOPENED or len(re.findall(NUMBER, path)) > MOST_NUMBERS:
+        raise account.refusal(f"has a path of too many pieces in the layer {layer}, allowed are {MOST_NUMBERS} numbers")
     try:
         segments = list(svg.Path(path)) if COMMANDS.fullmatch(path) else None
     except (ValueError, IndexError, TypeError, ArithmeticError):
@@ -152,7 +173,7 @@ def _curve(segment: Any, matrix: Points, layer: str, account: Account) -> Points
     if hasattr(segment, "sweep"):
         radius = stretch * float(max(segment.rx, segment.ry))
         account.check_reach(layer, np.array([[radius, radius]]))
-        angle = 2.0 * math.acos(1.0 - min(SAGITTA / radius, 1.0)) if radius > 0.0 else math.pi
+        angle = 2.0 * math.acos(1.0 - min(SAGITTA / radius, ROUND)) if radius > 0.0 else math.pi
         pieces = abs(float(segment.sweep)) / angle
     else:
         placed = _placed(control, matrix)
