@@ -225,12 +225,14 @@ def _stages(rng: Rng) -> Made:
     """Stages of 0.2 ms to 1 s, one after the other, of a piston or a plate, with and without pauses and ring-up."""
     one = _piston if rng.random() < 0.5 else _plate
     plate, _, where, _ = one(rng)
-    stages = []
+    stages: list[dict[str, Any]] = []
     longest = float(10.0 ** rng.uniform(-3.0, 0.0))
     for _ in range(int(rng.integers(1, 6))):
         duration = float(np.exp(rng.uniform(np.log(2e-4), np.log(longest))))
         pause = float(rng.choice([0.0, rng.uniform(0.0, 0.5) * duration]))
-        drive = one(rng)[1][0] | {"ring_up": bool(rng.random() < 0.8)}
+        drives = one(rng)[1]
+        assert isinstance(drives, list)
+        drive = drives[0] | {"ring_up": bool(rng.random() < 0.8)}
         stages.append({"drive": [drive], "duration_s": duration, "pause_s": pause})
     whole = sum(stage["duration_s"] + stage["pause_s"] for stage in stages)
     return plate, {"cycles": max(1, min(1000, round(0.4 / whole))), "stage": stages}, where, {}

@@ -59,12 +59,12 @@ def compute_modes(file: PlateFile) -> ModeFile:
     if not len(modes):
         first = _first_frequency(file, plate, outline, attachments)
         where = "" if first is None else f", which is at {first:.1f} Hz"
-        error = NoModes(
+        refusal = NoModes(
             f"is {body.highest_frequency_hz:g}, below the first mode of the plate{where}",
             key="plate.highest_frequency_hz",
         )
-        error.first = first
-        raise error
+        refusal.first = first
+        raise refusal
     resonances = tuple(_matched(measured, i, modes) for i, measured in enumerate(file.resonance))
     for i, resonance in enumerate(resonances):
         same = [k for k in range(i) if resonances[k].mode == resonance.mode]

@@ -171,8 +171,8 @@ class _Reader:
                 elif entity.dxftype() == "SPLINE":
                     vertices += len(entity.control_points) + len(entity.fit_points)
                 elif entity.dxftype() == "HATCH":
-                    edges = (getattr(path, "edges", None) or getattr(path, "vertices", ()) for path in entity.paths)
-                    vertices += sum(map(len, edges))
+                    for path in entity.paths:
+                        vertices += len(getattr(path, "edges", None) or getattr(path, "vertices", ()))
             self._work[name] = vertices // WORK
         return self._work[name]
 
