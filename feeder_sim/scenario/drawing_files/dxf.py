@@ -172,7 +172,8 @@ class _Reader:
                     vertices += len(entity.control_points) + len(entity.fit_points)
                 elif entity.dxftype() == "HATCH":
                     for path in entity.paths:
-                        vertices += len(getattr(path, "edges", None) or getattr(path, "vertices", ()))
+                        edges: Any = getattr(path, "edges", None) or getattr(path, "vertices", ())
+                        vertices += len(edges)
             self._work[name] = vertices // WORK
         return self._work[name]
 
