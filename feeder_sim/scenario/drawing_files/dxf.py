@@ -17,8 +17,8 @@ from feeder_sim.scenario.drawing_files.strokes import MM, ROUND, SAGITTA, Accoun
 OF_HEADER = {1: 25.4, 2: 304.8, 4: 1.0, 5: 10.0, 6: 1000.0, 9: 0.0254, 10: 914.4, 13: 0.001, 14: 100.0}
 CURVES = {"LINE", "ARC", "CIRCLE", "ELLIPSE", "LWPOLYLINE", "POLYLINE", "SPLINE", "SOLID", "TRACE"}
 QUADS = ("SOLID", "TRACE")
-WORDS = {"TEXT", "MTEXT", "ATTDEF", "ATTRIB", "DIMENSION", "ARC_DIMENSION", "LARGE_RADIAL_DIMENSION", "LEADER"}
-WORDS |= {"MULTILEADER", "MLEADER", "TOLERANCE", "ACAD_TABLE"}
+TEXTS = {"TEXT", "MTEXT", "ATTDEF", "ATTRIB", "DIMENSION", "ARC_DIMENSION", "LARGE_RADIAL_DIMENSION", "LEADER"}
+TEXTS |= {"MULTILEADER", "MLEADER", "TOLERANCE", "ACAD_TABLE"}
 PICTURES = {"IMAGE", "WIPEOUT", "OLE2FRAME", "OLEFRAME", "VIEWPORT", "LIGHT", "PDFUNDERLAY", "DWFUNDERLAY"}
 SAYS_UNIT = re.compile(rb"(?:^|\n)\s*9\s*\r?\n\$INSUNITS\s*[\r\n]|\x09\x00?\$INSUNITS\x00")  # text, binary
 FRAME = 16  # flag of a vertex that a curve through a polyline does not go through
@@ -91,7 +91,7 @@ class _Reader:
         hidden = hidden or self._is_hidden(entity, layer_name)
         if kind == "INSERT":
             yield from self._insert(entity, layer_name, depth, hidden)
-        elif kind in WORDS:
+        elif kind in TEXTS:
             self.account.ignore("texts and dimensions")
         elif kind in PICTURES:
             self.account.ignore("pictures and views")

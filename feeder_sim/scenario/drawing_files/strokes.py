@@ -70,7 +70,7 @@ class Account:
         return InputError(problem, file=self.path)
 
     def hidden(self, kind: str, layer: str) -> InputError:
-        """A hidden entity in a layer that counts: nobody can say whether it is meant."""
+        """A hidden entity in a layer that counts: nobody can say whether it is nearest."""
         return self.refusal(f"has a hidden {kind} in the layer {layer}, allowed is what is shown: show it or delete it")
 
     def count(self, number: int = 1) -> None:
@@ -98,10 +98,10 @@ class Account:
         Raises:
             InputError: the name of the layer is all but that of one that counts.
         """
-        meant = misspelt(layer)
-        if meant is not None:
+        nearest = misspelt(layer)
+        if nearest is not None:
             name = shortened(layer)
-            raise self.refusal(f"has lines in the layer {name!r} (did you mean {meant!r}?), allowed is another name")
+            raise self.refusal(f"has lines in the layer {name!r} (did you mean {nearest!r}?), allowed is another name")
         self.others[layer] += 1
 
     def take(

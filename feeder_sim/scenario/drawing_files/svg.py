@@ -20,7 +20,7 @@ SPACE = "http://www.w3.org/2000/svg"
 LABEL = "{http://www.inkscape.org/namespaces/inkscape}label"
 LINK = "{http://www.w3.org/1999/xlink}href"
 GROUPS = ("g", "a", "svg")
-WORDS = ("text", "title", "desc")
+TEXTS = ("text", "title", "desc")
 PICTURES = ("image", "foreignObject", "video", "canvas")
 DEFINITIONS = ("defs", "symbol", "clipPath", "mask", "marker", "pattern", "linearGradient", "radialGradient", "filter")
 SILENT = (*DEFINITIONS, "style", "script", "metadata", "view", "cursor", "font")
@@ -33,7 +33,7 @@ SELECTOR = re.compile(r"[.#]?[-\w]+|\*")
 
 
 class State(NamedTuple):
-    """What an element has from those around it."""
+    """What an element has from those parent it."""
 
     matrix: Points
     viewport: tuple[float, float]
@@ -91,18 +91,18 @@ class _Reader:
         page = self._state(self.root, State(matrix, viewport))._replace(layer=None, name="without a name")
         stack = [(child, page) for child in reversed(self.root)]
         while stack:
-            element, around = stack.pop()
+            element, parent = stack.pop()
             space, name = local(element.tag)
             if not name:  # a comment
                 continue
             if space != self.space:
-                self._foreign(element, name, around)
+                self._foreign(element, name, parent)
                 continue
             self.account.count()
             if name in SILENT:
-                self.account.ignore("definitions", 0 if around.uses else _shapes_in(element))
+                self.account.ignore("definitions", 0 if parent.uses else _shapes_in(element))
                 continue
-            state = self._state(element, around)
+            state = self._state(element, parent)
             if name in SHAPES:
                 yield from self._shape(element, name, state)
             elif name in GROUPS:
@@ -113,20 +113,20 @@ class _Reader:
             else:
                 self._other(element, name, state)
 
-    def _state(self, element: Any, around: State) -> State:
+    def _state(self, element: Any, parent: State) -> State:
         """What holds for an element and those in it."""
         style, name = self._style(element), local(element.tag)[1]
         names = [element.get(key) for key in (LABEL, "data-name", "id") if element.get(key)]
         layer = next((layer for layer in map(layer_of, names) if layer), None)
-        if layer is None and around.layer is None and (meant := next(filter(misspelt, names), None)):
-            names = [meant]
-        layer = around.layer if layer is None or (around.uses and around.layer) else layer
+        if layer is None and parent.layer is None and (nearest := next(filter(misspelt, names), None)):
+            names = [nearest]
+        layer = parent.layer if layer is None or (parent.uses and parent.layer) else layer
         placing = (PLACING | (GEOMETRY if name in SHAPES else set())).intersection(style)
         if element.get("transform") and element.get("transform-origin"):
             placing.add("transform-origin")
         if placing and element is not self.root:
             raise self.account.refusal(
-                f"has a {name} in {layer or (names[0] if names else around.name)} whose {min(placing)} is given by a "
+                f"has a {name} in {layer or (names[0] if names else parent.name)} whose {min(placing)} is given by a "
                 "style, allowed are attributes"
             )
 
@@ -134,15 +134,15 @@ class _Reader:
             return str(style.get(key, element.get(key, ""))).strip().lower()
 
         fill = value("fill")
-        painted = fill not in ("none", "transparent") if fill and fill != "inherit" else around.filled
-        return around._replace(
-            matrix=around.matrix @ transform_of(element, self.account),
+        painted = fill not in ("none", "transparent") if fill and fill != "inherit" else parent.filled
+        return parent._replace(
+            matrix=parent.matrix @ transform_of(element, self.account),
             layer=layer,
-            name=names[0] if names else around.name,
+            name=names[0] if names else parent.name,
             filled=painted,
-            removed=around.removed or value("display") == "none",
-            invisible=value("visibility") in ("hidden", "collapse") if value("visibility") else around.invisible,
-            cut=around.cut or any(value(key) not in ("", "none") for key in ("clip-path", "mask")),
+            removed=parent.removed or value("display") == "none",
+            invisible=value("visibility") in ("hidden", "collapse") if value("visibility") else parent.invisible,
+            cut=parent.cut or any(value(key) not in ("", "none") for key in ("clip-path", "mask")),
         )
 
     def _style(self, element: Any) -> dict[str, str]:
@@ -210,13 +210,13 @@ class _Reader:
     def _other(self, element: Any, name: str, state: State) -> None:
         """An element that draws no line."""
         layer = state.layer or _layer_within(element)
-        if name not in WORDS and _shapes_in(element) and layer is not None:
+        if name not in TEXTS and _shapes_in(element) and layer is not None:
             raise self.account.refusal(f"has shapes in a {name} in the layer {layer}, allowed are groups")
-        self.account.ignore("texts" if name in WORDS else "pictures" if name in PICTURES else "unknown elements")
+        self.account.ignore("texts" if name in TEXTS else "pictures" if name in PICTURES else "unknown elements")
 
-    def _foreign(self, element: Any, name: str, around: State) -> None:
+    def _foreign(self, element: Any, name: str, parent: State) -> None:
         """An element of another namespace, as editors put in."""
-        layer = around.layer or _layer_within(element)
+        layer = parent.layer or _layer_within(element)
         if layer is not None and _shapes_in(element):
             raise self.account.refusal(
                 f"has a {name} of another namespace in the layer {layer}, allowed are shapes of {SPACE!r}"
