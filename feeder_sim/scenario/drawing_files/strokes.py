@@ -70,7 +70,7 @@ class Account:
         return InputError(problem, file=self.path)
 
     def hidden(self, kind: str, layer: str) -> InputError:
-        """A hidden entity in a layer that counts: nobody can say whether it is nearest."""
+        """A hidden entity in a layer that counts: nobody can say whether it is meant."""
         return self.refusal(f"has a hidden {kind} in the layer {layer}, allowed is what is shown: show it or delete it")
 
     def count(self, number: int = 1) -> None:

@@ -33,7 +33,7 @@ SELECTOR = re.compile(r"[.#]?[-\w]+|\*")
 
 
 class State(NamedTuple):
-    """What an element has from those parent it."""
+    """What an element has from its parents."""
 
     matrix: Points
     viewport: tuple[float, float]
