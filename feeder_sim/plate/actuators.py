@@ -12,14 +12,6 @@ in feeder_sim.plate.ritz.attachments,
 
     M = N (z - B / A),    for a thin patch N (h + t) / 2,    e = d31 n V / t with n layers of ceramic.
 
-That moment acts on a plate that the patch makes stiffer. On the modes of the bare plate, which bend more there, it has
-to be smaller by the curvature in a stiff round inclusion over that of the plate around it,
-
-    k = 2 D / ((1 - nu) D + K),    K the stiffness of plate and patch against bending in both directions at once
-
-(the plate form of Eshelby's inclusion; Kirchhoff's equation outside, w ~ r^2 within, deflection, slope and moment
-continuous).
-
 The stress enters the patch over a short way from its edges. So it acts as if it were shorter by `shear_lag` at each.
 """
 
@@ -108,23 +100,6 @@ def moment_of_strain(plate: RectangularPlate, layer: Layer) -> float:
     stretch = np.array([[p11, p12], [p12, p22]]) * h + np.array([[l11, l12], [l12, l22]]) * t
     coupling = np.array([[l11, l12], [l12, l22]]) * t * z
     return float((held * z - coupling @ np.linalg.solve(stretch, held)).mean())
-
-
-def share_of_curvature(plate: RectangularPlate, layer: Layer) -> float:
-    """Curvature of the plate under a layer over that of the bare plate [1]; see above.
-
-    On an orthotropic plate it is the mean of both directions.
-    """
-    h, t = plate.thickness, layer.thickness
-    z = 0.5 * (h + t)
-    (p11, p12, p22, _), (l11, l12, l22, _) = plate.material.plane_stress, layer.material.plane_stress
-    shares = []
-    for own, cross, of_layer in ((p11, p12, l11 + l12), (p22, p12, l22 + l12)):
-        both = own + cross  # stretched in both directions at once
-        whole = both * h**3 / 12.0 + of_layer * (t**3 / 12.0 + t * z * z)
-        whole -= (of_layer * t * z) ** 2 / (both * h + of_layer * t)
-        shares.append((own * h**3 / 6.0) / ((own - cross) * h**3 / 12.0 + whole))
-    return sum(shares) / len(shares)
 
 
 def clamped_capacitance(layer: Layer, relative_permittivity: float, layers: int) -> float:

@@ -12,14 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from feeder_sim.errors import InputError
-from feeder_sim.plate.actuators import (
-    SHEAR_LAG,
-    Actuator,
-    clamped_capacitance,
-    modal_force_table,
-    moment_of_strain,
-    share_of_curvature,
-)
+from feeder_sim.plate.actuators import SHEAR_LAG, Actuator, clamped_capacitance, modal_force_table, moment_of_strain
 from feeder_sim.plate.materials import Material
 from feeder_sim.plate.mode_file import ModeFile
 from feeder_sim.plate.outline import Outline
@@ -52,8 +45,6 @@ def build_actuators(tables: Sequence[ActuatorTable], plate: RectangularPlate) ->
             assert table.d31_pm_per_v is not None  # the table's own check
             strain_per_volt = table.d31_pm_per_v * 1e-12 * table.layers / layer.thickness
             moment = moment_of_strain(plate, layer) * strain_per_volt
-            if not table.loads:  # it acts on the modes of the bare plate
-                moment *= share_of_curvature(plate, layer)
         capacitance = clamped_capacitance(layer, table.relative_permittivity, table.layers)
         lag = SHEAR_LAG * plate.thickness if table.shear_lag_mm is None else 1e-3 * table.shear_lag_mm
         if 2.0 * lag >= min(layer.size):
