@@ -285,8 +285,7 @@ def test_mesh_that_another_module_would_be_needed_for(tmp_path: Path, monkeypatc
     monkeypatch.setitem(sys.modules, "charset_normalizer", None)
     path = mesh_file(tmp_path, ".obj")
     path.write_bytes(b"# M\xfcnchen\n" + path.read_bytes())
-    with pytest.raises(InputError, match=r"ring\.obj: part\.file: not a readable mesh: damaged, or .* not in UTF-8$"):
-        mesh(path)
+    assert mesh(path).mass > 0.0  # names and comments may be in any alphabet
 
 
 @pytest.mark.parametrize(
