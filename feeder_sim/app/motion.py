@@ -69,7 +69,8 @@ class Motion:
         if isinstance(plate, BendingPlate) and plate.actuator:
             loose = tuple(actuator.model_copy(update={"loads": False}) for actuator in plate.actuator)
             bare = modes_shown(scenario.model_copy(update={"plate": plate.model_copy(update={"actuator": loose})}))
-            self.stiffened = float(np.sqrt((self.forces**2).sum() / (modal_forces(bare) ** 2).sum()))
+            there = modal_force_table(bare.modes, self.held.actuators)
+            self.stiffened = float(np.sqrt((self.forces**2).sum() / (there**2).sum()))
 
     def moved(self, index: int, at: tuple[float, float]) -> NDArray[np.float64]:
         """Modal forces [N/V] with one patch at another place [m], about: see `learn`; frequencies stay as they are."""

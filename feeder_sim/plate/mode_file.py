@@ -1,6 +1,6 @@
 """Plate modes in HDF5, self-describing and checked on reading.
 
-Layout, schema version 3 (SI units, named in the `unit` attribute of every dataset):
+Layout, schema version 4 (SI units, named in the `unit` attribute of every dataset):
 
     /            schema, schema_version, creator, libraries, method, normalisation, sign_convention;
                  of imported modes also imported_from, shift (2,)   from the coordinates there to those here
@@ -11,7 +11,7 @@ Layout, schema version 3 (SI units, named in the `unit` attribute of every datas
     /resonances  mode (m,)  frequency (m,)  damping_ratio (m,)  gain (m,)  driven_point (m, 2)   measured; may be empty
                  driven_by (m, a)   1 for the actuators that were driven, else 0
     /actuators   name (attribute, one per line)  centre (a, 2)  size (a, 2)  angle (a,)  thickness (a,)  side (a,)
-                 density (a,)  youngs_modulus (a,)  poisson_ratio (a,)  moment_per_volt (a,)  shear_lag (a,)
+                 density (a,)  youngs_modulus (a,)  poisson_ratio (a,)  moment_per_volt (a,)  moment_spread (a,)
                  capacitance (a,)  loss_tangent (a,)  force_per_volt (n, a)
     /mesh        of modes on triangles of fourth degree, whose coefficients are empty:
                  point (k, 2)  triangle (t, 3)  node (p, 2)  field (n, 3, p)   w, beta_x, beta_y at the nodes
@@ -59,7 +59,7 @@ FIELDS = {
     "youngs_modulus": ("Pa", 0, 1.0, 1e15),
     "poisson_ratio": ("1", 0, 0.0, 0.5),
     "moment_per_volt": ("N/V", 0, 0.0, 1e12),
-    "shear_lag": ("m", 0, 0.0, 1e3),
+    "moment_spread": ("1", 0, 1.0, 1e3),
     "capacitance": ("F", 0, 0.0, 1e3),
     "loss_tangent": ("1", 0, 0.0, 1.0),
 }
@@ -78,7 +78,7 @@ def write_actuators(file: Any, actuators: Sequence[Actuator], force_per_volt: ND
             "youngs_modulus": a.layer.material.youngs_modulus,
             "poisson_ratio": a.layer.material.poisson_ratio,
             "moment_per_volt": a.moment_per_volt,
-            "shear_lag": a.shear_lag,
+            "moment_spread": a.moment_spread,
             "capacitance": a.capacitance,
             "loss_tangent": a.loss_tangent,
         }
@@ -126,7 +126,7 @@ def _actuator(name: str, row: dict[str, Any]) -> Actuator:
         side=-1 if row["side"] < 0.0 else 1,
         material=Material(row["density"], row["youngs_modulus"], row["poisson_ratio"]),
     )
-    return Actuator(name, layer, row["moment_per_volt"], row["shear_lag"], row["capacitance"], row["loss_tangent"])
+    return Actuator(name, layer, row["moment_per_volt"], row["moment_spread"], row["capacitance"], row["loss_tangent"])
 
 
 # The group /outline of a mode file, and of the plate in a trajectory file: points, and the polygon each belongs to.
@@ -187,7 +187,7 @@ def read_outline(file: Any, name: str, size: tuple[float, float], path: Path) ->
 
 
 SCHEMA = "feeder_sim/plate_modes"
-SCHEMA_VERSION = 3
+SCHEMA_VERSION = 4
 RITZ = "Mindlin plate, Ritz with orthonormal Legendre products, shear factor 5/6"
 ELEMENTS = "Mindlin plate, triangles of fourth degree, shear factor 5/6"
 IMPORTED = "imported mode shapes at points, least squares in orthonormal Legendre products with a bending energy"

@@ -6,7 +6,7 @@ from typing import Annotated, Self
 
 from pydantic import AfterValidator, Discriminator, Field, Tag, model_validator
 
-from feeder_sim.plate.materials import MATERIALS, Material
+from feeder_sim.plate.materials import CERAMICS, MATERIALS, Material
 from feeder_sim.scenario.tables import Table
 
 ModulusGpa = Annotated[float, Field(ge=1e-4, le=1e4, strict=True)]
@@ -41,6 +41,13 @@ def _known_material(value: str) -> str:
     return value
 
 
+def _known_ceramic(value: str) -> str:
+    if value not in CERAMICS:
+        raise ValueError(f"allowed is one of {', '.join(sorted(CERAMICS))}, and constants in place of its own")
+    return value
+
+
+CeramicName = Annotated[str, AfterValidator(_known_ceramic), Field(json_schema_extra={"enum": sorted(CERAMICS)})]
 MaterialChoice = Annotated[
     Annotated[str, AfterValidator(_known_material), Field(json_schema_extra={"enum": sorted(MATERIALS)}), Tag("name")]
     | Annotated[CustomMaterial, Tag("table")],

@@ -8,8 +8,9 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import Field, ValidationError, ValidationInfo, model_validator
 
+from feeder_sim.plate.materials import CERAMICS, Ceramic, Material
 from feeder_sim.scenario.drawing import with_drawing
-from feeder_sim.scenario.material import MaterialChoice
+from feeder_sim.scenario.material import CeramicName, MaterialChoice
 from feeder_sim.scenario.tables import (
     AngleDeg,
     CoordinateMm,
@@ -45,29 +46,46 @@ class BondedLayer(Table):
 
 
 class Actuator(BondedLayer):
-    """A piezo patch. Its bending moment is the calibrated one, or else that of its material."""
+    """A piezo patch. Its bending moment is the calibrated one, or else that of its ceramic and its glue.
+
+    Constants that are given replace those of the ceramic.
+    """
 
     name: Name
-    moment_per_volt_n: Positive | None = None
-    density_kg_m3: Annotated[float, Field(ge=1, le=1e5, strict=True)] = 7700.0
-    s11_um2_per_n: Annotated[float, Field(ge=1e-3, le=1e6, strict=True)] = 13.0
-    poisson_ratio: Annotated[float, Field(ge=0, lt=0.5, strict=True)] = 0.31
+    ceramic: CeramicName = "NCE46"
+    density_kg_m3: Annotated[float, Field(ge=1, le=1e5, strict=True)] | None = None
+    s11_um2_per_n: Annotated[float, Field(ge=1e-3, le=1e6, strict=True)] | None = None
+    poisson_ratio: Annotated[float, Field(ge=0, lt=0.5, strict=True)] | None = None
     d31_pm_per_v: Annotated[float, Field(gt=0, le=1e5, strict=True)] | None = None
     layers: Annotated[int, Field(ge=1, le=MOST_LAYERS, strict=True)] = 1
-    relative_permittivity: Annotated[float, Field(ge=1, le=1e6, strict=True)] = 1800.0
-    loss_tangent: Annotated[float, Field(ge=0, le=1, strict=True)] = 0.02
-    shear_lag_mm: NonNegative | None = None
+    relative_permittivity: Annotated[float, Field(ge=1, le=1e6, strict=True)] | None = None
+    loss_tangent: Annotated[float, Field(ge=0, le=1, strict=True)] | None = None
+    glue_thickness_um: Annotated[float, Field(ge=0, le=1e4, strict=True)] | None = None
+    glue_shear_modulus_gpa: Annotated[float, Field(ge=1e-4, le=1e3, strict=True)] = 1.0
+    moment_per_volt_n: Positive | None = None
     loads: Flag = True
+
+    @property
+    def properties(self) -> Ceramic:
+        """Constants of the ceramic in SI units, with those that are given in place of those of its name."""
+        known = CERAMICS[self.ceramic]
+
+        def given(value: float | None, otherwise: float, unit: float = 1.0) -> float:
+            return otherwise if value is None else unit * value
+
+        modulus = known.solid.youngs_modulus if self.s11_um2_per_n is None else 1e12 / self.s11_um2_per_n
+        density, poisson = given(self.density_kg_m3, known.solid.density), given(self.poisson_ratio, known.solid.poisson_ratio)
+        return Ceramic(
+            Material(density, modulus, poisson),
+            given(self.d31_pm_per_v, known.d31, 1e-12),
+            given(self.relative_permittivity, known.relative_permittivity),
+            given(self.loss_tangent, known.loss_tangent),
+        )
 
     @model_validator(mode="after")
     def _acts(self) -> Self:
-        if self.moment_per_volt_n is None and self.d31_pm_per_v is None:
-            raise ValueError("moment_per_volt_n is missing, allowed is a number above 0, or d31_pm_per_v instead")
-        if self.shear_lag_mm is not None and 2.0 * self.shear_lag_mm >= min(self.size_mm):
-            raise ValueError(
-                f"shear_lag_mm is {self.shear_lag_mm:g}, allowed is less than half of the shorter side, "
-                f"{0.5 * min(self.size_mm):g}"
-            )
+        if self.moment_per_volt_n is not None and self.glue_thickness_um is not None:
+            raise ValueError("moment_per_volt_n is calibrated, allowed is that or glue_thickness_um, which it contains")
         return self
 
 

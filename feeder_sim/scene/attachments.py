@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from feeder_sim.errors import InputError
-from feeder_sim.plate.actuators import SHEAR_LAG, Actuator, clamped_capacitance, modal_force_table, moment_of_strain
+from feeder_sim.plate.actuators import Actuator, clamped_capacitance, modal_force_table, moment_of_voltage
 from feeder_sim.plate.materials import Material
 from feeder_sim.plate.mode_file import ModeFile
 from feeder_sim.plate.outline import Outline
@@ -29,31 +29,31 @@ SPREAD = 24  # points along a line or a side of an area, between which a spring 
 TOUCHING = 1e-6  # [m]; patches that overlap by less are side by side
 
 
-def build_actuators(tables: Sequence[ActuatorTable], plate: RectangularPlate) -> tuple[Actuator, ...]:
-    """The piezo actuators of a plate.
+def build_actuators(
+    tables: Sequence[ActuatorTable], plate: RectangularPlate, *, loaded: bool = False
+) -> tuple[Actuator, ...]:
+    """The piezo actuators of a plate; `loaded` where its modes are those with all of them, whatever the tables say.
 
     Raises:
         InputError: one reaches beyond the plate, or is thicker than layers of ceramic can be.
     """
     actuators = []
     for i, table in enumerate(tables):
-        material = Material(table.density_kg_m3, 1e12 / table.s11_um2_per_n, table.poisson_ratio)
-        layer = _layer(table, material)
+        ceramic = table.properties
+        layer = _layer(table, ceramic.solid)
         check_on_plate(layer, plate, f"actuator[{i}]")
-        moment = table.moment_per_volt_n
+        moment, spread = table.moment_per_volt_n, 1.0
         if moment is None:
-            assert table.d31_pm_per_v is not None  # the table's own check
-            strain_per_volt = table.d31_pm_per_v * 1e-12 * table.layers / layer.thickness
-            moment = moment_of_strain(plate, layer) * strain_per_volt
-        capacitance = clamped_capacitance(layer, table.relative_permittivity, table.layers)
-        lag = SHEAR_LAG * plate.thickness if table.shear_lag_mm is None else 1e-3 * table.shear_lag_mm
-        if 2.0 * lag >= min(layer.size):
-            raise InputError(
-                f"is [{1e3 * layer.size[0]:g}, {1e3 * layer.size[1]:g}], allowed is above {2e3 * lag:.3g}, the way "
-                "over which stress enters the patch from two edges (or give shear_lag_mm)",
-                key=f"actuator[{i}].size_mm",
+            glue = table.glue_thickness_um
+            moment, spread = moment_of_voltage(
+                plate,
+                layer,
+                ceramic.d31 * table.layers / layer.thickness,
+                slip=None if glue is None else 1e-6 * glue / (1e9 * table.glue_shear_modulus_gpa),
+                loaded=loaded or table.loads,
             )
-        actuators.append(Actuator(table.name, layer, moment, lag, capacitance, table.loss_tangent))
+        capacitance = clamped_capacitance(layer, ceramic.relative_permittivity, table.layers)
+        actuators.append(Actuator(table.name, layer, moment, spread, capacitance, ceramic.loss_tangent))
     return tuple(actuators)
 
 
@@ -75,14 +75,14 @@ def with_actuators(held: ModeFile, tables: Sequence[ActuatorTable]) -> ModeFile:
         table.model_copy(update={"at_mm": (table.at_mm[0] + 1e3 * x, table.at_mm[1] + 1e3 * y)}) for table in tables
     ]
     for i, table in enumerate(moved):
-        layer = _layer(table, Material(table.density_kg_m3, 1.0, table.poisson_ratio))
+        layer = _layer(table, table.properties.solid)
         if not area.covers(Polygon(layer.corners(TOUCHING))):
             raise InputError(
                 f"is [{tables[i].at_mm[0]:g}, {tables[i].at_mm[1]:g}], from where it reaches beyond the plate, allowed "
                 f"is a place on it; its middle is at [{-1e3 * x:g}, {-1e3 * y:g}] in the file of the modes",
                 key=f"actuator[{i}].at_mm",
             )
-    actuators = build_actuators(moved, modes.plate)
+    actuators = build_actuators(moved, modes.plate, loaded=True)
     _check_apart({f"actuator[{i}]": actuator.layer for i, actuator in enumerate(actuators)})
     return replace(held, actuators=actuators, force_per_volt=modal_force_table(modes, actuators))
 
