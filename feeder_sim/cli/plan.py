@@ -36,6 +36,9 @@ def _drive(drive: dict[str, Any]) -> str:
     name, _, computed = drive["mode"].partition(", ")
     what = f"{name[:1].upper()}{name[1:]}{f' ({computed})' if computed else ''}"
     line = f"{what} moves at {drive['frequency_hz']:g} Hz by {number(drive['antinode_amplitude_um'], 3)} um"
+    low, high = drive["antinode_bounds_um"]
+    if low < high:
+        line += f" (within {number(low, 2)} to {number(high, 2)})"
     line += f" and {number(drive['peak_acceleration_g'], 3)} g at most"
     under = [_under(part) for part in drive["under_parts"][:MOST_KINDS]]
     line += f"; under {', under '.join(under)}" if under else ""

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import cmath
 import csv
 import json
+import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -16,6 +18,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from feeder_sim.measures.circulation import StageWave
+    from feeder_sim.plate.impedance_fit import SweepFit
     from feeder_sim.plate.mode_file import ModeFile
     from feeder_sim.plate.pairs import ModePair
     from feeder_sim.plate.response import RankedMode, Response
@@ -45,9 +48,15 @@ def print_response(
             "mode": peak.mode + 1,
             "frequency_hz": peak.frequency,
             "amplitude_um": 1e6 * peak.amplitude,
+            "amplitude_bounds_um": [1e6 * peak.amplitude * bound for bound in peak.bounds],
             "damping_ratio": finite_or_none(peak.damping_ratio),
             "current_ma": 1e3 * float(abs(found.current[i].sum())),
             "power_w": float(found.power[i]),
+            "ceramic_heat_w": float(found.heat[i]),
+            "impedance_ohm": finite_or_none(float(abs(found.impedance[i]))),
+            "impedance_phase_deg": finite_or_none(math.degrees(cmath.phase(found.impedance[i]))),
+            "series_resistance_ohm": finite_or_none(float(found.impedance[i].real)),
+            "resistance_maximum_hz": finite_or_none(peak.resistive),
             "force_per_volt_n": dict(zip((a.name for a in held.actuators), forces[peak.mode].tolist(), strict=True)),
         }
         for peak, i in zip(found.peaks, at_peak, strict=True)
@@ -58,15 +67,52 @@ def print_response(
     print(f"driven: {', '.join(names)} at {volts:g} V peak to peak")
     columns = {"mode": "{mode}", "frequency (Hz)": "{frequency_hz:.1f}", "amplitude (um)": "{amplitude_um:.4g}"}
     columns |= {
+        "within": "{within}",
         "damping ratio": "{damping_ratio:.5f}",
         "current (mA)": "{current_ma:.4g}",
         "power (W)": "{power_w:.3g}",
+        "in the ceramic": "{ceramic_heat_w:.3g}",
     }
+    electrical = {"mode": "{mode}", "|Z| (ohm)": "{impedance_ohm:.4g}", "phase (deg)": "{impedance_phase_deg:.1f}"}
+    electrical |= {"R (ohm)": "{series_resistance_ohm:.3g}", "highest at (Hz)": "{resistance_maximum_hz:.1f}"}
     columns |= {f"N/V {actuator.name}": f"{{force{i}:+.3g}}" for i, actuator in enumerate(held.actuators)}
     forced = [{f"force{i}": force for i, force in enumerate(row["force_per_volt_n"].values())} for row in rows]
-    print_table([row | force for row, force in zip(rows, forced, strict=True)], columns)
+    print_table([row | force | _within(row) for row, force in zip(rows, forced, strict=True)], columns)
     if not rows:
         print("no peak in this range")
+    if rows and rows[0]["impedance_ohm"] is not None:
+        print("the driven patches in parallel at these frequencies, and where their series resistance is highest:")
+        print_table(rows, electrical)
+
+
+def _within(row: dict[str, Any]) -> dict[str, str]:
+    """The bounds of an amplitude in words; "" where they are the same."""
+    low, high = row["amplitude_bounds_um"]
+    return {"within": "" if low == high else f"{low:.3g} to {high:.3g}"}
+
+
+def print_fit(fit: SweepFit, modes: Sequence[int | None], as_json: bool) -> None:
+    """Print the resonances of a sweep with their modes (0-based)."""
+    rows: list[dict[str, Any]] = [
+        {
+            "mode": None if mode is None else mode + 1,
+            "frequency_hz": resonance.frequency,
+            "frequency_error_hz": resonance.frequency_error,
+            "damping_ratio": resonance.damping_ratio,
+            "damping_error": resonance.damping_error,
+        }
+        for resonance, mode in zip(fit.resonances, modes, strict=True)
+    ]
+    if as_json:
+        print(json.dumps({"resonances": rows, "loss_tangent": fit.loss_tangent, "scatter": fit.scatter}))
+        return
+    columns = {"mode": "{mode}", "frequency (Hz)": "{frequency_hz:.3f}", "+-": "{frequency_error_hz:.1g}"}
+    print_table(rows, columns | {"damping ratio": "{damping_ratio:.5f}", "+- ": "{damping_error:.1g}"})
+    print(f"loss tangent of the ceramic {fit.loss_tangent:.3g}, scatter of the resistance {fit.scatter:.2%}")
+    for row in rows:
+        mode = "# no mode within 2 %" if row["mode"] is None else f"mode = {row['mode']}"
+        lines = [f"frequency_hz = {row['frequency_hz']:.3f}", f"damping_ratio = {row['damping_ratio']:.6f}", mode]
+        print("\n".join(["", "[[resonance]]", *lines]))
 
 
 def print_ranking(ranked: Sequence[RankedMode], levels: Sequence[float], as_json: bool) -> None:
@@ -80,6 +126,7 @@ def print_ranking(ranked: Sequence[RankedMode], levels: Sequence[float], as_json
             "actuator": mode.actuator,
             "force_per_volt_n": mode.force_per_volt,
             "amplitude_um": 1e6 * mode.amplitude,
+            "amplitude_bounds_um": [1e6 * mode.amplitude * bound for bound in mode.bounds],
             "antinode_um": 1e6 * mode.antinode,
             "peak_acceleration_g": mode.acceleration,
             "hop_height_mm": 1e3 * mode.hop_height,
@@ -92,14 +139,14 @@ def print_ranking(ranked: Sequence[RankedMode], levels: Sequence[float], as_json
         print(json.dumps(rows))
         return
     columns = {"mode": "{mode}", "frequency (Hz)": "{frequency_hz:.1f}", "amplitude (um)": "{amplitude_um:.4g}"}
-    columns |= {"antinode (um)": "{antinode_um:.4g}", "peak (g)": "{peak_acceleration_g:.4g}"}
+    columns |= {"within": "{within}", "antinode (um)": "{antinode_um:.4g}", "peak (g)": "{peak_acceleration_g:.4g}"}
     columns |= {
         "hop (mm)": "{hop_height_mm:.3g}",
         "dB(A)": "{sound_dba_at_1_m:.0f}",
         "N/V": "{force_per_volt_n:+.3g}",
         "actuator": "{actuator}",
     }
-    near = [row | {"neighbours": ", ".join(map(str, row["neighbours"]))} for row in rows]
+    near = [row | _within(row) | {"neighbours": ", ".join(map(str, row["neighbours"]))} for row in rows]
     print_table(near, columns | {"within 2 %": "{neighbours}"})
 
 
@@ -143,11 +190,15 @@ def write_response(found: Response, names: Sequence[str], path: Path) -> None:
     """Write a response as CSV: frequency, amplitude, power, and the current of every actuator."""
     with path.open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file)
-        writer.writerow(["frequency_hz", "amplitude_um", "power_w", *(f"current_{name}_ma" for name in names)])
+        impedance = ["impedance_ohm", "impedance_phase_deg", "series_resistance_ohm"]
+        currents = [f"current_{name}_ma" for name in names]
+        writer.writerow(["frequency_hz", "amplitude_um", "power_w", "ceramic_heat_w", *impedance, *currents])
         for i, frequency in enumerate(found.frequency):
             currents = [f"{1e3 * abs(current):.6g}" for current in found.current[i]]
-            numbers = [f"{frequency:.4f}", f"{1e6 * found.amplitude[i]:.6g}", f"{found.power[i]:.6g}"]
-            writer.writerow([*numbers, *currents])
+            z = found.impedance[i]
+            numbers = [1e6 * found.amplitude[i], found.power[i], found.heat[i], abs(z)]
+            numbers += [math.degrees(cmath.phase(z)), z.real]
+            writer.writerow([f"{frequency:.4f}", *(f"{number:.6g}" for number in numbers), *currents])
 
 
 MOST_DRIVE_LINES = 12  # of a run with many stages

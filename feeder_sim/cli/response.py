@@ -1,4 +1,7 @@
-"""Commands about what actuators make of a plate: its frequency response, and which mode is worth its volts."""
+"""Commands about what actuators make of a plate: its frequency response, and which mode is worth its volts.
+
+A measured sweep of a patch goes the other way, to the resonances of a plate file.
+"""
 
 from __future__ import annotations
 
@@ -9,13 +12,16 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from feeder_sim.cli.files import file_in_errors, modes_of, new_picture, writable
+from feeder_sim.cli.files import file_in_errors, modes_of, new_picture, scenario_of_plate, writable
 from feeder_sim.errors import InputError, Unknown
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     import numpy as np
     from numpy.typing import NDArray
 
+    from feeder_sim.plate.impedance_fit import SweepFit
     from feeder_sim.plate.mode_file import ModeFile
 
 VOLTS = 100.0  # peak to peak
@@ -42,9 +48,19 @@ def response(
     ] = None,
     picture: Annotated[Path | None, typer.Option("--picture", help="Draw the response to this file.")] = None,
     data: Annotated[Path | None, typer.Option("--data", help="Write the response to this CSV file.")] = None,
+    measured: Annotated[
+        Path | None,
+        typer.Option("--measured", help="Fit resonances to this sweep (CSV) of the series resistance of a patch."),
+    ] = None,
+    write: Annotated[
+        Path | None, typer.Option("--write", help="Write the plate file with the resonances of --measured to this one.")
+    ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout.")] = False,
 ) -> None:
-    """Compute how a plate answers its actuators: amplitude, current and power over the frequency, and the peaks."""
+    """Compute how a plate answers its actuators: amplitude, current, power and impedance over the frequency.
+
+    With --measured, fit natural frequencies and damping ratios to what an LCR meter measured at one actuator.
+    """
     from feeder_sim.cli.report import print_response, write_response
     from feeder_sim.plate.response import assumption, frequency_response, modal_forces, oscillators
 
@@ -53,6 +69,11 @@ def response(
             (new_picture if path is picture else writable)(path)
     held = modes_of(source)
     _check_actuators(held, source)
+    if measured is not None:
+        _fit_measured(held, source, measured, actuator, write, picture, as_json)
+        return
+    if write is not None:
+        raise InputError("is given without --measured, allowed is with it", file=source, key="--write")
     frequencies = held.modes.natural_frequency
     low = 0.5 * float(frequencies[0]) if low is None else low
     high = float(frequencies[-1]) if high is None else high
@@ -78,6 +99,72 @@ def response(
         draw_response(found, picture, title=f"Driven by {', '.join(names)} at {volts:g} V peak to peak", point=point)
     print_response(found, held, forces, names, volts, as_json)
     _say(assumption(oscillators(held, damping)))
+
+
+def _fit_measured(
+    held: ModeFile,
+    source: Path,
+    measured: Path,
+    actuator: list[str] | None,
+    out: Path | None,
+    picture: Path | None,
+    as_json: bool,
+) -> None:
+    """Fit the resonances of a sweep, print them with their modes, draw them, and write them into a plate file."""
+    from feeder_sim.cli.report import print_fit
+    from feeder_sim.plate.impedance_fit import fit_sweep, read_sweep
+    from feeder_sim.plots.pictures import draw_fit
+    from feeder_sim.scene.plate_modes import modes_of_resonances
+
+    names = [each.name for each in held.actuators]
+    name = actuator[0] if actuator else names[0]
+    if name not in names or len(actuator or []) > 1:
+        raise Unknown(" and ".join(actuator or []), names, file=source, key="--actuator")
+    if out is not None:
+        _check_new_plate_file(out, source)
+    with file_in_errors(measured):
+        sweep = read_sweep(measured)
+        low, high = float(sweep.frequency[0]), float(sweep.frequency[-1])
+        natural = held.modes.natural_frequency
+        if high < natural[0] or low > natural[-1]:
+            raise InputError(
+                f"goes from {low:g} to {high:g} Hz, allowed is a sweep in Hz over modes of the plate, which lie at "
+                f"{natural[0]:.0f} to {natural[-1]:.0f} Hz",
+                key="frequency_hz",
+            )
+        fit = fit_sweep(sweep, held.actuators[names.index(name)].capacitance)
+        modes = modes_of_resonances(held, [resonance.frequency for resonance in fit.resonances])
+    if picture is not None:
+        draw_fit(sweep, fit, picture, title=f"Series resistance of {name}")
+    if out is not None:
+        _write_resonances(held, fit, modes, source, out)
+    print_fit(fit, modes, as_json)
+
+
+def _check_new_plate_file(out: Path, source: Path) -> None:
+    """Refuse a file to which no plate file can be written that finds the files which it names."""
+    writable(out)
+    if source.suffix != ".toml" or scenario_of_plate(source) is not None:
+        raise InputError("goes with a plate file (.toml)", file=source, key="--write")
+    if out.suffix != ".toml" or out.resolve().parent != source.resolve().parent:
+        raise InputError(f"allowed is a .toml file in the folder of {source.name}", file=out, key="--write")
+
+
+def _write_resonances(held: ModeFile, fit: SweepFit, modes: Sequence[int | None], source: Path, out: Path) -> None:
+    """Write a plate file with measured resonances, in place of those that it has of the same modes; gains stay."""
+    import tomllib
+
+    import tomli_w
+
+    table = tomllib.loads(source.read_text(encoding="utf-8"))
+    kept = {r.mode: row for r, row in zip(held.resonances, table.get("resonance", []), strict=True)}
+    for resonance, mode in zip(fit.resonances, modes, strict=True):
+        if mode is not None:
+            measured = {"frequency_hz": round(resonance.frequency, 4), "damping_ratio": resonance.damping_ratio}
+            kept[mode] = kept.get(mode, {}) | measured | {"mode": mode + 1}
+    table["resonance"] = sorted(kept.values(), key=lambda row: row["frequency_hz"])
+    text = f"# {source.name} with resonances measured at a patch.\n\n{tomli_w.dumps(table)}"
+    out.write_text(text, encoding="utf-8")
 
 
 def print_ranked(held: ModeFile, volts: float, near: str | None, source: Path, as_json: bool) -> None:

@@ -8,13 +8,17 @@ A patch turns strain back into charge, by reciprocity with the same factor as vo
 per volt theta_ja of actuator a, its capacitance C_a and loss tangent d_a, its current is
 
     I_a = i w (C_a (1 - i d_a) V_a + sum_j theta_ja q_j),    power = 1/2 Re sum_a V_a* I_a.
+
+Of that power the ceramic keeps pi/4 f C d Upp^2 as heat. Driven patches lie in parallel at one voltage: their impedance
+is Z = V / I. The plate acts back on it, by the motional branch theta^2 / m_j, and the maxima of its series resistance
+Re Z lie beside the resonances, toward those of the open patch (IEEE Std 176-1987, section 6).
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -43,6 +47,7 @@ class RankedMode:
         actuator: name.
         force_per_volt: modal force over the voltage [N/V].
         amplitude: at the place [m]; antinode: at the highest antinode [m].
+        bounds: least and largest share of both that is possible [1], see `amplitude_bounds`.
         acceleration: peak at the place, over gravity [1].
         hop_height: of a part there [m].
         neighbours: 0-based modes within `NEIGHBOUR`.
@@ -54,6 +59,7 @@ class RankedMode:
     force_per_volt: float
     amplitude: float
     antinode: float
+    bounds: tuple[float, float]
     acceleration: float
     hop_height: float
     neighbours: tuple[int, ...]
@@ -90,6 +96,7 @@ def rank_modes(held: ModeFile, voltage: float, point: tuple[float, float] | None
                 force_per_volt=float(forces[j, best]),
                 amplitude=amplitude,
                 antinode=antinode,
+                bounds=amplitude_bounds(held, every, j, [best]),
                 acceleration=amplitude * omega**2 / GRAVITY,
                 hop_height=float(hop_height(amplitude, frequency)),
                 neighbours=tuple(int(i) for i in near if i != j),
@@ -100,6 +107,7 @@ def rank_modes(held: ModeFile, voltage: float, point: tuple[float, float] | None
 
 # Used where nothing says better: the middle of the range 0.0009 - 0.0027 measured on a plate of aluminium.
 DEFAULT_DAMPING_RATIO = 0.002
+DAMPING_RANGE = (0.0009, 0.0027)
 NO_FORCE = 1e-9  # of the largest modal force; a smaller one is round-off
 ON_NODE = 0.01  # of the antinode; where a mode deflects less, no amplitude can be set
 POINTS_PER_RESONANCE = 121  # of a response
@@ -166,6 +174,27 @@ def assumption(modes: Oscillators) -> str:
     )
 
 
+def amplitude_bounds(held: ModeFile, modes: Oscillators, index: int, driven: Sequence[int]) -> tuple[float, float]:
+    """Least and largest amplitude that a mode may have at resonance, over the predicted one.
+
+    The moment of a patch is uncertain by its bond and its ceramic, of several by the same factor; a damping ratio that
+    nothing says, by `DAMPING_RANGE`. A measured gain is not.
+
+    Args:
+        held: modes and actuators of a plate.
+        modes: its oscillators.
+        index: of the mode.
+        driven: indices of the actuators that are driven.
+    """
+    if any(r.mode == index and r.actuators and math.isfinite(r.gain) for r in held.resonances):
+        return 1.0, 1.0
+    spread = max((held.actuators[a].moment_spread for a in driven), default=1.0)
+    if not modes.assumed[index]:
+        return 1.0 / spread, spread
+    low, high = DAMPING_RANGE
+    return DEFAULT_DAMPING_RATIO / high / spread, DEFAULT_DAMPING_RATIO / low * spread
+
+
 def modal_forces(held: ModeFile) -> NDArray[np.float64]:
     """Modal force over the voltage [N/V], shape (n_modes, n_actuators).
 
@@ -223,12 +252,17 @@ class Peak:
         frequency: [Hz]; amplitude: [m].
         damping_ratio: half the width at 1/sqrt(2) of the height over the frequency; NaN where the response does not
             fall so far on both sides.
+        bounds: least and largest amplitude that is possible, over this one, see `amplitude_bounds`.
+        resistive: where the series resistance of the driven patches has its maximum beside it [Hz]; NaN where it has
+            none within `BELONGS`.
     """
 
     mode: int
     frequency: float
     amplitude: float
     damping_ratio: float
+    bounds: tuple[float, float] = (1.0, 1.0)
+    resistive: float = math.nan
 
 
 @dataclass(frozen=True)
@@ -239,7 +273,8 @@ class Response:
         frequency: (n,) [Hz].
         amplitude: (n,) [m], at the point asked for, or the largest on the plate.
         current: (n, n_actuators), complex [A].
-        power: (n,) [W].
+        power: (n,) [W]; heat: the part of it that the ceramic keeps (n,) [W].
+        impedance: of the driven patches in parallel (n,), complex [ohm]; NaN where their voltages differ.
         peaks: in order of frequency, the highest of each mode.
     """
 
@@ -247,6 +282,8 @@ class Response:
     amplitude: NDArray[np.float64]
     current: NDArray[np.complex128]
     power: NDArray[np.float64]
+    heat: NDArray[np.float64]
+    impedance: NDArray[np.complex128]
     peaks: tuple[Peak, ...]
 
 
@@ -279,9 +316,28 @@ def frequency_response(
     capacitance = np.array([a.capacitance * (1.0 - 1j * a.loss_tangent) for a in actuators])
     current = 1j * omega * (capacitance * voltage + q @ coupling)
     power = 0.5 * np.real(current @ np.conj(voltage))
+    heat = -0.5 * omega[:, 0] * float((capacitance.imag * np.abs(voltage) ** 2).sum())
+    driven = np.flatnonzero(voltage)
+    impedance = np.full(len(frequency), complex(math.nan, math.nan))
+    if len(set(voltage[driven].tolist())) == 1:
+        impedance = voltage[driven[0]] / current[:, driven].sum(axis=1)
     share = np.abs(q) * np.abs(shapes).max(axis=1)
-    peaks = _peaks(frequency, amplitude, share, modes)
-    return Response(frequency, amplitude, current, power, peaks)
+    peaks = tuple(
+        replace(
+            peak,
+            bounds=amplitude_bounds(held, modes, peak.mode, driven.tolist()),
+            resistive=_maximum_beside(frequency, impedance.real, peak.frequency),
+        )
+        for peak in _peaks(frequency, amplitude, share, modes)
+    )
+    return Response(frequency, amplitude, current, power, heat, impedance, peaks)
+
+
+def _maximum_beside(frequency: NDArray[np.float64], resistance: NDArray[np.float64], peak: float) -> float:
+    """The highest maximum of the resistance within `BELONGS` of a peak [Hz]; NaN where there is none."""
+    near = np.flatnonzero(np.abs(frequency / peak - 1.0) < BELONGS)
+    best = near[int(resistance[near].argmax())]  # an end of the range is no maximum
+    return float(frequency[best]) if near[0] < best < near[-1] else math.nan
 
 
 def _resolving_grid(modes: Oscillators, low: float, high: float) -> NDArray[np.float64]:

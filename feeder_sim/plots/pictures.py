@@ -14,6 +14,7 @@ from feeder_sim.document.figure import MM, MS, UM, empty_figure
 from feeder_sim.measures.bounces import VelocityRecord
 from feeder_sim.measures.circulation import StageWave
 from feeder_sim.plate.imported.modes import Imported
+from feeder_sim.plate.impedance_fit import Sweep, SweepFit
 from feeder_sim.plate.mode_file import ModeFile
 from feeder_sim.plate.modes import PlateModes
 from feeder_sim.plate.response import Response
@@ -89,9 +90,12 @@ SHEET_COLUMNS = 8
 
 
 def draw_response(response: Response, path: Path, *, title: str, point: tuple[float, float] | None) -> None:
-    """Draw amplitude, current and power over the frequency, with the highest peaks named."""
-    figure = empty_figure(9.0, 6.4)
-    top, middle, bottom = figure.subplots(3, 1, sharex=True, height_ratios=[3, 1, 1])
+    """Draw amplitude, current and power, and the impedance of the driven patches over the frequency.
+
+    The highest peaks are named.
+    """
+    figure = empty_figure(9.0, 9.0)
+    top, middle, bottom, modulus, phase, series = figure.subplots(6, 1, sharex=True, height_ratios=[3, 1, 1, 1, 1, 1])
     top.semilogy(response.frequency, response.amplitude * UM, color="#3a60be", linewidth=1.0)
     resonant = [peak for peak in response.peaks if not math.isnan(peak.damping_ratio)]
     named = sorted(sorted(resonant, key=lambda peak: -peak.amplitude)[:MOST_LABELS], key=lambda peak: peak.frequency)
@@ -115,10 +119,36 @@ def draw_response(response: Response, path: Path, *, title: str, point: tuple[fl
     middle.semilogy(response.frequency, np.abs(response.current.sum(axis=1)) * 1e3, color="#e08a1e", linewidth=1.0)
     middle.set(ylabel="current (mA)")
     bottom.semilogy(response.frequency, response.power, color="#3a8a5a", linewidth=1.0)
-    bottom.set(ylabel="power (W)", xlabel="frequency (Hz)")
-    for axes in (top, middle, bottom):
+    bottom.semilogy(response.frequency, response.heat, color="0.6", linewidth=1.0)
+    bottom.set(ylabel="power (W),\nceramic grey")
+    resistance = response.impedance.real
+    modulus.semilogy(response.frequency, np.abs(response.impedance), color="#5a4a8a", linewidth=1.0)
+    modulus.set(ylabel="|Z| (ohm)")
+    phase.plot(response.frequency, np.angle(response.impedance, deg=True), color="#5a4a8a", linewidth=1.0)
+    phase.set(ylabel="phase (deg)")
+    series.semilogy(response.frequency, resistance, color="#8a3a5a", linewidth=1.0)
+    for peak in named:
+        if math.isfinite(peak.resistive):
+            at = int(np.abs(response.frequency - peak.resistive).argmin())
+            series.plot(peak.resistive, resistance[at], "o", color="#be3434", markersize=3)
+    series.set(ylabel="R (ohm)", xlabel="frequency (Hz)")
+    for axes in (top, middle, bottom, modulus, phase, series):
         axes.grid(True, alpha=0.3)
         axes.set_xlim(response.frequency[0], response.frequency[-1])
+    figure.savefig(path, dpi=150)
+
+
+def draw_fit(sweep: Sweep, fit: SweepFit, path: Path, *, title: str) -> None:
+    """Draw the series resistance of a patch, measured and fitted, over the frequency."""
+    figure = empty_figure(9.0, 4.0)
+    axes = figure.subplots()
+    axes.semilogy(sweep.frequency, sweep.resistance, ".", color="0.6", markersize=2, label="measured")
+    axes.semilogy(sweep.frequency, fit.resistance, color="#8a3a5a", linewidth=1.0, label="fitted")
+    for resonance in fit.resonances:
+        axes.axvline(resonance.frequency, color="#3a60be", linewidth=0.5)
+    axes.set(xlabel="frequency (Hz)", ylabel="series resistance (ohm)", title=title)
+    axes.legend(fontsize=8)
+    axes.grid(True, alpha=0.3)
     figure.savefig(path, dpi=150)
 
 

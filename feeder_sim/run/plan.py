@@ -181,13 +181,15 @@ class UnderPartPlan:
 class DrivePlan:
     """One drive and the motion of the plate that it causes; without ring-up `ring_up_s` is 0.
 
-    `following_modes` move, too; `left_out_um` is what other modes would move, None where it is not known.
-    `sound_dba_at_1_m` is an upper bound (feeder_sim.plate.sound); None of a plate without modes.
+    `antinode_bounds_um` are the least and largest amplitude that a voltage may reach, where glue and ceramic of its patch
+    or the damping are not known. `following_modes` move, too; `left_out_um` is what other modes would move, None where it
+    is not known. `sound_dba_at_1_m` is an upper bound (feeder_sim.plate.sound); None of a plate without modes.
     """
 
     mode: str
     frequency_hz: float
     antinode_amplitude_um: float
+    antinode_bounds_um: list[float]
     peak_acceleration_g: float
     ring_up_s: float
     under_parts: list[UnderPartPlan]
@@ -340,6 +342,7 @@ def _drive_plan(mode: DrivenMode, under_parts: list[UnderPartPlan]) -> DrivePlan
         mode=mode.label,
         frequency_hz=drive.drive_frequency,
         antinode_amplitude_um=1e6 * drive.steady_amplitude,
+        antinode_bounds_um=[1e6 * drive.steady_amplitude * bound for bound in mode.bounds],
         peak_acceleration_g=_throw_number(drive),
         ring_up_s=drive.ring_up_time,
         under_parts=under_parts,

@@ -23,6 +23,7 @@ from feeder_sim.plate.mode_shapes import ModeShape, RitzShape
 from feeder_sim.plate.response import (
     DEFAULT_DAMPING_RATIO,
     NO_FORCE,
+    amplitude_bounds,
     assumption,
     deflection_at,
     modal_forces,
@@ -104,6 +105,7 @@ class DrivenMode:
         followers: other modes that the scenario wants to move, too.
         left_out: root of the sum of squares of the amplitudes [m] of all modes that follow in reality and are left
             out here; None where it is not known, without actuators.
+        bounds: least and largest amplitude that a voltage may reach at resonance, over that of `drive` [1].
         doubt: what is odd about it, for people; "" for nothing.
     """
 
@@ -112,6 +114,7 @@ class DrivenMode:
     drive: ModalDrive
     followers: tuple[Follower, ...] = ()
     left_out: float | None = None
+    bounds: tuple[float, float] = (1.0, 1.0)
     doubt: str = ""
 
     @property
@@ -186,6 +189,7 @@ def _actuated(
     key_of_names = f"{key}.{'voltage_vpp' if drive.actuator is None else 'actuator'}"
     if abs(force[index]) < NO_FORCE * np.abs(force).max():
         raise InputError(f"is {', '.join(names)}, which does not drive mode {index + 1}", key=key_of_names)
+    indices = [i for i, actuator in enumerate(held.actuators) if actuator.name in names]
     drives = [_of_oscillator(drive, *each) for each in zip(level, natural, ratio, strict=True)]
     amplitude = np.array([each.steady_amplitude for each in drives])
     own = amplitude[index]
@@ -199,6 +203,7 @@ def _actuated(
         drive=drives[index],
         followers=tuple(Follower(RitzShape(held.modes, int(j)), drives[j]) for j in np.flatnonzero(follows)),
         left_out=float(np.linalg.norm(amplitude[~follows])),
+        bounds=amplitude_bounds(held, oscillators(held, drive.damping_ratio), index, indices),
     )
 
 

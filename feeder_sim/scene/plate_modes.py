@@ -150,6 +150,17 @@ def _first_frequency(
     return None
 
 
+def modes_of_resonances(held: ModeFile, frequencies: Sequence[float]) -> list[int | None]:
+    """The modes (0-based) of resonances [Hz], the nearest first; None without a free one within `RESONANCE_MATCH`."""
+    natural = held.modes.natural_frequency
+    off = np.abs(natural / np.asarray(frequencies)[:, None] - 1.0)
+    modes: list[int | None] = [None] * len(frequencies)
+    for i, j in sorted(np.argwhere(off < RESONANCE_MATCH).tolist(), key=lambda pair: off[tuple(pair)]):
+        if modes[i] is None and j not in modes:
+            modes[i] = j
+    return modes
+
+
 def far_resonances(held: ModeFile) -> Iterator[tuple[int, str]]:
     """Modes (0-based) whose measured resonance is farther than `RESONANCE_MATCH` from them, and a line about each."""
     for resonance in held.resonances:
