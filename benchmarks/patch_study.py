@@ -23,7 +23,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from feeder_sim.plate.actuators import SHEAR_LAG, Actuator, moment_of_strain
+from feeder_sim.plate.actuators import PERFECT_BOND, Actuator, bond_share, moment_of_strain
 from feeder_sim.plate.materials import MATERIALS, Material
 from feeder_sim.plate.modes import PlateModes, plate_modes
 from feeder_sim.plate.rectangle import RectangularPlate
@@ -40,13 +40,13 @@ class PatchCase:
         name: for people.
         layer: the patch.
         strain: that it would have if it were free [1].
-        shear_lag: by which it is shorter at each edge for its action [m].
+        slip: of its glue over the shear stress [m/Pa]; None: as laminate theory has it, stress up to its edges.
     """
 
     name: str
     layer: Layer
     strain: float
-    shear_lag: float
+    slip: float | None
 
 
 @dataclass(frozen=True)
@@ -88,7 +88,9 @@ def _resonant_amplitudes(
     """The modes of a plate with a patch, and 2 zeta times the amplitude of each at its middle [m], (n_modes,)."""
     modes = plate_modes(plate, highest_frequency=highest_frequency, attachments=[case.layer])
     moment = moment_of_strain(plate, case.layer) * case.strain
-    force = Actuator(case.name, case.layer, moment, case.shear_lag).force_per_volt(modes)
+    if case.slip is not None:
+        moment *= bond_share(plate, case.layer, case.slip)
+    force = Actuator(case.name, case.layer, moment).force_per_volt(modes)
     at_patch = modes.evaluate_whole(np.array([case.layer.centre]))[:, 0, 0]
     stiffness = modes.modal_mass * (2.0 * math.pi * modes.natural_frequency) ** 2
     return modes, np.abs(force * at_patch) / stiffness
@@ -126,18 +128,15 @@ def inertial_share(
     return np.asarray(case.layer.mass * squared * rise * np.abs(at_patch) / stretch)
 
 
-def square(
-    reference: PatchCase, side: float, *, thickness: float | None = None, shear_lag: float | None = None
-) -> PatchCase:
+def square(reference: PatchCase, side: float, *, thickness: float | None = None) -> PatchCase:
     """The reference with another side and thickness [m]; the field in the ceramic, and with it the strain, stays."""
     layer = replace(reference.layer, size=(side, side), thickness=thickness or reference.layer.thickness)
-    lag = reference.shear_lag if shear_lag is None else shear_lag
-    return PatchCase(f"{1e3 * side:g} mm, {1e3 * layer.thickness:g} mm thick", layer, reference.strain, lag)
+    return replace(reference, name=f"{1e3 * side:g} mm, {1e3 * layer.thickness:g} mm thick", layer=layer)
 
 
-def reference_case(plate: RectangularPlate, layer: Layer, strain: float) -> PatchCase:
-    """A patch with the shear lag of a perfect bond."""
-    return PatchCase("reference", layer, strain, SHEAR_LAG * plate.thickness)
+def reference_case(layer: Layer, strain: float) -> PatchCase:
+    """A patch with a perfect bond."""
+    return PatchCase("reference", layer, strain, PERFECT_BOND)
 
 
 PLATE = RectangularPlate(0.18, 0.18, 0.003, MATERIALS["aluminium"])
@@ -147,7 +146,7 @@ STRAIN = 1e-5
 D33_OVER_D31 = 2.2  # of usual ceramics
 HIGHEST, N_MODES = 7900.0, 6
 SIDES = (5.0, 7.5, 10.0, 15.0)  # [mm]
-LAGS = (0.0, 0.55, 0.9)  # [mm]
+BONDS = {"laminate theory": None, "perfect bond": PERFECT_BOND, "50 um of glue of 1 GPa": 50e-6 / 1e9}
 SHAPES = ((20.0, 5.0), (12.5, 8.0), (8.0, 12.5), (5.0, 20.0))  # [mm]
 
 
@@ -166,13 +165,13 @@ def ratios(cases: list[PatchCase], n_modes: int = N_MODES) -> dict[str, Any]:
 
 
 def study() -> dict[str, Any]:
-    centre = reference_case(PLATE, CENTRE, STRAIN)
-    beside = reference_case(PLATE, replace(CENTRE, centre=(0.0, 0.03375)), STRAIN)
+    centre = reference_case(CENTRE, STRAIN)
+    beside = reference_case(replace(CENTRE, centre=(0.0, 0.03375)), STRAIN)
     table: dict[str, Any] = {}
-    for lag in LAGS:
-        base = square(centre, 10e-3, shear_lag=1e-3 * lag)
+    for bond, slip in BONDS.items():
+        base = replace(centre, slip=slip)
         cases = [square(base, 1e-3 * side) for side in SIDES if side != 10.0]
-        table[f"size, shear lag {lag:g} mm"] = ratios([base, *cases])
+        table[f"size, {bond}"] = ratios([base, *cases])
     table["half the thickness at the same field"] = ratios([centre, square(centre, 10e-3, thickness=1e-3)])
     table["shape of 100 mm2, in the middle"] = ratios([centre, *(shaped(centre, size) for size in SHAPES)])
     table["shape of 100 mm2, 33.75 mm beside it"] = ratios([beside, *(shaped(beside, size) for size in SHAPES)], 4)
@@ -209,8 +208,8 @@ def draw(table: dict[str, Any], path: Path) -> None:
 
     figure = Figure(figsize=(9.0, 3.8), layout="constrained")
     left, right = figure.subplots(1, 2)
-    for lag, mark in zip(LAGS, ("o", "s", "^"), strict=True):
-        rows = table[f"size, shear lag {lag:g} mm"]
+    for bond, mark in zip(BONDS, ("o", "s", "^"), strict=True):
+        rows = table[f"size, {bond}"]
         sides, means, low, high = [10.0], [1.0], [1.0], [1.0]
         for side in SIDES:
             if side != 10.0:
@@ -222,7 +221,7 @@ def draw(table: dict[str, Any], path: Path) -> None:
         order = np.argsort(np.array(sides))
         middle = np.array(means)[order]
         error = [middle - np.array(low)[order], np.array(high)[order] - middle]
-        left.errorbar(np.array(sides)[order], middle, error, marker=mark, capsize=2, label=f"shear lag {lag:g} mm")
+        left.errorbar(np.array(sides)[order], middle, error, marker=mark, capsize=2, label=bond)
     line = np.linspace(4.0, 16.0, 50)
     left.plot(line, (line / 10.0) ** 2, color="0.6", linestyle="--", label="area")
     left.set(xlabel="side of a square patch (mm)", ylabel="amplitude over that of 10 mm")

@@ -1,11 +1,9 @@
-"""Amplitudes and frequencies of the plate with piezo patches, predicted and measured.
+"""Amplitudes, currents and frequencies of the plate with piezo patches, from the data sheet, and measured.
 
     python benchmarks/plate_amplitudes.py [PLATE MEASURED] [--json]
 
-One moment per volt is calibrated on the first amplitude; the others follow. Three variants: patches that only act,
-patches with mass, patches with mass and stiffness. Takes 20 s.
-
-Each variant of the plate loads the modes with more of its patches: nothing, their mass, their mass and their stiffness.
+Nothing is calibrated; the glue is not known, which makes an interval. Three variants: modes of the bare plate
+(`loads = false`), with the mass of the patches, with their mass and stiffness. Takes 20 s.
 """
 
 from __future__ import annotations
@@ -24,8 +22,7 @@ from numpy.typing import NDArray
 from feeder_sim.plate.actuators import modal_force_table
 from feeder_sim.plate.mode_file import ModeFile
 from feeder_sim.plate.modes import plate_modes
-from feeder_sim.plate.response import Oscillators, oscillators
-from feeder_sim.plate.ritz.attachments import Layer
+from feeder_sim.plate.response import Oscillators, frequency_response, oscillators, voltages
 from feeder_sim.scenario import PlateFile, load_plate_file
 from feeder_sim.scene.plate_modes import compute_modes
 
@@ -42,17 +39,21 @@ class MeasuredAmplitude:
         amplitude: at the driven patch, per volt [m/V], both as amplitudes.
         damping_ratio: [1].
         actuator: name of the driven patch.
+        current: of the patch, per volt [A/V], both as amplitudes.
+        resistive: where its series resistance is highest [Hz]; NaN where that was not measured.
     """
 
     frequency: float
     amplitude: float
     damping_ratio: float
     actuator: str
+    current: float
+    resistive: float
 
 
 @dataclass(frozen=True)
 class PredictedAmplitude:
-    """A measured amplitude beside the one that follows from the moment per volt in the plate file.
+    """A measured amplitude beside the one that follows from the patch in the plate file.
 
     Attributes:
         measured: the measurement.
@@ -86,6 +87,8 @@ def read_amplitudes(path: Path, *, peak_to_peak: float = 100.0) -> list[Measured
             1e-6 * float(row["amplitude_um"]) / (0.5 * peak_to_peak),
             float(row["damping_ratio"]),
             row["actuator"],
+            float(row["current_a"]) / (0.5 * peak_to_peak),
+            float(row["resistance_maximum_hz"] or "nan"),
         )
         for row in rows
     ]
@@ -93,17 +96,44 @@ def read_amplitudes(path: Path, *, peak_to_peak: float = 100.0) -> list[Measured
 
 def loaded_variants(file: PlateFile) -> dict[str, ModeFile]:
     """The modes of a plate file without the load of its patches, with their mass, with mass and stiffness."""
-    tables = [table.model_copy(update={"loads": False}) for table in file.actuator]
-    held = compute_modes(file.model_copy(update={"actuator": tuple(tables), "resonance": ()}))
-    layers = [actuator.layer for actuator in held.actuators]
+    bare, loaded = (
+        compute_modes(
+            file.model_copy(
+                update={
+                    "actuator": tuple(table.model_copy(update={"loads": loads}) for table in file.actuator),
+                    "resonance": (),
+                }
+            )
+        )
+        for loads in (False, True)
+    )
+    layers = [actuator.layer for actuator in bare.actuators]
     soft = [replace(layer, material=replace(layer.material, youngs_modulus=SOFT)) for layer in layers]
-    highest = file.plate.highest_frequency_hz
+    heavy = plate_modes(bare.modes.plate, highest_frequency=file.plate.highest_frequency_hz, attachments=soft)
+    mass = ModeFile(heavy, (), bare.actuators, modal_force_table(heavy, bare.actuators))
+    return {"nothing": bare, "mass": mass, "mass and stiffness": loaded}
 
-    def with_load(attachments: Sequence[Layer]) -> ModeFile:
-        modes = plate_modes(held.modes.plate, highest_frequency=highest, attachments=attachments)
-        return ModeFile(modes, (), held.actuators, modal_force_table(modes, held.actuators))
 
-    return {"nothing": held, "mass": with_load(soft), "mass and stiffness": with_load(layers)}
+def electrical(file: PlateFile, measured: Sequence[MeasuredAmplitude]) -> list[dict[str, float]]:
+    """Current of the driven patch over the measured one, and maxima of its resistance and of the displacement [Hz]."""
+    held = compute_modes(file)
+    rows = []
+    for one in measured:
+        voltage = voltages(held, [one.actuator], 1.0, [0.0])
+        span = SEARCH * one.frequency
+        response = frequency_response(held, voltage, low=one.frequency - span, high=one.frequency + span)
+        peak = min(response.peaks, key=lambda peak: abs(peak.frequency - one.frequency))
+        at = int(np.abs(response.frequency - one.frequency).argmin())
+        rows.append(
+            {
+                "current_over_measured": float(np.abs(response.current[at]).max()) / one.current,
+                "displacement_maximum_hz": peak.frequency,
+                "resistance_maximum_hz": peak.resistive,
+                "measured_resistance_maximum_hz": one.resistive,
+                "half_bandwidth_hz": one.damping_ratio * one.frequency,
+            }
+        )
+    return rows
 
 
 def predict(held: ModeFile, measured: Sequence[MeasuredAmplitude]) -> list[PredictedAmplitude]:
@@ -149,34 +179,46 @@ def main() -> None:
     for name, held in loaded_variants(file).items():
         found = predict(held, measured)
         ratio = np.array([each.ratio for each in found])
-        calibrated = ratio / ratio[0]
+        spread = held.actuators[0].moment_spread
         deviation = np.array([each.deviation for each in found])
         pair = [f for f in held.modes.natural_frequency if PAIR[0] < f < PAIR[1]]
         table[name] = {
             "natural_frequency_hz": [each.natural_frequency for each in found],
             "frequency_deviation_percent": (100.0 * deviation).tolist(),
             "frequency_deviation_sd_percent": float(100.0 * deviation.std()),
-            "amplitude_over_measured": calibrated.tolist(),
-            "moment_per_volt_n": float(file.actuator[0].moment_per_volt_n or np.nan) / ratio[0],
-            "largest_deviation_percent": float(100.0 * np.abs(calibrated - 1.0).max()),
-            "mean_deviation_percent": float(100.0 * np.abs(calibrated[1:] - 1.0).mean()),
+            "amplitude_over_measured": ratio.tolist(),
+            "within": [(ratio / spread).tolist(), (ratio * spread).tolist()],
+            "holds": int(((ratio / spread <= 1.0) & (ratio * spread >= 1.0)).sum()),
+            "largest_deviation_percent": float(100.0 * np.abs(ratio - 1.0).max()),
+            "mean_deviation_percent": float(100.0 * np.abs(ratio - 1.0).mean()),
             "pair_hz": pair,
         }
+    currents = electrical(file, measured)
     if options.json:
-        print(json.dumps(table))
+        print(json.dumps(table | {"electrical": currents}))
         return
     print("load of the patches | " + " | ".join(f"{one.frequency:g} Hz" for one in measured) + " | largest | mean")
     for name, row in table.items():
         numbers = " | ".join(f"{value:.3f}" for value in row["amplitude_over_measured"])
         print(
             f"{name}: amplitude over measured | {numbers} | {row['largest_deviation_percent']:.1f} % | "
-            f"{row['mean_deviation_percent']:.1f} % (moment {row['moment_per_volt_n']:.4f} N/V)"
+            f"{row['mean_deviation_percent']:.1f} %"
         )
+        low, high = (" | ".join(f"{value:.2f}" for value in bound) for bound in row["within"])
+        print(f"{name}: at least | {low}\n{name}: at most | {high}\n{name}: holds {row['holds']} of {len(measured)}")
     for name, row in table.items():
         shifts = " | ".join(f"{value:+.2f} %" for value in row["frequency_deviation_percent"])
         pair_text = ", ".join(f"{value:.1f}" for value in row["pair_hz"])
         print(f"{name}: frequency | {shifts} | SD {row['frequency_deviation_sd_percent']:.2f} % | pair {pair_text} Hz")
     print(f"pair, measured: {PAIR_HZ[0]:g}, {PAIR_HZ[1]:g} Hz")
+    print("current over measured | " + " | ".join(f"{row['current_over_measured']:.3f}" for row in currents))
+    for title, key in (("computed", "resistance_maximum_hz"), ("measured", "measured_resistance_maximum_hz")):
+        places = [
+            f"{row[key] - (row['displacement_maximum_hz'] if title == 'computed' else one.frequency):+.2f} Hz"
+            for row, one in zip(currents, measured, strict=True)
+        ]
+        print(f"maximum of the resistance less that of the displacement, {title} | " + " | ".join(places))
+    print("half a bandwidth | " + " | ".join(f"{row['half_bandwidth_hz']:.2f} Hz" for row in currents))
 
 
 if __name__ == "__main__":

@@ -14,8 +14,8 @@ in feeder_sim.plate.ritz.attachments,
 
 Two factors go with it:
 
-- The *bond*. The stress enters the patch over a way from its edges, by shear of the glue and of the ceramic (Crawley and
-  de Luis, as above; the ceramic: Suhir, J. Appl. Mech. 53 (1986) 657). See `bond_share`.
+- The *bond*. The stress enters the patch over a way from its edges, by shear of the glue and of the ceramic (Crawley
+  and de Luis, as above; the ceramic: Suhir, J. Appl. Mech. 53 (1986) 657). See `bond_share`.
 - The *stiffness* of the patch. M acts on the plate that the patch makes stiffer. On the modes of the bare plate, which
   bends more there, it has to be smaller by `share_of_curvature`.
 """
@@ -37,8 +37,8 @@ from feeder_sim.plate.ritz.attachments import Layer
 PERFECT_BOND = 0.0  # slip over shear stress [m/Pa]: thickness over shear modulus of the glue
 LAGGING_BOND = 100e-6 / 0.5e9  # a thick line, 0.1 mm, of a tough adhesive, 0.5 GPa
 D31_TOLERANCE = 1.1  # factor; data sheets promise 5 to 10 %
-# Three numbers by finite elements of plate, glue and patch: slip of the ceramic over its shear stress, in thickness over
-# shear modulus (1/3 in Suhir's theory); and the disc whose bond is that of a rectangle: by how much of the plate's
+# Three numbers by finite elements of plate, glue and patch: slip of the ceramic over its shear stress, in thickness
+# over shear modulus (1/3 in Suhir's theory); and the disc whose bond is that of a rectangle: by how much of the plate's
 # thickness its radius is smaller, and the power of the ratio of the sides with which it is larger.
 CERAMIC_SLIP, EDGE_LOSS, LONGER = 0.44, 0.13, 0.2
 EDGE_POINTS = 24  # of the line integral along an edge; exact for polynomials of degree 47

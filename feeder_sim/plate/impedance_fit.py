@@ -5,7 +5,7 @@ The patch takes the admittance of its capacitance C with the loss tangent d, and
     Y = i w C (1 - i d) + sum_j i w s_j / (w_j^2 - w^2 + 2 i zeta_j w_j w),    Z = R_0 + 1 / Y,
 
 with s_j the square of the modal force per volt over the modal mass, and R_0 of the leads (IEEE Std 176-1987, section 6;
-feeder_sim.plate.response). Least squares of the logarithm of Re Z over all frequencies give w_j, zeta_j, s_j, d and R_0.
+feeder_sim.plate.response). Least squares of the logarithm of Re Z give w_j, zeta_j, s_j, d and R_0.
 """
 
 from __future__ import annotations
@@ -109,7 +109,9 @@ def read_sweep(path: Path) -> Sweep:
     frequency = table[:, 0]
     if frequency[0] <= 0.0 or (np.diff(frequency) <= 0.0).any():
         at = 0 if frequency[0] <= 0.0 else int(np.argmax(np.diff(frequency) <= 0.0)) + 1
-        raise InputError(f"goes to {frequency[at]:g} in row {at + 1}, allowed are rising ones", file=path, key=wanted[0])
+        raise InputError(
+            f"goes to {frequency[at]:g} in row {at + 1}, allowed are rising ones", file=path, key=wanted[0]
+        )
     capacitance, resistance = None, table[:, 1]
     if len(wanted) == 3:
         impedance = table[:, 1] * np.exp(1j * np.radians(table[:, 2]))

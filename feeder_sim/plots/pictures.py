@@ -13,8 +13,8 @@ from feeder_sim.constants import GRAVITY
 from feeder_sim.document.figure import MM, MS, UM, empty_figure
 from feeder_sim.measures.bounces import VelocityRecord
 from feeder_sim.measures.circulation import StageWave
-from feeder_sim.plate.imported.modes import Imported
 from feeder_sim.plate.impedance_fit import Sweep, SweepFit
+from feeder_sim.plate.imported.modes import Imported
 from feeder_sim.plate.mode_file import ModeFile
 from feeder_sim.plate.modes import PlateModes
 from feeder_sim.plate.response import Response

@@ -181,9 +181,9 @@ class UnderPartPlan:
 class DrivePlan:
     """One drive and the motion of the plate that it causes; without ring-up `ring_up_s` is 0.
 
-    `antinode_bounds_um` are the least and largest amplitude that a voltage may reach, where glue and ceramic of its patch
-    or the damping are not known. `following_modes` move, too; `left_out_um` is what other modes would move, None where it
-    is not known. `sound_dba_at_1_m` is an upper bound (feeder_sim.plate.sound); None of a plate without modes.
+    `antinode_bounds_um` are the least and largest amplitude that a voltage may reach where glue, ceramic or damping are
+    not known. `following_modes` move, too; `left_out_um` is what other modes would move, None where it is not known.
+    `sound_dba_at_1_m` is an upper bound (feeder_sim.plate.sound); None of a plate without modes.
     """
 
     mode: str

@@ -74,7 +74,10 @@ class Actuator(BondedLayer):
             return otherwise if value is None else unit * value
 
         modulus = known.solid.youngs_modulus if self.s11_um2_per_n is None else 1e12 / self.s11_um2_per_n
-        density, poisson = given(self.density_kg_m3, known.solid.density), given(self.poisson_ratio, known.solid.poisson_ratio)
+        density, poisson = (
+            given(self.density_kg_m3, known.solid.density),
+            given(self.poisson_ratio, known.solid.poisson_ratio),
+        )
         return Ceramic(
             Material(density, modulus, poisson),
             given(self.d31_pm_per_v, known.d31, 1e-12),

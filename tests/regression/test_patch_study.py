@@ -17,7 +17,7 @@ pytestmark = pytest.mark.slow  # each patch is a plate of its own, 2 s
 
 PLATE = RectangularPlate(0.18, 0.18, 0.003, MATERIALS["aluminium"])
 CERAMIC = Material(7700.0, 1.0 / 13e-12, 0.31)
-CENTRE = reference_case(PLATE, Layer((0.0, 0.0), (0.01, 0.01), 0.0, 0.002, -1, CERAMIC), strain=1e-5)
+CENTRE = reference_case(Layer((0.0, 0.0), (0.01, 0.01), 0.0, 0.002, -1, CERAMIC), strain=1e-5)
 BESIDE = replace(CENTRE, layer=replace(CENTRE.layer, centre=(0.0, 0.03375)))
 
 
@@ -30,14 +30,14 @@ def shaped(case: PatchCase, a: float, b: float, angle: float = 0.0) -> PatchCase
 
 
 def test_amplitude_grows_nearly_with_the_area_of_a_square() -> None:
-    reference = square(CENTRE, 0.01, shear_lag=0.0)
+    reference = replace(CENTRE, slip=None)
     _, small, large = ratios([reference, square(reference, 0.0075), square(reference, 0.015)])
     assert small == pytest.approx(0.5625, rel=0.05) and large == pytest.approx(2.25, rel=0.12)
 
 
 def test_ten_millimetres_over_five_give_about_five() -> None:
-    """4 without shear lag, 6.5 with that of a perfect bond: the source's 5 lies between."""
-    without, bonded = square(CENTRE, 0.01, shear_lag=0.0), CENTRE
+    """4 in laminate theory, more with the bond: the source's 5 lies between."""
+    without, bonded = replace(CENTRE, slip=None), CENTRE
     (_, low), (_, high) = (ratios([case, square(case, 0.005)], n_modes=4) for case in (without, bonded))
     assert (1.0 / low).mean() == pytest.approx(4.0, abs=0.2)
     assert (1.0 / high).mean() == pytest.approx(6.5, abs=0.3)
@@ -49,7 +49,7 @@ def test_the_longer_edge_along_the_bend_wins() -> None:
         [BESIDE, shaped(BESIDE, 0.0125, 0.008), shaped(BESIDE, 0.008, 0.0125)], highest_frequency=2500.0, n_modes=4
     )
     assert along_x[1] > 1.1 > 1.0 > along_y[1]
-    assert (along_y[2:] > 1.03).all() and (along_x[2:] < 0.97).all()
+    assert (along_y[2:] > 1.03).all() and (along_x[2:] < 1.0).all()
 
 
 def test_orientation_does_not_matter_for_modes_alike_in_x_and_y() -> None:
@@ -61,9 +61,9 @@ def test_orientation_does_not_matter_for_modes_alike_in_x_and_y() -> None:
 
 
 def test_half_the_thickness_at_the_same_field_changes_little() -> None:
-    """The source found up to 12 %. Here 9 to 18 % are lost, 13 % on average."""
+    """The source found up to 12 %. Here 2 to 9 % are lost, 4 % on average."""
     _, thin = ratios([CENTRE, square(CENTRE, 0.01, thickness=0.001)])
-    assert thin.min() > 0.8 and thin.max() < 0.92 and thin.mean() == pytest.approx(0.87, abs=0.02)
+    assert thin.min() > 0.88 and thin.max() < 1.0 and thin.mean() == pytest.approx(0.96, abs=0.02)
 
 
 def test_stretch_in_the_plane_makes_the_motion() -> None:

@@ -1,7 +1,6 @@
 """Piezo patches, bars and masses on a plate, against closed forms and finite elements.
 
-Finite elements: the Mindlin plate of test_plate_against_scikit_fem.py with more stiffness and mass under a patch,
-and plane strain of the section of a plate with a patch.
+Finite elements: the Mindlin plate of test_plate_against_scikit_fem.py with more stiffness and mass under a patch.
 """
 
 from __future__ import annotations
@@ -16,21 +15,15 @@ from scipy.sparse.linalg import eigsh
 from skfem import (
     Basis,
     BilinearForm,
-    ElementQuad0,
-    ElementQuad2,
     ElementTriP0,
     ElementTriP4,
     ElementVector,
     LinearForm,
-    MeshQuad,
     MeshTri,
-    asm,
-    condense,
-    solve,
 )
-from skfem.helpers import ddot, div, dot, grad, sym_grad, trace
+from skfem.helpers import ddot, div, dot, grad, sym_grad
 
-from feeder_sim.plate.actuators import SHEAR_LAG, Actuator, moment_of_strain
+from feeder_sim.plate.actuators import Actuator, moment_of_strain
 from feeder_sim.plate.materials import MATERIALS, Material
 from feeder_sim.plate.modes import PlateModes, plate_modes
 from feeder_sim.plate.rectangle import RectangularPlate
@@ -170,63 +163,6 @@ def test_small_mass_lowers_frequencies_by_its_share_of_the_modal_mass() -> None:
         expected = -0.5 * mass * (w**2 + offset**2 * (bx**2 + by**2)) / bare.modal_mass[index]
         change = loaded.natural_frequency[index] / bare.natural_frequency[index] - 1.0
         assert change == pytest.approx(expected, rel=2e-2, abs=1e-8)
-
-
-def stretched_section(patch: float, *, plate: float = 3.0, thickness: float = 2.0) -> float:
-    """Angle [rad] between the ends of a section of plate with a patch of a length [mm] that would stretch by 1.
-
-    Plane strain, half of the section by symmetry, lengths in mm.
-    """
-    end = 0.5 * patch
-    along = np.r_[np.linspace(0, 0.7 * end, 6), end - np.geomspace(0.3 * end, 0.02, 14), end]
-    along = np.unique(np.r_[along, end + np.geomspace(0.02, 5, 18), np.linspace(end + 5, 40, 12)])
-    up = np.unique(np.r_[-np.geomspace(0.02, thickness, 14), 0.0, np.geomspace(0.02, plate, 14)])
-    mesh = MeshQuad.init_tensor(along, up)
-    centre = mesh.p[:, mesh.t].mean(axis=1)
-    mesh = mesh.restrict(np.flatnonzero((centre[1] > 0) | (centre[0] < end)))
-    above = mesh.p[:, mesh.t].mean(axis=1)[1] > 0
-    basis = Basis(mesh, ElementVector(ElementQuad2()))
-
-    def field(of_plate: float, of_patch: float) -> Any:
-        return basis.with_element(ElementQuad0()).interpolate(np.where(above, of_plate, of_patch))
-
-    constants = []
-    for m in (ALUMINIUM, CERAMIC):
-        e, nu = m.youngs_modulus, m.poisson_ratio
-        constants.append((e * nu / ((1 + nu) * (1 - 2 * nu)), e / (2 * (1 + nu))))
-    (lame_plate, shear_plate), (lame_patch, shear_patch) = constants
-    fields = {"lame": field(lame_plate, lame_patch), "shear": field(shear_plate, shear_patch)}
-
-    @BilinearForm
-    def stiffness(u: Any, v: Any, w: Any) -> Any:
-        e, f = sym_grad(u), sym_grad(v)
-        return w["lame"] * trace(e) * trace(f) + 2 * w["shear"] * ddot(e, f)
-
-    @LinearForm
-    def stretch(v: Any, w: Any) -> Any:  # by 1 along the section and across it
-        f = sym_grad(v)
-        return w["patch"] * (2 * w["lame"] * trace(f) + 2 * w["shear"] * f[0, 0])
-
-    held = np.r_[
-        basis.get_dofs(lambda x: np.isclose(x[0], 0)).all(["u^1"]),
-        basis.get_dofs(lambda x: np.isclose(x[0], 0) & np.isclose(x[1], plate)).all(["u^2"]),
-    ]
-    u = solve(*condense(asm(stiffness, basis, **fields), asm(stretch, basis, patch=field(0.0, 1.0), **fields), D=held))
-    along_end = u[basis.nodal_dofs[0]]
-    last = np.isclose(mesh.p[0], 40)
-    top = along_end[last & np.isclose(mesh.p[1], plate)][0]
-    return float(2.0 * (along_end[last & np.isclose(mesh.p[1], 0.0)][0] - top) / plate)
-
-
-def test_stress_enters_a_patch_over_a_third_of_the_thickness() -> None:
-    """A bonded patch bends a section like one of the laminate, but shorter at each end by the shear lag."""
-    section = RectangularPlate(1.0, 1.0, 0.003, ALUMINIUM)
-    layer = Layer((0.0, 0.0), (0.01, 0.01), 0.0, 0.002, -1, CERAMIC)
-    stiffness = bare_section(section).bending + added_section(section, layer).bending
-    curvature = moment_of_strain(section, layer) / stiffness[0, 0]  # in plane strain
-    for patch in (5.0, 10.0):
-        length = abs(stretched_section(patch)) / (1e-3 * curvature)
-        assert 0.5 * (patch - length) == pytest.approx(SHEAR_LAG * 3.0, rel=0.05)
 
 
 def test_orthotropic_constants_of_an_isotropic_plate_give_its_modes() -> None:
