@@ -217,7 +217,8 @@ def main() -> None:
             f"{row[key] - (row['displacement_maximum_hz'] if title == 'computed' else one.frequency):+.2f} Hz"
             for row, one in zip(currents, measured, strict=True)
         ]
-        print(f"maximum of the resistance less that of the displacement, {title} | " + " | ".join(places))
+        line = " | ".join(place.replace("+nan Hz", "-") for place in places)
+        print(f"maximum of the resistance less that of the displacement, {title} | {line}")
     print("half a bandwidth | " + " | ".join(f"{row['half_bandwidth_hz']:.2f} Hz" for row in currents))
 
 
