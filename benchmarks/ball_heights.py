@@ -1,0 +1,141 @@
+"""Flight height of a 3 mm steel ball over the amplitude of the plate, at three frequencies.
+
+    python benchmarks/ball_heights.py [--seeds 16] [--intervals 4000] [--picture FILE]
+
+scenarios/ball_558hz.toml at ten amplitudes per frequency, up to the amplitude measured at 100 V peak to peak or the
+largest that the source simulated. Heights are means over the seeds, with the standard error between seeds; a seed lasts
+for as many intervals as its share. `estimate` is (2 pi f A (1 + e))^2 / 2g: the mean square of the departure velocity
+is twice that of (1 + e) times the plate's if landings come at phases that know nothing of each other and no rest.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+import typer
+
+from feeder_sim.constants import GRAVITY
+from feeder_sim.measures.bounces import expected_interval, seed_flights
+from feeder_sim.measures.statistic import Statistic
+from feeder_sim.run.simulation import simulate
+from feeder_sim.scenario import Scenario, load_scenario, with_run
+
+SCENARIO = Path(__file__).parents[1] / "scenarios/ball_558hz.toml"
+# D. Shi, EPFL thesis TH7124 (2016). Frequency [Hz]: amplitude measured at 100 V peak to peak [um], damping ratio
+MEASURED = {558.0: (91.98, 0.0018), 2797.0: (19.70, 0.0020), 6199.0: (7.06, 0.0024)}
+# The source's simulation. Frequency [Hz]: amplitude [um] and height [mm]
+SOURCE = {
+    558.0: ((90.0, 6.86), (54.0, 2.35), (36.0, 1.00), (18.0, 0.28)),
+    2797.0: ((20.0, 7.62), (12.0, 2.85), (4.0, 0.36)),
+    6199.0: ((7.70, 5.42), (4.62, 2.11), (1.54, 0.26)),
+}
+AMPLITUDES, LOWEST = 10, 0.1  # how many between the largest and that share of it
+
+
+@dataclass(frozen=True)
+class Height:
+    """Height at one amplitude [um]: mean over seeds, and the estimate [mm]."""
+
+    amplitude: float
+    height: Statistic
+    estimate: float
+
+
+def estimate_mm(velocity: float, restitution: float) -> float:
+    """Height [mm] over the velocity amplitude of the plate [m/s]."""
+    return 1e3 * ((1.0 + restitution) * velocity) ** 2 / (2.0 * GRAVITY)
+
+
+def velocity(frequency: float, amplitude: float) -> float:
+    """Amplitude of the plate's velocity [m/s] from its frequency [Hz] and amplitude [um]."""
+    return 2e-6 * np.pi * frequency * amplitude
+
+
+def scenario_at(frequency: float, amplitude: float, seeds: int, intervals: int) -> Scenario:
+    """The scenario at another frequency [Hz] and amplitude [um], long enough for that many intervals."""
+    base = load_scenario(SCENARIO)
+    values: dict[str, Any] = {"frequency_hz": frequency, "amplitude_um": amplitude}
+    drive = base.drive[0].model_copy(update=values | {"damping_ratio": MEASURED[frequency][1]})
+    each = expected_interval(frequency, 1e-6 * amplitude, base.contact.coefficient, GRAVITY)
+    duration = 1.0 + 1.2 * intervals * each / seeds  # a second to ring up
+    return with_run(base.model_copy(update={"drive": (drive,)}), duration_s=duration, seeds=seeds)
+
+
+def height_at(frequency: float, amplitude: float, seeds: int, intervals: int) -> Height:
+    scenario = scenario_at(frequency, amplitude, seeds, intervals)
+    result = simulate(scenario, workers=1)
+    hops = seed_flights(result.scene, [seed.impacts for seed in result.seeds])
+    means = [1e3 * float(seed.height.mean()) for seed in hops if len(seed.height)]
+    estimate = estimate_mm(velocity(frequency, amplitude), scenario.contact.coefficient)
+    return Height(amplitude, Statistic.of(means), estimate)
+
+
+def amplitudes(frequency: float) -> list[float]:
+    """Ten from low to the largest [um], and those of the source."""
+    largest = max(MEASURED[frequency][0], *(amplitude for amplitude, _ in SOURCE[frequency]))
+    even = largest * np.linspace(LOWEST, 1.0, AMPLITUDES)
+    return sorted({float(round(value, 3)) for value in even} | {amplitude for amplitude, _ in SOURCE[frequency]})
+
+
+def draw(rows: dict[float, list[Height]], restitution: float, picture: Path) -> None:
+    """Height over amplitude, and over the velocity amplitude."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(8.4, 3.9), layout="constrained")
+    left, right = figure.subplots(1, 2, sharey=True)
+    for (frequency, heights), colour in zip(rows.items(), ("#3a60be", "#be3434", "#2e8b57"), strict=True):
+        mean = [row.height.mean for row in heights]
+        spread = [row.height.se or 0.0 for row in heights]
+        at = np.array([row.amplitude for row in heights])
+        fine = np.geomspace(at[0], at[-1], 100)
+        for axes, scale in ((left, 1.0), (right, 1e3 * velocity(frequency, 1.0))):
+            axes.errorbar(scale * at, mean, spread, fmt="o", ms=4, color=colour, label=f"{frequency:g} Hz")
+            of_source = np.array(SOURCE[frequency])
+            axes.plot(scale * of_source[:, 0], of_source[:, 1], "x", ms=8, color=colour)
+            curve = [estimate_mm(velocity(frequency, value), restitution) for value in fine]
+            axes.plot(scale * fine, curve, "-", lw=0.8, color=colour if axes is left else "0.5")
+    left.plot([], [], "kx", ms=8, label="source's simulation")
+    left.plot([], [], "-", lw=0.8, color="0.4", label="estimate")
+    left.set(xscale="log", yscale="log", xlabel="amplitude (µm)", ylabel="flight height (mm)")
+    right.set(xscale="log", yscale="log", xlabel="velocity amplitude (mm/s)")
+    left.legend(fontsize=8)
+    figure.savefig(picture, dpi=110)
+
+
+def main(
+    seeds: Annotated[int, typer.Option()] = 16,
+    intervals: Annotated[int, typer.Option(help="in all seeds together, at least")] = 4000,
+    picture: Annotated[Path | None, typer.Option()] = None,
+) -> None:
+    print("| f (Hz) | A (µm) | velocity (mm/s) | height (mm) | estimate | over estimate | source | over source |")
+    print("|---|---|---|---|---|---|---|---|")
+    rows: dict[float, list[Height]] = {}
+    over_estimate, over_source = [], []
+    for frequency, of_source in SOURCE.items():
+        rows[frequency] = []
+        for amplitude in amplitudes(frequency):
+            row = height_at(frequency, amplitude, seeds, intervals)
+            rows[frequency].append(row)
+            mean, se = row.height.mean, row.height.se or 0.0
+            over_estimate.append(mean / row.estimate)
+            source = dict(of_source).get(amplitude)
+            if source is not None:
+                over_source.append(mean / source)
+            compared = "| |" if source is None else f"| {source:.2f} | {mean / source:.2f}"
+            print(
+                f"| {frequency:.0f} | {amplitude:.2f} | {1e3 * velocity(frequency, amplitude):.0f} "
+                f"| {mean:.3f} ± {se:.3f} | {row.estimate:.3f} | {mean / row.estimate:.2f} {compared} |",
+                flush=True,
+            )
+    for name, ratios in (("estimate", over_estimate), ("source", over_source)):
+        low, middle, high = np.min(ratios), np.mean(ratios), np.max(ratios)
+        print(f"over the {name}: mean {middle:.3f}, from {low:.2f} to {high:.2f} ({len(ratios)} rows)")
+    if picture is not None:
+        draw(rows, load_scenario(SCENARIO).contact.coefficient, picture)
+
+
+if __name__ == "__main__":
+    typer.run(main)
