@@ -3,9 +3,14 @@
     python benchmarks/ball_heights.py [--seeds 16] [--intervals 4000] [--picture FILE]
 
 scenarios/ball_558hz.toml at ten amplitudes per frequency, up to the amplitude measured at 100 V peak to peak or the
-largest that the source simulated. Heights are means over the seeds, with the standard error between seeds; a seed lasts
-for as many intervals as its share. `estimate` is (2 pi f A (1 + e))^2 / 2g: the mean square of the departure velocity
-is twice that of (1 + e) times the plate's if landings come at phases that know nothing of each other and no rest.
+largest that the source simulated, and at those of the source.
+
+at        mean over the seeds, with the standard error between seeds; at least so many intervals in all of them
+around    mean and standard deviation over amplitudes within 3 %: which share of the flights starts from a ball that had
+          come to rest depends on the amplitude in detail, see benchmarks/bounce_intervals.py
+estimate  (2 pi f A (1 + e))^2 / 2g, the height at the mean departure velocity 2 pi f A (1 + e) of a ball whose landings
+          come at phases that know nothing of each other
+source    D. Shi, EPFL thesis TH7124 (2016): simulation
 """
 
 from __future__ import annotations
@@ -33,14 +38,17 @@ SOURCE = {
     6199.0: ((7.70, 5.42), (4.62, 2.11), (1.54, 0.26)),
 }
 AMPLITUDES, LOWEST = 10, 0.1  # how many between the largest and that share of it
+NEARBY = np.linspace(0.97, 1.03, 13)
+FEWER = 4  # times fewer intervals at each of these
 
 
 @dataclass(frozen=True)
 class Height:
-    """Height at one amplitude [um]: mean over seeds, and the estimate [mm]."""
+    """Height [mm] at one amplitude [um]: over seeds, over amplitudes around it, and the estimate."""
 
     amplitude: float
-    height: Statistic
+    at: Statistic
+    around: Statistic
     estimate: float
 
 
@@ -64,13 +72,19 @@ def scenario_at(frequency: float, amplitude: float, seeds: int, intervals: int) 
     return with_run(base.model_copy(update={"drive": (drive,)}), duration_s=duration, seeds=seeds)
 
 
-def height_at(frequency: float, amplitude: float, seeds: int, intervals: int) -> Height:
-    scenario = scenario_at(frequency, amplitude, seeds, intervals)
+def seed_heights(scenario: Scenario) -> Statistic:
+    """Over the mean heights of the seeds [mm]."""
     result = simulate(scenario, workers=1)
     hops = seed_flights(result.scene, [seed.impacts for seed in result.seeds])
-    means = [1e3 * float(seed.height.mean()) for seed in hops if len(seed.height)]
+    return Statistic.of(1e3 * float(seed.height.mean()) for seed in hops if len(seed.height))
+
+
+def height_at(frequency: float, amplitude: float, seeds: int, intervals: int) -> Height:
+    scenario = scenario_at(frequency, amplitude, seeds, intervals)
+    few = [scenario_at(frequency, float(factor * amplitude), seeds, intervals // FEWER) for factor in NEARBY]
+    around = Statistic.of(seed_heights(one).mean for one in few)
     estimate = estimate_mm(velocity(frequency, amplitude), scenario.contact.coefficient)
-    return Height(amplitude, Statistic.of(means), estimate)
+    return Height(amplitude, seed_heights(scenario), around, estimate)
 
 
 def amplitudes(frequency: float) -> list[float]:
@@ -87,12 +101,12 @@ def draw(rows: dict[float, list[Height]], restitution: float, picture: Path) -> 
     figure = Figure(figsize=(8.4, 3.9), layout="constrained")
     left, right = figure.subplots(1, 2, sharey=True)
     for (frequency, heights), colour in zip(rows.items(), ("#3a60be", "#be3434", "#2e8b57"), strict=True):
-        mean = [row.height.mean for row in heights]
-        spread = [row.height.se or 0.0 for row in heights]
+        mean, spread = [row.around.mean for row in heights], [row.around.sd or 0.0 for row in heights]
         at = np.array([row.amplitude for row in heights])
         fine = np.geomspace(at[0], at[-1], 100)
         for axes, scale in ((left, 1.0), (right, 1e3 * velocity(frequency, 1.0))):
             axes.errorbar(scale * at, mean, spread, fmt="o", ms=4, color=colour, label=f"{frequency:g} Hz")
+            axes.plot(scale * at, [row.at.mean for row in heights], "o", ms=2.5, mfc="none", color=colour)
             of_source = np.array(SOURCE[frequency])
             axes.plot(scale * of_source[:, 0], of_source[:, 1], "x", ms=8, color=colour)
             curve = [estimate_mm(velocity(frequency, value), restitution) for value in fine]
@@ -110,29 +124,34 @@ def main(
     intervals: Annotated[int, typer.Option(help="in all seeds together, at least")] = 4000,
     picture: Annotated[Path | None, typer.Option()] = None,
 ) -> None:
-    print("| f (Hz) | A (µm) | velocity (mm/s) | height (mm) | estimate | over estimate | source | over source |")
+    print("| f (Hz) | A (µm) | velocity (mm/s) | at (mm) | around (mm) | estimate | source | over source: at, around |")
     print("|---|---|---|---|---|---|---|---|")
     rows: dict[float, list[Height]] = {}
-    over_estimate, over_source = [], []
+    over: dict[str, list[float]] = {
+        name: [] for name in ("at/estimate", "around/estimate", "at/source", "around/source")
+    }
     for frequency, of_source in SOURCE.items():
         rows[frequency] = []
         for amplitude in amplitudes(frequency):
             row = height_at(frequency, amplitude, seeds, intervals)
             rows[frequency].append(row)
-            mean, se = row.height.mean, row.height.se or 0.0
-            over_estimate.append(mean / row.estimate)
-            source = dict(of_source).get(amplitude)
+            at, around, source = row.at.mean, row.around.mean, dict(of_source).get(amplitude)
+            over["at/estimate"].append(at / row.estimate)
+            over["around/estimate"].append(around / row.estimate)
+            compared = " | "
             if source is not None:
-                over_source.append(mean / source)
-            compared = "| |" if source is None else f"| {source:.2f} | {mean / source:.2f}"
+                over["at/source"].append(at / source)
+                over["around/source"].append(around / source)
+                compared = f"{source:.2f} | {at / source:.2f}, {around / source:.2f}"
             print(
                 f"| {frequency:.0f} | {amplitude:.2f} | {1e3 * velocity(frequency, amplitude):.0f} "
-                f"| {mean:.3f} ± {se:.3f} | {row.estimate:.3f} | {mean / row.estimate:.2f} {compared} |",
+                f"| {at:.3f} ± {row.at.se or 0.0:.3f} | {around:.3f} ± {row.around.sd or 0.0:.3f} "
+                f"| {row.estimate:.3f} | {compared} |",
                 flush=True,
             )
-    for name, ratios in (("estimate", over_estimate), ("source", over_source)):
+    for name, ratios in over.items():
         low, middle, high = np.min(ratios), np.mean(ratios), np.max(ratios)
-        print(f"over the {name}: mean {middle:.3f}, from {low:.2f} to {high:.2f} ({len(ratios)} rows)")
+        print(f"{name}: mean {middle:.3f}, from {low:.2f} to {high:.2f} ({len(ratios)} rows)")
     if picture is not None:
         draw(rows, load_scenario(SCENARIO).contact.coefficient, picture)
 

@@ -1,6 +1,6 @@
 """How large a part may be: drift from antinode to node, and picks, over the part's size over the wavelength.
 
-    python benchmarks/part_size.py [--seeds 16] [--pick-seeds 16] [--picture FILE]
+    python benchmarks/part_size.py [--seeds 16] [--pick-seeds 8] [--picture FILE]
 
 Parts are nuts of the M2.5's proportions; their size is the width across flats.
 
@@ -9,9 +9,10 @@ drift  scenarios/drift_4750hz.toml and drift_8775hz.toml as they stand (1 um at 
        come to 0.2 of the way within the scenario's duration; `passage speed` is that of these seeds, `net speed` the
        way from the antinode that all seeds make, over their time. `expected` is the speed of the smallest part times
        the mean of the gradient of the squared amplitude over the part's width, sin(k w) / (k w), k = 2 pi / wavelength.
-picks  scenarios/separation_100.toml with nine parts that start in a block of three by three, nearly in contact, and with
-       four cycles; a part is picked with 5 mm of room beside it, that of an M2.5 nut with the scenario's clearance. The
-       wavelength is that of a straight wave at the frequency of the pulse on the same plate.
+picks  scenarios/separation_100.toml with nine parts that start in a block of three by three, nearly in contact, and
+       four cycles; a part is picked with 5 mm of room beside it, that of an M2.5 nut with the scenario's clearance.
+       `lost` are those that went over the edge. The wavelength is that of a straight wave at the frequency of the
+       pulse on the same plate.
 """
 
 from __future__ import annotations
@@ -220,7 +221,7 @@ def draw(series: dict[str, list[Drifted]], picks: Sequence[Picked], seeds: int, 
 
 def main(
     seeds: Annotated[int, typer.Option()] = 16,
-    pick_seeds: Annotated[int, typer.Option(help="none: no picks")] = 16,
+    pick_seeds: Annotated[int, typer.Option(help="0: no picks")] = 8,
     picture: Annotated[Path | None, typer.Option()] = None,
 ) -> None:
     series: dict[str, list[Drifted]] = {}
