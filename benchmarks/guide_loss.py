@@ -1,6 +1,6 @@
 """Energy that a cylinder loses to its guide per hop, at three frequencies, for guides that rub and lean.
 
-    python benchmarks/guide_loss.py [--seeds 8] [--duration 8]
+    python benchmarks/guide_loss.py [--seeds 8] [--duration 6]
 
 Each row changes the guide of scenarios/cylinder_558hz.toml, cylinder_2797hz.toml and cylinder_6199hz.toml only; all run
 at the amplitude measured at 100 V peak to peak.
@@ -9,14 +9,16 @@ interval, height  the run's measures; `ballistic` is the interval that the depar
                   2 v / g, as a mean
 loss              energy (of motion and height) between the first and the last frame of a flight, over the energy of
                   motion at its first frame: sum over the flights that count over sum. In free flight it is zero.
-along z           the same of translation along z and height alone, which is what a vibrometer above it sees
+along z           the same of translation along z and height alone: what a vibrometer above sees. Motion along z can
+                  become motion across or turning, and come back
 hops              mean over flights of the loss of each, with the standard error of batch means
-The source, D. Shi, EPFL thesis TH7124 (2016), says 9.74 % per hop; the last lines interpolate the friction of the
-upright guide that gives it.
+The source, D. Shi, EPFL thesis TH7124 (2016), says 9.74 % per hop; a line after each frequency interpolates the
+friction of the upright guide that gives it.
 """
 
 from __future__ import annotations
 
+from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -38,14 +40,15 @@ SOURCE_LOSS = 9.74  # [%], the same
 GUIDES: dict[str, dict[str, Any]] = {
     "free": {},
     "elastic wall": {"restitution": 1.0},
+    "wall of restitution 0.8": {"restitution": 0.8},
+    "friction 0.05": {"friction": 0.05},
     "friction 0.1": {"friction": 0.1},
     "friction 0.2": {"friction": 0.2},
     "friction 0.4": {"friction": 0.4},
     "leaning by 1 deg": {"tilt_deg": 1.0},
     "1 deg, friction 0.1": {"tilt_deg": 1.0, "friction": 0.1},
-    "1 deg, friction 0.2": {"tilt_deg": 1.0, "friction": 0.2},
 }
-UPRIGHT = ("free", "friction 0.1", "friction 0.2", "friction 0.4")
+UPRIGHT = ("free", "friction 0.05", "friction 0.1", "friction 0.2", "friction 0.4")
 LEAST_FRAMES = 4  # of a flight, for an energy at its begin and at its end
 
 
@@ -62,7 +65,7 @@ def variant(frequency: int, guide: dict[str, Any], **run: Any) -> Scenario:
 
 
 def hop_energies(result: Result, seed: Seed) -> NDArray[np.float64]:
-    """Energy of motion at the first frame of each flight, loss until its last one, loss along z; shape (n, 3) [J]."""
+    """Of each flight: energy of motion at its first frame and loss until its last one, both along z too; (n, 4) [J]."""
     part, frames, impacts = result.scene.parts[0], seed.frames, seed.impacts
     attitude = Rotation.from_quat(frames.quaternion[:, 0], scalar_first=True)
     spin = attitude.inv().apply(frames.angular_velocity[:, 0])  # a cylinder is drawn in its principal axes
@@ -76,10 +79,9 @@ def hop_energies(result: Result, seed: Seed) -> NDArray[np.float64]:
     last = np.searchsorted(frames.time, ends[counts], side="left") - 1
     long = last - first >= LEAST_FRAMES - 1
     first, last = first[long], last[long]
-    total = kinetic + potential
-    return np.column_stack(
-        [kinetic[first], (total[first] - total[last]), (along_z + potential)[first] - (along_z + potential)[last]]
-    )
+    total, vertical = kinetic + potential, along_z + potential
+    lost, lost_along_z = total[first] - total[last], vertical[first] - vertical[last]
+    return np.column_stack([kinetic[first], lost, along_z[first], lost_along_z])
 
 
 def _kinetic(
@@ -99,38 +101,41 @@ def ballistic_ms(seed: Seed, period: float, after: float) -> NDArray[np.float64]
 
 def main(
     seeds: Annotated[int, typer.Option()] = 8,
-    duration: Annotated[float, typer.Option(help="[s]")] = 8.0,
+    duration: Annotated[float, typer.Option(help="[s]")] = 6.0,
 ) -> None:
     print("| f (Hz) | A (µm) | guide | interval (ms) | ballistic | height (mm) | loss (%) | along z (%) | hops (%) |")
     print("|---|---|---|---|---|---|---|---|---|")
     for frequency, amplitude in MEASURED_UM.items():
-        upright: dict[float, float] = {}
+        whole: dict[float, float] = {}
+        vertical: dict[float, float] = {}
         for name, guide in GUIDES.items():
             result = simulate(variant(frequency, guide, seeds=seeds, duration_s=duration), workers=1)
             measured, after = result.measures(), settling_time(result.scene)
             interval, height = measured["bounce_interval_ms"], measured["flight_height_mm"]
             each = [hop_energies(result, seed) for seed in result.seeds]
-            begin, lost, along_z = np.concatenate(each).sum(axis=0)
+            begin, lost, begin_along_z, lost_along_z = np.concatenate(each).sum(axis=0)
             ballistic = np.concatenate([ballistic_ms(seed, 1.0 / frequency, after) for seed in result.seeds]).mean()
             hops = batched([100.0 * energies[:, 1] / energies[:, 0] for energies in each])
-            loss = 100.0 * lost / begin
+            loss, loss_along_z = 100.0 * lost / begin, 100.0 * lost_along_z / begin_along_z
             if name in UPRIGHT:
-                upright[guide.get("friction", 0.0)] = loss
+                whole[guide.get("friction", 0.0)], vertical[guide.get("friction", 0.0)] = loss, loss_along_z
             print(
                 f"| {frequency} | {amplitude} | {name} | {interval['mean']:.2f} ± {interval['se']:.2f} "
                 f"| {ballistic:.2f} | {height['mean']:.3f} ± {height['se']:.3f} | {loss:.2f} "
-                f"| {100.0 * along_z / begin:.2f} | {hops.mean:.2f} ± {hops.se:.2f} |",
+                f"| {loss_along_z:.2f} | {hops.mean:.2f} ± {hops.se:.2f} |",
                 flush=True,
             )
-        print(f"{frequency} Hz: {SOURCE_LOSS} % at {friction_of(upright)}")
+        print(f"{frequency} Hz: {SOURCE_LOSS} % of all energy {friction_of(whole)}, along z {friction_of(vertical)}")
 
 
-def friction_of(upright: dict[float, float]) -> str:
-    """Friction of the upright guide that gives the source's loss, from losses [%] by friction."""
-    frictions, losses = list(upright), list(upright.values())
-    if not min(losses) <= SOURCE_LOSS <= max(losses):
-        return f"no friction up to {max(frictions):g}: losses are {min(losses):.2f} to {max(losses):.2f} %"
-    return f"friction {np.interp(SOURCE_LOSS, losses, frictions):.3f}"
+def friction_of(losses: dict[float, float]) -> str:
+    """Friction at which losses [%] by rising friction first pass the source's."""
+    frictions = list(losses)
+    for below, above in pairwise(frictions):
+        if losses[below] <= SOURCE_LOSS < losses[above]:
+            share = (SOURCE_LOSS - losses[below]) / (losses[above] - losses[below])
+            return f"at friction {below + share * (above - below):.3f}"
+    return f"at no friction: {min(losses.values()):.1f} to {max(losses.values()):.1f} %"
 
 
 if __name__ == "__main__":

@@ -10,9 +10,9 @@ drift  scenarios/drift_4750hz.toml and drift_8775hz.toml as they stand (1 um at 
        way from the antinode that all seeds make, over their time. `expected` is the speed of the smallest part times
        the mean of the gradient of the squared amplitude over the part's width, sin(k w) / (k w), k = 2 pi / wavelength.
 picks  scenarios/separation_100.toml with nine parts that start in a block of three by three, nearly in contact, and
-       four cycles; a part is picked with 5 mm of room beside it, that of an M2.5 nut with the scenario's clearance.
-       `lost` are those that went over the edge. The wavelength is that of a straight wave at the frequency of the
-       pulse on the same plate.
+       four cycles. A part is picked with 4.2 mm between the circles around it and around its neighbour, as much as the
+       scenario's clearance leaves M2.5 nuts; in the block none has that. `lost` are those that went over the edge. The
+       wavelength is that of a straight wave at the frequency of the pulse on the same plate.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ from feeder_sim.scenario.tables import validated
 SCENARIOS = Path(__file__).parents[1] / "scenarios"
 # name of the series: scenario, and the one whose velocity amplitude it has
 SERIES = {
-    "4750 Hz, 1 um": ("drift_4750hz", None),
+    "4750 Hz, 1 µm": ("drift_4750hz", None),
     "8775 Hz, same amplitude": ("drift_8775hz", None),
     "8775 Hz, same velocity": ("drift_8775hz", "drift_4750hz"),
 }
@@ -44,8 +44,9 @@ LONG, WIDE = 4.0, 2.5  # of the strip, in wavelengths
 HEIGHT, BORE = 0.4, 0.5  # of an M2.5 nut, over its width across flats
 LIMIT = 0.25  # the source's: D. Shi, EPFL thesis TH7124 (2016)
 
-ROWS, PITCH = 3, 1.2  # of the block: parts in a row, and their distance over their size
-CYCLES, ROOM_MM = 4, 5.0
+ROWS, GAP_MM = 3, 0.2  # of the block: parts in a row, and room between the circles around them
+CYCLES = 4
+NUT_MM = 5.0  # across the flats of M2.5
 PICK_SIZES_MM = (5.0, 10.0, 16.0, 20.0, 25.0, 32.0, 40.0, 48.0)
 DROP = {"drop_height_mm": (0.2, 0.5), "tilt_deg": (0.0, 3.0)}  # each seed draws its own, as in the drift scenarios
 
@@ -142,10 +143,11 @@ def picked(size_mm: float, wave_mm: float, seeds: int) -> Picked:
     base = load_scenario(SCENARIOS / "separation_100.toml")
     assert base.schedule is not None
     stages = [stage.model_dump(exclude_none=True) for stage in base.schedule.stage]
-    clearance, start = size_mm + ROOM_MM, {"kind": "placed", "places_mm_deg": block(size_mm), **DROP}
+    start = {"kind": "placed", "places_mm_deg": block(size_mm), **DROP}
     for stage in stages:
         if "pick" in stage:
-            stage["pick"] = {"clearance_mm": clearance}
+            room = stage["pick"]["clearance_mm"] - across_corners(NUT_MM)
+            stage["pick"] = {"clearance_mm": across_corners(size_mm) + room}
     result = simulate(
         changed(
             "separation_100",
@@ -165,9 +167,14 @@ def seed_picks(result: Result, cycle: int) -> list[int]:
     return [int(np.count_nonzero(picks_of(result.scene, seed).cycle == cycle)) for seed in result.seeds]
 
 
+def across_corners(size_mm: float) -> float:
+    """Diameter [mm] of the circle around a nut."""
+    return 2.0 * size_mm / math.sqrt(3.0)
+
+
 def block(size_mm: float) -> list[tuple[float, float, float]]:
     """Places of parts in a square in the middle of the plate."""
-    steps = PITCH * size_mm * (np.arange(ROWS) - 0.5 * (ROWS - 1))
+    steps = (across_corners(size_mm) + GAP_MM) * (np.arange(ROWS) - 0.5 * (ROWS - 1))
     return [(float(x), float(y), 0.0) for x in steps for y in steps]
 
 
@@ -216,7 +223,7 @@ def draw(series: dict[str, list[Drifted]], picks: Sequence[Picked], seeds: int, 
     ticks = (0.05, 0.1, 0.25, 0.5, 1.0)
     pick.set_xticks(ticks, [f"{tick:g}" for tick in ticks])
     pick.minorticks_off()
-    figure.savefig(picture, dpi=110)
+    figure.savefig(picture, dpi=95)
 
 
 def main(
