@@ -105,16 +105,20 @@ def draw(rows: dict[float, list[Height]], restitution: float, picture: Path) -> 
         at = np.array([row.amplitude for row in heights])
         fine = np.geomspace(at[0], at[-1], 100)
         for axes, scale in ((left, 1.0), (right, 1e3 * velocity(frequency, 1.0))):
-            axes.errorbar(scale * at, mean, spread, fmt="o", ms=4, color=colour, label=f"{frequency:g} Hz")
+            axes.errorbar(scale * at, mean, spread, fmt="o", ms=4, color=colour, label=f"{frequency:g} Hz, around")
             axes.plot(scale * at, [row.at.mean for row in heights], "o", ms=2.5, mfc="none", color=colour)
             of_source = np.array(SOURCE[frequency])
             axes.plot(scale * of_source[:, 0], of_source[:, 1], "x", ms=8, color=colour)
             curve = [estimate_mm(velocity(frequency, value), restitution) for value in fine]
             axes.plot(scale * fine, curve, "-", lw=0.8, color=colour if axes is left else "0.5")
+    left.plot([], [], "ko", ms=2.5, mfc="none", label="at one amplitude")
     left.plot([], [], "kx", ms=8, label="source's simulation")
     left.plot([], [], "-", lw=0.8, color="0.4", label="estimate")
     left.set(xscale="log", yscale="log", xlabel="amplitude (µm)", ylabel="flight height (mm)")
     right.set(xscale="log", yscale="log", xlabel="velocity amplitude (mm/s)")
+    for axes, ticks in ((left, (1, 3, 10, 30, 100)), (right, (30, 60, 100, 200, 300))):
+        axes.set_xticks(ticks, [f"{tick}" for tick in ticks])
+        axes.xaxis.set_minor_formatter("")
     left.legend(fontsize=8)
     figure.savefig(picture, dpi=110)
 

@@ -44,10 +44,10 @@ LONG, WIDE = 4.0, 2.5  # of the strip, in wavelengths
 HEIGHT, BORE = 0.4, 0.5  # of an M2.5 nut, over its width across flats
 LIMIT = 0.25  # the source's: D. Shi, EPFL thesis TH7124 (2016)
 
-ROWS, GAP_MM = 3, 0.2  # of the block: parts in a row, and room between the circles around them
+ROWS, PITCH = 3, 1.05  # of the block: parts in a row, and their distance over the circles around them
 CYCLES = 4
 NUT_MM = 5.0  # across the flats of M2.5
-PICK_SIZES_MM = (5.0, 10.0, 16.0, 20.0, 25.0, 32.0, 40.0, 48.0)
+PICK_SIZES_MM = (5.0, 10.0, 16.0, 25.0, 36.0, 48.0)
 DROP = {"drop_height_mm": (0.2, 0.5), "tilt_deg": (0.0, 3.0)}  # each seed draws its own, as in the drift scenarios
 
 
@@ -174,7 +174,7 @@ def across_corners(size_mm: float) -> float:
 
 def block(size_mm: float) -> list[tuple[float, float, float]]:
     """Places of parts in a square in the middle of the plate."""
-    steps = (across_corners(size_mm) + GAP_MM) * (np.arange(ROWS) - 0.5 * (ROWS - 1))
+    steps = PITCH * across_corners(size_mm) * (np.arange(ROWS) - 0.5 * (ROWS - 1))
     return [(float(x), float(y), 0.0) for x in steps for y in steps]
 
 
