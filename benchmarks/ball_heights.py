@@ -119,7 +119,7 @@ def draw(rows: dict[float, list[Height]], restitution: float, picture: Path) -> 
     for axes, ticks in ((left, (1, 3, 10, 30, 100)), (right, (30, 60, 100, 200, 300))):
         axes.set_xticks(ticks, [f"{tick}" for tick in ticks])
         axes.xaxis.set_minor_formatter("")
-    left.legend(fontsize=8)
+    right.legend(*left.get_legend_handles_labels(), fontsize=8, loc="lower right")
     figure.savefig(picture, dpi=110)
 
 
