@@ -196,8 +196,10 @@ def draw(series: dict[str, list[Drifted]], picks: Sequence[Picked], seeds: int, 
     """Net speed over that of the smallest part, share that arrives, and picks, over size over wavelength."""
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(6.4, 7.2), layout="constrained")
-    speed, share, pick = figure.subplots(3, 1, sharex=True, height_ratios=(1.5, 1.0, 1.0))
+    figure = Figure(figsize=(6.4, 7.2 if picks else 5.2), layout="constrained")
+    heights = (1.5, 1.0, 1.0) if picks else (1.5, 1.0)
+    panels = figure.subplots(len(heights), 1, sharex=True, height_ratios=heights)
+    speed, share, last = panels[0], panels[1], panels[-1]
     for (name, rows), colour in zip(series.items(), ("#3a60be", "#be3434", "#2e8b57"), strict=True):
         ratios, unit = [row.ratio for row in rows], rows[0].net.mean
         spread = [(row.net.se or 0.0) / unit for row in rows]
@@ -205,7 +207,7 @@ def draw(series: dict[str, list[Drifted]], picks: Sequence[Picked], seeds: int, 
         share.plot(ratios, [100.0 * row.arrived / seeds for row in rows], "o-", ms=4, color=colour)
     fine = np.geomspace(RATIOS[0], RATIOS[-1], 200)
     speed.plot(fine, np.sinc(2.0 * fine), "--", color="0.5", label=r"sin(kw) / kw")
-    speed.set(ylabel="speed over that of the\nsmallest part", title="Antinode to node, and picks")
+    speed.set(ylabel="speed over that of the\nsmallest part", title="Drift from antinode to node")
     share.set(ylabel="arrived (%)", ylim=(-5, 105))
     if picks:
         at = [row.ratio for row in picks]
@@ -213,16 +215,17 @@ def draw(series: dict[str, list[Drifted]], picks: Sequence[Picked], seeds: int, 
             ([row.picked for row in picks], f"picked in {CYCLES} cycles", "o-"),
             ([row.at_once for row in picks], "in the first cycle", "o--"),
         ):
-            pick.errorbar(at, [v.mean for v in values], [v.se or 0.0 for v in values], fmt=style, ms=4, label=label)
-        pick.legend(fontsize=8)
-    pick.set(ylabel=f"of {ROWS**2} parts", ylim=(0, None), xlabel="size over wavelength", xscale="log")
-    for axes in (speed, share, pick):
+            last.errorbar(at, [v.mean for v in values], [v.se or 0.0 for v in values], fmt=style, ms=4, label=label)
+        last.legend(fontsize=8)
+        last.set(ylabel=f"of {ROWS**2} parts", ylim=(0, None))
+    last.set(xlabel="size over wavelength", xscale="log")
+    for axes in panels:
         axes.axvline(LIMIT, color="0.6", linestyle=":")
     speed.annotate("a quarter", (LIMIT, 0.05), xytext=(4, 0), textcoords="offset points", fontsize=8, color="0.4")
     speed.legend(fontsize=8)
     ticks = (0.05, 0.1, 0.25, 0.5, 1.0)
-    pick.set_xticks(ticks, [f"{tick:g}" for tick in ticks])
-    pick.minorticks_off()
+    last.set_xticks(ticks, [f"{tick:g}" for tick in ticks])
+    last.minorticks_off()
     figure.savefig(picture, dpi=95)
 
 
