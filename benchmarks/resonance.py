@@ -2,8 +2,8 @@
 
     python benchmarks/resonance.py [--picture FILE]
 
-Both of the plate of the source (D. Shi, EPFL thesis TH7124, 2016), driven in the centre at 100 V peak to peak. The source
-saw a ring-up of about 0.4 s at 558 Hz; at 2797 Hz its finite elements give 20.62 um and it measured 19.70 um. Takes 2 s.
+Both of the plate of the source (D. Shi, EPFL thesis TH7124, 2016), driven in the centre at 100 V peak to peak. It saw a
+ring-up of about 0.4 s at 558 Hz; at 2797 Hz its finite elements give 20.62 um, and it measured 19.70 um. Takes 2 s.
 """
 
 from __future__ import annotations
