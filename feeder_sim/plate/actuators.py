@@ -41,6 +41,7 @@ D31_TOLERANCE = 1.1  # factor; data sheets promise 5 to 10 %
 # over shear modulus (1/3 in Suhir's theory); and the disc whose bond is that of a rectangle: by how much of the plate's
 # thickness its radius is smaller, and the power of the ratio of the sides with which it is larger.
 CERAMIC_SLIP, EDGE_LOSS, LONGER = 0.44, 0.13, 0.2
+LONGEST = 4.0
 EDGE_POINTS = 24  # of the line integral along an edge; exact for polynomials of degree 47
 VACUUM_PERMITTIVITY = 8.8541878128e-12  # [F/m]
 
@@ -179,7 +180,8 @@ def _bonded(plate: RectangularPlate, layer: Layer) -> _Bonded:
 
 
 def _elongation(layer: Layer) -> float:
-    return max(layer.size) / min(layer.size)
+    """Ratio of the sides of a patch, up to that for which it was compared with finite elements."""
+    return min(max(layer.size) / min(layer.size), LONGEST)
 
 
 def share_of_curvature(plate: RectangularPlate, layer: Layer) -> float:

@@ -171,6 +171,16 @@ def test_a_large_patch_with_a_perfect_bond_keeps_all_of_its_action() -> None:
     assert wide == pytest.approx([1.0] * 3, abs=0.02)
 
 
+def test_all_patches_and_bonds_have_sensible_factors() -> None:
+    rng = np.random.default_rng(0)
+    for _ in range(500):
+        thickness, layer_thickness, *size = 10.0 ** rng.uniform([-3.5, -4.5, -2.7, -2.7], [-2.0, -2.3, -0.7, -0.7])
+        plate = RectangularPlate(1.0, 1.0, thickness, ALUMINIUM)
+        layer = replace(PATCH, size=tuple(size), thickness=layer_thickness)
+        assert 0.0 < bond_share(plate, layer, 10.0 ** rng.uniform(-16.0, -11.0)) < 1.5
+        assert 0.0 < share_of_curvature(plate, layer) < 1.0
+
+
 def test_glue_takes_some_action_the_more_the_softer() -> None:
     plate = RectangularPlate(0.1, 0.1, THICK, ALUMINIUM)
     shares = [bond_share(plate, PATCH, slip) for slip in np.geomspace(1e-16, 1e-10, 13)]
