@@ -1,16 +1,17 @@
-"""Traces of a quasi-travelling wave: how many points its crest runs round, in which sense, and which way nuts run there.
+"""Traces of a quasi-travelling wave: how many points its crest runs round, in which sense, and which way nuts run.
 
     python benchmarks/wave_traces.py [--scenario FILE] [--picture FILE]
-    python benchmarks/wave_traces.py --seeds 16 [--amplitudes 0.3 0.6 ...] [--phases 90 -90]
+    python benchmarks/wave_traces.py --seeds 16 [--amplitudes 0.15 0.3 ...] [--phases 90 -90]
 
 Every still point has a *cell*, from which the amplitude falls towards it. A cell that nowhere reaches the edge of the
 plate is closed, and its outline, where the amplitude is largest all around, is a *trace* of the crest. On it the phase
 changes by 360 degrees; the crest runs the way the phase falls.
 
-With --seeds nuts start in all closed cells, `NUTS` in each half way to the trace, and their speed round the still point
-(counter-clockwise positive) is the mean while they are in a cell, over the last three quarters of the time. A column
-has the cells with a counter-clockwise crest, another those with a clockwise one, each with the standard error over the
-seeds. The amplitude is that at the plate's corner, where it is largest.
+With --seeds the nuts of the scenario, which lie scattered, are followed for `DURATION_S`. Their speed round the still
+point of the closed cell that they are in, counter-clockwise positive, is a mean over the last three quarters of this
+time. A column has the cells with a counter-clockwise crest at +90 degrees, another those with a clockwise one, each
+with the standard error over the seeds. At -90 degrees all senses are the other way round. The amplitude is that at the
+plate's corner, where it is largest.
 """
 
 from __future__ import annotations
@@ -34,8 +35,7 @@ from feeder_sim.scenario.tables import validated
 from feeder_sim.scene.scene import build_scene
 
 SCENARIO = Path(__file__).parents[1] / "scenarios" / "wave_nine_traces.toml"
-AMPLITUDES = [0.3, 0.6, 1.2]
-NUTS, HALF_WAY = 3, 0.5
+AMPLITUDES = [0.15, 0.3, 0.6, 1.2]
 BASE_PHASE = 90.0  # [deg]; of the scenario, which says the sense of the cells
 DURATION_S, COUNTED_FROM = 2.0, 0.25
 SMOOTH = 9  # points of an outline, which follows the grid, that are averaged
@@ -116,7 +116,8 @@ def _outline(wave: Wave, x: Floats, y: Floats, inside: NDArray[np.bool_]) -> Tra
     """The outline of a cell as a closed line, counter-clockwise."""
     from contourpy import contour_generator
 
-    line = max(contour_generator(x, y, inside.T.astype(float)).lines(0.5), key=len)[:-1]
+    lines = [np.asarray(line) for line in contour_generator(x, y, inside.T.astype(float)).lines(0.5)]
+    line = max(lines, key=len)[:-1]
     rows = (np.arange(len(line))[:, None] + np.arange(SMOOTH) - SMOOTH // 2) % len(line)
     line = line[rows].mean(axis=1)
     ahead = np.roll(line, -1, axis=0)
@@ -126,22 +127,13 @@ def _outline(wave: Wave, x: Floats, y: Floats, inside: NDArray[np.bool_]) -> Tra
     return Track(line, tangent / np.linalg.norm(tangent, axis=1, keepdims=True), wave.at(line))
 
 
-def scenario_of(file: Path, amplitude: float, phase: float, seeds: int, cells: Cells) -> Scenario:
-    """Nuts in all closed cells, on the wave at another amplitude [um] and phase [deg]."""
+def scenario_of(file: Path, amplitude: float, phase: float, seeds: int) -> Scenario:
+    """The scenario at another amplitude [um] and phase [deg], as long as it takes."""
     raw = load_scenario(file).model_dump(exclude_none=True)
     stage = raw["schedule"]["stage"][0]
     first, second = stage["drive"]
     first["amplitude_um"] = second["amplitude_um"] = amplitude
     second["phase_deg"], stage["duration_s"] = phase, DURATION_S
-    anyhow = {"drop_height_mm": [0.05, 0.3], "yaw_deg": [0.0, 360.0]}
-    places = [
-        cell.point + HALF_WAY * (cell.trace.points[len(cell.trace.points) * k // NUTS] - cell.point)
-        for cell in cells.closed
-        for k in range(NUTS)
-        if cell.trace is not None
-    ]
-    nut = {"shape": "hex_nut", "size": "M2.5"}
-    raw["part"] = [nut | {"start": anyhow | {"position_mm": (1e3 * place).tolist()}} for place in places]
     raw["run"]["seeds"] = seeds
     return validated(raw, Scenario, file)
 
@@ -184,7 +176,7 @@ def draw(cells: Cells, path: Path) -> None:
             # Neighbours share a trace: each is drawn a little inside its own cell.
             ring = (cell.point + 0.9 * (np.vstack([cell.trace.points, cell.trace.points[:1]]) - cell.point)) * MM
             axes.plot(*ring.T, color=colour, linewidth=1.8, label=name if k == 0 else None)
-            for i in range(0, len(ring) - 1, len(ring) // 4):
+            for i in range(len(ring) // 8, len(ring) - 1, len(ring) // 4):
                 ahead = cell.sense * cell.trace.tangent[i] * 6.0
                 arrow = {"arrowstyle": "->", "color": colour, "lw": 1.8}
                 axes.annotate("", ring[i] + ahead, ring[i], arrowprops=arrow)
@@ -210,11 +202,13 @@ def print_cells(cells: Cells) -> None:
 
 def print_speeds(cells: Cells, options: argparse.Namespace) -> None:
     print(f"\nspeed round still points (mm/s), counter-clockwise, {options.seeds} seeds, mean +- SE")
-    print(f"senses of cells are those at {BASE_PHASE:+g} degrees\n")
+    print(
+        f"cells by the sense of their crest at {BASE_PHASE:+g} degrees; at {-BASE_PHASE:+g} degrees it is the other\n"
+    )
     print("| amplitude (um) | phase (deg) | counter-clockwise cells | clockwise cells |\n|---|---|---|---|")
     for amplitude in options.amplitudes:
         for phase in options.phases:
-            scenario = scenario_of(options.scenario, amplitude, phase, options.seeds, cells)
+            scenario = scenario_of(options.scenario, amplitude, phase, options.seeds)
             result = simulate(scenario, workers=options.workers)
             both = [Statistic.of(speeds(cells, frames, sense) for frames in result.trajectories) for sense in (1, -1)]
             cols = " | ".join(f"{s.mean:+.3f} +- {s.se or math.nan:.3f}" for s in both)
