@@ -1,7 +1,7 @@
 """Traces of a quasi-travelling wave: how many points its crest runs round, in which sense, and which way nuts run.
 
     python benchmarks/wave_traces.py [--scenario FILE] [--picture FILE]
-    python benchmarks/wave_traces.py --seeds 16 [--amplitudes 0.15 0.3 ...] [--phases 90 -90]
+    python benchmarks/wave_traces.py --seeds 16 [--amplitudes 0.3 0.6 ...] [--phases 90 -90]
 
 Every still point has a *cell*, from which the amplitude falls towards it. A cell that nowhere reaches the edge of the
 plate is closed, and its outline, where the amplitude is largest all around, is a *trace* of the crest. On it the phase
@@ -35,7 +35,7 @@ from feeder_sim.scenario.tables import validated
 from feeder_sim.scene.scene import build_scene
 
 SCENARIO = Path(__file__).parents[1] / "scenarios" / "wave_nine_traces.toml"
-AMPLITUDES = [0.15, 0.3, 0.6, 1.2]
+AMPLITUDES = [0.3, 0.6, 1.2]
 BASE_PHASE = 90.0  # [deg]; of the scenario, which says the sense of the cells
 DURATION_S, COUNTED_FROM = 2.0, 0.25
 SMOOTH = 9  # points of an outline, which follows the grid, that are averaged
