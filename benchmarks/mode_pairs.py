@@ -290,7 +290,7 @@ def draw(modes: PlateModes, pairs: Sequence[tuple[str, Match]], path: Path) -> N
         place.set(aspect="equal", xlabel="x (mm)")
     axes[0].set(ylabel="y (mm)")
     figure.colorbar(filled, ax=axes, label="amplitude of the second mode", shrink=0.8)
-    figure.savefig(path, dpi=110)
+    figure.savefig(path, dpi=85)
 
 
 def main() -> None:

@@ -72,7 +72,9 @@ class Cells:
 
     @property
     def closed(self) -> list[Cell]:
-        return [cell for cell in self.cells if cell.trace is not None]
+        """Row by row from the top: still points come in no order of their own."""
+        cells = [cell for cell in self.cells if cell.trace is not None]
+        return sorted(cells, key=lambda cell: (-round(cell.point[1] * MM), round(cell.point[0] * MM)))
 
 
 def cells_of(wave: Wave, still: Floats) -> Cells:
