@@ -73,6 +73,7 @@ VIEWS = {
     "transport_strip": View(12.0, 60.0),
     "wave_circulation": View(6.0, 6.1),
     "wave_gather": View(10.0, 10.1),
+    "wave_nine_traces": View(6.0, 6.1),
     "wave_split": View(5.0, 5.1),
 }
 
