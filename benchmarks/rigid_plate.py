@@ -139,11 +139,14 @@ def draw(of_cases: Mapping[str, Rates], seeds: int, picture: Path) -> None:
     for frequency, colour in zip(FREQUENCIES, ("C0", "C1", "C2"), strict=True):
         found = [rates(of_acceleration(frequency, g).scenario(seeds)).per_minute[robot] for g in ACCELERATIONS]
         means, errors = [rate.mean for rate in found], [rate.se for rate in found]
-        right.errorbar(ACCELERATIONS, means, errors, fmt="o-", color=colour, capsize=2, label=f"{frequency:g} Hz")
+        right.errorbar(
+            ACCELERATIONS, means, errors, fmt="o-", color=colour, capsize=2, label=f"rigid, {frequency:g} Hz"
+        )
     for name, line in ((PRESENT, ":"), (BEST, "--")):
         right.axhline(of_cases[name].per_minute[robot].mean, color="0.4", linestyle=line, label=name)
-    right.set(xlabel="peak acceleration (g)", ylabel="picks per minute, robot 0.3 s", ylim=(0.0, None))
-    right.legend(fontsize=8)
+    right.set(xlabel="peak acceleration (g)", ylabel="picks per minute, robot 0.3 s")
+    right.set_ylim(0.0, 1.5 * of_cases[BEST].per_minute[robot].mean)  # with room for the legend
+    right.legend(fontsize=8, loc="upper left", ncols=2)
     figure.savefig(picture, dpi=100)
 
 
