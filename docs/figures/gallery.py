@@ -61,6 +61,7 @@ VIEWS = {
     "plate_with_hole": View(6.0, 6.1),
     "platform": View(1.18, 1.0),
     "refill_nuts": View(1.28, 1.0),
+    "rigid_plate": View(0.3, 1.0),
     "screws": View(1.0, 1.0),
     "separation_100": View(1.98, 2.0),
     "separation_heap": View(0.48, 1.0),
