@@ -53,4 +53,4 @@ def test_a_mode_file_of_another_version_says_what_to_do(repository: Path, tmp_pa
     shutil.copy(repository / "models/strip_160/modes.h5", tmp_path)
     with h5py.File(tmp_path / "modes.h5", "r+", libver="latest") as file:
         file.attrs["schema_version"] = 2
-    check_refused(feeder_sim("modes", tmp_path / "modes.h5"), "is 2, allowed is 3", "feeder-sim modes PLATE.toml --out")
+    check_refused(feeder_sim("modes", tmp_path / "modes.h5"), "is 2, allowed is 4", "feeder-sim modes PLATE.toml --out")
