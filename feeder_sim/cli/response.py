@@ -1,6 +1,6 @@
 """Commands about what actuators make of a plate: its frequency response, and which mode is worth its volts.
 
-A measured sweep of a patch goes the other way, to the resonances of a plate file.
+A measured sweep of a patch becomes resonances of a plate file.
 """
 
 from __future__ import annotations

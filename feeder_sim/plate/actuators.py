@@ -14,7 +14,7 @@ in feeder_sim.plate.ritz.attachments,
 
 Two factors go with it:
 
-- The *bond*. The stress enters the patch over a way from its edges, by shear of the glue and of the ceramic (Crawley
+- The *bond*. The stress enters the patch over a length from its edges, by shear of the glue and of the ceramic (Crawley
   and de Luis, as above; the ceramic: Suhir, J. Appl. Mech. 53 (1986) 657). See `bond_share`.
 - The *stiffness* of the patch. M acts on the plate that the patch makes stiffer. On the modes of the bare plate, which
   bends more there, it has to be smaller by `share_of_curvature`.
@@ -210,12 +210,12 @@ def bond_share(plate: RectangularPlate, layer: Layer, slip: float) -> float:
     slip += CERAMIC_SLIP * layer.thickness / layer.material.in_plane_shear_modulus
     area = layer.size[0] * layer.size[1]
     radius = max(math.sqrt(area / math.pi) * _elongation(layer) ** LONGER - EDGE_LOSS * plate.thickness, EDGE_LOSS * z)
-    way = math.sqrt(slip / (1.0 / a + 1.0 / a_patch + z * z / (d + d_patch)))
-    grows = ive(0, radius / way) / ive(1, radius / way) / way - 1.0 / radius  # slope of s at the edge over s [1/m]
+    lag = math.sqrt(slip / (1.0 / a + 1.0 / a_patch + z * z / (d + d_patch)))
+    grows = ive(0, radius / lag) / ive(1, radius / lag) / lag - 1.0 / radius  # slope of s at the edge over s [1/m]
     edge, edge_patch = (grows + nu / radius for nu in two.poisson)
     # Unknown: strain of patch and plate without the slip; force by it; displacement and slope that the plate around
     # takes on. Rows: no force on the patch; force, displacement, slope and moment are those of the plate around it.
-    force = way * way / radius
+    force = lag * lag / radius
     rows = [
         [a_patch * b_patch, 0.0, force * edge_patch * radius, 0.0, 0.0],
         [0.0, a * b, -force * edge * radius, a * (1.0 - two.poisson[0]), 0.0],

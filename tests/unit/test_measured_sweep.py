@@ -106,7 +106,7 @@ def test_a_sweep_becomes_a_plate_file_in_one_command(tmp_path: Path) -> None:
     check_refused(feeder_sim("response", plate, "--measured", path, "--write", out), "measured.toml", "exists")
 
 
-def test_two_resonances_in_one_maximum_are_said() -> None:
+def test_two_resonances_in_one_maximum_are_refused() -> None:
     frequency, capacitance = np.arange(2600.0, 3000.0, 0.5), 3.6e-7
     omega, natural = 2.0 * np.pi * frequency[:, None], 2.0 * np.pi * np.array([2797.0, 2803.0])
     branches = 2e-4 * natural**2 / (natural**2 - omega**2 + 4e-3j * natural * omega)
@@ -130,7 +130,7 @@ def test_two_resonances_in_one_maximum_are_said() -> None:
         ("names", "no column impedance_ohm"),
     ],
 )
-def test_a_sweep_that_cannot_be_meant_is_refused(change: str, expected: str, tmp_path: Path) -> None:
+def test_an_invalid_sweep_is_refused(change: str, expected: str, tmp_path: Path) -> None:
     frequency, resistance = FREQUENCY[::2].copy(), noisy(0.01)[::2]
     keep = np.abs(FREQUENCY - 558.0) > 20.0  # too narrow for these steps
     if change == "khz":
@@ -168,7 +168,7 @@ def test_a_sweep_that_cannot_be_meant_is_refused(change: str, expected: str, tmp
         ("--measured none.csv --write out.toml", "--write ... plate file"),
     ],
 )
-def test_options_of_a_sweep_that_cannot_be_meant(options: str, expected: str, tmp_path: Path) -> None:
+def test_invalid_options_of_a_sweep_are_refused(options: str, expected: str, tmp_path: Path) -> None:
     done = feeder_sim("response", PLATE / "modes.h5", *options.split(), cwd=tmp_path)
     check_refused(done, expected)
 
