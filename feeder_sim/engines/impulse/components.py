@@ -19,6 +19,8 @@ from feeder_sim.engines.impulse.contact_problem import (
     ARM_FIRST,
     ARM_SECOND,
     FRICTION,
+    IMPULSE,
+    MOMENT,
     NORMAL,
     ROLLING,
     TARGET,
@@ -174,6 +176,8 @@ def _holds(member, crowd, bodies, contacts, n):
     fall = GRAVITY * WEIGHED
     for j in range(member.shape[0]):
         bodies.velocity[j, 2] -= fall
+    contacts.vector[IMPULSE, :n] = 0.0
+    contacts.vector[MOMENT, :n] = 0.0
     if not solve(bodies, contacts, n, None, SOLVED * fall):
         return False
     for j in range(member.shape[0]):

@@ -49,6 +49,7 @@ from feeder_sim.engines.impulse.contact_equations import (
     relative,
     room_for,
     settle,
+    sweeps_settle,
 )
 from feeder_sim.engines.impulse.single_impact import (
     HALVINGS,
@@ -85,8 +86,8 @@ class Contacts(NamedTuple):
 
     body: (n, 2), the first and the second; the first may be WORLD. vector (6, n, 3): ARM_FIRST and ARM_SECOND from the
     centres of mass to the contact [m], NORMAL from the first to the second, VELOCITY of the world there [m/s], where it
-    is the first; results: IMPULSE on the second [N s], of which the first gets the opposite, and MOMENT likewise
-    [N m s]. number (4, n): RESTITUTION, FRICTION, ROLLING: arm of rolling resistance [m], 0 for none, TARGET [m/s].
+    is the first; IMPULSE on the second [N s], of which the first gets the opposite, and MOMENT likewise [N m s]: results,
+    and from where `solve` starts. number (4, n): RESTITUTION, FRICTION, ROLLING: arm of rolling resistance [m], 0 for none, TARGET [m/s].
     """
 
     body: NDArray[np.int64]
@@ -135,10 +136,10 @@ def meet_world(n, contacts, body, place, law):
 def solve(bodies, contacts, n, modes, closely=0.0):
     """Find the impulses at the first n contacts that reach their TARGET; changes velocities and spins in place.
 
-    modes: None for a plate that does not give way; closely: see `settle`.
+    modes: None for a plate that does not give way; closely: see `settle`; with it sweeps come first, from the impulses
+    and moments that the contacts have.
 
-    Fills IMPULSE, MOMENT and modes.taken. Returns whether every contact
-    obeys its laws.
+    Fills IMPULSE, MOMENT and modes.taken. Returns whether every contact obeys its laws.
     """
     if n == 1 and contacts.number[ROLLING, 0] <= 0.0:
         frame, k, u = _alone(bodies, contacts, modes)
@@ -150,9 +151,24 @@ def solve(bodies, contacts, n, modes, closely=0.0):
     size = _lay_out(bodies, contacts, n, modes)
     for i in range(n):
         contacts.room.target[i] = contacts.number[TARGET, i]
-    settled = settle(contacts.room, n, size, closely)
+    settled = closely > 0.0 and _sweeps_settle(contacts, n, size, closely)
+    if not settled:
+        settled = settle(contacts.room, n, size, closely)
     _write_out(bodies, contacts, n, modes)
     return settled
+
+
+@uncounted
+def _sweeps_settle(contacts, n, size, closely):
+    """Sweep from the impulses that contacts have; returns whether that solves them, else there are none again."""
+    for i in range(n):
+        p, normal = contacts.room.value[IMPULSES, i], vector(contacts.vector[NORMAL, i])
+        impulse, moment = contacts.vector[IMPULSE, i], contacts.vector[MOMENT, i]
+        a, b = tangents(normal)
+        p[A], p[B], p[N] = dot(impulse, a), dot(impulse, b), dot(impulse, normal)
+        if contacts.room.place[i, COUNT] > FORCES:
+            p[FORCES], p[FORCES + 1] = dot(moment, a), dot(moment, b)
+    return sweeps_settle(contacts.room, n, size, closely)
 
 
 @uncounted

@@ -46,6 +46,7 @@ class FreePartEngine(PartsEngine):
         self._exact = exactness_of(scene)
         self._scratch = new_scratch(self._kinds, scene.surface.n_shapes)
         self._part = new_part(self._parts[:1], new_streams(rng, 1))
+        self._loads = np.zeros((len(self._scratch.point), 6))
         self._wall = read_walls(scene)
         self._notes = Notes(new_log(1), np.zeros(2), SAME_CONTACT * scene.timestep)
 
@@ -61,7 +62,7 @@ class FreePartEngine(PartsEngine):
         if isinstance(self._wall, Tube):
             room = int(n_frames * scene.frame_interval / self._notes.apart) + 2
             self._notes = self._notes._replace(log=room_for(self._notes.log, room))
-        free = FreePart(self._part, self._kinds, self._scratch, self._wall, self._notes)
+        free = FreePart(self._part, self._loads, self._kinds, self._scratch, self._wall, self._notes)
         advance(free, drive, self._clock, frames)
         return self._advanced(rows)
 

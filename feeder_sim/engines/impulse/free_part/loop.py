@@ -34,11 +34,12 @@ class Drive(NamedTuple):
 
 
 class FreePart(NamedTuple):
-    """The part, as an array of one; its kind; scratch space; the walls around it, or None, and what is noted
-    in a tube.
+    """The part, as an array of one, and what its points bore last (points, 6): force [N] and moment [N m]; its kind;
+    scratch space; the walls around it, or None, and what is noted in a tube.
     """
 
     parts: NDArray[np.void]
+    loads: NDArray[np.float64]
     kinds: Kinds
     work: Scratch
     wall: Tube | Rim | None

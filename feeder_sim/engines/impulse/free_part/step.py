@@ -148,7 +148,7 @@ def _act(free, plate, t, seen, spent):
     shortest, unsure = shortest_leap(part, bounds, turning), unsure_of(part, kind, bounds, turning)
     if seen.close:
         now = Moment(t, until, seen.n, turning, unsure)
-        stays, held = press(part, kind, plate, now, SPARING if spent else shortest, work)  # until it is looked at
+        stays, held = press(free, plate, now, SPARING if spent else shortest)  # until it is looked at
         if stays > 0.0:
             part.held = part.held + 1 if held else min(part.held, 0)
             due = t + (_stay(part, kind, plate, now, stays, work) if held else stays)

@@ -79,11 +79,12 @@ class Moment(NamedTuple):
 
 
 @inlined
-def press(part, kind, plate, now, least, work):
+def press(free, plate, now, least):
     """Set forces on the part for a time, that of what the plate does next or, if that is less, `least` [s].
 
     Returns the time [s], 0 if nothing is pressed; and whether nothing slips.
     """
+    part, kind, work = free.parts[0], free.kinds.record[free.parts[0].kind], free.work
     usual, chatter = _time_of_forces(part, kind, plate.bounds, now, work)
     lift = _last_lift(plate.bounds, now, chatter, work)
     if usual == 0.0 or lift < NO_LIFT * usual:
@@ -95,7 +96,7 @@ def press(part, kind, plate, now, least, work):
         slips = SLIPS
         if plate.bounds.speed > 0.0:
             slips = max(SLIPS, CREPT * plate.bounds.exact.tolerance / time)
-        m = _solve_forces(part, kind, plate, now, (time, usual, slips), work)
+        m = _solve_forces(free, plate, now, (time, usual, slips))
         stops, back = _slip_stops(part, kind, now.turning.spin, (m, time, slips), work)
         soon = (1.0 - (BACK if back else STOPS)) * usual
         if stops < max(soon, least) or (not back and (stops > STOPS * time or turn >= TURNS - 1)):
@@ -196,11 +197,12 @@ def _mark_carried(n, usual, chatter, bounds, work):
 
 
 @inlined
-def _solve_forces(part, kind, plate, now, times_and_slip, work):
+def _solve_forces(free, plate, now, times_and_slip):
     """Solve for the impulses of a time, of all points that are carried; returns their number.
 
     times_and_slip: that time, the time that forces may last [s], and the speed below which nothing slips [m/s].
     """
+    part, kind, work = free.parts[0], free.kinds.record[free.parts[0].kind], free.work
     time, usual, slips = times_and_slip
     load_part(part, kind, now.turning, time, work)
     move_surface(now.t + time, plate.surface, work.then)
@@ -209,6 +211,8 @@ def _solve_forces(part, kind, plate, now, times_and_slip, work):
         point = work.point[i]
         if point.carried:
             gather(i, m, 0.0, kind, work)
+            write_to(work.contacts.vector[IMPULSE, m], plus(NOTHING, time, free.loads[i, :3]))
+            write_to(work.contacts.vector[MOMENT, m], plus(NOTHING, time, free.loads[i, 3:]))
             turned = _set_contact_after(m, part, kind, plate, (now.turning, time), work)
             slowly = LONGEST if point.gap < -CARRIED * exact.tolerance else usual
             target = -RETURN * (point.gap - min(max(point.gap, 0.0), exact.touch)) / slowly
@@ -223,7 +227,21 @@ def _solve_forces(part, kind, plate, now, times_and_slip, work):
         _turn_inwards(kind, now.turning.spin, m, time, work)
     if not solve(work.bodies, work.contacts, m, None, SOLVED * exact.tolerance / usual):
         work.counts[UNRESOLVED] += 1
+    _keep_loads(free, now.n, m, time)
     return m
+
+
+@inlined
+def _keep_loads(free, n, m, time):
+    """Keep what m of n points bore, as force [N] and moment [N m], for the solution of the next forces to start from."""
+    loads, work = free.loads, free.work
+    for i in range(n):
+        for k in range(6):
+            loads[i, k] = 0.0
+    for i in range(m):
+        at = work.point_of[i]
+        add_to(loads[at, :3], 1.0 / time, work.contacts.vector[IMPULSE, i])
+        add_to(loads[at, 3:], 1.0 / time, work.contacts.vector[MOMENT, i])
 
 
 @inlined
