@@ -34,7 +34,7 @@ from feeder_sim.machine_code import inlined, uncounted
 A, B, N = range(3)  # directions at a contact: two tangents and the normal; then the tangents again, of spin
 DIRECTIONS, FORCES = 5, 3
 SECOND, OTHER, WIDTH, COUNT = range(4)  # of Room.place
-IMPULSES, BEFORE, KNOWN, RATE, GAP, BEST = range(6)  # of Room.value
+IMPULSES, BEFORE, KNOWN, RATE, ACROSS, GAP, BEST = range(7)  # of Room.value
 SLIDES, ROLLS = range(2)  # of Room.limit
 START, NOW, STEP = range(3)  # of Room.motion
 
@@ -54,6 +54,7 @@ CENTRED, LOST = 0.5, 1e3  # blurs by which blurred laws may be off, and by which
 SWEEPS, BATCHES = 16, 7  # at first, doubled each time; so often
 WARM = 100  # sweeps from impulses that may be near the solution, in less time than Newton's steps from none take
 NEAR = 0.2  # of what is near enough: changes of velocities at which sweeps end
+CREEPS, SETTLES = 0.95, 3  # of the last change: sweeps that change as much creep; so many go before that is asked
 FEW = 24  # sweeps that bring a small impact to its solution, in less time than Newton's method takes
 LARGEST = 1 << 20
 
@@ -63,9 +64,9 @@ class Room(NamedTuple):
 
     rows: what it is in each direction at a contact; push: what an impulse in that direction does to it; both (n,
     DIRECTIONS, width), of the second body and then of the first, or of the modes. place (n, 4): where in the motion
-    these begin, the width of the latter, the number of directions. value (6, n, DIRECTIONS): IMPULSES; relative
-    velocity BEFORE; KNOWN: that of the world, negative; RATE: effective inverse mass; GAP and BEST: impulses on the
-    way. limit (n, 2): tangential impulse and moment, as shares of the normal impulse. target (n,) [m/s]. law (n,
+    these begin, the width of the latter, the number of directions. value (7, n, DIRECTIONS): IMPULSES; relative
+    velocity BEFORE; KNOWN: that of the world, negative; RATE: effective inverse mass; ACROSS: its largest, of both
+    tangents (A) and of both spins (FORCES); GAP and BEST: impulses on the way. limit (n, 2): tangential impulse and moment, as shares of the normal impulse. target (n,) [m/s]. law (n,
     DIRECTIONS, DIRECTIONS): by how much impulses fall when velocities rise. motion: (3, all); matrix: (all, all).
     """
 
@@ -88,7 +89,7 @@ def room_for(bodies: int, contacts: int, shapes: int) -> Room:
         rows=np.zeros((contacts, DIRECTIONS, width)),
         push=np.zeros((contacts, DIRECTIONS, width)),
         place=np.zeros((contacts, 4), np.int64),
-        value=np.zeros((6, contacts, DIRECTIONS)),
+        value=np.zeros((7, contacts, DIRECTIONS)),
         limit=np.zeros((contacts, 2)),
         target=np.zeros(contacts),
         law=np.zeros((contacts, DIRECTIONS, DIRECTIONS)),
@@ -156,6 +157,9 @@ def begin(room, n, size):
         for k in range(_place(room, i, COUNT)):
             room.value[BEFORE, i, k] = relative(room, i, k)
             room.value[RATE, i, k] = _coupling(room, i, k, k)
+        for k in range(0, _place(room, i, COUNT), FORCES):
+            s, t = room.value[RATE, i, k], room.value[RATE, i, k + 1]
+            room.value[ACROSS, i, k] = 0.5 * (s + t) + math.hypot(0.5 * (s - t), _coupling(room, i, k, k + 1))
 
 
 @inlined
@@ -207,14 +211,41 @@ def settle(room, n, size, closely):
 def sweeps_settle(room, n, size, closely):
     """Sweep from impulses as they are; returns whether every contact obeys its laws, else there are no impulses.
 
-    closely: what may be left of a velocity [m/s].
+    closely: what may be left of a velocity [m/s]. Where more contacts press than can reach their targets together,
+    sweeps shift load from one to the next, each as much as the one before; what is left of that way is taken at once.
     """
     make_motion(room, n, size)
+    last, sweeps = math.inf, 0
     for _ in range(WARM):
-        if _sweep(room, n) <= NEAR * closely:
+        _copy(room, IMPULSES, BEST, n)
+        change = _sweep(room, n)
+        if change <= NEAR * closely:
             return True
+        sweeps += 1
+        last, creeps = change, change > CREEPS * last and sweeps >= SETTLES
+        if creeps and _creep_to_end(room, n, size):
+            last, sweeps = math.inf, 0
     _forget(room, n)
     return False
+
+
+@inlined
+def _creep_to_end(room, n, size):
+    """Repeat the change since BEST until the first contact has no load left; False where none loses any."""
+    times = math.inf
+    for i in range(n):
+        change = room.value[IMPULSES, i, N] - room.value[BEST, i, N]
+        if change < 0.0:
+            times = min(times, -room.value[IMPULSES, i, N] / change)
+    if times == math.inf:
+        return False
+    for i in range(n):
+        p, count = room.value[IMPULSES, i], _place(room, i, COUNT)
+        for k in range(count):
+            p[k] += times * (p[k] - room.value[BEST, i, k])
+        _keep_in_cones(room, i, count)
+    make_motion(room, n, size)
+    return True
 
 
 @uncounted
@@ -463,11 +494,16 @@ def _newton(room, n, size):
             along = _along(room, i, m, STEP)
             for k in range(count):
                 p[k] -= room.law[i, k, m] * along
-        p[N] = max(p[N], 0.0)
-        _keep_in_disc(p, A, room.limit[i, SLIDES] * p[N])
-        if count > FORCES:
-            _keep_in_disc(p, FORCES, room.limit[i, ROLLS] * p[N])
+        _keep_in_cones(room, i, count)
     return True
+
+
+@inlined
+def _keep_in_cones(room, i, count):
+    p = room.value[IMPULSES, i]
+    p[N] = max(p[N], 0.0)
+    for k in range(0, count, FORCES):
+        _keep_in_disc(p, k, room.limit[i, k // FORCES] * p[N])
 
 
 @inlined
@@ -519,7 +555,7 @@ def _sweep(room, n):
         _push(room, i, N, p[N] - last, NOW)
         most = max(most, abs(p[N] - last) * rate[N])
         for k in range(0, _place(room, i, COUNT), FORCES):
-            r = 1.0 / (rate[k] + rate[k + 1])
+            r = 1.0 / room.value[ACROSS, i, k]
             last_s, last_t = p[k], p[k + 1]
             p[k], p[k + 1] = last_s - r * relative(room, i, k), last_t - r * relative(room, i, k + 1)
             _keep_in_disc(p, k, room.limit[i, k // FORCES] * p[N])
