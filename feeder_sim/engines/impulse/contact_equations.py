@@ -54,7 +54,8 @@ CENTRED, LOST = 0.5, 1e3  # blurs by which blurred laws may be off, and by which
 SWEEPS, BATCHES = 16, 7  # at first, doubled each time; so often
 WARM = 100  # sweeps from impulses that may be near the solution, in less time than Newton's steps from none take
 NEAR = 0.2  # of what is near enough: changes of velocities at which sweeps end
-CREEPS, SETTLES = 0.95, 3  # of the last change: sweeps that change as much creep; so many go before that is asked
+# Changes of a sweep over those of the one before: of sweeps that creep, and of slow ones; how steadily those shrink, and
+CREEPS, SLOW, STEADY, SETTLES = 0.985, 0.5, 0.2, 3  # how many sweeps go before that is asked.
 FEW = 24  # sweeps that bring a small impact to its solution, in less time than Newton's method takes
 LARGEST = 1 << 20
 
@@ -159,7 +160,7 @@ def begin(room, n, size):
             room.value[RATE, i, k] = _coupling(room, i, k, k)
         for k in range(0, _place(room, i, COUNT), FORCES):
             s, t = room.value[RATE, i, k], room.value[RATE, i, k + 1]
-            room.value[ACROSS, i, k] = 0.5 * (s + t) + math.hypot(0.5 * (s - t), _coupling(room, i, k, k + 1))
+            room.value[ACROSS, i, k] = 0.5 * (s + t) + _length(0.5 * (s - t), _coupling(room, i, k, k + 1))
 
 
 @inlined
@@ -211,28 +212,30 @@ def settle(room, n, size, closely):
 def sweeps_settle(room, n, size, closely):
     """Sweep from impulses as they are; returns whether every contact obeys its laws, else there are no impulses.
 
-    closely: what may be left of a velocity [m/s]. Where more contacts press than can reach their targets together,
-    sweeps shift load from one to the next, each as much as the one before; what is left of that way is taken at once.
+    closely: what may be left of a velocity [m/s]. What is left of sweeps whose changes shrink steadily is taken at once
+    (Aitken, Proc. Roy. Soc. Edinburgh 46 (1926) 289). Where more contacts press than can reach their targets together,
+    sweeps shift load from one to the next, each as much as the one before; that too, until one has no load left.
     """
     make_motion(room, n, size)
-    last, sweeps = math.inf, 0
+    last, ratio, sweeps = math.inf, 0.0, 0
     for _ in range(WARM):
         _copy(room, IMPULSES, BEST, n)
         change = _sweep(room, n)
         if change <= NEAR * closely:
             return True
         sweeps += 1
-        last, creeps = change, change > CREEPS * last and sweeps >= SETTLES
-        if creeps and _creep_to_end(room, n, size):
-            last, sweeps = math.inf, 0
+        before, ratio, last = ratio, change / last, change
+        creeps, steady = ratio > CREEPS, ratio > SLOW and abs(ratio - before) < STEADY * (1.0 - ratio)
+        if sweeps >= SETTLES and (creeps or steady):
+            if _repeat_change(room, n, size, math.inf if creeps else ratio / (1.0 - ratio)):
+                last, sweeps = math.inf, 0
     _forget(room, n)
     return False
 
 
 @inlined
-def _creep_to_end(room, n, size):
-    """Repeat the change since BEST until the first contact has no load left; False where none loses any."""
-    times = math.inf
+def _repeat_change(room, n, size, times):
+    """Repeat the change since BEST so often, but no more than until a contact has no load left; False if for ever."""
     for i in range(n):
         change = room.value[IMPULSES, i, N] - room.value[BEST, i, N]
         if change < 0.0:
@@ -364,7 +367,7 @@ def _linearise(room, n, enough):
         if pressed < -enough / rate[N]:  # open
             for k in range(count):
                 gap[k] = -p[k]
-            worst = max(worst, math.hypot(p[A], p[B]) * (rate[A] + rate[B]))
+            worst = max(worst, _length(p[A], p[B]) * (rate[A] + rate[B]))
             continue
         law[N, N] = STIFF / rate[N]
         gap[N] = -law[N, N] * along
@@ -389,7 +392,7 @@ def _linearise_disc(room, i, k, share, pressed):
         law[k, k] = law[k + 1, k + 1] = stiff
         gap[k], gap[k + 1] = -stiff * x, -stiff * y
         return r * math.sqrt(x * x + y * y)
-    error = math.hypot(p[k] - limit * s / size, p[k + 1] - limit * t / size)
+    error = _length(p[k] - limit * s / size, p[k + 1] - limit * t / size)
     # Slips: p_t = share p.n (s, t), and a change of velocity across turns that direction.
     s, t, edge = p[k] - stiff * x, p[k + 1] - stiff * y, share * p[N]
     size = math.sqrt(s * s + t * t)
@@ -442,7 +445,7 @@ def _blur_disc(room, i, k, share, blur):
     law[k, N], law[k + 1, N] = -share * s * law[N, N], -share * t * law[N, N]
     edge = share * (p[N] + gap[N])
     gap[k], gap[k + 1] = -p[k] - edge * s, -p[k + 1] - edge * t
-    return math.hypot(p[k] + limit * s, p[k + 1] + limit * t) * rate * size / (size + limit * rate)
+    return _length(p[k] + limit * s, p[k + 1] + limit * t) * rate * size / (size + limit * rate)
 
 
 @uncounted
@@ -507,8 +510,14 @@ def _keep_in_cones(room, i, count):
 
 
 @inlined
+def _length(x, y):
+    """As `math.hypot`, which takes three times as long."""
+    return math.sqrt(x * x + y * y)
+
+
+@inlined
 def _keep_in_disc(p, k, limit):
-    size = math.sqrt(p[k] * p[k] + p[k + 1] * p[k + 1])
+    size = _length(p[k], p[k + 1])
     if size > limit:
         p[k] *= limit / size
         p[k + 1] *= limit / size

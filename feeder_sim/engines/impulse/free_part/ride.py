@@ -42,7 +42,7 @@ ALONG = 1e-5  # [m/s]; what does not move like the surface by more does not foll
 BENDS = 10.0  # tolerances
 STRIDE = 0.2  # [rad] of the fastest motion: between two looks ahead
 DIRECTIONS = 16
-HALVINGS = 40
+HALVINGS = 12  # of a stride: a few nanoseconds
 
 
 class Seat(NamedTuple):
