@@ -311,7 +311,7 @@ def test_a_face_whose_points_slip_by_a_hair_is_solved(closely: float) -> None:
             scene.contacts.vector[VELOCITY, k] = (1e-4, 5e-5, 0) + 1e-5 * rng.normal(size=3)
         settled, _, after = scene.run(lambda *problem: solve(*problem, closely))
         assert settled
-        assert scene.worst(after) < max(1e-8, 6.0 * closely)
+        assert scene.worst(after) < max(1e-8, 10.0 * closely)
 
 
 def face_under_a_nut(rng: np.random.Generator, sideways: float, bends: float) -> Scene:

@@ -221,7 +221,7 @@ def sweeps_settle(room, n, size, closely):
     for _ in range(WARM):
         _copy(room, IMPULSES, BEST, n)
         change = _sweep(room, n)
-        if change <= NEAR * closely:
+        if change <= NEAR * closely and _linearise(room, n, closely) <= closely:
             return True
         sweeps += 1
         before, ratio, last = ratio, change / last, change
