@@ -22,12 +22,15 @@ from feeder_sim.scene.start import Pose
 
 SAME_CONTACT = 1.5  # usual steps between two impacts that count as one contact
 TOUCHING, LEAST_TOUCH = 0.01, 1e-13  # share of the tolerance, and [m]: gaps from which on points touch
+APPROACH = 1e-9  # [m/s]; round-off leaves as much of the speed of points that stay, or that have just been left
+LONGEST, SWAYS, SLIP, SLIP_AT_REST = 5e-5, 0.5, 2e-5, 1e-7  # [s], [rad], [m/s]; see `Exactness`
 
 
 def exactness_of(scene: Scene) -> Exactness:
     """How exact the contacts of a scene are."""
     tolerance = 1e-9 * scene.scenario.run.tolerance
-    return Exactness(tolerance, max(TOUCHING * tolerance, LEAST_TOUCH), scene.scenario.contact.noise_m_s)
+    touch, noise = max(TOUCHING * tolerance, LEAST_TOUCH), scene.scenario.contact.noise_m_s
+    return Exactness(tolerance, touch, noise, APPROACH, LONGEST, SWAYS, SLIP, SLIP_AT_REST)
 
 
 class FreePartEngine(PartsEngine):

@@ -18,7 +18,7 @@ from feeder_sim.engines.impulse.contact_problem import (
     meet_world,
 )
 from feeder_sim.engines.impulse.free_part.contact_law import hit_alone, restitution_at
-from feeder_sim.engines.impulse.free_part.leap import LEFT, twist_of
+from feeder_sim.engines.impulse.free_part.leap import twist_of
 from feeder_sim.engines.impulse.free_part.points import move_points, touches
 from feeder_sim.engines.impulse.free_part.state import ON_WALL, UNRESOLVED
 from feeder_sim.engines.impulse.free_part.walls import restitution_of_wall
@@ -103,9 +103,9 @@ def _gather_touching(kind, n, rebounds, plate, turning, work):
     m, approaches, twist, bounds = 0, False, twist_of(kind, turning), plate.bounds
     for i in range(n):
         point = work.point[i]
-        if point.rate > LEFT or not touches(point, TOGETHER * bounds.exact.tolerance):
+        if point.rate > bounds.exact.approach or not touches(point, TOGETHER * bounds.exact.tolerance):
             continue
-        approaches = approaches or (point.rate < -LEFT and point.gap <= bounds.exact.touch)
+        approaches = approaches or (point.rate < -bounds.exact.approach and point.gap <= bounds.exact.touch)
         e = 0.0
         if rebounds:
             e = restitution_at(kind, -point.rate)

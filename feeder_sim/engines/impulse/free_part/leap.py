@@ -23,7 +23,6 @@ from feeder_sim.engines.impulse.vectors import dot
 from feeder_sim.machine_code import inlined, uncounted
 
 MAX_LEAPS = 100  # in which every point has its own
-LEFT = 1e-9  # [m/s]; what round-off leaves of the speed of points that stay, or that have just been left
 TINY = 1e-300
 NEARLY = 0.2  # of half a touch
 LONGEST, STRIDE = 8.0, 1.0  # [rad] of the surface's fastest motion: of a leap, and of one by a polynomial
@@ -114,7 +113,7 @@ def first_contact(n, limit, plate, t, unsure, work):
                 limit = leap(point.gap, point.rate, point.most_own)
             continue
         point.safe = 0.0
-        point.inside = max((2.0 if point.rate >= -LEFT else 1.5) * half - point.gap, 0.0)
+        point.inside = max((2.0 if point.rate >= -plate.bounds.exact.approach else 1.5) * half - point.gap, 0.0)
         soon = plate.bounds.rate * (point.gap + point.inside) + point.rate
         if soon < lowest:
             first, lowest = i, soon
@@ -165,7 +164,7 @@ def _expected(i, far, bounds, unsure, work):
     """Gap over half a touch, its rate, and as in `ahead`, a time [s] after the look; at the worst, but for UNSEEN."""
     point, half = work.point[i], 0.5 * bounds.exact.touch
     if far == 0.0:
-        rate = max(point.rate, 0.0) if point.inside > 0.0 and point.rate >= -LEFT else point.rate
+        rate = max(point.rate, 0.0) if point.inside > 0.0 and point.rate >= -bounds.exact.approach else point.rate
         return point.gap + point.inside - half, rate, point.closing, point.closing_rate
     gap, rate, closing, change = ahead(point, work.under[i], far, work.now, work.then)
     if gap > 2.0 * half:

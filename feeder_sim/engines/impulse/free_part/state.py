@@ -94,11 +94,22 @@ PART = np.dtype([*OWN_FIELDS, *PART_FIELDS], align=True)
 
 
 class Exactness(NamedTuple):
-    """How far contacts may be off [m], from which gap on points touch [m], and the random speed of impacts [m/s]."""
+    """How exact contacts are.
+
+    tolerance: how far they may be off [m]; touch: from which gap on points touch [m]; noise: random speed of impacts
+    [m/s]. approach: what comes nearer by less does not approach [m/s]. longest, sways: forces last no longer than that
+    [s], and than the fastest motion of the plate takes to turn by so much [rad]: slip turns once at most. slip,
+    slip_at_rest: what slides on by less sticks, on a plate that moves and on one that does not [m/s].
+    """
 
     tolerance: float
     touch: float
     noise: float
+    approach: float
+    longest: float
+    sways: float
+    slip: float
+    slip_at_rest: float
 
 
 class Bounds(NamedTuple):

@@ -24,7 +24,7 @@ from feeder_sim.engines.impulse.contact_problem import (
 )
 from feeder_sim.engines.impulse.free_part.at_edge import edge_point_after
 from feeder_sim.engines.impulse.free_part.impact import LONGEST_CHATTER, chatter_time, gather, load_part
-from feeder_sim.engines.impulse.free_part.leap import LEFT, Unsure, first_contact, shortest_leap
+from feeder_sim.engines.impulse.free_part.leap import Unsure, first_contact, shortest_leap
 from feeder_sim.engines.impulse.free_part.moving_surface import along_at, flow_at, move_surface
 from feeder_sim.engines.impulse.free_part.on_circle import lowest_point_after
 from feeder_sim.engines.impulse.free_part.on_plate import corner_after
@@ -45,8 +45,6 @@ from feeder_sim.engines.impulse.state import top_speed
 from feeder_sim.engines.impulse.vectors import add_to, cross, difference, dot, plus, times, vector, write_to
 from feeder_sim.machine_code import inlined
 
-LONGEST = 5e-5  # [s] of forces
-SWAYS = 0.5  # [rad] of the fastest motion of the plate, in which slip turns once at most
 TURNED, ROLLED, TURNED_AT_EDGE = (
     0.02,
     0.002,
@@ -61,7 +59,6 @@ FIRMLY = 0.99  # of full friction: what takes less is not sliding
 SOLVED = 0.05  # tolerances by which the motion under forces may be off that the laws of contact ask for
 TURNS, STOPS = 3, 0.98  # rounds, and share of the time, by which the end of a slip is found
 MORE_TURNS, BACK = 8, 0.999  # rounds where it slips back after that, and share of the way to it that is taken
-SLIPS, CREPT = 1e-7, 10.0  # [m/s], and on a plate that moves tolerances in the time of forces: what slips by less stays
 DIPS = 10.0  # tolerances by which a point without a load may come inside while forces last
 LIGHT = 1e-3  # of all loads: what bears less bears none
 OFFERED, LOADED = 1, 2  # in POINT, carried
@@ -91,11 +88,9 @@ def press(free, plate, now, least):
         return 0.0, False
     _mark_carried(now.n, usual, chatter, plate.bounds, work)
     time = max(min(usual, lift, now.until - now.t), least)
-    m = 0
+    m, exact = 0, plate.bounds.exact
+    slips = exact.slip if plate.bounds.speed > 0.0 else exact.slip_at_rest
     for turn in range(MORE_TURNS):
-        slips = SLIPS
-        if plate.bounds.speed > 0.0:
-            slips = max(SLIPS, CREPT * plate.bounds.exact.tolerance / time)
         m = _solve_forces(free, plate, now, (time, usual, slips))
         stops, back = _slip_stops(part, kind, now.turning.spin, (m, time, slips), work)
         soon = (1.0 - (BACK if back else STOPS)) * usual
@@ -121,9 +116,10 @@ def _close(bounds, work):
 
 
 @inlined
-def _may_stay(point, gap, chatter, unsure):
+def _may_stay(point, gap, chatter, bounds, unsure):
     """Whether a point is so close, and so slow, that forces may keep it; whether they do is for the solution to say."""
-    return touches(point, gap) and abs(point.rate) <= max(SETTLED * chatter * (point.closing + unsure.curving), LEFT)
+    slowly = max(SETTLED * chatter * (point.closing + unsure.curving), bounds.exact.approach)
+    return touches(point, gap) and abs(point.rate) <= slowly
 
 
 @inlined
@@ -131,11 +127,11 @@ def _time_of_forces(part, kind, bounds, now, work):
     """How long forces last [s], 0 if no point is pressed; and how long bounces are summed [s]."""
     close, may_stay = _close(bounds, work), False
     for i in range(now.n):
-        may_stay = may_stay or _may_stay(work.point[i], close, LONGEST_CHATTER, now.unsure)
+        may_stay = may_stay or _may_stay(work.point[i], close, LONGEST_CHATTER, bounds, now.unsure)
     if not may_stay:
         return 0.0, 0.0
     # A plate that only moves sideways has no push, and yet slip comes and goes within a period.
-    most, longest = 0.0, min(LONGEST, SWAYS / bounds.rate)
+    most, longest = 0.0, min(bounds.exact.longest, bounds.exact.sways / bounds.rate)
     for i in range(now.n):
         point = work.point[i]
         if touches(point, close):
@@ -172,7 +168,7 @@ def _last_lift(bounds, now, chatter, work):
     close, lift = _close(bounds, work), 0.0
     for i in range(now.n):
         point = work.point[i]
-        if not _may_stay(point, close, chatter, now.unsure):
+        if not _may_stay(point, close, chatter, bounds, now.unsure):
             continue
         root, closing, change = math.inf, point.closing + now.unsure.curving, point.closing_rate
         if point.most_push > 0.0 and change < 0.0:
@@ -214,7 +210,7 @@ def _solve_forces(free, plate, now, times_and_slip):
             write_to(work.contacts.vector[IMPULSE, m], plus(NOTHING, time, free.loads[i, :3]))
             write_to(work.contacts.vector[MOMENT, m], plus(NOTHING, time, free.loads[i, 3:]))
             turned = _set_contact_after(m, part, kind, plate, (now.turning, time), work)
-            slowly = LONGEST if point.gap < -CARRIED * exact.tolerance else usual
+            slowly = exact.longest if point.gap < -CARRIED * exact.tolerance else usual
             target = -RETURN * (point.gap - min(max(point.gap, 0.0), exact.touch)) / slowly
             if point.gap > exact.touch:
                 target = min(target, -2.0 * (point.gap - 0.5 * exact.touch) / time - point.rate)
