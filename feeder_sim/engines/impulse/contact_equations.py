@@ -212,16 +212,28 @@ def settle(room, n, size, closely):
 def sweeps_settle(room, n, size, closely):
     """Sweep from impulses as they are; returns whether every contact obeys its laws, else there are no impulses.
 
-    closely: what may be left of a velocity [m/s]. What is left of sweeps whose changes shrink steadily is taken at once
+    closely: what may be left of a velocity [m/s].
+    """
+    make_motion(room, n, size)
+    if _sweep_until(room, n, size, NEAR * closely, WARM) and _linearise(room, n, closely) <= closely:
+        return True
+    _forget(room, n)
+    return False
+
+
+@uncounted
+def _sweep_until(room, n, size, small, most):
+    """Sweep until that changes velocities by a small speed [m/s] at most; returns whether it comes to that in time.
+
+    What is left of sweeps whose changes shrink steadily is taken at once
     (Aitken, Proc. Roy. Soc. Edinburgh 46 (1926) 289). Where more contacts press than can reach their targets together,
     sweeps shift load from one to the next, each as much as the one before; that too, until one has no load left.
     """
-    make_motion(room, n, size)
     last, ratio, sweeps = math.inf, 0.0, 0
-    for _ in range(WARM):
+    for _ in range(most):
         _copy(room, IMPULSES, BEST, n)
         change = _sweep(room, n)
-        if change <= NEAR * closely and _linearise(room, n, closely) <= closely:
+        if change <= small:
             return True
         sweeps += 1
         before, ratio, last = ratio, change / last, change
@@ -229,7 +241,6 @@ def sweeps_settle(room, n, size, closely):
         if sweeps >= SETTLES and (creeps or steady):
             if _repeat_change(room, n, size, math.inf if creeps else ratio / (1.0 - ratio)):
                 last, sweeps = math.inf, 0
-    _forget(room, n)
     return False
 
 
@@ -263,10 +274,7 @@ def come_near(room, n, size, closely):
             shifts += room.rows[i, N, x] * room.push[i, N, x]
         room.value[IMPULSES, i, N] = max(room.target[i] - room.value[BEFORE, i, N], 0.0) / (n * shifts)
     make_motion(room, n, size)
-    change, sweeps = math.inf, 0
-    while change > closely and sweeps < FEW:
-        change = _sweep(room, n)
-        sweeps += 1
+    _sweep_until(room, n, size, closely, FEW)
 
 
 @uncounted
@@ -333,8 +341,7 @@ def _sweeps(room, n, size, enough, nearly):
     make_motion(room, n, size)
     sweeps = SWEEPS
     for _ in range(BATCHES):
-        for _ in range(sweeps):
-            _sweep(room, n)
+        _sweep_until(room, n, size, NEAR * enough, sweeps)
         _copy(room, IMPULSES, BEST, n)
         if _newtons(room, n, size, enough):
             return True
