@@ -6,11 +6,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from feeder_sim.engines.impulse.alone import Alone, Drive, advance_alone
+from feeder_sim.engines.impulse.alone import Alone, advance_alone
 from feeder_sim.engines.impulse.engine import WINDOW_ALONE
 from feeder_sim.engines.impulse.frame_rows import POSITION, QUATERNION, ROW, FrameRows
 from feeder_sim.engines.impulse.kinds import read_kinds
 from feeder_sim.engines.impulse.state import new_parts, new_scratch
+from feeder_sim.engines.impulse.surroundings import exactness_of
+from feeder_sim.engines.impulse.window import Drive
 from feeder_sim.engines.surface_arrays import surface_arrays
 from feeder_sim.scene.scene import Scene
 
@@ -34,7 +36,7 @@ def follow(scene: Scene, places: Floats, attitudes: Rotation, time: Floats) -> t
     parts = new_parts(places, turned, np.zeros(len(places), np.int64))
     work = new_scratch(kinds, scene.surface.n_shapes)
     surface = surface_arrays(scene.surface, scene.scenario.run)
-    drive = Drive(surface, scene.surface.extremes, scene.timestep, WINDOW_ALONE)
+    drive = Drive(surface, scene.surface.extremes, exactness_of(scene), scene.timestep, WINDOW_ALONE)
     rows = np.empty((len(places), len(time), 1, ROW))
     for k in range(len(places)):
         alone = Alone(parts[k : k + 1], kinds, work)

@@ -20,11 +20,12 @@ from scipy.spatial.transform import Rotation
 
 from feeder_sim.constants import GRAVITY
 from feeder_sim.engines.impulse.alone import Alone
-from feeder_sim.engines.impulse.alone import Drive as MovingPlate
 from feeder_sim.engines.impulse.drops import advance_to_rest
 from feeder_sim.engines.impulse.engine import WINDOW_ALONE
 from feeder_sim.engines.impulse.kinds import read_kinds
 from feeder_sim.engines.impulse.state import new_parts, new_scratch
+from feeder_sim.engines.impulse.surroundings import exactness_of
+from feeder_sim.engines.impulse.window import Drive as MovingPlate
 from feeder_sim.engines.protocol import ENDED, new_interrupt
 from feeder_sim.engines.surface_arrays import surface_arrays
 from feeder_sim.errors import InputError, Interrupted
@@ -194,7 +195,7 @@ def _impulse_drops(scene: Scene, starts: Rotation, interrupt: NDArray[np.int64])
     parts = new_parts(_places(part, starts), turned, np.zeros(len(starts), np.int64))
     alone = Alone(parts, kinds, new_scratch(kinds, scene.surface.n_shapes))
     surface = surface_arrays(scene.surface, scene.scenario.run)
-    drive = MovingPlate(surface, scene.surface.extremes, scene.timestep, WINDOW_ALONE)
+    drive = MovingPlate(surface, scene.surface.extremes, exactness_of(scene), scene.timestep, WINDOW_ALONE)
     rested = np.empty(len(parts))
     advance_to_rest(alone, drive, INTERVAL_S, scene.times.duration, interrupt, rested)
     ended = Rotation.from_matrix(parts["attitude"]).as_quat(scalar_first=True)

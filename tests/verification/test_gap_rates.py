@@ -22,7 +22,6 @@ from test_invariants import swing
 
 from feeder_sim.engines.impulse.free_part.edge_piece import BALL, FACE, LINES
 from feeder_sim.engines.impulse.free_part.edge_piece import ROUND as ROUND_FACE
-from feeder_sim.engines.impulse.free_part.engine import exactness_of
 from feeder_sim.engines.impulse.free_part.impact import strike
 from feeder_sim.engines.impulse.free_part.leap import first_contact, unsure_of
 from feeder_sim.engines.impulse.free_part.path import turning_of
@@ -32,17 +31,14 @@ from feeder_sim.engines.impulse.free_part.state import (
     AT_EDGE,
     ON_CIRCLE,
     ON_WALL,
-    Plate,
     Scratch,
-    fly_to,
-    new_part,
     new_scratch,
-    read_walls,
 )
-from feeder_sim.engines.impulse.free_part.window import bound
 from feeder_sim.engines.impulse.kinds import read_kinds
-from feeder_sim.engines.impulse.state import Kinds, new_parts
-from feeder_sim.engines.impulse.window import acting_terms
+from feeder_sim.engines.impulse.state import Kinds, fly_to, new_parts
+from feeder_sim.engines.impulse.surroundings import Plate, exactness_of, read_walls
+from feeder_sim.engines.impulse.window import Drive as MovingPlate
+from feeder_sim.engines.impulse.window import acting_terms, bound_window
 from feeder_sim.engines.surface_arrays import surface_arrays
 from feeder_sim.scenario import Drive, Scenario
 from feeder_sim.scene.scene import build_scene
@@ -132,9 +128,9 @@ def _unsure(parts: Any, kinds: Any, bounds: Any) -> Any:
 
 
 @njit
-def _bounds(surface: Any, extremes: Any, start: float, end: float, exact: Any) -> Any:
-    acting = acting_terms(surface, start, end)
-    return acting, bound(acting, extremes, start, end, exact)
+def _bounds(drive: Any, start: float, end: float) -> Any:
+    acting = acting_terms(drive.surface, start, end)
+    return acting, bound_window(acting, drive, start, end)
 
 
 @cache
@@ -154,11 +150,11 @@ def place_of(
     scene = scene_of(name, plate)
     kinds, attitude = read_kinds(scene), turn.as_matrix()
     momentum = attitude @ (kinds.record["inertia"][0] * (attitude.T @ np.asarray(spin)))
-    parts = new_part(new_parts([position], [attitude], [0], [velocity], [momentum]), np.ones(1, np.uint64))
-    parts["clock"] = time
-    surface, bounds = _bounds(
-        surface_arrays(scene.surface, scene.scenario.run), scene.surface.extremes, 0.0, 0.04, exactness_of(scene)
-    )
+    parts = new_parts([position], [attitude], [0], [velocity], [momentum])
+    parts["clock"], parts["draws"] = time, 1
+    surface = surface_arrays(scene.surface, scene.scenario.run)
+    drive = MovingPlate(surface, scene.surface.extremes, exactness_of(scene), scene.timestep, 0.04)
+    surface, bounds = _bounds(drive, 0.0, 0.04)
     plate_and_wall = Plate(surface, bounds, read_walls(scene))
     return Place(parts, kinds, plate_and_wall, new_scratch(kinds, scene.surface.n_shapes))
 

@@ -11,29 +11,13 @@ from feeder_sim.borrow import borrow
 from feeder_sim.engines.impulse.frame_rows import write_row
 from feeder_sim.engines.impulse.plate_contact import meet_plate
 from feeder_sim.engines.impulse.rest import fall_asleep, wake
-from feeder_sim.engines.impulse.state import (
-    ASLEEP,
-    Kinds,
-    Plate,
-    Scratch,
-    fly_to,
-    orthonormalise_parts,
-)
-from feeder_sim.engines.impulse.window import acting_terms, bound_window, fastest_rate
+from feeder_sim.engines.impulse.state import ASLEEP, Kinds, Scratch, fly_to, orthonormalise_parts
+from feeder_sim.engines.impulse.surroundings import Plate
+from feeder_sim.engines.impulse.window import acting_terms, bound_window
 from feeder_sim.engines.protocol import ENDED, WHOLE
-from feeder_sim.engines.surface_arrays import SurfaceArrays
 from feeder_sim.machine_code import compiled, entry_point, uncounted
 
 ORIGIN, NUMBER, DUE = range(3)  # of the clock
-
-
-class Drive(NamedTuple):
-    """The surface, the extremes of its shapes as in `Surface`, the step and the length of a window [s]."""
-
-    surface: SurfaceArrays
-    extremes: NDArray[np.float64]
-    step: float
-    window: float
 
 
 class Alone(NamedTuple):
@@ -58,10 +42,9 @@ def advance_part(alone, drive, clock, frames):
     """`advance_alone` for compiled functions."""
     alone, frames = borrow(alone), borrow(frames)
     part, kind, surface = alone.parts[0], alone.kinds.record[0], drive.surface
-    top = fastest_rate(surface)
     start, end = clock[ORIGIN] + clock[NUMBER] * drive.window, clock[ORIGIN] + (clock[NUMBER] + 1.0) * drive.window
     acting = acting_terms(surface, start, end)
-    bounds = bound_window(acting, drive.extremes, start, end, drive.step, top)
+    bounds = bound_window(acting, drive, start, end)
     if not bounds.calm:  # the drive may have changed since
         wake(part)
     for frame in range(frames.time.shape[0]):
@@ -70,13 +53,13 @@ def advance_part(alone, drive, clock, frames):
                 clock[NUMBER] += 1.0
                 start, end = end, clock[ORIGIN] + (clock[NUMBER] + 1.0) * drive.window
                 acting = acting_terms(surface, start, end)
-                bounds = bound_window(acting, drive.extremes, start, end, drive.step, top)
+                bounds = bound_window(acting, drive, start, end)
                 fly_to(part, kind, start)
                 orthonormalise_parts(alone.parts, 1)
                 if not bounds.calm:
                     wake(part)
                 clock[DUE] = start
-            plate = Plate(borrow(acting), borrow(bounds))
+            plate = Plate(borrow(acting), borrow(bounds), None)
             clock[DUE] = _advance_until(min(end, frames.time[frame]), clock[DUE], alone, plate, frames)
             if frames.interrupt[ENDED] != 0:
                 return

@@ -86,8 +86,9 @@ class Contacts(NamedTuple):
 
     body: (n, 2), the first and the second; the first may be WORLD. vector (6, n, 3): ARM_FIRST and ARM_SECOND from the
     centres of mass to the contact [m], NORMAL from the first to the second, VELOCITY of the world there [m/s], where it
-    is the first; IMPULSE on the second [N s], of which the first gets the opposite, and MOMENT likewise [N m s]: results,
-    and from where `solve` starts. number (4, n): RESTITUTION, FRICTION, ROLLING: arm of rolling resistance [m], 0 for none, TARGET [m/s].
+    is the first; IMPULSE on the second [N s], of which the first gets the opposite, and MOMENT likewise [N m s]:
+    results, and from where `solve` starts. number (4, n): RESTITUTION, FRICTION, ROLLING: arm of rolling resistance
+    [m], 0 for none, TARGET [m/s].
     """
 
     body: NDArray[np.int64]

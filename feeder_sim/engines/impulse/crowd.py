@@ -17,19 +17,19 @@ from feeder_sim.engines.impulse.impact_law import largest_restitution
 from feeder_sim.engines.impulse.pairs.neighbours import Room, find_islands, find_pairs
 from feeder_sim.engines.impulse.rest import wake
 from feeder_sim.engines.impulse.state import in_pieces, orthonormalise_parts, turning_speed
-from feeder_sim.engines.impulse.window import acting_terms, bound_window, fastest_rate
+from feeder_sim.engines.impulse.window import acting_terms, bound_window
 from feeder_sim.machine_code import compiled, entry_point
 
 
 @entry_point
-def open_window(parts, n_free, kinds, surface, extremes, span, step):
+def open_window(parts, n_free, kinds, drive, span):
     """Terms that act and bounds of a window from span[0] to span[1] [s], and the reach of parts in it [m].
 
     Wakes all parts unless the plate is calm.
     """
     start, end = span
-    acting = acting_terms(surface, start, end)
-    bounds = bound_window(acting, extremes, start, end, step, fastest_rate(surface))
+    acting = acting_terms(drive.surface, start, end)
+    bounds = bound_window(acting, drive, start, end)
     if not bounds.calm:
         for i in range(n_free):
             wake(parts[i])

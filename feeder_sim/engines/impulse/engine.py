@@ -22,7 +22,7 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 from numpy.typing import NDArray
 
-from feeder_sim.engines.impulse.alone import Alone, Drive, advance_alone
+from feeder_sim.engines.impulse.alone import Alone, advance_alone
 from feeder_sim.engines.impulse.components import lying, none_lying
 from feeder_sim.engines.impulse.crowd import find_neighbours, open_window, share_out
 from feeder_sim.engines.impulse.frame_rows import ROW, FrameRows
@@ -31,16 +31,8 @@ from feeder_sim.engines.impulse.pairs.due import PAIR
 from feeder_sim.engines.impulse.pairs.hulls import HullLibrary
 from feeder_sim.engines.impulse.pairs.separating_axis import new_meeting
 from feeder_sim.engines.impulse.parts_engine import COLUMNS, PartsEngine
-from feeder_sim.engines.impulse.state import (
-    ABSENT,
-    ALONE,
-    ASLEEP,
-    AWAKE,
-    Bounds,
-    Plate,
-    new_parts,
-    new_scratch,
-)
+from feeder_sim.engines.impulse.state import ABSENT, ALONE, ASLEEP, AWAKE, new_parts, new_scratch
+from feeder_sim.engines.impulse.surroundings import Bounds, Plate
 from feeder_sim.engines.protocol import ENDED, WHOLE, new_interrupt
 from feeder_sim.engines.surface_arrays import SurfaceArrays
 from feeder_sim.records.seed import Counts, Events, impacts_of
@@ -94,7 +86,7 @@ class ImpulseEngine(PartsEngine):
         scene, rows = self._scene, np.empty((n_frames, self._n, ROW))
         times = np.asarray((self._frame + 1 + np.arange(n_frames)) * scene.frame_interval, float)
         if self._alone:
-            drive = Drive(self._surface, self._scene.surface.extremes, scene.timestep, WINDOW_ALONE)
+            drive = self._drive(WINDOW_ALONE)
             frames = self._rows_to_fill(times, rows)
             advance_alone(Alone(self._parts, self._kinds, self._work[0]), drive, self._clock, frames)
         else:
@@ -127,7 +119,7 @@ class ImpulseEngine(PartsEngine):
             frames = FrameRows(np.empty(0), np.empty((0, self._n, ROW)), new_interrupt())
         parts, start = self._opened.copy(), self._span[0]
         acting, bounds, reach = self._open_window(parts)
-        plate, begun = Plate(acting, bounds), parts.copy()
+        plate, begun = Plate(acting, bounds, None), parts.copy()
         absent = np.flatnonzero(parts["there"][: self._n] == ABSENT)
         frames.row[:, absent] = self._row[absent]
         if len(absent) == self._n:
@@ -159,9 +151,8 @@ class ImpulseEngine(PartsEngine):
 
     def _open_window(self, parts: NDArray[np.void]) -> tuple[SurfaceArrays, Bounds, float]:
         """Terms that act and bounds of the window under way, and the reach of the parts in it [m]; wakes them."""
-        start, end, extremes = *self._span, self._scene.surface.extremes
-        place = (self._kinds, self._surface, extremes, (start, end), self._scene.timestep)
-        return open_window(parts, self._n, *place)
+        start, end = self._span
+        return open_window(parts, self._n, self._kinds, self._drive(self._window), (start, end))
 
     def _advance_islands(self, crowd: Crowd, plate: Plate, span: Span, frames: FrameRows) -> bool:
         """Advance all islands, in parallel where there are threads; returns whether a part has left its reach."""

@@ -32,6 +32,11 @@ ON_PLATE = 0  # index of a restitution; 1 is that of parts among each other
 SLOWEST = 1e-12  # [m/s]; for what does not approach
 
 
+def restitution_at(kind, law, speed):
+    """Coefficient of restitution at a normal approach speed [m/s]; law: see `ON_PLATE`."""
+    raise NotImplementedError("for compiled code only")
+
+
 def restitution_on_plate(part, kind, arm, normal, velocity):
     """Coefficient of restitution of an impact at the end of an arm, on a surface of this normal and velocity [m/s]."""
     raise NotImplementedError("for compiled code only")
@@ -57,10 +62,21 @@ def hit_part(a, b, kind, inverse_mass, inverse_inertias, arms, normal, law):
     raise NotImplementedError("for compiled code only")
 
 
+@overload(restitution_at)
+def _restitution_by_kind(kind, law, speed):
+    if EXPONENT in kind.fields:
+        return lambda kind, law, speed: falling_restitution(
+            kind.restitution[law], kind.restitution_exponent, kind.restitution_speed, speed
+        )
+    if ZENER in kind.fields:
+        return lambda kind, law, speed: zener_restitution(kind.zener_inelasticity, kind.zener_table, speed)
+    return lambda kind, law, speed: kind.restitution[law]
+
+
 @overload(restitution_on_plate)
 def _on_plate_by_kind(part, kind, arm, normal, velocity):
     if EXPONENT in kind.fields or ZENER in kind.fields:
-        return lambda part, kind, arm, normal, velocity: _restitution_at(
+        return lambda part, kind, arm, normal, velocity: restitution_at(
             kind, ON_PLATE, _approach(part, kind, arm, normal, velocity)
         )
     return lambda part, kind, arm, normal, velocity: kind.restitution[0]
@@ -69,7 +85,7 @@ def _on_plate_by_kind(part, kind, arm, normal, velocity):
 @overload(restitution_of_pair)
 def _of_pair_by_kind(a, b, kind, law, inverse_inertias, arms, normal):
     if EXPONENT in kind.fields:
-        return lambda a, b, kind, law, inverse_inertias, arms, normal: _restitution_at(
+        return lambda a, b, kind, law, inverse_inertias, arms, normal: restitution_at(
             kind, law, _approach_of_pair(a, b, inverse_inertias, arms, normal)
         )
     return lambda a, b, kind, law, inverse_inertias, arms, normal: kind.restitution[law]
@@ -115,20 +131,6 @@ def _approach_of_pair(a, b, inverse_inertias, arms, normal):
     """Normal speed at which two parts approach each other at the ends of their arms [m/s]."""
     of_a = velocity_of_point(a, inverse_inertias[0], arms[0])
     return -dot(normal, difference(velocity_of_point(b, inverse_inertias[1], arms[1]), of_a))
-
-
-def _restitution_at(kind, law, speed):
-    """Coefficient of restitution at a normal approach speed [m/s]."""
-    raise NotImplementedError("for compiled code only")
-
-
-@overload(_restitution_at)
-def _restitution_by_kind(kind, law, speed):
-    if EXPONENT in kind.fields:
-        return lambda kind, law, speed: falling_restitution(
-            kind.restitution[law], kind.restitution_exponent, kind.restitution_speed, speed
-        )
-    return lambda kind, law, speed: zener_restitution(kind.zener_inelasticity, kind.zener_table, speed)
 
 
 @compiled

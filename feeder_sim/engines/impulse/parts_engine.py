@@ -17,6 +17,8 @@ from feeder_sim.engines.impulse.frame_rows import (
 )
 from feeder_sim.engines.impulse.kinds import read_kinds, rim_walls
 from feeder_sim.engines.impulse.state import ABSENT, new_parts
+from feeder_sim.engines.impulse.surroundings import exactness_of
+from feeder_sim.engines.impulse.window import Drive
 from feeder_sim.engines.protocol import WHOLE, new_interrupt
 from feeder_sim.engines.surface_arrays import surface_arrays
 from feeder_sim.records.trajectory import BLOCK_FRAMES, Frames
@@ -35,7 +37,7 @@ class PartsEngine:
     def __init__(self, scene: Scene, rng: np.random.Generator, *, interrupt: NDArray[np.int64] | None) -> None:
         self._scene = scene
         self._interrupt = new_interrupt() if interrupt is None else interrupt
-        self._kinds = read_kinds(scene)
+        self._kinds, self._exact = read_kinds(scene), exactness_of(scene)
         self._n = len(scene.parts)
         self._surface = surface_arrays(scene.surface, scene.scenario.run)
         self._parts = self._start(rng)
@@ -64,6 +66,11 @@ class PartsEngine:
         )
         parts["there"][: len(poses)][[not pose.present for pose in poses]] = ABSENT
         return parts
+
+    def _drive(self, window: float) -> Drive:
+        """The surface as it moves, for windows of a length [s]."""
+        scene = self._scene
+        return Drive(self._surface, scene.surface.extremes, self._exact, scene.timestep, window)
 
     def current(self) -> Frames:
         return self._frames(self._row[None], self._frame)

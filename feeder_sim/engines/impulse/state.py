@@ -14,7 +14,6 @@ from feeder_sim.constants import GRAVITY
 from feeder_sim.engines.impulse.contact_problem import Bodies, Contacts, new_room
 from feeder_sim.engines.impulse.free_flight import orthonormalise, rotate_freely, rotate_symmetric
 from feeder_sim.engines.impulse.vectors import dot, times, vector
-from feeder_sim.engines.surface_arrays import SurfaceArrays
 from feeder_sim.machine_code import compiled, inlined
 from feeder_sim.plate.zener import TABLE_POINTS
 
@@ -27,17 +26,43 @@ SLENDER = 4.0  # largest over smallest moment of inertia
 # State of one part in world axes at a time of its own, `clock` [s]: columns of the attitude are the body axes; momentum
 # is the angular momentum about the centre of mass; there: ABSENT once it has been taken out, ASLEEP while it lies still
 # (rest.py), else AWAKE; asleep_with: number of the component that it sleeps in, or ALONE.
-PART_FIELDS: list[Any] = [
-    ("position", "f8", 3),
-    ("velocity", "f8", 3),
-    ("attitude", "f8", (3, 3)),
-    ("momentum", "f8", 3),
-    ("clock", "f8"),
-    ("kind", "i8"),
-    ("there", "i8"),
-    ("asleep_with", "i8"),
-]
-PART = np.dtype(PART_FIELDS, align=True)
+# What follows is of a part that is computed without a step (docs/contact.md):
+# phase: FREE; PRESSED by a mean force [N] and moment [N m] until it is looked at next; FOLLOWING the surface, whose
+# frame at a place it has a seat and a facing in. Force and moment change steadily with the push of the plate: by a
+# jerk [m/s^3] of the part, and a twist [N m/s]; they have their mean after the time lead [s]. held: looks for which
+# it has not slipped. draws: state of its random numbers. depth: of its deepest point after its last look [m]. beside:
+# it has come under the sheet of the plate from beside it, and falls past. jammed: until when it has no friction [s].
+# looks: at it, beyond those that pass, until budget [s].
+FREE, PRESSED, FOLLOWING = range(3)
+PART = np.dtype(
+    [
+        ("position", "f8", 3),
+        ("velocity", "f8", 3),
+        ("attitude", "f8", (3, 3)),
+        ("momentum", "f8", 3),
+        ("clock", "f8"),
+        ("kind", "i8"),
+        ("there", "i8"),
+        ("asleep_with", "i8"),
+        ("phase", "i8"),
+        ("held", "i8"),
+        ("beside", "i8"),
+        ("looks", "f8"),
+        ("budget", "f8"),
+        ("jammed", "f8"),
+        ("depth", "f8"),
+        ("draws", "u8"),
+        ("force", "f8", 3),
+        ("moment", "f8", 3),
+        ("jerk", "f8", 3),
+        ("twist", "f8", 3),
+        ("lead", "f8"),
+        ("place", "f8", 2),
+        ("seat", "f8", 3),
+        ("facing", "f8", (3, 3)),
+    ],
+    align=True,
+)
 # What parts of one kind have in common: mass [kg], infinite for what stands still, and principal inertia; axis of
 # symmetry or -1; radius [m] around its corners, their reach from the centre of mass; restitution and friction on the
 # plate (0) and between parts (1), and arm of rolling friction on the plate [m], the same for all kinds; where its
@@ -105,34 +130,6 @@ class Kinds(NamedTuple):
     edges: NDArray[np.int64]
     planes: NDArray[np.float64]
     piece: NDArray[np.void]
-
-
-class Bounds(NamedTuple):
-    """What the surface can do at most within a window of time.
-
-    end: of the window [s]; crest: height [m]; slope: steepest [1]; acceleration: of every mode shape at its antinode
-    [m/s^2]; amplitude: the same [m]; rate: by which derivatives grow, see `bound_window` [rad/s]; speed: of any point
-    [m/s]; step: the shortest flight [s] that is followed, and rest_step that of a part that hardly moves; calm: parts
-    may fall asleep.
-    """
-
-    end: float
-    crest: float
-    slope: float
-    acceleration: NDArray[np.float64]
-    amplitude: NDArray[np.float64]
-    rate: float
-    speed: float
-    step: float
-    rest_step: float
-    calm: bool
-
-
-class Plate(NamedTuple):
-    """The plate in a window: the terms that act, and what they can do at most."""
-
-    surface: SurfaceArrays
-    bounds: Bounds
 
 
 class Scratch(NamedTuple):
@@ -209,16 +206,31 @@ def in_pieces(kind):
 
 @compiled
 def fly_to(part, kind, t):
-    """Bring a part to time t [s]."""
+    """Bring a part that is not FOLLOWING to time t [s], under gravity and the force that presses it."""
     duration = t - part.clock
     part.clock = t
     if duration <= 0.0 or not flies(part, kind):
         return
+    if part.phase == FREE:
+        for k in range(3):
+            part.position[k] += part.velocity[k] * duration
+        part.position[2] -= 0.5 * GRAVITY * duration * duration
+        part.velocity[2] -= GRAVITY * duration
+        rotate(part.attitude, part.momentum, kind, duration)
+        return
+    bent = (duration / 3.0 - part.lead) * 0.5 * duration * duration
+    turned = (0.5 * duration - part.lead) * duration
+    part.lead -= duration
     for k in range(3):
-        part.position[k] += part.velocity[k] * duration
+        gained = part.force[k] / kind.mass * duration
+        part.position[k] += (part.velocity[k] + 0.5 * gained) * duration + part.jerk[k] * bent
+        part.velocity[k] += gained + part.jerk[k] * turned
+        part.momentum[k] += 0.5 * part.moment[k] * duration + part.twist[k] * bent / duration
     part.position[2] -= 0.5 * GRAVITY * duration * duration
     part.velocity[2] -= GRAVITY * duration
-    rotate(part.attitude, part.momentum, kind, duration)
+    rotate(part.attitude, part.momentum, kind, duration)  # at the mean of its momentum, to second order
+    for k in range(3):
+        part.momentum[k] += 0.5 * part.moment[k] * duration + part.twist[k] * (turned - bent / duration)
 
 
 def rotate(attitude, momentum, kind, duration):

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import cmath
 import math
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from feeder_sim.constants import GRAVITY
-from feeder_sim.engines.impulse.state import Bounds
+from feeder_sim.engines.impulse.surroundings import Bounds, Exactness
 from feeder_sim.engines.surface_arrays import SurfaceArrays
 from feeder_sim.machine_code import compiled, inlined
 
@@ -18,7 +20,21 @@ ALLOWANCE = 1.01  # on envelopes, which are looked at on both ends of the window
 MUCH_FASTER = 1.5  # than all that act: from here on longer steps pay
 CALM = 3e-3, 1e-6  # [m/s], [m]; a plate that is not driven and moves no faster and no farther lets parts sleep
 FAINT = 1e-13  # [m]; what has come down to that has died out
+SLOWEST = 1.0  # [rad/s]; the rate of a surface that does not move
 SAG = 1e-7  # [m]; how far a surface that is no longer driven may move relative to a part within one step
+
+
+class Drive(NamedTuple):
+    """The surface, the extremes of its shapes as in `Surface`, how exact contacts are; step and length of a window [s].
+
+    The step belongs to the fastest of all terms; what is computed without one takes no note of it.
+    """
+
+    surface: SurfaceArrays
+    extremes: NDArray[np.float64]
+    exact: Exactness
+    step: float
+    window: float
 
 
 @compiled
@@ -94,24 +110,24 @@ def fastest_rate(surface):
 
 
 @compiled
-def bound_window(acting, extremes, start, stop, step, top):
-    """Bound the surface between two times [s]; extremes: largest deflection [1] and slope [1/m] of every shape.
+def bound_window(acting, drive, start, stop):
+    """Bound the surface of a drive between two times [s], of which the acting terms are known.
 
-    step [s] belongs to the fastest of all terms, of the rate `top` [rad/s]; while only much slower ones act, steps are
-    as much longer. Terms of one mode and one frequency add up as phasors (a ring-up begins at nothing), others as
-    moduli (they beat).
+    While only terms act that are much slower than the fastest of all, steps are as much longer. Terms of one mode and
+    one frequency add up as phasors (a ring-up begins at nothing), others as moduli (they beat).
 
     The rate [rad/s] with which a derivative of the motion bounds the next ones, from the acceleration on, is that of
     the terms where all of a shape are as fast; else sqrt(S / A), S and A the sums of a w^4 and a w^2 over its terms:
     by Cauchy and Schwarz the jerk is no more than A times that.
     """
-    now, own_step = fastest_rate(acting), step
+    now, top, own_step, step = fastest_rate(acting), fastest_rate(drive.surface), drive.step, drive.step
     if now > 0.0 and top > MUCH_FASTER * now:
         step *= top / now
-    antinode, steepest = extremes[0], extremes[1]
+    antinode, steepest, bent = drive.extremes[0], drive.extremes[1], drive.extremes[2]
     n_shapes = antinode.shape[0]
     acceleration, amplitude = np.zeros(n_shapes), np.zeros(n_shapes)
-    crest = slope = speed = together = rate = 0.0
+    crest = slope = speed = together = curvature = 0.0
+    rate = SLOWEST
     driven = False
     for k in range(acting.term_shape.shape[0]):
         driven = driven or (acting.rate[k].real == 0.0 and acting.coefficient[k] != 0.0)
@@ -132,11 +148,27 @@ def bound_window(acting, extremes, start, stop, step, top):
         together += acceleration[shape] * antinode[shape]
         if acceleration[shape] > 0.0:
             rate = max(rate, own if groups == 1 else math.sqrt(snap / acceleration[shape]))
+            if antinode[shape] > 0.0:
+                curvature = max(curvature, bent[shape] / antinode[shape])  # by the height, of all that act
     if step > own_step and speed * step > COVERED:
         step = max(own_step, COVERED / speed)
     rest_step = step if driven else max(step, math.sqrt(2.0 * SAG / (GRAVITY + together)))
     calm = not driven and speed <= CALM[0] and crest <= CALM[1]
-    return Bounds(stop, crest, slope, acceleration, amplitude, rate, speed, step, rest_step, calm)
+    return Bounds(
+        stop,
+        crest,
+        slope,
+        curvature * crest,
+        acceleration,
+        amplitude,
+        speed,
+        rate,
+        max(now, SLOWEST),
+        step,
+        rest_step,
+        calm,
+        drive.exact,
+    )
 
 
 @compiled

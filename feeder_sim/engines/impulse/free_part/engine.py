@@ -9,11 +9,12 @@ from numpy.typing import NDArray
 
 from feeder_sim.engines.impact_log import new_log, room_for, take_impacts
 from feeder_sim.engines.impulse.frame_rows import ROW
-from feeder_sim.engines.impulse.free_part.loop import Drive, FreePart, advance
+from feeder_sim.engines.impulse.free_part.loop import FreePart, advance
 from feeder_sim.engines.impulse.free_part.notes import Notes
-from feeder_sim.engines.impulse.free_part.state import FREE, WINDOW, Exactness, Tube, new_part, new_scratch, read_walls
+from feeder_sim.engines.impulse.free_part.state import new_scratch
 from feeder_sim.engines.impulse.parts_engine import COLUMNS, PartsEngine
-from feeder_sim.engines.impulse.state import ABSENT
+from feeder_sim.engines.impulse.state import ABSENT, FREE
+from feeder_sim.engines.impulse.surroundings import WINDOW, Tube, read_walls
 from feeder_sim.engines.noise import new_streams
 from feeder_sim.records.seed import Counts, Events
 from feeder_sim.records.trajectory import Frames
@@ -21,16 +22,6 @@ from feeder_sim.scene.scene import Scene
 from feeder_sim.scene.start import Pose
 
 SAME_CONTACT = 1.5  # usual steps between two impacts that count as one contact
-TOUCHING, LEAST_TOUCH = 0.01, 1e-13  # share of the tolerance, and [m]: gaps from which on points touch
-APPROACH = 1e-9  # [m/s]; round-off leaves as much of the speed of points that stay, or that have just been left
-LONGEST, SWAYS, SLIP, SLIP_AT_REST = 5e-5, 0.5, 2e-5, 1e-7  # [s], [rad], [m/s]; see `Exactness`
-
-
-def exactness_of(scene: Scene) -> Exactness:
-    """How exact the contacts of a scene are."""
-    tolerance = 1e-9 * scene.scenario.run.tolerance
-    touch, noise = max(TOUCHING * tolerance, LEAST_TOUCH), scene.scenario.contact.noise_m_s
-    return Exactness(tolerance, touch, noise, APPROACH, LONGEST, SWAYS, SLIP, SLIP_AT_REST)
 
 
 class FreePartEngine(PartsEngine):
@@ -46,9 +37,8 @@ class FreePartEngine(PartsEngine):
     ) -> None:
         del threads  # one part needs one
         super().__init__(scene, rng, interrupt=interrupt)
-        self._exact = exactness_of(scene)
         self._scratch = new_scratch(self._kinds, scene.surface.n_shapes)
-        self._part = new_part(self._parts[:1], new_streams(rng, 1))
+        self._parts["draws"][:1] = new_streams(rng, 1)
         self._loads = np.zeros((len(self._scratch.point), 6))
         self._wall = read_walls(scene)
         self._notes = Notes(new_log(1), np.zeros(2), SAME_CONTACT * scene.timestep)
@@ -60,12 +50,12 @@ class FreePartEngine(PartsEngine):
     def advance(self, n_frames: int) -> Frames:
         scene, rows = self._scene, np.empty((n_frames, 1, ROW))
         times = np.asarray((self._frame + 1 + np.arange(n_frames)) * scene.frame_interval, float)
-        drive = Drive(self._surface, scene.surface.extremes, self._exact, WINDOW)
+        drive = self._drive(WINDOW)
         frames = self._rows_to_fill(times, rows)
         if isinstance(self._wall, Tube):
             room = int(n_frames * scene.frame_interval / self._notes.apart) + 2
             self._notes = self._notes._replace(log=room_for(self._notes.log, room))
-        free = FreePart(self._part, self._loads, self._kinds, self._scratch, self._wall, self._notes)
+        free = FreePart(self._parts[:1], self._loads, self._kinds, self._scratch, self._wall, self._notes)
         advance(free, drive, self._clock, frames)
         return self._advanced(rows)
 
@@ -74,12 +64,12 @@ class FreePartEngine(PartsEngine):
         now = self._frame * self._scene.frame_interval
         self._clock[:] = now, 0.0, now, now
         for name, columns in COLUMNS.items():
-            self._part[name][0] = self._row[0, columns].reshape(self._part[name][0].shape)
-        self._part["clock"], self._part["phase"], self._part["held"] = now, FREE, 0
+            self._parts[name][0] = self._row[0, columns].reshape(self._parts[name][0].shape)
+        self._parts["clock"][0], self._parts["phase"][0], self._parts["held"][0] = now, FREE, 0
 
     def remove(self, parts: NDArray[np.int64]) -> None:
         self._begin_window_now()
-        self._parts["there"][parts] = self._part["there"][parts] = ABSENT
+        self._parts["there"][parts] = ABSENT
 
     def add(self, parts: NDArray[np.int64], poses: Sequence[Pose]) -> None:
         raise NotImplementedError("nothing is refilled where one part is computed without a step")

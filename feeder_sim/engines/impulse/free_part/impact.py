@@ -12,16 +12,20 @@ import numpy as np
 from feeder_sim.constants import GRAVITY
 from feeder_sim.engines.impulse.contact_problem import (
     ARM_SECOND,
+    FRICTION,
     IMPULSE,
     MOMENT,
+    NORMAL,
+    RESTITUTION,
+    VELOCITY,
     impact,
     meet_world,
 )
-from feeder_sim.engines.impulse.free_part.contact_law import hit_alone, restitution_at
 from feeder_sim.engines.impulse.free_part.leap import twist_of
 from feeder_sim.engines.impulse.free_part.points import move_points, touches
 from feeder_sim.engines.impulse.free_part.state import ON_WALL, UNRESOLVED
 from feeder_sim.engines.impulse.free_part.walls import restitution_of_wall
+from feeder_sim.engines.impulse.impact_law import ON_PLATE, hit_plate, restitution_at
 from feeder_sim.engines.impulse.state import inverse_inertia
 from feeder_sim.engines.impulse.vectors import add_to, cross, plus, vector, write_to
 from feeder_sim.engines.noise import half_normal
@@ -79,7 +83,7 @@ def strike(part, kind, seen, rebounds, plate, work):
         if not approaches:
             break
         alone = m == 1 and work.point[work.point_of[0]].sort != ON_WALL and kind.rolling == 0.0
-        if not (alone and hit_alone(part, kind, work)):
+        if not (alone and _hit(part, kind, work)):
             load_part(part, kind, turning, 0.0, work)
             if not impact(work.bodies, work.contacts, m, None, bounds.exact.approach):
                 work.counts[UNRESOLVED] += 1
@@ -92,6 +96,14 @@ def strike(part, kind, seen, rebounds, plate, work):
         _scatter(part, m, bounds, work)
         turning = move_points(part, kind, plate, seen.n, work)
     return turning
+
+
+@inlined
+def _hit(part, kind, work):
+    """Impact at the only contact; whether the direct solution applies, else nothing is changed."""
+    vectors, law = work.contacts.vector, (work.contacts.number[RESTITUTION, 0], work.contacts.number[FRICTION, 0])
+    arm, normal, velocity = vector(vectors[ARM_SECOND, 0]), vector(vectors[NORMAL, 0]), vector(vectors[VELOCITY, 0])
+    return hit_plate(part, kind, 1.0 / kind.mass, inverse_inertia(part, kind), arm, normal, velocity, law)
 
 
 @inlined
@@ -108,7 +120,7 @@ def _gather_touching(kind, n, rebounds, plate, turning, work):
         approaches = approaches or (point.rate < -bounds.exact.approach and point.gap <= bounds.exact.touch)
         e = 0.0
         if rebounds:
-            e = restitution_at(kind, -point.rate)
+            e = restitution_at(kind, ON_PLATE, -point.rate)
             if point.sort == ON_WALL:
                 e = restitution_of_wall(plate, kind, -point.rate)
         departure = 0.5 * chatter_time(point.most_push, twist, bounds) * (1.0 - e) * max(point.closing, 0.0)

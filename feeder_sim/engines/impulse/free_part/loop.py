@@ -12,25 +12,15 @@ from feeder_sim.engines.impulse.frame_rows import write_state
 from feeder_sim.engines.impulse.free_flight import orthonormalise
 from feeder_sim.engines.impulse.free_part.notes import Notes
 from feeder_sim.engines.impulse.free_part.ride import bring
-from feeder_sim.engines.impulse.free_part.state import PART, Exactness, Plate, Rim, Scratch, Tube
+from feeder_sim.engines.impulse.free_part.state import Scratch
 from feeder_sim.engines.impulse.free_part.step import step
-from feeder_sim.engines.impulse.free_part.window import bound
-from feeder_sim.engines.impulse.state import ABSENT, ASLEEP, AWAKE, Kinds
-from feeder_sim.engines.impulse.window import acting_terms, next_change
+from feeder_sim.engines.impulse.state import ABSENT, ASLEEP, AWAKE, PART, Kinds
+from feeder_sim.engines.impulse.surroundings import Plate, Rim, Tube
+from feeder_sim.engines.impulse.window import acting_terms, bound_window, next_change
 from feeder_sim.engines.protocol import ENDED, WHOLE
-from feeder_sim.engines.surface_arrays import SurfaceArrays
 from feeder_sim.machine_code import compiled, entry_point, uncounted
 
 ORIGIN, NUMBER, DUE, BEGIN = range(4)  # of the clock
-
-
-class Drive(NamedTuple):
-    """The surface, the extremes of its shapes as in `Surface`, how exact contacts are, and a window's length [s]."""
-
-    surface: SurfaceArrays
-    extremes: NDArray[np.float64]
-    exact: Exactness
-    window: float
 
 
 class FreePart(NamedTuple):
@@ -66,7 +56,7 @@ def advance_free_part(free, drive, clock, frames):
         start, whole = clock[BEGIN], clock[ORIGIN] + (clock[NUMBER] + 1.0) * drive.window
         end = next_change(surface, start, whole)
         acting = acting_terms(surface, start, end)
-        bounds = bound(acting, drive.extremes, start, end, drive.exact)
+        bounds = bound_window(acting, drive, start, end)
         if clock[DUE] == start:
             orthonormalise(part.attitude)
         _wake(part, bounds, start)  # the drive may have changed since

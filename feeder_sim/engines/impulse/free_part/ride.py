@@ -23,15 +23,14 @@ from feeder_sim.engines.impulse.free_part.moving_surface import move_surface, sh
 from feeder_sim.engines.impulse.free_part.points import touches
 from feeder_sim.engines.impulse.free_part.state import (
     ACCELERATION,
-    FOLLOWING,
     HEIGHT,
     NOW,
     SLOPE_X,
     SLOPE_Y,
     TURN_X,
     TURN_Y,
-    fly_to,
 )
+from feeder_sim.engines.impulse.state import FOLLOWING, fly_to
 from feeder_sim.engines.impulse.vectors import cross, dot, write_to
 from feeder_sim.machine_code import inlined, uncounted
 from feeder_sim.plate.compiled import BETA_X, BETA_Y, W, cubic_slopes, cubic_weights, grid_cell, interpolate

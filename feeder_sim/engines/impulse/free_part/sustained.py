@@ -34,14 +34,12 @@ from feeder_sim.engines.impulse.free_part.state import (
     ABOVE,
     ACCELERATION,
     AT_EDGE,
-    FREE,
     ON_CIRCLE,
     ON_WALL,
-    PRESSED,
     UNRESOLVED,
 )
 from feeder_sim.engines.impulse.free_part.walls import leans, wall_point_after, walled
-from feeder_sim.engines.impulse.state import top_speed
+from feeder_sim.engines.impulse.state import FREE, PRESSED, top_speed
 from feeder_sim.engines.impulse.vectors import add_to, cross, difference, dot, plus, times, vector, write_to
 from feeder_sim.machine_code import inlined
 
@@ -229,7 +227,7 @@ def _solve_forces(free, plate, now, times_and_slip):
 
 @inlined
 def _keep_loads(free, n, m, time):
-    """Keep what m of n points bore, as force [N] and moment [N m], for the solution of the next forces to start from."""
+    """Keep what m of n points bore, force [N] and moment [N m]: the solution of the next forces starts from it."""
     loads, work = free.loads, free.work
     for i in range(n):
         for k in range(6):

@@ -7,10 +7,11 @@ import math
 from numba.core import types
 from numba.extending import overload
 
-from feeder_sim.engines.impulse.free_part.contact_law import restitution_at
 from feeder_sim.engines.impulse.free_part.on_rim import look_at_rim, move_at_rim, rim_point_after, time_to_rim
 from feeder_sim.engines.impulse.free_part.on_tube import look_at_tube, move_at_tube, tube_point_after
-from feeder_sim.engines.impulse.free_part.state import ON_WALL, Rim, Tube
+from feeder_sim.engines.impulse.free_part.state import ON_WALL
+from feeder_sim.engines.impulse.impact_law import ON_PLATE, restitution_at
+from feeder_sim.engines.impulse.surroundings import Rim, Tube
 from feeder_sim.engines.impulse.vectors import vector
 from feeder_sim.machine_code import inlined
 
@@ -91,7 +92,7 @@ def _after(i, part, kind, plate, turning, time, work):
 def _restitution(plate, kind, speed):
     if _walls(plate) is Tube:
         return lambda plate, kind, speed: plate.wall.restitution
-    return lambda plate, kind, speed: restitution_at(kind, speed)
+    return lambda plate, kind, speed: restitution_at(kind, ON_PLATE, speed)
 
 
 @overload(time_to_walls)

@@ -33,8 +33,9 @@ from feeder_sim.engines.impulse.island import (
 )
 from feeder_sim.engines.impulse.reaction.yielding_contact import meet_yielding_plate
 from feeder_sim.engines.impulse.rest import fall_asleep, wake
-from feeder_sim.engines.impulse.state import ABSENT, ASLEEP, Bounds, fly_to, orthonormalise_parts
-from feeder_sim.engines.impulse.window import SAG, acting_terms, bound_window
+from feeder_sim.engines.impulse.state import ABSENT, ASLEEP, fly_to, orthonormalise_parts
+from feeder_sim.engines.impulse.surroundings import Bounds
+from feeder_sim.engines.impulse.window import SAG, Drive, acting_terms, bound_window
 from feeder_sim.engines.protocol import ENDED
 from feeder_sim.engines.surface_arrays import SurfaceArrays
 from feeder_sim.machine_code import compiled, entry_point
@@ -44,21 +45,17 @@ LEAST_MARGIN = 2e-8  # [m]
 
 
 class Limits(NamedTuple):
-    """What bounds are made from: extremes of the shapes as in `Surface`, the step [s], and the rate [rad/s] of the
-    fastest motion, which it belongs to. margin: of every shape, room for (n_shapes,) [m].
-    """
+    """What bounds are made from; margin: of every shape, room for (n_shapes,) [m]."""
 
-    extremes: NDArray[np.float64]
-    step: float
-    top: float
+    drive: Drive
     margin: NDArray[np.float64]
 
 
 @entry_point
-def open_yielding_window(parts, n_free, kinds, surface, span, limits):
+def open_yielding_window(parts, n_free, kinds, span, limits):
     """As `open_window`; the last terms of the surface are the reaction, and stay."""
     start, end = span
-    acting = _acting_terms(surface, start, end, limits.margin.shape[0])
+    acting = _acting_terms(limits.drive.surface, start, end, limits.margin.shape[0])
     bounds = _bounds(acting, start, end, limits)
     if not bounds.calm:
         for i in range(n_free):
@@ -111,8 +108,8 @@ def _bounds(acting, start, end, limits):
 
     Whether parts may sleep goes by the motion as it is.
     """
-    margin, antinode, steepest = limits.margin, limits.extremes[0], limits.extremes[1]
-    now = bound_window(acting, limits.extremes, start, end, limits.step, limits.top)
+    margin, antinode, steepest = limits.margin, limits.drive.extremes[0], limits.drive.extremes[1]
+    now = bound_window(acting, limits.drive, start, end)
     n = margin.shape[0]
     first = acting.term_shape.shape[0] - n
     together = 0.0
@@ -132,7 +129,21 @@ def _bounds(acting, start, end, limits):
     rest_step = now.rest_step
     if rest_step > now.step:  # nothing drives it
         rest_step = max(now.step, math.sqrt(2.0 * SAG / (GRAVITY + most)))
-    return Bounds(end, crest, slope, now.acceleration, now.amplitude, now.rate, speed, now.step, rest_step, now.calm)
+    return Bounds(
+        end,
+        crest,
+        slope,
+        now.curvature,
+        now.acceleration,
+        now.amplitude,
+        speed,
+        now.rate,
+        now.fastest,
+        now.step,
+        rest_step,
+        now.calm,
+        now.exact,
+    )
 
 
 @compiled
@@ -202,9 +213,20 @@ def _renewed(surface, bounds, t, yielding, limits):
     new = _bounds(surface, t, bounds.end, limits)
     for s in range(new.acceleration.shape[0]):
         bounds.acceleration[s] = new.acceleration[s]
-    sizes = bounds.acceleration, bounds.amplitude
     return Bounds(
-        new.end, new.crest, new.slope, sizes[0], sizes[1], new.rate, new.speed, new.step, new.rest_step, new.calm
+        new.end,
+        new.crest,
+        new.slope,
+        new.curvature,
+        bounds.acceleration,
+        bounds.amplitude,
+        new.speed,
+        new.rate,
+        new.fastest,
+        new.step,
+        new.rest_step,
+        new.calm,
+        new.exact,
     )
 
 

@@ -16,7 +16,8 @@ from feeder_sim.engines.impulse.frame_rows import FrameRows
 from feeder_sim.engines.impulse.island import Crowd, Span
 from feeder_sim.engines.impulse.reaction.crowd import Limits, advance_reacting, open_yielding_window
 from feeder_sim.engines.impulse.reaction.yielding_contact import Yielding
-from feeder_sim.engines.impulse.state import Bounds, Plate, new_scratch
+from feeder_sim.engines.impulse.state import new_scratch
+from feeder_sim.engines.impulse.surroundings import Bounds, Plate
 from feeder_sim.engines.reaction import reaction_of, set_reaction, with_reaction
 from feeder_sim.engines.surface_arrays import SurfaceArrays, surface_arrays
 from feeder_sim.scene.driven_mode import free_modes
@@ -58,14 +59,12 @@ class ReactingEngine(ImpulseEngine):
         self._books_opened = self._yielding.books.copy()
 
     def _limits_of(self, scene: Scene) -> Limits:
-        top = float(np.abs(self._surface.rate.imag).max())
-        return Limits(scene.surface.extremes, scene.timestep, top, np.zeros(scene.surface.n_shapes))
+        return Limits(self._drive(self._window), np.zeros(scene.surface.n_shapes))
 
     def _open_window(self, parts: NDArray[np.void]) -> tuple[SurfaceArrays, Bounds, float]:
         start, end = self._span
         set_reaction(self._surface, self._reaction_opened)
-        opened = open_yielding_window(parts, self._n, self._kinds, self._surface, (start, end), self._limits)
-        return opened
+        return open_yielding_window(parts, self._n, self._kinds, (start, end), self._limits)
 
     def _advance_islands(self, crowd: Crowd, plate: Plate, span: Span, frames: FrameRows) -> bool:
         """Advance all parts from the begin of the window; it may have been computed before."""
