@@ -10,7 +10,8 @@ from feeder_sim.engines.impulse.alone import Alone, advance_alone
 from feeder_sim.engines.impulse.engine import WINDOW_ALONE
 from feeder_sim.engines.impulse.frame_rows import POSITION, QUATERNION, ROW, FrameRows
 from feeder_sim.engines.impulse.kinds import read_kinds
-from feeder_sim.engines.impulse.state import new_parts, new_scratch
+from feeder_sim.engines.impulse.scratch import new_scratch
+from feeder_sim.engines.impulse.state import new_parts
 from feeder_sim.engines.impulse.surroundings import exactness_of
 from feeder_sim.engines.impulse.window import Drive
 from feeder_sim.engines.surface_arrays import surface_arrays

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from feeder_sim.engines.surface_arrays import SurfaceArrays
-from feeder_sim.machine_code import compiled
+from feeder_sim.machine_code import uncounted
 
 
 def with_reaction(surface: SurfaceArrays, rate: NDArray[np.complex128]) -> SurfaceArrays:
@@ -51,7 +51,7 @@ def reaction_at(reaction: NDArray[np.float64], rate: NDArray[np.complex128], t: 
     return np.asarray((reaction[:, 0] + 1j * reaction[:, 1]) * np.exp(rate * (t - reaction[:, 2])))
 
 
-@compiled
+@uncounted
 def react(surface, t, taken, changed):
     """Take velocities (n_shapes,) [m/s] from the modes at time t [s].
 

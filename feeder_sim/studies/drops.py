@@ -23,7 +23,8 @@ from feeder_sim.engines.impulse.alone import Alone
 from feeder_sim.engines.impulse.drops import advance_to_rest
 from feeder_sim.engines.impulse.engine import WINDOW_ALONE
 from feeder_sim.engines.impulse.kinds import read_kinds
-from feeder_sim.engines.impulse.state import new_parts, new_scratch
+from feeder_sim.engines.impulse.scratch import new_scratch
+from feeder_sim.engines.impulse.state import new_parts
 from feeder_sim.engines.impulse.surroundings import exactness_of
 from feeder_sim.engines.impulse.window import Drive as MovingPlate
 from feeder_sim.engines.protocol import ENDED, new_interrupt

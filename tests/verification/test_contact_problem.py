@@ -334,8 +334,8 @@ def face_under_a_nut(rng: np.random.Generator, sideways: float, bends: float) ->
 
 @pytest.mark.parametrize("closely", [2.5e-7, 2.5e-5])
 @pytest.mark.parametrize(("sideways", "bends"), [(1e-4, 0.0), (3e-3, 2e-5), (2e-2, 2e-5)])
-def test_sweeps_from_impulses_of_a_problem_nearby_solve_a_face(sideways: float, bends: float, closely: float) -> None:
-    """From those of a problem that is 2 % off; and a solution to round-off goes on from there no farther than asked for.
+def test_sweeps_from_impulses_nearby_solve_a_face(sideways: float, bends: float, closely: float) -> None:
+    """Those of a problem that is 2 % off; and a solution to round-off goes on from there no farther than asked for.
 
     Another start may lead elsewhere: how six points share a load, and so what holds against turning, is open.
     """

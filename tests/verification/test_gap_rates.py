@@ -26,7 +26,8 @@ from feeder_sim.engines.impulse.free_part.impact import strike
 from feeder_sim.engines.impulse.free_part.leap import first_contact, unsure_of
 from feeder_sim.engines.impulse.free_part.path import turning_of
 from feeder_sim.engines.impulse.free_part.points import look, move_points
-from feeder_sim.engines.impulse.free_part.state import (
+from feeder_sim.engines.impulse.kinds import read_kinds
+from feeder_sim.engines.impulse.scratch import (
     ABOVE,
     AT_EDGE,
     ON_CIRCLE,
@@ -34,7 +35,6 @@ from feeder_sim.engines.impulse.free_part.state import (
     Scratch,
     new_scratch,
 )
-from feeder_sim.engines.impulse.kinds import read_kinds
 from feeder_sim.engines.impulse.state import Kinds, fly_to, new_parts
 from feeder_sim.engines.impulse.surroundings import Plate, exactness_of, read_walls
 from feeder_sim.engines.impulse.window import Drive as MovingPlate

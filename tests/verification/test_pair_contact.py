@@ -20,7 +20,8 @@ from feeder_sim.engines.impulse.kinds import read_kinds
 from feeder_sim.engines.impulse.pairs import hulls
 from feeder_sim.engines.impulse.pairs.hulls import HullLibrary
 from feeder_sim.engines.impulse.parts_engine import COLUMNS
-from feeder_sim.engines.impulse.state import new_parts, new_scratch
+from feeder_sim.engines.impulse.scratch import new_scratch
+from feeder_sim.engines.impulse.state import new_parts
 from feeder_sim.engines.surface_arrays import surface_arrays
 from feeder_sim.part.rigid_part import RigidPart
 from feeder_sim.records.trajectory import Frames

@@ -11,7 +11,8 @@ from feeder_sim.borrow import borrow
 from feeder_sim.engines.impulse.frame_rows import write_row
 from feeder_sim.engines.impulse.plate_contact import meet_plate
 from feeder_sim.engines.impulse.rest import fall_asleep, wake
-from feeder_sim.engines.impulse.state import ASLEEP, Kinds, Scratch, fly_to, orthonormalise_parts
+from feeder_sim.engines.impulse.scratch import Scratch
+from feeder_sim.engines.impulse.state import ASLEEP, Kinds, fly_to, orthonormalise_parts
 from feeder_sim.engines.impulse.surroundings import Plate
 from feeder_sim.engines.impulse.window import acting_terms, bound_window
 from feeder_sim.engines.protocol import ENDED, WHOLE
@@ -75,7 +76,7 @@ def _advance_until(until, t, alone, plate, frames):
         if part.there == ASLEEP:
             return plate.bounds.end
         fly_to(part, kind, t)
-        leap, hit = meet_plate(part, alone.kinds, plate.surface, plate.bounds, t, alone.work)
+        leap, hit = meet_plate(part, alone.kinds, plate.surface, plate.bounds, t, alone.work, None)
         t += leap
         if hit and plate.bounds.calm:
             fall_asleep(part, alone.kinds, plate.surface, alone.work)

@@ -19,7 +19,7 @@ PARALLEL = 1e-9  # [1]
 
 
 def cross_circles(part, kind, begin, end, n, work):
-    """Append to work.points, after the first n, where a cylinder crosses a piece of the edge; returns their number.
+    """Append to work.corners, after the first n, where a cylinder crosses a piece of the edge; returns their number.
 
     begin, end: of the piece, seen from above (2,) [m]. Nothing for a kind with corners.
     """
@@ -35,7 +35,7 @@ def _cross_by_kind(part, kind, begin, end, n, work):
 
 @uncounted
 def _cross_circles(part, kind, begin, end, n, work):
-    if n + MOST > work.points.shape[0] or n + MOST > work.corner.shape[0]:
+    if n + MOST > work.corners.shape[0] or n + MOST > work.point.shape[0]:
         return n
     r, radius, height = part.attitude, kind.circle_radius, kind.circle_height
     along_x, along_y = end[0] - begin[0], end[1] - begin[1]
@@ -80,6 +80,6 @@ def _cross_circles(part, kind, begin, end, n, work):
 def _append(x, y, z, before, along, length, n, work):
     """Append a point in body axes [m] if it lies on the piece of the edge, and not beside it."""
     if 0.0 <= before + along[0] * x + along[1] * y + along[2] * z <= length:
-        work.points[n, 0], work.points[n, 1], work.points[n, 2] = x, y, z
+        work.corners[n, 0], work.corners[n, 1], work.corners[n, 2] = x, y, z
         n += 1
     return n

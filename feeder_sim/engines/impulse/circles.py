@@ -22,8 +22,8 @@ import numpy as np
 from numba.core import types
 from numba.extending import overload
 
-from feeder_sim.engines.impulse.moving_surface import move_surface, slope_under
-from feeder_sim.engines.impulse.state import CIRCLE, GAP, RATE, SURFACE_ACCELERATION, SURFACE_RATE, spin_of
+from feeder_sim.engines.impulse.state import CIRCLE, spin_of
+from feeder_sim.engines.impulse.surface import HEIGHT, NOW, SPEED, move_surface_under, shapes_under, slope_at
 from feeder_sim.engines.impulse.vectors import cross
 from feeder_sim.machine_code import compiled, inlined, uncounted
 
@@ -35,7 +35,7 @@ MAX_NARROWINGS = 12
 
 
 def lowest_points(part, kind, surface, bounds, near, t, work):
-    """Find the points of a cylinder at time t [s], in work.points; nothing for a kind that has corners.
+    """Find the points of a cylinder at time t [s], in work.corners; nothing for a kind that has corners.
 
     near: height over the crest [m] below which the slope of the surface counts.
 
@@ -116,12 +116,12 @@ def count_of(kind):
 
 @inlined
 def lay_out(kind, kinds, work):
-    """Put the corners of a kind into work.points, where those on circles already are; returns their number."""
+    """Put the corners of a kind into work.corners, where those on circles already are; returns their number."""
     n = count_of(kind)
     if not is_round(kind):
         for i in range(n):
             for c in range(3):
-                work.points[i, c] = kinds.corners[kind.corner_from + i, c]
+                work.corners[i, c] = kinds.corners[kind.corner_from + i, c]
     return n
 
 
@@ -135,17 +135,15 @@ def _lowest_points(part, kind, surface, bounds, near, t, work):
     across = math.sqrt(x * x + y * y)
     bottom = part.position[2] - kind.radius - radius * across - height * abs(r[2, 2])
     if bounds.crest > 0.0 and bottom - bounds.crest <= near:
-        move_surface(part, surface, t, work)
+        move_surface_under(part, surface, t, work)
         moved = True
         u, v, w = 0.0, 0.0, (-height if r[2, 2] > 0.0 else height)  # the lowest point
         if across > 0.0:
             u, v = -radius * x / across, -radius * y / across
-        slope_x, slope_y = slope_under(
-            part.position[0] + r[0, 0] * u + r[0, 1] * v + r[0, 2] * w,
-            part.position[1] + r[1, 0] * u + r[1, 1] * v + r[1, 2] * w,
-            surface,
-            work,
-        )
+        x_low = part.position[0] + r[0, 0] * u + r[0, 1] * v + r[0, 2] * w
+        y_low = part.position[1] + r[1, 0] * u + r[1, 1] * v + r[1, 2] * w
+        shapes_under(x_low, y_low, part, surface, work.under[0])
+        slope_x, slope_y = slope_at(work.under[0], work.now)
         x -= slope_x * r[0, 0] + slope_y * r[1, 0]
         y -= slope_x * r[0, 1] + slope_y * r[1, 1]
         across = math.sqrt(x * x + y * y)
@@ -155,8 +153,8 @@ def _lowest_points(part, kind, surface, bounds, near, t, work):
     for quarter in range(QUARTERS):
         for end in range(2):
             i = quarter + end * QUARTERS
-            work.points[i, 0], work.points[i, 1] = radius * c, radius * s
-            work.points[i, 2] = height if end == 0 else -height
+            work.corners[i, 0], work.corners[i, 1] = radius * c, radius * s
+            work.corners[i, 2] = height if end == 0 else -height
         c, s = -s, c
     return moved, (True, slope_x, slope_y)
 
@@ -178,7 +176,7 @@ def _tilt_of(lowest, part, kind, work):
             turning[0] * r[0, 0] + turning[1] * r[1, 0] + turning[2] * r[2, 0],
             turning[0] * r[0, 1] + turning[1] * r[1, 1] + turning[2] * r[2, 1],
         ),
-        (work.points[0, 0] / kind.circle_radius, work.points[0, 1] / kind.circle_radius),
+        (work.corners[0, 0] / kind.circle_radius, work.corners[0, 1] / kind.circle_radius),
     )
 
 
@@ -188,10 +186,10 @@ def _leap_of_circles(tilt, kind, bounds, own, leap, to_crest, work):
     if not round_part:
         return leap, to_crest
     for first in (0, QUARTERS):
-        gap, rate = max(work.corner[first, GAP], 0.0), work.corner[first, RATE]
+        gap, rate = max(work.point[first].gap, 0.0), work.point[first].rate
         if gap == np.inf:  # off the plate
             continue
-        if work.corner[first, SURFACE_ACCELERATION] == 0.0:
+        if work.point[first].most_push == 0.0:
             to_crest = _time_apart(gap, rate, own, s, u, e, kind.circle_radius, 0.0, to_crest)
             leap = min(leap, to_crest)
         else:
@@ -208,7 +206,7 @@ def _further_of_circles(tilt, kind, bounds, flight, further, work):
     leap, slip, own = flight
     s = s[0] + leap * u[0], s[1] + leap * u[1]
     for first in (0, QUARTERS):
-        if work.corner[first, SURFACE_ACCELERATION] == 0.0 or work.corner[first, GAP] == np.inf:
+        if work.point[first].most_push == 0.0 or work.point[first].gap == np.inf:
             continue
         gap, rate = ahead(first, leap, slip, own, bounds, work)
         a = own + _most_moved(first, work)
@@ -221,13 +219,13 @@ def _further_of_circles(tilt, kind, bounds, flight, further, work):
 @inlined
 def ahead(i, leap, slip, own, bounds, work):
     """Gap [m] and rate [m/s] of point i after a leap [s], at least; see `forecast`."""
-    rate = work.corner[i, RATE] + work.corner[i, SURFACE_RATE] - slip
-    gap = max(work.corner[i, GAP], 0.0) + leap * (rate - 0.5 * own * leap)
+    rate = work.point[i].rate + work.point[i].surface_velocity[2] - slip
+    gap = max(work.point[i].gap, 0.0) + leap * (rate - 0.5 * own * leap)
     rate -= own * leap
-    for s in range(work.modal.shape[1]):
+    for s in range(work.now.shape[1]):
         if bounds.acceleration[s] != 0.0:
-            gap -= work.under[i, s] * (work.modal[2, s] - work.modal[0, s])
-            rate -= work.under[i, s] * work.modal[3, s]
+            gap -= work.under[i, s, HEIGHT] * (work.then[NOW, s] - work.now[NOW, s])
+            rate -= work.under[i, s, HEIGHT] * work.then[SPEED, s]
     return gap, rate
 
 
@@ -236,7 +234,7 @@ def _most_moved(first, work):
     """The largest acceleration of the surface under the points of a circle, as far as it is known [m/s^2]."""
     most = 0.0
     for i in range(first, first + QUARTERS):
-        most = max(most, work.corner[i, SURFACE_ACCELERATION])
+        most = max(most, work.point[i].most_push)
     return most
 
 

@@ -35,7 +35,7 @@ from feeder_sim.engines.impulse.pairs.collision import look_at_pair
 from feeder_sim.engines.impulse.pairs.due import SLACK, extent
 from feeder_sim.engines.impulse.pairs.neighbours import grouped, root_of
 from feeder_sim.engines.impulse.plate_contact import contact_of, points_over_plate
-from feeder_sim.engines.impulse.state import ASLEEP, AWAKE, GAP
+from feeder_sim.engines.impulse.state import ASLEEP, AWAKE
 from feeder_sim.engines.impulse.vectors import difference, dot, plus, vector, write_to
 from feeder_sim.machine_code import compiled, entry_point, inlined
 
@@ -79,7 +79,7 @@ def lying(crowd, tools):
     if not len(found.member):
         return None
     parts, pairs = int(np.diff(found.first_member).max()), int(np.diff(found.first_pair).max())
-    points = parts * tools.work.corner.shape[0] + pairs * tools.meeting.point.shape[0]
+    points = parts * tools.work.point.shape[0] + pairs * tools.meeting.point.shape[0]
     return Lying(found, *new_room(parts, points)[:2])
 
 
@@ -194,7 +194,7 @@ def _gather_plate(j, part, kinds, plate, t, n, contacts, work):
     kind = kinds.record[part.kind]
     corners = points_over_plate(part, kinds, plate.surface, plate.bounds, t, work)
     for i in range(corners.shape[0]):
-        if work.corner[i, GAP] <= CARRIES:
+        if work.point[i].gap <= CARRIES:
             arm, normal, velocity = contact_of(i, part, kind, corners, plate.surface, work)
             meet_world(n, contacts, j, (arm, normal, velocity), (0.0, kind.friction[0], kind.rolling))
             contacts.number[TARGET, n] = 0.0

@@ -54,8 +54,8 @@ CENTRED, LOST = 0.5, 1e3  # blurs by which blurred laws may be off, and by which
 SWEEPS, BATCHES = 16, 7  # at first, doubled each time; so often
 WARM = 100  # sweeps from impulses that may be near the solution, in less time than Newton's steps from none take
 NEAR = 0.2  # of what is near enough: changes of velocities at which sweeps end
-# Changes of a sweep over those of the one before: of sweeps that creep, and of slow ones; how steadily those shrink, and
-CREEPS, SLOW, STEADY, SETTLES = 0.985, 0.5, 0.2, 3  # how many sweeps go before that is asked.
+# Changes of a sweep over those of the one before: of sweeps that creep, and of slow ones; how steadily those shrink;
+CREEPS, SLOW, STEADY, SETTLES = 0.985, 0.5, 0.2, 3  # and how many sweeps go before that is asked
 FEW = 24  # sweeps that bring a small impact to its solution, in less time than Newton's method takes
 LARGEST = 1 << 20
 
@@ -67,8 +67,9 @@ class Room(NamedTuple):
     DIRECTIONS, width), of the second body and then of the first, or of the modes. place (n, 4): where in the motion
     these begin, the width of the latter, the number of directions. value (7, n, DIRECTIONS): IMPULSES; relative
     velocity BEFORE; KNOWN: that of the world, negative; RATE: effective inverse mass; ACROSS: its largest, of both
-    tangents (A) and of both spins (FORCES); GAP and BEST: impulses on the way. limit (n, 2): tangential impulse and moment, as shares of the normal impulse. target (n,) [m/s]. law (n,
-    DIRECTIONS, DIRECTIONS): by how much impulses fall when velocities rise. motion: (3, all); matrix: (all, all).
+    tangents (A) and of both spins (FORCES); GAP and BEST: impulses on the way. limit (n, 2): tangential impulse and
+    moment, as shares of the normal impulse. target (n,) [m/s]. law (n, DIRECTIONS, DIRECTIONS): by how much impulses
+    fall when velocities rise. motion: (3, all); matrix: (all, all).
     """
 
     rows: NDArray[np.float64]
@@ -225,9 +226,9 @@ def sweeps_settle(room, n, size, closely):
 def _sweep_until(room, n, size, small, most):
     """Sweep until that changes velocities by a small speed [m/s] at most; returns whether it comes to that in time.
 
-    What is left of sweeps whose changes shrink steadily is taken at once
-    (Aitken, Proc. Roy. Soc. Edinburgh 46 (1926) 289). Where more contacts press than can reach their targets together,
-    sweeps shift load from one to the next, each as much as the one before; that too, until one has no load left.
+    What is left of sweeps whose changes shrink steadily is taken at once (Aitken, Proc. Roy. Soc. Edinburgh 46 (1926)
+    289). Where more contacts press than can reach their targets together, sweeps shift load from one to the next, each
+    as much as the one before; that too, until one has no load left.
     """
     last, ratio, sweeps = math.inf, 0.0, 0
     for _ in range(most):
@@ -238,9 +239,9 @@ def _sweep_until(room, n, size, small, most):
         sweeps += 1
         before, ratio, last = ratio, change / last, change
         creeps, steady = ratio > CREEPS, ratio > SLOW and abs(ratio - before) < STEADY * (1.0 - ratio)
-        if sweeps >= SETTLES and (creeps or steady):
-            if _repeat_change(room, n, size, math.inf if creeps else ratio / (1.0 - ratio)):
-                last, sweeps = math.inf, 0
+        times = math.inf if creeps else ratio / (1.0 - ratio)
+        if sweeps >= SETTLES and (creeps or steady) and _repeat_change(room, n, size, times):
+            last, sweeps = math.inf, 0
     return False
 
 

@@ -31,7 +31,8 @@ from feeder_sim.engines.impulse.pairs.due import PAIR
 from feeder_sim.engines.impulse.pairs.hulls import HullLibrary
 from feeder_sim.engines.impulse.pairs.separating_axis import new_meeting
 from feeder_sim.engines.impulse.parts_engine import COLUMNS, PartsEngine
-from feeder_sim.engines.impulse.state import ABSENT, ALONE, ASLEEP, AWAKE, new_parts, new_scratch
+from feeder_sim.engines.impulse.scratch import UNRESOLVED, new_scratch
+from feeder_sim.engines.impulse.state import ABSENT, ALONE, ASLEEP, AWAKE, new_parts
 from feeder_sim.engines.impulse.surroundings import Bounds, Plate
 from feeder_sim.engines.protocol import ENDED, WHOLE, new_interrupt
 from feeder_sim.engines.surface_arrays import SurfaceArrays
@@ -196,7 +197,7 @@ class ImpulseEngine(PartsEngine):
     def _forget_unresolved(self) -> None:
         """Count the impacts of the window under way anew."""
         for work in self._work:
-            work.unresolved[0] = 0
+            work.counts[UNRESOLVED] = 0
 
     def remove(self, parts: NDArray[np.int64]) -> None:
         self._begin_window_now()
@@ -225,7 +226,7 @@ class ImpulseEngine(PartsEngine):
 
     @property
     def counts(self) -> Counts:
-        return Counts(self._unresolved + sum(int(work.unresolved[0]) for work in self._work))
+        return Counts(self._unresolved + sum(int(work.counts[UNRESOLVED]) for work in self._work))
 
     def take_impacts(self, *, end: bool) -> Events:
         return impacts_of(np.empty((0, 4)))

@@ -12,7 +12,7 @@ import math
 import numpy as np
 
 from feeder_sim.constants import GRAVITY
-from feeder_sim.engines.impulse.state import GAP, height_of, spin_of, turning_acceleration
+from feeder_sim.engines.impulse.state import height_of, spin_of, turning_acceleration
 from feeder_sim.machine_code import inlined
 
 MANY = 16  # corners; with fewer it costs as much as it saves
@@ -22,24 +22,24 @@ CLEAR = 1e-5  # [m] over the crest
 
 @inlined
 def gather_near(part, kind, corners, bounds, work):
-    """Copy the corners near the plate into work.points; returns their number, and the height of the lowest other one.
+    """Copy the corners near the plate into work.corners; returns their number, and the height of the lowest other one.
 
     The height is over the centre of mass [m].
     """
     lowest = np.inf
     for i in range(corners.shape[0]):
         height = height_of(part, corners, i)
-        work.corner[i, GAP] = height
+        work.point[i].gap = height
         lowest = min(lowest, height)
     near = max(lowest + SHARE * kind.reach, bounds.crest + CLEAR + kind.radius - part.position[2])
     n, others = 0, np.inf
     for i in range(corners.shape[0]):
-        height = work.corner[i, GAP]
+        height = work.point[i].gap
         if height > near:
             others = min(others, height)
             continue
         for k in range(3):
-            work.points[n, k] = corners[i, k]
+            work.corners[n, k] = corners[i, k]
         n += 1
     return n, others
 

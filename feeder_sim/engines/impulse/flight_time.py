@@ -12,17 +12,10 @@ import math
 
 from feeder_sim.constants import GRAVITY
 from feeder_sim.engines.impulse.circles import ahead, further_of_circles
-from feeder_sim.engines.impulse.state import (
-    GAP,
-    RATE,
-    SURFACE_ACCELERATION,
-    top_speed,
-    turning_acceleration,
-    turning_speed,
-)
+from feeder_sim.engines.impulse.state import top_speed, turning_acceleration, turning_speed
+from feeder_sim.engines.impulse.surface import move_surface
 from feeder_sim.engines.impulse.window import SAG
 from feeder_sim.machine_code import inlined
-from feeder_sim.plate.compiled import modal_motion
 
 DEPTH = 1e-6  # [m]; how deep a part may enter a surface that is no longer driven
 DEEP = 5e-6  # [m]; how deep a fast part may enter the surface
@@ -39,7 +32,7 @@ def longest_leap(part, kind, corners, work):
     own = GRAVITY + turning_acceleration(part, kind)
     leap = to_crest = NEVER
     for i in range(corners.shape[0]):
-        gap, rate, moves = max(work.corner[i, GAP], 0.0), work.corner[i, RATE], work.corner[i, SURFACE_ACCELERATION]
+        gap, rate, moves = max(work.point[i].gap, 0.0), work.point[i].rate, work.point[i].most_push
         if _touches_within(leap, gap, rate, own + moves):
             leap = _no_contact(gap, rate, own + moves)
         if moves == 0.0 and _touches_within(to_crest, gap, rate, own):
@@ -74,19 +67,10 @@ def forecast(part, kind, corners, surface, bounds, t, flight, tilt, work):
     for _ in range(MAX_LEAPS):
         if leap >= limit:
             return limit
-        modal_motion(
-            t + leap,
-            surface.term_shape,
-            surface.term_start,
-            surface.term_stop,
-            surface.coefficient,
-            surface.rate,
-            work.modal[2],
-            work.modal[3],
-        )
+        move_surface(t + leap, surface, work.then)
         further = NEVER
         for i in range(corners.shape[0]):
-            moves = work.corner[i, SURFACE_ACCELERATION]
+            moves = work.point[i].most_push
             if moves == 0.0:
                 continue
             gap, rate = ahead(i, leap, slip, own, bounds, work)
@@ -121,8 +105,8 @@ def flight_on_flat(corners, own, bounds, work):
     """
     flight = bounds.rest_step
     for i in range(corners.shape[0]):
-        gap, rate = max(work.corner[i, GAP], 0.0) + SAG, work.corner[i, RATE]
-        a = own + work.corner[i, SURFACE_ACCELERATION]
+        gap, rate = max(work.point[i].gap, 0.0) + SAG, work.point[i].rate
+        a = own + work.point[i].most_push
         if _touches_within(flight, gap, rate, a):
             flight = _no_contact(gap, rate, a)
     return flight

@@ -24,7 +24,8 @@ from feeder_sim.engines.impulse.pairs.neighbours import Islands
 from feeder_sim.engines.impulse.pairs.separating_axis import Meeting
 from feeder_sim.engines.impulse.plate_contact import meet_plate
 from feeder_sim.engines.impulse.rest import fall_asleep, wake
-from feeder_sim.engines.impulse.state import ALONE, ASLEEP, Kinds, Scratch, fly_to, in_pieces
+from feeder_sim.engines.impulse.scratch import Scratch
+from feeder_sim.engines.impulse.state import ALONE, ASLEEP, Kinds, fly_to, in_pieces
 from feeder_sim.engines.protocol import ENDED
 from feeder_sim.machine_code import compiled, entry_point, inlined, uncounted
 
@@ -129,7 +130,7 @@ def _look_at_part(event, t, agenda, crowd, plate, work, reach):
     part = crowd.parts[i]
     fly_to(part, crowd.kinds.record[part.kind], t)
     left = has_left(i, crowd, reach)
-    leap, hit = meet_plate(part, crowd.kinds, plate.surface, plate.bounds, t, work)
+    leap, hit = meet_plate(part, crowd.kinds, plate.surface, plate.bounds, t, work, None)
     set_due(agenda.tree, event, t + leap)
     if hit:
         alone = crowd.islands.first_touching[i] == crowd.islands.first_touching[i + 1]

@@ -19,37 +19,33 @@ from feeder_sim.engines.impulse.far_corners import MANY, far_leap, gather_near
 from feeder_sim.engines.impulse.flight_time import flight_on_flat, forecast, longest_leap, shortest_flight
 from feeder_sim.engines.impulse.impact import resolve_impact
 from feeder_sim.engines.impulse.impact_law import hit_plate, restitution_on_plate
-from feeder_sim.engines.impulse.moving_surface import move_surface
 from feeder_sim.engines.impulse.plate_edge import BESIDE, edge_leap, falls, points_on_edge
-from feeder_sim.engines.impulse.state import (
-    GAP,
-    RATE,
-    SURFACE_ACCELERATION,
-    SURFACE_RATE,
-    arm_of,
-    height_of,
-    inverse_inertia,
-    spin_of,
+from feeder_sim.engines.impulse.reaction.yielding import give_to_plate, gives_way, modes_of, note_carried
+from feeder_sim.engines.impulse.scratch import UNRESOLVED
+from feeder_sim.engines.impulse.state import arm_of, height_of, inverse_inertia, spin_of
+from feeder_sim.engines.impulse.surface import (
+    HEIGHT,
+    NOW,
+    SPEED,
+    TURN_X,
+    TURN_Y,
+    flow_at,
+    move_surface_under,
+    normal_at,
+    shapes_under,
+    slope_at,
 )
-from feeder_sim.engines.impulse.vectors import dot
+from feeder_sim.engines.impulse.vectors import dot, plus, vector
 from feeder_sim.engines.surface_arrays import ON_EDGE, off_plate
 from feeder_sim.machine_code import compiled, inlined, uncounted
-from feeder_sim.plate.compiled import (
-    BETA_X,
-    BETA_Y,
-    W,
-    cubic_weights,
-    grid_cell,
-    interpolate,
-    surface_normal,
-)
+from feeder_sim.plate.compiled import W, cubic_weights, grid_cell, interpolate
 
 TOUCH = 1e-9  # [m]; corners this close count as touching, so that a flat landing is one impact and not six
 
 
 @inlined
-def meet_plate(part, kinds, surface, bounds, t, work):
-    """Impacts of one part at time t [s], and how long it may fly then.
+def meet_plate(part, kinds, surface, bounds, t, work, yielding):
+    """Impacts of one part at time t [s], and how long it may fly then; yielding: what gives way, or None.
 
     Returns:
         the flight [s]; whether it has hit the plate.
@@ -59,25 +55,28 @@ def meet_plate(part, kinds, surface, bounds, t, work):
     if height > 2.0 * TOUCH:
         rising = part.velocity[2]
         fall = (rising + math.sqrt(rising * rising + 2.0 * GRAVITY * height)) / GRAVITY
-        return max(fall, shortest_flight(part, kind, bounds)) if fall < bounds.step else fall, False
+        if fall >= bounds.step:
+            return fall, False
+        return max(fall, bounds.step if gives_way(yielding) else shortest_flight(part, kind, bounds)), False
     moved, lowest = lowest_points(part, kind, surface, bounds, 2.0 * TOUCH, t, work)
     further = points_on_edge(part, kind, kinds, surface, bounds.crest, work)
     corners, n_corners, others = kinds.corners[kind.corner_from : kind.corner_to], count_of(kind), np.inf
     if further > 0 or is_round(kind):
-        corners = work.points[: n_corners + further]
+        corners = work.corners[: n_corners + further]
     elif n_corners > MANY and not bounds.calm:  # what comes to rest is looked at with all corners
         near, others = gather_near(part, kind, corners, bounds, work)
-        corners = work.points[:near]
+        corners = work.corners[:near]
     on_plate, last = look(part, kind, corners, surface, bounds, t, moved, work)
-    if on_plate == 1 and kind.rolling == 0.0:
+    if on_plate == 1 and kind.rolling == 0.0 and not gives_way(yielding):
         _impact_at(last, part, kind, corners, surface, work)
     elif on_plate > 0:
-        _impact(part, kind, corners, surface, work)
+        _impact(part, kind, corners, surface, t, work, yielding)
     leap, to_crest, own = longest_leap(part, kind, corners, work)
     tilt = tilt_of(lowest, part, kind, work)
     leap, to_crest = leap_of_circles(tilt, kind, bounds, own, leap, to_crest, work)
     shortest = stride = shortest_flight(part, kind, bounds)
-    if bounds.calm and bounds.slope == 0.0 and further == 0 and not is_round(kind):
+    level = bounds.calm and bounds.slope == 0.0 and not gives_way(yielding)
+    if level and further == 0 and not is_round(kind):
         shortest = max(shortest, flight_on_flat(corners, own, bounds, work))
     to_crest = min(to_crest, far_leap(part, kind, others, bounds))
     if further > 0:
@@ -93,11 +92,11 @@ def points_over_plate(part, kinds, surface, bounds, t, work):
     """Look at all points of a part over a plate that is calm, see `look`; returns them."""
     kind = kinds.record[part.kind]
     lowest_points(part, kind, surface, bounds, 2.0 * TOUCH, t, work)
-    move_surface(part, surface, t, work)
+    move_surface_under(part, surface, t, work)
     further = points_on_edge(part, kind, kinds, surface, bounds.crest, work)
     corners = kinds.corners[kind.corner_from : kind.corner_to]
     if further > 0 or is_round(kind):
-        corners = work.points[: count_of(kind) + further]
+        corners = work.corners[: count_of(kind) + further]
     look(part, kind, corners, surface, bounds, t, True, work)
     return corners
 
@@ -118,7 +117,7 @@ def look(part, kind, corners, surface, bounds, t, moved, work):
         gap, surface_rate, acceleration = bottom - bounds.crest, 0.0, 0.0
         if gap <= 2.0 * TOUCH:  # a gap to the crest must never pass for a touch
             if not moved:
-                move_surface(part, surface, t, work)
+                move_surface_under(part, surface, t, work)
                 moved = True
             arm = arm_of(part, corners, i)
             x, y = part.position[0] + arm[0], part.position[1] + arm[1]
@@ -130,8 +129,8 @@ def look(part, kind, corners, surface, bounds, t, moved, work):
             if gap <= TOUCH and rate < 0.0:
                 touching += 1
                 last = i
-        work.corner[i, GAP], work.corner[i, RATE] = gap, rate
-        work.corner[i, SURFACE_RATE], work.corner[i, SURFACE_ACCELERATION] = surface_rate, acceleration
+        work.point[i].gap, work.point[i].rate = gap, rate
+        work.point[i].surface_velocity[2], work.point[i].most_push = surface_rate, acceleration
     return touching, last
 
 
@@ -151,7 +150,7 @@ def approach(part, kind, corners, work):
     """Fill the rate of every corner relative to the surface anew, after an impact."""
     rising, turning = part.velocity[2], _turning(part, kind)
     for i in range(corners.shape[0]):
-        work.corner[i, RATE] = rising + dot(turning, corners[i]) - work.corner[i, SURFACE_RATE]
+        work.point[i].rate = rising + dot(turning, corners[i]) - work.point[i].surface_velocity[2]
 
 
 @inlined
@@ -161,53 +160,29 @@ def _surface_under(x, y, i, part, surface, bounds, work):
     first_x, a = grid_cell(x, surface.grid_x)
     first_y, b = grid_cell(y, surface.grid_y)
     weight_x, weight_y = cubic_weights(a), cubic_weights(b)
-    for s in range(work.modal.shape[1]):
+    centre = work.under[work.under.shape[0] - 1]
+    for s in range(work.now.shape[1]):
         if bounds.acceleration[s] == 0.0:  # at rest in this window
             continue
         if surface.tangent:
-            w = work.modes[s, 0]
-            w += work.modes[s, 1] * (x - part.position[0]) + work.modes[s, 2] * (y - part.position[1])
+            w = centre[s, HEIGHT]
+            w += centre[s, TURN_X] * (x - part.position[0]) + centre[s, TURN_Y] * (y - part.position[1])
         else:
             w = interpolate(surface.table, s, W, first_x, first_y, weight_x, weight_y)
-        work.under[i, s] = w
-        height += w * work.modal[0, s]
-        rate += w * work.modal[1, s]
+        work.under[i, s, HEIGHT] = w
+        height += w * work.now[NOW, s]
+        rate += w * work.now[SPEED, s]
         acceleration += abs(w) * bounds.acceleration[s]
     return height, rate, acceleration
 
 
-@inlined
-def _surface_touched(x, y, surface_rate, part, surface, work):
-    """Velocity [m/s] and unit normal of the surface at (x, y) [m], where it rises at `surface_rate` [m/s]."""
-    first_x, a = grid_cell(x, surface.grid_x)
-    first_y, b = grid_cell(y, surface.grid_y)
-    weight_x, weight_y = cubic_weights(a), cubic_weights(b)
-    vx = vy = 0.0
-    for s in range(work.modal.shape[1]):
-        rate = work.modal[1, s]
-        if rate == 0.0:
-            continue
-        if surface.tangent:
-            vx -= rate * work.modes[s, BETA_X]
-            vy -= rate * work.modes[s, BETA_Y]
-        else:
-            vx -= rate * interpolate(surface.table, s, BETA_X, first_x, first_y, weight_x, weight_y)
-            vy -= rate * interpolate(surface.table, s, BETA_Y, first_x, first_y, weight_x, weight_y)
-    if surface.tangent:  # the plane is that under the centre
-        x, y = part.position[0], part.position[1]
-    normal = surface_normal(x, y, surface.grid_x, surface.grid_y, surface.table, work.modal[0])
-    moves = surface.half_thickness * surface.in_plane
-    return (moves * vx, moves * vy, surface_rate), normal
-
-
 @uncounted
 def contact_of(i, part, kind, corners, surface, work):
-    """Arm, normal and surface velocity of a corner that touches the plate."""
-    arm = arm_of(part, corners, i)
-    x, y = part.position[0] + arm[0], part.position[1] + arm[1]
-    velocity, normal = _surface_touched(x, y, work.corner[i, SURFACE_RATE], part, surface, work)
-    r = kind.radius
-    return (arm[0] - r * normal[0], arm[1] - r * normal[1], arm[2] - r * normal[2]), normal, velocity
+    """Arm, normal and surface velocity of a corner that touches the plate; work.under is filled for it."""
+    arm, under = arm_of(part, corners, i), work.under[i]
+    shapes_under(part.position[0] + arm[0], part.position[1] + arm[1], part, surface, under)
+    velocity, normal = flow_at(under, work.now, surface), normal_at(slope_at(under, work.now))
+    return plus(arm, -kind.radius, normal), normal, (velocity[0], velocity[1], work.point[i].surface_velocity[2])
 
 
 @inlined
@@ -217,30 +192,33 @@ def _impact_at(i, part, kind, corners, surface, work):
     inverse_mass, turns = 1.0 / kind.mass, inverse_inertia(part, kind)
     e, mu = restitution_on_plate(part, kind, arm, normal, velocity), kind.friction[0]
     if not hit_plate(part, kind, inverse_mass, turns, arm, normal, velocity, (e, mu)):
-        _impact(part, kind, corners, surface, work)
+        _impact(part, kind, corners, surface, 0.0, work, None)
         return
-    depth = lift_by_turning(part, kind, inverse_mass, turns, arm, max(-work.corner[i, GAP], 0.0))
+    depth = lift_by_turning(part, kind, inverse_mass, turns, arm, max(-work.point[i].gap, 0.0))
     put_back(part, corners, depth, work)
     approach(part, kind, corners, work)
 
 
 @uncounted
-def _impact(part, kind, corners, surface, work):
+def _impact(part, kind, corners, surface, t, work, yielding):
     """Put the deepest corner back on the surface and give impulses to all corners that touch and approach.
 
     What a corner covered inside the surface within one step would otherwise add up, and a resting part would sink.
     """
     n, depth = 0, 0.0
     for i in range(corners.shape[0]):
-        if work.corner[i, GAP] > TOUCH or work.corner[i, RATE] >= 0.0:
+        if work.point[i].gap > TOUCH or work.point[i].rate >= 0.0:
             continue
-        depth = max(depth, -work.corner[i, GAP])
+        depth = max(depth, -work.point[i].gap)
         arm, normal, velocity = contact_of(i, part, kind, corners, surface, work)
         law = restitution_on_plate(part, kind, arm, normal, velocity), kind.friction[0], kind.rolling
         meet_world(n, work.contacts, 0, (arm, normal, velocity), law)
+        note_carried(n, i, surface, work, yielding)
         n += 1
-    if not resolve_impact(part, kind, n, None, work):
-        work.unresolved[0] += 1
+    before = vector(part.velocity), spin_of(part, kind)
+    if not resolve_impact(part, kind, n, modes_of(yielding), work):
+        work.counts[UNRESOLVED] += 1
+    give_to_plate(n, corners.shape[0], before, kind.mass * GRAVITY * depth, surface, t, work, yielding)
     put_back(part, corners, depth, work)
     approach(part, kind, corners, work)
 
@@ -250,4 +228,4 @@ def put_back(part, corners, depth, work):
     """Lift a part out of the surface."""
     part.position[2] += depth
     for i in range(corners.shape[0]):
-        work.corner[i, GAP] += depth
+        work.point[i].gap += depth

@@ -14,7 +14,7 @@ from numba.extending import overload
 
 from feeder_sim.engines.impulse.circle_crossings import cross_circles
 from feeder_sim.engines.impulse.circles import is_round, lay_out
-from feeder_sim.engines.impulse.state import GAP, arm_of, in_pieces, point, top_speed
+from feeder_sim.engines.impulse.state import arm_of, in_pieces, point, top_speed
 from feeder_sim.engines.surface_arrays import edge_distance
 from feeder_sim.machine_code import inlined, uncounted
 
@@ -26,7 +26,7 @@ EDGE_STEPS = 10  # a point on the edge moves along the hull: its leaps are estim
 def points_on_edge(part, kind, kinds, surface, crest, work):
     """How many further points the part's hull has on the edge of the plate.
 
-    If any, work.points holds the corners or the points on circles, and these points after them. crest: how high, and
+    If any, work.corners holds the corners or the points on circles, and these points after them. crest: how high, and
     how low, the surface may be [m].
     """
     raise NotImplementedError("for compiled code only")
@@ -81,7 +81,7 @@ def _points_on_outline(part, kind, kinds, outline, crest, work):
             if p * q < 0.0 and r * s <= 0.0 and n < first + MOST_CROSSINGS * (kind.edge_to - kind.edge_from):
                 share = p / (p - q)
                 for c in range(3):
-                    work.points[n, c] = corners[i, c] + share * (corners[j, c] - corners[i, c])
+                    work.corners[n, c] = corners[i, c] + share * (corners[j, c] - corners[i, c])
                 n += 1
     return n - first
 
@@ -112,7 +112,7 @@ def _points_on_sides(part, kind, kinds, surface, crest, work):
             if a * b < 0.0:
                 share = a / (a - b)
                 for c in range(3):
-                    work.points[n, c] = corners[i, c] + share * (corners[j, c] - corners[i, c])
+                    work.corners[n, c] = corners[i, c] + share * (corners[j, c] - corners[i, c])
                 n += 1
     return n - first
 
@@ -122,5 +122,5 @@ def edge_leap(part, kind, corners, first, step, work):
     """Flight after which the points on the plate's edge, from `first` on, are looked at again [s]."""
     speed, gap = top_speed(part, kind), np.inf
     for i in range(first, corners.shape[0]):
-        gap = min(gap, work.corner[i, GAP])
+        gap = min(gap, work.point[i].gap)
     return max(0.25 * gap / speed, EDGE_STEPS * step)

@@ -12,7 +12,7 @@ import math
 
 from feeder_sim.engines.impulse.circles import QUARTERS, count_of, is_round
 from feeder_sim.engines.impulse.plate_edge import points_on_edge
-from feeder_sim.engines.impulse.state import ALONE, ASLEEP, AWAKE, GAP, point, top_speed
+from feeder_sim.engines.impulse.state import ALONE, ASLEEP, AWAKE, point, top_speed
 from feeder_sim.engines.surface_arrays import off_plate
 from feeder_sim.machine_code import compiled
 
@@ -27,7 +27,7 @@ def fall_asleep(part, kinds, surface, work):
     kind = kinds.record[part.kind]
     corners = kinds.corners[kind.corner_from : kind.corner_to]
     if is_round(kind):
-        corners = work.points[: count_of(kind) + points_on_edge(part, kind, kinds, surface, 0.0, work)]
+        corners = work.corners[: count_of(kind) + points_on_edge(part, kind, kinds, surface, 0.0, work)]
     sliding = math.sqrt(part.velocity[0] ** 2 + part.velocity[1] ** 2)
     sliding += kind.reach * abs(part.momentum[2]) / min(kind.inertia[0], kind.inertia[1], kind.inertia[2])
     if sliding > SLIDES or top_speed(part, kind) > SLOW:
@@ -58,13 +58,13 @@ def _carried(part, corners, surface, work):
     n = corners.shape[0]
     on_plate = 0
     for i in range(n):
-        if work.corner[i, GAP] > CARRIES or _over_hole(part, corners, i, surface):
+        if work.point[i].gap > CARRIES or _over_hole(part, corners, i, surface):
             continue
         on_plate += 1
         x, y = point(part, corners, i, 0) - part.position[0], point(part, corners, i, 1) - part.position[1]
         followed = False
         for j in range(n):
-            if work.corner[j, GAP] > CARRIES or _over_hole(part, corners, j, surface):
+            if work.point[j].gap > CARRIES or _over_hole(part, corners, j, surface):
                 continue
             u = point(part, corners, j, 0) - part.position[0]
             v = point(part, corners, j, 1) - part.position[1]
@@ -80,7 +80,7 @@ def _carried(part, corners, surface, work):
 def _on_its_side(part, points, surface, work):
     """Whether both circles of a cylinder are on the plate where they are lowest; nothing rolls it then."""
     for i in (0, QUARTERS):  # noqa: SIM110 - compiled
-        if work.corner[i, GAP] > CARRIES or _over_hole(part, points, i, surface):
+        if work.point[i].gap > CARRIES or _over_hole(part, points, i, surface):
             return False
     return True
 

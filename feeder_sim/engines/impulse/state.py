@@ -11,13 +11,11 @@ from numba.extending import overload
 from numpy.typing import ArrayLike, NDArray
 
 from feeder_sim.constants import GRAVITY
-from feeder_sim.engines.impulse.contact_problem import Bodies, Contacts, new_room
 from feeder_sim.engines.impulse.free_flight import orthonormalise, rotate_freely, rotate_symmetric
 from feeder_sim.engines.impulse.vectors import dot, times, vector
 from feeder_sim.machine_code import compiled, inlined
 from feeder_sim.plate.zener import TABLE_POINTS
 
-GAP, RATE, SURFACE_RATE, SURFACE_ACCELERATION = range(4)  # columns of Scratch.corner
 ABSENT, AWAKE, ASLEEP = range(3)  # in PART, there
 ALONE = -1  # in PART, asleep_with
 SLENDER = 4.0  # largest over smallest moment of inertia
@@ -132,25 +130,6 @@ class Kinds(NamedTuple):
     piece: NDArray[np.void]
 
 
-class Scratch(NamedTuple):
-    """Few arrays, since every one of them makes each call of a compiled function dearer.
-
-    corner: (n, 4), columns GAP over what it can touch, RATE of approach, what the surface adds to rate and acceleration
-    bound. bodies and contacts: of an impact, of one part or two. modal: (4, n_shapes), q and
-    dq/dt, now and as they will be. under: (n, n_shapes), deflections under each corner. modes: (n_shapes, 3). points:
-    (n, 3), points of the hull on the plate's edge. unresolved: (1,), impacts that were not solved.
-    """
-
-    corner: NDArray[np.float64]
-    bodies: Bodies
-    contacts: Contacts
-    modal: NDArray[np.float64]
-    under: NDArray[np.float64]
-    modes: NDArray[np.float64]
-    points: NDArray[np.float64]
-    unresolved: NDArray[np.int64]
-
-
 def kind_type(*, general: bool, circles: bool, law: Sequence[Any] = ()) -> np.dtype[np.void]:
     """Type of the records of all kinds: `KIND`, with marks where one is a general top or has circles.
 
@@ -176,20 +155,6 @@ def new_parts(
     parts["position"], parts["attitude"], parts["kind"], parts["there"] = position, attitude, kind, AWAKE
     parts["velocity"], parts["momentum"], parts["asleep_with"] = velocity, momentum, ALONE
     return parts
-
-
-def new_scratch(kinds: Kinds, n_shapes: int, yielding: int = 0) -> Scratch:
-    """Room for any part: each of its corners can touch the plate, each of its edges the edge of the plate.
-
-    yielding: number of modes that give way.
-    """
-    of = kinds.record
-    n = int((of["corner_to"] - of["corner_from"] + 2 * (of["edge_to"] - of["edge_from"])).max())
-    of_piece = kinds.piece["corner_to"] - kinds.piece["corner_from"]  # each may lie on a face of another one
-    bodies, contacts, _ = new_room(2, max(2 * n, 2 * int(of_piece.max())), yielding)
-    sizes = (4, n_shapes), (n, n_shapes), (n_shapes, 3), (n, 3)
-    modal, under, modes, points = (np.zeros(size) for size in sizes)
-    return Scratch(np.zeros((n, 4)), bodies, contacts, modal, under, modes, points, np.zeros(1, np.int64))
 
 
 @inlined

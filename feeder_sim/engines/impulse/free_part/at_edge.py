@@ -15,21 +15,12 @@ import math
 from feeder_sim.constants import GRAVITY
 from feeder_sim.engines.impulse.free_part.edge_piece import BALL, BESIDE, LINES, NONE, ROUND
 from feeder_sim.engines.impulse.free_part.edge_points import edge_points
-from feeder_sim.engines.impulse.free_part.moving_surface import (
-    along_at,
-    flow_at,
-    height_at,
-    most_push,
-    shapes_at,
-    shapes_under,
-    slope_at,
-)
 from feeder_sim.engines.impulse.free_part.on_plate import CLOSE
 from feeder_sim.engines.impulse.free_part.path import write_path
-from feeder_sim.engines.impulse.free_part.state import (
+from feeder_sim.engines.impulse.scratch import AT_EDGE
+from feeder_sim.engines.impulse.surface import (
     ACCELERATION,
     ALONG,
-    AT_EDGE,
     CHANGE,
     HEIGHT,
     NOW,
@@ -38,6 +29,13 @@ from feeder_sim.engines.impulse.free_part.state import (
     SPEED,
     TURN_X,
     TURN_Y,
+    along_at,
+    flow_at,
+    height_at,
+    most_push,
+    shapes_at,
+    shapes_under,
+    slope_at,
 )
 from feeder_sim.engines.impulse.vectors import add_to, cross, difference, dot, plus, vector, write_to
 from feeder_sim.machine_code import inlined

@@ -11,8 +11,8 @@ from feeder_sim.engines.impact_log import new_log, room_for, take_impacts
 from feeder_sim.engines.impulse.frame_rows import ROW
 from feeder_sim.engines.impulse.free_part.loop import FreePart, advance
 from feeder_sim.engines.impulse.free_part.notes import Notes
-from feeder_sim.engines.impulse.free_part.state import new_scratch
 from feeder_sim.engines.impulse.parts_engine import COLUMNS, PartsEngine
+from feeder_sim.engines.impulse.scratch import new_scratch
 from feeder_sim.engines.impulse.state import ABSENT, FREE
 from feeder_sim.engines.impulse.surroundings import WINDOW, Tube, read_walls
 from feeder_sim.engines.noise import new_streams

@@ -23,9 +23,9 @@ from feeder_sim.engines.impulse.contact_problem import (
 )
 from feeder_sim.engines.impulse.free_part.leap import twist_of
 from feeder_sim.engines.impulse.free_part.points import move_points, touches
-from feeder_sim.engines.impulse.free_part.state import ON_WALL, UNRESOLVED
 from feeder_sim.engines.impulse.free_part.walls import restitution_of_wall
 from feeder_sim.engines.impulse.impact_law import ON_PLATE, hit_plate, restitution_at
+from feeder_sim.engines.impulse.scratch import ON_WALL, UNRESOLVED
 from feeder_sim.engines.impulse.state import inverse_inertia
 from feeder_sim.engines.impulse.vectors import add_to, cross, plus, vector, write_to
 from feeder_sim.engines.noise import half_normal

@@ -16,9 +16,9 @@ import math
 from typing import NamedTuple
 
 from feeder_sim.constants import GRAVITY
-from feeder_sim.engines.impulse.free_part.moving_surface import move_surface
 from feeder_sim.engines.impulse.free_part.path import SIXTH, ahead
-from feeder_sim.engines.impulse.free_part.state import ABOVE, AT_EDGE, ON_CIRCLE
+from feeder_sim.engines.impulse.scratch import ABOVE, AT_EDGE, ON_CIRCLE
+from feeder_sim.engines.impulse.surface import move_surface
 from feeder_sim.engines.impulse.vectors import dot
 from feeder_sim.machine_code import inlined, uncounted
 

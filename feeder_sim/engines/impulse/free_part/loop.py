@@ -12,8 +12,8 @@ from feeder_sim.engines.impulse.frame_rows import write_state
 from feeder_sim.engines.impulse.free_flight import orthonormalise
 from feeder_sim.engines.impulse.free_part.notes import Notes
 from feeder_sim.engines.impulse.free_part.ride import bring
-from feeder_sim.engines.impulse.free_part.state import Scratch
 from feeder_sim.engines.impulse.free_part.step import step
+from feeder_sim.engines.impulse.scratch import Scratch
 from feeder_sim.engines.impulse.state import ABSENT, ASLEEP, AWAKE, PART, Kinds
 from feeder_sim.engines.impulse.surroundings import Plate, Rim, Tube
 from feeder_sim.engines.impulse.window import acting_terms, bound_window, next_change

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from feeder_sim.engines.impact_log import ImpactLog, begin_contact, end_contact, in_contact
-from feeder_sim.engines.impulse.free_part.state import ON_PLATE
+from feeder_sim.engines.impulse.scratch import ON_PLATE
 from feeder_sim.machine_code import uncounted
 
 

@@ -20,8 +20,9 @@ from numba.extending import overload
 from feeder_sim.constants import GRAVITY
 from feeder_sim.engines.impulse.free_part.on_plate import UP, move_corner, see_corner, seen_at
 from feeder_sim.engines.impulse.free_part.path import ahead, write_path
-from feeder_sim.engines.impulse.free_part.state import ABOVE, ON_CIRCLE, ON_PLATE, SLOPE_X, SLOPE_Y, SPEED
+from feeder_sim.engines.impulse.scratch import ABOVE, ON_CIRCLE, ON_PLATE
 from feeder_sim.engines.impulse.state import CIRCLE
+from feeder_sim.engines.impulse.surface import SLOPE_X, SLOPE_Y, SPEED
 from feeder_sim.engines.impulse.vectors import combine, cross, dot, plus, vector, write_to
 from feeder_sim.machine_code import inlined, uncounted
 

@@ -9,18 +9,23 @@ from __future__ import annotations
 import math
 
 from feeder_sim.constants import GRAVITY
-from feeder_sim.engines.impulse.free_part.moving_surface import (
+from feeder_sim.engines.impulse.free_part.path import ahead, write_path
+from feeder_sim.engines.impulse.scratch import ABOVE, ON_PLATE
+from feeder_sim.engines.impulse.state import arm_of
+from feeder_sim.engines.impulse.surface import (
+    ACCELERATION,
+    SLOPE_X,
+    SLOPE_Y,
+    SPEED,
     along_at,
     flow_at,
     height_at,
     most_push,
     move_surface,
+    normal_at,
     shapes_under,
     slope_at,
 )
-from feeder_sim.engines.impulse.free_part.path import ahead, write_path
-from feeder_sim.engines.impulse.free_part.state import ABOVE, ACCELERATION, ON_PLATE, SLOPE_X, SLOPE_Y, SPEED
-from feeder_sim.engines.impulse.state import arm_of
 from feeder_sim.engines.impulse.vectors import combine, cross, dot, plus, vector, write_to
 from feeder_sim.engines.surface_arrays import ON_EDGE, off_plate
 from feeder_sim.machine_code import inlined
@@ -88,12 +93,11 @@ def _stand(point, under, arm, kind, plate, modal):
 @inlined
 def seen_at(under, dx, dy, modal, surface):
     """Normal of the surface, and its velocity (dx, dy) [m] beside a place, rising as that place sees it [m/s]."""
-    x, y = slope_at(under, modal)
-    along = flow_at(under, modal, surface)
-    speed, size = along[2] + x * along[0] + y * along[1], math.sqrt(1.0 + x * x + y * y)
+    slope, along = slope_at(under, modal), flow_at(under, modal, surface)
+    speed = along[2] + slope[0] * along[0] + slope[1] * along[1]
     for s in range(under.shape[0]):
         speed += (dx * under[s, SLOPE_X] + dy * under[s, SLOPE_Y]) * modal[SPEED, s]
-    return (-x / size, -y / size, 1.0 / size), (along[0], along[1], speed)
+    return normal_at(slope), (along[0], along[1], speed)
 
 
 @inlined

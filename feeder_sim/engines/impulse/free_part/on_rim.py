@@ -8,7 +8,7 @@ from feeder_sim.constants import GRAVITY
 from feeder_sim.engines.impulse.free_part.on_plate import CLOSE
 from feeder_sim.engines.impulse.free_part.on_tube import forget_plate
 from feeder_sim.engines.impulse.free_part.path import write_path
-from feeder_sim.engines.impulse.free_part.state import ON_WALL
+from feeder_sim.engines.impulse.scratch import ON_WALL
 from feeder_sim.engines.impulse.state import arm_of
 from feeder_sim.engines.impulse.vectors import cross, dot, plus, vector, write_to
 from feeder_sim.machine_code import inlined, uncounted

@@ -17,7 +17,7 @@ from feeder_sim.constants import GRAVITY
 from feeder_sim.engines.impulse.free_part.leap import LONGEST, twist_of
 from feeder_sim.engines.impulse.free_part.on_plate import CLOSE
 from feeder_sim.engines.impulse.free_part.path import write_path
-from feeder_sim.engines.impulse.free_part.state import ON_WALL
+from feeder_sim.engines.impulse.scratch import ON_WALL
 from feeder_sim.engines.impulse.state import arm_of
 from feeder_sim.engines.impulse.surroundings import WINDOW
 from feeder_sim.engines.impulse.vectors import cross, difference, dot, plus, vector, write_to

@@ -15,8 +15,8 @@ from __future__ import annotations
 from typing import NamedTuple, TypeAlias
 
 from feeder_sim.constants import GRAVITY
-from feeder_sim.engines.impulse.free_part.state import ACCELERATION, ALONG, CHANGE, NOW, SLOPE_X, SLOPE_Y, SPEED
 from feeder_sim.engines.impulse.state import inverse_inertia, turning_acceleration, turning_speed
+from feeder_sim.engines.impulse.surface import ACCELERATION, ALONG, CHANGE, NOW, SLOPE_X, SLOPE_Y, SPEED
 from feeder_sim.engines.impulse.vectors import cross, plus, times, vector, write_to
 from feeder_sim.machine_code import inlined
 

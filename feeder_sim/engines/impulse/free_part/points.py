@@ -7,12 +7,12 @@ from typing import NamedTuple
 import numpy as np
 
 from feeder_sim.engines.impulse.free_part.at_edge import REACH, look_at_edge, move_edge_point
-from feeder_sim.engines.impulse.free_part.moving_surface import move_surface
 from feeder_sim.engines.impulse.free_part.on_circle import look_at_circles, move_on_circle
 from feeder_sim.engines.impulse.free_part.on_plate import look_at_corners, move_corner
 from feeder_sim.engines.impulse.free_part.path import Turning, turning_of
-from feeder_sim.engines.impulse.free_part.state import ABOVE, AT_EDGE, ON_WALL
 from feeder_sim.engines.impulse.free_part.walls import in_tube, look_at_walls, move_at_wall, walled
+from feeder_sim.engines.impulse.scratch import ABOVE, AT_EDGE, ON_WALL
+from feeder_sim.engines.impulse.surface import move_surface
 from feeder_sim.engines.surface_arrays import edge_distance
 from feeder_sim.machine_code import inlined
 

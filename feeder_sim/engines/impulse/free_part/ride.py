@@ -19,9 +19,9 @@ import math
 from typing import NamedTuple
 
 from feeder_sim.constants import GRAVITY
-from feeder_sim.engines.impulse.free_part.moving_surface import move_surface, shapes_under
 from feeder_sim.engines.impulse.free_part.points import touches
-from feeder_sim.engines.impulse.free_part.state import (
+from feeder_sim.engines.impulse.state import FOLLOWING, fly_to
+from feeder_sim.engines.impulse.surface import (
     ACCELERATION,
     HEIGHT,
     NOW,
@@ -29,8 +29,9 @@ from feeder_sim.engines.impulse.free_part.state import (
     SLOPE_Y,
     TURN_X,
     TURN_Y,
+    move_surface,
+    shapes_under,
 )
-from feeder_sim.engines.impulse.state import FOLLOWING, fly_to
 from feeder_sim.engines.impulse.vectors import cross, dot, write_to
 from feeder_sim.machine_code import inlined, uncounted
 from feeder_sim.plate.compiled import BETA_X, BETA_Y, W, cubic_slopes, cubic_weights, grid_cell, interpolate

@@ -23,9 +23,9 @@ from feeder_sim.engines.impulse.free_part.notes import note_contact, speed_of_to
 from feeder_sim.engines.impulse.free_part.on_plate import CLOSE
 from feeder_sim.engines.impulse.free_part.points import look, lowest_gap, touches
 from feeder_sim.engines.impulse.free_part.ride import bring, follows_until, goes_along, sit_down
-from feeder_sim.engines.impulse.free_part.state import LATE, SPENT
 from feeder_sim.engines.impulse.free_part.sustained import CARRIED, Moment, press
 from feeder_sim.engines.impulse.free_part.walls import in_tube, leans, time_to_walls, walled
+from feeder_sim.engines.impulse.scratch import LATE, SPENT
 from feeder_sim.engines.impulse.state import ASLEEP, FREE, top_speed
 from feeder_sim.machine_code import inlined, uncounted
 

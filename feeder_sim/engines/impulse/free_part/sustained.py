@@ -25,21 +25,14 @@ from feeder_sim.engines.impulse.contact_problem import (
 from feeder_sim.engines.impulse.free_part.at_edge import edge_point_after
 from feeder_sim.engines.impulse.free_part.impact import LONGEST_CHATTER, chatter_time, gather, load_part
 from feeder_sim.engines.impulse.free_part.leap import Unsure, first_contact, shortest_leap
-from feeder_sim.engines.impulse.free_part.moving_surface import along_at, flow_at, move_surface
 from feeder_sim.engines.impulse.free_part.on_circle import lowest_point_after
 from feeder_sim.engines.impulse.free_part.on_plate import corner_after
 from feeder_sim.engines.impulse.free_part.path import Turning, ahead
 from feeder_sim.engines.impulse.free_part.points import touches
-from feeder_sim.engines.impulse.free_part.state import (
-    ABOVE,
-    ACCELERATION,
-    AT_EDGE,
-    ON_CIRCLE,
-    ON_WALL,
-    UNRESOLVED,
-)
 from feeder_sim.engines.impulse.free_part.walls import leans, wall_point_after, walled
+from feeder_sim.engines.impulse.scratch import ABOVE, AT_EDGE, ON_CIRCLE, ON_WALL, UNRESOLVED
 from feeder_sim.engines.impulse.state import FREE, PRESSED, top_speed
+from feeder_sim.engines.impulse.surface import ACCELERATION, along_at, flow_at, move_surface
 from feeder_sim.engines.impulse.vectors import add_to, cross, difference, dot, plus, times, vector, write_to
 from feeder_sim.machine_code import inlined
 

@@ -9,8 +9,8 @@ from numba.extending import overload
 
 from feeder_sim.engines.impulse.free_part.on_rim import look_at_rim, move_at_rim, rim_point_after, time_to_rim
 from feeder_sim.engines.impulse.free_part.on_tube import look_at_tube, move_at_tube, tube_point_after
-from feeder_sim.engines.impulse.free_part.state import ON_WALL
 from feeder_sim.engines.impulse.impact_law import ON_PLATE, restitution_at
+from feeder_sim.engines.impulse.scratch import ON_WALL
 from feeder_sim.engines.impulse.surroundings import Rim, Tube
 from feeder_sim.engines.impulse.vectors import vector
 from feeder_sim.machine_code import inlined

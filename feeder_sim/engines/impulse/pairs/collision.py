@@ -26,6 +26,7 @@ from feeder_sim.engines.impulse.pairs.due import DEEP, ROUND_OFF, SLACK
 from feeder_sim.engines.impulse.pairs.hulls import hull_distance
 from feeder_sim.engines.impulse.pairs.separating_axis import place_pieces, separating_axis
 from feeder_sim.engines.impulse.pairs.touching_points import touching_points
+from feeder_sim.engines.impulse.scratch import UNRESOLVED
 from feeder_sim.engines.impulse.single_impact import velocity_of_point
 from feeder_sim.engines.impulse.state import inverse_inertia
 from feeder_sim.engines.impulse.vectors import add_to, combine, cross, difference, dot, plus, vector, write_to
@@ -149,7 +150,7 @@ def _collide(a, kind_a, b, kind_b, n, normal, tools):
         contacts.number[RESTITUTION, i] = restitution_of_pair(a, b, kind_a, law, inverse, arms, normal)
         contacts.number[FRICTION, i], contacts.number[ROLLING, i] = kind_a.friction[law], 0.0
     if not impact(bodies, contacts, n, None):
-        tools.work.unresolved[0] += 1
+        tools.work.counts[UNRESOLVED] += 1
     for i in range(n):
         push = vector(contacts.vector[IMPULSE, i])
         _push(a, 1.0 / kind_a.mass, contacts.vector[ARM_FIRST, i], push, -1.0)

@@ -31,7 +31,7 @@ from feeder_sim.engines.impulse.island import (
     look_at_pair,
     set_due,
 )
-from feeder_sim.engines.impulse.reaction.yielding_contact import meet_yielding_plate
+from feeder_sim.engines.impulse.plate_contact import meet_plate
 from feeder_sim.engines.impulse.rest import fall_asleep, wake
 from feeder_sim.engines.impulse.state import ABSENT, ASLEEP, fly_to, orthonormalise_parts
 from feeder_sim.engines.impulse.surroundings import Bounds
@@ -186,7 +186,7 @@ def _advance(crowd, surface, bounds, tools, span, frames, yielding, limits):
             part = parts[i]
             fly_to(part, kinds.record[part.kind], t)
             left |= has_left(i, crowd, span.reach)
-            leap, hit = meet_yielding_plate(part, kinds, surface, bounds, t, tools.work, yielding)
+            leap, hit = meet_plate(part, kinds, surface, bounds, t, tools.work, yielding)
             set_due(tree, event, t + leap)
             if not hit:
                 continue

@@ -15,8 +15,8 @@ from feeder_sim.engines.impulse.engine import ImpulseEngine
 from feeder_sim.engines.impulse.frame_rows import FrameRows
 from feeder_sim.engines.impulse.island import Crowd, Span
 from feeder_sim.engines.impulse.reaction.crowd import Limits, advance_reacting, open_yielding_window
-from feeder_sim.engines.impulse.reaction.yielding_contact import Yielding
-from feeder_sim.engines.impulse.state import new_scratch
+from feeder_sim.engines.impulse.reaction.yielding import Yielding
+from feeder_sim.engines.impulse.scratch import new_scratch
 from feeder_sim.engines.impulse.surroundings import Bounds, Plate
 from feeder_sim.engines.reaction import reaction_of, set_reaction, with_reaction
 from feeder_sim.engines.surface_arrays import SurfaceArrays, surface_arrays

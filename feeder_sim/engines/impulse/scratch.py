@@ -52,10 +52,6 @@ POINT = np.dtype(
     ],
     align=True,
 )
-# Of Scratch.under: what each mode shape does under a point: deflection, its slopes, rotations, and how far it moves the
-# plate along the normal of the point.
-HEIGHT, SLOPE_X, SLOPE_Y, TURN_X, TURN_Y, ALONG = range(6)
-NOW, SPEED, ACCELERATION, CHANGE = range(4)  # of Scratch.now and Scratch.then
 CIRCLES, EDGE_POINTS = 2, 32  # room for points on the edge of the plate
 UNRESOLVED, LATE, SPENT = range(3)  # of Scratch.counts
 
@@ -63,10 +59,11 @@ UNRESOLVED, LATE, SPENT = range(3)  # of Scratch.counts
 class Scratch(NamedTuple):
     """Few arrays, since every one of them makes each call of a compiled function dearer.
 
-    point: (n,), records POINT. under: (n, n_shapes, 6), see HEIGHT. point_of: of every contact, its point. now, then:
-    (4, n_shapes), the modal coordinates and three derivatives at two times, see NOW. edge: points on the edge of the
-    plate. counts: (3,), impacts and forces that were not solved, contacts found late, budgets of looks spent. before:
-    (1,), the part as it was after its last look.
+    point: (n,), records POINT. under: (n, n_shapes, 6), see `surface.HEIGHT`; the last row is no point's. bodies and
+    contacts: of one problem. point_of: of every contact, its point. now, then: (4, n_shapes), the modal coordinates and
+    three derivatives at two times, see `surface.NOW`. edge: points on the edge of the plate. counts: (3,), impacts and
+    forces that were not solved, contacts found late, budgets of looks spent. before: (1,), the part as it was after its
+    last look. corners: (n, 3), of a part in steps: some of its own, or points on its circles and at the edge [m].
     """
 
     point: NDArray[np.void]
@@ -79,21 +76,29 @@ class Scratch(NamedTuple):
     edge: NDArray[np.void]
     counts: NDArray[np.int64]
     before: NDArray[np.void]
+    corners: NDArray[np.float64]
 
 
-def new_scratch(kinds: Kinds, n_shapes: int) -> Scratch:
-    """Room for the part: its corners, on the plate and at four walls, and the points on the edge of the plate."""
-    rows = 5 * int((kinds.record["corner_to"] - kinds.record["corner_from"]).max()) + CIRCLES + EDGE_POINTS
-    bodies, contacts, _ = new_room(1, rows)
+def new_scratch(kinds: Kinds, n_shapes: int, yielding: int = 0) -> Scratch:
+    """Room for any part: its corners, on the plate and at four walls, and the points on the edge of the plate.
+
+    yielding: number of modes that give way.
+    """
+    of, piece = kinds.record, kinds.piece
+    corners, edges = of["corner_to"] - of["corner_from"], of["edge_to"] - of["edge_from"]
+    n = int(max((5 * corners).max() + CIRCLES + EDGE_POINTS, (corners + 2 * edges).max()))
+    of_piece = int((piece["corner_to"] - piece["corner_from"]).max())  # each may lie on a face of another one
+    bodies, contacts, _ = new_room(2, max(n, 2 * of_piece), yielding)
     return Scratch(
-        point=np.zeros(rows + 1, POINT),
-        under=np.zeros((rows + 1, n_shapes, 6)),
+        point=np.zeros(n + 1, POINT),
+        under=np.zeros((n + 1, n_shapes, 6)),
         bodies=bodies,
         contacts=contacts,
-        point_of=np.zeros(rows, np.int64),
+        point_of=np.zeros(n, np.int64),
         now=np.zeros((4, n_shapes)),
         then=np.zeros((4, n_shapes)),
         edge=np.zeros(EDGE_POINTS, EDGE_POINT),
         counts=np.zeros(3, np.int64),
         before=np.zeros(1, PART),
+        corners=np.zeros((n, 3)),
     )

@@ -4,20 +4,13 @@ from __future__ import annotations
 
 import math
 
-from feeder_sim.engines.impulse.free_part.state import (
-    ACCELERATION,
-    ALONG,
-    CHANGE,
-    HEIGHT,
-    NOW,
-    SLOPE_X,
-    SLOPE_Y,
-    SPEED,
-    TURN_X,
-    TURN_Y,
-)
 from feeder_sim.machine_code import inlined
 from feeder_sim.plate.compiled import BETA_X, BETA_Y, W, cubic_slopes, cubic_weights, grid_cell, interpolate
+
+# Of Scratch.under: what each mode shape does under a point: deflection, its slopes, rotations, and how far it moves the
+# plate along the normal of the point.
+HEIGHT, SLOPE_X, SLOPE_Y, TURN_X, TURN_Y, ALONG = range(6)
+NOW, SPEED, ACCELERATION, CHANGE = range(4)  # of Scratch.now and Scratch.then
 
 
 @inlined
@@ -72,6 +65,14 @@ def shapes_under(x, y, part, surface, under):
 
 
 @inlined
+def move_surface_under(part, surface, t, work):
+    """As `move_surface`, into work.now; on a tangent surface the last of work.under is at the part's centre."""
+    move_surface(t, surface, work.now)
+    if surface.tangent:
+        shapes_at(part.position[0], part.position[1], surface, work.under[work.under.shape[0] - 1])
+
+
+@inlined
 def height_at(under, modal):
     """Height of the surface at a place [m]."""
     height = 0.0
@@ -96,10 +97,17 @@ def flow_at(under, modal, surface):
     moves, x, y, z = surface.half_thickness * surface.in_plane, 0.0, 0.0, 0.0
     for s in range(under.shape[0]):
         speed = modal[SPEED, s]
-        x -= moves * under[s, TURN_X] * speed
-        y -= moves * under[s, TURN_Y] * speed
+        x -= under[s, TURN_X] * speed
+        y -= under[s, TURN_Y] * speed
         z += under[s, HEIGHT] * speed
-    return x, y, z
+    return moves * x, moves * y, z
+
+
+@inlined
+def normal_at(slope):
+    """Unit normal of the surface where it has a slope [1]."""
+    size = math.sqrt(1.0 + slope[0] * slope[0] + slope[1] * slope[1])
+    return -slope[0] / size, -slope[1] / size, 1.0 / size
 
 
 @inlined
