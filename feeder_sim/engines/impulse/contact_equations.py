@@ -153,7 +153,7 @@ def _push(room, i, k, p, which):
 @uncounted
 def begin(room, n, size):
     """No impulses yet: the motion before them, relative velocities and effective masses."""
-    _forget(room, n)
+    forget(room, n)
     make_motion(room, n, size)
     for i in range(n):
         for k in range(_place(room, i, COUNT)):
@@ -165,7 +165,7 @@ def begin(room, n, size):
 
 
 @inlined
-def _forget(room, n):
+def forget(room, n):
     for i in range(n):
         for k in range(_place(room, i, COUNT)):
             room.value[IMPULSES, i, k] = 0.0
@@ -218,7 +218,7 @@ def sweeps_settle(room, n, size, closely):
     make_motion(room, n, size)
     if _sweep_until(room, n, size, NEAR * closely, WARM) and _linearise(room, n, closely) <= closely:
         return True
-    _forget(room, n)
+    forget(room, n)
     return False
 
 
@@ -300,7 +300,7 @@ def _follow_path(room, n, size, blur, tried, enough):
 
     tried: from which blur on the laws themselves are tried.
     """
-    _forget(room, n)
+    forget(room, n)
     for i in range(n):
         room.value[IMPULSES, i, N] = blur / (n * room.value[RATE, i, N])
     sharp, sharper, followed, stale = blur, SHARPER, False, 0
@@ -338,7 +338,7 @@ def _follow_path(room, n, size, blur, tried, enough):
 @uncounted
 def _sweeps(room, n, size, enough, nearly):
     """Sweep, and try Newton's method from where sweeps lead; returns whether the error is small enough, or nearly."""
-    _forget(room, n)
+    forget(room, n)
     make_motion(room, n, size)
     sweeps = SWEEPS
     for _ in range(BATCHES):

@@ -33,6 +33,7 @@ from feeder_sim.engines.impulse.contact_equations import (
     KNOWN,
     NOW,
     OTHER,
+    RATE,
     ROLLS,
     SECOND,
     SLIDES,
@@ -45,6 +46,7 @@ from feeder_sim.engines.impulse.contact_equations import (
     accuracy,
     begin,
     come_near,
+    forget,
     make_motion,
     relative,
     room_for,
@@ -65,6 +67,7 @@ from feeder_sim.machine_code import inlined, uncounted
 
 ARM_FIRST, ARM_SECOND, NORMAL, VELOCITY, IMPULSE, MOMENT = range(6)  # of Contacts.vector
 RESTITUTION, FRICTION, ROLLING, TARGET = range(4)  # of Contacts.number
+JAMMED = 4.0  # times what all contacts approach by, as velocities; loads of a part that is not jammed come to half
 WORLD = -1  # in Contacts.body: what moves as it is told
 
 
@@ -161,7 +164,11 @@ def solve(bodies, contacts, n, modes, closely=0.0):
 
 @uncounted
 def _sweeps_settle(contacts, n, size, closely):
-    """Sweep from the impulses that contacts have; returns whether that solves them, else there are none again."""
+    """Sweep from the impulses that contacts have; returns whether that solves them, else there are none again.
+
+    Those that hold each other far more than anything approaches are dropped: what is jammed would stay so by itself.
+    """
+    given = needed = 0.0
     for i in range(n):
         p, normal = contacts.room.value[IMPULSES, i], vector(contacts.vector[NORMAL, i])
         impulse, moment = contacts.vector[IMPULSE, i], contacts.vector[MOMENT, i]
@@ -169,6 +176,10 @@ def _sweeps_settle(contacts, n, size, closely):
         p[A], p[B], p[N] = dot(impulse, a), dot(impulse, b), dot(impulse, normal)
         if contacts.room.place[i, COUNT] > FORCES:
             p[FORCES], p[FORCES + 1] = dot(moment, a), dot(moment, b)
+        given += p[N] * contacts.room.value[RATE, i, N]
+        needed += max(contacts.room.target[i] - contacts.room.value[BEFORE, i, N], 0.0)
+    if given > JAMMED * needed:
+        forget(contacts.room, n)
     return sweeps_settle(contacts.room, n, size, closely)
 
 

@@ -72,7 +72,7 @@ class ReactingEngine(ImpulseEngine):
         self._yielding.books[:] = self._books_opened
         bounds = plate.bounds._replace(acceleration=plate.bounds.acceleration.copy())  # which are made anew
         margins = self._limits._replace(margin=self._limits.margin.copy())
-        opened = Plate(plate.surface, bounds)
+        opened = Plate(plate.surface, bounds, None)
         left = advance_reacting(crowd, opened, self._tools[0], span, frames, self._yielding, margins)
         self._reaction = reaction_of(plate.surface)
         return bool(left)
