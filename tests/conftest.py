@@ -167,14 +167,15 @@ def struck(
 
     arm, normal, surface = touch
     n, (velocity, momentum) = len(arm), motion
-    bodies, contacts, _ = contact_problem.new_room(1, n, 0 if modes is None else len(modes.taken))
+    bodies, contacts = contact_problem.new_room(1, n, 0 if modes is None else len(modes.taken))
+    contacts = contacts._replace(modes=modes or contacts.modes)
     bodies.velocity[0], bodies.spin[0], bodies.inverse_mass[0] = velocity, inverse_inertia @ momentum, 1.0 / mass
     bodies.inverse_inertia[0] = symmetric(inverse_inertia)
     contacts.body[:] = contact_problem.WORLD, 0
     contacts.vector[contact_problem.ARM_SECOND], contacts.vector[contact_problem.NORMAL] = arm, normal
     contacts.vector[contact_problem.VELOCITY] = surface
     contacts.number[contact_problem.RESTITUTION], contacts.number[contact_problem.FRICTION] = law
-    from_python(contact_problem.impact)(bodies, contacts, n, modes)
+    from_python(contact_problem.impact)(bodies, contacts, n)
     velocity[:] = bodies.velocity[0]
     momentum += np.cross(arm, contacts.vector[contact_problem.IMPULSE]).sum(axis=0)
 

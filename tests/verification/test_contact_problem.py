@@ -43,7 +43,8 @@ class Scene:
     """Bodies and their contacts, and what they are before and after."""
 
     def __init__(self, bodies: int, contacts: int, shapes: int = 0) -> None:
-        self.bodies, self.contacts, self.modes = new_room(bodies, contacts, shapes)
+        self.bodies, self.contacts = new_room(bodies, contacts, shapes)
+        self.modes = self.contacts.modes
         self.mass, self.inertia = np.zeros(bodies), np.zeros((bodies, 3, 3))
         self.position, self.n = np.zeros((bodies, 3)), 0
 
@@ -75,10 +76,9 @@ class Scene:
 
     def run(self, function: Any) -> tuple[bool, NDArray[np.float64], NDArray[np.float64]]:
         """Whether it has settled, relative velocities before and after (n, 3)."""
-        if self.modes is not None:
-            self.modes.taken[:] = 0.0
+        self.modes.taken[:] = 0.0
         before = self.relative()
-        settled = function(self.bodies, self.contacts, self.n, self.modes)
+        settled = function(self.bodies, self.contacts, self.n)
         return settled, before, self.relative()
 
     def relative(self) -> NDArray[np.float64]:
@@ -88,8 +88,7 @@ class Scene:
             u[i] = self._at(second, self.contacts.vector[ARM_SECOND, i])
             if first == WORLD:
                 u[i] -= self.contacts.vector[VELOCITY, i]
-                if self.modes is not None:
-                    u[i] += self.modes.taken @ self.modes.carried[i]
+                u[i] += self.modes.taken @ self.modes.carried[i]
             else:
                 u[i] -= self._at(first, self.contacts.vector[ARM_FIRST, i])
         return u
@@ -344,14 +343,14 @@ def test_sweeps_from_impulses_nearby_solve_a_face(sideways: float, bends: float,
         scene = face_under_a_nut(rng, sideways, bends)
         start = scene.bodies.velocity.copy(), scene.bodies.spin.copy()
         scene.bodies.velocity[:] *= 1.02
-        assert solve(scene.bodies, scene.contacts, 6, None, 1e-11)
+        assert solve(scene.bodies, scene.contacts, 6, 1e-11)
         motion = []
         for near in (closely, 1e-11):
             scene.bodies.velocity[:], scene.bodies.spin[:] = start
             if near == closely:
-                size = lay_out(scene.bodies, scene.contacts, 6, None)
+                size = lay_out(scene.bodies, scene.contacts, 6)
                 settled += sweeps_settle(scene.contacts, 6, size, closely)
-            assert solve(scene.bodies, scene.contacts, 6, None, near)
+            assert solve(scene.bodies, scene.contacts, 6, near)
             assert scene.worst(scene.relative()) < 10.0 * near
             motion.append(np.append(scene.bodies.velocity[0], 2.9e-3 * scene.bodies.spin[0]))
         off.append(np.abs(motion[1] - motion[0]).max())
@@ -365,7 +364,7 @@ def test_sweeps_take_a_load_that_creeps_to_where_it_goes() -> None:
     for _ in range(40):
         scene = face_under_a_nut(rng, 1e-3, 0.0)
         scene.contacts.number[TARGET, :6] = -1e-5 * rng.uniform(size=6)
-        size = lay_out(scene.bodies, scene.contacts, 6, None)
+        size = lay_out(scene.bodies, scene.contacts, 6)
         scene.contacts.room.target[:6] = scene.contacts.number[TARGET, :6]
         assert sweeps_settle(scene.contacts, 6, size, 2e-7)
         assert scene.run(lambda *of: solve(*of, 2e-7))[0]
@@ -402,7 +401,6 @@ def test_modes_lose_what_the_impulses_take(contacts: int) -> None:
         if contacts > 1:
             scene.touch(0, 1, (0, 0, 0.002), (0, 0, 1), e=0.3, mu=0.2)
         modes = scene.modes
-        assert modes is not None
         modes.inverse_mass[:] = 1 / rng.uniform(0.001, 0.1, 5)
         modes.carried[: scene.n] = rng.normal(size=(scene.n, 5, 3))
         modes_before = rng.normal(size=5) * 0.01  # in the frame of the unmoved plate

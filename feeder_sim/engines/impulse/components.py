@@ -80,7 +80,7 @@ def lying(crowd, tools):
         return None
     parts, pairs = int(np.diff(found.first_member).max()), int(np.diff(found.first_pair).max())
     points = parts * tools.work.point.shape[0] + pairs * tools.meeting.point.shape[0]
-    return Lying(found, *new_room(parts, points)[:2])
+    return Lying(found, *new_room(parts, points))
 
 
 @entry_point
@@ -178,7 +178,7 @@ def _holds(member, crowd, bodies, contacts, n):
         bodies.velocity[j, 2] -= fall
     contacts.vector[IMPULSE, :n] = 0.0
     contacts.vector[MOMENT, :n] = 0.0
-    if not solve(bodies, contacts, n, None, SOLVED * fall):
+    if not solve(bodies, contacts, n, SOLVED * fall):
         return False
     for j in range(member.shape[0]):
         v, spin = bodies.velocity[j], bodies.spin[j]

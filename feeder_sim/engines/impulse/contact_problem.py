@@ -20,8 +20,6 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba.core import types
-from numba.extending import overload
 from numpy.typing import NDArray
 
 from feeder_sim.engines.impulse.contact_equations import (
@@ -84,6 +82,18 @@ class Bodies(NamedTuple):
     inverse_inertia: NDArray[np.float64]
 
 
+class Modes(NamedTuple):
+    """The modes of a plate that gives way, if any; contacts with the world move them, those of two bodies do not.
+
+    inverse_mass: 1 / m_j (s,) [1/kg]; carried: d of every contact (n, s, 3) [1]; taken: velocities that the impulses
+    have taken from them (s,) [m/s].
+    """
+
+    inverse_mass: NDArray[np.float64]
+    carried: NDArray[np.float64]
+    taken: NDArray[np.float64]
+
+
 class Contacts(NamedTuple):
     """Contacts of bodies with each other or the world, and room to solve them.
 
@@ -97,22 +107,11 @@ class Contacts(NamedTuple):
     body: NDArray[np.int64]
     vector: NDArray[np.float64]
     number: NDArray[np.float64]
+    modes: Modes
     room: Room
 
 
-class Modes(NamedTuple):
-    """The modes of a plate that gives way; contacts with the world move them, those of two bodies do not.
-
-    inverse_mass: 1 / m_j (s,) [1/kg]; carried: d of every contact (n, s, 3) [1]; taken: velocities that the impulses
-    have taken from them (s,) [m/s].
-    """
-
-    inverse_mass: NDArray[np.float64]
-    carried: NDArray[np.float64]
-    taken: NDArray[np.float64]
-
-
-def new_room(bodies: int, contacts: int, shapes: int = 0) -> tuple[Bodies, Contacts, Modes | None]:
+def new_room(bodies: int, contacts: int, shapes: int = 0) -> tuple[Bodies, Contacts]:
     """Room for so many bodies, contacts and modes; fewer bodies and contacts may be solved in it."""
     return (
         Bodies(np.zeros((bodies, 3)), np.zeros((bodies, 3)), np.zeros(bodies), np.zeros((bodies, 6))),
@@ -120,9 +119,9 @@ def new_room(bodies: int, contacts: int, shapes: int = 0) -> tuple[Bodies, Conta
             np.zeros((contacts, 2), np.int64),
             np.zeros((6, contacts, 3)),
             np.zeros((4, contacts)),
+            Modes(np.zeros(shapes), np.zeros((contacts, shapes, 3)), np.zeros(shapes)),
             room_for(bodies, contacts, shapes),
         ),
-        Modes(np.zeros(shapes), np.zeros((contacts, shapes, 3)), np.zeros(shapes)) if shapes else None,
     )
 
 
@@ -137,28 +136,27 @@ def meet_world(n, contacts, body, place, law):
 
 
 @uncounted
-def solve(bodies, contacts, n, modes, closely=0.0):
+def solve(bodies, contacts, n, closely=0.0):
     """Find the impulses at the first n contacts that reach their TARGET; changes velocities and spins in place.
 
-    modes: None for a plate that does not give way; closely: see `settle`; with it sweeps come first, from the impulses
-    and moments that the contacts have.
+    closely: see `settle`; with it sweeps come first, from the impulses and moments that the contacts have.
 
-    Fills IMPULSE, MOMENT and modes.taken. Returns whether every contact obeys its laws.
+    Fills IMPULSE, MOMENT and taken of the modes. Returns whether every contact obeys its laws.
     """
     if n == 1 and contacts.number[ROLLING, 0] <= 0.0:
-        frame, k, u = _alone(bodies, contacts, modes)
+        frame, k, u = _alone(bodies, contacts)
         p, target = (0.0, 0.0, 0.0), contacts.number[TARGET, 0]
         if u[2] < target:
             _, p = impulse_to(k, u, target, contacts.number[FRICTION, 0])
-        _push_alone(bodies, contacts, modes, frame, p)
+        _push_alone(bodies, contacts, frame, p)
         return True
-    size = _lay_out(bodies, contacts, n, modes)
+    size = _lay_out(bodies, contacts, n)
     for i in range(n):
         contacts.room.target[i] = contacts.number[TARGET, i]
     settled = closely > 0.0 and _sweeps_settle(contacts, n, size, closely)
     if not settled:
         settled = settle(contacts.room, n, size, closely)
-    _write_out(bodies, contacts, n, modes)
+    _write_out(bodies, contacts, n)
     return settled
 
 
@@ -184,15 +182,15 @@ def _sweeps_settle(contacts, n, size, closely):
 
 
 @uncounted
-def impact(bodies, contacts, n, modes, closely=0.0):
+def impact(bodies, contacts, n, closely=0.0):
     """As `solve`, by Newton's law of restitution: the target is -e u.n where a contact approaches, else 0.
 
     closely: see `settle`; with it sweeps come first. Overwrites TARGET. Energy never grows.
     """
     room, number = contacts.room, contacts.number
-    if n == 1 and number[ROLLING, 0] <= 0.0 and _impact_alone(bodies, contacts, modes):
+    if n == 1 and number[ROLLING, 0] <= 0.0 and _impact_alone(bodies, contacts):
         return True
-    size = _lay_out(bodies, contacts, n, modes)
+    size = _lay_out(bodies, contacts, n)
     share, settled = 1.0, False  # of the restitution
     for _ in range(HALVINGS + 1):
         for i in range(n):
@@ -211,7 +209,7 @@ def impact(bodies, contacts, n, modes, closely=0.0):
     _take_back(room, n, size, work, at_first, 1.0 if settled else 0.5)
     for i in range(n):
         number[TARGET, i] = room.target[i]
-    _write_out(bodies, contacts, n, modes)
+    _write_out(bodies, contacts, n)
     return settled
 
 
@@ -228,20 +226,20 @@ def _slip(room, n, size, closely):
 
 
 @uncounted
-def _impact_alone(bodies, contacts, modes):
+def _impact_alone(bodies, contacts):
     """Impact at the only contact, directly; returns False, with nothing changed, where that does not apply."""
-    frame, k, before = _alone(bodies, contacts, modes)
+    frame, k, before = _alone(bodies, contacts)
     e, solved, p = contacts.number[RESTITUTION, 0], True, (0.0, 0.0, 0.0)
     if before[2] < 0.0:
         solved, p = impulse_at_point(k, before, e, contacts.number[FRICTION, 0])
     if solved:
         contacts.number[TARGET, 0] = -e * min(before[2], 0.0)
-        _push_alone(bodies, contacts, modes, frame, p)
+        _push_alone(bodies, contacts, frame, p)
     return solved
 
 
 @inlined
-def _alone(bodies, contacts, modes):
+def _alone(bodies, contacts):
     """Frame of the only contact, its inverse effective mass and its relative velocity, both in that frame."""
     first, second = contacts.body[0, 0], contacts.body[0, 1]
     normal, arm = vector(contacts.vector[NORMAL, 0]), vector(contacts.vector[ARM_SECOND, 0])
@@ -250,7 +248,11 @@ def _alone(bodies, contacts, modes):
     u = plus(bodies.velocity[second], 1.0, cross(bodies.spin[second], arm))
     if first == WORLD:
         u = difference(u, contacts.vector[VELOCITY, 0])
-        k = _yielding(modes, k, a, b, normal)
+        modes = contacts.modes
+        for s in range(modes.taken.shape[0]):
+            d, share = modes.carried[0, s], modes.inverse_mass[s]
+            x, y, z = dot(d, a), dot(d, b), dot(d, normal)
+            k = added(k, (share * x * x, share * x * y, share * x * z, share * y * y, share * y * z, share * z * z))
     else:
         u = difference(u, plus(bodies.velocity[first], 1.0, cross(bodies.spin[first], first_arm)))
         inverse_inertia = _inverse_inertia(bodies, first)
@@ -259,14 +261,16 @@ def _alone(bodies, contacts, modes):
 
 
 @inlined
-def _push_alone(bodies, contacts, modes, frame, p):
+def _push_alone(bodies, contacts, frame, p):
     """Give the only contact an impulse."""
     first, second = contacts.body[0, 0], contacts.body[0, 1]
     push = combine(p[0], frame[0], p[1], frame[1], p[2], frame[2])
     _apply(bodies, second, vector(contacts.vector[ARM_SECOND, 0]), push, 1.0)
     if first != WORLD:
         _apply(bodies, first, vector(contacts.vector[ARM_FIRST, 0]), push, -1.0)
-    _take_alone(modes, push, first == WORLD)
+    modes = contacts.modes
+    for s in range(modes.taken.shape[0]):
+        modes.taken[s] = modes.inverse_mass[s] * dot(modes.carried[0, s], push) if first == WORLD else 0.0
     write_to(contacts.vector[IMPULSE, 0], push)
     write_to(contacts.vector[MOMENT, 0], (0.0, 0.0, 0.0))
 
@@ -285,9 +289,9 @@ def _inverse_inertia(bodies, j):
 
 
 @uncounted
-def _lay_out(bodies, contacts, n, modes):
+def _lay_out(bodies, contacts, n):
     """Write the equations of n contacts into the room, without impulses; returns the length of the motion."""
-    room, ends, one = contacts.room, _end_of_bodies(contacts, n), _is_one_pair(contacts, n, modes)
+    room, ends, one = contacts.room, _end_of_bodies(contacts, n), _is_one_pair(contacts, n)
     for j in range(ends // 6):
         for c in range(3):
             room.motion[START, 6 * j + c] = bodies.velocity[j, c]
@@ -295,7 +299,9 @@ def _lay_out(bodies, contacts, n, modes):
     if one:
         ends = 6
         _write_relative_motion(bodies, contacts, room)
-    size = ends + _number_of(modes)
+    modes = contacts.modes
+    n_modes = 0 if one else modes.taken.shape[0]
+    size = ends + n_modes
     for x in range(ends, size):
         room.motion[START, x] = 0.0
     for i in range(n):
@@ -308,14 +314,16 @@ def _lay_out(bodies, contacts, n, modes):
             _write_body(bodies, room, i, k, d, second, arm, 0, 1.0)
             room.value[KNOWN, i, k] = -dot(d, contacts.vector[VELOCITY, i]) if alone and k < FORCES else 0.0
             if alone:
-                _write_modes(modes, room, i, k, d)
+                for s in range(n_modes):
+                    room.rows[i, k, 6 + s] = dot(modes.carried[i, s], d) if k < FORCES else 0.0
+                    room.push[i, k, 6 + s] = modes.inverse_mass[s] * room.rows[i, k, 6 + s]
             elif one:
                 _add_other(bodies, room, i, k, d, first_arm, arm)
             else:
                 _write_body(bodies, room, i, k, d, first, first_arm, 6, -1.0)
         place = room.place[i]
         place[SECOND], place[OTHER] = 6 * second, ends if alone else 6 * first
-        place[WIDTH], place[COUNT] = _number_of(modes) if alone else 6, count
+        place[WIDTH], place[COUNT] = n_modes if alone else 6, count
         if one:
             place[SECOND] = place[OTHER] = place[WIDTH] = 0
         room.limit[i, SLIDES], room.limit[i, ROLLS] = contacts.number[FRICTION, i], contacts.number[ROLLING, i]
@@ -324,9 +332,9 @@ def _lay_out(bodies, contacts, n, modes):
 
 
 @inlined
-def _is_one_pair(contacts, n, modes):
+def _is_one_pair(contacts, n):
     """Whether bodies 0 and 1 touch each other alone: then their relative motion says all, with half the unknowns."""
-    one = _number_of(modes) == 0
+    one = True
     for i in range(n):
         one = one and contacts.body[i, 0] == 0 and contacts.body[i, 1] == 1
     return one
@@ -405,7 +413,7 @@ def _take_back(room, n, size, work, at_first, part):
 
 
 @uncounted
-def _write_out(bodies, contacts, n, modes):
+def _write_out(bodies, contacts, n):
     """Velocities, impulses and moments, from the room."""
     room, ends = contacts.room, _end_of_bodies(contacts, n)
     for i in range(n):
@@ -415,7 +423,7 @@ def _write_out(bodies, contacts, n, modes):
         write_to(contacts.vector[IMPULSE, i], combine(p[A], a, p[B], b, p[N], normal))
         moment = combine(p[FORCES], a, p[FORCES + 1], b, 0.0, normal) if rolling else (0.0, 0.0, 0.0)
         write_to(contacts.vector[MOMENT, i], moment)
-    if _is_one_pair(contacts, n, modes):
+    if _is_one_pair(contacts, n):
         for i in range(n):
             push, moment = vector(contacts.vector[IMPULSE, i]), vector(contacts.vector[MOMENT, i])
             for j in range(2):
@@ -427,88 +435,5 @@ def _write_out(bodies, contacts, n, modes):
         for c in range(3):
             bodies.velocity[j, c] = room.motion[NOW, 6 * j + c]
             bodies.spin[j, c] = room.motion[NOW, 6 * j + 3 + c]
-    _write_taken(modes, room, ends)
-
-
-def _number_of(modes):
-    """How many modes there are."""
-    raise NotImplementedError("for compiled code only")
-
-
-def _write_modes(modes, room, i, k, d):
-    """As `_write_body`, of the modes, as velocities that they have lost."""
-    raise NotImplementedError("for compiled code only")
-
-
-def _yielding(modes, k, a, b, normal):
-    """The inverse effective mass k of the only contact, with what it gains by the modes."""
-    raise NotImplementedError("for compiled code only")
-
-
-def _take_alone(modes, push, moves):
-    """What the impulse at the only contact takes from the modes, if it moves them."""
-    raise NotImplementedError("for compiled code only")
-
-
-def _write_taken(modes, room, at):
-    """What the modes have lost; at: where they begin in the motion."""
-    raise NotImplementedError("for compiled code only")
-
-
-@overload(_number_of)
-def _number_by_kind(modes):
-    if isinstance(modes, types.NoneType):
-        return lambda modes: 0
-    return lambda modes: modes.taken.shape[0]
-
-
-@overload(_write_modes)
-def _write_modes_by_kind(modes, room, i, k, d):
-    if isinstance(modes, types.NoneType):
-        return lambda modes, room, i, k, d: None
-
-    def write(modes, room, i, k, d):
-        for s in range(modes.taken.shape[0]):
-            room.rows[i, k, 6 + s] = dot(modes.carried[i, s], d) if k < FORCES else 0.0
-            room.push[i, k, 6 + s] = modes.inverse_mass[s] * room.rows[i, k, 6 + s]
-
-    return write
-
-
-@overload(_yielding)
-def _yielding_by_kind(modes, k, a, b, normal):
-    if isinstance(modes, types.NoneType):
-        return lambda modes, k, a, b, normal: k
-
-    def gained(modes, k, a, b, normal):
-        for s in range(modes.taken.shape[0]):
-            d, share = modes.carried[0, s], modes.inverse_mass[s]
-            x, y, z = dot(d, a), dot(d, b), dot(d, normal)
-            k = added(k, (share * x * x, share * x * y, share * x * z, share * y * y, share * y * z, share * z * z))
-        return k
-
-    return gained
-
-
-@overload(_take_alone)
-def _take_by_kind(modes, push, moves):
-    if isinstance(modes, types.NoneType):
-        return lambda modes, push, moves: None
-
-    def take(modes, push, moves):
-        for s in range(modes.taken.shape[0]):
-            modes.taken[s] = modes.inverse_mass[s] * dot(modes.carried[0, s], push) if moves else 0.0
-
-    return take
-
-
-@overload(_write_taken)
-def _write_taken_by_kind(modes, room, at):
-    if isinstance(modes, types.NoneType):
-        return lambda modes, room, at: None
-
-    def write(modes, room, at):
-        for s in range(modes.taken.shape[0]):
-            modes.taken[s] = room.motion[NOW, at + s]
-
-    return write
+    for s in range(contacts.modes.taken.shape[0]):
+        contacts.modes.taken[s] = room.motion[NOW, ends + s]

@@ -22,13 +22,13 @@ def load_body(j, part, kind, bodies):
 
 
 @uncounted
-def resolve_impact(part, kind, n, modes, work):
+def resolve_impact(part, kind, n, work):
     """Change velocity and angular momentum of a part for impacts at the first n contacts, which have been gathered.
 
-    modes: None for a plate that does not give way. Returns whether every contact obeys its laws.
+    Returns whether every contact obeys its laws.
     """
     load_body(0, part, kind, work.bodies)
-    settled = impact(work.bodies, work.contacts, n, modes, CLOSELY)
+    settled = impact(work.bodies, work.contacts, n, CLOSELY)
     write_to(part.velocity, work.bodies.velocity[0])
     for i in range(n):
         add_to(part.momentum, 1.0, cross(work.contacts.vector[ARM_SECOND, i], work.contacts.vector[IMPULSE, i]))

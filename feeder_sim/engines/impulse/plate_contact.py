@@ -20,7 +20,7 @@ from feeder_sim.engines.impulse.flight_time import flight_on_flat, forecast, lon
 from feeder_sim.engines.impulse.impact import resolve_impact
 from feeder_sim.engines.impulse.impact_law import hit_plate, restitution_on_plate
 from feeder_sim.engines.impulse.plate_edge import BESIDE, edge_leap, falls, points_on_edge
-from feeder_sim.engines.impulse.reaction.yielding import give_to_plate, gives_way, modes_of, note_carried
+from feeder_sim.engines.impulse.reaction.yielding import give_to_plate, gives_way, note_carried
 from feeder_sim.engines.impulse.scratch import UNRESOLVED
 from feeder_sim.engines.impulse.state import arm_of, height_of, inverse_inertia, spin_of
 from feeder_sim.engines.impulse.surface import (
@@ -216,7 +216,7 @@ def _impact(part, kind, corners, surface, t, work, yielding):
         note_carried(n, i, surface, work, yielding)
         n += 1
     before = vector(part.velocity), spin_of(part, kind)
-    if not resolve_impact(part, kind, n, modes_of(yielding), work):
+    if not resolve_impact(part, kind, n, work):
         work.counts[UNRESOLVED] += 1
     give_to_plate(n, corners.shape[0], before, kind.mass * GRAVITY * depth, surface, t, work, yielding)
     put_back(part, corners, depth, work)

@@ -88,7 +88,7 @@ def new_scratch(kinds: Kinds, n_shapes: int, yielding: int = 0) -> Scratch:
     corners, edges = of["corner_to"] - of["corner_from"], of["edge_to"] - of["edge_from"]
     n = int(max((5 * corners).max() + CIRCLES + EDGE_POINTS, (corners + 2 * edges).max()))
     of_piece = int((piece["corner_to"] - piece["corner_from"]).max())  # each may lie on a face of another one
-    bodies, contacts, _ = new_room(2, max(n, 2 * of_piece), yielding)
+    bodies, contacts = new_room(2, max(n, 2 * of_piece), yielding)
     return Scratch(
         point=np.zeros(n + 1, POINT),
         under=np.zeros((n + 1, n_shapes, 6)),

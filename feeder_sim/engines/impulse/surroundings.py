@@ -47,14 +47,14 @@ class Bounds(NamedTuple):
     end: float
     crest: float
     slope: float
-    curvature: float
+    speed: float
+    rest_step: float
     acceleration: NDArray[np.float64]
     amplitude: NDArray[np.float64]
-    speed: float
+    curvature: float
     rate: float
     fastest: float
     step: float
-    rest_step: float
     calm: bool
     exact: Exactness
 

@@ -38,21 +38,23 @@ class Drive(NamedTuple):
 
 
 @compiled
-def acting_terms(surface, start, stop):
+def acting_terms(surface, start, stop, staying=0):
     """The surface with those terms alone that act between two times [s] and have not died out.
 
     Terms of one shape and rate that act all the time become one: what rings on after many short stages are many terms.
+    The last ones stay as they are, as many as are `staying`.
     """
     n, most = 0, surface.term_shape.shape[0]
     shape, begin, end = np.empty(most, np.int64), np.empty(most), np.empty(most)
     coefficient, rate = np.empty(most, np.complex128), np.empty(most, np.complex128)
     for k in range(most):
-        if surface.term_start[k] >= stop or surface.term_stop[k] < start:
+        stays = k >= most - staying
+        if not stays and (surface.term_start[k] >= stop or surface.term_stop[k] < start):
             continue
-        if _size_at(surface, k, max(start, surface.term_start[k])) <= FAINT:
+        if not stays and _size_at(surface, k, max(start, surface.term_start[k])) <= FAINT:
             continue
         own, at = surface.coefficient[k], n
-        if surface.term_start[k] <= start and surface.term_stop[k] >= stop:
+        if not stays and surface.term_start[k] <= start and surface.term_stop[k] >= stop:
             for j in range(n):
                 same = shape[j] == surface.term_shape[k] and rate[j] == surface.rate[k]
                 if same and begin[j] <= start and end[j] >= stop:
@@ -154,21 +156,9 @@ def bound_window(acting, drive, start, stop):
         step = max(own_step, COVERED / speed)
     rest_step = step if driven else max(step, math.sqrt(2.0 * SAG / (GRAVITY + together)))
     calm = not driven and speed <= CALM[0] and crest <= CALM[1]
-    return Bounds(
-        stop,
-        crest,
-        slope,
-        curvature * crest,
-        acceleration,
-        amplitude,
-        speed,
-        rate,
-        max(now, SLOWEST),
-        step,
-        rest_step,
-        calm,
-        drive.exact,
-    )
+    fastest = max(now, SLOWEST)
+    sizes = crest, slope, speed, rest_step, acceleration, amplitude
+    return Bounds(stop, *sizes, curvature * crest, rate, fastest, step, calm, drive.exact)
 
 
 @compiled

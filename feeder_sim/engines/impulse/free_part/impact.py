@@ -85,7 +85,7 @@ def strike(part, kind, seen, rebounds, plate, work):
         alone = m == 1 and work.point[work.point_of[0]].sort != ON_WALL and kind.rolling == 0.0
         if not (alone and _hit(part, kind, work)):
             load_part(part, kind, turning, 0.0, work)
-            if not impact(work.bodies, work.contacts, m, None, bounds.exact.approach):
+            if not impact(work.bodies, work.contacts, m, bounds.exact.approach):
                 work.counts[UNRESOLVED] += 1
                 part.jammed = part.clock + JAMMED
             write_to(part.velocity, vector(work.bodies.velocity[0]))

@@ -149,7 +149,7 @@ def _collide(a, kind_a, b, kind_b, n, normal, tools):
         write_to(contacts.vector[NORMAL, i], normal)
         contacts.number[RESTITUTION, i] = restitution_of_pair(a, b, kind_a, law, inverse, arms, normal)
         contacts.number[FRICTION, i], contacts.number[ROLLING, i] = kind_a.friction[law], 0.0
-    if not impact(bodies, contacts, n, None):
+    if not impact(bodies, contacts, n):
         tools.work.counts[UNRESOLVED] += 1
     for i in range(n):
         push = vector(contacts.vector[IMPULSE, i])

@@ -37,7 +37,6 @@ from feeder_sim.engines.impulse.state import ABSENT, ASLEEP, fly_to, orthonormal
 from feeder_sim.engines.impulse.surroundings import Bounds
 from feeder_sim.engines.impulse.window import SAG, Drive, acting_terms, bound_window
 from feeder_sim.engines.protocol import ENDED
-from feeder_sim.engines.surface_arrays import SurfaceArrays
 from feeder_sim.machine_code import compiled, entry_point
 
 MARGIN = 0.05  # of crest and acceleration; in a step of 1/40 period the surface itself moves by three times that
@@ -55,51 +54,13 @@ class Limits(NamedTuple):
 def open_yielding_window(parts, n_free, kinds, span, limits):
     """As `open_window`; the last terms of the surface are the reaction, and stay."""
     start, end = span
-    acting = _acting_terms(limits.drive.surface, start, end, limits.margin.shape[0])
+    acting = acting_terms(limits.drive.surface, start, end, limits.margin.shape[0])
     bounds = _bounds(acting, start, end, limits)
     if not bounds.calm:
         for i in range(n_free):
             wake(parts[i])
     orthonormalise_parts(parts, n_free)
     return acting, bounds, reach_of(parts, n_free, kinds, bounds, end - start)
-
-
-@compiled
-def _acting_terms(surface, start, end, n_shapes):
-    """The terms of the drives that act, and all those of the reaction, in arrays of their own."""
-    first = surface.term_shape.shape[0] - n_shapes
-    drives = acting_terms(
-        SurfaceArrays(
-            surface.grid_x,
-            surface.grid_y,
-            surface.table,
-            surface.term_shape[:first],
-            surface.term_start[:first],
-            surface.term_stop[:first],
-            surface.coefficient[:first],
-            surface.rate[:first],
-            surface.half_thickness,
-            surface.in_plane,
-            surface.tangent,
-            surface.outline,
-        ),
-        start,
-        end,
-    )
-    return SurfaceArrays(
-        surface.grid_x,
-        surface.grid_y,
-        surface.table,
-        np.concatenate((drives.term_shape, surface.term_shape[first:])),
-        np.concatenate((drives.term_start, surface.term_start[first:])),
-        np.concatenate((drives.term_stop, surface.term_stop[first:])),
-        np.concatenate((drives.coefficient, surface.coefficient[first:])),
-        np.concatenate((drives.rate, surface.rate[first:])),
-        surface.half_thickness,
-        surface.in_plane,
-        surface.tangent,
-        surface.outline,
-    )
 
 
 @compiled
@@ -129,21 +90,7 @@ def _bounds(acting, start, end, limits):
     rest_step = now.rest_step
     if rest_step > now.step:  # nothing drives it
         rest_step = max(now.step, math.sqrt(2.0 * SAG / (GRAVITY + most)))
-    return Bounds(
-        end,
-        crest,
-        slope,
-        now.curvature,
-        now.acceleration,
-        now.amplitude,
-        speed,
-        now.rate,
-        now.fastest,
-        now.step,
-        rest_step,
-        now.calm,
-        now.exact,
-    )
+    return Bounds(end, crest, slope, speed, rest_step, *now[5:])
 
 
 @compiled
@@ -213,21 +160,7 @@ def _renewed(surface, bounds, t, yielding, limits):
     new = _bounds(surface, t, bounds.end, limits)
     for s in range(new.acceleration.shape[0]):
         bounds.acceleration[s] = new.acceleration[s]
-    return Bounds(
-        new.end,
-        new.crest,
-        new.slope,
-        new.curvature,
-        bounds.acceleration,
-        bounds.amplitude,
-        new.speed,
-        new.rate,
-        new.fastest,
-        new.step,
-        new.rest_step,
-        new.calm,
-        new.exact,
-    )
+    return Bounds(new.end, new.crest, new.slope, new.speed, new.rest_step, bounds.acceleration, bounds.amplitude, *new[7:])
 
 
 @compiled

@@ -10,13 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from feeder_sim.engines.impulse.components import lying, rest_alone
-from feeder_sim.engines.impulse.contact_problem import Modes
 from feeder_sim.engines.impulse.engine import ImpulseEngine
 from feeder_sim.engines.impulse.frame_rows import FrameRows
 from feeder_sim.engines.impulse.island import Crowd, Span
 from feeder_sim.engines.impulse.reaction.crowd import Limits, advance_reacting, open_yielding_window
 from feeder_sim.engines.impulse.reaction.yielding import Yielding
-from feeder_sim.engines.impulse.scratch import new_scratch
 from feeder_sim.engines.impulse.surroundings import Bounds, Plate
 from feeder_sim.engines.reaction import reaction_of, set_reaction, with_reaction
 from feeder_sim.engines.surface_arrays import SurfaceArrays, surface_arrays
@@ -33,7 +31,7 @@ class ReactingEngine(ImpulseEngine):
     that parts have got from the plate's modes, from the contact law (negative) and by being put back on the surface.
     """
 
-    _single_apart = False
+    _single_apart, _yields = False, True
 
     def __init__(
         self,
@@ -49,10 +47,8 @@ class ReactingEngine(ImpulseEngine):
             self._window = WINDOW_OF_ONE
         modes, n = free_modes(scene.driven), scene.surface.n_shapes
         self._rate = modes.rate
-        self._work[0] = new_scratch(self._kinds, n, yielding=n)
-        contacts = self._work[0].contacts.body.shape[0]
-        room = Modes(1.0 / modes.modal_mass, np.zeros((contacts, n, 3)), np.zeros(n))
-        self._yielding = Yielding(room, np.zeros(n, complex), np.zeros(3))
+        self._work[0].contacts.modes.inverse_mass[:] = 1.0 / modes.modal_mass
+        self._yielding = Yielding(np.zeros(n, complex), np.zeros(3))
         self._surface = with_reaction(self._surface, self._rate)
         self._limits = self._limits_of(scene)
         self._reaction = self._reaction_opened = reaction_of(self._surface)

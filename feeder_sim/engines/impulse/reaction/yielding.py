@@ -9,7 +9,7 @@ from numba.core import types
 from numba.extending import overload
 from numpy.typing import NDArray
 
-from feeder_sim.engines.impulse.contact_problem import ARM_SECOND, IMPULSE, VELOCITY, Modes
+from feeder_sim.engines.impulse.contact_problem import ARM_SECOND, IMPULSE, VELOCITY
 from feeder_sim.engines.impulse.surface import HEIGHT, SPEED, TURN_X, TURN_Y
 from feeder_sim.engines.impulse.vectors import combine, cross, dot, plus, vector
 from feeder_sim.engines.reaction import react
@@ -19,24 +19,18 @@ TAKEN, WORK, LIFTED = range(3)  # of the books
 
 
 class Yielding(NamedTuple):
-    """What gives way: the modes; how much their reaction has changed since the bounds were made (n_shapes,) [m].
+    """What gives way: how much the reaction of modes has changed since the bounds were made (n_shapes,) [m].
 
     books: energies [J] since t = 0 that parts got at the plate: TAKEN from its modes, WORK of the contact law, which is
     negative, and LIFTED where they were put back on the surface.
     """
 
-    modes: Modes
     changed: NDArray[np.complex128]
     books: NDArray[np.float64]
 
 
 def gives_way(yielding):
     """Whether the plate gives way."""
-    raise NotImplementedError("for compiled code only")
-
-
-def modes_of(yielding):
-    """Its modes, or None."""
     raise NotImplementedError("for compiled code only")
 
 
@@ -63,18 +57,11 @@ def _gives_way(yielding):
     return lambda yielding: yields
 
 
-@overload(modes_of)
-def _modes_of(yielding):
-    if _is_none(yielding):
-        return lambda yielding: None
-    return lambda yielding: yielding.modes
-
-
 @overload(note_carried)
 def _note_carried_by_kind(n, i, surface, work, yielding):
     if _is_none(yielding):
         return lambda n, i, surface, work, yielding: None
-    return lambda n, i, surface, work, yielding: _note_carried(work.under[i], surface, yielding.modes.carried[n])
+    return lambda n, i, surface, work, yielding: _note_carried(work.under[i], surface, work.contacts.modes.carried[n])
 
 
 @overload(give_to_plate)
@@ -96,10 +83,10 @@ def _note_carried(under, surface, carried):
 
 @uncounted
 def _give(n, n_corners, before, lifted, surface, t, work, yielding):
-    books, modes, taken = yielding.books, yielding.modes, yielding.modes.taken
+    books, modes, taken = yielding.books, work.contacts.modes, work.contacts.modes.taken
     for s in range(taken.shape[0]):
         books[TAKEN] += (work.now[SPEED, s] - 0.5 * taken[s]) * taken[s] / modes.inverse_mass[s]
-    books[WORK] += _work(n, before, modes, work)
+    books[WORK] += _work(n, before, work)
     books[LIFTED] += lifted
     react(surface, t, taken, yielding.changed)
     for i in range(n_corners):
@@ -110,12 +97,12 @@ def _give(n, n_corners, before, lifted, surface, t, work, yielding):
 
 
 @inlined
-def _work(n, before, modes, work):
+def _work(n, before, work):
     """Work of the impulses of n contacts in the frame of the surface [J]: sum of p . (u + u')/2.
 
     before: velocity and spin of the part before them.
     """
-    total, body = 0.0, work.bodies
+    total, body, modes = 0.0, work.bodies, work.contacts.modes
     for i in range(n):
         arm, push = vector(work.contacts.vector[ARM_SECOND, i]), vector(work.contacts.vector[IMPULSE, i])
         first = plus(before[0], 1.0, cross(before[1], arm))
