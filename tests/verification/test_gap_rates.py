@@ -108,10 +108,17 @@ def _renew(parts: Any, kinds: Any, plate: Any, n: int, work: Any) -> None:
     move_points(parts[0], kinds.record[0], plate, n, work)
 
 
+class Struck(NamedTuple):
+    """What `strike` takes of a part."""
+
+    parts: Any
+    kinds: Any
+    work: Any
+
+
 @njit
 def _strike(parts: Any, kinds: Any, plate: Any, t: float, work: Any) -> Any:
-    part, kind = parts[0], kinds.record[parts[0].kind]
-    strike(part, kind, look(part, kinds, plate, t, work), True, plate, work)
+    strike(Struck(parts, kinds, work), look(parts[0], kinds, plate, t, work), True, plate)
 
 
 @njit

@@ -30,7 +30,7 @@ from feeder_sim.engines.impulse.island import Crowd, Share, Span, Tools, advance
 from feeder_sim.engines.impulse.pairs.due import PAIR
 from feeder_sim.engines.impulse.pairs.hulls import HullLibrary
 from feeder_sim.engines.impulse.pairs.separating_axis import new_meeting
-from feeder_sim.engines.impulse.parts_engine import COLUMNS, PartsEngine
+from feeder_sim.engines.impulse.parts_engine import PartsEngine
 from feeder_sim.engines.impulse.scratch import UNRESOLVED, new_scratch
 from feeder_sim.engines.impulse.state import ABSENT, ALONE, ASLEEP, AWAKE, new_parts
 from feeder_sim.engines.impulse.surroundings import Bounds, Plate
@@ -179,13 +179,10 @@ class ImpulseEngine(PartsEngine):
 
     def _begin_window_now(self) -> None:
         """End the window under way at the last frame: what happens there acts on the parts from then on."""
-        now = self._frame * self._scene.frame_interval
         if self._alone:
-            self._clock[:] = now, 0.0, now, now
-            for name, columns in COLUMNS.items():
-                self._parts[name][0] = self._row[0, columns].reshape(self._parts[name][0].shape)
-            self._parts["clock"] = now
+            super()._begin_window_now()
             return
+        now = self._frame * self._scene.frame_interval
         if now < self._span[1]:
             self._compute_window(now)
         self._span[:] = now, now

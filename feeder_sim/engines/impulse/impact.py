@@ -1,13 +1,12 @@
-"""Impacts of one part at several points of plate and wall at once: contact_problem.py for a part (`PART`)."""
+"""Impacts of any number of parts at several points at once: contact_problem.py for parts (`PART`)."""
 
 from __future__ import annotations
 
-from feeder_sim.engines.impulse.contact_problem import ARM_SECOND, IMPULSE, MOMENT, impact
+from feeder_sim.engines.impulse.contact_problem import ARM_FIRST, ARM_SECOND, IMPULSE, MOMENT, WORLD, impact
+from feeder_sim.engines.impulse.scratch import UNRESOLVED
 from feeder_sim.engines.impulse.state import inverse_inertia
 from feeder_sim.engines.impulse.vectors import add_to, cross, times, vector, write_to
 from feeder_sim.machine_code import inlined, uncounted
-
-CLOSELY = 3e-6  # [m/s]; what an impact may be off, where steps are coarser
 
 
 @inlined
@@ -22,15 +21,32 @@ def load_body(j, part, kind, bodies):
 
 
 @uncounted
-def resolve_impact(part, kind, n, work):
-    """Change velocity and angular momentum of a part for impacts at the first n contacts, which have been gathered.
+def resolve_impact(parts, kinds, bodies, n, closely, work):
+    """Change velocities and momenta of parts for impacts at the first n contacts, which have been gathered.
 
-    Returns whether every contact obeys its laws.
+    bodies: how many there are; work.member: of each, its part. closely: see `settle`. Returns whether every contact
+    obeys its laws.
     """
-    load_body(0, part, kind, work.bodies)
-    settled = impact(work.bodies, work.contacts, n, CLOSELY)
-    write_to(part.velocity, work.bodies.velocity[0])
+    for j in range(bodies):
+        part = parts[work.member[j]]
+        load_body(j, part, kinds.record[part.kind], work.bodies)
+    settled = impact(work.bodies, work.contacts, n, closely)
+    if not settled:
+        work.counts[UNRESOLVED] += 1
+    for j in range(bodies):
+        write_to(parts[work.member[j]].velocity, work.bodies.velocity[j])
     for i in range(n):
-        add_to(part.momentum, 1.0, cross(work.contacts.vector[ARM_SECOND, i], work.contacts.vector[IMPULSE, i]))
-        add_to(part.momentum, 1.0, vector(work.contacts.vector[MOMENT, i]))
+        _turn(i, 0, parts, work)
+        _turn(i, 1, parts, work)
     return settled
+
+
+@inlined
+def _turn(i, side, parts, work):
+    """Change the momentum of the first (0) or second (1) body of contact i, if it can be moved."""
+    j, vectors = work.contacts.body[i, side], work.contacts.vector
+    if j == WORLD or work.bodies.inverse_mass[j] == 0.0:
+        return
+    momentum, sign = parts[work.member[j]].momentum, 2.0 * side - 1.0
+    add_to(momentum, sign, cross(vectors[ARM_FIRST if side == 0 else ARM_SECOND, i], vectors[IMPULSE, i]))
+    add_to(momentum, sign, vector(vectors[MOMENT, i]))

@@ -16,7 +16,7 @@ from feeder_sim.engines.impulse.frame_rows import (
     FrameRows,
 )
 from feeder_sim.engines.impulse.kinds import read_kinds, rim_walls
-from feeder_sim.engines.impulse.state import ABSENT, new_parts
+from feeder_sim.engines.impulse.state import ABSENT, FREE, new_parts
 from feeder_sim.engines.impulse.surroundings import exactness_of
 from feeder_sim.engines.impulse.window import Drive
 from feeder_sim.engines.protocol import WHOLE, new_interrupt
@@ -94,8 +94,12 @@ class PartsEngine:
         self._surface = surface_arrays(scene.surface, scene.scenario.run)
 
     def _begin_window_now(self) -> None:
-        """What happens at the last frame acts on the parts from then on."""
-        raise NotImplementedError
+        """What happens at the last frame acts on the parts from then on; here on the only one, as it is in that."""
+        now, part = self._frame * self._scene.frame_interval, self._parts[:1]
+        self._clock[:] = now, 0.0, now, now
+        for name, columns in COLUMNS.items():
+            part[name][0] = self._row[0, columns].reshape(part[name][0].shape)
+        part["clock"], part["phase"], part["held"] = now, FREE, 0
 
     def _first_row(self, parts: NDArray[np.void]) -> NDArray[np.float64]:
         """The state of parts that have not moved yet, shape (parts, ROW)."""

@@ -21,7 +21,6 @@ from feeder_sim.engines.impulse.impact import resolve_impact
 from feeder_sim.engines.impulse.impact_law import hit_plate, restitution_on_plate
 from feeder_sim.engines.impulse.plate_edge import BESIDE, edge_leap, falls, points_on_edge
 from feeder_sim.engines.impulse.reaction.yielding import give_to_plate, gives_way, note_carried
-from feeder_sim.engines.impulse.scratch import UNRESOLVED
 from feeder_sim.engines.impulse.state import arm_of, height_of, inverse_inertia, spin_of
 from feeder_sim.engines.impulse.surface import (
     HEIGHT,
@@ -40,16 +39,18 @@ from feeder_sim.engines.surface_arrays import ON_EDGE, off_plate
 from feeder_sim.machine_code import compiled, inlined, uncounted
 from feeder_sim.plate.compiled import W, cubic_weights, grid_cell, interpolate
 
+CLOSELY = 3e-6  # [m/s]; what an impact may be off
 TOUCH = 1e-9  # [m]; corners this close count as touching, so that a flat landing is one impact and not six
 
 
 @inlined
-def meet_plate(part, kinds, surface, bounds, t, work, yielding):
-    """Impacts of one part at time t [s], and how long it may fly then; yielding: what gives way, or None.
+def meet_plate(i, parts, kinds, surface, bounds, t, work, yielding):
+    """Impacts of part i at time t [s], and how long it may fly then; yielding: what gives way, or None.
 
     Returns:
         the flight [s]; whether it has hit the plate.
     """
+    part = parts[i]
     kind = kinds.record[part.kind]
     height = part.position[2] - kind.reach - kind.radius - bounds.crest
     if height > 2.0 * TOUCH:
@@ -68,9 +69,9 @@ def meet_plate(part, kinds, surface, bounds, t, work, yielding):
         corners = work.corners[:near]
     on_plate, last = look(part, kind, corners, surface, bounds, t, moved, work)
     if on_plate == 1 and kind.rolling == 0.0 and not gives_way(yielding):
-        _impact_at(last, part, kind, corners, surface, work)
+        _impact_at(last, i, parts, kinds, corners, surface, work)
     elif on_plate > 0:
-        _impact(part, kind, corners, surface, t, work, yielding)
+        _impact(i, parts, kinds, corners, surface, t, work, yielding)
     leap, to_crest, own = longest_leap(part, kind, corners, work)
     tilt = tilt_of(lowest, part, kind, work)
     leap, to_crest = leap_of_circles(tilt, kind, bounds, own, leap, to_crest, work)
@@ -186,38 +187,39 @@ def contact_of(i, part, kind, corners, surface, work):
 
 
 @inlined
-def _impact_at(i, part, kind, corners, surface, work):
-    """As `_impact`, of a corner that touches the plate alone."""
-    arm, normal, velocity = contact_of(i, part, kind, corners, surface, work)
+def _impact_at(last, i, parts, kinds, corners, surface, work):
+    """As `_impact`, of the corner `last` that touches the plate alone."""
+    part, kind = parts[i], kinds.record[parts[i].kind]
+    arm, normal, velocity = contact_of(last, part, kind, corners, surface, work)
     inverse_mass, turns = 1.0 / kind.mass, inverse_inertia(part, kind)
     e, mu = restitution_on_plate(part, kind, arm, normal, velocity), kind.friction[0]
     if not hit_plate(part, kind, inverse_mass, turns, arm, normal, velocity, (e, mu)):
-        _impact(part, kind, corners, surface, 0.0, work, None)
+        _impact(i, parts, kinds, corners, surface, 0.0, work, None)
         return
-    depth = lift_by_turning(part, kind, inverse_mass, turns, arm, max(-work.point[i].gap, 0.0))
+    depth = lift_by_turning(part, kind, inverse_mass, turns, arm, max(-work.point[last].gap, 0.0))
     put_back(part, corners, depth, work)
     approach(part, kind, corners, work)
 
 
 @uncounted
-def _impact(part, kind, corners, surface, t, work, yielding):
+def _impact(i, parts, kinds, corners, surface, t, work, yielding):
     """Put the deepest corner back on the surface and give impulses to all corners that touch and approach.
 
     What a corner covered inside the surface within one step would otherwise add up, and a resting part would sink.
     """
-    n, depth = 0, 0.0
-    for i in range(corners.shape[0]):
-        if work.point[i].gap > TOUCH or work.point[i].rate >= 0.0:
+    part, kind, n, depth = parts[i], kinds.record[parts[i].kind], 0, 0.0
+    for k in range(corners.shape[0]):
+        if work.point[k].gap > TOUCH or work.point[k].rate >= 0.0:
             continue
-        depth = max(depth, -work.point[i].gap)
-        arm, normal, velocity = contact_of(i, part, kind, corners, surface, work)
+        depth = max(depth, -work.point[k].gap)
+        arm, normal, velocity = contact_of(k, part, kind, corners, surface, work)
         law = restitution_on_plate(part, kind, arm, normal, velocity), kind.friction[0], kind.rolling
         meet_world(n, work.contacts, 0, (arm, normal, velocity), law)
-        note_carried(n, i, surface, work, yielding)
+        note_carried(n, k, surface, work, yielding)
         n += 1
     before = vector(part.velocity), spin_of(part, kind)
-    if not resolve_impact(part, kind, n, work):
-        work.counts[UNRESOLVED] += 1
+    work.member[0] = i
+    resolve_impact(parts, kinds, 1, n, CLOSELY, work)
     give_to_plate(n, corners.shape[0], before, kind.mass * GRAVITY * depth, surface, t, work, yielding)
     put_back(part, corners, depth, work)
     approach(part, kind, corners, work)

@@ -60,10 +60,11 @@ class Scratch(NamedTuple):
     """Few arrays, since every one of them makes each call of a compiled function dearer.
 
     point: (n,), records POINT. under: (n, n_shapes, 6), see `surface.HEIGHT`; the last row is no point's. bodies and
-    contacts: of one problem. point_of: of every contact, its point. now, then: (4, n_shapes), the modal coordinates and
-    three derivatives at two times, see `surface.NOW`. edge: points on the edge of the plate. counts: (3,), impacts and
-    forces that were not solved, contacts found late, budgets of looks spent. before: (1,), the part as it was after its
-    last look. corners: (n, 3), of a part in steps: some of its own, or points on its circles and at the edge [m].
+    contacts: of one problem. point_of: of every contact, its point; member: of every body, its part. now, then: (4,
+    n_shapes), the modal coordinates and three derivatives at two times, see `surface.NOW`. edge: points on the edge of
+    the plate. counts: (3,), impacts and forces that were not solved, contacts found late, budgets of looks spent.
+    before: (1,), the part as it was after its last look. corners: (n, 3), of a part in steps: some of its own, or
+    points on its circles and at the edge [m].
     """
 
     point: NDArray[np.void]
@@ -71,6 +72,7 @@ class Scratch(NamedTuple):
     bodies: Bodies
     contacts: Contacts
     point_of: NDArray[np.int64]
+    member: NDArray[np.int64]
     now: NDArray[np.float64]
     then: NDArray[np.float64]
     edge: NDArray[np.void]
@@ -95,6 +97,7 @@ def new_scratch(kinds: Kinds, n_shapes: int, yielding: int = 0) -> Scratch:
         bodies=bodies,
         contacts=contacts,
         point_of=np.zeros(n, np.int64),
+        member=np.zeros(2, np.int64),
         now=np.zeros((4, n_shapes)),
         then=np.zeros((4, n_shapes)),
         edge=np.zeros(EDGE_POINTS, EDGE_POINT),

@@ -11,9 +11,9 @@ from feeder_sim.engines.impact_log import new_log, room_for, take_impacts
 from feeder_sim.engines.impulse.frame_rows import ROW
 from feeder_sim.engines.impulse.free_part.loop import FreePart, advance
 from feeder_sim.engines.impulse.free_part.notes import Notes
-from feeder_sim.engines.impulse.parts_engine import COLUMNS, PartsEngine
+from feeder_sim.engines.impulse.parts_engine import PartsEngine
 from feeder_sim.engines.impulse.scratch import new_scratch
-from feeder_sim.engines.impulse.state import ABSENT, FREE
+from feeder_sim.engines.impulse.state import ABSENT
 from feeder_sim.engines.impulse.surroundings import WINDOW, Tube, read_walls
 from feeder_sim.engines.noise import new_streams
 from feeder_sim.records.seed import Counts, Events
@@ -58,14 +58,6 @@ class FreePartEngine(PartsEngine):
         free = FreePart(self._parts[:1], self._loads, self._kinds, self._scratch, self._wall, self._notes)
         advance(free, drive, self._clock, frames)
         return self._advanced(rows)
-
-    def _begin_window_now(self) -> None:
-        """What happens at the last frame acts on the part from then on."""
-        now = self._frame * self._scene.frame_interval
-        self._clock[:] = now, 0.0, now, now
-        for name, columns in COLUMNS.items():
-            self._parts[name][0] = self._row[0, columns].reshape(self._parts[name][0].shape)
-        self._parts["clock"][0], self._parts["phase"][0], self._parts["held"][0] = now, FREE, 0
 
     def remove(self, parts: NDArray[np.int64]) -> None:
         self._begin_window_now()

@@ -13,21 +13,19 @@ from feeder_sim.constants import GRAVITY
 from feeder_sim.engines.impulse.contact_problem import (
     ARM_SECOND,
     FRICTION,
-    IMPULSE,
-    MOMENT,
     NORMAL,
     RESTITUTION,
     VELOCITY,
-    impact,
     meet_world,
 )
 from feeder_sim.engines.impulse.free_part.leap import twist_of
 from feeder_sim.engines.impulse.free_part.points import move_points, touches
 from feeder_sim.engines.impulse.free_part.walls import restitution_of_wall
+from feeder_sim.engines.impulse.impact import resolve_impact
 from feeder_sim.engines.impulse.impact_law import ON_PLATE, hit_plate, restitution_at
-from feeder_sim.engines.impulse.scratch import ON_WALL, UNRESOLVED
+from feeder_sim.engines.impulse.scratch import ON_WALL
 from feeder_sim.engines.impulse.state import inverse_inertia
-from feeder_sim.engines.impulse.vectors import add_to, cross, plus, vector, write_to
+from feeder_sim.engines.impulse.vectors import plus, vector, write_to
 from feeder_sim.engines.noise import half_normal
 from feeder_sim.machine_code import inlined
 
@@ -72,11 +70,12 @@ def gather(i, m, restitution, kind, work):
 
 
 @inlined
-def strike(part, kind, seen, rebounds, plate, work):
+def strike(free, seen, rebounds, plate):
     """Impacts at all points that touch, until none approaches; returns how the part turns after them.
 
     rebounds: False where nothing may bounce.
     """
+    part, kind, work = free.parts[0], free.kinds.record[free.parts[0].kind], free.work
     turning, bounds = seen.turning, plate.bounds
     for rounds in range(ROUNDS + 1):
         m, approaches = _gather_touching(kind, seen.n, rebounds and rounds < ROUNDS, plate, turning, work)
@@ -84,15 +83,9 @@ def strike(part, kind, seen, rebounds, plate, work):
             break
         alone = m == 1 and work.point[work.point_of[0]].sort != ON_WALL and kind.rolling == 0.0
         if not (alone and _hit(part, kind, work)):
-            load_part(part, kind, turning, 0.0, work)
-            if not impact(work.bodies, work.contacts, m, bounds.exact.approach):
-                work.counts[UNRESOLVED] += 1
+            work.member[0] = 0
+            if not resolve_impact(free.parts, free.kinds, 1, m, bounds.exact.approach, work):
                 part.jammed = part.clock + JAMMED
-            write_to(part.velocity, vector(work.bodies.velocity[0]))
-            for i in range(m):
-                arm, impulse = work.contacts.vector[ARM_SECOND, i], work.contacts.vector[IMPULSE, i]
-                add_to(part.momentum, 1.0, cross(arm, impulse))
-                add_to(part.momentum, 1.0, vector(work.contacts.vector[MOMENT, i]))
         _scatter(part, m, bounds, work)
         turning = move_points(part, kind, plate, seen.n, work)
     return turning

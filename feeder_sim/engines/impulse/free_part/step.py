@@ -144,7 +144,7 @@ def _act(free, plate, t, seen, spent):
     if seen.close:
         if in_tube(plate):
             rises = speed_of_touched_plate(seen.n, TOGETHER * bounds.exact.tolerance, work)
-        turning = strike(part, kind, seen, not spent, plate, work)
+        turning = strike(free, seen, not spent, plate)
     shortest, unsure = shortest_leap(part, bounds, turning), unsure_of(part, kind, bounds, turning)
     if seen.close:
         now = Moment(t, until, seen.n, turning, unsure)

@@ -14,19 +14,16 @@ from feeder_sim.engines.impulse.contact_problem import (
     ARM_FIRST,
     ARM_SECOND,
     FRICTION,
-    IMPULSE,
     NORMAL,
     RESTITUTION,
     ROLLING,
-    impact,
 )
-from feeder_sim.engines.impulse.impact import load_body
+from feeder_sim.engines.impulse.impact import resolve_impact
 from feeder_sim.engines.impulse.impact_law import hit_part, restitution_of_pair
 from feeder_sim.engines.impulse.pairs.due import DEEP, ROUND_OFF, SLACK
 from feeder_sim.engines.impulse.pairs.hulls import hull_distance
 from feeder_sim.engines.impulse.pairs.separating_axis import place_pieces, separating_axis
 from feeder_sim.engines.impulse.pairs.touching_points import touching_points
-from feeder_sim.engines.impulse.scratch import UNRESOLVED
 from feeder_sim.engines.impulse.single_impact import velocity_of_point
 from feeder_sim.engines.impulse.state import inverse_inertia
 from feeder_sim.engines.impulse.vectors import add_to, combine, cross, difference, dot, plus, vector, write_to
@@ -51,7 +48,7 @@ def meet(pair, parts, kinds, tools):
     gap, n = look_at_pair(pair, a, kind_a, b, kind_b, kinds, tools)
     if n == 0:
         return False
-    hit = _collide(a, kind_a, b, kind_b, n, vector(pair.axis), tools)
+    hit = _collide(pair, parts, kinds, n, vector(pair.axis), tools)
     if gap < -DEEP:
         _part(a, kind_a, b, kind_b, gap, pair.axis)
         return True
@@ -123,8 +120,10 @@ def _axis_of_closest(pair, a, b, piece_a, piece_b, gap, witness):
 
 
 @uncounted
-def _collide(a, kind_a, b, kind_b, n, normal, tools):
-    """Collision of part b with part a at n points, along a normal from a to b; returns whether there was one."""
+def _collide(pair, parts, kinds, n, normal, tools):
+    """Collision of a pair at n points, along a normal from the first to the second; returns whether there was one."""
+    a, b = parts[pair.a], parts[pair.b]
+    kind_a, kind_b = kinds.record[a.kind], kinds.record[b.kind]
     point, law = tools.meeting.point, 0 if kind_b.mass == np.inf else 1
     inverse, approaches = (inverse_inertia(a, kind_a), inverse_inertia(b, kind_b)), False
     from_b = difference(a.position, b.position)
@@ -138,9 +137,7 @@ def _collide(a, kind_a, b, kind_b, n, normal, tools):
         arms, inverse_mass = (vector(point[0]), plus(from_b, 1.0, point[0])), (1.0 / kind_a.mass, 1.0 / kind_b.mass)
         e = restitution_of_pair(a, b, kind_a, law, inverse, arms, normal)
         return hit_part(a, b, kind_a, inverse_mass, inverse, arms, normal, (e, kind_a.friction[law]))
-    bodies, contacts = tools.work.bodies, tools.work.contacts
-    load_body(0, a, kind_a, bodies)
-    load_body(1, b, kind_b, bodies)
+    contacts, tools.work.member[0], tools.work.member[1] = tools.work.contacts, pair.a, pair.b
     for i in range(n):
         arms = vector(point[i]), plus(from_b, 1.0, point[i])
         contacts.body[i, 0], contacts.body[i, 1] = 0, 1
@@ -149,21 +146,8 @@ def _collide(a, kind_a, b, kind_b, n, normal, tools):
         write_to(contacts.vector[NORMAL, i], normal)
         contacts.number[RESTITUTION, i] = restitution_of_pair(a, b, kind_a, law, inverse, arms, normal)
         contacts.number[FRICTION, i], contacts.number[ROLLING, i] = kind_a.friction[law], 0.0
-    if not impact(bodies, contacts, n):
-        tools.work.counts[UNRESOLVED] += 1
-    for i in range(n):
-        push = vector(contacts.vector[IMPULSE, i])
-        _push(a, 1.0 / kind_a.mass, contacts.vector[ARM_FIRST, i], push, -1.0)
-        _push(b, 1.0 / kind_b.mass, contacts.vector[ARM_SECOND, i], push, 1.0)
+    resolve_impact(parts, kinds, 2, n, 0.0, tools.work)
     return True
-
-
-@inlined
-def _push(part, inverse_mass, arm, impulse, sign):
-    """Give a part an impulse at the end of an arm; walls do not move."""
-    if inverse_mass > 0.0:
-        add_to(part.velocity, sign * inverse_mass, impulse)
-        add_to(part.momentum, sign, cross(arm, impulse))
 
 
 @uncounted

@@ -133,7 +133,7 @@ def _advance(crowd, surface, bounds, tools, span, frames, yielding, limits):
             part = parts[i]
             fly_to(part, kinds.record[part.kind], t)
             left |= has_left(i, crowd, span.reach)
-            leap, hit = meet_plate(part, kinds, surface, bounds, t, tools.work, yielding)
+            leap, hit = meet_plate(i, parts, kinds, surface, bounds, t, tools.work, yielding)
             set_due(tree, event, t + leap)
             if not hit:
                 continue
@@ -160,7 +160,8 @@ def _renewed(surface, bounds, t, yielding, limits):
     new = _bounds(surface, t, bounds.end, limits)
     for s in range(new.acceleration.shape[0]):
         bounds.acceleration[s] = new.acceleration[s]
-    return Bounds(new.end, new.crest, new.slope, new.speed, new.rest_step, bounds.acceleration, bounds.amplitude, *new[7:])
+    sizes = bounds.acceleration, bounds.amplitude
+    return Bounds(new.end, new.crest, new.slope, new.speed, new.rest_step, *sizes, *new[7:])
 
 
 @compiled
