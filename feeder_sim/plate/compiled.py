@@ -96,20 +96,3 @@ def surface_modes(x, y, grid_x, grid_y, table, modes):
     for shape in range(table.shape[0]):
         for component in range(3):
             modes[shape, component] = interpolate(table, shape, component, first_x, first_y, weight_x, weight_y)
-
-
-@compiled
-def surface_normal(x, y, grid_x, grid_y, table, q):
-    """The unit normal of the deflected surface at (x, y) [m], for modal coordinates q (n_shapes,) [m]."""
-    first_x, a = grid_cell(x, grid_x)
-    first_y, b = grid_cell(y, grid_y)
-    weight_x, weight_y = cubic_weights(a), cubic_weights(b)
-    change_x, change_y = cubic_slopes(a, grid_x[1] - grid_x[0]), cubic_slopes(b, grid_y[1] - grid_y[0])
-    slope_x = slope_y = 0.0
-    for shape in range(table.shape[0]):
-        if q[shape] == 0.0:
-            continue
-        slope_x += q[shape] * interpolate(table, shape, W, first_x, first_y, change_x, weight_y)
-        slope_y += q[shape] * interpolate(table, shape, W, first_x, first_y, weight_x, change_y)
-    size = math.sqrt(1.0 + slope_x * slope_x + slope_y * slope_y)
-    return -slope_x / size, -slope_y / size, 1.0 / size

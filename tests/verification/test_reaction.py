@@ -14,7 +14,7 @@ from feeder_sim import simulate
 from feeder_sim.constants import GRAVITY
 from feeder_sim.engines.impulse.contact_problem import Modes
 from feeder_sim.engines.impulse.reaction.engine import ReactingEngine
-from feeder_sim.engines.impulse.reaction.yielding import LIFTED, TAKEN, WORK
+from feeder_sim.engines.impulse.scratch import LIFTED, TAKEN, WORK
 from feeder_sim.engines.reaction import reaction_at
 from feeder_sim.records.seed import Status
 from feeder_sim.scenario import HexNut, Scenario

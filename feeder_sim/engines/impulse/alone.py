@@ -76,7 +76,7 @@ def _advance_until(until, t, alone, plate, frames):
         if part.there == ASLEEP:
             return plate.bounds.end
         fly_to(part, kind, t)
-        leap, hit = meet_plate(0, alone.parts, alone.kinds, plate.surface, plate.bounds, t, alone.work, None)
+        leap, hit = meet_plate(0, alone.parts, alone.kinds, plate.surface, plate.bounds, t, alone.work)
         t += leap
         if hit and plate.bounds.calm:
             fall_asleep(part, alone.kinds, plate.surface, alone.work)

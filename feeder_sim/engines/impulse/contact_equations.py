@@ -108,13 +108,6 @@ def relative(room, i, k):
 
 
 @inlined
-def add_impulse(room, i, k, p):
-    """Give contact i more impulse in direction k."""
-    room.value[IMPULSES, i, k] += p
-    _push(room, i, k, p, NOW)
-
-
-@inlined
 def _place(room, i, which):
     """A number of contact i; told to the compiler to be an index, it makes loops twice as fast."""
     return min(max(room.place[i, which], 0), LARGEST)

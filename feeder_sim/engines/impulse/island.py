@@ -130,7 +130,7 @@ def _look_at_part(event, t, agenda, crowd, plate, work, reach):
     part = crowd.parts[i]
     fly_to(part, crowd.kinds.record[part.kind], t)
     left = has_left(i, crowd, reach)
-    leap, hit = meet_plate(i, crowd.parts, crowd.kinds, plate.surface, plate.bounds, t, work, None)
+    leap, hit = meet_plate(i, crowd.parts, crowd.kinds, plate.surface, plate.bounds, t, work)
     set_due(agenda.tree, event, t + leap)
     if hit:
         alone = crowd.islands.first_touching[i] == crowd.islands.first_touching[i + 1]

@@ -44,8 +44,8 @@ TOUCH = 1e-9  # [m]; corners this close count as touching, so that a flat landin
 
 
 @inlined
-def meet_plate(i, parts, kinds, surface, bounds, t, work, yielding):
-    """Impacts of part i at time t [s], and how long it may fly then; yielding: what gives way, or None.
+def meet_plate(i, parts, kinds, surface, bounds, t, work):
+    """Impacts of part i at time t [s], and how long it may fly then.
 
     Returns:
         the flight [s]; whether it has hit the plate.
@@ -58,7 +58,7 @@ def meet_plate(i, parts, kinds, surface, bounds, t, work, yielding):
         fall = (rising + math.sqrt(rising * rising + 2.0 * GRAVITY * height)) / GRAVITY
         if fall >= bounds.step:
             return fall, False
-        return max(fall, bounds.step if gives_way(yielding) else shortest_flight(part, kind, bounds)), False
+        return max(fall, bounds.step if gives_way(work) else shortest_flight(part, kind, bounds)), False
     moved, lowest = lowest_points(part, kind, surface, bounds, 2.0 * TOUCH, t, work)
     further = points_on_edge(part, kind, kinds, surface, bounds.crest, work)
     corners, n_corners, others = kinds.corners[kind.corner_from : kind.corner_to], count_of(kind), np.inf
@@ -68,15 +68,15 @@ def meet_plate(i, parts, kinds, surface, bounds, t, work, yielding):
         near, others = gather_near(part, kind, corners, bounds, work)
         corners = work.corners[:near]
     on_plate, last = look(part, kind, corners, surface, bounds, t, moved, work)
-    if on_plate == 1 and kind.rolling == 0.0 and not gives_way(yielding):
+    if on_plate == 1 and kind.rolling == 0.0 and not gives_way(work):
         _impact_at(last, i, parts, kinds, corners, surface, work)
     elif on_plate > 0:
-        _impact(i, parts, kinds, corners, surface, t, work, yielding)
+        _impact(i, parts, kinds, corners, surface, t, work)
     leap, to_crest, own = longest_leap(part, kind, corners, work)
     tilt = tilt_of(lowest, part, kind, work)
     leap, to_crest = leap_of_circles(tilt, kind, bounds, own, leap, to_crest, work)
     shortest = stride = shortest_flight(part, kind, bounds)
-    level = bounds.calm and bounds.slope == 0.0 and not gives_way(yielding)
+    level = bounds.calm and bounds.slope == 0.0 and not gives_way(work)
     if level and further == 0 and not is_round(kind):
         shortest = max(shortest, flight_on_flat(corners, own, bounds, work))
     to_crest = min(to_crest, far_leap(part, kind, others, bounds))
@@ -194,7 +194,7 @@ def _impact_at(last, i, parts, kinds, corners, surface, work):
     inverse_mass, turns = 1.0 / kind.mass, inverse_inertia(part, kind)
     e, mu = restitution_on_plate(part, kind, arm, normal, velocity), kind.friction[0]
     if not hit_plate(part, kind, inverse_mass, turns, arm, normal, velocity, (e, mu)):
-        _impact(i, parts, kinds, corners, surface, 0.0, work, None)
+        _impact(i, parts, kinds, corners, surface, 0.0, work)
         return
     depth = lift_by_turning(part, kind, inverse_mass, turns, arm, max(-work.point[last].gap, 0.0))
     put_back(part, corners, depth, work)
@@ -202,7 +202,7 @@ def _impact_at(last, i, parts, kinds, corners, surface, work):
 
 
 @uncounted
-def _impact(i, parts, kinds, corners, surface, t, work, yielding):
+def _impact(i, parts, kinds, corners, surface, t, work):
     """Put the deepest corner back on the surface and give impulses to all corners that touch and approach.
 
     What a corner covered inside the surface within one step would otherwise add up, and a resting part would sink.
@@ -215,12 +215,13 @@ def _impact(i, parts, kinds, corners, surface, t, work, yielding):
         arm, normal, velocity = contact_of(k, part, kind, corners, surface, work)
         law = restitution_on_plate(part, kind, arm, normal, velocity), kind.friction[0], kind.rolling
         meet_world(n, work.contacts, 0, (arm, normal, velocity), law)
-        note_carried(n, k, surface, work, yielding)
+        note_carried(n, k, surface, work)
         n += 1
     before = vector(part.velocity), spin_of(part, kind)
     work.member[0] = i
     resolve_impact(parts, kinds, 1, n, CLOSELY, work)
-    give_to_plate(n, corners.shape[0], before, kind.mass * GRAVITY * depth, surface, t, work, yielding)
+    if gives_way(work):
+        give_to_plate(n, corners.shape[0], before, kind.mass * GRAVITY * depth, surface, t, work)
     put_back(part, corners, depth, work)
     approach(part, kind, corners, work)
 

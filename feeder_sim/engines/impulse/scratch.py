@@ -56,6 +56,20 @@ CIRCLES, EDGE_POINTS = 2, 32  # room for points on the edge of the plate
 UNRESOLVED, LATE, SPENT = range(3)  # of Scratch.counts
 
 
+TAKEN, WORK, LIFTED = range(3)  # of the books
+
+
+class Yielding(NamedTuple):
+    """What gives way: how much the reaction of modes has changed since the bounds were made (n_shapes,) [m].
+
+    books: energies [J] since t = 0 that parts got at the plate: TAKEN from its modes, WORK of the contact law, which is
+    negative, and LIFTED where they were put back on the surface.
+    """
+
+    changed: NDArray[np.complex128]
+    books: NDArray[np.float64]
+
+
 class Scratch(NamedTuple):
     """Few arrays, since every one of them makes each call of a compiled function dearer.
 
@@ -79,6 +93,7 @@ class Scratch(NamedTuple):
     counts: NDArray[np.int64]
     before: NDArray[np.void]
     corners: NDArray[np.float64]
+    yielding: Yielding
 
 
 def new_scratch(kinds: Kinds, n_shapes: int, yielding: int = 0) -> Scratch:
@@ -104,4 +119,5 @@ def new_scratch(kinds: Kinds, n_shapes: int, yielding: int = 0) -> Scratch:
         counts=np.zeros(3, np.int64),
         before=np.zeros(1, PART),
         corners=np.zeros((n, 3)),
+        yielding=Yielding(np.zeros(yielding, complex), np.zeros(3)),
     )

@@ -68,20 +68,8 @@ def acting_terms(surface, start, stop, staying=0):
         coefficient[at] = coefficient[at] * cmath.exp(rate[at] * (later - begin[at]))
         coefficient[at] += own * cmath.exp(rate[at] * (later - surface.term_start[k]))
         begin[at], end[at] = later, min(end[at], surface.term_stop[k])
-    return SurfaceArrays(
-        surface.grid_x,
-        surface.grid_y,
-        surface.table,
-        shape[:n].copy(),
-        begin[:n].copy(),
-        end[:n].copy(),
-        coefficient[:n].copy(),
-        rate[:n].copy(),
-        surface.half_thickness,
-        surface.in_plane,
-        surface.tangent,
-        surface.outline,
-    )
+    ends = begin[:n].copy(), end[:n].copy()
+    return SurfaceArrays(*surface[:3], shape[:n].copy(), *ends, coefficient[:n].copy(), rate[:n].copy(), *surface[8:])
 
 
 @inlined

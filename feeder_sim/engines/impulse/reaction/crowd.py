@@ -103,21 +103,22 @@ def _has_changed(changed, margin):
 
 
 @entry_point
-def advance_reacting(crowd, plate, tools, span, frames, yielding, limits):
+def advance_reacting(crowd, plate, tools, span, frames, limits):
     """Advance all parts to the end of a window, and write their frames; as `advance_islands`."""
     lent, plate, tools, frames = borrow(crowd), borrow(plate), borrow(tools), borrow(frames)
-    yielding, limits = borrow(yielding), borrow(limits)
-    left = _advance(lent, plate.surface, plate.bounds, tools, span, frames, yielding, limits)
+    limits = borrow(limits)
+    left = _advance(lent, plate.surface, plate.bounds, tools, span, frames, limits)
     return left and crowd.parts.shape[0] > 0  # what was borrowed lives until here
 
 
 @compiled
-def _advance(crowd, surface, bounds, tools, span, frames, yielding, limits):
+def _advance(crowd, surface, bounds, tools, span, frames, limits):
     islands, parts, kinds = crowd.islands, crowd.parts, crowd.kinds
     n = islands.part.shape[0]
     tree = all_due(n + islands.pair.shape[0], span.start)
     agenda = Agenda(borrowed(tree), 0, n, 0)
-    yielding.changed[:] = 0.0
+    changed = tools.work.yielding.changed
+    changed[:] = 0.0
     for k in range(n):
         if parts[islands.part[k]].there == ASLEEP:
             set_due(tree, k, np.inf)
@@ -133,12 +134,12 @@ def _advance(crowd, surface, bounds, tools, span, frames, yielding, limits):
             part = parts[i]
             fly_to(part, kinds.record[part.kind], t)
             left |= has_left(i, crowd, span.reach)
-            leap, hit = meet_plate(i, parts, kinds, surface, bounds, t, tools.work, yielding)
+            leap, hit = meet_plate(i, parts, kinds, surface, bounds, t, tools.work)
             set_due(tree, event, t + leap)
             if not hit:
                 continue
-            if _has_changed(yielding.changed, limits.margin):
-                bounds = _renewed(surface, bounds, t, yielding, limits)
+            if _has_changed(changed, limits.margin):
+                bounds = _renewed(surface, bounds, t, changed, limits)
                 _look_again(t, agenda, crowd, bounds)
             if bounds.calm and fall_asleep(part, kinds, surface, tools.work):
                 set_due(tree, event, np.inf)
@@ -154,9 +155,9 @@ def _advance(crowd, surface, bounds, tools, span, frames, yielding, limits):
 
 
 @compiled
-def _renewed(surface, bounds, t, yielding, limits):
+def _renewed(surface, bounds, t, changed, limits):
     """Bounds from time t on, in the arrays of the old ones."""
-    yielding.changed[:] = 0.0
+    changed[:] = 0.0
     new = _bounds(surface, t, bounds.end, limits)
     for s in range(new.acceleration.shape[0]):
         bounds.acceleration[s] = new.acceleration[s]

@@ -14,7 +14,6 @@ from feeder_sim.engines.impulse.engine import ImpulseEngine
 from feeder_sim.engines.impulse.frame_rows import FrameRows
 from feeder_sim.engines.impulse.island import Crowd, Span
 from feeder_sim.engines.impulse.reaction.crowd import Limits, advance_reacting, open_yielding_window
-from feeder_sim.engines.impulse.reaction.yielding import Yielding
 from feeder_sim.engines.impulse.surroundings import Bounds, Plate
 from feeder_sim.engines.reaction import reaction_of, set_reaction, with_reaction
 from feeder_sim.engines.surface_arrays import SurfaceArrays, surface_arrays
@@ -45,14 +44,13 @@ class ReactingEngine(ImpulseEngine):
         super().__init__(scene, rng, interrupt=interrupt)
         if self._n == 1 and not scene.rim:
             self._window = WINDOW_OF_ONE
-        modes, n = free_modes(scene.driven), scene.surface.n_shapes
+        modes = free_modes(scene.driven)
         self._rate = modes.rate
         self._work[0].contacts.modes.inverse_mass[:] = 1.0 / modes.modal_mass
-        self._yielding = Yielding(np.zeros(n, complex), np.zeros(3))
         self._surface = with_reaction(self._surface, self._rate)
         self._limits = self._limits_of(scene)
         self._reaction = self._reaction_opened = reaction_of(self._surface)
-        self._books_opened = self._yielding.books.copy()
+        self._books_opened = self._work[0].yielding.books.copy()
 
     def _limits_of(self, scene: Scene) -> Limits:
         return Limits(self._drive(self._window), np.zeros(scene.surface.n_shapes))
@@ -65,11 +63,11 @@ class ReactingEngine(ImpulseEngine):
     def _advance_islands(self, crowd: Crowd, plate: Plate, span: Span, frames: FrameRows) -> bool:
         """Advance all parts from the begin of the window; it may have been computed before."""
         set_reaction(plate.surface, self._reaction_opened)
-        self._yielding.books[:] = self._books_opened
+        self._work[0].yielding.books[:] = self._books_opened
         bounds = plate.bounds._replace(acceleration=plate.bounds.acceleration.copy())  # which are made anew
         margins = self._limits._replace(margin=self._limits.margin.copy())
         opened = Plate(plate.surface, bounds, None)
-        left = advance_reacting(crowd, opened, self._tools[0], span, frames, self._yielding, margins)
+        left = advance_reacting(crowd, opened, self._tools[0], span, frames, margins)
         self._reaction = reaction_of(plate.surface)
         return bool(left)
 
@@ -80,7 +78,7 @@ class ReactingEngine(ImpulseEngine):
 
     def _keep_begin_of_window(self) -> None:
         super()._keep_begin_of_window()
-        self._reaction_opened, self._books_opened = self._reaction, self._yielding.books.copy()
+        self._reaction_opened, self._books_opened = self._reaction, self._work[0].yielding.books.copy()
 
     def redrive(self, scene: Scene) -> None:
         super().redrive(scene)

@@ -1,94 +1,42 @@
-"""What gives way where a plate takes the impulses of parts, and what impacts take from it; None where it does not."""
+"""What impacts take from a plate that gives way."""
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
-import numpy as np
-from numba.core import types
-from numba.extending import overload
-from numpy.typing import NDArray
-
 from feeder_sim.engines.impulse.contact_problem import ARM_SECOND, IMPULSE, VELOCITY
+from feeder_sim.engines.impulse.scratch import LIFTED, TAKEN, WORK
 from feeder_sim.engines.impulse.surface import HEIGHT, SPEED, TURN_X, TURN_Y
 from feeder_sim.engines.impulse.vectors import combine, cross, dot, plus, vector
 from feeder_sim.engines.reaction import react
 from feeder_sim.machine_code import inlined, uncounted
 
-TAKEN, WORK, LIFTED = range(3)  # of the books
 
-
-class Yielding(NamedTuple):
-    """What gives way: how much the reaction of modes has changed since the bounds were made (n_shapes,) [m].
-
-    books: energies [J] since t = 0 that parts got at the plate: TAKEN from its modes, WORK of the contact law, which is
-    negative, and LIFTED where they were put back on the surface.
-    """
-
-    changed: NDArray[np.complex128]
-    books: NDArray[np.float64]
-
-
-def gives_way(yielding):
+@inlined
+def gives_way(work):
     """Whether the plate gives way."""
-    raise NotImplementedError("for compiled code only")
-
-
-def note_carried(n, i, surface, work, yielding):
-    """Write how the surface under corner i, contact n, moves with every mode; work.under is filled for it."""
-    raise NotImplementedError("for compiled code only")
-
-
-def give_to_plate(n, n_corners, before, lifted, surface, t, work, yielding):
-    """Give the plate at time t [s] the opposite of the impulses of n contacts, and note what was done.
-
-    before: velocity and spin of the part before them; lifted: energy by being put back on the surface [J].
-    """
-    raise NotImplementedError("for compiled code only")
-
-
-def _is_none(yielding):
-    return isinstance(yielding, types.NoneType)
-
-
-@overload(gives_way)
-def _gives_way(yielding):
-    yields = not _is_none(yielding)
-    return lambda yielding: yields
-
-
-@overload(note_carried)
-def _note_carried_by_kind(n, i, surface, work, yielding):
-    if _is_none(yielding):
-        return lambda n, i, surface, work, yielding: None
-    return lambda n, i, surface, work, yielding: _note_carried(work.under[i], surface, work.contacts.modes.carried[n])
-
-
-@overload(give_to_plate)
-def _give_by_kind(n, n_corners, before, lifted, surface, t, work, yielding):
-    if _is_none(yielding):
-        return lambda n, n_corners, before, lifted, surface, t, work, yielding: None
-    return lambda n, n_corners, before, lifted, surface, t, work, yielding: _give(
-        n, n_corners, before, lifted, surface, t, work, yielding
-    )
+    return work.contacts.modes.taken.shape[0] > 0
 
 
 @inlined
-def _note_carried(under, surface, carried):
-    moves = surface.half_thickness * surface.in_plane
+def note_carried(n, i, surface, work):
+    """Write how the surface under corner i, contact n, moves with every mode; work.under is filled for it."""
+    carried, under, moves = work.contacts.modes.carried[n], work.under[i], surface.half_thickness * surface.in_plane
     for s in range(carried.shape[0]):
         carried[s, 0], carried[s, 1] = -moves * under[s, TURN_X], -moves * under[s, TURN_Y]
         carried[s, 2] = under[s, HEIGHT]
 
 
 @uncounted
-def _give(n, n_corners, before, lifted, surface, t, work, yielding):
-    books, modes, taken = yielding.books, work.contacts.modes, work.contacts.modes.taken
+def give_to_plate(n, n_corners, before, lifted, surface, t, work):
+    """Give the plate at time t [s] the opposite of the impulses of n contacts, and note what was done.
+
+    before: velocity and spin of the part before them; lifted: energy by being put back on the surface [J].
+    """
+    books, modes, taken = work.yielding.books, work.contacts.modes, work.contacts.modes.taken
     for s in range(taken.shape[0]):
         books[TAKEN] += (work.now[SPEED, s] - 0.5 * taken[s]) * taken[s] / modes.inverse_mass[s]
     books[WORK] += _work(n, before, work)
     books[LIFTED] += lifted
-    react(surface, t, taken, yielding.changed)
+    react(surface, t, taken, work.yielding.changed)
     for i in range(n_corners):
         point = work.point[i]
         if point.most_push != 0.0:  # else it is above the crest, and nothing is known under it
