@@ -10,6 +10,7 @@ drift_4750hz     processor time per simulated second of the whole scenario with 
 drift_8775hz     the same
 crowd            wall time per simulated second of separation_100, two seeds on all cores; memory of that process
 phases           processor time per simulated second in the stages of separation_100, one seed; the worst of them
+crowds           processor time per simulated second of two cycles of separation_100, refill_nuts and brackets, 2 seeds
 ensemble         64 seeds of drift_8775hz: share of all cores that is put to use
 rest             processor time per simulated second of a cube that is dropped on a plate at rest
 mujoco           processor time per simulated second of both drifts in the MuJoCo engine
@@ -89,6 +90,22 @@ def crowd(cycles: int = 10) -> dict[str, float]:
     result = feeder_sim.simulate(separation(2, cycles))
     wall = (time.perf_counter() - started) / simulated(result)
     return {"wall": wall, "memory_mb": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0}
+
+
+def crowds(seeds: int = 2, cycles: int = 2) -> dict[str, float]:
+    import feeder_sim
+
+    costs = {}
+    for name in ("separation_100", "refill_nuts", "brackets"):
+        scenario = scenario_of(name, seeds=seeds)
+        stage = scenario.schedule.stage[0].model_copy(update={"duration_s": 0.02})
+        short = scenario.schedule.model_copy(update={"cycles": 1, "stage": (stage,)})
+        feeder_sim.simulate(scenario.model_copy(update={"schedule": short}))
+        scenario = scenario.model_copy(update={"schedule": scenario.schedule.model_copy(update={"cycles": cycles})})
+        started = time.process_time()
+        result = feeder_sim.simulate(scenario)
+        costs[f"cpu {name}"] = (time.process_time() - started) / simulated(result)
+    return costs
 
 
 def phases(cycles: int = 3) -> dict[str, float]:
@@ -228,6 +245,7 @@ WORKS: dict[str, Callable[[], dict[str, float]]] = {
     "drift_4750hz": lambda: drift("drift_4750hz"),
     "drift_8775hz": lambda: drift("drift_8775hz"),
     "crowd": crowd,
+    "crowds": crowds,
     "phases": phases,
     "ensemble": ensemble,
     "rest": rest,
