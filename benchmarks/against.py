@@ -35,16 +35,22 @@ from pathlib import Path
 from typing import Any
 
 ROOT = Path(__file__).resolve().parent.parent
-SCENARIOS = ROOT / "scenarios"
 STIFF = "youngs_modulus_gpa = 3.0, poisson_ratio = 0.3"
 CUBE_MM, CUBE_KG = 104.8, 0.37  # of the tosses in ContactNets (Pfrommer, Halm and Posa, CoRL 2020)
+
+
+def file_of(name: str) -> Path:
+    """A scenario of the checkout that is measured, whose mode files it can read."""
+    import feeder_sim
+
+    return Path(feeder_sim.__file__).resolve().parents[1] / f"scenarios/{name}.toml"
 
 
 def scenario_of(name: str, **run: Any) -> Any:
     """A scenario of the repository, with other values in its [run] table."""
     import feeder_sim
 
-    scenario = feeder_sim.load_scenario(SCENARIOS / f"{name}.toml")
+    scenario = feeder_sim.load_scenario(file_of(name))
     return scenario.model_copy(update={"run": scenario.run.model_copy(update=run)})
 
 
@@ -189,7 +195,7 @@ def mujoco() -> dict[str, float]:
 
 
 def start() -> dict[str, float]:
-    file = str(SCENARIOS / "drift_4750hz.toml")
+    file = str(file_of("drift_4750hz"))
     commands = {"version": ["--version"], "list": ["list"], "check": ["check", file], "run": ["run", file]}
     found = {}
     with tempfile.TemporaryDirectory() as folder:
@@ -209,7 +215,7 @@ def study(few: int = 8, many: int = 72) -> dict[str, float]:
     for seeds in (few, many):
         with tempfile.TemporaryDirectory() as folder:
             before = resource.getrusage(resource.RUSAGE_CHILDREN)
-            words = ["sweep", str(SCENARIOS / "drift_4750hz.toml"), "--vary", "run.tolerance_nm=0.1,0.2", "--out", "s"]
+            words = ["sweep", str(file_of("drift_4750hz")), "--vary", "run.tolerance_nm=0.1,0.2", "--out", "s"]
             command = [sys.executable, "-m", "feeder_sim", *words, "--seeds", str(seeds)]
             subprocess.run(command, check=True, cwd=folder, capture_output=True)
             after = resource.getrusage(resource.RUSAGE_CHILDREN)
