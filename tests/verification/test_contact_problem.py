@@ -358,6 +358,24 @@ def test_sweeps_from_impulses_nearby_solve_a_face(sideways: float, bends: float,
     assert np.sort(off)[58] < closely
 
 
+def test_a_face_that_nearly_sticks_may_move_in_several_ways() -> None:
+    """Another start leads to another solution, which obeys the laws as well."""
+    rng, apart = np.random.default_rng(7), []
+    for _ in range(60):
+        scene = face_under_a_nut(rng, 1e-4, 0.0)
+        start, motion = (scene.bodies.velocity.copy(), scene.bodies.spin.copy()), []
+        scene.bodies.velocity[:] *= 1.02
+        solve(scene.bodies, scene.contacts, 6, 1e-11)
+        for _ in range(2):
+            scene.bodies.velocity[:], scene.bodies.spin[:] = start
+            assert solve(scene.bodies, scene.contacts, 6, 1e-11)
+            assert scene.worst(scene.relative()) < 1e-10
+            motion.append(scene.bodies.velocity[0].copy())
+            scene.contacts.vector[[IMPULSE, MOMENT]] = 0.0
+        apart.append(np.abs(motion[1] - motion[0]).max())
+    assert 1e-5 < max(apart) < 3e-5
+
+
 def test_sweeps_take_a_load_that_creeps_to_where_it_goes() -> None:
     """Six points of a face that shall open differently fast: three bear the load, which sweeps bring there in time."""
     rng = np.random.default_rng(3)
