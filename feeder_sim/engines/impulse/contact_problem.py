@@ -238,7 +238,7 @@ def _impact_alone(bodies, contacts):
     return solved
 
 
-@inlined
+@uncounted
 def _alone(bodies, contacts):
     """Frame of the only contact, its inverse effective mass and its relative velocity, both in that frame."""
     first, second = contacts.body[0, 0], contacts.body[0, 1]
@@ -260,7 +260,7 @@ def _alone(bodies, contacts):
     return (a, b, normal), k, (dot(a, u), dot(b, u), dot(normal, u))
 
 
-@inlined
+@uncounted
 def _push_alone(bodies, contacts, frame, p):
     """Give the only contact an impulse."""
     first, second = contacts.body[0, 0], contacts.body[0, 1]

@@ -32,7 +32,7 @@ from feeder_sim.engines.impulse.pairs.hulls import HullLibrary
 from feeder_sim.engines.impulse.pairs.separating_axis import new_meeting
 from feeder_sim.engines.impulse.parts_engine import PartsEngine
 from feeder_sim.engines.impulse.scratch import UNRESOLVED, new_scratch
-from feeder_sim.engines.impulse.state import ABSENT, ALONE, ASLEEP, AWAKE, new_parts
+from feeder_sim.engines.impulse.state import ABSENT, ALONE, ASLEEP, AWAKE, copied, new_parts
 from feeder_sim.engines.impulse.surroundings import Bounds, Plate
 from feeder_sim.engines.protocol import ENDED, WHOLE, new_interrupt
 from feeder_sim.engines.surface_arrays import SurfaceArrays
@@ -120,9 +120,9 @@ class ImpulseEngine(PartsEngine):
         """
         if frames is None:
             frames = FrameRows(np.empty(0), np.empty((0, self._n, ROW)), new_interrupt())
-        parts, start = self._opened.copy(), self._span[0]
+        parts, start = copied(self._opened), self._span[0]
         acting, bounds, reach = self._open_window(parts)
-        plate, begun = Plate(acting, bounds, None), parts.copy()
+        plate, begun = Plate(acting, bounds, None), copied(parts)
         absent = np.flatnonzero(parts["there"][: self._n] == ABSENT)
         frames.row[:, absent] = self._row[absent]
         if len(absent) == self._n:
@@ -139,7 +139,7 @@ class ImpulseEngine(PartsEngine):
             if not np.isfinite(way):
                 break  # for the guard to see
             reach = WIDER * max(reach, way)
-            parts = begun.copy()
+            parts = copied(begun)
         if bounds.calm and until == self._span[1] and not frames.interrupt[ENDED]:
             self._lay_to_rest(crowd, plate, Span(start, until, reach), frames)
         self._parts, self._pairs = parts, pairs
@@ -154,8 +154,7 @@ class ImpulseEngine(PartsEngine):
 
     def _open_window(self, parts: NDArray[np.void]) -> tuple[SurfaceArrays, Bounds, float]:
         """Terms that act and bounds of the window under way, and the reach of the parts in it [m]; wakes them."""
-        start, end = self._span
-        return open_window(parts, self._n, self._kinds, self._drive(self._window), (start, end))
+        return open_window(parts, self._n, self._kinds, self._drive(self._window), tuple(self._span))
 
     def _advance_islands(self, crowd: Crowd, plate: Plate, span: Span, frames: FrameRows) -> bool:
         """Advance all islands, in parallel where there are threads; returns whether a part has left its reach."""
@@ -189,7 +188,7 @@ class ImpulseEngine(PartsEngine):
         self._keep_begin_of_window()
 
     def _keep_begin_of_window(self) -> None:
-        self._opened, self._pairs_before = self._parts.copy(), self._pairs
+        self._opened, self._pairs_before = copied(self._parts), self._pairs
         self._unresolved = self.counts.unresolved_impacts
         self._forget_unresolved()
 

@@ -67,7 +67,7 @@ def forecast(part, kind, corners, surface, bounds, t, flight, tilt, work):
     for _ in range(MAX_LEAPS):
         if leap >= limit:
             return limit
-        move_surface(t + leap, surface, work.then)
+        move_surface(t + leap, surface, work.then[:2])
         further = NEVER
         for i in range(corners.shape[0]):
             moves = work.point[i].most_push

@@ -15,9 +15,11 @@ NOW, SPEED, ACCELERATION, CHANGE = range(4)  # of Scratch.now and Scratch.then
 
 @inlined
 def move_surface(t, surface, modal):
-    """Modal coordinates and three derivatives of every mode shape at time t [s], into modal (4, n_shapes); see NOW."""
-    for s in range(modal.shape[1]):
-        modal[NOW, s] = modal[SPEED, s] = modal[ACCELERATION, s] = modal[CHANGE, s] = 0.0
+    """Modal coordinates and derivatives of every mode shape at time t [s], into modal; see NOW.
+
+    modal: (4, n_shapes), or (2, n_shapes), of NOW and SPEED alone.
+    """
+    modal[:] = 0.0
     for k in range(surface.term_shape.shape[0]):
         if surface.term_start[k] <= t < surface.term_stop[k]:
             age, s = t - surface.term_start[k], surface.term_shape[k]
@@ -29,6 +31,8 @@ def move_surface(t, surface, modal):
             modal[NOW, s] += x
             x, y = growth * x - rate * y, growth * y + rate * x
             modal[SPEED, s] += x
+            if modal.shape[0] == 2:
+                continue
             x, y = growth * x - rate * y, growth * y + rate * x
             modal[ACCELERATION, s] += x
             modal[CHANGE, s] += growth * x - rate * y
@@ -66,8 +70,8 @@ def shapes_under(x, y, part, surface, under):
 
 @inlined
 def move_surface_under(part, surface, t, work):
-    """As `move_surface`, into work.now; on a tangent surface the last of work.under is at the part's centre."""
-    move_surface(t, surface, work.now)
+    """Write NOW and SPEED into work.now; on a tangent surface the last of work.under is at the part's centre."""
+    move_surface(t, surface, work.now[:2])
     if surface.tangent:
         shapes_at(part.position[0], part.position[1], surface, work.under[work.under.shape[0] - 1])
 

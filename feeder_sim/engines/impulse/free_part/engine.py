@@ -50,13 +50,12 @@ class FreePartEngine(PartsEngine):
     def advance(self, n_frames: int) -> Frames:
         scene, rows = self._scene, np.empty((n_frames, 1, ROW))
         times = np.asarray((self._frame + 1 + np.arange(n_frames)) * scene.frame_interval, float)
-        drive = self._drive(WINDOW)
         frames = self._rows_to_fill(times, rows)
         if isinstance(self._wall, Tube):
             room = int(n_frames * scene.frame_interval / self._notes.apart) + 2
             self._notes = self._notes._replace(log=room_for(self._notes.log, room))
         free = FreePart(self._parts[:1], self._loads, self._kinds, self._scratch, self._wall, self._notes)
-        advance(free, drive, self._clock, frames)
+        advance(free, self._drive(WINDOW), self._clock, frames)
         return self._advanced(rows)
 
     def remove(self, parts: NDArray[np.int64]) -> None:

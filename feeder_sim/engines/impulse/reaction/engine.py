@@ -56,9 +56,8 @@ class ReactingEngine(ImpulseEngine):
         return Limits(self._drive(self._window), np.zeros(scene.surface.n_shapes))
 
     def _open_window(self, parts: NDArray[np.void]) -> tuple[SurfaceArrays, Bounds, float]:
-        start, end = self._span
         set_reaction(self._surface, self._reaction_opened)
-        return open_yielding_window(parts, self._n, self._kinds, (start, end), self._limits)
+        return open_yielding_window(parts, self._n, self._kinds, tuple(self._span), self._limits)
 
     def _advance_islands(self, crowd: Crowd, plate: Plate, span: Span, frames: FrameRows) -> bool:
         """Advance all parts from the begin of the window; it may have been computed before."""
