@@ -68,8 +68,8 @@ def acting_terms(surface, start, stop, staying=0):
         coefficient[at] = coefficient[at] * cmath.exp(rate[at] * (later - begin[at]))
         coefficient[at] += own * cmath.exp(rate[at] * (later - surface.term_start[k]))
         begin[at], end[at] = later, min(end[at], surface.term_stop[k])
-    ends = begin[:n].copy(), end[:n].copy()
-    return SurfaceArrays(*surface[:3], shape[:n].copy(), *ends, coefficient[:n].copy(), rate[:n].copy(), *surface[8:])
+    terms = shape[:n].copy(), begin[:n].copy(), end[:n].copy(), coefficient[:n].copy(), rate[:n].copy()
+    return SurfaceArrays(*surface[:3], *terms, *surface[8:])  # type: ignore[call-arg]
 
 
 @inlined
