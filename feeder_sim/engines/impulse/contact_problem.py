@@ -136,10 +136,11 @@ def meet_world(n, contacts, body, place, law):
 
 
 @uncounted
-def solve(bodies, contacts, n, closely=0.0):
+def solve(bodies, contacts, n, closely=0.0, sweeps=True):
     """Find the impulses at the first n contacts that reach their TARGET; changes velocities and spins in place.
 
-    closely: see `settle`; with it sweeps come first, from the impulses and moments that the contacts have.
+    closely: see `settle`; with it sweeps come first, from the impulses and moments that the contacts have, unless
+    `sweeps` is False: where bodies may be jammed, what they lead to is not near the least impulses.
 
     Fills IMPULSE, MOMENT and taken of the modes. Returns whether every contact obeys its laws.
     """
@@ -153,7 +154,7 @@ def solve(bodies, contacts, n, closely=0.0):
     size = _lay_out(bodies, contacts, n)
     for i in range(n):
         contacts.room.target[i] = contacts.number[TARGET, i]
-    settled = closely > 0.0 and _sweeps_settle(contacts, n, size, closely)
+    settled = sweeps and closely > 0.0 and _sweeps_settle(contacts, n, size, closely)
     if not settled:
         settled = settle(contacts.room, n, size, closely)
     _write_out(bodies, contacts, n)

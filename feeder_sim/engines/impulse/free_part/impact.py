@@ -20,7 +20,7 @@ from feeder_sim.engines.impulse.contact_problem import (
 )
 from feeder_sim.engines.impulse.free_part.leap import twist_of
 from feeder_sim.engines.impulse.free_part.points import move_points, touches
-from feeder_sim.engines.impulse.free_part.walls import restitution_of_wall
+from feeder_sim.engines.impulse.free_part.walls import leans, restitution_of_wall, walled
 from feeder_sim.engines.impulse.impact import resolve_impact
 from feeder_sim.engines.impulse.impact_law import ON_PLATE, hit_plate, restitution_at
 from feeder_sim.engines.impulse.scratch import ON_WALL
@@ -83,8 +83,8 @@ def strike(free, seen, rebounds, plate):
             break
         alone = m == 1 and work.point[work.point_of[0]].sort != ON_WALL and kind.rolling == 0.0
         if not (alone and _hit(part, kind, work)):
-            work.member[0] = 0
-            if not resolve_impact(free.parts, free.kinds, 1, m, bounds.exact.approach, work):
+            jams, work.member[0] = walled(plate) and leans(seen.n, TOGETHER * bounds.exact.tolerance, work), 0
+            if not resolve_impact(free.parts, free.kinds, 1, m, 0.0 if jams else bounds.exact.approach, work):
                 part.jammed = part.clock + JAMMED
         _scatter(part, m, bounds, work)
         turning = move_points(part, kind, plate, seen.n, work)

@@ -212,7 +212,7 @@ def _solve_forces(free, plate, now, times_and_slip):
         _move_as_one(m, slips, work.contacts)
     if kind.corner_to - kind.corner_from > 1:
         _turn_inwards(kind, now.turning.spin, m, time, work)
-    if not solve(work.bodies, work.contacts, m, SOLVED * exact.tolerance / usual):
+    if not solve(work.bodies, work.contacts, m, SOLVED * exact.tolerance / usual, not leant):
         work.counts[UNRESOLVED] += 1
     _keep_loads(free, now.n, m, time)
     return m
