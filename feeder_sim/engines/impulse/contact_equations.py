@@ -48,7 +48,7 @@ STIFF, STIFFEST = 1e8, 1e10  # largest changes of an impulse, in effective masse
 NEWTONS, PATIENCE = 12, 3  # steps by the laws themselves; those that may lead nowhere, one after the other
 STEPS = 100  # along the path
 SHARPER, SHORTEST = 0.5, 0.98  # its factors: at first, and at last where it cannot be followed
-SHARP = 1e-2  # of the blur at first: from there on the laws themselves are tried
+SHARP, TRIED = 1e-2, 0.3  # of the blur at first, or of what is near enough: from there on the laws themselves are tried
 AGAIN = 0.2  # of the blur at which they were tried last
 LEAST_BLUR = 0.01  # of the error that is small enough
 CENTRED, LOST = 0.5, 1e3  # blurs by which blurred laws may be off, and by which a step has led away
@@ -198,7 +198,7 @@ def settle(room, n, size, closely):
     if _newtons(room, n, size, enough):
         return True
     blur = max(approach, fastest)
-    if _follow_path(room, n, size, blur, SHARP * blur, enough):
+    if _follow_path(room, n, size, blur, TRIED * closely if closely > 0.0 else SHARP * blur, enough):
         return True
     return _sweeps(room, n, size, enough, NEARLY * speed)
 
@@ -336,7 +336,8 @@ def _sweeps(room, n, size, enough, nearly):
     make_motion(room, n, size)
     sweeps = SWEEPS
     for _ in range(BATCHES):
-        _sweep_until(room, n, size, NEAR * enough, sweeps)
+        for _ in range(sweeps):
+            _sweep(room, n)
         _copy(room, IMPULSES, BEST, n)
         if _newtons(room, n, size, enough):
             return True

@@ -183,10 +183,11 @@ def _sweeps_settle(contacts, n, size, closely):
 
 
 @uncounted
-def impact(bodies, contacts, n, closely=0.0):
+def impact(bodies, contacts, n, closely=0.0, near=0.0):
     """As `solve`, by Newton's law of restitution: the target is -e u.n where a contact approaches, else 0.
 
-    closely: see `settle`; with it sweeps come first. Overwrites TARGET. Energy never grows.
+    closely: see `settle`; near: up to what a velocity may be off [m/s] when sweeps that come first end, 0 for none.
+    Overwrites TARGET. Energy never grows.
     """
     room, number = contacts.room, contacts.number
     if n == 1 and number[ROLLING, 0] <= 0.0 and _impact_alone(bodies, contacts):
@@ -196,8 +197,8 @@ def impact(bodies, contacts, n, closely=0.0):
     for _ in range(HALVINGS + 1):
         for i in range(n):
             room.target[i] = -share * number[RESTITUTION, i] * min(room.value[BEFORE, i, N], 0.0)
-        if closely > 0.0:
-            come_near(room, n, size, closely)
+        if near > 0.0:
+            come_near(room, n, size, near)
         settled = settle(room, n, size, closely)
         work, at_first, trace = _work(room, n, closely)
         if (settled and work <= trace) or share == 0.0:

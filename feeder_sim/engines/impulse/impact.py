@@ -21,16 +21,16 @@ def load_body(j, part, kind, bodies):
 
 
 @uncounted
-def resolve_impact(parts, kinds, bodies, n, closely, work):
+def resolve_impact(parts, kinds, bodies, n, accuracy, work):
     """Change velocities and momenta of parts for impacts at the first n contacts, which have been gathered.
 
-    bodies: how many there are; work.member: of each, its part. closely: see `settle`. Returns whether every contact
-    obeys its laws.
+    bodies: how many there are; work.member: of each, its part. accuracy: `closely` and `near` of `impact`. Returns
+    whether every contact obeys its laws.
     """
     for j in range(bodies):
         part = parts[work.member[j]]
         load_body(j, part, kinds.record[part.kind], work.bodies)
-    settled = impact(work.bodies, work.contacts, n, closely)
+    settled = impact(work.bodies, work.contacts, n, accuracy[0], accuracy[1])
     if not settled:
         work.counts[UNRESOLVED] += 1
     for j in range(bodies):

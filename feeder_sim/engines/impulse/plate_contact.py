@@ -219,7 +219,7 @@ def _impact(i, parts, kinds, corners, surface, t, work):
         n += 1
     before = vector(part.velocity), spin_of(part, kind)
     work.member[0] = i
-    resolve_impact(parts, kinds, 1, n, CLOSELY, work)
+    resolve_impact(parts, kinds, 1, n, (CLOSELY, CLOSELY), work)
     if gives_way(work):
         give_to_plate(n, corners.shape[0], before, kind.mass * GRAVITY * depth, surface, t, work)
     put_back(part, corners, depth, work)

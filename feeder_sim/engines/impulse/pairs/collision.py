@@ -146,7 +146,7 @@ def _collide(pair, parts, kinds, n, normal, tools):
         write_to(contacts.vector[NORMAL, i], normal)
         contacts.number[RESTITUTION, i] = restitution_of_pair(a, b, kind_a, law, inverse, arms, normal)
         contacts.number[FRICTION, i], contacts.number[ROLLING, i] = kind_a.friction[law], 0.0
-    resolve_impact(parts, kinds, 2, n, 0.0, tools.work)
+    resolve_impact(parts, kinds, 2, n, (0.0, 0.0), tools.work)
     return True
 
 
