@@ -20,7 +20,6 @@ from feeder_sim.engines.impulse.contact_problem import (
     ARM_SECOND,
     FRICTION,
     IMPULSE,
-    MOMENT,
     NORMAL,
     ROLLING,
     TARGET,
@@ -176,8 +175,7 @@ def _holds(member, crowd, bodies, contacts, n):
     fall = GRAVITY * WEIGHED
     for j in range(member.shape[0]):
         bodies.velocity[j, 2] -= fall
-    contacts.vector[IMPULSE, :n] = 0.0
-    contacts.vector[MOMENT, :n] = 0.0
+    contacts.vector[IMPULSE:, :n] = 0.0  # and moments
     if not solve(bodies, contacts, n, SOLVED * fall):
         return False
     for j in range(member.shape[0]):

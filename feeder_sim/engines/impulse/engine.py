@@ -70,8 +70,8 @@ class ImpulseEngine(PartsEngine):
         kinds = self._kinds
         self._threads = max(1, threads)
         self._alone = self._single_apart and self._n == 1 and not scene.rim and scene.scenario.refill is None
-        shapes = scene.surface.n_shapes
-        self._work = [new_scratch(kinds, shapes, shapes * self._yields) for _ in range(self._threads)]
+        size = kinds, scene.surface.n_shapes, scene.surface.n_shapes * self._yields
+        self._work = [new_scratch(*size) for _ in range(self._threads)]
         corners = np.split(kinds.corners, kinds.piece["corner_from"][1:])
         radii = [*kinds.record["radius"], *np.zeros(len(corners) - len(kinds.record))]  # only a hull is a ball
         self._libraries = [HullLibrary(corners, radii) for _ in range(0 if self._alone else self._threads)]

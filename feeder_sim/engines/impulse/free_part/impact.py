@@ -83,9 +83,8 @@ def strike(free, seen, rebounds, plate):
             break
         alone = m == 1 and work.point[work.point_of[0]].sort != ON_WALL and kind.rolling == 0.0
         if not (alone and _hit(part, kind, work)):
-            jams, work.member[0] = walled(plate) and leans(seen.n, TOGETHER * bounds.exact.tolerance, work), 0
-            near = 0.0 if jams else bounds.exact.approach
-            if not resolve_impact(free.parts, free.kinds, 1, m, (0.0, near), work):
+            jams = walled(plate) and leans(seen.n, TOGETHER * bounds.exact.tolerance, work)
+            if not resolve_impact(free.parts, free.kinds, 1, m, (0.0, 0.0 if jams else bounds.exact.approach), work):
                 part.jammed = part.clock + JAMMED
         _scatter(part, m, bounds, work)
         turning = move_points(part, kind, plate, seen.n, work)
