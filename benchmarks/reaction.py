@@ -19,7 +19,7 @@ import numpy as np
 import typer
 
 from feeder_sim.engines.impulse.reaction.engine import ReactingEngine
-from feeder_sim.engines.impulse.reaction.yielding import TAKEN
+from feeder_sim.engines.impulse.scratch import TAKEN
 from feeder_sim.engines.reaction import reaction_at
 from feeder_sim.run.compilation import compile_engine
 from feeder_sim.run.prepare import prepare

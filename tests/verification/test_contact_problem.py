@@ -319,7 +319,7 @@ def face_under_a_nut(rng: np.random.Generator, sideways: float, bends: float) ->
     """
     radius, height, mass, time = 2.9e-3, 1e-3, 3e-4, 2e-5
     inertia = mass * np.array([1, 1, 0]) * (radius**2 / 4 + height**2 / 3) + mass * np.array([0, 0, radius**2 / 2])
-    velocity = [sideways, sideways, 3e-3] * rng.normal(size=3)
+    velocity = rng.normal(size=3) * [sideways, sideways, 3e-3]
     rising = velocity[2] + 9.81 * time * rng.uniform(0.3, 2)
     scene = Scene(1, 6)
     scene.put(0, velocity=velocity - [0, 0, 9.81 * time], spin=0.3 * rng.normal(size=3), inertia=inertia, mass=mass)
