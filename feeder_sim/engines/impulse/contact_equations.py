@@ -18,8 +18,8 @@ Where many points stick or slip by a hair these steps lead nowhere. Then the law
 whose solution is smooth (Chen and Harker, SIAM J. Matrix Anal. 14 (1993) 1168), and the path of the solutions is
 followed from a large blur to none. A step linearises p_t and u_t alike (Chan, Golub and Mulet, SIAM J. Sci. Comput. 20
 (1999) 1964). Bodies that are jammed may have no such path: there sweeps of projected Gauss-Seidel (Jean, CMAME 177
-(1999) 235) go before Newton's steps. They also go first where a velocity may be off by what is told, from impulses of
-the last problem or none: a sweep costs a tenth of a step.
+(1999) 235) go before Newton's steps. They also go first where a velocity may be off by a given speed, from impulses
+of the last problem or none.
 """
 
 from __future__ import annotations

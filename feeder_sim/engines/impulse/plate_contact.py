@@ -20,7 +20,7 @@ from feeder_sim.engines.impulse.flight_time import flight_on_flat, forecast, lon
 from feeder_sim.engines.impulse.impact import resolve_impact
 from feeder_sim.engines.impulse.impact_law import hit_plate, restitution_on_plate
 from feeder_sim.engines.impulse.plate_edge import BESIDE, edge_leap, falls, points_on_edge
-from feeder_sim.engines.impulse.reaction.yielding import give_to_plate, gives_way, note_carried
+from feeder_sim.engines.impulse.reaction.yielding import give_to_plate, is_compliant, note_carried
 from feeder_sim.engines.impulse.state import arm_of, height_of, inverse_inertia, spin_of
 from feeder_sim.engines.impulse.surface import (
     HEIGHT,
@@ -58,7 +58,7 @@ def meet_plate(i, parts, kinds, surface, bounds, t, work):
         fall = (rising + math.sqrt(rising * rising + 2.0 * GRAVITY * height)) / GRAVITY
         if fall >= bounds.step:
             return fall, False
-        return max(fall, bounds.step if gives_way(work) else shortest_flight(part, kind, bounds)), False
+        return max(fall, bounds.step if is_compliant(work) else shortest_flight(part, kind, bounds)), False
     moved, lowest = lowest_points(part, kind, surface, bounds, 2.0 * TOUCH, t, work)
     further = points_on_edge(part, kind, kinds, surface, bounds.crest, work)
     corners, n_corners, others = kinds.corners[kind.corner_from : kind.corner_to], count_of(kind), np.inf
@@ -68,7 +68,7 @@ def meet_plate(i, parts, kinds, surface, bounds, t, work):
         near, others = gather_near(part, kind, corners, bounds, work)
         corners = work.corners[:near]
     on_plate, last = look(part, kind, corners, surface, bounds, t, moved, work)
-    if on_plate == 1 and kind.rolling == 0.0 and not gives_way(work):
+    if on_plate == 1 and kind.rolling == 0.0 and not is_compliant(work):
         _impact_at(last, i, parts, kinds, corners, surface, work)
     elif on_plate > 0:
         _impact(i, parts, kinds, corners, surface, t, work)
@@ -76,7 +76,7 @@ def meet_plate(i, parts, kinds, surface, bounds, t, work):
     tilt = tilt_of(lowest, part, kind, work)
     leap, to_crest = leap_of_circles(tilt, kind, bounds, own, leap, to_crest, work)
     shortest = stride = shortest_flight(part, kind, bounds)
-    level = bounds.calm and bounds.slope == 0.0 and not gives_way(work)
+    level = bounds.calm and bounds.slope == 0.0 and not is_compliant(work)
     if level and further == 0 and not is_round(kind):
         shortest = max(shortest, flight_on_flat(corners, own, bounds, work))
     to_crest = min(to_crest, far_leap(part, kind, others, bounds))
@@ -220,7 +220,7 @@ def _impact(i, parts, kinds, corners, surface, t, work):
     before = vector(part.velocity), spin_of(part, kind)
     work.member[0] = i
     resolve_impact(parts, kinds, 1, n, (CLOSELY, CLOSELY), work)
-    if gives_way(work):
+    if is_compliant(work):
         give_to_plate(n, corners.shape[0], before, kind.mass * GRAVITY * depth, surface, t, work)
     put_back(part, corners, depth, work)
     approach(part, kind, corners, work)

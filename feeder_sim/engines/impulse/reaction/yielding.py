@@ -11,8 +11,8 @@ from feeder_sim.machine_code import inlined, uncounted
 
 
 @inlined
-def gives_way(work):
-    """Whether the plate gives way."""
+def is_compliant(work):
+    """Whether the plate takes the impulses of parts."""
     return work.contacts.modes.taken.shape[0] > 0
 
 
