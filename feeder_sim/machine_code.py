@@ -64,7 +64,8 @@ TOLD_APART = hasattr(FunctionIdentity, "_unique_ids")  # without it no machine c
 if TOLD_APART:
     FunctionIdentity._unique_ids = itertools.count(int.from_bytes(os.urandom(5), "big"))
 KEPT_IN_PARTS = INGREDIENTS and TOLD_APART
-DAMAGED = (EOFError, ValueError, pickle.UnpicklingError)  # what reading a damaged file of the cache ends in
+# What reading a damaged file of the cache ends in, or one that names a type of a script that is not here.
+DAMAGED = (AttributeError, EOFError, ImportError, ValueError, pickle.UnpicklingError)
 COMPILED = [0]  # inner functions in this process, also those that a killed one has left, for who waits for it
 _njit: Any = numba.njit  # whose stubs do not know all options
 F = TypeVar("F", bound=Callable[..., Any])

@@ -36,6 +36,7 @@ class Run:
 
     def look(self) -> Run:
         """Take in what the process has sent."""
+        alive = self.process.is_alive()  # asked first: all that an ended process has sent is there
         with contextlib.suppress(EOFError, OSError):
             while not self.ended and self.pipe.poll():
                 what, value = self.pipe.recv()
@@ -45,7 +46,7 @@ class Run:
                     self.said = value
                 else:
                     self.ended, self.lines = what, value
-        if not self.ended and not self.process.is_alive() and not self.pipe.poll():
+        if not self.ended and not alive:
             self.ended, self.lines = "failed", ["the process of this run has ended by itself"]
         return self
 

@@ -128,6 +128,13 @@ def test_a_run_that_fails_says_why_and_one_that_is_stopped_keeps_its_folder(tmp_
     assert long.look().ended == "stopped" and (tmp_path / "long/trajectory.h5").is_file()
 
 
+def test_a_run_whose_process_is_killed_has_ended(tmp_path: Path) -> None:
+    run = Runs().start(EXAMPLE.read_text(encoding="utf-8"), EXAMPLE, tmp_path / "killed")
+    run.process.kill()
+    run.process.join(60.0)
+    assert run.look().ended == "failed" and "ended by itself" in run.words
+
+
 def test_an_example_is_copied_once_and_a_file_of_ones_own_is_taken_where_it_is(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -8,6 +8,7 @@ from __future__ import annotations
 import ast
 import json
 import os
+import pickle
 import platform
 import re
 import shutil
@@ -19,6 +20,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+import numba
 import pytest
 from conftest import REPOSITORY
 
@@ -360,8 +362,12 @@ DAMAGE: dict[str, Callable[[bytes], bytes]] = {
     "half": lambda kept: kept[: len(kept) // 2],
     "something else": lambda _: b"x" * 100,
 }
-FOR_EVERY_DAY = ((".nbc", "half"), (".nbi", "nothing"))
-CASES = [(suffix, left) for suffix in (".nbc", ".nbi") for left in DAMAGE]
+OF_INDICES: dict[str, Callable[[bytes], bytes]] = {
+    "a type of a missing script": lambda _: pickle.dumps(numba.__version__) + b"cno_such_script\nPlace\n.",
+    "a type that is gone": lambda _: pickle.dumps(numba.__version__) + b"cpathlib\nPlace\n.",
+}
+FOR_EVERY_DAY = ((".nbc", "half"), (".nbi", "nothing"), (".nbi", "a type of a missing script"))
+CASES = [(suffix, left) for suffix in (".nbc", ".nbi") for left in DAMAGE] + [(".nbi", left) for left in OF_INDICES]
 
 
 @pytest.mark.parametrize(
@@ -372,7 +378,7 @@ def test_damaged_machine_code_is_compiled_again(suffix: str, left: str, copy: Co
     copy.call(3)
     for file in copy.files():
         if file.suffix == suffix:
-            file.write_bytes(DAMAGE[left](file.read_bytes()))
+            file.write_bytes((DAMAGE | OF_INDICES)[left](file.read_bytes()))
     assert copy.call(3)[0] == expected(3)
     assert copy.call(3) == [expected(3), 0]
 
