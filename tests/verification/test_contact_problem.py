@@ -310,7 +310,7 @@ def test_a_face_whose_points_slip_by_a_hair_is_solved(closely: float) -> None:
             scene.contacts.vector[VELOCITY, k] = (1e-4, 5e-5, 0) + 1e-5 * rng.normal(size=3)
         settled, _, after = scene.run(lambda *problem: solve(*problem, closely))
         assert settled
-        assert scene.worst(after) < max(1e-8, 10.0 * closely)
+        assert scene.worst(after) < max(1e-8, 3.0 * closely)
 
 
 def face_under_a_nut(rng: np.random.Generator, sideways: float, bends: float) -> Scene:
@@ -339,7 +339,7 @@ def test_sweeps_from_impulses_nearby_solve_a_face(sideways: float, bends: float,
     Another start may lead elsewhere: how six points share a load, and so what holds against turning, is open.
     """
     rng, settled, off = np.random.default_rng(7), 0, []
-    for _ in range(60):
+    for _ in range(240):
         scene = face_under_a_nut(rng, sideways, bends)
         start = scene.bodies.velocity.copy(), scene.bodies.spin.copy()
         scene.bodies.velocity[:] *= 1.02
@@ -354,8 +354,8 @@ def test_sweeps_from_impulses_nearby_solve_a_face(sideways: float, bends: float,
             assert scene.worst(scene.relative()) < 10.0 * near
             motion.append(np.append(scene.bodies.velocity[0], 2.9e-3 * scene.bodies.spin[0]))
         off.append(np.abs(motion[1] - motion[0]).max())
-    assert settled >= 59
-    assert np.sort(off)[58] < closely
+    assert settled >= 239
+    assert np.sort(off)[235] < closely
 
 
 def test_a_face_that_nearly_sticks_may_move_in_several_ways() -> None:

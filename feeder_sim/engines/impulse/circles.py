@@ -168,10 +168,7 @@ def _tilt_of(lowest, part, kind, work):
     turning = cross((-slope_x, -slope_y, 1.0), spin_of(part, kind))
     return (
         True,
-        (
-            r[2, 0] - slope_x * r[0, 0] - slope_y * r[1, 0],
-            r[2, 1] - slope_x * r[0, 1] - slope_y * r[1, 1],
-        ),
+        (r[2, 0] - slope_x * r[0, 0] - slope_y * r[1, 0], r[2, 1] - slope_x * r[0, 1] - slope_y * r[1, 1]),
         (
             turning[0] * r[0, 0] + turning[1] * r[1, 0] + turning[2] * r[2, 0],
             turning[0] * r[0, 1] + turning[1] * r[1, 1] + turning[2] * r[2, 1],

@@ -54,7 +54,8 @@ LEAST_BLUR = 0.01  # of the error that is small enough
 CENTRED, LOST = 0.5, 1e3  # blurs by which blurred laws may be off, and by which a step has led away
 SWEEPS, BATCHES = 16, 7  # at first, doubled each time; so often
 WARM = 100  # sweeps from impulses that may be near the solution, in less time than Newton's steps from none take
-NEAR = 0.2  # of what is near enough: changes of velocities at which sweeps end
+NEAR, NEARER = 0.2, 0.04  # of what is near enough: changes of velocities at which sweeps end, at first and at last
+SURE = 1e-4  # of what is near enough: errors of sweeps that need no step of Newton's
 # Changes of a sweep over those of the one before: of sweeps that creep, and of slow ones; how steadily those shrink;
 CREEPS, SLOW, STEADY, SETTLES = 0.985, 0.5, 0.2, 3  # and how many sweeps go before that is asked
 FEW = 24  # sweeps that bring a small impact to its solution, in less time than Newton's method takes
@@ -207,13 +208,37 @@ def settle(room, n, size, closely):
 def sweeps_settle(room, n, size, closely):
     """Sweep from impulses as they are; returns whether every contact obeys its laws, else there are no impulses.
 
-    closely: what may be left of a velocity [m/s].
+    closely: what may be left of a velocity [m/s]. Where sweeps have found what is open, sticks and slips, a step of
+    Newton's leads far closer, and to what is symmetric where the problem is; where they have not, they go on.
     """
     make_motion(room, n, size)
-    if _sweep_until(room, n, size, NEAR * closely, WARM) and _linearise(room, n, closely) <= closely:
-        return True
+    for near in (NEAR, NEARER):
+        if not _sweep_until(room, n, size, near * closely, WARM):
+            break
+        error = _linearise(room, n, closely) / closely
+        if error <= SURE or (error <= 1.0 and (_step_closer(room, n, size, closely, error) or near == NEARER)):
+            return True
     forget(room, n)
     return False
+
+
+@inlined
+def _step_closer(room, n, size, closely, error):
+    """Take Newton's step from an error [closely]; False, and nothing has changed, where that does not lead closer."""
+    _copy(room, IMPULSES, BEST, n)
+    led = _newton(room, n, size)
+    make_motion(room, n, size)
+    if led and _linearise(room, n, closely) < error * closely:
+        return True
+    _go_back(room, n, size)
+    return False
+
+
+@inlined
+def _go_back(room, n, size):
+    """To the impulses and motion of BEST."""
+    _copy(room, BEST, IMPULSES, n)
+    make_motion(room, n, size)
 
 
 @uncounted
@@ -308,8 +333,7 @@ def _follow_path(room, n, size, blur, tried, enough):
                     return True
                 if blur <= LEAST_BLUR * enough:
                     return False
-                _copy(room, BEST, IMPULSES, n)
-                make_motion(room, n, size)
+                _go_back(room, n, size)
                 tried = AGAIN * blur
             sharper = max(sharper * sharper, 0.1 * SHARPER) if stale < 2 else sharper
             sharp, blur, followed, stale = blur, max(sharper * blur, LEAST_BLUR * enough), True, 0
@@ -321,8 +345,7 @@ def _follow_path(room, n, size, blur, tried, enough):
                 if sharper > SHORTEST:
                     return False
                 blur = sharper * sharp
-                _copy(room, BEST, IMPULSES, n)
-                make_motion(room, n, size)
+                _go_back(room, n, size)
                 _linearise_blurred(room, n, blur)
         if not _newton(room, n, size):
             return False
@@ -341,8 +364,7 @@ def _sweeps(room, n, size, enough, nearly):
         _copy(room, IMPULSES, BEST, n)
         if _newtons(room, n, size, enough):
             return True
-        _copy(room, BEST, IMPULSES, n)
-        make_motion(room, n, size)
+        _go_back(room, n, size)
         sweeps *= 2
     return _linearise(room, n, enough) < nearly
 

@@ -10,14 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from feeder_sim.constants import GRAVITY
-from feeder_sim.engines.impulse.contact_problem import (
-    ARM_SECOND,
-    FRICTION,
-    NORMAL,
-    RESTITUTION,
-    VELOCITY,
-    meet_world,
-)
+from feeder_sim.engines.impulse.contact_problem import ARM_SECOND, FRICTION, NORMAL, RESTITUTION, VELOCITY, meet_world
 from feeder_sim.engines.impulse.free_part.leap import twist_of
 from feeder_sim.engines.impulse.free_part.points import move_points, touches
 from feeder_sim.engines.impulse.free_part.walls import leans, restitution_of_wall, walled

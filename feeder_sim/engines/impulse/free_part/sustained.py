@@ -36,11 +36,8 @@ from feeder_sim.engines.impulse.surface import ACCELERATION, along_at, flow_at, 
 from feeder_sim.engines.impulse.vectors import add_to, cross, difference, dot, plus, times, vector, write_to
 from feeder_sim.machine_code import inlined
 
-TURNED, ROLLED, TURNED_AT_EDGE = (
-    0.02,
-    0.002,
-    0.0005,
-)  # [rad] by which a part turns under forces; there the normal turns too
+# [rad] by which a part turns under forces; there the normal turns too
+TURNED, ROLLED, TURNED_AT_EDGE = 0.02, 0.002, 0.0005
 CARRIED = 30.0  # tolerances; points that have been pressed and are this close still are
 RETURN = 0.3  # share of its gap that a pressed point gives back in the time of forces
 SETTLED = 0.1  # of the speed that the plate gives a point in the time of summed bounces: what is slower stays

@@ -120,11 +120,7 @@ def _along_body_axis(part, vector, n):
 @compiled
 def extent(part, kind, piece, kinds, axis, sign):
     """Largest coordinate of a piece of a part along sign * axis [m]."""
-    x, y, z = (
-        _along_body_axis(part, axis, 0),
-        _along_body_axis(part, axis, 1),
-        _along_body_axis(part, axis, 2),
-    )
+    x, y, z = (_along_body_axis(part, axis, 0), _along_body_axis(part, axis, 1), _along_body_axis(part, axis, 2))
     largest = -np.inf
     for c in range(piece.corner_from, piece.corner_to):
         largest = max(largest, sign * (x * kinds.corners[c, 0] + y * kinds.corners[c, 1] + z * kinds.corners[c, 2]))
@@ -145,11 +141,7 @@ def _crossing_time(part, kind, piece, kinds, axis, sign, support, plane):
     drift, room, fall = plane
     if not flies(part, kind):
         return np.inf
-    x, y, z = (
-        _along_body_axis(part, axis, 0),
-        _along_body_axis(part, axis, 1),
-        _along_body_axis(part, axis, 2),
-    )
+    x, y, z = (_along_body_axis(part, axis, 0), _along_body_axis(part, axis, 1), _along_body_axis(part, axis, 2))
     momentum, inertia = part.momentum, kind.inertia
     spin_x = _along_body_axis(part, momentum, 0) / inertia[0]
     spin_y = _along_body_axis(part, momentum, 1) / inertia[1]
