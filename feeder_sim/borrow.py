@@ -1,54 +1,36 @@
 """Arrays that compiled code does not count references to.
 
 Numba counts the references to every array that a function takes out of a tuple or slices, with atomic operations; in
-the inner loops that costs more than the arithmetic, and threads wait for each other over it. Arrays made from bare
-addresses are not counted. The caller must hold the real ones for as long as the borrowed ones are used.
+the inner loops that costs more than the arithmetic, and threads wait for each other over it. Arrays without a
+record of who owns them are not counted. The caller must hold the real ones for as long as the borrowed ones are used.
 """
 
 from __future__ import annotations
 
-from numba import carray, types  # type: ignore[attr-defined]
-from numba.core import cgutils
-from numba.core.errors import TypingError
-from numba.extending import intrinsic, overload
+from typing import Any
 
-from feeder_sim.machine_code import compiled
+from numba.core import cgutils, types
+from numba.extending import intrinsic
 
 
 @intrinsic
-def _as_pointer(typingctx, address):
+def borrow(typingctx, value):
+    """The same array, uncounted; or a tuple with all its arrays borrowed, also those of tuples in it."""
+
     def generate(context, builder, signature, arguments):
-        return builder.inttoptr(arguments[0], cgutils.voidptr_t)
+        return _borrowed(context, builder, value, arguments[0])
 
-    return types.voidptr(address), generate
-
-
-@compiled
-def borrowed(array):
-    """The same contiguous array, uncounted."""
-    return carray(_as_pointer(array.ctypes.data), array.shape, array.dtype)  # type: ignore[call-arg]
+    return value(value), generate
 
 
-def borrow(fields):
-    """A named tuple with all its arrays borrowed, also those of named tuples in it; None stays None."""
-    raise NotImplementedError("for compiled code only")
-
-
-@overload(borrow, strict=False)
-def _borrow(fields):
-    if isinstance(fields, types.NoneType):
-        return lambda fields: None
-    tuple_class = fields.instance_class
-    lent = []
-    for name, kind in zip(fields.fields, fields.types, strict=True):
-        if isinstance(kind, types.Array):
-            if kind.layout != "C":  # a bare address says nothing of strides
-                raise TypingError(f"{tuple_class.__name__}.{name} is not a contiguous array in C order")
-            lent.append(f"borrowed(fields.{name})")
-        elif isinstance(kind, types.NamedTuple) or isinstance(getattr(kind, "dtype", None), types.Array):
-            lent.append(f"borrow(fields.{name})")
-        else:
-            lent.append(f"fields.{name}")
-    scope = {"borrowed": borrowed, "borrow": borrow, "tuple_class": tuple_class}
-    exec(f"def lend(fields):\n    return tuple_class({', '.join(lent)})\n", scope)
-    return scope["lend"]
+def _borrowed(context: Any, builder: Any, kind: Any, value: Any) -> Any:
+    """Machine code of a value without the owners of its arrays."""
+    if isinstance(kind, types.Array):
+        array = context.make_array(kind)(context, builder, value)
+        for owner in ("meminfo", "parent"):
+            setattr(array, owner, cgutils.get_null_value(getattr(array, owner).type))
+        return array._getvalue()
+    if isinstance(kind, types.BaseTuple):
+        elements = zip(kind, cgutils.unpack_tuple(builder, value, len(kind)), strict=True)
+        return context.make_tuple(builder, kind, [_borrowed(context, builder, *element) for element in elements])
+    return value

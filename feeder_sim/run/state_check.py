@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from feeder_sim.borrow import borrow, borrowed
+from feeder_sim.borrow import borrow
 from feeder_sim.constants import GRAVITY
 from feeder_sim.engines.surface_arrays import OutlineArrays, SurfaceArrays, edge_distance, off_plate, outline_arrays
 from feeder_sim.machine_code import entry_point, inlined, uncounted
@@ -313,7 +313,7 @@ def check_states(motion, held, states, everything):
     n_shapes = held.antinode.shape[0]
     modal, modes = np.empty((2, n_shapes)), np.empty((n_shapes, 3))
     lent = borrow(motion), borrow(held), borrow(states)
-    return _check_frames(*lent, borrowed(modal), borrowed(modes), everything)
+    return _check_frames(*lent, borrow(modal), borrow(modes), everything)
 
 
 @uncounted

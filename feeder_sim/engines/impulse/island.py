@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from feeder_sim.borrow import borrow, borrowed
+from feeder_sim.borrow import borrow
 from feeder_sim.engines.impulse.components import rest
 from feeder_sim.engines.impulse.frame_rows import write_row
 from feeder_sim.engines.impulse.pairs.collision import meet
@@ -100,7 +100,7 @@ def _advance_island(island, crowd, plate, tools, span, frames):
     first_pair, last_pair = islands.first_pair[island], islands.first_pair[island + 1]
     n = last - first
     tree = all_due(n + last_pair - first_pair, span.start)
-    agenda = Agenda(borrowed(tree), first, n, first_pair)
+    agenda = Agenda(borrow(tree), first, n, first_pair)
     for k in range(n):
         if parts[islands.part[first + k]].there == ASLEEP:
             set_due(tree, k, np.inf)

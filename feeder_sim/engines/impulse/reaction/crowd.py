@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from feeder_sim.borrow import borrow, borrowed
+from feeder_sim.borrow import borrow
 from feeder_sim.constants import GRAVITY
 from feeder_sim.engines.impulse.crowd import reach_of
 from feeder_sim.engines.impulse.flight_time import shortest_flight
@@ -116,7 +116,7 @@ def _advance(crowd, surface, bounds, tools, span, frames, limits):
     islands, parts, kinds = crowd.islands, crowd.parts, crowd.kinds
     n = islands.part.shape[0]
     tree = all_due(n + islands.pair.shape[0], span.start)
-    agenda = Agenda(borrowed(tree), 0, n, 0)
+    agenda = Agenda(borrow(tree), 0, n, 0)
     changed = tools.work.yielding.changed
     changed[:] = 0.0
     for k in range(n):
