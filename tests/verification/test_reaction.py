@@ -26,11 +26,14 @@ PLATE = {"kind": "rectangle", "mode_file": REPOSITORY / "models" / "plate_180" /
 NUT = {"shape": "hex_nut", "size": "M2.5"}
 BALL = {"shape": "ball", "diameter_mm": 8.0}
 EXACT = 1e-6  # of the energy that the modes have got; what is left is round-off
+MANY = (439.0, 556.0, 1418.0, 1543.0, 2646.0, 3398.0, 3596.0, 3772.0)  # [Hz]; with the driven one more than a body has motions
 
 
-def on_plate(*parts: dict[str, Any], amplitude_um: float = 0.0, contact: Any = None, **run: Any) -> Scenario:
-    """Parts on the 180 mm plate with two of its modes: both rest, or the second one is driven."""
-    drive = [{"frequency_hz": f, "amplitude_um": a} for f, a in ((2646.0, 0.0), (2797.0, amplitude_um))]
+def on_plate(
+    *parts: dict[str, Any], amplitude_um: float = 0.0, at_rest: Any = (2646.0,), contact: Any = None, **run: Any
+) -> Scenario:
+    """Parts on the 180 mm plate with modes that rest [Hz], and one that may be driven."""
+    drive = [{"frequency_hz": f, "amplitude_um": a} for f, a in (*((f, 0.0) for f in at_rest), (2797.0, amplitude_um))]
     raw = {"plate": PLATE, "drive": drive, "part": parts, "contact": contact or {}}
     return Scenario.model_validate(raw | {"run": {"duration_s": 0.2, "seeds": 1, "reaction": True} | run})
 
@@ -45,7 +48,7 @@ class Undamped:
     def __init__(self, scenario: Scenario) -> None:
         self.scene = build_scene(scenario)
         self.engine, self.modes = ReactingEngine(self.scene, np.random.default_rng(0)), free_modes(self.scene.driven)
-        self.engine._surface.rate.real[-2:] = 0.0
+        self.engine._surface.rate.real[-len(self.modes.rate) :] = 0.0
         self.engine._window = 1e-3  # at whose begins its state is
 
     def of_parts(self) -> float:
@@ -82,10 +85,12 @@ def test_without_losses_the_modes_get_what_the_part_loses(tangent: bool) -> None
     assert abs(books[WORK]) < EXACT * got
 
 
-def test_with_losses_the_contact_law_dissipates_the_rest() -> None:
+@pytest.mark.parametrize("at_rest", [(2646.0,), MANY])
+def test_with_losses_the_contact_law_dissipates_the_rest(at_rest: tuple[float, ...]) -> None:
     """Nuts that tumble: friction, several corners at once, and what one does to the plate the others feel."""
     nuts = [NUT | at(x, y) for x, y in ((0.0, 0.0), (30.0, 10.0), (-40.0, 40.0))]
-    one = Undamped(on_plate(*nuts, contact={"restitution": 0.6, "friction": 0.3}))
+    one = Undamped(on_plate(*nuts, at_rest=at_rest, contact={"restitution": 0.6, "friction": 0.3}))
+    assert len(one.modes.rate) == len(at_rest) + 1
     start = last = one.of_parts()
     for _ in range(12):
         one.engine.advance(2)
