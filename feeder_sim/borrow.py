@@ -12,8 +12,10 @@ from typing import Any
 from numba.core import cgutils, types
 from numba.extending import intrinsic
 
+_intrinsic: Any = intrinsic  # whose stubs take the first argument for the caller's
 
-@intrinsic
+
+@_intrinsic
 def borrow(typingctx, value):
     """The same array, uncounted; or a tuple with all its arrays borrowed, also those of tuples in it."""
 
@@ -31,6 +33,7 @@ def _borrowed(context: Any, builder: Any, kind: Any, value: Any) -> Any:
             setattr(array, owner, cgutils.get_null_value(getattr(array, owner).type))
         return array._getvalue()
     if isinstance(kind, types.BaseTuple):
-        elements = zip(kind, cgutils.unpack_tuple(builder, value, len(kind)), strict=True)
+        kinds: Any = kind  # whose stubs know no elements
+        elements = zip(kinds, cgutils.unpack_tuple(builder, value, len(kinds)), strict=True)
         return context.make_tuple(builder, kind, [_borrowed(context, builder, *element) for element in elements])
     return value

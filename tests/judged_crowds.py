@@ -4,6 +4,7 @@
 
 pair   two parts meet in flight: momentum and angular momentum are kept, energy does not grow
 heap   two to twelve parts fall on each other on a plate at rest, with or without a rim: they rest, out of each other
+joint  the same without a step, to 10 nm
 over   parts fall on two edges of a plate, at rest or driven: what tips over falls beside it, and does not get under it
 """
 
@@ -101,6 +102,11 @@ def _heap(rng: Rng) -> Raw:
     return {"plate": plate, "part": parts, "run": {"duration_s": 1.5, "seeds": 1, "frames_per_second": 500.0}}
 
 
+def _joint(rng: Rng) -> Raw:
+    raw = _heap(rng)
+    return raw | {"run": raw["run"] | {"tolerance_nm": 10.0}}
+
+
 def _over(rng: Rng) -> Raw:
     parts = []
     for y in np.arange(-75.0, 76.0, 15.0):
@@ -170,5 +176,10 @@ def _lies(raw: Raw, made: Scene, frames: Frames) -> list[str]:
     return faults + _apart(made, frames[slice(0, None, 10)])
 
 
-KINDS: dict[str, Callable[[Rng], Raw]] = {"pair": _pair, "heap": _heap, "over": _over}
-LAWS: dict[str, Callable[[Raw, Scene, Frames], list[str]]] = {"pair": _flies, "heap": _lies, "over": _falls_beside}
+KINDS: dict[str, Callable[[Rng], Raw]] = {"pair": _pair, "heap": _heap, "joint": _joint, "over": _over}
+LAWS: dict[str, Callable[[Raw, Scene, Frames], list[str]]] = {
+    "pair": _flies,
+    "heap": _lies,
+    "joint": _lies,
+    "over": _falls_beside,
+}

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 CLASSES = {
     "impulse": "impulse.engine:ImpulseEngine",
     "exact": "impulse.free_part.engine:FreePartEngine",
+    "joint": "impulse.joint.engine:JointEngine",
     "reaction": "impulse.reaction.engine:ReactingEngine",
     "slide": "slide.engine:SlideEngine",
     "mujoco": "mujoco.engine:MujocoEngine",

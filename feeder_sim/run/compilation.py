@@ -22,7 +22,7 @@ COMPILING = "compiling the engine"
 FINISHING = 0.22
 MOST_SHARE = 0.99  # that is shown
 # Functions of an engine and the guard, roughly: scenes differ in the laws and walls that they need.
-FUNCTIONS = {"exact": 270, "impulse": 240, "reaction": 240, "slide": 50, "mujoco": 40, "drops": 200}
+FUNCTIONS = {"exact": 270, "joint": 400, "impulse": 240, "reaction": 240, "slide": 50, "mujoco": 40, "drops": 200}
 
 
 def compile_engine(prepared: Prepared) -> None:

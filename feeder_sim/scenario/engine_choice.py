@@ -1,7 +1,8 @@
 """Which engine a scenario gets, and by which method; `rules` says which scenarios each can compute.
 
 Two engine names stand for several methods. `mujoco` has one; `impulse` has the general one and `slide`, which finds
-every event of a part with one degree of freedom exactly, and `exact`, which computes one free part without a step.
+every event of a part with one degree of freedom exactly, `exact`, which computes one free part without a step, and
+`joint`, which computes several without one.
 Over a plate that takes the impulses of the parts both have a method of their own, `reaction`. docs/engines.md describes
 them.
 """
@@ -27,9 +28,10 @@ def choose_engine(scenario: Scenario) -> Choice:
     """The engine of a checked scenario: the one it asks for, else the fastest that can compute it."""
     guide = scenario.guide
     method = "reaction" if scenario.run.reaction else "impulse"
-    asks_for_steps = scenario.run.steps_per_period is not None or any(needs_steps(scenario))
+    many = scenario.n_parts > 1 or scenario.refill is not None
+    asks_for_steps = scenario.run.steps_per_period is not None or many or any(needs_steps(scenario))
     if scenario.run.tolerance_nm is not None or not asks_for_steps:
-        method = "exact"
+        method = "joint" if many else "exact"
     if guide is not None and guide.kind == "slide":
         method = "slide"
     if scenario.run.engine == "impulse":
@@ -45,14 +47,11 @@ def choose_engine(scenario: Scenario) -> Choice:
 
 def needs_steps(scenario: Scenario) -> Iterator[str]:
     """Why the impulse engine computes a scenario in steps; nothing where it does without."""
-    if scenario.n_parts > 1:
-        yield f"with {scenario.n_parts} parts: one free part is computed without a step"
     if scenario.guide is not None and scenario.guide.kind == "slide":
         yield 'with part[0].guide.kind = "slide"'
-    if scenario.part[0].in_steps and scenario.guide is None:
-        yield f'with part[0].shape = "{scenario.part[0].shape}"'
-    if scenario.refill is not None:
-        yield "with refill"
+    for i, part in enumerate(scenario.part):
+        if part.in_steps and scenario.guide is None:
+            yield f'with part[{i}].shape = "{part.shape}"'
     for key in ("planar", "reaction"):
         if getattr(scenario.run, key):
             yield f"with run.{key} = true"

@@ -153,8 +153,8 @@ def _trays(s: Scenario) -> Broken:
         for name in others:
             if getattr(drive, name) is not None:
                 yield f'{key}.{name} does not go with plate.kind = "{s.plate.kind}", allowed is {", ".join(own)}'
-    if isinstance(s.plate, TrayPlate) and s.plate.tilt_deg and choose_engine(s).method != "exact":
-        yield "plate.tilt_deg", "0 but with one free part that is computed without a step"
+    if isinstance(s.plate, TrayPlate) and s.plate.tilt_deg and choose_engine(s).method not in ("exact", "joint"):
+        yield "plate.tilt_deg", "0 but with parts that are computed without a step: several with run.tolerance_nm"
 
 
 def _rims(s: Scenario) -> Broken:
@@ -267,9 +267,11 @@ def _in_impulses(s: Scenario) -> Broken:
     if s.guide is not None and s.run.steps_per_period is not None:
         yield "run.steps_per_period", 'none with part[0].guide.kind = "tube", whose wall is met without steps'
     steps, reason = s.run.steps_per_period, next(needs_steps(s), "")
-    if (reason or steps is not None) and s.contact.noise_m_s not in (0.0, Contact().noise_m_s):
-        why = reason or f"with run.steps_per_period = {steps}"
-        yield "contact.noise_m_s", f"{NOISES} {why}: only impacts without a step scatter"
+    in_steps = reason or (f"with run.steps_per_period = {steps}" if steps is not None else "")
+    if not in_steps and choose_engine(s).method == "impulse":
+        in_steps = "with several parts and no run.tolerance_nm"
+    if in_steps and s.contact.noise_m_s not in (0.0, Contact().noise_m_s):
+        yield "contact.noise_m_s", f"{NOISES} {in_steps}: only impacts without a step scatter"
     if s.run.tolerance_nm is not None and reason:
         yield "run.tolerance_nm", f"none {reason}"
     if s.run.tolerance_nm is not None and steps is not None:

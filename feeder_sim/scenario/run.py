@@ -132,7 +132,8 @@ class Run(Table):
     `planar = true` keeps a part in the plane y = 0 of a strip or piston, with the outline it has there.
     `reaction = true` lets every impulse that the plate gives a part act on the driven modes of a rectangle too.
     The impulse engine computes one free part without a step ([Contact](contact.md)); `tolerance_nm` says how exactly,
-    and how exact the chatter of a part on a slide is. With `steps_per_period` it takes steps there too.
+    and how exact the chatter of a part on a slide is. With `steps_per_period` it takes steps there too. Several parts
+    are computed in steps, and without one where `tolerance_nm` is given.
     `allow_unstable` runs settings that are known to fail. With a schedule the duration is that of its stages. A part
     that falls off the plate is computed down to `floor_mm`, and is lost there.
     """

@@ -96,6 +96,12 @@ def test_the_engine_is_the_one_that_can(changes: Raw, engine: str) -> None:
     assert choose_engine(accepted(changes)).name == engine
 
 
+def test_several_parts_are_computed_without_a_step_where_a_tolerance_is_given() -> None:
+    several = {"part[0].count": 2, "part[0].start": SCATTERED}
+    assert choose_engine(accepted(several)).method == "impulse"
+    assert choose_engine(accepted(EXACT | several)).method == "joint"
+
+
 @pytest.mark.parametrize("name", OTHER_SETTINGS)
 def test_settings_of_mujoco_go_with_mujoco_alone(name: str) -> None:
     """Where `auto` takes impulses they would be ignored; where it takes MuJoCo they count."""
@@ -129,7 +135,7 @@ def test_every_setting_of_mujoco_is_tried_with_another_value() -> None:
         (NOISE | {"run.steps_per_period": 40}, "noise_m_s is 1e-06, allowed is 0 or"),
         ({"run.steps_per_period": 40, "run.tolerance_nm": 1.0}, "steps_per_period is 40, allowed"),
         (IN_MUJOCO | {"run.tolerance_nm": 1.0}, "run.tolerance_nm is 1, allowed is none in Mu"),
-        (EXACT | {"part[0].count": 2, "part[0].start": SCATTERED}, "with 2 parts"),
+        (NOISE | {"part[0].count": 2, "part[0].start": SCATTERED}, "noise_m_s is 1e-06, allowed is 0 or"),
         ({"run.steps_per_period": 40} | IN_A_TUBE, 'none with part[0].guide.kind = "tube"'),
         (EXACT | {"part": [DIMER]}, 'none with part[0].shape = "dimer"'),
         (EXACT | IN_A_PLANE, "none with run.planar = true"),

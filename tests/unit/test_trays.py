@@ -113,7 +113,7 @@ def test_tables_that_cannot_be_used_are_refused(text: str, expected: str, tmp_pa
         ({"drive[0].axis": "x"}, "turn_mrad and axis"),
         ({"drive[0].stroke_um": 3e4}, "drive[0] ... 30 mm ... 20 mm"),
         ({"plate.kind": "piston"}, "drive[0].stroke_um ... piston ... amplitude_um"),
-        ({"plate.tilt_deg": 3.0, "run.steps_per_period": 40}, "plate.tilt_deg ... one free part"),
+        ({"plate.tilt_deg": 3.0, "run.steps_per_period": 40}, "plate.tilt_deg ... without a step"),
         ({"plate.tilt_deg": 45.0}, "plate.tilt_deg ... 45 ... 30"),
         ({"run.engine": "mujoco"}, 'run.engine ... "impulse" ... tray'),
     ],

@@ -26,7 +26,16 @@ PLATE = {"kind": "rectangle", "mode_file": REPOSITORY / "models" / "plate_180" /
 NUT = {"shape": "hex_nut", "size": "M2.5"}
 BALL = {"shape": "ball", "diameter_mm": 8.0}
 EXACT = 1e-6  # of the energy that the modes have got; what is left is round-off
-MANY = (439.0, 556.0, 1418.0, 1543.0, 2646.0, 3398.0, 3596.0, 3772.0)  # [Hz]; with the driven one more than a body has motions
+MANY = (
+    439.0,
+    556.0,
+    1418.0,
+    1543.0,
+    2646.0,
+    3398.0,
+    3596.0,
+    3772.0,
+)  # [Hz]; with the driven one more than a body has motions
 
 
 def on_plate(

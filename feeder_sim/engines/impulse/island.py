@@ -149,7 +149,7 @@ def look_at_pair(event, t, agenda, crowd, bounds, tools, reach):
     left = False
     due, near = meeting_bound(pair, parts, kinds, t, bounds)
     if near:
-        hit = meet(pair, parts, kinds, tools)
+        hit, _ = meet(pair, parts, kinds, 0.0, tools)
         if hit:
             _wake_with(pair.a, p, t, agenda, crowd, bounds)
             _wake_with(pair.b, p, t, agenda, crowd, bounds)

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from feeder_sim.engines.impulse.contact_problem import Bodies, Contacts, new_room
 from feeder_sim.engines.impulse.free_part.edge_piece import EDGE_POINT
 from feeder_sim.engines.impulse.state import PART, Kinds
+from feeder_sim.machine_code import inlined
 
 # A point that can touch. sort: ABOVE the crest of the plate, to which the gap is, ON_PLATE, AT_EDGE or ON_WALL. gap
 # [m], infinite where there is nothing to touch, its rate [m/s], how fast both sides are accelerated together,
@@ -73,7 +74,8 @@ class Yielding(NamedTuple):
 class Scratch(NamedTuple):
     """Few arrays, since every one of them makes each call of a compiled function dearer.
 
-    point: (n,), records POINT. under: (n, n_shapes, 6), see `surface.HEIGHT`; the last row is no point's. bodies and
+    point: (n,), records POINT. under: (n, n_shapes, 6), see `surface.HEIGHT`; the last row is no point's. Of parts that
+    are looked at together they lie one behind the other, as do those of edge and before: see `of_member`. bodies and
     contacts: of one problem. point_of: of every contact, its point; member: of every body, its part. now, then: (4,
     n_shapes), the modal coordinates and three derivatives at two times, see `surface.NOW`. edge: points on the edge of
     the plate. counts: (3,), impacts and forces that were not solved, contacts found late, budgets of looks spent.
@@ -96,28 +98,52 @@ class Scratch(NamedTuple):
     yielding: Yielding
 
 
-def new_scratch(kinds: Kinds, n_shapes: int, yielding: int = 0) -> Scratch:
+def new_scratch(kinds: Kinds, n_shapes: int, yielding: int = 0, members: int = 1, contacts: int = 0) -> Scratch:
     """Room for any part: its corners, on the plate and at four walls, and the points on the edge of the plate.
 
-    yielding: number of modes that give way.
+    yielding: number of modes that give way. members: parts that are looked at together, each with rows of its own, and
+    the contacts of all.
     """
     of, piece = kinds.record, kinds.piece
     corners, edges = of["corner_to"] - of["corner_from"], of["edge_to"] - of["edge_from"]
     n = int(max((5 * corners).max() + CIRCLES + EDGE_POINTS, (corners + 2 * edges).max()))
     of_piece = int((piece["corner_to"] - piece["corner_from"]).max())  # each may lie on a face of another one
-    bodies, contacts = new_room(2, max(n, 2 * of_piece), yielding)
+    contacts = max(n, 2 * of_piece, contacts)
+    bodies, problem = new_room(max(2, members), contacts, yielding)
     return Scratch(
-        point=np.zeros(n + 1, POINT),
-        under=np.zeros((n + 1, n_shapes, 6)),
+        point=np.zeros(members * (n + 1), POINT),
+        under=np.zeros((members * (n + 1), n_shapes, 6)),
         bodies=bodies,
-        contacts=contacts,
-        point_of=np.zeros(n, np.int64),
-        member=np.zeros(2, np.int64),
+        contacts=problem,
+        point_of=np.zeros(contacts, np.int64),
+        member=np.zeros(max(2, members), np.int64),
         now=np.zeros((4, n_shapes)),
         then=np.zeros((4, n_shapes)),
-        edge=np.zeros(EDGE_POINTS, EDGE_POINT),
+        edge=np.zeros(members * EDGE_POINTS, EDGE_POINT),
         counts=np.zeros(3, np.int64),
-        before=np.zeros(1, PART),
+        before=np.zeros(members, PART),
         corners=np.zeros((n, 3)),
         yielding=Yielding(np.zeros(yielding, complex), np.zeros(3)),
+    )
+
+
+@inlined
+def of_member(k, work):
+    """The scratch space of member k of parts that are looked at together, as body 0; contacts are those of all."""
+    n, b = work.point.shape[0] // work.before.shape[0], work.bodies
+    body = Bodies(b.velocity[k : k + 1], b.spin[k : k + 1], b.inverse_mass[k : k + 1], b.inverse_inertia[k : k + 1])
+    return Scratch(
+        work.point[k * n : (k + 1) * n],
+        work.under[k * n : (k + 1) * n],
+        body,
+        work.contacts,
+        work.point_of,
+        work.member,
+        work.now,
+        work.then,
+        work.edge[k * EDGE_POINTS : (k + 1) * EDGE_POINTS],
+        work.counts,
+        work.before[k : k + 1],
+        work.corners,
+        work.yielding,
     )

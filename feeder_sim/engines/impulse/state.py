@@ -31,6 +31,7 @@ SLENDER = 4.0  # largest over smallest moment of inertia
 # it has not slipped. draws: state of its random numbers. depth: of its deepest point after its last look [m]. beside:
 # it has come under the sheet of the plate from beside it, and falls past. jammed: until when it has no friction [s].
 # looks: at it, beyond those that pass, until budget [s].
+# due: when it is looked at next, among others, and weighed: when it was last seen whether it rests [s].
 FREE, PRESSED, FOLLOWING = range(3)
 PART = np.dtype(
     [
@@ -58,6 +59,8 @@ PART = np.dtype(
         ("place", "f8", 2),
         ("seat", "f8", 3),
         ("facing", "f8", (3, 3)),
+        ("due", "f8"),
+        ("weighed", "f8"),
     ],
     align=True,
 )

@@ -22,7 +22,8 @@ class Exactness(NamedTuple):
     tolerance: how far they may be off [m]; touch: from which gap on points touch [m]; noise: random speed of impacts
     [m/s]. approach: what comes nearer by less does not approach [m/s]. longest, sways: forces last no longer than that
     [s], and than the fastest motion of the plate takes to turn by so much [rad]: slip turns once at most. slip,
-    slip_at_rest: what slides on by less sticks, on a plate that moves and on one that does not [m/s].
+    slip_at_rest: what slides on by less sticks, on a plate that moves and on one that does not [m/s]. impacts: how
+    closely those of several parts are solved [m/s], 0 for round-off.
     """
 
     tolerance: float
@@ -33,6 +34,7 @@ class Exactness(NamedTuple):
     sways: float
     slip: float
     slip_at_rest: float
+    impacts: float = 0.0
 
 
 class Bounds(NamedTuple):

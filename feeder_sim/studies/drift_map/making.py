@@ -149,7 +149,9 @@ def made_of(scenario: Scenario, thickness: float) -> Made:
     # A map is made of one free part, also for many parts and a plate with a rim, which are computed in steps.
     one, strip = scenario.part[0].model_copy(update={"count": 1}), Strip(thickness_mm=1e3 * thickness)
     engine = choose_engine(scenario.model_copy(update={"part": (one,), "plate": strip, "refill": None}))
-    exact = f"tolerance {run.tolerance:g} nm" if engine.method == "exact" else f"{run.steps} steps per period"
+    exact = (
+        f"tolerance {run.tolerance:g} nm" if engine.method in ("exact", "joint") else f"{run.steps} steps per period"
+    )
     method = f"{engine.name}, {exact}"
     return Made(part, contact, method, thickness)
 

@@ -54,7 +54,7 @@ def load_part(part, kind, turning, time, work):
 
 @inlined
 def gather(i, m, restitution, kind, work):
-    """Make point i contact m."""
+    """Make point i contact m, of body 0."""
     point, contacts = work.point[i], work.contacts
     place = vector(point.arm), vector(point.normal), vector(point.surface_velocity)
     rolling = kind.rolling if point.sort != ON_WALL else 0.0
@@ -71,7 +71,7 @@ def strike(free, seen, rebounds, plate):
     part, kind, work = free.parts[0], free.kinds.record[free.parts[0].kind], free.work
     turning, bounds = seen.turning, plate.bounds
     for rounds in range(ROUNDS + 1):
-        m, approaches = _gather_touching(kind, seen.n, rebounds and rounds < ROUNDS, plate, turning, work)
+        m, approaches = gather_touching(kind, seen.n, 0, rebounds and rounds < ROUNDS, plate, turning, work)
         if not approaches:
             break
         alone = m == 1 and work.point[work.point_of[0]].sort != ON_WALL and kind.rolling == 0.0
@@ -79,7 +79,7 @@ def strike(free, seen, rebounds, plate):
             jams = walled(plate) and leans(seen.n, TOGETHER * bounds.exact.tolerance, work)
             if not resolve_impact(free.parts, free.kinds, 1, m, (0.0, 0.0 if jams else bounds.exact.approach), work):
                 part.jammed = part.clock + JAMMED
-        _scatter(part, m, bounds, work)
+        scatter(part, 0, m, bounds, work)
         turning = move_points(part, kind, plate, seen.n, work)
     return turning
 
@@ -93,12 +93,12 @@ def _hit(part, kind, work):
 
 
 @inlined
-def _gather_touching(kind, n, rebounds, plate, turning, work):
-    """Make all points that are as good as touching, and do not leave, contacts; returns their number.
+def gather_touching(kind, n, m, rebounds, plate, turning, work):
+    """Make all points that are as good as touching, and do not leave, contacts from m on; returns where they end.
 
     And whether one of them touches and approaches.
     """
-    m, approaches, twist, bounds = 0, False, twist_of(kind, turning), plate.bounds
+    approaches, twist, bounds = False, twist_of(kind, turning), plate.bounds
     for i in range(n):
         point = work.point[i]
         if point.rate > bounds.exact.approach or not touches(point, TOGETHER * bounds.exact.tolerance):
@@ -110,7 +110,7 @@ def _gather_touching(kind, n, rebounds, plate, turning, work):
             if point.sort == ON_WALL:
                 e = restitution_of_wall(plate, kind, -point.rate)
         departure = 0.5 * chatter_time(point.most_push, twist, bounds) * (1.0 - e) * max(point.closing, 0.0)
-        if -e * point.rate <= departure:
+        if -e * point.rate <= departure or (e < 1.0 and _sinks(point, e, bounds)):
             e = 0.0  # what is left of its bounces is summed: they take what the plate pushes meanwhile
         gather(i, m, e, kind, work)
         m += 1
@@ -118,10 +118,17 @@ def _gather_touching(kind, n, rebounds, plate, turning, work):
 
 
 @inlined
-def _scatter(part, m, bounds, work):
-    """Add a random speed to a part that has hit a plate that moves."""
+def _sinks(point, e, bounds):
+    """Whether bounces of a point inside the plate lose no more than they gain as each ends deeper, by half a touch."""
+    fall = 0.5 * bounds.exact.touch
+    return point.gap < -fall and (1.0 - e * e) * point.rate * point.rate <= 4.0 * fall * point.closing
+
+
+@inlined
+def scatter(part, begin, end, bounds, work):
+    """Add a random speed to a part that has hit a plate that moves, at contacts from one to before another."""
     moves = False
-    for i in range(m):
+    for i in range(begin, end):
         moves = moves or work.point[work.point_of[i]].most_push > 0.0
     if moves and bounds.exact.noise > 0.0:
         size, part.draws = half_normal(part.draws)

@@ -64,7 +64,7 @@ def _move_by_kind(i, part, kind, turning, work):
 @uncounted
 def _look(part, kinds, plate, first, t, moved, turning, work):
     kind, n, close = kinds.record[part.kind], first, False
-    for side in range(2):
+    for side in range(2 if kind.circle_radius > 0.0 else 0):
         end = (2.0 * side - 1.0) * kind.circle_height
         arm, across = _lowest(part, kind, end, UP)
         if across < UPRIGHT or _claps(part, turning.spin):

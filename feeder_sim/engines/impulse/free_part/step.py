@@ -89,7 +89,7 @@ def _verify(free, plate, t, seen, spent):
     gap = lowest_gap(seen.n, work)
     if gap >= -allowed:
         return t, seen
-    if t == before.clock or _next_switch(surface, before.clock, np.inf) <= t:
+    if t == before.clock or next_switch(surface, before.clock, np.inf) <= t:
         part.position[2] -= gap  # out of a surface that has jumped into it (`ring_up = false`), or that it starts in
         for i in range(seen.n):
             work.point[i].gap -= gap
@@ -139,7 +139,7 @@ def _look_back(free, kind, plate, t):
 def _act(free, plate, t, seen, spent):
     """What the part does after a look; returns when to look at it next [s]. spent: nothing bounces."""
     part, kind, work = free.parts[0], free.kinds.record[free.parts[0].kind], free.work
-    until, bounds, turning = _next_switch(plate.surface, t, plate.bounds.end), plate.bounds, seen.turning
+    until, bounds, turning = next_switch(plate.surface, t, plate.bounds.end), plate.bounds, seen.turning
     before, rises = part.velocity[2], np.nan
     if seen.close:
         if in_tube(plate):
@@ -168,14 +168,14 @@ def _act(free, plate, t, seen, spent):
 def _stay(part, kind, plate, now, stays, work):
     """How long a part that does not slip stays [s]: for ever at rest, or while it follows, or for the time `stays`."""
     if in_tube(plate) or (walled(plate) and leans(now.n, ASIDE, work)):
-        if plate.bounds.calm and _is_still(part, kind, plate.bounds, work):
+        if plate.bounds.calm and is_still(part, kind, plate.bounds, work):
             return _rest(part)
         return stays
-    height = _height(now.n, plate.bounds, work)
+    height = height_of_centre(now.n, plate.bounds, work)
     if part.held < 1 or not goes_along(part, height, now.t + stays, plate.surface, work):
         return stays
     ends = follows_until(part, kind, plate, now, height, work)
-    if plate.bounds.calm and (ends == now.until or _is_still(part, kind, plate.bounds, work)):
+    if plate.bounds.calm and (ends == now.until or is_still(part, kind, plate.bounds, work)):
         return _rest(part)
     if ends - now.t <= stays:
         part.held = -SKIPPED
@@ -193,7 +193,7 @@ def _rest(part):
 
 
 @inlined
-def _is_still(part, kind, bounds, work):
+def is_still(part, kind, bounds, work):
     """Whether the part, as the solution of its contacts has it, hardly moves, and its forces balance."""
     speed = spin = force = moment = 0.0
     for k in range(3):
@@ -207,7 +207,7 @@ def _is_still(part, kind, bounds, work):
 
 
 @inlined
-def _next_switch(surface, t, end):
+def next_switch(surface, t, end):
     """When a term of the surface begins or ends next, or the end of the window [s]: its motion is smooth until then."""
     for k in range(surface.term_start.shape[0]):
         if surface.term_start[k] > t:
@@ -218,7 +218,7 @@ def _next_switch(surface, t, end):
 
 
 @inlined
-def _height(n, bounds, work):
+def height_of_centre(n, bounds, work):
     """Height of the centre of mass over its supports [m]."""
     lowest = 0.0
     for i in range(n):

@@ -70,11 +70,11 @@ def press(free, plate, now, least):
     Returns the time [s], 0 if nothing is pressed; and whether nothing slips.
     """
     part, kind, work = free.parts[0], free.kinds.record[free.parts[0].kind], free.work
-    usual, chatter = _time_of_forces(part, kind, plate.bounds, now, work)
-    lift = _last_lift(plate.bounds, now, chatter, work)
+    usual, chatter = time_of_forces(part, kind, plate.bounds, now, work)
+    lift = last_lift(plate.bounds, now, chatter, work)
     if usual == 0.0 or lift < NO_LIFT * usual:
         return 0.0, False
-    _mark_carried(now.n, usual, chatter, plate.bounds, work)
+    mark_carried(now.n, usual, chatter, plate.bounds, work)
     time = max(min(usual, lift, now.until - now.t), least)
     m, exact = 0, plate.bounds.exact
     slips = exact.slip if plate.bounds.speed > 0.0 else exact.slip_at_rest
@@ -91,8 +91,8 @@ def press(free, plate, now, least):
             work.point[i].carried = 0
         return 0.0, False
     _apply_forces(part, m, time, work)
-    _push_others(part, kind, now.n, work)
-    time = min(time, _until_dip(now.n, time, plate.bounds, work))
+    push_others(part, kind, now.n, work)
+    time = min(time, until_dip(now.n, time, plate.bounds, work))
     time = first_contact(now.n, time, plate, now.t, now.unsure, work)
     return max(time, shortest_leap(part, plate.bounds, now.turning)), sticks
 
@@ -111,7 +111,7 @@ def _may_stay(point, gap, chatter, bounds, unsure):
 
 
 @inlined
-def _time_of_forces(part, kind, bounds, now, work):
+def time_of_forces(part, kind, bounds, now, work):
     """How long forces last [s], 0 if no point is pressed; and how long bounces are summed [s]."""
     close, may_stay = _close(bounds, work), False
     for i in range(now.n):
@@ -151,7 +151,7 @@ def _time_of_change(push, longest, bounds):
 
 
 @inlined
-def _last_lift(bounds, now, chatter, work):
+def last_lift(bounds, now, chatter, work):
     """When the last point that may stay is lifted [s], as if all moved at the fastest rate; 0 if none may."""
     close, lift = _close(bounds, work), 0.0
     for i in range(now.n):
@@ -169,7 +169,7 @@ def _last_lift(bounds, now, chatter, work):
 
 
 @inlined
-def _mark_carried(n, usual, chatter, bounds, work):
+def mark_carried(n, usual, chatter, bounds, work):
     """Mark the points that are close enough, and slow enough, for the forces to see to them."""
     close = CARRIED * bounds.exact.tolerance
     for i in range(n):
@@ -187,16 +187,30 @@ def _solve_forces(free, plate, now, times_and_slip):
     times_and_slip: that time, the time that forces may last [s], and the speed below which nothing slips [m/s].
     """
     part, kind, work = free.parts[0], free.kinds.record[free.parts[0].kind], free.work
+    time, usual, _ = times_and_slip
+    move_surface(now.t + time, plate.surface, work.then)
+    m, leant = gather_forces(part, kind, free.loads, plate, now, times_and_slip, 0, work)
+    if not solve(work.bodies, work.contacts, m, SOLVED * plate.bounds.exact.tolerance / usual, not leant):
+        work.counts[UNRESOLVED] += 1
+    keep_loads(free.loads, now.n, 0, m, time, work)
+    return m
+
+
+@inlined
+def gather_forces(part, kind, loads, plate, now, times_and_slip, begin, work):
+    """Make all points that are carried contacts as they are at the end of a time, from `begin` on.
+
+    Returns where they end, and whether the part leans on a wall.
+    """
     time, usual, slips = times_and_slip
     load_part(part, kind, now.turning, time, work)
-    move_surface(now.t + time, plate.surface, work.then)
-    m, exact = 0, plate.bounds.exact
+    m, exact = begin, plate.bounds.exact
     for i in range(now.n):
         point = work.point[i]
         if point.carried:
             gather(i, m, 0.0, kind, work)
-            write_to(work.contacts.vector[IMPULSE, m], plus(NOTHING, time, free.loads[i, :3]))
-            write_to(work.contacts.vector[MOMENT, m], plus(NOTHING, time, free.loads[i, 3:]))
+            write_to(work.contacts.vector[IMPULSE, m], plus(NOTHING, time, loads[i, :3]))
+            write_to(work.contacts.vector[MOMENT, m], plus(NOTHING, time, loads[i, 3:]))
             turned = _set_contact_after(m, part, kind, plate, (now.turning, time), work)
             slowly = exact.longest if point.gap < -CARRIED * exact.tolerance else usual
             target = -RETURN * (point.gap - min(max(point.gap, 0.0), exact.touch)) / slowly
@@ -206,23 +220,22 @@ def _solve_forces(free, plate, now, times_and_slip):
             m += 1
     leant = walled(plate) and leans(now.n, CARRIED * exact.tolerance, work)
     if plate.bounds.speed > 0.0 and not leant:
-        _move_as_one(m, slips, work.contacts)
+        _move_as_one(begin, m, slips, work.contacts)
     if kind.corner_to - kind.corner_from > 1:
-        _turn_inwards(kind, now.turning.spin, m, time, work)
-    if not solve(work.bodies, work.contacts, m, SOLVED * exact.tolerance / usual, not leant):
-        work.counts[UNRESOLVED] += 1
-    _keep_loads(free, now.n, m, time)
-    return m
+        _turn_inwards(kind, now.turning.spin, begin, m, time, work)
+    return m, leant
 
 
 @inlined
-def _keep_loads(free, n, m, time):
-    """Keep what m of n points bore, force [N] and moment [N m]: the solution of the next forces starts from it."""
-    loads, work = free.loads, free.work
+def keep_loads(loads, n, begin, end, time, work):
+    """Keep what n points bore at contacts from one to before another, force [N] and moment [N m].
+
+    The solution of the next forces starts from it.
+    """
     for i in range(n):
         for k in range(6):
             loads[i, k] = 0.0
-    for i in range(m):
+    for i in range(begin, end):
         at = work.point_of[i]
         add_to(loads[at, :3], 1.0 / time, work.contacts.vector[IMPULSE, i])
         add_to(loads[at, 3:], 1.0 / time, work.contacts.vector[MOMENT, i])
@@ -251,33 +264,36 @@ def _set_contact_after(m, part, kind, plate, turning_and_time, work):
 
 
 @inlined
-def _move_as_one(m, slips, contacts):
-    """Give all contacts one sideways velocity where those of the plate differ by no more than `slips` [m/s].
+def _move_as_one(begin, end, slips, contacts):
+    """Give contacts, from one to before another, one sideways velocity where those of the plate hardly differ.
+
+    slips: by no more than that [m/s].
 
     A plate that bends moves places under a part apart, so that nothing can stick at all of them.
     """
     velocities, normals = contacts.vector[VELOCITY], contacts.vector[NORMAL]
     low_x = low_y = math.inf
     high_x = high_y = -math.inf
-    for i in range(m):
+    for i in range(begin, end):
         x, y = velocities[i, 0], velocities[i, 1]
         low_x, high_x, low_y, high_y = min(low_x, x), max(high_x, x), min(low_y, y), max(high_y, y)
     if max(high_x - low_x, high_y - low_y) > slips:
         return
     x, y = 0.5 * (low_x + high_x), 0.5 * (low_y + high_y)
-    for i in range(m):
+    for i in range(begin, end):
         u, n = velocities[i], normals[i]
         u[2] -= (n[0] * (x - u[0]) + n[1] * (y - u[1])) / n[2]  # the gap closes as before
         u[0], u[1] = x, y
 
 
 @inlined
-def _turn_inwards(kind, spin, m, time, work):
-    """Take from the velocity of all contacts what the part gains there as it turns, in the mean of a time [s].
+def _turn_inwards(kind, spin, begin, end, time, work):
+    """Take from the velocity of contacts what the part gains there as it turns, in the mean of a time [s].
 
-    It touches with one point after the other; a normal that turns with them is in the targets.
+    begin, end: the first of them, and where they end. The part touches with one point after the other; a normal that
+    turns with them is in the targets.
     """
-    for i in range(m):
+    for i in range(begin, end):
         point, arm = work.point[work.point_of[i]], work.contacts.vector[ARM_SECOND, i]
         gained = cross(spin, difference(arm, point.arm))
         if point.sort >= AT_EDGE:
@@ -409,7 +425,7 @@ def _stiff_row(i, bodies, work):
 
 
 @inlined
-def _push_others(part, kind, n, work):
+def push_others(part, kind, n, work):
     """Give the paths of the points that bear no load what forces do to them.
 
     A part that tips brings its far side down faster than it would fall by itself.
@@ -435,7 +451,7 @@ def _push_others(part, kind, n, work):
 
 
 @inlined
-def _until_dip(n, time, bounds, work):
+def until_dip(n, time, bounds, work):
     """When a point that is carried, and has no load since it leaves at the end of a time [s], is inside by too much."""
     found, most = time, DIPS * bounds.exact.tolerance
     for i in range(n):

@@ -38,21 +38,35 @@ LEFT = 1e-9  # [m/s]; what round-off leaves of the speed of points that have jus
 
 
 @uncounted
-def meet(pair, parts, kinds, tools):
+def meet(pair, parts, kinds, slow, tools):
     """See how far a pair is apart and, where its parts touch and approach each other, give them impulses.
 
-    Both parts are at the same time. Returns whether their motion has changed.
+    Both parts are at the same time. What rebounds by no more than `slow` [m/s] does not rebound. Returns whether their
+    motion has changed, and at how many points they touch.
     """
     a, b = parts[pair.a], parts[pair.b]
     kind_a, kind_b = kinds.record[a.kind], kinds.record[b.kind]
     gap, n = look_at_pair(pair, a, kind_a, b, kind_b, kinds, tools)
     if n == 0:
-        return False
-    hit = _collide(pair, parts, kinds, n, vector(pair.axis), tools)
-    if gap < -DEEP:
+        return False, n
+    hit = _collide(pair, parts, kinds, n, slow, tools)
+    if gap < -DEEP and (slow == 0.0 or gap < -LAID_IN):
         _part(a, kind_a, b, kind_b, gap, pair.axis)
-        return True
-    return hit
+        return True, n
+    return hit, n
+
+
+@inlined
+def slowest_parting(pair, parts, kinds, n, tools):
+    """The least speed [m/s] at which two of n points at which a pair touches move apart."""
+    a, b = parts[pair.a], parts[pair.b]
+    inverse = inverse_inertia(a, kinds.record[a.kind]), inverse_inertia(b, kinds.record[b.kind])
+    from_b, least = difference(a.position, b.position), np.inf
+    for i in range(n):
+        of_a = velocity_of_point(a, inverse[0], tools.meeting.point[i])
+        of_b = velocity_of_point(b, inverse[1], plus(from_b, 1.0, tools.meeting.point[i]))
+        least = min(least, dot(vector(pair.axis), difference(of_b, of_a)))
+    return least
 
 
 @inlined
@@ -120,22 +134,18 @@ def _axis_of_closest(pair, a, b, piece_a, piece_b, gap, witness):
 
 
 @uncounted
-def _collide(pair, parts, kinds, n, normal, tools):
-    """Collision of a pair at n points, along a normal from the first to the second; returns whether there was one."""
-    a, b = parts[pair.a], parts[pair.b]
+def _collide(pair, parts, kinds, n, slow, tools):
+    """Collision of a pair at n points, along its axis; returns whether there was one. slow: see `meet`."""
+    a, b, normal = parts[pair.a], parts[pair.b], vector(pair.axis)
     kind_a, kind_b = kinds.record[a.kind], kinds.record[b.kind]
     point, law = tools.meeting.point, 0 if kind_b.mass == np.inf else 1
-    inverse, approaches = (inverse_inertia(a, kind_a), inverse_inertia(b, kind_b)), False
-    from_b = difference(a.position, b.position)
-    for i in range(n):
-        of_a = velocity_of_point(a, inverse[0], point[i])
-        of_b = velocity_of_point(b, inverse[1], plus(from_b, 1.0, point[i]))
-        approaches = approaches or dot(normal, difference(of_b, of_a)) < -LEFT
-    if not approaches:
+    inverse, from_b = (inverse_inertia(a, kind_a), inverse_inertia(b, kind_b)), difference(a.position, b.position)
+    approach = -slowest_parting(pair, parts, kinds, n, tools)
+    if approach <= LEFT:
         return False
     if n == 1:
         arms, inverse_mass = (vector(point[0]), plus(from_b, 1.0, point[0])), (1.0 / kind_a.mass, 1.0 / kind_b.mass)
-        e = restitution_of_pair(a, b, kind_a, law, inverse, arms, normal)
+        e = _rebound(restitution_of_pair(a, b, kind_a, law, inverse, arms, normal), approach, slow)
         return hit_part(a, b, kind_a, inverse_mass, inverse, arms, normal, (e, kind_a.friction[law]))
     contacts, tools.work.member[0], tools.work.member[1] = tools.work.contacts, pair.a, pair.b
     for i in range(n):
@@ -144,10 +154,17 @@ def _collide(pair, parts, kinds, n, normal, tools):
         write_to(contacts.vector[ARM_FIRST, i], arms[0])
         write_to(contacts.vector[ARM_SECOND, i], arms[1])
         write_to(contacts.vector[NORMAL, i], normal)
-        contacts.number[RESTITUTION, i] = restitution_of_pair(a, b, kind_a, law, inverse, arms, normal)
+        e = restitution_of_pair(a, b, kind_a, law, inverse, arms, normal)
+        contacts.number[RESTITUTION, i] = _rebound(e, approach, slow)
         contacts.number[FRICTION, i], contacts.number[ROLLING, i] = kind_a.friction[law], 0.0
     resolve_impact(parts, kinds, 2, n, (0.0, 0.0), tools.work)
     return True
+
+
+@inlined
+def _rebound(e, approach, slow):
+    """Restitution of parts that approach at a speed [m/s]: none where all bounces from `slow` on are summed."""
+    return 0.0 if e * approach < slow * (1.0 - e) else e
 
 
 @uncounted

@@ -15,7 +15,7 @@ import math
 import numpy as np
 
 from feeder_sim.constants import GRAVITY
-from feeder_sim.engines.impulse.state import flies, fly_to, turning_acceleration, turning_speed
+from feeder_sim.engines.impulse.state import FREE, flies, fly_to, turning_acceleration, turning_speed
 from feeder_sim.machine_code import compiled, inlined, uncounted
 
 ROUND_OFF = 1e-7  # [m]; more than the library's tolerance
@@ -23,11 +23,15 @@ SLACK = 1e-6  # [m]; hulls this close touch, and may enter each other this far b
 DEEP = 2e-6  # [m]; how deep parts may enter each other before they are looked at again, where a step is longer
 PUSHED = 0.1  # of that time, while parts are deep in each other: a heap that falls in needs many pushes
 SURELY = 1.0 + 1e-6  # beyond round-off
+FREE_FLIGHT = 0.0, 0.0, 0.0, 0.0
 
 
 # Pieces of two parts that can meet within a window: the numbers of the parts, a < b, those of the pieces in `Kinds`,
-# and the axis from a to b.
-PAIR = np.dtype([("a", "i8"), ("b", "i8"), ("piece_a", "i8"), ("piece_b", "i8"), ("axis", "f8", 3)], align=True)
+# and the axis from a to b. pressing: both touch and hardly move apart, and are looked at together with what else they
+# touch (joint/component.py).
+PAIR = np.dtype(
+    [("a", "i8"), ("b", "i8"), ("piece_a", "i8"), ("piece_b", "i8"), ("pressing", "i8"), ("axis", "f8", 3)], align=True
+)
 
 
 @uncounted
@@ -37,15 +41,35 @@ def meeting_bound(pair, parts, kinds, t, bounds):
     Fast parts are looked at earlier than that: a column of parts that falls needs many impacts to stop. Slow ones
     over a plate that is no longer driven are looked at later.
     """
+    due = bound_of_spheres(pair, parts, kinds, t, bounds, FREE_FLIGHT)
+    if due > t:
+        return due, False
+    for i in (pair.a, pair.b):
+        fly_to(parts[i], kinds.record[parts[i].kind], t)
+    return bound_of_hulls(pair, parts, kinds, t, bounds, FREE_FLIGHT)
+
+
+@inlined
+def bound_of_spheres(pair, parts, kinds, t, bounds, forced):
+    """As `meeting_bound` where the spheres around both parts are apart, else t.
+
+    forced: acceleration [m/s^2] of both parts beyond gravity, and speed [m/s] that they may get at once, at most.
+    """
     a, b = parts[pair.a], parts[pair.b]
     kind_a, kind_b = kinds.record[a.kind], kinds.record[b.kind]
     if kind_b.mass < np.inf:
-        apart, wait = _spheres_meet(a, kind_a, b, kind_b, t)
+        apart, wait = _spheres_meet(a, kind_a, b, kind_b, t, (forced[0] + forced[1], forced[2] + forced[3]))
         if apart:
             fastest = _relative_speed(a, kind_a, b, kind_b) + GRAVITY * abs(a.clock - b.clock)
-            return t + max(wait, min(bounds.step, DEEP / fastest)), False
-    fly_to(a, kind_a, t)
-    fly_to(b, kind_b, t)
+            return t + max(wait, min(bounds.step, DEEP / fastest))
+    return t
+
+
+@inlined
+def bound_of_hulls(pair, parts, kinds, t, bounds, forced):
+    """As `meeting_bound`, of parts that are at time t; forced: see `bound_of_spheres`."""
+    a, b = parts[pair.a], parts[pair.b]
+    kind_a, kind_b = kinds.record[a.kind], kinds.record[b.kind]
     axis, piece_a, piece_b = pair.axis, kinds.piece[pair.piece_a], kinds.piece[pair.piece_b]
     top = extent(a, kind_a, piece_a, kinds, axis, 1.0)
     bottom = extent(b, kind_b, piece_b, kinds, axis, -1.0)
@@ -62,8 +86,8 @@ def meeting_bound(pair, parts, kinds, t, bounds):
             drift += 0.5 * axis[k] * (a.velocity[k] + b.velocity[k])
     room = 0.5 * (max(gap, 0.0) + SLACK)
     wait = min(
-        _crossing_time(a, kind_a, piece_a, kinds, axis, 1.0, top, (drift, room, fall)),
-        _crossing_time(b, kind_b, piece_b, kinds, axis, -1.0, bottom, (-drift, room, fall)),
+        _crossing_time(a, kind_a, piece_a, kinds, axis, 1.0, top, (drift - forced[2], room, fall + forced[0])),
+        _crossing_time(b, kind_b, piece_b, kinds, axis, -1.0, bottom, (-drift - forced[3], room, fall + forced[1])),
     )
     speed = _relative_speed(a, kind_a, b, kind_b)
     shortest = min(max(bounds.step, SLACK / speed), DEEP / speed)
@@ -84,11 +108,15 @@ def _relative_speed(a, kind_a, b, kind_b):
 
 
 @compiled
-def _spheres_meet(a, kind_a, b, kind_b, t):
-    """Whether the bounding spheres are apart at time t, and how long they stay so [s]; without turning the parts."""
-    reach = kind_a.reach + kind_a.radius + kind_b.reach + kind_b.radius
+def _spheres_meet(a, kind_a, b, kind_b, t, forced):
+    """Whether the bounding spheres are apart at time t, and how long they stay so [s]; without turning the parts.
+
+    forced: acceleration [m/s^2] and speed [m/s] of both together that do not come from gravity.
+    """
+    reach, (pushed, thrown) = kind_a.reach + kind_a.radius + kind_b.reach + kind_b.radius, forced
     age_a, age_b = t - a.clock, t - b.clock
-    fall_a, fall_b = GRAVITY * flies(a, kind_a), GRAVITY * flies(b, kind_b)
+    fall_a = GRAVITY * (flies(a, kind_a) and a.phase == FREE)
+    fall_b = GRAVITY * (flies(b, kind_b) and b.phase == FREE)
     distance = closing = speed = 0.0
     for k in range(3):
         r = b.position[k] + b.velocity[k] * age_b - a.position[k] - a.velocity[k] * age_a
@@ -99,6 +127,11 @@ def _spheres_meet(a, kind_a, b, kind_b, t):
         distance += r * r
         closing += r * u
         speed += u * u
+    if pushed > 0.0 or thrown > 0.0:  # where they are by now is not known but for that
+        age, most = max(age_a, age_b), pushed + 2.0 * GRAVITY
+        gap = math.sqrt(distance) - reach - age * (thrown + 0.5 * most * age)
+        speed = math.sqrt(speed) + thrown + most * age
+        return gap > 0.0, 2.0 * gap / (speed + math.sqrt(speed * speed + 2.0 * most * max(gap, 0.0)))
     if distance <= reach * reach:
         return False, 0.0
     if fall_a != fall_b:  # one of them is asleep: bound what the other can cover

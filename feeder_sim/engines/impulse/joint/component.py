@@ -1,0 +1,161 @@
+"""Parts that press each other: looked at, struck, pressed and put to rest together (docs/contact.md)."""
+
+from __future__ import annotations
+
+import math
+
+from feeder_sim.constants import GRAVITY
+from feeder_sim.engines.impulse.contact_problem import (
+    IMPULSE,
+    MOMENT,
+    RESTITUTION,
+    TARGET,
+    VELOCITY,
+    solve,
+)
+from feeder_sim.engines.impulse.free_part.impact import (
+    ROUNDS,
+    gather,
+    gather_touching,
+    load_part,
+    scatter,
+)
+from feeder_sim.engines.impulse.free_part.path import turning_of
+from feeder_sim.engines.impulse.free_part.points import look, lowest_gap, move_points, touches
+from feeder_sim.engines.impulse.free_part.ride import bring
+from feeder_sim.engines.impulse.free_part.step import NEVER
+from feeder_sim.engines.impulse.free_part.sustained import CARRIED
+from feeder_sim.engines.impulse.impact import resolve_impact
+from feeder_sim.engines.impulse.joint.forces import press_together
+from feeder_sim.engines.impulse.joint.members import NOTHING, gather_pair, look_at_pairs, members_of
+from feeder_sim.engines.impulse.scratch import LATE, of_member
+from feeder_sim.engines.impulse.state import ASLEEP, AWAKE, FREE, top_speed
+from feeder_sim.engines.impulse.vectors import dot, write_to
+from feeder_sim.machine_code import inlined, uncounted
+
+SUMMED = 2e-4  # [s] of bounces between parts that are summed: hops of 50 nm
+SLOW = 0.5 * GRAVITY * SUMMED  # [m/s]; what parts more slowly than that is together
+WEIGHED, AGAIN = 5e-4, 1e-3  # [s] for which weight is held, and between two tests of that
+SOLVED, MOVES = 1e-3, 1e-2  # of the speed of a fall of that time: how closely to solve, and from where on a part moves
+CARRIES, STILL = 1e-6, 5e-3  # [m], [m/s]; points that carry, and speeds of parts that may sleep, as in rest.py
+
+
+@uncounted
+def look_together(i, t, crowd, plate, tools):
+    """Bring the component of part i to time t [s], and see what it does.
+
+    Returns the numbers of its members and pairs, until when [s], and whether forces act; without, each member knows
+    when it is due.
+    """
+    together, parts, kinds = tools.together, crowd.parts, crowd.kinds
+    work = together.work
+    n, m = members_of(i, crowd, together)
+    for k in range(n):
+        part, view = parts[work.member[k]], of_member(k, work)
+        kind = kinds.record[part.kind]
+        if part.there == ASLEEP:
+            part.there, part.clock = AWAKE, t
+        view.before[0] = part
+        bring(part, kind, t, plate.surface)
+        part.phase = FREE
+        together.number[k] = look(part, kinds, plate, t, view).n
+        gap = lowest_gap(together.number[k], view)
+        if gap < -(view.before[0].depth + CARRIED * plate.bounds.exact.tolerance):
+            work.counts[LATE] += 1
+        part.depth = max(-gap, 0.0)
+    look_at_pairs(m, crowd, tools)
+    _strike(n, m, crowd, plate, together)
+    asleep = False
+    if plate.bounds.calm and t >= parts[i].weighed + AGAIN:
+        for k in range(n):
+            parts[work.member[k]].weighed = t
+        asleep = _holds(n, m, crowd, together)
+    if asleep:
+        for k in range(n):
+            _lay(parts[work.member[k]], work.member[0])
+        until, pressed = t + NEVER, True
+    else:
+        until, pressed = press_together(n, m, t, crowd, plate, together)
+    for k in range(n):
+        together.body[work.member[k]] = -1
+    return n, m, until, pressed
+
+
+@inlined
+def _lay(part, number):
+    part.there, part.phase, part.asleep_with = ASLEEP, FREE, number
+    for x in range(3):
+        part.velocity[x] = part.momentum[x] = 0.0
+
+
+@uncounted
+def _strike(n, m, crowd, plate, together):
+    """Impacts at all points that touch, until none approaches."""
+    parts, kinds, exact, work = crowd.parts, crowd.kinds, plate.bounds.exact, together.work
+    most = work.contacts.body.shape[0]
+    for rounds in range(ROUNDS + 1):
+        c, approaches = 0, False
+        for k in range(n):
+            part, view = parts[work.member[k]], of_member(k, work)
+            kind, turning, begin = kinds.record[part.kind], turning_of(part, kinds.record[part.kind]), c
+            load_part(part, kind, turning, 0.0, view)
+            together.first_contact[k] = c
+            if c + together.number[k] <= most:
+                c, hits = gather_touching(kind, together.number[k], c, rounds < ROUNDS, plate, turning, view)
+                approaches = approaches or hits
+            for i in range(begin, c):
+                work.contacts.body[i, 1] = k
+        together.first_contact[n] = c
+        for x in range(m):
+            kind = kinds.record[parts[crowd.pairs[crowd.islands.pair[together.pair[x]]].a].kind]
+            for y in range(
+                together.first_point[x], min(together.first_point[x + 1], together.first_point[x] + most - c)
+            ):
+                approach = gather_pair(c, x, y, crowd, together)
+                if approach > exact.approach:
+                    approaches = True
+                    e = kind.restitution[1] if rounds < ROUNDS else 0.0
+                    work.contacts.number[RESTITUTION, c] = 0.0 if e * approach < SLOW * (1.0 - e) else e
+                c += 1
+        if not approaches:
+            return
+        resolve_impact(parts, kinds, n, c, (exact.impacts, exact.approach), work)
+        for k in range(n):
+            part, view = parts[work.member[k]], of_member(k, work)
+            scatter(part, together.first_contact[k], together.first_contact[k + 1], plate.bounds, view)
+            move_points(part, kinds.record[part.kind], plate, together.number[k], view)
+
+
+@uncounted
+def _holds(n, m, crowd, together):
+    """Whether all contacts hold the component against its motion and its weight, as in components.py."""
+    parts, kinds, work, fall = crowd.parts, crowd.kinds, together.work, GRAVITY * WEIGHED
+    contacts, c = work.contacts, 0
+    most = contacts.body.shape[0]
+    for k in range(n):
+        part, view = parts[work.member[k]], of_member(k, work)
+        kind = kinds.record[part.kind]
+        if top_speed(part, kind) > STILL:
+            return False
+        load_part(part, kind, turning_of(part, kind), 0.0, view)
+        work.bodies.velocity[k, 2] -= fall
+        for i in range(together.number[k]):
+            if c < most and touches(view.point[i], CARRIES):
+                gather(i, c, 0.0, kind, view)
+                contacts.body[c, 1], contacts.number[TARGET, c] = k, 0.0
+                for x in (VELOCITY, IMPULSE, MOMENT):
+                    write_to(contacts.vector[x, c], NOTHING)
+                c += 1
+    for x in range(m):
+        for y in range(together.first_point[x], together.first_point[x + 1]):
+            if c < most:
+                gather_pair(c, x, y, crowd, together)
+                c += 1
+    if c == 0 or not solve(work.bodies, contacts, c, SOLVED * fall):
+        return False
+    for k in range(n):
+        v, spin = work.bodies.velocity[k], work.bodies.spin[k]
+        reach = kinds.record[parts[work.member[k]].kind].reach
+        if math.sqrt(dot(v, v)) + reach * math.sqrt(dot(spin, spin)) > MOVES * fall:
+            return False
+    return True

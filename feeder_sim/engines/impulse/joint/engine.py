@@ -1,0 +1,151 @@
+"""Engine `impulse` of many parts without a time step (`run.tolerance_nm`)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from feeder_sim.engines.impact_log import new_log
+from feeder_sim.engines.impulse.crowd import find_neighbours, share_out
+from feeder_sim.engines.impulse.engine import WIDER, ImpulseEngine
+from feeder_sim.engines.impulse.frame_rows import ROW, FrameRows
+from feeder_sim.engines.impulse.free_part.notes import Notes
+from feeder_sim.engines.impulse.island import Share, Span
+from feeder_sim.engines.impulse.joint.loop import advance_together, open_parts, open_plate
+from feeder_sim.engines.impulse.joint.room import Tools, new_together
+from feeder_sim.engines.impulse.pairs.neighbours import Islands
+from feeder_sim.engines.impulse.state import Kinds, copied
+from feeder_sim.engines.impulse.surroundings import WINDOW, Plate, read_walls
+from feeder_sim.engines.noise import new_streams
+from feeder_sim.engines.protocol import ENDED, new_interrupt
+from feeder_sim.records.seed import Counts
+from feeder_sim.scene.scene import Scene
+from feeder_sim.scene.start import Pose
+
+IMPACTS, COARSE = 300.0, 1e-9  # [1/s]: of a tolerance, how closely impacts of several are solved; [m], from where on
+
+
+class Crowd(NamedTuple):
+    """As `island.Crowd`; loads (parts, points, 6): what the points of each part bore last, force [N], moment [N m]."""
+
+    parts: NDArray[np.void]
+    begun: NDArray[np.void]
+    pairs: NDArray[np.void]
+    kinds: Kinds
+    islands: Islands
+    loads: NDArray[np.float64]
+
+
+class JointEngine(ImpulseEngine):
+    """Parts whose contacts have no step; windows, threads, removal and refill are the general engine's."""
+
+    _single_apart = False
+
+    def __init__(
+        self,
+        scene: Scene,
+        rng: np.random.Generator,
+        *,
+        threads: int = 1,
+        interrupt: NDArray[np.int64] | None = None,
+    ) -> None:
+        super().__init__(scene, rng, threads=threads, interrupt=interrupt)
+        self._wall, tolerance = read_walls(scene), self._exact.tolerance
+        if tolerance > COARSE:
+            impacts = IMPACTS * tolerance
+            self._exact = self._exact._replace(impacts=impacts, approach=3.0 * impacts)
+        self._parts = self._parts[: self._n].copy()  # a rim is around each of them
+        self._parts["draws"] = new_streams(rng, self._n)
+        self._opened = copied(self._parts)
+        n_shapes = scene.surface.n_shapes
+        notes = Notes(new_log(1), np.zeros(2), 0.0)
+        self._joint_tools = [
+            Tools(
+                of.hulls,
+                of.work,
+                of.meeting,
+                new_together(self._kinds, self._n, n_shapes),
+                notes,
+                self._parts[:1].copy(),
+            )
+            for of in self._tools
+        ]
+        rows = self._joint_tools[0].work.point.shape[0]
+        self._loads = np.zeros((self._n, rows, 6))
+        self._loads_opened = self._loads.copy()
+        self._plate_span = np.array([-2.0, -1.0])
+
+    def _compute_window(self, until: float, frames: FrameRows | None = None) -> None:
+        if frames is None:
+            frames = FrameRows(np.empty(0), np.empty((0, self._n, ROW)), new_interrupt())
+        parts, loads, (start, end) = copied(self._opened), self._loads_opened.copy(), self._span
+        begins = not self._plate_span[0] <= start < self._plate_span[1] - 1e-9
+        if begins:
+            self._plate_span[:] = start, start + WINDOW
+            # Bounds outlast the window: nothing is due at its very end.
+            self._terms, self._bounds = open_plate(self._drive(WINDOW), start, start + WINDOW + 1e-5)
+        anew = start == self._plate_span[0]
+        plate = Plate(self._terms, self._bounds, self._wall)
+        reach = open_parts(parts, self._n, self._kinds, self._bounds, start, end - start, anew)
+        begun, loads_begun = copied(parts), loads.copy()
+        absent = np.flatnonzero(parts["there"] == 0)
+        frames.row[:, absent] = self._row[absent]
+        if len(absent) == self._n:
+            self._parts, self._pairs = parts, self._pairs_before[:0]
+            return
+        while True:
+            self._forget_unresolved()
+            pairs, islands = find_neighbours(parts, self._n, self._kinds, self._surface, reach, self._pairs_before)
+            crowd = Crowd(parts, begun, pairs, self._kinds, islands, loads)
+            span = Span(start, until, reach)
+            left = self._advance_joint(crowd, plate, span, frames)
+            if not left or frames.interrupt[ENDED]:
+                break
+            way = self._longest_way(parts, begun)
+            if not np.isfinite(way):
+                break  # for the guard to see
+            reach = WIDER * max(reach, way)
+            parts, loads = copied(begun), loads_begun.copy()
+        self._parts, self._pairs, self._loads = parts, pairs, loads
+
+    def _advance_joint(self, crowd: Crowd, plate: Plate, span: Span, frames: FrameRows) -> bool:
+        owner = share_out(crowd.islands, self._threads)
+        if self._pool is None:
+            return bool(advance_together(Share(owner, 0), crowd, plate, self._joint_tools[0], span, frames))
+        tasks = [
+            self._pool.submit(advance_together, Share(owner, i), crowd, plate, tools, span, frames)
+            for i, tools in enumerate(self._joint_tools)
+        ]
+        left = [task.result() for task in tasks]
+        return any(left)
+
+    def _keep_begin_of_window(self) -> None:
+        super()._keep_begin_of_window()
+        self._loads_opened = self._loads
+
+    def _begin_window_now(self) -> None:
+        super()._begin_window_now()
+        self._plate_span[:] = -2.0, -1.0
+        now = self._frame * self._scene.frame_interval
+        for state in (self._parts, self._opened):
+            state["due"] = now
+
+    def remove(self, parts: NDArray[np.int64]) -> None:
+        super().remove(parts)
+        for pairs in (self._pairs, self._pairs_before):
+            pairs["pressing"][np.isin(pairs["a"], parts) | np.isin(pairs["b"], parts)] = 0
+
+    def add(self, parts: NDArray[np.int64], poses: Sequence[Pose]) -> None:
+        draws = self._parts["draws"][parts].copy()
+        super().add(parts, poses)
+        now = self._frame * self._scene.frame_interval
+        for state in (self._parts, self._opened):
+            state["draws"][parts], state["due"][parts] = draws, now
+
+    @property
+    def counts(self) -> Counts:
+        counts = [tools.work.counts + tools.together.work.counts for tools in self._joint_tools]
+        return Counts(*np.sum(counts, axis=0).tolist())

@@ -1,0 +1,238 @@
+"""Advance the parts of islands through a window, event by event: island.py with the step of one part (step.py).
+
+An event is a look at a part, or at a pair. A part that is in a pair that presses is looked at with its component. The
+plate has windows of its own, longer than those in which pairs are found, so that parts may ride it through them.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from feeder_sim.borrow import borrow
+from feeder_sim.constants import GRAVITY
+from feeder_sim.engines.impulse.crowd import reach_of
+from feeder_sim.engines.impulse.frame_rows import write_state
+from feeder_sim.engines.impulse.free_part.loop import FreePart
+from feeder_sim.engines.impulse.free_part.ride import bring
+from feeder_sim.engines.impulse.free_part.step import step
+from feeder_sim.engines.impulse.island import Agenda, all_due, earliest_of, has_left, set_due
+from feeder_sim.engines.impulse.joint.component import SLOW, look_together
+from feeder_sim.engines.impulse.joint.pair_bound import pair_bound, release
+from feeder_sim.engines.impulse.pairs.collision import meet, slowest_parting
+from feeder_sim.engines.impulse.rest import wake
+from feeder_sim.engines.impulse.state import ALONE, ASLEEP, AWAKE, FREE, orthonormalise_parts
+from feeder_sim.engines.impulse.surroundings import Plate
+from feeder_sim.engines.impulse.window import acting_terms, bound_window
+from feeder_sim.engines.protocol import ENDED
+from feeder_sim.machine_code import compiled, entry_point, inlined, uncounted
+
+CATCH_UP = 1000  # looks at a part that has gone back in time, until it is where the others are
+AS_IT_FLEW = 1e-9  # [m/s]; a speed that has changed by no more has not
+
+
+@entry_point
+def open_plate(drive, start, end):
+    """Terms that act, and bounds, of a window of the plate."""
+    acting = acting_terms(drive.surface, start, end)
+    return acting, bound_window(acting, drive, start, end)
+
+
+@entry_point
+def open_parts(parts, n, kinds, bounds, start, duration, anew):
+    """Wake parts that a plate moves; returns how far any part comes within a window [m].
+
+    anew: the window of the plate begins, and every part is looked at.
+    """
+    for i in range(n):
+        if anew:
+            parts[i].due = start
+        if parts[i].there == ASLEEP and not bounds.calm:
+            parts[i].there, parts[i].clock, parts[i].due = AWAKE, start, start
+    orthonormalise_parts(parts, n)
+    return reach_of(parts, n, kinds, bounds, duration)
+
+
+@entry_point
+def advance_together(share, crowd, plate, tools, span, frames):
+    """As `advance_islands`."""
+    owner, crowd, tools, frames = share.owner, borrow(crowd), borrow(tools), borrow(frames)
+    plate = Plate(borrow(plate.surface), borrow(plate.bounds), plate.wall)
+    left = False
+    for island in range(owner.shape[0]):
+        if owner[island] == share.thread:
+            left |= _advance_island(island, crowd, plate, tools, span, frames)
+    return left
+
+
+@compiled
+def _advance_island(island, crowd, plate, tools, span, frames):
+    islands, parts, kinds = crowd.islands, crowd.parts, crowd.kinds
+    first, last = islands.first_part[island], islands.first_part[island + 1]
+    first_pair, last_pair = islands.first_pair[island], islands.first_pair[island + 1]
+    n = last - first
+    tree = all_due(n + last_pair - first_pair, span.start)
+    agenda = Agenda(borrow(tree), first, n, first_pair)
+    for k in range(n):
+        part = parts[islands.part[first + k]]
+        set_due(tree, k, np.inf if part.there == ASLEEP else max(part.due, span.start))
+    for k in range(last_pair - first_pair):
+        if crowd.pairs[islands.pair[first_pair + k]].pressing != 0:
+            set_due(tree, n + k, np.inf)
+    left = False
+    for frame in range(frames.time.shape[0] + 1):
+        stop = frames.time[frame] if frame < frames.time.shape[0] else span.end
+        while tree[1] < stop and frames.interrupt[ENDED] == 0:
+            t, event = tree[1], earliest_of(tree)
+            if event < n:
+                left |= _look_at_part(event, t, agenda, crowd, plate, tools, span.reach)
+            else:
+                left |= _look_at_pair(event, t, agenda, crowd, plate, tools, span.reach)
+        for k in range(first, last):
+            i = islands.part[k]
+            kind = kinds.record[parts[i].kind]
+            if frame < frames.time.shape[0]:
+                tools.seen[0] = parts[i]  # which itself is left as it is
+                bring(tools.seen[0], kind, stop, plate.surface)
+                write_state(tools.seen[0], kind, frames.row[frame, i])
+                continue
+            bring(parts[i], kind, stop, plate.surface)
+            left |= has_left(i, crowd, span.reach)
+    return left and tree.shape[0] > 0  # what was borrowed lives until here
+
+
+@inlined
+def _look_at_part(event, t, agenda, crowd, plate, tools, reach):
+    """Look at a part, with its component if it presses others; returns whether one has come farther than its reach."""
+    i = crowd.islands.part[agenda.first_part + event]
+    if _presses(i, crowd):
+        return _look_at_component(i, t, agenda, crowd, plate, tools, reach)
+    part = crowd.parts[i]
+    free = FreePart(crowd.parts[i : i + 1], crowd.loads[i], crowd.kinds, tools.work, plate.wall, tools.notes)
+    tools.work.member[0] = 0  # which pairs have written
+    phase, fallen, due, looks = part.phase, GRAVITY * (t - part.clock), t, 0
+    before = (
+        part.velocity[0],
+        part.velocity[1],
+        part.velocity[2] - fallen,
+        part.momentum[0],
+        part.momentum[1],
+        part.momentum[2],
+    )
+    while due <= t and looks < CATCH_UP:
+        due = step(free, plate, due)
+        looks += 1
+    if part.there == ASLEEP:
+        part.asleep_with, due = ALONE, np.inf
+    part.due = due
+    set_due(agenda.tree, event, due)
+    changed, v, momentum = (
+        phase != FREE or part.phase != FREE or looks > 1 or part.there == ASLEEP,
+        part.velocity,
+        part.momentum,
+    )
+    changed = changed or abs(v[0] - before[0]) + abs(v[1] - before[1]) + abs(v[2] - before[2]) > AS_IT_FLEW
+    if changed or momentum[0] != before[3] or momentum[1] != before[4] or momentum[2] != before[5]:
+        _look_again(i, -1, t, agenda, crowd, plate)
+    return has_left(i, crowd, reach)
+
+
+@inlined
+def _presses(i, crowd):
+    islands = crowd.islands
+    for k in range(islands.first_touching[i], islands.first_touching[i + 1]):
+        if crowd.pairs[islands.pair[islands.touching[k]]].pressing != 0:
+            return True
+    return False
+
+
+@uncounted
+def _look_at_component(i, t, agenda, crowd, plate, tools, reach):
+    """Look at the component of a part; returns whether a member has come farther than its reach."""
+    n, m, until, pressed = look_together(i, t, crowd, plate, tools)
+    together, left = tools.together, False
+    for k in range(n):
+        j = together.work.member[k]
+        part = crowd.parts[j]
+        if pressed:
+            part.due = until
+        if part.there == ASLEEP:
+            part.due = np.inf
+        set_due(agenda.tree, crowd.islands.place[j] - agenda.first_part, part.due)
+        left |= has_left(j, crowd, reach)
+    for x in range(m):
+        place = together.pair[x]
+        pair = crowd.pairs[crowd.islands.pair[place]]
+        if not pressed:
+            pair.pressing = 0
+        if pair.pressing == 0:
+            due, _ = pair_bound(pair, crowd.parts, crowd.kinds, t, plate)
+            set_due(agenda.tree, agenda.n_parts + place - agenda.first_pair, due)
+    for k in range(n):
+        _look_again(together.work.member[k], -1, t, agenda, crowd, plate)
+    return left
+
+
+@inlined
+def _look_at_pair(event, t, agenda, crowd, plate, tools, reach):
+    """A pair of parts; returns whether one of them has come farther than its reach."""
+    parts, kinds, islands = crowd.parts, crowd.kinds, crowd.islands
+    p = islands.pair[agenda.first_pair + event - agenda.n_parts]
+    pair, left = crowd.pairs[p], False
+    due, near = pair_bound(pair, parts, kinds, t, plate)
+    if near:
+        a, b = parts[pair.a], parts[pair.b]
+        hit, n = meet(pair, parts, kinds, SLOW, tools)
+        supported = a.phase != FREE or b.phase != FREE or a.there == ASLEEP or b.there == ASLEEP
+        supported = supported or _presses(pair.a, crowd) or _presses(pair.b, crowd)
+        pressing = n > 0 and supported and slowest_parting(pair, parts, kinds, n, tools) < SLOW
+        if hit or pressing:
+            for i in (pair.a, pair.b):
+                _wake_with(i, p, t, agenda, crowd, plate)
+                release(parts[i])
+        due, near = pair_bound(pair, parts, kinds, t, plate)
+        if pressing:
+            pair.pressing, due = 1, np.inf
+        if hit or pressing:
+            for i in (pair.a, pair.b):
+                left |= has_left(i, crowd, reach)
+                parts[i].due = t
+                set_due(agenda.tree, islands.place[i] - agenda.first_part, t)
+                _look_again(i, p, t, agenda, crowd, plate)
+    set_due(agenda.tree, event, due)
+    return left
+
+
+@uncounted
+def _wake_with(i, except_pair, t, agenda, crowd, plate):
+    """Wake a part at time t, and all that sleep with it."""
+    parts, number = crowd.parts, crowd.parts[i].asleep_with
+    if parts[i].there != ASLEEP:
+        return
+    parts[i].clock = parts[i].due = t
+    wake(parts[i])
+    set_due(agenda.tree, crowd.islands.place[i] - agenda.first_part, t)
+    if number == ALONE:
+        return
+    for k in range(agenda.n_parts):
+        j = crowd.islands.part[agenda.first_part + k]
+        if parts[j].there == ASLEEP and parts[j].asleep_with == number:
+            parts[j].clock = parts[j].due = t
+            wake(parts[j])
+            set_due(agenda.tree, k, t)
+            _look_again(j, except_pair, t, agenda, crowd, plate)
+
+
+@uncounted
+def _look_again(i, except_pair, t, agenda, crowd, plate):
+    """Make the pairs of a part due anew after its velocity has changed at time t."""
+    islands = crowd.islands
+    for k in range(islands.first_touching[i], islands.first_touching[i + 1]):
+        place = islands.touching[k]
+        p = islands.pair[place]
+        if p == except_pair or crowd.pairs[p].pressing != 0:
+            continue
+        due, near = pair_bound(crowd.pairs[p], crowd.parts, crowd.kinds, t, plate)
+        event = agenda.n_parts + place - agenda.first_pair
+        if near:
+            due = min(due, agenda.tree[agenda.tree.shape[0] // 2 + event])
+        set_due(agenda.tree, event, due)
