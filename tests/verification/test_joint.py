@@ -47,8 +47,9 @@ def test_a_stack_comes_to_rest_and_gains_no_energy() -> None:
     np.testing.assert_allclose(frames.position[-1, :, 2], 1e-3 * (1.0 + 2.0 * np.arange(4)), atol=4e-6)
 
 
-@pytest.mark.parametrize("seed", [5003, 5004, 5009, 5010])
+@pytest.mark.parametrize("seed", [5024, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (5003, 5009, 5015))])
 def test_random_heaps_rest_out_of_each_other(seed: int) -> None:
+    """A cylinder and a bracket; a ball that bounces by nanometres; six and twelve parts that turn and press each other."""
     raw: dict[str, Any] = judged_crowds.scene("joint", seed)
     made, (frames,) = recorded(validated(raw, Scenario, Path("heap.toml")))
     assert judged_crowds.LAWS["joint"](raw, made, frames) == []
