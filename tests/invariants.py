@@ -18,6 +18,7 @@ from scipy.spatial.transform import Rotation
 
 from feeder_sim.constants import GRAVITY
 from feeder_sim.engines.protocol import engine_class
+from feeder_sim.records.seed import Counts
 from feeder_sim.records.trajectory import Frames
 from feeder_sim.run.simulation import generators
 from feeder_sim.scenario import Contact, Scenario
@@ -38,9 +39,16 @@ def quiet(**contact: Any) -> Contact:
 def recorded(scenario: Scenario, scene: Scene | None = None) -> tuple[Scene, list[Frames]]:
     """The scene, and the frames of every seed from t = 0 on; `scene` is one that a test has changed."""
     scene = scene or build_scene(scenario)
+    return scene, [frames for frames, _ in counted(scenario, scene)]
+
+
+def counted(scenario: Scenario, scene: Scene) -> list[tuple[Frames, Counts]]:
+    """The frames of every seed as `recorded`, and what its engine has counted."""
     kind = engine_class(choose_engine(scenario))
     engines = [kind(scene, rng) for rng in generators(scene)]
-    return scene, [Frames.joined([engine.current(), *_blocks(engine, scene.n_frames - 1)]) for engine in engines]
+    return [
+        (Frames.joined([engine.current(), *_blocks(engine, scene.n_frames - 1)]), engine.counts) for engine in engines
+    ]
 
 
 def _blocks(engine: Any, n_frames: int) -> Iterator[Frames]:

@@ -2,10 +2,14 @@
 
     finding = judged("pair", 12)
 
-pair   two parts meet in flight: momentum and angular momentum are kept, energy does not grow
-heap   two to twelve parts fall on each other on a plate at rest, with or without a rim: they rest, out of each other
-joint  the same without a step, to 10 nm
-over   parts fall on two edges of a plate, at rest or driven: what tips over falls beside it, and does not get under it
+pair     two parts meet in flight: momentum and angular momentum are kept, energy does not grow
+heap     two to twelve parts fall on each other on a plate at rest, with or without a rim: they rest, out of each other
+concave  brackets and screws that other parts meet by their convex pieces
+heavy    a block of 30 mm on balls and cubes of 0.3 to 1.2 mm
+mixed    parts of 0.3 to 30 mm
+thin     needles of 0.1 mm and foils of 0.05 mm
+over     parts fall on two edges of a plate, at rest or driven: what tips over falls beside it, not under it
+shaken   parts on a piston or a tray that may be tilted, with or without a rim; none falls through it
 """
 
 from __future__ import annotations
@@ -17,15 +21,15 @@ from typing import Any
 
 import numpy as np
 from conftest import hull_distances
-from invariants import angular_momentum, depth_under, energy, growth, momentum, recorded
-from judged_scenes import GAINED, SLOWEST, Finding, Rng, ball, corner_part
+from invariants import angular_momentum, counted, depth_under, energy, growth, momentum, recorded
+from judged_scenes import GAINED, MESHES, MODELS, SLOWEST, Finding, Rng, ball, corner_part, looked_at
 
+from feeder_sim.constants import GRAVITY
 from feeder_sim.errors import InputError
-from feeder_sim.records.seed import Counts
 from feeder_sim.records.trajectory import Frames
 from feeder_sim.scenario import Scenario
 from feeder_sim.scenario.tables import validated
-from feeder_sim.scene.scene import Scene
+from feeder_sim.scene.scene import Scene, build_scene
 
 Raw = dict[str, Any]
 KEPT = 1e-9  # of momenta, and of energy in flight
@@ -47,18 +51,23 @@ def scene(kind: str, seed: int) -> Raw:
 def judged(kind: str, seed: int) -> Finding | None:
     """Run a scene and look at what came out; None where the scene is refused."""
     raw = scene(kind, seed)
+    if kind == "shaken":
+        return looked_at(raw, f"{kind}_{seed}", _shaken_apart)
     try:
         scenario = validated(raw, Scenario, Path(f"{kind}_{seed}.toml"))
         recorded(scenario.changed({"run.duration_s": 2.0 / raw["run"]["frames_per_second"]}))  # compiled
         began = time.perf_counter()
-        made, (frames,) = recorded(scenario)
+        made = build_scene(scenario)
+        ((frames, counts),) = counted(scenario, made)
     except InputError:
         return None
     wall_s = (time.perf_counter() - began) / raw["run"]["duration_s"]
-    faults = LAWS[kind](raw, made, frames)
+    if hull_distances(made, frames[slice(1)]).min(initial=0.0) < 0.0:
+        return None  # laid into each other
+    faults = broken(kind, raw, made, frames)
     if wall_s > SLOWEST:
         faults.append(f"takes {wall_s:.3g} s per simulated second")
-    return Finding(raw, tuple(faults), wall_s, Counts(), growth(made, frames))
+    return Finding(raw, tuple(faults), wall_s, counts, growth(made, frames))
 
 
 def _part(rng: Rng) -> Raw:
@@ -89,6 +98,24 @@ def _pair(rng: Rng) -> Raw:
     return {"plate": {"kind": "still"}, "part": parts, "run": run}
 
 
+def _poured(parts: list[Raw], rng: Rng, height: float = 16.0, apart: float = 14.0, beside: float = 6.0) -> list[Raw]:
+    """Parts above each other [mm], from where they fall."""
+    poured = []
+    for i, part in enumerate(parts):
+        x, y = rng.uniform(-beside, beside, 2)
+        start = {"kind": "state", "position_mm": [float(x), float(y), height + i * apart], "quaternion": _turn(rng)}
+        poured.append(part | {"start": start})
+    return poured
+
+
+def _at_rest(parts: list[Raw], rim: bool = False) -> Raw:
+    """Without a step."""
+    size = 120.0 if rim else 800.0  # over whose edge none comes
+    plate = {"kind": "still", "length_mm": size, "width_mm": size, "rim": rim}
+    run = {"duration_s": 1.5, "seeds": 1, "frames_per_second": 500.0, "tolerance_nm": 10.0}
+    return {"plate": plate, "part": parts, "run": run}
+
+
 def _heap(rng: Rng) -> Raw:
     parts, height = [], 16.0
     for _ in range(int(rng.integers(2, 13))):
@@ -96,15 +123,80 @@ def _heap(rng: Rng) -> Raw:
         start = {"kind": "state", "position_mm": [float(x), float(y), height], "quaternion": _turn(rng)}
         parts.append(_part(rng) | {"start": start})
         height += 14.0
-    rim = bool(rng.random() < 0.5)
-    size = 120.0 if rim else 800.0  # over whose edge none comes
-    plate = {"kind": "still", "length_mm": size, "width_mm": size, "rim": rim}
-    return {"plate": plate, "part": parts, "run": {"duration_s": 1.5, "seeds": 1, "frames_per_second": 500.0}}
+    return _at_rest(parts, rim=bool(rng.random() < 0.5))
 
 
-def _joint(rng: Rng) -> Raw:
-    raw = _heap(rng)
-    return raw | {"run": raw["run"] | {"tolerance_nm": 10.0}}
+def _concave(rng: Rng) -> Raw:
+    parts = []
+    for _ in range(int(rng.integers(2, 9))):
+        name = rng.choice(MESHES)
+        parts.append({"shape": "mesh", "file": str(MODELS / f"{name}/{name}.stl"), "contact": "parts"})
+    return _at_rest(_poured(parts, rng), rim=bool(rng.random() < 0.3))
+
+
+def _small(rng: Rng) -> Raw:
+    size = float(rng.uniform(0.3, 1.2))
+    return {"shape": "ball", "diameter_mm": size} if rng.random() < 0.5 else {"shape": "box", "size_mm": [size] * 3}
+
+
+def _heavy(rng: Rng) -> Raw:
+    count = int(rng.integers(2, 9))
+    parts = []
+    for i in range(count):
+        angle = 2.0 * np.pi * i / count
+        place = [float(6.0 * np.cos(angle)), float(6.0 * np.sin(angle)), 1.5]
+        parts.append(_small(rng) | {"start": {"kind": "state", "position_mm": place, "quaternion": _turn(rng)}})
+    tilt = 0.02 * rng.normal(size=2)
+    start = {"kind": "state", "position_mm": [0.0, 0.0, 20.0], "quaternion": [1.0, float(tilt[0]), float(tilt[1]), 0.0]}
+    parts.append({"shape": "box", "size_mm": [30.0, 30.0, 15.0], "start": start})
+    return _at_rest(parts)
+
+
+def _any_size(rng: Rng) -> Raw:
+    sizes = [float(size) for size in 10.0 ** rng.uniform(np.log10(0.3), np.log10(30.0), 3)]
+    shape = rng.choice(["box", "ball", "cylinder"])
+    if shape == "box":
+        return {"shape": "box", "size_mm": sizes}
+    diameter = {"diameter_mm": sizes[0]}
+    return {"shape": str(shape)} | diameter | ({"height_mm": sizes[1]} if shape == "cylinder" else {})
+
+
+def _mixed(rng: Rng) -> Raw:
+    parts = [_any_size(rng) for _ in range(int(rng.integers(2, 9)))]
+    return _at_rest(_poured(parts, rng, 40.0, 60.0))
+
+
+def _thin(rng: Rng) -> Raw:
+    parts: list[Raw] = []
+    for _ in range(int(rng.integers(2, 9))):
+        long, wide = float(rng.uniform(8.0, 10.0)), float(rng.uniform(2.0, 6.0))
+        shapes: list[Raw] = [
+            {"shape": "box", "size_mm": [long, 0.1, 0.1]},
+            {"shape": "cylinder", "diameter_mm": 0.15, "height_mm": long},
+            {"shape": "box", "size_mm": [long, wide, 0.05]},
+            {"shape": "cylinder", "diameter_mm": long, "height_mm": 0.05},
+        ]
+        parts.append(shapes[int(rng.integers(4))])
+    return _at_rest(_poured(parts, rng))
+
+
+def _shaken(rng: Rng) -> Raw:
+    parts = [_part(rng) for _ in range(int(rng.integers(2, 9)))]
+    rim, hz = bool(rng.random() < 0.3), float(rng.uniform(20.0, 200.0))
+    acceleration = float(rng.uniform(0.3, 3.0)) * GRAVITY / (2.0 * np.pi * hz) ** 2
+    size = float(rng.uniform(60.0, 160.0))
+    plate: Raw = {"length_mm": size, "width_mm": size, "rim": rim}
+    drive: Raw = {"frequency_hz": hz}
+    run = {"duration_s": 1.0, "seeds": 1, "frames_per_second": 500.0, "tolerance_nm": 0.1}
+    if rng.random() < 0.3:
+        plate |= {"kind": "piston"}
+        drive |= {"amplitude_um": min(1e6 * acceleration, 2.9e3)}
+        return {"plate": plate, "part": _poured(parts, rng), "drive": [drive], "run": run}
+    tilt = float(rng.choice([0.0, rng.uniform(-10.0, 10.0)]))
+    plate |= {"kind": "tray", "tilt_deg": tilt}
+    drive |= {"stroke_um": min(1e6 * acceleration, 1e4), "angle_deg": float(rng.uniform(5.0, 90.0))}
+    height = 16.0 + 0.5 * size * abs(np.tan(np.radians(tilt)))
+    return {"plate": plate, "part": _poured(parts, rng, height), "drive": [drive], "run": run}
 
 
 def _over(rng: Rng) -> Raw:
@@ -158,6 +250,10 @@ def _apart(made: Scene, frames: Frames) -> list[str]:
     return [f"parts are {1e6 * deepest:.3g} um in each other"] if deepest > INTO_EACH_OTHER else []
 
 
+def _shaken_apart(made: Scene, frames: Frames) -> list[str]:
+    return _apart(made, frames[slice(0, None, 10)])
+
+
 def _lies(raw: Raw, made: Scene, frames: Frames) -> list[str]:
     faults = []
     half = 0.5e-3 * np.array([raw["plate"]["length_mm"], raw["plate"]["width_mm"]])
@@ -176,10 +272,19 @@ def _lies(raw: Raw, made: Scene, frames: Frames) -> list[str]:
     return faults + _apart(made, frames[slice(0, None, 10)])
 
 
-KINDS: dict[str, Callable[[Rng], Raw]] = {"pair": _pair, "heap": _heap, "joint": _joint, "over": _over}
-LAWS: dict[str, Callable[[Raw, Scene, Frames], list[str]]] = {
-    "pair": _flies,
-    "heap": _lies,
-    "joint": _lies,
-    "over": _falls_beside,
+KINDS: dict[str, Callable[[Rng], Raw]] = {
+    "pair": _pair,
+    "heap": _heap,
+    "concave": _concave,
+    "heavy": _heavy,
+    "mixed": _mixed,
+    "thin": _thin,
+    "over": _over,
+    "shaken": _shaken,
 }
+LAWS: dict[str, Callable[[Raw, Scene, Frames], list[str]]] = {"pair": _flies, "over": _falls_beside}
+
+
+def broken(kind: str, raw: Raw, made: Scene, frames: Frames) -> list[str]:
+    """What is not as it must be in a scene of a kind."""
+    return LAWS.get(kind, _lies)(raw, made, frames)

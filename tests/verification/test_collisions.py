@@ -14,6 +14,7 @@ from scipy.spatial import ConvexHull, HalfspaceIntersection
 from scipy.spatial.transform import Rotation
 
 from feeder_sim.engines.impulse.engine import ImpulseEngine
+from feeder_sim.engines.impulse.joint import pair_after
 from feeder_sim.engines.impulse.kinds import hull_of, read_kinds
 from feeder_sim.engines.impulse.pairs import hulls, separating_axis, touching_points
 from feeder_sim.engines.impulse.pairs.hulls import HullLibrary
@@ -101,7 +102,7 @@ class Placed:
     def look(self) -> tuple[float, np.ndarray]:
         (a, b), (first, second) = self.parts, self.pieces
         from_python(separating_axis.place_pieces)(a, first, b, second, self.kinds, self.room)
-        gap, axis = from_python(separating_axis.separating_axis)(first, second, self.kinds, self.room)
+        gap, axis, self.origin = from_python(separating_axis.separating_axis)(first, second, self.kinds, self.room)
         return gap, np.array(axis)
 
     def touching(self, axis: np.ndarray) -> np.ndarray:
@@ -120,6 +121,12 @@ class Placed:
             a, b = self.parts
             apart = from_python(hulls.hull_distance)(library.hulls(), a, a["kind"], b, b["kind"], 1.0)
             low, high = (low, 0.5 * (low + high)) if apart > gap else (0.5 * (low + high), high)
+
+    def move(self, velocity: np.ndarray, spins: np.ndarray, t: float) -> None:
+        """Move the second part [m/s], and turn both [rad/s], for a time [s]."""
+        self.parts["position"][1] += t * velocity
+        for part, spin in zip(self.parts, spins, strict=True):
+            part["attitude"] = Rotation.from_rotvec(t * spin).as_matrix() @ part["attitude"]
 
 
 def two(seed: int) -> Placed:
@@ -144,6 +151,29 @@ def test_no_direction_has_less_depth_than_the_axis(seed: int) -> None:
     near = axis + 0.02 * directions
     for way in (*directions, *(near / np.linalg.norm(near, axis=1)[:, None])):
         assert depth_along(one, other, way) >= -gap - 1e-12
+
+
+def test_axes_turn_with_faces_and_edges() -> None:
+    """Where parts have turned by 0.01 rad the axis is as foretold to the third order, and so is a point on both."""
+    origins, t = set(), 1e-4
+    for seed in range(30):
+        pair, rng = two(seed), np.random.default_rng(seed)
+        pair.move_to_gap(-1e-6)
+        _, axis = pair.look()
+        origin, along = pair.origin, tuple(map(tuple, pair.room.along))
+        first = pair.touching(axis)[0] - pair.parts["position"][0]
+        apart = pair.parts["position"][1] - pair.parts["position"][0]
+        velocity, spins = rng.normal(size=3), 40.0 * rng.normal(size=(2, 3))
+        motion = tuple(apart), tuple(velocity), tuple(map(tuple, spins)), (False, False)
+        now = tuple(first), tuple(first - apart), tuple(axis)
+        arm, other, normal = map(np.array, from_python(pair_after._after)(t, origin, now, along, motion))
+        np.testing.assert_allclose(arm - other, apart + t * velocity, atol=1e-12)
+        pair.move(velocity, spins, t)
+        turned = pair.look()[1]
+        if pair.origin == origin and np.linalg.norm(turned - axis) < 0.03:  # the same face, or pair of edges
+            np.testing.assert_allclose(normal, turned, atol=1e-6)
+            origins.add(origin)
+    assert origins == {separating_axis.FACE_OF_FIRST, separating_axis.FACE_OF_SECOND, separating_axis.EDGES}
 
 
 @pytest.mark.parametrize("seed", range(20))

@@ -206,7 +206,7 @@ def _gather_pair(pair, body, crowd, n, contacts, tools):
     parts, kinds = crowd.parts, crowd.kinds
     a, b = parts[pair.a], parts[pair.b]
     kind_a, kind_b = kinds.record[a.kind], kinds.record[b.kind]
-    _, found = look_at_pair(pair, a, kind_a, b, kind_b, kinds, tools)
+    _, found, _ = look_at_pair(pair, a, kind_a, b, kind_b, kinds, tools)
     from_b, axis, wall = difference(a.position, b.position), pair.axis, body[pair.b] < 0
     for i in range(found):
         at = vector(tools.meeting.point[i])

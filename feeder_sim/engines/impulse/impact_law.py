@@ -28,7 +28,7 @@ from feeder_sim.engines.impulse.vectors import add_to, combine, cross, differenc
 from feeder_sim.machine_code import compiled, inlined
 from feeder_sim.plate.zener import TABLE_STEP
 
-ON_PLATE = 0  # index of a restitution; 1 is that of parts among each other
+ON_PLATE, BETWEEN_PARTS = range(2)  # of restitution and friction
 SLOWEST = 1e-12  # [m/s]; for what does not approach
 
 

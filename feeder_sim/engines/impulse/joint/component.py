@@ -26,6 +26,7 @@ from feeder_sim.engines.impulse.free_part.ride import bring
 from feeder_sim.engines.impulse.free_part.step import NEVER
 from feeder_sim.engines.impulse.free_part.sustained import CARRIED
 from feeder_sim.engines.impulse.impact import resolve_impact
+from feeder_sim.engines.impulse.impact_law import BETWEEN_PARTS, restitution_at
 from feeder_sim.engines.impulse.joint.forces import press_together
 from feeder_sim.engines.impulse.joint.members import NOTHING, gather_pair, look_at_pairs, members_of
 from feeder_sim.engines.impulse.scratch import LATE, of_member
@@ -99,7 +100,7 @@ def _strike(n, m, crowd, plate, together):
             part, view = parts[work.member[k]], of_member(k, work)
             kind, turning, begin = kinds.record[part.kind], turning_of(part, kinds.record[part.kind]), c
             load_part(part, kind, turning, 0.0, view)
-            together.first_contact[k] = c
+            together.first_contact[k], together.squeezed[k] = c, False
             if c + together.number[k] <= most:
                 c, hits = gather_touching(kind, together.number[k], c, rounds < ROUNDS, plate, turning, view)
                 approaches = approaches or hits
@@ -107,23 +108,44 @@ def _strike(n, m, crowd, plate, together):
                 work.contacts.body[i, 1] = k
         together.first_contact[n] = c
         for x in range(m):
-            kind = kinds.record[parts[crowd.pairs[crowd.islands.pair[together.pair[x]]].a].kind]
+            pair = crowd.pairs[crowd.islands.pair[together.pair[x]]]
+            kind = kinds.record[parts[pair.a].kind]
             for y in range(
                 together.first_point[x], min(together.first_point[x + 1], together.first_point[x] + most - c)
             ):
                 approach = gather_pair(c, x, y, crowd, together)
                 if approach > exact.approach:
                     approaches = True
-                    e = kind.restitution[1] if rounds < ROUNDS else 0.0
-                    work.contacts.number[RESTITUTION, c] = 0.0 if e * approach < SLOW * (1.0 - e) else e
+                    e = restitution_at(kind, BETWEEN_PARTS, approach) if rounds < ROUNDS else 0.0
+                    work.contacts.number[RESTITUTION, c] = summed(e, approach)
+                    together.squeezed[together.body[pair.a]] = together.squeezed[together.body[pair.b]] = True
                 c += 1
         if not approaches:
             return
+        _sum_squeezed(n, together)
         resolve_impact(parts, kinds, n, c, (exact.impacts, exact.approach), work)
         for k in range(n):
             part, view = parts[work.member[k]], of_member(k, work)
             scatter(part, together.first_contact[k], together.first_contact[k + 1], plate.bounds, view)
             move_points(part, kinds.record[part.kind], plate, together.number[k], view)
+
+
+@inlined
+def summed(e, approach):
+    """Restitution of what approaches at a speed [m/s]: none where all further bounces are summed."""
+    return 0.0 if e * approach < SLOW * (1.0 - e) else e
+
+
+@inlined
+def _sum_squeezed(n, together):
+    """Sum the bounces on the plate of what another part presses onto it: they are shorter than under gravity."""
+    work = together.work
+    for k in range(n):
+        for i in range(together.first_contact[k], together.first_contact[k + 1]):
+            if together.squeezed[k]:
+                approach = -of_member(k, work).point[work.point_of[i]].rate
+                law = work.contacts.number[RESTITUTION, i]
+                work.contacts.number[RESTITUTION, i] = summed(law, approach) if approach > 0.0 else law
 
 
 @uncounted

@@ -35,7 +35,8 @@ from feeder_sim.engines.impulse.free_part.sustained import (
     time_of_forces,
     until_dip,
 )
-from feeder_sim.engines.impulse.joint.members import gather_pair
+from feeder_sim.engines.impulse.joint.pair_after import gather_pair_after
+from feeder_sim.engines.impulse.pairs.separating_axis import CLOSEST
 from feeder_sim.engines.impulse.scratch import UNRESOLVED, of_member
 from feeder_sim.engines.impulse.state import ASLEEP, FREE, PRESSED, spin_of
 from feeder_sim.engines.impulse.surface import move_surface
@@ -67,7 +68,8 @@ def press_together(n, m, t, crowd, plate, together):
                 some, lift = True, max(lift, rises)
         shortest = max(shortest, shortest_leap(part, bounds, now.turning))
     for x in range(m):
-        usual = min(usual, _time_of_pair(crowd.pairs[crowd.islands.pair[together.pair[x]]], crowd))
+        pair, known = crowd.pairs[crowd.islands.pair[together.pair[x]]], together.origin[x] != CLOSEST
+        usual = min(usual, _time_of_pair(pair, known, crowd))
     time = max(min(usual, lift, until - t), shortest)
     if some:
         for k in range(n):
@@ -107,16 +109,16 @@ def press_together(n, m, t, crowd, plate, together):
 
 
 @inlined
-def _time_of_pair(pair, crowd):
+def _time_of_pair(pair, known, crowd):
     """How long forces of a pair last [s]: until then no other point of both comes far into the other part.
 
-    And what a normal that turns meanwhile lets them approach by is less than they are parted by.
+    And unless it is known how their normal turns, what that lets them approach by is less than they are parted by.
     """
     a, b = crowd.parts[pair.a], crowd.parts[pair.b]
     kind_a, kind_b = crowd.kinds.record[a.kind], crowd.kinds.record[b.kind]
     turns = difference(spin_of(a, kind_a), spin_of(b, kind_b))
     squared, size = dot(turns, turns), min(kind_a.reach + kind_a.radius, kind_b.reach + kind_b.radius)
-    speed, bends = min(kind_a.reach, kind_b.reach) * math.sqrt(squared), 0.5 * size * squared
+    speed, bends = min(kind_a.reach, kind_b.reach) * math.sqrt(squared), 0.0 if known else 0.5 * size * squared
     return max(min(COMES_IN / max(speed, COMES_IN), APPROACHES / max(bends, APPROACHES)), LEAST)
 
 
@@ -153,9 +155,9 @@ def _solve_forces(n, m, t, until, times_of, crowd, plate, together):
     together.first_contact[n] = c
     for x in range(m):
         for y in range(together.first_point[x], min(together.first_point[x + 1], together.first_point[x] + most - c)):
-            gather_pair(c, x, y, crowd, together)
+            gather_pair_after(c, x, y, time, crowd, together)
             if together.gap[x] < -DEEP:
-                contacts.number[TARGET, c] = min(-PARTED * (together.gap[x] + 0.5 * DEEP) / exact.longest, OUT)
+                contacts.number[TARGET, c] += min(-PARTED * (together.gap[x] + DEEP) / exact.longest, OUT)
             c += 1
     if not solve(work.bodies, contacts, c, max(SOLVED * exact.tolerance / usual, exact.impacts), not leant):
         work.counts[UNRESOLVED] += 1

@@ -27,6 +27,7 @@ from feeder_sim.engines.protocol import ENDED
 from feeder_sim.machine_code import compiled, entry_point, inlined, uncounted
 
 CATCH_UP = 1000  # looks at a part that has gone back in time, until it is where the others are
+SOON = 5e-5  # [s]; parts that hit each other again so soon do so between others
 AS_IT_FLEW = 1e-9  # [m/s]; a speed that has changed by no more has not
 
 
@@ -184,7 +185,9 @@ def _look_at_pair(event, t, agenda, crowd, plate, tools, reach):
         hit, n = meet(pair, parts, kinds, SLOW, tools)
         supported = a.phase != FREE or b.phase != FREE or a.there == ASLEEP or b.there == ASLEEP
         supported = supported or _presses(pair.a, crowd) or _presses(pair.b, crowd)
-        pressing = n > 0 and supported and slowest_parting(pair, parts, kinds, n, tools) < SLOW
+        again = hit and t < pair.struck + SOON
+        pressing = again or (n > 0 and supported and slowest_parting(pair, parts, kinds, n, tools) < SLOW)
+        pair.struck = t if hit else pair.struck
         if hit or pressing:
             for i in (pair.a, pair.b):
                 _wake_with(i, p, t, agenda, crowd, plate)
@@ -235,4 +238,5 @@ def _look_again(i, except_pair, t, agenda, crowd, plate):
         event = agenda.n_parts + place - agenda.first_pair
         if near:
             due = min(due, agenda.tree[agenda.tree.shape[0] // 2 + event])
+            due = t if t < crowd.pairs[p].struck + SOON else due
         set_due(agenda.tree, event, due)

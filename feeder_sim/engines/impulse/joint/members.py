@@ -57,8 +57,10 @@ def look_at_pairs(m, crowd, tools):
         together.first_point[x] = points
         pair = crowd.pairs[crowd.islands.pair[together.pair[x]]]
         a, b = parts[pair.a], parts[pair.b]
-        gap, count = look_at_pair(pair, a, kinds.record[a.kind], b, kinds.record[b.kind], kinds, tools)
-        together.gap[x] = gap
+        gap, count, origin = look_at_pair(pair, a, kinds.record[a.kind], b, kinds.record[b.kind], kinds, tools)
+        together.gap[x], together.origin[x] = gap, origin
+        for end in range(2):
+            write_to(together.along[x, end], vector(tools.meeting.along[end]))
         if gap > SLACK:
             pair.pressing = count = 0
         for y in range(count):

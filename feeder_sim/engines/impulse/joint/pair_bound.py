@@ -6,11 +6,12 @@ import math
 
 from feeder_sim.constants import GRAVITY
 from feeder_sim.engines.impulse.free_part.ride import bring
-from feeder_sim.engines.impulse.pairs.due import bound_of_hulls, bound_of_spheres
+from feeder_sim.engines.impulse.pairs.due import SLACK, bound_of_hulls, bound_of_spheres
 from feeder_sim.engines.impulse.state import FOLLOWING, FREE, PRESSED, flies
 from feeder_sim.engines.impulse.vectors import dot
 from feeder_sim.machine_code import inlined, uncounted
 
+ENTERED = 0.2 * SLACK
 CARRIED = 3.0  # times the fastest speed of the plate: what rides it may be thrown to while nobody looks
 
 
@@ -20,7 +21,7 @@ def pair_bound(pair, parts, kinds, t, plate):
     a, b = parts[pair.a], parts[pair.b]
     pushed_a, thrown_a = _forced(a, kinds.record[a.kind], plate.bounds)
     pushed_b, thrown_b = _forced(b, kinds.record[b.kind], plate.bounds)
-    forced = pushed_a, pushed_b, thrown_a, thrown_b
+    forced = pushed_a, pushed_b, thrown_a, thrown_b, ENTERED
     due = bound_of_spheres(pair, parts, kinds, t, plate.bounds, forced)
     if due > t:
         return due, False

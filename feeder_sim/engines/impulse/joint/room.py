@@ -21,9 +21,10 @@ class Together(NamedTuple):
 
     work: scratch space of all its members; work.member says which parts they are. body: of every part, its number
     among them, or -1. number: of every member, its points, and how long its bounces are summed [s]: chatter; loads:
-    where its contacts begin, and whether it has a load on the plate, `borne`. pair: places in `Islands.pair` of the
-    pairs that press; first_point: of each, its first row in point (n, 3), from the centre of its first part [m]; gap
-    [m] of each.
+    where its contacts begin, whether it has a load on the plate, `borne`, and whether another part hits it, `squeezed`.
+    pair: places in `Islands.pair` of the pairs that press; first_point: of each, its first row in point (n, 3), from
+    the centre of its first part [m]; gap [m] of each, and the origin of its axis with two edges, `along` (pairs, 2, 3):
+    see `separating_axis`.
     """
 
     work: Scratch
@@ -32,10 +33,13 @@ class Together(NamedTuple):
     chatter: NDArray[np.float64]
     first_contact: NDArray[np.int64]
     borne: NDArray[np.bool_]
+    squeezed: NDArray[np.bool_]
     pair: NDArray[np.int64]
     first_point: NDArray[np.int64]
     point: NDArray[np.float64]
     gap: NDArray[np.float64]
+    origin: NDArray[np.int64]
+    along: NDArray[np.float64]
 
 
 class Tools(NamedTuple):
@@ -60,8 +64,11 @@ def new_together(kinds: Kinds, parts: int, n_shapes: int) -> Together:
         chatter=np.zeros(parts),
         first_contact=np.zeros(parts + 1, np.int64),
         borne=np.zeros(parts, np.bool_),
+        squeezed=np.zeros(parts, np.bool_),
         pair=np.zeros(pairs, np.int64),
         first_point=np.zeros(pairs + 1, np.int64),
         point=np.zeros((2 * of_piece * pairs, 3)),
         gap=np.zeros(pairs),
+        origin=np.zeros(pairs, np.int64),
+        along=np.zeros((pairs, 2, 3)),
     )

@@ -22,7 +22,16 @@ from feeder_sim.engines.impulse.impact import resolve_impact
 from feeder_sim.engines.impulse.impact_law import hit_part, restitution_of_pair
 from feeder_sim.engines.impulse.pairs.due import DEEP, ROUND_OFF, SLACK
 from feeder_sim.engines.impulse.pairs.hulls import hull_distance
-from feeder_sim.engines.impulse.pairs.separating_axis import place_pieces, separating_axis
+from feeder_sim.engines.impulse.pairs.separating_axis import (
+    BALL,
+    CENTRES,
+    CLOSEST,
+    FACE_OF_FIRST,
+    FACE_OF_SECOND,
+    place_pieces,
+    separating_axis,
+    turned,
+)
 from feeder_sim.engines.impulse.pairs.touching_points import touching_points
 from feeder_sim.engines.impulse.single_impact import velocity_of_point
 from feeder_sim.engines.impulse.state import inverse_inertia
@@ -34,6 +43,8 @@ from feeder_sim.machine_code import inlined, uncounted
 LAID_IN, LITTLE = 1.5e-4, 5e-6
 LEVEL = 0.1  # upward component of the axis of two parts, from which on one of them counts as the lower
 FAR = 1e3  # [m]; no distance beyond this is asked of the library: every answer gives the pair a better axis
+ALIGNED = 1e-8  # 1 - cosine of the angle between an axis and the normal of a face that are one
+AT_CORNER = 1e-6  # [m]; what is so close to the end of an edge is its corner
 LEFT = 1e-9  # [m/s]; what round-off leaves of the speed of points that have just collided
 
 
@@ -46,7 +57,7 @@ def meet(pair, parts, kinds, slow, tools):
     """
     a, b = parts[pair.a], parts[pair.b]
     kind_a, kind_b = kinds.record[a.kind], kinds.record[b.kind]
-    gap, n = look_at_pair(pair, a, kind_a, b, kind_b, kinds, tools)
+    gap, n, _ = look_at_pair(pair, a, kind_a, b, kind_b, kinds, tools)
     if n == 0:
         return False, n
     hit = _collide(pair, parts, kinds, n, slow, tools)
@@ -71,28 +82,55 @@ def slowest_parting(pair, parts, kinds, n, tools):
 
 @inlined
 def look_at_pair(pair, a, kind_a, b, kind_b, kinds, tools):
-    """Gap of a pair [m], whose axis is made anew, and the number of points at which it touches; they are written."""
+    """Gap of a pair [m], the number of points at which it touches, and the origin of its axis; all are written."""
     piece_a, piece_b = kinds.piece[pair.piece_a], kinds.piece[pair.piece_b]
     room, axis = tools.meeting, pair.axis
     if _is_ball(piece_a) and _is_ball(piece_b):
         gap = _between_balls(difference(b.position, a.position), kind_a.radius, kind_b.radius, axis)
         write_to(room.point[0], combine(kind_a.radius + 0.5 * gap, axis, 0.0, axis, 0.0, axis))
-        return gap, 1 if gap <= SLACK else 0
+        return gap, 1 if gap <= SLACK else 0, CENTRES
     gap = hull_distance(tools.hulls, a, pair.piece_a, b, pair.piece_b, FAR)
     if gap >= FAR:
-        return gap, 0
+        return gap, 0, CLOSEST
     _axis_of_closest(pair, a, b, piece_a, piece_b, gap, tools.hulls.witness)
     if gap > SLACK:
-        return gap, 0
+        return gap, 0, CLOSEST
     if _is_ball(piece_a) or _is_ball(piece_b) or _has_no_faces(piece_a) or _has_no_faces(piece_b):
         witness = tools.hulls.witness
         for k in range(3):
             room.point[0, k] = 0.5 * (witness[k] + witness[3 + k]) - a.position[k]
-        return gap, 1
+        return gap, 1, _origin_at_ball(a, piece_a, b, piece_b, axis, kinds, tools)
     place_pieces(a, piece_a, b, piece_b, kinds, room)
-    gap, normal = separating_axis(piece_a, piece_b, kinds, room)
+    gap, normal, origin = separating_axis(piece_a, piece_b, kinds, room)
     write_to(axis, normal)
-    return gap, touching_points(piece_a, piece_b, kinds, SLACK, normal, room)
+    return gap, touching_points(piece_a, piece_b, kinds, SLACK, normal, room), origin
+
+
+@inlined
+def _origin_at_ball(a, piece_a, b, piece_b, axis, kinds, tools):
+    """Origin of the axis of a pair of which one is a ball: a face, an edge or a corner of the other."""
+    hull = 1 if _is_ball(piece_a) else 0
+    part, piece = (a, piece_a) if hull == 0 else (b, piece_b)
+    outwards = vector(axis) if hull == 0 else (-axis[0], -axis[1], -axis[2])
+    for f in range(piece.plane_from, piece.plane_to):
+        if dot(outwards, turned(part.attitude, kinds.planes[f])) > 1.0 - ALIGNED:
+            return FACE_OF_FIRST if hull == 0 else FACE_OF_SECOND
+    if piece.plane_to == piece.plane_from:
+        return CLOSEST
+    closest = difference(vector(tools.hulls.witness[3 * hull : 3 * hull + 3]), part.position)
+    nearest = np.inf
+    for e in range(piece.edge_from, piece.edge_to):
+        p = turned(part.attitude, kinds.corners[piece.corner_from + kinds.edges[e, 0]])
+        along = difference(turned(part.attitude, kinds.corners[piece.corner_from + kinds.edges[e, 1]]), p)
+        size, apart = math.sqrt(dot(along, along)), difference(closest, p)
+        along = combine(1.0 / size, along, 0.0, along, 0.0, along)
+        at = dot(apart, along)
+        beside = plus(apart, -min(max(at, 0.0), size), along)
+        if dot(beside, beside) < nearest:
+            nearest = dot(beside, beside)
+            at_corner = at < AT_CORNER or at > size - AT_CORNER
+            write_to(tools.meeting.along[0], combine(0.0 if at_corner else 1.0, along, 0.0, along, 0.0, along))
+    return BALL
 
 
 @inlined

@@ -23,14 +23,23 @@ SLACK = 1e-6  # [m]; hulls this close touch, and may enter each other this far b
 DEEP = 2e-6  # [m]; how deep parts may enter each other before they are looked at again, where a step is longer
 PUSHED = 0.1  # of that time, while parts are deep in each other: a heap that falls in needs many pushes
 SURELY = 1.0 + 1e-6  # beyond round-off
-FREE_FLIGHT = 0.0, 0.0, 0.0, 0.0
+FREE_FLIGHT = 0.0, 0.0, 0.0, 0.0, DEEP
 
 
 # Pieces of two parts that can meet within a window: the numbers of the parts, a < b, those of the pieces in `Kinds`,
-# and the axis from a to b. pressing: both touch and hardly move apart, and are looked at together with what else they
-# touch (joint/component.py).
+# and the axis from a to b. pressing: both touch and hardly move apart, or hit each other again and again, and are
+# looked at together with what else they touch (joint/component.py); struck: when they last hit each other [s].
 PAIR = np.dtype(
-    [("a", "i8"), ("b", "i8"), ("piece_a", "i8"), ("piece_b", "i8"), ("pressing", "i8"), ("axis", "f8", 3)], align=True
+    [
+        ("a", "i8"),
+        ("b", "i8"),
+        ("piece_a", "i8"),
+        ("piece_b", "i8"),
+        ("pressing", "i8"),
+        ("struck", "f8"),
+        ("axis", "f8", 3),
+    ],
+    align=True,
 )
 
 
@@ -53,7 +62,8 @@ def meeting_bound(pair, parts, kinds, t, bounds):
 def bound_of_spheres(pair, parts, kinds, t, bounds, forced):
     """As `meeting_bound` where the spheres around both parts are apart, else t.
 
-    forced: acceleration [m/s^2] of both parts beyond gravity, and speed [m/s] that they may get at once, at most.
+    forced: acceleration [m/s^2] of both parts beyond gravity, and speed [m/s] that they may get at once, at most; how
+    far they may enter each other before they are looked at again [m].
     """
     a, b = parts[pair.a], parts[pair.b]
     kind_a, kind_b = kinds.record[a.kind], kinds.record[b.kind]
@@ -90,7 +100,7 @@ def bound_of_hulls(pair, parts, kinds, t, bounds, forced):
         _crossing_time(b, kind_b, piece_b, kinds, axis, -1.0, bottom, (-drift - forced[3], room, fall + forced[1])),
     )
     speed = _relative_speed(a, kind_a, b, kind_b)
-    shortest = min(max(bounds.step, SLACK / speed), DEEP / speed)
+    shortest = min(max(bounds.step, SLACK / speed), forced[4] / speed)
     if gap < -DEEP:  # pushed into each other by what lies beside them
         wait, shortest = 0.0, PUSHED * shortest
     else:

@@ -89,11 +89,9 @@ def find_pairs(parts, kinds, n_free, room, old):
         while o < old.shape[0] and _order(old[o], pair) < 0:
             o += 1
         if o < old.shape[0] and _order(old[o], pair) == 0:
-            pair.pressing = old[o].pressing
-            for k in range(3):
-                pair.axis[k] = old[o].axis[k]
+            pairs[p] = old[o]
         else:
-            pair.pressing = 0
+            pair.pressing, pair.struck = 0, -np.inf
             _first_axis(parts, kinds, pair)
     return pairs
 

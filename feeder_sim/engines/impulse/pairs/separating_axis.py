@@ -20,6 +20,9 @@ from feeder_sim.machine_code import inlined, uncounted
 
 FACES_FIRST = 1e-9  # [m]; an axis of edges has to be better than one of faces by that
 NEAR = 1e-5  # [m]; edges farther than that from the other piece do not touch it
+# Origins of an axis: what it turns with. CENTRES: those of two balls; BALL: the centre of one, and an edge of the other
+# part, or its corner; CLOSEST: points of which no more is known.
+FACE_OF_FIRST, FACE_OF_SECOND, EDGES, CENTRES, BALL, CLOSEST = range(6)
 PARALLEL = 1e-7  # sine of the angle between two edges, below which they have no axis
 
 
@@ -27,13 +30,15 @@ class Meeting(NamedTuple):
     """Room for two pieces that meet, all in world axes from the centre of mass of the first part.
 
     corner (2, n, 3): of either piece [m]; plane (2, f, 4): of its faces, outward normal and offset, see `Kinds`; point
-    (m, 3): at which they touch; edge (2, e): of either piece, those that may touch the other.
+    (m, 3): at which they touch; edge (2, e): of either piece, those that may touch the other. along (2, 3): the
+    edges that the axis is normal to, where it is; of a ball one, (0, 0, 0) at a corner.
     """
 
     corner: NDArray[np.float64]
     plane: NDArray[np.float64]
     edge: NDArray[np.int64]
     point: NDArray[np.float64]
+    along: NDArray[np.float64]
 
 
 def new_meeting(kinds: Kinds) -> Meeting:
@@ -42,7 +47,7 @@ def new_meeting(kinds: Kinds) -> Meeting:
     edges = int((kinds.piece["edge_to"] - kinds.piece["edge_from"]).max())
     sizes = (2, corners, 3), (2, max(planes, 1), 4), (2 * corners, 3)
     corner, plane, point = (np.zeros(size) for size in sizes)
-    return Meeting(corner, plane, np.zeros((2, edges), np.int64), point)
+    return Meeting(corner, plane, np.zeros((2, edges), np.int64), point, np.zeros((2, 3)))
 
 
 @uncounted
@@ -52,17 +57,18 @@ def place_pieces(a, piece_a, b, piece_b, kinds, room):
         part, piece = (a, piece_a) if end == 0 else (b, piece_b)
         from_a = difference(part.position, a.position)
         for c in range(piece.corner_to - piece.corner_from):
-            turned = _turned(part.attitude, kinds.corners[piece.corner_from + c])
-            write_to(room.corner[end, c], plus(from_a, 1.0, turned))
+            corner = turned(part.attitude, kinds.corners[piece.corner_from + c])
+            write_to(room.corner[end, c], plus(from_a, 1.0, corner))
         for f in range(piece.plane_to - piece.plane_from):
             plane = kinds.planes[piece.plane_from + f]
-            normal = _turned(part.attitude, plane)
+            normal = turned(part.attitude, plane)
             write_to(room.plane[end, f], normal)
             room.plane[end, f, 3] = plane[3] - dot(normal, from_a)
 
 
 @inlined
-def _turned(attitude, v):
+def turned(attitude, v):
+    """A vector in body axes, in those of the world."""
     return (
         attitude[0, 0] * v[0] + attitude[0, 1] * v[1] + attitude[0, 2] * v[2],
         attitude[1, 0] * v[0] + attitude[1, 1] * v[1] + attitude[1, 2] * v[2],
@@ -72,8 +78,8 @@ def _turned(attitude, v):
 
 @uncounted
 def separating_axis(piece_a, piece_b, kinds, room):
-    """Gap along it [m], negative for a depth, and the axis, from a to b, of pieces that have been placed."""
-    gap, axis = -np.inf, (0.0, 0.0, 1.0)
+    """Gap [m] of pieces that have been placed, negative for a depth, the axis along it, from a to b, and its origin."""
+    gap, axis, origin = -np.inf, (0.0, 0.0, 1.0), FACE_OF_FIRST
     n = piece_a.corner_to - piece_a.corner_from, piece_b.corner_to - piece_b.corner_from
     for end in range(2):
         piece = piece_a if end == 0 else piece_b
@@ -83,13 +89,17 @@ def separating_axis(piece_a, piece_b, kinds, room):
                 lowest = min(lowest, dot(plane, room.corner[1 - end, c]) + plane[3])
             if lowest > gap:
                 gap, axis = lowest, vector(plane) if end == 0 else (-plane[0], -plane[1], -plane[2])
+                origin = FACE_OF_FIRST if end == 0 else FACE_OF_SECOND
     edges_a, edges_b = _near_edges(0, piece_a, piece_b, kinds, room), _near_edges(1, piece_b, piece_a, kinds, room)
     for i in range(edges_a):
         for j in range(edges_b):
-            apart, normal = _between_edges(kinds.edges[room.edge[0, i]], kinds.edges[room.edge[1, j]], room)
+            first, second = kinds.edges[room.edge[0, i]], kinds.edges[room.edge[1, j]]
+            apart, normal = _between_edges(first, second, room)
             if apart > gap + FACES_FIRST:
-                gap, axis = apart, normal
-    return gap, axis
+                gap, axis, origin = apart, normal, EDGES
+                write_to(room.along[0], difference(room.corner[0, first[1]], room.corner[0, first[0]]))
+                write_to(room.along[1], difference(room.corner[1, second[1]], room.corner[1, second[0]]))
+    return gap, axis, origin
 
 
 @inlined
