@@ -11,6 +11,7 @@ drift_8775hz     the same
 crowd            wall time per simulated second of separation_100, two seeds on all cores; memory of that process
 phases           processor time per simulated second in the stages of separation_100, one seed; the worst of them
 crowds           processor time per simulated second of two cycles of separation_100, refill_nuts and brackets, 2 seeds
+trays            the same of platform and rigid_plate
 ensemble         64 seeds of drift_8775hz: share of all cores that is put to use
 rest             processor time per simulated second of a cube that is dropped on a plate at rest
 mujoco           processor time per simulated second of both drifts in the MuJoCo engine
@@ -30,10 +31,11 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
+Costs = dict[str, float]
 ROOT = Path(__file__).resolve().parent.parent
 STIFF = "youngs_modulus_gpa = 3.0, poisson_ratio = 0.3"
 CUBE_MM, CUBE_KG = 104.8, 0.37  # of the tosses in ContactNets (Pfrommer, Halm and Posa, CoRL 2020)
@@ -59,7 +61,7 @@ def simulated(result: Any) -> float:
     return sum(float(frames.time[-1]) for frames in result.trajectories)
 
 
-def drift(name: str) -> dict[str, float]:
+def drift(name: str) -> Costs:
     import feeder_sim
 
     with tempfile.TemporaryDirectory() as folder:
@@ -88,7 +90,7 @@ def compile_crowd() -> None:
     feeder_sim.simulate(one_stage())
 
 
-def crowd(cycles: int = 10) -> dict[str, float]:
+def crowd(cycles: int = 10) -> Costs:
     import feeder_sim
 
     compile_crowd()
@@ -98,11 +100,13 @@ def crowd(cycles: int = 10) -> dict[str, float]:
     return {"wall": wall, "memory_mb": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0}
 
 
-def crowds(seeds: int = 2, cycles: int = 2) -> dict[str, float]:
+def crowds(
+    names: Sequence[str] = ("separation_100", "refill_nuts", "brackets"), seeds: int = 2, cycles: int = 2
+) -> Costs:
     import feeder_sim
 
     costs = {}
-    for name in ("separation_100", "refill_nuts", "brackets"):
+    for name in names:
         scenario = scenario_of(name, seeds=seeds)
         stage = scenario.schedule.stage[0].model_copy(update={"duration_s": 0.02})
         short = scenario.schedule.model_copy(update={"cycles": 1, "stage": (stage,)})
@@ -114,7 +118,11 @@ def crowds(seeds: int = 2, cycles: int = 2) -> dict[str, float]:
     return costs
 
 
-def phases(cycles: int = 3) -> dict[str, float]:
+def trays() -> Costs:
+    return crowds(("platform", "rigid_plate"))
+
+
+def phases(cycles: int = 3) -> Costs:
     """The clock is read whenever the progress is."""
     import feeder_sim
 
@@ -144,7 +152,7 @@ def cpu_between(clock: list[tuple[float, float]], first: float, last: float) -> 
     return float(np.diff(np.interp([first, last], share[order], seconds[order]))[0])
 
 
-def ensemble(seeds: int = 64) -> dict[str, float]:
+def ensemble(seeds: int = 64) -> Costs:
     import feeder_sim
 
     feeder_sim.simulate(scenario_of("drift_8775hz", duration_s=0.02, seeds=1))
@@ -155,7 +163,7 @@ def ensemble(seeds: int = 64) -> dict[str, float]:
     return {"share": (time.process_time() - used) / (cores * (time.perf_counter() - started))}
 
 
-def rest(duration: float = 2.0) -> dict[str, float]:
+def rest(duration: float = 2.0) -> Costs:
     import trimesh
 
     import feeder_sim
@@ -181,7 +189,7 @@ def rest(duration: float = 2.0) -> dict[str, float]:
         return {"cpu": (time.process_time() - started) / simulated(result)}
 
 
-def mujoco() -> dict[str, float]:
+def mujoco() -> Costs:
     import feeder_sim
 
     costs = {}
@@ -194,7 +202,7 @@ def mujoco() -> dict[str, float]:
     return costs
 
 
-def start() -> dict[str, float]:
+def start() -> Costs:
     file = str(file_of("drift_4750hz"))
     commands = {"version": ["--version"], "list": ["list"], "check": ["check", file], "run": ["run", file]}
     found = {}
@@ -209,7 +217,7 @@ def start() -> dict[str, float]:
     return found
 
 
-def study(few: int = 8, many: int = 72) -> dict[str, float]:
+def study(few: int = 8, many: int = 72) -> Costs:
     """A sweep of two points, with few and with many seeds."""
     spent = []
     for seeds in (few, many):
@@ -223,7 +231,7 @@ def study(few: int = 8, many: int = 72) -> dict[str, float]:
     return {"cpu of a seed": (spent[1] - spent[0]) / (2 * (many - few))}
 
 
-def compilation() -> dict[str, float]:
+def compilation() -> Costs:
     """In a cache of its own; what the second scenario shares with the first is compiled once."""
     with tempfile.TemporaryDirectory() as folder:
         os.environ["NUMBA_CACHE_DIR"] = folder
@@ -238,7 +246,7 @@ def compilation() -> dict[str, float]:
     return costs
 
 
-def compile_all() -> dict[str, float]:
+def compile_all() -> Costs:
     """Leave machine code in the cache."""
     import feeder_sim
 
@@ -247,11 +255,12 @@ def compile_all() -> dict[str, float]:
     return {}
 
 
-WORKS: dict[str, Callable[[], dict[str, float]]] = {
+WORKS: dict[str, Callable[[], Costs]] = {
     "drift_4750hz": lambda: drift("drift_4750hz"),
     "drift_8775hz": lambda: drift("drift_8775hz"),
     "crowd": crowd,
     "crowds": crowds,
+    "trays": trays,
     "phases": phases,
     "ensemble": ensemble,
     "rest": rest,
@@ -301,7 +310,7 @@ def compare(work: str, tree: Path, repeats: int, folder: Path) -> None:
         print(line, flush=True)
 
 
-def measured(work: str, source: Path, folder: Path) -> dict[str, float]:
+def measured(work: str, source: Path, folder: Path) -> Costs:
     """The figures of a work with the package in a folder, from outside of both trees."""
     environment = os.environ | {"PYTHONPATH": str(source)}
     command = [sys.executable, str(Path(__file__).resolve()), "-", "--measure", work]

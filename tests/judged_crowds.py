@@ -36,6 +36,7 @@ KEPT = 1e-9  # of momenta, and of energy in flight
 INTO_EACH_OTHER, INTO_PLATE = 2e-6, 1e-7  # [m]
 HALF, THICK, UNDER = 90e-3, 3e-3, 2e-3  # [m] of the plate of `over`, and from its edge, where a part is under it
 LAST = 0.02  # [s] in which what can rest does
+MOST_BOUNCING = 0.8  # restitution, from which on a heap does not rest in time
 SLIDES = ("ball", "cylinder")  # and rolls
 
 
@@ -265,7 +266,8 @@ def _lies(raw: Raw, made: Scene, frames: Frames) -> list[str]:
     if gain > GAINED:
         faults.append(f"energy grows by {1e6 * gain:.3g} um m g")
     late = frames[slice(-round(LAST / (frames.time[1] - frames.time[0])), None)]
-    rests = raw["contact"]["friction"] > 0.0 and not any(part["shape"] in SLIDES for part in raw["part"])
+    lossy = raw["contact"]["friction"] > 0.0 and raw["contact"]["restitution"] <= MOST_BOUNCING
+    rests = lossy and not any(part["shape"] in SLIDES for part in raw["part"])
     speed = float(np.linalg.norm(late.velocity[:, on_plate], axis=2).max(initial=0.0))
     if rests and on_plate.all() and speed > 0.0:
         faults.append(f"a part still moves by {1e3 * speed:.3g} mm/s")

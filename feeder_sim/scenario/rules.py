@@ -154,7 +154,7 @@ def _trays(s: Scenario) -> Broken:
             if getattr(drive, name) is not None:
                 yield f'{key}.{name} does not go with plate.kind = "{s.plate.kind}", allowed is {", ".join(own)}'
     if isinstance(s.plate, TrayPlate) and s.plate.tilt_deg and choose_engine(s).method not in ("exact", "joint"):
-        yield "plate.tilt_deg", "0 but with parts that are computed without a step: several with run.tolerance_nm"
+        yield "plate.tilt_deg", "0 but with parts that are computed without a step"
 
 
 def _rims(s: Scenario) -> Broken:
@@ -269,7 +269,7 @@ def _in_impulses(s: Scenario) -> Broken:
     steps, reason = s.run.steps_per_period, next(needs_steps(s), "")
     in_steps = reason or (f"with run.steps_per_period = {steps}" if steps is not None else "")
     if not in_steps and choose_engine(s).method == "impulse":
-        in_steps = "with several parts and no run.tolerance_nm"
+        in_steps = "with several parts on a plate that bends and no run.tolerance_nm"
     if in_steps and s.contact.noise_m_s not in (0.0, Contact().noise_m_s):
         yield "contact.noise_m_s", f"{NOISES} {in_steps}: only impacts without a step scatter"
     if s.run.tolerance_nm is not None and reason:

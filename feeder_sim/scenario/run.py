@@ -9,7 +9,6 @@ from pydantic import AfterValidator, Field, PlainValidator, WithJsonSchema, mode
 from feeder_sim import extensions
 from feeder_sim.scenario.tables import DurationS, Flag, NonNegative, Positive, Table
 
-TOLERANCE_NM = 0.1  # of contacts without a step, where the scenario does not say
 ENGINES = {
     "auto": "the fastest that covers the scene",
     "impulse": "rigid contact by impulses, flight in closed form; exact on a slide",
@@ -133,7 +132,7 @@ class Run(Table):
     `reaction = true` lets every impulse that the plate gives a part act on the driven modes of a rectangle too.
     The impulse engine computes one free part without a step ([Contact](contact.md)); `tolerance_nm` says how exactly,
     and how exact the chatter of a part on a slide is. With `steps_per_period` it takes steps there too. Several parts
-    are computed in steps, and without one where `tolerance_nm` is given.
+    are computed in steps on a plate that bends, and without one there too where `tolerance_nm` is given.
     `allow_unstable` runs settings that are known to fail. With a schedule the duration is that of its stages. A part
     that falls off the plate is computed down to `floor_mm`, and is lost there.
     """
@@ -152,11 +151,6 @@ class Run(Table):
     planar: Flag = False
     reaction: Flag = False
     allow_unstable: Flag = False
-
-    @property
-    def tolerance(self) -> float:
-        """How far contacts without a step may be off [nm]."""
-        return TOLERANCE_NM if self.tolerance_nm is None else self.tolerance_nm
 
     @property
     def steps(self) -> int:

@@ -40,6 +40,8 @@ from feeder_sim.scenario.uncertain import Uncertain, by_full_key
 # The files that a scenario reads: which they are, and the same scenario with other names for them.
 
 Change = Callable[[Path], Path]
+# Of contacts without a step, where the scenario does not say: of one part and on trays, and of several elsewhere.
+TOLERANCE_NM, TOLERANCE_OF_SEVERAL_NM = 0.1, 10.0
 
 
 def input_files(scenario: Scenario) -> dict[str, Path]:
@@ -120,6 +122,13 @@ class Scenario(Table):
 
     def _repr_html_(self) -> str:
         return html_of(self)
+
+    @property
+    def tolerance(self) -> float:
+        """How far contacts without a step may be off [nm]; along a tray it makes the speed."""
+        several = self.n_parts > 1 or self.refill is not None
+        usual = TOLERANCE_OF_SEVERAL_NM if several and self.plate.kind != "tray" else TOLERANCE_NM
+        return usual if self.run.tolerance_nm is None else self.run.tolerance_nm
 
     @property
     def n_parts(self) -> int:

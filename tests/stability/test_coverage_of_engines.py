@@ -96,10 +96,13 @@ def test_the_engine_is_the_one_that_can(changes: Raw, engine: str) -> None:
     assert choose_engine(accepted(changes)).name == engine
 
 
-def test_several_parts_are_computed_without_a_step_where_a_tolerance_is_given() -> None:
+def test_several_parts_are_computed_without_a_step_unless_the_plate_bends() -> None:
     several = {"part[0].count": 2, "part[0].start": SCATTERED}
     assert choose_engine(accepted(several)).method == "impulse"
     assert choose_engine(accepted(EXACT | several)).method == "joint"
+    unbending = several | {"plate": {"kind": "piston"}}
+    assert choose_engine(accepted(unbending)).method == "joint"
+    assert choose_engine(accepted(unbending | {"run.steps_per_period": 40})).method == "impulse"
 
 
 @pytest.mark.parametrize("name", OTHER_SETTINGS)

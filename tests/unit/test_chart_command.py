@@ -28,7 +28,7 @@ def off(scenario: Scenario) -> float:
     if scenario.run.engine == "mujoco":
         return 8.0 / scenario.run.steps
     exact = choose_engine(scenario).method == "exact"
-    return 0.01 * scenario.run.tolerance if exact else 4.0 / scenario.run.steps
+    return 0.01 * scenario.tolerance if exact else 4.0 / scenario.run.steps
 
 
 def values(scenario: Scenario, seed: int) -> dict[str, float] | str:

@@ -23,6 +23,7 @@ from feeder_sim.engines.impulse.contact_problem import (
     NORMAL,
     ROLLING,
     TARGET,
+    VELOCITY,
     Bodies,
     Contacts,
     meet_world,
@@ -216,6 +217,7 @@ def _gather_pair(pair, body, crowd, n, contacts, tools):
         else:
             contacts.body[n, 0], contacts.body[n, 1] = body[pair.a], body[pair.b]
             write_to(contacts.vector[ARM_FIRST, n], at)
+            write_to(contacts.vector[VELOCITY, n], (0.0, 0.0, 0.0))
             write_to(contacts.vector[ARM_SECOND, n], plus(from_b, 1.0, at))
             write_to(contacts.vector[NORMAL, n], axis)
             contacts.number[FRICTION, n], contacts.number[ROLLING, n] = kind_a.friction[1], 0.0

@@ -98,9 +98,9 @@ class Contacts(NamedTuple):
     """Contacts of bodies with each other or the world, and room to solve them.
 
     body: (n, 2), the first and the second; the first may be WORLD. vector (6, n, 3): ARM_FIRST and ARM_SECOND from the
-    centres of mass to the contact [m], NORMAL from the first to the second, VELOCITY of the world there [m/s], where it
-    is the first; IMPULSE on the second [N s], of which the first gets the opposite, and MOMENT likewise [N m s]:
-    results, and from where `solve` starts. number (4, n): RESTITUTION, FRICTION, ROLLING: arm of rolling resistance
+    centres of mass to the contact [m], NORMAL from the first to the second, VELOCITY [m/s] of the first there, beyond that of
+    its body; IMPULSE on the second [N s], of which the first gets the opposite, and MOMENT likewise [N m s]: results,
+    and from where `solve` starts. number (4, n): RESTITUTION, FRICTION, ROLLING: arm of rolling resistance
     [m], 0 for none, TARGET [m/s].
     """
 
@@ -248,8 +248,8 @@ def _alone(bodies, contacts):
     first_arm, (a, b) = vector(contacts.vector[ARM_FIRST, 0]), tangents(normal)
     k = mobility(bodies.inverse_mass[second], _inverse_inertia(bodies, second), arm, a, b, normal)
     u = plus(bodies.velocity[second], 1.0, cross(bodies.spin[second], arm))
+    u = difference(u, contacts.vector[VELOCITY, 0])
     if first == WORLD:
-        u = difference(u, contacts.vector[VELOCITY, 0])
         modes = contacts.modes
         for s in range(modes.taken.shape[0]):
             d, share = modes.carried[0, s], modes.inverse_mass[s]
@@ -314,7 +314,7 @@ def _lay_out(bodies, contacts, n):
         for k in range(count):
             d = normal if k == N else frame[k % FORCES]
             _write_body(bodies, room, i, k, d, second, arm, 0, 1.0)
-            room.value[KNOWN, i, k] = -dot(d, contacts.vector[VELOCITY, i]) if alone and k < FORCES else 0.0
+            room.value[KNOWN, i, k] = -dot(d, contacts.vector[VELOCITY, i]) if k < FORCES else 0.0
             if alone:
                 for s in range(n_modes):
                     room.rows[i, k, 6 + s] = dot(modes.carried[i, s], d) if k < FORCES else 0.0

@@ -97,6 +97,6 @@ def read_walls(scene: Scene) -> Tube | Rim | None:
 
 def exactness_of(scene: Scene) -> Exactness:
     """How exact the contacts of a scene are."""
-    tolerance = 1e-9 * scene.scenario.run.tolerance
+    tolerance = 1e-9 * scene.scenario.tolerance
     touch, noise = max(TOUCHING * tolerance, LEAST_TOUCH), scene.scenario.contact.noise_m_s
     return Exactness(tolerance, touch, noise, APPROACH, LONGEST, SWAYS, SLIP, SLIP_AT_REST)

@@ -42,7 +42,7 @@ class SlideEngine:
         assert guide is not None
         self._scene, self._pose, self._axis = scene, pose, guide.axis
         up, down = guide.deceleration(GRAVITY)
-        contact, tolerance = scene.scenario.contact, 1e-9 * scene.scenario.run.tolerance
+        contact, tolerance = scene.scenario.contact, 1e-9 * scene.scenario.tolerance
         self._law = Law(up, down, contact.coefficient, contact.noise_m_s, tolerance)
         self._stream = new_streams(rng, 1)
         self._plate = _plate(scene)

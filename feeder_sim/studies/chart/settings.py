@@ -82,7 +82,7 @@ def is_default(scenario: Scenario, setting: Setting, file: Path) -> bool:
 
 def _resolved(scenario: Scenario) -> tuple[Any, ...]:
     method = choose_engine(scenario).method
-    return method, scenario.run.tolerance if method in ("exact", "joint") else scenario.run.steps
+    return method, scenario.tolerance if method in ("exact", "joint") else scenario.run.steps
 
 
 def _settings(scenario: Scenario) -> Iterator[Setting]:

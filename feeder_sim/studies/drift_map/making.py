@@ -148,9 +148,10 @@ def made_of(scenario: Scenario, thickness: float) -> Made:
     contact = scenario.contact.model_dump_json(exclude={"part_restitution", "part_friction"})
     # A map is made of one free part, also for many parts and a plate with a rim, which are computed in steps.
     one, strip = scenario.part[0].model_copy(update={"count": 1}), Strip(thickness_mm=1e3 * thickness)
-    engine = choose_engine(scenario.model_copy(update={"part": (one,), "plate": strip, "refill": None}))
+    alone = scenario.model_copy(update={"part": (one,), "plate": strip, "refill": None})
+    engine = choose_engine(alone)
     exact = (
-        f"tolerance {run.tolerance:g} nm" if engine.method in ("exact", "joint") else f"{run.steps} steps per period"
+        f"tolerance {alone.tolerance:g} nm" if engine.method in ("exact", "joint") else f"{run.steps} steps per period"
     )
     method = f"{engine.name}, {exact}"
     return Made(part, contact, method, thickness)

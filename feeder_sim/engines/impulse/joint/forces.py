@@ -157,7 +157,7 @@ def _solve_forces(n, m, t, until, times_of, crowd, plate, together):
         for y in range(together.first_point[x], min(together.first_point[x + 1], together.first_point[x] + most - c)):
             gather_pair_after(c, x, y, time, crowd, together)
             if together.gap[x] < -DEEP:
-                contacts.number[TARGET, c] += min(-PARTED * (together.gap[x] + DEEP) / exact.longest, OUT)
+                contacts.number[TARGET, c] = min(-PARTED * (together.gap[x] + DEEP) / exact.longest, OUT)
             c += 1
     if not solve(work.bodies, contacts, c, max(SOLVED * exact.tolerance / usual, exact.impacts), not leant):
         work.counts[UNRESOLVED] += 1

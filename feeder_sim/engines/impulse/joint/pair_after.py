@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 
-from feeder_sim.engines.impulse.contact_problem import ARM_FIRST, ARM_SECOND, NORMAL, TARGET
+from feeder_sim.engines.impulse.contact_problem import ARM_FIRST, ARM_SECOND, NORMAL, VELOCITY
 from feeder_sim.engines.impulse.joint.members import gather_pair
 from feeder_sim.engines.impulse.pairs.separating_axis import BALL, CENTRES, CLOSEST, EDGES, FACE_OF_FIRST
 from feeder_sim.engines.impulse.vectors import combine, cross, difference, dot, plus, times, vector, write_to
@@ -49,7 +49,8 @@ def gather_pair_after(c, x, y, time, crowd, together):
     further = difference(cross(w_b, difference(end[1], middle[1])), cross(w_a, difference(end[0], middle[0])))
     u = plus(bodies.velocity[second], 1.0, cross(w_b, end[1]))
     u = difference(u, plus(bodies.velocity[first], 1.0, cross(w_a, end[0])))
-    contacts.number[TARGET, c] = -dot(middle[2], further) - dot(difference(end[2], middle[2]), u)
+    turned = plus(further, dot(difference(end[2], middle[2]), u), middle[2])
+    write_to(contacts.vector[VELOCITY, c], plus(NOTHING, -1.0, turned))
 
 
 @inlined

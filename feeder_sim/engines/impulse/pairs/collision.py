@@ -17,6 +17,7 @@ from feeder_sim.engines.impulse.contact_problem import (
     NORMAL,
     RESTITUTION,
     ROLLING,
+    VELOCITY,
 )
 from feeder_sim.engines.impulse.impact import resolve_impact
 from feeder_sim.engines.impulse.impact_law import hit_part, restitution_of_pair
@@ -192,6 +193,7 @@ def _collide(pair, parts, kinds, n, slow, tools):
         write_to(contacts.vector[ARM_FIRST, i], arms[0])
         write_to(contacts.vector[ARM_SECOND, i], arms[1])
         write_to(contacts.vector[NORMAL, i], normal)
+        write_to(contacts.vector[VELOCITY, i], (0.0, 0.0, 0.0))
         e = restitution_of_pair(a, b, kind_a, law, inverse, arms, normal)
         contacts.number[RESTITUTION, i] = _rebound(e, approach, slow)
         contacts.number[FRICTION, i], contacts.number[ROLLING, i] = kind_a.friction[law], 0.0
