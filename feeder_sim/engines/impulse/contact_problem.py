@@ -98,8 +98,8 @@ class Contacts(NamedTuple):
     """Contacts of bodies with each other or the world, and room to solve them.
 
     body: (n, 2), the first and the second; the first may be WORLD. vector (6, n, 3): ARM_FIRST and ARM_SECOND from the
-    centres of mass to the contact [m], NORMAL from the first to the second, VELOCITY [m/s] of the first there, beyond that of
-    its body; IMPULSE on the second [N s], of which the first gets the opposite, and MOMENT likewise [N m s]: results,
+    centres of mass to the contact [m], NORMAL from the first to the second, VELOCITY of the first there beyond its body
+    [m/s]; IMPULSE on the second [N s], of which the first gets the opposite, and MOMENT likewise [N m s]: results,
     and from where `solve` starts. number (4, n): RESTITUTION, FRICTION, ROLLING: arm of rolling resistance
     [m], 0 for none, TARGET [m/s].
     """

@@ -238,5 +238,5 @@ def _look_again(i, except_pair, t, agenda, crowd, plate):
         event = agenda.n_parts + place - agenda.first_pair
         if near:
             due = min(due, agenda.tree[agenda.tree.shape[0] // 2 + event])
-            due = t if t < crowd.pairs[p].struck + SOON else due
+            due = t if crowd.pairs[p].struck < t < crowd.pairs[p].struck + SOON else due
         set_due(agenda.tree, event, due)
