@@ -112,7 +112,7 @@ def test_pairs_that_were_there_before_keep_their_axis() -> None:
     kept = rng.random(len(all_pairs)) < 0.5
     axes = rng.normal(size=(kept.sum(), 3))
     # Half of them were known; so was one that is none any more.
-    known = np.append(all_pairs[kept], np.array([(n, n + 1, 0, 0, 1, 0.0, (1.0, 1.0, 1.0))], PAIR))
+    known = np.append(all_pairs[kept], np.array([(n, n + 1, 0, 0, 1, 0.0, 0, (1.0, 1.0, 1.0))], PAIR))
     known["axis"][:-1], known["pressing"][:-1] = axes, 1
     again = found(parts, kinds, n, 1e-3, known)
     assert np.array_equal(again["a"], all_pairs["a"]) and np.array_equal(again["b"], all_pairs["b"])

@@ -28,6 +28,7 @@ from feeder_sim.machine_code import compiled, entry_point, inlined, uncounted
 
 CATCH_UP = 1000  # looks at a part that has gone back in time, until it is where the others are
 SOON = 5e-5  # [s]; parts that hit each other again so soon do so between others
+REPEATS = 3  # looks more at the time of a hit, at what has been hit by others meanwhile
 AS_IT_FLEW = 1e-9  # [m/s]; a speed that has changed by no more has not
 
 
@@ -187,7 +188,8 @@ def _look_at_pair(event, t, agenda, crowd, plate, tools, reach):
         supported = supported or _presses(pair.a, crowd) or _presses(pair.b, crowd)
         again = hit and t < pair.struck + SOON
         pressing = again or (n > 0 and supported and slowest_parting(pair, parts, kinds, n, tools) < SLOW)
-        pair.struck = t if hit else pair.struck
+        if hit:
+            pair.repeats, pair.struck = pair.repeats + 1 if t == pair.struck else 0, t
         if hit or pressing:
             for i in (pair.a, pair.b):
                 _wake_with(i, p, t, agenda, crowd, plate)
@@ -238,5 +240,6 @@ def _look_again(i, except_pair, t, agenda, crowd, plate):
         event = agenda.n_parts + place - agenda.first_pair
         if near:
             due = min(due, agenda.tree[agenda.tree.shape[0] // 2 + event])
-            due = t if crowd.pairs[p].struck < t < crowd.pairs[p].struck + SOON else due
+            struck, repeats = crowd.pairs[p].struck, crowd.pairs[p].repeats
+            due = t if t < struck + SOON and (t > struck or repeats < REPEATS) else due
         set_due(agenda.tree, event, due)

@@ -28,7 +28,8 @@ FREE_FLIGHT = 0.0, 0.0, 0.0, 0.0, DEEP
 
 # Pieces of two parts that can meet within a window: the numbers of the parts, a < b, those of the pieces in `Kinds`,
 # and the axis from a to b. pressing: both touch and hardly move apart, or hit each other again and again, and are
-# looked at together with what else they touch (joint/component.py); struck: when they last hit each other [s].
+# looked at together with what else they touch (joint/component.py); struck: when they last hit each other [s],
+# and repeats: how often more at that time.
 PAIR = np.dtype(
     [
         ("a", "i8"),
@@ -37,6 +38,7 @@ PAIR = np.dtype(
         ("piece_b", "i8"),
         ("pressing", "i8"),
         ("struck", "f8"),
+        ("repeats", "i8"),
         ("axis", "f8", 3),
     ],
     align=True,
@@ -94,7 +96,7 @@ def bound_of_hulls(pair, parts, kinds, t, bounds, forced):
         fall = 0.0
         for k in range(3):
             drift += 0.5 * axis[k] * (a.velocity[k] + b.velocity[k])
-    room = 0.5 * (max(gap, 0.0) + SLACK)
+    room = 0.5 * (max(gap, 0.0) + min(SLACK, forced[4]))
     wait = min(
         _crossing_time(a, kind_a, piece_a, kinds, axis, 1.0, top, (drift - forced[2], room, fall + forced[0])),
         _crossing_time(b, kind_b, piece_b, kinds, axis, -1.0, bottom, (-drift - forced[3], room, fall + forced[1])),

@@ -91,7 +91,7 @@ def find_pairs(parts, kinds, n_free, room, old):
         if o < old.shape[0] and _order(old[o], pair) == 0:
             pairs[p] = old[o]
         else:
-            pair.pressing, pair.struck = 0, -np.inf
+            pair.pressing, pair.repeats, pair.struck = 0, 0, -np.inf
             _first_axis(parts, kinds, pair)
     return pairs
 
