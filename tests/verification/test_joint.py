@@ -20,7 +20,7 @@ from feeder_sim.scenario import Scenario
 from feeder_sim.scenario.tables import validated
 from feeder_sim.scene.scene import build_scene
 
-WITHIN = 0.002  # of the speed of the point, which has converged to that
+WITHIN = 2e-4  # of the speed of the point, which has converged to that
 BLOCK = {"shape": "box", "size_mm": [6.0, 5.0, 2.0]}
 
 
