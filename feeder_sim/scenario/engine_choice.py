@@ -2,7 +2,7 @@
 
 Two engine names stand for several methods. `mujoco` has one; `impulse` has the general one and `slide`, which finds
 every event of a part with one degree of freedom exactly, `exact`, which computes one free part without a step, and
-`joint`, which computes several without one: on plates that do not bend, and elsewhere where it is asked for.
+`joint`, which computes several without one: on plates at rest and trays, and elsewhere where it is asked for.
 Over a plate that takes the impulses of the parts both have a method of their own, `reaction`. docs/engines.md describes
 them.
 """
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from feeder_sim.scenario.scenario import Scenario
 
 
-UNBENDING = ("still", "piston", "tray")  # plates on which several parts are computed without a step by default
+UNSTEPPED = ("still", "tray")  # plates on which several parts are computed without a step by default
 
 
 class Choice(NamedTuple):
@@ -32,7 +32,7 @@ def choose_engine(scenario: Scenario) -> Choice:
     guide = scenario.guide
     method = "reaction" if scenario.run.reaction else "impulse"
     many = scenario.n_parts > 1 or scenario.refill is not None
-    in_steps_by_default = many and scenario.plate.kind not in UNBENDING
+    in_steps_by_default = many and scenario.plate.kind not in UNSTEPPED
     asks_for_steps = scenario.run.steps_per_period is not None or in_steps_by_default or any(needs_steps(scenario))
     if scenario.run.tolerance_nm is not None or not asks_for_steps:
         method = "joint" if many else "exact"

@@ -269,7 +269,7 @@ def _in_impulses(s: Scenario) -> Broken:
     steps, reason = s.run.steps_per_period, next(needs_steps(s), "")
     in_steps = reason or (f"with run.steps_per_period = {steps}" if steps is not None else "")
     if not in_steps and choose_engine(s).method == "impulse":
-        in_steps = "with several parts on a plate that bends and no run.tolerance_nm"
+        in_steps = "with several parts on a plate that is driven and no run.tolerance_nm"
     if in_steps and s.contact.noise_m_s not in (0.0, Contact().noise_m_s):
         yield "contact.noise_m_s", f"{NOISES} {in_steps}: only impacts without a step scatter"
     if s.run.tolerance_nm is not None and reason:

@@ -132,7 +132,7 @@ class Run(Table):
     `reaction = true` lets every impulse that the plate gives a part act on the driven modes of a rectangle too.
     The impulse engine computes one free part without a step ([Contact](contact.md)); `tolerance_nm` says how exactly,
     and how exact the chatter of a part on a slide is. With `steps_per_period` it takes steps there too. Several parts
-    are computed in steps on a plate that bends, and without one there too where `tolerance_nm` is given.
+    are computed in steps on a plate that is driven, and without one there too where `tolerance_nm` is given.
     `allow_unstable` runs settings that are known to fail. With a schedule the duration is that of its stages. A part
     that falls off the plate is computed down to `floor_mm`, and is lost there.
     """

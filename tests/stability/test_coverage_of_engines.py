@@ -96,13 +96,13 @@ def test_the_engine_is_the_one_that_can(changes: Raw, engine: str) -> None:
     assert choose_engine(accepted(changes)).name == engine
 
 
-def test_several_parts_are_computed_without_a_step_unless_the_plate_bends() -> None:
+def test_several_parts_are_computed_without_a_step_at_rest_and_on_trays() -> None:
     several = {"part[0].count": 2, "part[0].start": SCATTERED}
-    assert choose_engine(accepted(several)).method == "joint"
-    assert choose_engine(accepted(several | {"run.steps_per_period": 40})).method == "impulse"
-    bending = several | {"plate": MODES}
-    assert choose_engine(accepted(bending)).method == "impulse"
-    assert choose_engine(accepted(EXACT | bending)).method == "joint"
+    assert choose_engine(accepted(several)).method == "impulse"
+    assert choose_engine(accepted(EXACT | several)).method == "joint"
+    tray = several | {"plate": {"kind": "tray"}, "drive": [{"frequency_hz": 50.0, "stroke_um": 50.0}]}
+    assert choose_engine(accepted(tray)).method == "joint"
+    assert choose_engine(accepted(tray | {"run.steps_per_period": 40})).method == "impulse"
 
 
 @pytest.mark.parametrize("name", OTHER_SETTINGS)
